@@ -17,7 +17,7 @@ from puckbench.learned.octree_net.fixed_point import UNITS
 from puckbench.learned.octree_net.inference import chunks_of, compiled_network
 from puckbench.learned.octree_net.model import OctreeNetShape
 from puckbench.learned.octree_net.symbols import frequencies, groups_of, slots_of, symbols_of
-from puckbench.learned.sparse.convolution import neighbourhood
+from puckbench.learned.sparse.convolution import neighbourhood_of
 from puckbench.learned.sparse.kernel_map import voxel_kernel_map
 from puckbench.learned.sparse.thread_pool import thread_pool
 from puckbench.learned.sparse.voxels import morton_keys, morton_voxels, pyramid
@@ -65,7 +65,7 @@ def test_inference_predicts_what_the_models_own_layers_predict() -> None:
     features.all[:], features.active[:] = given.ravel(), given.clip(0, 255).ravel()
     assert len(chunks_of(len(groups_of(own)[0]))) > 1
     with thread_pool(2) as pool, torch.no_grad():
-        where = neighbourhood(table, voxel_kernel_map(), pool)
+        where = neighbourhood_of(table, voxel_kernel_map(), pool)
         mine = model.convolved(torch.from_numpy(given / UNITS), where)
         ours = network.convolved(features, table, pool)
         for number, rows in enumerate(groups_of(own)):

@@ -30,7 +30,7 @@ from puckbench.learned.pcgcv2.weights import (
     save_weights,
 )
 from puckbench.learned.range_coding import decode_latent, encode_latent
-from puckbench.learned.sparse.convolution import neighbourhood
+from puckbench.learned.sparse.convolution import neighbourhood_of
 from puckbench.learned.sparse.kernel_map import block_kernel_map, voxel_kernel_map
 from puckbench.learned.sparse.layers import kept_children
 from puckbench.learned.sparse.thread_pool import thread_pool
@@ -81,13 +81,13 @@ def test_fused_layers_give_what_the_modules_give() -> None:
     with thread_pool(2) as pool, torch.no_grad():
         found = analyse(model, KEYS, pool)
         sets, child_maps = pyramid(KEYS, SCALES)
-        sites = [neighbourhood(voxels.neighbours, voxel_kernel_map(), pool) for voxels in sets]
+        sites = [neighbourhood_of(voxels.neighbours, voxel_kernel_map(), pool) for voxels in sets]
         latent = model.g_a(sites, child_maps, torch.ones(len(KEYS), 1, 1))[:, 0]
         np.testing.assert_allclose(found.y, latent.numpy(), rtol=1e-4, atol=1e-5)
         decoded = synthesise(model, found.y, found.coarse, found.counts, pool)
         features, parents = torch.from_numpy(found.y), sets[SCALES]
         for scale, keep in enumerate(reversed(found.counts)):
-            where = neighbourhood(parents.neighbours, block_kernel_map(), pool)
+            where = neighbourhood_of(parents.neighbours, block_kernel_map(), pool)
             children, logits = model.g_s.scale(scale)(features, where)
             kept = kept_children(logits.numpy(), keep)
             keys = keys_of_slots(parents.keys, kept)

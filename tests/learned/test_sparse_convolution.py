@@ -7,7 +7,7 @@ import pytest
 import torch
 from torch.nn.functional import conv3d, conv_transpose3d
 
-from puckbench.learned.sparse.convolution import Neighbourhood, convolve, neighbourhood
+from puckbench.learned.sparse.convolution import Neighbourhood, convolve, neighbourhood_of
 from puckbench.learned.sparse.gather_scatter import TorchGatherScatter
 from puckbench.learned.sparse.kernel_map import KernelMap, block_kernel_map, voxel_kernel_map
 from puckbench.learned.sparse.layers import (
@@ -59,7 +59,7 @@ def _site(
     kernel_map: KernelMap, pool: ThreadPool, gather_scatter: str = "compiled"
 ) -> Neighbourhood:
     voxels, _ = _positions(kernel_map)
-    made = neighbourhood(voxels.neighbours, kernel_map, pool)
+    made = neighbourhood_of(voxels.neighbours, kernel_map, pool)
     table = torch.from_numpy(voxels.neighbours).long()
     return (
         made

@@ -28,7 +28,7 @@ class DeviceFeatures:
     """Features of a level's voxels (n, channels), and their neighbourhood once it is known."""
 
     all: Tensor
-    where: Neighbourhood | None = None
+    neighbourhood: Neighbourhood | None = None
 
 
 class DevicePredictor:
@@ -47,16 +47,19 @@ class DevicePredictor:
         self, features: DeviceFeatures, table: NeighbourTable, pool: ThreadPool
     ) -> DeviceFeatures:
         """As in `LevelPredictor`."""
-        where = device_neighbourhood(table, voxel_kernel_map(), pool, self._device)
-        return DeviceFeatures(self.model.convolved(features.all, where), where)
+        neighbourhood = device_neighbourhood(table, voxel_kernel_map(), pool, self._device)
+        return DeviceFeatures(self.model.convolved(features.all, neighbourhood), neighbourhood)
 
     @torch.no_grad()
     def group(
         self, number: int, rows: Rows, features: DeviceFeatures, table: NeighbourTable
     ) -> DeviceGroup:
         """As in `LevelPredictor`; the table is that which `convolved` was given."""
-        index, where = as_index(rows, features.all), cast(Neighbourhood, features.where)
-        own = self.model.group_features(number, features.all, index, where)
+        index, neighbourhood = (
+            as_index(rows, features.all),
+            cast(Neighbourhood, features.neighbourhood),
+        )
+        own = self.model.group_features(number, features.all, index, neighbourhood)
         return DeviceGroup(self, number, rows, index, features, own)
 
     @torch.no_grad()

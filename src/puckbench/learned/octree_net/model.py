@@ -53,10 +53,10 @@ class OctreeNetShape(Model):
 class FixedPointLayer(SparseLayer):
     """A fixed-point layer: its kernel (offsets, c, d) and bias are rounded when they are used."""
 
-    def forward(self, active: Tensor, where: Neighbourhood) -> Tensor:
+    def forward(self, active: Tensor, neighbourhood: Neighbourhood) -> Tensor:
         """A 3x3x3 convolution of activations (n, c) to (n, d)."""
         kernel, bias = quantised_weight(self.kernel), quantised(self.bias)
-        return convolve(active[:, None], kernel, bias, where)[:, 0]
+        return convolve(active[:, None], kernel, bias, neighbourhood)[:, 0]
 
     def pointwise(self, active: Tensor) -> Tensor:
         """A 1x1x1 convolution of activations (n, c) to (n, d)."""
@@ -99,19 +99,19 @@ class OctreeNet(nn.Module):
         """Features of the voxels of the top level."""
         return quantised(self.root).repeat(count, 1)
 
-    def convolved(self, features: Tensor, where: Neighbourhood) -> Tensor:
+    def convolved(self, features: Tensor, neighbourhood: Neighbourhood) -> Tensor:
         """Features of a level's voxels before any of their children are known."""
         for layer in self.convolutions:
-            features = residual(features + layer(activation(features), where))
+            features = residual(features + layer(activation(features), neighbourhood))
         return features
 
     def group_features(
-        self, group: int, features: Tensor, rows: Tensor, where: Neighbourhood
+        self, group: int, features: Tensor, rows: Tensor, neighbourhood: Neighbourhood
     ) -> Tensor:
         """Features of the rows of a group, from those of all voxels of the level."""
         if group == 0:
             return features[rows]
-        made = self.group_convolutions[group - 1](activation(features), where)
+        made = self.group_convolutions[group - 1](activation(features), neighbourhood)
         return residual((features + made)[rows])
 
     def with_first(self, features: Tensor, first: Tensor) -> Tensor:

@@ -16,7 +16,7 @@ from torch.nn.functional import cross_entropy
 from puckbench.learned.octree_net.fixed_point import MAX_ACTIVATION, MAX_SUM, WEIGHT_UNITS
 from puckbench.learned.octree_net.model import FixedPointLayer, OctreeNet, as_index
 from puckbench.learned.octree_net.symbols import Symbols, groups_of, symbols_of
-from puckbench.learned.sparse.convolution import Neighbourhood, neighbourhood
+from puckbench.learned.sparse.convolution import Neighbourhood, neighbourhood_of
 from puckbench.learned.sparse.kernel_map import voxel_kernel_map
 from puckbench.learned.sparse.thread_pool import ThreadPool
 from puckbench.learned.sparse.voxels import Keys, pyramid
@@ -35,10 +35,12 @@ def bits_per_level(model: OctreeNet, keys: Keys, levels: int, pool: ThreadPool) 
     features = model.root_features(len(sets[-1]))
     bits = []
     for depth in range(levels, 0, -1):
-        where = neighbourhood(sets[depth].neighbours, voxel_kernel_map(), pool, device)
-        features = model.convolved(features, where)
+        neighbourhood = neighbourhood_of(sets[depth].neighbours, voxel_kernel_map(), pool, device)
+        features = model.convolved(features, neighbourhood)
         symbols = symbols_of(sets[depth - 1].keys)
-        of_level, features = _bits_of_level(model, features, sets[depth].keys, symbols, where)
+        of_level, features = _bits_of_level(
+            model, features, sets[depth].keys, symbols, neighbourhood
+        )
         bits.append(of_level)
         if depth > 1:
             slots = torch.from_numpy(child_maps[depth - 1].slots).to(device)
@@ -51,14 +53,14 @@ def _bits_of_level(
     features: Tensor,
     keys: Keys,
     symbols: tuple[Symbols, Symbols],
-    where: Neighbourhood,
+    neighbourhood: Neighbourhood,
 ) -> tuple[Tensor, Tensor]:
     """Bits of a level's symbols, and features with the embeddings of these symbols."""
     bits = []
     for group, rows in enumerate(groups_of(keys)):
         if len(rows):
             index = as_index(rows, features)
-            own = model.group_features(group, features, index, where)
+            own = model.group_features(group, features, index, neighbourhood)
             first, second = (as_index(symbol[rows], features) for symbol in symbols)
             bits.append(_bits(model.first_heads[group](own), first))
             own = model.with_first(own, first)

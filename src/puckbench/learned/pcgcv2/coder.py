@@ -1,4 +1,4 @@
-"""Coding voxels with a set of PCGCv2's weights, block by block."""
+"""Coding of voxels with PCGCv2, block by block."""
 
 from __future__ import annotations
 
@@ -54,16 +54,16 @@ STRIDE = 2**SCALES
 
 @dataclass(frozen=True)
 class Pcgcv2Coder:
-    """Encoder and decoder of voxels at one rate of a set of weights.
+    """Encoder and decoder of voxels at one rate.
 
     Parameters
     ----------
     weights
-        The network.
+        Trained network.
     rate
         Index of the rate among those of the weights.
     rho
-        Decoded voxels for each occupied one.
+        Decoded voxels per occupied voxel.
     max_voxels
         Voxels of a block.
     threads
@@ -71,7 +71,7 @@ class Pcgcv2Coder:
     tools
         Coding tools in use.
     point_reconstruction
-        Decode as many points as were coded, not one for each voxel.
+        Decode as many points as were encoded, instead of the centre of each voxel.
     """
 
     weights: Pcgcv2Weights
@@ -83,19 +83,19 @@ class Pcgcv2Coder:
     point_reconstruction: bool = True
 
     def encode(self, voxels: Triples, quarter_octaves: int = 0) -> Pcgcv2Stream:
-        """Code voxels.
+        """Encode voxels.
 
         Parameters
         ----------
         voxels
-            (n, 3), in any order; the number of duplicates is kept with `point_reconstruction`.
+            (n, 3), in any order. Point reconstruction also reproduces the number of duplicates.
         quarter_octaves
-            Level of the grid that they are on, which the stream tells the decoder.
+            Level of their grid, which the stream holds.
 
         Raises
         ------
         InputError
-            They span more than the keys of voxels can.
+            If they span more than 2**20 voxels.
         """
         origin = voxels.min(axis=0) // STRIDE * STRIDE
         if (voxels.max(axis=0) - origin).max() >= 2**AXIS_BITS:
@@ -114,7 +114,7 @@ class Pcgcv2Coder:
         )
 
     def decode(self, coded: Pcgcv2Stream) -> Floats:
-        """The points (n, 3) of a stream made with these weights; InputError when it is damaged."""
+        """Return the points (n, 3) of a stream; raise InputError if it is damaged."""
         with thread_pool(self.threads) as pool, torch.no_grad():
             parts = [self._decode_block(block, coded.tools, pool) for block in coded.blocks]
         points = reconstructed_points(concatenated(parts), coded.points_per_voxel)
@@ -123,12 +123,13 @@ class Pcgcv2Coder:
 
     def _encode_block(self, keys: Keys, pool: ThreadPool) -> CodedBlock:
         analyse = inference.analyse if self._on_cpu() else device_inference.analyse
-        found = analyse(self.weights.model, keys, pool)
-        y_hat = np.rint(found.y * self._gain()).astype(np.int32)
-        fine, two, four = found.counts
-        counts = (max(1, round(self.rho * fine)), two, four, len(found.coarse))
-        coordinates = encode_voxels(morton_voxels(found.coarse.keys))
-        return CodedBlock(counts, coordinates, self._encode_latent(y_hat, found.coarse))
+        analysis = analyse(self.weights.model, keys, pool)
+        y_hat = np.rint(analysis.y * self._gain()).astype(np.int32)
+        stride_1, stride_2, stride_4 = analysis.counts
+        kept = max(1, round(self.rho * stride_1))
+        counts = (kept, stride_2, stride_4, len(analysis.coarse))
+        coordinates = encode_voxels(morton_voxels(analysis.coarse.keys))
+        return CodedBlock(counts, coordinates, self._encode_latent(y_hat, analysis.coarse))
 
     def _encode_latent(self, y_hat: Integers, coarse: VoxelSet) -> bytes:
         if CodingTools.CONTEXT_MIXING in self.tools:
@@ -174,12 +175,12 @@ def _coarse_keys(block: CodedBlock) -> Keys:
 
 
 def split(keys: Keys, max_voxels: int) -> list[Keys]:
-    """Cut ordered keys into parts of about equal size, between voxels at stride 8.
+    """Cut sorted keys into parts of about equal size, between voxels at stride 8.
 
-    A part has at most `max_voxels` keys, or up to 512 more, the most in a voxel at stride 8.
+    A part has at most `max_voxels` keys and the rest of a voxel at stride 8, up to 511 more.
     """
     parts = -(-len(keys) // max_voxels)
     borders = np.flatnonzero(np.diff(keys >> 3 * SCALES)) + 1
-    wanted = np.arange(1, parts) * len(keys) // parts
-    cuts = borders[np.minimum(np.searchsorted(borders, wanted), len(borders) - 1)]
+    targets = np.arange(1, parts) * len(keys) // parts
+    cuts = borders[np.minimum(np.searchsorted(borders, targets), len(borders) - 1)]
     return [part for part in np.split(keys, np.unique(cuts)) if len(part)]

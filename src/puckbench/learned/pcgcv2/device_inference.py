@@ -1,4 +1,4 @@
-"""PCGCv2 for coding by the model's own layers, on the device that the model is on."""
+"""PCGCv2 for coding by the layers of the model, on the model's device."""
 
 from __future__ import annotations
 
@@ -20,13 +20,12 @@ from puckbench.learned.sparse.voxels import Keys, VoxelSet, pyramid, selected_ch
 
 
 def analyse(model: PCGCv2, keys: Keys, pool: ThreadPool) -> AnalysisResult:
-    """As `inference.analyse`."""
     device = device_of(model)
     sets, child_maps = pyramid(keys, SCALES, pool)
-    sites = [
+    neighbourhoods = [
         device_neighbourhood(voxels.neighbours, voxel_kernel_map(), pool, device) for voxels in sets
     ]
-    y = model.g_a(sites, child_maps, torch.ones(len(keys), 1, 1, device=device))[:, 0]
+    y = model.g_a(neighbourhoods, child_maps, torch.ones(len(keys), 1, 1, device=device))[:, 0]
     counts = (len(sets[0]), len(sets[1]), len(sets[2]))
     return AnalysisResult(y.cpu().numpy(), sets[SCALES], counts)
 
@@ -39,15 +38,14 @@ def synthesise(
     pool: ThreadPool,
     child_per_parent: bool = True,
 ) -> SiblingBlocks:
-    """As `inference.synthesise`."""
     device = device_of(model)
     parents, features = coarse, torch.from_numpy(y_hat).to(device)
     for scale, keep in enumerate(reversed(counts)):
-        where = device_neighbourhood(parents.neighbours, block_kernel_map(), pool, device)
-        children, logits = model.g_s.scale(scale)(features, where)
-        found = logits.cpu().numpy()
-        kept = kept_children(found, keep, child_per_parent)
+        neighbourhood = device_neighbourhood(parents.neighbours, block_kernel_map(), pool, device)
+        children, logits = model.g_s.scale(scale)(features, neighbourhood)
+        all_logits = logits.cpu().numpy()
+        kept = kept_children(all_logits, keep, child_per_parent)
         if scale + 1 < SCALES:
             features = children.flatten(0, 1)[torch.from_numpy(kept).to(device)]
             parents = selected_children(parents, kept, pool)
-    return decoded_blocks(parents, found, kept)
+    return decoded_blocks(parents, all_logits, kept)

@@ -1,7 +1,7 @@
 """PCGCv2 for coding: the arithmetic of `model` without gradients, with fused layers.
 
-A pointwise convolution is computed as part of the 3x3x3 convolution beside it, biases and ReLUs are
-applied while a chunk of rows is in the cache, and memory is kept from layer to layer.
+A pointwise convolution is computed as part of the 3x3x3 convolution beside it. Biases and ReLUs are
+applied while a chunk of rows is in the cache. Memory is kept from layer to layer.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from puckbench.learned.sparse.convolution import (
     Neighbourhood,
     accumulate,
     matrices_of,
-    neighbourhood,
+    neighbourhood_of,
 )
 from puckbench.learned.sparse.kernel_map import KernelMap, block_kernel_map, voxel_kernel_map
 from puckbench.learned.sparse.layers import (
@@ -53,9 +53,9 @@ class FusedConvolution:
     Parameters
     ----------
     matrices
-        Of the neighbours at each offset.
+        Matrices of the neighbours at each offset.
     centre
-        Of the row itself (children * c, children * d).
+        Matrix of the row itself (children * c, children * d).
     bias
         (children * d,).
     """
@@ -66,7 +66,6 @@ class FusedConvolution:
 
 
 def fused(layer: SparseConvolution, kernel_map: KernelMap) -> FusedConvolution:
-    """The matrices of a convolution."""
     matrices = matrices_of(layer.kernel.detach(), kernel_map)
     return FusedConvolution(
         matrices, matrices[CENTRE], layer.bias.detach().repeat(kernel_map.children)
@@ -74,70 +73,86 @@ def fused(layer: SparseConvolution, kernel_map: KernelMap) -> FusedConvolution:
 
 
 def fused_branches(block: InceptionResNet, kernel_map: KernelMap) -> FusedConvolution:
-    """Both first layers of a block, conv1_0 (pointwise) as part of the centre of conv0_0."""
-    near = matrices_of(block.conv0_0.kernel.detach(), kernel_map)
+    """Fuse the first layers of both branches: conv1_0 (pointwise) joins the centre of conv0_0."""
+    neighbour_matrices = matrices_of(block.conv0_0.kernel.detach(), kernel_map)
     channels, quarter = block.conv0_0.kernel.shape[1:]
-    point = torch.kron(torch.eye(kernel_map.children), block.conv1_0.kernel.detach()[0])
+    pointwise = torch.kron(torch.eye(kernel_map.children), block.conv1_0.kernel.detach()[0])
     parts = [matrix.view(kernel_map.children * channels, kernel_map.children, quarter)
-             for matrix in (near[CENTRE], point)]  # fmt: skip
+             for matrix in (neighbour_matrices[CENTRE], pointwise)]  # fmt: skip
     bias = torch.cat([block.conv0_0.bias.detach(), block.conv1_0.bias.detach()])
     centre = torch.cat(parts, dim=2).flatten(1).contiguous()
-    return FusedConvolution(near, centre, bias.repeat(kernel_map.children))
+    return FusedConvolution(neighbour_matrices, centre, bias.repeat(kernel_map.children))
 
 
 def convolved(
-    features: Tensor, layer: FusedConvolution, where: Neighbourhood, into: Tensor, relu: bool
+    features: Tensor,
+    layer: FusedConvolution,
+    neighbourhood: Neighbourhood,
+    out: Tensor,
+    relu: bool,
 ) -> Tensor:
-    """Convolve features (n, children, c) into `into` (n, children, d), which is returned."""
+    """Convolve features (n, children, c) to `out` (n, children, d), which is returned."""
 
     def work(rows: slice, scratch: Scratch) -> None:
-        sums = into[rows]
-        _sum_products(features, layer, where, rows, scratch, sums)
+        sums = out[rows]
+        _sum_products(features, layer, neighbourhood, rows, scratch, sums)
         if relu:
             sums.relu_()
 
-    where.pool.map_chunks(len(features), where.chunk_rows(features.shape[2]), work)
-    return into
+    neighbourhood.pool.map_chunks(len(features), neighbourhood.chunk_rows(features.shape[2]), work)
+    return out
 
 
 def _sum_products(
-    features: Tensor, layer: FusedConvolution, where: Neighbourhood, rows: slice, scratch: Scratch,
+    features: Tensor,
+    layer: FusedConvolution,
+    neighbourhood: Neighbourhood,
+    rows: slice,
+    scratch: Scratch,
     sums: Tensor,
-) -> None:  # fmt: skip
-    own = features[rows].reshape(rows.stop - rows.start, -1)
-    torch.addmm(layer.bias, own, layer.centre, out=sums.view(len(own), -1))
-    near_channels = layer.matrices[CENTRE].shape[1] // where.kernel_map.children
-    accumulate(features, where, layer.matrices, rows, scratch, sums[:, :, :near_channels])
+) -> None:
+    row_features = features[rows].reshape(rows.stop - rows.start, -1)
+    torch.addmm(layer.bias, row_features, layer.centre, out=sums.view(len(row_features), -1))
+    channels = layer.matrices[CENTRE].shape[1] // neighbourhood.kernel_map.children
+    accumulate(features, neighbourhood, layer.matrices, rows, scratch, sums[:, :, :channels])
 
 
 def residual_block(
-    features: Tensor, block: InceptionResNet, where: Neighbourhood, hidden: Tensor, into: Tensor
+    features: Tensor,
+    block: InceptionResNet,
+    neighbourhood: Neighbourhood,
+    hidden: Tensor,
+    out: Tensor,
 ) -> Tensor:
-    """One Inception-ResNet block on features (n, children, c); hidden is (n, children, c / 2)."""
-    convolved(features, fused_branches(block, where.kernel_map), where, hidden, relu=True)
-    quarter, children = hidden.shape[2] // 2, where.kernel_map.children
-    conv0_1, conv1_1 = (fused(layer, where.kernel_map) for layer in (block.conv0_1, block.conv1_1))
+    """Apply a block to features (n, children, c); `hidden` is (n, children, c / 2)."""
+    convolved(
+        features, fused_branches(block, neighbourhood.kernel_map), neighbourhood, hidden, relu=True
+    )
+    quarter, children = hidden.shape[2] // 2, neighbourhood.kernel_map.children
+    conv0_1, conv1_1 = (
+        fused(layer, neighbourhood.kernel_map) for layer in (block.conv0_1, block.conv1_1)
+    )
     weight, bias = block.conv1_2.kernel.detach()[0], block.conv1_2.bias.detach()
 
     def work(rows: slice, scratch: Scratch) -> None:
         size = (rows.stop - rows.start) * children
         out0 = scratch.take("out0", size * 2 * quarter).view(-1, children, 2 * quarter)
-        _sum_products(hidden[:, :, :quarter], conv0_1, where, rows, scratch, out0)
+        _sum_products(hidden[:, :, :quarter], conv0_1, neighbourhood, rows, scratch, out0)
         middle = scratch.take("middle", size * quarter).view(-1, children, quarter)
-        _sum_products(hidden[:, :, quarter:], conv1_1, where, rows, scratch, middle)
-        own, out = features[rows].view(size, -1), into[rows].view(size, -1)
-        torch.add(own[:, : 2 * quarter], out0.view(size, -1), out=out[:, : 2 * quarter])
-        out1 = out[:, 2 * quarter :]
-        torch.addmm(own[:, 2 * quarter :], middle.relu_().view(size, -1), weight, out=out1)
+        _sum_products(hidden[:, :, quarter:], conv1_1, neighbourhood, rows, scratch, middle)
+        inputs, outputs = features[rows].view(size, -1), out[rows].view(size, -1)
+        torch.add(inputs[:, : 2 * quarter], out0.view(size, -1), out=outputs[:, : 2 * quarter])
+        out1 = outputs[:, 2 * quarter :]
+        torch.addmm(inputs[:, 2 * quarter :], middle.relu_().view(size, -1), weight, out=out1)
         out1.add_(bias)
 
-    where.pool.map_chunks(len(features), where.chunk_rows(quarter), work)
-    return into
+    neighbourhood.pool.map_chunks(len(features), neighbourhood.chunk_rows(quarter), work)
+    return out
 
 
 @dataclass(frozen=True)
 class FeatureBuffers:
-    """Three arrays that the layers of a scale pass features through."""
+    """Three buffers that the layers of a scale share."""
 
     first: Tensor
     second: Tensor
@@ -155,23 +170,23 @@ def _buffers(pool: ThreadPool, rows: int, children: int, channels: int) -> Featu
 def _residual_blocks(
     features: Tensor,
     blocks: Iterable[InceptionResNet],
-    where: Neighbourhood,
+    neighbourhood: Neighbourhood,
     buffers: FeatureBuffers,
 ) -> Tensor:
     for block in blocks:
         other = buffers.second if features is buffers.first else buffers.first
-        features = residual_block(features, block, where, buffers.hidden, other)
+        features = residual_block(features, block, neighbourhood, buffers.hidden, other)
     return features
 
 
 @dataclass(frozen=True)
 class AnalysisResult:
-    """What g_a makes of a block of voxels.
+    """The output of g_a for a block of voxels.
 
     Parameters
     ----------
     y
-        The latent (m, latent_channels), float32, at stride 8.
+        (m, latent_channels) float32, the latent at stride 8.
     coarse
         The voxels at stride 8.
     counts
@@ -184,63 +199,66 @@ class AnalysisResult:
 
 
 def analyse(model: PCGCv2, keys: Keys, pool: ThreadPool) -> AnalysisResult:
-    """Apply g_a to voxels in Morton order."""
     sets, child_maps = pyramid(keys, SCALES, pool)
     features = _conv0(model, sets[0], pool)
     for scale in range(SCALES):
-        where = neighbourhood(sets[scale + 1].neighbours, voxel_kernel_map(), pool)
-        features = _analysis_scale(model, scale, features, child_maps[scale], where)
+        neighbourhood = neighbourhood_of(sets[scale + 1].neighbours, voxel_kernel_map(), pool)
+        features = _analysis_scale(model, scale, features, child_maps[scale], neighbourhood)
     counts = (len(sets[0]), len(sets[1]), len(sets[2]))
     return AnalysisResult(features[:, 0].numpy().copy(), sets[SCALES], counts)
 
 
 def _conv0(model: PCGCv2, voxels: VoxelSet, pool: ThreadPool) -> Tensor:
-    """The first convolution and its ReLU: (n, 1, c). Its input is one wherever there is a voxel."""
+    """Apply conv0 and its ReLU: (n, 1, c). The input feature of every voxel is one."""
     kernel, bias = model.g_a.conv0.kernel.detach()[:, 0], model.g_a.conv0.bias.detach()
-    into = _buffers(pool, len(voxels), 1, len(bias)).first
+    out = _buffers(pool, len(voxels), 1, len(bias)).first
 
     def work(rows: slice, _: Scratch) -> None:
         present = torch.from_numpy(voxels.neighbours[:, rows] >= 0).float()
-        torch.addmm(bias, present.T, kernel, out=into[rows, 0])
-        into[rows].relu_()
+        torch.addmm(bias, present.T, kernel, out=out[rows, 0])
+        out[rows].relu_()
 
     pool.map_chunks(len(voxels), _CHUNK_ROWS, work)
-    return into
+    return out
 
 
 def _analysis_scale(
-    model: PCGCv2, scale: int, features: Tensor, child_map: ChildMap, where: Neighbourhood
+    model: PCGCv2, scale: int, features: Tensor, child_map: ChildMap, neighbourhood: Neighbourhood
 ) -> Tensor:
     layers = model.g_a.scale(scale)
     parents, channels = len(child_map.first) - 1, layers.down.kernel.shape[2]
-    lowered = _downsampled(features, layers.down, child_map, where.pool)
-    buffers = _buffers(where.pool, parents, 1, channels)
-    features = _residual_blocks(buffers.first.copy_(lowered), layers.blocks, where, buffers)
-    into = torch.empty(parents, 1, layers.conv.kernel.shape[2])
-    conv = fused(layers.conv, where.kernel_map)
-    return convolved(features, conv, where, into, relu=scale + 1 < SCALES)
+    downsampled = _downsampled(features, layers.down, child_map, neighbourhood.pool)
+    buffers = _buffers(neighbourhood.pool, parents, 1, channels)
+    features = _residual_blocks(
+        buffers.first.copy_(downsampled), layers.blocks, neighbourhood, buffers
+    )
+    out = torch.empty(parents, 1, layers.conv.kernel.shape[2])
+    conv = fused(layers.conv, neighbourhood.kernel_map)
+    return convolved(features, conv, neighbourhood, out, relu=scale + 1 < SCALES)
 
 
 def _downsampled(
     features: Tensor, down: StridedConvolution, child_map: ChildMap, pool: ThreadPool
 ) -> Tensor:
-    """The strided convolution and its ReLU: (n, 1, c) to (m, 1, d)."""
+    """Apply the strided convolution and its ReLU: (n, 1, c) to (m, 1, d)."""
     matrix, bias = down.kernel.detach().flatten(0, 1), down.bias.detach()
     parents = len(child_map.first) - 1
-    into = torch.empty(parents, len(bias))
+    out = torch.empty(parents, len(bias))
     slots = torch.from_numpy(child_map.slots)
 
     def work(rows: slice, scratch: Scratch) -> None:
         first, last = child_map.first[rows.start], child_map.first[rows.stop]
         count = rows.stop - rows.start
         blocks = scratch.take("children", count * len(matrix)).zero_()
-        own = blocks.view(CHILDREN * count, -1)
-        own.index_copy_(0, slots[first:last] - CHILDREN * rows.start, features[first:last, 0])
-        torch.addmm(bias, blocks.view(count, -1), matrix, out=into[rows])
-        into[rows].relu_()
+        row_features = blocks.view(CHILDREN * count, -1)
+        row_features.index_copy_(
+            0, slots[first:last] - CHILDREN * rows.start, features[first:last, 0]
+        )
+        torch.addmm(bias, blocks.view(count, -1), matrix, out=out[rows])
+        out[rows].relu_()
 
     pool.map_chunks(parents, _CHUNK_ROWS, work)
-    return into[:, None]
+    return out[:, None]
 
 
 def synthesise(
@@ -266,12 +284,12 @@ def synthesise(
     pool
         Threads that compute.
     child_per_parent
-        Every voxel keeps a child if it can.
+        Keep at least one child of each voxel (see `kept_children`).
 
     Returns
     -------
     SiblingBlocks
-        The decoded voxels, counts[0] of them, in blocks of siblings.
+        The decoded voxels, counts[0] of them.
     """
     parents, features = coarse, torch.from_numpy(y_hat)
     _reserve(model, (len(coarse), *counts[:0:-1]), pool)
@@ -287,10 +305,10 @@ def synthesise(
 def decoded_blocks(
     parents: VoxelSet, logits: NDArray[np.float32], kept: NDArray[np.int64]
 ) -> SiblingBlocks:
-    """The decoded voxels, by their slots ``8 * parent + child``, with logits (m, 8) of all."""
-    chosen = np.zeros(logits.shape, dtype=bool)
-    chosen.reshape(-1)[kept] = True
-    return sibling_blocks(morton_voxels(parents.keys), logits, chosen)
+    """Return the decoded voxels by their slots, with logits (m, 8) of all children."""
+    is_kept = np.zeros(logits.shape, dtype=bool)
+    is_kept.reshape(-1)[kept] = True
+    return sibling_blocks(morton_voxels(parents.keys), logits, is_kept)
 
 
 def _reserve(model: PCGCv2, parents: Sequence[int], pool: ThreadPool) -> None:
@@ -304,26 +322,28 @@ def _reserve(model: PCGCv2, parents: Sequence[int], pool: ThreadPool) -> None:
 def _synthesis_scale(
     model: PCGCv2, scale: int, features: Tensor, parents: VoxelSet, pool: ThreadPool
 ) -> tuple[Tensor, Tensor]:
-    """Features (m, 8, d) of all children and their logits (m, 8)."""
+    """Return features (m, 8, d) of all children and their logits (m, 8)."""
     layers, kernel_map = model.g_s.scale(scale), block_kernel_map()
-    where = neighbourhood(parents.neighbours, kernel_map, pool)
+    neighbourhood = neighbourhood_of(parents.neighbours, kernel_map, pool)
     buffers = _buffers(pool, len(parents), CHILDREN, layers.conv.kernel.shape[2])
     _upsample(features, layers.up, pool, buffers.first)
-    convolved(buffers.first, fused(layers.conv, kernel_map), where, buffers.second, relu=True)
-    children = _residual_blocks(buffers.second, layers.blocks, where, buffers)
+    convolved(
+        buffers.first, fused(layers.conv, kernel_map), neighbourhood, buffers.second, relu=True
+    )
+    children = _residual_blocks(buffers.second, layers.blocks, neighbourhood, buffers)
     logits = torch.empty(len(parents), CHILDREN, 1)
-    convolved(children, fused(layers.conv_cls, kernel_map), where, logits, relu=False)
+    convolved(children, fused(layers.conv_cls, kernel_map), neighbourhood, logits, relu=False)
     return children, logits[:, :, 0]
 
 
 def _upsample(
-    features: Tensor, up: GenerativeTransposedConvolution, pool: ThreadPool, into: Tensor
+    features: Tensor, up: GenerativeTransposedConvolution, pool: ThreadPool, out: Tensor
 ) -> None:
-    """The generative transposed convolution and its ReLU: (m, c) into (m, 8, d)."""
+    """Apply the generative transposed convolution and its ReLU: (m, c) to `out` (m, 8, d)."""
     matrix, bias = up.matrix().detach().contiguous(), up.bias.detach().repeat(CHILDREN)
 
     def work(rows: slice, _: Scratch) -> None:
-        flat = into[rows].view(rows.stop - rows.start, -1)
+        flat = out[rows].view(rows.stop - rows.start, -1)
         torch.addmm(bias, features[rows], matrix, out=flat)
         flat.relu_()
 

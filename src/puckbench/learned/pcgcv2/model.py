@@ -1,7 +1,7 @@
 """The network of PCGCv2: a sparse-convolution autoencoder with three scales.
 
-Transforms are named as in learned compression: the analysis transform g_a makes the latent y, the
-synthesis transform g_s decodes it. The network may code at several rates (see `gains`).
+The analysis transform g_a computes the latent y, the synthesis transform g_s decodes y_hat. The
+network may serve several rates (see `gains`).
 
 References
 ----------
@@ -41,13 +41,13 @@ class Pcgcv2Shape(Model):
     Parameters
     ----------
     channels
-        Of the features of g_a at strides 1, 2, 4 and 8; g_s has the first three backwards.
+        Channels of g_a at strides 1, 2, 4 and 8; g_s has the first three in reverse.
     latent_channels
         Channels of the latent y.
     blocks
         Inception-ResNet blocks of each scale.
     rates
-        Rates that share the weights.
+        Number of rates that share the weights.
     """
 
     channels: tuple[_Channels, _Channels, _Channels, _Channels] = (16, 32, 64, 32)
@@ -57,7 +57,7 @@ class Pcgcv2Shape(Model):
 
 
 class InceptionResNet(nn.Module):
-    """Inception-ResNet block: two branches of a quarter of the channels, added to the input."""
+    """Inception-ResNet block of features (n, children, c): two branches, added to the input."""
 
     def __init__(self, channels: int) -> None:
         super().__init__()
@@ -68,31 +68,27 @@ class InceptionResNet(nn.Module):
         self.conv1_1 = SparseConvolution(quarter, quarter)
         self.conv1_2 = PointwiseConvolution(quarter, 2 * quarter)
 
-    def forward(self, features: Tensor, where: Neighbourhood) -> Tensor:
-        """Features (n, children, c) to features of the same shape."""
-        out0 = self.conv0_1(self.conv0_0(features, where).relu(), where)
-        out1 = self.conv1_1(self.conv1_0(features).relu(), where).relu()
+    def forward(self, features: Tensor, neighbourhood: Neighbourhood) -> Tensor:
+        out0 = self.conv0_1(self.conv0_0(features, neighbourhood).relu(), neighbourhood)
+        out1 = self.conv1_1(self.conv1_0(features).relu(), neighbourhood).relu()
         return features + torch.cat([out0, self.conv1_2(out1)], dim=2)
 
 
 class InceptionResNetBlocks(nn.ModuleList):
-    """Inception-ResNet blocks, one after the other."""
-
     def __init__(self, channels: int, count: int) -> None:
         super().__init__(InceptionResNet(channels) for _ in range(count))
 
     def __iter__(self) -> Iterator[InceptionResNet]:
         return cast(Iterator[InceptionResNet], super().__iter__())
 
-    def forward(self, features: Tensor, where: Neighbourhood) -> Tensor:
-        """Features (n, children, c) to features of the same shape."""
+    def forward(self, features: Tensor, neighbourhood: Neighbourhood) -> Tensor:
         for block in self:
-            features = block(features, where)
+            features = block(features, neighbourhood)
         return features
 
 
 class AnalysisScale(nn.Module):
-    """One scale of g_a, from a set of voxels to the next coarser one."""
+    """One scale of g_a, from a set of voxels to the next coarser set."""
 
     def __init__(self, channels: int, inner: int, out: int, blocks: int) -> None:
         super().__init__()
@@ -100,10 +96,12 @@ class AnalysisScale(nn.Module):
         self.blocks = InceptionResNetBlocks(inner, blocks)
         self.conv = SparseConvolution(inner, out)
 
-    def forward(self, features: Tensor, child_map: ChildMap, where: Neighbourhood) -> Tensor:
+    def forward(
+        self, features: Tensor, child_map: ChildMap, neighbourhood: Neighbourhood
+    ) -> Tensor:
         """Features (n, 1, c) to (m, 1, d) of the parents, before the ReLU."""
-        features = self.blocks(self.down(features, child_map).relu(), where)
-        result: Tensor = self.conv(features, where)
+        features = self.blocks(self.down(features, child_map).relu(), neighbourhood)
+        result: Tensor = self.conv(features, neighbourhood)
         return result
 
 
@@ -121,21 +119,23 @@ class Pcgcv2Analysis(nn.Module):
         )
 
     def scale(self, scale: int) -> AnalysisScale:
-        """The layers from stride ``2**scale`` to the next."""
+        """Layers from stride ``2**scale`` to the next."""
         return cast(AnalysisScale, self.scales[scale])
 
     def forward(
-        self, sites: list[Neighbourhood], child_maps: list[ChildMap], features: Tensor
+        self, neighbourhoods: list[Neighbourhood], child_maps: list[ChildMap], features: Tensor
     ) -> Tensor:
-        """Ones (n, 1, 1) to y (m, 1, latent_channels), with the voxels at strides 1, 2, 4, 8."""
-        features = self.conv0(features, sites[0])
+        """Ones (n, 1, 1) to y (m, 1, latent_channels), on voxels at strides 1, 2, 4 and 8."""
+        features = self.conv0(features, neighbourhoods[0])
         for scale in range(SCALES):
-            features = self.scale(scale)(features.relu(), child_maps[scale], sites[scale + 1])
+            features = self.scale(scale)(
+                features.relu(), child_maps[scale], neighbourhoods[scale + 1]
+            )
         return features
 
 
 class SynthesisScale(nn.Module):
-    """One scale of g_s, from a set of voxels to all their children and logits of occupancy."""
+    """One scale of g_s, from voxels to all their children and occupancy logits."""
 
     def __init__(self, channels: int, inner: int, blocks: int) -> None:
         super().__init__()
@@ -144,15 +144,15 @@ class SynthesisScale(nn.Module):
         self.blocks = InceptionResNetBlocks(inner, blocks)
         self.conv_cls = SparseConvolution(inner, 1)
 
-    def forward(self, features: Tensor, where: Neighbourhood) -> tuple[Tensor, Tensor]:
+    def forward(self, features: Tensor, neighbourhood: Neighbourhood) -> tuple[Tensor, Tensor]:
         """Features (m, c) of parents to those of their children (m, 8, d) and logits (m, 8)."""
-        children = self.conv(self.up(features).relu(), where).relu()
-        children = self.blocks(children, where)
-        return children, self.conv_cls(children, where)[:, :, 0]
+        children = self.conv(self.up(features).relu(), neighbourhood).relu()
+        children = self.blocks(children, neighbourhood)
+        return children, self.conv_cls(children, neighbourhood)[:, :, 0]
 
 
 class Pcgcv2Synthesis(nn.Module):
-    """Synthesis transform g_s: from the latent at stride 8 to occupancy, scale by scale."""
+    """Synthesis transform g_s: from y_hat at stride 8 to occupancy, scale by scale."""
 
     def __init__(self, shape: Pcgcv2Shape) -> None:
         super().__init__()
@@ -162,12 +162,12 @@ class Pcgcv2Synthesis(nn.Module):
         )
 
     def scale(self, scale: int) -> SynthesisScale:
-        """The layers to strides 4, 2 and 1, for scales 0, 1 and 2."""
+        """Layers to strides 4, 2 and 1, for scales 0, 1 and 2."""
         return cast(SynthesisScale, self.scales[scale])
 
 
 class PCGCv2(MultiRateNetwork):
-    """Transforms g_a and g_s, and for each rate an entropy bottleneck and gains of y."""
+    """Transforms g_a and g_s, and an entropy bottleneck and gains of y for each rate."""
 
     shape: Pcgcv2Shape
 

@@ -1,11 +1,11 @@
-"""The stream of PCGCv2: identity of the weights, voxel counts of each scale, coordinates, latent.
+"""The stream of PCGCv2: digest of the weights, voxel counts of each scale, coordinates, latent.
 
-magic "PCG2", version, kind, CRC-32 of all that follows
+magic "PCG2", version, kind, CRC-32 of the rest
 kind 0, a cloud too small for a network: its points, three little-endian doubles each
-kind 1: digest of the weights (8 bytes), index of the rate among theirs, level of the grid in
-    quarter octaves, coding tools (1: child per parent, 2: context mixing), points of each voxel in
-    256ths (2 bytes; 0: one in its centre); base-128 numbers: origin (signed), number of blocks;
-    each block: voxels at strides 1, 2, 4 and 8, bytes of coordinates and of the latent, these
+kind 1: digest of the weights (8 bytes), index of the rate, grid level in quarter octaves, coding
+    tools (1: child per parent, 2: context mixing), points per voxel in 256ths (2 bytes; 0: one in
+    the centre); base-128 numbers: origin (signed), number of blocks; each block: voxels at strides
+    1, 2, 4 and 8, bytes of coordinates and of the latent, these
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ from puckbench.learned.point_reconstruction import check_points_per_voxel
 MAGIC = b"PCG2"
 VERSION = 6
 MAX_VOXELS = 2**20
-"""Voxels of a block, at any scale; larger clouds are coded as several blocks."""
+"""Maximum voxels of a block at any scale; larger clouds are coded as several blocks."""
 MAX_BLOCKS = 64
 _RAW, _NETWORK = 0, 1
 _COARSE, _COARSE_PER_BYTE = 2**16, 2**8
-"""Voxels at strides 2, 4 and 8, at most and for each byte: each takes the network some 40
-microseconds, and scans have at most some 60 for each byte."""
+"""Maximum voxels at strides 2, 4 and 8, and more for each byte of the stream. The network takes
+about 40 microseconds for each; scans have at most about 60 per byte."""
 _FRAMING = Framing(MAGIC, VERSION, "PCGCv2", header=1)
 _HEADER = struct.Struct("<8sBBBH")
 
@@ -59,9 +59,9 @@ class CodingTools(IntFlag):
     """Coding tools that the authors' program does not have."""
 
     CHILD_PER_PARENT = 1
-    """Each voxel keeps at least its most likely child; otherwise it may lose all of them."""
+    """Each voxel keeps at least its most likely child. Otherwise it may lose all children."""
     CONTEXT_MIXING = 2
-    """The latent is coded with context mixing, not with the entropy bottleneck's tables alone."""
+    """Adaptive contexts are mixed with the tables of the entropy bottleneck to code the latent."""
 
 
 ALL_TOOLS = CodingTools.CHILD_PER_PARENT | CodingTools.CONTEXT_MIXING
@@ -69,20 +69,20 @@ ALL_TOOLS = CodingTools.CHILD_PER_PARENT | CodingTools.CONTEXT_MIXING
 
 @dataclass(frozen=True)
 class Pcgcv2Stream:
-    """A cloud coded by the network.
+    """Contents of a stream that a network coded.
 
     Parameters
     ----------
     digest
-        Identity of the weights.
+        Digest of the weights.
     rate
         Index of the rate among those of the weights.
     origin
         Voxel that was subtracted from all others.
     blocks
-        The parts.
+        Parts of the cloud.
     quarter_octaves
-        Level of the grid, see `puckbench.learned.grid_level`.
+        Grid level, see `puckbench.learned.grid_level`.
     tools
         Coding tools in use.
     points_per_voxel
@@ -104,12 +104,12 @@ class Pcgcv2Stream:
 
 
 def write_raw(points: Floats) -> bytes:
-    """The stream of a cloud (n, 3) that is too small for a network."""
+    """Return the stream of a cloud (n, 3) that is too small for a network."""
     return _FRAMING.framed(points.astype("<f8").tobytes(), bytes([_RAW]))
 
 
 def write_coded(coded: Pcgcv2Stream) -> bytes:
-    """The stream of a coded cloud; InputError when a decoder would refuse it."""
+    """Return the bytes of a stream; raise InputError if a decoder would refuse it."""
     numbers = (coded.rate, coded.quarter_octaves, coded.tools, coded.points_per_voxel)
     parts = [_HEADER.pack(coded.digest, *numbers)]
     parts += [*map(signed_128, coded.origin), base_128(len(coded.blocks))]
@@ -122,17 +122,17 @@ def write_coded(coded: Pcgcv2Stream) -> bytes:
 
 
 def read_stream(stream: bytes) -> Pcgcv2Stream | Floats:
-    """Parse a stream; the counts in it are checked against its size before any work begins.
+    """Parse a stream. Its counts are checked against its size before anything is computed.
 
     Returns
     -------
-    Coded or NDArray
-        A coded cloud, or the points (n, 3) of a small one.
+    Pcgcv2Stream or NDArray
+        The contents, or the points (n, 3) of a small cloud.
 
     Raises
     ------
     InputError
-        The bytes are damaged, or of another codec or version.
+        If the bytes are damaged, or of another codec or version.
     """
     kind, body = _FRAMING.unframed(stream)
     return _read_raw(body) if kind[0] == _RAW else _read_coded(body)
@@ -166,7 +166,7 @@ def _read_coded(body: bytes) -> Pcgcv2Stream:
 
 
 def _check_work(coded: Pcgcv2Stream, body: bytes) -> None:
-    """InputError for voxels that would keep a decoder busy for too long for the stream's size."""
+    """Raise InputError if decoding would take too long for the size of the stream."""
     coarse = sum(sum(block.counts[1:]) for block in coded.blocks)
     if (
         coded.voxels > 65536 + 8192 * len(body)
@@ -177,15 +177,21 @@ def _check_work(coded: Pcgcv2Stream, body: bytes) -> None:
 
 
 def _read_block(reader: Reader) -> CodedBlock:
-    fine, two, four, eight, coordinates, latent = (reader.number() for _ in range(6))
-    counts = (fine, two, four, eight)
+    stride_1, stride_2, stride_4, stride_8, coordinates, latent = (
+        reader.number() for _ in range(6)
+    )
+    counts = (stride_1, stride_2, stride_4, stride_8)
     _check_counts(counts)
     return CodedBlock(counts, reader.take(coordinates), reader.take(latent))
 
 
 def _check_counts(counts: tuple[int, int, int, int]) -> None:
-    """Every voxel has at least one child and at most eight (the last scale may have fewer)."""
-    fine, two, four, eight = counts
-    fits = 1 <= eight <= four <= 8 * eight and four <= two <= 8 * four and 1 <= fine <= 8 * two
-    if not fits or max(counts) > 2 * MAX_VOXELS:
+    """Raise InputError unless voxels have one to eight children (or fewer at stride 1)."""
+    stride_1, stride_2, stride_4, stride_8 = counts
+    is_possible = (
+        1 <= stride_8 <= stride_4 <= 8 * stride_8
+        and stride_4 <= stride_2 <= 8 * stride_4
+        and 1 <= stride_1 <= 8 * stride_2
+    )
+    if not is_possible or max(counts) > 2 * MAX_VOXELS:
         raise InputError("the stream is damaged (counts per scale)")

@@ -1,4 +1,4 @@
-"""The settings of a training of PCGCv2."""
+"""Settings of the training of PCGCv2."""
 
 from __future__ import annotations
 
@@ -14,13 +14,12 @@ if TYPE_CHECKING:
 
 
 class Pcgcv2Training(MultiRateTraining):
-    """A training of PCGCv2; `channels` are those of g_a at strides 1, 2, 4 and 8."""
+    """Training of PCGCv2; `channels` are those of g_a at strides 1, 2, 4 and 8."""
 
     channels: tuple[Channels, Channels, Channels, Channels] = (16, 32, 64, 32)
 
     @contextmanager
     def trainer(self) -> Iterator[Pcgcv2Trainer]:
-        """A new model with its optimiser."""
         import torch
 
         from puckbench.learned.gains import initialise_gains
@@ -36,7 +35,6 @@ class Pcgcv2Training(MultiRateTraining):
             yield Pcgcv2Trainer(on_device(model), self, pool)
 
     def export(self, path: Path, model: Any, card: Mapping[str, Any]) -> None:
-        """Write the model as a set of weights with its card."""
         from puckbench.learned.pcgcv2.weights import save_weights
 
         save_weights(path, model, self.lmbdas, card)

@@ -1,4 +1,4 @@
-"""PCGCv2's weights: sets of ours, and the authors' checkpoints under our names of parameters."""
+"""Weights of PCGCv2: sets of puckbench, and the authors' checkpoints with renamed parameters."""
 
 from __future__ import annotations
 
@@ -44,20 +44,20 @@ def load_weights(where: str | Path, device: DeviceName = "cpu") -> Pcgcv2Weights
         If the file is neither, or the device does not exist.
     """
     path = weights_path(where)
-    found = load_multi_rate(
+    weights = load_multi_rate(
         path,
         PCGCV2,
         lambda sizes: PCGCv2(parsed(Pcgcv2Shape, sizes, f"{path}: shape")),
         load_published,
     )
-    placed(found.model, device)
-    return found
+    placed(weights.model, device)
+    return weights
 
 
 def save_weights(
     path: Path, model: PCGCv2, lmbdas: tuple[float, ...], card: Mapping[str, Any]
 ) -> Pcgcv2Weights:
-    """Write a network as a set of weights and return the set, as `load_weights` reads it."""
+    """Write a network as a set of weights, and return the set as `load_weights` reads it."""
     save_multi_rate(path, PCGCV2, model, lmbdas, card)
     return load_weights(path)
 
@@ -65,13 +65,13 @@ def save_weights(
 def load_published(path: Path) -> PCGCv2:
     """Read a checkpoint of the authors' program.
 
-    28 to 67 % of the authors' weights have decayed to denormal numbers (below 1.2e-38), with which
-    some processors compute a hundred times slower. They are read as zeros, to which they amount.
+    28 to 67 % of the authors' weights are denormal numbers (below 1.2e-38), which slow down some
+    processors a hundred times. They are read as zeros; results do not change.
 
     Raises
     ------
     InputError
-        The file is not such a checkpoint.
+        If the file is not such a checkpoint.
     """
     checkpoint = _read(path)
     model = PCGCv2(Pcgcv2Shape())
@@ -97,17 +97,17 @@ def _translated(checkpoint: dict[str, dict[str, Tensor]]) -> dict[str, Tensor]:
             kernel = value.ndim == 2 and name.endswith("kernel")
             flat = value[0] if name.endswith("bias") else value[None] if kernel else value
             module, _, parameter = name.rpartition(".")
-            own = f"{_NAMES[part, module]}.{parameter}"
-            state[own] = flat.masked_fill(flat.abs() < torch.finfo(flat.dtype).tiny, 0)
-    for (own, theirs), layer in product(_BOTTLENECK.items(), range(4)):
-        found = checkpoint["entropy_bottleneck"][f"{theirs}.{layer}"]
-        state[f"entropy_bottlenecks.0.{own}.{layer}"] = found
+            our_name = f"{_NAMES[part, module]}.{parameter}"
+            state[our_name] = flat.masked_fill(flat.abs() < torch.finfo(flat.dtype).tiny, 0)
+    for (our_name, their_name), layer in product(_BOTTLENECK.items(), range(4)):
+        value = checkpoint["entropy_bottleneck"][f"{their_name}.{layer}"]
+        state[f"entropy_bottlenecks.0.{our_name}.{layer}"] = value
     state["log_gains"] = torch.zeros(1, Pcgcv2Shape().latent_channels)
     return state
 
 
 def _names() -> dict[tuple[str, str], str]:
-    """The authors' part and module to our module."""
+    """Map the authors' part and module to our module."""
     names = {("encoder", "conv0"): "g_a.conv0"}
     for scale in range(SCALES):
         g_a, g_s = f"g_a.scales.{scale}", f"g_s.scales.{scale}"
@@ -117,8 +117,8 @@ def _names() -> dict[tuple[str, str], str]:
         names["decoder", f"conv{scale}"] = f"{g_s}.conv"
         names["decoder", f"conv{scale}_cls"] = f"{g_s}.conv_cls"
         for part, block, layer in product(_PARTS, range(Pcgcv2Shape().blocks), _BLOCK_LAYERS):
-            own = f"{_PARTS[part]}.scales.{scale}.blocks.{block}.{layer}"
-            names[part, f"block{scale}.{block}.{layer}"] = own
+            our_name = f"{_PARTS[part]}.scales.{scale}.blocks.{block}.{layer}"
+            names[part, f"block{scale}.{block}.{layer}"] = our_name
     return names
 
 

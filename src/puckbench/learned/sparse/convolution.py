@@ -1,4 +1,4 @@
-"""Sparse 3x3x3 convolution: gather, multiply, scatter, for one chunk of rows after the other."""
+"""Sparse 3x3x3 convolution: gather, matrix product and scatter, one chunk of rows at a time."""
 
 from __future__ import annotations
 
@@ -33,20 +33,20 @@ Matrices = tuple[Tensor, ...]
 
 @dataclass(frozen=True)
 class Neighbourhood:
-    """The set of voxels that a layer works on.
+    """The set of voxels that a layer works on, with everything that the set determines.
 
     Parameters
     ----------
     gather_scatter
         Moves features (n, children, channels) between neighbouring rows.
     kernel_map
-        What rows are: voxels, with one child, or parents with eight.
+        Meaning of rows: voxels with one child, or parents with eight.
     pool
-        The threads that compute.
+        Threads that compute.
     chunk_floats
-        Features gathered at once, about.
+        Approximate number of features that are gathered at once.
     max_rows
-        Rows of a chunk, at most.
+        Maximum rows of a chunk.
     """
 
     gather_scatter: GatherScatter
@@ -56,18 +56,17 @@ class Neighbourhood:
     max_rows: int = _MAX_ROWS
 
     def chunk_rows(self, channels: int) -> int:
-        """Rows of a chunk for features of a number of channels."""
         rows = self.chunk_floats // (self.kernel_map.typical_read * channels)
         return int(np.clip(rows, _MIN_ROWS, self.max_rows))
 
 
-def neighbourhood(
+def neighbourhood_of(
     table: NeighbourTable,
     kernel_map: KernelMap,
     pool: ThreadPool,
     device: torch.device | None = None,
 ) -> Neighbourhood:
-    """The neighbourhood of a table (27, n), for tensors of a device (default: the CPU)."""
+    """Return the neighbourhood of a table (27, n) for tensors of a device, by default the CPU."""
     if device is None or device.type == "cpu":
         return Neighbourhood(CompiledGatherScatter(table), kernel_map, pool)
     return device_neighbourhood(table, kernel_map, pool, device)
@@ -76,13 +75,15 @@ def neighbourhood(
 def device_neighbourhood(
     table: NeighbourTable, kernel_map: KernelMap, pool: ThreadPool, device: torch.device
 ) -> Neighbourhood:
-    """The neighbourhood of a table (27, n), by PyTorch's own functions whatever the device."""
-    moved = TorchGatherScatter(torch.from_numpy(table).long().to(device))
-    return Neighbourhood(moved, kernel_map, pool, _DEVICE_CHUNK_FLOATS, _DEVICE_ROWS)
+    """Return the neighbourhood of a table (27, n), computed by PyTorch's indexing on any device."""
+    gather_scatter = TorchGatherScatter(torch.from_numpy(table).long().to(device))
+    return Neighbourhood(gather_scatter, kernel_map, pool, _DEVICE_CHUNK_FLOATS, _DEVICE_ROWS)
 
 
-def convolve(features: Tensor, kernel: Tensor, bias: Tensor, where: Neighbourhood) -> Tensor:
-    """Convolve features; voxels outside the set count as zero and get no value. Differentiable.
+def convolve(
+    features: Tensor, kernel: Tensor, bias: Tensor, neighbourhood: Neighbourhood
+) -> Tensor:
+    """Convolve features. Voxels outside the set count as zero and get no result. Differentiable.
 
     Parameters
     ----------
@@ -92,7 +93,7 @@ def convolve(features: Tensor, kernel: Tensor, bias: Tensor, where: Neighbourhoo
         (27, c, d).
     bias
         (d,).
-    where
+    neighbourhood
         The set of voxels.
 
     Returns
@@ -100,69 +101,78 @@ def convolve(features: Tensor, kernel: Tensor, bias: Tensor, where: Neighbourhoo
     Tensor
         (n, children, d).
     """
-    pairs = torch.from_numpy(where.kernel_map.kernel_of_pair).to(kernel.device)
-    result: Tensor = _Convolution.apply(features, kernel[pairs], bias, where)  # type: ignore[no-untyped-call]
+    pairs = torch.from_numpy(neighbourhood.kernel_map.kernel_of_pair).to(kernel.device)
+    result: Tensor = _Convolution.apply(features, kernel[pairs], bias, neighbourhood)  # type: ignore[no-untyped-call]
     return result
 
 
 def matrices_of(kernel: Tensor, kernel_map: KernelMap) -> Matrices:
-    """The matrices of a kernel (27, c, d) for `accumulate`."""
+    """Return the matrices of a kernel (27, c, d) for `accumulate`."""
     return _matrices(kernel[torch.from_numpy(kernel_map.kernel_of_pair)], kernel_map)
 
 
 def accumulate(
     features: Tensor,
-    where: Neighbourhood,
+    neighbourhood: Neighbourhood,
     matrices: Matrices,
     rows: slice,
     scratch: Scratch,
     sums: Tensor,
 ) -> None:
-    """Add to sums (rows, children, d) the products of a chunk's neighbours, not of the rows.
+    """Add the products of a chunk's neighbours, without its own rows, to sums (rows, children, d).
 
     The features are (n, children, c).
     """
     width = sums.shape[2]
-    layout = where.gather_scatter.layout(where.kernel_map, rows)
-    gathered = where.gather_scatter.gather(features, where.kernel_map, rows, scratch)
-    room = _like(features, scratch, layout.size * width)
-    made = segments(room, layout, width)
-    for part, matrix, product in zip(gathered, matrices, made, strict=True):
+    layout = neighbourhood.gather_scatter.layout(neighbourhood.kernel_map, rows)
+    gathered = neighbourhood.gather_scatter.gather(
+        features, neighbourhood.kernel_map, rows, scratch
+    )
+    buffer = _products_buffer(features, scratch, layout.size * width)
+    products = segments(buffer, layout, width)
+    for part, matrix, product in zip(gathered, matrices, products, strict=True):
         if part is not None and product is not None:
             torch.mm(part, matrix, out=product)
-    where.gather_scatter.scatter_add(made, sums, where.kernel_map, rows)
+    neighbourhood.gather_scatter.scatter_add(products, sums, neighbourhood.kernel_map, rows)
 
 
-def _like(features: Tensor, scratch: Scratch, size: int) -> Tensor:
+def _products_buffer(features: Tensor, scratch: Scratch, size: int) -> Tensor:
     if features.device.type == "cpu":
         return scratch.take("products", size)
     return features.new_empty(size)
 
 
 class _Convolution(torch.autograd.Function):
-    """`convolve` with one kernel for each pair of children: (pairs, c, d)."""
+    """`convolve` with one kernel matrix for each pair of children: (pairs, c, d)."""
 
     @staticmethod
     def forward(
-        ctx: Any, features: Tensor, kernels: Tensor, bias: Tensor, where: Neighbourhood
+        ctx: Any, features: Tensor, kernels: Tensor, bias: Tensor, neighbourhood: Neighbourhood
     ) -> Tensor:
         ctx.save_for_backward(features, kernels)
-        ctx.where = where
-        return _apply(features.detach(), _matrices(kernels.detach(), where.kernel_map), bias, where)
+        ctx.neighbourhood = neighbourhood
+        return _apply(
+            features.detach(),
+            _matrices(kernels.detach(), neighbourhood.kernel_map),
+            bias,
+            neighbourhood,
+        )
 
     @staticmethod
     @once_differentiable
     def backward(ctx: Any, gradient: Tensor) -> tuple[Tensor | None, Tensor, Tensor, None]:
         features, kernels = ctx.saved_tensors
         gradient = gradient.contiguous()
-        back = None
+        input_gradient = None
         if ctx.needs_input_grad[0]:
             # the set's neighbourhood is symmetric: backwards, offset and children swap sides
-            matrices = _matrices(kernels.detach(), ctx.where.kernel_map)[::-1]
-            none = gradient.new_zeros(kernels.shape[1])
-            back = _apply(gradient, tuple(matrix.T for matrix in matrices), none, ctx.where)
-        of_kernels = _kernel_gradient(features.detach(), gradient, ctx.where)
-        return back, of_kernels, gradient.sum(dim=(0, 1)), None
+            matrices = _matrices(kernels.detach(), ctx.neighbourhood.kernel_map)[::-1]
+            zero_bias = gradient.new_zeros(kernels.shape[1])
+            input_gradient = _apply(
+                gradient, tuple(matrix.T for matrix in matrices), zero_bias, ctx.neighbourhood
+            )
+        kernel_gradient = _kernel_gradient(features.detach(), gradient, ctx.neighbourhood)
+        return input_gradient, kernel_gradient, gradient.sum(dim=(0, 1)), None
 
 
 def _matrices(kernels: Tensor, kernel_map: KernelMap) -> Matrices:
@@ -177,27 +187,31 @@ def _matrices(kernels: Tensor, kernel_map: KernelMap) -> Matrices:
     )
 
 
-def _apply(features: Tensor, matrices: Matrices, bias: Tensor, where: Neighbourhood) -> Tensor:
+def _apply(
+    features: Tensor, matrices: Matrices, bias: Tensor, neighbourhood: Neighbourhood
+) -> Tensor:
     rows, children, width = features.shape
     result = features.new_empty(rows, children, len(bias))
     biases = bias.detach().repeat(children)
 
     def work(chunk: slice, scratch: Scratch) -> None:
         sums = result[chunk]
-        own = features[chunk].reshape(len(sums), -1)
-        torch.addmm(biases, own, matrices[CENTRE], out=sums.view(len(sums), -1))
-        accumulate(features, where, matrices, chunk, scratch, sums)
+        row_features = features[chunk].reshape(len(sums), -1)
+        torch.addmm(biases, row_features, matrices[CENTRE], out=sums.view(len(sums), -1))
+        accumulate(features, neighbourhood, matrices, chunk, scratch, sums)
 
-    where.pool.map_chunks(rows, where.chunk_rows(width), work)
+    neighbourhood.pool.map_chunks(rows, neighbourhood.chunk_rows(width), work)
     return result
 
 
-def _kernel_gradient(features: Tensor, gradient: Tensor, where: Neighbourhood) -> Tensor:
-    kernel_map, widths = where.kernel_map, (features.shape[2], gradient.shape[2])
+def _kernel_gradient(features: Tensor, gradient: Tensor, neighbourhood: Neighbourhood) -> Tensor:
+    kernel_map, widths = neighbourhood.kernel_map, (features.shape[2], gradient.shape[2])
 
     def work(chunk: slice, scratch: Scratch) -> Tensor:
-        inputs = where.gather_scatter.gather(features, kernel_map, chunk, scratch)
-        outputs = where.gather_scatter.gather(gradient, kernel_map, chunk, scratch, own=True)
+        inputs = neighbourhood.gather_scatter.gather(features, kernel_map, chunk, scratch)
+        outputs = neighbourhood.gather_scatter.gather(
+            gradient, kernel_map, chunk, scratch, at_output=True
+        )
         inputs[CENTRE] = features[chunk].reshape(chunk.stop - chunk.start, -1)
         outputs[CENTRE] = gradient[chunk].reshape(chunk.stop - chunk.start, -1)
         parts = [
@@ -206,7 +220,9 @@ def _kernel_gradient(features: Tensor, gradient: Tensor, where: Neighbourhood) -
         ]
         return torch.cat([part.to(features.device) for part in parts])
 
-    chunks = where.pool.map_chunks(len(features), 4 * where.chunk_rows(widths[0]), work)
+    chunks = neighbourhood.pool.map_chunks(
+        len(features), 4 * neighbourhood.chunk_rows(widths[0]), work
+    )
     return torch.stack(chunks).sum(dim=0) if len(chunks) > 1 else chunks[0]
 
 

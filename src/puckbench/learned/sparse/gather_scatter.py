@@ -1,4 +1,4 @@
-"""Gathering the features of neighbours, and adding products to the rows they belong to.
+"""Gathering of neighbours' features, and scattering of products to the rows that they belong to.
 
 There are two implementations with equal results: compiled loops for the CPU, and PyTorch's indexing
 for any device.
@@ -28,37 +28,37 @@ Segments = list[Tensor | None]
 
 
 class NeighbourPairs(NamedTuple):
-    """The pairs of a row and its neighbour, offset by offset, by rising rows; none at the centre.
+    """Pairs of a row and its neighbour, by offset, then by row; there are none at the centre.
 
     Parameters
     ----------
     firsts
         (28,): the pairs of offset k are ``firsts[k]`` to ``firsts[k + 1]``.
-    rows, others
-        Of each pair the row, and the row of its neighbour.
+    rows, neighbours
+        The row of each pair, and the row of its neighbour.
     """
 
     firsts: NDArray[np.int64]
     rows: NDArray[np.int32]
-    others: NDArray[np.int32]
+    neighbours: NDArray[np.int32]
 
 
 @dataclass(frozen=True)
 class PairLayout:
-    """Where a chunk's pairs of rows stand in flat memory, offset by offset.
+    """Position of the pairs of a chunk of rows in flat memory.
 
-    Offsets that join equally many children stand side by side.
+    Offsets that join the same number of children are contiguous.
 
     Parameters
     ----------
     counts
-        Number of pairs of each offset (27,); 0 at the centre.
+        (27,), number of pairs of each offset; 0 at the centre.
     starts
-        Where its pairs begin (27,), in features of one channel.
+        (27,), start of the pairs of each offset, in features of one channel.
     size
-        Where all end.
+        Total number of features of one channel.
     groups
-        Numbers of children, and the offsets that join so many with their counts; none without any.
+        Number of joined children, its offsets that have pairs, and the number of these.
     """
 
     counts: NDArray[np.int64]
@@ -70,8 +70,7 @@ class PairLayout:
 class GatherScatter(Protocol):
     """Gathers and scatters features between neighbouring rows, for a chunk of rows."""
 
-    def layout(self, kernel_map: KernelMap, rows: slice) -> PairLayout:
-        """Where the chunk's pairs stand in memory for `segments`."""
+    def layout(self, kernel_map: KernelMap, rows: slice) -> PairLayout: ...
 
     def gather(
         self,
@@ -79,46 +78,45 @@ class GatherScatter(Protocol):
         kernel_map: KernelMap,
         rows: slice,
         scratch: Scratch,
-        own: bool = False,
+        at_output: bool = False,
     ) -> Segments:
-        """The features that rows read from their neighbours at each offset but the centre.
+        """Gather the features of the neighbours at each offset except the centre.
 
         Parameters
         ----------
         features
             (n, children, channels).
         kernel_map
-            Which children are read and written.
+            Children that are read and written.
         rows
             The chunk.
         scratch
             Working memory.
-        own
-            Gather the children that the row itself writes instead.
+        at_output
+            Gather the children of the row itself that are written, instead of the neighbours'.
         """
 
     def scatter_add(
-        self, products: Segments, onto: Tensor, kernel_map: KernelMap, rows: slice
+        self, products: Segments, sums: Tensor, kernel_map: KernelMap, rows: slice
     ) -> None:
-        """Add products to the written children in `onto` (rows, children, channels)."""
+        """Add products to the written children in `sums` (rows, children, channels)."""
 
 
 class _Chunk(NamedTuple):
-    """First pair of each offset of a chunk of rows, and where its pairs stand in memory."""
+    """First pair of each offset in a chunk of rows, and the layout of its pairs."""
 
     firsts: NDArray[np.int64]
     layout: PairLayout
 
 
 class CompiledGatherScatter:
-    """Compiled loops for tensors of the CPU, over a neighbour table (27, n) int32."""
+    """Compiled loops for tensors on the CPU, over a neighbour table (27, n) int32."""
 
     def __init__(self, table: NDArray[np.int32]) -> None:
         self._pairs = _pairs_of(table)
         self._chunks: dict[tuple[int, int, int], _Chunk] = {}
 
     def _chunk(self, kernel_map: KernelMap, rows: slice) -> _Chunk:
-        """The chunk's pairs, which several layers ask for."""
         key = (rows.start, rows.stop, kernel_map.children)
         if key not in self._chunks:
             firsts, counts = _pairs_of_rows(self._pairs, rows.start, rows.stop)
@@ -126,7 +124,6 @@ class CompiledGatherScatter:
         return self._chunks[key]
 
     def layout(self, kernel_map: KernelMap, rows: slice) -> PairLayout:
-        """As in `GatherScatter`."""
         return self._chunk(kernel_map, rows).layout
 
     def gather(
@@ -135,58 +132,62 @@ class CompiledGatherScatter:
         kernel_map: KernelMap,
         rows: slice,
         scratch: Scratch,
-        own: bool = False,
+        at_output: bool = False,
     ) -> Segments:
-        """As in `GatherScatter`."""
-        width, name = features.shape[2], "own" if own else "read"
+        width, name = features.shape[2], "own" if at_output else "read"
         chunk = self._chunk(kernel_map, rows)
-        room = scratch.take(name, chunk.layout.size * width)
+        buffer = scratch.take(name, chunk.layout.size * width)
+        sources = self._pairs.rows if at_output else self._pairs.neighbours
+        children = kernel_map.written if at_output else kernel_map.read
         _gatherer(width)(
-            *_flat(features), self._pairs.rows if own else self._pairs.others, chunk.firsts,
-            chunk.layout.counts, kernel_map.counts,
-            kernel_map.written if own else kernel_map.read, room.numpy(), chunk.layout.starts,
+            *_flat(features), sources, chunk.firsts, chunk.layout.counts, kernel_map.counts,
+            children, buffer.numpy(), chunk.layout.starts,
         )  # fmt: skip
-        return segments(room, chunk.layout, width)
+        return segments(buffer, chunk.layout, width)
 
     def scatter_add(
-        self, products: Segments, onto: Tensor, kernel_map: KernelMap, rows: slice
+        self, products: Segments, sums: Tensor, kernel_map: KernelMap, rows: slice
     ) -> None:
-        """As in `GatherScatter`; the products lie in memory as in `segments`."""
-        found = next((products[k] for k in kernel_map.order if products[k] is not None), None)
-        if found is not None:
+        """Add products, which must be laid out in memory as `segments` does."""
+        first = next((products[k] for k in kernel_map.order if products[k] is not None), None)
+        if first is not None:
             chunk = self._chunk(kernel_map, rows)
-            size = chunk.layout.size * onto.shape[2]
-            whole = found.as_strided((size,), (1,), found.storage_offset())
-            _adder(onto.shape[2])(
-                whole.numpy(), chunk.layout.starts, self._pairs.rows, chunk.firsts,
+            size = chunk.layout.size * sums.shape[2]
+            flat_products = first.as_strided((size,), (1,), first.storage_offset())
+            _adder(sums.shape[2])(
+                flat_products.numpy(), chunk.layout.starts, self._pairs.rows, chunk.firsts,
                 chunk.layout.counts, rows.start, kernel_map.counts, kernel_map.written,
-                *_flat(onto),
+                *_flat(sums),
             )  # fmt: skip
 
 
 class TorchGatherScatter:
-    """For tensors of any device, over a neighbour table (27, n) int64 on it."""
+    """PyTorch's indexing on any device, over a neighbour table (27, n) int64 on that device."""
 
     def __init__(self, table: Tensor) -> None:
         self.table = table
         self._chunks: dict[tuple[int, int], list[tuple[Tensor, Tensor]]] = {}
 
     def _pairs(self, rows: slice) -> list[tuple[Tensor, Tensor]]:
-        """Rows of a chunk with a neighbour at each offset, and these neighbours."""
+        """Return for each offset the rows of a chunk that have a neighbour, and the neighbours."""
         key = (rows.start, rows.stop)
         if key not in self._chunks:
             table = self.table[:, rows]
-            there = table >= 0
-            there[CENTRE] = False
-            offsets, inside = torch.nonzero(there, as_tuple=True)
+            exists = table >= 0
+            exists[CENTRE] = False
+            offsets, chunk_rows = torch.nonzero(exists, as_tuple=True)
             counts = torch.bincount(offsets, minlength=OFFSETS).tolist()
-            parts = (torch.split(found, counts) for found in (inside, table[offsets, inside]))
+            parts = (
+                torch.split(rows_of_pairs, counts)
+                for rows_of_pairs in (chunk_rows, table[offsets, chunk_rows])
+            )
             self._chunks[key] = list(zip(*parts, strict=True))
         return self._chunks[key]
 
     def layout(self, kernel_map: KernelMap, rows: slice) -> PairLayout:
-        """As in `GatherScatter`."""
-        return layout_of(np.array([len(inside) for inside, _ in self._pairs(rows)]), kernel_map)
+        return layout_of(
+            np.array([len(chunk_rows) for chunk_rows, _ in self._pairs(rows)]), kernel_map
+        )
 
     def gather(
         self,
@@ -194,35 +195,33 @@ class TorchGatherScatter:
         kernel_map: KernelMap,
         rows: slice,
         scratch: Scratch,
-        own: bool = False,
+        at_output: bool = False,
     ) -> Segments:
-        """As in `GatherScatter`."""
-        found: Segments = []
-        for offset, (inside, others) in enumerate(self._pairs(rows)):
-            if len(inside) == 0:
-                found.append(None)
+        gathered: Segments = []
+        for offset, (chunk_rows, neighbours) in enumerate(self._pairs(rows)):
+            if len(chunk_rows) == 0:
+                gathered.append(None)
                 continue
-            children = (kernel_map.written if own else kernel_map.read)[
+            children = (kernel_map.written if at_output else kernel_map.read)[
                 offset, : kernel_map.sizes[offset]
             ]
-            chosen = features[rows.start + inside if own else others]
-            found.append(chosen[:, children.tolist()].flatten(1))
-        return found
+            row_features = features[rows.start + chunk_rows if at_output else neighbours]
+            gathered.append(row_features[:, children.tolist()].flatten(1))
+        return gathered
 
     def scatter_add(
-        self, products: Segments, onto: Tensor, kernel_map: KernelMap, rows: slice
+        self, products: Segments, sums: Tensor, kernel_map: KernelMap, rows: slice
     ) -> None:
-        """As in `GatherScatter`."""
         for offset, product in enumerate(products):
             if product is not None:
-                inside, _ = self._pairs(rows)[offset]
+                chunk_rows, _ = self._pairs(rows)[offset]
                 children = torch.from_numpy(kernel_map.written[offset, : kernel_map.sizes[offset]])
-                target = (inside[:, None], children.to(inside.device)[None, :])
-                onto[target] = onto[target] + product.view(len(inside), len(children), -1)
+                target = (chunk_rows[:, None], children.to(chunk_rows.device)[None, :])
+                sums[target] = sums[target] + product.view(len(chunk_rows), len(children), -1)
 
 
 def layout_of(counts: NDArray[np.int64], kernel_map: KernelMap) -> PairLayout:
-    """The layout of a chunk with so many pairs of rows at each offset (27,)."""
+    """Return the layout of a chunk with these numbers of pairs (27,)."""
     sizes = (counts * kernel_map.counts)[kernel_map.order]
     ends, starts = np.cumsum(sizes), np.empty_like(counts)
     starts[kernel_map.order] = ends - sizes
@@ -233,27 +232,26 @@ def layout_of(counts: NDArray[np.int64], kernel_map: KernelMap) -> PairLayout:
     return PairLayout(counts, starts, int(ends[-1]), groups)
 
 
-def segments(room: Tensor, layout: PairLayout, width: int) -> Segments:
-    """Views of flat memory as the pairs of rows of each offset."""
-    found: Segments = [None] * OFFSETS
+def segments(buffer: Tensor, layout: PairLayout, width: int) -> Segments:
+    """Split flat memory into views, one for the pairs of each offset."""
+    views: Segments = [None] * OFFSETS
     at = 0
     for children, offsets, pairs in layout.groups:
         end = at + sum(pairs) * children * width
-        parts = room[at:end].view(-1, children * width).split_with_sizes(pairs)
+        parts = buffer[at:end].view(-1, children * width).split_with_sizes(pairs)
         for offset, part in zip(offsets, parts, strict=True):
-            found[offset] = part
+            views[offset] = part
         at = end
-    return found
+    return views
 
 
 def _flat(features: Tensor) -> tuple[Any, int, int]:
-    """Flat memory from the first feature on, and the strides of rows and children in it."""
-    flat = features.as_strided((_after(features),), (1,), features.storage_offset())
+    """Return flat memory from the first feature on, and its strides of rows and children."""
+    flat = features.as_strided((_elements_after(features),), (1,), features.storage_offset())
     return flat.numpy(), features.stride(0), features.stride(1)
 
 
-def _after(features: Tensor) -> int:
-    """Elements of the memory from the tensor's first one on."""
+def _elements_after(features: Tensor) -> int:
     return int(features.untyped_storage().nbytes() // 4 - features.storage_offset())
 
 
@@ -296,7 +294,7 @@ def _adder(width: int) -> Callable[..., None]:
         first_row: int,
         child_counts: NDArray[np.int64],
         children: NDArray[np.int64],
-        onto: Flat,
+        sums: Flat,
         row_stride: int,
         child_stride: int,
     ) -> None:
@@ -306,7 +304,7 @@ def _adder(width: int) -> Callable[..., None]:
                 start = row_stride * (rows[pair] - first_row)
                 for j in range(child_counts[offset]):
                     target = start + children[offset, j] * child_stride
-                    add_vector(onto, target, products, at, width)
+                    add_vector(sums, target, products, at, width)
                     at += width
 
     return add
@@ -318,21 +316,21 @@ def _pairs_of(table: NDArray[np.int32]) -> NeighbourPairs:
     for offset in range(OFFSETS):
         present = 0 if offset == CENTRE else (table[offset] >= 0).sum()
         firsts[offset + 1] = firsts[offset] + present
-    rows, others = np.empty(firsts[-1] + 1, np.int32), np.empty(firsts[-1] + 1, np.int32)
+    rows, neighbours = np.empty(firsts[-1] + 1, np.int32), np.empty(firsts[-1] + 1, np.int32)
     for offset in range(OFFSETS):
         at = firsts[offset]
         if at < firsts[offset + 1]:
             for row in range(table.shape[1]):  # without a branch that cannot be foreseen
-                rows[at], others[at] = row, table[offset, row]
+                rows[at], neighbours[at] = row, table[offset, row]
                 at += table[offset, row] >= 0
-    return NeighbourPairs(firsts, rows[:-1], others[:-1])
+    return NeighbourPairs(firsts, rows[:-1], neighbours[:-1])
 
 
 @compiled
 def _pairs_of_rows(
     pairs: NeighbourPairs, first: int, last: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """First pair and number of pairs of each offset (27,) whose rows are in [first, last)."""
+    """Return first pair and number of pairs of each offset (27,) for rows in [first, last)."""
     firsts, counts = np.empty(OFFSETS, np.int64), np.empty(OFFSETS, np.int64)
     for offset in range(OFFSETS):
         of_offset = pairs.rows[pairs.firsts[offset] : pairs.firsts[offset + 1]]

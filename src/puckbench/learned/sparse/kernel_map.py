@@ -1,10 +1,10 @@
-"""Kernel maps of a sparse 3x3x3 convolution: which child reads which neighbour with which kernel.
+"""Kernel maps of a sparse 3x3x3 convolution: the kernel matrix of each pair of voxels.
 
-Two memory layouts share one algorithm. *Voxels*: a row is one voxel with c features, and an offset
-is one between voxels. *Blocks*: a row is one parent with its eight children beside each other, 8 c
-features, and an offset is one between parents; it pairs 8, 4, 2 or 1 children (the parent itself, a
-face, an edge, a corner) with as many. All 27 offsets of the children then become 27 matrix products
-that are larger and fewer, without any waste: 8 * 8 + 6 * 4 * 4 + 12 * 2 * 2 + 8 * 1 * 1 = 8 * 27.
+There are two memory layouts. *Voxels*: a row is one voxel with c features, and an offset is one
+between voxels. *Blocks*: a row is a parent with its eight children side by side, 8 c features, and
+an offset is one between parents. It pairs 8, 4, 2 or 1 children (the parent itself, a face, an
+edge, a corner) with as many. The convolution of the children then takes 27 larger and fewer matrix
+products without any redundant one: 8 * 8 + 6 * 4 * 4 + 12 * 2 * 2 + 8 * 1 * 1 = 8 * 27.
 """
 
 from __future__ import annotations
@@ -20,19 +20,19 @@ from puckbench.learned.sparse.voxels import OFFSETS
 
 @dataclass(frozen=True)
 class KernelMap:
-    """For each of 27 offsets between rows: the children read there, and those written to.
+    """The children that are read and written at each of the 27 offsets between rows.
 
     Parameters
     ----------
     children
         Children of a row: 1 (voxels) or 8 (blocks).
     counts
-        (27,), how many children are read, and as many written.
+        (27,), number of children that are read, and of those that are written.
     read, written
-        (27, 8), these children; the first `counts` of each row are in use.
+        (27, 8), numbers of these children; the first `counts` of each row are in use.
     kernels
-        For each offset (count, count), which of the 27 kernel matrices joins child read and child
-        written.
+        For each offset (count, count): which of the 27 kernel matrices joins a child that is read
+        to a child that is written.
     """
 
     children: int
@@ -43,13 +43,12 @@ class KernelMap:
 
     @cached_property
     def sizes(self) -> list[int]:
-        """`counts` as Python integers."""
         sizes: list[int] = self.counts.tolist()
         return sizes
 
     @cached_property
     def groups(self) -> list[tuple[int, list[int]]]:
-        """The offsets that join equally many children, with that number."""
+        """The distinct numbers of joined children, each with its offsets."""
         return [
             (size, [offset for offset in range(OFFSETS) if self.sizes[offset] == size])
             for size in sorted(set(self.sizes))
@@ -57,7 +56,7 @@ class KernelMap:
 
     @cached_property
     def order(self) -> NDArray[np.int64]:
-        """The offsets (27,), group after group."""
+        """The offsets (27,), group by group."""
         return np.concatenate([offsets for _, offsets in self.groups])
 
     @cached_property
@@ -67,18 +66,17 @@ class KernelMap:
 
     @property
     def max_read(self) -> int:
-        """Children that a row reads when it has every neighbour."""
+        """Children that a row with all neighbours reads."""
         return sum(self.sizes) - self.children
 
     @property
     def typical_read(self) -> int:
-        """Children that a row of a surface reads: it has about nine neighbours in a plane."""
-        return most // 2 if (most := self.max_read) else 1
+        """Children that a row on a surface reads: it has about nine neighbours."""
+        return max_read // 2 if (max_read := self.max_read) else 1
 
 
 @cache
 def voxel_kernel_map() -> KernelMap:
-    """The kernel map where a row is one voxel."""
     zeros = np.zeros((OFFSETS, 8), dtype=np.int64)
     kernels = tuple(np.array([[offset]]) for offset in range(OFFSETS))
     return KernelMap(1, np.ones(OFFSETS, dtype=np.int64), zeros, zeros, kernels)
@@ -86,32 +84,34 @@ def voxel_kernel_map() -> KernelMap:
 
 @cache
 def block_kernel_map() -> KernelMap:
-    """The kernel map where a row is eight children, numbered ``x + 2 y + 4 z``."""
     read, written = np.zeros((2, OFFSETS, 8), dtype=np.int64)
     counts, kernels = np.zeros(OFFSETS, dtype=np.int64), []
     for offset in range(OFFSETS):
         steps = [offset // 3**axis % 3 - 1 for axis in range(3)]
-        near = _children([{-1: 1, 0: None, 1: 0}[step] for step in steps])
-        own = _children([{-1: 0, 0: None, 1: 1}[step] for step in steps])
-        counts[offset] = len(own)
-        read[offset, : len(near)], written[offset, : len(own)] = near, own
-        kernels.append(_kernel_between(near[:, None], own[None, :], steps))
+        read_children = _children([{-1: 1, 0: None, 1: 0}[step] for step in steps])
+        written_children = _children([{-1: 0, 0: None, 1: 1}[step] for step in steps])
+        counts[offset] = len(written_children)
+        read[offset, : len(read_children)], written[offset, : len(written_children)] = (
+            read_children,
+            written_children,
+        )
+        kernels.append(_kernel_between(read_children[:, None], written_children[None, :], steps))
     return KernelMap(8, counts, read, written, tuple(kernels))
 
 
 def _children(corner: list[int | None]) -> NDArray[np.int64]:
-    """Children with the given coordinates in the block; None stands for both."""
-    every = np.arange(8)
-    fits = [np.ones(8, bool) if at is None else (every >> axis & 1) == at
+    """Return the children with the given coordinates in a block; None stands for both."""
+    children = np.arange(8)
+    fits = [np.ones(8, bool) if at is None else (children >> axis & 1) == at
             for axis, at in enumerate(corner)]  # fmt: skip
-    return every[np.logical_and.reduce(fits)]
+    return children[np.logical_and.reduce(fits)]
 
 
 def _kernel_between(
-    near: NDArray[np.int64], own: NDArray[np.int64], steps: list[int]
+    read_children: NDArray[np.int64], written_children: NDArray[np.int64], steps: list[int]
 ) -> NDArray[np.int64]:
     parts = [
-        (2 * step + (near >> axis & 1) - (own >> axis & 1) + 1) * 3**axis
+        (2 * step + (read_children >> axis & 1) - (written_children >> axis & 1) + 1) * 3**axis
         for axis, step in enumerate(steps)
     ]
     return np.asarray(sum(parts))

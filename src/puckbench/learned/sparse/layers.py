@@ -1,4 +1,4 @@
-"""Layers of sparse networks, and which children a decoder keeps by their occupancy logits."""
+"""Layers of sparse networks, and the selection of children by their occupancy logits."""
 
 from __future__ import annotations
 
@@ -26,29 +26,27 @@ class SparseLayer(nn.Module):
 
 
 class SparseConvolution(SparseLayer):
-    """3x3x3 convolution from a set of voxels to itself."""
+    """3x3x3 convolution of features (n, children, c) to (n, children, d) at the same voxels."""
 
     def __init__(self, in_channels: int, out_channels: int) -> None:
         super().__init__(OFFSETS, in_channels, out_channels)
 
-    def forward(self, features: Tensor, where: Neighbourhood) -> Tensor:
-        """(n, children, c) to (n, children, d)."""
-        return convolve(features, self.kernel, self.bias, where)
+    def forward(self, features: Tensor, neighbourhood: Neighbourhood) -> Tensor:
+        return convolve(features, self.kernel, self.bias, neighbourhood)
 
 
 class PointwiseConvolution(SparseLayer):
-    """1x1x1 convolution."""
+    """1x1x1 convolution of features (n, children, c) to (n, children, d)."""
 
     def __init__(self, in_channels: int, out_channels: int) -> None:
         super().__init__(1, in_channels, out_channels)
 
     def forward(self, features: Tensor) -> Tensor:
-        """(n, children, c) to (n, children, d)."""
         return features @ self.kernel[0] + self.bias
 
 
 class StridedConvolution(SparseLayer):
-    """2x2x2 convolution with stride 2, from a set of voxels to the next coarser one."""
+    """2x2x2 convolution with stride 2, from a set of voxels to the next coarser set."""
 
     def __init__(self, in_channels: int, out_channels: int) -> None:
         super().__init__(CHILDREN, in_channels, out_channels)
@@ -63,13 +61,13 @@ class StridedConvolution(SparseLayer):
 
 
 class GenerativeTransposedConvolution(SparseLayer):
-    """Transposed 2x2x2 convolution with stride 2, from a set to all children of its voxels."""
+    """Transposed 2x2x2 convolution with stride 2, from voxels to all their children."""
 
     def __init__(self, in_channels: int, out_channels: int) -> None:
         super().__init__(CHILDREN, in_channels, out_channels)
 
     def matrix(self) -> Tensor:
-        """(c, 8 d), all children of a parent at once."""
+        """The kernel as one matrix (c, 8 d) for all children of a parent."""
         return self.kernel.transpose(0, 1).flatten(1)
 
     def forward(self, features: Tensor) -> Tensor:
@@ -78,30 +76,30 @@ class GenerativeTransposedConvolution(SparseLayer):
 
 
 def top_k(logits: NDArray[np.float32], count: int) -> NDArray[np.int64]:
-    """Rows of the `count` (1 or more) largest of logits (n,), ascending; ties by row."""
+    """Return the rows of the `count` >= 1 largest logits (n,), ascending; ties go to lower rows."""
     if count >= len(logits):
         return np.arange(len(logits))
     least = np.partition(logits, len(logits) - count)[len(logits) - count]
-    chosen = logits > least
+    selected = logits > least
     ties = np.flatnonzero(logits == least)
-    chosen[ties[: count - np.count_nonzero(chosen)]] = True
-    return np.flatnonzero(chosen)
+    selected[ties[: count - np.count_nonzero(selected)]] = True
+    return np.flatnonzero(selected)
 
 
 def kept_children(
     logits: NDArray[np.float32], count: int, child_per_parent: bool = True
 ) -> NDArray[np.int64]:
-    """The children that a decoder keeps, by their occupancy logits.
+    """Select the children that a decoder keeps by their occupancy logits.
 
     Parameters
     ----------
     logits
         (m, 8), of the children of m parents.
     count
-        How many to keep.
+        Number of children to keep.
     child_per_parent
-        Keep the most likely child of each parent first, as an occupied voxel has an occupied
-        child; otherwise the most likely ones may be of few parents, and the others leave holes.
+        Keep the most likely child of each parent first. Otherwise parents may lose all children,
+        which leaves holes.
 
     Returns
     -------
@@ -113,8 +111,8 @@ def kept_children(
     best = logits.argmax(axis=1)
     rows = np.arange(len(logits))
     if count <= len(logits):
-        chosen = top_k(logits[rows, best], count)
-        slots: NDArray[np.int64] = CHILDREN * chosen + best[chosen]
+        selected = top_k(logits[rows, best], count)
+        slots: NDArray[np.int64] = CHILDREN * selected + best[selected]
         return slots
     ranked = logits.copy()
     ranked[rows, best] = np.inf

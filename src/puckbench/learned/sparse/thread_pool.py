@@ -1,9 +1,9 @@
-"""A pool of threads that share the rows of a layer, each with working memory that it keeps.
+"""A thread pool whose threads keep their working memory from layer to layer.
 
-A matrix product may be summed in another order when another number of threads computes it. Here
-each chunk of rows is computed by one thread from beginning to end, so that the number of threads
-never changes a result. Memory is kept from layer to layer, since the system would otherwise clear
-and map it anew each time, which costs as much as the arithmetic.
+The order of summation in a matrix product depends on its number of threads. Here one thread
+computes a chunk of rows completely, so that results do not depend on the number of threads. Memory
+is kept because the system would otherwise map and clear it for each layer, which takes as long as
+the arithmetic.
 """
 
 from __future__ import annotations
@@ -21,52 +21,52 @@ T = TypeVar("T")
 
 
 class Scratch:
-    """Flat float32 working memory by name, as large as the largest request so far."""
+    """Flat float32 buffers by name, each as large as the largest request so far."""
 
     def __init__(self) -> None:
-        self._held: dict[str, Tensor] = {}
+        self._buffers: dict[str, Tensor] = {}
 
     def take(self, name: str, size: int) -> Tensor:
-        """`size` uninitialised floats; the next request of the name gets the same memory."""
-        held = self._held.get(name)
-        if held is None or len(held) < size:
-            held = self._held[name] = torch.empty(size, dtype=torch.float32)
-        return held[:size]
+        """Return `size` uninitialised floats; later requests of the name share the memory."""
+        buffer = self._buffers.get(name)
+        if buffer is None or len(buffer) < size:
+            buffer = self._buffers[name] = torch.empty(size, dtype=torch.float32)
+        return buffer[:size]
 
 
 class ThreadPool:
-    """Threads, each with working memory of its own, and memory that they share.
+    """Threads with working memory: one buffer set for each thread, and one shared set.
 
     Parameters
     ----------
     threads
-        How many there are.
+        Number of threads.
     executor
-        Runs them; without it the calling thread computes everything.
+        Runs them. Without it the calling thread computes everything.
     """
 
     def __init__(self, threads: int, executor: ThreadPoolExecutor | None = None) -> None:
         self.threads = threads
         self.shared = Scratch()
         self._executor = executor
-        self._own = threading.local()
+        self._local = threading.local()
 
     def map_chunks(self, rows: int, size: int, work: Callable[[slice, Scratch], T]) -> list[T]:
-        """Results of `work` on each chunk of `size` rows out of `rows`, in order."""
+        """Return the results of `work` for each chunk of `size` rows, in order."""
         chunks = [slice(first, min(rows, first + size)) for first in range(0, rows, size)]
 
-        def one(chunk: slice) -> T:
-            if not hasattr(self._own, "scratch"):
-                self._own.scratch = Scratch()
+        def run_chunk(chunk: slice) -> T:
+            if not hasattr(self._local, "scratch"):
+                self._local.scratch = Scratch()
             with torch.no_grad():  # gradients are on when a thread starts
-                return work(chunk, self._own.scratch)
+                return work(chunk, self._local.scratch)
 
         if self._executor is None or len(chunks) == 1:
-            return [one(chunk) for chunk in chunks]
-        return list(self._executor.map(one, chunks))
+            return [run_chunk(chunk) for chunk in chunks]
+        return list(self._executor.map(run_chunk, chunks))
 
     def submit(self, work: Callable[[], T]) -> Callable[[], T]:
-        """Begin to compute `work()`; the function that is returned waits for the result."""
+        """Start `work()`. The returned function waits for its result."""
         if self._executor is None:
             result = work()
             return lambda: result
@@ -75,7 +75,7 @@ class ThreadPool:
 
 @contextmanager
 def thread_pool(threads: int | None = None) -> Iterator[ThreadPool]:
-    """A pool of threads (PyTorch's number by default); meanwhile PyTorch itself uses one."""
+    """Open a pool, by default of PyTorch's number of threads. Inside, PyTorch itself uses one."""
     before = torch.get_num_threads()
     threads = threads or before
     torch.set_num_threads(1)

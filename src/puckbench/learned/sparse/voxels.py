@@ -1,8 +1,8 @@
-"""Voxel sets in Morton order: 64-bit keys, coarser sets, and tables of neighbours.
+"""Sets of voxels in Morton order: 64-bit keys, coarser sets, and neighbour tables.
 
-The key of a voxel interleaves the bits of x, y and z, x lowest. In that order the up to eight
-children of a voxel stand together, the keys of the next coarser set are ``keys >> 3``, and a
-child's number within its parent, ``key & 7``, is ``x + 2 y + 4 z`` of its corner.
+The key of a voxel interleaves the bits of x, y and z, x lowest. In this order the children of a
+voxel are contiguous, the keys of the next coarser set are ``keys >> 3``, and the number of a child
+within its parent, ``key & 7``, is ``x + 2 y + 4 z``.
 """
 
 from __future__ import annotations
@@ -56,12 +56,12 @@ class VoxelSet:
 
 @dataclass(frozen=True)
 class ChildMap:
-    """Which voxels of a set are the children of which voxel of the next coarser set.
+    """Children of each voxel of the next coarser set.
 
     Parameters
     ----------
     first
-        (m + 1,) int64, the children of parent p are the rows first[p] to first[p + 1].
+        (m + 1,) int64; the children of parent p are the rows first[p] to first[p + 1].
     slots
         (n,) int64, ``8 * parent + child number`` of each child.
     """
@@ -71,36 +71,35 @@ class ChildMap:
 
 
 def morton_keys(voxels: NDArray[np.integer[Any]]) -> Keys:
-    """Keys (n,) of voxels (n, 3) with coordinates in [0, 2**20)."""
+    """Return the keys (n,) of voxels (n, 3) with coordinates in [0, 2**20)."""
     return morton_codes(np.ascontiguousarray(voxels, dtype=np.int64), _X_LOWEST)
 
 
 def morton_voxels(keys: Keys) -> NDArray[np.int64]:
-    """Voxels (n, 3) of keys (n,)."""
     return morton_points(np.ascontiguousarray(keys), _X_LOWEST, np.zeros(3, np.int64))
 
 
 def unique_keys(keys: Keys) -> Keys:
-    """Keys in order without duplicates; `numpy.unique` is slower, since it makes a hash table."""
+    """Sort keys and remove duplicates, faster than `numpy.unique`, which makes a hash table."""
     ordered: Keys = np.sort(keys)
     return np.asarray(ordered[np.diff(ordered, prepend=-1) != 0])
 
 
 def parents_of(keys: Keys) -> tuple[Keys, ChildMap]:
-    """Keys of the next coarser set, and the children of each of its voxels."""
-    above = keys >> 3
-    starts = np.flatnonzero(np.diff(above, prepend=-1))
-    parent = np.cumsum(np.diff(above, prepend=-1) != 0) - 1
-    return above[starts], ChildMap(np.append(starts, len(keys)), 8 * parent + (keys & 7))
+    """Return the keys of the next coarser set, and the children of each of its voxels."""
+    parents = keys >> 3
+    starts = np.flatnonzero(np.diff(parents, prepend=-1))
+    parent = np.cumsum(np.diff(parents, prepend=-1) != 0) - 1
+    return parents[starts], ChildMap(np.append(starts, len(keys)), 8 * parent + (keys & 7))
 
 
 def pyramid(
     keys: Keys, scales: int, pool: ThreadPool | None = None
 ) -> tuple[list[VoxelSet], list[ChildMap]]:
-    """A set of voxels and its coarser sets with their tables of neighbours.
+    """Return a set of voxels and its coarser sets, with their neighbour tables.
 
-    The tables are made from the coarsest set down: a child's neighbours are children of its
-    parent's neighbours, so nothing is ever searched for.
+    The tables are made from the coarsest set down, without a search: the neighbours of a child are
+    children of its parent's neighbours.
 
     Parameters
     ----------
@@ -114,7 +113,7 @@ def pyramid(
     Returns
     -------
     tuple
-        The `scales` + 1 sets, finest first, and the `scales` maps from one to the next.
+        The `scales` + 1 sets, finest first, and the `scales` maps from each set to the next.
     """
     sets, child_maps = [keys], []
     while len(sets) <= scales or len(sets[-1]) > 1:
@@ -134,14 +133,14 @@ def _root(keys: Keys) -> VoxelSet:
 
 
 def children_voxels(parents: VoxelSet, keys: Keys, pool: ThreadPool | None = None) -> VoxelSet:
-    """The set of some children of the parents, at least one of each, by their keys (n,)."""
+    """Return a set of children by their keys (n,), with at least one child of each parent."""
     first = np.append(np.flatnonzero(np.diff(keys >> 3, prepend=-1)), len(keys))
     rows = np.full((len(parents), CHILDREN), -1, dtype=np.int32)
     rows[np.repeat(np.arange(len(parents)), np.diff(first)), keys & 7] = np.arange(len(keys))
     table = np.empty((OFFSETS, len(keys)), dtype=np.int32)
 
-    def work(part: slice, _: object = None) -> None:
-        steps = (_around(), _near_child(), part.start, part.stop)
+    def work(chunk: slice, _: object = None) -> None:
+        steps = (_ring_parents(), _ring_cells(), chunk.start, chunk.stop)
         _fill_neighbours(parents.neighbours, first, keys, rows, *steps, table)
 
     if pool is None:
@@ -152,7 +151,7 @@ def children_voxels(parents: VoxelSet, keys: Keys, pool: ThreadPool | None = Non
 
 
 def keys_of_slots(parents: Keys, slots: NDArray[np.int64]) -> Keys:
-    """Keys (n,) of the children in slots (n,), ``8 * row of the parent + child number``."""
+    """Return the keys (n,) of children by their slots (n,), ``8 * parent row + child number``."""
     keys: Keys = (parents[slots >> 3] << 3) | (slots & 7)
     return keys
 
@@ -160,27 +159,29 @@ def keys_of_slots(parents: Keys, slots: NDArray[np.int64]) -> Keys:
 def selected_children(
     parents: VoxelSet, slots: NDArray[np.int64], pool: ThreadPool | None = None
 ) -> VoxelSet:
-    """The set of the children in ascending slots; some parents may have none."""
-    stays = np.zeros(len(parents), dtype=bool)
-    stays[slots >> 3] = True
-    row = np.where(stays, np.cumsum(stays) - 1, -1).astype(np.int32)
-    table = parents.neighbours[:, stays]
-    left = VoxelSet(parents.keys[stays], np.where(table < 0, -1, row[table]))
-    return children_voxels(left, keys_of_slots(parents.keys, slots), pool)
+    """Return the set of the children in ascending slots; a parent may have none."""
+    has_child = np.zeros(len(parents), dtype=bool)
+    has_child[slots >> 3] = True
+    row = np.where(has_child, np.cumsum(has_child) - 1, -1).astype(np.int32)
+    table = parents.neighbours[:, has_child]
+    kept_parents = VoxelSet(parents.keys[has_child], np.where(table < 0, -1, row[table]))
+    return children_voxels(kept_parents, keys_of_slots(parents.keys, slots), pool)
 
 
 @cache
-def _around() -> NDArray[np.int64]:
-    """Of the 4x4x4 voxels around a parent's children, x fastest: the offset of the parent that each
-    belongs to, and its number there, (2, 64)."""
+def _ring_parents() -> NDArray[np.int64]:
+    """Return the parents of the 4x4x4 cells around a parent's children, x fastest.
+
+    The result (2, 64) holds the offset of each cell's parent, and its child number there.
+    """
     position = np.arange(64) // 4 ** np.arange(3)[:, None] % 4 - 1
-    above, within = position // 2 + 1, position % 2
-    return np.stack([3 ** np.arange(3) @ above, 2 ** np.arange(3) @ within])
+    parents, within = position // 2 + 1, position % 2
+    return np.stack([3 ** np.arange(3) @ parents, 2 ** np.arange(3) @ within])
 
 
 @cache
-def _near_child() -> NDArray[np.int64]:
-    """Which of the 4x4x4 voxels around is at each offset of each child, (8, 27)."""
+def _ring_cells() -> NDArray[np.int64]:
+    """Return the cell of the 4x4x4 ring at each offset of each child, (8, 27)."""
     child, offset = np.meshgrid(np.arange(8), np.arange(OFFSETS), indexing="ij")
     steps = [(child >> axis & 1) + offset // 3**axis % 3 for axis in range(3)]
     return np.asarray(sum(step * 4**axis for axis, step in enumerate(steps)))
@@ -192,20 +193,20 @@ def _fill_neighbours(
     first: NDArray[np.int64],
     keys: Keys,
     rows: NeighbourTable,
-    around: NDArray[np.int64],
-    near: NDArray[np.int64],
+    ring_parents: NDArray[np.int64],
+    ring_cells: NDArray[np.int64],
     first_parent: int,
     last_parent: int,
     table: NeighbourTable,
 ) -> None:
-    others, cube = np.empty(OFFSETS, np.int64), np.empty(64, np.int32)
+    parent_neighbours, ring = np.empty(OFFSETS, np.int64), np.empty(64, np.int32)
     for parent in range(first_parent, last_parent):
         for offset in range(OFFSETS):
-            others[offset] = parent_table[offset, parent]
+            parent_neighbours[offset] = parent_table[offset, parent]
         for i in range(64):
-            other = others[around[0, i]]
-            cube[i] = -1 if other < 0 else rows[other, around[1, i]]
+            neighbour = parent_neighbours[ring_parents[0, i]]
+            ring[i] = -1 if neighbour < 0 else rows[neighbour, ring_parents[1, i]]
         for row in range(first[parent], first[parent + 1]):
             child = keys[row] & 7
             for offset in range(OFFSETS):
-                table[offset, row] = cube[near[child, offset]]
+                table[offset, row] = ring[ring_cells[child, offset]]
