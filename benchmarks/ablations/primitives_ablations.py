@@ -147,7 +147,7 @@ def ablate(found: rd.Room, rates: list[str]) -> None:
             "voxels always, not moved",
             (mode_decision._Comparison, "surface_is_better", lambda comparison: False),
             (mode_decision._Comparison, *nothing_else),
-            (voxel_mode, "_displacements", lambda *_: None),
+            (voxel_mode, "_fit_displacements", lambda *_: None),
         ),
     ):
         with ExitStack() as changed:

@@ -28,8 +28,8 @@ from puckbench.geometry.mesh import Mesh
 from puckbench.geometry.rendering import render_cloud, three_quarter_view
 from puckbench.io.clouds import read_cloud
 from puckbench.io.meshes.reading import read_mesh
-from puckbench.primitives.decoder import read_patches, surface_part
-from puckbench.primitives.segments import segment_points
+from puckbench.primitives.decoder import read_patches
+from puckbench.primitives.segmentation import segment_points
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -125,7 +125,7 @@ def main() -> None:
     cloud = read_cloud(options.results / "clouds" / f"{options.cloud}.ply")
     truth = read_mesh(options.results / "scenes" / f"{options.scene}.ply")
     stream = open_codec("primitives").encode(cloud.xyz, options.rate)
-    patches = read_patches(*surface_part(stream))
+    patches = read_patches(stream)
     planes, rounds = int(patches.leaves.counts[1]), len(patches.revolutions)
     print(f"{8 * len(stream) / len(cloud):.4f} bpp, {planes} planes, {rounds} round surfaces")
     decoded, names = segment_points(patches)

@@ -33,7 +33,7 @@ from puckbench.metrics.recovery import (
     recovery,
 )
 from puckbench.primitives.preparation import prepare
-from puckbench.primitives.settings import rate_settings
+from puckbench.primitives.settings import parse_settings
 
 Ints = NDArray[np.int64]
 
@@ -119,7 +119,7 @@ def growing(room: Scanned) -> Ints:
     from scipy.sparse.csgraph import connected_components
     from scipy.spatial import cKDTree
 
-    cloud = prepare(room.scan.xyz, rate_settings(open_codec("primitives").rates["r4"]))
+    cloud = prepare(room.scan.xyz, parse_settings(open_codec("primitives").rates["r4"]))
     xyz, normals = cloud.surface.xyz, cloud.surface.normals
     near = cKDTree(xyz).query(xyz, 9)[1]
     a, b = np.repeat(near[:, 0], 8), near[:, 1:].ravel()

@@ -16,7 +16,7 @@ from puckbench.learned.reno import stream as reno_stream
 from puckbench.primitives import hybrid_mode, voxel_mode
 from puckbench.primitives import stream as limits
 from puckbench.primitives.revolution import SPHERE, RevolutionSurface, pack_parameters
-from puckbench.primitives.settings import Settings
+from puckbench.primitives.settings import PrimitiveSettings
 from puckbench.primitives.stream import (
     HybridHeader,
     SurfaceHeader,
@@ -43,7 +43,7 @@ def test_a_leaf_of_thousands_of_columns_is_refused(depth: int, bits: bytes) -> N
     header = _surface(
         shape=(side, min(side, (1 << 26) // side), 1), depth=depth, coarsest_leaf_level=0
     )
-    with pytest.raises(InputError, match="its header makes no sense"):
+    with pytest.raises(InputError, match="its header is invalid"):
         open_codec("primitives").decode(pack_surface(header, bits))
 
 
@@ -91,10 +91,10 @@ def test_voxels_about_the_centre_of_a_sphere_are_refused(monkeypatch: pytest.Mon
     surface = codec.encode(sphere, "r3")
     cube = np.stack(np.meshgrid(*[np.arange(20.0)] * 3), axis=-1).reshape(-1, 3)
     factors = np.ones(limits.CLASSES, np.int8)
-    monkeypatch.setattr(hybrid_mode, "_MAX_LOOKED_AT", 1 << 22)
+    monkeypatch.setattr(hybrid_mode, "_MAX_SEARCH_STEPS", 1 << 22)
     for side, is_refused in ((1e-6, True), (0.5, False)):
         place = 500.0 if is_refused else [900.0, 500.0, 500.0]
-        voxels = voxel_mode.encode_voxel_size(place + cube * side, side)
+        voxels = voxel_mode.encode_voxels_of_size(place + cube * side, side)
         stream = pack_hybrid(HybridHeader(8, factors, surface, voxels))
         if is_refused:
             with pytest.raises(InputError, match="too far from its surface"):
@@ -111,14 +111,14 @@ def test_voxels_about_many_equal_spheres_are_refused(monkeypatch: pytest.MonkeyP
         revolutions=pack_parameters(sphere) * 255,
     )  # fmt: skip
     cube = np.stack(np.meshgrid(*[np.arange(8.0)] * 3), axis=-1).reshape(-1, 3)
-    voxels = voxel_mode.encode_voxel_size(100 + cube * 1e-6, 1e-6)
+    voxels = voxel_mode.encode_voxels_of_size(100 + cube * 1e-6, 1e-6)
     surface, factors = pack_surface(header, b"\0" * 100), np.ones(limits.CLASSES, np.int8)
     stream = pack_hybrid(HybridHeader(8, factors, surface, voxels))
     codec = open_codec("primitives")
-    monkeypatch.setattr(hybrid_mode, "_MAX_LOOKED_AT", 1 << 17)  # of 70,000 distinct points
+    monkeypatch.setattr(hybrid_mode, "_MAX_SEARCH_STEPS", 1 << 17)  # of 70,000 distinct points
     with pytest.raises(InputError, match="too far from its surface"):
         codec.decode(stream)
-    monkeypatch.setattr(hybrid_mode, "_MAX_LOOKED_AT", 1 << 20)
+    monkeypatch.setattr(hybrid_mode, "_MAX_SEARCH_STEPS", 1 << 20)
     assert len(codec.decode(stream)) >= len(cube)
 
 
@@ -133,7 +133,9 @@ def test_what_a_decoder_would_refuse_primitives_codes_as_voxels(
     from puckbench.primitives.surface_mode import SurfaceMode, encode_surface
 
     rng = np.random.default_rng(0)
-    cloud = prepare(np.column_stack([rng.random((2000, 2)) * 100, np.zeros(2000)]), Settings())
+    cloud = prepare(
+        np.column_stack([rng.random((2000, 2)) * 100, np.zeros(2000)]), PrimitiveSettings()
+    )
     assert encode_surface(cloud, SurfaceMode()) is not None
     for module in (limits, surface_mode):
         if hasattr(module, name):

@@ -17,10 +17,9 @@ from puckbench.primitives.decoder import decode_surface
 from puckbench.primitives.manhattan_frame import rotation_matrix
 from puckbench.primitives.noise import estimate_noise
 from puckbench.primitives.preparation import prepare
-from puckbench.primitives.settings import Settings
-from puckbench.primitives.smoothing import sample_cells, smooth_samples
+from puckbench.primitives.settings import PrimitiveSettings
+from puckbench.primitives.smoothing import downsample, smooth_samples
 from puckbench.primitives.stream import (
-    SurfaceHeader,
     VoxelHeader,
     pack_surface,
     pack_voxels,
@@ -59,9 +58,10 @@ def _codec() -> Primitives:
 def _small_stream(rate: str) -> bytes:
     """A stream of voxels for r8, else of surfaces."""
     if rate == "r8":
-        return VoxelSearch(_room(3000)).to_budget(1300, max_voxel_size=4).stream
+        return VoxelSearch(_room(3000)).encode_to_budget(1300, max_voxel_size=4).stream
     coded = encode_surface(
-        prepare(_room(3000), Settings(min_leaf_size=32, column_size=16, lmbda=600)), SurfaceMode()
+        prepare(_room(3000), PrimitiveSettings(min_leaf_size=32, column_size=16, lmbda=600)),
+        SurfaceMode(),
     )
     assert coded is not None
     return coded.stream
@@ -95,9 +95,7 @@ def test_coordinates_in_metres_far_from_the_origin_come_back() -> None:
 
 
 def test_decoded_normals_are_those_of_the_sides() -> None:
-    header, bits = unpack(_codec().encode(_room(), "r4"))
-    assert isinstance(header, SurfaceHeader)
-    decoded = decode_surface(header, bits)
+    decoded = decode_surface(_codec().encode(_room(), "r4"))
     assert np.allclose(np.linalg.norm(decoded.normals, axis=1), 1)
     inner = np.sort(np.minimum(decoded.xyz, SIZE - decoded.xyz), axis=1)[:, 1] > 40
     assert np.quantile(np.abs(decoded.normals[inner]).max(axis=1), 0.05) > 0.999
@@ -134,7 +132,7 @@ def test_the_sides_of_a_box_are_six_segments() -> None:
 def test_voxels_have_no_mesh() -> None:
     codec = _codec()
     with pytest.raises(InputError, match="voxels, not planes"):
-        codec.decode_mesh(VoxelSearch(_room(1000)).to_budget(400).stream)
+        codec.decode_mesh(VoxelSearch(_room(1000)).encode_to_budget(400).stream)
 
 
 def test_the_highest_rate_reproduces_small_clouds_too() -> None:
@@ -168,7 +166,7 @@ def test_the_noise_is_found(noise: float) -> None:
 def test_smoothing_moves_samples_onto_the_surface() -> None:
     rng = np.random.default_rng(6)
     points = np.column_stack([rng.random((40_000, 2)) * 200, 50 + rng.normal(0, 2, 40_000)])
-    samples = sample_cells(points, 6.0)
+    samples = downsample(points, 6.0)
     xyz, normals = smooth_samples(samples, 6.0, 25.0, 12.0)
     assert np.std(xyz[:, 2] - 50) < 0.25 * np.std(samples.xyz[:, 2] - 50)
     assert np.quantile(np.abs(normals[:, 2]), 0.05) > 0.98
@@ -181,7 +179,7 @@ def test_smoothing_keeps_an_edge() -> None:
     noise, level = rng.normal(0, 1.3, len(along)), np.arange(len(along)) % 2 == 0
     floor, wall = (along, across, noise), (noise, across, along)
     points = np.where(level[:, None], np.stack(floor, axis=1), np.stack(wall, axis=1)) + 300
-    xyz = smooth_samples(sample_cells(points, 4.0), 4.0, 25.0, 8.5)[0] - 300
+    xyz = smooth_samples(downsample(points, 4.0), 4.0, 25.0, 8.5)[0] - 300
     near = np.maximum(xyz[:, 0], xyz[:, 2]) < 15
     assert np.count_nonzero(near) > 500
     assert np.mean(np.minimum(xyz[near, 0] ** 2, xyz[near, 2] ** 2)) < 0.5
@@ -205,7 +203,7 @@ def test_damage_behind_a_right_check_ends_in_an_error_or_points(
         if damaged:
             damaged[data.draw(st.integers(0, len(damaged) - 1))] = data.draw(st.integers(0, 255))
     if isinstance(header, VoxelHeader):
-        stream = pack_voxels(header.place, header.table, bytes(damaged))
+        stream = pack_voxels(header.grid, header.displacements, bytes(damaged))
     else:
         stream = pack_surface(header, bytes(damaged))
     try:

@@ -16,7 +16,7 @@ from puckbench.primitives.distortion import DistortionEstimator
 from puckbench.primitives.grid_alignment import frame_candidates
 from puckbench.primitives.mode_decision import _best_surface, _evaluate
 from puckbench.primitives.preparation import prepare
-from puckbench.primitives.settings import Settings
+from puckbench.primitives.settings import PrimitiveSettings
 from tests.support.default_clouds import CLOUDS, sampled_room
 
 _BOXES = (
@@ -117,7 +117,9 @@ def test_the_truth_of_a_cluttered_room_is_left_no_sooner_than_at_the_highest_rat
 
 def test_mode_decision_improves_a_badly_aligned_grid() -> None:
     _, _, points = _furnished(0.0)
-    cloud = prepare(points, Settings(min_leaf_size=32, column_size=16, lmbda=600, plane_step=8))
+    cloud = prepare(
+        points, PrimitiveSettings(min_leaf_size=32, column_size=16, lmbda=600, plane_step=8)
+    )
     estimator = DistortionEstimator.of(cloud.points, *cloud.surface[:3])
-    tried = [_evaluate(cloud, estimator, mode).cost for mode in frame_candidates(cloud)]
-    assert _best_surface(cloud, estimator).cost < 0.95 * min(tried)
+    trials = [_evaluate(cloud, estimator, mode).cost for mode in frame_candidates(cloud)]
+    assert _best_surface(cloud, estimator).cost < 0.95 * min(trials)

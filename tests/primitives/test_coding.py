@@ -7,16 +7,16 @@ from puckbench.coding.binary_coder import PAST_THE_END, POSITION, written
 from puckbench.core.compiling import compiled
 from puckbench.core.errors import InputError
 from puckbench.geometry.moments import fit_plane, squared_distance
-from puckbench.primitives.entropy import Coder, code_bit, code_number, reader, writer
-from puckbench.primitives.occupancy_decision import optimise_map
+from puckbench.primitives.entropy import ContextCoder, code_bit, code_number, reader, writer
+from puckbench.primitives.occupancy_decision import optimise_occupancy_map
 from puckbench.primitives.octree import build_octree, moments_of, prune_octree
 from puckbench.primitives.plane_coding import dequantise_plane, quantise_plane
 from puckbench.primitives.stream import (
     CLASSES,
     REVOLUTION_BYTES,
     DisplacementTable,
-    GridPlacement,
     SurfaceHeader,
+    VoxelGrid,
     VoxelHeader,
     pack_surface,
     pack_voxels,
@@ -25,7 +25,7 @@ from puckbench.primitives.stream import (
 
 
 @compiled
-def _code_bits(coder: Coder, bits: np.ndarray, context: np.ndarray) -> np.ndarray:
+def _code_bits(coder: ContextCoder, bits: np.ndarray, context: np.ndarray) -> np.ndarray:
     found = np.zeros(len(bits), np.int64)
     for i in range(len(bits)):
         at = context[i]
@@ -34,7 +34,7 @@ def _code_bits(coder: Coder, bits: np.ndarray, context: np.ndarray) -> np.ndarra
 
 
 @compiled
-def _code_numbers(coder: Coder, numbers: np.ndarray) -> np.ndarray:
+def _code_numbers(coder: ContextCoder, numbers: np.ndarray) -> np.ndarray:
     found = np.zeros(len(numbers), np.int64)
     for i in range(len(numbers)):
         found[i] = code_number(coder, numbers[i], 0, 0, 40)
@@ -156,7 +156,7 @@ def test_optimised_occupancy_maps_lose_lone_columns_and_close_holes() -> None:
     gains[3, 2] = -0.1
     gains[1, 6] = 0.1
     bits = np.zeros((7, 7), np.uint8)
-    optimise_map(gains, 0.2, np.zeros((9, 9), np.int64), bits)
+    optimise_occupancy_map(gains, 0.2, np.zeros((9, 9), np.int64), bits)
     expected = np.zeros((7, 7), np.uint8)
     expected[:, :4] = 1
     assert np.array_equal(bits, expected)
@@ -165,7 +165,7 @@ def test_optimised_occupancy_maps_lose_lone_columns_and_close_holes() -> None:
 HEADER = SurfaceHeader(np.array([1.0, -2.0, 0.5]), 0.25, (30, 20, 10), 5, 4, 1, 16, 1, 1, 100)
 
 
-PLACE = GridPlacement(np.array([1.0, -2.0, 0.5]), 0.25)
+PLACE = VoxelGrid(np.array([1.0, -2.0, 0.5]), 0.25)
 
 
 @pytest.mark.parametrize("turn", [(0, 0, 0), (300, -20000, 5)])
@@ -184,15 +184,15 @@ def test_headers_come_back(turn: tuple[int, int, int], rounds: bytes) -> None:
 def test_headers_of_voxels_come_back(table: DisplacementTable | None) -> None:
     header, bits = unpack(pack_voxels(PLACE, table, b"abc"))
     assert isinstance(header, VoxelHeader)
-    assert np.array_equal(header.place.origin, PLACE.origin)
-    assert header.place.cell_size == PLACE.cell_size
+    assert np.array_equal(header.grid.origin, PLACE.origin)
+    assert header.grid.cell_size == PLACE.cell_size
     assert bits == b"abc"
     if table is None:
-        assert header.table is None
+        assert header.displacements is None
     else:
-        assert header.table is not None
-        assert header.table.block_size == table.block_size
-        assert np.array_equal(header.table.factors, table.factors)
+        assert header.displacements is not None
+        assert header.displacements.block_size == table.block_size
+        assert np.array_equal(header.displacements.factors, table.factors)
 
 
 @pytest.mark.parametrize("block", [3, 200])

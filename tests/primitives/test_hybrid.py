@@ -14,11 +14,11 @@ from puckbench.codecs.registry import open_codec
 from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats
 from puckbench.primitives import hybrid_mode, mode_decision, voxel_mode
-from puckbench.primitives.decoder import decode_stream, decode_surface, surface_part
-from puckbench.primitives.distortion import Distortion, Nearest
+from puckbench.primitives.decoder import decode, decode_surface
+from puckbench.primitives.distortion import Distortion, NearestOffsets
 from puckbench.primitives.mode_decision import _refined_budget
 from puckbench.primitives.preparation import prepare
-from puckbench.primitives.settings import Settings
+from puckbench.primitives.settings import PrimitiveSettings
 from puckbench.primitives.stream import (
     CLASSES,
     HybridHeader,
@@ -30,9 +30,9 @@ from puckbench.primitives.stream import (
 from puckbench.primitives.surface_mode import SurfaceMode, encode_surface
 
 NO_FACTORS = np.zeros(CLASSES, np.int8)
-_NOTHING = Nearest(np.zeros((1, 3)), np.zeros((1, 3)))
-MOST_POINTS = hybrid_mode.Criterion(
-    nearest=lambda _: _NOTHING,
+_NOTHING = NearestOffsets(np.zeros((1, 3)), np.zeros((1, 3)))
+MOST_POINTS = hybrid_mode.HybridCriterion(
+    nearest_offsets=lambda _: _NOTHING,
     measure=lambda xyz, _: Distortion(-len(xyz), 0.0, 0.0),
     cost=lambda found: found.point,
 )
@@ -47,10 +47,10 @@ def _floor(noise: float = 0.0) -> np.ndarray:
 
 @cache
 def _surface(noise: float = 0.0) -> hybrid_mode.SurfacePart:
-    cloud = prepare(_floor(noise), Settings(min_leaf_size=32, column_size=8, lmbda=30))
+    cloud = prepare(_floor(noise), PrimitiveSettings(min_leaf_size=32, column_size=8, lmbda=30))
     coded = encode_surface(cloud, SurfaceMode())
     assert coded is not None
-    decoded = decode_surface(*surface_part(coded.stream))
+    decoded = decode_surface(coded.stream)
     return hybrid_mode.SurfacePart(coded.stream, decoded.xyz, decoded.normals)
 
 
@@ -69,7 +69,12 @@ def test_a_hybrid_comes_back() -> None:
     factors = np.arange(CLASSES, dtype=np.int8) - 12
     header, bits = unpack(pack_hybrid(HybridHeader(7, factors, b"surface", b"voxels")))
     assert isinstance(header, HybridHeader)
-    assert (header.reach, header.surface, header.voxels, bits) == (7, b"surface", b"voxels", b"")
+    assert (header.keep_distance, header.surface, header.voxels, bits) == (
+        7,
+        b"surface",
+        b"voxels",
+        b"",
+    )
     assert np.array_equal(header.factors, factors)
 
 
@@ -94,8 +99,8 @@ def _parts(surface: hybrid_mode.SurfacePart, voxels: bytes) -> tuple[np.ndarray,
     """Points of the voxels of `_hybrid` beside its surface, and of the same voxels alone."""
     header, _ = unpack(_hybrid())
     assert isinstance(header, HybridHeader)
-    moved = decode_stream(pack_hybrid(header._replace(reach=0)))
-    alone = decode_stream(voxels)
+    moved = decode(pack_hybrid(header._replace(keep_distance=0)))
+    alone = decode(voxels)
     assert len(moved) == len(alone)
     return moved, alone
 
@@ -105,19 +110,19 @@ def test_the_surface_keeps_its_points_in_occupied_voxels() -> None:
     assert isinstance(header, HybridHeader)
     part, _ = unpack(header.voxels)
     assert isinstance(part, VoxelHeader)
-    count = len(decode_stream(header.voxels))
-    kept = decode_stream(_hybrid())[count:]
+    count = len(decode(header.voxels))
+    kept = decode(_hybrid())[count:]
     assert len(kept) > 100
-    cells = voxel_mode.voxelise(_floor(), part.place).cells
+    cells = voxel_mode.voxelise(_floor(), part.grid).cells
     occupied = {tuple(cell) for cell in cells.tolist()}
-    nearest = np.rint((kept - part.place.origin) / part.place.cell_size).astype(int)
+    nearest = np.rint((kept - part.grid.origin) / part.grid.cell_size).astype(int)
     assert {tuple(cell) for cell in nearest.tolist()} <= occupied
 
 
 def test_noise_is_followed_less_than_by_voxels_of_as_many_bytes() -> None:
     points = _floor(2.5)
-    voxels = voxel_mode.VoxelSearch(points).to_budget(len(_hybrid(2.5))).stream
-    errors = [_mean_square(decode_stream(stream)) for stream in (_hybrid(2.5), voxels)]
+    voxels = voxel_mode.VoxelSearch(points).encode_to_budget(len(_hybrid(2.5))).stream
+    errors = [_mean_square(decode(stream)) for stream in (_hybrid(2.5), voxels)]
     assert errors[0] < 0.95 * errors[1]
 
 
@@ -142,7 +147,7 @@ def test_a_surface_that_takes_the_whole_budget_leaves_no_voxels() -> None:
 def test_bits_grow_from_the_surface_to_the_highest_rate_in_equal_ratios() -> None:
     points = _floor()
     for size, most in ((8, 3.5 * len(points) / 8), (0.1, 4.5 * len(points) / 8)):
-        rates = (Settings(max_voxel_size=size, refinement=k / 3) for k in range(4))
+        rates = (PrimitiveSettings(max_voxel_size=size, refinement=k / 3) for k in range(4))
         budgets = [_refined_budget(voxel_mode.VoxelSearch(points), 1000, rate)[0] for rate in rates]
         assert budgets[0] == 1000
         assert budgets[3] >= int(most)
@@ -157,11 +162,13 @@ def test_parts_of_another_kind_are_refused(part: str) -> None:
     for other in (_hybrid(), header.voxels if part == "surface" else header.surface, b""):
         changed: dict[str, Any] = {part: other}
         with pytest.raises(InputError):
-            decode_stream(pack_hybrid(header._replace(**changed)))
+            decode(pack_hybrid(header._replace(**changed)))
 
 
 @pytest.mark.parametrize(
-    "change", [{"reach": 9}, {"factors": NO_FACTORS[1:], "surface": b"", "voxels": b""}], ids=str
+    "change",
+    [{"keep_distance": 9}, {"factors": NO_FACTORS[1:], "surface": b"", "voxels": b""}],
+    ids=str,
 )
 def test_headers_that_make_no_sense_are_refused(change: dict[str, Any]) -> None:
     header = HybridHeader(8, NO_FACTORS, _surface().stream, _voxels(_hybrid()))
@@ -173,11 +180,11 @@ def test_headers_that_make_no_sense_are_refused(change: dict[str, Any]) -> None:
 def test_grids_that_lie_far_apart_decode_to_finite_points(origin: float, size: float) -> None:
     header, bits = unpack(_voxels(_hybrid()))
     assert isinstance(header, VoxelHeader)
-    place = header.place._replace(origin=np.full(3, origin), cell_size=size)
-    voxels = pack_voxels(place, header.table, bits)
+    place = header.grid._replace(origin=np.full(3, origin), cell_size=size)
+    voxels = pack_voxels(place, header.displacements, bits)
     stream = pack_hybrid(HybridHeader(8, NO_FACTORS + 127, _surface().stream, voxels))
     try:
-        assert np.isfinite(decode_stream(stream)).all()
+        assert np.isfinite(decode(stream)).all()
     except InputError:
         return
 
@@ -199,13 +206,13 @@ def test_damage_of_a_part_ends_in_an_error_or_points(data: st.DataObject) -> Non
     for _ in range(data.draw(st.integers(0, 4))):
         if damaged:
             damaged[data.draw(st.integers(0, len(damaged) - 1))] = data.draw(st.integers(0, 255))
-    voxels = pack_voxels(header.place, header.table, bytes(damaged))
+    voxels = pack_voxels(header.grid, header.displacements, bytes(damaged))
     factors = np.array(data.draw(st.lists(st.integers(-128, 127), min_size=24, max_size=24)))
     whole = HybridHeader(
         data.draw(st.integers(0, 8)), factors.astype(np.int8), _surface().stream, voxels
     )
     try:
-        assert np.isfinite(decode_stream(pack_hybrid(whole))).all()
+        assert np.isfinite(decode(pack_hybrid(whole))).all()
     except InputError:
         return
 
@@ -217,7 +224,7 @@ def test_more_voxels_than_a_hybrid_may_have_are_neither_coded_nor_decoded(
     for module in (voxel_mode, hybrid_mode):
         monkeypatch.setattr(module, "MAX_HYBRID_VOXELS", 10)
     with pytest.raises(InputError):
-        decode_stream(stream)
+        decode(stream)
     found = hybrid_mode.encode(
         voxel_mode.VoxelSearch(_floor()), _surface(), len(stream), 16.0, MOST_POINTS
     )

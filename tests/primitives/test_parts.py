@@ -8,16 +8,16 @@ from puckbench.primitives import voxel_mode
 from puckbench.primitives.displacements import displace, fit_displacements
 from puckbench.primitives.distortion import DistortionEstimator
 from puckbench.primitives.manhattan_frame import (
-    STEP,
+    ROTATION_STEP,
     estimate_manhattan_frame,
-    rotated,
-    rotated_back,
+    rotate,
+    rotate_inverse,
     rotation_matrix,
 )
 from puckbench.primitives.stream import (
     CLASSES,
     DisplacementTable,
-    GridPlacement,
+    VoxelGrid,
     VoxelHeader,
     unpack,
 )
@@ -32,11 +32,11 @@ def _box_normals(count: int = 3000) -> np.ndarray:
 
 @pytest.mark.parametrize("turn", [(0, 0, 0), (300, -4000, 17), (32767, 0, 0)])
 def test_rotations_are_those_of_rotation_vectors(turn: tuple[int, int, int]) -> None:
-    expected = Rotation.from_rotvec(np.array(turn) * STEP).as_matrix()
+    expected = Rotation.from_rotvec(np.array(turn) * ROTATION_STEP).as_matrix()
     matrix = rotation_matrix(turn)
     assert np.allclose(matrix, expected)
-    assert np.allclose(rotated(_box_normals(), matrix), _box_normals() @ expected.T)
-    assert np.allclose(rotated_back(_box_normals(), matrix), _box_normals() @ expected)
+    assert np.allclose(rotate(_box_normals(), matrix), _box_normals() @ expected.T)
+    assert np.allclose(rotate_inverse(_box_normals(), matrix), _box_normals() @ expected)
 
 
 @pytest.mark.parametrize("degrees", [(0, 0, 30), (10, 5, 40), (3, -2, 1)])
@@ -64,7 +64,7 @@ def test_no_manhattan_frame_is_estimated_for_aligned_boxes_and_spheres() -> None
     assert estimate_manhattan_frame(round_ones) == (0, 0, 0)
 
 
-UNIT_GRID = GridPlacement(np.zeros(3), 1.0)
+UNIT_GRID = VoxelGrid(np.zeros(3), 1.0)
 
 
 def _askew_plane(noise: float = 0.0) -> np.ndarray:
@@ -109,29 +109,31 @@ def test_few_voxels_are_not_displaced() -> None:
 
 @pytest.mark.parametrize("most", [300, 3000])
 def test_voxels_use_nearly_all_of_the_byte_budget(most: int) -> None:
-    stream = voxel_mode.VoxelSearch(_askew_plane(noise=0.5)).to_budget(most).stream
+    stream = voxel_mode.VoxelSearch(_askew_plane(noise=0.5)).encode_to_budget(most).stream
     assert 0.8 * most < len(stream) <= most
 
 
 def test_voxels_do_not_exceed_the_largest_side_even_above_the_budget() -> None:
     points = _askew_plane()
-    header, _ = unpack(voxel_mode.VoxelSearch(points).to_budget(10, max_voxel_size=8.0).stream)
+    header, _ = unpack(
+        voxel_mode.VoxelSearch(points).encode_to_budget(10, max_voxel_size=8.0).stream
+    )
     assert isinstance(header, VoxelHeader)
-    assert header.place.cell_size <= 8.0 * np.ptp(points, axis=0).max() / 1023 * (1 + 1e-6)
+    assert header.grid.cell_size <= 8.0 * np.ptp(points, axis=0).max() / 1023 * (1 + 1e-6)
 
 
 def test_voxels_without_displacements_are_the_cells_of_points() -> None:
     points = _askew_plane()
-    header, bits = unpack(voxel_mode.encode_voxel_size(points, 2.0))
+    header, bits = unpack(voxel_mode.encode_voxels_of_size(points, 2.0))
     assert isinstance(header, VoxelHeader)
-    plain = voxel_mode.decode(header.place, None, bits)
+    plain = voxel_mode.decode(header._replace(displacements=None), bits)
     farthest = np.abs(points[:, None, :2] - plain[None, :400, :2]).min(axis=0).max()
-    assert len(plain) == len(voxel_mode.voxelise(points, header.place).cells)
+    assert len(plain) == len(voxel_mode.voxelise(points, header.grid).cells)
     assert farthest <= 1 + 1e-9
 
 
 def test_grid_placements_in_single_precision_are_stable() -> None:
-    place = GridPlacement(np.array([4000.1, -250.3, 30.7]), 0.0123).rounded()
+    place = VoxelGrid(np.array([4000.1, -250.3, 30.7]), 0.0123).rounded()
     assert np.array_equal(place.origin, place.rounded().origin)
     assert place.cell_size == place.rounded().cell_size
 
@@ -159,4 +161,4 @@ def test_the_distortion_estimate_weighs_samples_by_their_points() -> None:
     up = np.tile([0.0, 0.0, 1.0], (len(samples), 1))
     estimator = DistortionEstimator.of(samples, samples, up, shares)
     lifted = samples + np.where(dense, 0.0, 1.0)[:, None] * [0.0, 0.0, 1.0]
-    assert estimator.to_surface(lifted) == pytest.approx((0.1 + 0.5) / 2, abs=0.01)
+    assert estimator.surface_error(lifted) == pytest.approx((0.1 + 0.5) / 2, abs=0.01)

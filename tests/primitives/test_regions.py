@@ -9,15 +9,14 @@ from puckbench.codecs.registry import open_codec
 from puckbench.primitives.decoder import read_patches
 from puckbench.primitives.octree import moments_of
 from puckbench.primitives.octree_arrays import Leaves
-from puckbench.primitives.plane_coding import _with_reach, dequantise_plane, quantise_plane
+from puckbench.primitives.plane_coding import _extended, dequantise_plane, quantise_plane
 from puckbench.primitives.region_merging import (
     MergeLimits,
     adjacent_leaves,
     merge_regions,
     region_moments,
 )
-from puckbench.primitives.segments import leaf_segments
-from puckbench.primitives.stream import SurfaceHeader, unpack
+from puckbench.primitives.segmentation import segment_leaves
 
 _RIGHT = float(np.cos(np.radians(45)))
 _SHAPE = np.array([16, 16, 16])
@@ -135,7 +134,7 @@ def test_a_plane_of_larger_reach_fits_farther_off() -> None:
     far = np.array([200.0, 150.0])
     off = []
     for larger in range(5):
-        cube = _with_reach((np.full(3, 16.0), 4.0, 1.0), larger)
+        cube = _extended((np.full(3, 16.0), 4.0, 1.0), larger)
         numbers, found = np.zeros(4, np.int64), np.empty(4)
         quantise_plane(plane, cube, numbers)
         dequantise_plane(numbers, cube, found)
@@ -152,9 +151,7 @@ def test_one_plane_serves_a_noisy_wall() -> None:
     across = rng.random((60_000, 2)) * [1000, 700]
     height = across @ [0.21, -0.13] + rng.normal(0, 1.3, len(across))
     points = np.column_stack([across, height])
-    header, bits = unpack(open_codec("primitives").encode(points, "r5"))
-    assert isinstance(header, SurfaceHeader)
-    patches = read_patches(header, bits)
+    patches = read_patches(open_codec("primitives").encode(points, "r5"))
     leaves, planes = patches.leaves.counts
     assert planes <= 3 < leaves
-    assert len(set(leaf_segments(patches))) == 1
+    assert len(set(segment_leaves(patches))) == 1

@@ -14,7 +14,7 @@ from puckbench.primitives.revolution import (
     orthogonal_axes,
 )
 from puckbench.primitives.revolution_fit import fit_revolution
-from puckbench.primitives.revolution_hypotheses import hypotheses_through, hypothesis
+from puckbench.primitives.revolution_hypotheses import make_hypotheses, surface_of_hypothesis
 from tests.support.processors import printed_on_processors
 
 AXIS = np.array([0.36, 0.48, 0.8])
@@ -100,8 +100,8 @@ def test_hypotheses_lie_on_a_solid_of_their_kind(surface: RevolutionSurface) -> 
     samples = Samples.of(surface, 4000)
     scene = np.concatenate([samples.xyz, samples.xyz[:1] + 100])  # round things fill no scene
     normals = np.concatenate([samples.normals, samples.normals[:1]])
-    rows = hypotheses_through(scene, normals, np.arange(0, 4000, 40), 1.0, 0.1)
-    found = [hypothesis(row) for row in rows]
+    rows = make_hypotheses(scene, normals, np.arange(0, 4000, 40), 1.0, 0.1)
+    found = [surface_of_hypothesis(row) for row in rows]
     own = [
         each
         for each in found
@@ -117,7 +117,7 @@ def test_a_plane_has_no_hypotheses() -> None:
     rng = np.random.default_rng(0)
     xyz = np.column_stack([100 * rng.random((3000, 2)), np.zeros(3000)])
     normals = np.tile([0.0, 0.0, 1.0], (3000, 1))
-    assert len(hypotheses_through(xyz, normals, np.arange(0, 3000, 30), 2.0, 0.1)) == 0
+    assert len(make_hypotheses(xyz, normals, np.arange(0, 3000, 30), 2.0, 0.1)) == 0
 
 
 _ENCODE = """

@@ -21,18 +21,19 @@ from puckbench.primitives.revolution import (
     MIXERS,
     SPHERE,
     RevolutionSurface,
+    UnrolledMap,
     code_unrolled_map,
     distance_to,
     is_representable,
     pack_parameters,
-    sample_surface,
+    reconstruct_columns,
     unpack_parameters,
 )
 from puckbench.primitives.revolution_occupancy import RevolutionCosts, fit_revolutions
-from puckbench.primitives.settings import Settings
+from puckbench.primitives.settings import PrimitiveSettings
 from puckbench.primitives.shape_detection import detect_revolutions
 from puckbench.primitives.stream import REVOLUTION_BYTES, SurfaceHeader, pack_surface, unpack
-from puckbench.primitives.surface_mode import SurfaceMode, detect_surfaces, encode_surface
+from puckbench.primitives.surface_mode import SurfaceMode, encode_surface, revolution_candidates
 
 AXIS = np.array([0.36, 0.48, 0.8])
 CYLINDER = RevolutionSurface(CONE, np.array([40.0, 50.0, 30.0]), AXIS, 12.0, 0.0, -20, 40)
@@ -58,8 +59,8 @@ def test_places_on_a_surface_have_their_coordinates(surface: RevolutionSurface) 
 
 
 def test_points_of_a_cylinder_are_at_its_radius() -> None:
-    bits = np.ones(int(CYLINDER.columns().sum()), np.uint8)
-    xyz, _ = sample_surface(CYLINDER, bits, 2, 1)
+    bits = np.ones(CYLINDER.column_count(), np.uint8)
+    xyz, _ = reconstruct_columns(UnrolledMap(CYLINDER, bits), 2, 1)
     vector = xyz - CYLINDER.origin
     assert np.allclose(np.linalg.norm(np.cross(vector, AXIS), axis=1), 12.0)
     assert np.ptp(vector @ AXIS) == pytest.approx(39.5)
@@ -67,7 +68,7 @@ def test_points_of_a_cylinder_are_at_its_radius() -> None:
 
 
 def test_the_columns_of_a_sphere_cover_its_area() -> None:
-    assert BALL.columns().sum() == pytest.approx(4 * np.pi * 15**2, rel=0.02)
+    assert BALL.column_count() == pytest.approx(4 * np.pi * 15**2, rel=0.02)
 
 
 @pytest.mark.parametrize("surface", [CYLINDER, FRUSTUM, BALL], ids=["cylinder", "cone", "sphere"])
@@ -76,7 +77,7 @@ def test_parameters_come_back_to_their_precision(surface: RevolutionSurface, fli
     turned = surface._replace(
         axis=flip * surface.axis,
         angle=flip * surface.angle,
-        first_row=surface.first_row if flip > 0 else -surface.first_row - surface.rows,
+        first_row=surface.first_row if flip > 0 else -surface.first_row - surface.row_count,
     )
     (found,) = unpack_parameters(pack_parameters(turned))
     assert found.kind == surface.kind
@@ -84,7 +85,7 @@ def test_parameters_come_back_to_their_precision(surface: RevolutionSurface, fli
     assert np.allclose(found.axis, surface.axis, atol=1e-4)
     assert found.radius == pytest.approx(surface.radius, abs=0.04)
     assert found.angle == pytest.approx(surface.angle, abs=1e-4)
-    assert (found.first_row, found.rows) == (surface.first_row, surface.rows)
+    assert (found.first_row, found.row_count) == (surface.first_row, surface.row_count)
 
 
 @pytest.mark.parametrize("place", [0, 11])
@@ -96,13 +97,13 @@ def test_impossible_parameters_of_surfaces_are_refused(place: int) -> None:
 
 
 def test_surfaces_too_large_are_refused() -> None:
-    large = CYLINDER._replace(radius=4000.0, rows=16000)
+    large = CYLINDER._replace(radius=4000.0, row_count=16000)
     with pytest.raises(InputError, match="too large"):
         unpack_parameters(pack_parameters(large))
 
 
 def test_unrolled_occupancy_maps_come_back_in_few_bits() -> None:
-    columns = FRUSTUM.columns()
+    columns = FRUSTUM.columns_per_row()
     place = np.arange(columns.sum()) - np.repeat(np.cumsum(columns) - columns, columns)
     bits = (place < 0.4 * np.repeat(columns, columns)).astype(np.uint8)
     coder = writer(CONTEXTS, MIXERS, 10_000)
@@ -122,7 +123,7 @@ def test_unrolled_occupancy_maps_come_back_in_few_bits() -> None:
         {"radius": np.nan},
         {"origin": np.array([0.0, 0.0, 5000.0])},
         {"first_row": 40_000},
-        {"radius": 4000.0, "rows": 4000},
+        {"radius": 4000.0, "row_count": 4000},
     ],
 )
 def test_surfaces_beyond_the_streams_number_ranges_are_not_representable(
@@ -191,8 +192,10 @@ def _codec() -> Primitives:
 
 @cache
 def _round_stream() -> bytes:
-    cloud = prepare(_solids(4000)[0], Settings(min_leaf_size=32, column_size=16, lmbda=600))
-    coded = encode_surface(cloud, SurfaceMode(revolutions=detect_surfaces(cloud)))
+    cloud = prepare(
+        _solids(4000)[0], PrimitiveSettings(min_leaf_size=32, column_size=16, lmbda=600)
+    )
+    coded = encode_surface(cloud, SurfaceMode(revolutions=revolution_candidates(cloud)))
     assert coded is not None
     return coded.stream
 
@@ -209,7 +212,7 @@ def test_streams_do_not_depend_on_threads(monkeypatch: pytest.MonkeyPatch) -> No
 def test_round_solids_are_coded_as_surfaces_of_revolution() -> None:
     codec, (xyz, _) = _codec(), _solids(noise=1.0)
     stream = codec.encode(xyz, "r3")
-    header, bits = unpack(stream)
+    header, _ = unpack(stream)
     assert isinstance(header, SurfaceHeader)
     assert len(header.revolutions) // REVOLUTION_BYTES >= 3
     mesh = codec.decode_mesh(stream)
@@ -218,7 +221,7 @@ def test_round_solids_are_coded_as_surfaces_of_revolution() -> None:
     assert {"cylinder", "sphere", "cone"} <= kinds
     ball = next(each for each in mesh.labels.primitives if each.kind == "sphere")
     assert ball.parameters["radius"] == pytest.approx(120, abs=3)
-    decoded = decode_surface(header, bits)
+    decoded = decode_surface(stream)
     assert np.allclose(np.linalg.norm(decoded.normals, axis=1), 1)
     away = np.abs(np.linalg.norm(decoded.xyz - [600, 300, 300], axis=1) - 120)
     assert np.median(away[away < 10]) < 1

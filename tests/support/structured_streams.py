@@ -84,13 +84,13 @@ def _surface_or_voxels(random: Random) -> bytes:
         CLASSES,
         MAX_CELLS,
         DisplacementTable,
-        GridPlacement,
         SurfaceHeader,
+        VoxelGrid,
         pack_surface,
         pack_voxels,
     )
 
-    place = GridPlacement(random.normal(size=3), float(10.0 ** random.integers(-30, 30)))
+    place = VoxelGrid(random.normal(size=3), float(10.0 ** random.integers(-30, 30)))
     if random.random() < 0.1:
         factors = random.integers(-128, 128, CLASSES).astype(np.int8)
         table = DisplacementTable(int(random.choice([1, 2, 4, 3])), factors)

@@ -14,10 +14,10 @@ from puckbench.core.errors import naming
 from puckbench.core.models import Model
 from puckbench.geometry.cloud import Floats
 from puckbench.geometry.mesh import Mesh
-from puckbench.primitives.settings import Settings, rate_settings
+from puckbench.primitives.settings import PrimitiveSettings, parse_settings
 
 if TYPE_CHECKING:
-    from puckbench.primitives.mode_decision import SharedSurface
+    from puckbench.primitives.mode_decision import SurfaceCache
 
 _SURFACE_PARAMETERS = (
     *("min_leaf_size", "column_size", "max_leaf_size"),
@@ -82,35 +82,34 @@ class Primitives(Codec):
         column = np.column_stack([0.2 * np.cos(turn), 0.2 * np.sin(turn), 0.6 * rng.random(1000)])
         floor = np.column_stack([rng.random((1000, 2)) - 0.5, np.zeros(1000)])
         points = np.concatenate([column, floor]) + rng.normal(0, 0.001, (2000, 3))
-        self._decode(encode(points, Settings(**self._MOST)))
+        self._decode(encode(points, PrimitiveSettings(**self._MOST)))
 
     _MOST: ClassVar[Parameters] = {**_SURFACES["r3"], "refinement": 1, "max_voxel_size": 16}
 
-    def shared_work(self) -> SharedSurface | None:
+    def shared_work(self) -> SurfaceCache | None:
         """The surface, which some rates share; None where a derived class has its `_encode`."""
-        from puckbench.primitives.mode_decision import SharedSurface
+        from puckbench.primitives.mode_decision import SurfaceCache
 
-        return SharedSurface() if type(self)._encode is Primitives._encode else None
+        return SurfaceCache() if type(self)._encode is Primitives._encode else None
 
     def _encode(self, points: Floats, parameters: Parameters) -> bytes:
         return self._encode_sharing(points, parameters, None)
 
     def _encode_sharing(
-        self, points: Floats, parameters: Parameters, shared: SharedSurface | None
+        self, points: Floats, parameters: Parameters, shared: SurfaceCache | None
     ) -> bytes:
         from puckbench.primitives.mode_decision import encode
 
-        return encode(points, rate_settings(parameters), shared)
+        return encode(points, parse_settings(parameters), shared)
 
     def _decode_mesh(self, stream: bytes) -> Mesh:
-        from puckbench.primitives.decoder import surface_part
         from puckbench.primitives.mesh_reconstruction import decode_mesh
 
         with naming(f"codec {self.name}"):
-            return decode_mesh(*surface_part(stream))
+            return decode_mesh(stream)
 
     def _decode(self, stream: bytes) -> Floats:
-        from puckbench.primitives.decoder import decode_stream
+        from puckbench.primitives.decoder import decode
 
         with naming(f"codec {self.name}"):
-            return decode_stream(stream)
+            return decode(stream)

@@ -1,4 +1,26 @@
-"""Codec of geometric primitives: planes in an octree and surfaces of revolution, noise aware.
+"""Codec of point clouds as geometric primitives: planes in an octree, and surfaces of revolution.
 
-`mode_decision.encode` codes points with `settings.Settings`, and `decoder.decode_stream` decodes.
+`encode` codes an (n, 3) array of coordinates with `PrimitiveSettings`, `decode` returns points,
+`decode_surface` points with normals, and `decode_mesh` labelled triangles.
 """
+
+from typing import TYPE_CHECKING
+
+from puckbench.core.lazy import lazy
+
+if TYPE_CHECKING:
+    from puckbench.primitives.decoder import DecodedSurface as DecodedSurface
+    from puckbench.primitives.decoder import decode as decode
+    from puckbench.primitives.decoder import decode_surface as decode_surface
+    from puckbench.primitives.mesh_reconstruction import decode_mesh as decode_mesh
+    from puckbench.primitives.mode_decision import SurfaceCache as SurfaceCache
+    from puckbench.primitives.mode_decision import encode as encode
+    from puckbench.primitives.settings import PrimitiveSettings as PrimitiveSettings
+
+__getattr__, __dir__, __all__ = lazy(
+    __name__,
+    decoder=("DecodedSurface", "decode", "decode_surface"),
+    mesh_reconstruction=("decode_mesh",),
+    mode_decision=("SurfaceCache", "encode"),
+    settings=("PrimitiveSettings",),
+)

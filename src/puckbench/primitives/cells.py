@@ -1,4 +1,4 @@
-"""Points grouped by the cubic cells of a grid that they lie in."""
+"""Groups points by the cubic cells of a regular grid."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from puckbench.geometry.cloud import Floats, bounds
 from puckbench.primitives.octree_arrays import Ints
 
 _BITS = 21
-"""Bits of a coordinate in a key."""
+"""Bits per coordinate in a key."""
 
 
 class CellGroups(NamedTuple):
-    """Points (n, 3) by cells: occupied cells (m, 3), counts (m,) and means (m, 3) of their points.
+    """Points (n, 3) grouped by cell: cells (m, 3), counts (m,) and means (m, 3) of their points.
 
-    Cells are sorted by x, then y, then z. cell_of: (n,) the cell of each point. Means are in units
-    of a cell's side.
+    Only occupied cells, sorted by x, then y, then z. Means are relative to the origin, in units of
+    a cell's side. cell_of: (n,) index of each point's cell.
     """
 
     cells: Ints
@@ -26,33 +26,35 @@ class CellGroups(NamedTuple):
     means: Floats
     cell_of: Ints
 
-    def order(self) -> tuple[Ints, Ints]:
-        """Rows (n,) that bring the points of each cell together, and where each cell starts."""
+    def sorted_rows(self) -> tuple[Ints, Ints]:
+        """Return the rows (n,) of the points sorted by cell, and the start (m,) of each cell in
+        them.
+        """
         counts = self.counts.astype(np.int64)
         starts = np.cumsum(counts) - counts
-        return _ordered(self.cell_of, starts), starts
+        return _counting_sort(self.cell_of, starts), starts
 
 
 def group_by_cell(
     points: Floats, side: float, origin: Floats | None = None, *, centred: bool = False
 ) -> CellGroups:
-    """Group points by the cells of a grid, fastest where they are in a spatial order.
+    """Group points by the cells of a grid. Fastest if the points are in a spatial order.
 
     Parameters
     ----------
     points
         (n, 3), n > 0.
     side
-        Side of a cell; the points extend over fewer than 2^21 of them.
+        Side of a cell. The points must extend over fewer than 2^21 cells.
     origin
-        (3,) a corner of the grid; without it, zeros.
+        (3,) reference point of cell (0, 0, 0); default zeros.
     centred
-        Whether that is the centre of cell (0, 0, 0), else it is the cell's least corner.
+        Whether the origin is the centre of that cell; else it is its least corner.
     """
     origin = np.zeros(3) if origin is None else origin
     low, _ = bounds(points)
-    first = _cell((low - origin) / side, centred)
-    keys, sums, cell_of = _grouped(points, origin, side, centred, first)
+    first = _cell_of_positions((low - origin) / side, centred)
+    keys, sums, cell_of = _group(points, origin, side, centred, first)
     order = np.argsort(keys)
     rank = np.empty_like(order)
     rank[order] = np.arange(len(order))
@@ -63,23 +65,27 @@ def group_by_cell(
 
 
 def cell_keys(cells: Ints) -> Ints:
-    """One integer (n,) for each cell (n, 3), of coordinates from 0 to 2^21; sorted as cells are."""
+    """Return the keys (n,) of cells (n, 3) with coordinates below 2^21; keys sort as cells do."""
     return (cells[:, 0] << 2 * _BITS) | (cells[:, 1] << _BITS) | cells[:, 2]
 
 
-def _cell(places: Floats, centred: bool) -> Ints:
-    return np.asarray((np.rint(places) if centred else np.floor(places)).astype(np.int64))
+def _cell_of_positions(positions: Floats, centred: bool) -> Ints:
+    return np.asarray((np.rint(positions) if centred else np.floor(positions)).astype(np.int64))
 
 
 @compiled
-def _grouped(
+def _group(
     points: Floats, origin: Floats, side: float, centred: bool, first: Ints
 ) -> tuple[Ints, Floats, Ints]:
-    """Keys (m,) of the occupied cells in the order met, sums (m, 4) of x, y, z, 1; cells (n,)."""
+    """Hash the points' cells.
+
+    Return the keys (m,) of the occupied cells in order of first appearance, their sums (m, 4) of x,
+    y, z and 1, and the cell (n,) of each point.
+    """
     cell_of = np.empty(len(points), np.int64)
     keys, sums = np.empty(1024, np.int64), np.zeros((1024, 4))
     slots = np.full(4096, -1)
-    count, last, row = 0, -1, -1
+    count, previous_key, row = 0, -1, -1
     for i in range(len(points)):
         x = (points[i, 0] - origin[0]) / side
         y = (points[i, 1] - origin[1]) / side
@@ -89,7 +95,7 @@ def _grouped(
         else:
             a, b, c = int(np.floor(x)), int(np.floor(y)), int(np.floor(z))
         key = ((a - first[0]) << 2 * _BITS) | ((b - first[1]) << _BITS) | (c - first[2])
-        if key != last:
+        if key != previous_key:
             slot = _slot(slots, keys, key)
             if slots[slot] < 0:
                 if count == len(keys):
@@ -102,7 +108,7 @@ def _grouped(
                 slots[slot] = count
                 keys[count] = key
                 count += 1
-            last, row = key, slots[slot]
+            previous_key, row = key, slots[slot]
         sums[row, 0] += x
         sums[row, 1] += y
         sums[row, 2] += z
@@ -112,8 +118,8 @@ def _grouped(
 
 
 @compiled
-def _ordered(cell_of: Ints, starts: Ints) -> Ints:
-    """Stable order of the points by their cells (counting sort)."""
+def _counting_sort(cell_of: Ints, starts: Ints) -> Ints:
+    """Sort the points by cell, stable."""
     order, ahead = np.empty_like(cell_of), starts.copy()
     for i in range(len(cell_of)):
         order[ahead[cell_of[i]]] = i
@@ -123,40 +129,40 @@ def _ordered(cell_of: Ints, starts: Ints) -> Ints:
 
 @compiled
 def _slot(slots: Ints, keys: Ints, key: int) -> int:
-    """Where a table of a power of two of places has a key, or would have it."""
-    mixed = np.uint64(key) * np.uint64(0x9E3779B97F4A7C15)
-    slot = np.int64(mixed >> np.uint64(20)) & (len(slots) - 1)
+    """Return the slot of a key, or the free slot for it (open addressing)."""
+    hashed = np.uint64(key) * np.uint64(0x9E3779B97F4A7C15)
+    slot = np.int64(hashed >> np.uint64(20)) & (len(slots) - 1)
     while slots[slot] >= 0 and keys[slots[slot]] != key:
         slot = (slot + 1) & (len(slots) - 1)
     return int(slot)
 
 
 @compiled
-def look_up_cells(
+def measure_centre_distances(
     points: Floats,
     origin: Floats,
     side: float,
     keys: Ints,
-    ends: tuple[Ints, Ints],
-    off_centre: Floats,
+    cell_bounds: tuple[Ints, Ints],
+    centre_distances: Floats,
 ) -> None:
-    """Find the cell of a grid that each point is in, and how far from its centre.
+    """Write how far each point is from the centre of the occupied cell that contains it.
 
     Parameters
     ----------
     points
-        (n, 3), of any finite coordinates.
+        (n, 3), finite.
     origin, side
         Centre (3,) of cell (0, 0, 0), and the side of a cell.
     keys
-        (m,) distinct, of the occupied cells less the least.
-    ends
+        (m,) distinct keys of the occupied cells, relative to their least coordinates.
+    cell_bounds
         Least and largest coordinates (3,) of the occupied cells.
-    off_centre
-        (n,) written: the distance in cells along the axis where it is largest; infinite where a
+    centre_distances
+        (n,) written: maximum over the axes of the distance to the centre, in cells; infinite if the
         point's cell is not occupied.
     """
-    low, high = ends
+    low, high = cell_bounds
     size = 4
     while size < 4 * len(keys):
         size *= 2
@@ -166,13 +172,13 @@ def look_up_cells(
     for i in range(len(points)):
         key, farthest = 0, 0.0
         for axis in range(3):
-            place = (points[i, axis] - origin[axis]) / side
-            if low[axis] - 0.5 < place < high[axis] + 0.5:
-                nearest = np.rint(place)
-                key = key << _BITS | (int(nearest) - low[axis])
-                farthest = max(farthest, abs(place - nearest))
+            position = (points[i, axis] - origin[axis]) / side
+            if low[axis] - 0.5 < position < high[axis] + 0.5:
+                centre = np.rint(position)
+                key = key << _BITS | (int(centre) - low[axis])
+                farthest = max(farthest, abs(position - centre))
             else:
                 farthest = np.inf
         if farthest < np.inf and slots[_slot(slots, keys, key)] < 0:
             farthest = np.inf
-        off_centre[i] = farthest
+        centre_distances[i] = farthest

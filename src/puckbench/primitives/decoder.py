@@ -1,4 +1,4 @@
-"""Decoder of the primitives codec: from a stream to patches, and to points with normals."""
+"""Decoder: from a stream to patches, and from patches to points with normals."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from puckbench.primitives.occupancy_decision import NO_CRITERION
 from puckbench.primitives.occupancy_map import code_occupancy_maps
 from puckbench.primitives.octree_arrays import (
     Bytes,
+    EncoderNodes,
+    IndexGrid,
     Ints,
-    LeafMap,
     Leaves,
-    Nodes,
     OctreeGeometry,
 )
 from puckbench.primitives.reconstruction import count_points, reconstruct_points
 from puckbench.primitives.revolution import (
     CONTEXTS,
     MIXERS,
-    RevolutionSurface,
+    UnrolledMap,
     code_unrolled_map,
-    sample_surface,
+    reconstruct_columns,
     unpack_parameters,
 )
 from puckbench.primitives.stream import (
@@ -36,41 +36,49 @@ from puckbench.primitives.stream import (
     MAX_REVOLUTION_POINTS,
     HybridHeader,
     SurfaceHeader,
+    VoxelHeader,
     unpack,
+    unpack_surface,
 )
 from puckbench.primitives.traversal import code_octree
 
-_STEP_EXPONENT = 0.5
-"""Planes of larger leaves have finer steps, by the ratio of the sides to this power."""
+_PLANE_STEP_EXPONENT = 0.5
+"""The quantisation step of a larger leaf's plane is divided by the ratio of sides to this power."""
 
 
 class DecodedSurface(NamedTuple):
-    """Points (m, 3) in the cloud's coordinates, unit normals (m, 3) of any sign, and planes (m,).
+    """Points of a decoded surface.
 
-    A plane is the index of the plane or surface of revolution that a point lies on; leaves share
-    planes.
+    Attributes
+    ----------
+    xyz
+        (m, 3) points in the coordinates of the encoded cloud.
+    normals
+        (m, 3) unit normals with arbitrary sign.
+    primitive_index
+        (m,) index of the point's primitive: planes first, then surfaces of revolution.
     """
 
     xyz: Floats
     normals: Floats
-    planes: Ints
+    primitive_index: Ints
 
 
 class Patches(NamedTuple):
-    """A stream's surfaces before points are made on them.
+    """Primitives of a stream with their occupancy maps, before points are reconstructed.
 
-    occupancy: states of the cells that columns end in. revolutions: each with its occupancy map.
+    occupancy: grid of cells with the states of the planes' columns.
     """
 
     header: SurfaceHeader
     geometry: OctreeGeometry
     leaves: Leaves
     occupancy: Bytes
-    revolutions: list[tuple[RevolutionSurface, Bytes]]
+    revolutions: list[UnrolledMap]
 
 
-def decode_stream(stream: bytes) -> Floats:
-    """Decode a stream of any mode.
+def decode(stream: bytes) -> Floats:
+    """Decode a stream to points.
 
     Returns
     -------
@@ -82,131 +90,119 @@ def decode_stream(stream: bytes) -> Floats:
     InputError
         If the stream is damaged.
     """
-    header, bits = unpack(stream)
-    if isinstance(header, SurfaceHeader):
-        return decode_surface(header, bits).xyz
+    header, payload = unpack(stream)
+    if isinstance(header, VoxelHeader):
+        return voxel_mode.decode(header, payload)
+    surface = decode_surface(stream)
     if isinstance(header, HybridHeader):
-        surface = decode_surface(*surface_part(stream))
         return hybrid_mode.decode(header, surface.xyz, surface.normals)
-    return voxel_mode.decode(header.place, header.table, bits)
+    return surface.xyz
 
 
-def surface_part(stream: bytes) -> tuple[SurfaceHeader, bytes]:
-    """Header and coded bits of the surface of a stream, which may be a hybrid.
+def decode_surface(stream: bytes) -> DecodedSurface:
+    """Decode the surface of a stream to points with normals, without the voxels of a hybrid.
 
     Raises
     ------
     InputError
-        If the stream is damaged or holds voxels alone.
+        If the stream is damaged or holds only voxels.
     """
-    header, bits = unpack(stream)
-    if isinstance(header, HybridHeader):
-        header, bits = unpack(header.surface)
-    if not isinstance(header, SurfaceHeader):
-        raise InputError("the stream holds voxels, not planes: take another rate")
-    return header, bits
+    return reconstruct_surface(read_patches(stream))
 
 
-def decode_surface(header: SurfaceHeader, bits: bytes) -> DecodedSurface:
-    """Points of a stream of surfaces; InputError if it is damaged."""
-    return points_and_normals(read_patches(header, bits))
+def read_patches(stream: bytes) -> Patches:
+    """Decode the primitives of a stream.
 
-
-def points_and_normals(patches: Patches) -> DecodedSurface:
-    """Points of planes and surfaces of revolution; InputError for too many, or none."""
-    xyz, rows = plane_points(patches)
-    planes = patches.leaves.plane_index[rows]
-    normals = patches.header.along_axes(patches.leaves.planes[planes, :3])
-    found = DecodedSurface(xyz, normals, planes)
-    return _concatenated([found, *revolution_points(patches)])
-
-
-def revolution_points(patches: Patches) -> list[DecodedSurface]:
-    """Points of each surface of revolution, its index after those of the planes."""
-    header, found = patches.header, []
-    columns = sum(int(bits.sum()) for _, bits in patches.revolutions)
-    if columns * header.points_across**2 > MAX_REVOLUTION_POINTS:
-        raise InputError(f"the stream is damaged ({columns} columns of surfaces of revolution)")
-    for k, (surface, bits) in enumerate(patches.revolutions):
-        cells, normals = sample_surface(surface, bits, header.points_across, header.column_spacing)
-        indices = np.full(len(cells), int(patches.leaves.counts[1]) + k)
-        placed = header.in_cloud(cells), header.along_axes(normals)
-        found.append(DecodedSurface(*placed, indices))
-    return found
-
-
-def _concatenated(parts: list[DecodedSurface]) -> DecodedSurface:
-    xyz, normals, planes = (np.concatenate(part) for part in zip(*parts, strict=True))
-    if not 0 < len(xyz) <= MAX_POINTS:
-        raise InputError(f"the stream is damaged ({len(xyz)} points)")
-    return DecodedSurface(xyz, normals, planes)
-
-
-def plane_points(patches: Patches) -> tuple[Floats, Ints]:
-    """Points (m, 3) of planes in the cloud's coordinates, and their leaves (m,)."""
-    header = patches.header
-    surface = (
-        patches.geometry,
-        patches.leaves,
-        patches.occupancy,
-        header.points_across,
-        header.column_spacing,
-    )
-    count = count_points(*surface)
-    if count > MAX_POINTS:
-        raise InputError(f"the stream is damaged ({count} points)")
-    xyz, rows = np.empty((count, 3)), np.empty(count, np.int64)
-    reconstruct_points(*surface, xyz, rows)
-    return header.in_cloud(xyz), rows
-
-
-def read_patches(header: SurfaceHeader, bits: bytes) -> Patches:
-    """Decode the surfaces of a stream; InputError if it is damaged."""
+    Raises
+    ------
+    InputError
+        If the stream is damaged or holds only voxels.
+    """
+    header, payload = unpack_surface(stream)
     geometry = octree_geometry(header)
-    leaves, leaf_map, occupancy = empty_arrays(header)
-    coder = reader(bits, CONTEXTS, MIXERS)
+    leaves, leaf_grid, occupancy = allocate_arrays(header)
+    coder = reader(payload, CONTEXTS, MIXERS)
     revolutions = [
-        (surface, np.zeros(int(surface.columns().sum()), np.uint8))
+        UnrolledMap(surface, np.zeros(surface.column_count(), np.uint8))
         for surface in unpack_parameters(header.revolutions)
     ]
-    whole = code_octree(coder, geometry, _NO_NODES, leaves, leaf_map)
-    if whole:
-        if columns_of(leaves) > MAX_COLUMNS:
-            raise InputError(f"the stream is damaged ({columns_of(leaves)} columns)")
-        code_occupancy_maps(coder, geometry, leaves, leaf_map, NO_CRITERION, occupancy)
-        for surface, columns in revolutions:
-            code_unrolled_map(coder, surface.columns(), columns)
-    if not whole or exhausted(coder.bits):
+    is_complete = code_octree(coder, geometry, _NO_NODES, leaves, leaf_grid)
+    if is_complete:
+        if count_columns(leaves) > MAX_COLUMNS:
+            raise InputError(f"the stream is damaged ({count_columns(leaves)} columns)")
+        code_occupancy_maps(coder, geometry, leaves, leaf_grid, NO_CRITERION, occupancy)
+        for surface, bits in revolutions:
+            code_unrolled_map(coder, surface.columns_per_row(), bits)
+    if not is_complete or exhausted(coder.bits):
         raise InputError("the stream is damaged (its octree is too large, or it ends too early)")
     return Patches(header, geometry, leaves, occupancy, revolutions)
 
 
-def columns_of(leaves: Leaves) -> int:
-    """Columns of all leaves, whether their planes cross them or not."""
+def reconstruct_surface(patches: Patches) -> DecodedSurface:
+    """Reconstruct the points of all primitives. Raises InputError if there are too many or none."""
+    xyz, leaf_of_point = reconstruct_planes(patches)
+    planes = patches.leaves.plane_index[leaf_of_point]
+    normals = patches.header.rotate_back(patches.leaves.planes[planes, :3])
+    parts = [DecodedSurface(xyz, normals, planes), *reconstruct_revolutions(patches)]
+    surface = DecodedSurface(*map(np.concatenate, zip(*parts, strict=True)))
+    if not 0 < len(surface.xyz) <= MAX_POINTS:
+        raise InputError(f"the stream is damaged ({len(surface.xyz)} points)")
+    return surface
+
+
+def reconstruct_planes(patches: Patches) -> tuple[Floats, Ints]:
+    """Return the points (m, 3) of the planes in the cloud's coordinates, and their leaves (m,)."""
+    header = patches.header
+    density = (header.points_across, header.column_spacing)
+    arguments = (patches.geometry, patches.leaves, patches.occupancy, *density)
+    count = count_points(*arguments)
+    if count > MAX_POINTS:
+        raise InputError(f"the stream is damaged ({count} points)")
+    xyz, leaf_of_point = np.empty((count, 3)), np.empty(count, np.int64)
+    reconstruct_points(*arguments, xyz, leaf_of_point)
+    return header.in_cloud(xyz), leaf_of_point
+
+
+def reconstruct_revolutions(patches: Patches) -> list[DecodedSurface]:
+    """Return the points of each surface of revolution."""
+    header, plane_count = patches.header, int(patches.leaves.counts[1])
+    columns = sum(int(unrolled.bits.sum()) for unrolled in patches.revolutions)
+    if columns * header.points_across**2 > MAX_REVOLUTION_POINTS:
+        raise InputError(f"the stream is damaged ({columns} columns of surfaces of revolution)")
+    density = (header.points_across, header.column_spacing)
+    parts = []
+    for index, unrolled in enumerate(patches.revolutions, start=plane_count):
+        xyz, normals = reconstruct_columns(unrolled, *density)
+        indices = np.full(len(xyz), index)
+        parts.append(DecodedSurface(header.in_cloud(xyz), header.rotate_back(normals), indices))
+    return parts
+
+
+def count_columns(leaves: Leaves) -> int:
+    """Return the number of columns of all leaves, whether or not their planes cross them."""
     return int((leaves.side[: leaves.counts[0]] ** 2).sum())
 
 
 def octree_geometry(header: SurfaceHeader, lmbda: float = 0.0) -> OctreeGeometry:
-    """Geometry of the octree that a header describes."""
     levels_above_finest = np.maximum(header.finest_leaf_level - np.arange(header.depth + 1), 0)
-    steps = header.plane_step / 16 * 2.0 ** (-_STEP_EXPONENT * levels_above_finest)
+    steps = header.plane_step / 16 * 2.0 ** (-_PLANE_STEP_EXPONENT * levels_above_finest)
     shape = np.array(header.shape, np.int64)
     return OctreeGeometry(
         header.depth, header.finest_leaf_level, header.coarsest_leaf_level, shape, steps, lmbda
     )
 
 
-def empty_arrays(header: SurfaceHeader) -> tuple[Leaves, LeafMap, Bytes]:
-    """Room for the leaves, the grid of the smallest leaves, and the grid of column states."""
+def allocate_arrays(header: SurfaceHeader) -> tuple[Leaves, IndexGrid, Bytes]:
+    """Allocate the leaves, the grid of the smallest leaves, and the grid of column states."""
     n = header.leaf_capacity
     corner, side, plane = np.zeros((n, 3), np.int64), np.zeros(n, np.int64), np.zeros(n, np.int64)
     leaves = Leaves(corner, side, plane, np.zeros((n, 4)), np.zeros(2, np.int64))
-    down = header.depth - header.finest_leaf_level
-    leaf_map = np.zeros([((cells - 1) >> down) + 1 for cells in header.shape], np.int32)
-    return leaves, leaf_map, np.zeros(header.shape, np.uint8)
+    side_log2 = header.depth - header.finest_leaf_level
+    leaf_grid = np.zeros([((cells - 1) >> side_log2) + 1 for cells in header.shape], np.int32)
+    return leaves, leaf_grid, np.zeros(header.shape, np.uint8)
 
 
-_NO_NODES = Nodes(
+_NO_NODES = EncoderNodes(
     np.zeros((1, 10)),
     np.zeros(2, np.int64),
     np.zeros(1, np.bool_),

@@ -1,9 +1,10 @@
-"""Context-mixing binary arithmetic coding: a bit's probability is mixed from three contexts.
+"""Binary arithmetic coding with context mixing: each bit's probability is mixed from three
+contexts.
 
-Each context has an adaptive probability; the three are mixed in the logistic domain with weights
+Each context has an adaptive probability. The three are mixed in the logistic domain with weights
 that are learnt while coding (Mahoney 2005, "Adaptive weighing of context models for lossless data
-compression"). All arithmetic is on integers, so that every machine decodes the same. Encoder and
-decoder run the same functions, which write the bit that they are given, or read and return one.
+compression"). All arithmetic is on integers, so all machines decode the same. Encoder and decoder
+call the same functions: they write the given bit, or ignore it and return the bit that they read.
 """
 
 from __future__ import annotations
@@ -11,12 +12,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from puckbench.coding.binary_coder import (
     ENDS,
     ONE,
     SLOWEST,
+    WRITING,
     BitCoder,
     bit_reader,
     bit_writer,
@@ -26,19 +27,20 @@ from puckbench.coding.binary_coder import (
     logistic_tables,
 )
 from puckbench.core.compiling import compiled_in_place
+from puckbench.primitives.octree_arrays import Ints
 
-Ints = NDArray[np.int64]
 _LEARNING_RATE = 14
-_LONGEST_UNARY = 12
-NUMBER_CONTEXTS = 40
-"""Contexts that `code_number` needs from each of its first ones on."""
+_MAX_UNARY = 12
+CONTEXTS_PER_NUMBER = 40
+"""Consecutive contexts that `code_number` uses from each of its two first contexts on."""
 
 
-class Coder(NamedTuple):
-    """State of a coder: the arithmetic coder and the adaptive statistics.
+class ContextCoder(NamedTuple):
+    """State of the arithmetic coder and its adaptive statistics.
 
-    probabilities, counts: (contexts,) probability of a 1, and bits seen so far. weights:
-    (mixers, 3). stretch, squash, rates: tables of the logistic domain and of the learning rates.
+    probabilities, counts: (contexts,) probability of a 1 and number of coded bits. weights:
+    (mixers, 3). stretch, squash, rates: tables of the logit, of its inverse and of the adaptation
+    rates.
     """
 
     bits: BitCoder
@@ -50,18 +52,18 @@ class Coder(NamedTuple):
     rates: Ints
 
 
-def writer(contexts: int, mixers: int, max_bytes: int) -> Coder:
-    """A coder that writes at most `max_bytes` bytes."""
+def writer(contexts: int, mixers: int, max_bytes: int) -> ContextCoder:
+    """Return a coder that writes at most `max_bytes` bytes."""
     return _coder(bit_writer(max_bytes), contexts, mixers)
 
 
-def reader(stream: bytes, contexts: int, mixers: int) -> Coder:
-    """A coder that reads a stream."""
+def reader(stream: bytes, contexts: int, mixers: int) -> ContextCoder:
+    """Return a coder that reads a stream."""
     return _coder(bit_reader(stream), contexts, mixers)
 
 
-def _coder(bits: BitCoder, contexts: int, mixers: int) -> Coder:
-    return Coder(
+def _coder(bits: BitCoder, contexts: int, mixers: int) -> ContextCoder:
+    return ContextCoder(
         bits,
         np.full(contexts, ONE // 2, np.int64),
         np.zeros(contexts, np.int64),
@@ -72,20 +74,25 @@ def _coder(bits: BitCoder, contexts: int, mixers: int) -> Coder:
 
 
 @compiled_in_place
-def code_bit(coder: Coder, bit: int, mixer: int, contexts: tuple[int, int, int]) -> int:
-    """Code a bit in three contexts, mixed by the weights of `mixer`; returns the bit."""
+def is_writing(coder: ContextCoder) -> bool:
+    return bool(coder.bits.registers[WRITING] == 1)
+
+
+@compiled_in_place
+def code_bit(coder: ContextCoder, bit: int, mixer: int, contexts: tuple[int, int, int]) -> int:
+    """Code a bit in three contexts with the mixing weights of `mixer`. Return the bit."""
     a, b, c = contexts
     weights, stretch = coder.weights[mixer], coder.stretch
-    s_a = stretch[coder.probabilities[a] >> 4]
-    s_b = stretch[coder.probabilities[b] >> 4]
-    s_c = stretch[coder.probabilities[c] >> 4]
-    mixed = (weights[0] * s_a + weights[1] * s_b + weights[2] * s_c) >> 16
+    a_logit = stretch[coder.probabilities[a] >> 4]
+    b_logit = stretch[coder.probabilities[b] >> 4]
+    c_logit = stretch[coder.probabilities[c] >> 4]
+    mixed = (weights[0] * a_logit + weights[1] * b_logit + weights[2] * c_logit) >> 16
     probability = coder.squash[min(max(mixed, -ENDS), ENDS - 1) + ENDS]
     bit = code(coder.bits, bit, probability)
     error = (bit * ONE - probability) * _LEARNING_RATE
-    weights[0] += (s_a * error + (1 << 17)) >> 18
-    weights[1] += (s_b * error + (1 << 17)) >> 18
-    weights[2] += (s_c * error + (1 << 17)) >> 18
+    weights[0] += (a_logit * error + (1 << 17)) >> 18
+    weights[1] += (b_logit * error + (1 << 17)) >> 18
+    weights[2] += (c_logit * error + (1 << 17)) >> 18
     _update(coder, a, bit)
     _update(coder, b, bit)
     _update(coder, c, bit)
@@ -93,8 +100,7 @@ def code_bit(coder: Coder, bit: int, mixer: int, contexts: tuple[int, int, int])
 
 
 @compiled_in_place
-def _update(coder: Coder, context: int, bit: int) -> None:
-    """Move the adaptive probability of a context towards a coded bit."""
+def _update(coder: ContextCoder, context: int, bit: int) -> None:
     count, probabilities = coder.counts[context], coder.probabilities
     probabilities[context] += ((bit * 65535 - probabilities[context]) * coder.rates[count]) >> 16
     if count < SLOWEST:
@@ -102,19 +108,20 @@ def _update(coder: Coder, context: int, bit: int) -> None:
 
 
 @compiled_in_place
-def code_number(coder: Coder, value: int, mixer: int, base: int, base_b: int) -> int:
-    """Code a signed integer: zero flag, sign, unary magnitude up to 12, the rest Elias gamma.
+def code_number(coder: ContextCoder, value: int, mixer: int, first_a: int, first_b: int) -> int:
+    """Code a signed integer: zero flag, sign, unary magnitude up to 12, then Elias gamma.
 
-    base, base_b: first of `NUMBER_CONTEXTS` contexts each. mixer: first of three.
+    first_a, first_b: first of two blocks of `CONTEXTS_PER_NUMBER` contexts. mixer: first of three
+    mixers.
     """
-    if code_bit(coder, 1 if value == 0 else 0, mixer, (base, base_b, base)) == 1:
+    if code_bit(coder, 1 if value == 0 else 0, mixer, (first_a, first_b, first_a)) == 1:
         return 0
-    contexts = (base + 1, base_b + 1, base + 1)
+    contexts = (first_a + 1, first_b + 1, first_a + 1)
     negative = code_bit(coder, 1 if value < 0 else 0, mixer + 1, contexts)
     magnitude = abs(value)
-    for k in range(1, _LONGEST_UNARY + 1):
-        contexts = (base + 1 + k, base_b + 1 + k, base + 1 + k)
+    for k in range(1, _MAX_UNARY + 1):
+        contexts = (first_a + 1 + k, first_b + 1 + k, first_a + 1 + k)
         if code_bit(coder, 1 if magnitude > k else 0, mixer + 2, contexts) == 0:
             return -k if negative == 1 else k
-    rest = _LONGEST_UNARY + code_gamma(coder.bits, magnitude - _LONGEST_UNARY)
-    return -rest if negative == 1 else rest
+    escaped = _MAX_UNARY + code_gamma(coder.bits, magnitude - _MAX_UNARY)
+    return -escaped if negative == 1 else escaped

@@ -1,7 +1,7 @@
-"""Grid alignment: candidate positions and axes of the octree's grid with respect to the walls.
+"""Grid alignment: candidate axes and offsets of the octree's grid with respect to the walls.
 
-A wall that lies between two nodes, or crosses many of them near their corners, costs more bits and
-error than half a node farther on. How much is found by coding.
+A wall that lies between two nodes, or crosses many nodes near their corners, costs more bits and
+error than one in the middle of its nodes. The encoder codes each candidate to learn its cost.
 """
 
 from __future__ import annotations
@@ -9,37 +9,42 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from puckbench.primitives.manhattan_frame import estimate_manhattan_frame
-from puckbench.primitives.preparation import PreparedCloud, column_size_of
-from puckbench.primitives.surface_mode import SurfaceMode, margins_from_points
+from puckbench.primitives.preparation import PreparedCloud, axis_aligned_column_size
+from puckbench.primitives.surface_mode import SurfaceMode, point_corner_offset
 
-_MARGINS = (0.25, 0.75, 1.25, 1.75)
-"""Margins in columns, equal along all axes; a smallest leaf is two columns or more."""
-_SHIFTS = (-0.5, 0.5)
-_MIN_LEAF_SIZE = 12.0
-"""Smallest leaves, in units, from which on the alignment makes a difference."""
+_DIAGONAL_OFFSETS = (0.25, 0.75, 1.25, 1.75)
+"""Grid offsets in columns, equal along all axes. A smallest leaf has at least two columns."""
+_AXIS_OFFSETS = (-0.5, 0.5)
+_MIN_ALIGNED_LEAF_SIZE = 12.0
+"""Side in units of the smallest leaves below which alignment makes no difference."""
 
 
 def frame_candidates(cloud: PreparedCloud) -> list[SurfaceMode]:
-    """Grids along the cloud's axes, from its points' or its surface's corner, and along walls."""
+    """Return grids along the cloud's axes, from two corners, and along its Manhattan frame."""
     rotation = estimate_manhattan_frame(cloud.surface.normals)
-    modes = [SurfaceMode(margins=margins_from_points(cloud)), SurfaceMode()]
+    modes = [SurfaceMode(grid_offset=point_corner_offset(cloud)), SurfaceMode()]
     return [*modes, SurfaceMode(rotation)] if any(rotation) else modes
 
 
-def margin_candidates(cloud: PreparedCloud, mode: SurfaceMode) -> list[SurfaceMode]:
-    """The same axes with other margins; none where leaves are small."""
-    margins = _MARGINS if _has_large_leaves(cloud) else ()
-    return [mode._replace(margins=(margin, margin, margin)) for margin in margins]
+def diagonal_offset_candidates(cloud: PreparedCloud, mode: SurfaceMode) -> list[SurfaceMode]:
+    """Return the mode with other grid offsets; none if the leaves are small."""
+    offsets = _DIAGONAL_OFFSETS if _has_large_leaves(cloud) else ()
+    return [mode._replace(grid_offset=(offset, offset, offset)) for offset in offsets]
 
 
-def shift_candidates(cloud: PreparedCloud, mode: SurfaceMode, axis: int) -> Iterator[SurfaceMode]:
-    """The grid shifted along one axis; none where leaves are small."""
-    for shift in _SHIFTS if _has_large_leaves(cloud) else ():
-        margins = list(mode.margins)
-        margins[axis] += shift
-        if margins[axis] >= 0:
-            yield mode._replace(margins=(margins[0], margins[1], margins[2]))
+def axis_offset_candidates(
+    cloud: PreparedCloud, mode: SurfaceMode, axis: int
+) -> Iterator[SurfaceMode]:
+    """Yield the mode with the grid moved along one axis; none if the leaves are small."""
+    for step in _AXIS_OFFSETS if _has_large_leaves(cloud) else ():
+        offset = list(mode.grid_offset)
+        offset[axis] += step
+        if offset[axis] >= 0:
+            yield mode._replace(grid_offset=(offset[0], offset[1], offset[2]))
 
 
 def _has_large_leaves(cloud: PreparedCloud) -> bool:
-    return max(cloud.settings.min_leaf_size, 2 * column_size_of(cloud)) >= _MIN_LEAF_SIZE
+    return (
+        max(cloud.settings.min_leaf_size, 2 * axis_aligned_column_size(cloud))
+        >= _MIN_ALIGNED_LEAF_SIZE
+    )

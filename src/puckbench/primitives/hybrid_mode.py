@@ -1,9 +1,9 @@
-"""Hybrid mode: a surface, and voxels that say where on it and how far off it the points lie.
+"""Hybrid mode: a surface, and voxels that locate the points on it and their distance from it.
 
-A surface leaves out where on it the points are, and their noise; voxels know both, but not the
-surface as precisely. Together: each voxel moves along the surface's normal, by a share of its
-distance that the stream holds for each class of distances, and the surface keeps those of its own
-points that lie in occupied voxels, which makes the decoded cloud as dense as the coded one.
+A surface codes neither where on it the points lie nor their noise. Voxels code both, but locate the
+surface less precisely. Together: each voxel is displaced along the normal of the surface by a
+factor of its distance, sent for each class of distances. The decoder also keeps the surface's
+points in occupied voxels, which makes the decoded cloud as dense as the input.
 """
 
 from __future__ import annotations
@@ -22,79 +22,75 @@ from puckbench.geometry.box_tree import BoxTree, box_tree
 from puckbench.geometry.cloud import Floats
 from puckbench.gpcc.tree import bounds
 from puckbench.primitives import voxel_mode
-from puckbench.primitives.cells import cell_keys, look_up_cells
+from puckbench.primitives.cells import cell_keys, measure_centre_distances
 from puckbench.primitives.displacements import LocalPlanes
-from puckbench.primitives.distortion import Distortion, Nearest
+from puckbench.primitives.distortion import Distortion, NearestOffsets
 from puckbench.primitives.octree_arrays import Ints
 from puckbench.primitives.stream import (
     CLASSES,
     MAX_HYBRID_VOXELS,
-    GridPlacement,
     HybridHeader,
+    VoxelGrid,
     pack_hybrid,
 )
 from puckbench.primitives.voxel_mode import CodedVoxels, VoxelSearch
 
-_DISTANCES = np.array([0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875, 1.0, 1.25, 1.5, 2.0])
-"""Borders in voxels of the classes of distances along the normal."""
-_BESIDE = 1.0
-"""Distance in voxels across the normal from which on the surface is beside a voxel, not below."""
-_REACHES = (0, 6, 7, 8)
-"""Half sides of the cube around a voxel's centre in which surface points are kept, in sixteenths
-of a voxel: the whole voxel at most."""
-_MAX_POINTS = 1.25
-"""Decoded points for each coded one, at most."""
+_DISTANCE_BOUNDS = np.array([0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875, 1.0, 1.25, 1.5, 2.0])
+"""Bounds in voxels of the classes of distances along the normal."""
+_MAX_TANGENTIAL_DISTANCE = 1.0
+"""Distance in voxels within the tangent plane beyond which the surface point belongs to another
+class."""
+_KEEP_DISTANCES = (0, 6, 7, 8)
+"""Candidate keep distances in 1/16 voxels (see `HybridHeader`)."""
+_MAX_POINT_RATIO = 1.25
+"""Largest number of decoded points per input point."""
 _MIN_VOXEL_SHARE = 0.1
-"""Share of the budget that is left for voxels, below which no voxels are worth their header."""
+"""Fraction of the budget below which voxels are not worth their header."""
 
-_MAX_LOOKED_AT = 1 << 28
-"""Points and boxes that the search below all voxels may look at: a second or two of work."""
+_MAX_SEARCH_STEPS = 1 << 28
+"""Largest number of points and boxes that a decoder compares with voxels: a second or two of
+work."""
 
 
 class SurfacePart(NamedTuple):
-    """A stream of surfaces, and the points (m, 3) and unit normals that it decodes to."""
+    """Stream of a surface, and its decoded points (m, 3) and unit normals."""
 
     stream: bytes
     xyz: Floats
     normals: Floats
 
 
-class Criterion(NamedTuple):
-    """How hybrids are compared with each other.
+class HybridCriterion(NamedTuple):
+    """Comparison of hybrids.
 
-    nearest: what is nearest among some decoded points (k, 3). measure: distortion of decoded points
-    (k, 3), given what is nearest among them. cost: of a distortion, which is minimised.
+    nearest_offsets: offsets from decoded points (k, 3) to the cloud. measure: distortion of decoded
+    points (k, 3), given their offsets. cost: of a distortion, to be minimised.
     """
 
-    nearest: Callable[[Floats], Nearest]
-    measure: Callable[[Floats, Nearest], Distortion]
+    nearest_offsets: Callable[[Floats], NearestOffsets]
+    measure: Callable[[Floats, NearestOffsets], Distortion]
     cost: Callable[[Distortion], float]
 
 
-class Hybrid(NamedTuple):
-    """A stream, its distortion, and the cost of that."""
-
+class HybridCandidate(NamedTuple):
     cost: float
     distortion: Distortion
     stream: bytes
 
 
 def decode(header: HybridHeader, xyz: Floats, normals: Floats) -> Floats:
-    """Points (k, 3) of a hybrid stream, whose surface has points xyz (m, 3) with normals.
+    """Return the points (k, 3) of a hybrid, given the points xyz (m, 3) and normals of its surface.
 
-    Raises
-    ------
-    InputError
-        If the stream is damaged.
+    Raises InputError if the stream is damaged.
     """
-    place, voxels, points = voxel_mode.decoded_voxels(header.voxels)
+    grid, voxels, points = voxel_mode.read_voxels(header.voxels)
     if len(voxels) and len(xyz):
         if not np.isfinite(xyz).all():
             raise InputError("the stream is damaged (points of its surface are not finite)")
-        planes = _planes_below(points, xyz, box_tree(xyz), normals, place.cell_size)
-        points = planes.moved(points, header.factors, place.cell_size)
-        kept = xyz[_off_centre(xyz, place, voxels) < header.reach / 16]
-        points = np.concatenate([points, kept])
+        planes = _nearest_planes(points, xyz, normals, box_tree(xyz), grid.cell_size)
+        points = planes.displace(points, header.factors, grid.cell_size)
+        is_kept = _centre_distances(xyz, grid, voxels) < header.keep_distance / 16
+        points = np.concatenate([points, xyz[is_kept]])
     if not len(points) or not np.isfinite(points).all():
         raise InputError("the stream is damaged (it has no points, or some that are not finite)")
     return points
@@ -105,109 +101,111 @@ def encode(
     surface: SurfacePart,
     max_bytes: int,
     max_voxel_size: float,
-    criterion: Criterion,
-) -> Hybrid | None:
-    """Code a cloud as a surface and the finest voxels that fit beside it.
+    criterion: HybridCriterion,
+) -> HybridCandidate | None:
+    """Code a cloud as a surface and the finest voxels that fit the budget.
 
     Parameters
     ----------
     search
-        Of voxels of the cloud.
+        Search for voxels of the cloud.
     surface
         The coded surface.
     max_bytes
-        Budget of the whole stream.
+        Budget of the stream.
     max_voxel_size
-        As of `VoxelSearch.to_budget`.
+        Largest side of a voxel (see `VoxelSearch.encode_to_budget`).
     criterion
-        By which the kept points of the surface are chosen.
+        Comparison of the candidates.
 
     Returns
     -------
-    Hybrid or None
-        The best choice; None if the surface leaves too few bytes, or too many voxels fit.
+    HybridCandidate or None
+        None if the surface leaves too few bytes, or too many voxels fit.
     """
-    if not leaves_voxels(surface.stream, max_bytes):
+    if not has_voxel_budget(surface.stream, max_bytes):
         return None
-    voxels = search.to_budget(max_bytes - len(surface.stream), max_voxel_size)
+    voxels = search.encode_to_budget(max_bytes - len(surface.stream), max_voxel_size)
     if len(voxels.points) > MAX_HYBRID_VOXELS:
         return None
-    with suppress(InputError):  # of voxels too far from the surface
-        return _best_choice(len(search.points), surface, voxels, criterion)
+    with suppress(InputError):  # voxels are too far from the surface
+        return _best_candidate(len(search.points), surface, voxels, criterion)
     return None
 
 
-def leaves_voxels(surface: bytes, max_bytes: int) -> bool:
-    """Whether the stream of a surface leaves bytes for voxels that are worth their header."""
+def has_voxel_budget(surface: bytes, max_bytes: int) -> bool:
+    """Return whether a surface's stream leaves enough bytes for voxels."""
     return max_bytes - len(surface) >= _MIN_VOXEL_SHARE * max_bytes
 
 
-def _best_choice(
-    count: int, surface: SurfacePart, coded: CodedVoxels, criterion: Criterion
-) -> Hybrid:
-    """The hybrid of least cost of a surface and voxels, displaced or not, by reach.
+def _best_candidate(
+    point_count: int, surface: SurfacePart, coded: CodedVoxels, criterion: HybridCriterion
+) -> HybridCandidate:
+    """Return the hybrid of least cost, over displaced or plain voxels and keep distances.
 
-    The points that a greater reach adds are looked up alone, and once for both kinds of voxels.
-    count: of the cloud's points.
+    point_count: number of points of the cloud.
     """
-    place, groups = coded.place, coded.groups
-    tree, weights = box_tree(surface.xyz), voxel_mode.weights_of(groups)
-    off_centre = 16 * _off_centre(surface.xyz, place, groups.cells)
-    added: dict[int, Nearest] = {}
-    for less, reach in pairwise(_REACHES):
-        shell = surface.xyz[(off_centre >= less) & (off_centre < reach)]
-        if len(shell):
-            added[reach] = criterion.nearest(shell)
+    grid, groups = coded.grid, coded.groups
+    tree, weights = box_tree(surface.xyz), voxel_mode.voxel_weights(groups)
+    centre_distances = 16 * _centre_distances(surface.xyz, grid, groups.cells)
+    # Nearest points are searched only among those that each larger keep distance adds.
+    added: dict[int, NearestOffsets] = {}
+    for previous, keep_distance in pairwise(_KEEP_DISTANCES):
+        is_added = (centre_distances >= previous) & (centre_distances < keep_distance)
+        if is_added.any():
+            added[keep_distance] = criterion.nearest_offsets(surface.xyz[is_added])
 
-    def choices(voxels: CodedVoxels) -> Iterator[Hybrid]:
-        placed = voxels.points
-        planes = _planes_below(placed, surface.xyz, tree, surface.normals, place.cell_size)
-        apart = (placed - place.origin) / place.cell_size - groups.means
-        factors, _ = planes.fitted(apart, weights)
-        moved = planes.moved(placed, factors, place.cell_size)
-        nearest = criterion.nearest(moved)
-        for reach in _REACHES:
-            decoded = np.concatenate([moved, surface.xyz[off_centre < reach]])
-            if len(decoded) > _MAX_POINTS * count:
+    def candidates(voxels: CodedVoxels) -> Iterator[HybridCandidate]:
+        planes = _nearest_planes(voxels.points, surface.xyz, surface.normals, tree, grid.cell_size)
+        offsets = (voxels.points - grid.origin) / grid.cell_size - groups.means
+        factors, _ = planes.fit_factors(offsets, weights)
+        displaced = planes.displace(voxels.points, factors, grid.cell_size)
+        nearest = criterion.nearest_offsets(displaced)
+        for keep_distance in _KEEP_DISTANCES:
+            decoded = np.concatenate([displaced, surface.xyz[centre_distances < keep_distance]])
+            if len(decoded) > _MAX_POINT_RATIO * point_count:
                 break
-            nearest = nearest.or_nearer(added[reach]) if reach in added else nearest
+            nearest = nearest.nearer(added[keep_distance]) if keep_distance in added else nearest
             distortion = criterion.measure(decoded, nearest)
-            header = HybridHeader(reach, factors, surface.stream, voxels.stream)
-            yield Hybrid(criterion.cost(distortion), distortion, pack_hybrid(header))
+            header = HybridHeader(keep_distance, factors, surface.stream, voxels.stream)
+            yield HybridCandidate(criterion.cost(distortion), distortion, pack_hybrid(header))
 
-    kinds = [coded, coded.undisplaced()] if coded.table else [coded]
-    found = in_threads(lambda voxels: list(choices(voxels)), kinds)
-    return min(chain.from_iterable(found), key=lambda choice: choice.cost)
+    variants = [coded, coded.undisplaced()] if coded.displacements else [coded]
+    results = in_threads(lambda voxels: list(candidates(voxels)), variants)
+    return min(chain.from_iterable(results), key=lambda candidate: candidate.cost)
 
 
-def _planes_below(
-    points: Floats, xyz: Floats, tree: BoxTree, normals: Floats, cell_size: float
+def _nearest_planes(
+    points: Floats, xyz: Floats, normals: Floats, tree: BoxTree, cell_size: float
 ) -> LocalPlanes:
-    """The surface at its nearest point to each of some points (m, 3); distances in voxels.
+    """Return the tangent plane at the surface point nearest to each voxel's point (m, 3).
 
-    xyz, tree, normals: points (k, 3) of the surface, their search tree, their normals. InputError
-    for voxels that are all about as far from much of the surface, as near the centre of a sphere.
+    xyz, normals, tree: points (k, 3) of the surface, their unit normals and their search tree.
+    Raises InputError if the search takes too long, for example for voxels near the centre of a
+    sphere, which are about equally far from all its points.
     """
-    found = nearest_within(points, tree, _MAX_LOOKED_AT)
-    if found is None:
+    nearest = nearest_within(points, tree, _MAX_SEARCH_STEPS)
+    if nearest is None:
         raise InputError("the stream is damaged, or its voxels lie too far from its surface")
-    distance, row = found
-    along = normals[row]
-    offset = ((points - xyz[row]) * along).sum(axis=1) / cell_size
-    across = (distance / cell_size) ** 2 - offset**2
-    classes = 2 * np.searchsorted(_DISTANCES, np.abs(offset)) + (across > _BESIDE**2)
-    return LocalPlanes(along, offset, classes)
+    distances, rows = nearest
+    nearest_normals = normals[rows]
+    normal_distances = ((points - xyz[rows]) * nearest_normals).sum(axis=1) / cell_size
+    squared_tangential = (distances / cell_size) ** 2 - normal_distances**2
+    is_beside = squared_tangential > _MAX_TANGENTIAL_DISTANCE**2
+    classes = 2 * np.searchsorted(_DISTANCE_BOUNDS, np.abs(normal_distances)) + is_beside
+    return LocalPlanes(nearest_normals, normal_distances, classes)
 
 
-def _off_centre(xyz: Floats, place: GridPlacement, voxels: Ints) -> Floats:
-    """Distance along an axis, at most, of points (m, 3) from the centre of their voxel, (m,).
+def _centre_distances(xyz: Floats, grid: VoxelGrid, voxels: Ints) -> Floats:
+    """Return how far points (m, 3) are from their voxel's centre along the farthest axis, (m,).
 
-    In voxels; infinite where no voxel is occupied.
+    In voxels; infinite if the voxel is not occupied.
     """
-    found = np.empty(len(xyz))
+    distances = np.empty(len(xyz))
     low, high = bounds(voxels)
-    look_up_cells(xyz, place.origin, place.cell_size, cell_keys(voxels - low), (low, high), found)
-    return found
+    keys = cell_keys(voxels - low)
+    measure_centre_distances(xyz, grid.origin, grid.cell_size, keys, (low, high), distances)
+    return distances
 
 
-assert 2 * (len(_DISTANCES) + 1) == CLASSES  # noqa: S101
+assert 2 * (len(_DISTANCE_BOUNDS) + 1) == CLASSES  # noqa: S101

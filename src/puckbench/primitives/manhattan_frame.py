@@ -1,4 +1,4 @@
-"""Manhattan frame: the three orthogonal axes that walls and floors of a scene are aligned with."""
+"""Manhattan frame: the three orthogonal axes that a scene's walls and floors are aligned with."""
 
 from __future__ import annotations
 
@@ -8,26 +8,27 @@ import numpy as np
 
 from puckbench.core.compiling import compiled
 from puckbench.geometry.cloud import Floats
-from puckbench.primitives.distortion import subset
+from puckbench.primitives.distortion import subsample
 
 RotationVector = tuple[int, int, int]
-"""A rotation vector (axis times angle) in steps of `STEP` radians."""
-STEP = np.pi / 32767
+"""Rotation vector (axis times angle) in steps of `ROTATION_STEP` radians."""
+ROTATION_STEP = np.pi / 32767
 _MAX_NORMALS = 4000
-"""Normals that are looked at."""
+"""Largest number of normals used."""
 _INITIAL_STEP_DEG = 7.5
 _TOLERANCE = radians(2.0)
-_COSINES = tuple(cos(radians(degrees)) for degrees in (20.0, 10.0, 5.0, 4.0, 3.0))
-_INERTIA = 1e-7
-"""Weight of the rotation so far, which decides what the normals leave open, as of a single wall."""
+_MIN_COSINES = tuple(cos(radians(degrees)) for degrees in (20.0, 10.0, 5.0, 4.0, 3.0))
+_PRIOR_WEIGHT = 1e-7
+"""Weight of the current rotation. It decides what the normals leave open, for example the
+rotation around the normal of a single wall."""
 _MAX_ITERATIONS = 60
-_MIN_GAIN, _MIN_BETTER = 0.02, 1e-6
-"""Alignment that a rotation has to gain over none, and over another one."""
+_MIN_GAIN, _MIN_IMPROVEMENT = 0.02, 1e-6
+"""Least gain in aligned share of a rotation over none, and over another rotation."""
 
 
 def rotation_matrix(rotation_vector: RotationVector) -> Floats:
-    """Rotation matrix (3, 3), for column vectors, of a rotation vector (Rodrigues' formula)."""
-    x, y, z = (STEP * number for number in rotation_vector)
+    """Return the rotation matrix (3, 3) of a rotation vector (Rodrigues' formula)."""
+    x, y, z = (ROTATION_STEP * number for number in rotation_vector)
     angle = hypot(x, y, z)
     if angle == 0:
         return np.eye(3)
@@ -43,23 +44,23 @@ def rotation_matrix(rotation_vector: RotationVector) -> Floats:
 
 
 @compiled
-def rotated(vectors: Floats, rotation: Floats) -> Floats:
-    """Vectors (n, 3) after a rotation (3, 3), bit for bit the same on every processor."""
-    found = np.empty_like(vectors)
+def rotate(vectors: Floats, rotation: Floats) -> Floats:
+    """Rotate vectors (n, 3), with the same bits on every processor."""
+    result = np.empty_like(vectors)
     for i in range(len(vectors)):
         x, y, z = vectors[i, 0], vectors[i, 1], vectors[i, 2]
         for a in range(3):
-            found[i, a] = rotation[a, 0] * x + rotation[a, 1] * y + rotation[a, 2] * z
-    return found
+            result[i, a] = rotation[a, 0] * x + rotation[a, 1] * y + rotation[a, 2] * z
+    return result
 
 
-def rotated_back(vectors: Floats, rotation: Floats) -> Floats:
-    """Vectors (n, 3) before a rotation (3, 3)."""
-    return rotated(vectors, np.ascontiguousarray(rotation.T))
+def rotate_inverse(vectors: Floats, rotation: Floats) -> Floats:
+    """Rotate vectors (n, 3) by the inverse of a rotation."""
+    return rotate(vectors, np.ascontiguousarray(rotation.T))
 
 
 def estimate_manhattan_frame(normals: Floats) -> RotationVector:
-    """Rotation after which most normals are parallel to the axes.
+    """Return the rotation after which most normals are parallel to the axes.
 
     Parameters
     ----------
@@ -69,56 +70,57 @@ def estimate_manhattan_frame(normals: Floats) -> RotationVector:
     Returns
     -------
     RotationVector
-        From the cloud's axes to the scene's; zeros where a rotation gains little.
+        From the cloud's axes to the scene's; zeros if a rotation gains little.
     """
-    chosen = subset(normals, _MAX_NORMALS)
-    best, best_share = (0, 0, 0), _alignment(chosen, np.eye(3)) + _MIN_GAIN
+    sampled = subsample(normals, _MAX_NORMALS)
+    best, least_share = (0, 0, 0), _aligned_share(sampled, np.eye(3)) + _MIN_GAIN
     for axis in range(3):
         for degrees in np.arange(0, 90, _INITIAL_STEP_DEG):
             vector = np.zeros(3)
-            vector[axis] = np.radians(degrees) / STEP
-            rotation_vector = _quantise(_refine(chosen, rotation_matrix(_rounded(vector))))
-            share = _alignment(chosen, rotation_matrix(rotation_vector))
-            if share > best_share + _MIN_BETTER:
-                best, best_share = rotation_vector, share
+            vector[axis] = np.radians(degrees) / ROTATION_STEP
+            rotation_vector = _quantise(_refine(sampled, rotation_matrix(_round(vector))))
+            share = _aligned_share(sampled, rotation_matrix(rotation_vector))
+            if share > least_share + _MIN_IMPROVEMENT:
+                best, least_share = rotation_vector, share
     return best
 
 
 @compiled
-def _alignment(normals: Floats, rotation: Floats) -> float:
-    """Share of the normals parallel to an axis, weighted by their angles to it."""
+def _aligned_share(normals: Floats, rotation: Floats) -> float:
+    """Return the fraction of normals parallel to an axis, weighted by their angle to it."""
     total = 0.0
-    turned = rotated(normals, rotation)
-    for i in range(len(turned)):
-        cosine = max(abs(turned[i, 0]), abs(turned[i, 1]), abs(turned[i, 2]))
+    turned_normals = rotate(normals, rotation)
+    for i in range(len(turned_normals)):
+        x, y, z = turned_normals[i]
+        cosine = max(abs(x), abs(y), abs(z))
         total += np.exp(-2 * (1 - min(cosine, 1.0)) / _TOLERANCE**2)
-    return float(total / len(turned))
+    return float(total / len(turned_normals))
 
 
 @compiled
 def _refine(normals: Floats, rotation: Floats) -> Floats:
-    """Rotation near a given one that maps normals near an axis onto it (Kabsch 1976)."""
+    """Rotate normals close to an axis onto it, with growing strictness (Kabsch 1976)."""
     rotation = rotation.copy()
-    for least in _COSINES:
+    for min_cosine in _MIN_COSINES:
         sums, count = np.zeros((3, 3)), 0
-        turned = rotated(normals, rotation)
-        for i in range(len(turned)):
-            axis = np.abs(turned[i]).argmax()
-            if abs(turned[i, axis]) > least:
-                sign = 1.0 if turned[i, axis] > 0 else -1.0
+        turned_normals = rotate(normals, rotation)
+        for i in range(len(turned_normals)):
+            axis = np.abs(turned_normals[i]).argmax()
+            if abs(turned_normals[i, axis]) > min_cosine:
+                sign = 1.0 if turned_normals[i, axis] > 0 else -1.0
                 count += 1
                 for a in range(3):
                     sums[axis, a] += sign * normals[i, a]
-        if not _find_nearest_rotation(sums + _INERTIA * count * rotation, rotation):
+        if not _project_to_rotation(sums + _PRIOR_WEIGHT * count * rotation, rotation):
             break
     return rotation
 
 
 @compiled
-def _find_nearest_rotation(matrix: Floats, rotation: Floats) -> bool:
+def _project_to_rotation(matrix: Floats, rotation: Floats) -> bool:
     """Write the rotation nearest to a matrix (3, 3), by Newton's iteration (Higham 1986).
 
-    False, and nothing is written, where the matrix is singular or turns space inside out.
+    Return False without writing if the matrix is singular or a reflection.
     """
     for _ in range(_MAX_ITERATIONS):
         cofactors = np.empty((3, 3))
@@ -127,18 +129,18 @@ def _find_nearest_rotation(matrix: Floats, rotation: Floats) -> bool:
             for a in range(3):
                 b, c = (a + 1) % 3, (a + 2) % 3
                 cofactors[i, a] = matrix[j, b] * matrix[k, c] - matrix[j, c] * matrix[k, b]
-        volume = (matrix[0] * cofactors[0]).sum()
-        if volume <= 0.0:
+        determinant = (matrix[0] * cofactors[0]).sum()
+        if determinant <= 0.0:
             return False
-        before, matrix = matrix, (matrix + cofactors / volume) / 2
-        if np.abs(matrix - before).max() < 1e-12:
+        previous, matrix = matrix, (matrix + cofactors / determinant) / 2
+        if np.abs(matrix - previous).max() < 1e-12:
             break
     rotation[:] = matrix
     return True
 
 
 def _quantise(rotation: Floats) -> RotationVector:
-    """The nearest rotation vector of least angle that maps the axes to the same lines."""
+    """Return the rotation vector of least angle that maps the axes to the same lines."""
     order = np.abs(rotation).argmax(axis=1)
     if len(set(order.tolist())) == 3:
         rows = np.argsort(order)
@@ -149,9 +151,9 @@ def _quantise(rotation: Floats) -> RotationVector:
     skew = np.array([rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0]])
     skew = np.append(skew, rotation[1, 0] - rotation[0, 1])
     length = np.linalg.norm(skew)
-    return _rounded(skew / length * angle / STEP) if length > 0 else (0, 0, 0)
+    return _round(skew / length * angle / ROTATION_STEP) if length > 0 else (0, 0, 0)
 
 
-def _rounded(vector: Floats) -> RotationVector:
+def _round(vector: Floats) -> RotationVector:
     x, y, z = np.rint(vector).astype(int).tolist()
     return (x, y, z)

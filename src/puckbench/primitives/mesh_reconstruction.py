@@ -1,4 +1,4 @@
-"""Mesh reconstruction: each leaf's occupied columns as few rectangles on its plane, labelled."""
+"""Mesh reconstruction: covers the occupied columns of each leaf's plane with few rectangles."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats
 from puckbench.geometry.mesh import Labels, Mesh, Primitive, SceneObject
 from puckbench.primitives.decoder import Patches, read_patches
-from puckbench.primitives.occupancy_map import column_in_leaf
+from puckbench.primitives.occupancy_map import find_leaf_cell
 from puckbench.primitives.octree_arrays import (
     OCCUPIED,
     Bytes,
@@ -20,76 +20,89 @@ from puckbench.primitives.octree_arrays import (
     plane_height,
 )
 from puckbench.primitives.revolution import SPHERE, RevolutionSurface, column_corners
-from puckbench.primitives.segments import leaf_segments
+from puckbench.primitives.segmentation import segment_leaves
 from puckbench.primitives.stream import SurfaceHeader
 
 _MAX_LEAVES, _MAX_RECTANGLES = 1 << 16, 1 << 20
-"""Bounds of a mesh's work and memory."""
+"""Limits of a mesh's work and memory."""
 _MIN_CONE_ANGLE = 0.02
-"""Angle of a cone, in radians, below which it is called a cylinder."""
+"""Angle in radians below which a cone is labelled as a cylinder."""
 
 
-def decode_mesh(header: SurfaceHeader, bits: bytes) -> Mesh:
-    """The surfaces of a stream as labelled triangles in the cloud's coordinates.
+def decode_mesh(stream: bytes) -> Mesh:
+    """Decode the surface of a stream to labelled triangles.
 
-    A triangle's primitive is its plane (unit normal and offset, ``normal . p = offset``) or its
-    cylinder, cone or sphere; its object is the segment of merged leaves, or that surface.
+    Returns
+    -------
+    Mesh
+        Triangles in the coordinates of the encoded cloud. A label's primitive is a plane (unit
+        normal and offset, ``normal . p = offset``), cylinder, cone or sphere; its object is a
+        segment of merged leaves or a surface of revolution.
 
     Raises
     ------
     InputError
-        If the stream is damaged, has no surface, or too many for a mesh.
+        If the stream is damaged, holds only voxels, or has too many rectangles for a mesh.
     """
-    patches = read_patches(header, bits)
-    if patches.leaves.counts[0] > _MAX_LEAVES:
-        raise InputError(f"the stream has more than {_MAX_LEAVES} leaves, too many for a mesh")
-    surface = (patches.geometry, patches.leaves, patches.occupancy)
-    count = _rectangles(*surface, np.empty((0, 4, 3)), np.empty(0, np.int64))
-    if count + sum(int(columns.sum()) for _, columns in patches.revolutions) > _MAX_RECTANGLES:
-        raise InputError(f"the stream has more than {_MAX_RECTANGLES} rectangles of a mesh")
-    quads, leaf_of_quad = np.empty((count, 4, 3)), np.empty(count, np.int64)
-    _rectangles(*surface, quads, leaf_of_quad)
-    revolution_quads = [column_corners(each, columns) for each, columns in patches.revolutions]
+    patches = read_patches(stream)
+    quads, leaf_of_quad = _plane_quads(patches)
+    revolution_quads = [column_corners(unrolled) for unrolled in patches.revolutions]
     quads = np.concatenate([quads, *revolution_quads])
     if not len(quads):
         raise InputError("the stream is damaged (it has no surface)")
-    vertices = header.in_cloud(quads.reshape(-1, 3))
+    vertices = patches.header.in_cloud(quads.reshape(-1, 3))
     corners = np.arange(4 * len(quads)).reshape(-1, 4)
     triangles = np.concatenate([corners[:, [0, 1, 2]], corners[:, [0, 2, 3]]])
-    return Mesh(
-        vertices,
-        triangles,
-        _labels(patches, leaf_of_quad, [len(each) for each in revolution_quads]),
-    )
+    labels = _labels(patches, leaf_of_quad, [len(quads) for quads in revolution_quads])
+    return Mesh(vertices, triangles, labels)
+
+
+def _plane_quads(patches: Patches) -> tuple[Floats, Ints]:
+    """Return the corners (m, 4, 3) of rectangles that cover all planes, and their leaves (m,)."""
+    if patches.leaves.counts[0] > _MAX_LEAVES:
+        raise InputError(f"the stream has more than {_MAX_LEAVES} leaves, too many for a mesh")
+    arrays = (patches.geometry, patches.leaves, patches.occupancy)
+    count = _cover_with_rectangles(*arrays, np.empty((0, 4, 3)), np.empty(0, np.int64))
+    revolution_count = sum(int(unrolled.bits.sum()) for unrolled in patches.revolutions)
+    if count + revolution_count > _MAX_RECTANGLES:
+        raise InputError(f"the stream has more than {_MAX_RECTANGLES} rectangles of a mesh")
+    quads, leaf_of_quad = np.empty((count, 4, 3)), np.empty(count, np.int64)
+    _cover_with_rectangles(*arrays, quads, leaf_of_quad)
+    return quads, leaf_of_quad
 
 
 def _labels(patches: Patches, leaf_of_quad: Ints, revolution_quads: list[int]) -> Labels:
-    """Labels of the triangles of rectangles on leaves and of columns of surfaces of revolution."""
-    plane_ids, plane_of_quad = np.unique(
-        patches.leaves.plane_index[leaf_of_quad], return_inverse=True
+    """Label the triangles. revolution_quads: number of quads of each surface of revolution."""
+    header, leaves = patches.header, patches.leaves
+    plane_ids, plane_of_quad = np.unique(leaves.plane_index[leaf_of_quad], return_inverse=True)
+    segments, segment_of_quad = np.unique(
+        segment_leaves(patches)[leaf_of_quad], return_inverse=True
     )
-    segments, segment = np.unique(leaf_segments(patches)[leaf_of_quad], return_inverse=True)
-    planes = patches.leaves.planes[plane_ids]
-    offsets = planes[:, 3] * patches.header.cell_size + planes[:, :3] @ patches.header.origin
-    normals = patches.header.along_axes(planes[:, :3])
-    primitives = [
-        Primitive("plane", {"normal": normal.tolist(), "offset": float(offset)})
-        for normal, offset in zip(normals, offsets, strict=True)
-    ]
-    primitives += [_revolution_primitive(patches.header, each) for each, _ in patches.revolutions]
+    primitives = _plane_primitives(header, leaves.planes[plane_ids])
+    primitives += [_revolution_primitive(header, surface) for surface, _ in patches.revolutions]
     objects = [SceneObject(f"segment_{k + 1}", "segment") for k in range(len(segments))]
     objects += [SceneObject(f"round_{k + 1}", "round") for k in range(len(revolution_quads))]
     revolution_of_quad = np.repeat(np.arange(len(revolution_quads)), revolution_quads)
     primitive_id = np.tile(np.concatenate([plane_of_quad, len(plane_ids) + revolution_of_quad]), 2)
-    object_id = np.tile(np.concatenate([segment, len(segments) + revolution_of_quad]), 2)
+    object_id = np.tile(np.concatenate([segment_of_quad, len(segments) + revolution_of_quad]), 2)
     ids = (object_id.astype(np.int32), primitive_id.astype(np.int32))
     return Labels(*ids, tuple(objects), tuple(primitives))
 
 
+def _plane_primitives(header: SurfaceHeader, planes: Floats) -> list[Primitive]:
+    """Return planes (n, 4) of the grid in the cloud's coordinates."""
+    offsets = planes[:, 3] * header.cell_size + planes[:, :3] @ header.origin
+    normals = header.rotate_back(planes[:, :3])
+    return [
+        Primitive("plane", {"normal": normal.tolist(), "offset": float(offset)})
+        for normal, offset in zip(normals, offsets, strict=True)
+    ]
+
+
 def _revolution_primitive(header: SurfaceHeader, surface: RevolutionSurface) -> Primitive:
-    """Kind and parameters of a surface of revolution in the cloud's coordinates."""
+    """Return a surface of revolution in the cloud's coordinates."""
     point = header.in_cloud(surface.origin[None])[0].tolist()
-    axis = header.along_axes(surface.axis[None])[0].tolist()
+    axis = header.rotate_back(surface.axis[None])[0].tolist()
     radius = surface.radius * header.cell_size
     if surface.kind == SPHERE:
         return Primitive("sphere", {"centre": point, "radius": radius})
@@ -98,20 +111,20 @@ def _revolution_primitive(header: SurfaceHeader, surface: RevolutionSurface) -> 
     sign = float(np.sign(surface.angle))
     height = surface.radius / np.tan(surface.angle)
     apex = header.in_cloud((surface.origin - height * surface.axis)[None])[0].tolist()
-    along = [sign * part for part in axis]
+    along = [sign * component for component in axis]
     return Primitive("cone", {"apex": apex, "axis": along, "half_angle": abs(surface.angle)})
 
 
 @compiled
-def _rectangles(
+def _cover_with_rectangles(
     geometry: OctreeGeometry, leaves: Leaves, occupancy: Bytes, quads: Floats, leaf_of_quad: Ints
 ) -> int:
-    """Write corners (m, 4, 3) and leaves (m,) of the rectangles that cover all occupied columns.
+    """Write the corners (m, 4, 3) and leaves (m,) of rectangles that cover all occupied columns.
 
-    Returns their number, written or not.
+    Return their number, written or not.
     """
     count = 0
-    at = np.zeros(3, np.int64)
+    cell = np.zeros(3, np.int64)
     for i in range(leaves.counts[0]):
         plane_index, side = leaves.plane_index[i], leaves.side[i]
         axis = dominant_axis(leaves.planes[plane_index])
@@ -119,8 +132,8 @@ def _rectangles(
         remaining = np.zeros((side, side), np.uint8)
         for a in range(side):
             for b in range(side):
-                if column_in_leaf(geometry, leaves, i, axis, low_u + a, low_v + b, at):
-                    remaining[a, b] = occupancy[at[0], at[1], at[2]] == OCCUPIED
+                if find_leaf_cell(geometry, leaves, i, axis, low_u + a, low_v + b, cell):
+                    remaining[a, b] = occupancy[cell[0], cell[1], cell[2]] == OCCUPIED
         for a in range(side):
             for b in range(side):
                 if remaining[a, b]:
@@ -135,7 +148,7 @@ def _rectangles(
 
 @compiled
 def _take_rectangle(columns: Bytes, a: int, b: int) -> tuple[int, int]:
-    """Clear a rectangle of set columns that begins at (a, b); where it ends."""
+    """Clear a rectangle of set columns that begins at (a, b). Return its end."""
     end_b = b
     while end_b < columns.shape[1] and columns[a, end_b]:
         end_b += 1

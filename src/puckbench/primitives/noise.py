@@ -1,4 +1,4 @@
-"""Noise estimation: the spread of a cloud's points about the planes of small cells."""
+"""Noise estimation from the distances of points to planes fitted in small cells."""
 
 from __future__ import annotations
 
@@ -11,25 +11,25 @@ from puckbench.primitives.octree import moments_of, plane_errors
 _MIN_POINTS = 8
 
 
-def estimate_noise(points: Floats, cell: float) -> float:
-    """Standard deviation of the noise: the lower quartile over small cells, weighted by points.
+def estimate_noise(points: Floats, cell_size: float) -> float:
+    """Return the lower quartile, weighted by points, of the noise's standard deviation over cells.
 
-    Curved and crossing surfaces widen the spread of some cells, noise that of all.
+    Curved and crossing surfaces raise the deviation of some cells, noise raises that of all.
 
     Parameters
     ----------
     points
         (n, 3) points.
-    cell
-        Side of the cubic cells, in the points' unit.
+    cell_size
+        Side of the cells, in the points' unit.
 
     Returns
     -------
     float
-        The standard deviation in the points' unit; 0 if no cell has enough points.
+        In the points' unit; 0 if no cell has enough points.
     """
-    order, starts = group_by_cell(points, cell).order()
-    centred = points[order] - points.mean(axis=0)
+    rows, starts = group_by_cell(points, cell_size).sorted_rows()
+    centred = points[rows] - points.mean(axis=0)
     moments = np.add.reduceat(moments_of(centred), starts, axis=0)
     moments = moments[moments[:, 0] >= _MIN_POINTS]
     if not len(moments):
@@ -37,6 +37,6 @@ def estimate_noise(points: Floats, cell: float) -> float:
     counts = moments[:, 0]
     variance = plane_errors(moments) / (counts - 3)
     ascending = np.argsort(variance, kind="stable")
-    points_below = np.cumsum(counts[ascending])
-    quartile = np.searchsorted(points_below, points_below[-1] / 4)
+    cumulative_counts = np.cumsum(counts[ascending])
+    quartile = np.searchsorted(cumulative_counts, cumulative_counts[-1] / 4)
     return float(np.sqrt(variance[ascending[quartile]]))

@@ -1,4 +1,4 @@
-"""Rate-distortion optimised occupancy maps: which columns of a leaf's plane the encoder keeps."""
+"""Rate-distortion optimisation of occupancy maps: the encoder's choice of occupied columns."""
 
 from __future__ import annotations
 
@@ -8,26 +8,27 @@ import numpy as np
 
 from puckbench.core.compiling import compiled, compiled_in_place
 from puckbench.geometry.cloud import Floats
-from puckbench.primitives.octree_arrays import EMPTY, OCCUPIED, Bytes, Ints, LeafMap
+from puckbench.primitives.octree_arrays import EMPTY, OCCUPIED, Bytes, IndexGrid, Ints
 
-_SWEEPS = 4
+_MAX_ITERATIONS = 4
 
 
-class RdCriterion(NamedTuple):
-    """The smoothed samples that decoded points are compared with, and the weights of errors.
+class OccupancyCriterion(NamedTuple):
+    """Smoothed samples to compare decoded points with, and weights of the errors. Lengths in cells.
 
-    xyz, normals: (n, 3) samples, lengths in cells. weights: (n,) shares of the cloud's points.
-    sample_at: grid of sampling cells, row of the sample + 1, 0 for none. spacing: side of a
-    sampling cell. tangential_weight: weight of the squared distance to the nearest sample beyond a
-    sampling cell. max_error: bound of the squared error. omission_error: squared error of a sample
-    that no column represents. area_weight: weight of a sampling cell of decoded points. edge_cost:
-    cost of two unlike columns side by side.
+    xyz, normals: (n, 3) samples and unit normals. point_weights: (n,) half the fraction of the
+    cloud's points that a sample represents. sample_at: grid of sampling cells with sample indices.
+    spacing: side of a sampling cell. tangential_weight: weight of the squared distance to the
+    nearest sample in excess of a sampling cell. max_error: bound of the squared error.
+    omission_error: squared error of a sample that no column represents. area_weight: weight of a
+    sampling cell of decoded points. edge_cost: cost of two adjacent columns of which one is
+    occupied.
     """
 
     xyz: Floats
     normals: Floats
-    weights: Floats
-    sample_at: LeafMap
+    point_weights: Floats
+    sample_at: IndexGrid
     spacing: float
     tangential_weight: float
     max_error: float
@@ -36,54 +37,56 @@ class RdCriterion(NamedTuple):
     edge_cost: float
 
 
-NO_CRITERION = RdCriterion(
+NO_CRITERION = OccupancyCriterion(
     np.zeros((1, 3)),
     np.zeros((1, 3)),
     np.zeros(1),
     np.zeros((1, 1, 1), np.int32),
     *(1.0, 1.0, 1.0, 1.0, 1.0, 1.0),
 )
-"""For the decoder, which decides nothing."""
+"""Placeholder for the decoder."""
 
 
 @compiled_in_place
-def distortion_saved(criterion: RdCriterion, point: Floats) -> float:
-    """Distortion that decoding a sampling cell of points at `point` (3,) saves; it may be < 0."""
+def distortion_reduction(criterion: OccupancyCriterion, point: Floats) -> float:
+    """Return the distortion that a sampling cell of decoded points at `point` (3,) saves."""
     row, squared = _nearest_sample(criterion, point)
     if row < 0:
         return -criterion.area_weight * criterion.max_error
     normal_distance = 0.0
     for k in range(3):
         normal_distance += (point[k] - criterion.xyz[row, k]) * criterion.normals[row, k]
-    beyond = max(np.sqrt(squared) - criterion.spacing, 0.0)
-    error = normal_distance * normal_distance + criterion.tangential_weight * beyond * beyond
+    excess = max(np.sqrt(squared) - criterion.spacing, 0.0)
+    error = normal_distance * normal_distance + criterion.tangential_weight * excess * excess
     error = min(error, criterion.max_error)
-    saved = criterion.omission_error * criterion.weights[row] if beyond == 0.0 else 0.0
+    saved = criterion.omission_error * criterion.point_weights[row] if excess == 0.0 else 0.0
     return float(saved - criterion.area_weight * error)
 
 
 @compiled_in_place
-def _nearest_sample(criterion: RdCriterion, point: Floats) -> tuple[int, float]:
-    """Row of the nearest sample within two sampling cells (-1: none) and its squared distance."""
-    certain = np.inf  # no sample outside the cells around the point's own is nearer
+def _nearest_sample(criterion: OccupancyCriterion, point: Floats) -> tuple[int, float]:
+    """Return the nearest sample within two sampling cells (or -1) and its squared distance."""
+    exact_radius = np.inf  # samples outside the 27 cells around the point are farther than this
     for k in range(3):
-        past = point[k] - (int(point[k] / criterion.spacing) - 1) * criterion.spacing
-        certain = min(certain, past, 3 * criterion.spacing - past)
+        from_lower = point[k] - (int(point[k] / criterion.spacing) - 1) * criterion.spacing
+        exact_radius = min(exact_radius, from_lower, 3 * criterion.spacing - from_lower)
     row, squared = _nearest_within(criterion, point, 1)
-    if squared <= certain * certain:
+    if squared <= exact_radius * exact_radius:
         return row, squared
     return _nearest_within(criterion, point, 2)
 
 
 @compiled_in_place
-def _nearest_within(criterion: RdCriterion, point: Floats, reach: int) -> tuple[int, float]:
+def _nearest_within(
+    criterion: OccupancyCriterion, point: Floats, cell_radius: int
+) -> tuple[int, float]:
     x, y, z = point
     spacing, grid = criterion.spacing, criterion.sample_at
     a, b, c = int(x / spacing), int(y / spacing), int(z / spacing)
     least, nearest = np.inf, -1
-    for i in range(max(a - reach, 0), min(a + reach + 1, grid.shape[0])):
-        for j in range(max(b - reach, 0), min(b + reach + 1, grid.shape[1])):
-            for k in range(max(c - reach, 0), min(c + reach + 1, grid.shape[2])):
+    for i in range(max(a - cell_radius, 0), min(a + cell_radius + 1, grid.shape[0])):
+        for j in range(max(b - cell_radius, 0), min(b + cell_radius + 1, grid.shape[1])):
+            for k in range(max(c - cell_radius, 0), min(c + cell_radius + 1, grid.shape[2])):
                 row = grid[i, j, k] - 1
                 if row >= 0:
                     p = criterion.xyz[row]
@@ -94,19 +97,19 @@ def _nearest_within(criterion: RdCriterion, point: Floats, reach: int) -> tuple[
 
 
 @compiled
-def optimise_map(gains: Floats, edge_cost: float, known: Ints, bits: Bytes) -> None:
-    """Choose the occupancy map that saves most, less `edge_cost` for each unlike pair of columns.
+def optimise_occupancy_map(gains: Floats, edge_cost: float, surrounding: Ints, bits: Bytes) -> None:
+    """Choose the map of largest total gain minus `edge_cost` per edge.
 
     Parameters
     ----------
     gains
-        (n, n) distortion that each column saves if it is occupied.
+        (n, n) distortion that each column saves if it is occupied; may be negative.
     edge_cost
-        Cost of an edge of the map between two columns.
-    known
-        (n + 2, n + 2) states of the columns around: EMPTY, OCCUPIED or UNKNOWN.
+        Cost of two adjacent columns of which one is occupied.
+    surrounding
+        (n + 2, n + 2) states of the columns around the map: EMPTY, OCCUPIED or UNKNOWN.
     bits
-        (n, n) the map, which is written.
+        (n, n) the map, written.
 
     References
     ----------
@@ -116,11 +119,11 @@ def optimise_map(gains: Floats, edge_cost: float, known: Ints, bits: Bytes) -> N
     for a in range(side):
         for b in range(side):
             bits[a, b] = 1 if gains[a, b] > 0 else 0
-    for _ in range(_SWEEPS):
+    for _ in range(_MAX_ITERATIONS):
         changed = False
         for a in range(side):
             for b in range(side):
-                balance = _neighbour_balance(bits, known, a, b)
+                balance = _neighbour_balance(bits, surrounding, a, b)
                 bit = 1 if gains[a, b] + edge_cost * balance > 0 else 0
                 changed |= bit != bits[a, b]
                 bits[a, b] = bit
@@ -129,8 +132,8 @@ def optimise_map(gains: Floats, edge_cost: float, known: Ints, bits: Bytes) -> N
 
 
 @compiled_in_place
-def _neighbour_balance(bits: Bytes, known: Ints, a: int, b: int) -> int:
-    """Occupied less empty columns among the four beside one."""
+def _neighbour_balance(bits: Bytes, surrounding: Ints, a: int, b: int) -> int:
+    """Return the number of occupied minus empty columns among the four neighbours."""
     side, balance = len(bits), 0
     for k in range(4):
         x = a + (k == 0) - (k == 1)
@@ -138,5 +141,7 @@ def _neighbour_balance(bits: Bytes, known: Ints, a: int, b: int) -> int:
         if 0 <= x < side and 0 <= y < side:
             balance += 2 * int(bits[x, y]) - 1
         else:
-            balance += (known[x + 1, y + 1] == OCCUPIED) - (known[x + 1, y + 1] == EMPTY)
+            balance += (surrounding[x + 1, y + 1] == OCCUPIED) - (
+                surrounding[x + 1, y + 1] == EMPTY
+            )
     return balance

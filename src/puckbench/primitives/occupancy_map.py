@@ -1,8 +1,8 @@
-"""Occupancy maps of the leaves' planes: one bit for each column of cells, coded in context.
+"""Occupancy maps of planes: one bit per column of cells, coded in context.
 
-As in V-PCC's patches, an occupancy map says where on a plane there is surface. A column is one cell
-wide and runs along the plane's dominant axis. The columns of all leaves share a grid of cells, so
-that the contexts of a map continue where the neighbouring leaf's map ended.
+As for the patches of V-PCC, an occupancy map says where a plane has surface. A column is one cell
+wide and runs along the plane's dominant axis. The states of all columns lie in one grid of cells,
+so that the contexts of a map reach into the maps of neighbouring leaves.
 """
 
 from __future__ import annotations
@@ -12,19 +12,19 @@ import numpy as np
 from puckbench.coding.binary_coder import exhausted
 from puckbench.core.compiling import compiled, compiled_in_place
 from puckbench.geometry.cloud import Floats
-from puckbench.primitives.entropy import Coder, code_bit
+from puckbench.primitives.entropy import ContextCoder, code_bit, is_writing
 from puckbench.primitives.occupancy_decision import (
-    RdCriterion,
-    distortion_saved,
-    optimise_map,
+    OccupancyCriterion,
+    distortion_reduction,
+    optimise_occupancy_map,
 )
 from puckbench.primitives.octree_arrays import (
     EMPTY,
     OCCUPIED,
     UNKNOWN,
     Bytes,
+    IndexGrid,
     Ints,
-    LeafMap,
     Leaves,
     OctreeGeometry,
     dominant_axis,
@@ -45,31 +45,31 @@ MIXERS = TREE_MIXERS + 1
 
 @compiled
 def code_occupancy_maps(
-    coder: Coder,
+    coder: ContextCoder,
     geometry: OctreeGeometry,
     leaves: Leaves,
-    leaf_map: LeafMap,
-    criterion: RdCriterion,
+    leaf_grid: IndexGrid,
+    criterion: OccupancyCriterion,
     occupancy: Bytes,
 ) -> None:
-    """Code the occupancy maps of all leaves, or of those until a stream ends.
+    """Code the occupancy maps of all leaves. Stops early if the stream ends.
 
     Parameters
     ----------
     coder
-        Writes or reads.
-    geometry, leaves, leaf_map
+        Coder of either direction.
+    geometry, leaves, leaf_grid
         The decoded octree of planes.
     criterion
-        What the encoder decides by; not used in decoding.
+        Criterion of the encoder's decisions.
     occupancy
-        Grid of cells (x, y, z), written: the state of the column that ends in each cell. A leaf of
-        one cell is occupied without a bit.
+        Grid of cells, written: the state of the column that crosses the plane in each cell. A leaf
+        of one cell is occupied and needs no bit.
     """
     for i in range(leaves.counts[0]):
         if leaves.side[i] == 1:
-            cell = leaves.corner[i]
-            occupancy[cell[0], cell[1], cell[2]] = OCCUPIED
+            corner = leaves.corner[i]
+            occupancy[corner[0], corner[1], corner[2]] = OCCUPIED
     bits = np.zeros((MAX_LEAF_COLUMNS, MAX_LEAF_COLUMNS), np.uint8)
     for i in range(leaves.counts[0]):
         side = leaves.side[i]
@@ -77,35 +77,37 @@ def code_occupancy_maps(
             return
         if side == 1:
             continue
-        if coder.bits.registers[4] == 1:
-            _decide_columns(geometry, leaves, i, leaf_map, occupancy, criterion, bits[:side, :side])
-        _code_columns(coder, geometry, leaves, i, leaf_map, bits[:side, :side], occupancy)
+        if is_writing(coder):
+            _decide_columns(
+                geometry, leaves, i, leaf_grid, occupancy, criterion, bits[:side, :side]
+            )
+        _code_columns(coder, geometry, leaves, i, leaf_grid, bits[:side, :side], occupancy)
 
 
 @compiled_in_place
-def cell_on_plane(
-    geometry: OctreeGeometry, plane: Floats, axis: int, a: int, b: int, at: Ints
+def find_plane_cell(
+    geometry: OctreeGeometry, plane: Floats, axis: int, a: int, b: int, cell: Ints
 ) -> bool:
-    """Write to `at` (3,) the cell where a plane crosses a column; false outside the grid."""
+    """Write the cell (3,) where a plane crosses column (a, b). Return whether it is in the grid."""
     u, v = (axis + 1) % 3, (axis + 2) % 3
     if a < 0 or b < 0 or a >= geometry.shape[u] or b >= geometry.shape[v]:
         return False
-    place = plane_height(plane, axis, a + 0.5, b + 0.5)
-    if not 0 <= place < geometry.shape[axis]:
+    height = plane_height(plane, axis, a + 0.5, b + 0.5)
+    if not 0 <= height < geometry.shape[axis]:
         return False
-    at[axis], at[u], at[v] = int(place), a, b
+    cell[axis], cell[u], cell[v] = int(height), a, b
     return True
 
 
 @compiled_in_place
-def column_in_leaf(
-    geometry: OctreeGeometry, leaves: Leaves, i: int, axis: int, a: int, b: int, at: Ints
+def find_leaf_cell(
+    geometry: OctreeGeometry, leaves: Leaves, i: int, axis: int, a: int, b: int, cell: Ints
 ) -> bool:
-    """Whether the plane of leaf i crosses column (a, b) within the leaf, in the cell `at`."""
-    if not cell_on_plane(geometry, leaves.planes[leaves.plane_index[i]], axis, a, b, at):
+    """Write the cell where a leaf's plane crosses a column. Return whether it is in the leaf."""
+    if not find_plane_cell(geometry, leaves.planes[leaves.plane_index[i]], axis, a, b, cell):
         return False
     low = leaves.corner[i, axis]
-    return bool(low <= at[axis] < low + leaves.side[i])
+    return bool(low <= cell[axis] < low + leaves.side[i])
 
 
 @compiled
@@ -113,9 +115,9 @@ def _decide_columns(
     geometry: OctreeGeometry,
     leaves: Leaves,
     i: int,
-    leaf_map: LeafMap,
+    leaf_grid: IndexGrid,
     occupancy: Bytes,
-    criterion: RdCriterion,
+    criterion: OccupancyCriterion,
     bits: Bytes,
 ) -> None:
     """Choose the occupancy map of a leaf by rate and distortion."""
@@ -123,57 +125,61 @@ def _decide_columns(
     axis = dominant_axis(plane)
     low_u, low_v = corner[(axis + 1) % 3], corner[(axis + 2) % 3]
     gains = np.zeros((side, side))
-    known = np.zeros((side + 2, side + 2), np.int64)
-    at, point = np.zeros(3, np.int64), np.zeros(3)
+    surrounding = np.zeros((side + 2, side + 2), np.int64)
+    cell, point = np.zeros(3, np.int64), np.zeros(3)
     for a in range(-1, side + 1):
         for b in range(-1, side + 1):
             if 0 <= a < side and 0 <= b < side:
-                if column_in_leaf(geometry, leaves, i, axis, low_u + a, low_v + b, at):
+                if find_leaf_cell(geometry, leaves, i, axis, low_u + a, low_v + b, cell):
                     gains[a, b] = _column_gain(plane, axis, low_u + a, low_v + b, criterion, point)
             else:
-                place = (axis, low_u + a, low_v + b)
-                known[a + 1, b + 1] = _column_state(geometry, plane, place, leaf_map, occupancy, at)
-    optimise_map(gains, criterion.edge_cost, known, bits)
+                column = (axis, low_u + a, low_v + b)
+                surrounding[a + 1, b + 1] = _column_state(
+                    geometry, plane, column, leaf_grid, occupancy, cell
+                )
+    optimise_occupancy_map(gains, criterion.edge_cost, surrounding, bits)
 
 
 @compiled_in_place
 def _column_gain(
-    plane: Floats, axis: int, a: int, b: int, criterion: RdCriterion, p: Floats
+    plane: Floats, axis: int, a: int, b: int, criterion: OccupancyCriterion, p: Floats
 ) -> float:
-    """Distortion that a column saves, estimated at four of its points; p: (3,) scratch."""
+    """Return the mean distortion that a column saves at four points. p: (3,) scratch memory."""
     gain = 0.0
     for k in range(4):
         p_u, p_v = a + 0.25 + 0.5 * (k & 1), b + 0.25 + 0.5 * (k >> 1)
         p[(axis + 1) % 3], p[(axis + 2) % 3] = p_u, p_v
         p[axis] = plane_height(plane, axis, p_u, p_v)
-        gain += distortion_saved(criterion, p)
+        gain += distortion_reduction(criterion, p)
     return gain / 4 / criterion.spacing**2
 
 
 @compiled
 def _code_columns(
-    coder: Coder,
+    coder: ContextCoder,
     geometry: OctreeGeometry,
     leaves: Leaves,
     i: int,
-    leaf_map: LeafMap,
+    leaf_grid: IndexGrid,
     bits: Bytes,
     occupancy: Bytes,
 ) -> None:
-    """Code a leaf's occupancy map and enter its columns into the grid of cells."""
+    """Code a leaf's occupancy map and write its columns to the grid of cells."""
     corner, side, plane = leaves.corner[i], leaves.side[i], leaves.planes[leaves.plane_index[i]]
     axis = dominant_axis(plane)
-    at, beside = np.zeros(3, np.int64), np.zeros(3, np.int64)
-    size = 0
-    while side >> (size + 1) > 0:
-        size += 1
+    cell, neighbour_cell = np.zeros(3, np.int64), np.zeros(3, np.int64)
+    side_log2 = 0
+    while side >> (side_log2 + 1) > 0:
+        side_log2 += 1
     for a in range(side):
         for b in range(side):
             column = (axis, corner[(axis + 1) % 3] + a, corner[(axis + 2) % 3] + b)
-            if column_in_leaf(geometry, leaves, i, axis, column[1], column[2], at):
-                contexts = _contexts(geometry, plane, column, size, leaf_map, occupancy, beside)
+            if find_leaf_cell(geometry, leaves, i, axis, column[1], column[2], cell):
+                contexts = _contexts(
+                    geometry, plane, column, side_log2, leaf_grid, occupancy, neighbour_cell
+                )
                 bit = code_bit(coder, bits[a, b], _MIXER, contexts)
-                occupancy[at[0], at[1], at[2]] = OCCUPIED if bit else EMPTY
+                occupancy[cell[0], cell[1], cell[2]] = OCCUPIED if bit else EMPTY
 
 
 @compiled_in_place
@@ -181,26 +187,28 @@ def _contexts(
     geometry: OctreeGeometry,
     plane: Floats,
     column: tuple[int, int, int],
-    size: int,
-    leaf_map: LeafMap,
+    side_log2: int,
+    leaf_grid: IndexGrid,
     occupancy: Bytes,
-    at: Ints,
+    cell: Ints,
 ) -> tuple[int, int, int]:
-    """Contexts of a column's bit: the eight columns around it, and the leaf's size."""
+    """Return the contexts of a column's bit: the eight columns around it, and the leaf's side."""
     faces = diagonals = count = 0
     axis, a, b = column
     for da in range(-1, 2):
         for db in range(-1, 2):
             if da == 0 and db == 0:
                 continue
-            state = _column_state(geometry, plane, (axis, a + da, b + db), leaf_map, occupancy, at)
+            state = _column_state(
+                geometry, plane, (axis, a + da, b + db), leaf_grid, occupancy, cell
+            )
             count += state == OCCUPIED
             if da == 0 or db == 0:
                 faces = 3 * faces + state
             else:
                 diagonals = 3 * diagonals + state
-    by_size = _FACES + faces + 81 * min(size - 1, 8)
-    return by_size, _NEIGHBOURHOOD + faces + 81 * diagonals, _COUNTS + 16 * count + size
+    size_context = _FACES + faces + 81 * min(side_log2 - 1, 8)
+    return size_context, _NEIGHBOURHOOD + faces + 81 * diagonals, _COUNTS + 16 * count + side_log2
 
 
 @compiled_in_place
@@ -208,14 +216,13 @@ def _column_state(
     geometry: OctreeGeometry,
     plane: Floats,
     column: tuple[int, int, int],
-    leaf_map: LeafMap,
+    leaf_grid: IndexGrid,
     occupancy: Bytes,
-    at: Ints,
+    cell: Ints,
 ) -> int:
-    """State of a column in the cell where the plane crosses it."""
-    if not cell_on_plane(geometry, plane, column[0], column[1], column[2], at):
+    if not find_plane_cell(geometry, plane, column[0], column[1], column[2], cell):
         return EMPTY
-    state = occupancy[at[0], at[1], at[2]]
+    state = occupancy[cell[0], cell[1], cell[2]]
     if state != UNKNOWN:
         return int(state)
-    return UNKNOWN if leaf_at(geometry, leaf_map, at[0], at[1], at[2]) > 0 else EMPTY
+    return UNKNOWN if leaf_at(geometry, leaf_grid, cell[0], cell[1], cell[2]) > 0 else EMPTY

@@ -1,4 +1,4 @@
-"""Octree over a surface's samples, pruned where a plane costs less than what lies below it."""
+"""Octree of a surface's samples, pruned where one plane costs less than its children."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from puckbench.geometry.morton import morton_codes
 from puckbench.primitives.octree_arrays import Ints, Leaves
 
 
-class Level(NamedTuple):
+class OctreeLevel(NamedTuple):
     """Occupied nodes of one level in Morton order.
 
     cells: (n, 3) coordinates at this level. moments: (n, 10) of the samples. first_child: (n + 1,)
@@ -29,8 +29,8 @@ class Level(NamedTuple):
 
 def build_octree(
     xyz: Floats, normals: Floats, weights: Floats, radius: float, depth: int
-) -> list[Level]:
-    """Build all levels, from the root (0) to `depth`, whose nodes are single cells.
+) -> list[OctreeLevel]:
+    """Build all levels, from the root (0) to the cells (`depth`).
 
     Parameters
     ----------
@@ -46,61 +46,60 @@ def build_octree(
     order = np.argsort(keys, kind="stable")
     cells, keys = cells[order], keys[order]
     moments = moments_of(xyz[order], weights[order], normals[order], radius)
-    levels: list[Level] = []
+    levels: list[OctreeLevel] = []
     for _ in range(depth + 1):
         starts = np.flatnonzero(np.concatenate([[True], keys[1:] != keys[:-1]]))
         bounds = np.concatenate([starts, [len(cells)]])
         moments = np.add.reduceat(moments, starts, axis=0)
         cells, keys = cells[starts], keys[starts] >> 3
-        levels.append(Level(cells, moments, bounds, np.zeros(len(cells), bool)))
+        levels.append(OctreeLevel(cells, moments, bounds, np.zeros(len(cells), bool)))
         cells = cells >> 1
     return levels[::-1]
 
 
 def prune_octree(
-    levels: list[Level],
+    levels: list[OctreeLevel],
     lmbda: float,
     leaf_bits: float,
     split_bits: float,
     coarsest_leaf_level: int,
     finest_leaf_level: int,
 ) -> None:
-    """Mark as leaves the nodes that minimise squared distance + lmbda * bits, from the bottom up.
+    """Mark the leaves of least squared distance + lmbda * bits, bottom-up.
 
-    leaf_bits, split_bits: estimated bits of a plane and of a split. There are leaves from
-    coarsest_leaf_level to finest_leaf_level.
+    leaf_bits, split_bits: estimated bits of a plane and of a split. Leaves lie between
+    coarsest_leaf_level and finest_leaf_level.
     """
-    below = np.zeros(0)
+    child_costs = np.zeros(0)
     for depth in range(finest_leaf_level, -1, -1):
         level = levels[depth]
         costs = plane_errors(level.moments) + lmbda * leaf_bits
         if depth < finest_leaf_level:
-            splitting = np.add.reduceat(below, level.first_child[:-1]) + lmbda * split_bits
-            level.is_leaf[:] = (costs < splitting) & (depth >= coarsest_leaf_level)
-            costs = np.where(level.is_leaf, costs, splitting)
+            split_costs = np.add.reduceat(child_costs, level.first_child[:-1]) + lmbda * split_bits
+            level.is_leaf[:] = (costs < split_costs) & (depth >= coarsest_leaf_level)
+            costs = np.where(level.is_leaf, costs, split_costs)
         else:
             level.is_leaf[:] = True
-        below = costs
+        child_costs = costs
 
 
-def leaves_of(levels: list[Level]) -> tuple[Ints, Leaves]:
-    """The octree's leaves, without planes, and their indices (n,) among the nodes of all levels."""
+def collect_leaves(levels: list[OctreeLevel]) -> tuple[Ints, Leaves]:
+    """Return the indices (n,) of the leaves among the nodes of all levels, and the leaves."""
     depth = len(levels) - 1
-    corner, side, rows = [], [], []
-    reached, start = np.ones(1, bool), 0
-    for level, down in zip(levels, range(depth, -1, -1), strict=True):
-        chosen = np.flatnonzero(reached & level.is_leaf)
-        corner.append(level.cells[chosen] << down)
-        side.append(np.full(len(chosen), 1 << down))
-        rows.append(start + chosen)
+    corner, side, level_indices = [], [], []
+    is_reached, start = np.ones(1, bool), 0
+    for level, side_log2 in zip(levels, range(depth, -1, -1), strict=True):
+        rows = np.flatnonzero(is_reached & level.is_leaf)
+        corner.append(level.cells[rows] << side_log2)
+        side.append(np.full(len(rows), 1 << side_log2))
+        level_indices.append(start + rows)
         start += len(level.cells)
-        reached = (
-            np.repeat(reached & ~level.is_leaf, np.diff(level.first_child)) if down else reached
-        )
-    places = np.concatenate(rows)
-    planes, counts = np.zeros(len(places), np.int64), np.array([len(places), 0])
-    found = (np.concatenate(corner), np.concatenate(side))
-    return places, Leaves(*found, planes, np.empty((0, 4)), counts)
+        if side_log2:
+            is_reached = np.repeat(is_reached & ~level.is_leaf, np.diff(level.first_child))
+    node_indices = np.concatenate(level_indices)
+    planes, counts = np.zeros(len(node_indices), np.int64), np.array([len(node_indices), 0])
+    leaves = Leaves(np.concatenate(corner), np.concatenate(side), planes, np.empty((0, 4)), counts)
+    return node_indices, leaves
 
 
 def moments_of(
@@ -109,16 +108,16 @@ def moments_of(
     normals: Floats | None = None,
     radius: float = 0.0,
 ) -> Floats:
-    """Moments of points, or of discs around them, from which planes of least squares follow.
+    """Return the moments of points, or of discs around them. They determine least-squares planes.
 
     Parameters
     ----------
     xyz
         (n, 3) points.
     weights
-        Weight of all points, or of each (n,).
+        Common weight, or weights (n,).
     normals, radius
-        Unit normals (n, 3) and radius of the discs; without them, points.
+        Unit normals (n, 3) and radius of the discs; the default is points.
 
     Returns
     -------
@@ -131,7 +130,6 @@ def moments_of(
 
 @compiled
 def _moments_of(xyz: Floats, weights: Floats, normals: Floats, variance: float) -> Floats:
-    """Moments of discs, or of points where the variance is 0; one weight or normal may be all's."""
     moments = np.empty((len(xyz), MOMENT_COUNT))
     for i in range(len(xyz)):
         x, y, z = xyz[i]
@@ -150,7 +148,7 @@ def _moments_of(xyz: Floats, weights: Floats, normals: Floats, variance: float) 
 
 @compiled
 def plane_errors(moments: Floats) -> Floats:
-    """Weighted sums (n,) of squared distances to the least-squares planes of moments (n, 10)."""
+    """Return the weighted sums (n,) of squared distances to the least-squares planes."""
     costs: Floats = np.empty(len(moments))
     for i in range(len(moments)):
         costs[i] = distance_to_fit(moments[i])

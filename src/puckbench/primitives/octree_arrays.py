@@ -1,6 +1,6 @@
-"""Arrays of the octree of planes that encoder and decoder share: geometry, leaves, nodes.
+"""Arrays of the octree that encoder and decoder share. All lengths are in cells.
 
-All lengths are in finest cells, the columns of the occupancy maps.
+A cell is a node of the finest level. A column of an occupancy map is one cell wide.
 """
 
 from __future__ import annotations
@@ -14,20 +14,21 @@ from puckbench.core.compiling import compiled_in_place
 from puckbench.geometry.cloud import Floats
 
 Ints = NDArray[np.int64]
-LeafMap = NDArray[np.int32]
+IndexGrid = NDArray[np.int32]
+"""Grid of 1 + index, 0 for none."""
 Bytes = NDArray[np.uint8]
 
 UNKNOWN, EMPTY, OCCUPIED = 0, 1, 2
-"""States of a column, kept in the grid of the cells where columns cross planes."""
+"""State of a column, stored in the cell where the column crosses a plane."""
 
 
 class OctreeGeometry(NamedTuple):
     """Geometry of the octree: level 0 is the root, a node's side is 2^(depth - level) cells.
 
-    depth: level of the cells. finest_leaf_level, coarsest_leaf_level: of the smallest and largest
-    leaves. shape: (3,) cells along each axis. plane_steps: (depth + 1,) quantisation step of the
-    planes of each level's leaves, in cells. lmbda: Lagrangian weight, in squared cells for a bit
-    (encoder only).
+    depth: level of the cells. finest_leaf_level, coarsest_leaf_level: levels of the smallest and
+    largest leaves. shape: (3,) cells along each axis. plane_steps: (depth + 1,) quantisation step
+    of the planes of each level's leaves, in cells. lmbda: Lagrangian weight in squared cells per
+    bit (encoder only).
     """
 
     depth: int
@@ -41,7 +42,8 @@ class OctreeGeometry(NamedTuple):
 class Leaves(NamedTuple):
     """Leaves in coding order: corner (n, 3), side (n,) in cells, and index (n,) of the plane.
 
-    planes: (n, 4) unit normal and offset, n . p = d. counts: (2,) leaves and planes so far.
+    planes: (n, 4) unit normal n and offset d, n . p = d. counts: (2,) number of leaves and of
+    planes.
     """
 
     corner: Ints
@@ -51,11 +53,12 @@ class Leaves(NamedTuple):
     counts: Ints
 
 
-class Nodes(NamedTuple):
-    """Nodes of all levels as the encoder knows them, one level after the other.
+class EncoderNodes(NamedTuple):
+    """Nodes of all levels, one level after the other, known to the encoder only.
 
-    moments: (n, 10) of the samples. first_child: (n + 1,) index in this list. is_leaf: (n,).
-    octant: (n,) place within the parent. region_moments: (n, 10) of the region that a leaf is in.
+    moments: (n, 10) of the samples in the node. first_child: (n + 1,) index of the first child.
+    is_leaf: (n,). octant: (n,) position within the parent. region_moments: (n, 10) moments of the
+    region that a leaf belongs to.
     """
 
     moments: Floats
@@ -66,18 +69,18 @@ class Nodes(NamedTuple):
 
 
 @compiled_in_place
-def leaf_at(geometry: OctreeGeometry, leaf_map: LeafMap, x: int, y: int, z: int) -> int:
-    """Index + 1 of the leaf that a cell belongs to, 0 for none.
+def leaf_at(geometry: OctreeGeometry, leaf_grid: IndexGrid, x: int, y: int, z: int) -> int:
+    """Return 1 + the index of the leaf that contains a cell, 0 if there is none.
 
-    leaf_map: grid at the size of the smallest leaves.
+    leaf_grid: grid with the cell size of the smallest leaves.
     """
-    down = geometry.depth - geometry.finest_leaf_level
-    return int(leaf_map[x >> down, y >> down, z >> down])
+    side_log2 = geometry.depth - geometry.finest_leaf_level
+    return int(leaf_grid[x >> side_log2, y >> side_log2, z >> side_log2])
 
 
 @compiled_in_place
 def dominant_axis(plane: Floats) -> int:
-    """The axis nearest to a plane's normal, along which its columns run."""
+    """Return the axis nearest to a plane's normal. The plane's columns run along it."""
     axis = 0
     for k in range(1, 3):
         if abs(plane[k]) > abs(plane[axis]):
@@ -87,6 +90,8 @@ def dominant_axis(plane: Floats) -> int:
 
 @compiled_in_place
 def plane_height(plane: Floats, axis: int, u: float, v: float) -> float:
-    """Coordinate of a plane along `axis` where the next two axes' coordinates are u and v."""
+    """Return the coordinate of a plane along `axis` where the next two axes have the values u and
+    v.
+    """
     across = plane[(axis + 1) % 3] * u + plane[(axis + 2) % 3] * v
     return float((plane[3] - across) / plane[axis])

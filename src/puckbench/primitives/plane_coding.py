@@ -1,7 +1,7 @@
 """Coding of a leaf's plane: merged with the plane of a neighbouring leaf, or predicted from it.
 
 As in the merge mode of video codecs, the encoder may signal the index of a neighbour's plane. A new
-plane is that of the leaf's whole region; how far the region reaches decides its precision.
+plane is fitted to the leaf's whole region. The extent of the region decides its precision.
 """
 
 from __future__ import annotations
@@ -11,114 +11,131 @@ import numpy as np
 from puckbench.core.compiling import compiled, compiled_in_place
 from puckbench.geometry.cloud import Floats
 from puckbench.geometry.moments import fit_plane, squared_distance
-from puckbench.primitives.entropy import Coder, code_bit, code_number
+from puckbench.primitives.entropy import ContextCoder, code_bit, code_number, is_writing
 from puckbench.primitives.octree_arrays import (
+    EncoderNodes,
+    IndexGrid,
     Ints,
-    LeafMap,
     Leaves,
-    Nodes,
     OctreeGeometry,
     dominant_axis,
     leaf_at,
 )
 
-_CANDIDATES = 4
-_MAX_REACH_LOG2 = 4
-"""How often the reach of a plane, and thereby its precision, may double."""
+_MAX_CANDIDATES = 4
+_MAX_EXTENT_LOG2 = 4
+"""Largest log2 of a region's extent, in sides of the leaf."""
 _MAX_CONTACTS = 64
 
-# Where the contexts and the mixers of each kind begin, from those given.
+# First context and mixer of each kind, relative to `base`.
 _MERGE = 0
 _AXIS = _MERGE + 192
 _PARAMETERS = _AXIS + 12
-_REACH = _PARAMETERS + 40 * 3 * 18
-CONTEXTS = _REACH + 17 * 8
-_MERGE_MIXER, _AXIS_MIXER, _PARAMETER_MIXER, _REACH_MIXER = 0, 4, 6, 18
+_EXTENT = _PARAMETERS + 40 * 3 * 18
+CONTEXTS = _EXTENT + 17 * 8
+_MERGE_MIXER, _AXIS_MIXER, _PARAMETER_MIXER, _EXTENT_MIXER = 0, 4, 6, 18
 MIXERS = 19
 
 
 @compiled
 def code_plane(
-    coder: Coder,
+    coder: ContextCoder,
     base: tuple[int, int],
     geometry: OctreeGeometry,
     level: int,
     node: Ints,
-    nodes: Nodes,
+    nodes: EncoderNodes,
     leaves: Leaves,
-    leaf_map: LeafMap,
+    leaf_grid: IndexGrid,
 ) -> None:
-    """Code the plane of a node that is a leaf, and add the leaf.
+    """Code the plane of a leaf, and add the leaf.
 
-    The encoder takes the candidate of least squared distance + lmbda * estimated bits.
+    The encoder chooses the candidate of least squared distance + lmbda * estimated bits.
 
     Parameters
     ----------
     coder, base
-        Writes or reads, with the contexts and mixers from the numbers `base` on.
+        Coder of either direction, and its first context and mixer for planes.
     geometry, level, node
-        The octree, the node's level, and (4,) its place there and its index in `nodes`.
+        The octree, the node's level, and the node (4,): its coordinates at the level, and its
+        index.
     nodes
-        What the encoder knows of the nodes; not used in decoding.
-    leaves, leaf_map
-        Receive the leaf.
+        Nodes of the encoder; unused in decoding.
+    leaves, leaf_grid
+        Leaves and their grid, extended.
     """
-    down = geometry.depth - level
-    side = 1 << down
-    corner = node[:3] << down
-    candidates = np.zeros(_CANDIDATES, np.int64)
-    count = _candidates(geometry, corner, side, leaves, leaf_map, candidates)
+    side_log2 = geometry.depth - level
+    side = 1 << side_log2
+    corner = node[:3] << side_log2
+    candidates = np.zeros(_MAX_CANDIDATES, np.int64)
+    candidate_count = _merge_candidates(geometry, corner, side, leaves, leaf_grid, candidates)
     cube = (corner.astype(np.float64) + side / 2, side / 2, geometry.plane_steps[level])
     predicted, indices = np.zeros(4, np.int64), np.zeros(4, np.int64)
-    merge_index, reach_log2, max_reach = count, 0, max(min(_MAX_REACH_LOG2, 15 - down), 0)
-    if coder.bits.registers[4] == 1:
+    merge_index, extent_log2, max_extent_log2 = (
+        candidate_count,
+        0,
+        max(min(_MAX_EXTENT_LOG2, 15 - side_log2), 0),
+    )
+    if is_writing(coder):
         moments = (nodes.moments[node[3]], nodes.region_moments[node[3]])
-        merge_index, reach_log2 = _decide_plane(
-            geometry, moments, leaves, candidates[:count], cube, max_reach, indices
+        merge_index, extent_log2 = _decide_plane(
+            geometry, moments, leaves, candidates[:candidate_count], cube, max_extent_log2, indices
         )
-    merge_index = _code_merge_index(coder, base, merge_index, count, down)
-    if merge_index < count:
+    merge_index = _code_merge_index(coder, base, merge_index, candidate_count, side_log2)
+    if merge_index < candidate_count:
         plane = candidates[merge_index]
     else:
-        reach_log2 = _code_reach(coder, base, reach_log2, down, max_reach)
-        cube = _with_reach(cube, reach_log2)
-        if count > 0:
+        extent_log2 = _code_extent(coder, base, extent_log2, side_log2, max_extent_log2)
+        cube = _extended(cube, extent_log2)
+        if candidate_count > 0:
             quantise_plane(leaves.planes[candidates[0]], cube, predicted)
-        _code_parameters(coder, base, indices, predicted, count > 0, down + reach_log2)
+        _code_parameters(
+            coder, base, indices, predicted, candidate_count > 0, side_log2 + extent_log2
+        )
         plane = leaves.counts[1]
         leaves.counts[1] += 1
         dequantise_plane(indices, cube, leaves.planes[plane])
-    _add_leaf(geometry, corner, side, plane, leaves, leaf_map)
+    _add_leaf(geometry, corner, side, plane, leaves, leaf_grid)
 
 
 @compiled_in_place
 def _add_leaf(
-    geometry: OctreeGeometry, corner: Ints, side: int, plane: int, leaves: Leaves, leaf_map: LeafMap
+    geometry: OctreeGeometry,
+    corner: Ints,
+    side: int,
+    plane: int,
+    leaves: Leaves,
+    leaf_grid: IndexGrid,
 ) -> None:
-    """Append a leaf and enter it into the grid of the smallest leaves."""
+    """Append a leaf and write it to the grid of the smallest leaves."""
     leaf = leaves.counts[0]
     leaves.counts[0] += 1
     for k in range(3):
         leaves.corner[leaf, k] = corner[k]
     leaves.side[leaf] = side
     leaves.plane_index[leaf] = plane
-    down = geometry.depth - geometry.finest_leaf_level
-    x, y, z, size = corner[0] >> down, corner[1] >> down, corner[2] >> down, side >> down
-    leaf_map[x : x + size, y : y + size, z : z + size] = leaf + 1
+    side_log2 = geometry.depth - geometry.finest_leaf_level
+    x, y, z, size = (
+        corner[0] >> side_log2,
+        corner[1] >> side_log2,
+        corner[2] >> side_log2,
+        side >> side_log2,
+    )
+    leaf_grid[x : x + size, y : y + size, z : z + size] = leaf + 1
 
 
 @compiled
-def _candidates(
+def _merge_candidates(
     geometry: OctreeGeometry,
     corner: Ints,
     side: int,
     leaves: Leaves,
-    leaf_map: LeafMap,
+    leaf_grid: IndexGrid,
     candidates: Ints,
 ) -> int:
-    """Merge candidates: planes of adjacent leaves that cross a cube, most contact first."""
+    """Write adjacent leaves' planes that cross a cube, most contact first. Return their number."""
     contacts, planes = np.zeros(_MAX_CONTACTS, np.int64), np.zeros(_MAX_CONTACTS, np.int64)
-    count = _contacts(geometry, corner, side, leaves, leaf_map, contacts, planes)
+    count = _count_contacts(geometry, corner, side, leaves, leaf_grid, contacts, planes)
     kept = 0
     while kept < len(candidates):
         best = np.argmax(contacts[:count]) if count else 0
@@ -132,16 +149,16 @@ def _candidates(
 
 
 @compiled_in_place
-def _contacts(
+def _count_contacts(
     geometry: OctreeGeometry,
     corner: Ints,
     side: int,
     leaves: Leaves,
-    leaf_map: LeafMap,
+    leaf_grid: IndexGrid,
     contacts: Ints,
     planes: Ints,
 ) -> int:
-    """Count the cells around a cube by the plane of their leaf; the number of planes."""
+    """Count the cells around a cube by the plane of their leaf. Return the number of planes."""
     count = 0
     for x in range(max(corner[0] - 1, 0), min(corner[0] + side + 1, geometry.shape[0])):
         for y in range(max(corner[1] - 1, 0), min(corner[1] + side + 1, geometry.shape[1])):
@@ -149,14 +166,14 @@ def _contacts(
             for z in range(max(corner[2] - 1, 0), min(corner[2] + side + 1, geometry.shape[2])):
                 if inside and corner[2] <= z < corner[2] + side:
                     continue
-                leaf = leaf_at(geometry, leaf_map, x, y, z) - 1
+                leaf = leaf_at(geometry, leaf_grid, x, y, z) - 1
                 if leaf >= 0:
-                    count = _count_contact(leaves.plane_index[leaf], count, contacts, planes)
+                    count = _add_contact(leaves.plane_index[leaf], count, contacts, planes)
     return count
 
 
 @compiled_in_place
-def _count_contact(plane: int, count: int, contacts: Ints, planes: Ints) -> int:
+def _add_contact(plane: int, count: int, contacts: Ints, planes: Ints) -> int:
     for k in range(count):
         if planes[k] == plane:
             contacts[k] += 1
@@ -170,7 +187,7 @@ def _count_contact(plane: int, count: int, contacts: Ints, planes: Ints) -> int:
 
 @compiled_in_place
 def _is_near(geometry: OctreeGeometry, plane: Floats, corner: Ints, side: int) -> bool:
-    """Whether a plane crosses a cube, or misses it by at most the side of a smallest leaf."""
+    """Return whether a plane crosses a cube or misses it by at most a smallest leaf's side."""
     half = side / 2
     half_extent = half * (abs(plane[0]) + abs(plane[1]) + abs(plane[2]))
     distance = -plane[3]
@@ -180,9 +197,9 @@ def _is_near(geometry: OctreeGeometry, plane: Floats, corner: Ints, side: int) -
 
 
 @compiled
-def _with_reach(cube: tuple[Floats, float, float], reach_log2: int) -> tuple[Floats, float, float]:
-    """The cube whose side is 2^reach_log2 times as long, with the step of such a cube."""
-    return cube[0], cube[1] * 2.0**reach_log2, cube[2] * 2.0 ** (-0.5 * reach_log2)
+def _extended(cube: tuple[Floats, float, float], extent_log2: int) -> tuple[Floats, float, float]:
+    """Return a cube with 2^extent_log2 times the side, and the quantisation step for that side."""
+    return cube[0], cube[1] * 2.0**extent_log2, cube[2] * 2.0 ** (-0.5 * extent_log2)
 
 
 @compiled
@@ -192,24 +209,25 @@ def _decide_plane(
     leaves: Leaves,
     candidates: Ints,
     cube: tuple[Floats, float, float],
-    max_reach: int,
+    max_extent_log2: int,
     indices: Ints,
 ) -> tuple[int, int]:
-    """Merge index of least cost, and the reach of a new plane.
+    """Return the merge index of least cost, and the extent of a new plane.
 
-    moments: of the leaf and of its region, to which a new plane is fitted. For a new plane the
+    moments: of the leaf, and of its region, to which a new plane is fitted. For a new plane the
     merge index is len(candidates), and `indices` are written.
     """
     plane = np.empty(4)
-    reach_log2, bits = _quantise_region_plane(
-        geometry, moments[1], leaves, candidates, cube, max_reach, indices, plane
+    extent_log2, bits = _quantise_region_plane(
+        geometry, moments[1], leaves, candidates, cube, max_extent_log2, indices, plane
     )
-    best, least = len(candidates), squared_distance(moments[0], plane) + geometry.lmbda * bits
+    least = squared_distance(moments[0], plane) + geometry.lmbda * bits
+    merge_index = len(candidates)
     for k in range(len(candidates)):
         cost = squared_distance(moments[0], leaves.planes[candidates[k]]) + geometry.lmbda * (1 + k)
         if cost < least:
-            best, least = k, cost
-    return best, reach_log2
+            merge_index, least = k, cost
+    return merge_index, extent_log2
 
 
 @compiled
@@ -219,91 +237,101 @@ def _quantise_region_plane(
     leaves: Leaves,
     candidates: Ints,
     cube: tuple[Floats, float, float],
-    max_reach: int,
+    max_extent_log2: int,
     indices: Ints,
     plane: Floats,
 ) -> tuple[int, float]:
-    """Write a region's plane with the reach of least cost; that reach and the estimated bits."""
+    """Quantise a region's plane with the extent of least cost. Return that extent and the bits."""
     fitted, dequantised = np.empty(4), np.empty(4)
     fit_plane(region, fitted)
-    trial, predicted = np.zeros(4, np.int64), np.zeros(4, np.int64)
-    least, best, bits_of_best = np.inf, 0, 0.0
-    for reach_log2 in range(max_reach + 1):
-        finer = _with_reach(cube, reach_log2)
-        quantise_plane(fitted, finer, trial)
+    trial_indices, predicted = np.zeros(4, np.int64), np.zeros(4, np.int64)
+    least, best_extent_log2, best_bits = np.inf, 0, 0.0
+    for extent_log2 in range(max_extent_log2 + 1):
+        extended = _extended(cube, extent_log2)
+        quantise_plane(fitted, extended, trial_indices)
         if len(candidates) > 0:
-            quantise_plane(leaves.planes[candidates[0]], finer, predicted)
-        dequantise_plane(trial, finer, dequantised)
-        bits = reach_log2 + (3.0 if trial[0] == predicted[0] else 6.0)
+            quantise_plane(leaves.planes[candidates[0]], extended, predicted)
+        dequantise_plane(trial_indices, extended, dequantised)
+        bits = extent_log2 + (3.0 if trial_indices[0] == predicted[0] else 6.0)
         for k in range(1, 4):
-            bits += 1.0 + 2.0 * np.log2(1.0 + abs(trial[k] - predicted[k]))
+            bits += 1.0 + 2.0 * np.log2(1.0 + abs(trial_indices[k] - predicted[k]))
         cost = squared_distance(region, dequantised) + geometry.lmbda * bits
         if cost < least:
-            least, best, bits_of_best = cost, reach_log2, bits
-            indices[:] = trial
+            least, best_extent_log2, best_bits = cost, extent_log2, bits
+            indices[:] = trial_indices
             plane[:] = dequantised
-    return best, bits_of_best
+    return best_extent_log2, best_bits
 
 
 @compiled_in_place
 def _code_merge_index(
-    coder: Coder, base: tuple[int, int], merge_index: int, count: int, down: int
+    coder: ContextCoder,
+    base: tuple[int, int],
+    merge_index: int,
+    candidate_count: int,
+    side_log2: int,
 ) -> int:
-    """Code which candidate's plane a leaf shares; `count` for none."""
-    at, mixer = base[0] + _MERGE, base[1] + _MERGE_MIXER
-    for k in range(count):
-        contexts = (at + 16 * k + min(down, 15), at + 64 + 8 * k + count, at + 128 + k)
+    """Code which candidate's plane the leaf shares, or `candidate_count` for a new plane."""
+    start, mixer = base[0] + _MERGE, base[1] + _MERGE_MIXER
+    for k in range(candidate_count):
+        size_context = start + 16 * k + min(side_log2, 15)
+        contexts = (size_context, start + 64 + 8 * k + candidate_count, start + 128 + k)
         if code_bit(coder, 1 if merge_index == k else 0, mixer + k, contexts) == 1:
             return k
-    return count
+    return candidate_count
 
 
 @compiled_in_place
-def _code_reach(
-    coder: Coder, base: tuple[int, int], reach_log2: int, down: int, max_reach: int
+def _code_extent(
+    coder: ContextCoder,
+    base: tuple[int, int],
+    extent_log2: int,
+    side_log2: int,
+    max_extent_log2: int,
 ) -> int:
-    """Code the reach of a new plane, as the logarithm of a multiple of the leaf's side."""
-    at, mixer = base[0] + _REACH, base[1] + _REACH_MIXER
-    for size in range(max_reach):
-        by_size = at + 8 * min(down, 15) + size
-        contexts = (by_size, by_size, at + 128 + size)
-        if code_bit(coder, 1 if reach_log2 > size else 0, mixer, contexts) == 0:
-            return size
-    return max_reach
+    start, mixer = base[0] + _EXTENT, base[1] + _EXTENT_MIXER
+    for k in range(max_extent_log2):
+        size_context = start + 8 * min(side_log2, 15) + k
+        contexts = (size_context, size_context, start + 128 + k)
+        if code_bit(coder, 1 if extent_log2 > k else 0, mixer, contexts) == 0:
+            return k
+    return max_extent_log2
 
 
 @compiled_in_place
 def _code_parameters(
-    coder: Coder,
+    coder: ContextCoder,
     base: tuple[int, int],
     indices: Ints,
     predicted: Ints,
     has_prediction: bool,
-    down: int,
+    side_log2: int,
 ) -> None:
-    """Code axis, height and slopes of a plane; `indices` becomes what was read."""
-    known = 1 if has_prediction else 0
-    indices[0] = _code_axis(coder, base, indices[0], predicted[0], known)
-    fit = 1 if known and indices[0] == predicted[0] else 0
-    at = base[0] + _PARAMETERS
+    """Code axis, height and slopes of a plane. `indices` are read, or written by the decoder."""
+    indices[0] = _code_axis(coder, base, indices[0], predicted[0], 1 if has_prediction else 0)
+    is_same_axis = 1 if has_prediction and indices[0] == predicted[0] else 0
+    start = base[0] + _PARAMETERS
     for k in range(3):
-        guess = predicted[k + 1] if fit else 0
-        by_size = at + 40 * (3 * min(down, 15) + k)
-        by_kind = at + 40 * (48 + 3 * fit + k)
-        mixer = base[1] + _PARAMETER_MIXER + 3 * (k > 0) + 6 * fit
-        number = code_number(coder, indices[k + 1] - guess, mixer, by_size, by_kind)
-        indices[k + 1] = guess + number
+        prediction = predicted[k + 1] if is_same_axis else 0
+        size_context = start + 40 * (3 * min(side_log2, 15) + k)
+        kind_context = start + 40 * (48 + 3 * is_same_axis + k)
+        mixer = base[1] + _PARAMETER_MIXER + 3 * (k > 0) + 6 * is_same_axis
+        number = code_number(coder, indices[k + 1] - prediction, mixer, size_context, kind_context)
+        indices[k + 1] = prediction + number
 
 
 @compiled_in_place
-def _code_axis(coder: Coder, base: tuple[int, int], axis: int, expected: int, known: int) -> int:
-    """Code the dominant axis, given the expected one."""
-    at, mixer = base[0] + _AXIS + 6 * known, base[1] + _AXIS_MIXER
-    if code_bit(coder, 1 if axis == expected else 0, mixer, (at, at + 1, at + 1)) == 1:
+def _code_axis(
+    coder: ContextCoder, base: tuple[int, int], axis: int, expected: int, has_prediction: int
+) -> int:
+    start, mixer = base[0] + _AXIS + 6 * has_prediction, base[1] + _AXIS_MIXER
+    contexts = (start, start + 1, start + 1)
+    if code_bit(coder, 1 if axis == expected else 0, mixer, contexts) == 1:
         return expected
-    following = (expected + 1) % 3
-    bit = code_bit(coder, 1 if axis == following else 0, mixer + 1, (at + 2, at + 3, at + 3))
-    return following if bit == 1 else (expected + 2) % 3
+    next_axis = (expected + 1) % 3
+    contexts = (start + 2, start + 3, start + 3)
+    bit = code_bit(coder, 1 if axis == next_axis else 0, mixer + 1, contexts)
+    return next_axis if bit == 1 else (expected + 2) % 3
 
 
 @compiled_in_place
@@ -321,9 +349,9 @@ def quantise_plane(plane: Floats, cube: tuple[Floats, float, float], indices: In
     """
     centre, half, step = cube
     axis = dominant_axis(plane)
-    off = plane[3] - plane[0] * centre[0] - plane[1] * centre[1] - plane[2] * centre[2]
+    offset = plane[3] - plane[0] * centre[0] - plane[1] * centre[1] - plane[2] * centre[2]
     indices[0] = axis
-    indices[1] = int(np.rint(off / plane[axis] / step))
+    indices[1] = int(np.rint(offset / plane[axis] / step))
     for k in range(1, 3):
         slope = -plane[(axis + k) % 3] / plane[axis]
         indices[1 + k] = int(np.rint(slope * half / step))
@@ -331,11 +359,11 @@ def quantise_plane(plane: Floats, cube: tuple[Floats, float, float], indices: In
 
 @compiled
 def dequantise_plane(indices: Ints, cube: tuple[Floats, float, float], plane: Floats) -> None:
-    """Write the plane (4,) of the indices that `quantise_plane` makes."""
+    """Write the plane (4,) of quantisation indices."""
     centre, half, step = cube
     axis = indices[0]
     a, b = -indices[2] * step / half, -indices[3] * step / half
     length = np.sqrt(1 + a * a + b * b)
     plane[axis], plane[(axis + 1) % 3], plane[(axis + 2) % 3] = 1 / length, a / length, b / length
-    off = plane[axis] * indices[1] * step
-    plane[3] = off + plane[0] * centre[0] + plane[1] * centre[1] + plane[2] * centre[2]
+    offset = plane[axis] * indices[1] * step
+    plane[3] = offset + plane[0] * centre[0] + plane[1] * centre[1] + plane[2] * centre[2]

@@ -1,4 +1,4 @@
-"""Preparation of a cloud: scaling, noise estimation, and smoothed samples of its surface."""
+"""Preparation of a cloud: scaling to units, noise estimation, smoothed samples of the surface."""
 
 from __future__ import annotations
 
@@ -10,46 +10,47 @@ from numpy.typing import NDArray
 from puckbench.geometry.cloud import Floats, bounds
 from puckbench.geometry.spatial_order import morton_order
 from puckbench.primitives.noise import estimate_noise
-from puckbench.primitives.settings import UNITS, Settings
-from puckbench.primitives.smoothing import sample_cells, smooth_samples
+from puckbench.primitives.settings import UNITS, PrimitiveSettings
+from puckbench.primitives.smoothing import downsample, smooth_samples
 from puckbench.primitives.stream import MAX_CELLS
 
-_NOISE_CELL = 16.0
-_SAMPLE_CELL = 6.0 / 2**0.5
-"""Side of a sampling cell, in units, where there are enough points."""
-_MIN_CELL_NOISE = 3.0
-"""Side of a sampling cell in standard deviations of the noise, at least."""
-_MIN_COLUMN_CELL = 1.5
-"""Side of a sampling cell in columns, at least."""
+_NOISE_CELL_SIZE = 16.0
+_DEFAULT_SPACING = 6.0 / 2**0.5
+"""Side of a sampling cell, in units, if there are enough points."""
+_SPACING_PER_NOISE = 3.0
+"""Target spacing in standard deviations of the noise."""
+_SPACING_PER_COLUMN = 1.5
+"""Target spacing in columns."""
 _MIN_POINTS_PER_SAMPLE = 2.5
-_OUTLIER_NOISE = 6.5
-"""Distance from a plane, in standard deviations of the noise, from which on points are outliers."""
+_OUTLIER_DISTANCE_PER_NOISE = 6.5
+"""Outlier distance of smoothing, in standard deviations of the noise."""
 
 
 class SurfaceSamples(NamedTuple):
-    """Smoothed samples: points (n, 3), unit normals, and shares (n,) of the cloud's points.
+    """Smoothed samples: points (n, 3) and unit normals.
 
-    spacing: side of a sampling cell. area: share of the area that a sample represents.
+    point_weights: (n,) fraction of the cloud's points that a sample represents. spacing: side of a
+    sampling cell. area_weight: fraction of the area that each sample represents.
     """
 
     xyz: Floats
     normals: Floats
-    shares: Floats
+    point_weights: Floats
     spacing: float
-    area: float
+    area_weight: float
 
-    def only(self, rows: NDArray[np.bool_]) -> SurfaceSamples:
-        """Some of the samples, with the shares that they have."""
-        chosen = (self.xyz[rows], self.normals[rows], self.shares[rows])
-        return SurfaceSamples(*chosen, self.spacing, self.area)
+    def masked(self, mask: NDArray[np.bool_]) -> SurfaceSamples:
+        """Return the samples of a mask (n,), with unchanged weights."""
+        arrays = (self.xyz[mask], self.normals[mask], self.point_weights[mask])
+        return SurfaceSamples(*arrays, self.spacing, self.area_weight)
 
 
 class PreparedCloud(NamedTuple):
-    """A cloud in units: points (n, 3) in Morton order, and its smoothed surface.
+    """A cloud scaled to units, and its smoothed surface.
 
-    source: (n, 3) the same points in the input's coordinates. corner: (3,) their least ones. unit:
-    length of a unit in the input. noise: standard deviation in units. settings: of the rate,
-    adapted to the noise.
+    points: (n, 3) in Morton order. source: (n, 3) the same points in the input's coordinates.
+    corner: (3,) least input coordinates. unit: length of a unit in the input. noise: standard
+    deviation in units. settings: settings of the rate, adapted to the noise.
     """
 
     points: Floats
@@ -58,27 +59,27 @@ class PreparedCloud(NamedTuple):
     unit: float
     noise: float
     surface: SurfaceSamples
-    settings: Settings
+    settings: PrimitiveSettings
 
     def in_units(self, points: Floats) -> Floats:
-        """Points (m, 3) of the input's coordinates in units."""
+        """Transform points (m, 3) from the input's coordinates to units."""
         return np.asarray((points - self.corner) / self.unit)
 
 
-def prepare(points: Floats, settings: Settings) -> PreparedCloud:
-    """Scale points (n, 3), which must not all be equal, to units and smooth their surface."""
+def prepare(points: Floats, settings: PrimitiveSettings) -> PreparedCloud:
+    """Scale points (n, 3), not all equal, to units, and smooth their surface."""
     source = points[morton_order(points)]
-    corner, end = bounds(source)
-    unit = float((end - corner).max()) / UNITS
+    corner, high = bounds(source)
+    unit = float((high - corner).max()) / UNITS
     points = (source - corner) / unit
-    noise = estimate_noise(points, _NOISE_CELL)
+    noise = estimate_noise(points, _NOISE_CELL_SIZE)
     settings = settings.adapted_to(noise)
     surface = _smoothed_surface(points, noise, settings)
     return PreparedCloud(points, source, corner, unit, noise, surface, settings)
 
 
-def column_size(surface: SurfaceSamples, settings: Settings) -> float:
-    """Side of a column in units: no finer than the spacing of the samples supports."""
+def column_size(surface: SurfaceSamples, settings: PrimitiveSettings) -> float:
+    """Return the side of a column in units. The spacing of the samples limits it from below."""
     doublings = np.log2(0.6 * surface.spacing / settings.column_size)
     column = settings.column_size * 2.0 ** max(0, np.ceil(doublings - 1e-9))
     while np.prod(np.ptp(surface.xyz, axis=0) / column + 2) > MAX_CELLS:
@@ -86,25 +87,24 @@ def column_size(surface: SurfaceSamples, settings: Settings) -> float:
     return float(column)
 
 
-def column_size_of(cloud: PreparedCloud) -> float:
-    """Side of a column along the cloud's own axes, in units."""
+def axis_aligned_column_size(cloud: PreparedCloud) -> float:
+    """Return the side of a column in units for a grid along the cloud's axes."""
     return column_size(cloud.surface, cloud.settings)
 
 
-def _smoothed_surface(points: Floats, noise: float, settings: Settings) -> SurfaceSamples:
-    """Smoothed samples of points in units, in cells large enough to hold a few points each.
+def _smoothed_surface(points: Floats, noise: float, settings: PrimitiveSettings) -> SurfaceSamples:
+    """Smooth samples of points in units, from cells that hold a few points each.
 
-    The side of a cell is `_SAMPLE_CELL` times 2^(k/2), so that no rate has coarser cells than a
-    lower one.
+    Spacings differ by powers of sqrt(2), so that no rate has larger cells than a lower rate.
     """
-    least = max(_MIN_COLUMN_CELL * settings.column_size, _MIN_CELL_NOISE * noise)
-    finer = np.log2(max(_SAMPLE_CELL / least, 1.0))
-    spacing = float(_SAMPLE_CELL * 2.0 ** (-np.ceil(2 * finer - 1e-9) / 2))
-    samples = sample_cells(points, spacing)
+    target_spacing = max(_SPACING_PER_COLUMN * settings.column_size, _SPACING_PER_NOISE * noise)
+    octaves = np.log2(max(_DEFAULT_SPACING / target_spacing, 1.0))
+    spacing = float(_DEFAULT_SPACING * 2.0 ** (-np.ceil(2 * octaves - 1e-9) / 2))
+    samples = downsample(points, spacing)
     while len(points) < _MIN_POINTS_PER_SAMPLE * len(samples.xyz) and spacing < UNITS / 4:
         spacing *= 2**0.5
-        samples = sample_cells(points, spacing)
+        samples = downsample(points, spacing)
     radius = max(settings.smoothing_radius * noise, 1.5 * spacing)
-    band = max(_OUTLIER_NOISE * noise, spacing / 2)
-    xyz, normals = smooth_samples(samples, spacing, radius, band)
+    outlier_distance = max(_OUTLIER_DISTANCE_PER_NOISE * noise, spacing / 2)
+    xyz, normals = smooth_samples(samples, spacing, radius, outlier_distance)
     return SurfaceSamples(xyz, normals, samples.counts / len(points), spacing, 1 / len(xyz))

@@ -1,4 +1,4 @@
-"""Reconstruction: points on a regular grid over the occupied columns of the leaves' planes."""
+"""Reconstruction of points on a regular grid over the occupied columns of planes."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from puckbench.core.compiling import compiled, compiled_in_place
 from puckbench.geometry.cloud import Floats
-from puckbench.primitives.occupancy_map import column_in_leaf
+from puckbench.primitives.occupancy_map import find_leaf_cell
 from puckbench.primitives.octree_arrays import (
     OCCUPIED,
     Bytes,
@@ -26,7 +26,7 @@ def count_points(
     points_across: int,
     column_spacing: int,
 ) -> int:
-    """Number of points that `reconstruct_points` makes."""
+    """Return the number of points that `reconstruct_points` makes."""
     no_points = np.empty((0, 3)), np.empty(0, np.int64)
     return int(
         reconstruct_points(
@@ -50,12 +50,12 @@ def reconstruct_points(
     Parameters
     ----------
     geometry, leaves, occupancy
-        The decoded patches.
+        The decoded octree of planes and the states of its columns.
     points_across, column_spacing
-        A column has points_across x points_across points; or, where that is 1, one in
-        column_spacing x column_spacing columns has one.
+        A column has points_across x points_across points. If that is 1, one of column_spacing x
+        column_spacing columns has a point.
     xyz, leaf_of_point
-        (m, 3) points in cells and (m,) indices of leaves, written as far as there is room.
+        (m, 3) points in cells and (m,) indices of leaves, written up to their length.
 
     Returns
     -------
@@ -63,7 +63,7 @@ def reconstruct_points(
         Number of points, written or not.
     """
     count = 0
-    at = np.zeros(3, np.int64)
+    cell = np.zeros(3, np.int64)
     for i in range(leaves.counts[0]):
         axis = dominant_axis(leaves.planes[leaves.plane_index[i]])
         low_u, low_v = leaves.corner[i, (axis + 1) % 3], leaves.corner[i, (axis + 2) % 3]
@@ -75,8 +75,8 @@ def reconstruct_points(
                 ):
                     continue
                 if (
-                    column_in_leaf(geometry, leaves, i, axis, a, b, at)
-                    and occupancy[at[0], at[1], at[2]] == OCCUPIED
+                    find_leaf_cell(geometry, leaves, i, axis, a, b, cell)
+                    and occupancy[cell[0], cell[1], cell[2]] == OCCUPIED
                 ):
                     _reconstruct_column(
                         leaves, i, (axis, a, b), points_across, xyz[count:], leaf_of_point[count:]
@@ -94,7 +94,7 @@ def _reconstruct_column(
     xyz: Floats,
     leaf_of_point: Ints,
 ) -> None:
-    """Write the points of one column (axis, a, b) of leaf i."""
+    """Write the points of the column (axis, a, b) of leaf i."""
     axis, a, b = column
     for k in range(min(points_across * points_across, len(xyz))):
         u = a + (k % points_across + 0.5) / points_across

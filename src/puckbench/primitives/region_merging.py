@@ -1,6 +1,6 @@
-"""Region merging: leaves side by side are merged while one plane explains them well enough.
+"""Region merging: adjacent leaves are merged while one plane explains them well enough.
 
-Pairs of least cost are merged first (a priority queue over a graph of adjacent regions).
+Pairs of least cost are merged first, from a priority queue over the graph of adjacent regions.
 """
 
 from __future__ import annotations
@@ -12,16 +12,16 @@ import numpy as np
 from puckbench.core.compiling import compiled, compiled_in_place, inlined
 from puckbench.geometry.cloud import Floats
 from puckbench.geometry.moments import MOMENT_COUNT, distance_to_fit, fit_plane
-from puckbench.primitives.octree_arrays import Ints, LeafMap, Leaves
+from puckbench.primitives.octree_arrays import IndexGrid, Ints, Leaves
 
-_LOW = (1 << 32) - 1
+_LOW_MASK = (1 << 32) - 1
 
 
 class MergeLimits(NamedTuple):
-    """How much the squared distance to the planes may grow when two regions become one.
+    """Largest increase of the squared distance to the planes when two regions are merged.
 
-    fixed: in all. per_weight: for each unit of weight of the smaller region. min_cosine: of the
-    angle between the two planes.
+    fixed: absolute. per_weight: added per unit of weight of the smaller region. min_cosine: least
+    cosine of the angle between the two planes.
     """
 
     fixed: float
@@ -30,11 +30,11 @@ class MergeLimits(NamedTuple):
 
 
 class _Regions(NamedTuple):
-    """Regions, each under the index of one of its leaves (union-find).
+    """Regions, identified by the index of one of their leaves (union-find).
 
-    moments: (n, 10), planes: (n, 4), errors: (n,) of the regions. parent: (n,) the region that a
-    leaf was merged into, itself at first. version: (n,) number of merges, -1 for part of another
-    region. scratch: (10,) room for moments.
+    moments: (n, 10), planes: (n, 4), errors: (n,) of the regions. parent: (n,) region that a leaf
+    was merged into, initially itself. version: (n,) number of merges, -1 if part of another region.
+    scratch: (10,) memory for moments.
     """
 
     moments: Floats
@@ -46,22 +46,22 @@ class _Regions(NamedTuple):
 
 
 class _Adjacency(NamedTuple):
-    """Linked lists of the leaves beside each region.
+    """Linked lists of the leaves adjacent to each region.
 
-    begin, end: (n,) ends of each list. other, next: (m,) its entries.
+    first_edge, last_edge: (n,) ends of each list. neighbour, next_edge: (m,) its entries.
     """
 
-    begin: Ints
-    end: Ints
-    other: Ints
-    next: Ints
+    first_edge: Ints
+    last_edge: Ints
+    neighbour: Ints
+    next_edge: Ints
 
 
 class _Queue(NamedTuple):
-    """Pairs of regions that may be merged, as a binary heap: those of least cost are first.
+    """Binary heap of the pairs of regions that may be merged, in ascending order of cost.
 
-    cost: (m,) of merging. pair: (m,) both regions. versions: (m,) of both when they were queued;
-    two numbers in one, of 32 bits each. size: (1,) number of entries.
+    cost: (m,) cost of merging. pair: (m,) both regions. versions: (m,) their versions when they
+    were queued; two 32-bit numbers in one. size: (1,) number of entries.
     """
 
     cost: Floats
@@ -71,7 +71,7 @@ class _Queue(NamedTuple):
 
 
 def region_moments(moments: Floats, leaves: Leaves, shape: Ints, limits: MergeLimits) -> Floats:
-    """Moments (n, 10) of the region that each leaf is in; shape: (3,) cells of the grid."""
+    """Return the moments (n, 10) of each leaf's region. shape: (3,) cells of the grid."""
     region_of = merge_regions(moments, adjacent_leaves(leaves, shape), limits)
     sums = np.zeros_like(moments)
     np.add.at(sums, region_of, moments)
@@ -85,16 +85,16 @@ def merge_regions(moments: Floats, pairs: Ints, limits: MergeLimits) -> Ints:
     Parameters
     ----------
     moments
-        (n, 10) of the pieces.
+        (n, 10) moments of the pieces.
     pairs
         (m, 2) indices of adjacent pieces, both with weight.
     limits
-        How much the squared distance may grow.
+        Limits of a merge.
 
     Returns
     -------
     ndarray
-        (n,) the region of each piece: the index of one of its pieces.
+        (n,) region of each piece: the index of one of its pieces.
     """
     n = len(moments)
     regions = _Regions(
@@ -108,26 +108,29 @@ def merge_regions(moments: Floats, pairs: Ints, limits: MergeLimits) -> Ints:
     for i in range(n):
         if moments[i, 0] > 0:
             regions.errors[i] = fit_plane(moments[i], regions.planes[i])
-    adjacency = _linked_lists(n, pairs)
-    most = 2 * len(pairs) + 1  # those that are not outdated are half of these at most
+    adjacency = _build_adjacency(n, pairs)
+    capacity = 2 * len(pairs) + 1  # at most half of the entries are current
     queue = _Queue(
-        np.empty(most), np.empty(most, np.int64), np.empty(most, np.int64), np.zeros(1, np.int64)
+        np.empty(capacity),
+        np.empty(capacity, np.int64),
+        np.empty(capacity, np.int64),
+        np.zeros(1, np.int64),
     )
     for k in range(len(pairs)):
         _push_pair(queue, regions, limits, pairs[k, 0], pairs[k, 1])
-    seen = np.full(n, -1)
+    marks = np.full(n, -1)
     while queue.size[0]:
         is_current, a, b = _pop(queue, regions)
         if is_current:
             _merge(regions, adjacency, a, b)
-            _push_neighbours(queue, regions, adjacency, limits, a, seen)
+            _push_neighbours(queue, regions, adjacency, limits, a, marks)
     for i in range(n):
         regions.parent[i] = _root(regions, i)
     return regions.parent
 
 
 @compiled
-def _linked_lists(n: int, pairs: Ints) -> _Adjacency:
+def _build_adjacency(n: int, pairs: Ints) -> _Adjacency:
     lists = np.full((2, n), -1)
     adjacency = _Adjacency(
         lists[0], lists[1], pairs[:, ::-1].copy().ravel(), np.full(pairs.size, -1)
@@ -138,25 +141,25 @@ def _linked_lists(n: int, pairs: Ints) -> _Adjacency:
 
 
 @inlined
-def _append(adjacency: _Adjacency, a: int, begin: int, end: int) -> None:
-    """Append a list, from `begin` to `end`, to a region's."""
-    if adjacency.begin[a] < 0:
-        adjacency.begin[a] = begin
+def _append(adjacency: _Adjacency, a: int, first_edge: int, last_edge: int) -> None:
+    """Append a list, given by its first and last edge, to a region's."""
+    if adjacency.first_edge[a] < 0:
+        adjacency.first_edge[a] = first_edge
     else:
-        adjacency.next[adjacency.end[a]] = begin
-    adjacency.end[a] = end
+        adjacency.next_edge[adjacency.last_edge[a]] = first_edge
+    adjacency.last_edge[a] = last_edge
 
 
 @inlined
 def _merge(regions: _Regions, adjacency: _Adjacency, a: int, b: int) -> None:
-    """Make region b part of a."""
+    """Merge region b into a."""
     regions.parent[b] = a
     regions.version[b] = -1
     regions.version[a] += 1
     for k in range(MOMENT_COUNT):
         regions.moments[a, k] += regions.moments[b, k]
     regions.errors[a] = fit_plane(regions.moments[a], regions.planes[a])
-    _append(adjacency, a, adjacency.begin[b], adjacency.end[b])
+    _append(adjacency, a, adjacency.first_edge[b], adjacency.last_edge[b])
 
 
 @compiled_in_place
@@ -166,27 +169,27 @@ def _push_neighbours(
     adjacency: _Adjacency,
     limits: MergeLimits,
     a: int,
-    seen: Ints,
+    marks: Ints,
 ) -> None:
     """Queue a region with each of its neighbours, and remove duplicates from its list.
 
-    seen: (n,) marks of the regions already queued; no two calls have the same mark.
+    marks: (n,) regions that are already queued; each call uses its own mark.
     """
-    mark = a * len(seen) + regions.version[a]
-    edge, before = adjacency.begin[a], -1
+    mark = a * len(marks) + regions.version[a]
+    edge, previous = adjacency.first_edge[a], -1
     while edge >= 0:
-        c = _root(regions, adjacency.other[edge])
-        if c == a or seen[c] == mark:
-            if before < 0:
-                adjacency.begin[a] = adjacency.next[edge]
+        c = _root(regions, adjacency.neighbour[edge])
+        if c == a or marks[c] == mark:
+            if previous < 0:
+                adjacency.first_edge[a] = adjacency.next_edge[edge]
             else:
-                adjacency.next[before] = adjacency.next[edge]
+                adjacency.next_edge[previous] = adjacency.next_edge[edge]
         else:
-            seen[c] = mark
+            marks[c] = mark
             _push_pair(queue, regions, limits, a, c)
-            before = edge
-        edge = adjacency.next[edge]
-    adjacency.end[a] = before
+            previous = edge
+        edge = adjacency.next_edge[edge]
+    adjacency.last_edge[a] = previous
 
 
 @inlined
@@ -197,21 +200,20 @@ def _push_pair(
     a: int,
     b: int,
 ) -> None:
-    """Queue two regions, if they may be merged."""
+    """Queue two regions if they may be merged."""
     if _cosine(regions.planes, a, b) < limits.min_cosine:
         return
     smaller = min(regions.moments[a, 0], regions.moments[b, 0])
     allowed = limits.fixed + limits.per_weight * smaller
-    added = _error_of_both(regions, a, b) - (regions.errors[a] + regions.errors[b])
+    added = _joint_error(regions, a, b) - (regions.errors[a] + regions.errors[b])
     if added <= allowed:
         _push(queue, regions, added / allowed, a, b)
 
 
 @inlined
 def _push(queue: _Queue, regions: _Regions, cost: float, a: int, b: int) -> None:
-    """Queue two regions at their present versions."""
     if queue.size[0] == len(queue.cost):
-        _drop_outdated(queue, regions)
+        _remove_outdated(queue, regions)
     last = queue.size[0]
     queue.size[0] += 1
     versions = regions.version[a] << 32 | regions.version[b]
@@ -220,75 +222,73 @@ def _push(queue: _Queue, regions: _Regions, cost: float, a: int, b: int) -> None
 
 @inlined
 def _pop(queue: _Queue, regions: _Regions) -> tuple[bool, int, int]:
-    """Take the first pair off the queue, and whether both are as they were when it was queued."""
+    """Remove the first pair. Return whether both regions are unchanged since it was queued."""
     pair, is_current = queue.pair[0], _is_current(queue, regions, 0)
     queue.size[0] -= 1
     last, hole = queue.size[0], 0
     while 2 * hole + 1 < last:
         child = 2 * hole + 1
-        if child + 1 < last and _is_before(
+        if child + 1 < last and _precedes(
             queue, child + 1, queue.cost[child], queue.pair[child], queue.versions[child]
         ):
             child += 1
-        _move(queue, child, hole)
+        _move_entry(queue, child, hole)
         hole = child
     _sift_up(queue, hole, queue.cost[last], queue.pair[last], queue.versions[last])
-    return is_current, pair >> 32, pair & _LOW
+    return is_current, pair >> 32, pair & _LOW_MASK
 
 
 @inlined
 def _sift_up(queue: _Queue, hole: int, cost: float, pair: int, versions: int) -> None:
-    """Write an entry to a free place or above it, and move those down that come after it."""
-    while hole > 0 and not _is_before(queue, (hole - 1) // 2, cost, pair, versions):
-        _move(queue, (hole - 1) // 2, hole)
+    """Move a hole up the heap until an entry fits there, and write the entry."""
+    while hole > 0 and not _precedes(queue, (hole - 1) // 2, cost, pair, versions):
+        _move_entry(queue, (hole - 1) // 2, hole)
         hole = (hole - 1) // 2
     queue.cost[hole], queue.pair[hole], queue.versions[hole] = cost, pair, versions
 
 
 @inlined
-def _is_before(queue: _Queue, at: int, cost: float, pair: int, versions: int) -> bool:
-    """Whether an entry of the queue comes before another one."""
-    if queue.cost[at] != cost:
-        return bool(queue.cost[at] < cost)
-    if queue.pair[at] != pair:
-        return bool(queue.pair[at] < pair)
-    return bool(queue.versions[at] < versions)
+def _precedes(queue: _Queue, entry: int, cost: float, pair: int, versions: int) -> bool:
+    if queue.cost[entry] != cost:
+        return bool(queue.cost[entry] < cost)
+    if queue.pair[entry] != pair:
+        return bool(queue.pair[entry] < pair)
+    return bool(queue.versions[entry] < versions)
 
 
 @inlined
-def _move(queue: _Queue, start: int, end: int) -> None:
-    queue.cost[end], queue.pair[end] = queue.cost[start], queue.pair[start]
-    queue.versions[end] = queue.versions[start]
+def _move_entry(queue: _Queue, source: int, target: int) -> None:
+    queue.cost[target], queue.pair[target] = queue.cost[source], queue.pair[source]
+    queue.versions[target] = queue.versions[source]
 
 
 @inlined
-def _is_current(queue: _Queue, regions: _Regions, at: int) -> bool:
-    """Whether the regions of an entry are as they were when it was queued."""
-    a, b = queue.pair[at] >> 32, queue.pair[at] & _LOW
-    return bool(queue.versions[at] == regions.version[a] << 32 | regions.version[b])
+def _is_current(queue: _Queue, regions: _Regions, entry: int) -> bool:
+    """Return whether the regions of an entry are unchanged since it was queued."""
+    a, b = queue.pair[entry] >> 32, queue.pair[entry] & _LOW_MASK
+    return bool(queue.versions[entry] == regions.version[a] << 32 | regions.version[b])
 
 
 @compiled_in_place
-def _drop_outdated(queue: _Queue, regions: _Regions) -> None:
+def _remove_outdated(queue: _Queue, regions: _Regions) -> None:
     """Remove the entries of regions that have been merged since."""
     size, queue.size[0] = queue.size[0], 0
-    for at in range(size):
-        if _is_current(queue, regions, at):
+    for entry in range(size):
+        if _is_current(queue, regions, entry):
             last = queue.size[0]
             queue.size[0] += 1
-            _sift_up(queue, last, queue.cost[at], queue.pair[at], queue.versions[at])
+            _sift_up(queue, last, queue.cost[entry], queue.pair[entry], queue.versions[entry])
 
 
 @inlined
 def _cosine(planes: Floats, a: int, b: int) -> float:
-    """Cosine of the angle between two planes."""
     along = planes[a, 0] * planes[b, 0] + planes[a, 1] * planes[b, 1]
     return float(abs(along + planes[a, 2] * planes[b, 2]))
 
 
 @inlined
-def _error_of_both(regions: _Regions, a: int, b: int) -> float:
-    """Squared distance to the common plane of two regions."""
+def _joint_error(regions: _Regions, a: int, b: int) -> float:
+    """Return the squared distance to the common plane of two regions."""
     moments = regions.scratch
     for k in range(MOMENT_COUNT):
         moments[k] = regions.moments[a, k] + regions.moments[b, k]
@@ -297,7 +297,7 @@ def _error_of_both(regions: _Regions, a: int, b: int) -> float:
 
 @inlined
 def _root(regions: _Regions, i: int) -> int:
-    """The region that a piece is in."""
+    """Return the region of a piece."""
     parent = regions.parent
     while parent[i] != i:
         parent[i] = parent[parent[i]]
@@ -307,14 +307,14 @@ def _root(regions: _Regions, i: int) -> int:
 
 @compiled
 def adjacent_leaves(leaves: Leaves, shape: Ints) -> Ints:
-    """Pairs of leaves that have a face, an edge or a corner in common.
+    """Return the pairs of leaves that share a face, an edge or a corner.
 
     Parameters
     ----------
     leaves
-        Their corners are multiples of their sides, which are powers of two.
+        Leaves whose corners are multiples of their sides, which are powers of two.
     shape
-        (3,) cells of the grid, outside of which nothing is adjacent.
+        (3,) cells of the grid; leaves may extend beyond it.
 
     Returns
     -------
@@ -327,19 +327,19 @@ def adjacent_leaves(leaves: Leaves, shape: Ints) -> Ints:
     grid = (shape - 1) // least + 1
     lows, highs = leaves.corner[:n] // least, (leaves.corner[:n].T + leaves.side[:n]).T // least
     highs = np.minimum(highs, grid)
-    leaf_map = _box_map(lows, highs, grid)
-    seen = np.full(n, -1)
+    leaf_grid = _box_map(lows, highs, grid)
+    marks = np.full(n, -1)
     for i in range(n):
         low, high = lows[i], highs[i]
-        for x in range(max(low[0] - 1, 0), min(high[0] + 1, leaf_map.shape[0])):
-            for y in range(max(low[1] - 1, 0), min(high[1] + 1, leaf_map.shape[1])):
+        for x in range(max(low[0] - 1, 0), min(high[0] + 1, leaf_grid.shape[0])):
+            for y in range(max(low[1] - 1, 0), min(high[1] + 1, leaf_grid.shape[1])):
                 inside = low[0] <= x < high[0] and low[1] <= y < high[1]
-                step = high[2] - low[2] + 1 if inside else 1  # from below the leaf to above it
+                step = high[2] - low[2] + 1 if inside else 1  # skips the leaf's own cells
                 for z in range(low[2] - 1, high[2] + 1, step):
-                    if 0 <= z < leaf_map.shape[2]:
-                        j = leaf_map[x, y, z] - 1
-                        if j > i and seen[j] != i:
-                            seen[j] = i
+                    if 0 <= z < leaf_grid.shape[2]:
+                        j = leaf_grid[x, y, z] - 1
+                        if j > i and marks[j] != i:
+                            marks[j] = i
                             if count == len(pairs):
                                 pairs = np.concatenate((pairs, np.empty_like(pairs)))
                             pairs[count, 0], pairs[count, 1] = i, j
@@ -348,10 +348,10 @@ def adjacent_leaves(leaves: Leaves, shape: Ints) -> Ints:
 
 
 @compiled
-def _box_map(lows: Ints, highs: Ints, shape: Ints) -> LeafMap:
-    """Grid of the index + 1 of the box, from lows (n, 3) to highs (n, 3), that has a cell."""
-    leaf_map = np.zeros((shape[0], shape[1], shape[2]), np.int32)
+def _box_map(lows: Ints, highs: Ints, shape: Ints) -> IndexGrid:
+    """Return a grid with the indices of the boxes, from lows (n, 3) up to highs (n, 3)."""
+    leaf_grid = np.zeros((shape[0], shape[1], shape[2]), np.int32)
     for i in range(len(lows)):
         low, high = lows[i], highs[i]
-        leaf_map[low[0] : high[0], low[1] : high[1], low[2] : high[2]] = i + 1
-    return leaf_map
+        leaf_grid[low[0] : high[0], low[1] : high[1], low[2] : high[2]] = i + 1
+    return leaf_grid

@@ -1,7 +1,7 @@
-"""Cylinders, cones and spheres as surfaces of revolution, unrolled to rows of square columns.
+"""Surfaces of revolution (cylinders, cones, spheres), unrolled to rows of square columns.
 
-A row is a ring around the axis, one cell high along the profile, with as many columns as cells fit
-around it. All lengths are in cells.
+A row is a ring around the axis. It is one cell high along the profile and has as many columns of
+one cell as fit around it. All lengths are in cells.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from puckbench.geometry.vectors import (
     row_of,
     vector,
 )
-from puckbench.primitives.entropy import Coder, code_bit
+from puckbench.primitives.entropy import ContextCoder, code_bit
 from puckbench.primitives.occupancy_map import CONTEXTS as MAP_CONTEXTS
 from puckbench.primitives.occupancy_map import MIXERS as MAP_MIXERS
 from puckbench.primitives.octree_arrays import Bytes, Ints
@@ -33,7 +33,7 @@ from puckbench.primitives.stream import REVOLUTION_BYTES
 
 CONE, SPHERE = 0, 1
 MAX_COLUMNS = 1 << 22
-"""Columns of all surfaces of revolution of a stream, at most."""
+"""Largest number of columns of all surfaces of revolution of a stream."""
 
 _ADJACENT = MAP_CONTEXTS
 _ABOVE = _ADJACENT + 64
@@ -47,12 +47,12 @@ _POSITION, _SLOPE, _RADIUS, _ANGLE = 8, 16384, 16, 20000
 
 
 class RevolutionSurface(NamedTuple):
-    """A surface of revolution between two ends.
+    """A bounded surface of revolution.
 
-    kind: CONE (a cylinder where its angle is 0) or SPHERE. origin: (3,) a point of the axis, or a
-    sphere's centre. axis: (3,) unit vector. radius: at the origin. angle: half the opening angle of
-    the cone in radians, > 0 where it widens along the axis. first_row: arc length along the profile
-    at which the first row begins. rows: their number.
+    kind: CONE (a cylinder if the angle is 0) or SPHERE. origin: (3,) a point on the axis, or a
+    sphere's centre. axis: (3,) unit vector. radius: at the origin. angle: half the opening angle in
+    radians, > 0 if the cone widens along the axis. first_row: arc length along the profile where
+    the first row begins. row_count: number of rows.
     """
 
     kind: int
@@ -61,29 +61,45 @@ class RevolutionSurface(NamedTuple):
     radius: float
     angle: float
     first_row: int
-    rows: int
+    row_count: int
 
-    def columns(self) -> Ints:
-        """Number of columns (rows,) of each row."""
-        radii = self.profile(np.arange(self.rows, dtype=np.float64) + self.first_row + 0.5)[0]
+    def columns_per_row(self) -> Ints:
+        radii = self.profile(np.arange(self.row_count, dtype=np.float64) + self.first_row + 0.5)[0]
         return np.asarray(np.maximum(np.rint(2 * np.pi * radii), 0).astype(np.int64))
 
+    def column_count(self) -> int:
+        return int(self.columns_per_row().sum())
+
     def profile(self, arc_length: Floats) -> tuple[Floats, Floats]:
-        """Radius, and height along the axis over the origin, at arc lengths of the profile."""
+        """Return the radius, and the height above the origin along the axis, at arc lengths."""
         return _profile(self, arc_length)
 
     def points_at(self, arc_length: Floats, azimuth: Floats) -> tuple[Floats, Floats]:
-        """Points (n, 3) and normals at arc lengths of the profile and azimuths (n,) in radians."""
+        """Return points (n, 3) and normals at arc lengths and azimuths (n,) in radians."""
         return _points_at(self, *self.profile(arc_length), azimuth)
 
     def coordinates(self, xyz: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-        """Arc length, azimuth, signed distance (n,) and normal (n, 3) of points (n, 3)."""
+        """Return arc length, azimuth, signed distance (n,) and normal (n, 3) of points (n, 3)."""
         return _coordinates(self, xyz)
+
+
+class UnrolledMap(NamedTuple):
+    """A surface of revolution and its occupancy map: bits (columns,), row after row."""
+
+    surface: RevolutionSurface
+    bits: Bytes
+
+    def occupied_columns(self) -> tuple[Ints, Ints, Ints]:
+        """Return row, position in the row and number of columns in the row of occupied columns."""
+        columns = self.surface.columns_per_row()
+        row = np.repeat(np.arange(self.surface.row_count), columns)
+        column = np.arange(len(row)) - np.repeat(np.cumsum(columns) - columns, columns)
+        kept = self.bits == 1
+        return row[kept], column[kept], columns[row[kept]]
 
 
 @compiled
 def _profile(surface: RevolutionSurface, arc_length: Floats) -> tuple[Floats, Floats]:
-    """What `RevolutionSurface.profile` tells."""
     radius, height = np.empty(len(arc_length)), np.empty(len(arc_length))
     sine, cosine = np.sin(surface.angle), np.cos(surface.angle)
     for i in range(len(arc_length)):
@@ -101,7 +117,6 @@ def _profile(surface: RevolutionSurface, arc_length: Floats) -> tuple[Floats, Fl
 def _points_at(
     surface: RevolutionSurface, radius: Floats, height: Floats, azimuth: Floats
 ) -> tuple[Floats, Floats]:
-    """What `RevolutionSurface.points_at` tells."""
     xyz, normals = np.empty((len(radius), 3)), np.empty((len(radius), 3))
     u, v = orthogonal_axes(surface.axis)
     sine, cosine = np.sin(surface.angle), np.cos(surface.angle)
@@ -120,23 +135,22 @@ def _points_at(
 
 @compiled
 def _coordinates(surface: RevolutionSurface, xyz: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-    """What `RevolutionSurface.coordinates` tells."""
     count = len(xyz)
     arc_length, azimuth, distance = np.empty(count), np.empty(count), np.empty(count)
     normals = np.empty((count, 3))
-    across = orthogonal_axes(surface.axis)
-    u, v = vector(across[0]), vector(across[1])
+    perpendicular = orthogonal_axes(surface.axis)
+    u, v = vector(perpendicular[0]), vector(perpendicular[1])
     sine, cosine = np.sin(surface.angle), np.cos(surface.angle)
     for i in range(count):
         distance[i], height, radius = distance_to(surface, sine, cosine, xyz[i])
-        out = add_multiple(row_of(xyz, i), -1.0, vector(surface.origin))
-        azimuth[i] = np.arctan2(dot(out, v), dot(out, u))
+        radial = add_multiple(row_of(xyz, i), -1.0, vector(surface.origin))
+        azimuth[i] = np.arctan2(dot(radial, v), dot(radial, u))
         if surface.kind == SPHERE:
-            sine_of_height = height / max(length(out), 1e-9)
+            sine_of_height = height / max(length(radial), 1e-9)
             arc_length[i] = surface.radius * np.arcsin(min(max(sine_of_height, -1.0), 1.0))
         else:
             arc_length[i] = (radius - surface.radius) * sine + height * cosine
-        normal = normal_at(surface, sine, cosine, out, height, radius)
+        normal = normal_at(surface, sine, cosine, radial, height, radius)
         for a in range(3):
             normals[i, a] = normal[a]
     return arc_length, azimuth, distance, normals
@@ -146,9 +160,9 @@ def _coordinates(surface: RevolutionSurface, xyz: Floats) -> tuple[Floats, Float
 def distance_to(
     surface: RevolutionSurface, sine: float, cosine: float, point: Floats
 ) -> tuple[float, float, float]:
-    """Signed distance of a point (3,) from a surface; its height along the axis, distance from it.
+    """Return a point's signed distance from a surface, its height, and its distance from the axis.
 
-    sine, cosine: of the surface's angle.
+    The height is along the axis, above the origin. sine, cosine: of the surface's angle.
     """
     x, y, z = (
         point[0] - surface.origin[0],
@@ -171,24 +185,24 @@ def normal_at(
     surface: RevolutionSurface,
     sine: float,
     cosine: float,
-    out: Vector,
+    radial: Vector,
     height: float,
     radius: float,
 ) -> Vector:
-    """Unit normal where a surface is nearest to a point, `out` of its origin.
+    """Return the unit normal of a surface where it is nearest to a point.
 
-    The others are what `distance_to` takes and returns.
+    radial: the point relative to the origin. sine, cosine, height, radius: as in `distance_to`.
     """
     if surface.kind == SPHERE:
-        return multiply(1 / max(length(out), 1e-9), out)
+        return multiply(1 / max(length(radial), 1e-9), radial)
     axis = vector(surface.axis)
-    outwards = multiply(1 / max(radius, 1e-9), add_multiple(out, -height, axis))
+    outwards = multiply(1 / max(radius, 1e-9), add_multiple(radial, -height, axis))
     return add_multiple(multiply(cosine, outwards), -sine, axis)
 
 
 @compiled
 def orthogonal_axes(axis: Floats) -> tuple[Floats, Floats]:
-    """Two unit vectors (3,) orthogonal to an axis and to each other."""
+    """Return two unit vectors (3,) that are orthogonal to an axis and to each other."""
     start = np.zeros(3)
     start[np.abs(axis).argmin()] = 1.0
     u = cross(vector(axis), vector(start))
@@ -197,60 +211,62 @@ def orthogonal_axes(axis: Floats) -> tuple[Floats, Floats]:
 
 
 def pack_parameters(surface: RevolutionSurface) -> bytes:
-    """The parameters of a surface in `REVOLUTION_BYTES` bytes."""
-    axis = int(np.abs(surface.axis).argmax())
-    direction = surface.axis / surface.axis[axis]
-    slopes = [direction[(axis + 1) % 3] * _SLOPE, direction[(axis + 2) % 3] * _SLOPE]
-    numbers = np.rint([*(surface.origin * _POSITION), *slopes]).clip(-32768, 32767).astype(int)
-    sign = 1 if surface.axis[axis] > 0 else -1
+    """Quantise and pack a surface to `REVOLUTION_BYTES` bytes."""
+    k = int(np.abs(surface.axis).argmax())
+    direction = surface.axis / surface.axis[k]
+    slopes = [direction[(k + 1) % 3] * _SLOPE, direction[(k + 2) % 3] * _SLOPE]
+    quantised = np.rint([*(surface.origin * _POSITION), *slopes]).clip(-32768, 32767).astype(int)
+    sign = 1 if surface.axis[k] > 0 else -1
     radius = min(max(round(surface.radius * _RADIUS), 1), 65535)
-    first_row = surface.first_row if sign > 0 else -surface.first_row - surface.rows
+    first_row = surface.first_row if sign > 0 else -surface.first_row - surface.row_count
     angle = round(sign * surface.angle * _ANGLE)
-    kind = surface.kind | axis << 1
-    return _PARAMETERS.pack(kind, *numbers.tolist(), radius, angle, first_row, surface.rows)
+    kind_and_axis = surface.kind | k << 1
+    return _PARAMETERS.pack(
+        kind_and_axis, *quantised.tolist(), radius, angle, first_row, surface.row_count
+    )
 
 
 def is_representable(surface: RevolutionSurface) -> bool:
-    """Whether `pack_parameters` has room for a surface; a fit to few samples may be anything."""
+    """Return whether `pack_parameters` can represent a surface, which may be degenerate."""
     if not np.isfinite([*surface.origin, *surface.axis, surface.radius, surface.angle]).all():
         return False
     representable = bool(np.abs(surface.origin * _POSITION).max() < (1 << 15) - 1)
     representable &= round(surface.radius * _RADIUS) < 1 << 16
     representable &= abs(round(surface.angle * _ANGLE)) <= _ANGLE * np.pi / 2
-    representable &= abs(surface.first_row) + surface.rows < 1 << 15
-    return bool(representable and int(surface.columns().sum()) <= MAX_COLUMNS // 2)
+    representable &= abs(surface.first_row) + surface.row_count < 1 << 15
+    return bool(representable and surface.column_count() <= MAX_COLUMNS // 2)
 
 
 def unpack_parameters(stream: bytes) -> list[RevolutionSurface]:
-    """Surfaces from the concatenated bytes of `pack_parameters`; InputError if they are damaged."""
-    found = [
-        _unpack_one(stream[k : k + REVOLUTION_BYTES])
+    """Return the surfaces packed by `pack_parameters`. Raises InputError if they are damaged."""
+    surfaces = [
+        _unpack_surface(stream[k : k + REVOLUTION_BYTES])
         for k in range(0, len(stream), REVOLUTION_BYTES)
     ]
-    if sum(int(surface.columns().sum()) for surface in found) > MAX_COLUMNS:
+    if sum(surface.column_count() for surface in surfaces) > MAX_COLUMNS:
         raise InputError("the stream is damaged (its surfaces of revolution are too large)")
-    return found
+    return surfaces
 
 
-def _unpack_one(stream: bytes) -> RevolutionSurface:
-    kind, *position, radius, angle, first_row, rows = _PARAMETERS.unpack(stream)
+def _unpack_surface(fields: bytes) -> RevolutionSurface:
+    kind, x, y, z, *slopes, radius, angle, first_row, row_count = _PARAMETERS.unpack(fields)
+    k = kind >> 1
+    if k > 2 or radius == 0 or row_count > MAX_COLUMNS // 256 or abs(angle) > _ANGLE * np.pi / 2:
+        raise InputError("the stream is damaged (its surfaces of revolution are invalid)")
     axis = np.zeros(3)
-    at = kind >> 1
-    if at > 2 or radius == 0 or rows > MAX_COLUMNS // 256 or abs(angle) > _ANGLE * np.pi / 2:
-        raise InputError("the stream is damaged (its surfaces of revolution make no sense)")
-    axis[at], axis[(at + 1) % 3], axis[(at + 2) % 3] = 1, position[3] / _SLOPE, position[4] / _SLOPE
+    axis[k], axis[(k + 1) % 3], axis[(k + 2) % 3] = 1, slopes[0] / _SLOPE, slopes[1] / _SLOPE
     axis /= hypot(*axis)
-    origin = np.array(position[:3]) / _POSITION
+    origin = np.array([x, y, z]) / _POSITION
     return RevolutionSurface(
-        kind & 1, origin, axis, radius / _RADIUS, angle / _ANGLE, first_row, rows
+        kind & 1, origin, axis, radius / _RADIUS, angle / _ANGLE, first_row, row_count
     )
 
 
 @compiled
-def code_unrolled_map(coder: Coder, columns: Ints, bits: Bytes) -> None:
+def code_unrolled_map(coder: ContextCoder, columns: Ints, bits: Bytes) -> None:
     """Code the occupancy map of a surface of revolution, row after row.
 
-    columns: (rows,) number of columns of each row. bits: (sum of columns,) the map.
+    columns: (rows,) columns of each row. bits: (sum of columns,) the map.
     """
     start, above, second = 0, -1, -1
     for row in range(len(columns)):
@@ -258,10 +274,13 @@ def code_unrolled_map(coder: Coder, columns: Ints, bits: Bytes) -> None:
         for j in range(count):
             left = bits[start + j - 1] if j > 0 else 0
             left += 2 * bits[start + j - 2] if j > 1 else 0
-            above_bits = _columns_beside(bits, above, columns[row - 1] if row > 0 else 0, j, count)
-            second_above = _columns_beside(
+            above_bits = _adjacent_columns(
+                bits, above, columns[row - 1] if row > 0 else 0, j, count
+            )
+            second_above = _adjacent_columns(
                 bits, second, columns[row - 2] if row > 1 else 0, j, count
             )
+            # The last column of a ring is beside its first.
             first_of_row = bits[start] if j == count - 1 and j > 0 else 2
             adjacent = (
                 _ADJACENT + 16 * min(left & 1, 1) + 2 * above_bits + (1 if first_of_row == 1 else 0)
@@ -277,8 +296,11 @@ def code_unrolled_map(coder: Coder, columns: Ints, bits: Bytes) -> None:
 
 
 @compiled
-def _columns_beside(bits: Bytes, start: int, count: int, j: int, columns: int) -> int:
-    """Three bits of a row of `count` columns beside column j of a row of `columns`."""
+def _adjacent_columns(bits: Bytes, start: int, count: int, j: int, columns: int) -> int:
+    """Return the bits of the three columns of another row that are nearest to column j.
+
+    start, count: of the other row. columns: number of columns of the row of column j.
+    """
     if count == 0 or start < 0:
         return 0
     at = (j * count) // columns
@@ -286,41 +308,32 @@ def _columns_beside(bits: Bytes, start: int, count: int, j: int, columns: int) -
     return int(4 * bits[start + before] + 2 * bits[start + at] + bits[start + after])
 
 
-def sample_surface(
-    surface: RevolutionSurface, bits: Bytes, points_across: int, column_spacing: int
+def reconstruct_columns(
+    unrolled: UnrolledMap, points_across: int, column_spacing: int
 ) -> tuple[Floats, Floats]:
-    """Points (n, 3) and normals on the occupied columns of a surface.
+    """Return points (n, 3) and normals on the occupied columns of a surface.
 
     points_across, column_spacing: as in `reconstruction.reconstruct_points`.
     """
-    rows, column, columns_in_row = _occupied_columns(surface, bits)
+    surface, (row, column, columns_in_row) = unrolled.surface, unrolled.occupied_columns()
     if column_spacing > 1:
-        kept = (rows % column_spacing == column_spacing // 2) & (
+        kept = (row % column_spacing == column_spacing // 2) & (
             column % column_spacing == column_spacing // 2
         )
-        rows, column, columns_in_row = rows[kept], column[kept], columns_in_row[kept]
+        row, column, columns_in_row = row[kept], column[kept], columns_in_row[kept]
     step = (np.arange(points_across) + 0.5) / points_across
-    arc_length = (surface.first_row + rows)[:, None, None] + step[:, None]
+    arc_length = (surface.first_row + row)[:, None, None] + step[:, None]
     azimuth = 2 * np.pi * (column[:, None, None] + step) / columns_in_row[:, None, None]
-    shape = (len(rows), points_across, points_across)
-    # Copies: compiled loops would be compiled again for views that may not be written to.
+    shape = (len(row), points_across, points_across)
+    # Copies, because numba would compile the loop again for read-only views.
     return surface.points_at(
         np.broadcast_to(arc_length, shape).flatten(), np.broadcast_to(azimuth, shape).flatten()
     )
 
 
-def column_corners(surface: RevolutionSurface, bits: Bytes) -> Floats:
-    """Corners (n, 4, 3) of the occupied columns of a surface."""
-    rows, column, columns_in_row = _occupied_columns(surface, bits)
-    arc_length = (surface.first_row + rows)[:, None] + [0, 0, 1, 1]
+def column_corners(unrolled: UnrolledMap) -> Floats:
+    """Return the corners (n, 4, 3) of the occupied columns of a surface."""
+    surface, (row, column, columns_in_row) = unrolled.surface, unrolled.occupied_columns()
+    arc_length = (surface.first_row + row)[:, None] + [0, 0, 1, 1]
     azimuth = 2 * np.pi * (column[:, None] + [0, 1, 1, 0]) / columns_in_row[:, None]
     return surface.points_at(arc_length.ravel().astype(float), azimuth.ravel())[0].reshape(-1, 4, 3)
-
-
-def _occupied_columns(surface: RevolutionSurface, bits: Bytes) -> tuple[Ints, Ints, Ints]:
-    """Row and place in it of the occupied columns, and the number of columns of their rows."""
-    columns = surface.columns()
-    rows = np.repeat(np.arange(surface.rows), columns)
-    column = np.arange(len(rows)) - np.repeat(np.cumsum(columns) - columns, columns)
-    kept = bits == 1
-    return rows[kept], column[kept], columns[rows[kept]]

@@ -1,4 +1,4 @@
-"""Occupancy maps of surfaces of revolution, decided by the encoder; samples left to planes."""
+"""The encoder's decisions on surfaces of revolution: which samples and columns belong to each."""
 
 from __future__ import annotations
 
@@ -9,14 +9,15 @@ from numpy.typing import NDArray
 
 from puckbench.core.compiling import compiled
 from puckbench.geometry.cloud import Floats
-from puckbench.primitives.manhattan_frame import rotated
+from puckbench.primitives.manhattan_frame import rotate
 from puckbench.primitives.octree_arrays import Bytes, Ints
 from puckbench.primitives.revolution import (
     MAX_COLUMNS,
     RevolutionSurface,
+    UnrolledMap,
     is_representable,
     pack_parameters,
-    sample_surface,
+    reconstruct_columns,
     unpack_parameters,
 )
 from puckbench.primitives.shape_detection import bounded_inliers, clip_to_inliers
@@ -24,19 +25,13 @@ from puckbench.primitives.shape_detection import bounded_inliers, clip_to_inlier
 Mask = NDArray[np.bool_]
 
 
-class UnrolledMap(NamedTuple):
-    """A surface of revolution as a stream has it, and its occupancy map (columns,)."""
-
-    surface: RevolutionSurface
-    bits: Bytes
-
-
 class RevolutionCosts(NamedTuple):
-    """Squared errors and lengths, in cells, by which the encoder decides.
+    """Squared errors and lengths, in cells.
 
-    omission_error: of a sample that no column represents. tangential_weight: weight of the squared
-    distance beyond a sampling cell. max_error: bound of the squared error. tolerance: distance of
-    an inlier. spacing: side of a sampling cell. edge_cost: of two unlike columns side by side.
+    omission_error: error of a sample that no column represents. tangential_weight: weight of the
+    squared distance to the nearest sample in excess of a sampling cell. max_error: bound of the
+    error. tolerance: largest distance of an inlier. spacing: side of a sampling cell. edge_cost:
+    cost of two adjacent columns of which one is occupied.
     """
 
     omission_error: float
@@ -51,13 +46,13 @@ def to_grid(
     surface: RevolutionSurface,
     rotation: Floats,
     corner: Floats,
-    cell: float,
-    margins: tuple[float, float, float],
+    cell_size: float,
+    grid_offset: tuple[float, float, float],
 ) -> RevolutionSurface:
-    """A surface in the cloud's units, in cells of a grid that is rotated and begins at `corner`."""
-    origin, axis = rotated(np.stack([surface.origin, surface.axis]), rotation)
-    origin = (origin - corner) / cell + margins
-    return surface._replace(origin=origin, axis=axis, radius=surface.radius / cell)
+    """Transform a surface from units to the cells of a rotated grid that starts at `corner`."""
+    origin, axis = rotate(np.stack([surface.origin, surface.axis]), rotation)
+    origin = (origin - corner) / cell_size + grid_offset
+    return surface._replace(origin=origin, axis=axis, radius=surface.radius / cell_size)
 
 
 def fit_revolutions(
@@ -74,34 +69,34 @@ def fit_revolutions(
     surfaces
         Detected surfaces, in cells.
     xyz, normals, weights
-        Samples (n, 3) in cells, their normals, and their weights (n,) relative to their area.
+        Samples (n, 3) in cells, their unit normals, and their weights (n,), 1 on average.
     costs
-        What the encoder decides by.
+        Costs of the decisions.
 
     Returns
     -------
     maps : list of UnrolledMap
-        Those surfaces that explain samples.
+        Surfaces that explain at least one sample.
     unexplained : ndarray
         (n,) mask of the samples that no surface explains.
     """
     unexplained = np.ones(len(xyz), bool)
     maps: list[UnrolledMap] = []
-    for wanted in surfaces:
-        bound = clip_to_inliers(wanted, xyz, normals, unexplained, costs.tolerance)
-        if bound.rows == 0 or not is_representable(bound):
+    for detected in surfaces:
+        clipped = clip_to_inliers(detected, xyz, normals, unexplained, costs.tolerance)
+        if clipped.row_count == 0 or not is_representable(clipped):
             continue
-        (surface,) = unpack_parameters(pack_parameters(bound))
+        (surface,) = unpack_parameters(pack_parameters(clipped))
         rows = np.flatnonzero(unexplained & bounded_inliers(surface, xyz, normals, costs.tolerance))
         if not len(rows):
             continue
-        columns = sum(len(unrolled.bits) for unrolled in maps) + int(surface.columns().sum())
+        columns = sum(len(unrolled.bits) for unrolled in maps) + surface.column_count()
         if columns > MAX_COLUMNS:
             continue
-        bits = _decide_columns(surface, xyz[rows], normals[rows], weights[rows], costs)
-        explained = rows[_lies_on_map(surface, bits, xyz[rows])]
+        unrolled = _decide_columns(surface, xyz[rows], normals[rows], weights[rows], costs)
+        explained = rows[_lies_on_map(unrolled, xyz[rows])]
         if len(explained):
-            maps.append(UnrolledMap(surface, bits))
+            maps.append(unrolled)
             unexplained[explained] = False
     return maps, unexplained
 
@@ -112,24 +107,25 @@ def _decide_columns(
     normals: Floats,
     weights: Floats,
     costs: RevolutionCosts,
-) -> Bytes:
-    """Occupancy map of the columns whose centre saves more distortion than it adds."""
+) -> UnrolledMap:
+    """Occupy the columns whose centres reduce the distortion."""
     from scipy.spatial import cKDTree
 
-    middles, _ = sample_surface(surface, np.ones(int(surface.columns().sum()), np.uint8), 1, 1)
-    distance, nearest = cKDTree(xyz).query(middles)
-    normal_distance = ((middles - xyz[nearest]) * normals[nearest]).sum(axis=1)
-    beyond = np.maximum(distance - costs.spacing, 0)
-    error = np.minimum(normal_distance**2 + costs.tangential_weight * beyond**2, costs.max_error)
-    saved = np.where(beyond == 0, costs.omission_error * weights[nearest], 0.0)
+    every_column = UnrolledMap(surface, np.ones(surface.column_count(), np.uint8))
+    centres, _ = reconstruct_columns(every_column, 1, 1)
+    distance, nearest = cKDTree(xyz).query(centres)
+    normal_distance = ((centres - xyz[nearest]) * normals[nearest]).sum(axis=1)
+    excess = np.maximum(distance - costs.spacing, 0)
+    error = np.minimum(normal_distance**2 + costs.tangential_weight * excess**2, costs.max_error)
+    saved = np.where(excess == 0, costs.omission_error * weights[nearest], 0.0)
     bits: Bytes = (saved > error).astype(np.uint8)
-    _optimise_map(saved - error, surface.columns(), costs.edge_cost, bits)
-    return bits
+    _optimise_unrolled_map(saved - error, surface.columns_per_row(), costs.edge_cost, bits)
+    return UnrolledMap(surface, bits)
 
 
 @compiled
-def _optimise_map(gains: Floats, columns: Ints, edge_cost: float, bits: Bytes) -> None:
-    """Iterated conditional modes (Besag 1986), at `edge_cost` for each unlike neighbour."""
+def _optimise_unrolled_map(gains: Floats, columns: Ints, edge_cost: float, bits: Bytes) -> None:
+    """Iterated conditional modes (Besag 1986); `edge_cost` per pair of unequal neighbours."""
     starts = np.zeros(len(columns) + 1, np.int64)
     for row in range(len(columns)):
         starts[row + 1] = starts[row] + columns[row]
@@ -141,24 +137,25 @@ def _optimise_map(gains: Floats, columns: Ints, edge_cost: float, bits: Bytes) -
                     bits[start + (j + 1) % count] + bits[start + (j + count - 1) % count]
                 )
                 balance -= 2
-                for beside in (row - 1, row + 1):
-                    if 0 <= beside < len(columns) and columns[beside] > 0:
-                        at = starts[beside] + (j * columns[beside]) // count
-                        balance += 2 * bits[at] - 1
+                for adjacent in (row - 1, row + 1):
+                    if 0 <= adjacent < len(columns) and columns[adjacent] > 0:
+                        column = starts[adjacent] + (j * columns[adjacent]) // count
+                        balance += 2 * bits[column] - 1
                 bits[start + j] = 1 if gains[start + j] + edge_cost * balance > 0 else 0
 
 
-def _lies_on_map(surface: RevolutionSurface, bits: Bytes, xyz: Floats) -> Mask:
-    """Mask of the points that lie on occupied columns."""
+def _lies_on_map(unrolled: UnrolledMap, xyz: Floats) -> Mask:
+    """Return which points lie on occupied columns."""
+    surface = unrolled.surface
     arc_length, azimuth, _, _ = surface.coordinates(xyz)
-    columns = surface.columns()
+    columns = surface.columns_per_row()
     row = np.floor(arc_length).astype(np.int64) - surface.first_row
-    inside = (row >= 0) & (row < surface.rows)
-    row = row.clip(0, max(surface.rows - 1, 0))
+    is_inside = (row >= 0) & (row < surface.row_count)
+    row = row.clip(0, max(surface.row_count - 1, 0))
     column = np.floor(azimuth % (2 * np.pi) / (2 * np.pi) * columns[row]).astype(np.int64)
     column = np.minimum(column, columns[row] - 1)
     starts = np.cumsum(columns) - columns
-    on = np.zeros(len(xyz), bool)
-    valid = inside & (column >= 0)
-    on[valid] = bits[starts[row[valid]] + column[valid]] == 1
-    return on
+    is_inside &= column >= 0
+    is_occupied = np.zeros(len(xyz), bool)
+    is_occupied[is_inside] = unrolled.bits[starts[row[is_inside]] + column[is_inside]] == 1
+    return is_occupied

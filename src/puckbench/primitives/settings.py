@@ -1,4 +1,4 @@
-"""Parameters of a rate of the primitives codec, in units of 1/1023 of the cloud's longest side."""
+"""Settings of the codec. Lengths are in units of 1/1023 of the cloud's longest side."""
 
 from __future__ import annotations
 
@@ -10,75 +10,78 @@ from pydantic import Field
 from puckbench.core.models import Model, parsed
 
 UNITS = 1023.0
-"""Units across the longest side of a cloud, as in the cube [0, 1023] of a scaled cloud."""
+"""Units along the longest side of a cloud."""
 
 _REFERENCE_NOISE = 1.3
-"""Noise in units that the rates are made for: a VLP-16 in a room of six metres."""
+"""Noise in units for which the rates are tuned: a VLP-16 in a room of six metres."""
 
 
-class Settings(Model):
-    """Parameters of a rate.
+class PrimitiveSettings(Model):
+    """Parameters of a rate. Squared errors are in squared units.
 
-    Two candidate modes compete for a cloud: a *surface* (an octree whose leaves have planes, and
-    surfaces of revolution, each with an occupancy map) and *voxels* (G-PCC's octree, displaced).
-    Rates of more bits than surfaces take code both together, the *hybrid* mode.
+    The encoder chooses between two modes. The surface mode codes planes in the leaves of an octree
+    and surfaces of revolution, each with an occupancy map. The voxel mode codes the voxels of a
+    G-PCC octree and displaces them along normals. With `refinement` > 0 the encoder codes a surface
+    and voxels together (hybrid mode).
     """
 
     max_bpp: float = Field(
-        default=1.0, ge=0, description="bits per point that either mode may take, at most"
+        default=1.0, ge=0, description="largest number of bits per point of a surface or of voxels"
     )
     max_voxel_size: float = Field(
-        default=UNITS / 4, ge=0, description="side of voxels, at most, however many bits they take"
+        default=UNITS / 4, ge=0, description="largest side of a voxel, whatever the number of bits"
     )
     refinement: float = Field(
         default=0.0,
         ge=0,
         le=1,
-        description="bits of a surface and voxels together: from the surface's own (0, no voxels) "
-        "to refined_bpp, or what voxels of max_voxel_size take (1), in equal ratios",
+        description="budget of the hybrid mode on a logarithmic scale, from 0 (the surface alone) "
+        "to 1 (refined_bpp, or the bits of voxels of max_voxel_size if these are more)",
     )
     refined_bpp: float = Field(
-        default=3.5, gt=0, description="bits per point of a surface and voxels at refinement 1"
+        default=3.5, gt=0, description="bits per point of the hybrid mode at refinement 1"
     )
     min_leaf_size: float = Field(
         default=16.0,
         ge=0,
-        description="side of the smallest leaves; 0 codes voxels without trying surfaces",
+        description="side of the smallest leaves; 0 codes voxels only",
     )
     column_size: float = Field(
         default=4.0,
         ge=0,
-        description="side of a column of an occupancy map: min_leaf_size / a power of 2",
+        description="side of a column of an occupancy map: min_leaf_size / 2^k",
     )
     max_leaf_size: float = Field(default=128.0, ge=0, description="side of the largest leaves")
     lmbda: float = Field(
         default=10.0,
         ge=0,
-        description="Lagrangian weight: squared error that a bit per point must save",
+        description="Lagrangian weight of rate against distortion: squared error per bit per point",
     )
     plane_step: float = Field(
-        default=3.0, ge=0, description="quantisation step of the planes of the smallest leaves"
+        default=3.0, ge=0, description="quantisation step of planes in the smallest leaves"
     )
     smoothing_radius: float = Field(
-        default=19.0, ge=0, description="radius of smoothing, in standard deviations of the noise"
+        default=19.0,
+        ge=0,
+        description="radius of the smoothing neighbourhood, in standard deviations of the noise",
     )
 
-    def adapted_to(self, noise: float) -> Settings:
-        """Coarsen the settings where a cloud's noise exceeds the reference.
+    def adapted_to(self, noise: float) -> PrimitiveSettings:
+        """Return coarser settings if a cloud has more noise than the rates are tuned for.
 
-        Otherwise fine leaves and planes would follow the noise.
+        Otherwise small leaves and fine planes would follow the noise.
 
         Parameters
         ----------
         noise
-            Standard deviation of the points about the surface, in units.
+            Standard deviation of the points around the surface, in units.
         """
         factor = max(noise / _REFERENCE_NOISE, 1.0)
-        lengths = ("min_leaf_size", "column_size", "plane_step")
-        coarser = {name: factor * getattr(self, name) for name in lengths}
-        return self.model_copy(update={**coarser, "lmbda": factor**2 * self.lmbda})
+        length_names = ("min_leaf_size", "column_size", "plane_step")
+        scaled = {name: factor * getattr(self, name) for name in length_names}
+        return self.model_copy(update={**scaled, "lmbda": factor**2 * self.lmbda})
 
 
-def rate_settings(parameters: Mapping[str, Any]) -> Settings:
-    """Settings of a rate's entry; InputError for an unknown name or a value below 0."""
-    return parsed(Settings, parameters, "codec primitives: rate")
+def parse_settings(parameters: Mapping[str, Any]) -> PrimitiveSettings:
+    """Return validated settings. Raises InputError for an unknown name or an invalid value."""
+    return parsed(PrimitiveSettings, parameters, "codec primitives: rate")

@@ -1,7 +1,7 @@
 """Tree traversal: codes the octree of planes level by level, coarse first, in both directions.
 
-A node is a leaf, which has a plane, or is split. The encoder chooses planes while it traverses,
-because the neighbours that they are predicted from are only known then.
+A node is a leaf, which has a plane, or is split. The encoder chooses planes during the traversal,
+because only then the neighbouring planes that predict them are known.
 """
 
 from __future__ import annotations
@@ -10,13 +10,13 @@ import numpy as np
 
 from puckbench.coding.binary_coder import exhausted
 from puckbench.core.compiling import compiled, compiled_in_place
-from puckbench.primitives.entropy import Coder, code_bit
+from puckbench.primitives.entropy import ContextCoder, code_bit, is_writing
 from puckbench.primitives.octree_arrays import (
     Bytes,
+    EncoderNodes,
+    IndexGrid,
     Ints,
-    LeafMap,
     Leaves,
-    Nodes,
     OctreeGeometry,
 )
 from puckbench.primitives.plane_coding import CONTEXTS as PLANE_CONTEXTS
@@ -27,7 +27,7 @@ from puckbench.primitives.stream import MAX_NODES
 # States of the nodes of a level.
 _UNKNOWN, _EMPTY, _OCCUPIED, _SPLIT = 0, 1, 2, 3
 
-# Where the contexts and the mixers of each kind begin.
+# First context and mixer of each kind.
 _FACES = 0
 _SIBLINGS = _FACES + 729
 _COUNTS = _SIBLINGS + 8 * 128
@@ -40,111 +40,116 @@ MIXERS = _PLANE_MIXER + PLANE_MIXERS
 
 @compiled
 def code_octree(
-    coder: Coder, geometry: OctreeGeometry, nodes: Nodes, leaves: Leaves, leaf_map: LeafMap
+    coder: ContextCoder,
+    geometry: OctreeGeometry,
+    nodes: EncoderNodes,
+    leaves: Leaves,
+    leaf_grid: IndexGrid,
 ) -> bool:
     """Code all levels of the octree.
 
     Parameters
     ----------
     coder
-        Writes or reads.
+        Coder of either direction.
     geometry
         Geometry of the octree.
     nodes
-        What the encoder knows of the nodes; not used in decoding.
+        Nodes of the encoder; unused in decoding.
     leaves
-        Receives corner, side and plane of each leaf.
-    leaf_map
-        Grid of the smallest leaves: receives the index + 1 of the leaf that a cell belongs to.
+        Leaves, written.
+    leaf_grid
+        Grid with the cell size of the smallest leaves, written: 1 + index of the leaf.
 
     Returns
     -------
     bool
-        False if there are more leaves than there is room for, more nodes than `MAX_NODES`, or a
-        stream ends too early.
+        False if there are more leaves than allocated, more nodes than `MAX_NODES`, or the stream
+        ends early.
     """
     capacity = len(leaves.side)
-    nodes_here, children = np.zeros((capacity, 4), np.int64), np.zeros((capacity, 4), np.int64)
-    count = nodes_so_far = 1
+    # A row is a node: its coordinates at its level, and its index in `nodes`.
+    level_nodes, children = np.zeros((capacity, 4), np.int64), np.zeros((capacity, 4), np.int64)
+    count = node_count = 1
     states = np.full((3, 3, 3), _EMPTY, np.uint8)
     states[1, 1, 1] = _OCCUPIED
     for level in range(geometry.finest_leaf_level + 1):
         if not _code_leaves(
-            coder, geometry, level, nodes_here[:count], states, nodes, leaves, leaf_map
+            coder, geometry, level, level_nodes[:count], states, nodes, leaves, leaf_grid
         ):
             return False
         if level < geometry.finest_leaf_level:
-            child_states = _states_of_planes(geometry, level + 1, leaves)
-            states_of_levels = (states, child_states)
+            child_states = _plane_crossings(geometry, level + 1, leaves)
+            level_states = (states, child_states)
             count = _code_splits(
-                coder, geometry, level, nodes_here[:count], states_of_levels, nodes, children
+                coder, geometry, level, level_nodes[:count], level_states, nodes, children
             )
-            nodes_so_far += count
-            if count < 0 or nodes_so_far > MAX_NODES:
+            node_count += count
+            if count < 0 or node_count > MAX_NODES:
                 return False
-            nodes_here, children = children, nodes_here
+            level_nodes, children = children, level_nodes
             states = child_states
     return True
 
 
 @compiled
 def _code_leaves(
-    coder: Coder,
+    coder: ContextCoder,
     geometry: OctreeGeometry,
     level: int,
-    nodes_here: Ints,
+    level_nodes: Ints,
     states: Bytes,
-    nodes: Nodes,
+    nodes: EncoderNodes,
     leaves: Leaves,
-    leaf_map: LeafMap,
+    leaf_grid: IndexGrid,
 ) -> bool:
-    """Code which nodes of a level are leaves, and their planes; leaves get index -1."""
-    for i in range(len(nodes_here)):
-        node = nodes_here[i]
+    """Code which nodes of a level are leaves, and their planes; set the index of leaves to -1."""
+    for i in range(len(level_nodes)):
+        node = level_nodes[i]
         if not _code_is_leaf(coder, geometry, level, node, states, nodes):
             states[node[0] + 1, node[1] + 1, node[2] + 1] = _SPLIT
             continue
         if leaves.counts[0] >= len(leaves.side) or exhausted(coder.bits):
             return False
-        code_plane(coder, (_PLANES, _PLANE_MIXER), geometry, level, node, nodes, leaves, leaf_map)
+        code_plane(coder, (_PLANES, _PLANE_MIXER), geometry, level, node, nodes, leaves, leaf_grid)
         node[3] = -1
     return True
 
 
 @compiled_in_place
 def _code_splits(
-    coder: Coder,
+    coder: ContextCoder,
     geometry: OctreeGeometry,
     level: int,
-    nodes_here: Ints,
-    states_of_levels: tuple[Bytes, Bytes],
-    nodes: Nodes,
+    level_nodes: Ints,
+    level_states: tuple[Bytes, Bytes],
+    nodes: EncoderNodes,
     children: Ints,
 ) -> int:
-    """List the children of a level's split nodes; their number, -1 where a stream has too many."""
+    """List the children of a level's split nodes. Return their number, -1 if there are too many."""
     count = 0
-    for i in range(len(nodes_here)):
-        if nodes_here[i, 3] >= 0:
+    for i in range(len(level_nodes)):
+        if level_nodes[i, 3] >= 0:
             if count + 8 > len(children) or exhausted(coder.bits):
                 return -1
             count = _code_children(
-                coder, geometry, level, nodes_here[i], states_of_levels, nodes, children, count
+                coder, geometry, level, level_nodes[i], level_states, nodes, children, count
             )
     return count
 
 
 @compiled
-def _states_of_planes(geometry: OctreeGeometry, level: int, leaves: Leaves) -> Bytes:
-    """States of a level's cells within the leaves so far: whether the planes cross them."""
-    down = geometry.depth - level
-    shape = ((geometry.shape - 1) >> down) + 3
+def _plane_crossings(geometry: OctreeGeometry, level: int, leaves: Leaves) -> Bytes:
+    """Return the states of a level's cells inside leaves: whether the leaf's plane crosses them."""
+    side_log2 = geometry.depth - level
+    shape = ((geometry.shape - 1) >> side_log2) + 3
     states = np.zeros((shape[0], shape[1], shape[2]), np.uint8)
-    half = (1 << down) / 2
+    half = (1 << side_log2) / 2
     for i in range(leaves.counts[0]):
         plane = leaves.planes[leaves.plane_index[i]]
         half_extent = half * (abs(plane[0]) + abs(plane[1]) + abs(plane[2]))
-        low = leaves.corner[i] >> down
-        high = np.minimum((leaves.corner[i] + leaves.side[i]) >> down, shape - 2)
+        low = leaves.corner[i] >> side_log2
+        high = np.minimum((leaves.corner[i] + leaves.side[i]) >> side_log2, shape - 2)
         for x in range(low[0], high[0]):
             for y in range(low[1], high[1]):
                 for z in range(low[2], high[2]):
@@ -158,9 +163,14 @@ def _states_of_planes(geometry: OctreeGeometry, level: int, leaves: Leaves) -> B
 
 @compiled_in_place
 def _code_is_leaf(
-    coder: Coder, geometry: OctreeGeometry, level: int, node: Ints, states: Bytes, nodes: Nodes
+    coder: ContextCoder,
+    geometry: OctreeGeometry,
+    level: int,
+    node: Ints,
+    states: Bytes,
+    nodes: EncoderNodes,
 ) -> bool:
-    """Code whether a node is a leaf, in the context of its six face neighbours."""
+    """Code whether a node is a leaf. Context: states of its six face neighbours."""
     if level == geometry.finest_leaf_level or level < geometry.coarsest_leaf_level:
         return level == geometry.finest_leaf_level
     occupied = split = 0
@@ -171,47 +181,44 @@ def _code_is_leaf(
             z = node[2] + (side if axis == 2 else 1)
             occupied += states[x, y, z] == _OCCUPIED
             split += states[x, y, z] == _SPLIT
-    leaf = 1 if coder.bits.registers[4] == 1 and nodes.is_leaf[node[3]] else 0
-    size = min(geometry.depth - level, 15)
-    contexts = (_LEAF + 7 * occupied + split, _LEAF + 49 + size, _LEAF + 65 + size)
-    return bool(code_bit(coder, leaf, _LEAF_MIXER, contexts) == 1)
+    is_leaf = 1 if is_writing(coder) and nodes.is_leaf[node[3]] else 0
+    side_log2 = min(geometry.depth - level, 15)
+    contexts = (_LEAF + 7 * occupied + split, _LEAF + 49 + side_log2, _LEAF + 65 + side_log2)
+    return bool(code_bit(coder, is_leaf, _LEAF_MIXER, contexts) == 1)
 
 
 @compiled_in_place
 def _code_children(
-    coder: Coder,
+    coder: ContextCoder,
     geometry: OctreeGeometry,
     level: int,
     node: Ints,
-    states_of_levels: tuple[Bytes, Bytes],
-    nodes: Nodes,
+    level_states: tuple[Bytes, Bytes],
+    nodes: EncoderNodes,
     children: Ints,
     count: int,
 ) -> int:
-    """Code which children of a split node are occupied, and list them; the new length."""
-    writing = coder.bits.registers[4] == 1
-    child, end = (nodes.first_child[node[3]], nodes.first_child[node[3] + 1]) if writing else (0, 0)
-    down = geometry.depth - level - 1
+    """Code which children of a split node are occupied, and list them. Return the new length."""
+    child = end = 0
+    if is_writing(coder):
+        child, end = nodes.first_child[node[3]], nodes.first_child[node[3] + 1]
+    side_log2 = geometry.depth - level - 1
     pattern = 0
     for octant in range(8):
         x = 2 * node[0] + (octant >> 2)
         y = 2 * node[1] + ((octant >> 1) & 1)
         z = 2 * node[2] + (octant & 1)
-        if x << down >= geometry.shape[0] or y << down >= geometry.shape[1]:
+        if x << side_log2 >= geometry.shape[0] or y << side_log2 >= geometry.shape[1]:
             continue
-        if z << down >= geometry.shape[2]:
+        if z << side_log2 >= geometry.shape[2]:
             continue
         bit = 1 if child < end and nodes.octant[child] == octant else 0
-        bit = _code_occupancy(coder, bit, (x, y, z), (octant, pattern, down), states_of_levels)
+        bit = _code_occupancy(coder, bit, (x, y, z), (octant, pattern, side_log2), level_states)
         pattern |= bit << octant
-        states_of_levels[1][x + 1, y + 1, z + 1] = _OCCUPIED if bit else _EMPTY
+        level_states[1][x + 1, y + 1, z + 1] = _OCCUPIED if bit else _EMPTY
         if bit:
-            children[count, 0], children[count, 1], children[count, 2], children[count, 3] = (
-                x,
-                y,
-                z,
-                child,
-            )
+            children[count, 0], children[count, 1] = x, y
+            children[count, 2], children[count, 3] = z, child
             count += 1
             child += 1
     return count
@@ -219,34 +226,36 @@ def _code_children(
 
 @compiled_in_place
 def _code_occupancy(
-    coder: Coder,
+    coder: ContextCoder,
     bit: int,
-    at: tuple[int, int, int],
-    place: tuple[int, int, int],
-    states_of_levels: tuple[Bytes, Bytes],
+    position: tuple[int, int, int],
+    child: tuple[int, int, int],
+    level_states: tuple[Bytes, Bytes],
 ) -> int:
-    """Code whether a child is occupied, in the context of its 26 neighbours as far as known.
+    """Code whether a child is occupied. Context: known states of its 26 neighbours.
 
-    place: octant, siblings coded so far (a bit each), levels down to the cells.
+    child: octant, occupancy pattern of the coded siblings, log2 of the side in cells.
     """
-    faces = around = 0
+    faces = occupied_count = 0
     for dx in range(-1, 2):
         for dy in range(-1, 2):
             for dz in range(-1, 2):
-                state = _child_state(states_of_levels, at[0] + dx, at[1] + dy, at[2] + dz)
-                around += state == 2
+                state = _child_state(
+                    level_states, position[0] + dx, position[1] + dy, position[2] + dz
+                )
+                occupied_count += state == 2
                 if abs(dx) + abs(dy) + abs(dz) == 1:
                     faces = 3 * faces + state
-    octant, pattern, down = place
+    octant, pattern, side_log2 = child
     siblings = _SIBLINGS + octant * 128 + (pattern & 127)
-    counts = _COUNTS + 12 * min(down, 15) + min(around, 11)
+    counts = _COUNTS + 12 * min(side_log2, 15) + min(occupied_count, 11)
     return code_bit(coder, bit, _OCTANT_MIXER + octant, (_FACES + faces, siblings, counts))
 
 
 @compiled_in_place
-def _child_state(states_of_levels: tuple[Bytes, Bytes], x: int, y: int, z: int) -> int:
-    """State of a place at the finer level: 0 empty, 1 within an occupied parent, 2 occupied."""
-    states, child_states = states_of_levels
+def _child_state(level_states: tuple[Bytes, Bytes], x: int, y: int, z: int) -> int:
+    """Return a state at the finer level: 0 empty, 1 unknown in an occupied parent, 2 occupied."""
+    states, child_states = level_states
     if min(x, y, z) < 0 or x + 2 >= child_states.shape[0]:
         return 0
     if y + 2 >= child_states.shape[1] or z + 2 >= child_states.shape[2]:

@@ -1,4 +1,4 @@
-"""Voxel mode: voxels of G-PCC's octree, displaced along normals, for clouds without surfaces."""
+"""Voxel mode: voxels of a G-PCC octree, displaced along normals, for clouds without surfaces."""
 
 from __future__ import annotations
 
@@ -21,236 +21,234 @@ from puckbench.primitives.stream import (
     MAX_HYBRID_VOXELS,
     VOXEL_HEADER_BYTES,
     DisplacementTable,
-    GridPlacement,
+    VoxelGrid,
     VoxelHeader,
     pack_voxels,
     unpack,
 )
 
-_FINEST = UNITS / (1 << 20)
-_MAX_TRIALS = 6
+_MIN_VOXEL_SIZE = UNITS / (1 << 20)
+_MAX_TRIALS_PER_BUDGET = 6
 _BUDGET_SLACK = 0.04
-"""Share of the byte budget that the search may leave unused."""
+"""Fraction of the byte budget that the search may leave unused."""
 _MIN_ERROR_PER_BYTE = 0.5
-"""Share of the squared error that a table must save for each share of the bytes that it takes."""
+"""Least relative reduction of the squared error by a table, per relative increase of the bytes."""
 _TYPICAL_SLOPE = 2.2
+"""Exponent with which bytes fall as voxels grow."""
 
-Trial = tuple[float, int]
-"""A side of voxels, and the bytes that they took."""
+
+class Trial(NamedTuple):
+    """Side of voxels, and length of their stream in bytes."""
+
+    voxel_size: float
+    byte_count: int
 
 
 class CodedVoxels(NamedTuple):
-    """Voxels of a cloud as they are coded.
+    """Coded voxels of a cloud.
 
-    place: their grid. groups: the cloud's points by voxels. table: displacements, or None. points:
-    (m, 3) what the stream decodes to, in the order of the groups. bits: G-PCC's octree.
+    groups: the cloud's points by voxel. points: (m, 3) what the stream decodes to, in the order of
+    the groups. payload: the G-PCC octree.
     """
 
-    place: GridPlacement
+    grid: VoxelGrid
     groups: CellGroups
-    table: DisplacementTable | None
+    displacements: DisplacementTable | None
     points: Floats
-    bits: bytes
+    payload: bytes
 
     @property
     def stream(self) -> bytes:
-        """The stream."""
-        return pack_voxels(self.place, self.table, self.bits)
+        return pack_voxels(self.grid, self.displacements, self.payload)
 
     def undisplaced(self) -> CodedVoxels:
-        """The same voxels, which stay in their centres."""
-        return self._replace(table=None, points=_in_space(self.groups.cells, self.place))
+        """Return the same voxels without displacements."""
+        return self._replace(displacements=None, points=_to_cloud(self.groups.cells, self.grid))
 
 
-class _Octree(NamedTuple):
-    """Coded voxels before their displacements are known: grid, voxels, G-PCC's octree."""
+class _CodedOctree(NamedTuple):
+    """Voxels of a cloud, coded as a G-PCC octree (payload), without displacements."""
 
-    place: GridPlacement
+    grid: VoxelGrid
     groups: CellGroups
-    bits: bytes
+    payload: bytes
 
     @classmethod
-    def of(cls, points: Floats, side: float) -> _Octree:
-        """The voxels of a side that points (n, 3) lie in."""
-        place = GridPlacement(bounds(points)[0], side).rounded()
-        groups = voxelise(points, place)
-        return cls(place, groups, encode_voxels(groups.cells))
+    def of(cls, points: Floats, voxel_size: float) -> _CodedOctree:
+        grid = VoxelGrid(bounds(points)[0], voxel_size).rounded()
+        groups = voxelise(points, grid)
+        return cls(grid, groups, encode_voxels(groups.cells))
 
-    def size(self) -> int:
-        """Length of the stream, if it has displacements."""
-        return VOXEL_HEADER_BYTES + CLASSES + len(self.bits)
+    def byte_count(self) -> int:
+        """Return the length of the stream with displacements."""
+        return VOXEL_HEADER_BYTES + CLASSES + len(self.payload)
 
     def displaced(self) -> CodedVoxels:
-        """With the best displacements, where these are worth their bytes."""
-        found = _displacements(self.groups, len(self.bits))
-        table, xyz = (found.table, found.displaced) if found else (None, self.groups.cells)
-        return CodedVoxels(self.place, self.groups, table, _in_space(xyz, self.place), self.bits)
+        """Add the best displacements if they are worth their bytes."""
+        fitted = _fit_displacements(self.groups, len(self.payload))
+        table, xyz = (fitted.table, fitted.displaced) if fitted else (None, self.groups.cells)
+        return CodedVoxels(self.grid, self.groups, table, _to_cloud(xyz, self.grid), self.payload)
 
 
-def voxelise(points: Floats, place: GridPlacement) -> CellGroups:
-    """Voxels that points (n, 3) are rounded to."""
-    return group_by_cell(points, place.cell_size, place.origin, centred=True)
+def voxelise(points: Floats, grid: VoxelGrid) -> CellGroups:
+    return group_by_cell(points, grid.cell_size, grid.origin, centred=True)
 
 
-def encode_voxel_size(points: Floats, size: float) -> bytes:
-    """A stream of the voxels of side `size` that points (n, 3) lie in."""
-    return _Octree.of(points, size).displaced().stream
+def encode_voxels_of_size(points: Floats, voxel_size: float) -> bytes:
+    """Code points (n, 3) as voxels of a side."""
+    return _CodedOctree.of(points, voxel_size).displaced().stream
 
 
 class VoxelSearch:
-    """Finds voxels of a cloud for budgets; what was tried for one helps to find the next ones'.
+    """Search for the voxel size that fits a byte budget, starting from earlier trials."""
 
-    Attributes
-    ----------
-    points
-        (n, 3) points.
-    tried
-        Sides of voxels that were tried, and the bytes that they took.
-    """
-
-    def __init__(self, points: Floats, tried: Iterable[Trial] = ()) -> None:
-        self.points, self.tried = points, list(tried)
+    def __init__(self, points: Floats, trials: Iterable[Trial] = ()) -> None:
+        self.points, self.trials = points, list(trials)
         self._coded: dict[float, CodedVoxels] = {}
 
-    def bytes_of(self, size: float) -> int:
-        """Length of the stream of voxels of a side, at most."""
-        found = _Octree.of(self.points, size).size()
-        self.tried.append((size, found))
-        return found
+    def byte_count_at(self, voxel_size: float) -> int:
+        """Return the largest possible length of the stream of voxels of a side."""
+        trial = Trial(voxel_size, _CodedOctree.of(self.points, voxel_size).byte_count())
+        self.trials.append(trial)
+        return trial.byte_count
 
-    def to_budget(self, max_bytes: int, max_voxel_size: float = UNITS / 4) -> CodedVoxels:
-        """Code the finest voxels that take no more than about `max_bytes` bytes.
+    def encode_to_budget(self, max_bytes: int, max_voxel_size: float = UNITS / 4) -> CodedVoxels:
+        """Code the finest voxels that take at most about `max_bytes` bytes.
 
         Parameters
         ----------
         max_bytes
             The budget.
         max_voxel_size
-            Bound of the voxels' side in units of 1/1023 of the extent, even if they take more
-            bytes.
+            Largest side of the voxels in units of 1/1023 of the extent. It takes precedence over
+            the budget.
         """
         low, high = bounds(self.points)
         extent = float((high - low).max())
         if extent == 0:
-            return _Octree.of(self.points, 1.0).displaced()
+            return _CodedOctree.of(self.points, 1.0).displaced()
         max_bytes = max(max_bytes, 1)
-        finest, coarsest = extent / UNITS * _FINEST, extent / UNITS * max_voxel_size
-        size = _within(self._first_size(max_bytes, extent), finest, coarsest)
-        if size in self._coded:
-            return self._coded[size]
-        best: _Octree | None = None
+        smallest, largest = extent / UNITS * _MIN_VOXEL_SIZE, extent / UNITS * max_voxel_size
+        voxel_size = _clamp(self._first_voxel_size(max_bytes, extent), smallest, largest)
+        if voxel_size in self._coded:
+            return self._coded[voxel_size]
+        best: _CodedOctree | None = None
         sizes: set[float] = set()
-        while len(sizes) < _MAX_TRIALS and size not in sizes:
-            octree = _Octree.of(self.points, size)
-            found = octree.size()
-            if found <= max_bytes and (best is None or found > best.size()):
+        while len(sizes) < _MAX_TRIALS_PER_BUDGET and voxel_size not in sizes:
+            octree = _CodedOctree.of(self.points, voxel_size)
+            byte_count = octree.byte_count()
+            if byte_count <= max_bytes and (best is None or byte_count > best.byte_count()):
                 best = octree
-            sizes.add(size)
-            self.tried.append((size, found))
-            if _fills(found, max_bytes):
+            sizes.add(voxel_size)
+            self.trials.append(Trial(voxel_size, byte_count))
+            if _fills(byte_count, max_bytes):
                 break
-            size = _within(_next_size(self.tried, max_bytes), finest, coarsest)
-        chosen = (best or octree).displaced()
-        self._coded[chosen.place.cell_size] = chosen
-        return chosen
+            voxel_size = _clamp(_next_voxel_size(self.trials, max_bytes), smallest, largest)
+        coded = (best or octree).displaced()
+        self._coded[coded.grid.cell_size] = coded
+        return coded
 
-    def _first_size(self, max_bytes: int, extent: float) -> float:
-        """A side that was found to fill a budget, or one that is expected to."""
-        filling = [trial for trial in self.tried if _fills(trial[1], max_bytes)]
+    def _first_voxel_size(self, max_bytes: int, extent: float) -> float:
+        """Return the side of a trial that fills the budget, or else an estimate."""
+        filling = [trial for trial in self.trials if _fills(trial.byte_count, max_bytes)]
         if filling:
-            return max(filling, key=lambda trial: trial[1])[0]
-        if self.tried:
-            return _next_size(self.tried, max_bytes)
-        return _initial_size(self.points, extent, max_bytes)
+            return max(filling, key=lambda trial: trial.byte_count).voxel_size
+        if self.trials:
+            return _next_voxel_size(self.trials, max_bytes)
+        return _initial_voxel_size(self.points, extent, max_bytes)
 
 
-def _within(size: float, finest: float, coarsest: float) -> float:
-    """The side within bounds, in single precision, as a stream holds it."""
-    return float(np.float32(min(max(size, finest), coarsest)))
+def _clamp(voxel_size: float, smallest: float, largest: float) -> float:
+    """Clamp a side, in single precision as streams store it."""
+    return float(np.float32(min(max(voxel_size, smallest), largest)))
 
 
-def _fills(found: int, max_bytes: int) -> bool:
-    return max_bytes * (1 - _BUDGET_SLACK) <= found <= max_bytes
+def _fills(byte_count: int, max_bytes: int) -> bool:
+    return max_bytes * (1 - _BUDGET_SLACK) <= byte_count <= max_bytes
 
 
-def _next_size(tried: list[Trial], max_bytes: int) -> float:
-    """The side that is expected to take almost all of a budget.
+def _next_voxel_size(trials: list[Trial], max_bytes: int) -> float:
+    """Return the side that is expected to take almost the whole budget.
 
-    It lies between the trials next above and below the budget, or beyond the two nearest ones.
+    It is interpolated between the nearest trials above and below the budget, or else extrapolated
+    from the two nearest trials.
     """
-    wanted = max_bytes * (1 - _BUDGET_SLACK / 2)
-    nearest = sorted(tried, key=lambda trial: abs(log(trial[1] / wanted)))
-    (size, found), others = nearest[0], nearest[1:]
-    beyond = [trial for trial in others if (trial[1] > wanted) != (found > wanted)]
-    partner = next(iter(beyond or others), None)
-    slope = _slope(nearest[0], partner) if partner else _TYPICAL_SLOPE
-    return float(size * (found / wanted) ** (1 / slope))
+    target = max_bytes * (1 - _BUDGET_SLACK / 2)
+    nearest, *others = sorted(trials, key=lambda trial: abs(log(trial.byte_count / target)))
+    exceeds = nearest.byte_count > target
+    opposite = [trial for trial in others if (trial.byte_count > target) != exceeds]
+    partner = next(iter(opposite or others), None)
+    slope = _slope(nearest, partner) if partner else _TYPICAL_SLOPE
+    return float(nearest.voxel_size * (nearest.byte_count / target) ** (1 / slope))
 
 
-def decode(place: GridPlacement, table: DisplacementTable | None, bits: bytes) -> Floats:
-    """Points (m, 3) of voxels; InputError for a damaged stream."""
-    voxels = decode_voxels(bits) if table is None else decode_voxels(bits, MAX_DISPLACED)
-    return _placed(place, table, voxels)
+def decode(header: VoxelHeader, payload: bytes) -> Floats:
+    """Return the points (m, 3) of voxels. Raises InputError if the stream is damaged."""
+    is_displaced = header.displacements is not None
+    voxels = decode_voxels(payload, MAX_DISPLACED) if is_displaced else decode_voxels(payload)
+    return _reconstruct(header, voxels)
 
 
 class DecodedVoxels(NamedTuple):
-    """Grid and voxels (m, 3) of a stream, and the points (m, 3) that they are displaced to."""
+    """Grid and voxels (m, 3) of a stream, and their displaced points (m, 3)."""
 
-    place: GridPlacement
+    grid: VoxelGrid
     voxels: Ints
     points: Floats
 
 
-def decoded_voxels(stream: bytes) -> DecodedVoxels:
-    """Voxels of a stream.
+def read_voxels(stream: bytes) -> DecodedVoxels:
+    """Read a stream of voxels.
 
     Raises
     ------
     InputError
-        If the stream is damaged, or of another kind, or has more than `MAX_HYBRID_VOXELS`.
+        If the stream is damaged, of another kind, or has more than `MAX_HYBRID_VOXELS` voxels.
     """
-    header, bits = unpack(stream)
+    header, payload = unpack(stream)
     if not isinstance(header, VoxelHeader):
         raise InputError("the stream holds no voxels")
-    voxels = decode_voxels(bits, MAX_HYBRID_VOXELS)
-    return DecodedVoxels(header.place, voxels, _placed(header.place, header.table, voxels))
+    voxels = decode_voxels(payload, MAX_HYBRID_VOXELS)
+    return DecodedVoxels(header.grid, voxels, _reconstruct(header, voxels))
 
 
-def _placed(place: GridPlacement, table: DisplacementTable | None, voxels: Ints) -> Floats:
-    """Points (m, 3) of decoded voxels (m, 3), displaced by the table."""
-    return _in_space(displace(voxels, table) if table and len(voxels) else voxels, place)
+def _reconstruct(header: VoxelHeader, voxels: Ints) -> Floats:
+    if header.displacements and len(voxels):
+        return _to_cloud(displace(voxels, header.displacements), header.grid)
+    return _to_cloud(voxels, header.grid)
 
 
-def _in_space(xyz: Floats | Ints, place: GridPlacement) -> Floats:
-    """Points (m, 3), in voxels of a grid, in the cloud's coordinates."""
-    return np.asarray(xyz * place.cell_size + place.origin)
+def _to_cloud(xyz: Floats | Ints, grid: VoxelGrid) -> Floats:
+    return np.asarray(xyz * grid.cell_size + grid.origin)
 
 
-def weights_of(groups: CellGroups) -> Floats:
-    """Weights (m,) of the errors of voxels."""
+def voxel_weights(groups: CellGroups) -> Floats:
+    """Return the weights (m,) of the voxels' errors: equal shares for points and for voxels."""
     return np.asarray(groups.counts / groups.counts.sum() + 1 / len(groups.counts))
 
 
-def _displacements(groups: CellGroups, voxel_bytes: int) -> FittedTable | None:
-    """The best table; None where it saves less of the squared error than it adds to the bytes."""
+def _fit_displacements(groups: CellGroups, voxel_bytes: int) -> FittedTable | None:
+    """Return the best table, or None if it saves less error than it costs in bytes."""
     if len(groups.cells) > MAX_DISPLACED:
         return None
-    weights = weights_of(groups)
+    weights = voxel_weights(groups)
     error = (weights[:, None] * (groups.cells - groups.means) ** 2).sum()
-    found = fit_displacements(groups.cells, groups.means, weights)
-    return found if found.gain > _MIN_ERROR_PER_BYTE * CLASSES / voxel_bytes * error else None
+    fitted = fit_displacements(groups.cells, groups.means, weights)
+    min_gain = _MIN_ERROR_PER_BYTE * CLASSES / voxel_bytes * error
+    return fitted if fitted.gain > min_gain else None
 
 
-def _initial_size(points: Floats, extent: float, max_bytes: int) -> float:
-    """A side to begin with, at two bits for each of the voxels of a surface."""
-    wanted = max(4.0 * max_bytes, 8.0)
-    size = extent / 64
-    count = len(group_by_cell(points, size, centred=True).cells)
-    return float(size * max(count / wanted, 1e-6) ** 0.5)
+def _initial_voxel_size(points: Floats, extent: float, max_bytes: int) -> float:
+    """Estimate the side at two bits per voxel, from the number of voxels that cover the surface."""
+    target = max(4.0 * max_bytes, 8.0)
+    voxel_size = extent / 64
+    count = len(group_by_cell(points, voxel_size, centred=True).cells)
+    return float(voxel_size * max(count / target, 1e-6) ** 0.5)
 
 
 def _slope(a: Trial, b: Trial) -> float:
-    """Exponent with which bytes fall as voxels grow, from two trials (side, bytes)."""
-    if a[0] == b[0] or a[1] == b[1]:
+    """Return the exponent with which bytes fall as voxels grow, between two trials."""
+    if a.voxel_size == b.voxel_size or a.byte_count == b.byte_count:
         return _TYPICAL_SLOPE
-    return float(min(max(log(a[1] / b[1]) / log(b[0] / a[0]), 0.5), 3.5))
+    slope = log(a.byte_count / b.byte_count) / log(b.voxel_size / a.voxel_size)
+    return float(min(max(slope, 0.5), 3.5))
