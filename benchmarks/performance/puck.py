@@ -26,10 +26,8 @@ from puckbench.lidar import load_sensor
 from puckbench.lidar.recordings.packet_turns import SENSORS, split_turns, turn_of
 from puckbench.lidar.recordings.reading import read_packets
 from puckbench.lidar.turns import Layout, Turn
-from puckbench.puck.ranges import EFFORTS
-from puckbench.puck.recording import compress, decompress
-from puckbench.puck.stream import decode, encode
-from puckbench.puck.turns import Settings
+from puckbench.puck import CodingOptions, compress, decode_turns, decompress, encode_turns
+from puckbench.puck.options import EFFORTS
 
 QUANTUM_MM = 2.0
 LOSSY = ((1, 0), (2, 0), (4, 0), (8, 0), (8, 6), (16, 0), (16, 24), (32, 0), (32, 96))
@@ -54,16 +52,16 @@ def lossless(name: str, layout: Layout, turns: list[Turn], seconds: float, repea
     longest = max(len(turn.azimuths) for turn in turns)
     whole = [turn for turn in turns if len(turn.azimuths) > 0.9 * longest]
     for effort in EFFORTS:
-        settings, best = Settings(effort=effort), [np.inf, np.inf]
+        options, best = CodingOptions(effort=effort), [np.inf, np.inf]
         for _ in range(repeats + 1):  # the first compiles
             start = time.process_time()
-            stream = encode(turns, layout, settings)
+            stream = encode_turns(turns, layout, options)
             middle = time.process_time()
-            found = decode(stream)
+            found = decode_turns(stream)
             end = time.process_time()
             best = [min(best[0], middle - start), min(best[1], end - middle)]
         assert all(np.array_equal(a.ranges, b.ranges) for a, b in zip(turns, found, strict=True))
-        alone = [8 * len(encode([turn], layout, settings)) / turn.returns for turn in whole]
+        alone = [8 * len(encode_turns([turn], layout, options)) / turn.returns for turn in whole]
         print(
             f"{name:32} {effort:9} {8 * len(stream) / returns:.3f} bits, alone {np.mean(alone):.3f}"
             f" ({min(alone):.3f} to {max(alone):.3f}); {returns / best[0] / 1e3:.0f} and"
@@ -79,7 +77,7 @@ def files(path: Path) -> None:
         small, back = Path(folder, "small"), Path(folder, "back")
         for effort in EFFORTS:
             start = time.process_time()
-            account = compress(path, small, Settings(effort=effort))
+            account = compress(path, small, CodingOptions(effort=effort))
             middle = time.process_time()
             decompress(small, back)
             seconds = middle - start, time.process_time() - middle
@@ -116,8 +114,10 @@ def lossy(name: str, sensor: str, layout: Layout, turns: list[Turn]) -> None:
     """Print bits per return and errors by step and lambda."""
     returns = sum(turn.returns for turn in turns)
     for step, lmbda in LOSSY:
-        stream = encode(turns, layout, Settings(step=step, lmbda=lmbda, effort="thorough"))
-        found = decode(stream)
+        stream = encode_turns(
+            turns, layout, CodingOptions(step=step, lmbda=lmbda, effort="thorough")
+        )
+        found = decode_turns(stream)
         pairs = list(zip(turns, found, strict=True))
         wrong = np.concatenate(
             [(a.ranges.astype(float) - b.ranges)[a.ranges > 0] for a, b in pairs]

@@ -13,9 +13,9 @@ from puckbench.codecs.returns_codec import step_in_quanta
 from puckbench.core.errors import InputError
 from puckbench.lidar.recordings.packet_turns import packets_of, split_turns, turn_of
 from puckbench.lidar.turns import Layout, Turn
-from puckbench.puck.records import Kind, read_records
-from puckbench.puck.stream import decode, encode
-from puckbench.puck.turns import Settings, TurnDecoder, TurnEncoder
+from puckbench.puck import CodingOptions, decode_turns, encode_turns
+from puckbench.puck.records import RecordKind, read_records
+from puckbench.puck.turns import TurnDecoder, TurnEncoder
 from tests.support.returns import recorded
 from tests.support.spinning import DUAL, HDL32E, PUCK_HIRES, STRONGEST, VLP16, spin
 
@@ -51,7 +51,7 @@ def three_turns() -> tuple[Layout, list[Turn]]:
 )
 def test_turns_come_back_exactly(product: int, mode: int, effort: str) -> None:
     layout, turns = turns_of(spin(product, mode))
-    found = decode(encode(turns, layout, Settings(effort=effort)))
+    found = decode_turns(encode_turns(turns, layout, CodingOptions(effort=effort)))
     assert len(found) == len(turns) > 1
     assert all(map(alike, turns, found))
 
@@ -69,14 +69,16 @@ def test_numbers_of_any_size_come_back(effort: str) -> None:
         for _ in range(4)
     ]
     layout = Layout((3, 1, 4, 0, 2), columns_per_block=2, blocks_per_time=2, kinds=2)
-    assert all(map(alike, turns, decode(encode(turns, layout, Settings(effort=effort)))))
+    assert all(
+        map(alike, turns, decode_turns(encode_turns(turns, layout, CodingOptions(effort=effort))))
+    )
 
 
 @pytest.mark.parametrize("value", [0, 1, 65535])
 def test_constant_turns_cost_little(value: int) -> None:
     turn = Turn(np.full((1, 900, 16), value, np.uint16), np.zeros(900, np.uint16))
-    stream = encode([turn] * 3, Layout(tuple(range(16))))
-    assert all(alike(turn, found) for found in decode(stream))
+    stream = encode_turns([turn] * 3, Layout(tuple(range(16))))
+    assert all(alike(turn, found) for found in decode_turns(stream))
     assert len(stream) < 500
 
 
@@ -116,9 +118,9 @@ def test_times_and_reflectivities_are_coded_on_demand(
     three_turns: tuple[Layout, list[Turn]],
 ) -> None:
     layout, turns = three_turns
-    bare = encode(turns, layout, Settings(times=False, reflectivities=False))
-    assert len(bare) < 0.8 * len(encode(turns, layout))
-    found = decode(bare)[1]
+    bare = encode_turns(turns, layout, CodingOptions(times=False, reflectivities=False))
+    assert len(bare) < 0.8 * len(encode_turns(turns, layout))
+    found = decode_turns(bare)[1]
     assert found.times is None
     assert found.reflectivities is None
     assert np.array_equal(found.ranges, turns[1].ranges)
@@ -127,15 +129,15 @@ def test_times_and_reflectivities_are_coded_on_demand(
 @pytest.mark.parametrize(("first", "end"), [(0, 1), (1, 3), (3, 4), (2, None), (5, 9), (9, 12)])
 def test_any_turns_can_be_had(first: int, end: int | None) -> None:
     layout, turns = turns_of(spin(packets=120))
-    stream = encode(turns, layout, Settings(key_every=2))
-    found, expected = decode(stream, first, end), turns[first:end]
+    stream = encode_turns(turns, layout, CodingOptions(key_every=2))
+    found, expected = decode_turns(stream, first, end), turns[first:end]
     assert len(found) == len(expected)
     assert all(map(alike, found, expected))
 
 
 def test_only_key_turns_can_be_decoded_alone(three_turns: tuple[Layout, list[Turn]]) -> None:
     layout, turns = three_turns
-    encoder = TurnEncoder(layout, Settings(key_every=2))
+    encoder = TurnEncoder(layout, CodingOptions(key_every=2))
     coded = [encoder.encode(turn) for turn in turns]
     assert alike(TurnDecoder(layout).decode(coded[2]), turns[2])
     with pytest.raises(InputError, match="needs the turn before"):
@@ -146,14 +148,14 @@ def test_time_that_runs_backwards_and_azimuths_that_jump_come_back() -> None:
     packets = spin(packets=30)
     order = np.random.default_rng(2).permutation(30)
     layout, turns = turns_of(packets[order])
-    assert all(map(alike, turns, decode(encode(turns, layout))))
+    assert all(map(alike, turns, decode_turns(encode_turns(turns, layout))))
 
 
 def test_a_packet_that_stands_still_makes_turns_of_bounded_length() -> None:
     packets = np.repeat(spin(packets=1), 1500, axis=0)
     layout, turns = turns_of(packets)
     assert [len(turn.azimuths) for turn in turns] == [8184, 8184, 18000 - 2 * 8184]
-    assert all(map(alike, turns, decode(encode(turns, layout))))
+    assert all(map(alike, turns, decode_turns(encode_turns(turns, layout))))
 
 
 def whole_numbers() -> tuple[Layout, list[Turn]]:
@@ -186,39 +188,39 @@ def whole_numbers() -> tuple[Layout, list[Turn]]:
 )
 def test_the_same_turns_make_the_same_bytes_everywhere(effort: str, expected: str) -> None:
     layout, turns = whole_numbers()
-    stream = encode(turns, layout, Settings(effort=effort))
-    assert stream == encode(turns, layout, Settings(effort=effort))
+    stream = encode_turns(turns, layout, CodingOptions(effort=effort))
+    assert stream == encode_turns(turns, layout, CodingOptions(effort=effort))
     assert hashlib.sha256(stream).hexdigest()[:16] == expected
-    assert all(map(alike, turns, decode(stream)))
+    assert all(map(alike, turns, decode_turns(stream)))
 
 
 def test_what_does_not_fit_is_refused(three_turns: tuple[Layout, list[Turn]]) -> None:
     layout, turns = three_turns
     with pytest.raises(InputError, match="ranges of a turn are"):
-        encode(turns, Layout(tuple(range(32))))
+        encode_turns(turns, Layout(tuple(range(32))))
     with pytest.raises(InputError, match="effort 'best'"):
-        Settings(effort="best")
+        CodingOptions(effort="best")
     with pytest.raises(InputError, match="step 0"):
-        Settings(step=0)
+        CodingOptions(step=0)
     with pytest.raises(ValueError, match="no permutation"):
         Layout((0, 0))
     empty = Turn(np.zeros((1, 0, 16), np.uint16), np.zeros(0, np.uint16))
     with pytest.raises(InputError, match="a turn of 0 blocks"):
-        encode([empty], layout)
+        encode_turns([empty], layout)
 
 
 def test_damaged_streams_end_in_one_error(three_turns: tuple[Layout, list[Turn]]) -> None:
     layout, turns = three_turns
-    stream = encode(turns[:2], layout)
+    stream = encode_turns(turns[:2], layout)
     random = np.random.default_rng(3)
     for end in random.integers(0, len(stream), 40):
         with pytest.raises(InputError):
-            decode(stream[:end])
+            decode_turns(stream[:end])
     for place in random.integers(0, len(stream), 100):
         changed = bytearray(stream)
         changed[place] ^= 1 << random.integers(8)
         with pytest.raises(InputError):
-            decode(bytes(changed))
+            decode_turns(bytes(changed))
 
 
 def test_a_damaged_turn_behind_a_fitting_check_is_an_error_or_a_turn(
@@ -241,8 +243,8 @@ def test_a_stream_is_records_with_an_end(three_turns: tuple[Layout, list[Turn]])
     from io import BytesIO
 
     layout, turns = three_turns
-    kinds = [record.kind for record in read_records(BytesIO(encode(turns, layout)))]
-    assert kinds == [Kind.LAYOUT, *[Kind.TURN] * len(turns), Kind.END]
+    kinds = [record.kind for record in read_records(BytesIO(encode_turns(turns, layout)))]
+    assert kinds == [RecordKind.LAYOUT, *[RecordKind.TURN] * len(turns), RecordKind.END]
 
 
 @pytest.mark.parametrize("effort", EFFORTS)
@@ -250,7 +252,7 @@ def test_a_stream_is_records_with_an_end(three_turns: tuple[Layout, list[Turn]])
 @pytest.mark.parametrize("step", [2, 5, 8, 50])
 def test_quantised_ranges_are_near_and_none_is_lost(effort: str, mode: int, step: int) -> None:
     layout, turns = turns_of(spin(VLP16, mode))
-    found = decode(encode(turns, layout, Settings(effort=effort, step=step)))
+    found = decode_turns(encode_turns(turns, layout, CodingOptions(effort=effort, step=step)))
     for turn, other in zip(turns, found, strict=True):
         wrong = turn.ranges.astype(int) - other.ranges
         assert np.array_equal(turn.ranges > 0, other.ranges > 0)
@@ -263,9 +265,9 @@ def test_optimised_ranges_cost_less_at_a_smaller_error(effort: str) -> None:
     layout, turns = turns_of(spin(packets=150, rise=60))
 
     def coded(step: int, lmbda: float) -> tuple[int, float, int]:
-        asked = Settings(step, lmbda, times=False, reflectivities=False, effort=effort)
-        stream = encode(turns, layout, asked)
-        pairs = zip(turns, decode(stream), strict=True)
+        asked = CodingOptions(step, lmbda, times=False, reflectivities=False, effort=effort)
+        stream = encode_turns(turns, layout, asked)
+        pairs = zip(turns, decode_turns(stream), strict=True)
         wrong = np.concatenate([(a.ranges.astype(int) - b.ranges).ravel() for a, b in pairs])
         return len(stream), float(np.mean(wrong**2)), int(np.abs(wrong).max())
 
@@ -296,9 +298,9 @@ def test_of_two_multiples_as_near_the_cheaper_one_is_taken_at_any_lambda() -> No
     layout, turns = turns_of(spin(packets=150))
     coded = {}
     for lmbda in (0.0, 1e-6):
-        asked = Settings(2, lmbda, times=False, reflectivities=False)
-        stream = encode(turns, layout, asked)
-        pairs = zip(turns, decode(stream), strict=True)
+        asked = CodingOptions(2, lmbda, times=False, reflectivities=False)
+        stream = encode_turns(turns, layout, asked)
+        pairs = zip(turns, decode_turns(stream), strict=True)
         wrong = np.concatenate([(a.ranges.astype(int) - b.ranges).ravel() for a, b in pairs])
         coded[lmbda] = len(stream), int(np.sum(wrong**2))
     assert coded[1e-6][1] == coded[0.0][1]
@@ -310,7 +312,7 @@ def test_the_ends_of_what_a_range_can_be_are_kept() -> None:
     ranges[0, :, 0], ranges[0, :, 1] = 1, 65535
     turn = Turn(ranges, np.arange(0, 800, 20, dtype=np.uint16))
     for step in (1, 3, 7, 4096):
-        found = decode(encode([turn], Layout((0, 1)), Settings(step=step)))[0]
+        found = decode_turns(encode_turns([turn], Layout((0, 1)), CodingOptions(step=step)))[0]
         assert (found.ranges > 0).all()
         assert np.abs(found.ranges.astype(int) - ranges).max() <= step // 2 + 1
 
@@ -319,9 +321,9 @@ def test_streams_of_reflectivities_coded_with_full_mixing_at_every_effort_decode
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     layout, turns = whole_numbers()
-    lean = encode(turns, layout, Settings(effort="fast"))
+    lean = encode_turns(turns, layout, CodingOptions(effort="fast"))
     with monkeypatch.context() as patch:
         patch.setattr("puckbench.puck.turns._LEAN", 0)
-        full = encode(turns, layout, Settings(effort="fast"))
+        full = encode_turns(turns, layout, CodingOptions(effort="fast"))
     assert full != lean
-    assert all(map(alike, turns, decode(full)))
+    assert all(map(alike, turns, decode_turns(full)))

@@ -12,14 +12,21 @@ import numpy as np
 import pytest
 
 from puckbench.cli import main
+from puckbench.coding.byte_io import base_128
 from puckbench.core.errors import InputError
 from puckbench.datasets.recordings import decompressed
 from puckbench.lidar.recordings.packet_turns import find_packets, split_turns, turn_of
 from puckbench.lidar.recordings.reading import read_packets
-from puckbench.puck import recording, stream
-from puckbench.puck.recording import Account, compress, decompress
-from puckbench.puck.stream import decode
-from puckbench.puck.turns import Settings
+from puckbench.puck import (
+    CodingOptions,
+    compress,
+    decode_turns,
+    decompress,
+    encode_turns,
+    recording,
+    stream,
+)
+from puckbench.puck.recording import Account
 from tests.support.spinning import (
     DUAL,
     HDL32E,
@@ -34,7 +41,7 @@ from tests.support.spinning import (
 POSITION = b"$GPRMC,223123,A,3707.8178,N,12139.2690,W,000.0,182.4,160516,013.7,E,D*05\r\n"
 
 
-def there_and_back(folder: Path, data: bytes, settings: Settings | None = None) -> Account:
+def there_and_back(folder: Path, data: bytes, settings: CodingOptions | None = None) -> Account:
     """Compress and decompress bytes; what was in them."""
     (folder / "recording").write_bytes(data)
     account = compress(folder / "recording", folder / "small.puck", settings)
@@ -53,7 +60,7 @@ def recorded() -> list[bytes]:
 @pytest.mark.parametrize("mode", [STRONGEST, DUAL])
 def test_a_packet_capture_comes_back(tmp_path: Path, product: int, mode: int, effort: str) -> None:
     data = pcap(rows(spin(product, mode, packets=50)))
-    account = there_and_back(tmp_path, data, Settings(effort=effort))
+    account = there_and_back(tmp_path, data, CodingOptions(effort=effort))
     assert account.packets == 50
     assert account.turns >= 2
     assert account.compressed < 0.5 * len(data)
@@ -125,9 +132,9 @@ def test_headers_cost_few_bytes(tmp_path: Path) -> None:
 
 
 def test_turns_of_a_compressed_recording_can_be_had(tmp_path: Path) -> None:
-    there_and_back(tmp_path, pcap(recorded()), Settings(key_every=2))
+    there_and_back(tmp_path, pcap(recorded()), CodingOptions(key_every=2))
     turns = [turn_of(*part) for part in split_turns(spin(packets=50))]
-    found = decode((tmp_path / "small.puck").read_bytes(), 2, 3)
+    found = decode_turns((tmp_path / "small.puck").read_bytes(), 2, 3)
     assert len(found) == 1
     assert np.array_equal(found[0].ranges, turns[2].ranges)
     assert np.array_equal(found[0].reflectivities, turns[2].reflectivities)
@@ -153,10 +160,9 @@ def test_damaged_files_end_in_one_error_and_leave_nothing(tmp_path: Path) -> Non
 
 
 def test_turns_without_packets_are_no_recording(tmp_path: Path) -> None:
-    from puckbench.puck.stream import encode
 
     kind, payloads = next(split_turns(spin(packets=9)))
-    turns = encode([turn_of(kind, payloads)], kind.layout, Settings(times=False))
+    turns = encode_turns([turn_of(kind, payloads)], kind.layout, CodingOptions(times=False))
     (tmp_path / "turns.puck").write_bytes(turns)
     with pytest.raises(InputError, match=r"turns\.puck"):
         decompress(tmp_path / "turns.puck", tmp_path / "out.pcap")
@@ -165,7 +171,7 @@ def test_turns_without_packets_are_no_recording(tmp_path: Path) -> None:
 def test_a_recording_is_not_compressed_with_loss(tmp_path: Path) -> None:
     (tmp_path / "a.pcap").write_bytes(pcap(recorded()[:2]))
     with pytest.raises(InputError, match="without loss"):
-        compress(tmp_path / "a.pcap", tmp_path / "a.puck", Settings(step=2))
+        compress(tmp_path / "a.pcap", tmp_path / "a.puck", CodingOptions(step=2))
 
 
 def test_the_commands(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -255,7 +261,7 @@ def tight_limits(
     monkeypatch.setattr(recording, "_WINDOW", 9001)
     monkeypatch.setattr(recording, "_MANY_BYTES", recording_bytes)
     monkeypatch.setattr(recording, "_BYTES_PER_BYTE", per_byte)
-    for name, number in (("_FEW_RANGES", ranges), ("_RANGES_PER_BYTE", 4), ("_SMALL", 0)):
+    for name, number in (("_FEW_RANGES", ranges), ("_RANGES_PER_BYTE", 4), ("_SMALL_BYTES", 0)):
         monkeypatch.setattr(stream, name, number)
 
 
@@ -330,10 +336,10 @@ def test_a_recording_of_too_many_bytes_is_refused_and_can_be_trusted(
 
 def test_links_of_pages_stand_once(tmp_path: Path) -> None:
     """Each record of a few bytes would unpack to 64 MiB."""
-    from puckbench.puck.records import Kind, Record, stream_of
+    from puckbench.puck.records import Record, RecordKind, join_records
 
-    links = Record(Kind.PAGES, recording.base_128(512) + recording._packed(bytes(4)))
-    (tmp_path / "links.puck").write_bytes(stream_of([links, links]))
+    links = Record(RecordKind.PAGES, base_128(512) + recording._packed(bytes(4)))
+    (tmp_path / "links.puck").write_bytes(join_records([links, links]))
     with pytest.raises(InputError, match=r"links\.puck: the stream is damaged"):
         decompress(tmp_path / "links.puck", tmp_path / "out")
 
@@ -358,6 +364,6 @@ def test_turns_of_a_stream_are_refused_before_they_are_decoded(
     small = bomb(tmp_path, pcap(covered(400)), monkeypatch, "small.puck").read_bytes()
     monkeypatch.setattr(stream, "_FEW_RANGES", 150 * 384 + 1024)
     monkeypatch.setattr(stream, "_RANGES_PER_BYTE", 0)
-    assert len(decode(small, 0, 1)) == 1
+    assert len(decode_turns(small, 0, 1)) == 1
     with pytest.raises(InputError, match="ranges in"):
-        decode(small)
+        decode_turns(small)

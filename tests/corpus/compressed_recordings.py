@@ -6,8 +6,8 @@ import lzma
 from pathlib import Path
 
 from puckbench.coding.byte_io import base_128
-from puckbench.puck.recording import compress
-from puckbench.puck.records import Kind, Record, stream_of
+from puckbench.puck import compress
+from puckbench.puck.records import Record, RecordKind, join_records
 from tests.corpus.case import Case, content
 from tests.support.spinning import pcap, rows, spin
 
@@ -19,8 +19,8 @@ def _zeros(records: int) -> bytes:
     """A stream of records of 16 MiB of zeros between no packets."""
     gaps = base_128(1) + base_128(_ZEROS) + base_128(1) + bytes(_ZEROS)
     packed = lzma.compress(gaps, lzma.FORMAT_RAW, filters=_LZMA2)
-    record = Record(Kind.GAPS, base_128(0) + base_128(len(gaps)) + packed)
-    return stream_of([record] * records)
+    record = Record(RecordKind.GAPS, base_128(0) + base_128(len(gaps)) + packed)
+    return join_records([record] * records)
 
 
 def _nested(path: Path) -> None:

@@ -15,7 +15,7 @@ from puckbench.lidar.recordings import read_recording, read_returns, reading
 from puckbench.lidar.recordings.packet_turns import returns_of_packets
 from puckbench.lidar.recordings.reading import read_packets
 from puckbench.lidar.returns import Returns, read_firings
-from puckbench.puck.recording import compress
+from puckbench.puck import compress
 from tests.io.test_recordings import bag, scan_message
 from tests.support.spinning import DUAL, HDL32E, STRONGEST, VLP16, pcap, rows, spin
 

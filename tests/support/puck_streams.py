@@ -10,9 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.lidar.recordings.packet_turns import split_turns, turn_of
-from puckbench.puck.recording import compress, decompress
-from puckbench.puck.stream import decode, encode
-from puckbench.puck.turns import Settings
+from puckbench.puck import CodingOptions, compress, decode_turns, decompress, encode_turns
 from tests.support.spinning import DUAL, HDL32E, STRONGEST, VLP16, pcap, rows, spin
 
 _EFFORTS = ("fast", "normal", "thorough")
@@ -29,13 +27,13 @@ class TurnsDecoder:
             parts = list(split_turns(spin(product, mode, packets=12, rise=700)))
             turns = [turn_of(kind, payloads) for kind, payloads in parts]
             for step, effort in enumerate(_EFFORTS, 1):
-                settings = Settings(effort=effort, step=step, times=number > 0)
-                found.append(encode(turns, parts[0][0].layout, settings))
+                settings = CodingOptions(effort=effort, step=step, times=number > 0)
+                found.append(encode_turns(turns, parts[0][0].layout, settings))
         return found
 
     def decode(self, stream: bytes) -> NDArray[np.float64]:
         """The ranges of all turns."""
-        ranges = [turn.ranges.ravel() for turn in decode(stream)]
+        ranges = [turn.ranges.ravel() for turn in decode_turns(stream)]
         return np.concatenate([np.zeros(0), *ranges])
 
 
@@ -50,7 +48,7 @@ class RecordingDecoder:
             for effort, (product, mode) in zip(_EFFORTS, _KINDS, strict=True):
                 packets = rows(spin(product, mode, packets=12, rise=700))
                 whole.write_bytes(pcap([*packets[:4], b"\0" * 512, *packets[4:]]))
-                compress(whole, small, Settings(effort=effort))
+                compress(whole, small, CodingOptions(effort=effort))
                 found.append(small.read_bytes())
         return found
 

@@ -25,7 +25,7 @@ from puckbench.core.errors import InputError
 from puckbench.core.seeding import generator
 from puckbench.gpcc import syntax
 from puckbench.learned.sparse.voxels import morton_voxels
-from puckbench.puck.records import Kind, Record, read_records, start
+from puckbench.puck.records import Record, RecordKind, read_records, start
 
 Random = np.random.Generator
 
@@ -354,10 +354,10 @@ def puck(streams: Sequence[bytes], random: Random) -> bytes:
             [1 + limit(random, 2), 12, 1 + limit(random, 1), 16, *range(0x10, 0x110, 0x22)]
         )
     whole = _records(streams, random)
-    records = [whole[0] if random.random() < 0.5 else Record(Kind.LAYOUT, layout)]
+    records = [whole[0] if random.random() < 0.5 else Record(RecordKind.LAYOUT, layout)]
     records += _turns(whole, random)
-    records.append(Record(Kind.GAPS, base_128(limit(random, 12)) + _filling(random)))
-    records.append(Record(Kind.END, _filling(random)))
+    records.append(Record(RecordKind.GAPS, base_128(limit(random, 12)) + _filling(random)))
+    records.append(Record(RecordKind.END, _filling(random)))
     return start() + b"".join(record.packed() for record in records)
 
 
@@ -367,8 +367,10 @@ def puck_smoothed(streams: Sequence[bytes], random: Random) -> bytes:
     layout, beams, *whole = _records(streams, random)
     if random.random() < 0.2:
         cut = int(random.integers(len(beams.body)))
-        beams = Record(Kind.BEAMS, beams.body[:cut] + _filling(random) + beams.body[cut + 4 :])
-    records = [layout, beams, *_turns(whole, random), Record(Kind.END, b"")]
+        beams = Record(
+            RecordKind.BEAMS, beams.body[:cut] + _filling(random) + beams.body[cut + 4 :]
+        )
+    records = [layout, beams, *_turns(whole, random), Record(RecordKind.END, b"")]
     return magic + start() + b"".join(record.packed() for record in records)
 
 
@@ -380,18 +382,18 @@ def _records(streams: Sequence[bytes], random: Random) -> list[Record]:
 
 def _turns(whole: Sequence[Record], random: Random) -> list[Record]:
     """A few turns of their own, or a stream's, some of which have another number or part."""
-    turns = [record.body for record in whole if record.kind == Kind.TURN]
+    turns = [record.body for record in whole if record.kind == RecordKind.TURN]
     if not turns or random.random() < 0.3:
         turns = []
         for _ in range(int(random.integers(1, 4))):
             parts = [_filling(random) for _ in range(int(random.integers(1, 7)))]
             numbers = [1 + limit(random, 12), limit(random, 14)]
             turns.append(_turn(limit(random, 6) | 1, numbers, parts))
-        return [Record(Kind.TURN, body) for body in turns]
+        return [Record(RecordKind.TURN, body) for body in turns]
     turns *= int(random.choice([1, 1, 2]))
     share = random.choice([0.1, 0.5])
     return [
-        Record(Kind.TURN, _changed_turn(body, random) if random.random() < share else body)
+        Record(RecordKind.TURN, _changed_turn(body, random) if random.random() < share else body)
         for body in turns
     ]
 
@@ -441,23 +443,23 @@ def recording(streams: Sequence[bytes], random: Random) -> bytes:
         size = min(sum(length * times for length, times in runs), 1 << 22)
         lengths = b"".join(base_128(number) for run in runs for number in run)
         raw = base_128(len(runs)) + lengths + bytes([int(random.integers(256))]) * size
-        return Record(Kind.GAPS, base_128(count) + codec._packed(raw, {}))
+        return Record(RecordKind.GAPS, base_128(count) + codec._packed(raw, {}))
 
     found: list[Record] = []
     for record in whole:
-        if record.kind == Kind.GAPS and random.random() < 0.5:
+        if record.kind == RecordKind.GAPS and random.random() < 0.5:
             count = Reader(record.body).number()
             count = count if random.random() < 0.7 else limit(random, 20)
             found += [gaps(count)] * int(random.choice([1, 1, 20]))
-        elif record.kind == Kind.TURN and random.random() < 0.2:
+        elif record.kind == RecordKind.TURN and random.random() < 0.2:
             body = record.body if random.random() < 0.5 else _changed_turn(record.body, random)
-            found += [Record(Kind.TURN, body)] * int(random.choice([0, 1, 3, 200]))
-        elif record.kind == Kind.LAYOUT and random.random() < 0.2:
+            found += [Record(RecordKind.TURN, body)] * int(random.choice([0, 1, 3, 200]))
+        elif record.kind == RecordKind.LAYOUT and random.random() < 0.2:
             links = bytes(limit(random, 12) * 4)
             page = base_128(int(random.choice([511, 512, 4096, 65536, 65537])))
-            found += [Record(Kind.PAGES, page + codec._packed(links, {})), record]
-        elif record.kind == Kind.END and random.random() < 0.2:
-            found.append(Record(Kind.END, _filling(random)))
+            found += [Record(RecordKind.PAGES, page + codec._packed(links, {})), record]
+        elif record.kind == RecordKind.END and random.random() < 0.2:
+            found.append(Record(RecordKind.END, _filling(random)))
         else:
             found.append(record)
     return start() + b"".join(record.packed() for record in found)

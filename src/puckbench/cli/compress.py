@@ -6,12 +6,11 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-EFFORTS = ("fast", "normal", "thorough")
-
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
     from puckbench.cli.types import whole
+    from puckbench.puck.options import EFFORTS
 
     parser.add_argument("recording", type=Path, help="packet capture or bag (any file)")
     parser.add_argument("out", type=Path, help="file to write (.puck)")
@@ -28,8 +27,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Write the file."""
     from puckbench.core.progress import Progress
-    from puckbench.puck.recording import account_of, compress
-    from puckbench.puck.turns import Settings
+    from puckbench.puck import CodingOptions, compress
+    from puckbench.puck.recording import account_of
 
-    settings = Settings(effort=options.effort, key_every=options.key_every)
-    return account_of(compress(options.recording, options.out, settings, Progress("byte")))
+    coding = CodingOptions(effort=options.effort, key_every=options.key_every)
+    return account_of(compress(options.recording, options.out, coding, Progress("byte")))

@@ -5,9 +5,6 @@ The sensor's beams stand in the stream: by the name of a sensor that puckbench s
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import replace
-from io import BytesIO
 from typing import Literal
 
 import numpy as np
@@ -17,13 +14,10 @@ from puckbench import __version__
 from puckbench.codecs.base import Pace, Parameters, lengths
 from puckbench.codecs.registry import CODECS
 from puckbench.codecs.returns_codec import ReturnsCodec, step_in_quanta
-from puckbench.core.errors import InputError
 from puckbench.core.models import Model
 from puckbench.lidar.returns import Beams, Returns
 from puckbench.lidar.turns import Layout, Turn
-from puckbench.puck.beams import packed_beams, unpacked_beams
-from puckbench.puck.layout import packed, unpacked
-from puckbench.puck.records import DAMAGED, MAGIC, Kind, Record, read_records, stream_of
+from puckbench.puck.records import MAGIC
 
 
 class PuckOptions(Model):
@@ -72,61 +66,16 @@ class Puck(ReturnsCodec):
         return self._stream(returns, step_in_quanta(returns, parameters))
 
     def _stream(self, returns: Returns, step: int) -> bytes:
-        from puckbench.puck.stream import check_ranges, ranges_of
-        from puckbench.puck.turns import Settings, TurnEncoder
+        from puckbench.puck import CodingOptions, encode_returns
 
-        chosen = self.options
-        settings = Settings(
-            step=step,
-            lmbda=chosen.lmbda * step**2 if step > 1 else 0.0,
-            times=chosen.times,
-            reflectivities=chosen.reflectivities,
-            effort=chosen.effort,
+        options = self.options
+        lmbda = options.lmbda * step**2 if step > 1 else 0.0
+        return encode_returns(
+            returns,
+            CodingOptions(step, lmbda, options.times, options.reflectivities, options.effort),
         )
-        encoder = TurnEncoder(returns.layout, settings)
-        turns = [encoder.encode(turn) for turn in returns.turns]
-        stream = stream_of(
-            [
-                Record(Kind.LAYOUT, packed(returns.layout)),
-                Record(Kind.BEAMS, packed_beams(returns)),
-                *(Record(Kind.TURN, turn) for turn in turns),
-            ]
-        )
-        check_ranges(sum(ranges_of(returns.layout, turn) for turn in turns), len(stream))
-        return stream
 
     def _decode_returns(self, stream: bytes) -> Returns:
-        return self._decode_with_steps(stream)[0]
+        from puckbench.puck import decode_returns
 
-    def _decode_with_steps(self, stream: bytes) -> tuple[Returns, list[float]]:
-        """The returns of a stream, and the step of each turn's ranges, m."""
-        from puckbench.puck.stream import check_ranges, ranges_of
-        from puckbench.puck.turns import TurnDecoder
-
-        records = read_records(BytesIO(stream))
-        layout = unpacked(_body(records, Kind.LAYOUT))[0]
-        bare = unpacked_beams(_body(records, Kind.BEAMS), layout)
-        decoder = TurnDecoder(layout)
-        bodies = [_turn_body(record) for record in records if record.kind != Kind.END]
-        check_ranges(sum(ranges_of(layout, body) for body in bodies), len(stream))
-        turns, steps = [], []
-        for body in bodies:
-            turns.append(decoder.decode(body))
-            steps.append(decoder.step * bare.quantum_m)
-        return replace(bare, turns=tuple(turns)), steps
-
-
-def _body(records: Iterator[Record], kind: Kind) -> bytes:
-    """The body of the next record, which is of a kind."""
-    record = next(records)
-    if record.kind != kind:
-        raise InputError(
-            "is no stream of returns alone; a compressed recording has to be decompressed first"
-        )
-    return record.body
-
-
-def _turn_body(record: Record) -> bytes:
-    if record.kind != Kind.TURN:
-        raise InputError(DAMAGED)
-    return record.body
+        return decode_returns(stream)

@@ -46,19 +46,20 @@ class PuckSmoothed(Puck):
     def _stream(self, returns: Returns, step: int) -> bytes:
         return _MAGIC + super()._stream(returns, step)
 
-    def _decode_with_steps(self, stream: bytes) -> tuple[Returns, list[float]]:
-        if not stream.startswith(_MAGIC):
-            raise InputError("not a stream of puck_smoothed")
-        return super()._decode_with_steps(stream[len(_MAGIC) :])
+    def _decode_returns(self, stream: bytes) -> Returns:
+        return super()._decode_returns(_without_magic(stream))
 
     def decode_cloud(self, stream: bytes) -> PointCloud:
-        """The smoothed points of a stream, and its returns as they were coded."""
-        from puckbench.puck.smoothing import smoothed_distances
+        """Return the smoothed points of a stream, and its returns as they were coded."""
+        from puckbench.puck import range_steps, smoothed_points
 
         with naming(f"codec {self.name}"):
-            returns, steps = self._decode_with_steps(stream)
-        smoothed = [
-            smoothed_distances(returns, turn, step)
-            for turn, step in zip(returns.turns, steps, strict=True)
-        ]
-        return PointCloud(returns.points(smoothed), returns=returns)
+            returns = self._decode_returns(stream)
+            steps = range_steps(_without_magic(stream))
+        return PointCloud(smoothed_points(returns, steps), returns=returns)
+
+
+def _without_magic(stream: bytes) -> bytes:
+    if not stream.startswith(_MAGIC):
+        raise InputError("not a stream of puck_smoothed")
+    return stream[len(_MAGIC) :]

@@ -199,7 +199,7 @@ def decompressed(path: Path) -> Iterator[Path]:
     if not _is_compressed(path):
         yield path
         return
-    from puckbench.puck.recording import decompress
+    from puckbench.puck import decompress
 
     with TemporaryDirectory() as folder:
         copy = Path(folder, "recording")

@@ -1,5 +1,30 @@
-"""`puck`: the returns of a spinning LiDAR as what they are, coded without loss or with little.
+"""Compression of the returns of spinning LiDARs, lossless or nearly so.
 
-A turn is an image (lasers by firing columns) of ranges on the sensor's quantum, with the azimuths
-of its blocks and, on demand, times and reflectivities. Whole recordings come back bit for bit.
+A turn (one revolution) is coded as an image of ranges, a row for each firing column and a column
+for each laser, together with azimuths, times and reflectivities. Recordings are restored bit for
+bit.
 """
+
+from typing import TYPE_CHECKING
+
+from puckbench.core.lazy import lazy
+
+if TYPE_CHECKING:
+    from puckbench.puck.options import CodingOptions as CodingOptions
+    from puckbench.puck.recording import compress as compress
+    from puckbench.puck.recording import decompress as decompress
+    from puckbench.puck.returns import decode_returns as decode_returns
+    from puckbench.puck.returns import encode_returns as encode_returns
+    from puckbench.puck.returns import range_steps as range_steps
+    from puckbench.puck.smoothing import smoothed_points as smoothed_points
+    from puckbench.puck.stream import decode_turns as decode_turns
+    from puckbench.puck.stream import encode_turns as encode_turns
+
+__getattr__, __dir__, __all__ = lazy(
+    __name__,
+    options=("CodingOptions",),
+    recording=("compress", "decompress"),
+    returns=("decode_returns", "encode_returns", "range_steps"),
+    smoothing=("smoothed_points",),
+    stream=("decode_turns", "encode_turns"),
+)

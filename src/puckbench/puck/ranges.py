@@ -41,6 +41,7 @@ from puckbench.puck.numbers import (
     in_steps,
     level_of,
 )
+from puckbench.puck.options import Effort
 
 PAD = 8
 """Rows of an image before its first column: the last columns of the turn before."""
@@ -89,7 +90,7 @@ class Model(NamedTuple):
     settings: Ints
 
 
-class Effort(NamedTuple):
+class ModelSize(NamedTuple):
     """How much is done for a return: a prefix of the lists of features, experts and contexts."""
 
     features: int
@@ -101,10 +102,10 @@ class Effort(NamedTuple):
     every: int
 
 
-EFFORTS = {
-    "fast": Effort(10, 0, 1, 1, 1, 1, 32),
-    "normal": Effort(10, 3, 3, 1, 3, 1, 16),
-    "thorough": Effort(22, 9, 8, 3, 6, 9, 8),
+MODEL_SIZES: dict[Effort, ModelSize] = {
+    "fast": ModelSize(10, 0, 1, 1, 1, 1, 32),
+    "normal": ModelSize(10, 3, 3, 1, 3, 1, 16),
+    "thorough": ModelSize(22, 9, 8, 3, 6, 9, 8),
 }
 _EXPERT_WEIGHTS = (0.18, 0.2, 0.16, 0.15, 0.1, 0.2, 0.22, 0.16, 0.16)
 _CONTEXT_WEIGHTS = (0.15, 0.2, 0.12, 0.13, 0.05, 0.16, 0.1, 0.15)
@@ -114,24 +115,24 @@ _NEAR = 10
 """Features that every effort takes."""
 
 
-def new_model(bits: BitCoder, lasers: int, effort: Effort, step: int, lmbda: int) -> Model:
+def new_model(bits: BitCoder, lasers: int, size: ModelSize, step: int, lmbda: int) -> Model:
     """A coder that has learnt nothing."""
     sizes = np.array([100, _SITUATIONS, 90, 90, 100, 90, lasers, 100]) * NODES
     mask_sizes = np.array([2304, 216 * lasers, 2592, 1296, 3264, 64 * lasers])
-    first_weights = [*_EXPERT_WEIGHTS[: effort.experts], *_CONTEXT_WEIGHTS[: effort.contexts]]
+    first_weights = [*_EXPERT_WEIGHTS[: size.experts], *_CONTEXT_WEIGHTS[: size.contexts]]
     zeros = np.zeros(lasers, np.int64)
     return Model(
-        new_mixer(bits, 0, effort.mask_contexts, int(mask_sizes.sum()), 64 + lasers,
-                  min(effort.sets, 2), (24, 5, 160), _MASK_WEIGHTS[: effort.mask_contexts]),
-        new_mixer(bits, effort.experts, effort.contexts, int(sizes.sum()),
-                  NODES * (1 + _LEVELS + 4), effort.sets, (24, 4, 160), first_weights),
+        new_mixer(bits, 0, size.mask_contexts, int(mask_sizes.sum()), 64 + lasers,
+                  min(size.sets, 2), (24, 5, 160), _MASK_WEIGHTS[: size.mask_contexts]),
+        new_mixer(bits, size.experts, size.contexts, int(sizes.sum()),
+                  NODES * (1 + _LEVELS + 4), size.sets, (24, 4, 160), first_weights),
         np.cumsum(sizes) - sizes,
         np.cumsum(mask_sizes) - mask_sizes,
-        new_experts(_first_scales(effort.experts), effort.experts),
-        new_least_squares(effort.predictors, effort.features),
+        new_experts(_first_scales(size.experts), size.experts),
+        new_least_squares(size.predictors, size.features),
         zeros, zeros.copy(), zeros.copy(), zeros + _FIRST_ERROR,
         np.zeros(2, np.int64),
-        np.array([step, lmbda, effort.predictors, effort.every], np.int64),
+        np.array([step, lmbda, size.predictors, size.every], np.int64),
     )  # fmt: skip
 
 

@@ -31,10 +31,11 @@ from puckbench.lidar.recordings.packet_turns import (
     turn_of,
 )
 from puckbench.lidar.recordings.packets import PACKET_BYTES
-from puckbench.puck.layout import packed, unpacked
-from puckbench.puck.records import Kind, Record, read_records, start
-from puckbench.puck.stream import most_ranges, ranges_of
-from puckbench.puck.turns import Settings, TurnDecoder, TurnEncoder
+from puckbench.lidar.returns_header import decode_layout, encode_layout
+from puckbench.puck.options import CodingOptions
+from puckbench.puck.records import Record, RecordKind, read_records, start
+from puckbench.puck.stream import count_ranges, most_ranges
+from puckbench.puck.turns import TurnDecoder, TurnEncoder
 
 _WINDOW = 1 << 24
 """Bytes that are searched for packets at a time; their turns are one batch."""
@@ -120,7 +121,7 @@ class _Batch(_Contents):
 
 
 def compress(
-    recording: Path, out: Path, settings: Settings | None = None, tell: Tell | None = None
+    recording: Path, out: Path, options: CodingOptions | None = None, tell: Tell | None = None
 ) -> Account:
     """Write a recording as a stream from which `decompress` makes the same file.
 
@@ -130,7 +131,7 @@ def compress(
         Any file; what is no data packet of a known sensor is stored by LZMA.
     out
         The stream.
-    settings
+    options
         Effort and key turns; a step other than 1 is refused.
     tell
         Called with the numbers of bytes done and in all.
@@ -140,7 +141,7 @@ def compress(
     InputError
         The recording cannot be read or `out` not be written, or both are one file.
     """
-    chosen = settings or Settings()
+    chosen = options or CodingOptions()
     if chosen.step != 1 or not chosen.times or not chosen.reflectivities:
         raise InputError("a recording is compressed without loss and with all that is in it")
     _check_apart(recording, out)
@@ -208,16 +209,18 @@ def _opened(path: Path) -> Bytes:
     return data
 
 
-def _records(data: Bytes, settings: Settings, account: Account, tell: Tell) -> Iterator[Record]:
+def _records(data: Bytes, options: CodingOptions, account: Account, tell: Tell) -> Iterator[Record]:
     """The records of a recording's bytes; whoever writes one adds its bytes to `account`."""
     page = _page_size(data)
     check = _check_of(data)
     size = len(data)
     if page:
         pages = data.reshape(-1, page)
-        yield Record(Kind.PAGES, base_128(page) + _packed(_linked(pages[:, :_LINK]), _HEADERS))
+        yield Record(
+            RecordKind.PAGES, base_128(page) + _packed(_linked(pages[:, :_LINK]), _HEADERS)
+        )
         size = len(pages) * (page - _LINK)
-    encoder = _PacketEncoder(settings)
+    encoder = _PacketEncoder(options)
     done = 0
     while done < size:
         window = _window(data, page, done, min(done + _WINDOW, size))
@@ -231,7 +234,7 @@ def _records(data: Bytes, settings: Settings, account: Account, tell: Tell) -> I
         yield from batch.records
         done += end
         tell(done, size)
-    yield Record(Kind.END, account.bytes.to_bytes(8, "little") + check)
+    yield Record(RecordKind.END, account.bytes.to_bytes(8, "little") + check)
 
 
 def _tell_within(tell: Tell, done: int, size: int, reached: int) -> None:
@@ -296,8 +299,8 @@ def _unlinked(body: bytes) -> Bytes:
 class _PacketEncoder:
     """Encodes batches of packets and what lies between them."""
 
-    def __init__(self, settings: Settings) -> None:
-        self._settings = settings
+    def __init__(self, options: CodingOptions) -> None:
+        self._options = options
         self._kind: PacketKind | None = None
         self._turns: TurnEncoder | None = None
 
@@ -312,7 +315,7 @@ class _PacketEncoder:
         self._turns = None
         raw = _gathered([data.tobytes()])
         for gaps in (_packed(raw), _stored(raw)):
-            yield _Batch(records=[Record(Kind.GAPS, base_128(0) + gaps)])
+            yield _Batch(records=[Record(RecordKind.GAPS, base_128(0) + gaps)])
 
     def _batch(self, data: Bytes, places: NDArray[np.int64], tell: Callable[[int], None]) -> _Batch:
         batch = _Batch()
@@ -330,21 +333,21 @@ class _PacketEncoder:
         # What outweighs the packets is no headers.
         options = _HEADERS if len(data) < 2 * PACKET_BYTES * len(places) else {}
         packed_gaps = _packed(_gathered(gaps), options)
-        batch.records.append(Record(Kind.GAPS, base_128(len(places)) + packed_gaps))
+        batch.records.append(Record(RecordKind.GAPS, base_128(len(places)) + packed_gaps))
         return batch
 
     def _add_turn(self, kind: PacketKind, payloads: Payloads, batch: _Batch) -> None:
         if self._turns is None or kind != self._kind:
-            self._kind, self._turns = kind, TurnEncoder(kind.layout, self._settings)
-            layout = packed(kind.layout) + bytes([kind.product, kind.mode])
-            batch.records.append(Record(Kind.LAYOUT, layout))
+            self._kind, self._turns = kind, TurnEncoder(kind.layout, self._options)
+            layout = encode_layout(kind.layout) + bytes([kind.product, kind.mode])
+            batch.records.append(Record(RecordKind.LAYOUT, layout))
         turn = turn_of(kind, payloads)
         body = self._turns.encode(turn)
-        batch.records.append(Record(Kind.TURN, body))
+        batch.records.append(Record(RecordKind.TURN, body))
         batch.turns += 1
         batch.packets += len(payloads)
         batch.returns += turn.returns
-        batch.ranges += ranges_of(kind.layout, body)
+        batch.ranges += count_ranges(kind.layout, body)
 
 
 def _gathered(gaps: list[bytes]) -> bytes:
@@ -510,16 +513,16 @@ def _restore(source: IO[bytes], stream: IO[bytes], limits: _Limits, tell: Tell) 
     limits.check(account.ranges, limits.ranges, "ranges")
     source.seek(0)
     for record in read_records(source):
-        if record.kind != Kind.END:
+        if record.kind != RecordKind.END:
             tell(source.tell(), limits.size)
-        if record.kind == Kind.PAGES:
+        if record.kind == RecordKind.PAGES:
             out.paged(record.body)
-        elif record.kind == Kind.LAYOUT:
+        elif record.kind == RecordKind.LAYOUT:
             packets.begin(record.body)
-        elif record.kind == Kind.TURN:
+        elif record.kind == RecordKind.TURN:
             account.returns += packets.turn(record.body)
             account.turns += 1
-        elif record.kind == Kind.GAPS:
+        elif record.kind == RecordKind.GAPS:
             account.packets += packets.write(record.body, out)
         elif record.body != out.size.to_bytes(8, "little") + out.check.to_bytes(4, "little"):
             raise InputError("the stream is damaged, or holds no recording")
@@ -532,12 +535,12 @@ def _ranges_of(source: IO[bytes]) -> int:
     """Ranges of all turns of a stream, none of which is decoded."""
     ranges, layout = 0, None
     for record in read_records(source):
-        if record.kind == Kind.LAYOUT:
-            layout = unpacked(record.body)[0]
-        elif record.kind == Kind.TURN:
+        if record.kind == RecordKind.LAYOUT:
+            layout = decode_layout(record.body)[0]
+        elif record.kind == RecordKind.TURN:
             if layout is None:
                 raise InputError(_DAMAGED)
-            ranges += ranges_of(layout, record.body)
+            ranges += count_ranges(layout, record.body)
     return ranges
 
 
@@ -552,7 +555,7 @@ class _PacketDecoder:
 
     def begin(self, body: bytes) -> None:
         """Go on with another layout."""
-        layout, ends = unpacked(body)
+        layout, ends = decode_layout(body)
         if len(ends) != 2:
             raise InputError("the stream holds turns, but no packets")
         known = packet_kind(*ends)

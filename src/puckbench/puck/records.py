@@ -1,7 +1,7 @@
-"""What a stream is made of: a start, then records, each a kind, a length, a check and a body.
+"""Container format of streams: a magic number and a version, then records.
 
-A record is a layout, a turn, what lies between packets or in pages (`recording`), the beams of the
-sensor (`beams`), or the end.
+A record is a byte for its kind, the length of its body (base 128), and, if the body is not empty,
+its CRC-32 and the body.
 """
 
 from __future__ import annotations
@@ -17,62 +17,58 @@ from puckbench.core.errors import InputError
 
 MAGIC = b"PUCK"
 _VERSION = 1
-_CHECK_BYTES = 4
+_CHECKSUM_BYTES = 4
 _PORTION = 1 << 20
 DAMAGED = "the stream is damaged or truncated"
 
 
-class Kind(IntEnum):
-    """Kinds of records."""
+class RecordKind(IntEnum):
+    """What a record holds: GAPS and PAGES are described in `recording`, BEAMS in `returns`."""
 
     END, LAYOUT, TURN, GAPS, PAGES, BEAMS = range(6)
 
 
 @dataclass(frozen=True)
 class Record:
-    """A record of a stream."""
-
-    kind: Kind
+    kind: RecordKind
     body: bytes
 
     def packed(self) -> bytes:
-        """The record as bytes."""
-        return bytes([self.kind]) + base_128(len(self.body)) + _check(self.kind, self.body)
+        return bytes([self.kind]) + base_128(len(self.body)) + _with_checksum(self.kind, self.body)
 
 
-def _check(kind: int, body: bytes) -> bytes:
-    """A body after its check; nothing for nothing."""
-    check = zlib.crc32(body, kind).to_bytes(_CHECK_BYTES, "little")
-    return check + body if body else b""
+def _with_checksum(kind: int, body: bytes) -> bytes:
+    checksum = zlib.crc32(body, kind).to_bytes(_CHECKSUM_BYTES, "little")
+    return checksum + body if body else b""
 
 
 def start() -> bytes:
-    """What a stream begins with."""
+    """Return the magic number and version with which every stream begins."""
     return MAGIC + bytes([_VERSION])
 
 
-def stream_of(records: Iterable[Record]) -> bytes:
-    """A whole stream of records, which the end follows."""
-    return b"".join([start(), *(each.packed() for each in (*records, Record(Kind.END, b"")))])
+def join_records(records: Iterable[Record]) -> bytes:
+    """Return a whole stream of records; an empty END record is appended."""
+    return b"".join([start(), *(each.packed() for each in (*records, Record(RecordKind.END, b"")))])
 
 
 def read_records(stream: IO[bytes]) -> Iterator[Record]:
-    """The records of a stream, the end among them.
+    """Yield the records of a stream up to and including its END record.
 
     Raises
     ------
     InputError
-        It is no such stream, is damaged, or ends before its end.
+        The stream is of another format or version, damaged or truncated.
     """
-    found = stream.read(len(MAGIC) + 1)
-    if found[: len(MAGIC)] != MAGIC:
+    head = stream.read(len(MAGIC) + 1)
+    if head[: len(MAGIC)] != MAGIC:
         raise InputError("not a puck stream")
-    if found != start():
+    if head != start():
         raise InputError("not a puck stream of this version")
     while True:
         record = _read_record(stream)
         yield record
-        if record.kind == Kind.END:
+        if record.kind == RecordKind.END:
             if stream.read(1):
                 raise InputError(DAMAGED)
             return
@@ -80,7 +76,7 @@ def read_records(stream: IO[bytes]) -> Iterator[Record]:
 
 def _read_record(stream: IO[bytes]) -> Record:
     kind = stream.read(1)
-    if not kind or kind[0] not in list(Kind):
+    if not kind or kind[0] not in list(RecordKind):
         raise InputError(DAMAGED)
     length, shift, more = 0, 0, True
     while more:
@@ -89,15 +85,15 @@ def _read_record(stream: IO[bytes]) -> Record:
             raise InputError(DAMAGED)
         length |= (byte[0] & 127) << shift
         shift, more = shift + 7, byte[0] >= 128
-    checked = _read(stream, length + _CHECK_BYTES if length else 0)
-    body = checked[_CHECK_BYTES:]
-    if len(body) != length or checked != _check(kind[0], body):
+    content = _read(stream, length + _CHECKSUM_BYTES if length else 0)
+    body = content[_CHECKSUM_BYTES:]
+    if len(body) != length or content != _with_checksum(kind[0], body):
         raise InputError(DAMAGED)
-    return Record(Kind(kind[0]), body)
+    return Record(RecordKind(kind[0]), body)
 
 
 def _read(stream: IO[bytes], length: int) -> bytes:
-    """At most `length` bytes, which may be far more than there are."""
+    # A damaged length may be huge: portions keep the memory to what the stream holds.
     parts = []
     while length > 0 and (part := stream.read(min(length, _PORTION))):
         parts.append(part)

@@ -14,6 +14,7 @@ rounded in another way, the last bits may differ.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
@@ -56,6 +57,23 @@ _CORRELATED = 100.0
 _HUGE = 1e30
 
 _loop = partial(compiled_in_place, error_model="numpy")
+
+
+def smoothed_points(returns: Returns, steps_m: Sequence[float]) -> Floats:
+    """Return the points (n, 3) of returns in m, each moved along its ray to the likely surface.
+
+    Parameters
+    ----------
+    returns
+        Decoded returns.
+    steps_m
+        Step with which the ranges of each turn were quantised, m (see `returns.range_steps`).
+    """
+    distances = [
+        smoothed_distances(returns, turn, step)
+        for turn, step in zip(returns.turns, steps_m, strict=True)
+    ]
+    return returns.points(distances)
 
 
 def smoothed_distances(returns: Returns, turn: Turn, step_m: float) -> Floats:

@@ -1,4 +1,4 @@
-"""Turns of one layout as a stream, and the turns of any stream."""
+"""Streams of turns of one layout, and the turns of any stream."""
 
 from __future__ import annotations
 
@@ -7,103 +7,108 @@ from io import BytesIO
 
 from puckbench.coding.byte_io import Reader
 from puckbench.core.errors import InputError
+from puckbench.lidar.returns_header import decode_layout, encode_layout
 from puckbench.lidar.turns import Layout, Turn
-from puckbench.puck.layout import packed, unpacked
-from puckbench.puck.records import DAMAGED, Kind, Record, read_records, stream_of
-from puckbench.puck.turns import Settings, TurnDecoder, TurnEncoder, is_key
+from puckbench.puck.options import CodingOptions
+from puckbench.puck.records import DAMAGED, Record, RecordKind, join_records, read_records
+from puckbench.puck.turns import TurnDecoder, TurnEncoder, is_key
 
 _FEW_RANGES, _RANGES_PER_BYTE = 1 << 22, 32
-"""Ranges that any stream may hold, and for each byte of it beside them: of scans without noise that
-are coded with much loss, which have few bits a range."""
-_SMALL, _MANY_RANGES = 1 << 20, 6 << 20
-"""Bytes of a small stream, and the most ranges in one: those of some seconds."""
-_TURN = 1024
-"""Ranges that take as long as a turn without any: a key turn of two returns takes 1 ms."""
+"""Limit of the ranges in a stream: a constant, and more for each byte of the stream.
+
+Coarsely quantised scans without noise have few bits per range.
+"""
+_SMALL_BYTES, _MANY_RANGES = 1 << 20, 6 << 20
+"""A stream of up to 1 MiB holds at most 6 Mi ranges: some seconds of a recording."""
+_RANGES_PER_TURN = 1024
+"""What a turn without any range counts: a key turn of two returns takes 1 ms to decode."""
 
 
-def ranges_of(layout: Layout, body: bytes) -> int:
-    """Ranges of a coded turn, as its header says, and what a turn costs beside them."""
+def count_ranges(layout: Layout, body: bytes) -> int:
+    """Return the number of ranges in a coded turn, from its header, plus a constant."""
     reader = Reader(body)
     reader.take(1)
     reader.number()
-    return reader.number() * layout.columns_per_block * layout.lasers * layout.kinds + _TURN
+    columns = reader.number() * layout.columns_per_block
+    return columns * layout.lasers * layout.kinds + _RANGES_PER_TURN
 
 
 def most_ranges(size: int) -> int:
-    """Ranges that a stream of `size` bytes may hold, at most."""
+    """Return the limit of the ranges in a stream of `size` bytes."""
     few = min(_FEW_RANGES + _RANGES_PER_BYTE * size, _MANY_RANGES)
-    return few + _RANGES_PER_BYTE * max(size - _SMALL, 0)
+    return few + _RANGES_PER_BYTE * max(size - _SMALL_BYTES, 0)
 
 
 def check_ranges(ranges: int, size: int) -> None:
-    """Refuse more ranges than a stream of `size` bytes may hold, before they are decoded.
+    """Raise InputError if a stream of `size` bytes has more ranges than allowed.
 
-    Encoders ask too, so that they write nothing that a decoder refuses.
+    This bounds the time and memory of decoding a malicious stream. Encoders check it as well, so
+    that every stream that they write can be decoded.
     """
     if ranges > most_ranges(size):
         raise InputError(f"{ranges} ranges in {size} bytes: more than they may hold")
 
 
-def encode(turns: Iterable[Turn], layout: Layout, settings: Settings | None = None) -> bytes:
-    """Code turns as one stream.
+def encode_turns(
+    turns: Iterable[Turn], layout: Layout, options: CodingOptions | None = None
+) -> bytes:
+    """Encode turns of one layout, in the order of time, as one stream.
 
-    Parameters
-    ----------
-    turns
-        Of one layout, in the order of time.
-    layout
-        Theirs.
-    settings
-        What is coded; the defaults are without loss.
+    The stream has no beams: without the sensor's angles, ranges do not become points.
 
     Raises
     ------
     InputError
-        A turn has not the layout's shapes.
+        The arrays of a turn do not have the layout's shapes.
 
     Examples
     --------
     >>> import numpy as np
-    >>> from puckbench.puck.stream import decode, encode
+    >>> from puckbench.puck import decode_turns, encode_turns
     >>> from puckbench.lidar.turns import Layout, Turn
-    >>> ranges = np.full((1, 4, 2), 500, np.uint16)  # one kind, four columns, two lasers
+    >>> ranges = np.full((1, 4, 2), 500, np.uint16)  # one return per beam, 4 columns, 2 lasers
     >>> turn = Turn(ranges, azimuths=np.arange(0, 80, 20, dtype=np.uint16))
-    >>> stream = encode([turn, turn], Layout(order=(1, 0)))
-    >>> [bool((found.ranges == ranges).all()) for found in decode(stream)]
+    >>> stream = encode_turns([turn, turn], Layout(order=(1, 0)))
+    >>> [bool((decoded.ranges == ranges).all()) for decoded in decode_turns(stream)]
     [True, True]
     """
-    encoder = TurnEncoder(layout, settings)
-    records = [Record(Kind.LAYOUT, packed(layout))]
-    records += [Record(Kind.TURN, encoder.encode(turn)) for turn in turns]
-    return stream_of(records)
+    encoder = TurnEncoder(layout, options)
+    records = [Record(RecordKind.LAYOUT, encode_layout(layout))]
+    records += [Record(RecordKind.TURN, encoder.encode(turn)) for turn in turns]
+    return join_records(records)
 
 
-def decode(stream: bytes, first: int = 0, end: int | None = None) -> list[Turn]:
-    """Decode the turns of a stream from number `first` to before `end`.
+def decode_turns(stream: bytes, first: int = 0, end: int | None = None) -> list[Turn]:
+    """Decode the turns of a stream, a compressed recording included.
 
-    Decoding begins at the last key turn that is not after `first`. The turns of a compressed
-    recording can be had in the same way.
+    Parameters
+    ----------
+    stream
+        Bytes of `encode_turns`, `encode_returns` or `compress`.
+    first, end
+        Numbers of the first turn to return, and of the turn after the last. Decoding starts at the
+        last key turn up to `first`.
 
     Raises
     ------
     InputError
-        The stream is damaged, or another codec's.
+        The stream is damaged, or of another format.
     """
     layout: Layout | None = None
-    waiting: list[tuple[Layout, bytes]] = []
+    bodies: list[tuple[Layout, bytes]] = []
     number = 0
     for record in read_records(BytesIO(stream)):
-        if record.kind == Kind.LAYOUT:
-            layout = unpacked(record.body)[0]
-        elif record.kind == Kind.TURN and (end is None or number < end):
+        if record.kind == RecordKind.LAYOUT:
+            layout = decode_layout(record.body)[0]
+        elif record.kind == RecordKind.TURN and (end is None or number < end):
             if layout is None:
                 raise InputError(DAMAGED)
             if is_key(record.body) and number <= first:
-                waiting = []
-            waiting.append((layout, record.body))
+                bodies = []
+            bodies.append((layout, record.body))
             number += 1
-    check_ranges(sum(ranges_of(*each) for each in waiting), len(stream))
-    return _decoded(waiting)[len(waiting) - (number - first) :] if number > first else []
+    check_ranges(sum(count_ranges(*body) for body in bodies), len(stream))
+    return _decoded(bodies)[len(bodies) - (number - first) :] if number > first else []
 
 
 def _decoded(bodies: list[tuple[Layout, bytes]]) -> list[Turn]:

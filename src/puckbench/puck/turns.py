@@ -21,8 +21,9 @@ from puckbench.coding.byte_io import Reader, base_128
 from puckbench.core.errors import InputError
 from puckbench.lidar.turns import CENTIDEGREES, Layout, Turn, check_turn
 from puckbench.puck.mixing import Ints, Words
+from puckbench.puck.options import EFFORTS, MAX_STEP, CodingOptions
 from puckbench.puck.ranges import (
-    EFFORTS,
+    MODEL_SIZES,
     PAD,
     Image,
     Model,
@@ -50,7 +51,6 @@ _EFFORT = 3
 """Bits of a turn's flags below those of the effort."""
 _LEAN = 32
 """Flag of reflectivities that are coded by few contexts."""
-MAX_STEP = 1 << 12
 _CLOCK = 1 << 32
 _NEAREST = 200
 """Farthest that a column of the turn before may be away, in 0.01 degrees."""
@@ -60,43 +60,6 @@ _BYTES_OF_A_DECISION = 2
 
 
 Values = NDArray[np.uint16] | NDArray[np.uint8]
-
-
-@dataclass(frozen=True)
-class Settings:
-    """What is coded of a turn, and how.
-
-    Parameters
-    ----------
-    step
-        Ranges are coded as multiples of this many quanta; 1 is lossless.
-    lmbda
-        Lagrangian weight of rate against squared error, in quanta squared a nat (lossy only),
-        rounded to sixteenths, at least one: of two multiples as near the cheaper one is taken.
-    times, reflectivities
-        Code these where a turn has them.
-    effort
-        How many estimates are taken: `fast`, `normal` or `thorough`.
-    key_every
-        Every how many turns one is a key turn; 0: only the first.
-    """
-
-    step: int = 1
-    lmbda: float = 0.0
-    times: bool = True
-    reflectivities: bool = True
-    effort: str = "normal"
-    key_every: int = 50
-
-    def __post_init__(self) -> None:
-        if not 1 <= self.step <= MAX_STEP:
-            raise InputError(f"step {self.step} (1 to {MAX_STEP})")
-        if not 0 <= self.lmbda <= MAX_STEP**2:
-            raise InputError(f"lambda {self.lmbda} (0 to {MAX_STEP**2})")
-        if self.key_every < 0:
-            raise InputError(f"key_every {self.key_every} is below 0")
-        if self.effort not in EFFORTS:
-            raise InputError(f"effort '{self.effort}' (one of {', '.join(EFFORTS)})")
 
 
 @dataclass
@@ -127,12 +90,12 @@ class _Before:
 
 def _new_state(layout: Layout, step: int, lmbda: float, effort: int) -> _State:
     bits, lasers = bit_writer(0), layout.lasers
-    chosen = list(EFFORTS.values())[effort]
+    size = MODEL_SIZES[EFFORTS[effort]]
     whole = max(round(16 * lmbda), 1) if lmbda > 0 else 0
     return _State(
         layout, step, effort,
         new_track(bits, CENTIDEGREES),
-        new_model(bits, lasers, chosen, step, whole),
+        new_model(bits, lasers, size, step, whole),
         new_second_model(bits, lasers, step),
         new_track(bits, _CLOCK),
         [],
@@ -142,27 +105,27 @@ def _new_state(layout: Layout, step: int, lmbda: float, effort: int) -> _State:
 class TurnEncoder:
     """Encodes turns one after the other."""
 
-    def __init__(self, layout: Layout, settings: Settings | None = None) -> None:
-        self.layout, self.settings = layout, settings or Settings()
+    def __init__(self, layout: Layout, options: CodingOptions | None = None) -> None:
+        self.layout, self.options = layout, options or CodingOptions()
         self._state: _State | None = None
         self._since_key = 0
 
     def encode(self, turn: Turn) -> bytes:
         """Code a turn; InputError when it has not the layout's shapes."""
         check_turn(turn, self.layout)
-        asked = self.settings
-        effort = list(EFFORTS).index(asked.effort)
-        is_key = self._state is None or 0 < asked.key_every <= self._since_key
+        options = self.options
+        effort = EFFORTS.index(options.effort)
+        is_key = self._state is None or 0 < options.key_every <= self._since_key
         if self._state is None or is_key:
-            self._state = _new_state(self.layout, asked.step, asked.lmbda, effort)
+            self._state = _new_state(self.layout, options.step, options.lmbda, effort)
             self._since_key = 0
         self._since_key += 1
-        flags = is_key * _KEY | effort << _EFFORT | (asked.effort == "fast") * _LEAN
-        flags |= (asked.times and turn.times is not None) * _TIMES
-        flags |= (asked.reflectivities and turn.reflectivities is not None) * _REFLECTIVITIES
+        flags = is_key * _KEY | effort << _EFFORT | (options.effort == "fast") * _LEAN
+        flags |= (options.times and turn.times is not None) * _TIMES
+        flags |= (options.reflectivities and turn.reflectivities is not None) * _REFLECTIVITIES
         coder = _PartWriter()
         _code_turn(self._state, _laid(turn, self.layout), flags, coder)
-        head = bytes([flags]) + base_128(asked.step) + base_128(len(turn.azimuths))
+        head = bytes([flags]) + base_128(options.step) + base_128(len(turn.azimuths))
         return head + b"".join(base_128(len(part)) + part for part in coder.parts)
 
 
@@ -172,11 +135,6 @@ class TurnDecoder:
     def __init__(self, layout: Layout) -> None:
         self.layout = layout
         self._state: _State | None = None
-
-    @property
-    def step(self) -> int:
-        """Step of the last turn's ranges, in quanta; 1 before there is one."""
-        return self._state.step if self._state else 1
 
     def decode(self, body: bytes) -> Turn:
         """The turn of `TurnEncoder.encode`.
@@ -210,8 +168,15 @@ class TurnDecoder:
 
 
 def is_key(body: bytes) -> bool:
-    """Whether a coded turn can be decoded alone."""
+    """Return whether a coded turn can be decoded alone."""
     return bool(body[:1] and body[0] & _KEY)
+
+
+def turn_step(body: bytes) -> int:
+    """Return the step of a coded turn's ranges, in quanta."""
+    reader = Reader(body)
+    reader.take(1)
+    return reader.number()
 
 
 def _laid(turn: Turn, layout: Layout) -> Turn:

@@ -4,8 +4,8 @@ Rows are ordered from the highest laser down. Pixels have 16 bits and count step
 says that no return came. Times and reflectivities are left out. A body has these parts, each with
 its length in front, base 128:
 
-    the layout (`puck.layout`)
-    the beams and the quantum (`puck.beams`)
+    the layout (`lidar.returns_header`)
+    the beams and the quantum (`lidar.returns_header`)
     the quanta of a step, the number of turns, the blocks of each turn, base 128
     differences between successive azimuths (16 bits, zigzag), low bytes first, by Zstandard
     an image for each turn and kind of return, by an image codec
@@ -24,9 +24,8 @@ from puckbench.coding.most_points import most_points
 from puckbench.coding.zstandard import compressed, decompressed
 from puckbench.core.errors import InputError
 from puckbench.lidar.returns import Returns
+from puckbench.lidar.returns_header import decode_beams, decode_layout, encode_beams, encode_layout
 from puckbench.lidar.turns import Layout, Turn
-from puckbench.puck.beams import packed_beams, unpacked_beams
-from puckbench.puck.layout import packed, unpacked
 
 Image = NDArray[np.uint16]
 EncodeImage = Callable[[Image, int], bytes]
@@ -48,8 +47,8 @@ def encode_range_images(returns: Returns, quanta: int, encode_image: EncodeImage
     numbers = [quanta, len(turns), *(len(turn.azimuths) for turn in turns)]
     images = [image for turn in turns for image in _images(turn, layout, quanta)]
     parts = [
-        packed(layout),
-        packed_beams(returns),
+        encode_layout(layout),
+        encode_beams(returns),
         b"".join(base_128(number) for number in numbers),
         _packed_azimuths(np.concatenate([turn.azimuths for turn in turns])),
         *(encode_image(image, quanta) for image in images),
@@ -62,8 +61,8 @@ def encode_range_images(returns: Returns, quanta: int, encode_image: EncodeImage
 def decode_range_images(body: bytes, decode_image: DecodeImage) -> Returns:
     """Decode the returns of a body; InputError where it is damaged."""
     reader = Reader(body)
-    layout = unpacked(_part(reader))[0]
-    bare = unpacked_beams(_part(reader), layout)
+    layout = decode_layout(_part(reader))[0]
+    bare = decode_beams(_part(reader), layout)
     quanta, blocks = _numbers(Reader(_part(reader)))
     if any(not 0 < count <= layout.max_blocks for count in blocks):
         raise InputError("the stream is damaged (its turns)")

@@ -1,4 +1,7 @@
-"""A sensor's beams as bytes: the name of one that puckbench ships, or all angles."""
+"""Headers of streams of returns: the layout of turns, and the sensor's beams.
+
+The beams of a sensor that puckbench ships are stored as its name, those of others as all angles.
+"""
 
 from __future__ import annotations
 
@@ -12,16 +15,48 @@ from puckbench.core.errors import InputError
 from puckbench.lidar.returns import Beams, Firing, Returns
 from puckbench.lidar.sensor import load_sensor, sensor_names
 from puckbench.lidar.turns import Layout
-from puckbench.puck.records import DAMAGED
 
 _QUANTUM_UNIT_M = 1e-7
 _MOST_NAME_BYTES = 255
+_DAMAGED = "the stream is damaged or truncated"
 _USES: tuple[tuple[Firing, bool], ...] = (
     ("own_moment", False),
     ("together", True),
     ("own_moment", True),
 )
 """How a shipped sensor is used: real, virtual as BlenSor has it, virtual with firing times."""
+
+
+def encode_layout(layout: Layout) -> bytes:
+    """The layout as bytes."""
+    sizes = [layout.columns_per_block, layout.blocks_per_time, layout.kinds, layout.lasers]
+    return bytes([*sizes, *_paired(layout.order)])
+
+
+def decode_layout(body: bytes) -> tuple[Layout, bytes]:
+    """The layout of bytes, and what follows it; InputError when they are damaged."""
+    reader = Reader(body)
+    *sizes, lasers = reader.take(4)
+    try:
+        return Layout(_taken(reader, lasers), *sizes), reader.rest()
+    except ValueError as error:
+        raise InputError(f"the stream is damaged ({error})") from error
+
+
+def _paired(order: tuple[int, ...]) -> tuple[int, ...]:
+    """Up to 16 lasers by two in a byte."""
+    if len(order) > 16:
+        return order
+    even = (*order, 0)[: -(-len(order) // 2) * 2]
+    return tuple(even[k] | even[k + 1] << 4 for k in range(0, len(even), 2))
+
+
+def _taken(reader: Reader, lasers: int) -> tuple[int, ...]:
+    """The inverse of `_paired`."""
+    if lasers > 16:
+        return tuple(reader.take(lasers))
+    pairs = reader.take(-(-lasers // 2))
+    return tuple(part for pair in pairs for part in (pair & 15, pair >> 4))[:lasers]
 
 
 @cache
@@ -39,7 +74,7 @@ def _beams(name: str, use: int) -> Beams:
     return Beams.of(load_sensor(name), firing, is_virtual)
 
 
-def packed_beams(returns: Returns) -> bytes:
+def encode_beams(returns: Returns) -> bytes:
     """The quantum and the beams: a name and a check of the angles, or all of them."""
     quantum = base_128(round(returns.quantum_m / _QUANTUM_UNIT_M))
     known = _shipped().get((returns.beams, returns.sensor))
@@ -62,8 +97,8 @@ def _angles(beams: Beams) -> bytes:
     return np.array(rows, "<f8").tobytes()
 
 
-def unpacked_beams(body: bytes, layout: Layout) -> Returns:
-    """Returns without turns, with the beams of `packed_beams`."""
+def decode_beams(body: bytes, layout: Layout) -> Returns:
+    """Returns without turns, with the beams of `encode_beams`."""
     reader = Reader(body)
     quantum = reader.number() * _QUANTUM_UNIT_M
     use, length = reader.take(2)
@@ -78,10 +113,10 @@ def unpacked_beams(body: bytes, layout: Layout) -> Returns:
     clockwise = reader.take(1)[0] == 1
     kept = reader.rest()
     if len(kept) not in (24 * layout.lasers, 40 * layout.lasers):
-        raise InputError(DAMAGED)
+        raise InputError(_DAMAGED)
     angles = np.frombuffer(kept, "<f8").reshape(-1, layout.lasers)
     if not np.isfinite(angles).all() or not quantum > 0:
-        raise InputError(DAMAGED)
+        raise InputError(_DAMAGED)
     elevations, heights, delays, *more = (tuple(row.tolist()) for row in angles)
     beams = Beams(elevations, heights, delays, clockwise, *more)
     return Returns(beams, layout, (), quantum, name)

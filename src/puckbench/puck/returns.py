@@ -1,0 +1,87 @@
+"""Streams of returns: the layout, the beams of the sensor, and its turns."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from io import BytesIO
+
+from puckbench.core.errors import InputError
+from puckbench.lidar.returns import Returns
+from puckbench.lidar.returns_header import decode_beams, decode_layout, encode_beams, encode_layout
+from puckbench.puck.options import CodingOptions
+from puckbench.puck.records import DAMAGED, Record, RecordKind, join_records, read_records
+from puckbench.puck.stream import check_ranges, count_ranges
+from puckbench.puck.turns import TurnDecoder, TurnEncoder, turn_step
+
+
+def encode_returns(returns: Returns, options: CodingOptions | None = None) -> bytes:
+    """Encode returns as one self-contained stream.
+
+    Parameters
+    ----------
+    returns
+        Turns of a real or virtual sensor, and where its lasers point.
+    options
+        What is coded and how; the default is lossless.
+
+    Raises
+    ------
+    InputError
+        The returns are too many for the bytes that they compress to (see `stream.check_ranges`).
+    """
+    encoder = TurnEncoder(returns.layout, options)
+    turns = [encoder.encode(turn) for turn in returns.turns]
+    stream = join_records(
+        [
+            Record(RecordKind.LAYOUT, encode_layout(returns.layout)),
+            Record(RecordKind.BEAMS, encode_beams(returns)),
+            *(Record(RecordKind.TURN, turn) for turn in turns),
+        ]
+    )
+    check_ranges(sum(count_ranges(returns.layout, turn) for turn in turns), len(stream))
+    return stream
+
+
+def decode_returns(stream: bytes) -> Returns:
+    """Decode a stream of `encode_returns`.
+
+    Raises
+    ------
+    InputError
+        The stream is damaged, comes from another program, or is a compressed recording.
+    """
+    without_turns, bodies = _read(stream)
+    decoder = TurnDecoder(without_turns.layout)
+    return replace(without_turns, turns=tuple(decoder.decode(body) for body in bodies))
+
+
+def range_steps(stream: bytes) -> list[float]:
+    """Return the step in m with which the ranges of each turn of a stream were quantised."""
+    without_turns, bodies = _read(stream)
+    return [turn_step(body) * without_turns.quantum_m for body in bodies]
+
+
+def _read(stream: bytes) -> tuple[Returns, list[bytes]]:
+    """Return the sensor's layout and beams as returns without turns, and the coded turns."""
+    records = read_records(BytesIO(stream))
+    layout = decode_layout(_body(records, RecordKind.LAYOUT))[0]
+    without_turns = decode_beams(_body(records, RecordKind.BEAMS), layout)
+    bodies = [_turn_body(record) for record in records if record.kind != RecordKind.END]
+    check_ranges(sum(count_ranges(layout, body) for body in bodies), len(stream))
+    return without_turns, bodies
+
+
+def _body(records: Iterator[Record], kind: RecordKind) -> bytes:
+    record = next(records)
+    if record.kind != kind:
+        raise InputError(
+            "is no stream of returns alone; a compressed recording has to be decompressed first"
+        )
+    return record.body
+
+
+def _turn_body(record: Record) -> bytes:
+    if record.kind != RecordKind.TURN:
+        raise InputError(DAMAGED)
+    return record.body
