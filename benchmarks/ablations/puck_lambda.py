@@ -86,7 +86,7 @@ def curves(
             away = np.nan
             if truth is not None:
                 points = smoothed.decode_cloud(smoothed._stream(returns, quanta)).xyz
-                away = 1000 * truth.measures(points)["truth_d1_rms_m"]
+                away = 1000 * truth.metrics(points)["truth_d1_rms_m"]
             curves[lmbda][step] = bits, error, away
     return curves
 

@@ -68,7 +68,7 @@ def turned(name: str, sensor: str, errors: str) -> Turned:
 
 def told(truth: Truth, points: NDArray) -> str:
     """Distances of points to the true surface."""
-    found = truth.measures(points)
+    found = truth.metrics(points)
     return " ".join(f"{1000 * found[f'truth_{key}_rms_m']:6.2f}" for key in ("d1", "d2"))
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from puckbench.metrics.psnr import PEAK_M
-from puckbench.metrics.sensor_metrics import keeping_up, range_errors_of_points
+from puckbench.metrics.sensor_metrics import range_errors_of_points, real_time_metrics
 from puckbench.metrics.units import in_square_millimetres
 
 PAGE = (Path(__file__).parents[2] / "docs" / "explanation" / "metrics.md").read_text("utf-8")
@@ -16,7 +16,7 @@ def test_measures_of_returns_are_explained() -> None:
     points = np.ones((2, 3))
     columns = [
         *range_errors_of_points(points, points),
-        *keeping_up({"turns": 1, "seconds": 0.1}, row),
+        *real_time_metrics({"turns": 1, "seconds": 0.1}, row),
         *in_square_millimetres({"d1_mse": 1.0, "d2_mse": 1.0}),
     ]
     assert len(columns) == 11

@@ -101,7 +101,7 @@ def test_nothing_to_draw_is_an_input_error() -> None:
     with pytest.raises(InputError, match="no rows, nothing to draw"):
         draw("sweeps_rd", metrics=sweeps_table(1).iloc[:0])
     recordings = sweeps_clouds_table(2).query("dataset == 'recording'")
-    with pytest.raises(InputError, match="no cloud has the entropy"):
+    with pytest.raises(InputError, match="no cloud has an entropy"):
         draw("noise_cost", metrics=sweeps_table(2), clouds=pd.DataFrame(recordings))
     with pytest.raises(InputError, match="has no returns"):
         draw("spin_images", example_spin=PointCloud(recorded().points()))

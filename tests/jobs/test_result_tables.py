@@ -154,4 +154,4 @@ def test_psnrs_of_several_peaks_have_no_median(caplog: pytest.LogCaptureFixture)
     ]
     found = summary(table_of(rows, METRIC_KEYS))
     assert found.d1_psnr.isna().all()
-    assert caplog.messages == ["PSNRs of d have several peaks: no medians of them over clouds"]
+    assert caplog.messages == ["PSNRs of d have several peaks: medians over clouds are left out"]

@@ -16,8 +16,8 @@ from puckbench.metrics.bjontegaard import (
     LITTLE_OVERLAP,
     NO_COMMON_RANGE,
     TOO_FEW_POINTS,
-    curve,
-    delta,
+    bjontegaard_delta,
+    rate_distortion_curve,
 )
 from puckbench.metrics.tables.rate_deltas import (
     bd_rate,
@@ -52,48 +52,65 @@ def test_deltas_are_those_of_an_independent_implementation(
     tested: tuple[list[float], ...],
     expected: tuple[float, float],
 ) -> None:
-    found = delta(*(curve(np.array(rate), np.array(psnr)) for rate, psnr in (anchor, tested)))
+    found = bjontegaard_delta(
+        *(rate_distortion_curve(np.array(rate), np.array(psnr)) for rate, psnr in (anchor, tested))
+    )
     assert (found.rate_percent, found.quality_db) == pytest.approx(expected, rel=1e-9)
 
 
 def test_half_the_rate_everywhere_is_minus_fifty_percent() -> None:
-    found = delta(curve(RATES, PSNRS), curve(RATES / 2, PSNRS))
+    found = bjontegaard_delta(
+        rate_distortion_curve(RATES, PSNRS), rate_distortion_curve(RATES / 2, PSNRS)
+    )
     assert found.rate_percent == pytest.approx(-50)
-    assert found.shared == 1
+    assert found.overlap == 1
 
 
 def test_a_better_quality_everywhere_is_the_quality_delta() -> None:
-    assert delta(curve(RATES, PSNRS), curve(RATES, PSNRS + 3)).quality_db == pytest.approx(3)
+    assert bjontegaard_delta(
+        rate_distortion_curve(RATES, PSNRS), rate_distortion_curve(RATES, PSNRS + 3)
+    ).quality_db == pytest.approx(3)
 
 
 def test_curves_without_a_common_range_have_no_delta_and_say_so() -> None:
-    found = delta(curve(RATES, PSNRS), curve(RATES, PSNRS + 100))
-    assert (found.rate_percent, found.rate_status, found.shared) == (None, NO_COMMON_RANGE, 0)
+    found = bjontegaard_delta(
+        rate_distortion_curve(RATES, PSNRS), rate_distortion_curve(RATES, PSNRS + 100)
+    )
+    assert (found.rate_percent, found.rate_status, found.overlap) == (None, NO_COMMON_RANGE, 0)
     assert found.quality_db == pytest.approx(100)
-    touching = delta(curve(RATES, PSNRS), curve(RATES, PSNRS + 31))
+    touching = bjontegaard_delta(
+        rate_distortion_curve(RATES, PSNRS), rate_distortion_curve(RATES, PSNRS + 31)
+    )
     assert (touching.rate_percent, touching.rate_status) == (None, NO_COMMON_RANGE)
-    single = delta(curve(RATES, PSNRS), curve(RATES[:1], PSNRS[:1]))
-    assert (single.rate_status, single.shared) == (TOO_FEW_POINTS, 0)
+    single = bjontegaard_delta(
+        rate_distortion_curve(RATES, PSNRS), rate_distortion_curve(RATES[:1], PSNRS[:1])
+    )
+    assert (single.rate_status, single.overlap) == (TOO_FEW_POINTS, 0)
 
 
 def test_two_points_make_a_curve() -> None:
     """Straight in the logarithm of the rate: from 30 dB at a rate of 1 to 40 dB at 4."""
-    anchor, tested = curve(np.array([1.0, 4]), np.array([30.0, 40])), np.array([35.0, 45])
-    found = delta(anchor, curve(np.array([1.0, 4]), tested))
+    anchor, tested = (
+        rate_distortion_curve(np.array([1.0, 4]), np.array([30.0, 40])),
+        np.array([35.0, 45]),
+    )
+    found = bjontegaard_delta(anchor, rate_distortion_curve(np.array([1.0, 4]), tested))
     assert found.rate_percent == pytest.approx(-50)
     assert found.quality_db == pytest.approx(5)
-    assert found.shared == pytest.approx(0.5)
+    assert found.overlap == pytest.approx(0.5)
 
 
 def test_points_without_a_rate_or_a_quality_are_left_out() -> None:
     rates, psnrs = np.array([0.1, np.nan, 0.8, 2.0]), np.array([40.0, 48.0, np.inf, 62.0])
-    found = curve(rates, psnrs)
+    found = rate_distortion_curve(rates, psnrs)
     np.testing.assert_allclose(np.exp(found.log_rate), [0.1, 2.0])
     assert found.dropped == 0
 
 
 def test_points_that_a_cheaper_one_equals_are_left_out() -> None:
-    worse = curve(np.array([0.1, 0.2, 0.3, 0.3, 0.4]), np.array([40.0, 39.0, 45.0, 44.0, 45.0]))
+    worse = rate_distortion_curve(
+        np.array([0.1, 0.2, 0.3, 0.3, 0.4]), np.array([40.0, 39.0, 45.0, 44.0, 45.0])
+    )
     np.testing.assert_allclose(np.exp(worse.log_rate), [0.1, 0.3])
     assert worse.dropped == 3
 
@@ -183,17 +200,22 @@ def test_a_codec_without_error_has_no_curve_and_says_so() -> None:
 def exponential(
     slope: float = 6.0, scale: float = 1.0, steps: int = 6, low: float = 50.0, high: float = 80.0
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Rates and qualities of the curve rate = scale * 2^(quality / slope)."""
+    """Rates and qualities of the rate_distortion_curve rate = scale * 2^(quality / slope)."""
     quality = np.linspace(low, high, steps)
     return scale * 2 ** (quality / slope) / 1000, quality
 
 
 @pytest.mark.parametrize("scale", [0.6, 1.0, 1.7])
 def test_exponential_curves_have_the_delta_of_their_closed_form(scale: float) -> None:
-    found = delta(curve(*exponential()), curve(*exponential(scale=scale, steps=4)))
+    found = bjontegaard_delta(
+        rate_distortion_curve(*exponential()),
+        rate_distortion_curve(*exponential(scale=scale, steps=4)),
+    )
     assert found.rate_percent == pytest.approx(100 * (scale - 1), abs=1e-9)
     # slopes s and t: the mean of ln 2 * q * (1/t - 1/s) over q from 50 to 80 dB, at q = 65
-    steeper = delta(curve(*exponential(slope=6)), curve(*exponential(slope=5)))
+    steeper = bjontegaard_delta(
+        rate_distortion_curve(*exponential(slope=6)), rate_distortion_curve(*exponential(slope=5))
+    )
     assert steeper.log_ratio == pytest.approx(np.log(2) * 65 * (1 / 5 - 1 / 6))
 
 
@@ -203,13 +225,16 @@ def test_curves_that_share_less_than_half_of_the_shorter_one_have_no_delta(
 ) -> None:
     """The shorter curve is 20 dB long, of which `share` lies below the anchor's 80 dB."""
     low = 80 - 20 * share
-    found = delta(curve(*exponential()), curve(*exponential(scale=2, low=low, high=low + 20)))
-    assert (found.rate_status, found.shared) == (status, pytest.approx(share))
+    found = bjontegaard_delta(
+        rate_distortion_curve(*exponential()),
+        rate_distortion_curve(*exponential(scale=2, low=low, high=low + 20)),
+    )
+    assert (found.rate_status, found.overlap) == (status, pytest.approx(share))
     assert (found.rate_percent is None) == (status == LITTLE_OVERLAP)
     # the rates of both span as many octaves as dB over 6, and are twice as large
     by_rate = 80 - 20 * share - 6
-    alike = curve(*exponential(scale=2, low=by_rate, high=by_rate + 20))
-    assert delta(curve(*exponential()), alike).quality_status == status
+    alike = rate_distortion_curve(*exponential(scale=2, low=by_rate, high=by_rate + 20))
+    assert bjontegaard_delta(rate_distortion_curve(*exponential()), alike).quality_status == status
 
 
 def rows_of_a_curve(codec: str, rates: np.ndarray, psnrs: np.ndarray) -> list[dict[str, object]]:
@@ -326,7 +351,7 @@ def test_an_unknown_anchor_or_column_is_named(anchor: str, metric: str, fault: s
 def test_a_rate_of_nothing_is_refused() -> None:
     table = metrics({"a": [1], "b": [2]})
     table.loc[3, "bpp"] = 0.0
-    with pytest.raises(InputError, match="'bpp' has a value that is not positive: a of d/c0/r3"):
+    with pytest.raises(InputError, match="'bpp' must be positive, but is not for a of d/c0/r3"):
         bd_rate(table, "a", ["d1_psnr"])
 
 

@@ -1,12 +1,12 @@
-"""All measures of a decoded cloud at once, on clouds whose errors are known."""
+"""All geometry_metrics of a decoded cloud at once, on clouds whose errors are known."""
 
 import numpy as np
 import pytest
 
 from puckbench.geometry.cloud import PointCloud
 from puckbench.geometry.mesh import Mesh
-from puckbench.metrics.cloud_metrics import measures, picture_measures
-from puckbench.metrics.geometry import DistinctPoints, Reference
+from puckbench.metrics.cloud_metrics import geometry_metrics, picture_metrics
+from puckbench.metrics.geometry import DistinctPoints, ReferenceCloud
 from puckbench.metrics.psnr import PEAK_M
 from puckbench.metrics.truth import Truth
 
@@ -22,7 +22,7 @@ FLOOR_M = Mesh(
 
 def test_a_raised_grid_in_decibels_and_metres() -> None:
     """Half a grid unit is 5 cm; the grid's diagonal is its diameter."""
-    found = measures(PointCloud(GRID, UP, about=ABOUT), RAISED)
+    found = geometry_metrics(PointCloud(GRID, UP, about=ABOUT), RAISED)
     assert found["d1_mse"] == found["d2_mse"] == 0.25
     assert found["d1_psnr"] == pytest.approx(10 * np.log10(3 * 1023**2 / 0.25))
     assert found["cd_psnr_point"] == pytest.approx(10 * np.log10(11**2 * 2 / 0.25))
@@ -31,7 +31,7 @@ def test_a_raised_grid_in_decibels_and_metres() -> None:
 
 def test_peak_and_diameter_may_be_given() -> None:
     wide = PointCloud(GRID, about={**ABOUT, "diameter": 100.0})
-    found = measures(wide, RAISED, peak=100.0)
+    found = geometry_metrics(wide, RAISED, peak=100.0)
     assert found["d1_psnr"] == pytest.approx(10 * np.log10(3 * 100**2 / 0.25))
     assert found["cd_psnr_point"] == pytest.approx(10 * np.log10(100**2 / 0.25))
     assert "d2_psnr" not in found
@@ -40,40 +40,44 @@ def test_peak_and_diameter_may_be_given() -> None:
 def test_a_sensors_cloud_in_square_millimetres_and_a_peak_of_30_m() -> None:
     """Half a centimetre is 25 mm^2; MPEG's peak for such data is 30,000 units of 1 mm."""
     about = {"scale": 1.0, "offset": [0.0, 0, 0], "size": 0, "peak": PEAK_M}
-    found = measures(PointCloud(GRID, UP, about=about), GRID + np.array([0, 0, 0.005]))
+    found = geometry_metrics(PointCloud(GRID, UP, about=about), GRID + np.array([0, 0, 0.005]))
     assert found["d1_mm2"] == pytest.approx(25)
     assert found["d2_mm2"] == pytest.approx(25)
     assert found["d1_psnr"] == pytest.approx(10 * np.log10(3 * 30_000**2 / 25))
-    assert "d1_mm2" not in measures(PointCloud(GRID, UP, about=ABOUT), RAISED)
+    assert "d1_mm2" not in geometry_metrics(PointCloud(GRID, UP, about=ABOUT), RAISED)
 
 
 def test_a_psnr_without_a_peak_or_an_error_is_left_out() -> None:
-    unknown = measures(PointCloud(GRID), RAISED)
+    unknown = geometry_metrics(PointCloud(GRID), RAISED)
     assert "d1_psnr" not in unknown
     assert unknown["d1_rms_m"] == 0.5
-    assert not [name for name in measures(PointCloud(GRID, about=ABOUT), GRID) if "psnr" in name]
+    assert not [
+        name for name in geometry_metrics(PointCloud(GRID, about=ABOUT), GRID) if "psnr" in name
+    ]
 
 
 def test_one_reference_gives_many_decoded_clouds_the_measures_of_one_off_calls() -> None:
     for cloud in (PointCloud(GRID, UP, about=ABOUT), PointCloud(GRID)):
-        reference = Reference(cloud)
+        reference = ReferenceCloud(cloud)
         for decoded in (RAISED, GRID[::5] + 0.25, RAISED):
-            assert measures(reference, decoded) == measures(cloud, decoded)
-            assert measures(reference, decoded, peak=9) == measures(cloud, decoded, peak=9)
-            assert measures(cloud, DistinctPoints(decoded)) == measures(cloud, decoded)
+            assert geometry_metrics(reference, decoded) == geometry_metrics(cloud, decoded)
+            assert geometry_metrics(reference, decoded, peak=9) == geometry_metrics(
+                cloud, decoded, peak=9
+            )
+            assert geometry_metrics(cloud, DistinctPoints(decoded)) == geometry_metrics(
+                cloud, decoded
+            )
 
 
 def test_pictures_and_colours_are_measured_where_there_are_some() -> None:
     grey = np.full((len(GRID), 3), 100, np.uint8)
     plain, coloured = PointCloud(GRID), PointCloud(GRID, colours=grey)
-    assert picture_measures(plain, plain, 0, {}) == {}
-    assert (
-        picture_measures(plain, coloured, 0, {}) == picture_measures(coloured, plain, 0, {}) == {}
-    )
-    both = picture_measures(coloured, coloured, 0, {"cd_plane": 2.0})
+    assert picture_metrics(plain, plain, 0, {}) == {}
+    assert picture_metrics(plain, coloured, 0, {}) == picture_metrics(coloured, plain, 0, {}) == {}
+    both = picture_metrics(coloured, coloured, 0, {"cd_plane": 2.0})
     assert both["joint_quality"] == pytest.approx(0.6597 * 2)
     assert "y_psnr" not in both
-    pictures = picture_measures(plain, PointCloud(RAISED[1:]), 32, {})
+    pictures = picture_metrics(plain, PointCloud(RAISED[1:]), 32, {})
     assert pictures["view_pixels"] == 32
 
 
@@ -82,29 +86,29 @@ def test_the_true_surface_is_a_mesh_in_metres_or_points_in_the_cloud_s_frame() -
     reference = PointCloud(GRID, about=ABOUT)
     decoded = RAISED + np.array([0.25, 0, 0])
     for known in ({"seen": PointCloud(GRID, UP), "clean": None}, {"seen": None, "clean": None}):
-        found = Truth(reference, FLOOR_M, **known).measures(decoded)
+        found = Truth(reference, FLOOR_M, **known).metrics(decoded)
         assert found["truth_acd_ba_plane"] == pytest.approx(0.25)
         assert found["truth_acd_ba_point"] == pytest.approx(0.25)
         assert found["truth_points_a"] == len(GRID)
     surface = PointCloud(GRID, UP)
-    points = Truth(reference, surface).measures(decoded)
+    points = Truth(reference, surface).metrics(decoded)
     assert points["truth_acd_ba_point"] == pytest.approx(0.25 + 0.0625)
     assert points["truth_hausdorff_plane_m"] == pytest.approx(0.05)
-    some = Truth(reference, surface, PointCloud(GRID[:9], UP[:9])).measures(decoded)
+    some = Truth(reference, surface, PointCloud(GRID[:9], UP[:9])).metrics(decoded)
     assert some["truth_points_a"] == 9
 
 
 def test_a_clean_scan_is_compared_as_well() -> None:
     clean = PointCloud(GRID, UP)
-    found = Truth(PointCloud(GRID), None, PointCloud(GRID[:9]), clean).measures(RAISED)
+    found = Truth(PointCloud(GRID), None, PointCloud(GRID[:9]), clean).metrics(RAISED)
     assert found["truth_points_a"] == len(GRID)
     assert found["clean_acd_ba_plane"] == found["truth_acd_ba_plane"] == 0.25
 
 
 def test_without_a_scale_units_are_metres_at_the_origin() -> None:
     flat = Mesh(FLOOR_M.vertices - [0, 0, 3], FLOOR_M.triangles)
-    found = Truth(PointCloud(GRID[:5]), flat).measures(RAISED[:5])
+    found = Truth(PointCloud(GRID[:5]), flat).metrics(RAISED[:5])
     assert found["truth_d2_rms_m"] == pytest.approx(0.5)
     assert found["truth_points_a"] == 5
     corners = np.array([[0.0, 0, 0.5], [9, 9, 0.5]])
-    assert Truth(PointCloud(GRID), flat).measures(corners)["truth_acd_ba_point"] == 0.25
+    assert Truth(PointCloud(GRID), flat).metrics(corners)["truth_acd_ba_point"] == 0.25

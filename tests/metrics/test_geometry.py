@@ -15,7 +15,7 @@ from scipy.spatial.distance import cdist
 from puckbench.core.errors import InputError
 from puckbench.core.seeding import generator
 from puckbench.geometry.cloud import Floats, PointCloud
-from puckbench.metrics.geometry import DistinctPoints, Reference, distortion, squared_errors
+from puckbench.metrics.geometry import DistinctPoints, ReferenceCloud, distortion, squared_errors
 from puckbench.metrics.psnr import mpeg_psnr
 
 DATA = Path(__file__).parents[1] / "data" / "pc_error"
@@ -169,7 +169,7 @@ def test_one_reference_gives_many_decoded_clouds_the_values_of_one_off_calls(nam
     cloud, decoded = load_pair(name)
     several = [decoded, decoded[::3], cloud.xyz + 0.25, np.tile(decoded, (2, 1)), decoded]
     for original in (cloud, PointCloud(cloud.xyz)):
-        reference = Reference(original)
+        reference = ReferenceCloud(original)
         for each in several:
             assert distortion(reference, each) == distortion(original, each)
 
@@ -184,8 +184,8 @@ def test_decoded_points_made_ready_once_have_the_values_of_one_off_calls(name: s
 
 def test_a_reference_knows_its_diameter_by_its_description_or_else_by_its_points() -> None:
     points = floor(11, 1.0)
-    assert Reference(PointCloud(points)).diameter == 200**0.5
-    assert Reference(PointCloud(points, about={"diameter": 100.0})).diameter == 100
+    assert ReferenceCloud(PointCloud(points)).diameter == 200**0.5
+    assert ReferenceCloud(PointCloud(points, about={"diameter": 100.0})).diameter == 100
 
 
 @pytest.mark.parametrize("name", ["denser", "voxels", "random"])

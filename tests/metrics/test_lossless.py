@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from puckbench.geometry.cloud import PointCloud
-from puckbench.metrics.cloud_metrics import measures
+from puckbench.metrics.cloud_metrics import geometry_metrics
 from puckbench.metrics.lossless import lossless_rows, rounding, with_lossless_best, without_lossless
 
 METRIC = {"size": 0, "scale": 1.0, "peak": 30.0, "offset": [0.0, 0, 0]}
@@ -23,7 +23,7 @@ def test_a_grid_that_comes_back_in_single_precision_is_lossless() -> None:
     steps = np.rint(stored.xyz / 0.001).astype(np.float32)
     decoded = (steps * np.float32(0.001)).astype(float)
     assert 0 < np.abs(decoded - stored.xyz).max() < 1e-4
-    found = measures(stored, decoded)
+    found = geometry_metrics(stored, decoded)
     assert found["lossless"] is True
     assert found["d1_mse"] == found["d1_rms_m"] == found["hausdorff_point"] == 0
     assert found["points_a"] == len(points)
@@ -35,14 +35,14 @@ def test_a_grid_that_comes_back_in_single_precision_is_lossless() -> None:
 def test_a_grid_that_is_shifted_by_half_a_step_is_not(step: float) -> None:
     points = scan()
     decoded = (np.floor(points / step) + 0.5) * step
-    found = measures(PointCloud(points, about=METRIC), decoded)
+    found = geometry_metrics(PointCloud(points, about=METRIC), decoded)
     assert found["lossless"] is False
     assert found["d1_psnr"] == pytest.approx(10 * np.log10(3 * 30**2 / found["d1_mse"]))
 
 
 def test_a_lost_point_is_a_loss() -> None:
     points = scan()
-    assert measures(PointCloud(points, about=METRIC), points[1:])["lossless"] is False
+    assert geometry_metrics(PointCloud(points, about=METRIC), points[1:])["lossless"] is False
 
 
 def test_the_limit_follows_the_coordinates_up_to_a_tenth_of_a_millimetre() -> None:

@@ -35,7 +35,7 @@ def test_a_function_of_ones_own(tmp_path: Path) -> None:
     trust([place := f"{tmp_path / 'own.py'}:moved"])
     clouds = PointCloud(POINTS), PointCloud(POINTS + 2)
     assert further_metrics([place], *clouds, {})["moved"] == pytest.approx(2)
-    with pytest.raises(InputError, match="the column 'moved' is taken"):
+    with pytest.raises(InputError, match="the column 'moved' exists already"):
         further_metrics([place], *clouds, {"moved": 1})
 
 

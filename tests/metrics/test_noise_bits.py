@@ -104,5 +104,5 @@ def test_rows_are_ordered_by_models_noise_and_bits() -> None:
 def test_without_several_models_it_is_an_input_error() -> None:
     with pytest.raises(InputError, match="same rays under several error models"):
         noise_bits(_metrics(), _clouds().query("error_model == 'none'"))
-    with pytest.raises(InputError, match="no cloud has the entropy"):
+    with pytest.raises(InputError, match="no cloud has an entropy"):
         noise_bits(_metrics(), _clouds().drop(columns="noise_bits"))

@@ -1,11 +1,11 @@
-"""Distances to primitives and their differences, in closed form."""
+"""Distances to primitives and their parameter_differences, in closed form."""
 
 import numpy as np
 import pytest
 from scipy.spatial.distance import cdist
 
 from puckbench.geometry.mesh import Primitive, primitive_in_metres
-from puckbench.metrics.primitive_differences import differences, distances
+from puckbench.metrics.primitive_differences import distances_to_primitive, parameter_differences
 from puckbench.scenes.surfaces import Shape, grid, primitive
 
 UP = [0.0, 0.0, 1.0]
@@ -30,7 +30,9 @@ ORIGIN = np.zeros(3)
     ],
 )
 def test_distances_of_points(surface: Primitive, point: list[float], distance: float) -> None:
-    assert distances(surface, np.array([point], float))[0] == pytest.approx(distance, abs=1e-12)
+    assert distances_to_primitive(surface, np.array([point], float))[0] == pytest.approx(
+        distance, abs=1e-12
+    )
 
 
 def test_distances_to_a_cone_are_those_to_the_nearest_of_its_points() -> None:
@@ -40,36 +42,38 @@ def test_distances_to_a_cone_are_those_to_the_nearest_of_its_points() -> None:
     points = np.column_stack([np.sin(around), 0 * around, np.cos(around)])
     ray = np.linspace(0, 2, 20_001)[:, None] * [0.5, 0, np.cos(np.pi / 6)]
     nearest = cdist(points, ray).min(axis=1)
-    np.testing.assert_allclose(distances(hat, points), nearest, atol=1e-4)
+    np.testing.assert_allclose(distances_to_primitive(hat, points), nearest, atol=1e-4)
 
 
 def test_planes_differ_where_they_are_and_whatever_their_sides() -> None:
     tilt = np.radians(3)
     tilted = Primitive("plane", {"normal": [0, -np.sin(tilt), -np.cos(tilt)], "offset": -1.25})
-    found = differences(FLOOR, tilted, np.array([5.0, 0, 1]))
+    found = parameter_differences(FLOOR, tilted, np.array([5.0, 0, 1]))
     assert found["angle_deg"] == pytest.approx(3)
     assert found["position_m"] == pytest.approx(1.25 - np.cos(tilt))
 
 
 def test_cylinders_differ_beside_their_points_and_not_along_their_axes() -> None:
     other = {"point": [1.3, 0.4, -20.0], "axis": [0.0, 0.0, -1.0], "radius": 2.1}
-    found = differences(PIPE, Primitive("cylinder", other), np.array([3.0, 0, 9]))
+    found = parameter_differences(PIPE, Primitive("cylinder", other), np.array([3.0, 0, 9]))
     assert found == pytest.approx({"angle_deg": 0, "position_m": 0.5, "radius_m": 0.1})
 
 
 def test_a_turned_cylinder_is_off_at_the_centre_of_the_points() -> None:
     axis = [np.sin(0.1), 0.0, np.cos(0.1)]
     turned = Primitive("cylinder", {"point": [1.0, 0.0, 0.0], "axis": axis, "radius": 2.0})
-    found = differences(PIPE, turned, np.array([3.0, 0, 9]))
+    found = parameter_differences(PIPE, turned, np.array([3.0, 0, 9]))
     assert found["angle_deg"] == pytest.approx(np.degrees(0.1))
     assert found["position_m"] == pytest.approx(9 * np.sin(0.1))
 
 
 def test_spheres_and_cones_differ_by_their_places_and_sizes() -> None:
     ball = Primitive("sphere", {"centre": [0.0, 0.3, 1.4], "radius": 0.4})
-    assert differences(BALL, ball, ORIGIN) == pytest.approx({"position_m": 0.5, "radius_m": 0.1})
+    assert parameter_differences(BALL, ball, ORIGIN) == pytest.approx(
+        {"position_m": 0.5, "radius_m": 0.1}
+    )
     cone = {"apex": [0.0, 0.0, 0.2], "axis": UP, "half_angle": np.pi / 4 - np.radians(2)}
-    assert differences(HAT, Primitive("cone", cone), ORIGIN) == pytest.approx(
+    assert parameter_differences(HAT, Primitive("cone", cone), ORIGIN) == pytest.approx(
         {"angle_deg": 0, "position_m": 0.2, "half_angle_deg": 2}
     )
 
@@ -79,8 +83,8 @@ def test_distances_keep_when_points_and_primitive_are_brought_to_metres(surface:
     scale, offset = 40.0, np.array([3.0, -2.0, 0.5])
     points = np.random.default_rng(1).normal(size=(20, 3)) * 4
     moved = primitive_in_metres(surface, scale, offset)
-    there = distances(moved, points / scale + offset)
-    np.testing.assert_allclose(there, distances(surface, points) / scale, atol=1e-12)
+    there = distances_to_primitive(moved, points / scale + offset)
+    np.testing.assert_allclose(there, distances_to_primitive(surface, points) / scale, atol=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -98,4 +102,4 @@ def test_what_scenes_call_a_primitive_is_on_its_own_surface(shape: Shape) -> Non
     }[shape.kind]
     surface = grid(np.stack(on, axis=-1), shape, np.eye(4)).at(1, 2, 3, turn=20, tilt=40, scale=1.5)
     own = primitive(shape, surface.frames[0])
-    np.testing.assert_allclose(distances(own, surface.vertices), 0, atol=1e-12)
+    np.testing.assert_allclose(distances_to_primitive(own, surface.vertices), 0, atol=1e-12)

@@ -8,9 +8,9 @@ import pytest
 from puckbench.core.errors import InputError
 from puckbench.metrics.sensor_metrics import (
     entropy_bits,
-    keeping_up,
     range_errors,
     range_errors_of_points,
+    real_time_metrics,
 )
 from tests.support.returns import homemade
 
@@ -39,9 +39,9 @@ def test_ranges_are_compared_firing_by_firing() -> None:
 
 def test_other_firings_are_refused() -> None:
     original = homemade()
-    with pytest.raises(InputError, match="other numbers of turns"):
+    with pytest.raises(InputError, match="numbers of turns, columns or lasers differ"):
         range_errors(original, replace(original, turns=original.turns[:1]))
-    with pytest.raises(InputError, match="other numbers of turns"):
+    with pytest.raises(InputError, match="numbers of turns, columns or lasers differ"):
         range_errors(original, homemade(columns=80))
 
 
@@ -71,7 +71,7 @@ def test_merged_points_are_lost_returns_and_points_of_no_return_are_added() -> N
 
 def test_a_codec_keeps_up_with_the_sensor() -> None:
     row = {"bytes": 25_000, "encode_s": 0.05, "decode_s": 0.4}
-    found = keeping_up({"turns": 2, "seconds": 0.2}, row)
+    found = real_time_metrics({"turns": 2, "seconds": 0.2}, row)
     assert found == {
         "mbit_per_s": pytest.approx(1.0),
         "encode_ms_per_turn": pytest.approx(25),
@@ -79,8 +79,8 @@ def test_a_codec_keeps_up_with_the_sensor() -> None:
         "decode_ms_per_turn": pytest.approx(200),
         "decode_real_time": pytest.approx(0.5),
     }
-    assert keeping_up({"turns": 2}, row) == {}
-    assert keeping_up({"turns": 1, "seconds": 0.1}, {}) == {}
+    assert real_time_metrics({"turns": 2}, row) == {}
+    assert real_time_metrics({"turns": 1, "seconds": 0.1}, {}) == {}
 
 
 def test_entropy_of_noise_is_that_of_its_distribution() -> None:

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from puckbench.core.errors import InputError
-from puckbench.metrics.coordinate_frames import in_frame
+from puckbench.metrics.coordinate_frames import rows_in_frame
 from puckbench.metrics.tables.storage import bits_at_error, storage
 
 
@@ -81,9 +81,9 @@ def test_small_errors_count_and_one_rate_has_nothing_between() -> None:
 
 def test_scaled_clouds_have_no_part_in_it() -> None:
     rows = _rows()
-    assert len(in_frame(rows, "scaled")) == 1
-    assert len(in_frame(rows, "metric")) == 12
+    assert len(rows_in_frame(rows, "scaled")) == 1
+    assert len(rows_in_frame(rows, "metric")) == 12
     scaled = rows[rows["dataset"] == "objects"].drop(columns="frame")
-    assert len(in_frame(scaled, "scaled")) == 1
+    assert len(rows_in_frame(scaled, "scaled")) == 1
     with pytest.raises(InputError, match="no results of clouds in metres"):
         storage(scaled)

@@ -7,7 +7,7 @@ from puckbench.core.seeding import generator
 from puckbench.geometry.closest import SearchableMesh, closest_surface_points, mesh_in_frame
 from puckbench.geometry.cloud import PointCloud
 from puckbench.geometry.mesh import Mesh
-from puckbench.metrics.geometry import DistinctPoints, Reference, distortion
+from puckbench.metrics.geometry import DistinctPoints, ReferenceCloud, distortion
 from puckbench.metrics.truth import Truth, scan_distortion, truth_distortion
 
 FLOOR = Mesh(
@@ -136,7 +136,7 @@ def test_one_surface_and_one_reference_give_the_values_of_one_off_calls() -> Non
         np.testing.assert_array_equal(once.normals, again.normals)
         np.testing.assert_array_equal(once.triangles, again.triangles)
         for measure in (truth_distortion, scan_distortion):
-            found = measure(Reference(SEEN), surface, DistinctPoints(points))
+            found = measure(ReferenceCloud(SEEN), surface, DistinctPoints(points))
             assert found == measure(SEEN, mesh, points)
 
 
@@ -158,5 +158,5 @@ def test_one_truth_gives_many_decoded_clouds_the_values_of_one_off_calls(
     truth, random = Truth(cloud, surface, seen, clean), generator(5, "decoded")
     for number in (200, 20, 200):
         decoded = random.random((number, 3)) * 200
-        expected = Truth(cloud, surface, seen, clean).measures(decoded)
-        assert truth.measures(decoded) == truth.measures(DistinctPoints(decoded)) == expected
+        expected = Truth(cloud, surface, seen, clean).metrics(decoded)
+        assert truth.metrics(decoded) == truth.metrics(DistinctPoints(decoded)) == expected

@@ -2,7 +2,7 @@
 
 import pytest
 
-from puckbench.metrics.units import in_metres, in_square_millimetres
+from puckbench.metrics.units import distortion_in_metres, in_square_millimetres
 
 
 def test_squared_units_become_metres_by_their_root() -> None:
@@ -13,7 +13,7 @@ def test_squared_units_become_metres_by_their_root() -> None:
         "hausdorff_plane": 5.0,
         "cd_point": 1.0,
     }
-    assert in_metres(values, 50.0) == pytest.approx(
+    assert distortion_in_metres(values, 50.0) == pytest.approx(
         {"truth_d2_rms_m": 0.1, "hausdorff_point_m": 0.2, "hausdorff_plane_m": 0.1}
     )
 

@@ -14,7 +14,7 @@ from pyarrow import parquet
 
 from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import CoordinateFrame
-from puckbench.metrics.coordinate_frames import in_frame
+from puckbench.metrics.coordinate_frames import rows_in_frame
 from puckbench.planning.config import read_config
 from puckbench.report.leaderboard import study_findings, write_study
 from puckbench.report.reference_results import (
@@ -98,7 +98,7 @@ def _sampled_codecs(
         entry = dict(reference.about["configuration"]["codecs"][codec])
         own = rows[rows["codec"] == codec]
         for frame, key in FRAMES.items():
-            names = list(dict.fromkeys(in_frame(own, frame)["rate"]))
+            names = list(dict.fromkeys(rows_in_frame(own, frame)["rate"]))
             if not names:
                 continue
             kept = list(dict.fromkeys([names[0], names[len(names) // 2], names[-1]]))

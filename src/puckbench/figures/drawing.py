@@ -74,10 +74,10 @@ def read_input(kind: str, path: Path, frame: CoordinateFrame = "scaled") -> Any:
     """
     from puckbench.io.tables import read_table
     from puckbench.lidar.returns import with_returns
-    from puckbench.metrics.coordinate_frames import in_frame
+    from puckbench.metrics.coordinate_frames import rows_in_frame
 
     if kind == "DataFrame":
-        return in_frame(read_table(path), frame)
+        return rows_in_frame(read_table(path), frame)
     return with_returns(read_cloud(path), path)
 
 

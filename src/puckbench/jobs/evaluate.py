@@ -20,10 +20,10 @@ from puckbench.jobs.decode import Decoded, Decoding
 from puckbench.jobs.registry import JOBS
 from puckbench.jobs.surfaces import read_truth
 from puckbench.lidar.returns import with_returns
-from puckbench.metrics.cloud_metrics import measures, picture_measures
+from puckbench.metrics.cloud_metrics import geometry_metrics, picture_metrics
 from puckbench.metrics.coordinate_frames import FRAME
 from puckbench.metrics.metric_registry import further_metrics
-from puckbench.metrics.sensor_metrics import keeping_up, range_errors, range_errors_of_points
+from puckbench.metrics.sensor_metrics import range_errors, range_errors_of_points, real_time_metrics
 
 if TYPE_CHECKING:
     from puckbench.lidar.returns import Returns
@@ -57,11 +57,11 @@ class Originals:
         visible: Path | None = None,
         clean: Path | None = None,
     ) -> None:
-        from puckbench.metrics.geometry import Reference
+        from puckbench.metrics.geometry import ReferenceCloud
         from puckbench.metrics.truth import Truth
 
         self.name, self._cloud = cloud.stem, cloud
-        self.reference = Reference(read_cloud(cloud))
+        self.reference = ReferenceCloud(read_cloud(cloud))
         self.truth = None
         if truth or visible or clean:
             surface = None if truth is None else read_truth(truth)
@@ -105,7 +105,7 @@ class Evaluating(Decoding):
                 else range_errors(originals.returns, points.returns)
             )
         ready = DistinctPoints(points.xyz)
-        errors = measures(originals.reference, ready, self.peak)
+        errors = geometry_metrics(originals.reference, ready, self.peak)
         if returns and errors["lossless"] and points.returns is None:
             returns |= {"range_rms_mm": 0.0, "range_max_mm": 0.0}
         result = {
@@ -115,10 +115,10 @@ class Evaluating(Decoding):
             **record,
             "puckbench_version": __version__,
             **errors,
-            **picture_measures(reference, points, self.views, errors),
-            **(originals.truth.measures(ready) if originals.truth else {}),
+            **picture_metrics(reference, points, self.views, errors),
+            **(originals.truth.metrics(ready) if originals.truth else {}),
             **returns,
-            **keeping_up(reference.about, record),
+            **real_time_metrics(reference.about, record),
         }
         result |= further_metrics(self.metrics, reference, points, result)
         result["cloud"] = result.pop("name", originals.name)

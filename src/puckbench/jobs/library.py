@@ -15,12 +15,12 @@ from puckbench.io.clouds import read_cloud
 from puckbench.jobs.codecs import codec_plugins, ready
 from puckbench.jobs.curve import read_curve
 from puckbench.jobs.encode import measured_encoding
-from puckbench.metrics.cloud_metrics import measures
+from puckbench.metrics.cloud_metrics import geometry_metrics
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from puckbench.metrics.geometry import Reference
+    from puckbench.metrics.geometry import ReferenceCloud
 
 __all__ = [
     "Codec",
@@ -79,7 +79,7 @@ def compare(
     """
     import pandas as pd
 
-    from puckbench.metrics.geometry import Reference
+    from puckbench.metrics.geometry import ReferenceCloud
 
     chosen = list(codecs)
     for codec in chosen:
@@ -89,12 +89,12 @@ def compare(
         for codec, shared in [(ready(codec), codec.shared_work()) for codec in chosen]
         for rate in codec.rates_of(cloud.frame) or codec.rates
     ]
-    reference = Reference(cloud)
+    reference = ReferenceCloud(cloud)
     return pd.DataFrame([_row(reference, *cell, repeats, peak) for cell in cells])
 
 
 def _row(
-    reference: Reference,
+    reference: ReferenceCloud,
     codec: Codec,
     rate: str,
     shared: SharedWork | None,
@@ -111,5 +111,5 @@ def _row(
         "bpp": 8 * len(coded.result) / len(cloud),
         **coded.costs("encode"),
         **decoded.costs("decode"),
-        **measures(reference, decoded.result, peak),
+        **geometry_metrics(reference, decoded.result, peak),
     }

@@ -45,7 +45,7 @@ def prepare(cloud: PointCloud, size: int | str = 1024, neighbours: int = 30) -> 
     Normals are estimated in the scaled frame, as the thesis does.
     """
     from puckbench.geometry.normals import estimate_normals
-    from puckbench.metrics.density import density, in_metres
+    from puckbench.metrics.density import density, density_in_metres
     from puckbench.metrics.diameter import diameter
     from puckbench.metrics.elongation import elongation, oriented_elongation
 
@@ -60,7 +60,7 @@ def prepare(cloud: PointCloud, size: int | str = 1024, neighbours: int = 30) -> 
         "size_m": np.ptp(cloud.xyz, axis=0).tolist(),
         "elongation": elongation(local),
         "elongation_oriented": oriented_elongation(local),
-        **in_metres(density(xyz), float(scaling.scale)),
+        **density_in_metres(density(xyz), float(scaling.scale)),
         "diameter": diameter(xyz),
         "digest": cloud_digest(xyz, metric=side == 0),
         **({} if side else {"peak": cloud.about.get("peak", PEAK_M)}),

@@ -1,1 +1,1 @@
-"""Measures of geometric distortion: between point clouds, and against the true surface."""
+"""Metrics of decoded point clouds, and tables made from them."""

@@ -1,4 +1,4 @@
-"""All distortions of a decoded cloud at once, as a result row has them."""
+"""All metrics of a decoded cloud, as a result row has them."""
 
 from __future__ import annotations
 
@@ -9,66 +9,73 @@ from typing import TYPE_CHECKING
 from puckbench.geometry.cloud import Floats, PointCloud
 
 if TYPE_CHECKING:
-    from puckbench.metrics.geometry import DistinctPoints, Reference
+    from puckbench.metrics.geometry import DistinctPoints, ReferenceCloud
 
 
-def measures(
-    reference: PointCloud | Reference, decoded: Floats | DistinctPoints, peak: float | None = None
+def geometry_metrics(
+    reference: PointCloud | ReferenceCloud,
+    decoded: Floats | DistinctPoints,
+    peak: float | None = None,
 ) -> dict[str, float]:
-    """All distortions in the reference's frame, as PSNRs and in metres.
+    """Return all geometry metrics in the reference's units, as PSNRs and in metres.
 
-    Of clouds in metres D1 and D2 are given in mm² as well. Errors of no more than the rounding of
-    numbers are none, and the entry ``lossless`` says so (`puckbench.metrics.lossless`).
+    For clouds in metres D1 and D2 are also given in mm². Errors that rounding explains are set to 0
+    and marked by the entry ``lossless`` (`puckbench.metrics.lossless`).
 
     Parameters
     ----------
     reference
-        The cloud that was coded; one without normals has no distances to planes. As a `Reference`
-        where several decoded clouds are measured.
+        The original cloud; without normals there is no D2.
     decoded : (m, 3)
-        The decoded points, in the reference's frame; as `puckbench.metrics.geometry.distortion`
-        takes them.
+        Decoded points in the reference's frame.
     peak
-        Peak of MPEG's PSNRs, in the reference's units, which the entry ``peak`` repeats; by default
-        its own. Where it is not known they are left out, as is a PSNR without error.
+        Peak of D1 and D2 PSNR in the reference's units, by default that of the cloud. PSNRs are
+        left out if the peak is unknown or the error is 0.
     """
-    from puckbench.metrics.geometry import Reference, distortion
+    from puckbench.metrics.geometry import ReferenceCloud, distortion
     from puckbench.metrics.lossless import without_rounding
     from puckbench.metrics.psnr import cd_psnr, mpeg_psnr
-    from puckbench.metrics.units import in_metres, in_square_millimetres
+    from puckbench.metrics.units import distortion_in_metres, in_square_millimetres
 
-    reference = Reference.of(reference)
+    reference = ReferenceCloud.of(reference)
     cloud = reference.cloud
-    found = without_rounding(distortion(reference, decoded), reference.rounding)
+    distances = without_rounding(distortion(reference, decoded), reference.rounding)
     peak = cloud.peak if peak is None else peak
-    decibels = {**(mpeg_psnr(found, peak) if peak else {}), **cd_psnr(found, reference.diameter)}
-    named = {"peak": peak} if peak else {}
-    lengths = in_metres(found, cloud.about.get("scale", 1.0))
-    squares = in_square_millimetres(found) if cloud.frame == "metric" else {}
-    return {**found, **named, **_finite(decibels), **lengths, **squares}
+    decibels = {
+        **(mpeg_psnr(distances, peak) if peak else {}),
+        **cd_psnr(distances, reference.diameter),
+    }
+    peak_entry = {"peak": peak} if peak else {}
+    lengths = distortion_in_metres(distances, cloud.about.get("scale", 1.0))
+    squares = in_square_millimetres(distances) if cloud.frame == "metric" else {}
+    return {**distances, **peak_entry, **_finite(decibels), **lengths, **squares}
 
 
-def picture_measures(
+def picture_metrics(
     reference: PointCloud, decoded: PointCloud, pixels: int, geometry: Mapping[str, float]
 ) -> dict[str, float]:
-    """Measures of six pictures of that width, if any, and of colours where both clouds have them.
+    """Return metrics of rendered views and, if both clouds have colours, of colour.
 
     Parameters
     ----------
+    reference, decoded
+        The clouds, in one frame.
+    pixels
+        Width of a rendered view; 0 for no views.
     geometry
-        What `measures` found, for the joint quality of geometry and colour.
+        Result of `geometry_metrics`, for the joint metric of geometry and colour.
     """
-    found: dict[str, float] = {}
+    values: dict[str, float] = {}
     if pixels:
-        from puckbench.metrics.views import view_quality
+        from puckbench.metrics.views import view_metrics
 
-        found |= view_quality(reference, decoded, pixels)
+        values |= view_metrics(reference, decoded, pixels)
     if reference.colours is not None and decoded.colours is not None:
         from puckbench.metrics.colour import colour_distortion, joint_quality
 
         colour = colour_distortion(reference, decoded)
-        found |= {**colour, "joint_quality": joint_quality(geometry, colour)}
-    return _finite(found)
+        values |= {**colour, "joint_quality": joint_quality(geometry, colour)}
+    return _finite(values)
 
 
 def _finite(values: Mapping[str, float]) -> dict[str, float]:

@@ -1,4 +1,4 @@
-"""Distortion of colours: PSNR of luminance and chrominance, and a joint measure of quality."""
+"""Colour metrics: PSNR of luma and chroma, and a joint metric of geometry and colour."""
 
 from __future__ import annotations
 
@@ -19,23 +19,23 @@ _YUV = np.array(
         [0.5, -0.4542, -0.0458],
     ]
 )
-"""BT.709, full range, as MPEG's pc_error has it."""
+"""BT.709, full range, as in MPEG's pc_error."""
 _CHANNELS = ("y", "u", "v")
 GEOMETRY_WEIGHT = 0.6597
-"""Weight of geometry against luminance in the joint measure (Viola, Subramanyam, Cesar 2020)."""
+"""Weight of geometry against luma in the joint metric (Viola, Subramanyam and Cesar 2020)."""
 _BINS = 256
 
 
 def yuv(colours: np.ndarray) -> Floats:
-    """Y in [0, 1], U and V in [-0.5, 0.5], (n, 3), of uint8 RGB (n, 3)."""
+    """Convert uint8 RGB (n, 3) to YUV (n, 3): Y in [0, 1], U and V in [-0.5, 0.5]."""
     return np.asarray(np.asarray(colours, dtype=np.float64) @ _YUV.T / 255)
 
 
 def colour_distortion(reference: PointCloud, decoded: PointCloud) -> dict[str, float]:
-    """Colour errors between nearest neighbours, in both directions.
+    """Return colour errors between nearest neighbours, the larger of both directions.
 
-    Points with equal coordinates are merged first, their colours averaged; of several nearest
-    neighbours the mean colour counts.
+    Points with equal coordinates are merged and their colours averaged, as are the colours of
+    equidistant neighbours.
 
     Parameters
     ----------
@@ -45,9 +45,8 @@ def colour_distortion(reference: PointCloud, decoded: PointCloud) -> dict[str, f
     Returns
     -------
     dict
-        For each of y, u and v, ``y_mse`` (larger of both directions, of channels one unit wide) and
-        ``y_psnr`` (dB, peak 1, infinite without error); and ``luminance_l2``, see
-        `luminance_distance`.
+        ``y_mse``, ``u_mse``, ``v_mse``; ``y_psnr``, ``u_psnr``, ``v_psnr`` (dB, peak 1, infinite
+        without error); ``luminance_l2`` (`luminance_distance`).
 
     Raises
     ------
@@ -57,26 +56,27 @@ def colour_distortion(reference: PointCloud, decoded: PointCloud) -> dict[str, f
     a, a_colours = _merged(reference, "reference cloud")
     b, b_colours = _merged(decoded, "decoded cloud")
     a_points, b_points = SearchablePoints(a), SearchablePoints(b)
-    forth = _squared(a_colours, b_colours, b_points.nearest(a_points))
-    back = _squared(b_colours, a_colours, a_points.nearest(b_points))
-    errors = np.maximum(forth, back)
+    ab = _squared(a_colours, b_colours, b_points.nearest(a_points))
+    ba = _squared(b_colours, a_colours, a_points.nearest(b_points))
+    errors = np.maximum(ab, ba)
     values = {f"{name}_mse": float(errors[i]) for i, name in enumerate(_CHANNELS)}
     values |= {f"{name}_psnr": psnr(values[f"{name}_mse"], 1.0) for name in _CHANNELS}
     return values | {"luminance_l2": luminance_distance(a_colours[:, 0], b_colours[:, 0])}
 
 
 def luminance_distance(a: Floats, b: Floats) -> float:
-    """Euclidean distance of the luminance histograms, shares in 256 bins, of two clouds' Y."""
+    """Return the Euclidean distance of two clouds' normalised luma histograms of 256 bins."""
     shares = [np.histogram(y, _BINS, (0.0, 1.0))[0] / len(y) for y in (a, b)]
     return float(np.linalg.norm(shares[0] - shares[1]))
 
 
 def joint_quality(distortion: Mapping[str, float], colour: Mapping[str, float]) -> float:
-    """Joint measure of geometry and colour, ``cd_plane`` and ``luminance_l2``; lower is better.
+    """Return the joint metric of geometry (``cd_plane``) and colour (``luminance_l2``); lower is
+    better.
 
-    PCC Arena's form of the measure of Viola et al. Chamfer distances are squared units of the
-    cloud, so it compares codecs on one cloud and not across scales. (PCC Arena's own colour term
-    is always 0, by an integer division.)
+    This is PCC Arena's form of the metric of Viola et al., without PCC Arena's integer division,
+    which makes its colour term 0. The Chamfer distance has squared units of the cloud, so that
+    values of clouds of different scales cannot be compared.
 
     References
     ----------
@@ -90,10 +90,9 @@ def joint_quality(distortion: Mapping[str, float], colour: Mapping[str, float]) 
 
 
 def _merged(cloud: PointCloud, what: str) -> tuple[Floats, Floats]:
-    """Distinct points (k, 3) and the mean YUV (k, 3) of each."""
     check_points(cloud.xyz, what)
     if cloud.colours is None or cloud.colours.shape != cloud.xyz.shape:
-        raise InputError(f"{what}: no colour for every point")
+        raise InputError(f"{what}: needs a colour for every point")
     points, inverse = np.unique(cloud.xyz, axis=0, return_inverse=True)
     values, inverse = yuv(cloud.colours), inverse.ravel()
     sums = np.stack([np.bincount(inverse, values[:, i]) for i in range(3)], axis=1)
@@ -101,11 +100,9 @@ def _merged(cloud: PointCloud, what: str) -> tuple[Floats, Floats]:
 
 
 def _squared(queries: Floats, colours: Floats, nearest: Neighbours) -> Floats:
-    """Mean squared error (3,) of the queries' colours against their neighbours'."""
     return np.asarray(np.mean((queries - _means(colours, nearest)) ** 2, axis=0))
 
 
 def _means(colours: Floats, nearest: Neighbours) -> Floats:
-    """Mean colour (m, 3) of each query's neighbours."""
     sums = np.add.reduceat(colours[nearest.index], nearest.starts[:-1], axis=0)
     return np.asarray(sums / np.diff(nearest.starts)[:, None])

@@ -1,21 +1,30 @@
-"""Rows of tables by the frame of their clouds: scaled to a cube, or in metres."""
+"""Select table rows by the coordinate frame of their clouds: scaled to a cube, or in metres."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import CoordinateFrame
 
 if TYPE_CHECKING:
     import pandas as pd
 
 FRAME = "frame"
-"""Column of tables of clouds and results: empty for scaled clouds, absent if all are scaled."""
+"""Column of tables of clouds and results: "metric", or empty for scaled clouds."""
 
 
-def in_frame(table: pd.DataFrame, frame: CoordinateFrame) -> pd.DataFrame:
-    """The rows whose clouds are in a frame; a table without the column is of scaled clouds."""
+def rows_in_frame(table: pd.DataFrame, frame: CoordinateFrame) -> pd.DataFrame:
+    """Return the rows of clouds in a frame; clouds of a table without `FRAME` are scaled."""
     if FRAME not in table:
         return table if frame == "scaled" else table.iloc[:0]
     rows = table[(table[FRAME] == "metric") == (frame == "metric")]
     return rows.dropna(axis="columns", how="all") if frame == "metric" else rows
+
+
+def rows_in_metres(metrics: pd.DataFrame) -> pd.DataFrame:
+    """Return the rows of clouds in metres; InputError if there are none."""
+    rows = rows_in_frame(metrics, "metric")
+    if rows.empty:
+        raise InputError("metrics table: no results of clouds in metres")
+    return rows

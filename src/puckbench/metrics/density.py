@@ -1,4 +1,4 @@
-"""How densely a cloud's points lie, how evenly, and how many stand apart from the others."""
+"""Point spacing, density and outliers of a cloud."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from puckbench.geometry.spatial_order import distinct_points
 
 NEIGHBOURS = 16
 QUERIES = 100_000
-"""Number of points of a larger cloud that are drawn at random as queries, among all its points."""
+"""Size of the random sample of query points taken from larger clouds."""
 OUTLIER_DEVIATIONS = 2.0
 
 
 def density(points: Floats) -> dict[str, float]:
-    """Spacing, density and outliers of a cloud.
+    """Return spacing, density and outliers of a cloud.
 
-    Of more than 100,000 distinct points 100,000 are measured, always the same ones.
+    Of clouds with more than 100,000 distinct points a fixed random sample of 100,000 is queried.
 
     Parameters
     ----------
@@ -27,16 +27,16 @@ def density(points: Floats) -> dict[str, float]:
     Returns
     -------
     dict
-        In the unit of the points; of a single distinct point ``duplicates`` alone:
+        In the unit of the points. A cloud of a single distinct point has ``duplicates`` only.
 
-        * ``duplicates``: share of the points that have the coordinates of an earlier one; the
-          others are of the distinct points.
-        * ``spacing_median``, ``spacing_q05``, ``spacing_q95``: distance to the nearest other point.
-        * ``density_median``, ``density_q05``, ``density_q95``: points per unit of area,
-          k / (pi r^2) with the distance r of the k-th nearest of 16, as if the surface were flat.
-        * ``outliers``: share of the points whose mean distance to these neighbours is beyond the
-          mean over points by more than two standard deviations (Rusu et al. 2008, the statistical
-          outlier removal of PCL and Open3D). Uneven sampling counts as well as noise.
+        * ``duplicates``: share of points at the coordinates of another point; the other values
+          count each position once.
+        * ``spacing_median``, ``spacing_q05``, ``spacing_q95``: distance to the nearest neighbour.
+        * ``density_median``, ``density_q05``, ``density_q95``: points per area, k / (pi r^2), where
+          r is the distance of the k-th neighbour, k = 16, on a surface assumed flat.
+        * ``outliers``: share of points whose mean distance to the k neighbours exceeds the mean
+          over all points by two standard deviations, as in the statistical outlier removal of PCL
+          and Open3D (Rusu et al. 2008). Uneven sampling also causes outliers.
 
     Raises
     ------
@@ -46,20 +46,22 @@ def density(points: Floats) -> dict[str, float]:
     check_points(points, "density")
     points = np.ascontiguousarray(points, dtype=np.float64)
     _, distinct = distinct_points(points)
-    found = {"duplicates": 1 - len(distinct) / len(points)}
+    values = {"duplicates": 1 - len(distinct) / len(points)}
     if len(distinct) == 1:
-        return found
+        return values
     distances = _neighbour_distances(distinct)
     k = distances.shape[1]
-    found |= _shares("spacing", distances[:, 0])
-    found |= _shares("density", k / (np.pi * distances[:, -1] ** 2))
+    values |= _shares("spacing", distances[:, 0])
+    values |= _shares("density", k / (np.pi * distances[:, -1] ** 2))
     means = distances.mean(axis=1)
     limit = means.mean() + OUTLIER_DEVIATIONS * means.std()
-    return found | {"outliers": float(np.mean(means > limit))}
+    return values | {"outliers": float(np.mean(means > limit))}
 
 
 def _neighbour_distances(points: Floats) -> Floats:
-    """Distances (m, k) of the nearest others of up to `QUERIES` of the points, nearest first."""
+    """Return distances (m, k) to the k nearest neighbours of at most `QUERIES` points, nearest
+    first.
+    """
     from pykdtree.kdtree import KDTree
 
     rows = np.arange(len(points))
@@ -79,17 +81,16 @@ def _shares(name: str, values: Floats) -> dict[str, float]:
     }
 
 
-def in_metres(values: dict[str, float], scale: float) -> dict[str, float]:
-    """Values of `density` as ``spacing_..._m`` and ``density_..._m2`` (per square metre).
-
-    `scale` is in units per metre; shares keep their names.
+def density_in_metres(values: dict[str, float], scale: float) -> dict[str, float]:
+    """Convert values of `density` with `scale` units per metre; names get ``_m`` or, per square
+    metre, ``_m2``.
     """
-    found = {}
+    converted = {}
     for name, value in values.items():
         if name.startswith("spacing"):
-            found[f"{name}_m"] = value / scale
+            converted[f"{name}_m"] = value / scale
         elif name.startswith("density"):
-            found[f"{name}_m2"] = value * scale**2
+            converted[f"{name}_m2"] = value * scale**2
         else:
-            found[name] = value
-    return found
+            converted[name] = value
+    return converted

@@ -1,4 +1,4 @@
-"""Diameter of a point set: its largest pairwise distance, the peak of PCC Arena's CD-PSNR."""
+"""Diameter of a point set, the peak of PCC Arena's PSNR of the Chamfer distance."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from puckbench.geometry.cloud import Floats, check_points
 from puckbench.geometry.spatial_order import distinct_points
 
 BLOCK = 64
-"""Points of a block with one bounding box; the fastest size on spheres, the worst case."""
+"""Points per bounding box; fastest for points on a sphere, the worst case."""
 ROUNDING = 1e-12
-"""Slack of the bounds, relative to the distances, that covers their rounding."""
+"""Relative tolerance that covers rounding errors of the bounds."""
 
 
 def diameter(points: Floats) -> float:
-    """Exact largest distance between any two points of a cloud, in their unit; 0 for one point.
+    """Return the largest distance between two points of a cloud, exactly; 0 for one point.
 
-    A far pair found first leaves few points that can belong to a farther one, and those are
-    compared in blocks that are near in space. Unlike a convex hull this needs no special cases for
-    points on a line or in a plane.
+    A pair of distant points gives a lower bound. Points too close to their centre for a longer pair
+    are discarded; the others are compared in blocks of neighbouring points with bounding boxes. A
+    convex hull would need special cases for collinear and coplanar points.
 
     Parameters
     ----------
@@ -33,11 +33,11 @@ def diameter(points: Floats) -> float:
     """
     check_points(points, "diameter")
     points = np.ascontiguousarray(points, dtype=np.float64)
-    middle, found = _far_pair(points)
-    radii = _distances(points, middle)
-    candidates = points[radii >= found * (1 - ROUNDING) - radii.max()]
+    centre, length = _far_pair(points)
+    radii = _distances(points, centre)
+    candidates = points[radii >= length * (1 - ROUNDING) - radii.max()]
     _, candidates = distinct_points(candidates)
-    return float(np.sqrt(_largest_squared(candidates, found**2 * (1 - ROUNDING))))
+    return float(np.sqrt(_largest_squared(candidates, length**2 * (1 - ROUNDING))))
 
 
 def _distances(points: Floats, centre: Floats) -> Floats:
@@ -46,20 +46,24 @@ def _distances(points: Floats, centre: Floats) -> Floats:
 
 
 def _far_pair(points: Floats) -> tuple[Floats, float]:
-    """Go from a point to the farthest from it while the distance grows: its middle and length."""
-    here, middle, found = points[0], points[0], -1.0
+    """Return centre and length of a long pair: step to the farthest point until the distance stops
+    growing.
+    """
+    point, centre, length = points[0], points[0], -1.0
     while True:
-        distances = _distances(points, here)
+        distances = _distances(points, point)
         farthest = int(np.argmax(distances))
-        if distances[farthest] <= found:
-            return middle, found
-        middle, found = (here + points[farthest]) / 2, float(distances[farthest])
-        here = points[farthest]
+        if distances[farthest] <= length:
+            return centre, length
+        centre, length = (point + points[farthest]) / 2, float(distances[farthest])
+        point = points[farthest]
 
 
 @compiled
 def _largest_squared(points: Floats, largest: float) -> float:
-    """Largest squared distance, at least `largest`, among points in spatial order."""
+    """Return the larger of `largest` and the largest squared distance among points in spatial
+    order.
+    """
     boxes = _boxes(points)
     for i in range(len(boxes)):
         for j in range(i + 1):
@@ -70,7 +74,7 @@ def _largest_squared(points: Floats, largest: float) -> float:
 
 @compiled
 def _boxes(points: Floats) -> Floats:
-    """Lowest and highest coordinates of each block of points, (blocks, 2, 3)."""
+    """Return the bounding box of each block of points, (blocks, 2, 3)."""
     boxes = np.empty((-(-len(points) // BLOCK), 2, 3))
     for i in range(len(boxes)):
         for axis in range(3):
@@ -81,7 +85,7 @@ def _boxes(points: Floats) -> Floats:
 
 @compiled
 def _box_squared(boxes: Floats, i: int, j: int) -> float:
-    """Squared distance of the farthest points of two boxes."""
+    """Return an upper bound of the squared distances between points of two boxes."""
     x = max(boxes[i, 1, 0] - boxes[j, 0, 0], boxes[j, 1, 0] - boxes[i, 0, 0])
     y = max(boxes[i, 1, 1] - boxes[j, 0, 1], boxes[j, 1, 1] - boxes[i, 0, 1])
     z = max(boxes[i, 1, 2] - boxes[j, 0, 2], boxes[j, 1, 2] - boxes[i, 0, 2])
@@ -90,7 +94,9 @@ def _box_squared(boxes: Floats, i: int, j: int) -> float:
 
 @compiled
 def _cap_squared(points: Floats, boxes: Floats, i: int, j: int) -> float:
-    """A closer bound: exact along the line between the boxes' centres, their radii across it."""
+    """Return a tighter bound: exact extent along the line between the box centres, half diagonals
+    across.
+    """
     x = boxes[i, 0, 0] + boxes[i, 1, 0] - boxes[j, 0, 0] - boxes[j, 1, 0]
     y = boxes[i, 0, 1] + boxes[i, 1, 1] - boxes[j, 0, 1] - boxes[j, 1, 1]
     z = boxes[i, 0, 2] + boxes[i, 1, 2] - boxes[j, 0, 2] - boxes[j, 1, 2]

@@ -1,4 +1,4 @@
-"""Elongation of a cloud: shortest over longest side of a box around it."""
+"""Elongation of a cloud: shortest over longest side of its bounding box."""
 
 from __future__ import annotations
 
@@ -8,17 +8,12 @@ from puckbench.geometry.cloud import Floats, check_points
 
 
 def elongation(points: Floats) -> float:
-    """Elongation of the axis-aligned bounding box, as thesis section 6.1 defines it.
+    """Return the elongation of the axis-aligned bounding box (thesis section 6.1), 0 for one point.
 
     Parameters
     ----------
     points
         (n, 3), in any unit.
-
-    Returns
-    -------
-    float
-        Shortest over longest side, 0 for a single point.
 
     Raises
     ------
@@ -30,12 +25,12 @@ def elongation(points: Floats) -> float:
 
 
 def oriented_elongation(points: Floats) -> float:
-    """Elongation of the box along the principal axes of the convex hull's corners.
+    """Return the elongation of the box along the principal axes of the convex hull's vertices.
 
-    This is Open3D's oriented bounding box, which the thesis's author measured. It does not depend
-    on the orientation of a room, but it is not the box of least volume: it is tilted where two
-    principal axes are about equally long or hull corners gather on one side, so that a box of
-    8 x 4 x 2 filled at random has 0.29 instead of 0.25. A flat cloud has 0.
+    This is Open3D's oriented bounding box, with which the thesis's values were measured. It is not
+    the box of least volume: it tilts if two principal axes have similar lengths or if hull vertices
+    cluster, so that a box of 8 x 4 x 2 filled at random has 0.29 instead of 0.25. A flat cloud has
+    0.
 
     Parameters
     ----------

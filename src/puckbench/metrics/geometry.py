@@ -1,7 +1,7 @@
-"""Distortion of a decoded cloud: Chamfer and Hausdorff distances, point to point and to plane.
+"""D1 and D2, Chamfer and Hausdorff distances between an original and a decoded cloud.
 
-Thesis section 2.4, equations 2.3 to 2.6, with the rules of MPEG's pc_error for what the equations
-leave open: duplicates, points without normals, equidistant neighbours.
+Thesis section 2.4, equations 2.3 to 2.6. Duplicate points, missing normals and equidistant
+neighbours, which the equations leave open, are treated as in MPEG's pc_error.
 """
 
 from __future__ import annotations
@@ -24,16 +24,16 @@ from puckbench.metrics.lossless import rounding
 
 @dataclass(frozen=True)
 class SquaredErrors:
-    """Squared errors of the points of two clouds, reference (A) and decoded (B).
+    """Squared errors of the points of a reference (A) and a decoded cloud (B), in squared units.
 
     Parameters
     ----------
     decoded
-        Distinct points of B, (m, 3), that ``ba_point`` and ``ba_plane`` belong to.
+        Distinct points of B, (m, 3).
     ab_point, ba_point
-        Point to point, (n,) from A to B and (m,) from B to A, squared units of the clouds.
+        Point to point, (n,) from A to B and (m,) from B to A.
     ab_plane, ba_plane
-        Point to plane, likewise; None when the reference has no normals.
+        Point to plane, likewise; None if the reference has no normals.
     """
 
     decoded: Floats
@@ -44,21 +44,19 @@ class SquaredErrors:
 
 
 class DistinctPoints:
-    """The distinct points of a cloud, sorted and made ready for searches once.
-
-    Whatever takes decoded points takes them like this too, so that several comparisons share them.
+    """The distinct points of a cloud with a search index, to be shared by several comparisons.
 
     Parameters
     ----------
     points
-        (n, 3), in any order.
+        (n, 3).
     what
-        Their name in messages.
+        Name of the cloud in error messages.
 
     Raises
     ------
     InputError
-        There are none, or some that are not finite.
+        There are no points, or some are not finite.
     """
 
     def __init__(self, points: Floats, what: str = "decoded cloud") -> None:
@@ -68,20 +66,17 @@ class DistinctPoints:
 
     @classmethod
     def of(cls, decoded: Floats | DistinctPoints) -> DistinctPoints:
-        """The points themselves, or a decoded cloud made ready."""
         return decoded if isinstance(decoded, cls) else cls(cast(Floats, decoded))
 
 
-class Reference:
-    """A reference cloud (A), made ready once for all decoded clouds that are compared with it.
-
-    Its distinct points are sorted and searched, its normals checked. Whatever takes a reference
-    takes it as a `PointCloud` too, and then makes it ready for one decoded cloud.
+class ReferenceCloud:
+    """A reference cloud (A) with its search index and checked normals, to be shared by several
+    comparisons.
 
     Parameters
     ----------
     cloud
-        The original cloud, with normals for the distances to plane.
+        The original cloud; D2 needs its normals.
 
     Raises
     ------
@@ -97,53 +92,52 @@ class Reference:
             self.normals = _checked_normals(cloud).take(self.points.rows, axis=0)
 
     @classmethod
-    def of(cls, reference: PointCloud | Reference) -> Reference:
-        """The reference itself, or a cloud made ready."""
+    def of(cls, reference: PointCloud | ReferenceCloud) -> ReferenceCloud:
         return reference if isinstance(reference, cls) else cls(cast(PointCloud, reference))
 
     @cached_property
     def diameter(self) -> float:
-        """Of the cloud, in its unit: as its description says, or else measured."""
+        """Diameter in the cloud's unit, from its description or measured."""
         return float(self.cloud.about.get("diameter") or diameter(self.cloud.xyz))
 
     @cached_property
     def rounding(self) -> float:
-        """Errors up to this are those of the rounding of numbers, in the cloud's unit."""
+        """Largest error, in the cloud's unit, that rounding of coordinates can cause."""
         return rounding(self.cloud)
 
 
 def distortion(
-    reference: PointCloud | Reference, decoded: Floats | DistinctPoints
+    reference: PointCloud | ReferenceCloud, decoded: Floats | DistinctPoints
 ) -> dict[str, float]:
-    """Chamfer and Hausdorff distances of a decoded cloud, as MPEG's pc_error measures them.
+    """Return D1, D2, Chamfer and Hausdorff distances of a decoded cloud, as MPEG's pc_error
+    computes them.
 
-    Points with equal coordinates are merged first; the first one's normal stays. B's normals come
-    from A's: see `transferred_normals`. Point to plane, an error vector is projected on the normal
-    of the neighbour that it leads to; equidistant neighbours count with their mean.
+    Duplicate points count once; the first one's normal is kept. Decoded points get their normals
+    from the reference (`transfer_normals`). Point to plane is the error vector to the nearest
+    neighbour projected onto that neighbour's normal. Equidistant neighbours are averaged.
 
-    All is in double precision, while pc_error rounds coordinates to single as it reads them: the
-    two agree to 1e-6 on coordinates that single precision holds, to some 1e-5 on others.
+    Arithmetic is in double precision. pc_error reads coordinates in single precision: results agree
+    to 1e-6 if coordinates are exact in single precision, else to about 1e-5.
 
     Parameters
     ----------
     reference
-        The original cloud (A), with normals for the distances to plane; as a `Reference` where
-        several decoded clouds are measured.
+        The original cloud (A); a `ReferenceCloud` saves time when several clouds are compared with
+        it.
     decoded
-        Coordinates (m, 3) of the decoded cloud (B), in the frame of A; as `DistinctPoints` where
-        it is compared with several clouds.
+        The decoded cloud (B), (m, 3), in the frame of A.
 
     Returns
     -------
     dict
-        In squared units of the clouds but for the Hausdorff distances (units):
+        In squared units of the clouds, except for Hausdorff distances (units):
 
-        * ``acd_ab_point``, ``acd_ba_point``: the two asymmetric Chamfer distances (eq. 2.3),
-          ``cd_point``: their mean (eq. 2.4), ``d1_mse``: their maximum (pc_error's mseF),
-        * ``hausdorff_point``: Hausdorff distance (eq. 2.5), ``hausdorff_sq_point``: its square
-          (pc_error's "h."),
-        * the same with ``_plane`` for ``_point`` and ``d2_mse`` for ``d1_mse`` (eq. 2.6), when the
-          reference has normals,
+        * ``acd_ab_point``, ``acd_ba_point``: asymmetric Chamfer distances (eq. 2.3); ``cd_point``:
+          their mean (eq. 2.4); ``d1_mse``: their maximum (pc_error's mseF).
+        * ``hausdorff_point``: Hausdorff distance (eq. 2.5); ``hausdorff_sq_point``: its square
+          (pc_error's "h.").
+        * The same point to plane (eq. 2.6), if the reference has normals: ``_plane`` for ``_point``
+          and ``d2_mse`` for ``d1_mse``.
         * ``points_a``, ``points_b``: numbers of distinct points.
 
     Raises
@@ -153,23 +147,23 @@ def distortion(
 
     References
     ----------
-    Thesis, section 2.4; ISO/IEC JTC1/SC29/WG11, mpeg-pcc-dmetric (pc_error).
+    Thesis section 2.4; ISO/IEC JTC1/SC29/WG11, mpeg-pcc-dmetric (pc_error).
     """
-    return summary(squared_errors(reference, decoded))
+    return summarise_errors(squared_errors(reference, decoded))
 
 
 def squared_errors(
-    reference: PointCloud | Reference, decoded: Floats | DistinctPoints
+    reference: PointCloud | ReferenceCloud, decoded: Floats | DistinctPoints
 ) -> SquaredErrors:
-    """Squared error of every distinct point of both clouds, as `distortion` defines it."""
-    reference = Reference.of(reference)
+    """Return the squared errors of the distinct points of both clouds (see `distortion`)."""
+    reference = ReferenceCloud.of(reference)
     from_a, from_b = reference.points, DistinctPoints.of(decoded)
     a, b = from_a.xyz, from_b.xyz
     ab, ba = from_b.search.nearest(from_a.search), from_a.search.nearest(from_b.search)
     normals = reference.normals
     if normals is None:
         return SquaredErrors(b, ab.squared, ba.squared)
-    normals_b = transferred_normals(normals, len(b), ab, ba)
+    normals_b = transfer_normals(normals, len(b), ab, ba)
     return SquaredErrors(
         b,
         ab.squared,
@@ -179,8 +173,8 @@ def squared_errors(
     )
 
 
-def summary(errors: SquaredErrors) -> dict[str, float]:
-    """The measures of `distortion` from the squared errors of the points."""
+def summarise_errors(errors: SquaredErrors) -> dict[str, float]:
+    """Return the metrics of `distortion` from the squared errors of the points."""
     values = _summary(errors.ab_point, errors.ba_point, "point", "d1_mse")
     if errors.ab_plane is not None and errors.ba_plane is not None:
         values |= _summary(errors.ab_plane, errors.ba_plane, "plane", "d2_mse")
@@ -213,12 +207,21 @@ def _checked_normals(reference: PointCloud) -> Floats:
     return normals
 
 
-def transferred_normals(normals: Floats, size: int, ab: Neighbours, ba: Neighbours) -> Floats:
-    """Normals (size, 3) of B from those of A (n, 3), by MPEG's rule.
+def transfer_normals(normals: Floats, size: int, ab: Neighbours, ba: Neighbours) -> Floats:
+    """Return normals (size, 3) of B from those of A, by the rule of MPEG's pc_error.
 
-    A point of B gets the plain mean, not made unit again, of the normals of the points of A that
-    have it as a nearest neighbour, equidistant ones included; where there are none, the mean of
-    its own nearest neighbours' normals.
+    A point of B gets the mean, not normalised, of the normals of the points of A whose nearest
+    neighbour it is, equidistant neighbours included; if there are none, the mean of the normals of
+    its own nearest neighbours in A.
+
+    Parameters
+    ----------
+    normals
+        Of A, (n, 3).
+    size
+        Number of points of B.
+    ab, ba
+        Nearest neighbours of the points of A in B, and of B in A.
     """
     sums, counts = _sums_of_takers(normals, size, ab.starts, ab.exact, ab.index)
     _add_own_nearest(normals, ba.starts, ba.exact, ba.index, sums, counts)
@@ -255,7 +258,9 @@ def _add_own_nearest(
 def _projected(
     queries: Floats, points: Floats, normals: Floats, starts: Rows, index: Rows
 ) -> Floats:
-    """Squared errors along the neighbours' normals, (m,): the mean over equidistant neighbours."""
+    """Return squared errors along the neighbours' normals, (m,), averaged over equidistant
+    neighbours.
+    """
     squared = np.zeros(len(queries))
     for i in range(len(queries)):
         for j in range(starts[i], starts[i + 1]):

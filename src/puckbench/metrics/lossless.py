@@ -1,4 +1,4 @@
-"""Which decoded clouds are lossless: their errors come from the rounding of numbers, not coding."""
+"""Detect lossless decoded clouds, whose errors come from the rounding of coordinates only."""
 
 from __future__ import annotations
 
@@ -14,34 +14,35 @@ if TYPE_CHECKING:
     import pandas as pd
 
 LOSSLESS = "lossless"
-"""Column of result rows: whether every point came back, but for the rounding of numbers."""
+"""Column of result rows: whether all errors are rounding errors."""
 _ROUNDING = 2.0**-21
-"""Four units in the last place of single precision: a coordinate is rounded as it is read, in two
-operations of a decoder and as it is written, along three axes."""
+"""Four units in the last place of single precision: a coordinate is rounded when it is read, by two
+operations of a decoder and when it is written, along three axes."""
 _MOST = 1e-4
-"""Errors above this are errors, however large coordinates in metres are."""
+"""Metres; larger errors are never attributed to rounding."""
 _OF_THE_SHAPE = ("d1_", "d2_", "cd_", "acd_", "hausdorff_", "view_")
-"""How columns begin that measure a decoded cloud against the coded one."""
+"""Prefixes of columns that compare the decoded with the coded cloud."""
 _BEST_DB, MOST_DB = 1e9, 1e4
-"""What stands for a lossless cloud's PSNR in quantiles, and what no lossy cloud reaches."""
+"""Value of a lossless cloud's PSNR when quantiles are computed, and a limit that no lossy cloud
+reaches."""
 _COUNTS = ("points_a", "points_b")
 
 
 def rounding(cloud: PointCloud) -> float:
-    """Distance, in the cloud's units, up to which a decoded point is the point that was coded."""
+    """Return the largest error, in the cloud's unit, that the rounding of coordinates can cause."""
     limit = _ROUNDING * float(np.abs(bounds(cloud.xyz)).max())
     return limit if cloud.frame == "scaled" else min(limit, _MOST)
 
 
 def without_rounding(errors: Mapping[str, float], limit: float) -> dict[str, float]:
-    """The errors with the entry `LOSSLESS`; all are 0 where none is above `limit`.
+    """Set all errors to 0 if none exceeds a limit, and add the entry `LOSSLESS`.
 
     Parameters
     ----------
     errors
-        Of `puckbench.metrics.geometry.distortion`.
+        From `puckbench.metrics.geometry.distortion`.
     limit
-        Of `rounding`.
+        From `rounding`.
     """
     is_lossless = errors["hausdorff_point"] <= limit
     kept = {k: 0.0 if is_lossless and k not in _COUNTS else v for k, v in errors.items()}
@@ -49,36 +50,35 @@ def without_rounding(errors: Mapping[str, float], limit: float) -> dict[str, flo
 
 
 def lossless_rows(metrics: pd.DataFrame) -> NDArray[np.bool_]:
-    """Which result rows (n,) are lossless; rows of older runs are judged by their errors."""
-    marked = metrics.get(LOSSLESS)
-    found = np.zeros(len(metrics), bool)
+    """Return which result rows (n,) are lossless; rows of older runs are judged by their errors."""
+    flags = metrics.get(LOSSLESS)
+    by_error = np.zeros(len(metrics), bool)
     if {"hausdorff_point", "diameter"} <= set(metrics):
-        found = (metrics["hausdorff_point"] <= _ROUNDING * metrics["diameter"]).to_numpy()
+        by_error = (metrics["hausdorff_point"] <= _ROUNDING * metrics["diameter"]).to_numpy()
     elif "d1_mse" in metrics:
-        found = (metrics["d1_mse"] == 0).to_numpy()
-    if marked is None:
-        return found
-    return np.where(marked.isna(), found, marked.eq(True)).astype(bool)
+        by_error = (metrics["d1_mse"] == 0).to_numpy()
+    if flags is None:
+        return by_error
+    return np.where(flags.isna(), by_error, flags.eq(True)).astype(bool)
 
 
 def with_lossless_best(metrics: pd.DataFrame) -> pd.DataFrame:
-    """Result rows in which lossless clouds have a PSNR that is better than any other.
+    """Give lossless clouds a PSNR above all others, so that quantiles over clouds include them.
 
-    Quantiles over clouds then count them, and do not leave out the best; `without_lossless` makes
-    quantiles that are lossless themselves empty. Such a PSNR is not infinite, as between a finite
-    and an infinite value nothing can be interpolated.
+    The value is finite because quantiles interpolate; `without_lossless` removes quantiles that are
+    lossless.
     """
-    psnrs = [name for name in map(str, metrics) if "_psnr" in name and is_of_the_shape(name)]
+    psnrs = [name for name in map(str, metrics) if "_psnr" in name and is_shape_metric(name)]
     rows = lossless_rows(metrics)
     return metrics.assign(**{name: metrics[name].mask(rows, _BEST_DB) for name in psnrs})
 
 
 def without_lossless(quantiles: pd.DataFrame) -> pd.DataFrame:
-    """Quantiles of the rows of `with_lossless_best` without those that are lossless."""
+    """Remove lossless values from quantiles of the rows of `with_lossless_best`."""
     psnrs = [name for name in map(str, quantiles) if "_psnr" in name]
     return quantiles.assign(**{n: quantiles[n].mask(quantiles[n] > MOST_DB) for n in psnrs})
 
 
-def is_of_the_shape(column: str) -> bool:
-    """Whether a column measures a decoded cloud's points against the coded ones."""
+def is_shape_metric(column: str) -> bool:
+    """Return whether a column compares the decoded points with the coded ones."""
     return column.startswith(_OF_THE_SHAPE)

@@ -1,13 +1,15 @@
-"""Further metrics of decoded clouds, which a configuration names under `metrics`.
+"""The registry of optional metrics, which a configuration names under `metrics`.
 
-A metric is one function with its registration above it::
+A metric is a function with its registration above it::
 
     @METRICS.register("centroid")
     def centroid(reference: PointCloud, decoded: PointCloud) -> dict[str, float]:
-        \"\"\"How far the mean of all points has moved.\"\"\"
+        \"\"\"Return the distance between the centroids.\"\"\"
+        offset = reference.xyz.mean(axis=0) - decoded.xyz.mean(axis=0)
+        return {"centroid_m": float(np.linalg.norm(offset)) / reference.about["scale"]}
 
-Each number that it returns is a column of the table of results, which it should say the unit of:
-clouds are in the reference's frame, ``reference.about["scale"]`` is its units per metre.
+Each key of the returned dictionary becomes a column of the results, so its name should end in its
+unit. Both clouds are in the reference's frame, with ``reference.about["scale"]`` units per metre.
 """
 
 from __future__ import annotations
@@ -24,28 +26,28 @@ METRICS: Registry[Metric] = Registry("metric", "further_metrics")
 
 
 def further_metrics(
-    names: Iterable[str], reference: PointCloud, decoded: PointCloud, taken: Collection[str]
+    names: Iterable[str], reference: PointCloud, decoded: PointCloud, columns: Collection[str]
 ) -> dict[str, float]:
-    """The numbers of further metrics.
+    """Return the values of optional metrics.
 
     Parameters
     ----------
     names
-        Of registered metrics, or ``path/to/file.py:function``.
+        Registered names, or ``path/to/file.py:function``.
     reference, decoded
-        The cloud that was coded, and what became of it.
-    taken
-        Columns that the result row has already.
+        The original and the decoded cloud.
+    columns
+        Names of columns that the result row already has.
 
     Raises
     ------
     InputError
-        A metric is unknown, or gives a column that is taken.
+        A metric is unknown, or returns a column that exists already.
     """
-    found: dict[str, float] = {}
+    results: dict[str, float] = {}
     for name in names:
         values = METRICS.get(name)(reference, decoded)
-        if clash := sorted(values.keys() & {*taken, *found}):
-            raise InputError(f"metric {name}: the column '{clash[0]}' is taken")
-        found |= values
-    return found
+        if clash := sorted(values.keys() & {*columns, *results}):
+            raise InputError(f"metric {name}: the column '{clash[0]}' exists already; rename it")
+        results |= values
+    return results

@@ -1,4 +1,4 @@
-"""Peaks of MPEG's PSNRs in tables of results: PSNRs of several peaks are never compared."""
+"""Peaks of D1 and D2 PSNR in tables of results. PSNRs of different peaks must not be compared."""
 
 from __future__ import annotations
 
@@ -15,38 +15,40 @@ if TYPE_CHECKING:
     import pandas as pd
 
 PEAK = "peak"
-"""Column of result rows: peak of ``d1_psnr`` and ``d2_psnr``, in the cloud's units."""
+"""Column of result rows: peak of ``d1_psnr`` and ``d2_psnr`` in the cloud's units."""
 WITH_PEAK = ("d1_psnr", "d2_psnr")
-"""Columns that depend on it."""
+"""Columns that depend on the peak."""
 _DIGITS = 4
-"""Of a peak that is computed from rounded errors and PSNRs."""
+"""Significant digits of a peak derived from rounded errors and PSNRs."""
 _ALIKE = 1.001
-"""Peaks differ where one is more than this times the other."""
+"""Largest ratio of two peaks that count as equal."""
 
 
 def with_peaks(metrics: pd.DataFrame) -> pd.DataFrame:
-    """Result rows with the column `PEAK`; of older runs from the errors and PSNRs of each cloud."""
+    """Add the column `PEAK` to results of older runs, derived from the errors and PSNRs of each
+    cloud.
+    """
     if PEAK in metrics or not {"d1_mse", "d1_psnr"} <= set(metrics):
         return metrics
-    found = np.sqrt(metrics["d1_mse"].astype(float) * 10 ** (metrics["d1_psnr"] / 10) / 3)
-    medians = found.groupby([metrics["dataset"], metrics["cloud"]]).transform("median")
+    peaks = np.sqrt(metrics["d1_mse"].astype(float) * 10 ** (metrics["d1_psnr"] / 10) / 3)
+    medians = peaks.groupby([metrics["dataset"], metrics["cloud"]]).transform("median")
     return metrics.assign(**{PEAK: [float(f"{value:.{_DIGITS}g}") for value in medians]})
 
 
 def check_peaks(metrics: pd.DataFrame, columns: Iterable[str]) -> None:
-    """Refuse PSNRs of several peaks on one cloud.
+    """Raise if PSNRs of one cloud have several peaks.
 
     Parameters
     ----------
     metrics
-        Result rows; without the column `PEAK` nothing is refused.
+        Result rows; without the column `PEAK` nothing is checked.
     columns
-        That are compared; the peak matters to `WITH_PEAK`.
+        Metrics to be compared; only `WITH_PEAK` depend on the peak.
 
     Raises
     ------
     InputError
-        Names the cloud and its peaks.
+        The message names the cloud and its peaks.
     """
     if PEAK not in metrics or not set(WITH_PEAK) & set(columns):
         return
@@ -59,9 +61,9 @@ def check_peaks(metrics: pd.DataFrame, columns: Iterable[str]) -> None:
 
 
 def without_mixed_peaks(metrics: pd.DataFrame) -> pd.DataFrame:
-    """Result rows without the PSNRs of data sets whose clouds have several peaks, with a remark.
+    """Remove, with a warning, the PSNRs of data sets whose clouds have several peaks.
 
-    A median over such PSNRs would follow the peaks, not the errors.
+    A median over such PSNRs would depend on the peaks rather than on the errors.
     """
     if PEAK not in metrics:
         return metrics
@@ -71,14 +73,14 @@ def without_mixed_peaks(metrics: pd.DataFrame) -> pd.DataFrame:
         return metrics
     names = ", ".join(map(str, dict.fromkeys(metrics.loc[mixed, "dataset"])))
     logging.getLogger(__name__).warning(
-        f"PSNRs of {names} have several peaks: no medians of them over clouds"
+        f"PSNRs of {names} have several peaks: medians over clouds are left out"
     )
     columns = [name for name in WITH_PEAK if name in metrics]
     return metrics.assign(**{name: metrics[name].mask(mixed) for name in columns})
 
 
 def peaks_of_datasets(metrics: pd.DataFrame) -> dict[str, str]:
-    """The peak of each data set in words, such as "30 m"; data sets without PSNRs are left out."""
+    """Return the peak of each data set in words, such as "30 m", for data sets with PSNRs."""
     table = with_peaks(metrics)
     if PEAK not in table:
         return {}
@@ -90,6 +92,6 @@ def peaks_of_datasets(metrics: pd.DataFrame) -> dict[str, str]:
 
 
 def peak_phrase(metrics: pd.DataFrame) -> str:
-    """The peaks of result rows, such as "peak 1023 or 30 m"; empty where there are no PSNRs."""
+    """Return the peaks of result rows, such as "peak 1023 or 30 m"; empty without PSNRs."""
     several = dict.fromkeys(peaks_of_datasets(metrics).values())
     return f"peak {' or '.join(several)}" if several else ""

@@ -1,4 +1,4 @@
-"""Distances of points to geometric primitives, and differences between two primitives of a kind."""
+"""Distances from points to geometric primitives, and differences between primitives of one kind."""
 
 from __future__ import annotations
 
@@ -13,29 +13,29 @@ from puckbench.geometry.mesh import Primitive
 Parameters = dict[str, Any]
 
 
-def distances(primitive: Primitive, points: Floats) -> Floats:
-    """Distances (n,) of points (n, 3) to an unbounded plane, cylinder, sphere or cone."""
+def distances_to_primitive(primitive: Primitive, points: Floats) -> Floats:
+    """Return distances (n,) of points (n, 3) to an unbounded plane, cylinder, sphere or cone."""
     return np.abs(_DISTANCES[primitive.kind](primitive.parameters, points))
 
 
-def differences(true: Primitive, found: Primitive, centre: Floats) -> dict[str, float]:
-    """Differences of the parameters of two primitives of one kind, in metres and degrees.
+def parameter_differences(true: Primitive, decoded: Primitive, centre: Floats) -> dict[str, float]:
+    """Return the differences between the parameters of two primitives of one kind.
 
     Parameters
     ----------
-    true, found
+    true, decoded
         The primitives.
     centre
-        A point on the true one, (3,), at which planes and cylinders' axes are compared.
+        Point on the true primitive, (3,), where planes and cylinder axes are compared.
 
     Returns
     -------
     dict
-        Of these the quantities that the kind has. ``angle_deg``: between normals or axes.
-        ``position_m``: distance of the planes or axes at `centre`, of spheres' centres, of cones'
-        apexes. ``radius_m`` and ``half_angle_deg``: absolute differences.
+        Those that the kind has: ``angle_deg`` between normals or axes; ``position_m``, the distance
+        of planes or axes at `centre`, of sphere centres or of cone apexes; ``radius_m`` and
+        ``half_angle_deg``, absolute differences.
     """
-    return _DIFFERENCES[true.kind](true.parameters, found.parameters, centre)
+    return _DIFFERENCES[true.kind](true.parameters, decoded.parameters, centre)
 
 
 def _to_plane(plane: Parameters, points: Floats) -> Floats:
@@ -53,7 +53,7 @@ def _to_cylinder(cylinder: Parameters, points: Floats) -> Floats:
 
 
 def _to_cone(cone: Parameters, points: Floats) -> Floats:
-    """To the nappe along the axis; beyond the apex, to the apex."""
+    """Signed distance to the nappe along the axis; distance to the apex for points behind it."""
     along, across = _along_and_across(cone["apex"], cone["axis"], points)
     cosine, sine = np.cos(cone["half_angle"]), np.sin(cone["half_angle"])
     past = along * cosine + across * sine < 0
@@ -61,48 +61,48 @@ def _to_cone(cone: Parameters, points: Floats) -> Floats:
 
 
 def _along_and_across(place: Any, axis: Any, points: Floats) -> tuple[Floats, Floats]:
-    """Coordinates of points along an axis and their distances from it."""
+    """Return coordinates of points along an axis and distances from it."""
     offset = points - np.asarray(place)
     along = offset @ np.asarray(axis)
     return along, np.linalg.norm(offset - along[:, None] * np.asarray(axis), axis=1)
 
 
-def _angle_deg(one: Any, other: Any) -> float:
-    """Angle between two unit vectors of any sign; exact where it is small."""
-    across = float(np.linalg.norm(np.cross(one, other)))
-    return float(np.degrees(np.arctan2(across, abs(float(np.dot(one, other))))))
+def _angle_deg(a: Any, b: Any) -> float:
+    """Return the angle between two unit vectors of either sign, accurate for small angles."""
+    across = float(np.linalg.norm(np.cross(a, b)))
+    return float(np.degrees(np.arctan2(across, abs(float(np.dot(a, b))))))
 
 
-def _apart(one: Any, other: Any) -> float:
-    return float(np.linalg.norm(np.asarray(one) - np.asarray(other)))
+def _apart(a: Any, b: Any) -> float:
+    return float(np.linalg.norm(np.asarray(a) - np.asarray(b)))
 
 
-def _of_planes(true: Parameters, found: Parameters, centre: Floats) -> dict[str, float]:
-    off = float(np.dot(found["normal"], centre)) - found["offset"]
-    return {"angle_deg": _angle_deg(true["normal"], found["normal"]), "position_m": abs(off)}
+def _of_planes(true: Parameters, decoded: Parameters, centre: Floats) -> dict[str, float]:
+    distance = float(np.dot(decoded["normal"], centre)) - decoded["offset"]
+    return {"angle_deg": _angle_deg(true["normal"], decoded["normal"]), "position_m": abs(distance)}
 
 
-def _of_spheres(true: Parameters, found: Parameters, _: Floats) -> dict[str, float]:
-    radius = abs(true["radius"] - found["radius"])
-    return {"position_m": _apart(true["centre"], found["centre"]), "radius_m": radius}
+def _of_spheres(true: Parameters, decoded: Parameters, _: Floats) -> dict[str, float]:
+    radius = abs(true["radius"] - decoded["radius"])
+    return {"position_m": _apart(true["centre"], decoded["centre"]), "radius_m": radius}
 
 
-def _of_cylinders(true: Parameters, found: Parameters, centre: Floats) -> dict[str, float]:
+def _of_cylinders(true: Parameters, decoded: Parameters, centre: Floats) -> dict[str, float]:
     axis = np.asarray(true["axis"])
     middle = np.asarray(true["point"]) + ((centre - true["point"]) @ axis) * axis
-    _, across = _along_and_across(found["point"], found["axis"], middle[None])
+    _, across = _along_and_across(decoded["point"], decoded["axis"], middle[None])
     return {
-        "angle_deg": _angle_deg(true["axis"], found["axis"]),
+        "angle_deg": _angle_deg(true["axis"], decoded["axis"]),
         "position_m": float(across[0]),
-        "radius_m": abs(true["radius"] - found["radius"]),
+        "radius_m": abs(true["radius"] - decoded["radius"]),
     }
 
 
-def _of_cones(true: Parameters, found: Parameters, _: Floats) -> dict[str, float]:
-    half_angle = abs(true["half_angle"] - found["half_angle"])
+def _of_cones(true: Parameters, decoded: Parameters, _: Floats) -> dict[str, float]:
+    half_angle = abs(true["half_angle"] - decoded["half_angle"])
     return {
-        "angle_deg": _angle_deg(true["axis"], found["axis"]),
-        "position_m": _apart(true["apex"], found["apex"]),
+        "angle_deg": _angle_deg(true["axis"], decoded["axis"]),
+        "position_m": _apart(true["apex"], decoded["apex"]),
         "half_angle_deg": float(np.degrees(half_angle)),
     }
 
@@ -120,4 +120,4 @@ _DIFFERENCES: dict[str, Callable[[Parameters, Parameters, Floats], dict[str, flo
     "cone": _of_cones,
 }
 COMPARABLE = tuple(_DIFFERENCES)
-"""Kinds whose parameters are compared; the others are matched by their points alone."""
+"""Kinds with comparable parameters; primitives of other kinds are matched by their points only."""

@@ -1,4 +1,6 @@
-"""Recovery of geometric primitives: those of a decoded surface compared with the scene's labels."""
+"""Recovery of geometric primitives: primitives of a decoded surface against the labels of the
+scene.
+"""
 
 from __future__ import annotations
 
@@ -12,37 +14,41 @@ from numpy.typing import NDArray
 from puckbench.geometry.closest import closest_surface_points
 from puckbench.geometry.cloud import Floats, PointCloud
 from puckbench.geometry.mesh import Labels, Mesh, Primitive, labelled_mesh_in_metres
-from puckbench.metrics.primitive_differences import COMPARABLE, differences, distances
+from puckbench.metrics.primitive_differences import (
+    COMPARABLE,
+    distances_to_primitive,
+    parameter_differences,
+)
 
 Ints = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
-LEAST_SHARE = 0.001
-"""Smallest share of the points on a primitive that is counted, true or found."""
-LEAST_OVERLAP = 0.5
-"""Intersection over union above which a found primitive matches a true one."""
+MIN_SHARE = 0.001
+"""Smallest share of all points on a primitive that counts."""
+MIN_OVERLAP = 0.5
+"""Intersection over union above which two primitives match."""
 FREEFORM = "freeform"
-"""The kind of a surface that is no primitive: what is found there is neither right nor wrong."""
+"""Kind of surfaces that are not primitives; decoded primitives on them do not count."""
 ALL = "all"
 
 
 @dataclass(frozen=True)
 class Segmentation:
-    """The primitive that each of n points lies on: numbers (n,) index `primitives`."""
+    """The primitive of each of n points: `numbers` (n,) index `primitives`."""
 
     numbers: Ints
     primitives: Sequence[Primitive]
 
     @property
     def kinds(self) -> NDArray[np.object_]:
-        """The kind of each primitive, (number of primitives,)."""
         return np.array([primitive.kind for primitive in self.primitives], dtype=object)
 
 
 def decoded_in_metres(surface: Mesh, cloud: PointCloud) -> Segmentation:
-    """`decoded_segmentation` of a decoded surface in the frame of `cloud` and of its points, in m.
+    """Return `decoded_segmentation`, in metres, of a surface decoded in the frame of `cloud`.
 
-    cloud: points on the true surface, with the scale and offset that brought them into the frame.
+    The points of `cloud` lie on the true surface; its description has scale and offset of the
+    frame.
     """
     scale, offset = cloud.about.get("scale", 1.0), cloud.about.get("offset", (0.0, 0.0, 0.0))
     placed = labelled_mesh_in_metres(surface, scale, np.asarray(offset))
@@ -51,112 +57,131 @@ def decoded_in_metres(surface: Mesh, cloud: PointCloud) -> Segmentation:
 
 
 def decoded_segmentation(mesh: Mesh, labels: Labels, points: Floats) -> Segmentation:
-    """The segment of a decoded surface (its `labels`) that is closest to each of `points` (n, 3).
+    """Assign each of `points` (n, 3) to the closest object of a decoded surface.
 
-    A segment is an object of the labels: what the codec holds for one piece of surface, whatever
-    the number of primitives that it was coded in. Its primitive is the one that most of its area
-    is on.
+    An object is one piece of surface, which a codec may code as several primitives; it is
+    represented by the primitive of largest area.
     """
     triangles = closest_surface_points(mesh, points).triangles
-    chosen = _largest_primitives(mesh.areas(), labels)
-    primitives = [labels.primitives[number] for number in chosen]
+    primitive_ids = _largest_primitives(mesh.areas(), labels)
+    primitives = [labels.primitives[number] for number in primitive_ids]
     return Segmentation(labels.object_id[triangles].astype(np.int64), primitives)
 
 
 def _largest_primitives(areas: Floats, labels: Labels) -> Ints:
-    """The primitive with the largest area of each object."""
     pairs = np.column_stack([labels.object_id, labels.primitive_id])
     distinct, pair = np.unique(pairs, axis=0, return_inverse=True)
-    rising = np.argsort(np.bincount(pair.ravel(), weights=areas), kind="stable")
-    chosen = np.zeros(len(labels.objects), np.int64)
-    chosen[distinct[rising, 0]] = distinct[rising, 1]
-    return chosen
+    by_area = np.argsort(np.bincount(pair.ravel(), weights=areas), kind="stable")
+    largest = np.zeros(len(labels.objects), np.int64)
+    largest[distinct[by_area, 0]] = distinct[by_area, 1]
+    return largest
 
 
-def recovery(true: Segmentation, found: Segmentation, points: Floats) -> list[dict[str, Any]]:
-    """Compare what was found with what is true of `points` (n, 3) in metres, kind by kind.
+def recovery(true: Segmentation, decoded: Segmentation, points: Floats) -> list[dict[str, Any]]:
+    """Compare decoded with true primitives of `points` (n, 3), in metres, for each kind and for
+    all.
 
-    A true and a found primitive match when they are of one kind and share more than half of the
-    points that either has (`LEAST_OVERLAP`): each has at most one match. Primitives with fewer
-    than `LEAST_SHARE` of the points, freeform surfaces, and what is found mostly on them, do not
-    count.
+    Two primitives match if they are of one kind and the intersection of their points exceeds half
+    of the union (`MIN_OVERLAP`), so that each has one match at most. Primitives with fewer than
+    `MIN_SHARE` of the points, freeform surfaces, and decoded primitives that lie mostly on
+    freeform surfaces do not count.
 
-    One dictionary for each kind that is there, and before them one for all kinds together:
-    ``kind``, ``true``, ``found`` and ``matched`` (numbers of primitives), ``precision`` (matched
-    of found), ``recall`` (matched of true), ``label_accuracy`` (of the points on true primitives,
-    those on their match), and, medians over the matched, ``residual_m`` (root mean square of the
-    distances of a true primitive's points to the one found) and the keys of `differences`. A
-    number that nothing stands behind is left out.
+    Returns
+    -------
+    list of dict
+        ``kind`` ("all" first); ``true``, ``found`` (decoded) and ``matched``, numbers of
+        primitives; ``precision`` = matched / found; ``recall`` = matched / true;
+        ``label_accuracy``: share of the points on true primitives that lie on the match. Medians
+        over matches: ``residual_m``, root mean square distance of a true primitive's points to the
+        match, and the keys of `parameter_differences`. Undefined values are left out.
     """
-    table = _Overlaps.of(true, found)
-    pairs = [_pair(true, found, points, *pair) for pair in table.matches]
-    kinds = [ALL, *sorted(set(table.true_kinds) | set(table.found_kinds))]
+    table = _Overlaps.of(true, decoded)
+    pairs = [_pair(true, decoded, points, *pair) for pair in table.matches]
+    kinds = [ALL, *sorted(set(table.true_kinds) | set(table.decoded_kinds))]
     return [_row(kind, table, pairs) for kind in kinds]
 
 
 @dataclass(frozen=True)
 class _Overlaps:
-    """Numbers of points on each true (row) and found (column) primitive, and which count.
+    """Numbers of points on true and decoded primitives, and their matches.
 
-    matches: true and found numbers of the pairs. right: points of each true primitive that are on
-    its match.
+    matches: indices of true and decoded primitives that match. points_on_match: points of each true
+    primitive on its match.
     """
 
     true_sizes: Ints
-    right: Ints
+    points_on_match: Ints
     kinds: NDArray[np.object_]
     true_kinds: NDArray[np.object_]
-    found_kinds: NDArray[np.object_]
+    decoded_kinds: NDArray[np.object_]
     matches: list[tuple[int, int]]
 
     @classmethod
-    def of(cls, true: Segmentation, found: Segmentation) -> _Overlaps:
-        """The overlaps of two segmentations of the same points."""
-        table = np.zeros((len(true.primitives), len(found.primitives)), np.int64)
-        np.add.at(table, (true.numbers, found.numbers), 1)
-        least = LEAST_SHARE * len(true.numbers)
-        sizes, found_sizes = table.sum(axis=1), table.sum(axis=0)
-        solid = true.kinds != FREEFORM
-        counts = solid & (sizes >= least)
-        made = (found_sizes >= least) & (2 * table[~solid].sum(axis=0) <= found_sizes)
-        union = sizes[:, None] + found_sizes[None, :] - table
-        alike = true.kinds[:, None] == found.kinds[None, :]
-        matched = (table > LEAST_OVERLAP * union) & alike & counts[:, None] & made[None, :]
+    def of(cls, true: Segmentation, decoded: Segmentation) -> _Overlaps:
+        overlaps = np.zeros((len(true.primitives), len(decoded.primitives)), np.int64)
+        np.add.at(overlaps, (true.numbers, decoded.numbers), 1)
+        min_points = MIN_SHARE * len(true.numbers)
+        sizes, decoded_sizes = overlaps.sum(axis=1), overlaps.sum(axis=0)
+        is_primitive = true.kinds != FREEFORM
+        is_counted = is_primitive & (sizes >= min_points)
+        is_decoded_counted = (decoded_sizes >= min_points) & (
+            2 * overlaps[~is_primitive].sum(axis=0) <= decoded_sizes
+        )
+        union = sizes[:, None] + decoded_sizes[None, :] - overlaps
+        same_kind = true.kinds[:, None] == decoded.kinds[None, :]
+        matched = (
+            (overlaps > MIN_OVERLAP * union)
+            & same_kind
+            & is_counted[:, None]
+            & is_decoded_counted[None, :]
+        )
         pairs = [(int(row), int(column)) for row, column in zip(*np.nonzero(matched), strict=True)]
-        right = np.where(matched, table, 0).sum(axis=1)
-        own = true.kinds
-        return cls(sizes, right, own, own[counts], found.kinds[made], pairs)
+        points_on_match = np.where(matched, overlaps, 0).sum(axis=1)
+        kinds = true.kinds
+        return cls(
+            sizes,
+            points_on_match,
+            kinds,
+            kinds[is_counted],
+            decoded.kinds[is_decoded_counted],
+            pairs,
+        )
 
 
 def _pair(
-    true: Segmentation, found: Segmentation, points: Floats, row: int, column: int
+    true: Segmentation, decoded: Segmentation, points: Floats, row: int, column: int
 ) -> tuple[str, dict[str, float]]:
-    """Kind and differences of a true primitive and its match."""
-    one, other = true.primitives[row], found.primitives[column]
-    if one.kind not in COMPARABLE:
-        return one.kind, {}
-    own = points[true.numbers == row]
-    residual = float(np.sqrt(np.mean(distances(other, own) ** 2)))
-    return one.kind, {"residual_m": residual, **differences(one, other, own.mean(axis=0))}
+    primitive, match = true.primitives[row], decoded.primitives[column]
+    if primitive.kind not in COMPARABLE:
+        return primitive.kind, {}
+    primitive_points = points[true.numbers == row]
+    residual = float(np.sqrt(np.mean(distances_to_primitive(match, primitive_points) ** 2)))
+    return primitive.kind, {
+        "residual_m": residual,
+        **parameter_differences(primitive, match, primitive_points.mean(axis=0)),
+    }
 
 
 def _row(
     kind: str, table: _Overlaps, pairs: Sequence[tuple[str, dict[str, float]]]
 ) -> dict[str, Any]:
-    """The row of one kind of primitive, or of all."""
     of_kind = table.kinds == kind if kind != ALL else table.kinds != FREEFORM
     true = int(np.count_nonzero((table.true_kinds == kind) | (kind == ALL)))
-    found = int(np.count_nonzero((table.found_kinds == kind) | (kind == ALL)))
+    decoded = int(np.count_nonzero((table.decoded_kinds == kind) | (kind == ALL)))
     values = [value for name, value in pairs if kind in (name, ALL)]
-    matched, on = len(values), int(table.true_sizes[of_kind].sum())
+    matched, points = len(values), int(table.true_sizes[of_kind].sum())
     return {
         "kind": kind,
         "true": true,
-        "found": found,
+        "found": decoded,
         "matched": matched,
-        **({"precision": matched / found} if found else {}),
+        **({"precision": matched / decoded} if decoded else {}),
         **({"recall": matched / true} if true else {}),
-        **({"label_accuracy": float(table.right[of_kind].sum() / on)} if on else {}),
+        **(
+            {"label_accuracy": float(table.points_on_match[of_kind].sum() / points)}
+            if points
+            else {}
+        ),
         **_medians(values),
     }
 

@@ -1,4 +1,4 @@
-"""Errors of a codec in a sensor's returns, and its speed in turns of the sensor."""
+"""Metrics of a sensor's returns: range errors, entropy of noise, speed relative to the sensor."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def range_errors(original: Returns, decoded: Returns) -> dict[str, float]:
-    """Errors of ranges, firing by firing, and returns that were lost or added.
+    """Return range errors of firings, and numbers of lost and added returns.
 
     Parameters
     ----------
@@ -26,8 +26,8 @@ def range_errors(original: Returns, decoded: Returns) -> dict[str, float]:
     Returns
     -------
     dict
-        ``range_rms_mm`` and ``range_max_mm`` over firings with a return in both; ``returns_lost``
-        and ``returns_added``.
+        ``range_rms_mm`` and ``range_max_mm`` over firings with a return in both; ``returns_lost``;
+        ``returns_added``.
 
     Raises
     ------
@@ -36,77 +36,81 @@ def range_errors(original: Returns, decoded: Returns) -> dict[str, float]:
     """
     pairs = list(zip(original.turns, decoded.turns, strict=False))
     if len(original.turns) != len(decoded.turns) or any(
-        one.ranges.shape != other.ranges.shape for one, other in pairs
+        before.ranges.shape != after.ranges.shape for before, after in pairs
     ):
-        raise InputError("the decoded returns have other numbers of turns, columns or lasers")
-    squared, most, both, lost, added = 0.0, 0.0, 0, 0, 0
-    for one, other in pairs:
-        was, is_now = one.ranges > 0, other.ranges > 0
-        lost += int(np.count_nonzero(was & ~is_now))
-        added += int(np.count_nonzero(is_now & ~was))
-        kept = was & is_now
+        raise InputError(
+            "decoded returns: numbers of turns, columns or lasers differ from the original's"
+        )
+    squared, largest, count, lost, added = 0.0, 0.0, 0, 0, 0
+    for before, after in pairs:
+        had_return, has_return = before.ranges > 0, after.ranges > 0
+        lost += int(np.count_nonzero(had_return & ~has_return))
+        added += int(np.count_nonzero(has_return & ~had_return))
+        in_both = had_return & has_return
         error = (
-            other.ranges[kept] * decoded.quantum_m - one.ranges[kept] * original.quantum_m
+            after.ranges[in_both] * decoded.quantum_m - before.ranges[in_both] * original.quantum_m
         ) * 1000
-        both += len(error)
+        count += len(error)
         squared += float(error @ error)
-        most = max(most, float(np.abs(error).max(initial=0.0)))
-    rms = {"range_rms_mm": float(np.sqrt(squared / both)), "range_max_mm": most} if both else {}
+        largest = max(largest, float(np.abs(error).max(initial=0.0)))
+    rms = (
+        {"range_rms_mm": float(np.sqrt(squared / count)), "range_max_mm": largest} if count else {}
+    )
     return {**rms, "returns_lost": lost, "returns_added": added}
 
 
 def range_errors_of_points(original: Floats, decoded: Floats) -> dict[str, float]:
-    """Errors of ranges where a codec gives back points alone: against the nearest of them.
+    """Return range errors of codecs that decode points: against the nearest decoded point.
 
-    The error of a return is how far its nearest decoded point is off along its ray. Returns whose
-    nearest point is that of more returns than there are points are lost (merged, most of all);
-    points that are the nearest of no return are added.
+    The range error of a return is the offset to its nearest decoded point along the ray. If k
+    returns share a nearest point that was decoded m times, k - m returns are lost or m - k are
+    added.
 
     Parameters
     ----------
     original
-        (n, 3) of the returns, as the sensor at the origin sees them, m.
+        Points of the returns, (n, 3), m, with the sensor at the origin.
     decoded
-        (m, 3) in any order, likewise.
+        (m, 3), in any order.
 
     Returns
     -------
     dict
-        As of `range_errors`.
+        The keys of `range_errors`.
     """
     from pykdtree.kdtree import KDTree
 
-    places, held = np.unique(decoded, axis=0, return_counts=True)
-    nearest = KDTree(places).query(np.ascontiguousarray(original))[1].astype(np.int64)
+    distinct, multiplicity = np.unique(decoded, axis=0, return_counts=True)
+    nearest = KDTree(distinct).query(np.ascontiguousarray(original))[1].astype(np.int64)
     length = np.linalg.norm(original, axis=1)
-    along = np.einsum("ij,ij->i", places[nearest] - original, original)
+    along = np.einsum("ij,ij->i", distinct[nearest] - original, original)
     error = 1000 * along / np.maximum(length, 1e-9)
-    taken = np.bincount(nearest, minlength=len(places))
+    queries = np.bincount(nearest, minlength=len(distinct))
     return {
         "range_rms_mm": float(np.sqrt(np.mean(error**2))),
         "range_max_mm": float(np.abs(error).max()),
-        "returns_lost": int(np.maximum(taken - held, 0).sum()),
-        "returns_added": int(np.maximum(held - taken, 0).sum()),
+        "returns_lost": int(np.maximum(queries - multiplicity, 0).sum()),
+        "returns_added": int(np.maximum(multiplicity - queries, 0).sum()),
     }
 
 
 def entropy_bits(noise: Floats, groups: NDArray[np.integer], step: float) -> float:
-    """Entropy of noise in whole steps: the bits that coding it takes at least.
+    """Return the entropy, in bits, of noise quantised to steps: a lower bound for lossless coding.
 
     Parameters
     ----------
     noise
-        (n,) in the unit of `step`.
+        (n,), in the unit of `step`.
     groups
-        (n,) numbers from 0 on. The mean of each group (of a laser in a turn) is subtracted first:
-        a codec can learn it.
+        (n,), numbers from 0. The mean of each group (laser in a turn) is subtracted, since a codec
+        can learn it.
     step
-        What it is rounded to.
+        Quantisation step.
 
     References
     ----------
-    G. A. Miller, "Note on the bias of information estimates", 1955: (number of values - 1) / 2n
-    nats are added.
+    G. A. Miller, "Note on the bias of information estimates", 1955: the correction adds (number of
+    values - 1) / 2n nats.
     """
     means = np.bincount(groups, noise) / np.maximum(np.bincount(groups), 1)
     counts = np.unique(np.rint((noise - means[groups]) / step), return_counts=True)[1]
@@ -117,28 +121,29 @@ def entropy_bits(noise: Floats, groups: NDArray[np.integer], step: float) -> flo
     return nats / float(np.log(2))
 
 
-def keeping_up(about: Mapping[str, Any], row: Mapping[str, Any]) -> dict[str, float]:
-    """Bitrate of a stream at the sensor's speed, and speed of the codec in turns of the sensor.
+def real_time_metrics(about: Mapping[str, Any], row: Mapping[str, Any]) -> dict[str, float]:
+    """Return the bitrate at the sensor's speed and the coding speed in turns of the sensor.
 
     Parameters
     ----------
     about
-        Of the cloud that was coded: ``turns`` and ``seconds``; without them nothing is returned.
+        Description of the coded cloud with ``turns`` and ``seconds``; the result is empty without
+        them.
     row
-        The result row so far: ``bytes``, ``encode_s``, ``decode_s``.
+        Result row with ``bytes``, ``encode_s`` and ``decode_s``.
 
     Returns
     -------
     dict
-        ``mbit_per_s`` at the sensor's rate; ``encode_ms_per_turn`` and ``encode_real_time`` (the
-        turns' time over the codec's), likewise of decoding.
+        ``mbit_per_s``; ``encode_ms_per_turn``; ``encode_real_time``, the duration of the turns over
+        the encoding time; the same for decoding.
     """
     turns, seconds = about.get("turns"), about.get("seconds")
     if not turns or not seconds:
         return {}
-    found = {"mbit_per_s": row["bytes"] * 8e-6 / seconds} if "bytes" in row else {}
+    values = {"mbit_per_s": row["bytes"] * 8e-6 / seconds} if "bytes" in row else {}
     for call in ("encode", "decode"):
-        if taken := row.get(f"{call}_s"):
-            found[f"{call}_ms_per_turn"] = 1000 * taken / turns
-            found[f"{call}_real_time"] = seconds / taken
-    return found
+        if call_s := row.get(f"{call}_s"):
+            values[f"{call}_ms_per_turn"] = 1000 * call_s / turns
+            values[f"{call}_real_time"] = seconds / call_s
+    return values

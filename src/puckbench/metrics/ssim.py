@@ -1,4 +1,4 @@
-"""Structural similarity of two pictures (Wang, Bovik, Sheikh and Simoncelli 2004)."""
+"""Structural similarity index (SSIM) of two images."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ _K1, _K2 = 0.01, 0.03
 
 
 def ssim(a: Floats, b: Floats, peak: float = 255.0) -> float:
-    """Mean structural similarity of two pictures, 1 where they are equal.
+    """Return the mean structural similarity of two images, 1 if they are equal.
 
-    As in the paper: Gaussian window of 11 x 11 with a standard deviation of 1.5 pixels, at the
-    positions where it lies wholly inside the picture; K1 = 0.01, K2 = 0.03, no down-scaling.
+    As in the paper: Gaussian window of 11 x 11 pixels with a standard deviation of 1.5, at
+    positions where it lies inside the image; K1 = 0.01, K2 = 0.03; no downsampling.
 
     Parameters
     ----------
     a, b
-        The pictures, (h, w).
+        Images, (h, w).
     peak
-        Largest possible value of a pixel.
+        Largest possible pixel value.
 
     Raises
     ------
     InputError
-        The pictures differ in size or are smaller than the window.
+        The images differ in size or are smaller than the window.
 
     References
     ----------
@@ -36,7 +36,9 @@ def ssim(a: Floats, b: Floats, peak: float = 255.0) -> float:
     structural similarity".
     """
     if a.shape != b.shape or min(a.shape) < WINDOW:
-        raise InputError(f"SSIM: pictures of {a.shape} and {b.shape}")
+        raise InputError(
+            f"SSIM: images must be of one size, {WINDOW} pixels or more, not {a.shape}, {b.shape}"
+        )
     mean_a, mean_b = _smoothed(a), _smoothed(b)
     variance_a = _smoothed(a * a) - mean_a**2
     variance_b = _smoothed(b * b) - mean_b**2
@@ -48,7 +50,7 @@ def ssim(a: Floats, b: Floats, peak: float = 255.0) -> float:
 
 
 def _smoothed(values: Floats) -> Floats:
-    """Means under the window, (h - 10, w - 10)."""
+    """Return weighted means over the window, (h - 10, w - 10)."""
     from scipy.ndimage import correlate1d
 
     half = WINDOW // 2

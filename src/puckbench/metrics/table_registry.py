@@ -1,17 +1,16 @@
-"""The tables of a run's results: how one is registered, and from what it is made.
+"""The registry of tables made from a run's results.
 
-A table is one function with its registration above it; the docstring up to its first section is the
+A table is a function with its registration above it. Its docstring up to the first section is the
 caption::
 
-    @TABLES.register("machines", title="Machines and versions")
-    def machines(metrics: pd.DataFrame) -> pd.DataFrame:
-        \"\"\"On what the times were taken.\"\"\"
+    @TABLES.register("machines", title="Machines and versions") def machines(metrics: pd.DataFrame)
+    -> pd.DataFrame:
+        \"\"\"Machines on which times were measured.\"\"\"
 
-Parameters that are DataFrames name its inputs: "metrics", all results of the benchmark; "clouds";
-"residuals" and "scans", the measurements of all error models in one; "compared", real walls and
-error models on the same rays; or the name of another table. Those with a default are given where a
-run has them; parameters of another kind are options. Planning imports the modules of all tables, so
-these import pandas in functions only.
+Parameters annotated as DataFrame are inputs: "metrics" (all results), "clouds", "residuals" and
+"scans" (measurements of all error models), "compared" (real walls and error models on the same
+rays), or the name of another table. An input with a default is passed only if the run has it. Other
+parameters are options. Planning imports these modules, so pandas is imported in functions.
 """
 
 from __future__ import annotations
@@ -24,17 +23,17 @@ from puckbench.core.registry import Registry
 from puckbench.core.signatures import annotated, caption_of, defaulted
 
 SENSOR = "Sensor, tables"
-"""Category of the tables of the sensor study (thesis chapter 5)."""
+"""Category of tables of the sensor study (thesis chapter 5)."""
 STUDY = "sensor_study"
-"""Needed of a configuration: the sensor study."""
+"""Requirement: the configuration has a sensor study."""
 SEVERAL_CODECS = "codecs"
-"""Needed of a configuration: a codec beside the anchor of Bjontegaard deltas."""
+"""Requirement: a codec besides the anchor of Bjontegaard deltas."""
 SPINS_OR_RECORDINGS = "metric"
-"""What a table may need of a configuration: clouds in metres with a sensor's returns."""
+"""Requirement: clouds in metres with a sensor's returns."""
 SEVERAL_NOISES = "noises"
-"""Needed of a configuration: spins in the same scenes under several error models."""
+"""Requirement: virtual scans of the same scenes under several error models."""
 OCTREE_AND_OTHERS = "octree"
-"""Needed of a configuration: the codec ``gpcc``, and another one of clouds in metres."""
+"""Requirement: the codec ``gpcc`` and another codec on clouds in metres."""
 
 
 @dataclass(frozen=True)
@@ -44,19 +43,19 @@ class TableEntry:
     Parameters
     ----------
     name
-        Of its files and of its job.
+        Of its files and its job.
     make
-        Takes each input as a DataFrame, and options, by keyword; returns a DataFrame.
+        Function from inputs and options, passed by keyword, to a DataFrame.
     title, category
-        How the report lists it.
+        Heading and group in the report.
     thesis
-        Number of the thesis's table; empty for others.
+        Number of the table in the thesis; empty for others.
     needs
-        What a configuration must have beside the inputs: `STUDY`, `SEVERAL_CODECS`,
-        `SPINS_OR_RECORDINGS`, `SEVERAL_NOISES`, `OCTREE_AND_OTHERS`, or the table's own name where
-        only a plan can tell.
+        Requirements on the configuration besides the inputs: `STUDY`, `SEVERAL_CODECS`,
+        `SPINS_OR_RECORDINGS`, `SEVERAL_NOISES`, `OCTREE_AND_OTHERS`, or the table's name if only
+        the plan can decide.
     gathered
-        Whether the workflow gathers it from files of many jobs, not from other tables.
+        Whether the workflow collects it from files of many jobs instead of from tables.
     """
 
     name: str
@@ -69,20 +68,20 @@ class TableEntry:
 
     @property
     def inputs(self) -> tuple[str, ...]:
-        """Names of the tables that it is always made from."""
+        """Names of required input tables."""
         return tuple(
             name for name in annotated(self.make, "DataFrame") if name not in self.optional
         )
 
     @property
     def optional(self) -> tuple[str, ...]:
-        """Names of the tables that it uses where a run has them."""
+        """Names of input tables that are used if a run has them."""
         may_lack = defaulted(self.make)
         return tuple(name for name in annotated(self.make, "DataFrame") if name in may_lack)
 
     @property
     def caption(self) -> str:
-        """What the report says above the table, in reStructuredText."""
+        """Caption in reStructuredText."""
         return caption_of(self.make)
 
 
@@ -90,10 +89,9 @@ TABLES: Registry[TableEntry] = Registry("table", "tables", make=TableEntry)
 
 
 def table_entry(name: str) -> TableEntry:
-    """The table of a name, or of ``path/to/file.py:function``; InputError when there is none."""
+    """Return the table of a name or ``path/to/file.py:function``; InputError if there is none."""
     return TABLES.get(name)
 
 
 def table_entries() -> dict[str, TableEntry]:
-    """All tables by name."""
     return {name: TABLES.get(name) for name in TABLES.names()}

@@ -1,4 +1,4 @@
-"""Distortion against the truth: the surface that was scanned, not the noisy scan of it."""
+"""Distortion of decoded clouds against the true surface instead of its noisy scan."""
 
 from __future__ import annotations
 
@@ -13,27 +13,27 @@ from puckbench.geometry.mesh import Mesh
 from puckbench.geometry.sampling import sample_surface
 from puckbench.metrics.geometry import (
     DistinctPoints,
-    Reference,
+    ReferenceCloud,
     SquaredErrors,
     squared_errors,
-    summary,
+    summarise_errors,
 )
-from puckbench.metrics.units import in_metres
+from puckbench.metrics.units import distortion_in_metres
 
 
 class Truth:
-    """The true surface of a cloud, made ready once for all decoded clouds compared with it.
+    """The true surface of a cloud with its search indices, shared by all decoded clouds.
 
     Parameters
     ----------
     reference
-        The cloud that was coded; its description tells the frame.
+        The coded cloud; its description has the frame.
     surface
         The true surface: a mesh in metres, or points in the reference's frame.
     seen
-        Points of the true surface that the cloud's own stand for; drawn on the mesh if not given.
+        Points of the true surface that the coded points stand for; by default sampled on the mesh.
     clean
-        The clean scan of the same rays, in place of `seen`.
+        The clean scan of the same rays, instead of `seen`.
     """
 
     def __init__(
@@ -53,13 +53,13 @@ class Truth:
         elif surface is not None:
             mesh = mesh_in_frame(surface, self._scale, about.get("offset", (0.0, 0.0, 0.0)))
         self._surface = None if mesh is None else SearchableMesh(mesh)
-        self._visible = Reference(visible or _sampled(mesh, len(reference)))
+        self._visible = ReferenceCloud(visible or _sampled(mesh, len(reference)))
 
-    def measures(self, decoded: Floats | DistinctPoints) -> dict[str, float]:
-        """Distortion of a decoded cloud (m, 3), in the reference's frame and in metres."""
-        measure = scan_distortion if self._is_scan else truth_distortion
-        found = measure(self._visible, self._surface, decoded)
-        return {**found, **in_metres(found, self._scale)}
+    def metrics(self, decoded: Floats | DistinctPoints) -> dict[str, float]:
+        """Return the distortion of decoded points (m, 3), in the reference's unit and in metres."""
+        distance_metrics = scan_distortion if self._is_scan else truth_distortion
+        distances = distance_metrics(self._visible, self._surface, decoded)
+        return {**distances, **distortion_in_metres(distances, self._scale)}
 
 
 def _sampled(mesh: Mesh | None, points: int) -> PointCloud:
@@ -68,36 +68,31 @@ def _sampled(mesh: Mesh | None, points: int) -> PointCloud:
 
 
 def truth_distortion(
-    visible: PointCloud | Reference,
+    visible: PointCloud | ReferenceCloud,
     mesh: Mesh | SearchableMesh | None,
     decoded: Floats | DistinctPoints,
 ) -> dict[str, float]:
-    """Distortion of a decoded cloud (B) against the true surface (A), not its noisy scan.
+    """Return the distortion of a decoded cloud (B) against the true surface (A).
 
     * A to B: from the visible points to the decoded cloud, as in
       `puckbench.metrics.geometry.distortion`.
-    * B to A: from each decoded point to the closest point of the mesh, and, to plane, along the
-      normal of the triangle there; without a mesh to the visible points, as in `distortion`.
+    * B to A: from each decoded point to the closest point of the mesh and, to plane, along the
+      normal of its triangle; without a mesh, to the visible points.
 
     Parameters
     ----------
     visible
-        Points on the part of the true surface that the sensor saw, with the true normals: a codec
-        is not charged for surface that no ray reached.
+        Points, with true normals, on the part of the surface that the sensor saw. Surface that no
+        ray reached does not count as an error.
     mesh
-        The true surface in the cloud's frame (`puckbench.geometry.closest.mesh_in_frame`); None
-        when only points are known.
+        The true surface in the cloud's frame (`puckbench.geometry.closest.mesh_in_frame`), or None.
     decoded
-        (m, 3), in the cloud's frame; as in `distortion`.
+        (m, 3), in the cloud's frame.
 
     Returns
     -------
     dict
-        The keys of `distortion` with ``truth_`` before them: ``truth_acd_ab_point`` (truth to
-        decoded), ``truth_acd_ba_point`` (decoded to truth), ``truth_cd_point``, ``truth_d1_mse``,
-        ``truth_hausdorff_point``, ``truth_hausdorff_sq_point``, the same with ``_plane`` and
-        ``truth_d2_mse`` (when `visible` has normals), ``truth_points_a`` (visible points) and
-        ``truth_points_b``.
+        The keys of `distortion` with the prefix ``truth_``; ``ab`` is from truth to decoded.
 
     Raises
     ------
@@ -109,26 +104,25 @@ def truth_distortion(
 
 
 def scan_distortion(
-    clean: PointCloud | Reference,
+    clean: PointCloud | ReferenceCloud,
     mesh: Mesh | SearchableMesh | None,
     decoded: Floats | DistinctPoints,
 ) -> dict[str, float]:
-    """`truth_distortion` of a scan, and the same against the clean scan of the same rays.
+    """Return `truth_distortion` of a scan and, with the prefix ``clean_``, `distortion` to its
+    clean scan.
 
-    Beside the keys of `truth_distortion` it returns those of `distortion` with ``clean_`` before
-    them, of which ``clean_acd_ab_point`` and ``clean_acd_ab_plane`` are equal to the truth's: the
-    two measures differ in whether decoded points are compared with the surface or with points.
+    Distances from truth to decoded (``ab``) are equal in both. In the other direction decoded
+    points are compared with the surface, or with the points of the clean scan.
 
     Parameters
     ----------
     clean
-        Where the rays of the scan met the surface, (n, 3), with the true normals; they are also
-        the visible points of the surface.
+        Intersections of the scan's rays with the surface, (n, 3), with true normals.
     mesh, decoded
         As in `truth_distortion`.
     """
     errors = squared_errors(clean, decoded)
-    to_points = {f"clean_{key}": value for key, value in summary(errors).items()}
+    to_points = {f"clean_{key}": value for key, value in summarise_errors(errors).items()}
     counted = ("clean_points_a", "clean_points_b")
     return {
         **{key: value for key, value in to_points.items() if key not in counted},
@@ -138,7 +132,7 @@ def scan_distortion(
 
 def _to_truth(errors: SquaredErrors, mesh: Mesh | SearchableMesh | None) -> dict[str, float]:
     measured = errors if mesh is None else _to_mesh(errors, mesh)
-    return {f"truth_{key}": value for key, value in summary(measured).items()}
+    return {f"truth_{key}": value for key, value in summarise_errors(measured).items()}
 
 
 def _to_mesh(errors: SquaredErrors, mesh: Mesh | SearchableMesh) -> SquaredErrors:

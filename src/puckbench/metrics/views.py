@@ -1,7 +1,8 @@
-"""Quality of rendered views: PSNR and SSIM of six pictures of a cloud along the axes.
+"""Metrics of rendered views: PSNR and SSIM of six images of a cloud along the axes, as in PCC
+Arena.
 
-PCC Arena compares such pictures of 1920 x 1920 pixels. Its renderer is a window of Open3D; this one
-needs no display, splats points with a depth buffer and gives the same pixels everywhere.
+PCC Arena renders in a window of Open3D. This renderer draws discs with a depth buffer, needs no
+display and gives the same pixels on every machine.
 """
 
 from __future__ import annotations
@@ -17,47 +18,46 @@ from puckbench.metrics.psnr import psnr
 from puckbench.metrics.ssim import WINDOW, ssim
 
 PIXELS = 1920
-"""PCC Arena's width and height."""
+"""Width and height in PCC Arena."""
 _FAR = 200.0
-"""Grey of a cloud without colour at the far side of its box; the near is 0, around it is 255."""
+"""Grey value at the far side of the bounding box of a cloud without colours; near is 0, background
+255."""
 _AXES = ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1))
 _LUMA = np.array([0.2126, 0.7152, 0.0722])
 
 
-def view_quality(
+def view_metrics(
     reference: PointCloud, decoded: PointCloud, pixels: int = PIXELS, radius: int | None = None
 ) -> dict[str, float]:
-    """PSNR and SSIM of six pictures of a decoded cloud against those of its reference.
+    """Return PSNR and SSIM of six rendered views of a decoded cloud against those of its reference.
 
-    Where both have colours, the pictures show their luminance (BT.709), else depth: grey by the
-    distance behind the near side of the reference's box. The empty background counts, as in PCC
-    Arena: values can be compared only between codecs on one cloud.
+    If both clouds have colours, the images show luma (BT.709), else depth from the near side of the
+    reference's bounding box. As in PCC Arena the background counts, so only codecs on one cloud can
+    be compared.
 
     Parameters
     ----------
     reference, decoded
         The clouds, in one frame.
     pixels
-        Width and height of a picture.
+        Width and height of an image.
     radius
-        Of the discs that points are drawn as, in pixels; None for `closing_radius` of the
-        reference.
+        Radius of the discs, pixels; None for `closing_radius` of the reference.
 
     Returns
     -------
     dict
-        ``view_psnr`` in dB, of the squared error over the pixels of all six pictures with a peak of
-        255, infinite where they are equal; ``view_ssim``, the mean over the pictures; and
-        ``view_pixels``, ``view_radius``.
+        ``view_psnr``, dB, over the pixels of all images with a peak of 255, infinite if they are
+        equal; ``view_ssim``, mean over the images; ``view_pixels``; ``view_radius``.
 
     Raises
     ------
     InputError
-        A cloud is empty, or pictures are smaller than SSIM's window.
+        A cloud is empty, or images are smaller than SSIM's window.
     """
     check_points(decoded.xyz, "decoded cloud")
     if pixels < WINDOW:
-        raise InputError(f"views: {pixels} pixels are fewer than the {WINDOW} of SSIM's window")
+        raise InputError(f"views: {pixels} pixels are too few; SSIM needs {WINDOW} or more")
     if radius is None:
         radius = closing_radius(reference.xyz, pixels)
     coloured = reference.colours is not None and decoded.colours is not None
@@ -70,27 +70,28 @@ def view_quality(
         )
         squared += float(np.mean((a - b) ** 2)) / len(_AXES)
         structure += ssim(a, b) / len(_AXES)
-    found = {"view_psnr": psnr(squared, 255.0), "view_ssim": structure}
-    return found | {"view_pixels": pixels, "view_radius": radius}
+    values = {"view_psnr": psnr(squared, 255.0), "view_ssim": structure}
+    return values | {"view_pixels": pixels, "view_radius": radius}
 
 
 def view(
     cloud: PointCloud, axis: int, bounds: Floats, pixels: int, radius: int, coloured: bool
 ) -> Image:
-    """Grey picture (pixels, pixels) of a cloud, seen from outside a box along an axis.
+    """Render a grey image (pixels, pixels) of a cloud along an axis.
 
     Parameters
     ----------
     cloud
         The cloud.
     axis
-        0 to 5: seen from +x, -x, +y, -y, +z and -z.
+        0 to 5: seen from +x, -x, +y, -y, +z, -z.
     bounds
-        Corners of the box, (2, 3); its longest side fills the picture but for 2 % on either side.
+        Corners of the box to show, (2, 3); its longest side fills the image except for margins of 2
+        %.
     pixels, radius
-        As in `view_quality`.
+        As in `view_metrics`.
     coloured
-        Show the luminance of the cloud's colours in place of depth.
+        Show luma instead of depth.
     """
     direction = np.array(_AXES[axis], dtype=np.float64)
     centre, extent = bounds.mean(axis=0), float(np.ptp(bounds, axis=0).max()) or 1.0
@@ -105,10 +106,10 @@ def view(
 
 
 def closing_radius(points: Floats, pixels: int) -> int:
-    """Radius in pixels of discs that close most gaps between the points of a surface.
+    """Return a disc radius in pixels that closes most gaps between the points of a surface.
 
-    Twice the median distance to the nearest point, since the gaps of a random sample are wider than
-    that, and at least 1.
+    It is twice the median nearest-neighbour distance, since gaps of a random sample exceed that
+    distance, and at least 1.
     """
     from puckbench.metrics.density import density
 

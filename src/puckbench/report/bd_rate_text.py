@@ -11,7 +11,7 @@ from math import isnan, nan
 from typing import Any
 
 from puckbench.metrics.bjontegaard import LITTLE_OVERLAP, NO_COMMON_RANGE
-from puckbench.metrics.tables.rate_deltas import LEAST_CLOUDS
+from puckbench.metrics.tables.rate_deltas import MIN_CLOUDS
 
 FEW_CLOUDS = 10
 """Clouds below which a BD-rate stands with their number."""
@@ -59,7 +59,7 @@ def _why_not(row: _Row) -> str:
         known = {name: count for name, count in counts.items() if count > 0}
         return _REASONS[max(known, key=lambda name: known[name])] if known else NO_COMMON_RANGE
     lacks_interval = isnan(_number(row, "bd_rate_percent_low"))
-    return "no interval" if LEAST_CLOUDS <= compared < FEW_CLOUDS and lacks_interval else ""
+    return "no interval" if MIN_CLOUDS <= compared < FEW_CLOUDS and lacks_interval else ""
 
 
 def _interval(row: _Row) -> str:
@@ -71,7 +71,7 @@ def _interval(row: _Row) -> str:
 
 def _ends(row: _Row) -> tuple[float, float]:
     """The interval; of fewer clouds than it needs the least and the greatest value."""
-    ends = ("low", "high") if _count(row, "compared") >= LEAST_CLOUDS else ("least", "most")
+    ends = ("low", "high") if _count(row, "compared") >= MIN_CLOUDS else ("least", "most")
     return _number(row, f"bd_rate_percent_{ends[0]}"), _number(row, f"bd_rate_percent_{ends[1]}")
 
 

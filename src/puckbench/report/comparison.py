@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from puckbench.core.errors import InputError
 from puckbench.core.models import among
-from puckbench.metrics.bjontegaard import LEAST_POINTS
+from puckbench.metrics.bjontegaard import MIN_POINTS
 from puckbench.metrics.lossless import LOSSLESS, lossless_rows
 from puckbench.metrics.peaks import PEAK, with_peaks
 from puckbench.metrics.tables.rate_deltas import bd_rate
@@ -156,7 +156,7 @@ def _check_rates(own: pd.DataFrame, theirs: pd.DataFrame, qualities: Sequence[st
     """InputError for a codec that lacks a rate, or a value of it, on a cloud of a data set."""
     for (dataset, codec), rows in own.groupby(["dataset", "codec"], sort=False):
         rates = list(dict.fromkeys(rows["rate"]))
-        if len(rates) < LEAST_POINTS:
+        if len(rates) < MIN_POINTS:
             raise InputError(f"codec {codec!r}: only the rate {rates[0]} on {dataset}: no curve")
         for cloud in dict.fromkeys(own.loc[own["dataset"] == dataset, "cloud"]):
             of_cloud = rows[rows["cloud"] == cloud].set_index("rate")

@@ -1,1 +1,1 @@
-"""Metrics beside the usual ones, which a configuration asks for."""
+"""Optional metrics, which a configuration names."""

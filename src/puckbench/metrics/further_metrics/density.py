@@ -1,5 +1,3 @@
-"""Spacing, density and outliers of decoded clouds."""
-
 from __future__ import annotations
 
 from puckbench.geometry.cloud import PointCloud
@@ -8,11 +6,10 @@ from puckbench.metrics.metric_registry import METRICS
 
 @METRICS.register("density")
 def decoded_density(reference: PointCloud, decoded: PointCloud) -> dict[str, float]:
-    """Spacing, density and outliers of the decoded cloud, in metres.
-
-    See `puckbench.metrics.density.density`.
+    """Return spacing, density and outliers of the decoded cloud, in metres (see
+    `puckbench.metrics.density.density`).
     """
-    from puckbench.metrics.density import density, in_metres
+    from puckbench.metrics.density import density, density_in_metres
 
-    values = in_metres(density(decoded.xyz), reference.about.get("scale", 1.0))
+    values = density_in_metres(density(decoded.xyz), reference.about.get("scale", 1.0))
     return {f"decoded_{name}": value for name, value in values.items()}

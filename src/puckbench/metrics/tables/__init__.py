@@ -1,1 +1,1 @@
-"""Tables made of the table of all results."""
+"""Tables made from the results of a run."""

@@ -1,4 +1,4 @@
-"""Bits of every codec against those of G-PCC's octree, at equal errors and on equal grids."""
+"""The table ``against_octree``: bits of every codec against those of G-PCC's octree coder."""
 
 from __future__ import annotations
 
@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from puckbench.core.errors import InputError
-from puckbench.metrics.coordinate_frames import in_frame
+from puckbench.metrics.coordinate_frames import rows_in_metres
 from puckbench.metrics.table_registry import OCTREE_AND_OTHERS, SPINS_OR_RECORDINGS, TABLES
 from puckbench.metrics.tables.storage import bits_at_error, rounding_mm
 
@@ -15,13 +14,14 @@ if TYPE_CHECKING:
     import pandas as pd
 
 OCTREE = "gpcc"
-"""G-PCC's octree without the sensor: what papers on LiDAR compare with, with better options."""
+"""G-PCC's octree coder without knowledge of the sensor, the anchor of papers on LiDAR
+compression."""
 COMPLETE_OCTREE = "gpcc_lossless"
-"""The same, where every point is kept: its bits are the octree's without loss, in runs with it."""
+"""The same coder with duplicate points kept; the anchor for lossless coding where a run has it."""
 ERRORS_MM = (20.0, 10.0, 5.0)
-"""Root mean square errors (D1) at which codecs are compared."""
+"""D1 root mean square errors at which codecs are compared."""
 GRIDS_MM = (2.0, 1.0)
-"""Grids that are coded without loss."""
+"""Steps of the grids on which lossless coding is compared."""
 
 
 @TABLES.register(
@@ -30,37 +30,34 @@ GRIDS_MM = (2.0, 1.0)
     needs=(SPINS_OR_RECORDINGS, OCTREE_AND_OTHERS),
 )
 def against_octree(metrics: pd.DataFrame) -> pd.DataFrame:
-    """Bits per return at equal errors and on equal grids, and what each codec saves (%) against
-    ``gpcc``, G-PCC's octree without the sensor. Papers compare with that octree under options that
-    take up to 6 % more bits (``gpcc_no_sensor``).
+    """Bits per return of each codec at equal errors and on equal grids, and the percentage saved
+    against ``gpcc``, G-PCC's octree coder without the sensor. Papers use this anchor with options
+    that take up to 6 % more bits (``gpcc_no_sensor``). Values are medians over the clouds that have
+    one.
 
-    ``at_5_mm`` is at a root mean square error (D1) of 5 mm, interpolated between rates in the
-    logarithms of both. ``grid_1_mm`` is without loss on a grid of 1 mm: the fewest bits of a rate
-    whose error is that of rounding to the grid, or less, and that gives back as many points as
-    there were; against ``gpcc_lossless``, which keeps them all, in runs that have it. A codec that
-    gives back exactly what the sensor measured is below every grid. Cells are empty where no rate
-    reaches; ``coarsest_mm`` and ``finest_mm`` are the errors that rates reach. Medians over the
-    clouds that have the value.
+    ``at_5_mm``: at a D1 root mean square error of 5 mm, interpolated linearly between rates in log
+    bits and log error. ``grid_1_mm``: lossless coding on a grid of 1 mm, that is, the fewest bits
+    of a rate that returns as many points as it was given, with at most the error of rounding to the
+    grid; its anchor is ``gpcc_lossless``, which keeps duplicate points, if the run has it. Empty:
+    no rate reaches the error. ``coarsest_mm`` and ``finest_mm``: range of the errors of all rates.
 
     Parameters
     ----------
     metrics
-        All results of a run; rows of scaled clouds are left out.
+        All results of a run; scaled clouds are ignored.
 
     Raises
     ------
     InputError
-        There are no results of clouds in metres.
+        No cloud is in metres.
     """
     import pandas as pd
 
-    known = in_frame(metrics, "metric")
-    if known.empty:
-        raise InputError("metrics table: no results of clouds in metres")
-    known = known.assign(error_mm=1000 * known["d1_rms_m"])
-    pairs = known[["dataset", "codec"]].drop_duplicates().itertuples(index=False)
+    rows = rows_in_metres(metrics)
+    rows = rows.assign(error_mm=1000 * rows["d1_rms_m"])
+    pairs = rows[["dataset", "codec"]].drop_duplicates().itertuples(index=False)
     table = pd.DataFrame(
-        _row(dataset, codec, known[(known["dataset"] == dataset) & (known["codec"] == codec)])
+        _row(dataset, codec, rows[(rows["dataset"] == dataset) & (rows["codec"] == codec)])
         for dataset, codec in pairs
     )
     octree = table[table["codec"] == OCTREE].set_index("dataset")
@@ -81,39 +78,38 @@ def _columns() -> list[str]:
 def _row(dataset: str, codec: str, rows: pd.DataFrame) -> dict[str, Any]:
     clouds = [curve for _, curve in rows.groupby("cloud", sort=False)]
     values = np.array([_bits(curve) for curve in clouds])
-    found = {
+    medians = {
         name: float(np.median(column[np.isfinite(column)])) if np.isfinite(column).any() else np.nan
         for name, column in zip(_columns(), values.T, strict=True)
     }
-    reached = [(curve["error_mm"].max(), curve["error_mm"].min()) for curve in clouds]
-    coarsest, finest = np.median(np.array(reached), axis=0)
+    error_ranges = [(curve["error_mm"].max(), curve["error_mm"].min()) for curve in clouds]
+    coarsest, finest = np.median(np.array(error_ranges), axis=0)
     return {
-        "dataset": dataset, "codec": codec, **found,
+        "dataset": dataset, "codec": codec, **medians,
         "coarsest_mm": float(coarsest), "finest_mm": float(finest), "clouds": len(clouds),
     }  # fmt: skip
 
 
 def _bits(curve: pd.DataFrame) -> list[float]:
-    """Bits of one cloud at each error, then on each grid; nan where no rate reaches."""
     at_errors = [bits_at_error(curve["bpp"], curve["error_mm"], mm) for mm in ERRORS_MM]
     return at_errors + [bits_without_loss(curve, mm) for mm in GRIDS_MM]
 
 
 def bits_without_loss(curve: pd.DataFrame, grid_mm: float) -> float:
-    """The fewest bits on a grid with every point; nan where no rate has all and so little error.
+    """Return the fewest bits on a grid among the rates that keep every point; nan if there is none.
 
     Parameters
     ----------
     curve
         Result rows (``bpp``, ``error_mm``, ``points_in``, ``points_out``) of a codec and a cloud.
     grid_mm
-        The grid's step.
+        Step of the grid.
     """
     complete = curve[curve["points_out"] == curve["points_in"]]
     return bits_on_grid(complete["bpp"], complete["error_mm"], grid_mm)
 
 
 def bits_on_grid(bits: pd.Series[float], error_mm: pd.Series[float], grid_mm: float) -> float:
-    """The fewest bits with no more than a grid's error; nan where no rate has so little."""
+    """Return the fewest bits of a rate with at most the rounding error of a grid, or nan."""
     enough = bits[error_mm <= rounding_mm(grid_mm)]
     return float(enough.min()) if len(enough) else float("nan")

@@ -1,4 +1,4 @@
-"""On what the times of a run were taken: processors, threads, repetitions, libraries."""
+"""The table ``machines``: run environments in which times were measured."""
 
 from __future__ import annotations
 
@@ -14,15 +14,16 @@ _RUN_ENVIRONMENT = ("cpu", "encode_cpu", "threads", "timed_alone", "repeats", "l
 
 @TABLES.register("machines", title="Machines and versions")
 def machines(metrics: pd.DataFrame) -> pd.DataFrame:
-    """On what the times were taken: one row for each run environment, and how many results it has.
+    """Run environments in which times were measured, with the number of results of each; with one
+    row, all times can be compared.
 
-    Processor of decoding and of encoding, threads that a timed call might use, whether the job ran
-    alone, repetitions (their median counts; ``encode_s_min`` and ``encode_s_max`` are the extremes)
-    and versions of libraries and codecs. One row: all times can be compared.
+    Columns: processors for decoding and encoding, threads of a timed call, whether the job ran
+    alone, repetitions (times are medians; ``encode_s_min`` and ``encode_s_max`` are extremes),
+    versions of libraries and codecs.
     """
     columns = [name for name in _RUN_ENVIRONMENT if name in metrics]
     groups = metrics.groupby(columns, sort=False, dropna=False)
     versions = metrics.groupby(columns, sort=False, dropna=False)["codec_version"]
-    found = groups.size().rename("results").reset_index()
-    found["codec_versions"] = [", ".join(sorted(set(names))) for _, names in versions]
-    return found
+    table = groups.size().rename("results").reset_index()
+    table["codec_versions"] = [", ".join(sorted(set(names))) for _, names in versions]
+    return table

@@ -1,7 +1,4 @@
-"""Tables of Bjontegaard deltas against an anchor codec: per cloud, and per data set.
-
-A delta is taken cloud by cloud, never between medians over clouds, which belong to no cloud.
-"""
+"""Tables of Bjontegaard deltas against an anchor codec, for each cloud and for each data set."""
 
 from __future__ import annotations
 
@@ -19,11 +16,11 @@ from puckbench.metrics.bjontegaard import (
     LITTLE_OVERLAP,
     NO_COMMON_RANGE,
     TOO_FEW_POINTS,
-    Curve,
-    curve,
-    delta,
+    RateDistortionCurve,
+    bjontegaard_delta,
+    rate_distortion_curve,
 )
-from puckbench.metrics.lossless import LOSSLESS, is_of_the_shape, lossless_rows
+from puckbench.metrics.lossless import LOSSLESS, is_shape_metric, lossless_rows
 from puckbench.metrics.peaks import check_peaks
 from puckbench.metrics.table_registry import SEVERAL_CODECS, TABLES
 
@@ -32,8 +29,8 @@ if TYPE_CHECKING:
 
 METRICS = ("d1_psnr", "d2_psnr")
 RESAMPLES = 2000
-LEAST_CLOUDS = 3
-"""With fewer clouds there is nothing to resample."""
+MIN_CLOUDS = 3
+"""Fewest clouds for a bootstrap interval."""
 _GROUP = ["dataset", "metric", "codec"]
 
 
@@ -43,28 +40,29 @@ def bd_rate_clouds(
 ) -> pd.DataFrame:
     """Bjontegaard deltas of every codec against the anchor on each cloud.
 
-    The status says whether the two curves have at least half of the shorter one's range in common:
-    where they have not, there is no value. Lossless rates, whose errors are those of the rounding
-    of numbers, are no part of a curve.
+    There is no value if the curves have less than half of the shorter curve's range in common;
+    ``bd_rate_status`` gives the reason. Lossless rates are left out of the curves, because their
+    errors are rounding errors.
 
     Parameters
     ----------
     metrics
         All results of a run.
     anchor
-        The codec that the others are compared with.
+        Codec that the others are compared with.
     qualities
-        Columns of the results; one that ends in ``_psnr`` is a quality in dB, any other a squared
-        distortion d, whose quality is -10 log10 d.
+        Metrics to compare, as columns of the results. A column that ends in ``_psnr`` is in dB; any
+        other is a squared distance d with the quality -10 log10 d.
 
     Returns
     -------
     pd.DataFrame
-        One row per data set, metric, codec and cloud: ``dataset``, ``metric``, ``codec``,
+        A row for each data set, metric, codec and cloud: ``dataset``, ``metric``, ``codec``,
         ``anchor``, ``cloud``, ``bd_rate_percent``, ``bd_rate_status``, ``bd_quality_db``,
-        ``bd_quality_status`` (as of `puckbench.metrics.bjontegaard.Delta`), ``shared_range`` (of
-        the shorter curve's qualities), ``points`` and ``anchor_points`` used, ``dropped`` and
-        ``anchor_dropped``, ``lossless`` and ``anchor_lossless`` rates left out, ``log_ratio``.
+        ``bd_quality_status``, ``shared_range`` (see
+        `puckbench.metrics.bjontegaard.BjontegaardDelta`), ``points`` and ``anchor_points`` of the
+        curves, ``dropped``, ``anchor_dropped``, ``lossless`` and ``anchor_lossless`` (numbers of
+        rates left out), ``log_ratio``.
 
     Raises
     ------
@@ -77,15 +75,15 @@ def bd_rate_clouds(
     _check(metrics, anchor, qualities)
     rows: list[dict[str, Any]] = []
     for metric in qualities:
-        known = _with_quality(metrics, metric)
-        for (dataset, cloud), part in known.groupby(["dataset", "cloud"], sort=False):
+        rows_with_quality = _with_quality(metrics, metric)
+        for (dataset, cloud), part in rows_with_quality.groupby(["dataset", "cloud"], sort=False):
             names = {"dataset": dataset, "metric": metric, "anchor": anchor, "cloud": cloud}
             rows += [{**names, **row} for row in _against(part, anchor)]
     if not rows:
-        raise InputError(f"metrics table: no codec beside the anchor {anchor} on any cloud")
-    first = [*_GROUP, "anchor", "cloud"]
+        raise InputError(f"metrics table: no codec but the anchor {anchor}")
+    leading = [*_GROUP, "anchor", "cloud"]
     table = pd.DataFrame(rows)
-    return table[first + [name for name in table if name not in first]]
+    return table[leading + [name for name in table if name not in leading]]
 
 
 @TABLES.register("bd_rate", title="Bjontegaard deltas per data set", needs=(SEVERAL_CODECS,))
@@ -96,37 +94,36 @@ def bd_rate(
     resamples: int = RESAMPLES,
     seed: int = 0,
 ) -> pd.DataFrame:
-    """Bjontegaard deltas of every codec against the anchor, per data set and measure of quality.
+    """Bjontegaard deltas of every codec against the anchor, for each data set and metric: the mean
+    change of the rate at equal quality in percent (negative: fewer bits) and the mean change of
+    quality at equal rate in dB, with 95 % bootstrap intervals over clouds.
 
-    The mean change of the rate at equal quality in percent (negative: fewer bits), and of the
-    quality at equal rate in dB, with 95 % bootstrap intervals over the clouds. Each cloud's curves
-    are interpolated with PCHIP in the logarithm of the rate; clouds whose curves share less than
-    half of the shorter one's range are counted, and count in no mean. Lossless rates are left out
-    of the curves, and counted.
+    Deltas are computed for each cloud by PCHIP interpolation of the log rate and then averaged.
+    Clouds whose curves have less than half of the shorter range in common, and lossless rates, are
+    counted but not averaged.
 
     Parameters
     ----------
     metrics, anchor, qualities
-        As of `bd_rate_clouds`.
+        As in `bd_rate_clouds`.
     resamples, seed
-        Draws of the bootstrap, and their seed.
+        Of the bootstrap.
 
     Returns
     -------
     pd.DataFrame
-        One row per data set, metric and codec. ``clouds`` are those that both codecs have;
-        ``compared`` of them have half of the shorter curve's range of quality in common;
-        ``no_common_range``, ``little_overlap`` and ``too_few_points`` have not.
+        A row for each data set, metric and codec. ``clouds`` have results of both codecs;
+        ``compared`` of them have a BD-rate, while ``no_common_range``, ``little_overlap`` and
+        ``too_few_points`` have not.
 
-        * ``bd_rate_percent``: from the mean of the logarithms of the clouds' rate ratios, so that
-          the exchange of codec and anchor inverts it; ``..._arithmetic``: mean of the percentages,
-          which others report; ``..._median``, ``..._q25``, ``..._q75``, ``..._least``,
-          ``..._most``: of the clouds.
+        * ``bd_rate_percent``: from the mean log rate ratio of the clouds, so that swapping codec
+          and anchor inverts it; ``..._arithmetic``: mean of the percentages; ``..._median``,
+          ``..._q25``, ``..._q75``, ``..._least``, ``..._most``: over clouds.
         * ``bd_quality_db``: mean over ``quality_compared`` clouds with a common range of rates.
-        * ``..._low``, ``..._high``: 95 % interval of these means, percentile bootstrap over clouds;
-          none below three clouds, and too narrow with few.
-        * ``shared_range``: median; ``dropped``, ``anchor_dropped``: points of curves left out;
-          ``lossless``, ``anchor_lossless``: lossless rates left out, over all clouds.
+        * ``..._low``, ``..._high``: 95 % percentile bootstrap interval of these means over clouds;
+          missing below three clouds and too narrow for few.
+        * ``shared_range``: median; ``dropped``, ``anchor_dropped``, ``lossless``,
+          ``anchor_lossless``: sums.
     """
     import pandas as pd
 
@@ -141,15 +138,16 @@ def bd_rate(
 
 
 def log_ratios(metrics: pd.DataFrame, anchor: str, tested: str, quality: str) -> Floats:
-    """Mean of ln(rate / anchor's rate) at equal quality on each cloud that has a delta, (n,)."""
+    """Return the mean ln(rate / anchor rate) at equal quality of each cloud with a delta, (n,)."""
     both = metrics[metrics["codec"].isin([anchor, tested])]
     return bd_rate_clouds(both, anchor, [quality])["log_ratio"].dropna().to_numpy(float)
 
 
 def is_below_zero(differences: Floats, seed: int = 0) -> bool:
-    """Whether paired differences (n,) are negative beyond chance, by the interval of their mean.
+    """Return whether paired differences (n,) are significantly negative: the 95 % interval of their
+    mean.
 
-    Of fewer clouds than a bootstrap needs all must be negative; without any nothing can be told.
+    With too few values for a bootstrap, all must be negative.
     """
     rng = generator(seed, "paired differences")
     high = bootstrap_interval(differences, RESAMPLES, rng)[1]
@@ -159,30 +157,30 @@ def is_below_zero(differences: Floats, seed: int = 0) -> bool:
 
 
 def _check(metrics: pd.DataFrame, anchor: str, qualities: Sequence[str]) -> None:
-    measured = [] if lossless_rows(metrics).all() else qualities
-    for name in ["dataset", "cloud", "codec", "rate", "bpp", *measured]:
+    columns = [] if lossless_rows(metrics).all() else qualities
+    for name in ["dataset", "cloud", "codec", "rate", "bpp", *columns]:
         if name not in metrics:
             raise InputError(f"metrics table: no column {name!r}")
     if anchor not in set(metrics["codec"]):
-        known = among(anchor, sorted(set(metrics["codec"])))
-        raise InputError(f"BD-rate: no results of the anchor {anchor!r}{known}")
-    empty = metrics[metrics["bpp"] <= 0]
-    if len(empty):
-        codec, *place = map(str, empty[["codec", "dataset", "cloud", "rate"]].iloc[0])
-        where = f"{codec} of {'/'.join(place)}"
-        raise InputError(f"metrics table: column 'bpp' has a value that is not positive: {where}")
+        suggestion = among(anchor, sorted(set(metrics["codec"])))
+        raise InputError(f"BD-rate: no results of the anchor {anchor!r}{suggestion}")
+    not_positive = metrics[metrics["bpp"] <= 0]
+    if len(not_positive):
+        codec, *names = map(str, not_positive[["codec", "dataset", "cloud", "rate"]].iloc[0])
+        where = f"{codec} of {'/'.join(names)}"
+        raise InputError(f"metrics table: column 'bpp' must be positive, but is not for {where}")
     check_peaks(metrics, qualities)
 
 
 def _with_quality(metrics: pd.DataFrame, column: str) -> pd.DataFrame:
-    """The rows that have a quality in dB, and the lossless rows of data sets that have it."""
-    lossless = lossless_rows(metrics) & is_of_the_shape(column)
+    """Return rows with a quality in dB, and lossless rows of data sets that have qualities."""
+    lossless = lossless_rows(metrics) & is_shape_metric(column)
     quality = np.where(lossless, np.nan, _quality(metrics, column))
-    found = metrics.assign(**{LOSSLESS: lossless, "quality": quality})
-    is_known = found["quality"].notna() | found[LOSSLESS]
-    lacks = (~is_known).groupby(found["dataset"]).transform("any")
-    has = found["quality"].notna().groupby(found["dataset"]).transform("any")
-    return found[is_known & (has | ~lacks)]
+    rows = metrics.assign(**{LOSSLESS: lossless, "quality": quality})
+    is_usable = rows["quality"].notna() | rows[LOSSLESS]
+    has_gaps = (~is_usable).groupby(rows["dataset"]).transform("any")
+    has_quality = rows["quality"].notna().groupby(rows["dataset"]).transform("any")
+    return rows[is_usable & (has_quality | ~has_gaps)]
 
 
 def _quality(metrics: pd.DataFrame, column: str) -> Floats:
@@ -196,7 +194,7 @@ def _quality(metrics: pd.DataFrame, column: str) -> Floats:
 
 
 def _against(part: pd.DataFrame, anchor: str) -> list[dict[str, Any]]:
-    """A row for each other codec of one cloud; none where the anchor has no result there."""
+    """Return a row for each other codec on one cloud; none if the anchor has no result there."""
     curves = {str(codec): _curve(rows) for codec, rows in part.groupby("codec", sort=False)}
     if anchor not in curves:
         return []
@@ -207,25 +205,25 @@ def _against(part: pd.DataFrame, anchor: str) -> list[dict[str, Any]]:
     ]
 
 
-def _curve(rows: pd.DataFrame) -> tuple[Curve, int]:
-    """The curve of a codec on a cloud, and the number of its lossless rates."""
-    found = curve(rows["bpp"].to_numpy(float), rows["quality"].to_numpy(float))
-    return found, int(rows[LOSSLESS].sum())
+def _curve(rows: pd.DataFrame) -> tuple[RateDistortionCurve, int]:
+    """Return a codec's curve on a cloud and the number of its lossless rates."""
+    result = rate_distortion_curve(rows["bpp"].to_numpy(float), rows["quality"].to_numpy(float))
+    return result, int(rows[LOSSLESS].sum())
 
 
-def _compared(base: Curve, tested: Curve) -> dict[str, Any]:
-    found = delta(base, tested)
+def _compared(base: RateDistortionCurve, tested: RateDistortionCurve) -> dict[str, Any]:
+    difference = bjontegaard_delta(base, tested)
     return {
-        "bd_rate_percent": _number(found.rate_percent),
-        "bd_rate_status": found.rate_status,
-        "bd_quality_db": _number(found.quality_db),
-        "bd_quality_status": found.quality_status,
-        "shared_range": found.shared,
+        "bd_rate_percent": _number(difference.rate_percent),
+        "bd_rate_status": difference.rate_status,
+        "bd_quality_db": _number(difference.quality_db),
+        "bd_quality_status": difference.quality_status,
+        "shared_range": difference.overlap,
         "points": len(tested.quality),
         "anchor_points": len(base.quality),
         "dropped": tested.dropped,
         "anchor_dropped": base.dropped,
-        "log_ratio": _number(found.log_ratio),
+        "log_ratio": _number(difference.log_ratio),
     }
 
 
@@ -283,8 +281,10 @@ def _percent(log_ratio: float) -> float:
 def bootstrap_interval(
     values: Floats, resamples: int, rng: np.random.Generator
 ) -> tuple[float, float]:
-    """95 % percentile bootstrap interval of the mean of `values` (n,); nan below three values."""
-    if len(values) < LEAST_CLOUDS:
+    """Return the 95 % percentile bootstrap interval of the mean of `values` (n,); nan below three
+    values.
+    """
+    if len(values) < MIN_CLOUDS:
         return np.nan, np.nan
     drawn = rng.integers(0, len(values), (resamples, len(values)))
     low, high = np.quantile(values[drawn].mean(axis=1), [0.025, 0.975])

@@ -1,4 +1,4 @@
-"""What to store a sensor's data in: size, error and speed of every codec on clouds in metres."""
+"""The table ``storage``: size, error and speed of every codec on a sensor's data."""
 
 from __future__ import annotations
 
@@ -6,18 +6,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from puckbench.core.errors import InputError
-from puckbench.metrics.coordinate_frames import in_frame
+from puckbench.metrics.coordinate_frames import rows_in_metres
 from puckbench.metrics.table_registry import SPINS_OR_RECORDINGS, TABLES
 
 if TYPE_CHECKING:
     import pandas as pd
 
 ERROR_MM = 5.0
-"""Root mean square error (D1) at which lossy codecs are compared."""
+"""D1 root mean square error at which lossy codecs are compared."""
 _ROUNDING = 1.1
-"""By how much an error may exceed that of rounding to a grid, which holds for points that lie
-anywhere: on walls along its axes it is larger."""
+"""Tolerated ratio of an error to that of rounding uniformly distributed points to a grid; walls
+parallel to the grid have larger errors."""
 _MEDIANS = {
     "bits_per_return": "bpp",
     "mbit_per_s": "mbit_per_s",
@@ -34,53 +33,40 @@ _MEDIANS = {
     "decode_real_time": "decode_real_time",
 }
 _IN_METRES = ("d1_rms", "d2_rms", "truth_d2_rms")
-_CLOUD, _CODEC = ["dataset", "cloud"], ["dataset", "codec"]
 
 
 @TABLES.register("storage", title="What to store a sensor's data in", needs=(SPINS_OR_RECORDINGS,))
 def storage(metrics: pd.DataFrame) -> pd.DataFrame:
-    """Every codec on clouds in metres: at its rate of the least error, and at an error of 5 mm.
+    """Every codec on clouds in metres at its rate of least error, and at an error of 5 mm. Values
+    are medians over the clouds of a data set.
 
-    ``kept`` is what that rate keeps: ``exact``; ``1 mm``, points rounded to a grid of 1 mm (or
-    nearer); ``less`` otherwise, which stands below the others. Bits per return, megabits per second
-    at the sensor's rate, root mean square errors (D1, D2) in mm and distance to the true surface
-    (point to plane), errors of ranges and the largest, returns lost and made up, milliseconds for
-    each turn, and speed against the sensor's (2 is twice as fast as it turns; one thread).
-    ``bits_at_5_mm`` are bits per return at an error (D1) of 5 mm, interpolated between rates in the
-    logarithms of both; empty where all rates are finer, or all coarser. Medians over the clouds of
-    a data set.
+    ``kept``: ``exact``; ``1 mm``, points as exact as on a grid of 1 mm; or ``less``, listed last.
+    Then bits per return, megabits per second at the sensor's speed, root mean square errors (D1,
+    D2, point to plane to the true surface, ranges) in mm, numbers of returns lost and added,
+    milliseconds per turn, and speed relative to the sensor on one thread (2: twice as fast as the
+    sensor turns). ``bits_at_5_mm``: bits per return at a D1 root mean square error of 5 mm,
+    interpolated linearly between rates in log bits and log error; empty if no rates enclose it.
 
     Parameters
     ----------
     metrics
-        All results of a run; rows of scaled clouds are left out.
+        All results of a run; scaled clouds are ignored.
 
     Raises
     ------
     InputError
-        There are no results of clouds in metres.
+        No cloud is in metres.
     """
     import pandas as pd
 
-    known = in_frame(metrics, "metric")
-    if known.empty:
-        raise InputError("metrics table: no results of clouds in metres")
-    known = known.assign(
-        **{f"{name}_mm": 1000 * known[f"{name}_m"] for name in _IN_METRES if f"{name}_m" in known}
+    rows = rows_in_metres(metrics)
+    present = [name for name in _IN_METRES if f"{name}_m" in rows]
+    rows = rows.assign(**{f"{name}_mm": 1000 * rows[f"{name}_m"] for name in present})
+    table = pd.DataFrame(
+        {"dataset": dataset, "codec": codec, **_row(part)}
+        for (dataset, codec), part in rows.groupby(["dataset", "codec"], sort=False)
     )
-    rows = []
-    for (dataset, codec), part in known.groupby(_CODEC, sort=False):
-        finest = _of_least_error(part)
-        row: dict[str, Any] = {"dataset": dataset, "codec": codec, "rate": finest["rate"].iloc[0]}
-        row |= {"kept": _kept(finest["d1_rms_mm"].median())}
-        row |= {
-            name: finest[column].median() for name, column in _MEDIANS.items() if column in finest
-        }
-        curves = [curve for _, curve in part.groupby("cloud")]
-        at_error = [bits_at_error(curve["bpp"], curve["d1_rms_mm"], ERROR_MM) for curve in curves]
-        rows.append({**row, "bits_at_5_mm": float(np.median(at_error)), "clouds": len(curves)})
-    table = pd.DataFrame(rows)
-    order = table["dataset"].map({name: k for k, name in enumerate(table["dataset"].unique())})
+    order = pd.factorize(table["dataset"])[0]
     return (
         table.assign(order=order, less=table["kept"] == "less")
         .sort_values(["order", "less", "bits_per_return"])
@@ -88,8 +74,21 @@ def storage(metrics: pd.DataFrame) -> pd.DataFrame:
     )
 
 
+def _row(rows: pd.DataFrame) -> dict[str, Any]:
+    finest = _of_least_error(rows)
+    curves = [curve for _, curve in rows.groupby("cloud")]
+    at_error = [bits_at_error(curve["bpp"], curve["d1_rms_mm"], ERROR_MM) for curve in curves]
+    return {
+        "rate": finest["rate"].iloc[0],
+        "kept": _kept(finest["d1_rms_mm"].median()),
+        **{name: finest[column].median() for name, column in _MEDIANS.items() if column in finest},
+        "bits_at_5_mm": float(np.median(at_error)),
+        "clouds": len(curves),
+    }
+
+
 def _of_least_error(rows: pd.DataFrame) -> pd.DataFrame:
-    """Rows of one rate of a codec, the same for all clouds: of the least error, then bits."""
+    """Return the rows of the codec's rate with the least median error, then the fewest bits."""
     medians = rows.groupby("rate", sort=False)[["d1_rms_mm", "bpp"]].median()
     finest = str(medians.sort_values(["d1_rms_mm", "bpp"]).index[0])
     return rows.loc[rows["rate"] == finest]
@@ -102,20 +101,23 @@ def _kept(error_mm: float) -> str:
 
 
 def rounding_mm(grid_mm: float) -> float:
-    """Root mean square error of rounding x, y and z to a grid, half its step, at most."""
+    """Return the root mean square error of rounding x, y and z to a grid, half a step, with
+    tolerance.
+    """
     return _ROUNDING * grid_mm / 2
 
 
 def bits_at_error(bits: pd.Series[float], error_mm: pd.Series[float], at_mm: float) -> float:
-    """Bits at an error, between rates in the logarithms of both; nan beyond the rates.
+    """Return the bits at an error, interpolated in log bits and log error; nan outside the rates'
+    errors.
 
-    Rates without error have no place on such a scale, and are left out.
+    Lossless rates are ignored.
     """
-    error, known = error_mm.to_numpy(float), bits.to_numpy(float)
+    error, rate = error_mm.to_numpy(float), bits.to_numpy(float)
     lossy = error > 0
-    error, known = error[lossy], known[lossy]
+    error, rate = error[lossy], rate[lossy]
     if len(error) < 2 or not error.min() <= at_mm <= error.max():
         return float("nan")
     order = np.argsort(error)
-    found = np.interp(np.log(at_mm), np.log(error[order]), np.log(known[order]))
-    return float(np.exp(found))
+    log_bits = np.interp(np.log(at_mm), np.log(error[order]), np.log(rate[order]))
+    return float(np.exp(log_bits))
