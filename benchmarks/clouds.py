@@ -31,4 +31,5 @@ def sampled_object(points: int, name: str = "chair_01") -> Floats:
 
 def grown(points: Floats, bits: int) -> Floats:
     """The same cloud scaled and rounded to a grid of 2^bits cells a side."""
-    return np.rint(points * (2**bits - 1) / 1023)
+    cells: Floats = np.rint(points * (2**bits - 1) / 1023)
+    return cells

@@ -114,9 +114,14 @@ def differ(a: Floats, b: Floats) -> bool:
     return not np.array_equal(a[np.lexsort(a.T)], b[np.lexsort(b.T)])
 
 
-def decode_with_both(reference: Reference, turn: Turn, options: Mapping[str, Any]) -> Checked:
-    """Decode a stream of TMC3 with both."""
-    theirs = reference.encode(turn.points.astype(np.float64), options)
+def decode_with_both(
+    reference: Reference,
+    turn: Turn,
+    options: Callable[[SensorDescription], dict[str, Any]],
+    changes: Mapping[str, Any],
+) -> Checked:
+    """Decode a stream of TMC3 with both; options and changes are TMC3's."""
+    theirs = reference.encode(turn.points.astype(float), {**options(turn.sensor), **changes})
     is_wrong = differ(decode_geometry(theirs).positions(), reference.decode(theirs))
     return Checked(0, len(theirs), False, "we decode TMC3's otherwise" if is_wrong else "")
 
@@ -171,6 +176,7 @@ def crosscheck(
     parser.add_argument("--turns", nargs="+", help="these alone, by name")
     parser.add_argument("--modes", nargs="+", help="these alone, by name")
     options, tally = parser.parse_args(), Tally()
+    expected: tuple[type[Exception], ...] = (subprocess.SubprocessError, *refusals)
     with tempfile.TemporaryDirectory() as folder:
         reference = Reference(options.tmc3, Path(folder))
         for turn in turns(options.recordings):
@@ -180,6 +186,6 @@ def crosscheck(
                 where = f"{turn.name}, {mode}"
                 try:
                     tally.add(where, modes[mode](reference, turn))
-                except (subprocess.SubprocessError, *refusals) as error:
+                except expected as error:
                     tally.refuse(where, error)
     tally.end()

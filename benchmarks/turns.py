@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import islice
 from pathlib import Path
 from typing import NamedTuple
 
@@ -14,7 +15,8 @@ from puckbench.geometry.morton import Ints
 from puckbench.gpcc.sensor import SensorDescription, describe_sensor
 from puckbench.lidar import free_origin, load_sensor, open_error_model, open_sweep, scan
 from puckbench.lidar.recordings import read_recording
-from puckbench.lidar.returns import Beams
+from puckbench.lidar.returns import Beams, Returns
+from puckbench.lidar.scan_returns import returns_of_scan
 from puckbench.scenes.rooms import make_room
 
 UNIT_M = 0.001
@@ -47,6 +49,22 @@ def virtual_turn(
     return Turn(f"virtual {name}", points, describe_sensor(beams, UNIT_M, steps, (x, y, z)))
 
 
+def virtual_returns(name: str, turns: int = 1) -> Returns:
+    """Return the returns of turns of a virtual sensor in a generated office."""
+    mesh, sensor = make_room("office_1", seed=1), load_sensor(name)
+    sweep = open_sweep(
+        {
+            "frames_per_second": sensor.rotation_hz,
+            "duration_s": turns / sensor.rotation_hz,
+            "pitch_start_deg": 0.0,
+            "pitch_end_deg": 0.0,
+        }
+    )
+    random = generator(1, "benchmark of returns", name)
+    model, origin = open_error_model("vlp16", None), free_origin(mesh)
+    return returns_of_scan(scan(mesh, sensor, sweep, model, origin, random)).returns
+
+
 def recorded_turns(path: Path) -> Iterator[Turn]:
     """The whole turns of a VLP-16's recording, the strongest return of each laser."""
     table = read_recording(path)
@@ -67,7 +85,8 @@ def odd_turns() -> Iterator[Turn]:
     sensor = describe_sensor(Beams.of(data_sheet), UNIT_M, steps)
     one = SensorDescription((0.1,), (30.0,), 900, (40, -30, 10))
     two = SensorDescription((0.2, -0.1), (0.0, 5.0), 360)
-    cube = random.integers(-3000, 3000, (3000, 3))
+    column = np.array([1, 1, 3000])
+    cube: Ints = random.integers(-3000, 3000, (3000, 3))
     yield Turn("one point", cube[:1], sensor)
     yield Turn("the sensor itself", np.zeros((1, 3), np.int64), sensor)
     yield Turn("two points", cube[:2], sensor)
@@ -75,8 +94,20 @@ def odd_turns() -> Iterator[Turn]:
     yield Turn("cube, two lasers", cube, two)
     yield Turn("cube beside the sensor", cube, replace(sensor, position=(1 << 20, -(1 << 21), 7)))
     yield Turn("dense", random.integers(0, 40, (20_000, 3)), sensor)
-    yield Turn("above the sensor", random.integers(-2, 3, (500, 3)) * [1, 1, 3000], sensor)
-    yield Turn("plane", cube * [1, 1, 0], sensor)
-    yield Turn("line", cube[:600] * [1, 0, 0], sensor)
+    yield Turn("above the sensor", random.integers(-2, 3, (500, 3)) * column, sensor)
+    yield Turn("plane", cube * np.array([1, 1, 0]), sensor)
+    yield Turn("line", cube[:600] * np.array([1, 0, 0]), sensor)
     yield Turn("few, many times", np.repeat(cube[:60], 12, axis=0), sensor)
     yield Turn("pairs", np.repeat(cube, 2, axis=0) + random.integers(0, 3, (6000, 3)), sensor)
+
+
+def all_turns(
+    recordings: list[Path], step_deg: float | None, clean_step_deg: float | None, most: int
+) -> Iterator[Turn]:
+    """Every cloud of a cross-check, with at most some turns of each recording."""
+    for name in SENSORS:
+        yield virtual_turn(name, step_deg=step_deg)
+    yield virtual_turn("vlp16", "none", 2, clean_step_deg)
+    for path in recordings:
+        yield from islice(recorded_turns(path), most)
+    yield from odd_turns()

@@ -59,7 +59,10 @@ ROOT = Path(__file__).parents[2]
 SECONDS, MIB = 5, 1024
 READER_SECONDS, READER_MIB = 10, 2048
 """A file of less than a megabyte."""
-OTHERS = {**DECODERS, **{name: partial(dict.get, READERS, name) for name in READERS}}
+OTHERS: dict[str, Any] = {
+    **DECODERS,
+    **{name: partial(dict.get, READERS, name) for name in READERS},
+}
 LEARNED_SECONDS = 30
 """A network at work on as many voxels as a stream of some thousand bytes may promise."""
 CHECKED_FACTOR = 4
@@ -317,8 +320,8 @@ def results(decoder: str, first: int, end: int, seconds: float, kind: str) -> It
                 raise SystemExit(f"{decoder}: does not decode what is not damaged")
             deadline = deadline or time.monotonic() + seconds
             for text in worker.stdout:
-                number, seconds, mib, found = text.rstrip("\n").split(" ", 3)
-                yield Line(int(number), float(seconds), float(mib), found)
+                number, took, mib, found = text.rstrip("\n").split(" ", 3)
+                yield Line(int(number), float(took), float(mib), found)
                 first = int(number) + 1
                 if time.monotonic() > deadline:
                     worker.kill()

@@ -13,9 +13,7 @@ fails.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -29,14 +27,14 @@ from benchmarks.tmc3 import (
     judged,
     sensor_options,
 )
-from benchmarks.turns import SENSORS, Turn, odd_turns, recorded_turns, virtual_turn
+from benchmarks.turns import Turn, all_turns
 
 from puckbench.gpcc.coder import decode_geometry, encode_geometry
 from puckbench.gpcc.grid import InputGrid, quantise
 from puckbench.gpcc.options import PROFILES, SPINNING, GpccOptions
 from puckbench.gpcc.sensor import SensorDescription
 
-COMMON = {**PROFILES["ctc"].model_dump(exclude_defaults=True), **SPINNING}
+COMMON: dict[str, Any] = {**PROFILES["ctc"].model_dump(exclude_defaults=True), **SPINNING}
 """MPEG's common test conditions for a spinning sensor's sparse clouds."""
 
 MODES: dict[str, dict[str, Any]] = {
@@ -93,7 +91,7 @@ def checked(reference: Reference, turn: Turn, changes: dict[str, Any]) -> Checke
     """Code with both, decode each stream with both."""
     known = {**COMMON, **changes}
     scale = known.pop("scale", 1)
-    split = {
+    split: dict[str, Any] = {
         "angular_max_node_min_dim_log2_to_split_z": 8 + int(np.log2(scale)),
         "angular_max_diff_to_split_z": max(0, 1 + int(np.log2(scale))),
     }
@@ -114,29 +112,18 @@ def checked(reference: Reference, turn: Turn, changes: dict[str, Any]) -> Checke
     return judged(mine, theirs, faults)
 
 
-def decoded(reference: Reference, turn: Turn, options: dict[str, Any]) -> Checked:
-    """Decode a stream of TMC3 with both."""
-    known = tmc3_options(GpccOptions(**COMMON), turn.sensor)
-    return decode_with_both(reference, turn, {**known, **options})
-
-
-def turns(recordings: list[Path]) -> Iterator[Turn]:
-    """Every cloud that is coded."""
-    for name in SENSORS:
-        yield virtual_turn(name)
-    yield virtual_turn("vlp16", "none", 2)
-    for path in recordings:
-        for turn, _ in zip(recorded_turns(path), range(2), strict=False):
-            yield turn
-    yield from odd_turns()
-
-
 def main() -> None:
     coded = {name: partial(checked, changes=changes) for name, changes in MODES.items()}
+    options = partial(tmc3_options, GpccOptions(**COMMON))
     decoder_alone = {
-        name: partial(decoded, options=options) for name, options in OCTREE_DECODER_MODES.items()
+        name: partial(decode_with_both, options=options, changes=changes)
+        for name, changes in OCTREE_DECODER_MODES.items()
     }
-    crosscheck(__doc__, turns, {**coded, **decoder_alone})
+    crosscheck(
+        __doc__,
+        partial(all_turns, step_deg=None, clean_step_deg=None, most=2),
+        {**coded, **decoder_alone},
+    )
 
 
 if __name__ == "__main__":

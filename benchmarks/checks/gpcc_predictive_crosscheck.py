@@ -13,9 +13,7 @@ Exit status 1 if any case fails.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -29,7 +27,7 @@ from benchmarks.tmc3 import (
     judged,
     sensor_options,
 )
-from benchmarks.turns import SENSORS, Turn, odd_turns, recorded_turns, virtual_turn
+from benchmarks.turns import Turn, all_turns
 
 from puckbench.core.errors import InputError
 from puckbench.gpcc.coder import decode_geometry
@@ -130,28 +128,19 @@ def checked(reference: Reference, turn: Turn, changes: dict[str, Any]) -> Checke
     return judged(mine, theirs, faults)
 
 
-def decoded(reference: Reference, turn: Turn, options: dict[str, Any]) -> Checked:
-    """Decode a stream of TMC3 with both."""
-    known = tmc3_options(PredictiveOptions(), turn.sensor)
-    return decode_with_both(reference, turn, {**known, **options})
-
-
-def turns(recordings: list[Path]) -> Iterator[Turn]:
-    """Every cloud that is coded."""
-    for name in SENSORS:
-        yield virtual_turn(name, step_deg=0.5)
-    yield virtual_turn("vlp16", "none", 2, 0.8)
-    for path in recordings:
-        yield next(recorded_turns(path))
-    yield from odd_turns()
-
-
 def main() -> None:
     coded = {name: partial(checked, changes=changes) for name, changes in MODES.items()}
+    options = partial(tmc3_options, PredictiveOptions())
     decoder_alone = {
-        name: partial(decoded, options=options) for name, options in TREE_DECODER_MODES.items()
+        name: partial(decode_with_both, options=options, changes=changes)
+        for name, changes in TREE_DECODER_MODES.items()
     }
-    crosscheck(__doc__, turns, {**coded, **decoder_alone}, refusals=(InputError,))
+    crosscheck(
+        __doc__,
+        partial(all_turns, step_deg=0.5, clean_step_deg=0.8, most=1),
+        {**coded, **decoder_alone},
+        refusals=(InputError,),
+    )
 
 
 if __name__ == "__main__":

@@ -13,6 +13,7 @@ import argparse
 import hashlib
 import subprocess
 import tempfile
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -175,7 +176,7 @@ VECTORS: dict[str, tuple[str, str, float, tuple[str, ...]]] = {
 def cloud(name: str) -> Floats:
     """The cloud of a name in the table; the same in every run."""
     line = np.arange(40.0)[:, None]
-    shapes = {
+    shapes: dict[str, Callable[[], Floats]] = {
         "turn": small_turn,
         "pairs": lambda: np.repeat(small_turn(), 2, axis=0),
         "flat": lambda: np.floor(sampled_object(3000)) * [1, 1, 0] + [0, 0, 7],

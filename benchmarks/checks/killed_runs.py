@@ -56,9 +56,9 @@ class Folder:
             "-m",
             "snakemake",
             "--snakefile",
-            ROOT / "workflow" / "Snakefile",
+            str(ROOT / "workflow" / "Snakefile"),
         ]
-        words = ["--configfile", self.config, "--config", "results=results"]
+        words = ["--configfile", str(self.config), "--config", "results=results"]
         words += ["--cores", str(self.cores)]
         with (self.path / "run.log").open("ab") as log:
             return subprocess.Popen(

@@ -83,7 +83,8 @@ def write_ply(path: Path, cloud: PointCloud) -> None:
 
 def run_tool(tool: Path, folder: Path, threads: int) -> dict[str, float]:
     """The tool's values and its own count of seconds."""
-    command = [tool, "-a", folder / "a.ply", "-b", folder / "b.ply", "-r", "1023", "-d", "1"]
+    clouds = ["-a", str(folder / "a.ply"), "-b", str(folder / "b.ply")]
+    command = [str(tool), *clouds, "-r", "1023", "-d", "1"]
     command += [f"--nbThreads={threads}"]
     printed = subprocess.run(command, check=True, capture_output=True, text=True).stdout
     found = {key: re.search(rf"{line}: (\S+)", printed) for key, line in LINES.items()}

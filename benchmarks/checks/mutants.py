@@ -29,7 +29,15 @@ from pathlib import Path
 ROOT = Path(__file__).parents[2]
 TREE = Path(tempfile.gettempdir()) / f"puckbench-mutants-{os.getuid()}"
 COPIED = ("benchmarks", "config", "docs", "src", "tests", "workflow")
-LIBRARIES = ("open3d", "trimesh", "pandas", "pyarrow.parquet", "numba", "hypothesis", "pydantic")
+LIBRARIES: tuple[str, ...] = (
+    "open3d",
+    "trimesh",
+    "pandas",
+    "pyarrow.parquet",
+    "numba",
+    "hypothesis",
+    "pydantic",
+)
 LIBRARIES += ("scipy.interpolate", "scipy.spatial", "scipy.stats", "scipy.optimize", "pytest")
 MOST_SURVIVORS = 0.1
 ROOMS = ("metrics", "lidar", "thesis/claims")

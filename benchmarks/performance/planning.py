@@ -1,12 +1,10 @@
-"""Seconds and memory of planning the thesis at full size, and of Snakemake alone for as many jobs.
+"""Seconds and memory of planning the thesis at full size.
 
-    python -m benchmarks.performance.planning [CLOUDS_OF_THE_BARE_WORKFLOW]
+    python -m benchmarks.performance.planning [CONFIG]
 
-Four dry runs, each a process of its own: config/thesis.yaml with stand-ins (996 clouds, five codecs
-at six to eight rates), planned and no more (--quiet); a bare workflow of as many clouds and cells
-with the shortest rules there can be; one tenth of the first by Snakemake's own --batch; and the
-first once more with every job and its reasons put together, printed or not, and counted. Prints
-jobs, processor and wall seconds, peak memory.
+Three dry runs, each in a process: config/thesis.yaml with stand-ins (996 clouds, five codecs at six
+to eight rates), planned and no more (--quiet); one tenth of it by Snakemake's --batch; and once
+more with every job and its reasons. Prints jobs, processor and wall seconds, and peak memory.
 """
 
 from __future__ import annotations
@@ -23,45 +21,20 @@ ROOT = Path(__file__).parents[2]
 DRY = ("-n", "--cores", "2", "--quiet")
 EACH = ("rules", "host", "reason")
 """Words after --quiet with which Snakemake goes through every job of a dry run, and prints none."""
-BARE = """
-RATES = [8, 8, 8, 6, 7]
-CELLS = [(i, k, r) for i in range({clouds}) for k in range(5) for r in range(RATES[k])]
-
-rule table:
-    input: [f"metrics/{{c}}/{{k}}/{{r}}.json" for c, k, r in CELLS]
-    output: "table.csv"
-    shell: "touch {{output}}"
-
-rule evaluate:
-    input: "coded/{{cloud}}/{{codec}}/{{rate}}.bin"
-    output: "metrics/{{cloud}}/{{codec}}/{{rate}}.json"
-    shell: "touch {{output}}"
-
-rule encode:
-    input: "clouds/{{cloud}}.ply"
-    output: "coded/{{cloud}}/{{codec}}/{{rate}}.bin"
-    shell: "touch {{output}}"
-
-rule cloud:
-    output: "clouds/{{cloud}}.ply"
-    shell: "touch {{output}}"
-"""
 
 
 def main() -> None:
-    clouds = int(sys.argv[1]) if len(sys.argv) > 1 else 996
+    config = Path(sys.argv[1] if len(sys.argv) > 1 else ROOT / "config" / "thesis.yaml").resolve()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        (folder / "bare.smk").write_text(BARE.format(clouds=clouds))
-        thesis = [
+        words = [
             *("--snakefile", str(ROOT / "workflow" / "Snakefile")),
-            *("--configfile", str(ROOT / "config" / "thesis.yaml"), "--config", "stand_in=true"),
+            *("--configfile", str(config), "--config", "stand_in=true"),
         ]
         print(f"{'':10} {'jobs':>7} {'cpu s':>7} {'wall s':>7} {'MiB':>6}")
-        dry_run(folder, "thesis", thesis)
-        dry_run(folder, "bare", ["--snakefile", "bare.smk"])
-        dry_run(folder, "a tenth", ["--batch", "metrics_table=1/10", *thesis])
-        dry_run(folder, "every job", [*EACH, *thesis])
+        dry_run(folder, "planned", words)
+        dry_run(folder, "a tenth", ["--batch", "metrics_table=1/10", *words])
+        dry_run(folder, "every job", [*EACH, *words])
 
 
 def dry_run(folder: Path, name: str, words: list[str]) -> None:

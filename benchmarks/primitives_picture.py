@@ -1,6 +1,6 @@
 """Picture of the codec `primitives`: a scan, its primitives, the decoded cloud, the errors.
 
-    python -m benchmarks.ablations.primitives_pictures OUT.png [--results results]
+    python -m benchmarks.primitives_picture OUT.png [--results results]
         [--cloud rooms_noisy/office_1] [--scene rooms/office_1] [--rate r4]
 
 Cloud and scene are of a run's results, those of the default run where none are named. Above stand

@@ -1,0 +1,110 @@
+"""Bits, time, memory and error of codecs on one cloud, side by side.
+
+    python -m benchmarks.performance.codecs CLOUD --codecs NAME ... [--rates RATE ...]
+        [--repeats 3] [--entry 'YAML'] [--points N]
+
+CLOUD is a file, or `room`, `object` (scaled to 1023) or `turn` (metres, with the returns of a
+virtual VLP-16), which are generated with about N points. `--entry` changes codecs as `codecs` of a
+configuration does. Every codec and rate takes its turn in every repeat, and the least time of the
+repeats counts, because other work on the machine only adds. Times are of arrays in memory, after
+weights are loaded and loops compiled: wall clock, and processor time in brackets. Memory is the
+peak above what was resident before the call.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+import yaml
+from benchmarks.clouds import sampled_object, scanned_room
+from benchmarks.turns import virtual_returns
+
+from puckbench.codecs.base import Codec
+from puckbench.codecs.registry import open_codec
+from puckbench.core.measurement import measured
+from puckbench.geometry.cloud import Floats, PointCloud
+from puckbench.io.clouds import read_cloud
+from puckbench.metrics.geometry import distortion
+
+T = TypeVar("T")
+
+
+@dataclass
+class Case:
+    """A codec at a rate, and the least cost of its calls."""
+
+    codec: Codec
+    rate: str
+    seconds: Floats = field(default_factory=lambda: np.full((2, 2), np.inf))
+    """Wall clock and processor time of encoding and of decoding."""
+    peak_mib: float = 0.0
+    stream: bytes = b""
+    error: float = 0.0
+
+    def run(self, cloud: PointCloud) -> None:
+        """Encode and decode once."""
+        self.stream, *encoding = self._timed(lambda: self.codec.encode_cloud(cloud, self.rate))
+        decoded, *decoding = self._timed(lambda: self.codec.decode_cloud(self.stream))
+        for column, pair in enumerate(zip(encoding, decoding, strict=True)):
+            self.seconds[column] = np.minimum(self.seconds[column], pair)
+        if not self.error:
+            self.error = float(np.sqrt(distortion(PointCloud(cloud.xyz), decoded.xyz)["d1_mse"]))
+
+    def _timed(self, call: Callable[[], T]) -> tuple[T, float, float]:
+        before = time.process_time()
+        result = measured(call, whole=self.codec.cost)
+        self.peak_mib = max(self.peak_mib, result.peak_mib)
+        return result.result, result.seconds, time.process_time() - before
+
+
+def opened_cloud(name: str, points: int) -> PointCloud:
+    """Generate a cloud, or read it from its file."""
+    if name == "room":
+        return PointCloud(scanned_room("vlp16_divergence", 0.1 * 1_152_000 / points))
+    if name == "object":
+        return PointCloud(sampled_object(points))
+    if name == "turn":
+        returns = virtual_returns("vlp16", max(1, round(points / 28_800)))
+        return PointCloud(returns.points(), returns=returns)
+    return read_cloud(Path(name))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("cloud")
+    parser.add_argument("--codecs", nargs="+", required=True)
+    parser.add_argument("--rates", nargs="+")
+    parser.add_argument("--repeats", type=int, default=3)
+    parser.add_argument("--entry", type=yaml.safe_load, default={})
+    parser.add_argument("--points", type=int, default=1_152_000)
+    options = parser.parse_args()
+    cloud = opened_cloud(options.cloud, options.points)
+    frame = "metric" if options.cloud == "turn" else cloud.frame
+    cases = []
+    for name in options.codecs:
+        codec = open_codec(name, options.entry.get(name))
+        codec.load()
+        cases += [Case(codec, rate) for rate in options.rates or codec.rates_of(frame)]
+    for _ in range(options.repeats):
+        for case in cases:
+            case.run(cloud)
+    print(f"{len(cloud):,} points\n")
+    print("| codec | rate | bits per point | D1, RMS | encode s | decode s | MiB |")
+    print("|---|---|---|---|---|---|---|")
+    for case in cases:
+        bits = 8 * len(case.stream) / len(cloud)
+        times = [f"{w:.3f} ({c:.3f})" for w, c in case.seconds.T.tolist()]
+        print(
+            f"| {case.codec.name} | {case.rate} | {bits:.4f} | {case.error:.4g} "
+            f"| {' | '.join(times)} | {case.peak_mib:.0f} |"
+        )
+
+
+if __name__ == "__main__":
+    main()
