@@ -1,7 +1,7 @@
 """Our G-PCC coder against the reference software, both ways, over clouds, profiles and scales.
 
     python -m benchmarks.checks.gpcc_crosscheck TMC3 [--full] [--clouds NAME ...]
-        [--profiles NAME ...]
+        [--profiles NAME ...] [--rates NAME ...]
 
 For each case: what TMC3 decodes from our stream must be the grid points that were coded, what we
 decode from TMC3's stream must be what TMC3 decodes from it, and our stream may be at most 0.5 %
@@ -64,13 +64,14 @@ def main() -> None:
     parser.add_argument("--full", action="store_true")
     parser.add_argument("--clouds", nargs="+", help="these alone, by name")
     parser.add_argument("--profiles", nargs="+", default=["minimal", "ctc", "defaults"])
+    parser.add_argument("--rates", nargs="+", choices=list(RATES), default=list(RATES))
     options = parser.parse_args()
     tally = Tally()
     for name, points in clouds(options.full):
         if options.clouds and name not in options.clouds:
             continue
         choices = itertools.product(
-            options.profiles, ("merged", "kept"), ("nearest", "truncate"), RATES
+            options.profiles, ("merged", "kept"), ("nearest", "truncate"), options.rates
         )
         for profile, duplicates, rounding, rate in choices:
             common = {"profile": profile, "duplicates": duplicates, "rounding": rounding}

@@ -234,9 +234,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("tmc3")
     parser.add_argument("folder", type=Path, nargs="?", default=FOLDER)
+    parser.add_argument("--only", nargs="+", choices=list(VECTORS), default=list(VECTORS))
     options = parser.parse_args()
     options.folder.mkdir(parents=True, exist_ok=True)
-    lines = {name: made(options.tmc3, options.folder, name) for name in VECTORS}
+    lines = {name: made(options.tmc3, options.folder, name) for name in options.only}
     write_json(options.folder / "manifest.json", lines)
     print(f"{len(lines)} streams, {sum(line['bytes'] for line in lines.values()):,} bytes")
 

@@ -5,14 +5,12 @@ What runs on a device is the models' own layers by PyTorch's functions, whatever
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
-from benchmarks.performance import gpu
 from scipy.spatial import cKDTree
 
 from puckbench.codecs.base import Codec
@@ -128,40 +126,3 @@ def test_streams_decode_on_either_side(name: str, opened: Callable[..., Codec]) 
                 assert np.array_equal(one, other)
             else:
                 assert _alike(one, other)
-
-
-@pytest.mark.skipif(torch.cuda.is_available(), reason="for machines without CUDA")
-def test_the_benchmark_of_a_gpu_says_in_one_line_that_there_is_none(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr(sys, "argv", ["gpu"])
-    with pytest.raises(SystemExit) as ended:
-        gpu.main()
-    assert ended.value.code == 2
-    said = capsys.readouterr()
-    assert (said.out, said.err) == ("", "device cuda: PyTorch finds no CUDA device here\n")
-
-
-def test_the_benchmark_of_a_gpu_compares_both_sides(
-    opened: Callable[..., Codec], own_layers: Callable[[], None]
-) -> None:
-    """Its lines, with the code of a device on the CPU in the place of the device."""
-    points, here = 40 + shell(), opened("sparse_octree_net")
-    own_layers()
-    there = opened("sparse_octree_net")
-    found = list(gpu.lines(here, there, "shell", points, repeats=1))
-    assert [line[:3] for line in found] == [
-        ["sparse_octree_net", "shell", rate] for rate in here.rates
-    ]
-    for line, rate in zip(found, here.rates, strict=True):
-        assert len(line) == len(gpu.HEADS)
-        assert line[3] == line[4] == str(len(here.encode(points, rate)))
-        assert line[9:] == ["same", "same"]
-
-
-def test_points_that_a_device_lacks_are_counted() -> None:
-    points = np.arange(12.0).reshape(4, 3)
-    assert gpu.agreement(points, points[::-1]) == "same"
-    assert gpu.agreement(points, points[:3]) == "75.00%"
-    moved = points + np.array([[0], [0], [0], [1]])
-    assert gpu.agreement(points, moved) == "75.00%"

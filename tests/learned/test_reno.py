@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from benchmarks.checks import reno as tables
 from torch.nn import functional
 
 from puckbench.codecs.base import Codec
@@ -376,28 +375,3 @@ def test_missing_and_foreign_weights_are_named(tmp_path: Path, folder: Path) -> 
         with pytest.raises(InputError, match=rf"{name}\.pt: not a checkpoint of RENO") as raised:
             _codec(tmp_path / f"{name}.pt").encode(METRES, "8mm")
         assert "\n" not in str(raised.value)
-
-
-def test_the_tables_of_the_note_are_bits_and_their_ratios(
-    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(tables, "RATES", {"16mm": {"step_m": 0.016}, "64mm": {"step_m": 0.064}})
-    (tmp_path / "authors.csv").write_text("frame,posq,bits\nshell,16,80000\n")
-    bits = {"shell": tables.Bits(folder, METRES)}
-    heads, _, fine, coarse = tables.rates_table(bits, tables.read_authors(tmp_path / "authors.csv"))
-    assert heads == "| posQ (mm) | shell | authors | ratio | shell, `gpcc` |"
-    own, other = ({}, {"trained_on": "Ford"})
-    made = {
-        (rate, name): 8 * len(_codec(folder, **more).encode(METRES, rate))
-        for rate in ("16mm", "64mm")
-        for name, more in (("KITTIDetection", own), ("Ford", other))
-    }
-    gpcc = open_codec("gpcc", {"metric_rates": tables.RATES})
-    theirs = {rate: 8 * len(gpcc.encode(METRES, rate)) for rate in ("16mm", "64mm")}
-    first = made["16mm", "KITTIDetection"]
-    ratio = f"{first / theirs['16mm']:.3f}"
-    assert fine == f"| 16 | {first:,} | 80,000 | {first / 80_000:.4f} | {ratio} |"
-    assert coarse.startswith(f"| 64 | {made['64mm', 'KITTIDetection']:,} |  |  |")
-    _, _, sets = tables.sets_table(bits)
-    ford = [f"{made[rate, 'Ford'] / theirs[rate]:.3f}" for rate in ("64mm", "16mm")]
-    assert sets.split("|")[4].strip() == "; ".join(ford)

@@ -16,6 +16,7 @@ from puckbench.core.errors import InputError
 from puckbench.jobs.fork_server import start_fork_server
 from puckbench.planning.run_summary import closing_lines
 from puckbench.planning.config import check_config_files
+from puckbench.planning.failures import failed_jobs, failure_lines
 from puckbench.planning.launch import TOLD_BY_CALLER
 from puckbench.planning.planned_job import results_folder
 from puckbench.planning.run_time import (
@@ -26,7 +27,6 @@ from puckbench.planning.run_time import (
 )
 from puckbench.planning.running import (
     check_room,
-    failures,
     hold_results,
     left_out_lines,
     now,
@@ -141,7 +141,7 @@ onsuccess:
 
 onerror:
     end_bars()
-    for line in failures(plan.results / "logs", BEGUN):
+    for line in failure_lines(failed_jobs(plan.results / "logs", BEGUN)):
         print(line, file=sys.stderr, flush=True)
 
 

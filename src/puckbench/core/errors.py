@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 NARROWER = ": crop it, or take a coarser rate"
 """What errors advise where a cloud is too wide for a rate."""
@@ -26,3 +28,22 @@ def naming(what: object) -> Iterator[None]:
         if str(error).startswith(f"{what}: "):
             raise
         raise InputError(f"{what}: {error}") from error
+
+
+@contextmanager
+def noting(note: str) -> Iterator[None]:
+    """Add a note, such as the rate being coded, to an exception that leaves the block."""
+    try:
+        yield
+    except Exception as error:
+        error.add_note(note)
+        raise
+
+
+def error_text(error: BaseException) -> str:
+    """Return an exception in one line: its notes, class, message, and the file and line."""
+    notes = ", ".join(getattr(error, "__notes__", ()))
+    message = " ".join(str(error).split())
+    words = ": ".join(filter(None, [notes, type(error).__name__, message]))
+    frames = traceback.extract_tb(error.__traceback__)
+    return f"{words} ({Path(frames[-1].filename).name}:{frames[-1].lineno})" if frames else words

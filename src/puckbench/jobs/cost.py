@@ -17,7 +17,8 @@ from puckbench.core.models import Model, parsed
 WORK = ("codec", "points", "rates", "repeats", "call_s", "truth")
 """Of what a job returns: its codec, the points of its cloud, rates of its curve, repetitions of
 its timed calls and the seconds of one for each rate, and whether truth was measured."""
-_BEGIN = '{"job": '
+BEGIN = '{"job": '
+"""Begins the last line of the log of a job that finished."""
 _TAIL_BYTES = 2048
 
 
@@ -95,7 +96,7 @@ def read_cost(log: Path) -> dict[str, Any] | None:
         stream.seek(0, 2)
         stream.seek(max(0, stream.tell() - _TAIL_BYTES))
         last = stream.read().decode(errors="replace").rstrip().rpartition("\n")[2]
-    if not last.startswith(_BEGIN):
+    if not last.startswith(BEGIN):
         return None
     found: dict[str, Any] = json_of(last.encode(), str(log))
     parsed(_Cost, found, str(log))

@@ -9,7 +9,7 @@ from typing import Any
 from puckbench.codecs.base import Codec, SharedWork
 from puckbench.codecs.registry import open_codec
 from puckbench.core.environment import cpu_model, run_environment
-from puckbench.core.errors import naming
+from puckbench.core.errors import naming, noting
 from puckbench.core.files import write_json, written_whole
 from puckbench.core.measurement import Measured, measured
 from puckbench.core.progress import Progress
@@ -74,7 +74,8 @@ class Encoding(TimedJob):
         self, codec: Codec, cloud: PointCloud, rate: str, shared: SharedWork | None = None
     ) -> Coded:
         """Code a cloud with a loaded codec, timed."""
-        found = measured_encoding(codec, cloud, rate, self.repeats, shared)
+        with noting(f"rate {rate}"):
+            found = measured_encoding(codec, cloud, rate, self.repeats, shared)
         weights = codec.weights_of(rate)
         record = {
             "codec": self.codec,

@@ -5,19 +5,23 @@ The last line of standard output is what the job cost: see `puckbench.jobs.cost`
 
 from __future__ import annotations
 
+import faulthandler
 import gc
 import os
 import sys
+import traceback
 from collections.abc import Mapping, Sequence
 from inspect import signature
 from pathlib import Path
 from typing import Any, NoReturn
 
-from puckbench.core.errors import InputError
+from puckbench.core.errors import InputError, error_text
 from puckbench.core.files import read_json
 from puckbench.jobs.cost import cost_line
 from puckbench.jobs.registry import JOBS
 
+TIMEOUT = "PUCKBENCH_TIMEOUT_S"
+"""Environment variable: seconds after which a job is ended; empty or 0 for no limit."""
 _OBJECTS_PER_SEARCH = 10_000
 """New objects after which Python looks for unused ones: imports make many, and leave none."""
 
@@ -28,12 +32,21 @@ def main(words: Sequence[str]) -> int:
     words: its name, the file of its record, and ``key=FILE ...``.
     """
     gc.set_threshold(_OBJECTS_PER_SEARCH)
+    faulthandler.enable()
+    if limit_s := float(os.environ.get(TIMEOUT) or 0):
+        faulthandler.dump_traceback_later(limit_s, exit=True)
     name, record, *files = words
     try:
         run_job(name, read_json(Path(record)), _files(name, files))
     except InputError as error:
         print(f"puckbench: {' '.join(str(error).split())}", file=sys.stderr)  # noqa: T201
         return 2
+    except Exception as error:  # noqa: BLE001 (of a user's plug-in, say)
+        traceback.print_exc()
+        print(f"puckbench: {error_text(error)}", file=sys.stderr)  # noqa: T201
+        return 1
+    finally:
+        faulthandler.cancel_dump_traceback_later()
     except KeyboardInterrupt:
         print("puckbench: interrupted", file=sys.stderr)  # noqa: T201
         return 130

@@ -1,4 +1,4 @@
-"""What a run does around its jobs: hold the results, see that there is room, say what failed."""
+"""What a run does around its jobs: lock the results, check for free space, list what is left out."""
 
 from __future__ import annotations
 
@@ -14,8 +14,7 @@ from puckbench.core.files import remove_leftovers, unreadable, unwritable
 _held: list[TextIO] = []
 _ROOM = 2**20
 """Bytes without which no run is begun."""
-_MOST_TOLD, _MOST_LEFT_OUT = 10, 50
-_PREFIX = "puckbench: "
+_MOST_LEFT_OUT = 50
 
 
 def hold_results(results: Path) -> None:
@@ -57,27 +56,6 @@ def left_out_lines(rows: Sequence[Mapping[str, str]]) -> Iterator[str]:
         yield f"left out: {row['file']}: {row['reason']}"
     if len(rows) > _MOST_LEFT_OUT:
         yield f"left out: {len(rows) - _MOST_LEFT_OUT} more (tables/left_out.csv)"
-
-
-def failures(logs: Path, since: float) -> Iterator[str]:
-    """The errors that jobs ended with, each once with a log that has it; not more than some.
-
-    since: time stamp of the run's beginning; older logs are of other runs.
-    """
-    found: dict[str, Path] = {}
-    for log in sorted(logs.rglob("*.log")):
-        last = _last_line(log) if log.stat().st_mtime >= since else ""
-        if last.startswith(_PREFIX):
-            found.setdefault(last, log)
-    for line, log in list(found.items())[:_MOST_TOLD]:
-        yield f"{line} ({log})"
-    if len(found) > _MOST_TOLD:
-        yield f"{_PREFIX}{len(found) - _MOST_TOLD} more errors in {logs}"
-
-
-def _last_line(log: Path) -> str:
-    text = log.read_text(encoding="utf-8", errors="replace").rstrip()
-    return text.rpartition("\n")[2]
 
 
 def now() -> float:

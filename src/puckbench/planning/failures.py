@@ -1,0 +1,93 @@
+"""Jobs of a run that failed: which, why, and where their logs are."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+from puckbench.jobs.cost import BEGIN as COST
+
+PREFIX = "puckbench: "
+"""Begins the last line of the log of a job that raised an error."""
+_MAX_LINES = 10
+_CURVES = ("coded", "metrics", "decoded", "recovery")
+"""Folders of logs of jobs on one data set, cloud and codec."""
+_TAIL_BYTES = 1 << 16
+_FATAL = re.compile(r"^Fatal Python error: (.+)$", re.MULTILINE)
+_TIMEOUT = re.compile(r"^Timeout \((\d+:\d\d:\d\d(?:\.\d+)?)\)!$", re.MULTILINE)
+
+
+class Failure(NamedTuple):
+    """A failed job.
+
+    dataset, cloud, codec: of the job; empty where it has none. what: the job in words.
+    """
+
+    dataset: str
+    cloud: str
+    codec: str
+    what: str
+    reason: str
+    log: Path
+
+    def __str__(self) -> str:
+        return f"{self.what}: {self.reason}; log: {self.log}"
+
+
+def failed_jobs(logs: Path, since: float) -> list[Failure]:
+    """Return the jobs whose logs, of a time stamp or later, do not end as those of finished jobs."""
+    failures = []
+    for log in sorted(logs.rglob("*.log")):
+        if log.stat().st_mtime >= since and (failure := failure_of(log, logs)):
+            failures.append(failure)
+    return failures
+
+
+def failure_of(log: Path, logs: Path) -> Failure | None:
+    """Return the failure that a log in the folder `logs` tells; None if its job finished."""
+    reason = _reason(log)
+    if reason is None:
+        return None
+    kind, *names = log.relative_to(logs).with_suffix("").parts
+    dataset, cloud, codec = ("", "", "")
+    if kind in _CURVES and len(names) >= 3:
+        dataset, cloud, codec, *part = names
+        what = ", ".join([f"codec {codec}", f"cloud {dataset}/{cloud}", *part])
+        reason = reason.removeprefix(f"codec {codec}: ")
+    else:
+        if kind == "clouds" and len(names) == 2:
+            dataset, cloud = names
+        what = "/".join([kind, *names])
+    return Failure(dataset, cloud, codec, what, reason, log)
+
+
+def failure_lines(failures: list[Failure]) -> Iterator[str]:
+    """Yield a line for each codec and reason, with the first log; not more than some."""
+    groups: dict[tuple[str, str], list[Failure]] = {}
+    for failure in failures:
+        key = failure.codec or failure.what, failure.reason
+        groups.setdefault(key, []).append(failure)
+    for first, *others in list(groups.values())[:_MAX_LINES]:
+        more = f" (and {len(others)} more jobs like it)" if others else ""
+        yield f"{PREFIX}{first}{more}"
+    if len(groups) > _MAX_LINES:
+        yield f"{PREFIX}{len(groups) - _MAX_LINES} more errors, in the logs"
+
+
+def _reason(log: Path) -> str | None:
+    with log.open("rb") as stream:
+        stream.seek(0, 2)
+        stream.seek(max(0, stream.tell() - _TAIL_BYTES))
+        text = stream.read().decode(errors="replace").rstrip()
+    last = text.rpartition("\n")[2]
+    if last.startswith(COST):
+        return None
+    if last.startswith(PREFIX):
+        return last.removeprefix(PREFIX)
+    if fatal := _FATAL.search(text):
+        return f"the process died: {fatal[1]}"
+    if timeout := _TIMEOUT.search(text):
+        return f"took longer than its limit of {timeout[1]} (timing.timeout_s)"
+    return "the process was killed, or ended without a message (out of memory?)"
