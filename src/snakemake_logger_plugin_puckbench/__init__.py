@@ -81,9 +81,12 @@ class LogHandler(LogHandlerBase):
             LogEvent.RUN_INFO: self._take_run,
             LogEvent.JOB_INFO: self._take_start,
             LogEvent.JOB_FINISHED: self._take_end,
+            LogEvent.JOB_ERROR: self._take_error,
         }.get(event)
         if take:
             take(vars(record))
+        elif self._jobs and _tells_of_failed_job(record):
+            return
         elif (record.levelno >= logging.WARNING or not self._jobs) and self._is_shown(record):
             self._print(self.format(record))
 
@@ -129,6 +132,18 @@ class LogHandler(LogHandlerBase):
             self._tell(self._notes[rule])
         self._show()
 
+    def _take_error(self, event: dict[str, Any]) -> None:
+        """Print why a job failed, by its log."""
+        from pathlib import Path
+
+        from puckbench.planning.failures import failure_of
+
+        self._running.pop(event["jobid"], None)
+        for log in map(Path, event["log"]):
+            logs = next((folder for folder in log.parents if folder.name == "logs"), None)
+            if logs and log.exists() and (failure := failure_of(log, logs)):
+                self._tell(f"failed: {failure}")
+
     def left_s(self) -> float:
         """Seconds left: by the estimate at first, then by how long the jobs so far have taken."""
         if not self._work:
@@ -156,6 +171,16 @@ class LogHandler(LogHandlerBase):
             self._bar.console.print(text, highlight=False, markup=False)
         elif text not in {"", "None"}:  # an event without a text
             print(text, file=sys.stderr, flush=True)  # noqa: T201
+
+
+def _tells_of_failed_job(record: logging.LogRecord) -> bool:
+    """Whether a record says no more than that a job failed, which `LogEvent.JOB_ERROR` told."""
+    message = record.getMessage()
+    return (
+        "CalledProcessError in file" in message
+        or message.startswith("Exiting because a job execution failed")
+        or message.endswith("At least one job did not complete successfully.")
+    )
 
 
 def _duration(seconds: float) -> str:

@@ -14,11 +14,12 @@ if SOURCE.is_dir():
 
 from puckbench.core.errors import InputError
 from puckbench.jobs.fork_server import start_fork_server
-from puckbench.planning.run_summary import closing_lines
+from puckbench.jobs.process import TIMEOUT
 from puckbench.planning.config import check_config_files
 from puckbench.planning.failures import failed_jobs, failure_lines
 from puckbench.planning.launch import TOLD_BY_CALLER
 from puckbench.planning.planned_job import results_folder
+from puckbench.planning.run_summary import closing_lines
 from puckbench.planning.run_time import (
     compiling_seconds,
     job_seconds,
@@ -103,6 +104,8 @@ RESULTS = str(plan.results)
 TIMED = shlex.join(["env", *map("=".join, coding.threads_environment.items())])
 # Not workflow.cores, an error where nothing runs (--report).
 CORES = workflow.resource_settings.cores
+# For all jobs: it changes no result, so it is no part of their records.
+os.environ[TIMEOUT] = str(bench.config.timing.timeout_s or "")
 
 
 if workflow.is_main_process:  # of a cluster's jobs each reads this file again

@@ -167,6 +167,10 @@ class Codec(CodecFacts, ABC):
         else:
             shared.saved = NO_COST
             stream = self._encode_sharing(points, parameters, shared)
+        if not isinstance(stream, bytes):
+            raise InputError(
+                f"codec {self.name}: _encode returned {type(stream).__name__}, not bytes"
+            )
         return stream if shift is None else shifted(stream, shift)
 
     def decode(self, stream: bytes) -> Floats:
@@ -180,6 +184,8 @@ class Codec(CodecFacts, ABC):
         with naming(f"codec {self.name}"):
             own, shift = unshifted(stream)
         points = self._decode(own)
+        if getattr(points, "shape", (0, 0))[1:] != (3,):
+            raise InputError(f"codec {self.name}: _decode returned {_described(points)}")
         return points if shift is None else moved(points, shift)
 
     def decode_mesh(self, stream: bytes) -> Mesh:
@@ -214,3 +220,10 @@ class Codec(CodecFacts, ABC):
     @abstractmethod
     def _decode(self, stream: bytes) -> Floats:
         """Decode points (m, 3); InputError if the stream is damaged or another codec's."""
+
+
+def _described(value: object) -> str:
+    """Describe what a codec returned instead of points (m, 3)."""
+    shape = getattr(value, "shape", None)
+    what = type(value).__name__ if shape is None else f"an array of shape {shape}"
+    return f"{what}, not an array of shape (m, 3)"

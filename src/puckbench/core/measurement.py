@@ -56,11 +56,15 @@ class Measured(NamedTuple, Generic[T]):
 
 
 def measured(
-    call: Callable[[], T], repeats: int = 1, whole: Callable[[Cost], Cost] = lambda here: here
+    call: Callable[[], T],
+    repeats: int = 1,
+    whole: Callable[[Cost], Cost] = lambda here: here,
+    each: Callable[[T], object] = lambda result: None,
 ) -> Measured[T]:
     """Run `call` `repeats` times; the result is the last one's.
 
-    whole: the whole cost of a call that has just ended, from its cost in this process.
+    whole: the whole cost of a call that has just ended, from its cost in this process. each: gets
+    the result of every repetition, outside the measured time.
     """
     seconds, peaks = [], []
     for _ in range(repeats):
@@ -71,6 +75,7 @@ def measured(
         cost = whole(Cost(time.perf_counter() - start, max(0.0, _peak_mib() - before)))
         seconds.append(cost.seconds)
         peaks.append(cost.peak_mib)
+        each(result)
     return Measured(result, statistics.median(seconds), max(peaks), min(seconds), max(seconds))
 
 

@@ -17,6 +17,10 @@ from puckbench.io.parquet_rows import check_rows
 STREAM, RECORD = ".bin", ".json"
 
 
+REMARK = "remark"
+"""Column of a result row: what is odd about the result, in words."""
+
+
 class Coded(NamedTuple):
     """A coded stream, and what is recorded of its coding."""
 

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from puckbench.core.environment import run_environment
-from puckbench.core.errors import naming
+from puckbench.core.errors import naming, noting
 from puckbench.core.measurement import measured
-from puckbench.geometry.cloud import PointCloud
+from puckbench.geometry.cloud import PointCloud, check_points
 from puckbench.io.archives import write_archive
 from puckbench.io.clouds import cloud_bytes, write_cloud
 from puckbench.io.meshes.writing import write_mesh
@@ -32,7 +32,9 @@ class Decoding(TimedJob):
         """Decode a stream, timed; InputError when it is damaged or foreign."""
         name = self.codec_of(coded)
         codec = self.loaded(name)
-        timed = measured(lambda: codec.decode_cloud(coded.stream), self.repeats, codec.cost)
+        with noting(f"rate {coded.record.get('rate', '?')}"):
+            timed = measured(lambda: codec.decode_cloud(coded.stream), self.repeats, codec.cost)
+        check_points(timed.result.xyz, f"codec {name}: decoded points")
         record = {
             **coded.record,
             "codec": name,

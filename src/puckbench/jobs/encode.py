@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ from puckbench.core.progress import Progress
 from puckbench.geometry.cloud import CoordinateFrame, PointCloud
 from puckbench.io.clouds import read_cloud
 from puckbench.jobs.codecs import TimedJob, ready
-from puckbench.jobs.curve import Coded, record_file, write_curve
+from puckbench.jobs.curve import REMARK, Coded, record_file, write_curve
 from puckbench.jobs.prepare import Prepare
 from puckbench.jobs.registry import JOBS
 from puckbench.lidar.returns import with_returns
@@ -50,18 +51,24 @@ def to_code(
 
 
 def measured_encoding(
-    codec: Codec, cloud: PointCloud, rate: str, repeats: int = 1, shared: SharedWork | None = None
+    codec: Codec,
+    cloud: PointCloud,
+    rate: str,
+    repeats: int = 1,
+    shared: SharedWork | None = None,
+    each: Callable[[bytes], object] = lambda stream: None,
 ) -> Measured[bytes]:
-    """Code a cloud, timed; shared work counts for every rate, as if it were coded alone.
+    """Encode a cloud, timed; shared work counts for every rate, as if it were coded alone.
 
-    shared: as `Codec.encode_cloud` takes it.
+    shared: as `Codec.encode_cloud` takes it. each: gets the stream of every repetition.
     """
     if shared is None:
-        return measured(lambda: codec.encode_cloud(cloud, rate), repeats, codec.cost)
+        return measured(lambda: codec.encode_cloud(cloud, rate), repeats, codec.cost, each)
     return measured(
         lambda: codec.encode_cloud(cloud, rate, shared),
         repeats,
         lambda here: codec.cost(here).plus(shared.saved),
+        each,
     )
 
 
@@ -75,7 +82,8 @@ class Encoding(TimedJob):
     ) -> Coded:
         """Code a cloud with a loaded codec, timed."""
         with noting(f"rate {rate}"):
-            found = measured_encoding(codec, cloud, rate, self.repeats, shared)
+            streams: set[bytes] = set()
+            found = measured_encoding(codec, cloud, rate, self.repeats, shared, streams.add)
         weights = codec.weights_of(rate)
         record = {
             "codec": self.codec,
@@ -89,6 +97,7 @@ class Encoding(TimedJob):
             **found.costs("encode"),
             **run_environment(self.alone),
             "encode_cpu": cpu_model(),  # decoding may be done, and recorded, elsewhere
+            **({REMARK: "repeated encodings differ"} if len(streams) > 1 else {}),
         }
         return Coded(found.result, record)
 

@@ -15,7 +15,7 @@ from puckbench.core.errors import naming
 from puckbench.core.files import write_json
 from puckbench.core.progress import Progress
 from puckbench.io.clouds import SUFFIXES, read_cloud
-from puckbench.jobs.curve import read_coded, read_curve, write_rows
+from puckbench.jobs.curve import REMARK, read_coded, read_curve, write_rows
 from puckbench.jobs.decode import Decoded, Decoding
 from puckbench.jobs.registry import JOBS
 from puckbench.jobs.surfaces import read_truth
@@ -28,6 +28,8 @@ from puckbench.metrics.sensor_metrics import range_errors, range_errors_of_point
 if TYPE_CHECKING:
     from puckbench.lidar.returns import Returns
 
+_FEW_POINTS = 0.01
+"""Fraction of the points that were coded below which a row has a remark."""
 _KEPT = (
     *("name", "group", "scale", "diameter", "elongation"),
     *("dropped_points", "missing_returns"),
@@ -121,6 +123,9 @@ class Evaluating(Decoding):
             **real_time_metrics(reference.about, record),
         }
         result |= further_metrics(self.metrics, reference, points, result)
+        if len(points) < _FEW_POINTS * len(reference):
+            lost = f"{len(points):,} of {len(reference):,} points came back"
+            result[REMARK] = "; ".join(filter(None, [result.get(REMARK), lost]))
         result["cloud"] = result.pop("name", originals.name)
         return result
 

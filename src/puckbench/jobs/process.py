@@ -45,11 +45,11 @@ def main(words: Sequence[str]) -> int:
         traceback.print_exc()
         print(f"puckbench: {error_text(error)}", file=sys.stderr)  # noqa: T201
         return 1
-    finally:
-        faulthandler.cancel_dump_traceback_later()
     except KeyboardInterrupt:
         print("puckbench: interrupted", file=sys.stderr)  # noqa: T201
         return 130
+    finally:
+        faulthandler.cancel_dump_traceback_later()
     return 0
 
 

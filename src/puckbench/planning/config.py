@@ -315,6 +315,11 @@ class TimingConfig(Model):
         False, description="Whether nothing else runs while a job with timed calls does."
     )
     threads: int = Field(1, ge=1, description="Threads that a timed call may use.")
+    timeout_s: float | None = Field(
+        None,
+        gt=0,
+        description="Seconds after which a job fails; no limit if not given.",
+    )
 
 
 class RateDeltaConfig(Model):

@@ -37,12 +37,9 @@ class Failure(NamedTuple):
 
 
 def failed_jobs(logs: Path, since: float) -> list[Failure]:
-    """Return the jobs whose logs, of a time stamp or later, do not end as those of finished jobs."""
-    failures = []
-    for log in sorted(logs.rglob("*.log")):
-        if log.stat().st_mtime >= since and (failure := failure_of(log, logs)):
-            failures.append(failure)
-    return failures
+    """Return the failed jobs among those whose logs have a time stamp or a later one."""
+    new = [log for log in sorted(logs.rglob("*.log")) if log.stat().st_mtime >= since]
+    return [failure for log in new if (failure := failure_of(log, logs))]
 
 
 def failure_of(log: Path, logs: Path) -> Failure | None:

@@ -1,4 +1,4 @@
-"""What a run does around its jobs: lock the results, check for free space, list what is left out."""
+"""What a run does around its jobs: lock the results, check for space, list what is left out."""
 
 from __future__ import annotations
 
