@@ -16,7 +16,7 @@ from puckbench.core.errors import InputError
 from puckbench.jobs.fork_server import start_fork_server
 from puckbench.jobs.process import TIMEOUT
 from puckbench.planning.config import check_config_files
-from puckbench.planning.failures import failed_jobs, failure_lines
+from puckbench.planning.failures import failed_jobs, failure_lines, write_failures
 from puckbench.planning.launch import TOLD_BY_CALLER
 from puckbench.planning.planned_job import results_folder
 from puckbench.planning.run_summary import closing_lines
@@ -127,6 +127,8 @@ for bar in BARS:
 
 onstart:
     or_stop(hold_results, plan.results)
+    if not plan.config.failed:
+        plan.config.failures_file.unlink(missing_ok=True)
     for line in left_out_lines(plan.left_out_rows()):
         print(f"puckbench: {line}", file=sys.stderr, flush=True)
     if workflow.local_exec and not workflow.deployment_settings.deployment_method:
@@ -144,8 +146,14 @@ onsuccess:
 
 onerror:
     end_bars()
-    for line in failure_lines(failed_jobs(plan.results / "logs", BEGUN)):
+    failed = failed_jobs(plan.results / "logs", BEGUN)
+    for line in failure_lines(failed):
         print(line, file=sys.stderr, flush=True)
+    rest = write_failures(plan.config.failures_file, failed)
+    if rest and TOLD_BY_CALLER not in os.environ:
+        files = shlex.join(map(str, [*workflow.configfiles, rest]))
+        line = f"tables and report without them: snakemake --configfile {files} --cores {CORES}"
+        print(f"puckbench: {line}", file=sys.stderr, flush=True)
 
 
 # Only with --software-deployment-method apptainer (envs/apptainer.def makes the image).

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import shlex
 import subprocess
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
 from puckbench.cli.types import chosen, units, whole
 from puckbench.core.errors import InputError
-from puckbench.planning.config import read_config
+from puckbench.planning.config import read_config, trusted
 from puckbench.planning.launch import TOLD_BY_CALLER, snakemake_command
 from puckbench.planning.outputs import OutputJobs
 from puckbench.planning.own_files import (
@@ -105,29 +106,52 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> dict[str, Any] | None:
     """Write the configuration and run the workflow, which tells its results in a table."""
     path, more = _configuration(options)
-    command = snakemake_command(path, options.cores, *more)
-    # With --json standard output has the answer alone.
-    output = sys.stderr if options.json else None
     is_told_here = not (options.json or more)
+    status = _run_workflow(
+        snakemake_command(path, options.cores, *more), options.json, is_told_here
+    )
+    rest = _without_failures(path) if status and not more else None
+    if rest:
+        print("puckbench: now tables and report of the others", file=sys.stderr)  # noqa: T201
+        command = snakemake_command(path, options.cores, over=rest)
+        if _run_workflow(command, options.json, is_told_here):
+            raise SystemExit(status)
+    elif status:  # the workflow has said why
+        raise SystemExit(status)
+    answer = _answer(path, rest) if options.json else None
+    if is_told_here:
+        _tell(path, options.study, rest)
+    if status:
+        if answer:
+            print(json.dumps(answer, allow_nan=False))  # noqa: T201
+        raise SystemExit(status)
+    return answer
+
+
+def _without_failures(path: Path) -> Path | None:
+    """Return the configuration file that leaves out what failed, if the run wrote one."""
+    failed = trusted(read_config(path)).failures_file
+    return failed if failed.exists() else None
+
+
+def _run_workflow(command: Sequence[str], keeps_output: bool, is_told_here: bool) -> int:
+    """Run Snakemake, and return its exit status.
+
+    keeps_output: for the answer alone. is_told_here: the closing lines are not Snakemake's.
+    """
+    output = sys.stderr if keeps_output else None
     environment = {**os.environ, **({TOLD_BY_CALLER: "yes"} if is_told_here else {})}
     with subprocess.Popen(command, stdout=output, env=environment) as workflow:
         try:
-            status = workflow.wait()
+            return workflow.wait()
         except KeyboardInterrupt:
             workflow.wait()  # it has been interrupted as well, and ends its jobs
             raise
-    if status:  # the workflow has said why
-        raise SystemExit(status)
-    if options.json:
-        return _answer(path)
-    if is_told_here:
-        _tell(path, options.study)
-    return None
 
 
-def _answer(path: Path) -> dict[str, Any]:
+def _answer(path: Path, rest: Path | None) -> dict[str, Any]:
     """The rows of the closing table, what was left out, and where everything lies."""
-    outputs = _outputs(path)
+    outputs = _outputs(path, rest)
     results = outputs.plan.results
     left_out = outputs.plan.left_out_rows()
     return {
@@ -138,9 +162,9 @@ def _answer(path: Path) -> dict[str, Any]:
     }
 
 
-def _tell(path: Path, study: str | None) -> None:
+def _tell(path: Path, study: str | None, rest: Path | None) -> None:
     """The table, also where nothing had to be made, and what can be done next."""
-    outputs = _outputs(path)
+    outputs = _outputs(path, rest)
     results = outputs.plan.results
     for line in closing_lines(results, outputs.titles, outputs.anchor, since=0.0):
         print(line)  # noqa: T201
@@ -153,9 +177,10 @@ def _tell(path: Path, study: str | None) -> None:
         print(f"to compare with the study: {beside}")  # noqa: T201
 
 
-def _outputs(path: Path) -> OutputJobs:
-    """What the run of a configuration makes, without what it leaves out."""
-    return Workflow(read_config(path), check_scenes=True).outputs
+def _outputs(path: Path, rest: Path | None) -> OutputJobs:
+    """Plan the tables and figures of a configuration, without what failed (`rest`)."""
+    changes = read_config(rest) if rest else {}
+    return Workflow({**read_config(path), **changes}, check_scenes=True).outputs
 
 
 def _configuration(options: argparse.Namespace) -> tuple[Path, list[str]]:

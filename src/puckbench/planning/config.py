@@ -43,6 +43,8 @@ Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$")]
 RateName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_]+$")]
 CloudName = Annotated[str, StringConstraints(pattern=r"^[^/]+/[^/]+$")]
 """``dataset/cloud``."""
+FailedName = Annotated[str, StringConstraints(pattern=r"^[^/]+/[^/]+(/[^/]+)?$")]
+"""``dataset/cloud`` or ``dataset/cloud/codec``."""
 Seed = Annotated[int, Field(ge=0)]
 Position = tuple[float, float, float]
 Places = Annotated[tuple[str, ...], AfterValidator(_different)]
@@ -421,6 +423,12 @@ class Config(Model):
         description="Files that `puckbench run` was given and cannot use, and why: they are named "
         "in the table `left_out`.",
     )
+    failed: dict[FailedName, str] = Field(
+        {},
+        description="Clouds (`dataset/cloud`) and curves (`dataset/cloud/codec`) that are left out "
+        "because their jobs failed, and why. A run writes them to `RESULTS/failed.yaml`; with this "
+        "second configuration file, tables and report are made of the rest.",
+    )
     scenes: dict[Name, SceneSetConfig] = Field(
         description="Scene sets by name: where the geometry comes from."
     )
@@ -470,6 +478,11 @@ class Config(Model):
         if isinstance(values, dict) and values.get("timing") == "exclusive":
             return {**values, "timing": {"exclusive": True}}
         return values
+
+    @property
+    def failures_file(self) -> Path:
+        """File of `failed`, which a run writes where jobs of clouds or curves fail."""
+        return Path(self.results) / "failed.yaml"
 
     def codec(self, name: str) -> Options:
         """What the configuration says of a codec."""

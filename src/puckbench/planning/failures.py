@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
+from puckbench.core.yaml_files import yaml_text
 from puckbench.jobs.cost import BEGIN as COST
 
 PREFIX = "puckbench: "
@@ -58,6 +59,22 @@ def failure_of(log: Path, logs: Path) -> Failure | None:
             dataset, cloud = names
         what = "/".join([kind, *names])
     return Failure(dataset, cloud, codec, what, reason, log)
+
+
+def write_failures(path: Path, failures: list[Failure]) -> Path | None:
+    """Write the configuration file that leaves the failed clouds and curves out, and return it.
+
+    Returns None where another job failed, without which there are no tables.
+    """
+    path.unlink(missing_ok=True)
+    if not failures or not all(failure.cloud for failure in failures):
+        return None
+    reasons = {
+        "/".join(filter(None, [f.dataset, f.cloud, f.codec])): f"{f.reason}; log: {f.log}"
+        for f in failures
+    }
+    path.write_text(yaml_text({"failed": reasons}), encoding="utf-8")
+    return path
 
 
 def failure_lines(failures: list[Failure]) -> Iterator[str]:

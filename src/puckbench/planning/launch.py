@@ -23,7 +23,9 @@ def snakefile() -> Path:
     raise InputError("the workflow is not in this installation of puckbench; install its wheel")
 
 
-def snakemake_command(config: Path, cores: int | None, *more: str) -> list[str]:
+def snakemake_command(
+    config: Path, cores: int | None, *more: str, over: Path | None = None
+) -> list[str]:
     """The words that run the workflow on a configuration file.
 
     Parameters
@@ -32,8 +34,10 @@ def snakemake_command(config: Path, cores: int | None, *more: str) -> list[str]:
         Of the run; all that there are where not given.
     more
         Further words: targets and options of Snakemake.
+    over
+        A configuration file that is merged over the first.
     """
     words = [sys.executable, "-m", "snakemake", *more]
     words += [] if "--logger" in more else ["--logger", "puckbench"]
     words += ["--snakefile", str(snakefile()), "--cores", "all" if cores is None else str(cores)]
-    return [*words, "--configfile", str(config)]
+    return [*words, "--configfile", str(config), *([str(over)] if over else [])]

@@ -278,7 +278,11 @@ class OutputJobs:
     def _cloud_inputs(self) -> Inputs:
         """Files that figures of clouds and of results are drawn from."""
         examples = self.config.figures.examples.given()
-        known = {f"example_{kind}": self._example(cloud) for kind, cloud in examples.items()}
+        known = {
+            f"example_{kind}": self._example(cloud)
+            for kind, cloud in examples.items()
+            if cloud not in self.config.failed
+        }
         if self.plan.datasets:
             tables = ("metrics", "clouds", *self.result_tables)
             known |= {name: self._file(name) for name in tables}

@@ -167,7 +167,10 @@ class Plan:
         """Data set -> scenes that cannot be used -> why."""
         self.datasets = self._datasets()
         self.codecs = {name: codecs.entry(name, config.codec(name)) for name in config.codecs}
-        self.weights = {name: _weights(name, config.codec(name)) for name in config.codecs}
+        if config.failed:
+            coded = {codec for _, _, codec in self.curves}
+            self.codecs = {name: entry for name, entry in self.codecs.items() if name in coded}
+        self.weights = {name: _weights(name, config.codec(name)) for name in self.codecs}
         self.trainings: dict[str, TrainingPlan] = {}
         for name, value in config.train.items():
             self.trainings[name] = self._training(name, value)
@@ -197,7 +200,12 @@ class Plan:
             {"dataset": "", "scene": "", "file": file, "reason": why}
             for file, why in self.config.unused.items()
         ]
-        return (*named, *self._scenes_left_out(), *self._rates_left_out())
+        return (
+            *named,
+            *self._scenes_left_out(),
+            *self._rates_left_out(),
+            *self._failures_left_out(),
+        )
 
     def _scenes_left_out(self) -> Iterator[dict[str, str]]:
         for dataset, faults in self.left_out.items():
@@ -206,6 +214,12 @@ class Plan:
                 file = _file_of(dataset, scenes, scene)
                 reason = fault.removeprefix(f"{file}: ")
                 yield {"dataset": dataset, "scene": scene, "file": file, "reason": reason}
+
+    def _failures_left_out(self) -> Iterator[dict[str, str]]:
+        for name, reason in self.config.failed.items():
+            dataset, cloud, *codec = name.split("/")
+            what = f"codec {codec[0]}, cloud {dataset}/{cloud}" if codec else f"cloud {name}"
+            yield {"dataset": dataset, "scene": cloud, "file": what, "reason": reason}
 
     def _rates_left_out(self) -> Iterator[dict[str, str]]:
         for (dataset, cloud, codec), rates in self.too_wide.items():
@@ -242,7 +256,9 @@ class Plan:
         return tuple(rate for rate in self.rates(codec, "metric") if extent > most_extent(rate))
 
     def curve_rates(self, dataset: str, cloud: str, codec: str) -> tuple[str, ...]:
-        """The rates at which a codec that codes a data set codes a cloud of it."""
+        """The rates at which a codec codes a cloud of a data set; none where its job failed."""
+        if f"{dataset}/{cloud}/{codec}" in self.config.failed:
+            return ()
         rates = self.rates(codec, self.datasets[dataset].frame)
         without = self.too_wide.get((dataset, cloud, codec), ())
         return tuple(rate for rate in rates if rate not in without) if without else rates
@@ -390,7 +406,10 @@ class Plan:
         points = _points(f"datasets.{name}", value)
         if of_returns(scenes.scenes):
             points = _RETURNS
-        clouds = self._usable(name, scenes)
+        failed = self.config.failed
+        clouds = tuple(
+            cloud for cloud in self._usable(name, scenes) if f"{name}/{cloud}" not in failed
+        )
         if read_first(scenes.scenes):
             points = most_points(self._checks(name), clouds) or points
         packets = has_returns and of_packets(scenes.scenes)

@@ -43,6 +43,8 @@ def planned_contents(
 def _examples(plan: Plan) -> Iterable[Example]:
     """The configuration's example clouds, with some rates of every codec."""
     for kind, name in plan.config.figures.examples.given().items():
+        if name in plan.config.failed:
+            continue
         dataset, cloud = name.split("/")
         original = plan.results / "clouds" / dataset / f"{cloud}.ply"
         folder = plan.results / "decoded" / dataset / cloud

@@ -46,8 +46,8 @@ def closing_lines(results: Path, style: FigureStyle, anchor: str, since: float) 
     known = [name for name in _HEADS if any(row[name] for row in rows)]
     heads = [_HEADS[name] for name in known]
     yield from _aligned([heads, *([row[name] for name in known] for row in rows)])
-    against = style.of_codec(anchor).title
-    yield f"Medians over clouds, lowest to highest rate; BD-rate in D1 against {against}."
+    against = f"; BD-rate in D1 against {style.of_codec(anchor).title}"
+    yield f"Medians over clouds, lowest to highest rate{against if 'bd_rate_percent' in known else ''}."
     yield from _remarks(shown)
     for what, name in _PLACES.items():
         if (results / name).exists():
