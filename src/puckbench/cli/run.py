@@ -33,6 +33,7 @@ _CONFIGS = (".yaml", ".yml")
 _OF_CONFIG = (
     *("codecs", "frame", "rates", "metrics", "scan", "errors", "points", "limit", "strict"),
     *("metres_per_unit", "up", "drop_invalid", "keep_missing", "bin_columns", "peak", "out"),
+    "timeout",
 )
 """Options that a configuration has keys for."""
 _OF_LOADERS = ("up", "drop_invalid", "keep_missing", "bin_columns")
@@ -100,6 +101,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         help="of .bin files: 3 to 6, or names: x,y,z,intensity,ring (default: as values tell)",
     )
     add("--strict", action="store_true", help="stop where a file cannot be used, not leave it out")
+    add("--timeout", type=float, metavar="SECONDS", help="of a job, after which it fails")
     add("--cores", type=whole(1), help="default: all")
 
 
@@ -242,6 +244,7 @@ def _of_files(options: argparse.Namespace) -> Path:
         raise InputError("--errors: of scans alone (--scan)")
     wanted |= _given(options, "errors", "points", "peak")
     asked = OwnRun(
+        timeout_s=options.timeout,
         paths=tuple(options.files),
         codecs=tuple(options.codecs or ()),
         results=out.as_posix(),

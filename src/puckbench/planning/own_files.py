@@ -92,6 +92,8 @@ class OwnRun:
         Whether a file that cannot be used ends the run before it begins.
     peak
         Of the PSNRs of clouds in metres, in m; by default `puckbench.metrics.psnr.PEAK_M`.
+    timeout_s
+        Seconds after which a job fails.
     options
         Of the loaders of clouds and meshes, by name.
     """
@@ -108,6 +110,7 @@ class OwnRun:
     limit: int | None = None
     strict: bool = False
     peak: float | None = None
+    timeout_s: float | None = None
     options: Mapping[str, Any] = field(default_factory=dict)
 
     def configuration(self) -> Options:
@@ -127,7 +130,7 @@ class OwnRun:
             "datasets": datasets,
             "codecs": codec_entries(self.codecs or usual),
             **({"metrics": list(self.metrics)} if self.metrics else {}),
-            "timing": {"repeats": 1},
+            "timing": {"repeats": 1, **({"timeout_s": self.timeout_s} if self.timeout_s else {})},
         }
         plan = Plan(trusted(config), check_scenes=True)
         chosen = self._chosen_rates(plan)

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from puckbench.figures.style import FigureStyle
+from puckbench.jobs.curve import REMARK
 from puckbench.report.bd_rate_text import delta_text, has_delta
 
 Row = dict[str, str]
@@ -22,6 +23,7 @@ _HEADS = {
     "bd_rate_percent": "BD-rate",
     "seconds": "s, at most",
 }
+_MAX_REMARKS = 10
 REPORT = "report.html"
 _PLACES = {"report": REPORT, "tables": "tables", "figures": "figures"}
 
@@ -47,8 +49,11 @@ def closing_lines(results: Path, style: FigureStyle, anchor: str, since: float) 
     heads = [_HEADS[name] for name in known]
     yield from _aligned([heads, *([row[name] for name in known] for row in rows)])
     against = f"; BD-rate in D1 against {style.of_codec(anchor).title}"
-    yield f"Medians over clouds, lowest to highest rate{against if 'bd_rate_percent' in known else ''}."
+    if "bd_rate_percent" not in known:
+        against = ""
+    yield f"Medians over clouds, lowest to highest rate{against}."
     yield from _remarks(shown)
+    yield from _odd_results(results)
     for what, name in _PLACES.items():
         if (results / name).exists():
             yield f"{what + ':':9}{results / name}"
@@ -84,6 +89,16 @@ def _remarks(rows: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     if exact:
         named = (f"{row['dataset']}, {row['codec']} {', '.join(row['lossless'])}" for row in exact)
         yield f"Lossless, so without PSNR and in no BD-rate: {'; '.join(named)}."
+
+
+def _odd_results(results: Path) -> Iterator[str]:
+    """Yield the remarks of result rows, if few."""
+    rows = [row for row in _rows(results / "tables" / "metrics.csv") if row.get(REMARK)]
+    for row in rows[:_MAX_REMARKS]:
+        place = f"codec {row['codec']}, cloud {row['dataset']}/{row['cloud']}, {row['rate']}"
+        yield f"odd: {place}: {row[REMARK]}"
+    if len(rows) > _MAX_REMARKS:
+        yield f"odd: {len(rows) - _MAX_REMARKS} more rows (column {REMARK} of tables/metrics.csv)"
 
 
 def _row(medians: Sequence[Row], style: FigureStyle) -> dict[str, Any]:

@@ -1,0 +1,152 @@
+"""Faults of a user's codec beside Draco: a line for each, and Draco's tables and report."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from tests.support.bench import ROOT
+
+CODECS = """
+import ctypes
+import time
+
+import numpy as np
+from puckbench.codecs.base import Codec
+
+
+class Good(Codec):
+    rates = {"r1": {"step": 16}, "r2": {"step": 4}}
+
+    def _encode(self, points, parameters):
+        step = np.float64(parameters["step"])
+        return step.tobytes() + np.round(points / step).astype("<i4").tobytes()
+
+    def _decode(self, stream):
+        return np.frombuffer(stream[8:], "<i4").reshape(-1, 3) * np.frombuffer(stream[:8])
+
+
+class Raises(Good):
+    def _encode(self, points, parameters):
+        return [b"a"][1 if parameters["step"] == 4 else 0] + super()._encode(points, parameters)
+
+    def _decode(self, stream):
+        return super()._decode(stream[1:])
+
+
+class Nothing(Good):
+    def _encode(self, points, parameters):
+        return None
+
+
+class Flat(Good):
+    def _decode(self, stream):
+        return super()._decode(stream).ravel()
+
+
+class OnItsSide(Good):
+    def _decode(self, stream):
+        return super()._decode(stream).T
+
+
+class Hungry(Good):
+    def _encode(self, points, parameters):
+        return np.zeros(10**16).tobytes()
+
+
+class Crashes(Good):
+    def _encode(self, points, parameters):
+        return ctypes.string_at(0)
+
+
+class Hangs(Good):
+    def _encode(self, points, parameters):
+        while True:
+            time.sleep(0.01)
+
+
+class Random(Good):
+    def _encode(self, points, parameters):
+        return super()._encode(points, parameters) + np.random.default_rng().bytes(12)
+
+    def _decode(self, stream):
+        return super()._decode(stream[:-12])
+
+
+class Loses(Good):
+    def _decode(self, stream):
+        return super()._decode(stream)[:10]
+"""
+FAULTS = {
+    "raises": "rate r2: IndexError: list index out of range (faulty.py:24)",
+    "nothing": "rate r1: _encode returned NoneType, not bytes",
+    "flat": "rate r1: _decode returned an array of shape (9000,), not an array of shape (m, 3)",
+    "onitsside": "_decode returned an array of shape (3, 3000), not an array of shape (m, 3)",
+    "hungry": "MemoryError",
+    "crashes": "the process died: Segmentation fault",
+    "hangs": "took longer than its limit",
+}
+REMARKS = {
+    "random": "repeated encodings differ",
+    "loses": "10 of 3,000 points came back",
+}
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str, str, int]:
+    folder = tmp_path_factory.mktemp("faults")
+    (folder / "faulty.py").write_text(CODECS)
+    xy = np.random.default_rng(0).random((3000, 2)) * 1000
+    np.savetxt(folder / "c.xyz", np.column_stack([xy, 200 + 50 * np.sin(xy[:, 0] / 90)]))
+    names = ("Raises", "Nothing", "Flat", "OnItsSide", "Hungry", "Crashes", "Hangs")
+    own = [f"faulty.py:{name}" for name in (*names, "Random", "Loses")]
+    words = ["run", "c.xyz", "--codecs", "draco", *own, "--rates", "r1", "r2", "--timeout", "30"]
+    process = subprocess.run(
+        [sys.executable, "-m", "puckbench", *words, "--cores", "2"],
+        cwd=folder,
+        env={**os.environ, "PYTHONPATH": str(ROOT / "src")},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    return folder, process.stdout, process.stderr, process.returncode
+
+
+def test_a_failed_job_is_exit_status_1(finished: tuple[Path, str, str, int]) -> None:
+    assert finished[3] == 1, finished[2]
+
+
+@pytest.mark.parametrize("codec", FAULTS)
+def test_a_fault_is_one_line_that_names_codec_cloud_and_log(
+    codec: str, finished: tuple[Path, str, str, int]
+) -> None:
+    folder, output, errors, _ = finished
+    lines = [line for line in errors.splitlines() if line.startswith(f"puckbench: codec {codec},")]
+    (line,) = lines
+    assert "cloud clouds/c" in line
+    assert FAULTS[codec] in line
+    log = folder / line.rpartition("log: ")[2]
+    assert log.is_file()
+    assert "CalledProcessError" not in errors
+    assert f"left out: codec {codec}, cloud clouds/c: " in output
+
+
+@pytest.mark.parametrize("codec", REMARKS)
+def test_an_odd_result_is_told(codec: str, finished: tuple[Path, str, str, int]) -> None:
+    _, output, _, _ = finished
+    assert f"codec {codec}, cloud clouds/c, r1: {REMARKS[codec]}" in output
+
+
+def test_tables_and_report_have_what_succeeded(finished: tuple[Path, str, str, int]) -> None:
+    folder, output, _, _ = finished
+    table = pd.read_csv(folder / "out/tables/metrics.csv")
+    assert set(table["codec"]) == {"draco", "random", "loses"}
+    left_out = pd.read_csv(folder / "out/tables/left_out.csv")
+    assert len(left_out) == len(FAULTS)
+    page = (folder / "out/report.html").read_text()
+    assert "list index out of range" in page
+    assert "Draco" in output
