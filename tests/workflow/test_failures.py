@@ -82,10 +82,10 @@ class Loses(Good):
         return super()._decode(stream)[:10]
 """
 FAULTS = {
-    "raises": "rate r2: IndexError: list index out of range (faulty.py:24)",
+    "raises": "rate r2: IndexError: list index out of range (faulty.py:22)",
     "nothing": "rate r1: _encode returned NoneType, not bytes",
     "flat": "rate r1: _decode returned an array of shape (9000,), not an array of shape (m, 3)",
-    "onitsside": "_decode returned an array of shape (3, 3000), not an array of shape (m, 3)",
+    "on_its_side": "_decode returned an array of shape (3, 3000), not an array of shape (m, 3)",
     "hungry": "MemoryError",
     "crashes": "the process died: Segmentation fault",
     "hangs": "took longer than its limit",
