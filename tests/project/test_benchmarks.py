@@ -37,11 +37,11 @@ STARTED: dict[str, tuple[str, ...]] = {
         *("turn", "--codecs", "draco", "puck", "--rates", "10mm", "--repeats", "1"),
         *("--points", "1000"),
     ),
-    "performance.gpcc": ("{tmc3}", "--repeats", "1", "--step", "8", "--modes", "octree"),
+    "performance.gpcc": ("{tmc3}", "--repeats", "1", "--step", "8", "--modes", "angular"),
     "performance.planning": ("{small}",),
-    "performance.puck": ("{capture}", "--repeats", "1"),
+    "performance.puck": ("{capture}", "--repeats", "0"),
     "performance.scan_speed": ("--errors", "none", "--repeats", "1", "--step", "8"),
-    "primitives_picture": ("{picture}", "--results", "{results}"),
+    "primitives_picture": ("{picture}", "--results", "{results}", "--rate", "r1"),
     "same_results": ("{folder}", "{folder}"),
 }
 """Script -> its arguments; names in braces are those of `files`."""
