@@ -173,7 +173,8 @@ class Registry(Generic[T]):
         for key, registered in self._targets.items():
             if registered is target:
                 return self._plugins[key]
-        return self._made(name, target)
+        plugin: T = self._made(name, target)
+        return plugin
 
     def name_of(self, plugin: T) -> str:
         """The name that a plug-in was registered under."""
