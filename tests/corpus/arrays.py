@@ -167,7 +167,7 @@ CASES = [
     # Refused
     _case("scalar.npy", _npy(3.0), line=r"expected numbers of shape \(n, 3\), got float64 \(\)"),
     _case("flat.npy", _npy([1.0, 2.0, 3.0]), line=r"expected numbers of shape \(n, 3\)"),
-    _case("side.npy", _npy(np.zeros((3, 40))), line="40 columns: points stand in rows"),
+    _case("side.npy", _npy(np.zeros((3, 40))), line="40 columns: transpose it"),
     _case("picture.npy", _npy(np.zeros((4, 4, 3), "u1")), line=r"got uint8 \(4, 4, 3\)"),
     _case("complex.npy", _npy(TWO + 1j), line="got complex128"),
     _case("words.npy", _npy([["a", "b", "c"]]), line="got <U1"),
@@ -182,7 +182,7 @@ CASES = [
         "named_empty.npy", _npy(_fields(("p", "<f4", (2,)), *_XYZ)[:0]), line="the cloud is empty"
     ),
     _case(
-        "claims_much.npy", _claimed("(1000000000000, 3)"), line="truncated: 24 bytes are no array"
+        "claims_much.npy", _claimed("(1000000000000, 3)"), line="truncated: 24 bytes are too few"
     ),
     _case("claims_no_less.npy", _claimed("(-1, 3)"), line="truncated|not a readable NumPy array"),
     _case("claims_words.npy", _claimed("('a', 3)"), line="not a readable NumPy array"),

@@ -119,12 +119,12 @@ CASES = [
         "returns",
         line="no plain table topics",
     ),
-    Case("product.db3", tables(PRODUCT), "returns", line=r"product.db3: .* \(InterruptError"),
+    Case("product.db3", tables(PRODUCT), "returns", line=r"product.db3: .* \(interrupted"),
     Case(
         "text.db3",
         lambda path: sqlite_bag(path, ["text"]),
         "returns",
-        line=r"text.db3: not a readable ROS bag \(ValueError: a message that is not binary",
+        line=r"text.db3: not a readable ROS bag \(a message that is not binary",
     ),
     Case(
         "bomb.bag",

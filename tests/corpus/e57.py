@@ -68,7 +68,7 @@ CASES = [
     ),
     Case("spherical.e57", spherical, "cloud", points=[(2, 0, 0), (0, 2, 0)], remark="1 "),
     Case("invalid.e57", invalid, "cloud", points=POINTS, remark="1 "),
-    Case("no_pose.e57", no_pose, "cloud", line="no_pose.e57: .*a pose that is none"),
+    Case("no_pose.e57", no_pose, "cloud", line="no_pose.e57: .*an invalid pose"),
     Case("no_scan.e57", write_e57, "cloud", line="no_scan.e57: the cloud is empty"),
     Case("letters.e57", content(b"ASTM-E57"), "cloud", line="not a readable E57 file"),
 ]

@@ -140,7 +140,10 @@ CASES = [
         for text in [text + "4 0 1 2 3 0.2 0.2 0.2 # grey\n"]
     ),
     Case(
-        "many.off", content("OFF\n3 1000000000 0\n"), "mesh", line=r"many.off: truncated: 0 of 3 v"
+        "many.off",
+        content("OFF\n3 1000000000 0\n"),
+        "mesh",
+        line=r"many.off: truncated: 0 lines for",
     ),
     Case(
         "huge_index.off",

@@ -79,7 +79,9 @@ CASES = [
         _pcd(WIDTH="3"),
         remark="other_size_of_image.pcd: POINTS says 2 .3 in WIDTH x HEIGHT.",
     ),
-    _case("more_than_said.pcd", _pcd(_FLOATS * 2), remark="POINTS says 2 .4 in the data.: so many"),
+    _case(
+        "more_than_said.pcd", _pcd(_FLOATS * 2), remark="POINTS says 2 .4 in the data.: the first 2"
+    ),
     # Images with pixels that have no return
     _case(
         "zeros.pcd",
@@ -123,8 +125,8 @@ CASES = [
     ),
     # Refused
     _case("empty.pcd", b"", line="not a PCD file"),
-    _case("cut.pcd", _pcd()[:-1], line="tells 2 points and has 1"),
-    _case("no_points.pcd", _pcd(b"", WIDTH="0", POINTS="0"), line="tells 0 points"),
+    _case("cut.pcd", _pcd()[:-1], line="has 1 points, but its header says 2"),
+    _case("no_points.pcd", _pcd(b"", WIDTH="0", POINTS="0"), line="header says 0$"),
     _case(
         "no_fields.pcd",
         _pcd(b"", **_fields("x y z", "4 4 4", "F F F", "0 0 0")),
@@ -133,22 +135,24 @@ CASES = [
     _case(
         "same_name.pcd",
         _pcd(**_fields("x y x", "4 4 4", "F F F", "1 1 1")),
-        line="header .* is damaged",
+        line="not a readable PCD header",
     ),
     _case(
-        "big_count.pcd", _pcd(COUNT="1 1 4097"), line="header .* is damaged .4097 values in a field"
+        "big_count.pcd",
+        _pcd(COUNT="1 1 4097"),
+        line="PCD header .4097 values in a field",
     ),
-    _case("negative_count.pcd", _pcd(COUNT="1 1 -1"), line="header .* is damaged"),
-    _case("fewer_sizes.pcd", _pcd(SIZE="4 4"), line="header .* is damaged"),
-    _case("huge_size.pcd", _pcd(SIZE="4 4 4000000000"), line="header .* is damaged"),
-    _case("claims_much.pcd", _pcd(POINTS="1000000000000"), line="tells 1000000000000 points"),
+    _case("negative_count.pcd", _pcd(COUNT="1 1 -1"), line="not a readable PCD header"),
+    _case("fewer_sizes.pcd", _pcd(SIZE="4 4"), line="not a readable PCD header"),
+    _case("huge_size.pcd", _pcd(SIZE="4 4 4000000000"), line="not a readable PCD header"),
+    _case("claims_much.pcd", _pcd(POINTS="1000000000000"), line="header says 1000000000000$"),
     _case(
         "compressed_less.pcd",
         _pcd(_packed(_COLUMNS[:300], len(_COLUMNS)), "binary_compressed", **_PADDED),
         line="damaged compressed points",
     ),
-    _case("no_number.pcd", _pcd(POINTS="", HEIGHT=""), line="tells 0 points"),
-    _case("no_form.pcd", _pcd(form="zipped"), line="a PCD file of the form zipped"),
+    _case("no_number.pcd", _pcd(POINTS="", HEIGHT=""), line="header says 0$"),
+    _case("no_form.pcd", _pcd(form="zipped"), line="PCD data of the form zipped"),
     _case("damaged_text.pcd", _pcd(b"1 2 3\n4 5 six\n", "ascii"), line="a damaged line"),
     _case(
         "compressed_cut.pcd",
@@ -158,7 +162,7 @@ CASES = [
     _case(
         "compressed_other_size.pcd",
         _pcd(_packed(_COLUMNS, 9), "binary_compressed", **_PADDED),
-        line="has 9 bytes for them",
+        line="has 9 bytes for 2 points",
     ),
     _case(
         "compressed_bomb.pcd",
@@ -168,6 +172,6 @@ CASES = [
             POINTS="200000000",
             WIDTH="200000000",
         ),
-        line="bytes for them",
+        line="bytes for \\d+ points",
     ),
 ]

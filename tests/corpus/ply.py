@@ -124,11 +124,13 @@ CASES = [
         line="truncated: its header",
     ),
     _case(
-        "claims_much_of_nothing.ply", _ply(before="element odd 1000000000\n"), line="damaged header"
+        "claims_much_of_nothing.ply",
+        _ply(before="element odd 1000000000\n"),
+        line="not a readable PLY header",
     ),
-    _case("negative.ply", _ply(count=-1), line="damaged header"),
-    _case("count_in_words.ply", _ply(count="two"), line="damaged header"),
-    _case("unknown_type.ply", _ply(kind="quaternion"), line="damaged header"),
+    _case("negative.ply", _ply(count=-1), line="not a readable PLY header"),
+    _case("count_in_words.ply", _ply(count="two"), line="not a readable PLY header"),
+    _case("unknown_type.ply", _ply(kind="quaternion"), line="not a readable PLY header"),
     _case("pointer.ply", b"version https://git-lfs.github.com/spec/v1\n", line="a Git-LFS pointer"),
     # Compressed
     _case("packed.ply.gz", gzip.compress(_ply())),

@@ -111,8 +111,8 @@ CASES = [
     _case("long_comments.xyz", "# a comment\n" * 9000 + "1 2 3\n4 5 6\n"),
     # Refused
     _case("no_count.pts", "9" * 5000 + "\n1 2 3\n", line="not a table of numbers"),
-    _case("two_scans_cut.pts", "1\n1 2 3\n2\n4 5 6\n", line="2 points where its head says 3"),
-    _case("fewer_points.pts", "3\n1 2 3\n4 5 6\n", line="2 points where its head says 3"),
+    _case("two_scans_cut.pts", "1\n1 2 3\n2\n4 5 6\n", line="2 points, but its header says 3"),
+    _case("fewer_points.pts", "3\n1 2 3\n4 5 6\n", line="2 points, but its header says 3"),
     _case("too_few_names.csv", "x,y,z\n1,2,3,4\n", line="3 names .* for 4 columns"),
     _case("too_many_names.csv", "x,y,z,w\n1,2,3\n", line="4 names .* for 3 columns"),
     _case("names_of_r.txt", 'x y z\n"1" 1 2 3\n', line="3 names .* for 4 columns"),

@@ -157,7 +157,7 @@ def test_points_stand_in_rows(tmp_path: Path, rows: int, columns: int, is_read: 
         assert len(cloud) == rows
         assert len(cloud.fields) == columns - 3
     else:
-        with pytest.raises(InputError, match=f"{columns} columns: points stand in rows"):
+        with pytest.raises(InputError, match=f"{columns} columns: transpose it"):
             read_cloud(tmp_path / "a.npy")
 
 

@@ -14,7 +14,7 @@ from puckbench.core.errors import InputError
 from puckbench.geometry.mesh import Labels, Mesh, Primitive, SceneObject
 from puckbench.geometry.sampling import sample_surface
 from puckbench.io.meshes import read_mesh
-from puckbench.io.meshes.polygons import MOST_CORNERS, Polygons, triangulate
+from puckbench.io.meshes.polygons import MAX_CORNERS, Polygons, triangulate
 
 # The floor begins at a corner from which the far arm cannot be seen.
 FLOOR = np.array([[4, 0], [4, 1], [1, 1], [1, 4], [0, 4], [0, 0.0]])
@@ -146,16 +146,16 @@ def test_a_face_without_area_gives_triangles_without_area() -> None:
 
 
 def test_a_concave_face_of_very_many_corners_is_refused() -> None:
-    count = MOST_CORNERS // 2 + 1
+    count = MAX_CORNERS // 2 + 1
     x, y = np.arange(count), np.arange(count) % 2 * 5.0
     zigzag = np.concatenate([np.stack([x, y], 1), np.stack([x, y + 1], 1)[::-1]])
     with pytest.raises(InputError, match=r"^face: face 1 is concave and has 5002 corners \(at"):
         cut(zigzag)
-    assert len(cut(zigzag[1:-1]).triangles) == MOST_CORNERS - 2
+    assert len(cut(zigzag[1:-1]).triangles) == MAX_CORNERS - 2
 
 
 def test_a_round_face_of_very_many_corners_is_a_fan() -> None:
-    angles = np.linspace(0, 2 * np.pi, 2 * MOST_CORNERS, endpoint=False)
+    angles = np.linspace(0, 2 * np.pi, 2 * MAX_CORNERS, endpoint=False)
     mesh = cut(np.stack([np.cos(angles), np.sin(angles)], axis=1))
     assert mesh.triangles[:, 0].max() == 0
     assert mesh.areas().sum() == pytest.approx(np.pi, rel=1e-6)

@@ -15,46 +15,46 @@ import pytest
 
 from puckbench.core.errors import InputError
 from puckbench.io import isolated as module
-from puckbench.io.isolated import Parsed, isolated, limits
+from puckbench.io.isolated import ParsedFile, parse_isolated, parser_limits
 
 
-def number(path: Path, times: int = 1) -> Parsed:
+def number(path: Path, times: int = 1) -> ParsedFile:
     print("what parsers print is not taken for an answer")  # noqa: T201
     logging.getLogger("puckbench.tests").warning("%s: read", path)
     value = int(path.read_text()) * times
     arrays = {"value": np.array([value], ">i2"), "none": np.zeros((0, 3)), "on": np.ones(2, bool)}
-    return Parsed(arrays, {"process": os.getpid(), "folder": str(Path.cwd())})
+    return ParsedFile(arrays, {"process": os.getpid(), "folder": str(Path.cwd())})
 
 
-def refuses(path: Path) -> Parsed:
+def refuses(path: Path) -> ParsedFile:
     raise InputError(f"{path}: no good")
 
 
-def aborts(path: Path) -> Parsed:
+def aborts(path: Path) -> ParsedFile:
     os.abort()
 
 
-def panics(path: Path) -> Parsed:
+def panics(path: Path) -> ParsedFile:
     raise BaseException(path)
 
 
-def raises(path: Path) -> Parsed:
-    return Parsed({"value": np.array([1 / 0])})
+def raises(path: Path) -> ParsedFile:
+    return ParsedFile({"value": np.array([1 / 0])})
 
 
-def hoards(path: Path) -> Parsed:
-    return Parsed({"values": np.ones(3 << 30, np.uint8)})
+def hoards(path: Path) -> ParsedFile:
+    return ParsedFile({"values": np.ones(3 << 30, np.uint8)})
 
 
-def works_for_ever(path: Path) -> Parsed:
+def works_for_ever(path: Path) -> ParsedFile:
     while True:
         pass
 
 
-def fills_the_disk(path: Path) -> Parsed:
+def fills_the_disk(path: Path) -> ParsedFile:
     with Path(f"{path}.out").open("wb") as stream:
         stream.truncate(3 << 30)
-    return Parsed({})
+    return ParsedFile({})
 
 
 @pytest.fixture
@@ -66,7 +66,7 @@ def path(tmp_path: Path) -> Path:
 
 def test_arrays_and_remarks_come_back(path: Path, caplog: pytest.LogCaptureFixture) -> None:
     with caplog.at_level(logging.WARNING):
-        parsed = isolated(number, path, "number", {"times": 3})
+        parsed = parse_isolated(number, path, "number", {"times": 3})
     assert parsed.columns["value"].tolist() == [21]
     assert parsed.columns["value"].dtype == np.dtype(">i2")
     assert parsed.columns["none"].shape == (0, 3)
@@ -76,71 +76,71 @@ def test_arrays_and_remarks_come_back(path: Path, caplog: pytest.LogCaptureFixtu
 
 
 def test_one_process_reads_many_files(path: Path) -> None:
-    assert len({isolated(number, path, "number").about["process"] for _ in range(3)}) == 1
+    assert len({parse_isolated(number, path, "number").about["process"] for _ in range(3)}) == 1
 
 
 def test_a_relative_path_is_that_of_the_caller(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    isolated(number, path, "number")
+    parse_isolated(number, path, "number")
     monkeypatch.chdir(path.parent)
-    assert isolated(number, Path("a"), "number").about["folder"] == str(path.parent.resolve())
+    assert parse_isolated(number, Path("a"), "number").about["folder"] == str(path.parent.resolve())
 
 
 def test_a_refusal_is_handed_on_and_the_process_kept(path: Path) -> None:
-    before = isolated(number, path, "number").about["process"]
+    before = parse_isolated(number, path, "number").about["process"]
     with pytest.raises(InputError, match=r"a: no good$"):
-        isolated(refuses, path, "number")
-    assert isolated(number, path, "number").about["process"] == before
+        parse_isolated(refuses, path, "number")
+    assert parse_isolated(number, path, "number").about["process"] == before
 
 
 @pytest.mark.parametrize("parse", [aborts, panics, raises])
 def test_a_crash_is_one_line_and_the_next_file_is_read(
-    parse: Callable[[Path], Parsed], path: Path
+    parse: Callable[[Path], ParsedFile], path: Path
 ) -> None:
     with pytest.raises(InputError) as refusal:
-        isolated(parse, path, "LAZ file")
+        parse_isolated(parse, path, "LAZ file")
     assert str(refusal.value) == f"{path}: not a readable LAZ file (its parser crashes)"
-    assert isolated(number, path, "number").columns["value"] == 7
+    assert parse_isolated(number, path, "number").columns["value"] == 7
 
 
 def test_memory_is_limited(path: Path) -> None:
     with pytest.raises(InputError, match=r"a: not a readable file \(.* more than 2 GiB\)"):
-        isolated(hoards, path, "file")
+        parse_isolated(hoards, path, "file")
 
 
 def test_files_are_limited(path: Path) -> None:
     with pytest.raises(InputError, match="its parser crashes"):
-        isolated(fills_the_disk, path, "file")
+        parse_isolated(fills_the_disk, path, "file")
 
 
 def test_time_is_limited(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "LEAST_SECONDS", 1)
+    monkeypatch.setattr(module, "MIN_SECONDS", 1)
     with pytest.raises(InputError, match=r"a: not a readable file \(.* more than 1 s\)"):
-        isolated(works_for_ever, path, "file")
+        parse_isolated(works_for_ever, path, "file")
 
 
-def sleeps(path: Path) -> Parsed:
+def sleeps(path: Path) -> ParsedFile:
     time.sleep(600)
-    return Parsed({})
+    return ParsedFile({})
 
 
 def test_a_parser_that_waits_is_ended(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "_PATIENCE", 0.01)
+    monkeypatch.setattr(module, "_CLOCK_FACTOR", 0.01)
     with pytest.raises(InputError, match="more than 10 s"):
-        isolated(sleeps, path, "file")
+        parse_isolated(sleeps, path, "file")
 
 
 def test_limits_grow_with_the_file() -> None:
-    assert limits(1000) == (2 << 30, 10)
-    assert limits(10**9) == (40 * 10**9, 1010)
+    assert parser_limits(1000) == (2 << 30, 10)
+    assert parser_limits(10**9) == (40 * 10**9, 1010)
 
 
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="b: no such file"):
-        isolated(number, tmp_path / "b", "number")
+        parse_isolated(number, tmp_path / "b", "number")
 
 
 def test_forks_and_threads_have_processes_of_their_own(path: Path) -> None:
-    ours = isolated(number, path, "number").about["process"]
+    ours = parse_isolated(number, path, "number").about["process"]
     with get_context("fork").Pool(2) as pool:
         theirs = pool.map(_process, [path] * 4)
     assert ours not in theirs
@@ -149,8 +149,8 @@ def test_forks_and_threads_have_processes_of_their_own(path: Path) -> None:
         thread.start()
     for thread in threads:
         thread.join()
-    assert isolated(number, path, "number").columns["value"] == 7
+    assert parse_isolated(number, path, "number").columns["value"] == 7
 
 
 def _process(path: Path) -> int:
-    return int(isolated(number, path, "number").about["process"])
+    return int(parse_isolated(number, path, "number").about["process"])

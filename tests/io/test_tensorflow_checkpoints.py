@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from puckbench.core.errors import InputError
-from puckbench.io.tensorflow_checkpoints import variables_of
+from puckbench.io.tensorflow_checkpoints import read_variables
 from tests.support.tensorflow_checkpoint import checkpoint
 
 VARIABLES = {
@@ -15,7 +15,7 @@ VARIABLES = {
 
 
 def test_variables_come_back_without_the_optimisers() -> None:
-    found = variables_of(*checkpoint(VARIABLES))
+    found = read_variables(*checkpoint(VARIABLES))
     assert list(found) == sorted(VARIABLES)
     for name, values in VARIABLES.items():
         np.testing.assert_array_equal(found[name], values.astype(np.float32))
@@ -25,6 +25,6 @@ def test_variables_come_back_without_the_optimisers() -> None:
 def test_other_bytes_are_one_clean_error(cut: int) -> None:
     index, data = checkpoint(VARIABLES)
     with pytest.raises(InputError, match="not a TensorFlow checkpoint"):
-        variables_of(index[:cut], data)
+        read_variables(index[:cut], data)
     with pytest.raises(InputError, match="not a TensorFlow checkpoint"):
-        variables_of(index, data[:cut])
+        read_variables(index, data[:cut])

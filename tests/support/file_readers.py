@@ -129,9 +129,9 @@ def _weights(path: Path) -> None:
 
 
 def _checkpoint(path: Path) -> None:
-    from puckbench.io.tensorflow_checkpoints import variables_of
+    from puckbench.io.tensorflow_checkpoints import read_variables
 
-    variables_of(path.read_bytes(), bytes(1000))
+    read_variables(path.read_bytes(), bytes(1000))
 
 
 # ---- whole files
@@ -284,10 +284,10 @@ def _write_returns(path: Path) -> None:
 
 
 def _write_scan(path: Path) -> None:
-    from puckbench.io.columns import empty_columns
+    from puckbench.io.return_tables import empty_columns
     from puckbench.lidar.scan_table import ScanTable, write_scan
 
-    columns = empty_columns(ScanTable.declared, 20)
+    columns = empty_columns(ScanTable.schema, 20)
     for part in columns.values():
         part[:] = 1
     write_scan(path, ScanTable(columns, {"sensor": {}}))

@@ -28,7 +28,7 @@ from puckbench.datasets.scene import Scene, safe_name
 from puckbench.geometry.cloud import Floats, PointCloud, check_points
 from puckbench.geometry.missing_returns import missing_returns
 from puckbench.io.clouds import without_invalid, without_missing
-from puckbench.io.frames import check_columns, rows_of
+from puckbench.io.float32_frames import check_column_count, float32_rows
 
 if TYPE_CHECKING:
     from puckbench.lidar.recordings.rings import Recovered
@@ -88,8 +88,8 @@ class Kitti(FolderSet):
         """Read the frame; `about` has the numbers of points that were left out."""
         path = self._file(name)
         data = read_bytes(path)
-        check_columns(path, data, _COLUMNS)
-        every = rows_of(data, _COLUMNS, path)[:, :3].astype(np.float64)
+        check_column_count(path, data, _COLUMNS)
+        every = float32_rows(data, _COLUMNS, path)[:, :3].astype(np.float64)
         cloud = without_invalid(PointCloud(every, about={"dropped_points": 0}), path)
         if not (self.keep_missing or self.returns):
             cloud = without_missing(cloud, missing_returns(cloud.xyz), path)

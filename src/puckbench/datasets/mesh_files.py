@@ -11,7 +11,7 @@ from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene
 from puckbench.datasets.user_files import FileSet
 from puckbench.geometry.mesh import scaled_mesh
-from puckbench.io.meshes import SUFFIXES, read_mesh_report, remark_skipped
+from puckbench.io.meshes import SUFFIXES, read_mesh_report, warn_of_skipped
 from puckbench.io.ply import has_faces
 
 
@@ -32,7 +32,7 @@ class MeshFiles(FileSet):
         if path.suffix.lower() == ".json":
             return read_capture(path, name)
         mesh, report = read_mesh_report(path, self.up)
-        remark_skipped(path, report["skipped"])
+        warn_of_skipped(path, report["skipped"])
         about = {**self._about(path), **report}
         scaled = scaled_mesh(mesh, self._unit(path))
         return Scene(name, self._group(path), mesh=scaled, about=about)

@@ -13,7 +13,7 @@ from puckbench.datasets.scene import safe_name, unique_names
 from puckbench.datasets.units import Units, check_units, unit_of
 from puckbench.geometry.mesh import Mesh, scaled_mesh
 from puckbench.io.descriptions import sidecar
-from puckbench.io.meshes import SUFFIXES, read_mesh_report, remark_skipped
+from puckbench.io.meshes import SUFFIXES, read_mesh_report, warn_of_skipped
 
 
 @LOADERS.register("mesh_folder")
@@ -51,7 +51,7 @@ class MeshFolder(MeshFolderSet):
 
     def _read(self, path: Path) -> tuple[Mesh, dict[str, Any]]:
         mesh, report = read_mesh_report(path, self.up)
-        remark_skipped(path, report["skipped"])
+        warn_of_skipped(path, report["skipped"])
         scaled = scaled_mesh(mesh, unit_of(path, self.metres_per_unit))
         return scaled, {"licence": self.licence, "credit": self.credit, **report}
 

@@ -25,7 +25,7 @@ from puckbench.datasets.scene import Scene, safe_name
 from puckbench.geometry.cloud import Floats, PointCloud, check_points
 from puckbench.geometry.missing_returns import missing_firings
 from puckbench.io.clouds import without_invalid, without_missing
-from puckbench.io.frames import check_columns, rows_of
+from puckbench.io.float32_frames import check_column_count, float32_rows
 
 if TYPE_CHECKING:
     from puckbench.lidar.recordings.rings import Recovered
@@ -73,8 +73,8 @@ class NuScenes(FolderSet):
         """Read the sweep; `about` has the numbers of points that were left out."""
         path = self._file(name)
         data = read_bytes(path)
-        check_columns(path, data, _NUMBERS)
-        table = rows_of(data, _NUMBERS, path).astype(np.float64)
+        check_column_count(path, data, _NUMBERS)
+        table = float32_rows(data, _NUMBERS, path).astype(np.float64)
         log = name.removeprefix(f"{self.part}_").rpartition("_")[0]
         about = self._about(f"nuScenes {self.part}/{path.name}")
         if self.returns:

@@ -11,7 +11,7 @@ from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene
 from puckbench.datasets.user_files import FileSet
 from puckbench.geometry.cloud import check_extent
-from puckbench.io.clouds import SUFFIXES, check_cloud, counted, read_points
+from puckbench.io.clouds import SUFFIXES, check_cloud, read_unchecked_cloud, removal_counts
 from puckbench.io.ply import has_faces
 
 
@@ -41,8 +41,8 @@ class PointClouds(FileSet):
         path = self._file(name)
         unit = self._unit(path)  # one that is named counts more than that of the file
         options = (self.keep_missing, self.drop_invalid, self.bin_columns)
-        cloud = read_points(path, *options, convert=unit == 1)
-        about = {**self._about(path), **counted(cloud.about)}
+        cloud = read_unchecked_cloud(path, *options, convert=unit == 1)
+        about = {**self._about(path), **removal_counts(cloud.about)}
         check_cloud(cloud, path)
         if unit != 1:
             cloud = replace(cloud, xyz=cloud.xyz * unit)

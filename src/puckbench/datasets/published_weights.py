@@ -110,10 +110,10 @@ def _archive(name: str, checkpoint: Sequence[bytes], order: str) -> bytes:
     """The variables of a checkpoint (index, data) as a NumPy archive."""
     import numpy as np
 
-    from puckbench.io.tensorflow_checkpoints import variables_of
+    from puckbench.io.tensorflow_checkpoints import read_variables
 
     with naming(name):
-        variables = variables_of(*checkpoint)
+        variables = read_variables(*checkpoint)
     names = sorted(name for name in variables if not name.startswith(_OPTIMISER))
     places = bytes.fromhex(order)
     if len(names) != len(places):

@@ -20,7 +20,7 @@ from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene, safe_name, unique_names
 from puckbench.geometry.cloud import Floats
 from puckbench.geometry.mesh import Mesh, SceneObject
-from puckbench.io.meshes.reading import mesh_of_polygons, y_up_to_z_up
+from puckbench.io.meshes.reading import mesh_from_polygons, y_up_to_z_up
 
 FURNITURE = ("bookcase", "chair", "sofa", "table")
 INSTALLED = "/usr/share/sweethome3d/furniture"
@@ -221,7 +221,7 @@ def _read_model(model: Model) -> tuple[Mesh, dict[str, Any]]:
     from puckbench.io.meshes.obj import parse_obj
 
     what = f"{model.archive}/{model.member}"
-    return mesh_of_polygons(parse_obj(_member(model.archive, model.member), what), what, "obj")
+    return mesh_from_polygons(parse_obj(_member(model.archive, model.member), what), what, "obj")
 
 
 def _to_size(mesh: Mesh, model: Model) -> tuple[Mesh, list[float]]:

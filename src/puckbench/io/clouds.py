@@ -1,7 +1,4 @@
-"""Files of point clouds: written as binary PLY with double coordinates and a JSON beside it.
-
-Read are all formats of `SUFFIXES`, by their suffix.
-"""
+"""Point cloud files: reads all formats of `SUFFIXES`, writes binary PLY with a description."""
 
 from __future__ import annotations
 
@@ -21,21 +18,21 @@ from puckbench.core.files import written_whole
 from puckbench.geometry.cloud import PointCloud, check_points
 from puckbench.geometry.missing_returns import missing_firings, missing_returns
 from puckbench.io.archives import read_archive
-from puckbench.io.cloud_arrays import read_npy
-from puckbench.io.cloud_text import read_text
 from puckbench.io.descriptions import read_description, sidecar, write_description
 from puckbench.io.e57 import read_e57
-from puckbench.io.frames import read_frame
+from puckbench.io.float32_frames import read_float32_frame
 from puckbench.io.las import read_las_points
-from puckbench.io.pcd import is_gap, is_organised, read_pcd
+from puckbench.io.npy import read_npy
+from puckbench.io.pcd import is_organised, read_pcd
 from puckbench.io.ply import has_faces, read_ply, write_vertices
-from puckbench.io.point_columns import Columns, cloud_of, coarse_step, storable
+from puckbench.io.point_columns import Columns, cloud_from_columns, coarse_step, ply_columns
+from puckbench.io.text import read_text
 
-__all__ = ["SUFFIXES", "read_cloud", "read_points", "sidecar", "write_cloud"]
+__all__ = ["SUFFIXES", "read_cloud", "read_unchecked_cloud", "sidecar", "write_cloud"]
 
-_HEAD = 1 << 10
+_HEAD_BYTES = 1 << 10
 _log = logging.getLogger(__name__)
-_COLUMNS = {
+_PLY_COLUMNS = {
     "xyz": (("x", "y", "z"), "<f8"),
     "normals": (("nx", "ny", "nz"), "<f4"),
     "colours": (("red", "green", "blue"), "u1"),
@@ -44,7 +41,7 @@ _COLUMNS = {
 
 
 def cloud_bytes(cloud: PointCloud) -> bytes:
-    """The bytes of a cloud's PLY file, without its description."""
+    """Return the bytes of a cloud's PLY file, without its description."""
     with TemporaryDirectory() as folder:
         path = Path(folder, "cloud.ply")
         write_cloud(path, cloud, describe=False)
@@ -52,7 +49,7 @@ def cloud_bytes(cloud: PointCloud) -> bytes:
 
 
 def read_archived_cloud(archive: Path, name: str) -> PointCloud:
-    """Read a cloud that is a member of an archive; InputError as of `read_cloud`."""
+    """Read a cloud that is a member of an archive."""
     members = read_archive(archive)
     if name not in members:
         raise InputError(f"{archive}: has no member {name}")
@@ -63,21 +60,20 @@ def read_archived_cloud(archive: Path, name: str) -> PointCloud:
 
 
 def write_cloud(path: Path, cloud: PointCloud, describe: bool = True) -> None:
-    """Write a binary little-endian PLY (double coordinates, float normals, fields) and its JSON.
+    """Write a cloud as binary little-endian PLY with double coordinates, and its description.
 
-    Both appear when both are written, the JSON first, so that a PLY that exists is complete.
-    InputError for a name that another format is known by.
+    Both files appear when both are complete. Raises InputError for the suffix of another format.
     """
-    if path.suffix.lower() in _FOREIGN:
+    if path.suffix.lower() in SUFFIXES[1:]:
         raise InputError(f"{path}: a PLY file is written: name it so (export writes others)")
     columns = {
         axis: column.astype(kind)
-        for name, (axes, kind) in _COLUMNS.items()
+        for name, (axes, kind) in _PLY_COLUMNS.items()
         if (values := getattr(cloud, name)) is not None
         for axis, column in zip(axes, np.atleast_2d(values.T), strict=True)
     }
     with written_whole(path) as temporary:
-        write_vertices(temporary, {**columns, **storable(cloud.fields)})
+        write_vertices(temporary, {**columns, **ply_columns(cloud.fields)})
         if describe:
             write_description(path, "cloud", {**cloud.about, "points": len(cloud)})
 
@@ -89,21 +85,21 @@ def read_cloud(
     drop_invalid: bool = False,
     bin_columns: str | None = None,
 ) -> PointCloud:
-    """Read a point cloud of any format in `SUFFIXES`; of a PLY file also the JSON beside it.
+    """Read a point cloud of any format in `SUFFIXES`, and the description of a PLY file.
 
-    Missing returns of a sensor (`puckbench.geometry.missing_returns`) are left out and counted in
-    the description: ``missing_returns``, and ``dropped_points`` with all others.
+    Missing returns (`puckbench.geometry.missing_returns`) are removed and counted in the
+    description: ``missing_returns``, and ``dropped_points`` with all others.
 
     Parameters
     ----------
     path
-        The file; compressed ones end in .gz, .bz2, .xz or .zst.
+        The file; compressed files end in .gz, .bz2, .xz or .zst.
     keep_missing
         Keep missing returns as points.
     drop_invalid
-        Leave out points that are not finite.
+        Remove points that are not finite; by default they are an error.
     bin_columns
-        Columns of a frame (.bin), as `puckbench.io.frames.read_frame` takes them.
+        Columns of a .bin file, see `puckbench.io.float32_frames.read_float32_frame`.
 
     Raises
     ------
@@ -111,13 +107,13 @@ def read_cloud(
         The file is missing, damaged, empty, a mesh, of another format, or has points that are not
         finite.
     """
-    cloud = read_points(Path(path), keep_missing, drop_invalid, bin_columns)
+    cloud = read_unchecked_cloud(Path(path), keep_missing, drop_invalid, bin_columns)
     check_cloud(cloud, Path(path))
     return cloud
 
 
 def check_cloud(cloud: PointCloud, path: Path) -> None:
-    """Refuse a cloud without points, or with points that are not finite."""
+    """Raise InputError for a cloud without points, or with points that are not finite."""
     try:
         check_points(cloud.xyz, str(path))
     except InputError as error:
@@ -126,83 +122,90 @@ def check_cloud(cloud: PointCloud, path: Path) -> None:
         raise InputError(f"{error} (prepare and run leave them out: --drop-invalid)") from error
 
 
-def read_points(
+def read_unchecked_cloud(
     path: Path,
     keep_missing: bool = False,
     drop_invalid: bool = False,
     bin_columns: str | None = None,
     convert: bool = True,
 ) -> PointCloud:
-    """As `read_cloud`, of a cloud that may be empty or have points that are not finite.
+    """Read a cloud that may be empty or have points that are not finite.
 
-    With `convert`, a LAS file's coordinates become metres by its coordinate reference system.
+    `convert` converts the coordinates of a LAS file to metres by its coordinate reference system.
     """
-    suffix = plain_suffix(path)
-    if path.exists():
-        _check_kind(path, suffix)
-    read = _READERS.get(suffix, _read_ply_points)
-    options: dict[str, Any] = {"columns": bin_columns} if read is read_frame else {}
-    if suffix in (".las", ".laz"):
-        options = {"convert": convert}
-    columns = read(path, **options)
+    columns = _read_columns(path, bin_columns, convert)
     with naming(path):
-        cloud = cloud_of(columns)
+        cloud = cloud_from_columns(columns)
     if step := coarse_step(columns):
         _log.warning("%s: coordinates in single precision, in steps of %.2g", path, step)
-    about = None if suffix in _FOREIGN else read_description(path, {"points": len(cloud)})
+    is_other = plain_suffix(path) in SUFFIXES[1:]
+    about = None if is_other else read_description(path, {"points": len(cloud)})
     if about is not None:
         with naming(sidecar(path)):
             cloud = replace(cloud, about=about)
     elif not keep_missing:
         missing = _missing(cloud, path)
-        if drop_invalid or np.isfinite(cloud.xyz[~missing]).all():  # else it is refused as a whole
+        if drop_invalid or np.isfinite(cloud.xyz[~missing]).all():  # other clouds are refused
             cloud = without_missing(cloud, missing, path)
     return without_invalid(cloud, path) if drop_invalid else cloud
 
 
 def without_missing(cloud: PointCloud, missing: NDArray[np.bool_], path: Path) -> PointCloud:
-    """The cloud without missing returns (n,); a remark and the description count them."""
+    """Remove missing returns (n,), log a warning, and count them in the description."""
     if len(cloud) and missing.all():
         raise InputError(f"{path}: all of its {len(cloud)} points are missing returns")
-    left = _without(cloud, missing, path, "are missing returns (--keep-missing keeps them)")
-    count = len(cloud) - len(left)
-    return replace(left, about={**left.about, "missing_returns": count}) if count else left
+    reason = "are missing returns (--keep-missing keeps them)"
+    present = _without(cloud, missing, path, reason)
+    count = len(cloud) - len(present)
+    return replace(present, about={**present.about, "missing_returns": count}) if count else present
 
 
 def without_invalid(cloud: PointCloud, path: Path) -> PointCloud:
-    """The cloud without points that are not finite; a remark and the description count them."""
+    """Remove points that are not finite, log a warning, and count them in the description."""
     invalid = np.asarray(~np.isfinite(cloud.xyz).all(axis=1))
     return _without(cloud, invalid, path, "are not finite")
 
 
-def counted(about: Mapping[str, Any]) -> dict[str, int]:
-    """What a description says of points that were left out."""
+def removal_counts(about: Mapping[str, Any]) -> dict[str, int]:
+    """Return the counts of removed points in a description."""
     return {name: about[name] for name in ("dropped_points", "missing_returns") if name in about}
 
 
-def _without(cloud: PointCloud, rows: NDArray[np.bool_], path: Path, what: str) -> PointCloud:
+def _without(cloud: PointCloud, rows: NDArray[np.bool_], path: Path, reason: str) -> PointCloud:
     count = int(np.count_nonzero(rows))
     if not count:
         return cloud
-    _log.warning("%s: %d of %d points %s: left out", path, count, len(cloud), what)
+    _log.warning("%s: %d of %d points %s: left out", path, count, len(cloud), reason)
     dropped = cloud.about.get("dropped_points", 0) + count
     return replace(cloud.select(~rows), about={**cloud.about, "dropped_points": dropped})
 
 
 def _missing(cloud: PointCloud, path: Path) -> NDArray[np.bool_]:
-    """Whether each point of a file is a missing return."""
-    missing = missing_returns(cloud.xyz, plain_suffix(path) == ".pcd" and is_organised(path))
-    if plain_suffix(path) == ".bin" and "ring" in cloud.fields:
+    suffix = plain_suffix(path)
+    missing = missing_returns(cloud.xyz, suffix == ".pcd" and is_organised(path))
+    if suffix == ".bin" and "ring" in cloud.fields:
         missing |= missing_firings(cloud.xyz, cloud.fields["ring"])
     return missing
 
 
+def _read_columns(path: Path, bin_columns: str | None, convert: bool) -> Columns:
+    suffix = plain_suffix(path)
+    if path.exists():
+        _check_kind(path, suffix)
+    if suffix == ".bin":
+        return read_float32_frame(path, bin_columns)
+    if suffix in (".las", ".laz", ".e57"):
+        with unpacked(path) as plain:
+            return read_e57(plain) if suffix == ".e57" else read_las_points(plain, convert)
+    return _READERS.get(suffix, _read_ply_points)(path)
+
+
 def _check_kind(path: Path, suffix: str) -> None:
-    """InputError where a file is of another kind by its name or its first bytes."""
-    head = b"" if path.is_dir() else read_content(path, _HEAD)
+    """Raise InputError if the name or the first bytes are not those of a cloud."""
+    head = b"" if path.is_dir() else read_content(path, _HEAD_BYTES)
     if head.lstrip().lower().startswith((b"<!doctype html", b"<html")):
         raise InputError(f"{path}: a page of the web (HTML), not the file: download it again")
-    if suffix not in _READERS and not head.startswith(b"ply"):
+    if suffix not in SUFFIXES and not head.startswith(b"ply"):
         raise InputError(f"{path}: not a point cloud by its name ({', '.join(SUFFIXES)})")
 
 
@@ -212,35 +215,13 @@ def _read_ply_points(path: Path) -> Columns:
     return read_ply(path)
 
 
-def _read_pcd_points(path: Path) -> Columns:
-    return {name: part for name, part in read_pcd(path).items() if not is_gap(name)}
-
-
-def _of_plain_files(read: Callable[[Path], Columns]) -> Callable[[Path], Columns]:
-    """A reader of compressed files by one that needs a file."""
-
-    def read_unpacked(path: Path) -> Columns:
-        with unpacked(path) as plain:
-            return read(plain)
-
-    return read_unpacked
-
-
-def _read_las_points(path: Path, convert: bool) -> Columns:
-    with unpacked(path) as plain:
-        return read_las_points(plain, convert)
-
-
-_FOREIGN: dict[str, Callable[..., Columns]] = {
-    ".pcd": _read_pcd_points,
-    ".las": _read_las_points,
-    ".laz": _read_las_points,
-    ".e57": _of_plain_files(read_e57),
-    **dict.fromkeys((".xyz", ".txt", ".csv", ".asc", ".pts"), read_text),
+_TEXT_SUFFIXES = (".xyz", ".txt", ".csv", ".asc", ".pts")
+_READERS: dict[str, Callable[[Path], Columns]] = {
+    ".ply": _read_ply_points,
+    ".pcd": read_pcd,
     ".npy": read_npy,
     ".npz": read_npy,
-    ".bin": read_frame,
+    **dict.fromkeys(_TEXT_SUFFIXES, read_text),
 }
-_READERS = {".ply": _read_ply_points, **_FOREIGN}
-SUFFIXES = (*_READERS,)
-"""Of the formats that are read; a compressed file has another after it."""
+SUFFIXES = (".ply", ".pcd", ".las", ".laz", ".e57", *_TEXT_SUFFIXES, ".npy", ".npz", ".bin")
+"""Formats that are read, PLY first; compressed files have a second suffix."""

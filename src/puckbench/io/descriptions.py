@@ -1,4 +1,4 @@
-"""The descriptions (JSON) beside the files that puckbench writes."""
+"""Descriptions: JSON files beside the clouds, meshes and tables that puckbench writes."""
 
 from __future__ import annotations
 
@@ -13,53 +13,53 @@ from puckbench.core.files import read_json, write_json
 
 Kind = Literal["cloud", "mesh", "returns"]
 
-_MARK = "puckbench"
-"""Key that only our descriptions have: what kind of file they describe."""
+_KIND_KEY = "puckbench"
+"""Key of the kind of the described file, by which our descriptions are recognised."""
 _log = logging.getLogger(__name__)
 
 
 def sidecar(path: Path) -> Path:
-    """The JSON file that describes the artefact at `path`."""
+    """Return the path of a file's description."""
     return plain_name(path).with_suffix(".json")
 
 
 def write_description(path: Path, kind: Kind, about: Mapping[str, Any]) -> None:
-    """Write the description of the file at `path`, beside it."""
-    write_json(sidecar(path), {**about, _MARK: kind})
+    """Write the description of a file."""
+    write_json(sidecar(path), {**about, _KIND_KEY: kind})
 
 
 def read_description(path: Path, counts: Mapping[str, int] | None = None) -> dict[str, Any] | None:
-    """Read the description beside a file, if puckbench wrote it for this file; else None.
+    """Read the description of a file; None without one.
 
-    A JSON file of another program, and a description of other counts than `counts`, is left aside
-    with a remark.
+    A JSON file of another program, or one with other `counts` (such as ``points``), is ignored with
+    a warning.
     """
     beside = sidecar(path)
     if beside == path or not beside.exists():
         return None
-    about = _ours(beside)
+    about = _read_own(beside)
     if about is None:
         _log.warning("%s: %s beside it is not its description: not used", path, beside.name)
         return None
     for name, count in (counts or {}).items():
         if about.get(name, count) != count:
-            told = f"{beside.name} beside it describes a file of {about[name]} {name}"
-            _log.warning("%s: %d %s, but %s: not used", path, count, name, told)
+            mismatch = f"{beside.name} beside it describes a file of {about[name]} {name}"
+            _log.warning("%s: %d %s, but %s: not used", path, count, name, mismatch)
             return None
-    return {name: value for name, value in about.items() if name != _MARK}
+    return {name: value for name, value in about.items() if name != _KIND_KEY}
 
 
-def _ours(path: Path) -> dict[str, Any] | None:
-    """The content of a JSON file that is a description of ours."""
+def _read_own(path: Path) -> dict[str, Any] | None:
+    """Read a JSON file if it is a description by puckbench."""
     try:
         about = read_json(path)
     except InputError:
         return None
-    is_ours = isinstance(about, dict) and (_MARK in about or _is_of_first_version(about))
-    return about if is_ours else None
+    is_own = isinstance(about, dict) and (_KIND_KEY in about or _is_of_first_version(about))
+    return about if is_own else None
 
 
 def _is_of_first_version(about: Mapping[str, Any]) -> bool:
-    """Whether it has the keys of our descriptions before they were marked."""
+    """Whether it is a description of the first version, which had no kind."""
     counts = {name for name in ("points", "vertices", "triangles") if type(about.get(name)) is int}
     return counts >= {"vertices", "triangles"} or ("points" in counts and "source" in about)

@@ -1,4 +1,4 @@
-"""BlenSor's own file of returns (.evd): blocks of rows, ended by a block of -1 rows."""
+"""EVD files of BlenSor: blocks of returns, ended by a block with the count -1."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from puckbench.core.files import write_bytes
-from puckbench.io.columns import Table
+from puckbench.io.return_tables import ReturnTable
 
 _NUMBERS = (
     *("timestamp", "yaw", "pitch", "distance", "distance_noisy"),
@@ -18,11 +18,8 @@ _ROW = np.dtype([("numbers", "<f8", 14), ("object_id", "<u8")])
 _WHITE = 255.0
 
 
-def write_evd(path: Path, table: Table) -> None:
-    """Write one block of all returns: 11 columns, colour (0..255, white here), object (0: none).
-
-    `table` needs the columns of BlenSor's file (`_NUMBERS`) and `object_id`.
-    """
+def write_evd(path: Path, table: ReturnTable) -> None:
+    """Write all returns in one block; a row has 11 numbers, a colour (white) and an object or 0."""
     rows = np.empty(len(table), dtype=_ROW)
     for place, name in enumerate(_NUMBERS):
         rows["numbers"][:, place] = table[name]

@@ -1,9 +1,8 @@
-"""Parsers of other packages, in a process of their own with limits of memory and time.
+"""Parsers of other packages run in a separate process, with limits of memory and time.
 
-A damaged file may make such a parser abort, or take all memory, and with it whoever called it. One
-process parses file after file; after a crash, a limit or an interruption the next file gets
-another. Arrays and JSON come back through a pipe, never pickled objects. Where the system has no
-limit of address space (macOS), only the time is limited.
+A damaged file may crash such a parser or make it take all memory. One worker process parses file
+after file, and is replaced after a crash, a timeout or an interruption. Results come back through a
+pipe as arrays and JSON, never as pickled objects. On macOS only the time is limited.
 """
 
 from __future__ import annotations
@@ -31,55 +30,54 @@ from numpy.typing import NDArray
 from puckbench.core.errors import InputError
 from puckbench.core.files import unreadable
 
-LEAST_BYTES, BYTES_PER_BYTE = 2 << 30, 40
-"""Memory that parsing may take: the larger of this, and of so many bytes for each of the file."""
-LEAST_SECONDS, SECONDS_PER_MB = 10, 1
-"""Processor time that parsing may take."""
-_PATIENCE = 20
-"""Clock time to processor time, at most."""
-_SIZES = Path("/proc/self/statm")
+MIN_BYTES, BYTES_PER_BYTE = 2 << 30, 40
+"""Memory limit: the larger of 2 GiB and 40 times the file's size."""
+MIN_SECONDS, SECONDS_PER_MB = 10, 1
+"""Limit of processor time."""
+_CLOCK_FACTOR = 20
+"""Limit of elapsed time in units of the limit of processor time."""
+_MEMORY_USE = Path("/proc/self/statm")
 _ENVIRONMENT = {"OPENBLAS_NUM_THREADS": "1", "MALLOC_ARENA_MAX": "2"}
 """Threads reserve address space that they do not use."""
 
 
 @dataclass(frozen=True)
-class Parsed:
-    """Result of a parser: arrays (n,) or (n, k) by name, and values that JSON can hold."""
+class ParsedFile:
+    """Result of a parser: arrays by name, and values that JSON can represent."""
 
     columns: dict[str, NDArray[Any]]
     about: dict[str, Any] = field(default_factory=dict)
 
 
-def isolated(
-    parse: Callable[..., Parsed],
+def parse_isolated(
+    parse: Callable[..., ParsedFile],
     path: Path,
     kind: str,
     options: Mapping[str, Any] | None = None,
-    beside: Sequence[Path] = (),
-) -> Parsed:
-    """Run ``parse(path, **options)`` in a process of its own, within limits of the file's size.
+    side_files: Sequence[Path] = (),
+) -> ParsedFile:
+    """Run ``parse(path, **options)`` in the worker process, within limits of the file's size.
 
     Parameters
     ----------
     parse
-        A function of a module. Its remarks (warnings of ``puckbench`` loggers) are logged here.
+        A function of a module. Warnings of ``puckbench`` loggers are logged in this process.
     path
-        The file, or a folder of files.
+        A file or a folder.
     kind
-        What it should be, as messages name it: ``LAS file``.
+        Kind of file for messages, such as ``LAS file``.
     options
-        Further arguments, in JSON's types.
-    beside
-        Files that belong to it, where they are there.
+        Further arguments, of types that JSON has.
+    side_files
+        Paths of optional files that belong to it, for its size.
 
     Raises
     ------
     InputError
-        That of `parse`; or the parser crashed, or wanted more memory or time than the file's size
-        allows.
+        `parse` raised it, crashed, or exceeded `parser_limits`.
     """
-    size = _size(path) + sum(file.stat().st_size for file in beside if file.is_file())
-    memory, seconds = limits(size)
+    size = _size(path) + sum(file.stat().st_size for file in side_files if file.is_file())
+    memory, seconds = parser_limits(size)
     request = {
         "function": (parse.__module__, parse.__name__),
         "folder": str(Path.cwd()),
@@ -87,13 +85,12 @@ def isolated(
         "options": dict(options or {}),
         "limits": (memory, seconds),
     }
-    answer, parsed = _answer(request, seconds)
-    for name, level, line in answer.get("remarks", ()):
+    answer, parsed = _ask_worker(request, seconds)
+    for name, level, line in answer.get("warnings", ()):
         logging.getLogger(name).log(level, "%s", line)
-    if (fault := answer.get("fault")) is not None:
-        words = {"memory": f"takes more than {memory / 2**30:.3g} GiB"}
-        words["time"] = f"takes more than {seconds} s"
-        raise InputError(f"{path}: not a readable {kind} (parsing it {words[fault]})")
+    if (resource := answer.get("exceeded")) is not None:
+        limit = f"{memory / 2**30:.3g} GiB" if resource == "memory" else f"{seconds} s"
+        raise InputError(f"{path}: not a readable {kind} (parsing it takes more than {limit})")
     if (line := answer.get("error")) is not None:
         raise InputError(line)
     if parsed is None:
@@ -101,10 +98,10 @@ def isolated(
     return parsed
 
 
-def limits(size: int) -> tuple[int, int]:
-    """Bytes of memory and seconds of processor time that parsing a file of `size` may take."""
-    seconds = LEAST_SECONDS + SECONDS_PER_MB * (size // 10**6)
-    return max(LEAST_BYTES, BYTES_PER_BYTE * size), seconds
+def parser_limits(size: int) -> tuple[int, int]:
+    """Return the limits in bytes and seconds of processor time for a file of `size` bytes."""
+    seconds = MIN_SECONDS + SECONDS_PER_MB * (size // 10**6)
+    return max(MIN_BYTES, BYTES_PER_BYTE * size), seconds
 
 
 def _size(path: Path) -> int:
@@ -115,12 +112,12 @@ def _size(path: Path) -> int:
         raise unreadable(path, error) from error
 
 
-# ---- the caller's side
+# ---- in the calling process
+
+_Answer = tuple[dict[str, Any], ParsedFile | None]
 
 
 class _Worker:
-    """The process, and a request to it."""
-
     def __init__(self) -> None:
         paths = os.pathsep.join(path for path in sys.path if path)
         self._process = subprocess.Popen(
@@ -134,19 +131,19 @@ class _Worker:
         self._answers = cast("BufferedReader", self._process.stdout)
 
     def ask(self, request: Mapping[str, Any], seconds: float) -> tuple[dict[str, Any], Any]:
-        patience = Timer(_PATIENCE * seconds, self._process.kill)
-        patience.daemon = True
-        patience.start()
+        timer = Timer(_CLOCK_FACTOR * seconds, self._process.kill)
+        timer.daemon = True
+        timer.start()
         try:
             self._requests.write(json.dumps(request).encode() + b"\n")
             self._requests.flush()
-            return _received(self._answers)
+            return _receive(self._answers)
         except (OSError, EOFError):
             code = self._process.wait()
-            is_late = code == -signal.SIGXCPU or not patience.is_alive()
-            return ({"fault": "time"} if is_late else {}), None
+            is_late = code == -signal.SIGXCPU or not timer.is_alive()
+            return ({"exceeded": "time"} if is_late else {}), None
         finally:
-            patience.cancel()
+            timer.cancel()
 
     def has_ended(self) -> bool:
         return self._process.poll() is not None
@@ -157,19 +154,21 @@ class _Worker:
 
 
 _workers: dict[int, _Worker] = {}
-"""The process that waits for a file, by the number of its caller: forked ones need others."""
+"""The idle worker by process id: forked processes need their own."""
 
 
-def _answer(request: Mapping[str, Any], seconds: float) -> tuple[dict[str, Any], Parsed | None]:
+def _ask_worker(
+    request: Mapping[str, Any], seconds: float
+) -> tuple[dict[str, Any], ParsedFile | None]:
     worker = _workers.pop(os.getpid(), None)
     if worker is None or worker.has_ended():
         worker = _Worker()
-    is_whole = False
+    is_complete = False
     try:
         answer, parsed = worker.ask(request, seconds)
-        is_whole = parsed is not None or "error" in answer
+        is_complete = parsed is not None or "error" in answer
     finally:
-        if not is_whole or _workers.setdefault(os.getpid(), worker) is not worker:
+        if not is_complete or _workers.setdefault(os.getpid(), worker) is not worker:
             worker.close()
     return answer, parsed
 
@@ -181,50 +180,50 @@ def _close() -> None:
         worker.close()
 
 
-def _received(stream: BufferedReader) -> tuple[dict[str, Any], Parsed | None]:
+def _receive(stream: BufferedReader) -> _Answer:
     line = stream.readline()
     if not line.endswith(b"\n"):
         raise EOFError
     answer: dict[str, Any] = json.loads(line)
     if "about" not in answer:
         return answer, None
-    columns = {name: _array(stream, *kind) for name, *kind in answer["columns"]}
-    return answer, Parsed(columns, answer["about"])
+    columns = {name: _receive_array(stream, *kind) for name, *kind in answer["columns"]}
+    return answer, ParsedFile(columns, answer["about"])
 
 
-def _array(stream: BufferedReader, kind: str, shape: list[int]) -> NDArray[Any]:
+def _receive_array(stream: BufferedReader, kind: str, shape: list[int]) -> NDArray[Any]:
     array = np.empty(shape, np.dtype(kind))
-    place = array.reshape(-1).view(np.uint8).data
-    while place:
-        count = stream.readinto(place)
+    buffer = array.reshape(-1).view(np.uint8).data
+    while buffer:
+        count = stream.readinto(buffer)
         if not count:
             raise EOFError
-        place = place[count:]
+        buffer = buffer[count:]
     return array
 
 
-# ---- the process's side
+# ---- in the worker process
 
 
 def serve() -> None:
     """Answer the requests on standard input until it ends."""
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # parsers may print
-    remarks = _Remarks()
-    logging.getLogger("puckbench").addHandler(remarks)
+    warnings = _WarningRecorder()
+    logging.getLogger("puckbench").addHandler(warnings)
     for line in sys.stdin.buffer:
         request = json.loads(line)
-        remarks.lines.clear()
+        warnings.lines.clear()
         os.chdir(request["folder"])
         _limit(*request["limits"])
-        answer, arrays = _parsed(request)
-        answers.write(json.dumps({**answer, "remarks": remarks.lines}).encode() + b"\n")
+        answer, arrays = _parse(request)
+        answers.write(json.dumps({**answer, "warnings": warnings.lines}).encode() + b"\n")
         for array in arrays:
             answers.write(array.reshape(-1).view(np.uint8))  # type: ignore[arg-type]
         answers.flush()
 
 
-def _parsed(request: Mapping[str, Any]) -> tuple[dict[str, Any], list[NDArray[Any]]]:
+def _parse(request: Mapping[str, Any]) -> tuple[dict[str, Any], list[NDArray[Any]]]:
     module, name = request["function"]
     try:
         parsed = getattr(import_module(module), name)(Path(request["path"]), **request["options"])
@@ -232,31 +231,31 @@ def _parsed(request: Mapping[str, Any]) -> tuple[dict[str, Any], list[NDArray[An
     except InputError as error:
         return {"error": str(error)}, []
     except MemoryError:
-        return {"fault": "memory"}, []
+        return {"exceeded": "memory"}, []
     kinds = [(key, part.dtype.str, part.shape) for key, part in columns.items()]
     return {"about": parsed.about, "columns": kinds}, list(columns.values())
 
 
 def _limit(memory: int, seconds: int) -> None:
-    """Limit what this process may take beyond what it has taken."""
+    """Limit the memory and time that this process may use in addition to its present use."""
     import resource
 
-    _lower(resource.RLIMIT_CPU, math.ceil(time.process_time()) + seconds)
-    if _SIZES.exists():
-        pages = int(_SIZES.read_text().split()[0])
-        _lower(resource.RLIMIT_AS, pages * resource.getpagesize() + memory)
-    _lower(resource.RLIMIT_FSIZE, memory)
+    _lower_limit(resource.RLIMIT_CPU, math.ceil(time.process_time()) + seconds)
+    if _MEMORY_USE.exists():
+        pages = int(_MEMORY_USE.read_text().split()[0])
+        _lower_limit(resource.RLIMIT_AS, pages * resource.getpagesize() + memory)
+    _lower_limit(resource.RLIMIT_FSIZE, memory)
 
 
-def _lower(what: int, limit: int) -> None:
+def _lower_limit(kind: int, limit: int) -> None:
     import resource
 
-    _, most = resource.getrlimit(what)
-    resource.setrlimit(what, (limit if most == resource.RLIM_INFINITY else min(limit, most), most))
+    _, hard = resource.getrlimit(kind)
+    resource.setrlimit(kind, (limit if hard == resource.RLIM_INFINITY else min(limit, hard), hard))
 
 
-class _Remarks(logging.Handler):
-    """Keeps what is logged: logger, level and line."""
+class _WarningRecorder(logging.Handler):
+    """Records logger name, level and message."""
 
     def __init__(self) -> None:
         super().__init__(logging.WARNING)

@@ -1,7 +1,7 @@
-"""LAS 1.2 (ASPRS), point format 1, and its compressed form LAZ, by laspy and lazrs.
+"""LAS files (ASPRS) and their compressed form LAZ, by laspy and lazrs.
 
-The laser stands in the user data, the frame or turn in the point source id, the timestamp in the
-GPS time.
+Written files are LAS 1.2 of point format 1, with the laser in the user data, the frame in the point
+source id, and the timestamp in the GPS time.
 """
 
 from __future__ import annotations
@@ -18,21 +18,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench import __version__
-from puckbench.core.errors import InputError
+from puckbench.core.errors import InputError, naming
 from puckbench.core.files import write_bytes
-from puckbench.io.isolated import Parsed, isolated
-from puckbench.io.las_header import check_header
-from puckbench.io.las_units import METRE, named, units_of
+from puckbench.io.damage import reading
+from puckbench.io.isolated import ParsedFile, parse_isolated
+from puckbench.io.las_header import check_las_header
+from puckbench.io.las_units import METRE, las_units, unit_name
 
 _LOG = logging.getLogger(__name__)
 _STEP_M = 1e-4
-# The same points give the same bytes on any day.
 _DATE = date(2000, 1, 1)
+"""A fixed date gives the same bytes on any day."""
 _AXES = ("x", "y", "z")
-_DAMAGE = (ArithmeticError, AssertionError, AttributeError, LookupError, TypeError, ValueError)
-"""What laspy raises for damaged records besides its own errors."""
-_LONGEST_FAULT = 120
-_NAMES = {
+_DAMAGE = (
+    *(ArithmeticError, AssertionError, AttributeError, LookupError, TypeError, ValueError),
+    *(OSError, struct.error),
+)
+"""Exceptions of laspy for damaged records besides its own."""
+_COLUMN_NAMES = {
     "intensity": "reflectivity",
     "user_data": "laser_id",
     "point_source_id": "turn",
@@ -41,96 +44,74 @@ _NAMES = {
 
 
 def write_las(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
-    """Write a LAS file, or by the suffix a LAZ file; coordinates in steps of 0.1 mm."""
+    """Write a LAS or, by the suffix, LAZ file, with coordinates in steps of 0.1 mm."""
     import laspy
 
-    packed = BytesIO()
+    content = BytesIO()
     _las_data(columns).write(
-        packed, do_compress=path.suffix.lower() == ".laz", laz_backend=laspy.LazBackend.Lazrs
+        content, do_compress=path.suffix.lower() == ".laz", laz_backend=laspy.LazBackend.Lazrs
     )
-    write_bytes(path, packed.getvalue())
+    write_bytes(path, content.getvalue())
 
 
 def read_las(path: Path) -> dict[str, NDArray[Any]]:
-    """Read the points of a LAS or LAZ file as the columns that `write_las` takes, in metres.
-
-    Raises
-    ------
-    InputError
-        The file is missing or damaged, or its coordinates are degrees.
-    """
-    columns = isolated(parse_las, path, "LAS file").columns
-    kept = {**{axis: axis for axis in _AXES}, **_NAMES}
-    return {kept[name]: part for name, part in columns.items() if name in kept}
+    """Read the columns that `write_las` takes, in metres."""
+    columns = parse_isolated(parse_las, path, "LAS file").columns
+    names = {**{axis: axis for axis in _AXES}, **_COLUMN_NAMES}
+    return {names[name]: part for name, part in columns.items() if name in names}
 
 
 def read_las_points(path: Path, convert: bool = True) -> dict[str, NDArray[Any]]:
-    """Read the points of a LAS or LAZ file with all of their dimensions that are not 0 throughout.
+    """Read ``x``, ``y``, ``z`` and all dimensions with values other than 0.
 
-    Parameters
-    ----------
-    path
-        The file.
-    convert
-        Whether coordinates in feet or other units become metres, by the file's coordinate reference
-        system; else the system is not read.
-
-    Returns
-    -------
-    dict
-        Coordinates under `x`, `y` and `z`, and the other dimensions by their names.
-
-    Raises
-    ------
-    InputError
-        The file is missing or damaged, or its coordinates are degrees.
+    `convert` converts coordinates to metres by the file's coordinate reference system. Raises
+    InputError if the file is missing or damaged, or its coordinates are degrees.
     """
-    columns = isolated(parse_las, path, "LAS file", {"convert": convert}).columns
+    columns = parse_isolated(parse_las, path, "LAS file", {"convert": convert}).columns
     return {name: part for name, part in columns.items() if name in _AXES or np.count_nonzero(part)}
 
 
-def parse_las(path: Path, convert: bool = True) -> Parsed:
-    """As `read_las_points`, in this process and with all dimensions."""
+def parse_las(path: Path, convert: bool = True) -> ParsedFile:
+    """Read all dimensions of the points, in the calling process."""
     import laspy
     from lazrs import LazrsError
 
-    check_header(path)
-    try:
+    check_las_header(path)
+    with naming(path), reading("LAS file", laspy.LaspyException, LazrsError, *_DAMAGE):
         with laspy.open(path, laz_backend=laspy.LazBackend.LazrsParallel) as reader:
-            lengths = _lengths(reader.header, path) if convert else None
+            metres = _metres_per_unit(reader.header, path) if convert else None
             points = reader.read_points(-1)
         names = [name for name in points.point_format.dimension_names if name.lower() not in _AXES]
         columns = {name: np.asarray(points[name]) for name in names}
-        return Parsed({**_coordinates(points, lengths), **columns})
-    except (laspy.LaspyException, LazrsError, struct.error, OSError, *_DAMAGE) as error:
-        fault = " ".join(str(error).split())[:_LONGEST_FAULT]
-        raise InputError(f"{path}: not a readable LAS file (damaged or cut: {fault})") from error
+        return ParsedFile({**_coordinates(points, metres), **columns})
 
 
-def _lengths(header: Any, path: Path) -> tuple[float, float, float] | None:
-    """Lengths in metres of the units of x, y and z; None for metres."""
+def _metres_per_unit(header: Any, path: Path) -> tuple[float, float, float] | None:
+    """Lengths of the units of x, y and z; None for metres."""
     from pyproj.exceptions import CRSError
 
     try:
-        units = units_of(header)
+        units = las_units(header)
     except CRSError:
         _LOG.warning("%s: its coordinate reference system is not readable: metres assumed", path)
         return None
     if units.is_degrees:
         raise InputError(f"{path}: its coordinates are degrees: project it first (pdal, las2las)")
-    across, up = units.horizontal or METRE, units.vertical or METRE
-    if across == up == METRE:
+    horizontal, vertical = units.horizontal or METRE, units.vertical or METRE
+    if horizontal == vertical == METRE:
         return None
-    what = named(across) if across == up else f"{named(across)} and its heights in {named(up)}"
-    _LOG.warning("%s: its coordinates are in %s: converted to metres", path, what)
-    return across, across, up
+    text = unit_name(horizontal)
+    if vertical != horizontal:
+        text += f" and its heights in {unit_name(vertical)}"
+    _LOG.warning("%s: its coordinates are in %s: converted to metres", path, text)
+    return horizontal, horizontal, vertical
 
 
-def _coordinates(points: Any, lengths: tuple[float, ...] | None) -> dict[str, NDArray[np.float64]]:
+def _coordinates(points: Any, metres: tuple[float, ...] | None) -> dict[str, NDArray[np.float64]]:
     axes = {axis: np.asarray(points[axis], dtype=np.float64) for axis in _AXES}
-    if lengths is None:
+    if metres is None:
         return axes
-    return {axis: axes[axis] * length for axis, length in zip(_AXES, lengths, strict=True)}
+    return {axis: axes[axis] * length for axis, length in zip(_AXES, metres, strict=True)}
 
 
 def _las_data(columns: Mapping[str, NDArray[Any]]) -> Any:

@@ -7,37 +7,30 @@ from dataclasses import dataclass
 from typing import Any
 
 METRE, FOOT, US_SURVEY_FOOT = 1.0, 0.3048, 1200 / 3937
-_NEAR = 1e-7
-"""Relative error of the feet that files write: the two feet differ by 2e-6."""
+_TOLERANCE = 1e-7
+"""Relative error of feet in files; the two kinds of feet differ by 2e-6."""
 _PROJECTED, _LINEAR_UNIT, _UNIT_SIZE = 3072, 3076, 3077
 _VERTICAL, _VERTICAL_UNIT = 4096, 4099
 _MODEL, _GEOGRAPHIC_MODEL = 1024, 2
 _USER_DEFINED = 32767
 _DOUBLES = 34736
+"""GeoTIFF keys, codes and the tag of the double values."""
 
 
 @dataclass(frozen=True)
 class Units:
-    """Lengths of the units of x and y, and of z, in metres; None for what nothing tells.
-
-    `is_degrees`: x and y are longitude and latitude.
-    """
+    """Units of x and y (horizontal) and z in metres, None if unknown, or degrees for x and y."""
 
     horizontal: float | None = None
     vertical: float | None = None
     is_degrees: bool = False
 
 
-def units_of(header: Any) -> Units:
-    """Units of a laspy header's coordinate reference system.
+def las_units(header: Any) -> Units:
+    """Return the units of a laspy header's coordinate reference system.
 
-    The unit of GeoTIFF keys counts more than that of the system that they name, as in GDAL. Where
-    nothing tells the unit of z, it is that of x and y.
-
-    Raises
-    ------
-    pyproj.exceptions.CRSError
-        The reference system is not readable.
+    As in GDAL, units in GeoTIFF keys take precedence over those of the reference system. By default
+    z has the unit of x and y. Raises pyproj's CRSError if the system is not readable.
     """
     crs = header.parse_crs()
     units = Units() if crs is None else _units_of_crs(crs)
@@ -49,16 +42,18 @@ def units_of(header: Any) -> Units:
 
 
 def _units_of_crs(crs: Any) -> Units:
-    lengths = {axis.direction in ("up", "down"): axis for axis in reversed(crs.axis_info)}
-    across, up = (
-        _length(lengths[is_up].unit_conversion_factor) if is_up in lengths else None
-        for is_up in (False, True)
+    axes = {axis.direction in ("up", "down"): axis for axis in reversed(crs.axis_info)}
+    horizontal, vertical = (
+        _metres(axes[is_vertical].unit_conversion_factor) if is_vertical in axes else None
+        for is_vertical in (False, True)
     )
-    return Units(None, up, is_degrees=True) if crs.is_geographic else Units(across, up)
+    if crs.is_geographic:
+        return Units(None, vertical, is_degrees=True)
+    return Units(horizontal, vertical)
 
 
 def _keys(directory: Any, doubles: list[Any]) -> tuple[dict[int, int], dict[int, float]]:
-    """Keys with their short values, and those with a double."""
+    """GeoTIFF keys with short values, and keys with double values."""
     short = {key.id: key.value_offset for key in directory.geo_keys if not key.tiff_tag_location}
     values = [float(value.value) for value in doubles[0].doubles] if doubles else []
     return short, {
@@ -82,24 +77,24 @@ def _with_keys(units: Units, short: dict[int, int], doubles: dict[int, float]) -
 
 
 def _unit(code: int | None, size: float | None = None) -> float | None:
-    """Length of a unit of EPSG's, or of one that the file defines."""
+    """Length in metres of a unit of the EPSG registry, or of one that the file defines."""
     from pyproj.database import get_units_map
 
     if code == _USER_DEFINED:
-        return None if size is None else _length(size)
+        return None if size is None else _metres(size)
     units = get_units_map(auth_name="EPSG", category="linear").values()
-    return next((_length(unit.conv_factor) for unit in units if unit.code == str(code)), None)
+    return next((_metres(unit.conv_factor) for unit in units if unit.code == str(code)), None)
 
 
-def _length(factor: float) -> float | None:
-    """A length in metres, the exact one of a foot where that is meant; None if it is none."""
+def _metres(factor: float) -> float | None:
+    """Length of a unit, exact for a rounded foot; None for an impossible length."""
     if not 0 < factor < math.inf:
         return None
     exact = (METRE, FOOT, US_SURVEY_FOOT)
-    return next((unit for unit in exact if math.isclose(unit, factor, rel_tol=_NEAR)), factor)
+    return next((unit for unit in exact if math.isclose(unit, factor, rel_tol=_TOLERANCE)), factor)
 
 
-def named(length: float) -> str:
-    """A unit in words."""
+def unit_name(metres: float) -> str:
+    """Return the plural name of a unit."""
     names = {METRE: "metres", FOOT: "feet", US_SURVEY_FOOT: "US survey feet"}
-    return names.get(length, f"units of {length:g} m")
+    return names.get(metres, f"units of {metres:g} m")

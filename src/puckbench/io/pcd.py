@@ -1,7 +1,6 @@
-"""PCD files of the Point Cloud Library: ASCII, binary and compressed ones are read, binary written.
+"""PCD files of the Point Cloud Library: reads ASCII, binary and compressed files, writes binary.
 
-The header is read here and not by pypcd4, which takes truncated files for whole ones and runs out
-of memory on a header that claims a hundred million values in a field.
+pypcd4 is not used: it accepts truncated files, and runs out of memory on damaged headers.
 """
 
 from __future__ import annotations
@@ -19,13 +18,16 @@ from numpy.typing import NDArray
 from puckbench.core.content import read_content
 from puckbench.core.errors import InputError, naming
 from puckbench.core.files import write_bytes
+from puckbench.io.damage import one_line, reading
 
-# In one field of a PCD file (the largest of PCL's descriptors has 1,980).
-_MOST_VALUES = 4096
-_LONGEST_HEADER = 1 << 16
+_MAX_VALUES = 4096
+"""Values of a field; the largest of PCL's descriptors has 1,980."""
+_MAX_HEADER_BYTES = 1 << 16
+_MAX_COMPRESSION = 100
+"""LZF compresses 264 bytes to three at best."""
 _log = logging.getLogger(__name__)
-# LZF packs at most 264 bytes into three.
-_MOST_COMPRESSION = 100
+_HEADER_DAMAGE = (KeyError, IndexError, ValueError, TypeError, OverflowError)
+_GAP = re.compile(r"_\d+")
 _HEADER = """# .PCD v0.7 - Point Cloud Data file format
 VERSION 0.7
 FIELDS x y z label timestamp
@@ -42,7 +44,7 @@ _ROW = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("label", "<u4"), ("t
 
 
 def write_pcd(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
-    """Write x, y, z (float32), label (the laser, as PCL's PointXYZL has it) and timestamp."""
+    """Write x, y, z in single precision, the laser as ``label`` (PCL's PointXYZL), timestamp."""
     rows = np.empty(len(columns["x"]), dtype=_ROW)
     for name in _ROW.names or ():
         rows[name] = columns["laser_id" if name == "label" else name]
@@ -56,40 +58,33 @@ def read_pcd(path: Path) -> dict[str, NDArray[Any]]:
 
 
 def is_organised(path: Path) -> bool:
-    """Whether a PCD file is an image of its sensor, of several rows of pixels."""
-    height = re.search(rb"(?m)^HEIGHT[ \t]+(\d+)", read_content(path, _LONGEST_HEADER))
+    """Whether a PCD file is an image, with several rows of pixels."""
+    height = re.search(rb"(?m)^HEIGHT[ \t]+(\d+)", read_content(path, _MAX_HEADER_BYTES))
     return height is not None and int(height[1]) > 1
 
 
-def parse_pcd(data: bytes, what: str = "PCD file") -> dict[str, NDArray[Any]]:
-    """Like `read_pcd`, of bytes; what: their name, for remarks."""
-    head = re.match(rb"(?:[^\n]*\n){0,40}?DATA[ \t]+(\w+)[^\n]*\n", data[:_LONGEST_HEADER])
+def parse_pcd(data: bytes, source: str = "PCD file") -> dict[str, NDArray[Any]]:
+    """Read the fields of a PCD file's bytes."""
+    head = re.match(rb"(?:[^\n]*\n){0,40}?DATA[ \t]+(\w+)[^\n]*\n", data[:_MAX_HEADER_BYTES])
     if head is None:
         raise InputError("not a PCD file")
     lines = [line.split() for line in head.group().decode("ascii", "replace").splitlines()]
     header = {line[0]: line[1:] for line in lines if line}
-    try:
-        fields = list(_fields(header))
-        image = int(header["WIDTH"][0]) * int(header["HEIGHT"][0]) if "HEIGHT" in header else None
-        points = int(header["POINTS"][0]) if "POINTS" in header else image or 0
-        kind = np.dtype(fields)
-    except (KeyError, IndexError, ValueError, TypeError, OverflowError) as error:
-        raise InputError(f"the header of the PCD file is damaged ({error})") from error
+    with reading("PCD header", *_HEADER_DAMAGE):
+        kind = np.dtype(list(_fields(header)))
+        pixels = int(header["WIDTH"][0]) * int(header["HEIGHT"][0]) if "HEIGHT" in header else None
+        points = int(header["POINTS"][0]) if "POINTS" in header else pixels or 0
     if kind.itemsize == 0:
         raise InputError("the PCD file has no fields")
     rows = _rows(data[head.end() :], head.group(1).decode(), kind, points)
     if not 0 < points <= len(rows):
-        raise InputError(f"the PCD file tells {points} points and has {len(rows)}")
-    counts = {"WIDTH x HEIGHT": image or points, "the data": len(rows)}
+        raise InputError(f"the PCD file has {len(rows)} points, but its header says {points}")
+    counts = {"WIDTH x HEIGHT": pixels or points, "the data": len(rows)}
     others = [f"{count} in {place}" for place, count in counts.items() if count != points]
     if others:
-        _log.warning("%s: POINTS says %d (%s): so many are read", what, points, ", ".join(others))
-    return {name: rows[name][:points] for name in kind.names or ()}
-
-
-def is_gap(name: str) -> bool:
-    """Whether `read_pcd` calls a gap between fields so."""
-    return re.fullmatch(r"_\d+", name) is not None
+        text = ", ".join(others)
+        _log.warning("%s: POINTS says %d (%s): the first %d are read", source, points, text, points)
+    return {name: rows[name][:points] for name in kind.names or () if not _GAP.fullmatch(name)}
 
 
 def _fields(header: dict[str, list[str]]) -> Iterator[Any]:
@@ -99,12 +94,12 @@ def _fields(header: dict[str, list[str]]) -> Iterator[Any]:
     for place, (name, size, letter, count) in enumerate(
         zip(fields, sizes, types, counts, strict=True)
     ):
-        if not 0 <= int(count) <= _MOST_VALUES:
+        if not 0 <= int(count) <= _MAX_VALUES:
             raise ValueError(f"{count} values in a field")
         if int(count) == 0:
             continue
         shape = () if int(count) == 1 else (int(count),)
-        # PCL calls every gap "_".
+        # PCL names every gap between fields "_".
         yield f"_{place}" if name == "_" else name, f"<{letters[letter]}{int(size)}", shape
 
 
@@ -115,23 +110,23 @@ def _rows(body: bytes, form: str, kind: np.dtype[Any], points: int) -> NDArray[A
         return np.frombuffer(body[: len(body) // kind.itemsize * kind.itemsize], kind)
     if form == "binary_compressed":
         return _compressed_rows(body, kind, points)
-    raise InputError(f"a PCD file of the form {form}, not ascii, binary or binary_compressed")
+    raise InputError(f"PCD data of the form {form}, not ascii, binary or binary_compressed")
 
 
 def _ascii_rows(body: bytes, kind: np.dtype[Any]) -> NDArray[Any]:
     try:
         return np.asarray(np.loadtxt(StringIO(body.decode("ascii")), dtype=kind, ndmin=1))
     except (ValueError, UnicodeDecodeError) as error:
-        raise InputError(f"the PCD file has a damaged line ({error})") from error
+        raise InputError(f"the PCD file has a damaged line ({one_line(error)})") from error
 
 
 def _compressed_rows(body: bytes, kind: np.dtype[Any], points: int) -> NDArray[Any]:
-    """Rows of the compressed form: sizes, then all values of a field before those of the next."""
+    """Rows of the compressed form: two sizes, then the fields one after the other."""
     import lzf
 
     packed, size = (int.from_bytes(body[at : at + 4], "little") for at in (0, 4))
-    if size != points * kind.itemsize or not size <= _MOST_COMPRESSION * len(body):
-        raise InputError(f"the PCD file tells {points} points and has {size} bytes for them")
+    if size != points * kind.itemsize or not size <= _MAX_COMPRESSION * len(body):
+        raise InputError(f"the PCD file has {size} bytes for {points} points")
     try:
         plain = lzf.decompress(body[8 : 8 + packed], size)
     except ValueError as error:

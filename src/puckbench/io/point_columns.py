@@ -1,4 +1,4 @@
-"""Columns of points, as formats name them, and clouds with their attributes and further fields."""
+"""Conversion of named columns, as file formats have them, to point clouds and back."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _XYZ = (
     *(tuple(f"{name}{axis}" for axis in range(3)) for name in ("points:", "points_")),
     *(tuple(f"points_m_xyz{mark}{axis}" for axis in range(3)) for mark in ":_"),
 )
-"""Of PLY, E57, surveyors, ParaView and VeloView."""
+"""Coordinates in PLY and E57 files and in those of surveyors, ParaView and VeloView."""
 _NORMALS = (("nx", "ny", "nz"), ("normal_x", "normal_y", "normal_z"))
 _COLOURS = (
     ("red", "green", "blue"),
@@ -29,56 +29,54 @@ _COLOURS = (
     ("colorred", "colorgreen", "colorblue"),
     ("diffuse_red", "diffuse_green", "diffuse_blue"),
 )
-_PACKED = ("rgb", "rgba")
-_OWN = {"x", "y", "z", "nx", "ny", "nz", "red", "green", "blue", "label"}
-_MOST_STEP = 1e-5
-_HIGHEST = 255
-_WHOLE_DOUBLES = 2**53
+_PACKED_COLOURS = ("rgb", "rgba")
+_RESERVED = {"x", "y", "z", "nx", "ny", "nz", "red", "green", "blue", "label"}
+_MAX_STEP = 1e-5
+_MAX_COLOUR = 255
+_EXACT_INTEGERS = 2**53
 
 
-def cloud_of(columns: Mapping[str, NDArray[Any]]) -> PointCloud:
-    """The cloud of columns (n,) by name, whatever their case; raises InputError without x, y, z.
+def cloud_from_columns(columns: Mapping[str, NDArray[Any]]) -> PointCloud:
+    """Make a cloud of columns (n,) by their names in PLY, PCD, LAS and E57 files, in any case.
 
-    Normals and colours are known by the names that PLY, PCD, LAS and E57 files give them. What
-    else there is becomes a field: whole numbers and floating-point numbers as they are, colours of
-    more than 8 bits beside the colours made of them.
+    Columns that are neither coordinates, normals, colours nor labels become fields; so do colours
+    of more than 8 bits. Raises InputError without x, y, z.
     """
-    left = {name: _native(np.asarray(values)) for name, values in columns.items()}
-    xyz = _taken(left, _XYZ)
+    remaining = {name: _native(np.asarray(values)) for name, values in columns.items()}
+    xyz = _pop_triple(remaining, _XYZ)
     if xyz is None:
-        named = ", ".join(columns) or "none"
-        raise InputError(f"the points have no x, y, z (their columns: {named})")
-    normals, colours = _taken(left, _NORMALS), _taken(left, _COLOURS)
-    if colours is None:
-        colours = _unpacked(left)
-    fields = dict(_fields(left))
-    shown = None
-    if colours is not None:
-        shown, is_whole = _eight_bits(colours)
-        if not is_whole:
-            wide = {f"{name}_16": colours[:, axis] for axis, name in enumerate(_COLOURS[0])}
-            fields |= wide
-    labels = _labels(left)
+        names = ", ".join(columns) or "none"
+        raise InputError(f"the points have no x, y, z (their columns: {names})")
+    normals, wide_colours = _pop_triple(remaining, _NORMALS), _pop_triple(remaining, _COLOURS)
+    if wide_colours is None:
+        wide_colours = _pop_packed_colours(remaining)
+    fields = dict(_fields(remaining))
+    colours = None
+    if wide_colours is not None:
+        colours, is_exact = _eight_bits(wide_colours)
+        if not is_exact:
+            fields |= {f"{name}_16": wide_colours[:, c] for c, name in enumerate(_COLOURS[0])}
+    labels = _labels(remaining)
     if labels is None and "label" in fields:
         fields["label_"] = fields.pop("label")
-    with np.errstate(invalid="ignore"):  # of NaNs that signal
+    with np.errstate(invalid="ignore"):  # signalling NaNs
         xyz = np.ascontiguousarray(xyz, dtype=np.float64)
         if normals is not None:
             normals = np.ascontiguousarray(normals, dtype=np.float64)
     return PointCloud(
         xyz,
         normals,
-        shown,
+        colours,
         labels,
         fields=fields if labels is None else {n: v for n, v in fields.items() if n != "label"},
     )
 
 
-def named_columns(rows: NDArray[Any]) -> Columns:
-    """Columns of rows (n, 3 or more) without names, by what is customary at their number.
+def default_columns(rows: NDArray[Any]) -> Columns:
+    """Name the columns of an array (n, 3 or more) by convention.
 
-    The fourth of four is the intensity; six end in colours where these are whole numbers from 0 to
-    255, else in normals; seven have intensity and colours in either order. Others are numbered.
+    The fourth of four is the intensity; six end in colours if these are integers from 0 to 255,
+    else in normals; seven have intensity and colours in either order. Others are numbered.
     """
     names = ["x", "y", "z"]
     colours, normals = ["red", "green", "blue"], ["nx", "ny", "nz"]
@@ -95,33 +93,32 @@ def named_columns(rows: NDArray[Any]) -> Columns:
     return {name: rows[:, place] for place, name in enumerate(names)}
 
 
-def storable(fields: Mapping[str, NDArray[Any]]) -> Columns:
-    """Fields in types and under names that a PLY file can have, without loss.
+def ply_columns(fields: Mapping[str, NDArray[Any]]) -> Columns:
+    """Convert numeric fields, without loss, to types and names that PLY has.
 
-    Whole numbers of 64 bits get the least type that holds them all; where only 64 bits do, they
-    are split (``_high`` and ``_low``). Fields of no numbers are left out.
+    64-bit integers get the smallest type that holds them, or are split (``_high`` and ``_low``).
     """
-    found: Columns = {}
-    for name, values in fields.items():
-        plain = re.sub(r"\W+", "_", name)
-        plain = f"{plain}_" if plain in _OWN else plain
+    columns: Columns = {}
+    for field, values in fields.items():
+        name = re.sub(r"\W+", "_", field)
+        name = f"{name}_" if name in _RESERVED else name
         if values.dtype.kind == "b":
-            found[plain] = values.astype(np.uint8)
+            columns[name] = values.astype(np.uint8)
         elif values.dtype.kind == "f":
-            found[plain] = values.astype("<f4" if values.dtype.itemsize <= 4 else "<f8")
+            columns[name] = values.astype("<f4" if values.dtype.itemsize <= 4 else "<f8")
         elif values.dtype.kind in "iu":
-            found |= _whole_numbers(plain, values)
-    return found
+            columns |= _integer_columns(name, values)
+    return columns
 
 
-def _whole_numbers(name: str, values: NDArray[Any]) -> Columns:
+def _integer_columns(name: str, values: NDArray[Any]) -> Columns:
     if values.dtype.itemsize < 8 or not len(values):
         return {name: values}
     low, high = int(values.min()), int(values.max())
     for kind in (np.int32, np.uint32):
         if np.iinfo(kind).min <= low and high <= np.iinfo(kind).max:
             return {name: values.astype(kind)}
-    if max(-low, high) <= _WHOLE_DOUBLES:
+    if max(-low, high) <= _EXACT_INTEGERS:
         return {name: values.astype(np.float64)}
     bits = np.ascontiguousarray(values).view(np.uint64)
     halves = (bits >> np.uint64(32), bits & np.uint64(0xFFFFFFFF))
@@ -135,22 +132,22 @@ def _native(values: NDArray[Any]) -> NDArray[Any]:
     return values.astype(values.dtype.newbyteorder("="), copy=False)
 
 
-def _plain(name: str) -> str:
-    """A column's name in lower case, without marks of a comment and the unit metre."""
+def _normalised(name: str) -> str:
+    """Column name in lower case, without comment signs and the unit metre."""
     return re.sub(r"\s*[\[(]m[\])]$", "", name.lower().strip().lstrip("/#").strip())
 
 
-def names_coordinates(names: Iterable[str]) -> bool:
-    """Whether some names of columns are those of coordinates."""
-    return bool(_first_known(names, _XYZ))
+def has_coordinates(names: Iterable[str]) -> bool:
+    """Whether coordinates are among some names of columns."""
+    return bool(_first_triple(names, _XYZ))
 
 
 def coarse_step(columns: Mapping[str, NDArray[Any]]) -> float | None:
-    """Step of coordinates in single precision that lie far from 0; None where it does no harm.
+    """Return the spacing of coordinates in single precision; None if it is fine enough.
 
-    It does where it is more than a hundred-thousandth of the extent, as in surveyed coordinates.
+    It is too coarse if more than a hundred-thousandth of the extent, as in surveyed coordinates.
     """
-    parts = [columns[name] for name in _first_known(columns, _XYZ)]
+    parts = [columns[name] for name in _first_triple(columns, _XYZ)]
     if not parts or any(_native(part).dtype != np.float32 or not len(part) for part in parts):
         return None
     with np.errstate(invalid="ignore"):
@@ -160,50 +157,51 @@ def coarse_step(columns: Mapping[str, NDArray[Any]]) -> float | None:
     with np.errstate(over="ignore"):
         extent = max(float(np.ptp(part)) for part in parts)
     step = max(float(np.spacing(np.abs(part).max())) for part in parts)
-    return step if np.isfinite(extent) and step > _MOST_STEP * extent > 0 else None
+    return step if np.isfinite(extent) and step > _MAX_STEP * extent > 0 else None
 
 
-def _first_known(names: Iterable[str], known: Iterable[tuple[str, ...]]) -> list[str]:
-    """The first known triple among names of columns, as they are written; else none."""
-    places = {_plain(name): name for name in names}
-    for axes in known:
-        if all(axis in places for axis in axes):
-            return [places[axis] for axis in axes]
+def _first_triple(names: Iterable[str], triples: Iterable[tuple[str, ...]]) -> list[str]:
+    """The columns of the first triple that is complete, as the file spells them."""
+    spelling = {_normalised(name): name for name in names}
+    for axes in triples:
+        if all(axis in spelling for axis in axes):
+            return [spelling[axis] for axis in axes]
     return []
 
 
-def _taken(columns: Columns, known: Iterable[tuple[str, ...]]) -> NDArray[Any] | None:
-    """The first known triple of columns, side by side (n, 3), removed from the others."""
-    names = _first_known(columns, known)
+def _pop_triple(columns: Columns, triples: Iterable[tuple[str, ...]]) -> NDArray[Any] | None:
+    """Remove the first complete triple of columns and return it as an array (n, 3)."""
+    names = _first_triple(columns, triples)
     for name in names:
+        plain = _normalised(name)
         if columns[name].dtype.kind not in "fiu":
-            raise InputError(f"the column {_plain(name)} holds no numbers ({columns[name].dtype})")
-        if sum(_plain(other) == _plain(name) for other in columns) > 1:
-            raise InputError(f"two columns are named {_plain(name)}")
+            raise InputError(f"the column {plain} holds no numbers ({columns[name].dtype})")
+        if sum(_normalised(other) == plain for other in columns) > 1:
+            raise InputError(f"two columns are named {plain}")
     return np.column_stack([columns.pop(name) for name in names]) if names else None
 
 
-def _unpacked(columns: Columns) -> NDArray[np.uint8] | None:
-    """Colours (n, 3) of a number with red, green and blue in its lowest 24 bits, as in PCD."""
-    for name in _PACKED:
+def _pop_packed_colours(columns: Columns) -> NDArray[np.uint8] | None:
+    """Colours (n, 3) from the lowest 24 bits of a number, as in PCD files."""
+    for name in _PACKED_COLOURS:
         if name in columns and columns[name].dtype.itemsize == 4:
             bits = np.ascontiguousarray(columns.pop(name)).view(np.uint32)
             shifted = bits[:, None] >> np.array([16, 8, 0], dtype=np.uint32)
-            return (shifted & np.uint32(_HIGHEST)).astype(np.uint8)
+            return (shifted & np.uint32(_MAX_COLOUR)).astype(np.uint8)
     return None
 
 
 def _eight_bits(colours: NDArray[Any]) -> tuple[NDArray[np.uint8], bool]:
-    """Colours (n, 3) as whole numbers to 255, and whether nothing is lost by that."""
+    """Colours (n, 3) as integers from 0 to 255, and whether the conversion is exact."""
     if colours.dtype.kind == "f":
         high = np.nan_to_num(colours).max(initial=0)
-        scaled = np.clip(np.nan_to_num(colours * (_HIGHEST if high <= 1 else 1)), 0, _HIGHEST)
+        scaled = np.clip(np.nan_to_num(colours * (_MAX_COLOUR if high <= 1 else 1)), 0, _MAX_COLOUR)
         return np.rint(scaled).astype(np.uint8), bool(high > 1 and (scaled == colours).all())
-    if colours.max(initial=0) <= _HIGHEST:
+    if colours.max(initial=0) <= _MAX_COLOUR:
         return colours.astype(np.uint8), True
     high_bytes = (np.clip(colours, 0, 0xFFFF).astype(np.uint16) >> 8).astype(np.uint8)
-    whole = (colours % 256 == 0).all() or (colours == high_bytes * np.int64(257)).all()
-    return high_bytes, bool(whole)
+    is_exact = (colours % 256 == 0).all() or (colours == high_bytes * np.int64(257)).all()
+    return high_bytes, bool(is_exact)
 
 
 def _fields(columns: Columns) -> Iterator[tuple[str, NDArray[Any]]]:
@@ -215,7 +213,7 @@ def _fields(columns: Columns) -> Iterator[tuple[str, NDArray[Any]]]:
 
 
 def _labels(columns: Columns) -> NDArray[np.int32] | None:
-    """The column ``label``, where 32 bits hold its whole numbers."""
+    """The column ``label`` if it holds integers of 32 bits."""
     values = columns.get("label")
     if values is None or values.ndim != 1 or values.dtype.kind not in "iuf":
         return None
@@ -226,8 +224,8 @@ def _labels(columns: Columns) -> NDArray[np.int32] | None:
 
 
 def _are_colours(values: NDArray[Any]) -> bool:
-    """Whether numbers (n, 3) are whole, from 0 to 255, and not all 0 or 1."""
+    """Whether values (n, 3) are integers from 0 to 255 and not all 0 or 1."""
     if not len(values) or not np.isfinite(values).all():
         return False
     whole = (values == np.rint(values)).all()
-    return bool(whole and values.min() >= 0 and 1 < values.max() <= _HIGHEST)
+    return bool(whole and values.min() >= 0 and 1 < values.max() <= _MAX_COLOUR)

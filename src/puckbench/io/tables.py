@@ -1,4 +1,4 @@
-"""Reading and writing tables: CSV for people, Parquet for programs."""
+"""Tables of results as CSV and Parquet."""
 
 from __future__ import annotations
 
@@ -6,37 +6,39 @@ from pathlib import Path
 
 import pandas as pd
 
-from puckbench.core.errors import InputError
+from puckbench.core.errors import InputError, naming
 from puckbench.core.files import unreadable, written_whole
-from puckbench.io.parquet_rows import check_rows
+from puckbench.io.damage import reading
+from puckbench.io.parquet_files import check_parquet_memory
 
-_NAMES = ("dataset", "cloud", "group", "codec", "rate")
-"""Columns that are read as text even where they look like numbers."""
+_TEXT_COLUMNS = ("dataset", "cloud", "group", "codec", "rate")
+_DAMAGE = (ValueError, NotImplementedError, LookupError, TypeError, AttributeError)
 
 
 def read_table(path: Path) -> pd.DataFrame:
-    """A table of CSV or Parquet; InputError when it cannot be read or has no rows."""
+    """Read a CSV or Parquet file; InputError if it is missing, damaged or has no rows."""
     try:
-        if path.suffix == ".parquet":
-            check_rows(path)
-            table = pd.read_parquet(path)
-        else:
-            table = pd.read_csv(path, dtype=dict.fromkeys(_NAMES, "str"))
+        with naming(path), reading("table", *_DAMAGE):
+            table = _read(path)
     except OSError as error:
         raise unreadable(path, error) from error
-    except (ValueError, NotImplementedError, LookupError, TypeError, AttributeError) as error:
-        fault = next(iter(str(error).splitlines()), type(error).__name__)
-        raise InputError(f"{path}: not a readable table ({fault})") from error
     if len(table) == 0:
         raise InputError(f"{path}: the table has no rows")
     return table
 
 
 def write_table(table: pd.DataFrame, *paths: Path) -> None:
-    """Write the table as CSV and as Parquet, by the suffix of each path, whole or not at all."""
+    """Write a table to each path, as Parquet or CSV by the suffix."""
     for path in paths:
         with written_whole(path) as temporary:
             if path.suffix == ".parquet":
                 table.to_parquet(temporary, compression="zstd", index=False)
             else:
                 table.to_csv(temporary, index=False)
+
+
+def _read(path: Path) -> pd.DataFrame:
+    if path.suffix == ".parquet":
+        check_parquet_memory(path)
+        return pd.read_parquet(path)
+    return pd.read_csv(path, dtype=dict.fromkeys(_TEXT_COLUMNS, "str"))

@@ -1,7 +1,7 @@
-"""TensorFlow checkpoints read without TensorFlow: the variables of an index and its one data file.
+"""Reads TensorFlow checkpoints of an index and one data file, without TensorFlow.
 
-The index is a LevelDB table, uncompressed as TensorFlow writes it, of names and `BundleEntryProto`
-messages: type, shape, and the place of the values in the data file.
+The index is an uncompressed LevelDB table of names and `BundleEntryProto` messages: type, shape,
+and the position of the values in the data file.
 
 References
 ----------
@@ -22,18 +22,15 @@ from puckbench.core.errors import InputError
 _SUFFIX = "/.ATTRIBUTES/VARIABLE_VALUE"
 _SLOT = "/.OPTIMIZER_SLOT/"
 _FLOAT = 1
-_FOOTER = 48
+_FOOTER_BYTES = 48
 _TYPE, _SHAPE, _OFFSET, _SIZE = 1, 2, 4, 5
 """Fields of a `BundleEntryProto`."""
 
 
-def variables_of(index: bytes, data: bytes) -> dict[str, NDArray[np.float32]]:
-    """The variables of single precision in a checkpoint by name, without an optimiser's slots.
+def read_variables(index: bytes, data: bytes) -> dict[str, NDArray[np.float32]]:
+    """Return the variables of single precision by name, without those of the optimiser.
 
-    Raises
-    ------
-    InputError
-        The bytes are not those of a checkpoint.
+    Raises InputError if the bytes are not a checkpoint.
     """
     try:
         return dict(_variables(index, data))
@@ -55,55 +52,55 @@ def _variables(index: bytes, data: bytes) -> Iterator[tuple[str, NDArray[np.floa
 
 def _rows(table: bytes) -> Iterator[tuple[bytes, bytes]]:
     """Keys and values of a LevelDB table."""
-    footer = _numbers(table[-_FOOTER:], 4)
+    footer = _varints(table[-_FOOTER_BYTES:], 4)
     for _, handle in _block(table, footer[2], footer[3]):
-        yield from _block(table, *_numbers(handle, 2))
+        yield from _block(table, *_varints(handle, 2))
 
 
 def _block(table: bytes, start: int, size: int) -> Iterator[tuple[bytes, bytes]]:
-    """Rows of a block: each key repeats the beginning of the one before it."""
+    """Keys and values of a block; keys are stored without the prefix that they share."""
     if table[start + size] != 0:
         raise ValueError("compressed")
     block = table[start : start + size]
     restarts = int.from_bytes(block[-4:], "little")
     at, key = 0, b""
     while at < size - 4 - 4 * restarts:
-        (shared, fresh, length), at = _numbers_at(block, at, 3)
-        key = key[:shared] + block[at : at + fresh]
-        yield key, block[at + fresh : at + fresh + length]
-        at += fresh + length
+        (shared, unshared, length), at = _varints_at(block, at, 3)
+        key = key[:shared] + block[at : at + unshared]
+        yield key, block[at + unshared : at + unshared + length]
+        at += unshared + length
 
 
 def _fields(message: bytes) -> Mapping[int, list[Any]]:
-    """Values of a protocol buffer's fields by their numbers."""
-    found: dict[int, list[Any]] = {}
+    """Values of a protocol buffer message by field number."""
+    fields: dict[int, list[Any]] = {}
     at = 0
     while at < len(message):
-        (tag,), at = _numbers_at(message, at, 1)
+        (tag,), at = _varints_at(message, at, 1)
         value: int | bytes
         if tag & 7 == 0:
-            (value,), at = _numbers_at(message, at, 1)
+            (value,), at = _varints_at(message, at, 1)
         else:
             size = 4
             if tag & 7 == 2:
-                (size,), at = _numbers_at(message, at, 1)
+                (size,), at = _varints_at(message, at, 1)
             value, at = message[at : at + size], at + size
-        found.setdefault(tag >> 3, []).append(value)
-    return found
+        fields.setdefault(tag >> 3, []).append(value)
+    return fields
 
 
-def _numbers(source: bytes, count: int) -> list[int]:
-    return _numbers_at(source, 0, count)[0]
+def _varints(source: bytes, count: int) -> list[int]:
+    return _varints_at(source, 0, count)[0]
 
 
-def _numbers_at(source: bytes, at: int, count: int) -> tuple[list[int], int]:
-    """Some numbers of seven bits a byte, and where the next byte is."""
-    found = []
+def _varints_at(source: bytes, at: int, count: int) -> tuple[list[int], int]:
+    """Variable-length integers, and the position of the next byte."""
+    numbers = []
     for _ in range(count):
         number = shift = 0
         while source[at] & 128:
             number |= (source[at] & 127) << shift
             at, shift = at + 1, shift + 7
-        found.append(number | source[at] << shift)
+        numbers.append(number | source[at] << shift)
         at += 1
-    return found, at
+    return numbers, at

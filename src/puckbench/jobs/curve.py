@@ -12,7 +12,7 @@ from puckbench.core.errors import InputError
 from puckbench.core.files import json_bytes, object_of, read_bytes, read_object, written_whole
 from puckbench.core.models import Model, parsed
 from puckbench.io.archives import SUFFIX, read_archive, write_archive
-from puckbench.io.parquet_rows import check_rows
+from puckbench.io.parquet_files import check_parquet_memory
 
 STREAM, RECORD = ".bin", ".json"
 
@@ -116,7 +116,7 @@ def read_rows(paths: Iterable[Path]) -> list[dict[str, Any]]:
 
     rows: list[dict[str, Any]] = []
     for path in paths:
-        check_rows(path)
+        check_parquet_memory(path)
         try:
             rows += parquet.ParquetFile(path).read().to_pylist()
         except (pa.ArrowException, OSError, UnicodeDecodeError) as error:

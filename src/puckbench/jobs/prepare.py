@@ -14,7 +14,7 @@ from puckbench.core.files import read_object
 from puckbench.core.models import Model, parsed
 from puckbench.geometry.cloud import Floats, PointCloud, bounds
 from puckbench.geometry.extent import warn_of_implausible_extent
-from puckbench.io.clouds import check_cloud, read_points, write_cloud
+from puckbench.io.clouds import check_cloud, read_unchecked_cloud, write_cloud
 from puckbench.jobs.registry import JOBS, Job
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ class Prepare(Job):
     coordinates. peak: of PSNRs of a cloud in metres, in m, by default
     `puckbench.metrics.psnr.PEAK_M`. drop_invalid: leave out points of a cloud that are not finite;
     else it is refused. keep_missing: keep missing returns. bin_columns: of a frame (.bin), see
-    `puckbench.io.frames.read_frame`. metres_per_unit: of a cloud.
+    `puckbench.io.float32_frames.read_float32_frame`. metres_per_unit: of a cloud.
     """
 
     crop: Literal["clean", "noisy", "none"] = "clean"
@@ -105,7 +105,7 @@ class Prepare(Job):
         from puckbench.jobs.preparation import Returns
 
         options = (self.keep_missing, self.drop_invalid, self.bin_columns)
-        cloud = read_points(path, *options, convert=self.metres_per_unit == 1)
+        cloud = read_unchecked_cloud(path, *options, convert=self.metres_per_unit == 1)
         check_cloud(cloud, path)
         # One that was shifted goes back to where it lay; one in a sensor's frame stays there.
         if cloud.frame is not None and "sensor" not in cloud.about:

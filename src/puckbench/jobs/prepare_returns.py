@@ -15,8 +15,8 @@ from puckbench.datasets.recordings import RECORDING_SUFFIXES, decompressed
 from puckbench.geometry.cloud import PointCloud
 from puckbench.io import meshes
 from puckbench.io.clouds import SUFFIXES, write_cloud
-from puckbench.io.columns import metadata_of
-from puckbench.io.recordings.frames import is_capture
+from puckbench.io.parquet_files import parquet_metadata
+from puckbench.io.recordings.captured_packets import is_packet_capture
 from puckbench.io.recordings.ros_bags import bag_format
 from puckbench.jobs.prepare import kept_descriptions
 from puckbench.jobs.registry import JOBS, Job
@@ -91,7 +91,7 @@ class PrepareReturns(Job):
         with naming(path):
             if self.stream is not None and not is_recording(path):
                 raise InputError(f"stream '{self.stream}': only packet captures have streams")
-            if ScanTable.declared.key.encode() in metadata_of(path):
+            if ScanTable.schema.metadata_key.encode() in parquet_metadata(path):
                 return self._read_scan(path)
             returns, whole, left_out = _read_returns(path, self.stream)
             chosen = self._chosen(returns, whole)
@@ -141,7 +141,7 @@ def is_recording(path: Path) -> bool:
     if plain_suffix(path) in (".parquet", *SUFFIXES, *meshes.SUFFIXES) or not path.exists():
         return False
     start = read_content(path, _LONGEST_MARK)
-    return is_capture(start) or bag_format(start) is not None
+    return is_packet_capture(start) or bag_format(start) is not None
 
 
 def _read_returns(

@@ -9,12 +9,12 @@ from typing import Any
 from numpy.typing import NDArray
 
 from puckbench.core.errors import InputError
-from puckbench.io.columns import metadata_of
-from puckbench.io.csv_columns import write_csv
 from puckbench.io.evd import write_evd
 from puckbench.io.las import write_las
+from puckbench.io.parquet_files import parquet_metadata
 from puckbench.io.pcd import write_pcd
 from puckbench.io.ply import write_ply
+from puckbench.io.text import write_csv
 from puckbench.lidar.recordings.returns import RecordedReturns, read_returns
 from puckbench.lidar.recordings.writing import write_pcap
 from puckbench.lidar.scan_table import ScanTable, read_scan
@@ -44,7 +44,7 @@ _OF_RECORDINGS = (
 
 def read_source(path: Path) -> Source:
     """A scan table or a table of returns; InputError when the file is neither."""
-    is_capture = RecordedReturns.declared.key.encode() in metadata_of(path)
+    is_capture = RecordedReturns.schema.metadata_key.encode() in parquet_metadata(path)
     return read_returns(path) if is_capture else read_scan(path)
 
 

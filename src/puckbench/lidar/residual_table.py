@@ -16,7 +16,7 @@ from puckbench.core.errors import InputError
 from puckbench.core.files import written_whole
 from puckbench.geometry.cloud import Floats
 from puckbench.geometry.ransac import Plane
-from puckbench.io.parquet_rows import check_rows
+from puckbench.io.parquet_files import check_parquet_memory
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -76,7 +76,7 @@ def read_residuals(path: Path) -> pd.DataFrame:
 
     if not path.is_file():
         raise InputError(f"{path}: no such file")
-    check_rows(path)
+    check_parquet_memory(path)
     try:
         table = pd.read_parquet(path)
     except (OSError, ValueError, LookupError, TypeError, AttributeError) as error:

@@ -17,7 +17,13 @@ from numpy.typing import NDArray
 
 from puckbench.core.errors import InputError, naming
 from puckbench.geometry.cloud import Floats, PointCloud
-from puckbench.io.columns import Columns, Declared, Table, read_table, write_table
+from puckbench.io.return_tables import (
+    ColumnSpecs,
+    ReturnTable,
+    TableSchema,
+    read_return_table,
+    write_return_table,
+)
 from puckbench.lidar.sensor import Sensor
 from puckbench.lidar.turns import CENTIDEGREES, Layout, Turn, check_turn, clock_steps
 
@@ -88,7 +94,7 @@ class Beams:
         return len(self.elevations_deg)
 
 
-FIRING_COLUMNS: Columns = {
+FIRING_COLUMNS: ColumnSpecs = {
     "turn": ("<i4", "", "turn, from 0"),
     "column": ("<i4", "", "firing column of the turn, from 0"),
     "laser_id": ("<i2", "", "laser, from 0"),
@@ -101,10 +107,10 @@ FIRING_COLUMNS: Columns = {
 
 
 @dataclass(frozen=True)
-class FiringTable(Table):
+class FiringTable(ReturnTable):
     """Firings, with or without return, in the order of turns, columns, lasers and kinds."""
 
-    declared = Declared("table of firings", "puckbench_firings", FIRING_COLUMNS)
+    schema = TableSchema("table of firings", "puckbench_firings", FIRING_COLUMNS)
 
 
 @dataclass(frozen=True)
@@ -267,7 +273,7 @@ def write_firings(path: Path, returns: Returns) -> None:
         "quantum_m": returns.quantum_m,
         "sensor": returns.sensor,
     }
-    write_table(path, FiringTable(columns, about))
+    write_return_table(path, FiringTable(columns, about))
 
 
 def _rows(number: int, turn: Turn, layout: Layout) -> dict[str, NDArray[Any]]:
@@ -302,7 +308,7 @@ def read_firings(path: Path) -> Returns:
     InputError
         The file is missing, damaged, or holds something else.
     """
-    table = read_table(path, FiringTable)
+    table = read_return_table(path, FiringTable)
     with naming(path):
         try:
             about = table.about

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats
 from puckbench.geometry.mesh import Mesh, check_mesh
-from puckbench.io.columns import empty_columns
+from puckbench.io.return_tables import empty_columns
 from puckbench.lidar.errors.model import Draws, ErrorModel, described
 from puckbench.lidar.errors.receiver import mirrors_of
 from puckbench.lidar.mirrors import follow_mirrors
@@ -178,7 +178,7 @@ class _Scanner:
 
     def table(self, frames: range, rays_at_a_time: int, progress: Progress | None) -> ScanTable:
         """The returns of the given frames."""
-        columns = empty_columns(ScanTable.declared, len(frames) * self.rays_per_frame)
+        columns = empty_columns(ScanTable.schema, len(frames) * self.rays_per_frame)
         rows = 0
         for portion in _portions(frames, rays_at_a_time // self.rays_per_frame):
             rows = self.add_returns(portion, columns, rows)

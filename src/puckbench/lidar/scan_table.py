@@ -12,16 +12,16 @@ from numpy.typing import NDArray
 
 from puckbench.core.models import Model, parsed
 from puckbench.geometry.cloud import Floats
-from puckbench.io.columns import (
-    Columns,
-    Declared,
-    Table,
-    read_table,
+from puckbench.io.return_tables import (
+    ColumnSpecs,
+    ReturnTable,
+    TableSchema,
+    read_return_table,
     write_portions,
-    write_table,
+    write_return_table,
 )
 
-COLUMNS: Columns = {
+COLUMNS: ColumnSpecs = {
     "timestamp": ("<f8", "s", "time of firing since the start of the sweep"),
     "frame": ("<i4", "", "frame of the sweep, from 0"),
     "laser_id": ("<i2", "", "laser, from 0"),
@@ -55,10 +55,10 @@ class _About(Model, extra="ignore"):
 
 
 @dataclass(frozen=True)
-class ScanTable(Table):
+class ScanTable(ReturnTable):
     """Returns of a scan in the order of firing."""
 
-    declared = Declared("scan table", "puckbench", COLUMNS)
+    schema = TableSchema("scan table", "puckbench", COLUMNS)
 
     @property
     def xyz_noisy(self) -> Floats:
@@ -82,17 +82,17 @@ class ScanTable(Table):
 
 
 def write_scan(path: Path, table: ScanTable) -> None:
-    """Write a Parquet file as `columns.write_table` does."""
-    write_table(path, table)
+    """Write a Parquet file as `write_return_table` does."""
+    write_return_table(path, table)
 
 
 def write_scan_portions(path: Path, portions: Iterator[ScanTable]) -> int:
-    """Write a scan that comes in portions; the number of its rows, see `columns.write_portions`."""
+    """Write a scan that comes in portions; the number of its rows, see `write_portions`."""
     return write_portions(path, portions)
 
 
 def read_scan(path: Path) -> ScanTable:
     """Read a scan table; InputError when it is missing, damaged or lacks a column."""
-    table = read_table(path, ScanTable)
+    table = read_return_table(path, ScanTable)
     parsed(_About, table.about, f"{path}: its metadata")
     return table

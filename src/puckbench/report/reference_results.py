@@ -166,12 +166,12 @@ def read_reference(name: str) -> ReferenceResults:
 
 def _read(path: Path) -> ReferenceResults:
     from puckbench.figures.style import FigureStyle
-    from puckbench.io.columns import metadata_of
+    from puckbench.io.parquet_files import parquet_metadata
     from puckbench.io.tables import read_table
 
     table = read_table(path)
     with naming(path):
-        about = json_of(metadata_of(path).get(KEY.encode(), b"{}"), "its metadata")
+        about = json_of(parquet_metadata(path).get(KEY.encode(), b"{}"), "its metadata")
         if not isinstance(about, dict) or "format" not in about:
             raise InputError("not a file of reference results")
         if about["format"] != FORMAT:

@@ -1,6 +1,6 @@
-"""Mesh files: the benchmark's own labelled PLY, and readers for OBJ, OFF, PLY, STL and GLB."""
+"""Mesh files: reads OBJ, OFF, PLY, STL and GLB, writes PLY with labels."""
 
-from puckbench.io.meshes.reading import SUFFIXES, read_mesh, read_mesh_report, remark_skipped
+from puckbench.io.meshes.reading import SUFFIXES, read_mesh, read_mesh_report, warn_of_skipped
 from puckbench.io.meshes.writing import write_mesh
 
-__all__ = ["SUFFIXES", "read_mesh", "read_mesh_report", "remark_skipped", "write_mesh"]
+__all__ = ["SUFFIXES", "read_mesh", "read_mesh_report", "warn_of_skipped", "write_mesh"]

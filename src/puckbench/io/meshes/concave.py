@@ -1,4 +1,4 @@
-"""Triangles of concave polygons, by ear clipping on the plane that fits them best."""
+"""Triangulation of concave polygons by ear clipping."""
 
 from __future__ import annotations
 
@@ -9,28 +9,24 @@ from puckbench.geometry.cloud import Floats
 
 Integers = NDArray[np.int64]
 
-_NOTHING = 1e-6
-"""Share of a fan's area that is rounding: on the wrong side, or left over by parts that cancel."""
+_TOLERANCE = 1e-6
+"""Share of a fan's area that counts as rounding error."""
 
 
-def fan_fails(vertices: Floats, triangles: Integers, face: Integers, faces: int) -> Integers:
-    """Find the faces that their fan of triangles does not tile.
+def concave_faces(vertices: Floats, triangles: Integers, face: Integers, faces: int) -> Integers:
+    """Return the faces, ascending, that are not the disjoint union of their fan of triangles.
 
-    A fan tiles its polygon where all its triangles run round the same way as the polygon.
+    A fan is valid if all its triangles have the orientation of the polygon. Faces with vertices
+    that are not finite are not returned.
 
     Parameters
     ----------
     vertices
         (v, 3).
     triangles, face
-        The fans, (t, 3) indices of vertices, face after face, and the face of each, (t,).
+        Vertex indices of the fans' triangles, (t, 3), and the face of each, (t,) ascending.
     faces
         Number of faces.
-
-    Returns
-    -------
-    Integers
-        Faces, ascending; none that has vertices that are not finite.
     """
     of_polygon = np.flatnonzero(np.bincount(face, minlength=faces)[face] > 1)
     if not len(of_polygon):
@@ -45,30 +41,16 @@ def fan_fails(vertices: Floats, triangles: Integers, face: Integers, faces: int)
         length = np.linalg.norm(normal, axis=1)
         place = np.repeat(np.arange(len(starts)), np.diff(starts, append=len(face)))
         along = np.einsum("ij,ij->i", areas, normal[place])
-        fails = np.minimum.reduceat(along, starts) < -_NOTHING * size * length
-        fails |= length < _NOTHING * size
+        fails = np.minimum.reduceat(along, starts) < -_TOLERANCE * size * length
+        fails |= length < _TOLERANCE * size
     return np.asarray(face[starts[fails]])
 
 
 def clip_ears(points: Floats) -> Integers:
-    """Cut a polygon into triangles that do not overlap.
+    """Triangulate a polygon; return indices of corners (t, 3), with the polygon's orientation.
 
-    Parameters
-    ----------
-    points
-        Its corners (n, 3), not necessarily on one plane; a hole may be joined to the outline by
-        an edge that is passed twice.
-
-    Returns
-    -------
-    Integers
-        Triangles (t, 3) of indices of corners, which run round the same way as the polygon; none
-        where the polygon has no area.
-
-    References
-    ----------
-    The normal is that of Newell: M. E. Newell, R. G. Newell and T. L. Sancha, A solution to the
-    hidden surface problem, ACM 1972. Ears are clipped by mapbox-earcut.
+    The corners (n, 3) need not be coplanar; a hole may be joined to the outline by an edge that is
+    passed twice. A polygon without area has no triangles.
     """
     from mapbox_earcut import triangulate_float64
 
@@ -78,12 +60,12 @@ def clip_ears(points: Floats) -> Integers:
 
 
 def _on_best_plane(points: Floats) -> Floats:
-    """Coordinates (n, 2) on the plane with the polygon's normal, counter-clockwise seen from it."""
+    """Coordinates (n, 2) on the plane with the polygon's Newell normal, counter-clockwise."""
     centred = points - points[0]
     areas = np.cross(centred[1:-1], centred[2:])
     normal, sizes = areas.sum(axis=0), np.linalg.norm(areas, axis=1)
-    if np.linalg.norm(normal) < _NOTHING * sizes.sum():
-        normal = areas[np.argmax(sizes)]  # its parts cancel each other
+    if np.linalg.norm(normal) < _TOLERANCE * sizes.sum():  # its triangles cancel out
+        normal = areas[np.argmax(sizes)]
     normal = normal / np.linalg.norm(normal)
     u = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))])
     u /= np.linalg.norm(u)

@@ -1,4 +1,4 @@
-"""Reading Wavefront OBJ meshes, with what common readers drop: n-gons and relative indices."""
+"""Reads Wavefront OBJ meshes, with polygons of any size and relative indices."""
 
 from __future__ import annotations
 
@@ -25,17 +25,15 @@ _SKIPPED = {
 
 
 def read_obj(path: Path) -> Polygons:
-    """Read the vertices, faces and names of materials; nothing else of an OBJ file has an extent.
+    """Read vertices, faces and material names; polylines, points and curves are counted as skipped.
 
-    Faces may be ``v``, ``v/vt``, ``v//vn`` or ``v/vt/vn``, of any size, with indices from 1 or
-    negative ones that count back from the last vertex given. Polylines, points and
-    curves are counted as skipped.
+    Indices count from 1, or back from the last vertex before the face if negative.
     """
     return parse_obj(read_bytes(path), str(path))
 
 
-def parse_obj(data: bytes, what: str) -> Polygons:
-    """Like `read_obj`, of bytes; `what` names them in errors."""
+def parse_obj(data: bytes, source: str) -> Polygons:
+    """Parse the bytes of an OBJ file; `source` names them in errors."""
     lines = _lines(data)
     kinds = [line.partition(b" ")[0] for line in lines]
     faces = [
@@ -45,11 +43,11 @@ def parse_obj(data: bytes, what: str) -> Polygons:
     materials, material_id = _materials(lines, kinds) if b"usemtl" in data else ((), None)
     del lines
     sizes = np.fromiter((len(face.split()) for face in faces), dtype=np.int64, count=len(faces))
-    corners = _corners(faces, what)
+    corners = _corners(faces, source)
     if len(corners) and corners.min() < 0:
         corners = _absolute(corners, sizes, kinds)
     return Polygons(
-        _vertices(points, what),
+        _vertices(points, source),
         corners - 1,
         sizes,
         skipped=_skipped(kinds),
@@ -59,48 +57,48 @@ def parse_obj(data: bytes, what: str) -> Polygons:
 
 
 def _lines(data: bytes) -> list[bytes]:
-    """Lines without blanks around them, continued lines joined."""
+    """Stripped lines, after joining continued lines."""
     data = data.removeprefix(codecs.BOM_UTF8)
     if b"\\" in data:
         data = data.replace(b"\\\r\n", b" ").replace(b"\\\n", b" ")
     return [line.strip() for line in data.replace(b"\t", b" ").splitlines()]
 
 
-def _vertices(lines: list[bytes], what: str) -> Floats:
+def _vertices(lines: list[bytes], source: str) -> Floats:
     try:
         numbers = [float(number) for line in lines for number in line.split(None, 3)[:3]]
         return np.array(numbers, dtype=np.float64).reshape(len(lines), 3)
     except ValueError as error:
-        bad = next((line for line in lines if not _is_vertex(line)), b"")
-        raise InputError(f"{what}: not a vertex: {_shown(bad)}") from error
+        invalid = next((line for line in lines if not _is_vertex(line)), b"")
+        raise InputError(f"{source}: not a vertex: {_quoted(invalid)}") from error
 
 
-def _corners(lines: list[bytes], what: str) -> Integers:
-    # Flat lists of bytes: a list per line costs more than the parsing.
+def _corners(lines: list[bytes], source: str) -> Integers:
+    # One flat list: a list per line takes longer than the parsing.
     tokens = b" ".join(lines).split()
     try:
         return np.array([int(token.partition(b"/")[0]) for token in tokens], dtype=np.int64)
     except (ValueError, OverflowError) as error:
-        bad = next((line for line in lines if not all(map(_is_corner, line.split()))), b"")
-        raise InputError(f"{what}: not a face: {_shown(bad)}") from error
+        invalid = next((line for line in lines if not all(map(_is_corner, line.split()))), b"")
+        raise InputError(f"{source}: not a face: {_quoted(invalid)}") from error
 
 
 def _materials(lines: list[bytes], kinds: list[bytes]) -> tuple[tuple[str, ...], Integers]:
-    """Names of the materials and, per face, which of them is in use; -1 before the first."""
+    """Names of the materials, and the material of each face; -1 before the first."""
     changes = [row for row, kind in enumerate(kinds) if kind == b"usemtl"]
     numbers: dict[bytes, int] = {}
-    chosen = [numbers.setdefault(lines[row][6:].strip(), len(numbers)) for row in changes]
+    ids = [numbers.setdefault(lines[row][6:].strip(), len(numbers)) for row in changes]
     faces = np.flatnonzero(np.fromiter((kind == b"f" for kind in kinds), dtype=np.bool_))
-    material_id = np.array([-1, *chosen], dtype=np.int64)[np.searchsorted(changes, faces)]
+    material_id = np.array([-1, *ids], dtype=np.int64)[np.searchsorted(changes, faces)]
     return tuple(name.decode("utf-8", "replace") for name in numbers), material_id
 
 
 def _absolute(corners: Integers, sizes: Integers, kinds: list[bytes]) -> Integers:
-    """Replace indices that count back from the last vertex given before their face."""
-    seen = np.fromiter(accumulate(kind == b"v" for kind in kinds), dtype=np.int64)
+    """Convert negative indices, which count back from the last vertex before the face."""
+    vertex_counts = np.fromiter(accumulate(kind == b"v" for kind in kinds), dtype=np.int64)
     is_face = np.fromiter((kind == b"f" for kind in kinds), dtype=np.bool_)
-    before: NDArray[np.int64] = np.repeat(seen[is_face], sizes)
-    return np.where(corners < 0, before + corners + 1, corners)
+    vertices_before: NDArray[np.int64] = np.repeat(vertex_counts[is_face], sizes)
+    return np.where(corners < 0, vertices_before + corners + 1, corners)
 
 
 def _skipped(kinds: list[bytes]) -> dict[str, int]:
@@ -119,5 +117,5 @@ def _is_corner(token: bytes) -> bool:
     return number.isdigit() and len(number) < 19
 
 
-def _shown(line: bytes) -> str:
+def _quoted(line: bytes) -> str:
     return repr(line.strip()[:60].decode("ascii", "replace"))

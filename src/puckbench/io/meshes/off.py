@@ -1,4 +1,4 @@
-"""Reading OFF meshes, with the quirks of ModelNet40 (header glued to the counts) and others."""
+"""Reads OFF meshes, also those of ModelNet40, whose header and counts are not separated."""
 
 from __future__ import annotations
 
@@ -18,29 +18,29 @@ _HEADER = re.compile(rb"(?:ST)?C?N?OFF(?![A-Za-z])", re.IGNORECASE)
 
 
 def read_off(path: Path) -> Polygons:
-    """Read an ASCII OFF file of any polygon sizes; colours, normals and comments are passed over.
+    """Read an ASCII OFF file, without colours and normals.
 
-    The header may be missing, or stand on the line of the counts, glued to them or not.
+    The header may be missing, or on the line of the counts with or without a space.
     """
     counts, rows = _counts_and_rows(read_bytes(path), path)
     vertices, faces = counts
     if len(rows) < vertices + faces:
         raise InputError(
-            f"{path}: truncated: {len(rows)} of {vertices} vertices and {faces} faces are there"
+            f"{path}: truncated: {len(rows)} lines for {vertices} vertices and {faces} faces"
         )
     corners, sizes = _faces(rows[vertices : vertices + faces], path)
     return Polygons(_vertices(rows[:vertices], path), corners, sizes)
 
 
 def _counts_and_rows(data: bytes, path: Path) -> tuple[tuple[int, int], list[bytes]]:
-    """The counts of vertices and faces, and the lines after them; blank lines left out."""
+    """The counts of vertices and faces, and the lines after them that are not blank."""
     stripped = (
         line.partition(b"#")[0].strip() for line in data.removeprefix(codecs.BOM_UTF8).splitlines()
     )
     rows = [line for line in stripped if line]
     if rows and (header := _HEADER.match(rows[0])):
-        rest = rows[0][header.end() :].strip()
-        rows = [rest, *rows[1:]] if rest else rows[1:]
+        counts = rows[0][header.end() :].strip()
+        rows = [counts, *rows[1:]] if counts else rows[1:]
     try:
         vertices, faces = (int(count) for count in rows[0].split()[:2])
     except (IndexError, ValueError) as error:

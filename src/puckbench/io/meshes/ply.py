@@ -1,4 +1,4 @@
-"""Reading PLY meshes: ASCII or binary, polygons, and the labels of our own files."""
+"""Reads PLY meshes, and the labels of meshes that puckbench wrote."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from puckbench.geometry.cloud import Floats
 from puckbench.geometry.mesh import Labels, Primitive, SceneObject
 from puckbench.io.descriptions import read_description, sidecar
 from puckbench.io.meshes.polygons import Integers, Polygons
-from puckbench.io.ply import CORNERS, read_elements
+from puckbench.io.ply import CORNER_LISTS, read_elements
 
 _IDS = ("object_id", "primitive_id")
 
 
 def read_ply(path: Path) -> Polygons:
-    """Read the faces of a PLY file, and its labels where the JSON beside it explains them."""
+    """Read polygons, and labels if the file has a description."""
     elements = read_elements(path)
     names = {element.name for element in elements}
     if "tristrips" in names and "face" not in names:
@@ -42,7 +42,7 @@ def _vertices(path: Path, rows: NDArray[Any]) -> Floats:
 
 
 def _face_corners(path: Path, rows: NDArray[Any]) -> tuple[Integers, Integers]:
-    name = next((name for name in CORNERS if name in (rows.dtype.names or ())), None)
+    name = next((name for name in CORNER_LISTS if name in (rows.dtype.names or ())), None)
     if name is None:
         raise InputError(f"{path}: the faces have no vertex_indices")
     lists = rows[name]

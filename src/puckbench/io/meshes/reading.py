@@ -1,4 +1,4 @@
-"""Reading a mesh of any supported format into triangles in metres with z up."""
+"""Reads meshes of all supported formats as triangles with z up."""
 
 from __future__ import annotations
 
@@ -34,78 +34,86 @@ SUFFIXES = tuple(_READERS)
 
 
 def read_mesh(path: Path, up: str = "z") -> Mesh:
-    """Read a mesh file, turned to z up; `up` is the file's axis where the format does not say.
+    """Read a mesh file and rotate it to z up.
 
-    Raises InputError, one line that names the file, when it is missing, damaged, empty, has no
-    faces, no face with an area, or a face without finite vertices.
+    Parameters
+    ----------
+    path
+        The file; compressed files end in .gz, .bz2, .xz or .zst.
+    up
+        Up axis of the file (y or z), unless its format defines it.
+
+    Raises
+    ------
+    InputError
+        The file is missing, damaged, without faces, without area, or not finite.
     """
     mesh, report = read_mesh_report(path, up)
-    remark_skipped(path, report["skipped"])
+    warn_of_skipped(path, report["skipped"])
     return mesh
 
 
-def remark_skipped(path: Path, skipped: Mapping[str, int]) -> None:
-    """Say in one line what a reader left out of a mesh file."""
+def warn_of_skipped(path: Path, skipped: Mapping[str, int]) -> None:
+    """Log a warning about the elements that a reader skipped."""
     if skipped:
         parts = (f"{count} {name.replace('_', ' ')}" for name, count in skipped.items())
         _LOG.warning("%s: left out: %s", path, ", ".join(parts))
 
 
 def read_mesh_report(path: Path, up: str = "z") -> tuple[Mesh, dict[str, Any]]:
-    """Like `read_mesh`, with counts of what the file held and of what was left out.
+    """Read a mesh as `read_mesh` does, with a report of counts.
 
     The report has ``format``, ``faces``, ``polygons`` (faces of more than three corners),
-    ``triangles`` (of the mesh returned), ``zero_area`` (triangles without area, left out of
-    unlabelled meshes) and ``skipped``, which names what else the reader left out.
+    ``triangles`` (of the returned mesh), ``zero_area`` (triangles without area, removed from
+    unlabelled meshes) and ``skipped`` (other skipped elements by name).
     """
     if up not in ("y", "z"):
         raise InputError(f"up: {up!r} is not an axis that can point up (allowed: y, z)")
     read = _reader(path)
-    # Numbers that are not finite, or whose squares are not, are for the check of the whole mesh.
     with unpacked(path) as plain, np.errstate(invalid="ignore", over="ignore"):
         polygons = read(plain)
-        turned = _turned(polygons, polygons.up or up)
-        return mesh_of_polygons(turned, str(path), plain_suffix(path)[1:])
+        if (polygons.up or up) == "y":
+            polygons = replace(polygons, vertices=y_up_to_z_up(polygons.vertices))
+        return mesh_from_polygons(polygons, str(path), plain_suffix(path)[1:])
 
 
-def mesh_of_polygons(polygons: Polygons, what: str, kind: str) -> tuple[Mesh, dict[str, Any]]:
-    """Triangulate and check what a reader found; the report is that of `read_mesh_report`.
+def mesh_from_polygons(polygons: Polygons, source: str, kind: str) -> tuple[Mesh, dict[str, Any]]:
+    """Triangulate and check polygons; return the mesh and the report of `read_mesh_report`.
 
-    `what` names the source in errors, `kind` its format in the report.
+    `source` is named in errors, `kind` is the format in the report.
     """
-    mesh, _ = triangulate(polygons, what)
-    check_mesh(mesh, what)
-    if not np.isfinite(mesh.vertices).all():  # of faces that were left out
-        mesh = _with_used_vertices(mesh)
-    flat = _without_area(mesh)
-    kept = mesh if mesh.labels or not flat.any() else select_triangles(mesh, ~flat)
+    mesh, _ = triangulate(polygons, source)
+    check_mesh(mesh, source)
+    if not np.isfinite(mesh.vertices).all():  # vertices without a triangle
+        mesh = _without_unused_vertices(mesh)
+    flat = _has_no_area(mesh)
+    result = mesh if mesh.labels or not flat.any() else select_triangles(mesh, ~flat)
     short = int(np.count_nonzero(polygons.sizes < 3))
     skipped = {**polygons.skipped, "faces_of_one_or_two_corners": short}
-    return kept, {
+    return result, {
         "format": kind,
         "faces": len(polygons.sizes),
         "polygons": int(np.count_nonzero(polygons.sizes > 3)),
-        "triangles": len(kept.triangles),
+        "triangles": len(result.triangles),
         "zero_area": int(np.count_nonzero(flat)),
         "skipped": {name: count for name, count in skipped.items() if count},
     }
 
 
-def _with_used_vertices(mesh: Mesh) -> Mesh:
-    """The mesh without vertices that no triangle has."""
+def _without_unused_vertices(mesh: Mesh) -> Mesh:
     used, triangles = np.unique(mesh.triangles, return_inverse=True)
     return Mesh(mesh.vertices[used], triangles.reshape(-1, 3), mesh.labels)
 
 
-def _without_area(mesh: Mesh) -> NDArray[np.bool_]:
-    """Where the area is zero, or nothing but rounding against the longest edge, (t,)."""
+def _has_no_area(mesh: Mesh) -> NDArray[np.bool_]:
+    """Mask (t,) of triangles whose area is 0 within rounding errors of their longest edge."""
     corners = mesh.corners()
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
     return np.asarray(mesh.areas() <= 1e-12 * longest**2)
 
 
 def y_up_to_z_up(points: Floats) -> Floats:
-    """Turn points (n, 3) by 90 degrees about x, so that the y axis becomes the z axis."""
+    """Rotate points (n, 3) by 90 degrees about x, so that y becomes z."""
     return np.stack([points[:, 0], -points[:, 2], points[:, 1]], axis=1)
 
 
@@ -116,9 +124,3 @@ def _reader(path: Path) -> Callable[[Path], Polygons]:
     if not path.is_file():
         raise InputError(f"{path}: no such file")
     return reader
-
-
-def _turned(polygons: Polygons, up: str) -> Polygons:
-    if up == "z":
-        return polygons
-    return replace(polygons, vertices=y_up_to_z_up(polygons.vertices))

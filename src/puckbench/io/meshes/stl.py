@@ -1,4 +1,4 @@
-"""Reading STL meshes, binary and ASCII."""
+"""Reads STL meshes, binary and ASCII."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from puckbench.core.errors import InputError
 from puckbench.core.files import read_bytes
-from puckbench.io.meshes.polygons import Polygons, uniform
+from puckbench.io.meshes.polygons import Polygons, uniform_polygons
 
 _LOG = logging.getLogger(__name__)
 _HEADER_BYTES = 84
@@ -19,18 +19,18 @@ _PARTS = re.compile(rb"\bvertex\s+(\S+)\s+(\S+)\s+(\S+)|\b(endloop)\b", re.IGNOR
 
 
 def read_stl(path: Path) -> Polygons:
-    """Read an STL file; every face keeps vertices of its own, as in the file."""
+    """Read an STL file; faces share no vertices."""
     data = read_bytes(path)
     return _ascii(data, path) if _is_ascii(data) else _binary(data, path)
 
 
 def _is_ascii(data: bytes) -> bool:
-    # Binary files may begin with "solid" too; their numbers have zero bytes, which text has not.
+    # Binary files may begin with "solid" too, but have zero bytes.
     return data.lstrip()[:5].lower() == b"solid" and b"\0" not in data
 
 
 def _ascii(data: bytes, path: Path) -> Polygons:
-    """Faces of the loops, which have three corners by the format and more in some files."""
+    """Polygons of the loops, which have more than three corners in some files."""
     if b"endsolid" not in data.lower():
         raise InputError(f"{path}: truncated: the solid has no end")
     parts = _PARTS.findall(data)
@@ -48,13 +48,13 @@ def _ascii(data: bytes, path: Path) -> Polygons:
 def _binary(data: bytes, path: Path) -> Polygons:
     if len(data) < _HEADER_BYTES:
         raise InputError(f"{path}: too short for an STL file ({len(data)} bytes)")
-    said = int.from_bytes(data[_HEADER_BYTES - 4 : _HEADER_BYTES], "little")
-    there, rest = divmod(len(data) - _HEADER_BYTES, _RECORD.itemsize)
-    if there < said:
-        raise InputError(f"{path}: truncated or not STL: {there} of {said} triangles are there")
-    if there > said:
-        beyond = (there - said) * _RECORD.itemsize + rest
-        _LOG.warning("%s: left out %d bytes after its %d triangles", path, beyond, said)
-    records = np.frombuffer(data, dtype=_RECORD, count=said, offset=_HEADER_BYTES)
+    count = int.from_bytes(data[_HEADER_BYTES - 4 : _HEADER_BYTES], "little")
+    present, remainder = divmod(len(data) - _HEADER_BYTES, _RECORD.itemsize)
+    if present < count:
+        raise InputError(f"{path}: truncated or not STL: {present} of {count} triangles")
+    if present > count:
+        surplus = (present - count) * _RECORD.itemsize + remainder
+        _LOG.warning("%s: left out %d bytes after its %d triangles", path, surplus, count)
+    records = np.frombuffer(data, dtype=_RECORD, count=count, offset=_HEADER_BYTES)
     corners = records["corners"].reshape(-1, 3).astype(np.float64)
-    return uniform(corners, np.arange(len(corners)).reshape(-1, 3))
+    return uniform_polygons(corners, np.arange(len(corners)).reshape(-1, 3))

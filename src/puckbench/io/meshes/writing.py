@@ -1,4 +1,4 @@
-"""Writing meshes: binary PLY with double vertices and per-face labels, and the JSON beside it."""
+"""Writes meshes as binary PLY with double vertices and labelled faces, and their descriptions."""
 
 from __future__ import annotations
 
@@ -16,10 +16,9 @@ LABELS = [("object_id", "<i4"), ("primitive_id", "<i4")]
 
 
 def write_mesh(path: Path, mesh: Mesh, about: dict[str, Any] | None = None) -> None:
-    """Write `mesh` to `path` (.ply) and what is known about it to the JSON beside it.
+    """Write a PLY file, and a description with `about`, the counts, objects and primitives.
 
-    `about` is joined by the counts and, for a labelled mesh, by its objects and primitives.
-    Both appear when both are written, the JSON first, so that a PLY that exists is complete.
+    Both files appear when both are complete.
     """
     check_mesh(mesh, str(path))
     counts = {"vertices": len(mesh.vertices), "triangles": len(mesh.triangles)}
@@ -29,7 +28,7 @@ def write_mesh(path: Path, mesh: Mesh, about: dict[str, Any] | None = None) -> N
             stream.write(_header(mesh))
             stream.write(vertices.tobytes())
             stream.write(_face_rows(mesh).tobytes())
-        description = {**(about or {}), **counts, **_described(mesh.labels)}
+        description = {**(about or {}), **counts, **_label_description(mesh.labels)}
         write_description(path, "mesh", description)
 
 
@@ -59,16 +58,16 @@ def _face_rows(mesh: Mesh) -> NDArray[Any]:
     return rows
 
 
-def _described(labels: Labels | None) -> dict[str, Any]:
+def _label_description(labels: Labels | None) -> dict[str, Any]:
     if labels is None:
         return {}
     objects = [{"name": item.name, "semantic": item.semantic} for item in labels.objects]
     primitives = [
-        {"kind": item.kind, "parameters": {k: _plain(v) for k, v in item.parameters.items()}}
+        {"kind": item.kind, "parameters": {k: _for_json(v) for k, v in item.parameters.items()}}
         for item in labels.primitives
     ]
     return {"objects": objects, "primitives": primitives}
 
 
-def _plain(value: Any) -> Any:
+def _for_json(value: Any) -> Any:
     return value.tolist() if isinstance(value, np.ndarray | np.generic) else value

@@ -1,1 +1,1 @@
-"""Files that record what a device sent: packet captures and ROS bags, read as payloads."""
+"""Recordings of sensor data: packet captures and ROS bags, read as payloads."""

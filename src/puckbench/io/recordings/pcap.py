@@ -1,4 +1,4 @@
-"""Packet captures (.pcap and .pcapng, as tcpdump and Wireshark write them) as UDP datagrams."""
+"""UDP datagrams of packet captures (.pcap and .pcapng, as tcpdump and Wireshark write them)."""
 
 from __future__ import annotations
 
@@ -11,26 +11,26 @@ from struct import unpack_from
 from typing import NamedTuple
 
 from puckbench.core.errors import InputError
-from puckbench.io.recordings.frames import Frames, is_capture
+from puckbench.io.recordings.captured_packets import CapturedPackets, is_packet_capture
 
 _ETHERNET = 1
-_TYPED = {_ETHERNET: (12, 14), 113: (14, 16), 276: (0, 20)}
-"""Link types whose header has an EtherType: where it stands, and bytes of the header."""
+_ETHER_TYPE_LINKS = {_ETHERNET: (12, 14), 113: (14, 16), 276: (0, 20)}
+"""Position of the EtherType and size of the header, by link type."""
 _RAW = (12, 14, 101, 228, 229)
 _LOOPBACK = (0, 108)
 _LINKS = "Ethernet (1), loopback (0, 108), raw IP (12, 14, 101, 228, 229), Linux cooked (113, 276)"
 _INTERNET = (0x0800, 0x86DD)
 _VLANS = (0x8100, 0x88A8)
 _FAMILIES = (2, 10, 23, 24, 28, 30)
-"""Numbers that systems give to IPv4 (2) and to IPv6."""
+"""Address families of IPv4 (2) and, by operating system, of IPv6."""
 _UDP, _FRAGMENT = 17, 44
 _EXTENSIONS = (0, 43, 60)
-"""Headers between IPv6 and what it carries: hop-by-hop options, routing, destination options."""
-_MOST_LISTED = 4
+"""IPv6 extension headers: hop-by-hop options, routing, destination options."""
+_MAX_LISTED = 4
 
 
 class Stream(NamedTuple):
-    """From which address and port datagrams are sent, and to which."""
+    """Addresses and ports of a sender and a receiver."""
 
     sender: str
     sender_port: int
@@ -42,10 +42,7 @@ class Stream(NamedTuple):
 
 
 class Datagram(NamedTuple):
-    """A UDP datagram.
-
-    length: bytes that the payload had when it was sent. received: s since 1970.
-    """
+    """A UDP datagram; ``length`` is that of the payload sent, ``received`` s since 1970."""
 
     stream: Stream
     payload: bytes
@@ -55,22 +52,22 @@ class Datagram(NamedTuple):
 
 @dataclass(frozen=True)
 class Capture:
-    """The whole UDP datagrams of a packet capture, and what else is in the file.
+    """The complete UDP datagrams of a packet capture, and counts of its other content.
 
     Parameters
     ----------
     datagrams
-        Those that are whole.
+        Complete datagrams.
     cut
         Number of packets that the snap length cut.
     cut_sizes
-        How many of these were datagrams of a length in bytes to a port.
+        Number of cut datagrams by (length in bytes, port).
     fragments
         Number of fragments of IP packets.
     others
         Number of packets of other protocols.
     bytes_cut_off
-        Bytes of a last packet that is not whole.
+        Size of an incomplete last packet.
     """
 
     datagrams: list[Datagram]
@@ -81,8 +78,8 @@ class Capture:
     bytes_cut_off: int
 
     def contents(self) -> str:
-        """What the capture holds, as part of a sentence."""
-        sizes = Counter((one.length, one.stream.receiver_port) for one in self.datagrams)
+        """Describe the content in words."""
+        sizes = Counter((each.length, each.stream.receiver_port) for each in self.datagrams)
         cut = "; ".join(_listed(self.cut_sizes))
         counts = {
             f"packets cut by the snap length{f' ({cut})' if cut else ''}": self.cut,
@@ -90,51 +87,47 @@ class Capture:
             "packets of other protocols": self.others,
             "bytes of a packet that is not whole": self.bytes_cut_off,
         }
-        rest = [f"{count:,} {what}" for what, count in counts.items() if count]
-        return ", ".join([*_listed(sizes), *rest]) or "no packet"
+        others = [f"{count:,} {name}" for name, count in counts.items() if count]
+        return ", ".join([*_listed(sizes), *others]) or "no packet"
 
 
 def read_datagrams(data: bytes) -> Capture:
-    """Read the UDP datagrams over IPv4 and IPv6 of a capture file's bytes.
+    """Read the UDP datagrams over IPv4 and IPv6 from a capture file's bytes.
 
-    A file that is cut short gives its whole packets.
-
-    Raises
-    ------
-    InputError
-        It is no packet capture, or one of other link layers alone.
+    Truncated files give their complete packets. Raises InputError if the file is not a packet
+    capture, or all its link layers are unknown.
     """
-    if not is_capture(data):
+    if not is_packet_capture(data):
         raise InputError("not a packet capture (.pcap, .pcapng)")
-    frames, datagrams = Frames(data), list[Datagram]()
+    packets, datagrams = CapturedPackets(data), list[Datagram]()
     cut, fragments, others = 0, 0, 0
     cut_sizes: Counter[tuple[int, int]] = Counter()
-    for frame in frames:
-        content = data[frame.start : frame.end]
-        packet = _ip_packet(content, frame.link)
-        datagram = None if packet is None else _datagram(content, packet, frame.received)
+    for packet in packets:
+        content = data[packet.start : packet.end]
+        ip_packet = _ip_packet(content, packet.link)
+        datagram = None if ip_packet is None else _datagram(content, ip_packet, packet.received)
         if datagram is not None and len(datagram.payload) == datagram.length:
             datagrams.append(datagram)
-        elif packet is not None and packet.is_fragment:
+        elif ip_packet is not None and ip_packet.is_fragment:
             fragments += 1
-        elif datagram is not None or len(content) < frame.length:
+        elif datagram is not None or len(content) < packet.length:
             cut += 1
             if datagram is not None:
                 cut_sizes[datagram.length, datagram.stream.receiver_port] += 1
         else:
             others += 1
-    _check_links(frames.links)
-    rest = len(data) - frames.end
-    return Capture(datagrams, cut, cut_sizes, fragments, others + frames.unreadable, rest)
+    _check_links(packets.links)
+    remainder = len(data) - packets.end
+    return Capture(datagrams, cut, cut_sizes, fragments, others + packets.unreadable, remainder)
 
 
-def udp_datagram(frame: bytes, link: int = _ETHERNET) -> Datagram | None:
-    """The UDP datagram of a frame, or None for something else or a fragment.
+def udp_datagram(content: bytes, link: int = _ETHERNET) -> Datagram | None:
+    """Return the UDP datagram of a packet; None for other protocols and fragments.
 
-    The payload is shorter than its length where the frame is cut.
+    The payload of a cut packet is shorter than the datagram's length.
     """
-    packet = _ip_packet(frame, link)
-    return None if packet is None else _datagram(frame, packet)
+    packet = _ip_packet(content, link)
+    return None if packet is None else _datagram(content, packet)
 
 
 class _IpPacket(NamedTuple):
@@ -192,13 +185,13 @@ def _address(raw: bytes) -> str:
 
 
 def _ip_start(frame: bytes, link: int) -> int | None:
-    """Where the IP header starts; None when the frame holds another protocol."""
+    """Position of the IP header; None for other protocols."""
     if link in _RAW:
         return 0
     if link in _LOOPBACK:
         is_ip = any(int.from_bytes(frame[:4], order) in _FAMILIES for order in ("little", "big"))
         return 4 if is_ip else None
-    at, start = _TYPED.get(link, (0, len(frame)))
+    at, start = _ETHER_TYPE_LINKS.get(link, (0, len(frame)))
     while start + 4 <= len(frame):
         kind = unpack_from(">H", frame, at)[0]
         if kind not in _VLANS:
@@ -208,18 +201,17 @@ def _ip_start(frame: bytes, link: int) -> int | None:
 
 
 def _check_links(links: set[int]) -> None:
-    known = (*_TYPED, *_RAW, *_LOOPBACK)
-    if links and not links.intersection(known):
+    if links and not links.intersection((*_ETHER_TYPE_LINKS, *_RAW, *_LOOPBACK)):
         types = ", ".join(map(str, sorted(links)))
         raise InputError(f"a capture of link type {types}, where one of {_LINKS} is expected")
 
 
 def _listed(sizes: Mapping[tuple[int, int], int]) -> Iterator[str]:
-    """The most frequent lengths of datagrams and their ports, and how many others there are."""
+    """The most frequent lengths and ports of datagrams, and the number of others, in words."""
     ordered = sorted(sizes.items(), key=lambda item: (-item[1], item[0]))
-    for (length, port), count in ordered[:_MOST_LISTED]:
-        what = "datagram" if count == 1 else "datagrams"
-        yield f"{count:,} {what} of {length:,} bytes to port {port}"
-    rest = sum(count for _, count in ordered[_MOST_LISTED:])
-    if rest:
-        yield f"{rest:,} other datagrams"
+    for (length, port), count in ordered[:_MAX_LISTED]:
+        noun = "datagram" if count == 1 else "datagrams"
+        yield f"{count:,} {noun} of {length:,} bytes to port {port}"
+    others = sum(count for _, count in ordered[_MAX_LISTED:])
+    if others:
+        yield f"{others:,} other datagrams"

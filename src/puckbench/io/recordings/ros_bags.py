@@ -1,4 +1,4 @@
-"""ROS bags (ROS 1 .bag, ROS 2 .db3 and .mcap, and bag folders) as messages, read without ROS."""
+"""Messages of ROS bags (ROS 1 .bag, ROS 2 .db3, .mcap and folders), read without ROS."""
 
 from __future__ import annotations
 
@@ -16,25 +16,31 @@ from typing import Any
 
 import numpy as np
 
-from puckbench.core.errors import InputError
-from puckbench.io.isolated import Parsed, isolated
+from puckbench.core.errors import InputError, naming
+from puckbench.io.damage import reading
+from puckbench.io.isolated import ParsedFile, parse_isolated
 from puckbench.io.point_columns import Columns
-from puckbench.io.recordings.sqlite_bags import BESIDE, StoredMessages, Topics, sqlite_storage
+from puckbench.io.recordings.sqlite_bags import (
+    SIDE_FILE_SUFFIXES,
+    StoredMessages,
+    Topics,
+    sqlite_storage,
+)
 
-_STARTS = {b"SQLite format 3\x00": ".db3", b"\x89MCAP0\r\n": ".mcap", b"#ROSBAG": ".bag"}
-"""First bytes of each kind of bag, and its usual suffix."""
+_MAGICS = {b"SQLite format 3\x00": ".db3", b"\x89MCAP0\r\n": ".mcap", b"#ROSBAG": ".bag"}
+"""Suffix of each kind of bag by its first bytes."""
 _METADATA = "metadata.yaml"
-_LISTED, _LONGEST_NAME, _LONGEST_FAULT = 8, 60, 120
+_MAX_LISTED, _MAX_NAME_LENGTH = 8, 60
 _DAMAGE = (
     *(struct.error, OSError, EOFError, RuntimeError, ArithmeticError, AssertionError),
     *(AttributeError, LookupError, TypeError, ValueError),
 )
-"""What damaged bags make the libraries raise besides their own errors."""
+"""Exceptions of the libraries for damaged bags besides their own."""
 
 
 @dataclass(frozen=True)
 class Messages:
-    """The messages of one topic, in the order in which they were recorded; `format` of the bag."""
+    """The messages of a topic in recorded order, and the format of the bag."""
 
     topic: str
     messages: list[Any]
@@ -42,55 +48,49 @@ class Messages:
 
 
 def bag_format(start: bytes) -> str | None:
-    """The usual suffix of the kind of bag that begins with these bytes, or None for no bag."""
-    return next((suffix for magic, suffix in _STARTS.items() if start.startswith(magic)), None)
+    """Return the suffix of the kind of bag that begins with these bytes; None for other files."""
+    return next((suffix for magic, suffix in _MAGICS.items() if start.startswith(magic)), None)
 
 
 def read_messages(path: Path, kind: str, definitions: Mapping[str, str]) -> Messages:
-    """Read the messages of the only topic of one type.
+    """Read the messages of the only topic of a type.
 
     Parameters
     ----------
     path
-        A bag, known by its first bytes, or the folder of one.
+        A bag or its folder.
     kind
-        Type of the messages, such as ``velodyne_msgs/msg/VelodyneScan``.
+        Message type, such as ``velodyne_msgs/msg/VelodyneScan``.
     definitions
-        Definitions, in ROS's own notation, of this type and of what it is made of but the standard
-        types. Those in the bag are not used: they would be compiled.
+        ROS definitions of the type and its parts that are not standard types. Those in the bag are
+        not trusted, as they would be compiled.
 
     Raises
     ------
     InputError
-        It is no bag, is damaged, or has no or several topics of the type.
+        It is not a bag, is damaged, or does not have exactly one topic of the type.
     """
     from rosbags.serde import SerdeError
 
-    beside = [path.with_name(path.name + end) for end in BESIDE]
+    side_files = [path.with_name(path.name + suffix) for suffix in SIDE_FILE_SUFFIXES]
     with TemporaryDirectory() as folder:
         options = {"kind": kind, "folder": folder}
-        parsed = isolated(parse_bag, path, "ROS bag", options, beside)
+        parsed = parse_isolated(parse_bag, path, "ROS bag", options, side_files)
     topic, form = parsed.about["topic"], parsed.about["format"]
     is_ros1 = form == "rosbag"
     types = _types(is_ros1, tuple(definitions.items()))
     decode = types.deserialize_ros1 if is_ros1 else types.deserialize_cdr
     data, ends = parsed.columns["data"], accumulate(parsed.columns["sizes"].tolist(), initial=0)
-    try:
+    with naming(path), reading("ROS bag", SerdeError, *_DAMAGE):
         messages = [decode(data[start:end].tobytes(), kind) for start, end in pairwise(ends)]
-    except (SerdeError, *_DAMAGE) as error:
-        raise _damaged(path, error) from error
     return Messages(topic, messages, form)
 
 
-def parse_bag(path: Path, kind: str, folder: str) -> Parsed:
-    """The messages of the only topic of one type, as bytes one after another with their sizes.
+def parse_bag(path: Path, kind: str, folder: str) -> ParsedFile:
+    """Read the messages of the only topic of a type as bytes, in the calling process.
 
-    Parameters
-    ----------
-    path, kind
-        As of `read_messages`.
-    folder
-        An empty folder for copies.
+    The columns are ``data``, all messages in order, and ``sizes``. `folder` is an empty folder for
+    copies.
     """
     import apsw
     from rosbags.rosbag1 import ReaderError as Error1
@@ -100,53 +100,46 @@ def parse_bag(path: Path, kind: str, folder: str) -> Parsed:
     topics: Topics = {}
     messages: dict[str, list[bytes]] = defaultdict(list)
     try:
-        files, are_packed = _files(path, Path(folder))
-        for topic, data in _messages(files, kind, Path(folder), topics):
-            messages[topic].append(_unpacked(data) if are_packed else data)
-        form = "rosbag" if _suffix(files[0]) == ".bag" else "ros2bag"
-    except (Error1, Error2, apsw.Error, YAMLError, *_DAMAGE) as error:
-        raise _damaged(path, error, folder) from error
+        with naming(path), reading("ROS bag", Error1, Error2, apsw.Error, YAMLError, *_DAMAGE):
+            files, are_compressed = _files(path, Path(folder))
+            for topic, data in _messages(files, kind, Path(folder), topics):
+                messages[topic].append(_decompressed(data) if are_compressed else data)
+            form = "rosbag" if _suffix(files[0]) == ".bag" else "ros2bag"
     except InputError as error:
-        raise InputError(f"{path}: {error}") from error
+        raise InputError(str(error).replace(folder, "")) from error
     topic = _only_topic(path, kind, topics)
     parts = messages[topic]
     columns: Columns = {
         "data": np.frombuffer(b"".join(parts), np.uint8),
         "sizes": np.array([len(part) for part in parts], np.int64),
     }
-    return Parsed(columns, {"topic": topic, "format": form})
-
-
-def _damaged(path: Path, error: Exception, folder: str = "") -> InputError:
-    text = str(error).replace(folder, "") if folder else str(error)
-    fault = " ".join(text.split())[:_LONGEST_FAULT]
-    return InputError(f"{path}: not a readable ROS bag ({type(error).__name__}: {fault})")
+    return ParsedFile(columns, {"topic": topic, "format": form})
 
 
 def _only_topic(path: Path, kind: str, topics: Topics) -> str:
-    chosen = [topic for topic, type_ in topics.items() if type_ == kind]
-    if len(chosen) == 1:
-        return chosen[0]
-    if chosen:
-        has, remedy = f"it has {_listed(chosen)}", "keep one of them in a bag of its own"
+    matching = [topic for topic, type_ in topics.items() if type_ == kind]
+    if len(matching) == 1:
+        return matching[0]
+    if matching:
+        fault, advice = _listed(matching), "keep one of them in a bag of its own"
     else:
-        others = _listed([f"{topic} ({type_})" for topic, type_ in topics.items()])
-        has, remedy = f"it has {others}", "record the driver's packets, or export its clouds (PCD)"
-    raise InputError(f"{path}: the ROS bag must have one topic of {kind}; {has}: {remedy}")
+        fault = _listed([f"{topic} ({type_})" for topic, type_ in topics.items()])
+        advice = "record the driver's packets, or export its clouds (PCD)"
+    fault = f"the ROS bag must have one topic of {kind}; it has {fault}"
+    raise InputError(f"{path}: {fault}: {advice}")
 
 
 def _listed(names: list[str]) -> str:
-    """Names in a line, however many and long they are."""
-    shown = [
-        "".join(mark if mark.isprintable() else "?" for mark in name)[:_LONGEST_NAME]
-        for name in sorted(names)[:_LISTED]
+    shortened = [
+        "".join(letter if letter.isprintable() else "?" for letter in name)[:_MAX_NAME_LENGTH]
+        for name in sorted(names)[:_MAX_LISTED]
     ]
-    others = [f"{len(names) - _LISTED} others"] if len(names) > _LISTED else []
-    return ", ".join([*shown, *others]) or "no topic"
+    others = [f"{len(names) - _MAX_LISTED} others"] if len(names) > _MAX_LISTED else []
+    return ", ".join([*shortened, *others]) or "no topic"
 
 
 def _messages(files: list[Path], kind: str, folder: Path, topics: Topics) -> StoredMessages:
-    """Topic and bytes of each message of a type; notes the types of all topics."""
+    """Yield topic and bytes of each message of a type; add the types of all topics to `topics`."""
     for file in files:
         with _storage(file, folder, kind) as (types, messages):
             topics |= types
@@ -160,34 +153,32 @@ def _storage(file: Path, folder: Path, kind: str) -> Iterator[tuple[Topics, Stor
 
     suffix = _suffix(file)
     if suffix == ".db3":
-        with sqlite_storage(file, folder, kind) as found:
-            yield found
+        with sqlite_storage(file, folder, kind) as storage:
+            yield storage
         return
-    link = folder / f"{len(list(folder.iterdir()))}{suffix}"  # the library goes by the suffix
+    link = folder / f"{len(list(folder.iterdir()))}{suffix}"  # the library requires the suffix
     link.symlink_to(file.resolve())
     reader: Any = Reader1(link) if suffix == ".bag" else Reader2(link)
     with reader:
         _check_chunks(reader)
-        chosen = [each for each in reader.connections if each.msgtype == kind]
-        messages = reader.messages(connections=chosen) if chosen else ()
+        connections = [each for each in reader.connections if each.msgtype == kind]
+        messages = reader.messages(connections=connections) if connections else ()
         types = {each.topic: each.msgtype for each in reader.connections}
         yield types, ((each.topic, data) for each, _, data in messages)
 
 
 def _check_chunks(reader: Any) -> None:
-    """Refuse an index that has some bytes of the file in several chunks."""
+    """Raise ValueError for an index of overlapping chunks, which would be read again and again."""
     if hasattr(reader, "chunks"):
-        places = [(start, part.datapos + part.datasize) for start, part in reader.chunks.items()]
-        listed = len(reader.chunk_infos)
+        ranges = [(start, chunk.datapos + chunk.datasize) for start, chunk in reader.chunks.items()]
+        count = len(reader.chunk_infos)
     else:
         chunks = reader.storage.chunks
-        places = [
-            (part.chunk_start_offset, part.chunk_start_offset + part.chunk_length)
-            for part in chunks
-        ]
-        listed = len(chunks)
-    places = sorted(set(places))
-    if len(places) < listed or any(first[1] > second[0] for first, second in pairwise(places)):
+        starts = [chunk.chunk_start_offset for chunk in chunks]
+        ranges = [(at, at + chunk.chunk_length) for at, chunk in zip(starts, chunks, strict=True)]
+        count = len(chunks)
+    ranges = sorted(set(ranges))
+    if len(ranges) < count or any(first[1] > second[0] for first, second in pairwise(ranges)):
         raise ValueError("chunks overlap")
 
 
@@ -200,7 +191,7 @@ def _suffix(file: Path) -> str:
 
 
 def _files(path: Path, folder: Path) -> tuple[list[Path], bool]:
-    """The files of a bag in their order, and whether each message is compressed by itself."""
+    """The files of a bag in order, and whether single messages are compressed."""
     if not path.is_dir():
         return [path], False
     if not (path / _METADATA).is_file():
@@ -214,7 +205,7 @@ def _files(path: Path, folder: Path) -> tuple[list[Path], bool]:
     if mode != "none" and metadata.get("compression_format") != "zstd":
         raise InputError(f"compression {metadata.get('compression_format')!r} is not read")
     if mode == "file":
-        files = [_unpacked_file(file, folder) for file in files]
+        files = [_decompressed_file(file, folder) for file in files]
     return files, mode == "message"
 
 
@@ -226,32 +217,31 @@ def _metadata(path: Path) -> dict[str, Any]:
 
 
 def _bag_in(folder: Path) -> Path:
-    """The only file of a bag in a folder."""
-    bags = sorted(path for path in folder.iterdir() if path.suffix in _STARTS.values())
+    bags = sorted(path for path in folder.iterdir() if path.suffix in _MAGICS.values())
     if len(bags) != 1:
         raise InputError(f"{len(bags)} ROS bags (.bag, .db3, .mcap) and no {_METADATA}, not one")
     return bags[0]
 
 
-def _unpacked_file(file: Path, folder: Path) -> Path:
+def _decompressed_file(file: Path, folder: Path) -> Path:
     import pyarrow as pa
 
-    place = folder / f"{len(list(folder.iterdir()))}{Path(file.stem).suffix}"
-    with pa.input_stream(str(file), compression="zstd") as packed, place.open("wb") as out:
-        shutil.copyfileobj(packed, out)
-    return place
+    copy = folder / f"{len(list(folder.iterdir()))}{Path(file.stem).suffix}"
+    with pa.input_stream(str(file), compression="zstd") as stream, copy.open("wb") as out:
+        shutil.copyfileobj(stream, out)
+    return copy
 
 
-def _unpacked(data: bytes) -> bytes:
+def _decompressed(data: bytes) -> bytes:
     import pyarrow as pa
 
-    with pa.input_stream(pa.py_buffer(data), compression="zstd") as packed:
-        return bytes(packed.read())
+    with pa.input_stream(pa.py_buffer(data), compression="zstd") as stream:
+        return bytes(stream.read())
 
 
 @cache
 def _types(is_ros1: bool, definitions: tuple[tuple[str, str], ...]) -> Any:
-    """The standard message types and the given ones, which are compiled."""
+    """The standard message types and further, compiled ones."""
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
     types = get_typestore(Stores.ROS1_NOETIC if is_ros1 else Stores.ROS2_HUMBLE)

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats, check_points
-from puckbench.io.csv_columns import read_csv
 from puckbench.io.las import read_las
 from puckbench.io.pcd import read_pcd
 from puckbench.io.ply import read_ply
+from puckbench.io.text import read_csv
 from puckbench.lidar.recordings.returns import RETURN_COLUMNS, RecordedReturns
 from puckbench.lidar.recordings.times import TimeUnit, seconds_of, unit_of
 from puckbench.lidar.sensor import Sensor, load_sensor

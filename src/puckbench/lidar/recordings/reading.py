@@ -8,7 +8,7 @@ from pathlib import Path
 
 from puckbench.core.errors import InputError, naming
 from puckbench.core.files import read_bytes
-from puckbench.io.recordings.frames import is_capture
+from puckbench.io.recordings.captured_packets import is_packet_capture
 from puckbench.io.recordings.pcap import read_datagrams
 from puckbench.io.recordings.ros_bags import bag_format, read_messages
 from puckbench.lidar.recordings.data_packets import (
@@ -152,7 +152,7 @@ def _packets_of_file(path: Path, stream: str | None) -> PacketLog:
     data = read_bytes(path)
     if bag_format(data):
         return _packets_of_bag(path, stream)
-    if not is_capture(data):
+    if not is_packet_capture(data):
         raise InputError(_what_is_read(data))
     return packets_of_capture(read_datagrams(data), stream)
 

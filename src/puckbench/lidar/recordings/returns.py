@@ -5,12 +5,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from puckbench.io.columns import Columns, Declared, Table, read_table, write_table
+from puckbench.io.return_tables import (
+    ColumnSpecs,
+    ReturnTable,
+    TableSchema,
+    read_return_table,
+    write_return_table,
+)
 
 STRONGEST, LAST, BOTH = 0, 1, 2
 """Kinds of return: BOTH is the only return of a beam that was asked for two."""
 
-RETURN_COLUMNS: Columns = {
+RETURN_COLUMNS: ColumnSpecs = {
     "timestamp": ("<f8", "s", "time of firing since the first packet, by the sensor's clock"),
     "turn": ("<i4", "", "turn of the sensor, from 0; a turn begins at azimuth 0"),
     "laser_id": ("<i2", "", "laser, from 0"),
@@ -26,17 +32,17 @@ RETURN_COLUMNS: Columns = {
 
 
 @dataclass(frozen=True)
-class RecordedReturns(Table):
+class RecordedReturns(ReturnTable):
     """Returns of a real sensor in the order of firing."""
 
-    declared = Declared("table of returns", "puckbench_capture", RETURN_COLUMNS)
+    schema = TableSchema("table of returns", "puckbench_capture", RETURN_COLUMNS)
 
 
 def write_returns(path: Path, table: RecordedReturns) -> None:
-    """Write a Parquet file as `columns.write_table` does."""
-    write_table(path, table)
+    """Write a Parquet file as `write_return_table` does."""
+    write_return_table(path, table)
 
 
 def read_returns(path: Path) -> RecordedReturns:
     """Read what `write_returns` wrote; InputError when it is missing or something else."""
-    return read_table(path, RecordedReturns)
+    return read_return_table(path, RecordedReturns)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from puckbench.core.errors import InputError
-from puckbench.io.frames import check_columns, read_frame, told_columns
+from puckbench.io.float32_frames import check_column_count, detect_column_count, read_float32_frame
 
 RNG = np.random.default_rng(1)
 
@@ -30,34 +30,34 @@ def test_values_tell_how_many_a_point_has(columns: int, points: int, is_shuffled
     rows = scan(points)[:, :columns]
     rows = RNG.permutation(rows) if is_shuffled else rows
     if is_shuffled and points < 20_000:  # chance has its part in so few values
-        assert told_columns(rows.ravel()) in (columns, None)
+        assert detect_column_count(rows.ravel()) in (columns, None)
     else:
-        assert told_columns(rows.ravel()) == columns
+        assert detect_column_count(rows.ravel()) == columns
 
 
 def test_firings_without_return_and_intensities_of_0_do_not_matter() -> None:
     rows = scan(2000)[:, :5]
     rows[RNG.random(2000) < 0.4, :3] = 0
-    assert told_columns(rows.ravel()) == 5
+    assert detect_column_count(rows.ravel()) == 5
     rows = scan(2000)[:, :4]
     rows[:, 3] = 0
-    assert told_columns(rows.ravel()) == 4
+    assert detect_column_count(rows.ravel()) == 4
     rows[7] = np.nan
-    assert told_columns(rows.ravel()) == 4
+    assert detect_column_count(rows.ravel()) == 4
 
 
 def test_values_without_order_tell_nothing() -> None:
-    assert told_columns(RNG.random(9000)) is None
-    assert told_columns(scan(9)[:, :4].ravel()) is None  # 36 values
+    assert detect_column_count(RNG.random(9000)) is None
+    assert detect_column_count(scan(9)[:, :4].ravel()) is None  # 36 values
 
 
 def test_a_frame_of_another_kind_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "a.bin"
     data = scan(100)[:, :5].tobytes()
-    check_columns(path, data, 5)
-    check_columns(path, b"", 4)
+    check_column_count(path, data, 5)
+    check_column_count(path, b"", 4)
     with pytest.raises(InputError, match=r"a\.bin: its points have 5 values each, not 4"):
-        check_columns(path, data, 4)
+        check_column_count(path, data, 4)
 
 
 def test_only_coordinates_of_a_sensor_are_taken(tmp_path: Path) -> None:
@@ -65,10 +65,10 @@ def test_only_coordinates_of_a_sensor_are_taken(tmp_path: Path) -> None:
     for value, is_taken in [(9e4, True), (1.1e5, False), (1e-19, True), (1e-21, False)]:
         np.array([value, 2, 3, 0.5], dtype="<f4").tofile(path)
         if is_taken:
-            assert read_frame(path)["x"].tolist() == [np.float32(value)]
+            assert read_float32_frame(path)["x"].tolist() == [np.float32(value)]
         else:
             with pytest.raises(InputError, match="no frame of a LiDAR in rows of 4"):
-                read_frame(path)
+                read_float32_frame(path)
 
 
 @pytest.mark.parametrize(
@@ -86,24 +86,24 @@ def test_a_single_point_has_the_columns_that_are_whole(
     tmp_path: Path, row: tuple[float, ...], names: list[str]
 ) -> None:
     np.array(row, dtype="<f4").tofile(tmp_path / "a.bin")
-    assert list(read_frame(tmp_path / "a.bin")) == ["x", "y", "z", *names]
+    assert list(read_float32_frame(tmp_path / "a.bin")) == ["x", "y", "z", *names]
 
 
 def test_few_values_tell_nothing_where_two_layouts_fit(tmp_path: Path) -> None:
     path = tmp_path / "a.bin"
     np.array([1, 2, 3, 0.5, 31, 0.1], dtype="<f4").tofile(path)
     with pytest.raises(InputError, match=r"may have 3 or 6 values each: .*--bin-columns"):
-        read_frame(path)
+        read_float32_frame(path)
     np.array([1, 2, 3, 0.5, 31.5, 0.1], dtype="<f4").tofile(path)  # no ring
-    assert list(read_frame(path)) == ["x", "y", "z"]
-    assert list(read_frame(path, "6")) == ["x", "y", "z", "intensity", "ring", "time"]
+    assert list(read_float32_frame(path)) == ["x", "y", "z"]
+    assert list(read_float32_frame(path, "6")) == ["x", "y", "z", "intensity", "ring", "time"]
 
 
 def test_columns_beyond_the_ring_and_the_time_are_numbered(tmp_path: Path) -> None:
     rows = scan(200)
     rows[:, 4] += 0.5
     rows.tofile(tmp_path / "a.bin")
-    assert list(read_frame(tmp_path / "a.bin"))[3:] == ["intensity", "time", "column_6"]
+    assert list(read_float32_frame(tmp_path / "a.bin"))[3:] == ["intensity", "time", "column_6"]
 
 
 def test_negative_intensities_are_not_likely_but_possible(tmp_path: Path) -> None:
@@ -111,9 +111,9 @@ def test_negative_intensities_are_not_likely_but_possible(tmp_path: Path) -> Non
     rows = np.tile(np.array([1, 2, 3, -0.5], dtype="<f4"), (5, 1))
     rows.tofile(path)
     with pytest.raises(InputError, match=r"may have 4 or 5 values each"):
-        read_frame(path)
+        read_float32_frame(path)
     rows[:4].tofile(path)
-    assert list(read_frame(path))[3:] == ["intensity"]
+    assert list(read_float32_frame(path))[3:] == ["intensity"]
     rows[:, 3] *= -1
     rows.tofile(path)
-    assert list(read_frame(path))[3:] == ["intensity"]
+    assert list(read_float32_frame(path))[3:] == ["intensity"]

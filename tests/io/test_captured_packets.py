@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from puckbench.io.recordings.frames import Frames, is_capture
+from puckbench.io.recordings.captured_packets import CapturedPackets, is_packet_capture
 from puckbench.io.recordings.pcap import read_datagrams, udp_datagram
 from tests.support.capture_bytes import (
     block,
@@ -30,12 +30,12 @@ from tests.support.capture_bytes import (
 
 
 def times(data: bytes) -> list[float]:
-    return [one.received for one in Frames(data)]
+    return [one.received for one in CapturedPackets(data)]
 
 
 def contents(data: bytes) -> list[tuple[int, bytes, int]]:
     """Link type, bytes and length of each frame."""
-    return [(one.link, data[one.start : one.end], one.length) for one in Frames(data)]
+    return [(one.link, data[one.start : one.end], one.length) for one in CapturedPackets(data)]
 
 
 @pytest.mark.parametrize("order", "<>")
@@ -46,19 +46,19 @@ def test_records_of_a_pcap(order: str, magic: int, ticks: int) -> None:
     data = pcap(b"abc", b"defgh", link=0x40000071, order=order, magic=magic, snap=4, fraction=250)
     assert contents(data) == [(113, b"abc", 3), (113, b"defg", 5)]
     assert times(data) == [1 + 250 / ticks, 2 + 250 / ticks]
-    assert is_capture(data)
-    assert is_capture(data[:24])
-    assert not is_capture(data[:23])
+    assert is_packet_capture(data)
+    assert is_packet_capture(data[:24])
+    assert not is_packet_capture(data[:23])
 
 
 @pytest.mark.parametrize("magic", [0xA1B2C3D4, 0xA1B2CD34])
 def test_a_record_that_is_not_whole_ends_a_pcap(magic: int) -> None:
     data, first = pcap(b"abc", b"defgh", magic=magic), len(pcap(b"abc", magic=magic))
     for end in range(first, len(data)):
-        frames = Frames(data[:end])
+        frames = CapturedPackets(data[:end])
         assert len(list(frames)) == 1
         assert frames.end == first
-    frames = Frames(data)
+    frames = CapturedPackets(data)
     assert len(list(frames)) == 2
     assert frames.end == len(data)
     assert frames.links == {1}
@@ -103,7 +103,7 @@ def test_blocks_of_a_pcapng(order: str) -> None:
     # A simple packet has no time.
     assert times(data) == [7, 9, 9]
     assert contents(data + data) == 2 * expected
-    frames = Frames(data)
+    frames = CapturedPackets(data)
     assert len(list(frames)) == 3
     assert (frames.end, frames.links, frames.unreadable) == (len(data), {113, 228}, 0)
 
@@ -117,7 +117,7 @@ def test_a_simple_packet_is_cut_by_the_first_interface() -> None:
 
 def test_a_section_forgets_the_interfaces_before() -> None:
     data = section() + interface(101) + packet(b"a") + section() + packet(b"b") + statistics()
-    frames = Frames(data)
+    frames = CapturedPackets(data)
     assert len(list(frames)) == 1
     assert frames.unreadable == 1
     assert frames.end == len(data)
@@ -127,7 +127,7 @@ def test_a_block_that_is_not_whole_ends_a_pcapng() -> None:
     first = section() + interface() + packet(b"abcd")
     data = first + packet(b"efgh")
     for end in range(len(first), len(data)):
-        frames = Frames(data[:end])
+        frames = CapturedPackets(data[:end])
         assert len(list(frames)) == 1
         assert frames.end == len(first)
 
@@ -143,7 +143,7 @@ def test_a_block_that_is_not_whole_ends_a_pcapng() -> None:
 )
 def test_a_damaged_block_ends_a_pcapng(fault: bytes) -> None:
     first = section() + interface() + packet(b"abcd")
-    frames = Frames(first + fault + packet(b"efgh"))
+    frames = CapturedPackets(first + fault + packet(b"efgh"))
     assert len(list(frames)) == 1
     assert frames.end == len(first)
 
@@ -161,7 +161,7 @@ def test_a_damaged_block_ends_a_pcapng(fault: bytes) -> None:
     ],
 )
 def test_a_packet_whose_fields_contradict_each_other_is_left_out(fault: bytes) -> None:
-    frames = Frames(section() + interface() + fault + packet(b"efgh"))
+    frames = CapturedPackets(section() + interface() + fault + packet(b"efgh"))
     assert len(list(frames)) == 1
     assert frames.unreadable == 1
     whole = section() + interface() + fault + packet(frame())
@@ -170,7 +170,7 @@ def test_a_packet_whose_fields_contradict_each_other_is_left_out(fault: bytes) -
 
 @pytest.mark.parametrize("kind", [2, 3, 6])
 def test_a_file_may_end_with_a_short_packet_block(kind: int) -> None:
-    frames = Frames(section() + interface() + packet(b"abcd") + block(kind, b""))
+    frames = CapturedPackets(section() + interface() + packet(b"abcd") + block(kind, b""))
     assert len(list(frames)) == 1
     assert frames.unreadable == 1
 
@@ -181,7 +181,7 @@ def test_a_packet_may_be_empty() -> None:
 
 
 def test_a_simple_packet_needs_an_interface() -> None:
-    frames = Frames(section() + simple_packet(b"abcd") + interface() + packet(b"efgh"))
+    frames = CapturedPackets(section() + simple_packet(b"abcd") + interface() + packet(b"efgh"))
     assert len(list(frames)) == 1
     assert frames.unreadable == 1
 
@@ -195,8 +195,8 @@ def test_a_packet_fills_its_block_to_the_last_byte() -> None:
 
 @pytest.mark.parametrize("data", [b"", b"\x0a\x0d\x0d\x0a" + bytes(24), bytes(24), b"PK" * 20])
 def test_other_bytes_are_no_capture(data: bytes) -> None:
-    assert not is_capture(data)
-    assert is_capture(section())
+    assert not is_packet_capture(data)
+    assert is_packet_capture(section())
 
 
 def test_streams_are_told_by_addresses_and_ports() -> None:
@@ -268,6 +268,6 @@ def test_what_a_capture_holds_is_counted() -> None:
 def test_any_bytes_after_a_header_end_somewhere(rest: bytes, form: str, at: int) -> None:
     whole = pcap(frame()) if form == "pcap" else section() + interface() + packet(frame())
     data = whole[:at] + rest + whole[at:]
-    frames = Frames(data)
+    frames = CapturedPackets(data)
     assert all(one.start <= one.end <= len(data) for one in frames)
     assert 0 <= frames.end <= len(data)

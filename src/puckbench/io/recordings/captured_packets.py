@@ -1,6 +1,6 @@
-"""Files of captured packets (pcap and pcapng) as frames, each with its link type and time.
+"""Link-layer packets of pcap and pcapng files, with their link types and times.
 
-dpkt takes all frames of a pcapng for those of one interface, and stops at blocks of some kinds.
+dpkt is not used: it ignores the interfaces of pcapng files, and stops at some blocks.
 
 References
 ----------
@@ -19,20 +19,20 @@ _MAGICS = {
     0xA1B23C4D: (10**9, 16),
     0xA1B2CD34: (10**6, 24),
 }
-"""Of a pcap: ticks of its clock in a second, and bytes of a record's header."""
+"""Ticks of the clock per second, and bytes of a record's header."""
 _PCAP_HEADER = 24
 _SECTION, _INTERFACE, _OLD_PACKET, _SIMPLE_PACKET, _PACKET = 0x0A0D0D0A, 1, 2, 3, 6
 _SECTION_START = b"\x0a\x0d\x0d\x0a"
 _SECTION_ORDERS = {b"\x4d\x3c\x2b\x1a": "<", b"\x1a\x2b\x3c\x4d": ">"}
-_LEAST_BLOCK = 12
+_MIN_BLOCK_BYTES = 12
 _RESOLUTION, _OFFSET = 9, 14
 """Options of an interface."""
 
 
-class Frame(NamedTuple):
-    """Where a captured packet lies in the bytes of its file.
+class CapturedPacket(NamedTuple):
+    """Position of a packet in a file, and its original length, before the snap length cut it.
 
-    received: s since 1970. length: bytes that it had before the snap length cut it.
+    ``received`` is in seconds since 1970.
     """
 
     link: int
@@ -43,7 +43,7 @@ class Frame(NamedTuple):
 
 
 class Interface(NamedTuple):
-    """An interface of a pcapng section: ticks of its clock in a second, s to add to its times."""
+    """Interface of a pcapng section, with ticks per second and the offset of its clock."""
 
     link: int
     snap_length: int
@@ -51,11 +51,11 @@ class Interface(NamedTuple):
     offset_s: int
 
 
-class Frames:
-    """The frames of a file's bytes.
+class CapturedPackets:
+    """Iterable of the packets in a file's bytes.
 
-    After iteration, `end` is where the last whole record or block ends, `links` are the link types
-    of the interfaces, and `unreadable` counts blocks of packets whose fields contradict each other.
+    After iteration, `end` is the end of the last complete record or block, `links` are the link
+    types of the interfaces, and `unreadable` is the number of inconsistent packet blocks.
     """
 
     def __init__(self, data: bytes) -> None:
@@ -63,12 +63,12 @@ class Frames:
         self.end = self.unreadable = 0
         self.links: set[int] = set()
 
-    def __iter__(self) -> Iterator[Frame]:
+    def __iter__(self) -> Iterator[CapturedPacket]:
         self.end = self.unreadable = 0
         layout = pcap_layout(self._data)
         return self._pcapng() if layout is None else self._pcap(*layout)
 
-    def _pcap(self, order: str, ticks: int, header: int) -> Iterator[Frame]:
+    def _pcap(self, order: str, ticks: int, header: int) -> Iterator[CapturedPacket]:
         link = unpack_from(order + "I", self._data, 20)[0] & 0xFFFF
         self.links, self.end = {link}, _PCAP_HEADER
         record = Struct(order + "IIII")
@@ -78,9 +78,9 @@ class Frames:
             if end > len(self._data):
                 return
             self.end = end
-            yield Frame(link, seconds + fraction / ticks, start, end, length)
+            yield CapturedPacket(link, seconds + fraction / ticks, start, end, length)
 
-    def _pcapng(self) -> Iterator[Frame]:
+    def _pcapng(self) -> Iterator[CapturedPacket]:
         order, interfaces, received = "<", list[Interface](), 0.0
         while (block := self._block(order)) is not None:
             order, kind, start, end = block
@@ -91,39 +91,39 @@ class Frames:
                 interfaces.append(_interface(self._data[start:end], order))
                 self.links.add(interfaces[-1].link)
             elif kind in (_OLD_PACKET, _SIMPLE_PACKET, _PACKET):
-                frame = _packet(self._data, kind, start, end, order, interfaces)
-                if frame is None:
+                packet = _packet(self._data, kind, start, end, order, interfaces)
+                if packet is None:
                     self.unreadable += 1
                     continue
-                # A simple packet has no time: that of the one before stands for it.
-                received = received if kind == _SIMPLE_PACKET else frame.received
-                yield frame._replace(received=received)
+                # A simple packet has no time and takes that of the packet before.
+                received = received if kind == _SIMPLE_PACKET else packet.received
+                yield packet._replace(received=received)
 
     def _block(self, order: str) -> tuple[str, int, int, int] | None:
-        """Byte order, type, and start and end of the body of the next block; None if cut off."""
+        """Byte order, type, start and end of the next block's body; None if it is truncated."""
         data, at = self._data, self.end
-        if at + _LEAST_BLOCK > len(data):
+        if at + _MIN_BLOCK_BYTES > len(data):
             return None
         if data[at : at + 4] == _SECTION_START:
             order = _SECTION_ORDERS.get(data[at + 8 : at + 12], "")
         if not order:
             return None
         kind, size = unpack_from(order + "II", data, at)
-        if not _LEAST_BLOCK <= size <= len(data) - at:
+        if not _MIN_BLOCK_BYTES <= size <= len(data) - at:
             return None
         end = at + size - 4
-        is_whole = unpack_from(order + "I", data, end)[0] == size
-        return (order, kind, at + 8, end) if is_whole else None
+        is_complete = unpack_from(order + "I", data, end)[0] == size
+        return (order, kind, at + 8, end) if is_complete else None
 
 
-def is_capture(data: bytes) -> bool:
-    """Whether bytes begin as a pcap or a pcapng file."""
+def is_packet_capture(data: bytes) -> bool:
+    """Return whether bytes begin as a pcap or pcapng file."""
     is_section = data.startswith(_SECTION_START) and data[8:12] in _SECTION_ORDERS
     return is_section or pcap_layout(data) is not None
 
 
 def pcap_layout(data: bytes) -> tuple[str, int, int] | None:
-    """Byte order, ticks of the clock in a second, and bytes of a record's header of a pcap."""
+    """Return byte order, ticks per second and record header size of a pcap file; else None."""
     if len(data) < _PCAP_HEADER:
         return None
     for order in "<>":
@@ -144,7 +144,6 @@ def _interface(body: bytes, order: str) -> Interface:
 
 
 def _options(body: bytes, order: str, at: int = 8) -> Iterator[tuple[int, bytes]]:
-    """Codes and values of a block's options."""
     while at + 4 <= len(body):
         code, length = unpack_from(order + "HH", body, at)
         yield code, body[at + 4 : at + 4 + length]
@@ -153,8 +152,8 @@ def _options(body: bytes, order: str, at: int = 8) -> Iterator[tuple[int, bytes]
 
 def _packet(
     data: bytes, kind: int, start: int, end: int, order: str, interfaces: list[Interface]
-) -> Frame | None:
-    """The frame of a block's body; None where its fields contradict each other."""
+) -> CapturedPacket | None:
+    """The packet of a block's body; None if its fields are inconsistent."""
     if kind == _SIMPLE_PACKET:
         return _simple_packet(data, start, end, order, interfaces)
     form = order + ("IIIII" if kind == _PACKET else "HxxIIII")
@@ -166,12 +165,12 @@ def _packet(
         return None
     interface = interfaces[number]
     received = (high << 32 | low) / interface.ticks + interface.offset_s
-    return Frame(interface.link, received, start, start + captured, length)
+    return CapturedPacket(interface.link, received, start, start + captured, length)
 
 
 def _simple_packet(
     data: bytes, start: int, end: int, order: str, interfaces: list[Interface]
-) -> Frame | None:
+) -> CapturedPacket | None:
     if end - start < 4 or not interfaces:
         return None
     length = unpack_from(order + "I", data, start)[0]
@@ -179,4 +178,4 @@ def _simple_packet(
     captured = min(length, interfaces[0].snap_length or length)
     if captured > end - start:
         return None
-    return Frame(interfaces[0].link, 0.0, start, start + captured, length)
+    return CapturedPacket(interfaces[0].link, 0.0, start, start + captured, length)

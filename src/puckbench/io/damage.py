@@ -1,0 +1,27 @@
+"""Parser errors caused by damaged files, turned into one-line messages."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from puckbench.core.errors import InputError
+
+_MAX_LENGTH = 120
+_NEEDS_NAME = (AssertionError, AttributeError, LookupError, TypeError)
+"""Exceptions whose message alone says little: KeyError's is just the key."""
+
+
+@contextmanager
+def reading(kind: str, *errors: type[Exception]) -> Iterator[None]:
+    """Turn exceptions of these types into an InputError: not a readable ``kind``, and why."""
+    try:
+        yield
+    except errors as error:
+        raise InputError(f"not a readable {kind} ({one_line(error)})") from error
+
+
+def one_line(error: Exception) -> str:
+    """Return an exception's message in one line, shortened to 120 characters."""
+    text = " ".join(str(error).split())[:_MAX_LENGTH]
+    return f"{type(error).__name__}: {text}" if isinstance(error, _NEEDS_NAME) or not text else text

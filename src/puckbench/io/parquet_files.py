@@ -1,0 +1,40 @@
+"""Parquet files: their metadata, and the memory that reading them takes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from puckbench.core.errors import InputError
+from puckbench.io.isolated import parser_limits
+
+_VALUE_BYTES = 8
+
+
+def check_parquet_memory(path: Path) -> None:
+    """Raise InputError if a file's values take more memory than `parser_limits` allows.
+
+    A small file can hold a huge number of equal values. Other formats are left to their reader.
+    """
+    from pyarrow import ArrowException, parquet
+
+    try:
+        metadata = parquet.read_metadata(path)
+    except (OSError, UnicodeDecodeError, ArrowException):
+        return
+    limit, _ = parser_limits(path.stat().st_size)
+    if metadata.num_rows * metadata.num_columns * _VALUE_BYTES > limit:
+        raise InputError(
+            f"{path}: {metadata.num_rows} rows of {metadata.num_columns} columns take more than "
+            f"{limit / 2**30:.3g} GiB, too much for a file of its size"
+        )
+
+
+def parquet_metadata(path: Path) -> dict[bytes, bytes]:
+    """Return the metadata of a Parquet file's schema; nothing for other files."""
+    from pyarrow import ArrowException, parquet
+
+    try:
+        metadata: dict[bytes, bytes] = parquet.read_schema(path).metadata or {}
+    except (OSError, UnicodeDecodeError, ArrowException):
+        return {}
+    return metadata

@@ -1,0 +1,150 @@
+"""Tables of LiDAR returns with declared columns, stored as Parquet files with units.
+
+A subclass of `ReturnTable` declares its columns in a `TableSchema`.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, ClassVar, Self, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.core.errors import InputError
+from puckbench.core.files import object_of, written_whole
+from puckbench.geometry.cloud import Floats
+from puckbench.io.parquet_files import check_parquet_memory
+
+ColumnSpecs = dict[str, tuple[str, str, str]]
+"""(NumPy type, unit, description) of each column, in the order of the file."""
+
+
+@dataclass(frozen=True)
+class TableSchema:
+    """Title, metadata key in the Parquet file, and columns of a kind of table."""
+
+    name: str
+    metadata_key: str
+    columns: ColumnSpecs
+
+
+@dataclass(frozen=True)
+class ReturnTable:
+    """Columns (n,) by name, and a description of how the returns were made."""
+
+    schema: ClassVar[TableSchema]
+
+    columns: dict[str, NDArray[Any]]
+    about: dict[str, Any] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return len(self.columns["distance"])
+
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        return self.columns[name]
+
+    @property
+    def xyz(self) -> Floats:
+        """Points in metres, (n, 3)."""
+        return self.vectors("x", "y", "z")
+
+    def vectors(self, *names: str) -> Floats:
+        """Return some columns as an array, (n, number of names)."""
+        return np.column_stack([self.columns[name] for name in names])
+
+    def select(self, rows: NDArray[Any]) -> Self:
+        """Return the rows of a mask, indices or slice."""
+        return replace(self, columns={name: part[rows] for name, part in self.columns.items()})
+
+
+T = TypeVar("T", bound=ReturnTable)
+
+
+def empty_columns(schema: TableSchema, rows: int) -> dict[str, NDArray[Any]]:
+    """Allocate columns of undefined values."""
+    return {name: np.empty(rows, dtype=kind) for name, (kind, _, _) in schema.columns.items()}
+
+
+def write_return_table(path: Path, table: ReturnTable) -> None:
+    """Write a Parquet file with the unit and description of each column in its metadata."""
+    from pyarrow import parquet
+
+    with written_whole(path) as temporary:
+        parquet.write_table(_arrow_table(table), temporary, **_encoding(table.schema))
+
+
+def write_portions(path: Path, portions: Iterator[ReturnTable]) -> int:
+    """Write a table portion by portion, each a row group; return the number of rows.
+
+    Only one portion is in memory at a time. The file has the first one's description. Raises
+    ValueError without any portion.
+    """
+    from pyarrow import parquet
+
+    first = next(portions, None)
+    if first is None:
+        raise ValueError("a table without a portion")
+    rows, count, encoding = _arrow_table(first), len(first), _encoding(first.schema)
+    with (
+        written_whole(path) as temporary,
+        parquet.ParquetWriter(temporary, rows.schema, **encoding) as writer,
+    ):
+        writer.write_table(rows, row_group_size=count)
+        del first, rows  # frees the memory
+        for portion in portions:
+            writer.write_table(_arrow_table(portion, writer.schema), row_group_size=len(portion))
+            count += len(portion)
+    return count
+
+
+def read_return_table(path: Path, kind: type[T]) -> T:
+    """Read a table of a given kind; InputError if it is missing, damaged or lacks a column."""
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    schema = kind.schema
+    check_parquet_memory(path)
+    try:
+        rows = parquet.read_table(path)
+        names = rows.column_names
+    except (OSError, UnicodeDecodeError, pa.ArrowException) as error:
+        reason = "no such file" if not path.exists() else "not a readable Parquet file"
+        raise InputError(f"{path}: {reason}") from error
+    missing = [name for name in schema.columns if name not in names]
+    if missing:
+        raise InputError(f"{path}: not a {schema.name}, it lacks {', '.join(missing)}")
+    text = (rows.schema.metadata or {}).get(schema.metadata_key.encode(), b"{}")
+    about = object_of(text, f"{path}: its metadata")
+    columns = {
+        name: rows.column(name).to_numpy().astype(form, copy=False)
+        for name, (form, _, _) in schema.columns.items()
+    }
+    return kind(columns, about)
+
+
+def _arrow_table(table: ReturnTable, schema: Any = None) -> Any:
+    """Convert a table; without a `schema` its description is in the metadata."""
+    import pyarrow as pa
+
+    if schema is None:
+        about = json.dumps(table.about, sort_keys=True, allow_nan=False)
+        fields = [_arrow_field(name, *spec) for name, spec in table.schema.columns.items()]
+        schema = pa.schema(fields).with_metadata({table.schema.metadata_key: about})
+    return pa.table([pa.array(table[name]) for name in table.schema.columns], schema=schema)
+
+
+def _arrow_field(name: str, kind: str, unit: str, description: str) -> Any:
+    import pyarrow as pa
+
+    metadata = {"unit": unit, "description": description}
+    return pa.field(name, pa.from_numpy_dtype(np.dtype(kind)), nullable=False, metadata=metadata)
+
+
+def _encoding(schema: TableSchema) -> dict[str, Any]:
+    doubles = [name for name, (kind, _, _) in schema.columns.items() if kind == "<f8"]
+    others = [name for name in schema.columns if name not in doubles]
+    return {"compression": "zstd", "use_byte_stream_split": doubles, "use_dictionary": others}

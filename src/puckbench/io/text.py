@@ -1,0 +1,275 @@
+"""Points as text, one line of numbers each (XYZ, CSV, TXT, ASC, PTS)."""
+
+from __future__ import annotations
+
+import codecs
+import csv
+import io
+import logging
+import re
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.core.content import read_content
+from puckbench.core.errors import InputError, naming
+from puckbench.core.files import written_whole
+from puckbench.io.damage import one_line
+from puckbench.io.point_columns import Columns, default_columns, has_coordinates
+
+_BINARY_CHECK_BYTES = 1 << 16
+_COMMENT = ("#", "//")
+_COMMENTS = re.compile(rb"(?m)^[ \t]*(?:#|//)[^\n]*\n?")
+_COUNT = re.compile(r"[ \t]*\d{1,18}[ \t]*", re.ASCII)
+_COUNTS = re.compile(rb"(?m)^[ \t]*(\d{1,18})[ \t]*(?:\n|\Z)")
+_NUMBER = re.compile(r"[-+]?(\d+[.,]?\d*|[.,]\d+)(e[-+]?\d+)?|[-+]?(nan|inf)", re.IGNORECASE)
+_COMMA = re.compile(r"[-+]?\d+,\d+(e[-+]?\d+)?", re.IGNORECASE)
+_SEPARATORS = ";,\t "
+_MIN_NUMBERS = 3
+"""Numbers in the line of a point."""
+_BYTE_ENCODING = "latin-1"
+_MAX_COMMENTS = 100
+"""Number of comments before the points that are searched for the names of columns."""
+_MAX_BLOCK_BYTES = 2**31 - 1
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class _Header:
+    """Lines before the points.
+
+    ``titles``: lines of words; ``comments``: without their signs; ``has_count``: a line has the
+    number of points (PTS); ``first``: the line of the first point.
+    """
+
+    titles: Sequence[str]
+    comments: Sequence[str]
+    has_count: bool
+    first: str
+
+
+def read_text(path: Path) -> Columns:
+    """Read the numeric columns of a text file, named by a line before the points or by convention.
+
+    Values are separated by commas, semicolons, tabs or spaces, and may have a decimal comma.
+    Comments and point counts (PTS) are skipped. Raises InputError if the file is missing or empty,
+    a line has words for numbers, or the numbers of names or points are wrong.
+    """
+    data = read_content(path)
+    with naming(path):
+        names, columns = _table(_unified(data), path)
+        return _numeric_columns(names, columns, path)
+
+
+def read_csv(path: Path) -> Columns:
+    """Read a text file as `read_text` does, with names in lower case."""
+    return {name.lower(): values for name, values in read_text(path).items()}
+
+
+def write_csv(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
+    """Write columns with a line of names, and the fewest digits that preserve each number."""
+    import pyarrow as pa
+    from pyarrow import csv
+
+    table = pa.table({name: np.ascontiguousarray(part) for name, part in columns.items()})
+    with written_whole(path) as temporary:
+        csv.write_csv(table, temporary, csv.WriteOptions(quoting_style="none"))
+
+
+def _unified(data: bytes) -> bytes:
+    """Convert text to UTF-8 with Unix line ends."""
+    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        data = data.decode("utf-16", "replace").encode()
+    if b"\0" in data[:_BINARY_CHECK_BYTES]:
+        raise InputError("not a text file")
+    data = data.removeprefix(codecs.BOM_UTF8).replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    return re.sub(rb"(?m)^[ \t]+$", b"", data)
+
+
+def _table(data: bytes, path: Path) -> tuple[list[str], list[NDArray[Any]]]:
+    """Names and columns of a text."""
+    lines = io.TextIOWrapper(io.BytesIO(data), _BYTE_ENCODING)
+    header = _header(line.rstrip("\n") for line in lines)
+    if not header.first:
+        raise InputError("the cloud is empty")
+    body, count = _body(data, header)
+    separator = _separator(header.first)
+    columns = _parsed(body, separator)
+    if count not in (None, len(columns[0])):
+        raise InputError(f"{len(columns[0])} points, but its header says {count}")
+    names = _names(header, separator, columns)
+    if names:
+        return names, columns[: len(names)]
+    return _with_default_names(columns, header.first, path)
+
+
+def _header(lines: Iterable[str]) -> _Header:
+    titles: list[str] = []
+    comments: list[str] = []
+    has_count = False
+    for line in lines:
+        words = re.split(r"[,;\s]+", line.strip(" ,;\t"))
+        numbers = sum(_NUMBER.fullmatch(word.strip("\"'")) is not None for word in words)
+        if line.lstrip().startswith(_COMMENT):
+            comments.append(line.strip().lstrip("#/").strip())
+        elif words == [""]:
+            continue
+        elif not has_count and _COUNT.fullmatch(line):
+            has_count = True
+        elif numbers >= _MIN_NUMBERS or numbers == len(words):
+            return _Header(titles, comments, has_count, line)
+        else:
+            titles.append(line)
+    return _Header(titles, comments, has_count, "")
+
+
+def _body(data: bytes, header: _Header) -> tuple[bytes, int | None]:
+    """The lines of points, and the number of points if the file has it."""
+    if header.comments or b"#" in data or b"//" in data:
+        data = _COMMENTS.sub(b"", data)
+    count = None
+    if header.has_count:
+        count = sum(map(int, _COUNTS.findall(data)))
+        data = _COUNTS.sub(b"", data)
+    for _ in header.titles:
+        data = data.lstrip(b"\n").partition(b"\n")[2]
+    for title in header.titles:  # concatenated files repeat them
+        data = data.replace(f"\n{title}\n".encode(_BYTE_ENCODING), b"\n")
+    return data, count
+
+
+def _separator(line: str) -> str:
+    words, fields = line.split(), [field.split() for field in line.rstrip().split("\t")]
+    if ";" in line:
+        return ";"
+    if "," in line and not (len(words) >= _MIN_NUMBERS and all(map(_COMMA.fullmatch, words))):
+        return ","
+    return "\t" if len(fields) > 1 and all(map(_is_one_value, fields)) else " "
+
+
+def _is_one_value(words: Sequence[str]) -> bool:
+    """Whether words between two tabs are one value: a number, or a text without numbers."""
+    return len(words) == 1 or (bool(words) and not any(map(_NUMBER.fullmatch, words)))
+
+
+def _parsed(data: bytes, separator: str) -> list[NDArray[Any]]:
+    """Columns of the lines of points; nan for empty ones."""
+    import pyarrow as pa
+    from pyarrow import csv as arrow
+
+    if separator == " ":
+        data = re.sub(rb"(?m)^ | $", b"", re.sub(rb"[ \t]+", b" ", data))
+    has_decimal_comma = separator != "," and re.search(rb"\d,\d", data[:_BINARY_CHECK_BYTES])
+    block_size = min(len(data) + 1, _MAX_BLOCK_BYTES)  # Arrow infers types from the first block
+    try:
+        table = arrow.read_csv(
+            io.BytesIO(data),
+            arrow.ReadOptions(autogenerate_column_names=True, block_size=block_size),
+            arrow.ParseOptions(delimiter=separator),
+            arrow.ConvertOptions(decimal_point="," if has_decimal_comma else "."),
+        )
+    except pa.ArrowException as error:
+        raise InputError(f"not a table of numbers ({one_line(error)})") from error
+    return [
+        np.full(len(column), np.nan) if pa.types.is_null(column.type) else column.to_numpy()
+        for column in table.columns
+    ]
+
+
+def _names(header: _Header, separator: str, columns: Sequence[NDArray[Any]]) -> list[str]:
+    """Names of the columns, from the titles or else the comments; empty without any.
+
+    Raises InputError if the number of names is wrong, or a name is repeated.
+    """
+    lines = header.titles or list(filter(_has_names, header.comments[-_MAX_COMMENTS:]))
+    candidates = [names for line in lines if (names := _matching_names(line, separator, columns))]
+    if lines and not candidates:
+        count = len(_split(lines[-1], separator))
+        raise InputError(f"{count} names ({lines[-1][:60]!r}) for {len(columns)} columns")
+    default = candidates[-1] if candidates else []
+    names = next(filter(has_coordinates, reversed(candidates)), default)
+    for name, count in Counter(map(str.lower, filter(None, names))).items():
+        if count > 1:
+            raise InputError(f"two columns are named {name}")
+    return names
+
+
+def _has_names(comment: str) -> bool:
+    return any(has_coordinates(_split(comment, separator)) for separator in _SEPARATORS)
+
+
+def _matching_names(line: str, separator: str, columns: Sequence[NDArray[Any]]) -> list[str]:
+    """The names in a line, one for each column but empty ones at the end, with any separator.
+
+    numpy.savetxt separates names and numbers differently.
+    """
+    splits = [_split(line, each) for each in (separator, *_SEPARATORS)]
+    matching = [
+        names
+        for names in splits
+        if len(names) <= len(columns) and all(map(_is_empty, columns[len(names) :]))
+    ]
+    return next(filter(has_coordinates, matching), matching[0] if matching else [])
+
+
+def _split(line: str, separator: str) -> list[str]:
+    """The names in a line, without empty ones at its end."""
+    line = " ".join(line.split()) if separator == " " else line
+    line = line.encode(_BYTE_ENCODING).decode("utf-8", "replace").strip(" \n")
+    names = [name.strip(" \t\"'") for name in next(csv.reader([line], delimiter=separator), [])]
+    while names and not names[-1]:
+        names.pop()
+    return names
+
+
+def _with_default_names(
+    columns: list[NDArray[Any]], first: str, path: Path
+) -> tuple[list[str], list[NDArray[Any]]]:
+    while columns and _is_empty(columns[-1]):
+        columns = columns[:-1]
+    if len(columns) < _MIN_NUMBERS or not all(each.dtype.kind in "fiu" for each in columns):
+        raise InputError(f"not a table of numbers (a line begins {first[:40]!r})")
+    points = _without_pandas_header(columns)
+    if points is not columns:
+        _log.warning("%s: its first line numbers the columns, and is no point", path)
+    return list(default_columns(np.column_stack(points))), points
+
+
+def _without_pandas_header(columns: list[NDArray[Any]]) -> list[NDArray[Any]]:
+    """Remove a first line 0, 1, 2, ..., which pandas writes for unnamed columns.
+
+    If that line begins with an empty value, the first column is pandas' index, and removed too.
+    """
+    first = [float(each[0]) for each in columns]
+    has_index = bool(np.isnan(first[0])) and len(columns) > _MIN_NUMBERS
+    if first[has_index:] != [*map(float, range(len(columns) - has_index))]:
+        return columns
+    is_integer = all((each == np.rint(each)).all() for each in columns)
+    return columns if is_integer and not has_index else [each[1:] for each in columns[has_index:]]
+
+
+def _is_empty(column: NDArray[Any]) -> bool:
+    return column.dtype.kind == "f" and bool(np.isnan(column).all())
+
+
+def _numeric_columns(names: Sequence[str], columns: Sequence[NDArray[Any]], path: Path) -> Columns:
+    """Numeric columns by name; a warning lists the others."""
+    named = {name: column for name, column in zip(names, columns, strict=True) if name}
+    numeric = {name: column for name, column in named.items() if column.dtype.kind in "fiu"}
+    others = [name for name in named if name not in numeric]
+    if has_coordinates(named) and not has_coordinates(numeric):
+        raise InputError(f"not a table of numbers ({_first_word(others[0], named)})")
+    if others:
+        _log.warning("%s: columns without numbers are left out: %s", path, ", ".join(others))
+    return numeric
+
+
+def _first_word(name: str, columns: Columns) -> str:
+    texts = map(str, columns[name])
+    word = next((text for text in texts if not _NUMBER.fullmatch(text.strip())), "")
+    return f"column {name} has {word!r}"
