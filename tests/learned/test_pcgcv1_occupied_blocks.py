@@ -15,9 +15,9 @@ from puckbench.learned.pcgcv1.inference import CpuTransforms
 from puckbench.learned.pcgcv1.model import coded_blocks
 from puckbench.learned.pcgcv1.occupied_blocks import (
     blocks_of,
+    cubes_with_blocks,
     most_likely_per_block,
     pooled,
-    support_of,
 )
 from puckbench.learned.pcgcv1.training import rate_distortion_loss
 from puckbench.learned.pcgcv1.weights import Pcgcv1Weights, save_weights
@@ -50,7 +50,7 @@ def _voxels(count: int = 300) -> np.ndarray:
 
 def test_blocks_come_back_as_cubes_and_their_blocks() -> None:
     cubes = cubes_of(_voxels(), 16)
-    support = support_of(blocks_of(cubes)[::-1], 16)
+    support = cubes_with_blocks(blocks_of(cubes)[::-1], 16)
     assert np.array_equal(support.positions, cubes.positions)
     corners = np.argwhere(support.blocks)
     found = support.positions[corners[:, 0]] * 4 + corners[:, 1:]
@@ -58,7 +58,7 @@ def test_blocks_come_back_as_cubes_and_their_blocks() -> None:
 
 
 def test_no_cubes_have_no_blocks() -> None:
-    support = support_of(np.empty((0, 3), dtype=np.int64), 16)
+    support = cubes_with_blocks(np.empty((0, 3), dtype=np.int64), 16)
     assert support.positions.shape == (0, 3)
     assert support.blocks.shape == (0, 4, 4, 4)
 

@@ -1,4 +1,4 @@
-"""Coding a cloud with a set of PCGCv1's weights: cubes, transforms, entropy coding."""
+"""Coding of points with PCGCv1: cubes, transforms, entropy coding."""
 
 from __future__ import annotations
 
@@ -36,11 +36,11 @@ from puckbench.learned.pcgcv1.occupied_blocks import (
     Bools,
     CodedCubes,
     blocks_of,
-    full_support,
+    cubes_with_all_blocks,
+    cubes_with_blocks,
     most_likely_per_block,
     pooled,
     rows_of,
-    support_of,
 )
 from puckbench.learned.pcgcv1.stream import BATCH, CubeBatch, Pcgcv1Stream, check_work, max_sparse
 from puckbench.learned.pcgcv1.weights import Pcgcv1Weights
@@ -61,29 +61,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Pcgcv1Encoder:
-    """Codes points at one rate of a set of weights.
-
-    Parameters
-    ----------
-    weights
-        The network.
-    rate
-        Index of the rate among those of the weights.
-    scale
-        Voxels of a unit.
-    rho
-        Decoded voxels for each occupied one.
-    min_points
-        Voxels of a cube that the network codes.
-    sparse_cubes
-        Code smaller cubes losslessly; otherwise drop them, as the authors' program does.
-    threads
-        Number of threads, by default PyTorch's.
-    context_mixing
-        Code the latent so; otherwise with the tables of its Laplace distributions alone.
-    point_reconstruction
-        Decode as many points as were coded, not one for each voxel.
-    """
+    """Encodes points at one rate of a set of weights. The fields are options of `codec.encode`."""
 
     weights: Pcgcv1Weights
     rate: int
@@ -96,51 +74,51 @@ class Pcgcv1Encoder:
     point_reconstruction: bool = True
 
     def encode(self, points: Floats) -> Pcgcv1Stream:
-        """Code points (n, 3), n >= 1; InputError for what a decoder would refuse."""
+        """Encode points (n, 3), n >= 1; raise InputError if a decoder would refuse the stream."""
         side = self.weights.shape.cube_size
         cubes = cubes_of(np.rint(points * self.scale).astype(np.int64), side)
-        dense = cubes.counts >= self.min_points
-        sparse = encode_voxels(cubes.selected(~dense).voxels()) if self.sparse_cubes else b""
-        kept = cubes.selected(dense)
+        is_dense = cubes.counts >= self.min_points
+        sparse = encode_voxels(cubes.selected(~is_dense).voxels()) if self.sparse_cubes else b""
+        kept = cubes.selected(is_dense)
         counts = np.clip(np.rint(self.rho * kept.counts), 1, side**3).astype(np.int64)
         positions = blocks_of(kept) if self.weights.shape.occupied_blocks else kept.positions
-        support = _support(positions, self.weights)
+        coded_cubes = _coded_cubes(positions, self.weights)
         with thread_pool(self.threads) as pool:
             parts = [
-                self._analyse(kept, support.blocks[batch], batch.start, pool)
+                self._analyse(kept, coded_cubes.blocks[batch], batch.start, pool)
                 for batch in _batches(len(counts))
             ]
-        coded_at = latent_positions(support) if self.context_mixing else None
+        latent_order = latent_positions(coded_cubes) if self.context_mixing else None
         density = 0
         if self.point_reconstruction:
             density = points_per_voxel(len(points), len(cubes.keys), self.rho)
-        coded = Pcgcv1Stream(
+        content = Pcgcv1Stream(
             self.weights.digest,
             self.rate,
             self.scale,
             len(counts),
-            coded_at is not None,
+            latent_order is not None,
             density,
             encode_voxels(positions),
             encode_counts(counts, side**3),
             sparse,
-            _encode_latents(parts, coded_at),
+            _encode_latents(parts, latent_order),
             tuple(part.batch for part in parts),
         )
-        check_work(coded, side, int(counts.sum()))
-        if len(cubes.keys) - len(kept.keys) > max_sparse(coded) and self.sparse_cubes:
+        check_work(content, side, int(counts.sum()))
+        if len(cubes.keys) - len(kept.keys) > max_sparse(content) and self.sparse_cubes:
             raise InputError("the cloud has too many voxels in sparse cubes")
-        return coded
+        return content
 
     def _analyse(
         self, cubes: OccupiedCubes, blocks: Bools, first: int, pool: ThreadPool
     ) -> _EncodedBatch:
-        def one(cube: int) -> tuple[Integers, Integers, TableIndexes]:
+        def code_cube(cube: int) -> tuple[Integers, Integers, TableIndexes]:
             x = occupancy(cubes.keys_of(first + cube), cubes.side)
             y_hat, z_hat = self.weights.network.analyse(x, self.rate)
             return y_hat, z_hat, self.weights.hyper_synthesis.tables(z_hat)
 
-        y_hats, z_hats, tables = zip(*_each(len(blocks), one, pool), strict=True)
+        y_hats, z_hats, tables = zip(*_map_cubes(len(blocks), code_cube, pool), strict=True)
         indexes = joined(np.stack, tables)
         hyper = encode_hyper(np.stack(z_hats), pooled(blocks), self.weights.tables[self.rate])
         batch = CubeBatch(checksum(indexes), hyper)
@@ -148,59 +126,63 @@ class Pcgcv1Encoder:
 
 
 class Pcgcv1Decoder:
-    """Decodes streams made with a set of weights."""
+    """Decodes streams that were made with a set of weights."""
 
     def __init__(self, weights: Pcgcv1Weights, threads: int | None = None) -> None:
         self.weights, self.threads = weights, threads
 
-    def decode(self, coded: Pcgcv1Stream) -> Floats:
-        """The points (m, 3); InputError when the stream is damaged."""
+    def decode(self, content: Pcgcv1Stream) -> Floats:
+        """Return the points (m, 3) of a stream; raise InputError if it is damaged."""
         side = self.weights.shape.cube_size
-        check_work(coded, side, 0)
-        counts = decode_counts(coded.counts, coded.cubes, side**3)
-        check_work(coded, side, sum(counts))
+        check_work(content, side, 0)
+        counts = decode_counts(content.counts, content.cubes, side**3)
+        check_work(content, side, sum(counts))
         blocks = (side // STRIDE) ** 3 if self.weights.shape.occupied_blocks else 1
-        support = _support(decode_voxels(coded.positions, coded.cubes * blocks), self.weights)
-        if len(support.positions) != coded.cubes:
+        coded_cubes = _coded_cubes(
+            decode_voxels(content.positions, content.cubes * blocks), self.weights
+        )
+        if len(coded_cubes.positions) != content.cubes:
             raise InputError("the stream is damaged (positions)")
-        sparse = decode_voxels(coded.sparse, max_sparse(coded))
+        sparse = decode_voxels(content.sparse, max_sparse(content))
         if len(sparse) + len(counts) == 0:
             raise InputError("the stream is damaged (it holds no points)")
-        check_points_per_voxel(coded.points_per_voxel, len(sparse) + sum(counts))
-        parts = self._decode_cubes(coded, support, counts)
-        density = coded.points_per_voxel
+        check_points_per_voxel(content.points_per_voxel, len(sparse) + sum(counts))
+        parts = self._decode_cubes(content, coded_cubes, counts)
+        density = content.points_per_voxel
         points = [reconstructed_points(known_blocks(sparse), density)] if len(sparse) else []
         points += [reconstructed_points(concatenated(parts), density)] if parts else []
-        return np.concatenate(points) / coded.scale
+        return np.concatenate(points) / content.scale
 
     def _decode_cubes(
-        self, coded: Pcgcv1Stream, support: CodedCubes, counts: list[int]
+        self, content: Pcgcv1Stream, coded_cubes: CodedCubes, counts: list[int]
     ) -> list[SiblingBlocks]:
         side, parts = self.weights.shape.cube_size, []
-        batches = _batches(coded.cubes)
+        batches = _batches(content.cubes)
         with thread_pool(self.threads) as pool:
-            blocks = [support.blocks[cubes] for cubes in batches]
+            blocks = [coded_cubes.blocks[cubes] for cubes in batches]
             indexes = [
-                self._indexes(coded.rate, batch, own, pool)
-                for batch, own in zip(coded.batches, blocks, strict=True)
+                self._indexes(content.rate, batch, cube_blocks, pool)
+                for batch, cube_blocks in zip(content.batches, blocks, strict=True)
             ]
-            latents = _decode_latents(coded, indexes, support)
-            for cubes, own, rows in zip(batches, blocks, latents, strict=True):
-                found = self._synthesise(coded.rate, own, rows, counts[cubes], pool)
-                corners = support.positions[cubes] * (side // 2)
+            latents = _decode_latents(content, indexes, coded_cubes)
+            for cubes, cube_blocks, rows in zip(batches, blocks, latents, strict=True):
+                decoded_cubes = self._synthesise(
+                    content.rate, cube_blocks, rows, counts[cubes], pool
+                )
+                corners = coded_cubes.positions[cubes] * (side // 2)
                 parts += [
                     cube._replace(positions=cube.positions + corner)
-                    for cube, corner in zip(found, corners, strict=True)
+                    for cube, corner in zip(decoded_cubes, corners, strict=True)
                 ]
         return parts
 
     def _indexes(
         self, rate: int, batch: CubeBatch, blocks: Bools, pool: ThreadPool
     ) -> TableIndexes:
-        """The tables (n, channels) of a batch's latent; InputError when damaged."""
+        """Return the tables (n, channels) of a batch's latent; raise InputError if damaged."""
         z_hats = decode_hyper(batch.hyper, pooled(blocks), self.weights.tables[rate])
         tables = self.weights.hyper_synthesis.tables
-        indexes = joined(np.stack, _each(len(blocks), lambda k: tables(z_hats[k]), pool))
+        indexes = joined(np.stack, _map_cubes(len(blocks), lambda k: tables(z_hats[k]), pool))
         if checksum(indexes) != batch.check:
             raise InputError("this machine chose other entropy tables than the encoder's")
         return indexes.rows(blocks)
@@ -211,7 +193,7 @@ class Pcgcv1Decoder:
         y_hats = np.zeros((*blocks.shape, rows.shape[1]), dtype=np.int32)
         y_hats[blocks] = rows
 
-        def one(cube: int) -> SiblingBlocks:
+        def code_cube(cube: int) -> SiblingBlocks:
             y_hat = np.ascontiguousarray(np.moveaxis(y_hats[cube], -1, 0))
             logits = self.weights.network.synthesise(y_hat, rate, blocks[cube])
             if self.weights.shape.occupied_blocks:
@@ -220,16 +202,16 @@ class Pcgcv1Decoder:
                 keys = most_likely(logits, counts[cube])
             return sibling_blocks_of(logits, keys)
 
-        return _each(len(blocks), one, pool)
+        return _map_cubes(len(blocks), code_cube, pool)
 
 
 @dataclass(frozen=True)
 class _EncodedBatch:
-    """A batch of cubes: its hyper-latents, its latent (n, channels) and the latent's tables."""
+    """A batch of cubes with its latent."""
 
     batch: CubeBatch
-    y_hat: Integers
-    indexes: TableIndexes
+    y_hat: Integers  # (n, channels)
+    indexes: TableIndexes  # tables of y_hat
 
 
 def _encode_latents(parts: list[_EncodedBatch], positions: LatentPositions | None) -> bytes:
@@ -242,23 +224,23 @@ def _encode_latents(parts: list[_EncodedBatch], positions: LatentPositions | Non
 
 
 def _decode_latents(
-    coded: Pcgcv1Stream, parts: list[TableIndexes], support: CodedCubes
+    content: Pcgcv1Stream, parts: list[TableIndexes], coded_cubes: CodedCubes
 ) -> list[Integers]:
     if not parts:
         return []
     indexes = joined(np.concatenate, parts)
-    positions = latent_positions(support) if coded.context_mixing else None
-    if coded.context_mixing and positions is None:
+    positions = latent_positions(coded_cubes) if content.context_mixing else None
+    if content.context_mixing and positions is None:
         raise InputError("the stream is damaged (contexts)")
     decode = decode_conditional if positions is None else positions.decode
     ends = np.cumsum([len(part.table) for part in parts])
-    return np.split(decode(coded.latent, indexes), ends[:-1])
+    return np.split(decode(content.latent, indexes), ends[:-1])
 
 
-def _support(positions: Voxels, weights: Pcgcv1Weights) -> CodedCubes:
-    """The cubes and blocks of positions (n, 3) of blocks, or of cubes."""
+def _coded_cubes(positions: Voxels, weights: Pcgcv1Weights) -> CodedCubes:
+    """Return the coded cubes by positions (n, 3) of blocks or of cubes."""
     side = weights.shape.cube_size
-    make = support_of if weights.shape.occupied_blocks else full_support
+    make = cubes_with_blocks if weights.shape.occupied_blocks else cubes_with_all_blocks
     return make(positions, side)
 
 
@@ -266,6 +248,6 @@ def _batches(cubes: int) -> list[slice]:
     return [slice(first, min(first + BATCH, cubes)) for first in range(0, cubes, BATCH)]
 
 
-def _each(cubes: int, work: Callable[[int], T], pool: ThreadPool) -> list[T]:
-    """Results of `work` for each cube, in order; one thread computes a cube."""
+def _map_cubes(cubes: int, work: Callable[[int], T], pool: ThreadPool) -> list[T]:
+    """Return the results of `work` for each cube, in order; one thread computes a cube."""
     return pool.map_chunks(cubes, 1, lambda rows, _: work(rows.start))

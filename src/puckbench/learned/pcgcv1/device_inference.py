@@ -1,4 +1,4 @@
-"""PCGCv1 for coding by the model's own layers, on the device that the model is on."""
+"""PCGCv1 for coding by the layers of the model, on the model's device."""
 
 from __future__ import annotations
 
@@ -14,27 +14,24 @@ from puckbench.learned.pcgcv1.occupied_blocks import Bools
 
 
 class DeviceTransforms:
-    """Transforms g_a, h_a and g_s of a model."""
-
     def __init__(self, model: PCGCv1) -> None:
         self._model, self._device = model, device_of(model)
 
     def analyse(self, occupied: Floats32, rate: int) -> tuple[Integers, Integers]:
-        """As in `Transforms`."""
         model = self._model
         with torch.inference_mode():
-            x = self._moved(occupied)[None, None]
+            x = self._to_device(occupied)[None, None]
             blocks = coded_blocks(model.shape, x)
             y = model.g_a(x) * model.gain(rate) * blocks
             z = model.h_a(y) * max_pool3d(blocks, 2)
             return quantised(y.cpu()), quantised(z.cpu())
 
     def synthesise(self, y_hat: Integers, rate: int, blocks: Bools) -> Floats32:
-        """As in `Transforms`; of all blocks."""
+        """As in `Transforms`; the logits of all blocks are computed."""
         with torch.inference_mode():
-            y = self._moved(y_hat)[None].float() / self._model.gain(rate)
+            y = self._to_device(y_hat)[None].float() / self._model.gain(rate)
             logits: Floats32 = self._model.g_s(y).flatten().cpu().numpy()
         return logits
 
-    def _moved(self, values: Floats32 | Integers) -> Tensor:
+    def _to_device(self, values: Floats32 | Integers) -> Tensor:
         return torch.from_numpy(np.ascontiguousarray(values)).to(self._device)

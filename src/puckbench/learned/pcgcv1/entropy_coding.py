@@ -16,7 +16,7 @@ from puckbench.learned.adaptive_entropy import (
     encode_with_contexts,
 )
 from puckbench.learned.entropy_bottleneck import FrequencyTable
-from puckbench.learned.pcgcv1.cubes import Whole
+from puckbench.learned.pcgcv1.cubes import Int64s
 from puckbench.learned.pcgcv1.laplace import OFFSETS, SCALES, TableIndexes, laplace_table
 from puckbench.learned.pcgcv1.occupied_blocks import Bools, CodedCubes
 from puckbench.learned.range_coding import (
@@ -30,33 +30,23 @@ from puckbench.learned.sparse.voxels import AXIS_BITS, NeighbourTable, morton_ke
 
 Integers = NDArray[np.int32]
 _MAX_POSITIONS = 2**20
-"""Positions of the latent in one context model, each of which takes some 500 bytes of memory."""
+"""Maximum positions of the latent for context mixing, which takes about 500 bytes for each."""
 
 
-def encode_hyper(z_hat: Integers, where: Bools, tables: tuple[FrequencyTable, ...]) -> bytes:
-    """Code hyper-latents, channel by channel.
-
-    Parameters
-    ----------
-    z_hat
-        (cubes, channels, s, s, s).
-    where
-        (cubes, s, s, s), the positions that are coded.
-    tables
-        Of the channels.
-    """
-    return encode_latent(np.moveaxis(z_hat, 1, -1)[where], tables)
+def encode_hyper(z_hat: Integers, is_coded: Bools, tables: tuple[FrequencyTable, ...]) -> bytes:
+    """Encode hyper-latents (cubes, channels, s, s, s) where `is_coded` (cubes, s, s, s)."""
+    return encode_latent(np.moveaxis(z_hat, 1, -1)[is_coded], tables)
 
 
-def decode_hyper(data: bytes, where: Bools, tables: tuple[FrequencyTable, ...]) -> Integers:
-    """The hyper-latents of `encode_hyper`, zeros elsewhere; InputError when damaged."""
-    whole = np.zeros((*where.shape, len(tables)), dtype=np.int32)
-    whole[where] = decode_latent(data, int(where.sum()), tables)
-    return np.ascontiguousarray(np.moveaxis(whole, -1, 1))
+def decode_hyper(data: bytes, is_coded: Bools, tables: tuple[FrequencyTable, ...]) -> Integers:
+    """Decode `encode_hyper`, with zeros elsewhere; raise InputError if the data are damaged."""
+    z_hat = np.zeros((*is_coded.shape, len(tables)), dtype=np.int32)
+    z_hat[is_coded] = decode_latent(data, int(is_coded.sum()), tables)
+    return np.ascontiguousarray(np.moveaxis(z_hat, -1, 1))
 
 
 def encode_conditional(y_hat: Integers, indexes: TableIndexes) -> bytes:
-    """Code integers of any shape with their tables, table by table."""
+    """Encode integers of any shape given their tables, table by table."""
     order, sizes = _by_table(indexes)
     values = (y_hat - indexes.centre).ravel()[order]
     ends = np.cumsum([size for _, size in sizes])
@@ -67,17 +57,17 @@ def encode_conditional(y_hat: Integers, indexes: TableIndexes) -> bytes:
 
 
 def decode_conditional(data: bytes, indexes: TableIndexes) -> Integers:
-    """The integers of `encode_conditional`; InputError when damaged."""
+    """Decode `encode_conditional`; raise InputError if the data are damaged."""
     order, sizes = _by_table(indexes)
     parts = decode_groups(data, [(size, laplace_table(number)) for number, size in sizes])
     values = np.empty(len(order), dtype=np.int32)
     values[order] = np.concatenate(parts)
-    whole: Integers = values.reshape(indexes.centre.shape) + indexes.centre
-    return whole
+    y_hat: Integers = values.reshape(indexes.centre.shape) + indexes.centre
+    return y_hat
 
 
 def _by_table(indexes: TableIndexes) -> tuple[NDArray[np.intp], list[tuple[int, int]]]:
-    """Values in the order of their tables, and for each table in use its number and its values."""
+    """Return the order of values by table, and the number and size of each table in use."""
     tables = indexes.table.ravel()
     sizes = np.bincount(tables, minlength=SCALES * OFFSETS)
     used = np.flatnonzero(sizes)
@@ -86,26 +76,18 @@ def _by_table(indexes: TableIndexes) -> tuple[NDArray[np.intp], list[tuple[int, 
 
 @dataclass(frozen=True)
 class LatentPositions:
-    """The positions at which the latent of all cubes is coded, for context mixing.
+    """Positions of the latent of all cubes in Morton order, for context mixing."""
 
-    Parameters
-    ----------
-    order
-        (n,), puts the positions, which come cube by cube, into Morton order.
-    neighbours
-        (27, n), table of neighbours in Morton order.
-    """
-
-    order: Whole
-    neighbours: NeighbourTable
+    order: Int64s  # (n,), from the order of cubes to Morton order
+    neighbours: NeighbourTable  # (27, n), in Morton order
 
     def encode(self, y_hat: Integers, indexes: TableIndexes) -> bytes:
-        """Code integers (n, channels), cube by cube, given their tables."""
+        """Encode integers (n, channels), in the order of cubes, given their tables."""
         prior = _prior(indexes, self.order)
         return encode_with_contexts(y_hat[self.order], self.neighbours, prior)
 
     def decode(self, data: bytes, indexes: TableIndexes) -> Integers:
-        """The integers (n, channels) of `encode`; InputError when the data are damaged."""
+        """Decode `encode`; raise InputError if the data are damaged."""
         y_hat = np.empty(indexes.table.shape, np.int32)
         prior = _prior(indexes, self.order)
         y_hat[self.order] = decode_with_contexts(data, self.neighbours, prior)
@@ -113,36 +95,36 @@ class LatentPositions:
 
 
 def latent_positions(support: CodedCubes) -> LatentPositions | None:
-    """The positions in cubes; None if there are none, too many, or too far apart for their keys."""
+    """Return the positions, or None if there are none, too many, or some too far apart."""
     cube, *inside = np.nonzero(support.blocks)
     if not 0 < len(cube) <= _MAX_POSITIONS:
         return None
     corners = support.positions - support.positions.min(axis=0)
-    places = corners[cube] * support.blocks.shape[-1] + np.column_stack(inside)
-    if places.max() >= 2**AXIS_BITS:
+    positions = corners[cube] * support.blocks.shape[-1] + np.column_stack(inside)
+    if positions.max() >= 2**AXIS_BITS:
         return None
-    keys = morton_keys(places)
+    keys = morton_keys(positions)
     order = np.argsort(keys)
     return LatentPositions(order, pyramid(keys[order], 0)[0][0].neighbours)
 
 
-def _prior(indexes: TableIndexes, order: Whole) -> Prior:
+def _prior(indexes: TableIndexes, order: Int64s) -> Prior:
     used, number = np.unique(indexes.table[order], return_inverse=True)
     tables = tuple(map(laplace_table, used.tolist()))
     return Prior(tables, number.reshape(indexes.table.shape), indexes.centre[order])
 
 
 def checksum(indexes: TableIndexes) -> int:
-    """CRC-32 of the tables of a batch: a decoder with other ones must stop."""
+    """Return the CRC-32 of the tables of a batch, by which a decoder with other tables stops."""
     return zlib.crc32(indexes.centre.tobytes(), zlib.crc32(indexes.table.tobytes()))
 
 
-def encode_counts(counts: Iterable[int], most: int) -> bytes:
-    """Code integers from 1 to `most`: length in bits by an adaptive model, then the bits."""
+def encode_counts(counts: Iterable[int], max_value: int) -> bytes:
+    """Encode integers from 1 to `max_value`: length in bits by an adaptive model, then the bits."""
     import constriction
 
     coder = constriction.stream.queue.RangeEncoder()
-    lengths = _LengthStatistics(most)
+    lengths = _LengthStatistics(max_value)
     for count in counts:
         length = int(count).bit_length()
         coder.encode(length - 1, lengths.model())
@@ -152,17 +134,17 @@ def encode_counts(counts: Iterable[int], most: int) -> bytes:
     return bytes(coder.get_compressed().astype("<u4").tobytes())
 
 
-def decode_counts(data: bytes, number: int, most: int) -> list[int]:
-    """The integers of `encode_counts`; InputError when damaged."""
+def decode_counts(data: bytes, number: int, max_value: int) -> list[int]:
+    """Decode `encode_counts`; raise InputError if the data are damaged."""
     with range_decoder(data, "counts") as coder:
-        counts = list(_counts(coder, number, most))
-        if max(counts, default=1) > most:
+        counts = list(_counts(coder, number, max_value))
+        if max(counts, default=1) > max_value:
             raise ValueError("a count is too large")
     return counts
 
 
-def _counts(coder: Any, number: int, most: int) -> Iterator[int]:
-    lengths = _LengthStatistics(most)
+def _counts(coder: Any, number: int, max_value: int) -> Iterator[int]:
+    lengths = _LengthStatistics(max_value)
     for _ in range(number):
         length = int(coder.decode(lengths.model())) + 1
         low = int(coder.decode(_uniform(length))) if length > 1 else 0
@@ -171,10 +153,8 @@ def _counts(coder: Any, number: int, most: int) -> Iterator[int]:
 
 
 class _LengthStatistics:
-    """Adaptive frequencies of the lengths in bits."""
-
-    def __init__(self, most: int) -> None:
-        self.frequencies = np.ones(most.bit_length(), dtype=np.float64)
+    def __init__(self, max_value: int) -> None:
+        self.frequencies = np.ones(max_value.bit_length(), dtype=np.float64)
 
     def model(self) -> Any:
         import constriction

@@ -1,10 +1,9 @@
 """PCGCv1 for coding, one cube at a time: the arithmetic of `model`, arranged for vector units.
 
 A vector unit computes sixteen output channels at once, but most layers at full resolution have
-four, eight or one. Such a layer computes the outputs of several neighbouring voxels jointly: a
-kernel of 3x3x(2 + p) voxels with a stride of p has p times the outputs. In channels-last memory the
-result is that of the original layer. One thread computes a cube from beginning to end, so that the
-number of threads and of cubes cannot change its result.
+four, eight or one. Such a layer computes several neighbouring voxels jointly: a kernel of 3x3x(2 +
+p) voxels with a stride of p has p times the outputs. One thread computes a cube, so that results do
+not depend on the number of threads or cubes.
 """
 
 from __future__ import annotations
@@ -32,33 +31,31 @@ from puckbench.learned.pcgcv1.occupied_blocks import STRIDE, Bools
 
 _LANES = 16
 _TILE = 4
-"""Voxels computed jointly along an axis, at most; the layer with one output computes 4x4."""
+"""Maximum voxels computed jointly along an axis; the layer with one output computes 4x4."""
 _CHUNK_ROWS = 16384
 """Voxels of a chunk that stays in the cache while a block is finished."""
 _MARGIN = 16
-"""Margin around the voxels of a cube. Seven layers of three have a receptive field of seven voxels
-to each side, and are wrong as far from a false border: `_INVALID_MARGIN` is discarded."""
+"""Margin around the voxels of a cube. Seven layers of three reach seven voxels to each side, so
+that features near a false border are wrong: `_INVALID_MARGIN` is discarded."""
 _INVALID_MARGIN = 8
 _SYNTHESIS_MARGIN = 8
-"""Margin around the blocks whose logits are wanted: the same seven layers, and a false border of
-one voxel where a transposed convolution lacks the input before."""
+"""Margin around the blocks whose logits are needed: seven layers, and one voxel where a transposed
+convolution lacks the previous input."""
 _SIDE_MULTIPLE = 16
-"""Sides of the part of a cube that is computed are multiples of it: oneDNN keeps a program and
-megabytes of memory for each layer and each shape."""
+"""Sides of the computed part of a cube are multiples of it, since oneDNN keeps a program and
+megabytes of memory for each layer and shape."""
 Floats32 = NDArray[np.float32]
 Integers = NDArray[np.int32]
 
 
 class Transforms(Protocol):
-    """Transforms g_a, h_a and g_s of a network."""
-
     def analyse(self, occupied: Floats32, rate: int) -> tuple[Integers, Integers]:
-        """Voxels (side, side, side) of zeros and ones to y_hat and z_hat (channels, s, s, s)."""
+        """Transform occupancy (side, side, side) to y_hat and z_hat (channels, s, s, s)."""
 
     def synthesise(self, y_hat: Integers, rate: int, blocks: Bools) -> Floats32:
-        """y_hat (channels, s, s, s) to logits of a cube's voxels (side**3,), z fastest.
+        """Transform y_hat (channels, s, s, s) to logits of a cube's voxels (side**3,), z fastest.
 
-        blocks: (s, s, s), those whose logits are wanted; others' may be -inf.
+        Logits outside the given blocks (s, s, s) may be -inf.
         """
 
 
@@ -87,7 +84,6 @@ class CpuTransforms:
             self._synthesis_blocks = [_residual_blocks(blocks) for blocks in g_s.blocks]
 
     def analyse(self, occupied: Floats32, rate: int) -> tuple[Integers, Integers]:
-        """As in `Transforms`."""
         with torch.inference_mode():
             features = _apply_blocks(self._analysis_blocks[1], self._stride_two(occupied))
             features = _apply_blocks(
@@ -99,25 +95,25 @@ class CpuTransforms:
             return quantised(y), quantised(z)
 
     def _stride_two(self, occupied: Floats32) -> Tensor:
-        """Features at stride 2; far from any voxel they are those of an empty cube."""
+        """Return features at stride 2, which far from any voxel are those of an empty cube."""
         sides = occupied.shape
         box = _bounding_box(occupied, _MARGIN, _SIDE_MULTIPLE)
         part = self._stride_two_dense(occupied[tuple(slice(low, high) for low, high in box)])
-        kept = [
+        valid = [
             (
                 (low + _INVALID_MARGIN) // 2 if low else 0,
                 (high - _INVALID_MARGIN if high < side else high) // 2,
             )
             for (low, high), side in zip(box, sides, strict=True)
         ]
-        whole = self._stride_two_empty(sides).clone(memory_format=torch.channels_last_3d)
-        there = tuple(slice(low, high) for low, high in kept)
-        here = tuple(
+        features = self._stride_two_empty(sides).clone(memory_format=torch.channels_last_3d)
+        target = tuple(slice(low, high) for low, high in valid)
+        source = tuple(
             slice(low - first // 2, high - first // 2)
-            for (low, high), (first, _) in zip(kept, box, strict=True)
+            for (low, high), (first, _) in zip(valid, box, strict=True)
         )
-        whole[0][(slice(None), *there)] = part[0][(slice(None), *here)]
-        return whole
+        features[0][(slice(None), *target)] = part[0][(slice(None), *source)]
+        return features
 
     def _stride_two_empty(self, sides: tuple[int, ...]) -> Tensor:
         if sides not in self._empty_features:
@@ -135,31 +131,30 @@ class CpuTransforms:
         return last.apply(_strided_conv(features, down).relu_())
 
     def synthesise(self, y_hat: Integers, rate: int, blocks: Bools) -> Floats32:
-        """As in `Transforms`."""
         side = blocks.shape[0] * STRIDE
         box = _bounding_box(blocks, _SYNTHESIS_MARGIN // STRIDE, _SIDE_MULTIPLE // STRIDE)
-        there = tuple(slice(STRIDE * low, STRIDE * high) for low, high in box)
-        (up_two, up_one), (four, two, one) = self._ups, self._synthesis_blocks
+        target = tuple(slice(STRIDE * low, STRIDE * high) for low, high in box)
+        (up_to_2, up_to_1), (blocks_4, blocks_2, blocks_1) = self._ups, self._synthesis_blocks
         with torch.inference_mode():
             features = _channels_last(torch.from_numpy(y_hat)[None].float() / self._gains[rate])
-            features = _apply_blocks(four, self._synthesis_in.apply(features).relu_())
-            features = _apply_blocks(two, up_two.apply(features))
-            x, y, z = (slice(axis.start // 2, axis.stop // 2) for axis in there)
+            features = _apply_blocks(blocks_4, self._synthesis_in.apply(features).relu_())
+            features = _apply_blocks(blocks_2, up_to_2.apply(features))
+            x, y, z = (slice(axis.start // 2, axis.stop // 2) for axis in target)
             part = features[:, :, x, y, z]
-            features = _apply_blocks(one, up_one.apply(part))
-            found = _logits(features, self._synthesis_out).numpy()
+            features = _apply_blocks(blocks_1, up_to_1.apply(part))
+            part_logits = _logits(features, self._synthesis_out).numpy()
         logits = np.full((side, side, side), -np.inf, dtype=np.float32)
-        logits[there] = found
+        logits[target] = part_logits
         return logits.ravel()
 
 
 def _bounding_box(occupied: Floats32 | Bools, margin: int, multiple: int) -> list[tuple[int, int]]:
-    """Extent of what is occupied along each axis with a margin, in multiples of some length."""
+    """Return the extent of the occupied part along each axis, with a margin, in multiples."""
     box = []
     for axis, side in enumerate(occupied.shape):
         others = tuple(other for other in range(3) if other != axis)
-        found = np.flatnonzero(occupied.any(axis=others))
-        low, high = (int(found[0]), int(found[-1]) + 1) if len(found) else (0, side)
+        rows = np.flatnonzero(occupied.any(axis=others))
+        low, high = (int(rows[0]), int(rows[-1]) + 1) if len(rows) else (0, side)
         last = -(-(high + margin) // multiple) * multiple
         box.append((max(low - margin, 0) // multiple * multiple, min(last, side)))
     return box
@@ -170,15 +165,13 @@ def _channels_last(features: Tensor) -> Tensor:
 
 
 def quantised(features: Tensor) -> Integers:
-    """Features (1, c, s, s, s) rounded to integers of 16 bits (c, s, s, s)."""
-    whole: Integers = features[0].round().clamp(-(2**15), 2**15 - 1).int().numpy()
-    return whole
+    """Round features (1, c, s, s, s) to 16-bit integers (c, s, s, s)."""
+    integers: Integers = features[0].round().clamp(-(2**15), 2**15 - 1).int().numpy()
+    return integers
 
 
 @dataclass(frozen=True)
 class ConvolutionKernel:
-    """Kernel and bias of a convolution."""
-
     kernel: Tensor
     bias: Tensor | None
 
@@ -193,43 +186,43 @@ def _strided_conv(features: Tensor, layer: ConvolutionKernel) -> Tensor:
 
 
 def _conv3d(features: Tensor, layer: ConvolutionKernel, stride: list[int], padding: int) -> Tensor:
-    """conv3d by oneDNN where available; PyTorch would choose a slower algorithm for one image."""
+    """Call oneDNN where available; PyTorch would choose a slower algorithm for one image."""
     if not torch.backends.mkldnn.is_available():  # type: ignore[no-untyped-call]
         return conv3d(features, layer.kernel, layer.bias, stride, padding)
-    around, apart = [padding] * 3, [1, 1, 1]
+    paddings, dilation = [padding] * 3, [1, 1, 1]
     return torch.mkldnn_convolution(
-        features, layer.kernel, layer.bias, around, stride, apart, groups=1
+        features, layer.kernel, layer.bias, paddings, stride, dilation, groups=1
     )
 
 
 @dataclass(frozen=True)
 class StripConv:
-    """A 3x3x3 convolution that computes `joint` voxels along z jointly."""
+    """A 3x3x3 convolution that computes several voxels along z jointly."""
 
     layer: ConvolutionKernel
     out: int
-    joint: int
+    voxels: int
 
     def apply(self, features: Tensor) -> Tensor:
-        """One cube (1, c, s, s, s), in channels-last memory, to (1, d, s, s, s) in the same."""
+        """(1, c, s, s, s) to (1, d, s, s, s), both in channels-last memory."""
         sides = features.shape[2:]
-        strips = _channels_last(_conv3d(features, self.layer, [1, 1, self.joint], 1))
+        strips = _channels_last(_conv3d(features, self.layer, [1, 1, self.voxels], 1))
         flat = strips.permute(0, 2, 3, 4, 1).reshape(1, *sides, self.out)
         return flat.permute(0, 4, 1, 2, 3)
 
 
 def _strip_conv(layer: Conv) -> StripConv:
-    joint = max(1, min(_TILE, _LANES // layer.out_channels))
-    kernel = joint_kernel(layer.weight.detach(), joint, axis=4)
-    bias = cast(Tensor, layer.bias).detach().repeat(joint)
-    return StripConv(ConvolutionKernel(_channels_last(kernel), bias), layer.out_channels, joint)
+    voxels = max(1, min(_TILE, _LANES // layer.out_channels))
+    kernel = joint_kernel(layer.weight.detach(), voxels, axis=4)
+    bias = cast(Tensor, layer.bias).detach().repeat(voxels)
+    return StripConv(ConvolutionKernel(_channels_last(kernel), bias), layer.out_channels, voxels)
 
 
-def joint_kernel(kernel: Tensor, joint: int, axis: int) -> Tensor:
-    """The kernels of `joint` neighbouring voxels along an axis as one kernel."""
+def joint_kernel(kernel: Tensor, voxels: int, axis: int) -> Tensor:
+    """Join the kernels of neighbouring voxels along an axis."""
     before, after = [0, 0] * (4 - axis), [0, 0] * (axis - 2)
-    moved = [pad(kernel, (*before, k, joint - 1 - k, *after)) for k in range(joint)]
-    return torch.cat(moved)
+    shifted = [pad(kernel, (*before, k, voxels - 1 - k, *after)) for k in range(voxels)]
+    return torch.cat(shifted)
 
 
 def _tile_kernel(layer: Conv) -> ConvolutionKernel:
@@ -239,10 +232,10 @@ def _tile_kernel(layer: Conv) -> ConvolutionKernel:
 
 
 def _logits(features: Tensor, layer: ConvolutionKernel) -> Tensor:
-    """The layer with one output for each voxel of (1, c, s, t, u): (s, t, u)."""
+    """Apply the layer with one output per voxel: (1, c, s, t, u) to (s, t, u)."""
     sides = features.shape[2:]
-    found = _conv3d(features, layer, [1, _TILE, _TILE], 1)[0]
-    split = found.reshape(_TILE, _TILE, *found.shape[1:])
+    tiles = _conv3d(features, layer, [1, _TILE, _TILE], 1)[0]
+    split = tiles.reshape(_TILE, _TILE, *tiles.shape[1:])
     return split.permute(2, 3, 0, 4, 1).reshape(sides)
 
 
@@ -250,7 +243,7 @@ def _logits(features: Tensor, layer: ConvolutionKernel) -> Tensor:
 class PolyphaseConv:
     """A transposed convolution and its ReLU in polyphase form, by the parity of x and y.
 
-    An even output has two inputs along an axis, an odd one has one; four small kernels avoid the
+    An even output has two inputs along an axis, an odd one has one. Four small kernels avoid the
     products with zeros of one large kernel. Both parities of z are computed jointly.
     """
 
@@ -260,62 +253,63 @@ class PolyphaseConv:
     out: int
 
     def apply(self, features: Tensor) -> Tensor:
-        """A box (1, c, s, t, u) to (1, d, 2 s, 2 t, 2 u), in channels-last memory."""
+        """(1, c, s, t, u) to (1, d, 2 s, 2 t, 2 u), in channels-last memory."""
         a, b, c = features.shape[2:]
         padded = _channels_last(pad(features, (1, 0) * 3))
-        raised = torch.empty(a, 2, b, 2, 2 * c * self.out)
+        upsampled = torch.empty(a, 2, b, 2, 2 * c * self.out)
         for x, row in enumerate(self.layers):
             for y, layer in enumerate(row):
-                found = _channels_last(_conv3d(padded[:, :, x:, y:], layer, [1, 1, 1], 0))
-                strips = found.permute(0, 2, 3, 4, 1).reshape(a, b, -1)
-                torch.clamp_min(strips, 0, out=raised[:, x, :, y])
-        return raised.view(1, 2 * a, 2 * b, 2 * c, self.out).permute(0, 4, 1, 2, 3)
+                phase = _channels_last(_conv3d(padded[:, :, x:, y:], layer, [1, 1, 1], 0))
+                strips = phase.permute(0, 2, 3, 4, 1).reshape(a, b, -1)
+                torch.clamp_min(strips, 0, out=upsampled[:, x, :, y])
+        return upsampled.view(1, 2 * a, 2 * b, 2 * c, self.out).permute(0, 4, 1, 2, 3)
 
 
 def _polyphase_conv(layer: TransposedConv) -> PolyphaseConv:
     kernel = layer.weight.detach().transpose(0, 1)
     bias = cast(Tensor, layer.bias).detach().repeat(2)
 
-    def one(x: int, y: int) -> ConvolutionKernel:
+    def part_kernel(x: int, y: int) -> ConvolutionKernel:
         part = _taps(_taps(kernel, x, axis=2), y, axis=3)
         even, odd = _taps(part, 0, axis=4), pad(_taps(part, 1, axis=4), (1, 0))
         return ConvolutionKernel(_channels_last(torch.cat([even, odd])), bias)
 
-    return PolyphaseConv(((one(0, 0), one(0, 1)), (one(1, 0), one(1, 1))), layer.out_channels)
+    return PolyphaseConv(
+        ((part_kernel(0, 0), part_kernel(0, 1)), (part_kernel(1, 0), part_kernel(1, 1))),
+        layer.out_channels,
+    )
 
 
 def _taps(kernel: Tensor, parity: int, axis: int) -> Tensor:
-    """The taps of a kernel of three for outputs of a parity: of the input before and their own."""
+    """Select the taps of a kernel of three for outputs of a parity."""
     taps = torch.tensor([1] if parity else [2, 0])
     return kernel.index_select(axis, taps)
 
 
 @dataclass(frozen=True)
 class MatrixConv:
-    """A 1x1x1 convolution as a block-diagonal matrix for `joint` voxels."""
+    """A 1x1x1 convolution as a block-diagonal matrix for several voxels."""
 
     matrix: Tensor
     bias: Tensor
-    joint: int
+    voxels: int
 
     def apply(self, rows: Tensor) -> Tensor:
-        """(n, c) to (n, d), n being a multiple of `joint`."""
-        wide = torch.addmm(self.bias, rows.reshape(len(rows) // self.joint, -1), self.matrix)
+        """(n, c) to (n, d); n is a multiple of `voxels`."""
+        wide = torch.addmm(self.bias, rows.reshape(len(rows) // self.voxels, -1), self.matrix)
         return wide.view(len(rows), -1)
 
 
 def _matrix_conv(layer: PointwiseConv) -> MatrixConv:
-    joint = max(1, _LANES // min(layer.out_channels, layer.in_channels))
+    voxels = max(1, _LANES // min(layer.out_channels, layer.in_channels))
     matrix = layer.weight.detach()[:, :, 0, 0, 0].T.contiguous()
-    bias = cast(Tensor, layer.bias).detach().repeat(joint)
-    blocks = torch.block_diag(*[matrix] * joint)  # type: ignore[no-untyped-call]
-    return MatrixConv(blocks, bias, joint)
+    bias = cast(Tensor, layer.bias).detach().repeat(voxels)
+    blocks = torch.block_diag(*[matrix] * voxels)  # type: ignore[no-untyped-call]
+    return MatrixConv(blocks, bias, voxels)
 
 
 @dataclass(frozen=True)
 class InferenceVoxceptionResNet:
-    """A Voxception-ResNet block."""
-
     conv1_1: StripConv
     conv1_2: StripConv
     conv2_1: MatrixConv
@@ -338,7 +332,7 @@ def _residual_block(block: VoxceptionResNet) -> InferenceVoxceptionResNet:
 
 
 def _apply_blocks(blocks: list[InferenceVoxceptionResNet], features: Tensor) -> Tensor:
-    """Apply blocks one after the other; `features` is overwritten."""
+    """Apply blocks in order; `features` is overwritten."""
     features = _channels_last(features)
     rows = _rows(features)
     for block in blocks:
@@ -360,5 +354,5 @@ def _add_branches(rows: Tensor, out1: Tensor, out2: Tensor, out: MatrixConv) -> 
 
 
 def _rows(features: Tensor) -> Tensor:
-    """A view of a cube as (voxels, features)."""
+    """View a cube as (voxels, channels)."""
     return features.permute(0, 2, 3, 4, 1).view(-1, features.shape[1])

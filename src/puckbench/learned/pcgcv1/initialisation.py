@@ -1,8 +1,8 @@
 """Layer-sequential unit-variance initialisation of PCGCv1, without which it does not learn.
 
-With PyTorch's own initialisation a latent of 0.05 drowns in the noise that stands for rounding, and
-the network soon gives the same output everywhere. So each layer's weights are divided by the
-standard deviation of its output for an example, in the order in which the layers are passed.
+With PyTorch's initialisation the latent has a deviation of 0.05, far below the noise that replaces
+rounding, and the network soon gives the same output everywhere. So the weights of each layer are
+divided by the standard deviation of its output for an example, in the order of the layers.
 
 References
 ----------
@@ -23,14 +23,13 @@ from puckbench.learned.pcgcv1.model import PCGCv1
 
 _DEVIATIONS = {"conv1_2": 0.3, "conv2_3": 0.3, "g_a.conv_out": 4.0, "h_a.conv3": 3.0,
                "g_s.conv_out": 0.5}  # fmt: skip
-"""Standard deviations other than one: of what is added to a block's input, of what is rounded, and
-of the logits."""
+"""Standard deviations other than one: of residuals, of the rounded values, and of the logits."""
 _EMPTY_PER_OCCUPIED = 3.0
-"""As the loss weighs voxels; the prior that the logits begin with."""
+"""Ratio of the voxels' weights in the loss, with which the logits begin."""
 
 
 def initialise(model: PCGCv1, cube_size: int) -> None:
-    """Scale a new model's weights so that the outputs of all layers for a sphere vary alike."""
+    """Scale a new model's weights so that each layer's output for a sphere has unit variance."""
     with torch.no_grad(), _rescaled(model):
         y = model.g_a(sphere(cube_size))
         model.h_s(model.h_a(y))
@@ -40,7 +39,7 @@ def initialise(model: PCGCv1, cube_size: int) -> None:
 
 
 def sphere(size: int) -> Tensor:
-    """The voxels of a spherical shell as zeros and ones (1, 1, size, size, size)."""
+    """Return a spherical shell of voxels as zeros and ones (1, 1, size, size, size)."""
     axis = torch.arange(size) - (size - 1) / 2
     radius = (axis[:, None, None] ** 2 + axis[:, None] ** 2 + axis**2).sqrt()
     return ((radius - 0.4 * size).abs() < 0.5).float()[None, None]
@@ -48,7 +47,7 @@ def sphere(size: int) -> Tensor:
 
 @contextmanager
 def _rescaled(model: nn.Module) -> Iterator[None]:
-    """Within it, the weights of each convolution that is passed are rescaled."""
+    """Rescale the weights of each convolution that is evaluated in this context."""
     hooks = [
         layer.register_forward_hook(_rescaler(name))
         for name, layer in model.named_modules()

@@ -1,9 +1,8 @@
-"""The z_hat-synthesis transform h_s in integers: equal results on every machine.
+"""The hyper-synthesis transform h_s in integers: equal results on every machine.
 
-Weights are rounded to 2**-16 and features to 2**-12. Products and sums are then integers below
-2**53, which double precision holds exactly, so that neither the number of threads nor a fused
-multiplication nor another library can change a bit: encoder and decoder always choose the same
-tables.
+Weights are rounded to 2**-16 and features to 2**-12. Products and sums are integers below 2**53,
+which double precision represents exactly. Encoder and decoder therefore choose the same tables,
+whatever the library, processor or number of threads.
 
 References
 ----------
@@ -28,25 +27,19 @@ from puckbench.learned.pcgcv1.model import HyperSynthesis
 
 _WEIGHT_UNITS = 2**16
 _MAX_FEATURE = 2**11
-"""Features are clipped to it; those of the authors' networks stay below a hundred."""
+"""Bound of features; those of the authors' networks stay below a hundred."""
 
 
 @dataclass(frozen=True)
 class _Layer:
-    """Kernel and bias as integers of their units, in double precision."""
+    """Kernel and bias as integers, in double precision."""
 
     kernel: Tensor
     bias: Tensor
 
 
 class IntegerHyperSynthesis:
-    """Chooses the frequency tables of a cube's latent from its hyper-latent.
-
-    Raises
-    ------
-    InputError
-        The weights are so large that sums would not be exact.
-    """
+    """Chooses the tables of a latent. Raises InputError if large weights make sums inexact."""
 
     def __init__(self, network: HyperSynthesis) -> None:
         self.conv1, self.conv2 = _layer(network.conv1), _layer(network.conv2)
@@ -57,7 +50,7 @@ class IntegerHyperSynthesis:
         )
 
     def tables(self, z_hat: NDArray[np.int32]) -> TableIndexes:
-        """The tables of y (latent_channels, 2 s, 2 s, 2 s) from z_hat (channels, s, s, s)."""
+        """Return the tables of y (channels, 2 s, 2 s, 2 s) from z_hat (channels, s, s, s)."""
         with torch.no_grad():
             features = (
                 torch.from_numpy(z_hat)[None].double().clamp(-_MAX_FEATURE, _MAX_FEATURE) * UNITS
@@ -85,10 +78,10 @@ def _conv(features: Tensor, layer: _Layer) -> Tensor:
 
 
 def _transposed_conv(features: Tensor, layer: _Layer) -> Tensor:
-    found = conv_transpose3d(features, layer.kernel, layer.bias, stride=2)
-    return found[:, :, :-1, :-1, :-1]
+    full = conv_transpose3d(features, layer.kernel, layer.bias, stride=2)
+    return full[:, :, :-1, :-1, :-1]
 
 
 def _requantised(sums: Tensor) -> Tensor:
-    """Sums, in units of both factors, rounded to the units of features and clipped."""
+    """Round sums, in units of both factors, to the units of features, and clip them."""
     return (sums / _WEIGHT_UNITS).round_().clamp_(-_MAX_FEATURE * UNITS, _MAX_FEATURE * UNITS)

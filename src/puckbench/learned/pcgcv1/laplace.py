@@ -1,9 +1,9 @@
 """The conditional entropy model: Laplace distributions of integers, as a fixed set of tables.
 
-The hyper-synthesis transform gives the location and scale of each value of the latent, in integers
-of 1 / `UNITS`. They choose one of 64 scales and one of 16 offsets between two integers, and so one
-of 1,024 integer tables. The tables are part of the format: they are made with a correctly rounded
-exponential and with multiplications, so that every machine has the same.
+The hyper-synthesis transform gives location and scale of each value of the latent, in integers of 1
+/ `UNITS`. They choose one of 64 scales and one of 16 offsets between two integers, hence one of
+1,024 integer tables. The tables are part of the format: a correctly rounded exponential and
+multiplications give the same tables on every machine.
 """
 
 from __future__ import annotations
@@ -29,29 +29,21 @@ SCALES = 64
 MIN_SCALE, MAX_SCALE = 2.0**-5, 2.0**5
 _TOTAL_BITS = 22
 _ESCAPE_FREQUENCY = 4
-"""Frequency of all values outside a table, 2**-20 of the whole."""
+"""Frequency of all values outside a table, 2**-20 of the total."""
 _TAIL_SCALES = 13.9
-"""20 ln 2: the scales beyond which a Laplace distribution has a mass of 2**-20."""
+"""20 ln 2, the distance in scales beyond which a Laplace distribution has a mass of 2**-20."""
 
-Whole = NDArray[np.int64]
+Int64s = NDArray[np.int64]
 
 
 class TableIndexes(NamedTuple):
-    """Tables of the values of a latent.
+    """The table of each value of a latent."""
 
-    Parameters
-    ----------
-    table
-        Number of the table of each value.
-    centre
-        The integer that its table is centred on.
-    """
-
-    table: NDArray[np.uint16]
-    centre: NDArray[np.int32]
+    table: NDArray[np.uint16]  # number of the table
+    centre: NDArray[np.int32]  # integer on which the table is centred
 
     def rows(self, blocks: NDArray[np.bool_]) -> TableIndexes:
-        """Those of the blocks that are coded, as `rows_of` selects them."""
+        """Select the coded blocks, as `rows_of` does."""
         return TableIndexes(rows_of(self.table, blocks), rows_of(self.centre, blocks))
 
 
@@ -59,12 +51,12 @@ Join = Callable[[Sequence[NDArray[Any]]], NDArray[Any]]
 
 
 def joined(join: Join, parts: Sequence[TableIndexes]) -> TableIndexes:
-    """Several parts as one, joined by a function such as `numpy.stack`."""
+    """Join parts by a function such as `numpy.stack`."""
     return TableIndexes(join([part.table for part in parts]), join([part.centre for part in parts]))
 
 
-def build_indexes(location: Whole, scale: Whole) -> TableIndexes:
-    """The tables of values with locations and scales in integers of 1 / `UNITS`."""
+def build_indexes(location: Int64s, scale: Int64s) -> TableIndexes:
+    """Choose tables by locations and scales in integers of 1 / `UNITS`."""
     step = UNIT_BITS - OFFSET_BITS
     offset = (location + (1 << step - 1)) >> step
     level = np.searchsorted(_scale_borders(), scale)
@@ -73,25 +65,25 @@ def build_indexes(location: Whole, scale: Whole) -> TableIndexes:
 
 
 def _scale(level: Decimal) -> Decimal:
-    """The scale of a level; they are a geometric series."""
+    """Return the scale of a level, a member of a geometric series."""
     low, high = Decimal(MIN_SCALE), Decimal(MAX_SCALE)
     return low * ((high / low).ln(_CONTEXT) * level / (SCALES - 1)).exp(_CONTEXT)
 
 
 _CONTEXT = Context(prec=40)
-"""decimal's exponential is correctly rounded, unlike a C library's, which differ by machine."""
+"""The exponential of `decimal` is correctly rounded; those of C libraries differ by machine."""
 
 
 @cache
-def _scale_borders() -> Whole:
-    """Scales half-way between two levels, in integers of 1 / `UNITS`."""
+def _scale_borders() -> Int64s:
+    """Return the scales half-way between two levels, in integers of 1 / `UNITS`."""
     halves = (Decimal(level) + Decimal("0.5") for level in range(SCALES - 1))
     return np.array([int((_scale(half) * UNITS).to_integral_value()) for half in halves])
 
 
 @cache
 def laplace_table(number: int) -> FrequencyTable:
-    """The table of a number that `build_indexes` gives; its integers are relative to the centre."""
+    """Return the table of a number; its integers are relative to the centre."""
     level, offset = number >> OFFSET_BITS, number & (OFFSETS - 1)
     scale = float(_scale(Decimal(level)))
     reach = int(scale * _TAIL_SCALES) + 1
@@ -105,14 +97,14 @@ def laplace_table(number: int) -> FrequencyTable:
     )
 
 
-def _powers(level: int, most: int) -> NDArray[np.float64]:
-    """exp(-k / (OFFSETS * scale)) for k from 0 to `most`, by multiplication alone."""
+def _powers(level: int, max_exponent: int) -> NDArray[np.float64]:
+    """Return exp(-k / (OFFSETS * scale)) for all k up to a maximum, by multiplication alone."""
     ratio = float((-1 / (OFFSETS * _scale(Decimal(level)))).exp(_CONTEXT))
-    return np.cumprod(np.append(1.0, np.full(most, ratio)))
+    return np.cumprod(np.append(1.0, np.full(max_exponent, ratio)))
 
 
 def likelihood(latent: Tensor, location: Tensor, scale: Tensor) -> Tensor:
-    """Probability of the unit interval around each value, for training; all of one shape."""
+    """Return the probability of the unit interval around each value, for training."""
     scale = scale.clamp_min(MIN_SCALE)
     distance = (latent - location).abs()
     mass = _cumulative(0.5 - distance, scale) - _cumulative(-0.5 - distance, scale)

@@ -1,10 +1,9 @@
-"""The network of PCGCv1: a dense autoencoder of cubes of voxels with a hyperprior.
+"""The network of PCGCv1: a dense autoencoder of cubes of voxels with a hyper-prior.
 
-Transforms are named as in learned compression: g_a makes the latent y, g_s decodes it to logits of
-occupancy; h_a makes the hyper-latent z, h_s decodes it to the distributions of y. The network may
-code at several rates (see `gains`).
+g_a computes the latent y, and g_s decodes it to occupancy logits. h_a computes the hyper-latent z,
+and h_s decodes it to the distributions of y. The network may serve several rates (see `gains`).
 
-Convolutions pad as TensorFlow's 'same' does: a stride of two pads one at the far end alone, and a
+Convolutions pad as TensorFlow's 'same': a stride of two pads one voxel at the far end only, and a
 transposed convolution keeps the first 2 n of its 2 n + 1 outputs.
 
 References
@@ -31,38 +30,20 @@ _Few = Annotated[int, Field(ge=1, le=64)]
 
 
 class Pcgcv1Shape(Model):
-    """Sizes of the network, by default those of the paper.
+    """Sizes of the network, by default those of the paper."""
 
-    Parameters
-    ----------
-    cube_size
-        Voxels along an edge of a cube.
-    channels
-        Of the features at strides 1, 2 and 4.
-    latent_channels
-        Channels of the latent y.
-    hyper_channels
-        Of the layers of h_a and h_s, and of the hyper-latent z.
-    blocks
-        Voxception-ResNet blocks of each scale.
-    rates
-        Rates that share the weights.
-    occupied_blocks
-        The decoder is told which blocks of 4x4x4 voxels are occupied (see `occupied_blocks`).
-    """
-
+    # voxels along an edge of a cube
     cube_size: Annotated[int, Field(ge=8, le=256, multiple_of=8)] = 64
-    channels: tuple[_Channels, _Channels, _Channels] = (16, 32, 64)
+    channels: tuple[_Channels, _Channels, _Channels] = (16, 32, 64)  # at strides 1, 2 and 4
     latent_channels: _Channels = 16
+    # of the layers of h_a and h_s, and of the hyper-latent z
     hyper_channels: tuple[_Channels, _Channels] = (16, 8)
-    blocks: _Few = 3
-    rates: _Few = 1
-    occupied_blocks: bool = False
+    blocks: _Few = 3  # Voxception-ResNet blocks of each scale
+    rates: _Few = 1  # that share the weights
+    occupied_blocks: bool = False  # the decoder knows which blocks of 4x4x4 voxels are occupied
 
 
 class Conv(nn.Conv3d):
-    """3x3x3 convolution that keeps the size."""
-
     def __init__(self, channels: int, out: int) -> None:
         super().__init__(channels, out, 3, padding=1)
 
@@ -74,7 +55,6 @@ class PointwiseConv(nn.Conv3d):
         super().__init__(channels, out, 1)
 
     def forward(self, features: Tensor) -> Tensor:
-        """(n, c, s, s, s) to (n, d, s, s, s)."""
         rows = features.movedim(1, -1)
         return linear(rows, self.weight[:, :, 0, 0, 0], self.bias).movedim(-1, 1)
 
@@ -86,7 +66,6 @@ class StridedConv(nn.Conv3d):
         super().__init__(channels, out, 3, stride=2, bias=bias)
 
     def forward(self, features: Tensor) -> Tensor:
-        """Pad one at the far end of each axis, then convolve."""
         return super().forward(pad(features, (0, 1) * 3))
 
 
@@ -97,7 +76,6 @@ class TransposedConv(nn.ConvTranspose3d):
         super().__init__(channels, out, 3, stride=2)
 
     def forward(self, features: Tensor, output_size: list[int] | None = None) -> Tensor:
-        """Convolve, then drop the last output of each axis."""
         return super().forward(features, output_size)[:, :, :-1, :-1, :-1]
 
 
@@ -114,7 +92,6 @@ class VoxceptionResNet(nn.Module):
         self.conv2_3 = PointwiseConv(quarter, 2 * quarter)
 
     def forward(self, features: Tensor) -> Tensor:
-        """(n, c, s, s, s) to the same; a ReLU after every convolution and after the sum."""
         out1 = self.conv1_2(self.conv1_1(features).relu()).relu()
         out2 = self.conv2_2(self.conv2_1(features).relu()).relu()
         return (features + torch.cat([out1, self.conv2_3(out2).relu()], dim=1)).relu()
@@ -125,20 +102,23 @@ def _blocks(channels: int, count: int) -> nn.Sequential:
 
 
 class Pcgcv1Analysis(nn.Module):
-    """Analysis transform g_a: from occupied voxels to the latent y at stride 4."""
+    """Analysis transform g_a: occupancy to the latent y at stride 4."""
 
     def __init__(self, shape: Pcgcv1Shape) -> None:
         super().__init__()
-        one, two, four = shape.channels
-        self.conv_in = Conv(1, one)
+        stride_1, stride_2, stride_4 = shape.channels
+        self.conv_in = Conv(1, stride_1)
         self.blocks = nn.ModuleList(_blocks(channels, shape.blocks) for channels in shape.channels)
         self.downs = nn.ModuleList(
-            [StridedConv(one, two, bias=False), StridedConv(two, four, bias=False)]
+            [
+                StridedConv(stride_1, stride_2, bias=False),
+                StridedConv(stride_2, stride_4, bias=False),
+            ]
         )
-        self.conv_out = Conv(four, shape.latent_channels)
+        self.conv_out = Conv(stride_4, shape.latent_channels)
 
     def forward(self, x: Tensor) -> Tensor:
-        """Zeros and ones (n, 1, 4 s, 4 s, 4 s) to y (n, latent_channels, s, s, s)."""
+        """(n, 1, 4 s, 4 s, 4 s) to (n, latent_channels, s, s, s)."""
         features = self.blocks[0](self.conv_in(x).relu())
         for down, blocks in zip(self.downs, self.blocks[1:], strict=True):
             features = blocks(down(features).relu())
@@ -146,20 +126,22 @@ class Pcgcv1Analysis(nn.Module):
 
 
 class Pcgcv1Synthesis(nn.Module):
-    """Synthesis transform g_s: from the latent to a logit of occupancy for every voxel."""
+    """Synthesis transform g_s: y_hat to an occupancy logit of each voxel."""
 
     def __init__(self, shape: Pcgcv1Shape) -> None:
         super().__init__()
-        one, two, four = shape.channels
-        self.conv_in = Conv(shape.latent_channels, four)
+        stride_1, stride_2, stride_4 = shape.channels
+        self.conv_in = Conv(shape.latent_channels, stride_4)
         self.blocks = nn.ModuleList(
-            _blocks(channels, shape.blocks) for channels in (four, two, one)
+            _blocks(channels, shape.blocks) for channels in (stride_4, stride_2, stride_1)
         )
-        self.ups = nn.ModuleList([TransposedConv(four, two), TransposedConv(two, one)])
-        self.conv_out = Conv(one, 1)
+        self.ups = nn.ModuleList(
+            [TransposedConv(stride_4, stride_2), TransposedConv(stride_2, stride_1)]
+        )
+        self.conv_out = Conv(stride_1, 1)
 
     def forward(self, y_hat: Tensor) -> Tensor:
-        """y_hat (n, latent_channels, s, s, s) to logits (n, 1, 4 s, 4 s, 4 s)."""
+        """(n, latent_channels, s, s, s) to (n, 1, 4 s, 4 s, 4 s)."""
         features = self.blocks[0](self.conv_in(y_hat).relu())
         for up, blocks in zip(self.ups, self.blocks[1:], strict=True):
             features = blocks(up(features).relu())
@@ -167,17 +149,16 @@ class Pcgcv1Synthesis(nn.Module):
 
 
 class HyperAnalysis(nn.Module):
-    """Hyper-analysis transform h_a: from the latent y to the hyper-latent z at stride 8."""
+    """Hyper-analysis transform h_a: the latent y to the hyper-latent z at stride 8."""
 
     def __init__(self, shape: Pcgcv1Shape) -> None:
         super().__init__()
-        channels, coded = shape.hyper_channels
+        channels, hyper_latent_channels = shape.hyper_channels
         self.conv1 = Conv(shape.latent_channels, channels)
         self.conv2 = StridedConv(channels, channels)
-        self.conv3 = Conv(channels, coded)
+        self.conv3 = Conv(channels, hyper_latent_channels)
 
     def forward(self, y: Tensor) -> Tensor:
-        """y (n, c, s, s, s) to z (n, d, s / 2, s / 2, s / 2)."""
         return cast(Tensor, self.conv3(self.conv2(self.conv1(y).relu()).relu()))
 
 
@@ -189,25 +170,24 @@ class LaplaceParameters(NamedTuple):
 
 
 class HyperSynthesis(nn.Module):
-    """Hyper-synthesis transform h_s: from the hyper-latent to the distributions of the latent."""
+    """Hyper-synthesis transform h_s: z_hat to the distributions of y."""
 
     def __init__(self, shape: Pcgcv1Shape) -> None:
         super().__init__()
-        channels, coded = shape.hyper_channels
-        self.conv1 = Conv(coded, channels)
+        channels, hyper_latent_channels = shape.hyper_channels
+        self.conv1 = Conv(hyper_latent_channels, channels)
         self.conv2 = TransposedConv(channels, channels)
         self.conv3 = Conv(channels, 2 * channels)
         self.location = Conv(2 * channels, shape.latent_channels)
         self.scale = Conv(2 * channels, shape.latent_channels)
 
     def forward(self, z_hat: Tensor) -> LaplaceParameters:
-        """z_hat (n, d, s / 2, s / 2, s / 2) to the distributions of y (n, c, s, s, s)."""
         features = self.conv3(self.conv2(self.conv1(z_hat).relu()).relu()).relu()
         return LaplaceParameters(self.location(features), self.scale(features).abs())
 
 
 class PCGCv1(MultiRateNetwork):
-    """Transforms g_a, g_s, h_a and h_s, and for each rate a bottleneck of z and gains of y."""
+    """Transforms g_a, g_s, h_a and h_s, and a bottleneck of z and gains of y for each rate."""
 
     shape: Pcgcv1Shape
 
@@ -218,24 +198,11 @@ class PCGCv1(MultiRateNetwork):
         self.add_rates(shape.hyper_channels[1])
 
     def gain(self, rate: int) -> Tensor:
-        """What the latent's channels are multiplied by, (latent_channels, 1, 1, 1)."""
+        """Factors of the latent's channels, (latent_channels, 1, 1, 1)."""
         return super().gain(rate)[:, None, None, None]
 
 
 def coded_blocks(shape: Pcgcv1Shape, x: Tensor) -> Tensor:
-    """Ones in the blocks whose latent is coded, zeros elsewhere.
-
-    Parameters
-    ----------
-    shape
-        Of the network; without `occupied_blocks` the latent is coded everywhere.
-    x
-        Cubes of zeros and ones (n, 1, size, size, size).
-
-    Returns
-    -------
-    Tensor
-        (n, 1, size / 4, size / 4, size / 4).
-    """
+    """Return ones where the latent of cubes x (n, 1, size, size, size) is coded, else zeros."""
     blocks = max_pool3d(x, STRIDE)
     return blocks if shape.occupied_blocks else torch.ones_like(blocks)

@@ -1,4 +1,4 @@
-"""The settings of a training of PCGCv1."""
+"""Settings of the training of PCGCv1."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ if TYPE_CHECKING:
 
 
 class Pcgcv1Training(MultiRateTraining):
-    """A training of PCGCv1; `channels` are those of g_a at strides 1, 2 and 4.
+    """Training of PCGCv1; `channels` are those of g_a at strides 1, 2 and 4.
 
-    Cubes may be smaller than those that the codec cuts, since the network is convolutional.
+    Cubes may be smaller than the codec's, since the network is convolutional.
 
     Parameters
     ----------
     rate_warm_up
-        Fraction of the steps over which the weight of the rate in the loss grows to one: a network
-        that is charged for its latent before it has a use for it learns to do without.
+        Fraction of the steps in which the weight of the rate in the loss grows to one. With the
+        full weight from the start the network learns not to use its latent.
     """
 
     batch_size: PositiveInt = 2
@@ -35,7 +35,6 @@ class Pcgcv1Training(MultiRateTraining):
 
     @contextmanager
     def trainer(self) -> Iterator[Pcgcv1Trainer]:
-        """A new model with its optimiser."""
         import torch
 
         from puckbench.learned.gains import initialise_gains
@@ -52,7 +51,6 @@ class Pcgcv1Training(MultiRateTraining):
         yield Pcgcv1Trainer(on_device(model), self)
 
     def export(self, path: Path, model: Any, card: Mapping[str, Any]) -> None:
-        """Write the model as a set of weights with its card."""
         from puckbench.learned.pcgcv1.weights import save_weights
 
         save_weights(path, model, self.lmbdas, card)

@@ -1,4 +1,4 @@
-"""PCGCv1's weights: sets of ours, and the authors' archives under our names of parameters.
+"""Weights of PCGCv1: sets of puckbench, and the authors' archives with renamed parameters.
 
 The authors' TensorFlow variables are read from NumPy archives. A kernel is stored as [d, h, w, in,
 out], that of a transposed convolution as [d, h, w, out, in].
@@ -46,32 +46,22 @@ _LAYERS = {
     "hyper_decoder/conv4_2": "h_s.scale",
 }
 _BOTTLENECK = {"matrix": "matrices", "bais": "biases", "factor": "factors"}
-"""The authors' spelling of a bias is theirs."""
+"""The misspelling is the authors'."""
 _KERNEL_AXES = (4, 3, 0, 1, 2)
-"""Both layouts have what PyTorch wants first at the end: (out, in) or, transposed, (in, out)."""
+"""Both layouts end with the axes that PyTorch has first: (out, in) or, transposed, (in, out)."""
 
 
 @dataclass(frozen=True)
 class Pcgcv1Weights:
-    """A network ready for coding; see `MultiRateWeights` for the other fields.
-
-    Parameters
-    ----------
-    network
-        Transforms g_a, g_s and h_a.
-    hyper_synthesis
-        Transform h_s in integers.
-    tables
-        Frequency tables of the hyper-latent.
-    """
+    """A network ready for coding."""
 
     shape: Pcgcv1Shape
-    network: Transforms
-    hyper_synthesis: IntegerHyperSynthesis
-    lmbdas: tuple[float, ...]
-    tables: Tables
-    digest: bytes
-    card: Mapping[str, Any]
+    network: Transforms  # transforms g_a, g_s and h_a
+    hyper_synthesis: IntegerHyperSynthesis  # transform h_s in integers
+    lmbdas: tuple[float, ...]  # Lagrangian weights of the rates, lowest bitrate first
+    tables: Tables  # frequency tables of the hyper-latent
+    digest: bytes  # by which streams name the set
+    card: Mapping[str, Any]  # model card
 
 
 def load_weights(where: str | Path, device: DeviceName = "cpu") -> Pcgcv1Weights:
@@ -90,16 +80,16 @@ def load_weights(where: str | Path, device: DeviceName = "cpu") -> Pcgcv1Weights
         If the file is neither, or the device does not exist.
     """
     path = weights_path(where)
-    found = load_multi_rate(
+    weights = load_multi_rate(
         path,
         PCGCV1,
         lambda sizes: PCGCv1(parsed(Pcgcv1Shape, sizes, f"{path}: shape")),
         load_published,
     )
     with naming(path):
-        hyper_synthesis = IntegerHyperSynthesis(found.model.h_s)
-    rest = (found.lmbdas, found.tables, found.digest, found.card)
-    model = found.model
+        hyper_synthesis = IntegerHyperSynthesis(weights.model.h_s)
+    rest = (weights.lmbdas, weights.tables, weights.digest, weights.card)
+    model = weights.model
     network = CpuTransforms(model) if device == "cpu" else DeviceTransforms(placed(model, device))
     return Pcgcv1Weights(model.shape, network, hyper_synthesis, *rest)
 
@@ -107,13 +97,13 @@ def load_weights(where: str | Path, device: DeviceName = "cpu") -> Pcgcv1Weights
 def save_weights(
     path: Path, model: PCGCv1, lmbdas: tuple[float, ...], card: Mapping[str, Any]
 ) -> Pcgcv1Weights:
-    """Write a network as a set of weights and return the set, as `load_weights` reads it."""
+    """Write a network as a set of weights; return the set as `load_weights` reads it."""
     save_multi_rate(path, PCGCV1, model, lmbdas, card)
     return load_weights(path)
 
 
 def load_published(path: Path) -> PCGCv1:
-    """Read an archive of the authors' variables; InputError when it is not one."""
+    """Read an archive of the authors' variables; raise InputError if it is not one."""
     variables = _read(path)
     model = PCGCv1(Pcgcv1Shape())
     try:
@@ -133,25 +123,26 @@ def _read(path: Path) -> dict[str, NDArray[np.float32]]:
 
 
 def _translated(variables: Mapping[str, NDArray[Any]]) -> dict[str, Tensor]:
-    """Parameters from the authors' variables; KeyError for a name that is not theirs."""
     names = dict(_names())
     state = {"log_gains": torch.zeros(1, Pcgcv1Shape().latent_channels)}
     for name, value in variables.items():
         layer, _, kind = name.rpartition("/")
         kernel = kind == "kernel"
-        ours = f"{names[layer]}.{'weight' if kernel else kind}" if layer in names else names[name]
+        our_name = (
+            f"{names[layer]}.{'weight' if kernel else kind}" if layer in names else names[name]
+        )
         ordered = value.transpose(_KERNEL_AXES) if kernel else value
-        state[ours] = torch.from_numpy(np.ascontiguousarray(ordered, dtype=np.float32))
+        state[our_name] = torch.from_numpy(np.ascontiguousarray(ordered, dtype=np.float32))
     return state
 
 
 def _names() -> Iterator[tuple[str, str]]:
-    """The authors' names of layers, and of the variables of the entropy bottleneck, and ours."""
+    """Yield the authors' names of layers and of bottleneck variables, each with ours."""
     yield from _LAYERS.items()
     parts = {"analysis": "g_a", "synthesis": "g_s"}
     blocks = range(Pcgcv1Shape().blocks)
     for part, scale, block, layer in product(parts, range(3), blocks, _BLOCK_LAYERS):
-        theirs = f"{part}_transform/vrn{scale + 1}_{block + 1}/{layer}"
-        yield theirs, f"{parts[part]}.blocks.{scale}.{block}.{layer}"
-    for (theirs, ours), number in product(_BOTTLENECK.items(), range(4)):
-        yield f"estimator/{theirs}_{number}", f"entropy_bottlenecks.0.{ours}.{number}"
+        their_name = f"{part}_transform/vrn{scale + 1}_{block + 1}/{layer}"
+        yield their_name, f"{parts[part]}.blocks.{scale}.{block}.{layer}"
+    for (their_name, our_name), number in product(_BOTTLENECK.items(), range(4)):
+        yield f"estimator/{their_name}_{number}", f"entropy_bottlenecks.0.{our_name}.{number}"

@@ -54,25 +54,7 @@ STRIDE = 2**SCALES
 
 @dataclass(frozen=True)
 class Pcgcv2Coder:
-    """Encoder and decoder of voxels at one rate.
-
-    Parameters
-    ----------
-    weights
-        Trained network.
-    rate
-        Index of the rate among those of the weights.
-    rho
-        Decoded voxels per occupied voxel.
-    max_voxels
-        Voxels of a block.
-    threads
-        Number of threads, by default PyTorch's.
-    tools
-        Coding tools in use.
-    point_reconstruction
-        Decode as many points as were encoded, instead of the centre of each voxel.
-    """
+    """Codes voxels at one rate of a set of weights. The fields are options of `codec.encode`."""
 
     weights: Pcgcv2Weights
     rate: int
@@ -83,19 +65,9 @@ class Pcgcv2Coder:
     point_reconstruction: bool = True
 
     def encode(self, voxels: Triples, quarter_octaves: int = 0) -> Pcgcv2Stream:
-        """Encode voxels.
+        """Encode voxels (n, 3) in any order, on the grid of this level.
 
-        Parameters
-        ----------
-        voxels
-            (n, 3), in any order. Point reconstruction also reproduces the number of duplicates.
-        quarter_octaves
-            Level of their grid, which the stream holds.
-
-        Raises
-        ------
-        InputError
-            If they span more than 2**20 voxels.
+        Duplicates count for point reconstruction. Raises InputError if voxels span more than 2**20.
         """
         origin = voxels.min(axis=0) // STRIDE * STRIDE
         if (voxels.max(axis=0) - origin).max() >= 2**AXIS_BITS:
@@ -175,10 +147,7 @@ def _coarse_keys(block: CodedBlock) -> Keys:
 
 
 def split(keys: Keys, max_voxels: int) -> list[Keys]:
-    """Cut sorted keys into parts of about equal size, between voxels at stride 8.
-
-    A part has at most `max_voxels` keys and the rest of a voxel at stride 8, up to 511 more.
-    """
+    """Cut sorted keys between voxels at stride 8 into equal parts of about `max_voxels`."""
     parts = -(-len(keys) // max_voxels)
     borders = np.flatnonzero(np.diff(keys >> 3 * SCALES)) + 1
     targets = np.arange(1, parts) * len(keys) // parts

@@ -48,21 +48,11 @@ _CHUNK_ROWS = 4096
 
 @dataclass(frozen=True)
 class FusedConvolution:
-    """A 3x3x3 convolution as matrices for a kernel map.
-
-    Parameters
-    ----------
-    matrices
-        Matrices of the neighbours at each offset.
-    centre
-        Matrix of the row itself (children * c, children * d).
-    bias
-        (children * d,).
-    """
+    """A 3x3x3 convolution as matrices for a kernel map."""
 
     matrices: Matrices
-    centre: Tensor
-    bias: Tensor
+    centre: Tensor  # of the row itself (children * c, children * d)
+    bias: Tensor  # (children * d,)
 
 
 def fused(layer: SparseConvolution, kernel_map: KernelMap) -> FusedConvolution:
@@ -73,7 +63,7 @@ def fused(layer: SparseConvolution, kernel_map: KernelMap) -> FusedConvolution:
 
 
 def fused_branches(block: InceptionResNet, kernel_map: KernelMap) -> FusedConvolution:
-    """Fuse the first layers of both branches: conv1_0 (pointwise) joins the centre of conv0_0."""
+    """Fuse the first layers of both branches: conv1_0 joins the centre of conv0_0."""
     neighbour_matrices = matrices_of(block.conv0_0.kernel.detach(), kernel_map)
     channels, quarter = block.conv0_0.kernel.shape[1:]
     pointwise = torch.kron(torch.eye(kernel_map.children), block.conv1_0.kernel.detach()[0])
@@ -91,7 +81,7 @@ def convolved(
     out: Tensor,
     relu: bool,
 ) -> Tensor:
-    """Convolve features (n, children, c) to `out` (n, children, d), which is returned."""
+    """Convolve features (n, children, c) to `out` (n, children, d)."""
 
     def work(rows: slice, scratch: Scratch) -> None:
         sums = out[rows]
@@ -152,8 +142,6 @@ def residual_block(
 
 @dataclass(frozen=True)
 class FeatureBuffers:
-    """Three buffers that the layers of a scale share."""
-
     first: Tensor
     second: Tensor
     hidden: Tensor
@@ -181,21 +169,9 @@ def _residual_blocks(
 
 @dataclass(frozen=True)
 class AnalysisResult:
-    """The output of g_a for a block of voxels.
-
-    Parameters
-    ----------
-    y
-        (m, latent_channels) float32, the latent at stride 8.
-    coarse
-        The voxels at stride 8.
-    counts
-        Voxels at strides 1, 2 and 4.
-    """
-
-    y: NDArray[np.float32]
-    coarse: VoxelSet
-    counts: tuple[int, int, int]
+    y: NDArray[np.float32]  # (m, latent_channels), the latent
+    coarse: VoxelSet  # voxels at stride 8
+    counts: tuple[int, int, int]  # voxels at strides 1, 2 and 4
 
 
 def analyse(model: PCGCv2, keys: Keys, pool: ThreadPool) -> AnalysisResult:
@@ -209,7 +185,7 @@ def analyse(model: PCGCv2, keys: Keys, pool: ThreadPool) -> AnalysisResult:
 
 
 def _conv0(model: PCGCv2, voxels: VoxelSet, pool: ThreadPool) -> Tensor:
-    """Apply conv0 and its ReLU: (n, 1, c). The input feature of every voxel is one."""
+    """Apply conv0 to features that are one at every voxel."""
     kernel, bias = model.g_a.conv0.kernel.detach()[:, 0], model.g_a.conv0.bias.detach()
     out = _buffers(pool, len(voxels), 1, len(bias)).first
 
@@ -240,7 +216,6 @@ def _analysis_scale(
 def _downsampled(
     features: Tensor, down: StridedConvolution, child_map: ChildMap, pool: ThreadPool
 ) -> Tensor:
-    """Apply the strided convolution and its ReLU: (n, 1, c) to (m, 1, d)."""
     matrix, bias = down.kernel.detach().flatten(0, 1), down.bias.detach()
     parents = len(child_map.first) - 1
     out = torch.empty(parents, len(bias))
@@ -269,29 +244,12 @@ def synthesise(
     pool: ThreadPool,
     child_per_parent: bool = True,
 ) -> SiblingBlocks:
-    """Apply g_s.
+    """Apply g_s to y_hat (m, latent_channels), after division by the gains, at voxels of stride 8.
 
-    Parameters
-    ----------
-    model
-        The network.
-    y_hat
-        (m, latent_channels), the decoded latent at stride 8, divided by its gains.
-    coarse
-        The m voxels at stride 8.
-    counts
-        Voxels to keep at strides 1, 2 and 4.
-    pool
-        Threads that compute.
-    child_per_parent
-        Keep at least one child of each voxel (see `kept_children`).
-
-    Returns
-    -------
-    SiblingBlocks
-        The decoded voxels, counts[0] of them.
+    `counts` are the voxels to keep at strides 1, 2 and 4, selected by `kept_children`.
     """
     parents, features = coarse, torch.from_numpy(y_hat)
+    # one allocation for the largest scale
     _reserve(model, (len(coarse), *counts[:0:-1]), pool)
     for scale, keep in enumerate(reversed(counts)):
         children, logits = _synthesis_scale(model, scale, features, parents, pool)
@@ -305,14 +263,12 @@ def synthesise(
 def decoded_blocks(
     parents: VoxelSet, logits: NDArray[np.float32], kept: NDArray[np.int64]
 ) -> SiblingBlocks:
-    """Return the decoded voxels by their slots, with logits (m, 8) of all children."""
     is_kept = np.zeros(logits.shape, dtype=bool)
     is_kept.reshape(-1)[kept] = True
     return sibling_blocks(morton_voxels(parents.keys), logits, is_kept)
 
 
 def _reserve(model: PCGCv2, parents: Sequence[int], pool: ThreadPool) -> None:
-    """Allocate the memory of the largest scale once."""
     channels = model.shape.channels[2::-1]
     rows = max(count * width for count, width in zip(parents, channels, strict=True))
     _buffers(pool, rows, CHILDREN, 1)
@@ -339,7 +295,6 @@ def _synthesis_scale(
 def _upsample(
     features: Tensor, up: GenerativeTransposedConvolution, pool: ThreadPool, out: Tensor
 ) -> None:
-    """Apply the generative transposed convolution and its ReLU: (m, c) to `out` (m, 8, d)."""
     matrix, bias = up.matrix().detach().contiguous(), up.bias.detach().repeat(CHILDREN)
 
     def work(rows: slice, _: Scratch) -> None:

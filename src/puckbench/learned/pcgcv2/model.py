@@ -36,24 +36,13 @@ _Few = Annotated[int, Field(ge=1, le=64)]
 
 
 class Pcgcv2Shape(Model):
-    """Sizes of the network, by default those of the paper.
+    """Sizes of the network, by default those of the paper."""
 
-    Parameters
-    ----------
-    channels
-        Channels of g_a at strides 1, 2, 4 and 8; g_s has the first three in reverse.
-    latent_channels
-        Channels of the latent y.
-    blocks
-        Inception-ResNet blocks of each scale.
-    rates
-        Number of rates that share the weights.
-    """
-
+    # of g_a at strides 1, 2, 4 and 8; g_s has the first three in reverse
     channels: tuple[_Channels, _Channels, _Channels, _Channels] = (16, 32, 64, 32)
     latent_channels: _Channels = 8
-    blocks: _Few = 3
-    rates: _Few = 1
+    blocks: _Few = 3  # Inception-ResNet blocks of each scale
+    rates: _Few = 1  # that share the weights
 
 
 class InceptionResNet(nn.Module):
@@ -88,8 +77,6 @@ class InceptionResNetBlocks(nn.ModuleList):
 
 
 class AnalysisScale(nn.Module):
-    """One scale of g_a, from a set of voxels to the next coarser set."""
-
     def __init__(self, channels: int, inner: int, out: int, blocks: int) -> None:
         super().__init__()
         self.down = StridedConvolution(channels, inner)
@@ -99,7 +86,7 @@ class AnalysisScale(nn.Module):
     def forward(
         self, features: Tensor, child_map: ChildMap, neighbourhood: Neighbourhood
     ) -> Tensor:
-        """Features (n, 1, c) to (m, 1, d) of the parents, before the ReLU."""
+        """(n, 1, c) to (m, 1, d) of the parents, before the ReLU."""
         features = self.blocks(self.down(features, child_map).relu(), neighbourhood)
         result: Tensor = self.conv(features, neighbourhood)
         return result
@@ -119,7 +106,6 @@ class Pcgcv2Analysis(nn.Module):
         )
 
     def scale(self, scale: int) -> AnalysisScale:
-        """Layers from stride ``2**scale`` to the next."""
         return cast(AnalysisScale, self.scales[scale])
 
     def forward(
@@ -135,8 +121,6 @@ class Pcgcv2Analysis(nn.Module):
 
 
 class SynthesisScale(nn.Module):
-    """One scale of g_s, from voxels to all their children and occupancy logits."""
-
     def __init__(self, channels: int, inner: int, blocks: int) -> None:
         super().__init__()
         self.up = GenerativeTransposedConvolution(channels, inner)
@@ -145,7 +129,7 @@ class SynthesisScale(nn.Module):
         self.conv_cls = SparseConvolution(inner, 1)
 
     def forward(self, features: Tensor, neighbourhood: Neighbourhood) -> tuple[Tensor, Tensor]:
-        """Features (m, c) of parents to those of their children (m, 8, d) and logits (m, 8)."""
+        """(m, c) of parents to (m, 8, d) and logits (m, 8) of their children."""
         children = self.conv(self.up(features).relu(), neighbourhood).relu()
         children = self.blocks(children, neighbourhood)
         return children, self.conv_cls(children, neighbourhood)[:, :, 0]
@@ -162,7 +146,6 @@ class Pcgcv2Synthesis(nn.Module):
         )
 
     def scale(self, scale: int) -> SynthesisScale:
-        """Layers to strides 4, 2 and 1, for scales 0, 1 and 2."""
         return cast(SynthesisScale, self.scales[scale])
 
 

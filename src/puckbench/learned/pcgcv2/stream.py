@@ -38,21 +38,11 @@ _HEADER = struct.Struct("<8sBBBH")
 
 @dataclass(frozen=True)
 class CodedBlock:
-    """A part of a cloud.
+    """A part of a cloud."""
 
-    Parameters
-    ----------
-    counts
-        Voxels at strides 1, 2, 4 and 8.
-    coordinates
-        The voxels at stride 8, coded losslessly.
-    latent
-        The coded latent y_hat.
-    """
-
-    counts: tuple[int, int, int, int]
-    coordinates: bytes
-    latent: bytes
+    counts: tuple[int, int, int, int]  # voxels at strides 1, 2, 4 and 8
+    coordinates: bytes  # voxels at stride 8, coded losslessly
+    latent: bytes  # coded y_hat
 
 
 class CodingTools(IntFlag):
@@ -69,42 +59,22 @@ ALL_TOOLS = CodingTools.CHILD_PER_PARENT | CodingTools.CONTEXT_MIXING
 
 @dataclass(frozen=True)
 class Pcgcv2Stream:
-    """Contents of a stream that a network coded.
+    """Contents of a stream that a network coded."""
 
-    Parameters
-    ----------
-    digest
-        Digest of the weights.
-    rate
-        Index of the rate among those of the weights.
-    origin
-        Voxel that was subtracted from all others.
-    blocks
-        Parts of the cloud.
-    quarter_octaves
-        Grid level, see `puckbench.learned.grid_level`.
-    tools
-        Coding tools in use.
-    points_per_voxel
-        In 256ths; 0 for one point in the centre of each voxel.
-    """
-
-    digest: bytes
-    rate: int
-    origin: tuple[int, int, int]
+    digest: bytes  # of the weights
+    rate: int  # index among those of the weights
+    origin: tuple[int, int, int]  # voxel that was subtracted
     blocks: tuple[CodedBlock, ...]
     quarter_octaves: int = 0
     tools: CodingTools = ALL_TOOLS
-    points_per_voxel: int = 0
+    points_per_voxel: int = 0  # in 256ths; 0 for one point in the centre
 
     @property
     def voxels(self) -> int:
-        """Number of decoded voxels."""
         return sum(block.counts[0] for block in self.blocks)
 
 
 def write_raw(points: Floats) -> bytes:
-    """Return the stream of a cloud (n, 3) that is too small for a network."""
     return _FRAMING.framed(points.astype("<f8").tobytes(), bytes([_RAW]))
 
 
@@ -122,17 +92,9 @@ def write_coded(coded: Pcgcv2Stream) -> bytes:
 
 
 def read_stream(stream: bytes) -> Pcgcv2Stream | Floats:
-    """Parse a stream. Its counts are checked against its size before anything is computed.
+    """Parse a stream; small clouds are points (n, 3). Counts are checked before any computation.
 
-    Returns
-    -------
-    Pcgcv2Stream or NDArray
-        The contents, or the points (n, 3) of a small cloud.
-
-    Raises
-    ------
-    InputError
-        If the bytes are damaged, or of another codec or version.
+    Raises InputError if the bytes are damaged, or of another codec or version.
     """
     kind, body = _FRAMING.unframed(stream)
     return _read_raw(body) if kind[0] == _RAW else _read_coded(body)
@@ -166,7 +128,6 @@ def _read_coded(body: bytes) -> Pcgcv2Stream:
 
 
 def _check_work(coded: Pcgcv2Stream, body: bytes) -> None:
-    """Raise InputError if decoding would take too long for the size of the stream."""
     coarse = sum(sum(block.counts[1:]) for block in coded.blocks)
     if (
         coded.voxels > 65536 + 8192 * len(body)
@@ -186,7 +147,7 @@ def _read_block(reader: Reader) -> CodedBlock:
 
 
 def _check_counts(counts: tuple[int, int, int, int]) -> None:
-    """Raise InputError unless voxels have one to eight children (or fewer at stride 1)."""
+    """Voxels have one to eight children, and those at stride 2 up to eight."""
     stride_1, stride_2, stride_4, stride_8 = counts
     is_possible = (
         1 <= stride_8 <= stride_4 <= 8 * stride_8

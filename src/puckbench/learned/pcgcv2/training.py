@@ -1,9 +1,9 @@
 """Training of PCGCv2: the rate-distortion loss and the optimiser step.
 
-The loss of a batch at a rate is ``lmbda * D + R``, divided by the square root of lmbda so that no
-rate dominates the shared weights. R is the bits of the latent per point. D is the mean binary cross
-entropy, in bits, of the candidate voxels of each scale, weighted by the side of the voxels, since a
-voxel missed at stride 4 cannot be recovered at stride 1 (the authors weight all scales equally).
+The loss at a rate is ``lmbda * D + R``, divided by the square root of lmbda so that no rate
+dominates the shared weights. R is the bits of the latent per point, D the mean binary cross entropy
+of the candidate voxels of each scale, in bits. Scales are weighted by the side of their voxels,
+since a voxel lost at stride 4 cannot be recovered at stride 1 (the authors weight scales equally).
 Uniform noise replaces rounding. The occupied voxels of each scale are kept beside those that the
 network selects.
 """
@@ -43,27 +43,17 @@ SCALE_WEIGHTS = tuple(SCALES * side / 7 for side in (4.0, 2.0, 1.0))
 
 
 class Pcgcv2Loss(NamedTuple):
-    """Loss of a batch.
-
-    Parameters
-    ----------
-    total
-        The minimised quantity.
-    cross_entropies
-        Mean bits of a candidate voxel at strides 4, 2 and 1.
-    bpp
-        Bits of the latent per point.
-    """
+    """Loss of a batch; `total` is minimised."""
 
     total: Tensor
-    cross_entropies: tuple[Tensor, ...]
-    bpp: Tensor
+    cross_entropies: tuple[Tensor, ...]  # mean bits of a candidate voxel at strides 4, 2 and 1
+    bpp: Tensor  # bits of the latent per point
 
 
 def rate_distortion_loss(
     model: PCGCv2, keys: Keys, rate: int, lmbda: float, pool: ThreadPool, noise: torch.Generator
 ) -> Pcgcv2Loss:
-    """Return the loss at a rate of voxels in Morton order (n,)."""
+    """Return the loss at a rate for sorted keys (n,) of voxels."""
     device = model.log_gains.device
     sets, child_maps = pyramid(keys, SCALES, pool)
     neighbourhoods = [
@@ -104,7 +94,7 @@ def _cross_entropies(
 
 
 def _occupied(parents: VoxelSet, occupied_keys: Keys) -> NDArray[np.bool_]:
-    """Tell which of all children of the parents are in a sorted set of keys."""
+    """Tell which children of all parents are in a sorted set of keys."""
     candidates = keys_of_slots(parents.keys, np.arange(CHILDREN * len(parents)))
     nearest = np.minimum(np.searchsorted(occupied_keys, candidates), len(occupied_keys) - 1)
     occupied: NDArray[np.bool_] = occupied_keys[nearest] == candidates

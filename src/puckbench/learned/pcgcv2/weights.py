@@ -57,21 +57,16 @@ def load_weights(where: str | Path, device: DeviceName = "cpu") -> Pcgcv2Weights
 def save_weights(
     path: Path, model: PCGCv2, lmbdas: tuple[float, ...], card: Mapping[str, Any]
 ) -> Pcgcv2Weights:
-    """Write a network as a set of weights, and return the set as `load_weights` reads it."""
+    """Write a network as a set of weights; return the set as `load_weights` reads it."""
     save_multi_rate(path, PCGCV2, model, lmbdas, card)
     return load_weights(path)
 
 
 def load_published(path: Path) -> PCGCv2:
-    """Read a checkpoint of the authors' program.
+    """Read a checkpoint of the authors; raise InputError if it is not one.
 
-    28 to 67 % of the authors' weights are denormal numbers (below 1.2e-38), which slow down some
-    processors a hundred times. They are read as zeros; results do not change.
-
-    Raises
-    ------
-    InputError
-        If the file is not such a checkpoint.
+    28 to 67 % of its weights are denormal numbers (below 1.2e-38), with which some processors are a
+    hundred times slower. They are read as zeros, without a change of results.
     """
     checkpoint = _read(path)
     model = PCGCv2(Pcgcv2Shape())
@@ -107,7 +102,6 @@ def _translated(checkpoint: dict[str, dict[str, Tensor]]) -> dict[str, Tensor]:
 
 
 def _names() -> dict[tuple[str, str], str]:
-    """Map the authors' part and module to our module."""
     names = {("encoder", "conv0"): "g_a.conv0"}
     for scale in range(SCALES):
         g_a, g_s = f"g_a.scales.{scale}", f"g_s.scales.{scale}"

@@ -33,26 +33,12 @@ Matrices = tuple[Tensor, ...]
 
 @dataclass(frozen=True)
 class Neighbourhood:
-    """The set of voxels that a layer works on, with everything that the set determines.
-
-    Parameters
-    ----------
-    gather_scatter
-        Moves features (n, children, channels) between neighbouring rows.
-    kernel_map
-        Meaning of rows: voxels with one child, or parents with eight.
-    pool
-        Threads that compute.
-    chunk_floats
-        Approximate number of features that are gathered at once.
-    max_rows
-        Maximum rows of a chunk.
-    """
+    """The set of voxels that a layer works on, with everything that the set determines."""
 
     gather_scatter: GatherScatter
-    kernel_map: KernelMap
+    kernel_map: KernelMap  # says whether a row is a voxel or a parent with eight children
     pool: ThreadPool
-    chunk_floats: int = _CHUNK_FLOATS
+    chunk_floats: int = _CHUNK_FLOATS  # approximate number of features that are gathered at once
     max_rows: int = _MAX_ROWS
 
     def chunk_rows(self, channels: int) -> int:
@@ -66,7 +52,7 @@ def neighbourhood_of(
     pool: ThreadPool,
     device: torch.device | None = None,
 ) -> Neighbourhood:
-    """Return the neighbourhood of a table (27, n) for tensors of a device, by default the CPU."""
+    """Return the neighbourhood of a table (27, n) for tensors on a device, by default the CPU."""
     if device is None or device.type == "cpu":
         return Neighbourhood(CompiledGatherScatter(table), kernel_map, pool)
     return device_neighbourhood(table, kernel_map, pool, device)
@@ -75,7 +61,7 @@ def neighbourhood_of(
 def device_neighbourhood(
     table: NeighbourTable, kernel_map: KernelMap, pool: ThreadPool, device: torch.device
 ) -> Neighbourhood:
-    """Return the neighbourhood of a table (27, n), computed by PyTorch's indexing on any device."""
+    """Return the neighbourhood of a table (27, n), with PyTorch's indexing on any device."""
     gather_scatter = TorchGatherScatter(torch.from_numpy(table).long().to(device))
     return Neighbourhood(gather_scatter, kernel_map, pool, _DEVICE_CHUNK_FLOATS, _DEVICE_ROWS)
 
@@ -83,23 +69,9 @@ def device_neighbourhood(
 def convolve(
     features: Tensor, kernel: Tensor, bias: Tensor, neighbourhood: Neighbourhood
 ) -> Tensor:
-    """Convolve features. Voxels outside the set count as zero and get no result. Differentiable.
+    """Convolve features (n, children, c) to (n, children, d); kernel (27, c, d), bias (d,).
 
-    Parameters
-    ----------
-    features
-        (n, children, c).
-    kernel
-        (27, c, d).
-    bias
-        (d,).
-    neighbourhood
-        The set of voxels.
-
-    Returns
-    -------
-    Tensor
-        (n, children, d).
+    Voxels outside the set count as zero and get no result. Differentiable.
     """
     pairs = torch.from_numpy(neighbourhood.kernel_map.kernel_of_pair).to(kernel.device)
     result: Tensor = _Convolution.apply(features, kernel[pairs], bias, neighbourhood)  # type: ignore[no-untyped-call]
@@ -107,7 +79,6 @@ def convolve(
 
 
 def matrices_of(kernel: Tensor, kernel_map: KernelMap) -> Matrices:
-    """Return the matrices of a kernel (27, c, d) for `accumulate`."""
     return _matrices(kernel[torch.from_numpy(kernel_map.kernel_of_pair)], kernel_map)
 
 
@@ -119,10 +90,7 @@ def accumulate(
     scratch: Scratch,
     sums: Tensor,
 ) -> None:
-    """Add the products of a chunk's neighbours, without its own rows, to sums (rows, children, d).
-
-    The features are (n, children, c).
-    """
+    """Add the products of a chunk's neighbours to sums (rows, children, d)."""
     width = sums.shape[2]
     layout = neighbourhood.gather_scatter.layout(neighbourhood.kernel_map, rows)
     gathered = neighbourhood.gather_scatter.gather(

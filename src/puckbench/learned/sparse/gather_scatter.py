@@ -28,42 +28,21 @@ Segments = list[Tensor | None]
 
 
 class NeighbourPairs(NamedTuple):
-    """Pairs of a row and its neighbour, by offset, then by row; there are none at the centre.
+    """Rows with a neighbour, by offset, then by row; there are none at the centre."""
 
-    Parameters
-    ----------
-    firsts
-        (28,): the pairs of offset k are ``firsts[k]`` to ``firsts[k + 1]``.
-    rows, neighbours
-        The row of each pair, and the row of its neighbour.
-    """
-
-    firsts: NDArray[np.int64]
-    rows: NDArray[np.int32]
-    neighbours: NDArray[np.int32]
+    firsts: NDArray[np.int64]  # (28,); offset k has the pairs firsts[k] to firsts[k + 1]
+    rows: NDArray[np.int32]  # of each pair
+    neighbours: NDArray[np.int32]  # row of the neighbour in each pair
 
 
 @dataclass(frozen=True)
 class PairLayout:
-    """Position of the pairs of a chunk of rows in flat memory.
+    """Position of a chunk's pairs in flat memory, grouped by the number of joined children."""
 
-    Offsets that join the same number of children are contiguous.
-
-    Parameters
-    ----------
-    counts
-        (27,), number of pairs of each offset; 0 at the centre.
-    starts
-        (27,), start of the pairs of each offset, in features of one channel.
-    size
-        Total number of features of one channel.
-    groups
-        Number of joined children, its offsets that have pairs, and the number of these.
-    """
-
-    counts: NDArray[np.int64]
-    starts: NDArray[np.int64]
-    size: int
+    counts: NDArray[np.int64]  # (27,), pairs of each offset, 0 at the centre
+    starts: NDArray[np.int64]  # (27,), first element of each offset, for one channel
+    size: int  # number of elements, for one channel
+    # number of joined children, its offsets, and their numbers of pairs
     groups: list[tuple[int, list[int], list[int]]]
 
 
@@ -80,20 +59,10 @@ class GatherScatter(Protocol):
         scratch: Scratch,
         at_output: bool = False,
     ) -> Segments:
-        """Gather the features of the neighbours at each offset except the centre.
+        """Gather the features (n, children, channels) of a chunk's neighbours at each offset.
 
-        Parameters
-        ----------
-        features
-            (n, children, channels).
-        kernel_map
-            Children that are read and written.
-        rows
-            The chunk.
-        scratch
-            Working memory.
-        at_output
-            Gather the children of the row itself that are written, instead of the neighbours'.
+        There are none for the centre. With `at_output` the features are those of the rows
+        themselves, at the children that are written.
         """
 
     def scatter_add(
@@ -169,7 +138,7 @@ class TorchGatherScatter:
         self._chunks: dict[tuple[int, int], list[tuple[Tensor, Tensor]]] = {}
 
     def _pairs(self, rows: slice) -> list[tuple[Tensor, Tensor]]:
-        """Return for each offset the rows of a chunk that have a neighbour, and the neighbours."""
+        """Return the rows with a neighbour and the neighbours, for each offset."""
         key = (rows.start, rows.stop)
         if key not in self._chunks:
             table = self.table[:, rows]
@@ -330,7 +299,7 @@ def _pairs_of(table: NDArray[np.int32]) -> NeighbourPairs:
 def _pairs_of_rows(
     pairs: NeighbourPairs, first: int, last: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return first pair and number of pairs of each offset (27,) for rows in [first, last)."""
+    """Return first pair and number of pairs of each offset for rows in [first, last)."""
     firsts, counts = np.empty(OFFSETS, np.int64), np.empty(OFFSETS, np.int64)
     for offset in range(OFFSETS):
         of_offset = pairs.rows[pairs.firsts[offset] : pairs.firsts[offset + 1]]

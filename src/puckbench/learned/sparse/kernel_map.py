@@ -20,25 +20,13 @@ from puckbench.learned.sparse.voxels import OFFSETS
 
 @dataclass(frozen=True)
 class KernelMap:
-    """The children that are read and written at each of the 27 offsets between rows.
+    """The children that are read and written at each of the 27 offsets between rows."""
 
-    Parameters
-    ----------
-    children
-        Children of a row: 1 (voxels) or 8 (blocks).
-    counts
-        (27,), number of children that are read, and of those that are written.
-    read, written
-        (27, 8), numbers of these children; the first `counts` of each row are in use.
-    kernels
-        For each offset (count, count): which of the 27 kernel matrices joins a child that is read
-        to a child that is written.
-    """
-
-    children: int
-    counts: NDArray[np.int64]
-    read: NDArray[np.int64]
-    written: NDArray[np.int64]
+    children: int  # of a row: 1 (voxels) or 8 (blocks)
+    counts: NDArray[np.int64]  # (27,), number of children read, and of children written
+    read: NDArray[np.int64]  # (27, 8), children read; the first `counts` are in use
+    written: NDArray[np.int64]  # (27, 8), children written
+    # for each offset (count, count): kernel matrix from each child read to each child written
     kernels: tuple[NDArray[np.int64], ...]
 
     @cached_property
@@ -48,7 +36,6 @@ class KernelMap:
 
     @cached_property
     def groups(self) -> list[tuple[int, list[int]]]:
-        """The distinct numbers of joined children, each with its offsets."""
         return [
             (size, [offset for offset in range(OFFSETS) if self.sizes[offset] == size])
             for size in sorted(set(self.sizes))
@@ -56,17 +43,15 @@ class KernelMap:
 
     @cached_property
     def order(self) -> NDArray[np.int64]:
-        """The offsets (27,), group by group."""
         return np.concatenate([offsets for _, offsets in self.groups])
 
     @cached_property
     def kernel_of_pair(self) -> NDArray[np.int64]:
-        """Number of the kernel matrix of each pair of children, by offset, then by child read."""
+        """Kernel matrix of each pair of children, by offset, then by child read."""
         return np.concatenate([kernels.ravel() for kernels in self.kernels])
 
     @property
     def max_read(self) -> int:
-        """Children that a row with all neighbours reads."""
         return sum(self.sizes) - self.children
 
     @property

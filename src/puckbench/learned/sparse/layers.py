@@ -67,7 +67,6 @@ class GenerativeTransposedConvolution(SparseLayer):
         super().__init__(CHILDREN, in_channels, out_channels)
 
     def matrix(self) -> Tensor:
-        """The kernel as one matrix (c, 8 d) for all children of a parent."""
         return self.kernel.transpose(0, 1).flatten(1)
 
     def forward(self, features: Tensor) -> Tensor:
@@ -76,7 +75,7 @@ class GenerativeTransposedConvolution(SparseLayer):
 
 
 def top_k(logits: NDArray[np.float32], count: int) -> NDArray[np.int64]:
-    """Return the rows of the `count` >= 1 largest logits (n,), ascending; ties go to lower rows."""
+    """Return the rows of the `count` >= 1 largest logits, ascending; ties go to lower rows."""
     if count >= len(logits):
         return np.arange(len(logits))
     least = np.partition(logits, len(logits) - count)[len(logits) - count]
@@ -89,22 +88,10 @@ def top_k(logits: NDArray[np.float32], count: int) -> NDArray[np.int64]:
 def kept_children(
     logits: NDArray[np.float32], count: int, child_per_parent: bool = True
 ) -> NDArray[np.int64]:
-    """Select the children that a decoder keeps by their occupancy logits.
+    """Return the slots of the `count` most likely children by their logits (m, 8), ascending.
 
-    Parameters
-    ----------
-    logits
-        (m, 8), of the children of m parents.
-    count
-        Number of children to keep.
-    child_per_parent
-        Keep the most likely child of each parent first. Otherwise parents may lose all children,
-        which leaves holes.
-
-    Returns
-    -------
-    NDArray
-        Slots ``8 * parent + child``, ascending.
+    With `child_per_parent` the most likely child of each parent comes first. Otherwise a parent may
+    lose all children, which leaves a hole.
     """
     if not child_per_parent:
         return top_k(logits.reshape(-1), count)

@@ -35,15 +35,7 @@ class Scratch:
 
 
 class ThreadPool:
-    """Threads with working memory: one buffer set for each thread, and one shared set.
-
-    Parameters
-    ----------
-    threads
-        Number of threads.
-    executor
-        Runs them. Without it the calling thread computes everything.
-    """
+    """Threads, each with working memory. Without an executor the calling thread does all work."""
 
     def __init__(self, threads: int, executor: ThreadPoolExecutor | None = None) -> None:
         self.threads = threads

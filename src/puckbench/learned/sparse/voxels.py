@@ -37,18 +37,10 @@ _X_LOWEST = np.array([2, 1, 0])
 
 @dataclass(frozen=True)
 class VoxelSet:
-    """Distinct voxels in Morton order.
+    """Distinct voxels in Morton order."""
 
-    Parameters
-    ----------
-    keys
-        (n,) int64, ascending.
-    neighbours
-        (27, n) int32, the row of the voxel at each offset, or -1 where there is none.
-    """
-
-    keys: Keys
-    neighbours: NeighbourTable
+    keys: Keys  # (n,), ascending
+    neighbours: NeighbourTable  # (27, n), row of the voxel at each offset, or -1
 
     def __len__(self) -> int:
         return len(self.keys)
@@ -56,18 +48,10 @@ class VoxelSet:
 
 @dataclass(frozen=True)
 class ChildMap:
-    """Children of each voxel of the next coarser set.
+    """Children of each voxel of the next coarser set."""
 
-    Parameters
-    ----------
-    first
-        (m + 1,) int64; the children of parent p are the rows first[p] to first[p + 1].
-    slots
-        (n,) int64, ``8 * parent + child number`` of each child.
-    """
-
-    first: NDArray[np.int64]
-    slots: NDArray[np.int64]
+    first: NDArray[np.int64]  # (m + 1,); parent p has the rows first[p] to first[p + 1]
+    slots: NDArray[np.int64]  # (n,), 8 * parent + child number
 
 
 def morton_keys(voxels: NDArray[np.integer[Any]]) -> Keys:
@@ -96,24 +80,10 @@ def parents_of(keys: Keys) -> tuple[Keys, ChildMap]:
 def pyramid(
     keys: Keys, scales: int, pool: ThreadPool | None = None
 ) -> tuple[list[VoxelSet], list[ChildMap]]:
-    """Return a set of voxels and its coarser sets, with their neighbour tables.
+    """Return a set by its keys (n,), its `scales` coarser sets, and the maps between, finest first.
 
-    The tables are made from the coarsest set down, without a search: the neighbours of a child are
-    children of its parent's neighbours.
-
-    Parameters
-    ----------
-    keys
-        (n,), ascending and distinct.
-    scales
-        Number of coarser sets.
-    pool
-        Threads that share the work.
-
-    Returns
-    -------
-    tuple
-        The `scales` + 1 sets, finest first, and the `scales` maps from each set to the next.
+    Neighbour tables are made from the coarsest set down, without a search: the neighbours of a
+    child are children of its parent's neighbours.
     """
     sets, child_maps = [keys], []
     while len(sets) <= scales or len(sets[-1]) > 1:
@@ -151,7 +121,6 @@ def children_voxels(parents: VoxelSet, keys: Keys, pool: ThreadPool | None = Non
 
 
 def keys_of_slots(parents: Keys, slots: NDArray[np.int64]) -> Keys:
-    """Return the keys (n,) of children by their slots (n,), ``8 * parent row + child number``."""
     keys: Keys = (parents[slots >> 3] << 3) | (slots & 7)
     return keys
 
@@ -170,10 +139,7 @@ def selected_children(
 
 @cache
 def _ring_parents() -> NDArray[np.int64]:
-    """Return the parents of the 4x4x4 cells around a parent's children, x fastest.
-
-    The result (2, 64) holds the offset of each cell's parent, and its child number there.
-    """
+    """Return offset and child number of the parent of each of the 4x4x4 cells around, (2, 64)."""
     position = np.arange(64) // 4 ** np.arange(3)[:, None] % 4 - 1
     parents, within = position // 2 + 1, position % 2
     return np.stack([3 ** np.arange(3) @ parents, 2 ** np.arange(3) @ within])
@@ -181,7 +147,7 @@ def _ring_parents() -> NDArray[np.int64]:
 
 @cache
 def _ring_cells() -> NDArray[np.int64]:
-    """Return the cell of the 4x4x4 ring at each offset of each child, (8, 27)."""
+    """Return the cell of the 4x4x4 around at each offset of each child, (8, 27)."""
     child, offset = np.meshgrid(np.arange(8), np.arange(OFFSETS), indexing="ij")
     steps = [(child >> axis & 1) + offset // 3**axis % 3 for axis in range(3)]
     return np.asarray(sum(step * 4**axis for axis, step in enumerate(steps)))
