@@ -198,7 +198,7 @@ def test_a_lossless_rate_has_no_psnr(
     assert answer["deltas"][0]["bd_rate_percent"] == pytest.approx(-50, abs=1e-3)
     assert (answer["deltas"][0]["lossless"], answer["deltas"][0]["anchor_lossless"]) == (4, 0)
     _, out, _ = compare(capsys, folder, "--with", study)
-    assert "Lossless rates, without PSNR and in no BD-rate: mine r4 (4 clouds)." in out
+    assert "Lossless rates, which have no PSNR and are in no BD-rate: mine r4 (4 clouds)." in out
 
 
 def test_psnrs_of_another_peak_are_refused(

@@ -119,7 +119,7 @@ def test_the_peak_of_a_psnr_is_not_assumed(
     told = capsys.readouterr()
     row = json.loads(told.out.splitlines()[-1])
     assert "d1_psnr" not in row
-    assert "no d1_psnr without --peak" in told.err
+    assert "d1_psnr needs --peak" in told.err
     row = _json(capsys, "evaluate", sphere, out, "--peak", 2)
     assert row["d1_psnr"] == pytest.approx(10 * np.log10(3 * 4 / row["d1_mse"]))
     for wrong, fault in (
@@ -137,7 +137,7 @@ def test_clouds_of_unlike_frames_are_told(
     for factor, told in ((1.01, False), (100.0, True)):
         write_cloud(other, PointCloud(factor * read_cloud(sphere).xyz), describe=False)
         assert main(["evaluate", str(sphere), str(other)]) == 0
-        assert ("are both in one frame?" in capsys.readouterr().err) == told
+        assert ("are both in the same frame?" in capsys.readouterr().err) == told
 
 
 def test_a_library_compares_scaled_clouds_alone_by_rates_in_grid_units() -> None:

@@ -201,7 +201,7 @@ def test_what_prepare_prints_has_no_nested_records(
     ("words", "told"),
     [
         (("--metres-per-unit", "0"), "must be greater than 0"),
-        (("--errors", "vlp16"), "--errors: of scans alone (--scan)"),
+        (("--errors", "vlp16"), "--errors: only with --scan"),
     ],
 )
 def test_no_option_of_a_run_is_left_aside_in_silence(

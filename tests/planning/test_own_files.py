@@ -219,20 +219,20 @@ BAD = {
     ],
     "mine/a.npy mine.py --strict": ["mine.py: no cloud, mesh or recording there"],
     "mine.py notes.md": ["mine.py: no cloud, mesh or recording there"],
-    "mine/a.npy --datasets objects": ["--datasets: of a study alone"],
-    "mine/a.npy --study default --codecs draco": ["a study (--study) has clouds of its own"],
+    "mine/a.npy --datasets objects": ["--datasets: only with --study"],
+    "mine/a.npy --study default --codecs draco": ["with --study only the study's clouds are coded"],
     "--study defualt --codecs draco": ["no reference results 'defualt'", "did you mean 'default'"],
-    "--study default": ["--codecs: name those to compare with default"],
+    "--study default": ["--codecs: give the codecs to compare with default"],
     "--study default --codecs mine.py:MyCodec --datasets spin": [
         "--datasets: default has no data set 'spin'",
         "did you mean 'spins'",
     ],
-    "--study default --codecs mine.py:MyCodec --points 7": ["--points: the study says that"],
+    "--study default --codecs mine.py:MyCodec --points 7": ["--points: the study sets this"],
     "--study default --codecs puck --datasets objects": ["codec puck: codes the returns"],
     "--study default --codecs mine.py:MyCodec --datasets spins": [
         "codec my_codec: has no rates for clouds in metres"
     ],
-    "--codecs draco": ["name files, a configuration, or a study (--study)"],
+    "--codecs draco": ["give files, a configuration, or a study (--study)"],
     "mine/a.npy --codecs puck": ["codec puck: codes the returns of a spinning sensor"],
     "mine/a.npy --peak 30": ["--peak: in m, of clouds in metres alone (--frame metric)"],
     "utm.las --peak -1": ["peak", "greater than 0"],
@@ -240,7 +240,7 @@ BAD = {
     "mine/a.npy mine/a.npy": ["a.npy: the file is named twice"],
     "mine/a.npy empty.xyz --strict": ["empty.xyz: the cloud is empty"],
     "none.yaml": ["none.yaml: no such file"],
-    "some.yaml --codecs draco": ["--codecs: the configuration says that: edit some.yaml"],
+    "some.yaml --codecs draco": ["--codecs: the configuration has a key for this: edit some.yaml"],
 }
 
 

@@ -1,4 +1,4 @@
-"""A command's answer as text for a terminal: one line for each value, tables of what is alike."""
+"""A command's answer as text for a terminal: a line for each value, and tables."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _INDENT = "  "
 
 
 def text_of(answer: Mapping[str, Any]) -> str:
-    """The answer in lines: names and values, and under the name of a table its rows."""
+    """Return lines of names and values; a table's rows stand below its name."""
     plain = {name: value for name, value in answer.items() if not _rows(value)}
     width = max(map(len, plain), default=0)
     lines = []
@@ -24,28 +24,28 @@ def text_of(answer: Mapping[str, Any]) -> str:
 
 
 def table(rows: Sequence[Sequence[str]]) -> list[str]:
-    """Lines of a table whose first row is its heading; the last column is wrapped."""
+    """Return the lines of a table; the first row is its heading, the last column is wrapped."""
     from rich import box
     from rich.console import Console
     from rich.table import Table
 
-    drawn = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False)
+    grid = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False)
     *heads, last = rows[0]
     for head in heads:
-        drawn.add_column(head, no_wrap=True)
-    drawn.add_column(last)
+        grid.add_column(head, no_wrap=True)
+    grid.add_column(last)
     for row in rows[1:]:
-        drawn.add_row(*row)
+        grid.add_row(*row)
     columns = list(zip(*rows, strict=True))[:-1]
     least = sum(max(map(len, column)) + len(_INDENT) for column in columns) + _NARROWEST
     terminal = min(shutil.get_terminal_size((_WIDEST, 0)).columns, _WIDEST) - len(_INDENT)
     console = Console(width=max(terminal, least), color_system=None, markup=False, emoji=False)
-    lines = console.render_lines(drawn, pad=False)
+    lines = console.render_lines(grid, pad=False)
     return [(_INDENT + "".join(part.text for part in line)).rstrip() for line in lines]
 
 
 def _rows(value: Any) -> list[list[str]]:
-    """A table with its heading of several mappings, listed or by name; else nothing."""
+    """Return heading and rows of a list or mapping of mappings; empty for other values."""
     if isinstance(value, Mapping) and value and all(isinstance(v, Mapping) for v in value.values()):
         value = [{"": name, **row} for name, row in value.items()]
     if not isinstance(value, list) or not value or not all(isinstance(v, Mapping) for v in value):
@@ -58,7 +58,7 @@ def _text(value: object) -> str:
     if isinstance(value, float):
         return f"{value:.6g}"
     if isinstance(value, Mapping):
-        return ", ".join(f"{name} {_text(one)}" for name, one in value.items())
+        return ", ".join(f"{name} {_text(item)}" for name, item in value.items())
     if isinstance(value, (list, tuple)):
         return ", ".join(map(_text, value)) or "none"
     return "-" if value is None else str(value)

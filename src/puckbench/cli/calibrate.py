@@ -6,34 +6,35 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from puckbench.cli.types import chosen
+from puckbench.cli.types import selected
 from puckbench.jobs.calibrate import Calibrate
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments."""
     parser.add_argument(
         "residuals", type=Path, nargs="+", help="residual tables (.parquet), one per device"
     )
     parser.add_argument("out", type=Path, help="model file to write (.yaml)")
-    parser.add_argument("--model", help="whose rows count, where a table has several models")
+    parser.add_argument("--model", help="use only the rows of this model")
     parser.add_argument(
         "--cells",
         choices=["frame", "spot"],
-        help="what shares a bias: frame, or spot for a sensor that stands still "
+        help="returns that share a bias: those of a frame, or of a spot if the sensor stands still "
         "(default: spot for captures, else frame)",
     )
     parser.add_argument(
         "--parameters", nargs="+", metavar="NAME", help="sigmas to estimate (default: all)"
     )
     parser.add_argument(
-        "--quantum-mm", type=float, help="steps of the ranges (default: 2 for captures, else 0)"
+        "--quantum-mm",
+        type=float,
+        help="resolution of the ranges (default: 2 for captures, else 0)",
     )
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
-    """Estimate and write the model file; the estimates and intervals to print."""
-    job = Calibrate.given(**chosen(options, "model", "cells", "parameters", "quantum_mm"))
+    """Write the model file; return the estimates with their intervals."""
+    job = Calibrate.given(**selected(options, "model", "cells", "parameters", "quantum_mm"))
     content = job.run(tuple(options.residuals), options.out)
     if options.json:
         return content
@@ -42,14 +43,14 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def _lines(content: dict[str, Any]) -> dict[str, Any]:
-    """Each parameter with its interval, in one line."""
+    """Return a line for each parameter, with its interval."""
     intervals = content["intervals_95"]
     lines = {}
     for name, value in content["parameters"].items():
         if name != "bias_m":
             low, high = intervals.get(name, (None, None))
-            within = "" if low is None else f"  ({low:.6g} to {high:.6g})"
-            lines[name] = f"{value}{within}"
+            interval = "" if low is None else f"  ({low:.6g} to {high:.6g})"
+            lines[name] = f"{value}{interval}"
     for laser, value in enumerate(content["parameters"].get("bias_m", [])):
         low, high = intervals["bias_m"][laser]
         lines[f"bias of laser {laser}"] = f"{value:.5f}  ({low:.5f} to {high:.5f})"

@@ -7,28 +7,32 @@ import math
 from pathlib import Path
 from typing import Any
 
-STREAM = "of a packet capture with several sensors: sender:port, or 'sender:port to receiver:port'"
+STREAM = "which sensor of a packet capture: sender:port, or 'sender:port to receiver:port'"
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments."""
     from puckbench.lidar.recordings.times import TIME_UNITS
 
     parser.add_argument(
         "capture", type=Path, help=".pcap, .puck, ROS bag, or cloud with a laser column"
     )
     parser.add_argument("out", type=Path, help="capture table to write (.parquet)")
-    parser.add_argument("--sensor", help="name or YAML file (default: what the packets say)")
+    parser.add_argument("--sensor", help="name or YAML file (default: from the packets)")
     parser.add_argument("--stream", help=STREAM)
     parser.add_argument(
-        "--time-unit", choices=TIME_UNITS, help="of a cloud's times (default: what they tell)"
+        "--time-unit",
+        choices=TIME_UNITS,
+        help="unit of a cloud's times (default: from their values)",
     )
-    parser.add_argument("--start", type=float, default=0.0, help="s after the first packet")
-    parser.add_argument("--end", type=float, default=math.inf, help="s after the first packet")
+    parser.add_argument(
+        "--start", type=float, default=0.0, help="first time, in s after the first packet"
+    )
+    parser.add_argument(
+        "--end", type=float, default=math.inf, help="last time, in s after the first packet"
+    )
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
-    """Decode and write the table."""
     from puckbench.datasets.recordings import decompressed
     from puckbench.lidar import load_sensor
     from puckbench.lidar.recordings import read_recording, write_returns

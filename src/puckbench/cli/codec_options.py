@@ -1,4 +1,4 @@
-"""Arguments that name a codec: --codec, --weights, and --entry for a codec's configured changes."""
+"""Arguments that commands which code share: the codec, its options, and repeated calls."""
 
 from __future__ import annotations
 
@@ -12,22 +12,29 @@ from puckbench.planning.config import CodecConfig
 
 
 def codec_arguments(parser: argparse.ArgumentParser, required: bool) -> None:
-    """Declare --codec, --weights, --entry, --repeats and --alone."""
-    parser.add_argument("--codec", required=required, help="see `puckbench codecs`")
+    parser.add_argument("--codec", required=required, help="name (see `puckbench codecs`)")
     parser.add_argument(
-        "--weights", help="a learned codec's: a shipped set, a file or a folder of weights"
+        "--weights", help="weights of a learned codec: a shipped set, a file or a folder"
     )
     parser.add_argument(
-        "--entry", type=json_object, default={}, help="changes to the codec's entry, as in a config"
+        "--entry",
+        type=json_object,
+        default={},
+        help="the codec's entry, as in a configuration (JSON)",
     )
-    parser.add_argument("--repeats", type=int, default=1, help="timed calls; the median counts")
     parser.add_argument(
-        "--alone", action="store_true", help="say in the record that nothing else ran meanwhile"
+        "--repeats",
+        type=int,
+        default=1,
+        help="number of timed calls, of which the median is recorded",
+    )
+    parser.add_argument(
+        "--alone", action="store_true", help="record that nothing else ran during the calls"
     )
 
 
 def codec_options(options: argparse.Namespace) -> dict[str, Any]:
-    """Fields of `puckbench.jobs.codecs.CodecJob`."""
+    """Return the fields of a `puckbench.jobs.codecs.CodecJob`."""
     changes = parsed(CodecConfig, options.entry, "--entry").changes()
     if options.weights:
         changes = with_options(changes, weights=options.weights)
@@ -35,5 +42,5 @@ def codec_options(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def timed_options(options: argparse.Namespace) -> dict[str, Any]:
-    """Fields of `puckbench.jobs.codecs.TimedJob`."""
+    """Return the fields of a `puckbench.jobs.codecs.TimedJob`."""
     return {**codec_options(options), "repeats": options.repeats, "alone": options.alone}

@@ -10,12 +10,11 @@ from puckbench.core.registry import trust
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments."""
-    parser.add_argument("codec", nargs="?", help="show the rates and weights of this one")
+    parser.add_argument("codec", nargs="?", help="show all about this codec")
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
-    """One row (or JSON member) for each codec, or all that is known of one."""
+    """Return a row for each codec, or all about one."""
     trust([options.codec])
     table = {name: _entry(name) for name in ([options.codec] if options.codec else codecs())}
     if options.json:
@@ -44,6 +43,6 @@ def _row(entry: dict[str, Any]) -> dict[str, str]:
     tables = [list(entry[key]) for key in ("rates", "metric_rates") if entry[key]]
     state = "" if entry["available"] else f" (not here: {entry['why']})"
     return {
-        "rates": "; ".join(" to ".join(dict.fromkeys([one[0], one[-1]])) for one in tables),
+        "rates": "; ".join(" to ".join(dict.fromkeys([rates[0], rates[-1]])) for rates in tables),
         "take it for": entry["use"] + state,
     }

@@ -1,4 +1,4 @@
-"""`puckbench compare`: codecs of a run beside those of reference results."""
+"""`puckbench compare`: compare codecs of a run with reference results."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from puckbench.report.comparison import Comparison
 
 _GREY, _PLAIN = "\x1b[2m", "\x1b[0m"
-_OF_DELTAS = (
+_DELTA_COLUMNS = (
     "dataset",
     "codec",
     "anchor",
@@ -41,34 +41,34 @@ _OF_DELTAS = (
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments."""
     from puckbench.report.reference_results import shipped
 
-    known = ", ".join(shipped()) or "none yet"
+    names = ", ".join(shipped()) or "none yet"
     parser.add_argument("results", type=Path, help="folder of results of a run")
     parser.add_argument(
         "--with",
         dest="study",
         required=True,
         metavar="STUDY",
-        help=f"study with reference results ({known}), or a file of these (.parquet)",
+        help=f"study with reference results ({names}), or a file of reference results (.parquet)",
     )
     parser.add_argument(
-        "--codecs", nargs="+", default=[], help="of the run (default: those that STUDY lacks)"
+        "--codecs",
+        nargs="+",
+        default=[],
+        help="codecs of the run (default: those that STUDY lacks)",
     )
     parser.add_argument(
-        "--metrics", nargs="+", default=[], help="columns of results (default: those of STUDY)"
+        "--metrics", nargs="+", default=[], help="columns of the results (default: those of STUDY)"
     )
-    parser.add_argument(
-        "--common", action="store_true", help="leave out clouds that are not those of STUDY"
-    )
+    parser.add_argument("--common", action="store_true", help="leave out clouds that STUDY lacks")
     parser.add_argument(
         "--out", type=Path, help="folder of the figure and table (default: RESULTS/comparison)"
     )
 
 
 def run(options: argparse.Namespace) -> dict[str, Any] | str:
-    """Compare; write the figure and the table of deltas. Without ``--json`` the answer is text."""
+    """Write the figure and the table of deltas; without ``--json`` return text."""
     answer = _compared(options)
     return answer if options.json else text(answer)
 
@@ -87,43 +87,45 @@ def _compared(options: argparse.Namespace) -> dict[str, Any]:
     metrics, clouds = (
         read_table(options.results / "tables" / f"{name}.parquet") for name in ("metrics", "clouds")
     )
-    chosen = {"codecs": options.codecs, "qualities": options.metrics, "common": options.common}
+    selection = {"codecs": options.codecs, "qualities": options.metrics, "common": options.common}
     with naming(options.results):
-        found = compared(metrics, clouds, reference, **chosen)
-    qualities = list(dict.fromkeys(found.deltas["metric"]))
+        comparison = compared(metrics, clouds, reference, **selection)
+    qualities = list(dict.fromkeys(comparison.deltas["metric"]))
     place = (options.out or options.results / "comparison") / reference.name
     figures = [place.with_suffix(suffix) for suffix in (".png", ".pdf")]
     with reference.style.context():
-        drawn = (found.own, found.reference, qualities, reference.name, reference.style)
-        figure = draw_comparison(*drawn)
+        tables = (comparison.own, comparison.reference)
+        figure = draw_comparison(*tables, qualities, reference.name, reference.style)
         lay_out(figure)
         for path in figures:
             save_figure(figure, path)
-    write_table(found.deltas, table := place.with_suffix(".csv"))
+    write_table(comparison.deltas, table := place.with_suffix(".csv"))
     return {
         "study": reference.name,
-        "codecs": list(dict.fromkeys(found.own["codec"])),
-        "curves": list(_curves(found, reference.style)),
+        "codecs": list(dict.fromkeys(comparison.own["codec"])),
+        "curves": list(_curves(comparison, reference.style)),
         **({"not_timed": reference.not_timed} if reference.not_timed else {}),
-        "deltas": [_plain(row) for row in found.deltas[list(_OF_DELTAS)].to_dict("records")],
-        "peak": peak_phrase(found.own),
-        "lossless": lossless_text(found.own, reference.style),
-        "left_out": list(found.left_out),
-        "same_streams": {name: list(counts) for name, counts in found.same_streams.items()},
+        "deltas": [
+            _plain(row) for row in comparison.deltas[list(_DELTA_COLUMNS)].to_dict("records")
+        ],
+        "peak": peak_phrase(comparison.own),
+        "lossless": lossless_text(comparison.own, reference.style),
+        "left_out": list(comparison.left_out),
+        "same_streams": {name: list(counts) for name, counts in comparison.same_streams.items()},
         "files": [str(path) for path in (*figures, table)],
     }
 
 
 def _plain(row: Mapping[Any, Any]) -> dict[str, Any]:
-    """A row for JSON: a value that there is not is None."""
+    """Return a row for JSON, with None for NaN."""
     values = {str(k): v.item() if hasattr(v, "item") else v for k, v in row.items()}
     return {k: None if isinstance(v, float) and isnan(v) else v for k, v in values.items()}
 
 
-def _curves(found: Comparison, style: FigureStyle) -> Iterator[dict[str, Any]]:
-    """Least and greatest medians of every codec on every data set."""
-    for dataset in style.ordered_datasets(found.own["dataset"]):
-        for table, is_own in ((found.own, True), (found.reference, False)):
+def _curves(comparison: Comparison, style: FigureStyle) -> Iterator[dict[str, Any]]:
+    """Yield the range of the medians of every codec on every data set."""
+    for dataset in style.ordered_datasets(comparison.own["dataset"]):
+        for table, is_own in ((comparison.own, True), (comparison.reference, False)):
             rows = table[table["dataset"] == dataset]
             for codec in style.ordered_codecs(rows["codec"]):
                 yield {
@@ -144,15 +146,15 @@ def _medians(rows: pd.DataFrame) -> dict[str, Any]:
     counted = with_lossless_best(without_mixed_peaks(rows))
     medians = without_lossless(counted.groupby("rate")[columns].median())
     ranges = {n: [float(medians[n].min()), float(medians[n].max())] for n in columns}
-    known = {n: values for n, values in ranges.items() if not any(map(isnan, values))}
-    return {"clouds": int(rows["cloud"].nunique()), **known}
+    existing = {n: values for n, values in ranges.items() if not any(map(isnan, values))}
+    return {"clouds": int(rows["cloud"].nunique()), **existing}
 
 
 # ---- for a terminal
 
 
 def text(answer: Mapping[str, Any]) -> str:
-    """The answer for a terminal: a table for each data set, the reference's rows in grey."""
+    """Return the answer for a terminal: a table for each data set, with reference rows in grey."""
     study, metrics = answer["study"], list(dict.fromkeys(row["metric"] for row in answer["deltas"]))
     lines: list[str] = []
     for dataset in dict.fromkeys(row["name"] for row in answer["curves"]):
@@ -180,8 +182,8 @@ def _table(
     rows = [[*heads, *(f"BD-rate, {_short(metric)}" for metric in metrics)]]
     rows.append([*_cells(own, own["title"]), *("" for _ in metrics)])
     for row in others:
-        found = (deltas.get((own["codec"], row["codec"], metric)) for metric in metrics)
-        rows.append([*_cells(row, f"{row['title']}, {study}"), *map(_delta, found)])
+        per_metric = (deltas.get((own["codec"], row["codec"], metric)) for metric in metrics)
+        rows.append([*_cells(row, f"{row['title']}, {study}"), *map(_delta, per_metric)])
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     for number, cells in enumerate(rows):
         line = "  ".join(
@@ -197,8 +199,8 @@ def _is_coloured() -> bool:
 
 
 def _short(metric: str) -> str:
-    known = metric.removesuffix("_psnr")
-    return known.upper() if known in ("d1", "d2") else metric
+    name = metric.removesuffix("_psnr")
+    return name.upper() if name in ("d1", "d2") else metric
 
 
 def _cells(row: Mapping[str, Any], title: str) -> list[str]:
@@ -218,16 +220,16 @@ def _delta(row: Mapping[str, Any] | None) -> str:
 
 
 def _closing(answer: Mapping[str, Any]) -> Iterator[str]:
-    yield "BD-rate: bits that the codec above needs more (+) or fewer (−) than this one for equal"
-    yield "quality, with 95 % intervals over three clouds and more. Times may be of two machines."
+    yield "BD-rate: by how much the first codec needs more (+) or fewer (−) bits than this one for"
+    yield "equal quality, with 95 % intervals from three clouds on. Times may be of two machines."
     if answer["peak"]:
         yield f"PSNRs D1 and D2: {answer['peak']}."
     if answer["lossless"]:
-        yield f"Lossless rates, without PSNR and in no BD-rate: {answer['lossless']}."
+        yield f"Lossless rates, which have no PSNR and are in no BD-rate: {answer['lossless']}."
     if "not_timed" in answer:
         yield f"{answer['study']} is not timed: {answer['not_timed']}."
     for codec, (same, streams) in answer["same_streams"].items():
-        yield f"{codec}: {same} of {streams} streams have as many bytes as there."
+        yield f"{codec}: {same} of {streams} streams have the same number of bytes in the study."
     if answer["left_out"]:
         yield f"left out: {', '.join(answer['left_out'])}"
     yield f"files: {', '.join(answer['files'])}"

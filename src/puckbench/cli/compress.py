@@ -1,4 +1,4 @@
-"""`puckbench compress`: a recording of a spinning LiDAR as a small file, bit for bit."""
+"""`puckbench compress`: store a recording of a spinning LiDAR in a smaller file, without loss."""
 
 from __future__ import annotations
 
@@ -8,8 +8,7 @@ from typing import Any
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments."""
-    from puckbench.cli.types import whole
+    from puckbench.cli.types import integer
     from puckbench.puck.options import EFFORTS
 
     parser.add_argument("recording", type=Path, help="packet capture or bag (any file)")
@@ -17,15 +16,14 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--effort", choices=EFFORTS, default="normal", help="speed against size")
     parser.add_argument(
         "--key-every",
-        type=whole(0),
+        type=integer(0),
         default=50,
         metavar="TURNS",
-        help="turns from one that can be decoded alone to the next; 0: only the first",
+        help="turns between two that can be decoded alone; 0: only the first can",
     )
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
-    """Write the file."""
     from puckbench.core.progress import Progress
     from puckbench.puck import CodingOptions, compress
     from puckbench.puck.recording import account_of

@@ -1,4 +1,4 @@
-"""`puckbench conformance`: which of the stored G-PCC streams a decoder decodes correctly."""
+"""`puckbench conformance`: test a G-PCC decoder on stored streams."""
 
 from __future__ import annotations
 
@@ -10,27 +10,31 @@ TOOLS = ("octree", "angular octree", "trees", "angular trees")
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments."""
     parser.add_argument(
         "decoder",
-        help="a codec (gpcc), the path of tmc3, or a command with {stream} and {points} (.ply)",
+        help="a codec (gpcc), the path of tmc3, or a command with the words {stream} and {points}, "
+        "which stand for the stream and the PLY file to write",
     )
-    parser.add_argument("--streams", type=Path, help="folder of other streams with a manifest.json")
-    parser.add_argument("--tools", choices=TOOLS, action="append", help="only streams with these")
+    parser.add_argument(
+        "--streams", type=Path, help="folder of streams with a manifest.json (default: ours)"
+    )
+    parser.add_argument(
+        "--tools", choices=TOOLS, action="append", help="only streams with these coding tools"
+    )
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
-    """Decode every stream; count those decoded, refused and failed, and list the last two."""
+    """Count the streams decoded, refused and failed; list the last two kinds."""
     from puckbench.codecs.registry import codecs, open_codec
     from puckbench.gpcc.conformance import FOLDER, conformance_streams, program_decoder, verdicts
 
     streams = conformance_streams(options.streams or FOLDER)
-    chosen = [stream for stream in streams if not options.tools or stream.tools in options.tools]
-    known = options.decoder in codecs()
-    decode = open_codec(options.decoder).decode if known else program_decoder(options.decoder)
-    found = list(verdicts(decode, chosen))
+    selected = [stream for stream in streams if not options.tools or stream.tools in options.tools]
+    name = options.decoder
+    decode = open_codec(name).decode if name in codecs() else program_decoder(name)
+    results = list(verdicts(decode, selected))
     counts = {
-        outcome: sum(verdict.outcome == outcome for verdict in found)
+        outcome: sum(verdict.outcome == outcome for verdict in results)
         for outcome in ("decoded", "refused", "failed")
     }
     rows = {
@@ -39,7 +43,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
             "outcome": verdict.outcome,
             "why": verdict.why,
         }
-        for verdict in found
+        for verdict in results
         if options.json or verdict.outcome != "decoded"
     }
-    return {"streams": len(found), **counts, **({"not decoded": rows} if rows else {})}
+    return {"streams": len(results), **counts, **({"not decoded": rows} if rows else {})}

@@ -1,4 +1,4 @@
-"""`puckbench datasets`: the loaders of scene sets and their options, and what is there of one."""
+"""`puckbench datasets`: the loaders of scene sets with their options; the scenes of one set."""
 
 from __future__ import annotations
 
@@ -12,21 +12,19 @@ from puckbench.datasets.registry import LOADERS, open_scene_set, options_model
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments."""
-    parser.add_argument("--check", metavar="LOADER", help="count what is there of one set")
-    parser.add_argument("--options", type=json_object, default={}, help="options of that loader")
+    parser.add_argument("--check", metavar="LOADER", help="count the scenes of this loader")
+    parser.add_argument(
+        "--options", type=json_object, default={}, help="options of that loader (JSON)"
+    )
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
-    """One line (or JSON member) for each loader: its options, and the defaults they have.
-
-    With a loader to check: its number of scenes, and its counts against those published.
-    """
+    """Return the options of each loader; with --check the counts of one, beside published ones."""
     if options.check:
         trust([options.check])
         return _checked(options.check, options.options)
     table = {name: _options(name) for name in LOADERS.names()}
-    return table if options.json else {name: _line(found) for name, found in table.items()}
+    return table if options.json else {name: _line(defaults) for name, defaults in table.items()}
 
 
 def _checked(loader: str, options: dict[str, Any]) -> dict[str, Any]:

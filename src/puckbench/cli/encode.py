@@ -1,4 +1,4 @@
-"""`puckbench encode`: code a cloud with a codec at a rate, and say what it cost."""
+"""`puckbench encode`: code a cloud with a codec at a rate, and record bits and times."""
 
 from __future__ import annotations
 
@@ -12,30 +12,37 @@ from puckbench.jobs.encode import Encode
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments."""
     parser.add_argument("cloud", type=Path, help="cloud to code (PLY, PCD, LAS, ...)")
-    parser.add_argument("out", type=Path, help="stream to write; what it cost goes beside it")
+    parser.add_argument(
+        "out", type=Path, help="stream to write; its record (JSON) is written beside it"
+    )
     parser.add_argument(
         "--rate",
         required=True,
-        help="r1 is the smallest bitrate; of clouds in metres a length, 10mm",
+        help="r1 (smallest bitrate), r2, ...; for clouds in metres a length such as 10mm",
     )
     parser.add_argument(
-        "--raw", action="store_true", help="G-PCC: a bare stream, as the reference software's"
+        "--raw",
+        action="store_true",
+        help="G-PCC: write a bare stream, as the reference software does",
     )
     parser.add_argument(
-        "--frame", choices=["scaled", "metric"], help="of a cloud without a description beside it"
+        "--frame",
+        choices=["scaled", "metric"],
+        help="of a cloud without a description (.json) beside it",
     )
     parser.add_argument(
-        "--prepare", type=Path, metavar="PLY", help="prepare the cloud, write it here and code it"
+        "--prepare",
+        type=Path,
+        metavar="PLY",
+        help="prepare the cloud, write it to this file and code it",
     )
     codec_arguments(parser, required=True)
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
-    """Write the stream and its record."""
-    chosen = timed_options(options)
+    settings = timed_options(options)
     if options.raw:
-        chosen["changes"] = with_options(chosen["changes"], raw=True)
-    job = Encode.given(rate=options.rate, frame=options.frame, **chosen)
+        settings["changes"] = with_options(settings["changes"], raw=True)
+    job = Encode.given(rate=options.rate, frame=options.frame, **settings)
     return job.run(options.cloud, options.out, options.prepare)

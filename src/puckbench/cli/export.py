@@ -1,4 +1,4 @@
-"""`puckbench export`: a scan or a capture in the format of another tool, chosen by the suffix."""
+"""`puckbench export`: write a scan or a capture in the format that the suffix names."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from typing import Any
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments."""
     parser.add_argument("table", type=Path, help="scan or capture table (.parquet)")
     parser.add_argument("out", type=Path, help=".ply, .pcd, .csv, .las, .laz, .evd or .pcap")
-    parser.add_argument("--clean", action="store_true", help="take a scan's true coordinates")
+    parser.add_argument(
+        "--clean", action="store_true", help="use the coordinates without errors of a scan"
+    )
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
-    """Write the file."""
     from puckbench.lidar.export import export, read_source
 
     return export(options.out, read_source(options.table), options.clean)

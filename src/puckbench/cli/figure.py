@@ -1,4 +1,4 @@
-"""`puckbench figure`: draw a figure from the tables of results."""
+"""`puckbench figure`: draw a figure from the tables of a run."""
 
 from __future__ import annotations
 
@@ -13,9 +13,8 @@ from puckbench.jobs.figure import Figure
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments."""
-    known = ", ".join(FIGURES.names())
-    parser.add_argument("figure", help=f"one of {known}, or path/to/file.py:function")
+    names = ", ".join(FIGURES.names())
+    parser.add_argument("figure", help=f"one of {names}, or path/to/file.py:function")
     parser.add_argument("out", type=Path, nargs="+", help="files to write (.pdf, .png)")
     parser.add_argument(
         "--inputs", type=json_object, required=True, help='JSON: {"metrics": "metrics.csv", ...}'
@@ -26,7 +25,6 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
-    """Draw and write the figure."""
     layers = options.style if isinstance(options.style, list) else [options.style]
     job = Figure.given(figure=options.figure, style=tuple(layers))
     return job.run(tuple(options.out), **files_by_name(options.inputs, "--inputs"))

@@ -1,4 +1,4 @@
-"""`puckbench prepare`: from samples, clouds or scan tables to clouds ready for the codecs."""
+"""`puckbench prepare`: crop, estimate normals and scale samples, clouds or scan tables."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from puckbench.cli.capture import STREAM
-from puckbench.cli.types import chosen, positive, whole
+from puckbench.cli.types import integer, positive, selected
 from puckbench.core.errors import InputError
 from puckbench.geometry.scaling import GRID
 from puckbench.jobs.prepare import Box, Prepare
@@ -38,38 +38,44 @@ _SHOWN = (
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments."""
     parser.add_argument(
         "cloud",
         type=Path,
         help="cloud (PLY, PCD, LAS, LAZ, E57, text, NumPy, KITTI's .bin), scan table (.parquet), "
         "or recording (.pcap, .puck, ...)",
     )
-    parser.add_argument("out", type=Path, help="PLY file to write; its description goes beside it")
+    parser.add_argument(
+        "out", type=Path, help="PLY file to write; its description (JSON) is written beside it"
+    )
     parser.add_argument(
         "--crop",
         nargs="+",
         metavar="BOX",
-        help="x0 y0 z0 x1 y1 z1 in metres, or a JSON file that has a 'box'",
+        help="x0 y0 z0 x1 y1 z1 in metres, or a JSON file with a 'box'",
     )
     parser.add_argument(
         "--crop-on",
         choices=("clean", "noisy"),
         default="clean",
-        help="coordinates of a scan that decide (default: %(default)s)",
+        help="coordinates of a scan that are cropped by (default: %(default)s)",
     )
     parser.add_argument(
         "--scale",
         type=_size,
         default=1024,
-        help="size of the cube; 0: metres; grid: voxels as they came (default: 1024)",
+        help="size of the cube; 0: stay in metres; grid: keep the voxels (default: 1024)",
     )
     parser.add_argument(
-        "--peak", type=float, help="of the PSNRs of a cloud in metres, in m (default: 30)"
+        "--peak", type=float, help="peak of the PSNRs of a cloud in metres, in m (default: 30)"
     )
-    parser.add_argument("--neighbours", type=whole(3), default=30, help="for normals (default: 30)")
     parser.add_argument(
-        "--metres-per-unit", type=positive, default=1.0, help="of the cloud (0.001: millimetres)"
+        "--neighbours", type=integer(3), default=30, help="neighbours for normals (default: 30)"
+    )
+    parser.add_argument(
+        "--metres-per-unit",
+        type=positive,
+        default=1.0,
+        help="unit of the cloud (0.001: millimetres)",
     )
     parser.add_argument(
         "--drop-invalid", action="store_true", help="leave out points that are not finite"
@@ -80,28 +86,40 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--bin-columns",
         metavar="COLUMNS",
-        help="of a .bin: 3 to 6, or names: x,y,z,intensity,ring (default: as its values tell)",
+        help="columns of a .bin file: their number, 3 to 6, or their names, such as "
+        "x,y,z,intensity,ring (default: from the values)",
     )
-    parser.add_argument("--clean", action="store_true", help="take a scan's clean coordinates")
+    parser.add_argument(
+        "--clean", action="store_true", help="use the coordinates without errors of a scan"
+    )
     parser.add_argument(
         "--turns",
         metavar="FIRST-LAST",
-        help="take these turns of a scan or a recording, in metres in the sensor's frame, and "
+        help="use these turns of a scan or a recording, in metres in the sensor's frame, and "
         "write their returns beside the cloud (default for a recording: its first whole turn)",
     )
     parser.add_argument("--stream", help=STREAM)
     parser.add_argument("--truth", type=Path, help="also write the true surface points of a scan")
     parser.add_argument(
-        "--about", type=Path, action="append", default=[], help="JSON whose name and group to keep"
+        "--about",
+        type=Path,
+        action="append",
+        default=[],
+        help="JSON file whose name and group the description keeps",
     )
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
-    """Write the prepared cloud and, if asked for, the true points in the same frame."""
+    """Write the prepared cloud; return its description, for a terminal in short."""
+    description = _prepared(options)
+    return description if options.json else {k: description[k] for k in _SHOWN if k in description}
+
+
+def _prepared(options: argparse.Namespace) -> dict[str, Any]:
     if options.turns or options.stream or is_recording(options.cloud):
         if options.metres_per_unit != 1:
             raise InputError("--metres-per-unit: recordings are in metres")
-        return _told(_returns(options), options)
+        return _returns(options)
     words = options.crop or []
     file = Path(words[0]) if len(words) == 1 else None
     job = Prepare.given(
@@ -112,15 +130,9 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
         clean=options.clean,
         drop_invalid=options.drop_invalid,
         keep_missing=options.keep_missing,
-        **chosen(options, "peak", "bin_columns", "metres_per_unit"),
+        **selected(options, "peak", "bin_columns", "metres_per_unit"),
     )
-    found = job.run(options.cloud, options.out, options.truth, file, tuple(options.about))
-    return _told(found, options)
-
-
-def _told(found: dict[str, Any], options: argparse.Namespace) -> dict[str, Any]:
-    """What is printed of a cloud's description; its file has all."""
-    return found if options.json else {name: found[name] for name in _SHOWN if name in found}
+    return job.run(options.cloud, options.out, options.truth, file, tuple(options.about))
 
 
 def _returns(options: argparse.Namespace) -> dict[str, Any]:
@@ -129,7 +141,7 @@ def _returns(options: argparse.Namespace) -> dict[str, Any]:
         neighbours=options.neighbours,
         clean=options.clean,
         turns=turns,
-        **chosen(options, "peak", "stream"),
+        **selected(options, "peak", "stream"),
     )
     out = options.out
     return job.run(options.cloud, out, returns_file(out), options.truth, tuple(options.about))
@@ -138,17 +150,19 @@ def _returns(options: argparse.Namespace) -> dict[str, Any]:
 def _turns(text: str) -> tuple[int, int]:
     first, _, last = text.partition("-")
     if not first.isdecimal() or not (last or first).isdecimal():
-        raise InputError(f"--turns: a number, or two joined by a hyphen, not '{text}'")
+        raise InputError(f"--turns: must be a number, or two joined by a hyphen, not '{text}'")
     return int(first), int(last or first)
 
 
 def _size(text: str) -> int | str:
-    return GRID if text == GRID else int(whole(0)(text))
+    return GRID if text == GRID else int(integer(0)(text))
 
 
 def _box(words: list[str]) -> Box:
     try:
         x0, y0, z0, x1, y1, z1 = map(float, words)
     except ValueError as error:
-        raise InputError(f"--crop: six numbers or one JSON file expected, got {words}") from error
+        raise InputError(
+            f"--crop: must be six numbers or one JSON file, not {' '.join(words)}"
+        ) from error
     return x0, y0, z0, x1, y1, z1

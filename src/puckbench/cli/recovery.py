@@ -1,4 +1,4 @@
-"""`puckbench recovery`: a stream's geometric primitives against the labels of the scene."""
+"""`puckbench recovery`: compare a stream's geometric primitives with the labels of the scene."""
 
 from __future__ import annotations
 
@@ -11,20 +11,19 @@ from puckbench.jobs.recovery import Recovery
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments."""
     parser.add_argument("stream", type=Path, help="stream of a codec that codes surfaces")
     parser.add_argument("points", type=Path, help="true points with labels (prepare --truth)")
-    parser.add_argument("scene", type=Path, help="labelled mesh (.ply) that they lie on, in metres")
+    parser.add_argument("scene", type=Path, help="labelled mesh of the scene (.ply), in metres")
     parser.add_argument("--dataset", help="name of the data set, for the result row")
     parser.add_argument("--row", type=Path, help="write the result row here (JSON)")
-    parser.add_argument("--rate", help="of a curve (coded/DATASET/CLOUD/CODEC.zip)")
+    parser.add_argument("--rate", help="rate of a curve (coded/DATASET/CLOUD/CODEC.zip)")
     codec_arguments(parser, required=False)
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
-    """Compare; the answer is the result row, its ``kinds`` empty for a stream without surface."""
+    """Return the result row; its ``kinds`` are empty for a stream without a surface."""
     job = Recovery.given(dataset=options.dataset, rate=options.rate, **codec_options(options))
     row = job.run(options.stream, options.points, options.scene, options.row)
     if row["kinds"] or options.json:
         return row
-    return {**row, "kinds": "none: this stream holds points and no surface (take another rate)"}
+    return {**row, "kinds": "none: this stream has no surface, only points (try another rate)"}

@@ -1,4 +1,4 @@
-"""`puckbench report`: one HTML file with figures, tables, curves and clouds of a run."""
+"""`puckbench report`: write figures, tables, curves and clouds of a run as one HTML file."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from puckbench.jobs.report import Report
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments."""
     parser.add_argument("out", type=Path, help="page to write (.html)")
     parser.add_argument(
         "--contents",
@@ -24,10 +23,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         metavar="PLACE",
         default=[],
-        help="figures and tables of yours among the contents (path/to/file.py:function)",
+        help="your figures and tables among the contents (path/to/file.py:function)",
     )
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
-    """Build the page and write it."""
     return Report.given(contents=options.contents, code=tuple(options.code)).run(options.out)

@@ -1,4 +1,4 @@
-"""`puckbench sample`: points at random on the surface of a mesh, with their true normals."""
+"""`puckbench sample`: sample points on the surface of a mesh, with their true normals."""
 
 from __future__ import annotations
 
@@ -6,24 +6,27 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from puckbench.cli.types import chosen, positive, whole
+from puckbench.cli.types import integer, positive, selected
 from puckbench.jobs.sample import Sample
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments."""
     parser.add_argument(
         "mesh", type=Path, help="mesh file (PLY, OBJ, OFF, STL, GLB) or captured room (.json)"
     )
     parser.add_argument("out", type=Path, help="PLY file to write")
-    parser.add_argument("--points", type=whole(1), default=500_000, help="default: %(default)s")
     parser.add_argument(
-        "--metres-per-unit", type=positive, default=1.0, help="of the mesh (0.001: millimetres)"
+        "--points", type=integer(1), default=500_000, help="number of points (default: %(default)s)"
     )
-    parser.add_argument("--seed", type=whole(0), default=0)
+    parser.add_argument(
+        "--metres-per-unit",
+        type=positive,
+        default=1.0,
+        help="unit of the mesh (0.001: millimetres)",
+    )
+    parser.add_argument("--seed", type=integer(0), default=0)
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
-    """Write the sampled cloud."""
-    job = Sample.given(**chosen(options, "points", "seed", "metres_per_unit"))
+    job = Sample.given(**selected(options, "points", "seed", "metres_per_unit"))
     return job.run(options.mesh, options.out)

@@ -1,4 +1,4 @@
-"""`puckbench scan`: sweep a virtual sensor over a mesh; the table of all returns."""
+"""`puckbench scan`: scan a mesh with a virtual sensor."""
 
 from __future__ import annotations
 
@@ -6,12 +6,11 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from puckbench.cli.types import chosen, json_object, positive, whole
+from puckbench.cli.types import integer, json_object, positive, selected
 from puckbench.jobs.scan import Scan
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments."""
     parser.add_argument("mesh", type=Path, help="mesh file, or captured room (.json)")
     parser.add_argument("out", type=Path, help="scan table to write (.parquet)")
     parser.add_argument("--sensor", default="vlp16", help="name or YAML file (default: vlp16)")
@@ -21,27 +20,38 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "--sweep",
         type=_sweep,
         default="thesis",
-        help="preset, or changes to the 4 s sweep as JSON",
+        help="name of a preset, or options of the 4 s sweep that differ (JSON)",
     )
-    parser.add_argument("--origin", nargs=3, type=float, metavar=("X", "Y", "Z"), help="metres")
     parser.add_argument(
-        "--height", type=float, default=1.3, help="above the floor, without --origin (default: 1.3)"
+        "--origin",
+        nargs=3,
+        type=float,
+        metavar=("X", "Y", "Z"),
+        help="position of the sensor, in metres",
+    )
+    parser.add_argument(
+        "--height",
+        type=float,
+        default=1.3,
+        help="height above the floor in metres, if no --origin is given (default: 1.3)",
     )
     parser.add_argument(
         "--anywhere",
         action="store_true",
-        help="scan from outside the scene, from inside an object, or through walls too",
+        help="allow positions outside the scene and inside objects, and paths through walls",
     )
     parser.add_argument(
-        "--metres-per-unit", type=positive, default=1.0, help="of the mesh (0.001: millimetres)"
+        "--metres-per-unit",
+        type=positive,
+        default=1.0,
+        help="unit of the mesh (0.001: millimetres)",
     )
-    parser.add_argument("--seed", type=whole(0), default=0)
+    parser.add_argument("--seed", type=integer(0), default=0)
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
-    """Scan and write the table."""
     job = Scan.given(
-        **chosen(options, "sensor", "errors", "error_options", "sweep", "anywhere", "seed"),
+        **selected(options, "sensor", "errors", "error_options", "sweep", "anywhere", "seed"),
         height_m=options.height,
         metres_per_unit=options.metres_per_unit,
         origin=tuple(options.origin) if options.origin else None,

@@ -1,4 +1,4 @@
-"""`puckbench table`: make a table of the sensor study (thesis chapter 5) or of the benchmark."""
+"""`puckbench table`: make a table from other tables of a run."""
 
 from __future__ import annotations
 
@@ -6,15 +6,14 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from puckbench.cli.types import chosen, files_by_name, json_object
+from puckbench.cli.types import files_by_name, json_object, selected
 from puckbench.jobs.table import Table
 from puckbench.metrics.table_registry import TABLES
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments."""
-    known = ", ".join(TABLES.names())
-    parser.add_argument("table", help=f"one of {known}, or path/to/file.py:function")
+    names = ", ".join(TABLES.names())
+    parser.add_argument("table", help=f"one of {names}, or path/to/file.py:function")
     parser.add_argument("out", type=Path, nargs="+", help="files to write (.csv, .parquet)")
     parser.add_argument(
         "--inputs", type=json_object, default={}, help='JSON: {"residuals": "residuals.parquet"}'
@@ -25,6 +24,5 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
-    """Read the inputs, make the table and write it."""
-    job = Table.given(**chosen(options, "table", "options"))
+    job = Table.given(**selected(options, "table", "options"))
     return job.run(tuple(options.out), **files_by_name(options.inputs, "--inputs"))

@@ -1,4 +1,4 @@
-"""Argument types shared by the commands."""
+"""Types of arguments, and helpers that commands share."""
 
 from __future__ import annotations
 
@@ -15,7 +15,6 @@ from puckbench.core.files import unique_keys
 
 
 def json_object(text: str) -> dict[str, Any]:
-    """A JSON object on the command line."""
     try:
         value = json.loads(text, object_pairs_hook=unique_keys)
     except ValueError as error:
@@ -26,15 +25,15 @@ def json_object(text: str) -> dict[str, Any]:
 
 
 def files_by_name(values: dict[str, Any], option: str) -> dict[str, Path]:
-    """Files by name, of a JSON object given as an option."""
+    """Return the paths in a JSON object; raise InputError if a value is no text."""
     for name, value in values.items():
         if not isinstance(value, str):
-            raise InputError(f"{option}: {name}: '{value}' is not the name of a file")
+            raise InputError(f"{option}: {name}: '{value}' is not a file name")
     return {name: Path(value) for name, value in values.items()}
 
 
-def units(words: Sequence[str]) -> float | dict[str, float]:
-    """Metres per unit: a number for all files, or FILE=NUMBER for each; InputError else."""
+def metres_per_unit(words: Sequence[str]) -> float | dict[str, float]:
+    """Read metres per unit: one number for all files, or FILE=NUMBER for each."""
     if len(words) == 1 and (number := _number(words[0])) is not None:
         return number
     table: dict[str, float] = {}
@@ -43,10 +42,10 @@ def units(words: Sequence[str]) -> float | dict[str, float]:
         number = _number(text)
         if not name or number is None:
             raise InputError(
-                f"--metres-per-unit: '{word}' is neither the one number nor FILE=NUMBER"
+                f"--metres-per-unit: '{word}' is neither a single number nor FILE=NUMBER"
             )
         if name in table:
-            raise InputError(f"--metres-per-unit: '{name}' is named twice")
+            raise InputError(f"--metres-per-unit: '{name}' is given twice")
         table[name] = number
     return table
 
@@ -59,29 +58,28 @@ def _number(text: str) -> float | None:
 
 
 def positive(text: str) -> float:
-    """A number above 0, for metres per unit."""
     number = _number(text)
     if number is None or not 0 < number < math.inf:
         raise argparse.ArgumentTypeError(f"'{text}' is not a number above 0")
     return number
 
 
-def whole(low: int) -> Any:
-    """A type for whole numbers of at least `low`."""
+def integer(low: int) -> Any:
+    """Return a type of argument: integers of at least `low`."""
 
     def convert(text: str) -> int:
         if not text.lstrip("-").isdigit() or int(text) < low:
-            raise argparse.ArgumentTypeError(f"'{text}' is not a whole number of at least {low}")
+            raise argparse.ArgumentTypeError(f"'{text}' is not an integer of at least {low}")
         return int(text)
 
     return convert
 
 
-def chosen(options: argparse.Namespace, *names: str) -> dict[str, Any]:
-    """Some of a command's options by name, as fields of the job that it runs."""
+def selected(options: argparse.Namespace, *names: str) -> dict[str, Any]:
+    """Return some of a command's options, as fields of its job."""
     return {name: getattr(options, name) for name in names}
 
 
-def tell(line: str) -> None:
-    """Say on standard error what is no part of the answer."""
+def note(line: str) -> None:
+    """Print a line beside the answer, on standard error."""
     print(f"puckbench: {line}", file=sys.stderr)  # noqa: T201

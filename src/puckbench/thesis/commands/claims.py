@@ -12,7 +12,6 @@ from puckbench.core.errors import InputError
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments."""
     parser.add_argument("results", type=Path, help="folder of results, or a claims.csv")
     parser.add_argument("--claim", type=int, action="append", help="only the claim of this number")
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from puckbench.cli.registry import COMMANDS
-from puckbench.cli.types import whole
+from puckbench.cli.types import integer
 from puckbench.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -23,11 +23,10 @@ _EXTRAPOLATED = 1.1
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments."""
     parser.add_argument("--config", type=Path, default=Path("config/thesis.yaml"))
     parser.add_argument("--stand-in", action="store_true", help="use the generated data")
     parser.add_argument(
-        "--cores", type=whole(1), default=2, help="cores in the printed commands (default: 2)"
+        "--cores", type=integer(1), default=2, help="cores in the printed commands (default: 2)"
     )
     parser.add_argument("--snakefile", type=Path, default=Path("workflow/Snakefile"))
     parser.add_argument(

@@ -7,11 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from puckbench.cli.registry import COMMANDS
-from puckbench.cli.types import chosen, json_object, whole
+from puckbench.cli.types import integer, json_object, selected
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments."""
     parser.add_argument("out", type=Path, help="residual table to write (.parquet)")
     parser.add_argument("--model", default="vlp16", help="error model (default: vlp16)")
     parser.add_argument("--model-options", type=json_object, default={}, help="JSON")
@@ -24,10 +23,12 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         help="from the sensor to the wall, in metres: 1 to 5, or 30 (default: 1 2 3 4 5)",
     )
     parser.add_argument(
-        "--runs", type=whole(1), default=3, help="scans from each distance (default: 3)"
+        "--runs", type=integer(1), default=3, help="scans from each distance (default: 3)"
     )
-    parser.add_argument("--seed", type=whole(0), default=0)
-    parser.add_argument("--keep", type=whole(1), help="rows of each scan to keep, chosen at random")
+    parser.add_argument("--seed", type=integer(0), default=0)
+    parser.add_argument(
+        "--keep", type=integer(1), help="rows of each scan to keep, chosen at random"
+    )
     parser.add_argument(
         "--refit",
         action="store_true",
@@ -56,7 +57,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
 
     if options.capture is None:
         names = ("model", "model_options", "runs", "seed", "keep", "refit", "distances")
-        return Residuals.given(**chosen(options, *names)).run(options.out)
+        return Residuals.given(**selected(options, *names)).run(options.out)
     job = CaptureResiduals.given(options=options.capture_options)
     summary = job.run(options.capture, options.out)
     return summary if options.json else _lines(summary)

@@ -7,11 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from puckbench.cli.registry import COMMANDS
-from puckbench.cli.types import chosen, json_object, whole
+from puckbench.cli.types import integer, json_object, selected
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's arguments."""
     parser.add_argument("out", type=Path, help="table of points to write (.parquet)")
     parser.add_argument("--model", default="vlp16", help="error model (default: vlp16)")
     parser.add_argument("--model-options", type=json_object, default={}, help="JSON")
@@ -23,10 +22,10 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         metavar="M",
         help="from the sensor to the wall, in metres: 1 to 5, or 30 (default: 1 5)",
     )
-    parser.add_argument("--seed", type=whole(0), default=0)
+    parser.add_argument("--seed", type=integer(0), default=0)
     parser.add_argument(
         "--keep",
-        type=whole(1),
+        type=integer(1),
         help="points of each surface and distance to keep, chosen at random",
     )
 
@@ -38,5 +37,5 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     """Scan and write the points."""
     from puckbench.thesis.jobs.wall_points import WallPoints
 
-    settings = chosen(options, "model", "model_options", "seed", "keep", "distances")
+    settings = selected(options, "model", "model_options", "seed", "keep", "distances")
     return WallPoints.given(**settings).run(options.out)
