@@ -93,7 +93,7 @@ def test_what_noise_costs_is_drawn_at_equal_errors() -> None:
 
 def test_codecs_that_reach_neither_error_are_an_input_error() -> None:
     metrics, clouds = _noise_rows()
-    with pytest.raises(InputError, match="no codec is exact"):
+    with pytest.raises(InputError, match="no codec reaches"):
         draw("noise_cost", metrics=metrics.assign(d1_rms_m=0.5), clouds=clouds)
 
 

@@ -1,1 +1,1 @@
-"""Figures of the benchmark: each one a function from tidy tables to a matplotlib Figure."""
+"""Figures drawn from a run's tables and clouds."""

@@ -1,4 +1,4 @@
-"""Medians of a metric: per rate (thesis Figure 6.5) and against bpp (Figures 6.6 to 6.9)."""
+"""Medians of a metric for each rate (thesis figure 6.5) and against bits per point (6.6 to 6.9)."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ BINS = 10
 
 
 def equal_count_medians(x: Floats, y: Floats, bins: int = BINS) -> tuple[Floats, Floats]:
-    """Medians of x and of y in bins of x that hold equal numbers of values.
+    """Return medians of x and y in bins of x with equal numbers of values.
 
     Parameters
     ----------
     x, y
-        (n,) float; pairs of which one is missing (nan) are left out.
+        (n,); pairs with a nan are ignored.
     bins
-        Number of bins at most. Their edges are the quantiles of x (as ``pandas.qcut``); with no
-        more distinct values than bins each value has a bin of its own.
+        Largest number of bins. Edges are quantiles of x (``pandas.qcut``); with at most this number
+        of distinct values, each value is a bin.
 
     Returns
     -------
     x, y
-        (m,) float medians, by rising x.
+        (m,), by increasing x.
     """
     import pandas as pd
 
@@ -44,23 +44,10 @@ def equal_count_medians(x: Floats, y: Floats, bins: int = BINS) -> tuple[Floats,
 
 
 def medians_against(rows: pd.DataFrame, x: str, y: str) -> tuple[Floats, Floats]:
-    """Medians of two columns of one codec on one data set.
+    """Return medians of two columns of one codec on one data set, (m,) each, by increasing x.
 
-    The bins are the thesis's. With fewer clouds than bins, a bin would hold one rate of some clouds
-    and another rate of the others, so that the line would follow the clouds: then each rate has a
-    median.
-
-    Parameters
-    ----------
-    rows
-        Result rows of one codec and data set.
-    x, y
-        Columns.
-
-    Returns
-    -------
-    x, y
-        (m,) float medians, by rising x.
+    With at least `BINS` clouds the bins are the thesis's, of equal counts. With fewer clouds such
+    bins would mix rates of different clouds, so there is a median for each rate.
     """
     if rows["cloud"].nunique() >= BINS:
         return equal_count_medians(rows[x].to_numpy(float), rows[y].to_numpy(float))
@@ -69,19 +56,8 @@ def medians_against(rows: pd.DataFrame, x: str, y: str) -> tuple[Floats, Floats]
 
 
 def medians_per_rate(table: pd.DataFrame, column: str) -> pd.DataFrame:
-    """Median of a column over the clouds of each data set, codec and rate.
-
-    Parameters
-    ----------
-    table
-        Result rows.
-    column
-        What is measured; rows without a value are left out.
-
-    Returns
-    -------
-    pd.DataFrame
-        Columns ``dataset``, ``codec``, ``rate`` and the one given.
+    """Return medians of a column by ``dataset``, ``codec`` and ``rate``; missing values are
+    ignored.
     """
     present = table.dropna(subset=[column])
     medians = present.groupby(["dataset", "codec", "rate"], observed=True)[column].median()
@@ -89,5 +65,5 @@ def medians_per_rate(table: pd.DataFrame, column: str) -> pd.DataFrame:
 
 
 def ordered_rates(rates: set[str]) -> list[str]:
-    """Rates in the order of their numbers: r2 before r10."""
+    """Return rates in the order of their numbers: r2 before r10."""
     return sorted(rates, key=lambda rate: (*map(int, re.findall(r"\d+", rate)), rate))

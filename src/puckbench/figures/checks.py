@@ -1,4 +1,4 @@
-"""What a figure asks of its table: rows, columns, and numbers that a log axis can show."""
+"""Checks of the tables that figures are drawn from."""
 
 from __future__ import annotations
 
@@ -13,21 +13,12 @@ if TYPE_CHECKING:
 
 
 def require_rows(table: pd.DataFrame, columns: tuple[str, ...], what: str) -> None:
-    """Check that a table has rows, and columns with a value in each.
-
-    Parameters
-    ----------
-    table
-        Input of a figure.
-    columns
-        Needed ones.
-    what
-        Name of the table, for the message.
+    """Check that a table has rows, and columns with at least one value.
 
     Raises
     ------
     InputError
-        There is no row, no such column, or a column without any value.
+        There is no row, a column is missing, or a column has no value.
     """
     missing = [name for name in columns if name not in table.columns]
     if missing:
@@ -40,21 +31,12 @@ def require_rows(table: pd.DataFrame, columns: tuple[str, ...], what: str) -> No
 
 
 def require_numbers(table: pd.DataFrame, columns: tuple[str, ...], what: str) -> None:
-    """Check that columns hold numbers that a logarithmic axis can show, or zero.
-
-    Parameters
-    ----------
-    table
-        Input of a figure.
-    columns
-        Needed ones.
-    what
-        Name of the table, for the message.
+    """Check that columns hold zero or numbers that a logarithmic axis can show.
 
     Raises
     ------
     InputError
-        A column has values that are no numbers, below zero or infinite.
+        A value is not a number, negative or infinite.
     """
     for name in columns:
         if table[name].dtype.kind not in "fiu":

@@ -1,4 +1,4 @@
-"""Curves of one's own codecs beside those of reference results, which are grey."""
+"""Curves of a run's codecs next to those of reference results, which are grey."""
 
 from __future__ import annotations
 
@@ -39,21 +39,22 @@ def draw_comparison(
     study: str,
     style: FigureStyle,
 ) -> Figure:
-    """Draw the medians over the clouds of each data set: a row of panels, one for each quality.
+    """Draw medians over the clouds: a row of panels for each data set, a column for each metric.
+
+    Lossless rates are hollow markers at the edge: above all PSNRs, below all errors.
 
     Parameters
     ----------
     metrics
-        Result rows of one's own codecs.
+        Result rows of the run's codecs.
     reference
         Reference results on the same clouds.
     qualities
-        Columns that are drawn upwards; PSNRs linearly, others logarithmically. A lossless rate
-        stands hollow at the edge: above all PSNRs, below all errors.
+        Metrics of the vertical axes; PSNRs are linear, others logarithmic.
     study
-        Name of the reference results, for the legend.
+        Name of the reference results in the legend.
     style
-        Titles and order of the data sets; colours of one's own codecs.
+        Titles and order of data sets; colours of the run's codecs.
     """
     from matplotlib.figure import Figure
 
@@ -63,22 +64,27 @@ def draw_comparison(
     shape = (len(datasets), len(qualities))
     figure = Figure(figsize=(figure_width(shape[1], style), shape[0] * _PANEL_IN + 0.6))
     panels = list(figure.subplots(*shape, sharex="all", sharey="col", squeeze=False).flat)
-    own = {codec: style.of_codec(codec) for codec in style.ordered_codecs(metrics["codec"])}
-    others = _greyed(style.ordered_codecs(reference["codec"]), style)
+    own_styles = {codec: style.of_codec(codec) for codec in style.ordered_codecs(metrics["codec"])}
+    reference_styles = _greyed(style.ordered_codecs(reference["codec"]), style)
     for number, axes in enumerate(panels):
         dataset, quality = datasets[number // shape[1]], qualities[number % shape[1]]
         _set_axes(axes, quality)
-        for table, styles, above in ((reference, others, 2), (metrics, own, 4)):
+        for table, styles, zorder in ((reference, reference_styles, 2), (metrics, own_styles, 4)):
             rows = table[table["dataset"] == dataset]
-            for codec, look in styles.items():
-                known = rows[rows["codec"] == codec].dropna(subset=[quality])
-                _draw(axes, known, quality, look, above, style)
+            for codec, plot_style in styles.items():
+                codec_rows = rows[rows["codec"] == codec].dropna(subset=[quality])
+                _draw(axes, codec_rows, quality, plot_style, zorder, style)
         set_title(axes, style.title(dataset), shape[1], style)
     label_outer(panels, shape[1], "Bits per point", "")
     for number, axes in enumerate(panels):
         axes.set_ylabel(_label(qualities[number % shape[1]], peak))
-    handles = [_handle(look, look.title, 4, style) for look in own.values()]
-    handles += [_handle(look, f"{look.title}, {study}", 2, style) for look in others.values()]
+    handles = [
+        _handle(plot_style, plot_style.title, 4, style) for plot_style in own_styles.values()
+    ]
+    handles += [
+        _handle(plot_style, f"{plot_style.title}, {study}", 2, style)
+        for plot_style in reference_styles.values()
+    ]
     handles += [lossless_handle()] if lossless_rows(metrics).any() else []
     longest = max(len(str(handle.get_label())) for handle in handles)
     abreast = figure.get_size_inches()[0] / (longest * 0.58 * style.font_size / 72 + 0.5)
@@ -87,13 +93,11 @@ def draw_comparison(
 
 
 def _label(quality: str, peak: str) -> str:
-    """Name of a vertical axis; a PSNR's has its peak."""
     name = _LABELS.get(quality, quality)
     return f"{name}\n{peak}" if quality in WITH_PEAK and peak else name
 
 
 def _greyed(codecs: Sequence[str], style: FigureStyle) -> dict[str, PlotStyle]:
-    """The codecs' styles in grey; their markers tell them apart."""
     return {
         codec: replace(style.of_codec(codec), colour=_GREYS[number % len(_GREYS)])
         for number, codec in enumerate(codecs)
@@ -113,33 +117,40 @@ def _set_axes(axes: Axes, quality: str) -> None:
 
 
 def _draw(
-    axes: Axes, rows: pd.DataFrame, quality: str, look: PlotStyle, above: int, style: FigureStyle
+    axes: Axes,
+    rows: pd.DataFrame,
+    quality: str,
+    plot_style: PlotStyle,
+    zorder: int,
+    style: FigureStyle,
 ) -> None:
     if rows.empty:
         return
     bpp, values = medians_against(rows, "bpp", quality)
     is_psnr = quality.endswith("_psnr")
     is_exact = values > MOST_DB if is_psnr else values == 0
-    shown = np.isfinite(values) & ~is_exact
-    line = _line(look, above, style)
-    axes.plot(bpp[shown], values[shown], zorder=above, **line)
+    is_drawn = np.isfinite(values) & ~is_exact
+    line = _line(plot_style, zorder, style)
+    axes.plot(bpp[is_drawn], values[is_drawn], zorder=zorder, **line)
     if is_exact.any():
         edge = np.full(np.count_nonzero(is_exact), 1.0 if is_psnr else 0.0)
-        hollow = {**line, "linestyle": "", "markerfacecolor": "white", "clip_on": False}
-        axes.plot(bpp[is_exact], edge, zorder=above, transform=axes.get_xaxis_transform(), **hollow)
+        marker = {**line, "linestyle": "", "markerfacecolor": "white", "clip_on": False}
+        axes.plot(
+            bpp[is_exact], edge, zorder=zorder, transform=axes.get_xaxis_transform(), **marker
+        )
 
 
-def _line(look: PlotStyle, above: int, style: FigureStyle) -> dict[str, Any]:
+def _line(plot_style: PlotStyle, zorder: int, style: FigureStyle) -> dict[str, Any]:
     return {
-        "color": look.colour,
-        "marker": look.marker,
-        "linestyle": look.line,
-        "linewidth": style.line_width * (1.6 if above > 2 else 0.8),
-        "markersize": style.marker_size * (1.2 if above > 2 else 0.9),
+        "color": plot_style.colour,
+        "marker": plot_style.marker,
+        "linestyle": plot_style.line,
+        "linewidth": style.line_width * (1.6 if zorder > 2 else 0.8),
+        "markersize": style.marker_size * (1.2 if zorder > 2 else 0.9),
     }
 
 
-def _handle(look: PlotStyle, label: str, above: int, style: FigureStyle) -> Line2D:
+def _handle(plot_style: PlotStyle, label: str, zorder: int, style: FigureStyle) -> Line2D:
     from matplotlib.lines import Line2D
 
-    return Line2D([], [], label=label, **_line(look, above, style))
+    return Line2D([], [], label=label, **_line(plot_style, zorder, style))

@@ -1,4 +1,4 @@
-"""Rate-distortion curves of a results table: medians against bpp, drawn log-log."""
+"""Rate-distortion curves: medians over clouds against bits per point, on logarithmic axes."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from puckbench.figures.panels import (
     set_log,
     set_title,
 )
-from puckbench.figures.plotted_metrics import BPP, Quantity
+from puckbench.figures.plotted_metrics import BPP, PlottedMetric
 from puckbench.figures.style import FigureStyle, Range
 from puckbench.geometry.cloud import Floats
 
@@ -34,73 +34,45 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Lines = dict[str, tuple[Floats, Floats]]
-"""codec -> medians of bpp and of the metric, one per bin or rate."""
+"""Codec -> medians of bits per point and of the metric, one for each bin or rate."""
 
 
-def check_curves(metrics: pd.DataFrame, quantity: Quantity) -> None:
-    """Check that a table of results has what curves of a quantity against bits per point need.
+def check_curve_columns(metrics: pd.DataFrame, metric: PlottedMetric) -> None:
+    """Check that a table of results has the columns of a rate-distortion curve.
 
     Raises
     ------
     InputError
         A column is missing or empty, or has values that a logarithmic axis cannot show.
     """
-    numbers = (BPP.column, quantity.column)
-    require_rows(metrics, ("dataset", "cloud", "codec", "rate", *numbers), "metrics")
-    require_numbers(metrics, numbers, "metrics")
+    columns = (BPP.column, metric.column)
+    require_rows(metrics, ("dataset", "cloud", "codec", "rate", *columns), "metrics")
+    require_numbers(metrics, columns, "metrics")
     if (metrics[BPP.column] == 0).any():
         raise InputError("metrics table: column 'bpp' has a value of zero: a stream of no bytes")
 
 
 def binned_curves(
-    metrics: pd.DataFrame, quantity: Quantity, style: FigureStyle
+    metrics: pd.DataFrame, metric: PlottedMetric, style: FigureStyle
 ) -> dict[str, Lines]:
-    """Medians of a quantity and of bits per point for each data set and codec.
-
-    Parameters
-    ----------
-    metrics
-        Result rows.
-    quantity
-        What is drawn upwards.
-    style
-        Gives the order of data sets and codecs.
-
-    Returns
-    -------
-    dict of str to Lines
-        Data set -> codec -> medians of bpp and of the quantity.
-    """
+    """Return, for each data set and codec, medians of bits per point and of a metric."""
     curves: dict[str, Lines] = {name: {} for name in style.ordered_datasets(metrics["dataset"])}
     for dataset, lines in curves.items():
-        rows = metrics[metrics["dataset"] == dataset].dropna(subset=[BPP.column, quantity.column])
+        rows = metrics[metrics["dataset"] == dataset].dropna(subset=[BPP.column, metric.column])
         for codec in style.ordered_codecs(rows["codec"]):
-            of_codec = rows[rows["codec"] == codec]
-            lines[codec] = medians_against(of_codec, BPP.column, quantity.column)
+            codec_rows = rows[rows["codec"] == codec]
+            lines[codec] = medians_against(codec_rows, BPP.column, metric.column)
     return curves
 
 
 def codecs_of(curves: Iterable[Lines], style: FigureStyle) -> list[str]:
-    """The codecs that have a line in any panel, in the order of the legend."""
     return style.ordered_codecs(codec for lines in curves for codec in lines)
 
 
 def draw_curves(
     axes: Axes, lines: Lines, x_limits: Range, y_limits: Range, style: FigureStyle
 ) -> None:
-    """Draw the lines of one panel on logarithmic axes; a panel without any says "no values".
-
-    Parameters
-    ----------
-    axes
-        The panel.
-    lines
-        Codec -> medians of bpp and of the quantity.
-    x_limits, y_limits
-        Of the axes.
-    style
-        Gives the lines' colours and markers.
-    """
+    """Draw the lines of one panel on logarithmic axes, or the text "no values"."""
     set_log(axes, "x", x_limits)
     set_log(axes, "y", y_limits)
     for codec, (bpp, values) in lines.items():
@@ -111,7 +83,7 @@ def draw_curves(
 
 def draw_data_sets(
     metrics: pd.DataFrame,
-    quantity: Quantity,
+    metric: PlottedMetric,
     style: FigureStyle,
     *,
     bits: str = BPP.label,
@@ -119,68 +91,71 @@ def draw_data_sets(
     fitted: bool = False,
     scans: Mapping[str, float] = MappingProxyType({}),
 ) -> Figure:
-    """Curves of a quantity: one panel per data set, one line per codec, the same axes in all.
+    """Draw curves of a metric: a panel for each data set, a line for each codec, equal axes.
 
     Parameters
     ----------
     metrics
         Result rows.
-    quantity
-        What is drawn upwards.
+    metric
+        Vertical axis.
     style
-        Gives ranges, colours, names and the order of data sets and codecs.
+        Ranges, colours, titles and orders.
     bits
-        Name of the horizontal axis.
+        Label of the horizontal axis.
     panel_in
-        Height of a panel in inches, with a short label; by default as many panels abreast ask for.
+        Height of a panel, inches; by default depends on the number of panels in a row.
     fitted
         As in `shared_limits`.
     scans
-        Data set -> the quantity of the scans themselves, drawn as a line.
+        Data set -> value of the uncoded scans, drawn as a dashed line.
     """
-    check_curves(metrics, quantity)
-    curves = binned_curves(metrics, quantity, style)
-    limits = [shared_limits(curves.values(), q, style, fitted=fitted) for q in (BPP, quantity)]
+    check_curve_columns(metrics, metric)
+    curves = binned_curves(metrics, metric, style)
+    limits = [
+        shared_limits(curves.values(), axis_metric, style, fitted=fitted)
+        for axis_metric in (BPP, metric)
+    ]
     abreast = panels_abreast(len(curves))
-    is_high = panel_in is None and abreast < 3
-    height = panel_in or (2.5 if is_high else 2.0)
+    is_tall = panel_in is None and abreast < 3
+    height = panel_in or (2.5 if is_tall else 2.0)
     figure, panels = panel_grid(len(curves), abreast, height, style)
     for axes, (dataset, lines) in zip(panels, curves.items(), strict=True):
         draw_curves(axes, lines, limits[0], limits[1], style)
         if dataset in scans:
             axes.axhline(scans[dataset], zorder=2, **SCAN_LINE)
         set_title(axes, style.title(dataset), abreast, style)
-    label_outer(panels, abreast, bits, quantity.label if is_high else quantity.short_label)
-    others = (scan_handle(),) if scans else ()
-    add_legend(figure, codecs_of(curves.values(), style), style, others)
+    label_outer(panels, abreast, bits, metric.label if is_tall else metric.short_label)
+    extra_handles = (scan_handle(),) if scans else ()
+    add_legend(figure, codecs_of(curves.values(), style), style, extra_handles)
     return figure
 
 
 def shared_limits(
     curves: Iterable[Lines],
-    quantity: Quantity,
+    metric: PlottedMetric,
     style: FigureStyle,
     default: Range | None = None,
     fitted: bool = False,
 ) -> Range:
-    """Limits of one axis for all panels of a figure.
+    """Return the limits of an axis shared by all panels.
 
     Parameters
     ----------
     curves
-        The lines of every panel.
-    quantity
-        `BPP` for the horizontal axis, any other for the vertical one.
+        Lines of each panel.
+    metric
+        `BPP` for the horizontal axis, else the metric of the vertical axis.
     style
-        Its ranges have precedence.
+        Its ranges take precedence.
     default
-        Range where the style has none; None for the quantity's own.
+        Range if the style has none; None for that of the metric.
     fitted
-        Whether, where the style has none, the values alone give the limits.
+        Fit the limits to the values if the style has no range.
     """
-    which = 0 if quantity is BPP else 1
+    which = 0 if metric is BPP else 1
     arrays = [line[which] for lines in curves for line in lines.values()]
     values = np.concatenate([np.empty(0), *arrays])
-    if fitted and quantity.column not in style.axis_ranges:
-        return fitted_limits(values, default or quantity.limits)
-    return log_limits(values, style.axis_range(quantity.column, default or quantity.limits))
+    if fitted and metric.column not in style.axis_ranges:
+        return fitted_limits(values, default or metric.limits)
+    return log_limits(values, style.axis_range(metric.column, default or metric.limits))

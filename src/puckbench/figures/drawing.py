@@ -1,4 +1,4 @@
-"""From input files to figure files: what both the command line and the workflow call."""
+"""Draw figures from input files into figure files."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ _NO_METADATA: dict[str, dict[str, Any]] = {
 def draw_files(
     name: str, inputs: Mapping[str, Path], outputs: Sequence[Path], style: FigureStyle
 ) -> None:
-    """Draw a registered figure from files into files.
+    """Draw a registered figure.
 
     Parameters
     ----------
     name
         Of the figure, or ``path/to/file.py:function``.
     inputs
-        File of each input by its name: CSV or Parquet for a table, PLY for a cloud.
+        Input name -> file: CSV or Parquet for a table, PLY for a cloud.
     outputs
         Paths that end in .pdf or .png.
     style
@@ -61,16 +61,8 @@ def draw_files(
 
 
 def read_input(kind: str, path: Path, frame: CoordinateFrame = "scaled") -> Any:
-    """Read an input of a figure from its file: a cloud with its returns, or a table's rows.
-
-    Parameters
-    ----------
-    kind
-        ``DataFrame`` or ``PointCloud``.
-    path
-        CSV or Parquet for a table, PLY for a cloud.
-    frame
-        Of the clouds whose rows are kept.
+    """Read a ``DataFrame``, with the rows of clouds in `frame`, or a ``PointCloud`` with its
+    returns.
     """
     from puckbench.io.tables import read_table
     from puckbench.lidar.returns import with_returns
@@ -82,7 +74,7 @@ def read_input(kind: str, path: Path, frame: CoordinateFrame = "scaled") -> Any:
 
 
 def lay_out(figure: Figure) -> None:
-    """Place everything once, so that all files of a figure agree and none does it again."""
+    """Compute the layout once, so that all files of a figure are equal."""
     engine = figure.get_layout_engine()
     if engine is not None:
         engine.execute(figure)
@@ -90,19 +82,12 @@ def lay_out(figure: Figure) -> None:
 
 
 def save_figure(figure: Figure, path: Path) -> None:
-    """Write a figure; to be called inside the style's context.
-
-    Parameters
-    ----------
-    figure
-        Of matplotlib.
-    path
-        Ends in .pdf or .png, which gives the format.
+    """Write a figure as .pdf or .png, within the style's context.
 
     Raises
     ------
     InputError
-        Another ending, or a file that cannot be written.
+        The suffix is another one, or the file cannot be written.
     """
     metadata = _metadata(path)
     content = io.BytesIO()  # at a full disk matplotlib would report follow-up errors of its own

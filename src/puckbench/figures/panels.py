@@ -1,4 +1,4 @@
-"""Panels on logarithmic axes: shared limits, one line per codec, one legend per figure."""
+"""Panels on logarithmic axes with shared limits and one legend per figure."""
 
 from __future__ import annotations
 
@@ -21,33 +21,33 @@ if TYPE_CHECKING:
 
 Sharing = Literal["all", "row"]
 SCAN_LINE: dict[str, Any] = {"color": "#444444", "linestyle": (0, (4, 2)), "linewidth": 0.9}
-"""Of the level of a scan itself, beside those of codecs."""
+"""Line style for the value of an uncoded scan."""
 _MARGIN = 1.4
-"""Factor between the outermost values and fitted limits: room for a whole marker."""
+"""Factor between outermost values and fitted limits."""
 _MOST_NAMES, _MOST_NUMBERS = 36, 60
-"""Rates that have room side by side on a page as r1, r2, ... and as 1, 2, ..."""
+"""Largest numbers of rates in a row of panels that are labelled r1, r2, ... and 1, 2, ..."""
 
 
 def panel_grid(
     panels: int, columns: int, height_in: float, style: FigureStyle, sharey: Sharing = "all"
 ) -> tuple[Figure, list[Axes]]:
-    """A figure of panels with shared axes.
+    """Create a figure of panels with shared axes.
 
     Parameters
     ----------
     panels, columns
-        Number in all, and in a row; places left over in the last row stay free.
+        Numbers of all panels and of panels in a row.
     height_in
-        Inches of one panel with its labels.
+        Height of a panel with its labels, inches.
     style
-        Gives the width, else one panel in a row is as wide as a column of text, more as the page.
+        Gives the width, by default a text column for one panel in a row, else the page.
     sharey
-        Whether all panels share their vertical axis, or those of a row.
+        Whether all panels, or those of a row, share the vertical axis.
 
     Returns
     -------
     Figure, list of Axes
-        The figure, and its panels row by row.
+        The figure and its panels, row by row.
     """
     from matplotlib.figure import Figure
 
@@ -63,29 +63,20 @@ def panel_grid(
 
 
 def figure_width(columns: int, style: FigureStyle) -> float:
-    """Width in inches of a figure with this number of panels in a row."""
     return style.width_in or (COLUMN_WIDTH_IN if columns == 1 else PAGE_WIDTH_IN)
 
 
 def panels_abreast(panels: int) -> int:
-    """Number of panels in a row: four are two by two as in the thesis."""
+    """Return the number of panels in a row: four panels are two by two, as in the thesis."""
     return {1: 1, 2: 2, 3: 3, 4: 2, 5: 3, 6: 3}.get(panels, 4)
 
 
 def log_limits(values: Floats, default: Range) -> Range:
-    """Limits of a logarithmic axis: a default range, widened until it holds every positive value.
-
-    Parameters
-    ----------
-    values
-        (n,) that are drawn; nan and zero do not count.
-    default
-        Low and high, which are widened by whole decades.
-    """
-    shown = values[np.isfinite(values) & (values > 0)]
-    if len(shown) == 0:
+    """Return a default range, widened by whole decades to hold every positive value."""
+    positive = values[np.isfinite(values) & (values > 0)]
+    if len(positive) == 0:
         return default
-    low, high = float(shown.min()), float(shown.max())
+    low, high = float(positive.min()), float(positive.max())
     if low < default[0]:
         default = (10.0 ** math.floor(math.log10(low)), default[1])
     if high > default[1]:
@@ -94,59 +85,38 @@ def log_limits(values: Floats, default: Range) -> Range:
 
 
 def fitted_limits(values: Floats, default: Range) -> Range:
-    """Limits a little beyond the positive values.
-
-    Parameters
-    ----------
-    values
-        (n,) that are drawn; nan and zero do not count.
-    default
-        Low and high where there is no positive value.
-    """
-    shown = values[np.isfinite(values) & (values > 0)]
-    if len(shown) == 0:
+    """Return limits slightly beyond the positive values; `default` if there are none."""
+    positive = values[np.isfinite(values) & (values > 0)]
+    if len(positive) == 0:
         return default
-    return float(shown.min()) / _MARGIN, float(shown.max()) * _MARGIN
+    return float(positive.min()) / _MARGIN, float(positive.max()) * _MARGIN
 
 
 def draw_line(axes: Axes, x: Floats, y: Floats, plot_style: PlotStyle, floor: float) -> None:
-    """Draw one codec's line; values of zero (lossless) stand hollow at the lower end of the axis.
+    """Draw one codec's line; zeros (lossless) are hollow markers at the lower limit `floor`.
 
-    Markers are drawn over the frame, so that a point on the limit is whole.
-
-    Parameters
-    ----------
-    axes
-        The panel.
-    x, y
-        (n,) values.
-    plot_style
-        Colour, marker and line.
-    floor
-        Lower end of the vertical axis.
+    Markers are not clipped by the frame.
     """
-    shown = np.maximum(y, floor)
+    clipped = np.maximum(y, floor)
     style: dict[str, Any] = {
         "color": plot_style.colour,
         "marker": plot_style.marker,
         "clip_on": False,
         "zorder": 3,
     }
-    axes.plot(x, shown, linestyle=plot_style.line, markeredgewidth=0.6, **style)
+    axes.plot(x, clipped, linestyle=plot_style.line, markeredgewidth=0.6, **style)
     zero = y == 0
     if zero.any():
-        axes.plot(x[zero], shown[zero], linestyle="", markerfacecolor="white", **style)
+        axes.plot(x[zero], clipped[zero], linestyle="", markerfacecolor="white", **style)
 
 
 def scan_handle() -> Line2D:
-    """What the legend shows for the scan itself."""
     from matplotlib.lines import Line2D
 
     return Line2D([], [], label="the scan itself", **SCAN_LINE)
 
 
 def lossless_handle() -> Line2D:
-    """What the legend shows for rates that lose nothing."""
     from matplotlib.lines import Line2D
 
     hollow: dict[str, Any] = {
@@ -159,32 +129,20 @@ def lossless_handle() -> Line2D:
 
 
 def draw_over_rates(axes: Axes, y: Floats, plot_style: PlotStyle, floor: float) -> None:
-    """Draw one codec's values side by side, one place for each rate.
-
-    Parameters
-    ----------
-    axes
-        The panel.
-    y
-        (rates,) values; a missing one (nan) leaves a gap.
-    plot_style
-        Colour, marker and line.
-    floor
-        Lower end of the vertical axis.
-    """
-    known = np.flatnonzero(np.isfinite(y))
-    if len(known):
-        at = np.arange(known[0], known[-1] + 1)
-        draw_line(axes, at.astype(float), y[at], plot_style, floor)
+    """Draw one codec's values (rates,), one position for each rate; nan leaves a gap."""
+    present = np.flatnonzero(np.isfinite(y))
+    if len(present):
+        positions = np.arange(present[0], present[-1] + 1)
+        draw_line(axes, positions.astype(float), y[positions], plot_style, floor)
 
 
 def label_rates(panels: Sequence[Axes], rates: Sequence[str], abreast: int) -> None:
-    """Name the rates below the panels: r1, r2, ... or, where these have no room, 1, 2, ...
+    """Label the rates below the panels: r1, r2, ... or, if space is short, 1, 2, ...
 
     Parameters
     ----------
     panels
-        Whose horizontal axes have one place for each rate.
+        Panels with one position for each rate.
     rates
         Names in order.
     abreast
@@ -199,18 +157,9 @@ def label_rates(panels: Sequence[Axes], rates: Sequence[str], abreast: int) -> N
 
 
 def set_log(axes: Axes, axis: Literal["x", "y"], limits: Range, minor: bool = True) -> None:
-    """Make one axis logarithmic, with a tick and a grid line per decade; more where one is too few.
+    """Make an axis logarithmic, with ticks at decades, or at 1, 2 and 5 on short axes.
 
-    Parameters
-    ----------
-    axes
-        The panel.
-    axis
-        ``"x"`` or ``"y"``.
-    limits
-        Low and high.
-    minor
-        Whether there are lines inside the decades too, which small panels are better without.
+    `minor` adds grid lines within decades; small panels are clearer without.
     """
     from matplotlib.ticker import LogLocator, NullFormatter, NullLocator, StrMethodFormatter
 
@@ -228,19 +177,19 @@ def set_log(axes: Axes, axis: Literal["x", "y"], limits: Range, minor: bool = Tr
 
 
 def wrapped(text: str, width_in: float, style: FigureStyle) -> str:
-    """Break a text into lines that are at most about `width_in` inches wide."""
+    """Break a text into lines of about `width_in` inches."""
     character_in = 0.56 * style.font_size / 72
     return textwrap.fill(text, max(6, int(width_in / character_in)), break_long_words=False)
 
 
 def set_title(axes: Axes, text: str, columns: int, style: FigureStyle) -> None:
-    """Set a panel's title, broken into lines that fit `columns` panels in a row."""
+    """Set a panel's title, wrapped to the width of one of `columns` panels."""
     width_in = (figure_width(columns, style) - 0.5) / columns
     axes.set_title(wrapped(text, width_in, style), pad=3)
 
 
 def label_outer(panels: Sequence[Axes], columns: int, x: str, y: str) -> None:
-    """Name the horizontal axes below the last row of panels, and the vertical ones on the left."""
+    """Label the horizontal axes of the last row and the vertical axes of the first column."""
     for axes in panels[::columns]:
         axes.set_ylabel(y)
     for column in range(min(columns, len(panels))):
@@ -251,28 +200,15 @@ def label_outer(panels: Sequence[Axes], columns: int, x: str, y: str) -> None:
 
 
 def add_legend(
-    figure: Figure, codecs: Sequence[str], style: FigureStyle, others: Sequence[Artist] = ()
+    figure: Figure, codecs: Sequence[str], style: FigureStyle, extra_handles: Sequence[Artist] = ()
 ) -> None:
-    """Add one legend above all panels, in as many rows as the width asks for.
-
-    Parameters
-    ----------
-    figure
-        Of matplotlib.
-    codecs
-        In the legend's order.
-    style
-        Gives titles, colours and markers.
-    others
-        Lines or patches with a label of their own, which stand last.
-    """
-    handles = [*codec_handles(codecs, style), *others]
+    """Add a legend of codecs, then of `extra_handles`, above all panels."""
+    handles = [*codec_handles(codecs, style), *extra_handles]
     widest_in = max(len(str(h.get_label())) for h in handles) * 0.58 * style.font_size / 72 + 0.5
     add_rows_legend(figure, handles, int(figure.get_size_inches()[0] / widest_in))
 
 
 def codec_handles(codecs: Sequence[str], style: FigureStyle) -> list[Line2D]:
-    """Lines of the codecs as a legend shows them: line, marker and title of each."""
     from matplotlib.lines import Line2D
 
     lines = [style.of_codec(codec) for codec in codecs]
@@ -284,16 +220,16 @@ def codec_handles(codecs: Sequence[str], style: FigureStyle) -> list[Line2D]:
 def add_rows_legend(
     figure: Figure, handles: Sequence[Artist], most_abreast: int, **options: Any
 ) -> None:
-    """Add a legend above all panels, read row by row, of equally long rows as far as possible.
+    """Add a legend above all panels, to be read row by row, in rows of similar length.
 
     Parameters
     ----------
     figure
-        Of matplotlib.
+        The figure.
     handles
-        In the order of reading.
+        In reading order.
     most_abreast
-        Greatest number of entries in a row.
+        Largest number of entries in a row.
     **options
         Of matplotlib's ``Figure.legend``.
     """

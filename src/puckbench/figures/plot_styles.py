@@ -1,4 +1,4 @@
-"""How each codec is shown: one title, colour and marker wherever it appears."""
+"""Plot styles of codecs: title, colour and marker, the same in every figure."""
 
 from __future__ import annotations
 
@@ -11,17 +11,7 @@ from puckbench.codecs.registry import codec_class, is_codec
 
 @dataclass(frozen=True)
 class PlotStyle:
-    """How a codec is drawn.
-
-    Parameters
-    ----------
-    title
-        In the legend.
-    colour
-        Hexadecimal.
-    marker, line
-        Of matplotlib.
-    """
+    """Plot style of a codec: legend title, hexadecimal colour, and matplotlib marker and line."""
 
     title: str
     colour: str
@@ -35,32 +25,29 @@ _OTHER_LINES: tuple[Line, ...] = (":", "--", "-.")
 
 
 def codec_style(codec: str) -> PlotStyle:
-    """The plot style of a codec: what its class says, the rest derived from its name.
-
-    So a codec looks the same in every figure, whichever others are drawn beside it.
-    """
-    known, other = _registered(codec), _of_name(codec)
-    if known is None:
-        return other
+    """Return the plot style of a codec from its class; missing parts are derived from its name."""
+    facts, derived = _registered(codec), _style_from_name(codec)
+    if facts is None:
+        return derived
     return PlotStyle(
-        title=known.title or codec,
-        colour=known.colour or other.colour,
-        marker=known.marker or other.marker,
-        line=known.line if known.colour else other.line,
+        title=facts.title or codec,
+        colour=facts.colour or derived.colour,
+        marker=facts.marker or derived.marker,
+        line=facts.line if facts.colour else derived.line,
     )
 
 
 def codec_rank(codec: str) -> tuple[int, str]:
-    """Sorting key of codecs in legends: by the ranks of their classes, then by name."""
-    known = _registered(codec)
-    return (CodecFacts.rank if known is None else known.rank, codec)
+    """Return the sorting key of a codec in legends: rank of its class, then name."""
+    facts = _registered(codec)
+    return (CodecFacts.rank if facts is None else facts.rank, codec)
 
 
 def _registered(codec: str) -> type[CodecFacts] | None:
     return codec_class(codec) if is_codec(codec) else None
 
 
-def _of_name(codec: str) -> PlotStyle:
+def _style_from_name(codec: str) -> PlotStyle:
     digest = hashlib.sha256(codec.encode()).digest()
     return PlotStyle(
         title=codec,
@@ -71,6 +58,6 @@ def _of_name(codec: str) -> PlotStyle:
 
 
 def dataset_title(dataset: str) -> str:
-    """Title of a data set to which the configuration gives none: its name in words."""
+    """Return the default title of a data set: its name in words."""
     words = dataset.replace("_", " ")
     return words[:1].upper() + words[1:]

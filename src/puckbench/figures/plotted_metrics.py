@@ -1,4 +1,4 @@
-"""The quantities that are drawn: table column, words, unit, and the thesis's axis range."""
+"""Metrics on axes: table column, label, unit, and the thesis's axis range."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ from puckbench.figures.style import Range
 
 
 @dataclass(frozen=True)
-class Quantity:
-    """A column of the results table, and how an axis shows it.
+class PlottedMetric:
+    """A column of the results and its axis.
 
     Parameters
     ----------
     column
         Of the table.
     words, unit
-        Of the axis label. The grid unit is that of the scaled cloud: 1/1023 of its longest side.
+        Of the axis label. The grid unit of a scaled cloud is 1/1023 of its longest side.
     limits
-        Range of the axis in the thesis.
+        Axis range in the thesis.
     """
 
     column: str
@@ -28,7 +28,6 @@ class Quantity:
 
     @property
     def label(self) -> str:
-        """Axis label on one line."""
         return f"{self.words} ({self.unit})"
 
     @property
@@ -36,14 +35,14 @@ class Quantity:
         """Axis label on two lines, for small panels."""
         return f"{self.words}\n({self.unit})"
 
-    def within(self, low: float, high: float) -> Quantity:
-        """The same quantity with another default range."""
+    def within(self, low: float, high: float) -> PlottedMetric:
+        """Return the metric with another axis range."""
         return replace(self, limits=(low, high))
 
 
-BPP = Quantity("bpp", "Bits per point", "bpp", (0.01, 100))
-CD_PLANE = Quantity("cd_plane", "CD, point-to-plane", "grid units²", (0.01, 1000))
-CD_POINT = Quantity("cd_point", "CD, point-to-point", "grid units²", (0.01, 1000))
-HD_PLANE = Quantity("hausdorff_sq_plane", "HD², point-to-plane", "grid units²", (0.1, 1e4))
-ENCODE_TIME = Quantity("encode_s", "Encoding time", "s", (0.1, 100))
-DECODE_TIME = Quantity("decode_s", "Decoding time", "s", (0.1, 100))
+BPP = PlottedMetric("bpp", "Bits per point", "bpp", (0.01, 100))
+CD_PLANE = PlottedMetric("cd_plane", "CD, point-to-plane", "grid units²", (0.01, 1000))
+CD_POINT = PlottedMetric("cd_point", "CD, point-to-point", "grid units²", (0.01, 1000))
+HD_PLANE = PlottedMetric("hausdorff_sq_plane", "HD², point-to-plane", "grid units²", (0.1, 1e4))
+ENCODE_TIME = PlottedMetric("encode_s", "Encoding time", "s", (0.1, 100))
+DECODE_TIME = PlottedMetric("decode_s", "Decoding time", "s", (0.1, 100))

@@ -1,4 +1,4 @@
-"""Recovery of geometric primitives against bits per point: precision, recall, labels of points."""
+"""The figure ``recovery_rd``: recovery of geometric primitives against bits per point."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from puckbench.figures.panels import (
     set_log,
     set_title,
 )
-from puckbench.figures.plotted_metrics import BPP, Quantity
+from puckbench.figures.plotted_metrics import BPP, PlottedMetric
 from puckbench.figures.registry import FIGURES
 from puckbench.figures.style import FigureStyle, Range
 
@@ -23,49 +23,49 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_SHARES = (
-    Quantity("precision", "precision", "share", (0, 1)),
-    Quantity("recall", "recall", "share", (0, 1)),
-    Quantity("label_accuracy", "label accuracy", "share", (0, 1)),
+_METRICS = (
+    PlottedMetric("precision", "precision", "share", (0, 1)),
+    PlottedMetric("recall", "recall", "share", (0, 1)),
+    PlottedMetric("label_accuracy", "label accuracy", "share", (0, 1)),
 )
 ALL = "all"
 
 
 @FIGURES.register(
     "recovery_rd",
-    title="Recovery of the scenes' geometric primitives against bits per point",
+    title="Recovery of geometric primitives against bits per point",
     category="Rate-distortion",
 )
 def draw_recovery(recovery: pd.DataFrame, style: FigureStyle) -> Figure:
-    """Geometric primitives of decoded surfaces against the labels of the scenes: the share of
-    those found that are true (precision), of the true that are found (recall), and of the
-    points on true primitives that are on the one found for it, against bits per point;
-    medians in bins as in figure 6.6.
+    """Recovery of geometric primitives in decoded surfaces, against bits per point: precision
+    (share of decoded primitives that are true), recall (share of true primitives that were decoded)
+    and label accuracy (share of points on true primitives that lie on the matching decoded
+    primitive). Medians over clouds, in bins as in figure 6.6.
 
-    Only for codecs that decode labelled surfaces and for scenes that have labels; streams without
-    primitives are left out. Not in the thesis.
+    Only codecs that decode labelled surfaces, on scenes with labels. Streams without primitives are
+    left out. Not in the thesis.
     """
-    columns = tuple(share.column for share in _SHARES)
+    columns = tuple(metric.column for metric in _METRICS)
     require_rows(
         recovery, ("dataset", "cloud", "codec", "rate", "kind", BPP.column, *columns), "recovery"
     )
     require_numbers(recovery, (BPP.column, *columns), "recovery")
-    whole = recovery[recovery["kind"] == ALL].dropna(subset=[_SHARES[-1].column])
-    curves = [binned_curves(whole, share, style) for share in _SHARES]
-    every = [lines for side in curves for lines in side.values()]
-    x_limits = shared_limits(every, BPP, style, (0.01, 1))
-    figure, panels = panel_grid(len(every), len(_SHARES), 1.95, style)
+    all_kinds = recovery[recovery["kind"] == ALL].dropna(subset=[_METRICS[-1].column])
+    curves = [binned_curves(all_kinds, metric, style) for metric in _METRICS]
+    panel_lines = [lines for dataset_curves in curves for lines in dataset_curves.values()]
+    x_limits = shared_limits(panel_lines, BPP, style, (0.01, 1))
+    figure, panels = panel_grid(len(panel_lines), len(_METRICS), 1.95, style)
     for index, axes in enumerate(panels):
-        dataset, column = list(curves[0])[index // len(_SHARES)], index % len(_SHARES)
+        dataset, column = list(curves[0])[index // len(_METRICS)], index % len(_METRICS)
         _draw_panel(axes, curves[column][dataset], x_limits, style)
-        set_title(axes, f"{style.title(dataset)}: {_SHARES[column].words}", len(_SHARES), style)
-    label_outer(panels, len(_SHARES), BPP.label, "Share")
-    add_legend(figure, codecs_of(every, style), style)
+        set_title(axes, f"{style.title(dataset)}: {_METRICS[column].words}", len(_METRICS), style)
+    label_outer(panels, len(_METRICS), BPP.label, "Share")
+    add_legend(figure, codecs_of(panel_lines, style), style)
     return figure
 
 
 def _draw_panel(axes: Axes, lines: Lines, x_limits: Range, style: FigureStyle) -> None:
     set_log(axes, "x", x_limits)
     axes.set_ylim(0, 1)
-    for codec, (bpp, shares) in lines.items():
-        draw_line(axes, bpp, shares, style.of_codec(codec), floor=0.0)
+    for codec, (bpp, values) in lines.items():
+        draw_line(axes, bpp, values, style.of_codec(codec), floor=0.0)

@@ -1,14 +1,14 @@
-"""The figures: how one is registered, and what each is drawn from.
+"""The registry of figures.
 
-A figure is one function with its registration above it; its docstring is the caption::
+A figure is a function with its registration above it; its docstring is the caption::
 
     @FIGURES.register("fig_6_4", title="Point counts", category="Clouds", thesis="6.4")
     def draw_point_counts(clouds: pd.DataFrame, style: FigureStyle) -> Figure:
         \"\"\"Number of points per cloud in each data set (thesis figure 6.4).\"\"\"
 
-Its parameters beside ``style`` name its inputs: a DataFrame is the table of that name, a PointCloud
-an example cloud (``example_object``, ``example_raw``, ``example_clean``, ``example_noisy``).
-Planning imports the modules of all figures: these import matplotlib and pandas in functions only.
+Parameters besides ``style`` are inputs: a DataFrame is the table of that name, a PointCloud an
+example cloud (``example_object``, ``example_raw``, ``example_clean``, ``example_noisy``). Planning
+imports these modules, so matplotlib and pandas are imported in functions.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from puckbench.core.signatures import annotated, caption_of
 from puckbench.geometry.cloud import CoordinateFrame
 
 SPINS = "spins"
-"""What a figure may need of a configuration: virtual spins, level and still, with their truth."""
+"""Requirement: virtual scans of a level, static sensor, with their true surfaces."""
 
 
 def at(distance_m: float) -> str:
-    """Needed of a configuration: scans of its sensor study from this distance."""
+    """Return the requirement that the sensor study has scans from a distance."""
     return f"{distance_m:g} m"
 
 
@@ -38,18 +38,18 @@ class FigureEntry:
     Parameters
     ----------
     name
-        Of its files and of its job.
+        Of its files and its job.
     draw
-        Takes each input and ``style`` by keyword and returns a matplotlib Figure.
+        Function from inputs and ``style``, passed by keyword, to a matplotlib Figure.
     title, category
-        How the report lists it.
+        Heading and group in the report.
     thesis
-        Number of the thesis's figure, which orders the report; empty for others.
+        Number of the figure in the thesis; empty for others.
     needs
-        What a configuration must have beside the inputs: as for a table, `SPINS`,
-        scans `at` a distance, or the name of an error model of its sensor study.
+        Requirements on the configuration besides the inputs: as for a table, or
+        `SPINS`, `at` a distance, or the name of an error model of the sensor study.
     frame
-        Of the clouds whose results it draws; rows of others are left out.
+        Coordinate frame of the clouds whose results are drawn.
     """
 
     name: str
@@ -62,22 +62,21 @@ class FigureEntry:
 
     @property
     def kinds(self) -> Mapping[str, str]:
-        """Inputs, and whether each is a DataFrame or a PointCloud."""
+        """Inputs by name: DataFrame or PointCloud."""
         return annotated(self.draw, "DataFrame", "PointCloud")
 
     @property
     def inputs(self) -> tuple[str, ...]:
-        """Names of the tables and clouds that the figure is drawn from."""
         return tuple(self.kinds)
 
     @property
-    def place(self) -> list[float]:
-        """The thesis's number in parts, by which figures are ordered: 5.2 comes before 5.10."""
+    def sort_key(self) -> list[float]:
+        """Parts of the number in the thesis: 5.2 comes before 5.10, other figures last."""
         return [float(part) for part in self.thesis.split(".")] if self.thesis else [math.inf]
 
     @property
     def caption(self) -> str:
-        """What the report says below the figure, in reStructuredText."""
+        """Caption in reStructuredText."""
         return caption_of(self.draw)
 
 
@@ -85,22 +84,11 @@ FIGURES: Registry[FigureEntry] = Registry("figure", "figures", make=FigureEntry)
 
 
 def figure_entry(name: str) -> FigureEntry:
-    """Look up a figure.
-
-    Parameters
-    ----------
-    name
-        Of a registered figure, or ``path/to/file.py:function``.
-
-    Raises
-    ------
-    InputError
-        There is none.
-    """
+    """Return the figure of a name or ``path/to/file.py:function``; InputError if there is none."""
     return FIGURES.get(name)
 
 
 def figure_entries() -> dict[str, FigureEntry]:
-    """All figures by name: those of the thesis by their numbers, then the others."""
+    """Return all figures by name: first the thesis's by number, then the others."""
     entries = {name: FIGURES.get(name) for name in FIGURES.names()}
-    return dict(sorted(entries.items(), key=lambda item: item[1].place))
+    return dict(sorted(entries.items(), key=lambda item: item[1].sort_key))

@@ -1,4 +1,4 @@
-"""How a distortion varies over the clouds of a data set: boxes per codec and rate."""
+"""The figure ``spread``: variation of a distortion over the clouds of a data set."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_SHARES = (0.05, 0.25, 0.5, 0.75, 0.95)
-_QUANTITY = CD_PLANE.within(1e-2, 1e3)
+_QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
+_METRIC = CD_PLANE.within(1e-2, 1e3)
 _FEWEST_IN_A_BOX = 5
 
 
@@ -30,62 +30,64 @@ _FEWEST_IN_A_BOX = 5
     category="Results per rate",
 )
 def draw_spread(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
-    """Spread of the Chamfer distance (point-to-plane) over clouds: one row per codec, one
-    column per data set, a box for each rate from the first to the third quartile with the
-    median, and whiskers from 5 to 95 %; of fewer than five clouds each is a point instead.
+    """Spread of the Chamfer distance (point to plane, squared grid units) over clouds, for each
+    codec (rows), data set (columns) and rate. Boxes: first to third quartile with the median;
+    whiskers: 5 to 95 %. Rates with fewer than five clouds show a point for each cloud.
 
-    On a logarithmic axis boxes of equal height are equal factors. Values of zero (lossless) stand
-    on the lower edge. The thesis draws medians alone.
+    Zeros (lossless) are drawn at the lower edge. The thesis shows medians only.
     """
-    require_rows(metrics, ("dataset", "codec", "rate", _QUANTITY.column), "metrics")
-    require_numbers(metrics, (_QUANTITY.column,), "metrics")
+    require_rows(metrics, ("dataset", "codec", "rate", _METRIC.column), "metrics")
+    require_numbers(metrics, (_METRIC.column,), "metrics")
     datasets = style.ordered_datasets(metrics["dataset"])
     codecs = style.ordered_codecs(metrics["codec"])
     rates = ordered_rates(set(metrics["rate"]))
-    shown = metrics.dropna(subset=["cd_plane"])
-    limits = log_limits(_extremes(shown), style.axis_range("cd_plane", _QUANTITY.limits))
+    measured = metrics.dropna(subset=["cd_plane"])
+    limits = log_limits(_extremes(measured), style.axis_range("cd_plane", _METRIC.limits))
     figure, panels = panel_grid(len(codecs) * len(datasets), len(datasets), 1.25, style)
     for index, axes in enumerate(panels):
         codec, dataset = codecs[index // len(datasets)], datasets[index % len(datasets)]
         set_log(axes, "y", limits, minor=False)
-        rows = shown[(shown["dataset"] == dataset) & (shown["codec"] == codec)]
+        rows = measured[(measured["dataset"] == dataset) & (measured["codec"] == codec)]
         _draw_panel(axes, rows, rates, limits, style.of_codec(codec).colour)
         if index < len(datasets):
             set_title(axes, style.title(dataset), len(datasets), style)
         if index % len(datasets) == 0:
             _name_codec(axes, style.of_codec(codec).title, style)
     for axes in panels[:: len(datasets)]:
-        axes.set_ylabel(_QUANTITY.short_label)
+        axes.set_ylabel(_METRIC.short_label)
     label_rates(panels, rates, len(datasets))
     figure.supxlabel("Compression rate", fontsize=style.font_size)
     return figure
 
 
 def _extremes(metrics: pd.DataFrame) -> Floats:
-    """The ends of all whiskers, and the values that are drawn as points."""
+    """Return the ends of all whiskers and the values that are drawn as points."""
     groups = metrics.groupby(["dataset", "codec", "rate"])["cd_plane"]
-    few = metrics.loc[groups.transform("size") < _FEWEST_IN_A_BOX, "cd_plane"]
-    ends = groups.quantile(np.array([_SHARES[0], _SHARES[-1]]))
-    return np.concatenate([few.to_numpy(dtype=float), ends.to_numpy(dtype=float)])
+    drawn_as_points = metrics.loc[groups.transform("size") < _FEWEST_IN_A_BOX, "cd_plane"]
+    whisker_ends = groups.quantile(np.array([_QUANTILES[0], _QUANTILES[-1]]))
+    return np.concatenate(
+        [drawn_as_points.to_numpy(dtype=float), whisker_ends.to_numpy(dtype=float)]
+    )
 
 
 def _draw_panel(
     axes: Axes, rows: pd.DataFrame, rates: list[str], limits: Range, colour: str
 ) -> None:
-    """A box for each rate; a point for each cloud where these are few."""
     if rows.empty:
         axes.text(0.5, 0.5, "no values", transform=axes.transAxes, ha="center", va="center")
         return
-    places = rows["rate"].map(rates.index)
+    positions = rows["rate"].map(rates.index)
     values = rows["cd_plane"].clip(lower=limits[0])
-    if places.value_counts().max() < _FEWEST_IN_A_BOX:
-        axes.plot(places, values, "o", color=colour, alpha=0.6, markeredgewidth=0)
+    if positions.value_counts().max() < _FEWEST_IN_A_BOX:
+        axes.plot(positions, values, "o", color=colour, alpha=0.6, markeredgewidth=0)
     else:
-        _draw_boxes(axes, values.groupby(places).quantile(np.array(_SHARES)).unstack(), colour)
+        _draw_boxes(
+            axes, values.groupby(positions).quantile(np.array(_QUANTILES)).unstack(), colour
+        )
 
 
 def _draw_boxes(axes: Axes, quantiles: pd.DataFrame, colour: str) -> None:
-    """Boxes of the five quantiles (rates, 5) at the places of the index."""
+    """Draw boxes of five quantiles (rates, 5) at the positions of the index."""
     keys = ("whislo", "q1", "med", "q3", "whishi")
     boxes: list[dict[str, Any]] = [
         dict(zip(keys, row, strict=True)) for row in quantiles.itertuples(index=False)

@@ -1,4 +1,4 @@
-"""The style of all figures in one place: fonts, sizes, colours, titles, axis ranges."""
+"""The style of all figures: fonts, sizes, colours, titles, axis ranges."""
 
 from __future__ import annotations
 
@@ -23,27 +23,26 @@ Size = Annotated[float, Field(gt=0)]
 
 
 class FigureStyle(Model):
-    """The style of a figure, of which a configuration may change any part.
+    """Style options, which a configuration may change.
 
     Parameters
     ----------
     font_size
-        Points, of axis labels (ticks are one point smaller).
+        Axis labels, points; tick labels are one point smaller.
     width_in
-        Inches; None for the figure's own (one column or the page).
+        Inches; None for one or two columns, as the figure chooses.
     dpi
-        Of PNG files and of images inside PDF files.
+        Resolution of PNG files and of images in PDF files.
     line_width, marker_size
         Points.
     colours
         Codec or error model -> matplotlib colour.
     codec_titles, dataset_titles
-        Name -> text.
+        Name -> title.
     datasets
-        Order of the panels (those not named follow).
+        Order of the panels; unnamed data sets follow.
     axis_ranges
-        Table column -> (low, high), drawn at least; an axis is widened by whole decades when data
-        fall outside, so that no point vanishes.
+        Table column -> (low, high). An axis is widened by whole decades if data lie outside.
     """
 
     font_size: Size = 7.5
@@ -78,10 +77,9 @@ class FigureStyle(Model):
 
     @classmethod
     def from_config(cls, *options: Mapping[str, Any]) -> FigureStyle:
-        """Style of configuration mappings, a later one before an earlier one.
+        """Merge configuration mappings, later ones over earlier ones and nested ones key by key.
 
-        Mappings inside (colours, titles, ranges) are merged key by key. InputError for an unknown
-        key or a value that cannot be used.
+        InputError for an unknown key or an invalid value.
         """
         merged: dict[str, Any] = {}
         for key, value in (item for mapping in options for item in mapping.items()):
@@ -90,7 +88,6 @@ class FigureStyle(Model):
         return parsed(cls, merged, "figure style")
 
     def of_codec(self, codec: str) -> PlotStyle:
-        """Title, colour, marker and line of a codec, the same in every figure."""
         plot_style = codec_style(codec)
         return replace(
             plot_style,
@@ -99,28 +96,27 @@ class FigureStyle(Model):
         )
 
     def axis_range(self, column: str, default: Range) -> Range:
-        """The least range of a column's axis: the style's, else `default`."""
+        """Return the minimal range of a column's axis."""
         return self.axis_ranges.get(column, default)
 
     def title(self, dataset: str) -> str:
-        """Panel title of a data set."""
         return self.dataset_titles.get(dataset, dataset_title(dataset))
 
     def ordered_codecs(self, codecs: Iterable[str]) -> list[str]:
-        """Each codec once, in the order of the legend."""
+        """Return distinct codecs in the order of the legend."""
         return sorted(set(codecs), key=codec_rank)
 
     def ordered_datasets(self, datasets: Iterable[str]) -> list[str]:
-        """Each data set once: those named in the style first, the others as the table has them."""
-        appearing = list(dict.fromkeys(datasets))
-        named = [name for name in self.datasets if name in appearing]
-        return named + [name for name in appearing if name not in named]
+        """Return distinct data sets, those of `datasets` first."""
+        present = list(dict.fromkeys(datasets))
+        named = [name for name in self.datasets if name in present]
+        return named + [name for name in present if name not in named]
 
     @contextmanager
     def context(self) -> Iterator[None]:
-        """Draw and save inside this: matplotlib's own defaults plus this style, nothing else.
+        """Apply matplotlib's defaults and this style while drawing and saving.
 
-        A user's matplotlibrc has no say, so the same table gives the same bytes everywhere.
+        A user's matplotlibrc is ignored, so that equal tables give equal bytes on every machine.
         """
         import matplotlib.style
 

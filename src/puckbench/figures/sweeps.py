@@ -1,4 +1,4 @@
-"""Spins of a sensor, in metres: bits per return against error, and range images."""
+"""Figures of a sensor's sweeps in metres: errors against bits per return, and range images."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from puckbench.core.errors import InputError
 from puckbench.figures.curves import draw_data_sets
 from puckbench.figures.panels import panel_grid, set_title
-from puckbench.figures.plotted_metrics import Quantity
+from puckbench.figures.plotted_metrics import PlottedMetric
 from puckbench.figures.registry import FIGURES, SPINS
 from puckbench.figures.style import FigureStyle
 from puckbench.metrics.table_registry import SPINS_OR_RECORDINGS
@@ -23,9 +23,9 @@ if TYPE_CHECKING:
     from puckbench.lidar.returns import Returns
 
 BITS = "Bits per return"
-ERROR = Quantity("error_mm", "RMS error to the scan (D1)", "mm", (0.1, 100))
-TO_TRUTH = Quantity("truth_mm", "RMS distance to the truth (D2)", "mm", (1, 100))
-RANGES = Quantity("range_rms_mm", "RMS error of ranges", "mm", (0.1, 100))
+ERROR = PlottedMetric("error_mm", "RMS error to the scan (D1)", "mm", (0.1, 100))
+TO_TRUTH = PlottedMetric("truth_mm", "RMS distance to the truth (D2)", "mm", (1, 100))
+RANGES = PlottedMetric("range_rms_mm", "RMS error of ranges", "mm", (0.1, 100))
 _SOURCES = {"error_mm": "d1_rms_m", "truth_mm": "truth_d2_rms_m"}
 _PANEL_IN = 2.1
 
@@ -37,11 +37,11 @@ _PANEL_IN = 2.1
     frame="metric",
 )
 def draw_error(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
-    """Root mean square error (D1, the larger of both directions) in millimetres against bits per
-    return, medians over the clouds at each rate.
+    """D1 root mean square error (larger of both directions) in millimetres, against bits per
+    return; medians over the clouds at each rate.
 
-    A spin is one or more turns of a sensor, virtual or real, in its own frame. A stream without
-    loss stands on the lower edge.
+    A cloud is one or more sweeps (turns) of a virtual or real sensor in its coordinate frame.
+    Lossless streams are drawn at the lower edge.
     """
     return _draw(_in_millimetres(metrics), ERROR, style, {})
 
@@ -54,28 +54,30 @@ def draw_error(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
     frame="metric",
 )
 def draw_truth(metrics: pd.DataFrame, scan_errors: pd.DataFrame, style: FigureStyle) -> Figure:
-    """Root mean square distance to the true surface (point to plane, the larger of both
-    directions) in millimetres against bits per return, of virtual spins.
+    """Root mean square distance to the true surface (point to plane, larger of both directions) in
+    millimetres, against bits per return; virtual sweeps, medians over the clouds at each rate.
 
-    Dashed: the scan itself, where codecs that lose nothing level off. Below it decoded points are
-    nearer to the truth than what was coded.
+    Dashed: the scan before coding, the level of lossless codecs. Below it decoded points are nearer
+    to the true surface than the scan.
     """
-    own = _in_millimetres(scan_errors).groupby("dataset")["truth_mm"].median()
-    known = _in_millimetres(metrics)
-    known = known[known["dataset"].isin(own.index)]
-    return _draw(known, TO_TRUTH, style, {str(name): float(own[name]) for name in own.index})
+    scan_medians = _in_millimetres(scan_errors).groupby("dataset")["truth_mm"].median()
+    rows = _in_millimetres(metrics)
+    rows = rows[rows["dataset"].isin(scan_medians.index)]
+    return _draw(
+        rows, TO_TRUTH, style, {str(name): float(scan_medians[name]) for name in scan_medians.index}
+    )
 
 
 def _in_millimetres(table: pd.DataFrame) -> pd.DataFrame:
-    found = {name: 1000 * table[m] for name, m in _SOURCES.items() if m in table}
-    return table.assign(**found)
+    converted = {name: 1000 * table[m] for name, m in _SOURCES.items() if m in table}
+    return table.assign(**converted)
 
 
 def _draw(
-    metrics: pd.DataFrame, quantity: Quantity, style: FigureStyle, scans: Mapping[str, float]
+    metrics: pd.DataFrame, metric: PlottedMetric, style: FigureStyle, scans: Mapping[str, float]
 ) -> Figure:
     return draw_data_sets(
-        metrics, quantity, style, bits=BITS, panel_in=_PANEL_IN, fitted=True, scans=scans
+        metrics, metric, style, bits=BITS, panel_in=_PANEL_IN, fitted=True, scans=scans
     )
 
 
@@ -87,11 +89,11 @@ def _draw(
     needs=(SPINS_OR_RECORDINGS,),
 )
 def draw_ranges(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
-    """Root mean square error of ranges in millimetres against bits per return, medians over the
-    clouds at each rate.
+    """Root mean square range error in millimetres, against bits per return; medians over the clouds
+    at each rate.
 
-    Where a codec gives back returns, each is compared with its own; of points alone the error is
-    how far the nearest is off along the ray. A stream without loss stands on the lower edge.
+    If a codec decodes points instead of returns, the error is the offset of the nearest point along
+    the ray. Lossless streams are drawn at the lower edge.
     """
     return _draw(metrics, RANGES, style, {})
 
@@ -103,9 +105,9 @@ def draw_ranges(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
     frame="metric",
 )
 def draw_images(example_spin: PointCloud, style: FigureStyle) -> Figure:
-    """One turn of the sensor as it is stored: lasers from the lowest to the highest, firing columns
-    from left to right. Top: measured ranges; middle: decoded from Puck at 100 mm; bottom: the
-    error. White: no return.
+    """One sweep as range images: lasers from the lowest to the highest, firing columns from left to
+    right. Top: measured ranges (m); middle: decoded from Puck at 100 mm; bottom: error (mm). White:
+    no return.
     """
     from puckbench.codecs.registry import open_codec
 
@@ -116,30 +118,30 @@ def draw_images(example_spin: PointCloud, style: FigureStyle) -> Figure:
     codec.load()
     decoded = codec.decode_cloud(codec.encode_returns(returns, rate)).returns
     assert decoded is not None  # noqa: S101 (a codec of returns)
-    shown = [_image(one) for one in (returns, decoded)]
-    error = 1000 * (shown[1] - shown[0])
+    images = [_image(sweep) for sweep in (returns, decoded)]
+    error = 1000 * (images[1] - images[0])
     figure, panels = panel_grid(3, 1, 1.0, style)
-    limits = (0.0, float(np.nanquantile(shown[0], 0.98)))
-    spread = float(np.nanmax(np.abs(error)))
+    limits = (0.0, float(np.nanquantile(images[0], 0.98)))
+    largest_error = float(np.nanmax(np.abs(error)))
     rows = (
-        (shown[0], "measured", "viridis_r", limits, "m"),
-        (shown[1], f"decoded, {rate}", "viridis_r", limits, "m"),
-        (error, "error", "RdBu", (-spread, spread), "mm"),
+        (images[0], "measured", "viridis_r", limits, "m"),
+        (images[1], f"decoded, {rate}", "viridis_r", limits, "m"),
+        (error, "error", "RdBu", (-largest_error, largest_error), "mm"),
     )
     for axes, (image, title, colours, (low, high), unit) in zip(panels, rows, strict=True):
-        drawn = axes.imshow(
+        mappable = axes.imshow(
             image, cmap=colours, vmin=low, vmax=high, aspect="auto", interpolation="nearest",
             origin="lower",
         )  # fmt: skip
         axes.grid(visible=False)
         axes.set_ylabel("Laser, by\nelevation")
         set_title(axes, title, 1, style)
-        figure.colorbar(drawn, ax=axes, label=f"Range ({unit})" if unit == "m" else "Error (mm)")
+        figure.colorbar(mappable, ax=axes, label=f"Range ({unit})" if unit == "m" else "Error (mm)")
     panels[-1].set_xlabel("Firing column")
     return figure
 
 
 def _image(returns: Returns) -> Floats:
-    """Ranges (lasers, columns) in m of the first turn's first returns; nan for none."""
+    """Return ranges (lasers, columns), m, of the first turn's first returns; nan for no return."""
     ranges = returns.turns[0].ranges[0][:, list(returns.layout.order)].T * returns.quantum_m
     return np.where(ranges > 0, ranges, np.nan)

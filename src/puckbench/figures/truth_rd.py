@@ -1,4 +1,4 @@
-"""Distortion to the scan, to its clean twin and to the true surface, side by side, against bpp."""
+"""Figures of distortion to the scan, to the clean scan and to the true surface."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from puckbench.figures.checks import require_numbers, require_rows
 from puckbench.figures.curves import (
     binned_curves,
-    check_curves,
+    check_curve_columns,
     codecs_of,
     draw_curves,
     shared_limits,
@@ -22,7 +22,7 @@ from puckbench.figures.panels import (
     scan_handle,
     set_title,
 )
-from puckbench.figures.plotted_metrics import BPP, CD_PLANE, CD_POINT, HD_PLANE, Quantity
+from puckbench.figures.plotted_metrics import BPP, CD_PLANE, CD_POINT, HD_PLANE, PlottedMetric
 from puckbench.figures.registry import FIGURES
 from puckbench.figures.style import FigureStyle
 
@@ -31,17 +31,17 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_SIDES = {
+_REFERENCES = {
     "": "to the scan",
     "clean_": "to the clean scan",
     "truth_": "to the truth",
 }
-"""What stands before a column's name, and what the column is measured to; the rays are the same."""
-_CLEAN = list(_SIDES).index("clean_")
+"""Prefix of a column -> reference of the distance."""
+_CLEAN = list(_REFERENCES).index("clean_")
 _EXACT = 1e-12
-"""Squared grid units: a scan that is nearer to its clean twin differs by rounding alone."""
+"""Squared grid units; below this a scan equals its clean scan."""
 _MOST_IN_A_PANEL = 9
-"""Codecs whose legend fits into one panel."""
+"""Largest number of codecs whose legend fits into a panel."""
 
 
 @FIGURES.register(
@@ -49,18 +49,19 @@ _MOST_IN_A_PANEL = 9
     title="Distortion to the scan and to the truth (point-to-plane) against bits per point",
     category="Rate-distortion",
 )
-def draw_chamfer(metrics: pd.DataFrame, scan_errors: pd.DataFrame, style: FigureStyle) -> Figure:
-    """Chamfer distance, point-to-plane, in squared grid units, against bits per point: to the
-    scan that the codec was given, to the clean scan of the same rays, and to the true
-    surface.
+def draw_truth_chamfer(
+    metrics: pd.DataFrame, scan_errors: pd.DataFrame, style: FigureStyle
+) -> Figure:
+    """Chamfer distance (point to plane, squared grid units) against bits per point: to the coded
+    scan, to the clean scan of the same rays, and to the true surface. Medians over clouds, in bins
+    as in figure 6.6, with equal axes in all panels.
 
-    Bins as in figure 6.6, the same axes in all panels. A clean scan is its own clean scan, and has
-    one panel for both. Dashed: the scan itself, the median over the data set's clouds; a scan
-    without errors lies below the axes. A codec that gives back the scan exactly keeps the scan's
-    noise and levels off at this line; below it a codec is closer to the truth than what it was
-    given. Not in the thesis.
+    Dashed: the scan before coding, median over the clouds; not shown if below the axes. A codec
+    that reproduces the scan keeps its noise and levels off at this line. Below the line decoded
+    points are nearer to the reference than the scan. A clean scan has one panel for both scans. Not
+    in the thesis.
     """
-    return draw_sides(metrics, scan_errors, CD_PLANE, style)
+    return draw_references(metrics, scan_errors, CD_PLANE, style)
 
 
 @FIGURES.register(
@@ -68,15 +69,16 @@ def draw_chamfer(metrics: pd.DataFrame, scan_errors: pd.DataFrame, style: Figure
     title="Distortion to the scan and to the truth (point-to-point) against bits per point",
     category="Rate-distortion",
 )
-def draw_chamfer_point(
+def draw_truth_chamfer_point(
     metrics: pd.DataFrame, scan_errors: pd.DataFrame, style: FigureStyle
 ) -> Figure:
-    """As the figure before, point-to-point.
+    """Chamfer distance (point to point, squared grid units) against bits per point, otherwise as in
+    the previous figure.
 
-    To the clean scan decoded points keep a distance where they lie between the rays; to the true
-    surface they do not. Not in the thesis.
+    Decoded points between the rays have a distance to the clean scan, but not to the true surface.
+    Not in the thesis.
     """
-    return draw_sides(metrics, scan_errors, CD_POINT, style)
+    return draw_references(metrics, scan_errors, CD_POINT, style)
 
 
 @FIGURES.register(
@@ -84,65 +86,64 @@ def draw_chamfer_point(
     title="Hausdorff distance to the scan and to the truth (point-to-plane, squared)",
     category="Rate-distortion",
 )
-def draw_hausdorff(metrics: pd.DataFrame, scan_errors: pd.DataFrame, style: FigureStyle) -> Figure:
-    """Hausdorff distance, point-to-plane, squared, in squared grid units, against bits per
-    point: to the scan that the codec was given, to the clean scan of the same rays, and to
-    the true surface.
-
-    Dashed: the scan itself. Bins as in figure 6.6, panels as in the figures before. Not in the
-    thesis.
-    """
-    return draw_sides(metrics, scan_errors, HD_PLANE, style)
-
-
-def draw_sides(
-    metrics: pd.DataFrame, scan_errors: pd.DataFrame, quantity: Quantity, style: FigureStyle
+def draw_truth_hausdorff(
+    metrics: pd.DataFrame, scan_errors: pd.DataFrame, style: FigureStyle
 ) -> Figure:
-    """Draw a row of panels for each scanned data set, one panel for each reference.
+    """Squared Hausdorff distance (point to plane, squared grid units) against bits per point: to
+    the coded scan, to the clean scan of the same rays, and to the true surface. Medians over
+    clouds, in bins as in figure 6.6. Dashed: the scan before coding. Not in the thesis.
+    """
+    return draw_references(metrics, scan_errors, HD_PLANE, style)
 
-    All panels have the same axes, so that the columns compare by eye: a codec that keeps the scan's
-    noise falls on the left and levels off beside, at the dashed line of the scan's own error (the
-    median over the data set's clouds). A line below the axes (a scan without errors) is left out,
-    and so is the panel of a clean scan that is the scan itself: it would show the first again.
+
+def draw_references(
+    metrics: pd.DataFrame, scan_errors: pd.DataFrame, metric: PlottedMetric, style: FigureStyle
+) -> Figure:
+    """Draw a row of panels for each data set, a column for each reference.
+
+    The panel of a clean scan that equals the scan is left out.
 
     Parameters
     ----------
     metrics
         Result rows.
     scan_errors
-        Distances of the scans themselves to the clean scans and to the truth.
-    quantity
-        The distance to the scan; its twins have the columns ``clean_...`` and ``truth_...``.
+        Distances of the uncoded scans to the clean scans and to the true surface.
+    metric
+        Distance to the scan; the others are in the columns ``clean_...`` and ``truth_...``.
     style
         Of the figure.
     """
-    sides = [replace(quantity, column=f"{prefix}{quantity.column}") for prefix in _SIDES]
-    for side in sides:
-        check_curves(metrics, side)
-    known = metrics.dropna(subset=[side.column for side in sides[1:]])
-    curves = [binned_curves(known, side, style) for side in sides]
-    every = [lines for side in curves for lines in side.values()]
-    limits = [shared_limits(every, q, style, fitted=True) for q in (BPP, quantity)]
-    own = _own_errors(scan_errors, sides[1:])
-    figure, panels = panel_grid(len(every), len(sides), 1.95, style)
+    references = [replace(metric, column=f"{prefix}{metric.column}") for prefix in _REFERENCES]
+    for reference in references:
+        check_curve_columns(metrics, reference)
+    rows = metrics.dropna(subset=[reference.column for reference in references[1:]])
+    curves = [binned_curves(rows, reference, style) for reference in references]
+    panel_lines = [lines for dataset_curves in curves for lines in dataset_curves.values()]
+    limits = [
+        shared_limits(panel_lines, axis_metric, style, fitted=True) for axis_metric in (BPP, metric)
+    ]
+    scan_medians = _scan_medians(scan_errors, references[1:])
+    figure, panels = panel_grid(len(panel_lines), len(references), 1.95, style)
     for index, axes in enumerate(panels):
-        dataset, column = list(curves[0])[index // len(sides)], index % len(sides)
+        dataset, column = list(curves[0])[index // len(references)], index % len(references)
         draw_curves(axes, curves[column][dataset], limits[0], limits[1], style)
-        own_error = own.get((dataset, sides[column].column))
-        if column == _CLEAN and own_error is not None and own_error < _EXACT:
+        scan_error = scan_medians.get((dataset, references[column].column))
+        if column == _CLEAN and scan_error is not None and scan_error < _EXACT:
             axes.clear()
             axes.set_axis_off()
             continue
-        _draw_own(axes, own_error, limits[1][0])
-        set_title(axes, f"{style.title(dataset)}: {list(_SIDES.values())[column]}", 3, style)
-    label_outer(panels, len(sides), BPP.label, quantity.short_label)
-    _add_legend(figure, panels, codecs_of(every, style), style)
+        _draw_scan_line(axes, scan_error, limits[1][0])
+        set_title(axes, f"{style.title(dataset)}: {list(_REFERENCES.values())[column]}", 3, style)
+    label_outer(panels, len(references), BPP.label, metric.short_label)
+    _add_legend(figure, panels, codecs_of(panel_lines, style), style)
     return figure
 
 
-def _own_errors(scan_errors: pd.DataFrame, sides: list[Quantity]) -> dict[tuple[str, str], float]:
-    """Medians of the scans' own errors by data set and column."""
-    columns = tuple(side.column for side in sides)
+def _scan_medians(
+    scan_errors: pd.DataFrame, references: list[PlottedMetric]
+) -> dict[tuple[str, str], float]:
+    columns = tuple(reference.column for reference in references)
     require_rows(scan_errors, ("dataset", *columns), "scan errors")
     require_numbers(scan_errors, columns, "scan errors")
     medians = scan_errors.groupby("dataset")[list(columns)].median()
@@ -153,16 +154,16 @@ def _own_errors(scan_errors: pd.DataFrame, sides: list[Quantity]) -> dict[tuple[
     }
 
 
-def _draw_own(axes: Axes, value: float | None, floor: float) -> None:
+def _draw_scan_line(axes: Axes, value: float | None, floor: float) -> None:
     if value is not None and value >= floor:
         axes.axhline(value, zorder=2, **SCAN_LINE)
 
 
 def _add_legend(figure: Figure, panels: list[Axes], codecs: list[str], style: FigureStyle) -> None:
-    """The legend, in the place of the first panel that was left out, else above all."""
-    own = scan_handle()
-    free = next((axes for axes in panels if not axes.axison), None)
-    if free is None or len(codecs) > _MOST_IN_A_PANEL:
-        add_legend(figure, codecs, style, (own,))
+    """Draw the legend in the first panel that was left out, else above all panels."""
+    scan_line = scan_handle()
+    empty_panel = next((axes for axes in panels if not axes.axison), None)
+    if empty_panel is None or len(codecs) > _MOST_IN_A_PANEL:
+        add_legend(figure, codecs, style, (scan_line,))
     else:
-        free.legend(handles=[*codec_handles(codecs, style), own], loc="center")
+        empty_panel.legend(handles=[*codec_handles(codecs, style), scan_line], loc="center")

@@ -151,7 +151,7 @@ def _tables(
 def _chapters(contents: Contents, folder: Path) -> dict[str, list[FigureShown]]:
     """The figures by chapter of the thesis and by number, then those that it does not have."""
     chapters: dict[str, list[FigureShown]] = {heading: [] for heading in _CHAPTERS.values()}
-    by_number = sorted(contents.figures, key=lambda name: figure_entry(name).place)
+    by_number = sorted(contents.figures, key=lambda name: figure_entry(name).sort_key)
     figures = in_threads(
         lambda name: _figure(name, Path(contents.figures[name]), folder), by_number
     )

@@ -19,7 +19,7 @@ from puckbench.figures.panels import (
     set_log,
     set_title,
 )
-from puckbench.figures.plotted_metrics import BPP, Quantity
+from puckbench.figures.plotted_metrics import BPP, PlottedMetric
 from puckbench.figures.registry import FIGURES
 from puckbench.figures.style import COLUMN_WIDTH_IN, FigureStyle, Range
 from puckbench.geometry.cloud import Floats
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_D1 = Quantity("cd_point", "CD, point-to-point", "grid units²", (0.1, 100))
+_D1 = PlottedMetric("cd_point", "CD, point-to-point", "grid units²", (0.1, 100))
 _ROWS = (BPP.within(0.01, 10), _D1)
 _SCALE = "Scale (small markers: no power of two)"
 _SMALL = 0.55
@@ -56,18 +56,18 @@ def draw_scales(gpcc_scales: pd.DataFrame, style: FigureStyle) -> Figure:
     datasets = style.ordered_datasets(gpcc_scales["dataset"])
     figure, panels = panel_grid(2 * len(datasets), len(datasets), 1.9, style, sharey="row")
     for index, axes in enumerate(panels):
-        quantity, dataset = _ROWS[index // len(datasets)], datasets[index % len(datasets)]
+        metric, dataset = _ROWS[index // len(datasets)], datasets[index % len(datasets)]
         rows = gpcc_scales[gpcc_scales["dataset"] == dataset]
-        set_log(axes, "y", _limits(gpcc_scales, quantity, style), minor=False)
+        set_log(axes, "y", _limits(gpcc_scales, metric, style), minor=False)
         for codec in style.ordered_codecs(rows["codec"]):
             line = style.of_codec(codec)
             own = rows[rows["codec"] == codec]
-            _draw(axes, own, own[quantity.column], line.colour, line.marker, line.line)
+            _draw(axes, own, own[metric.column], line.colour, line.marker, line.line)
         _set_scales(axes, gpcc_scales["scale"].to_numpy(dtype=float))
         if index < len(datasets):
             set_title(axes, style.title(dataset), len(datasets), style)
         if index % len(datasets) == 0:
-            axes.set_ylabel(quantity.short_label)
+            axes.set_ylabel(metric.short_label)
     figure.supxlabel(_SCALE, fontsize=style.font_size)
     add_legend(figure, style.ordered_codecs(gpcc_scales["codec"]), style)
     return figure
@@ -109,11 +109,11 @@ def draw_contexts(gpcc_scales: pd.DataFrame, style: FigureStyle) -> Figure:
     return _draw_ratio(gpcc_scales, "bits", label, style)
 
 
-def _limits(table: pd.DataFrame, quantity: Quantity, style: FigureStyle) -> Range:
-    values = table[quantity.column].to_numpy(dtype=float)
-    if quantity.column in style.axis_ranges:
-        return log_limits(values, style.axis_ranges[quantity.column])
-    return fitted_limits(values, quantity.limits)
+def _limits(table: pd.DataFrame, metric: PlottedMetric, style: FigureStyle) -> Range:
+    values = table[metric.column].to_numpy(dtype=float)
+    if metric.column in style.axis_ranges:
+        return log_limits(values, style.axis_ranges[metric.column])
+    return fitted_limits(values, metric.limits)
 
 
 def _draw_ratio(table: pd.DataFrame, name: str, label: str, style: FigureStyle) -> Figure:

@@ -15,7 +15,13 @@ from puckbench.figures.panels import (
     set_log,
     set_title,
 )
-from puckbench.figures.plotted_metrics import CD_PLANE, DECODE_TIME, ENCODE_TIME, HD_PLANE, Quantity
+from puckbench.figures.plotted_metrics import (
+    CD_PLANE,
+    DECODE_TIME,
+    ENCODE_TIME,
+    HD_PLANE,
+    PlottedMetric,
+)
 from puckbench.figures.registry import FIGURES
 from puckbench.figures.style import FigureStyle
 
@@ -60,7 +66,7 @@ def draw_medians_per_rate(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
 
 
 def _draw_row(
-    row: dict[str, Axes], metrics: pd.DataFrame, quantity: Quantity, style: FigureStyle
+    row: dict[str, Axes], metrics: pd.DataFrame, quantity: PlottedMetric, style: FigureStyle
 ) -> None:
     """The panels of one metric, by data set, on one y axis."""
     medians = medians_per_rate(metrics, quantity.column)
