@@ -43,6 +43,8 @@ FIRST_FIGURES = ("fig_6_6", "fig_6_9")
 """Drawn as soon as the first codec is through."""
 _OF_CLOUDS = {"metrics", "clouds", "scan_errors", "recovery"}
 """Inputs of figures whose rows are of clouds, in any frame."""
+_OF_CURVES = {"metrics", "recovery"}
+"""Inputs of figures whose rows are of coded clouds."""
 Inputs = dict[str, str]
 """Name of an input -> its file."""
 
@@ -151,9 +153,10 @@ class OutputJobs:
         """Frames of the clouds in an input of a figure; all for an input without clouds."""
         if table not in _OF_CLOUDS:
             return get_args(CoordinateFrame)
-        datasets = self.plan.datasets
+        if table in _OF_CURVES:
+            return tuple({data.frame for data in self.plan.coded})
         clouds = self.plan.scanned if table == "scan_errors" else self.plan.clouds
-        return tuple({datasets[name].frame for name, _ in clouds})
+        return tuple({self.plan.datasets[name].frame for name, _ in clouds})
 
     @cache  # noqa: B019
     def figure(self, name: str) -> PlannedJob:

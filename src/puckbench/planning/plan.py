@@ -322,6 +322,12 @@ class Plan:
             if self.codes(codec, dataset) and self.curve_rates(dataset, cloud, codec)
         )
 
+    @cached_property
+    def coded(self) -> tuple[DataSetPlan, ...]:
+        """The data sets of which a codec codes a cloud."""
+        names = {dataset for dataset, _, _ in self.curves}
+        return tuple(data for name, data in self.datasets.items() if name in names)
+
     def codes(self, codec: str, dataset: str) -> bool:
         """Whether a codec is to code a data set, and can."""
         data = self.datasets[dataset]

@@ -25,7 +25,7 @@ def octree_and_others(plan: Plan) -> Options | None:
 
 @NEEDS.register("metric")
 def spins_or_recordings(plan: Plan) -> Options | None:
-    return _if(any(data.has_returns for data in plan.datasets.values()))
+    return _if(any(data.has_returns for data in plan.coded))
 
 
 @NEEDS.register("spins")
@@ -42,7 +42,7 @@ def several_noises(plan: Plan) -> Options | None:
 
 def _true_spins(plan: Plan) -> list[DataSetPlan]:
     """Data sets with a sensor's returns and the surface that they come from."""
-    return [data for data in plan.datasets.values() if data.has_returns and data.has_true_surface]
+    return [data for data in plan.coded if data.has_returns and data.has_true_surface]
 
 
 def _if(is_met: bool) -> Options | None:
