@@ -420,8 +420,8 @@ class Config(Model):
     )
     unused: dict[str, str] = Field(
         {},
-        description="Files that `puckbench run` was given and cannot use, and why: they are named "
-        "in the table `left_out`.",
+        description="What `puckbench run` leaves out, such as unusable files, and why: for "
+        "the table `left_out`.",
     )
     failed: dict[FailedName, str] = Field(
         {},

@@ -112,6 +112,8 @@ class OwnRun:
     peak: float | None = None
     timeout_s: float | None = None
     options: Mapping[str, Any] = field(default_factory=dict)
+    _reductions: dict[str, str] = field(default_factory=dict, init=False, repr=False)
+    """What is left out though it could be used, and why."""
 
     def configuration(self) -> Options:
         """The configuration; reads the files, and InputError says what cannot be used."""
@@ -125,7 +127,6 @@ class OwnRun:
         config: Options = {
             "results": self.results,
             **({"strict": True} if self.strict else {}),
-            **({"unused": unused} if (unused := self.unused()) else {}),
             "scenes": scenes,
             "datasets": datasets,
             "codecs": codec_entries(self.codecs or usual),
@@ -133,9 +134,10 @@ class OwnRun:
             "timing": {"repeats": 1, **({"timeout_s": self.timeout_s} if self.timeout_s else {})},
         }
         plan = Plan(trusted(config), check_scenes=True)
-        chosen = self._chosen_rates(plan)
-        for codec, rates in chosen.items():
+        for codec, rates in self._chosen_rates(plan).items():
             config["codecs"][codec] |= rates
+        if unused := {**self.unused(), **self._reductions}:
+            config["unused"] = unused
         count = len(plan.clouds)
         config["figures"] = {"examples": dict(self._examples(plan))}
         config["report"] = {"title": f"Compression of {count} cloud{'s' if count > 1 else ''}"}
@@ -195,9 +197,13 @@ class OwnRun:
         if kind == "recordings":
             found = open_scene_set(_LOADERS[kind], options)
             unusable = len(found.unusable) if isinstance(found, recordings.Recordings) else 0
-            turns, limit = len(found.names()) - unusable, limit or _TURNS
-            options |= {"every": turns // limit} if turns >= 2 * limit else {}
-            limit += unusable
+            names, limit = found.names(), limit or _TURNS
+            turns = len(names) - unusable
+            select = [*names[:unusable], *spread_out(names[unusable:], limit)]
+            if turns > limit:
+                self._reductions[kind] = f"{limit} of {turns} whole turns are coded (--limit)"
+                return {"loader": _LOADERS[kind], "options": options, "select": select}
+            return {"loader": _LOADERS[kind], "options": options}
         return {"loader": _LOADERS[kind], "options": options, **({"limit": limit} if limit else {})}
 
     # ---- data sets
@@ -248,6 +254,9 @@ class OwnRun:
             for frame in plan.frames:
                 known = plan.rates(codec, frame)
                 wanted = self._wanted(codec, known, few) if known else known
+                if few and len(wanted) < len(known):
+                    rates = f"{len(wanted)} of {len(known)} rates"
+                    self._reductions[f"codec {codec}"] = f"{rates}: all take long (--rates all)"
                 _check_width(plan, codec, frame, wanted)
                 if wanted != known:
                     found[codec][keys[frame]] = list(wanted)

@@ -204,6 +204,7 @@ class Plan:
             *named,
             *self._scenes_left_out(),
             *self._rates_left_out(),
+            *self._codecs_left_out(),
             *self._failures_left_out(),
         )
 
@@ -214,6 +215,16 @@ class Plan:
                 file = _file_of(dataset, scenes, scene)
                 reason = fault.removeprefix(f"{file}: ")
                 yield {"dataset": dataset, "scene": scene, "file": file, "reason": reason}
+
+    def _codecs_left_out(self) -> Iterator[dict[str, str]]:
+        for codec in self.codecs:
+            reasons: dict[str, list[str]] = {}
+            for data in self.datasets.values():
+                if self._is_requested(codec, data) and (reason := self._why_not(codec, data)):
+                    reasons.setdefault(reason, []).append(data.name)
+            for reason, names in reasons.items():
+                where = f"does not code {', '.join(names)}: {reason}"
+                yield {"dataset": "", "scene": "", "file": f"codec {codec}", "reason": where}
 
     def _failures_left_out(self) -> Iterator[dict[str, str]]:
         for name, reason in self.config.failed.items():
@@ -331,12 +342,22 @@ class Plan:
     def codes(self, codec: str, dataset: str) -> bool:
         """Whether a codec is to code a data set, and can."""
         data = self.datasets[dataset]
-        wanted = data.settings.codecs
-        is_wanted = wanted is None or codec in wanted
+        return self._is_requested(codec, data) and not self._why_not(codec, data)
+
+    def _is_requested(self, codec: str, data: DataSetPlan) -> bool:
+        return data.settings.codecs is None or codec in data.settings.codecs
+
+    def _why_not(self, codec: str, data: DataSetPlan) -> str:
+        """Why a codec cannot code a data set; empty if it can."""
         opened = self.opened[codec]
-        can = opened.takes != "returns" or data.has_returns
-        can &= not opened.packets_alone or data.has_packets
-        return is_wanted and can and bool(self.rates(codec, data.frame))
+        if opened.takes == "returns" and not data.has_returns:
+            return "it codes returns of a spinning sensor"
+        if opened.packets_alone and not data.has_packets:
+            return "it codes recorded data packets"
+        if not self.rates(codec, data.frame):
+            where = "clouds in metres (metric_rates)" if data.frame == "metric" else "scaled clouds"
+            return f"it has no rates for {where}"
+        return ""
 
     @cached_property
     def frames(self) -> tuple[CoordinateFrame, ...]:
