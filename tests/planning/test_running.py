@@ -1,6 +1,5 @@
-"""Around a run's jobs: room is looked for, and errors are gathered from the logs."""
+"""Around a run's jobs: space on the disk, and what is left out."""
 
-import os
 import resource
 import signal
 from pathlib import Path
@@ -8,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from puckbench.core.errors import InputError
-from puckbench.planning.running import check_room, failures, left_out_lines, now
+from puckbench.planning.running import check_room, left_out_lines
 
 
 def test_a_folder_without_room_is_named(tmp_path: Path) -> None:
@@ -32,31 +31,6 @@ def test_a_place_that_cannot_be_a_folder_is_named(tmp_path: Path) -> None:
     (tmp_path / "file").write_bytes(b"")
     with pytest.raises(InputError, match="file/records: not a directory"):
         check_room(tmp_path / "file" / "records")
-
-
-def _log(path: Path, *lines: str) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text("".join(f"{line}\n" for line in lines))
-
-
-def test_errors_of_this_run_are_told_once_each_with_a_log(tmp_path: Path) -> None:
-    begun = now()
-    _log(tmp_path / "scans" / "a.log", "frame 1 of 24", "puckbench: disk full")
-    _log(tmp_path / "scans" / "b.log", "puckbench: disk full")
-    _log(tmp_path / "scans" / "c.log", "puckbench: no such file", "and it went on")
-    _log(tmp_path / "empty.log")
-    _log(tmp_path / "old.log", "puckbench: of another run")
-    os.utime(tmp_path / "old.log", (begun - 1, begun - 1))
-    told = list(failures(tmp_path, begun))
-    assert told == [f"puckbench: disk full ({tmp_path / 'scans' / 'a.log'})"]
-
-
-def test_of_many_errors_some_are_told(tmp_path: Path) -> None:
-    for number in range(15):
-        _log(tmp_path / f"{number:02}.log", f"puckbench: fault {number}")
-    told = list(failures(tmp_path, now()))
-    assert len(told) == 11
-    assert told[-1] == f"puckbench: 5 more errors in {tmp_path}"
 
 
 def test_a_long_list_of_what_was_left_out_is_cut() -> None:

@@ -84,7 +84,7 @@ def failure_lines(failures: list[Failure]) -> Iterator[str]:
         key = failure.codec or failure.what, failure.reason
         groups.setdefault(key, []).append(failure)
     for first, *others in list(groups.values())[:_MAX_LINES]:
-        more = f" (and {len(others)} more jobs like it)" if others else ""
+        more = f" (and {len(others)} more)" if others else ""
         yield f"{PREFIX}{first}{more}"
     if len(groups) > _MAX_LINES:
         yield f"{PREFIX}{len(groups) - _MAX_LINES} more errors, in the logs"
