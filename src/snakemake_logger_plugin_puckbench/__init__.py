@@ -11,8 +11,10 @@ from __future__ import annotations
 
 import logging
 import sys
+import threading
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from snakemake.logging import DefaultFilter  # type: ignore[import-untyped]
@@ -24,8 +26,18 @@ if TYPE_CHECKING:
 
 _SECONDS_BETWEEN_LINES = 30.0
 """Where there is no terminal, a line is printed at this interval."""
-_MEASURED_SHARE = 0.1
-"""Of the work, after which the time left is judged by what was done so far."""
+_OVERDUE_S, _OVERDUE_FACTOR = 60.0, 5.0
+"""A job is overdue after these seconds, and after this multiple of its expected time."""
+
+
+@dataclass
+class _Job:
+    """A running job; told: how often it was reported as overdue."""
+
+    rule: str
+    name: str
+    began: float
+    told: int = 0
 
 
 class LogHandler(LogHandlerBase):
@@ -44,11 +56,12 @@ class LogHandler(LogHandlerBase):
             shown.quiet, shown.debug_dag, shown.verbose, shown.dryrun, shown.printshellcmds
         ).filter
         self.expect(lambda _: 1.0, lambda _: 0.0, 1, {})
-        self._running: dict[int, str] = {}
+        self._running: dict[int, _Job] = {}
         self._jobs = self._done = 0
         self._work = self._done_work = self._expected_s = 0.0
         self._began = self._told = time.monotonic()
         self._bar: Progress | None = None
+        self._watch: threading.Timer | None = None
 
     def expect(
         self,
@@ -96,6 +109,8 @@ class LogHandler(LogHandlerBase):
         if self._bar:
             self._bar.stop()
         self._bar = None
+        if self._watch:
+            self._watch.cancel()
         self.release()
         super().close()
 
@@ -115,16 +130,32 @@ class LogHandler(LogHandlerBase):
             self._bar = _new_bar()
             self._bar.add_task("", total=self._work, left=left)
             self._bar.start()
+        self._watch_jobs()
+
+    def _watch_jobs(self) -> None:
+        """Tell of overdue jobs, now and from time to time."""
+        for job in list(self._running.values()):
+            running_s = time.monotonic() - job.began
+            expected_s = max(1.0, self._job_s(job.rule))
+            if running_s > max(_OVERDUE_S, _OVERDUE_FACTOR * expected_s) * 2**job.told:
+                job.told += 1
+                expected = f"{_duration(expected_s)} were expected"
+                self._tell(f"still running: {job.name}, {_duration(running_s)}; {expected}")
+        self._watch = threading.Timer(_SECONDS_BETWEEN_LINES, self._watch_jobs)
+        self._watch.daemon = True
+        self._watch.start()
 
     def _take_start(self, event: dict[str, Any]) -> None:
         wildcards = dict(event["wildcards"] or {})
         place = "/".join(str(value) for value in wildcards.values())
-        self._running[event["jobid"]] = event["rule_name"]
-        self._show(f"{event['rule_name']} {place}".rstrip())
+        name = f"{event['rule_name']} {place}".rstrip()
+        self._running[event["jobid"]] = _Job(event["rule_name"], name, time.monotonic())
+        self._show(name)
 
     def _take_end(self, event: dict[str, Any]) -> None:
-        rule = self._running.pop(event["job_id"], None)
-        if rule is None or rule == "all":
+        job = self._running.pop(event["job_id"], None)
+        rule = job.rule if job else "all"
+        if rule == "all":
             return
         self._done += 1
         self._done_work += self._job_s(rule)
@@ -138,20 +169,19 @@ class LogHandler(LogHandlerBase):
 
         from puckbench.planning.failures import failure_of
 
-        self._running.pop(event["jobid"], None)
-        for log in map(Path, event["log"]):
+        self._running.pop(event.get("jobid", -1), None)
+        for log in map(Path, event.get("log") or ()):
             logs = next((folder for folder in log.parents if folder.name == "logs"), None)
             if logs and log.exists() and (failure := failure_of(log, logs)):
                 self._tell(f"failed: {failure}")
 
     def left_s(self) -> float:
-        """Seconds left: by the estimate at first, then by how long the jobs so far have taken."""
-        if not self._work:
-            return 0.0
-        share = self._done_work / self._work
-        if share < _MEASURED_SHARE:
-            return self._expected_s * (1 - share)
-        return (time.monotonic() - self._began) * (1 - share) / share
+        """Return the seconds left: first by the estimate, more and more by the finished jobs."""
+        if not self._work or not self._done_work:
+            return self._expected_s
+        share = min(1.0, self._done_work / self._work)
+        measured = (time.monotonic() - self._began) / share
+        return (1 - share) * ((1 - share) * self._expected_s + share * measured)
 
     def _show(self, job: str | None = None) -> None:
         left = _duration(self.left_s())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -86,10 +87,10 @@ def test_a_run_says_at_its_start_how_long_it_will_take(
 def test_the_time_left_follows_the_jobs_that_are_done(clock: Clock) -> None:
     bar = begun()
     job(bar, 1, "short")
-    assert bar.left_s() == pytest.approx(95)  # too few to judge by: what was expected
+    assert bar.left_s() == pytest.approx(0.95 * 0.95 * 100)  # mostly what was expected
     clock.now = 120.0
     job(bar, 2, "long")  # half of the work, in 120 s
-    assert bar.left_s() == pytest.approx(120)
+    assert bar.left_s() == pytest.approx(0.5 * (0.5 * 100 + 0.5 * 240))
     clock.now = 200.0
     job(bar, 3, "long")
     job(bar, 4, "short")
@@ -115,7 +116,7 @@ def test_where_there_is_no_terminal_a_line_is_printed_now_and_then(
     for number in range(2):
         clock.now += 20
         job(bar, number, "long")
-    assert capsys.readouterr().err == "puckbench: 2 of 4 jobs done, 4 s left\n"
+    assert capsys.readouterr().err == "puckbench: 2 of 4 jobs done, 5 s left\n"
 
 
 def test_warnings_are_printed_and_what_snakemake_is_told_to_keep_quiet_is_not(
@@ -139,3 +140,34 @@ def test_where_more_than_a_bar_is_asked_for_snakemake_writes(
     assert not bar.writes_to_stream
     told(bar, LogEvent.RUN_INFO, stats=JOBS)
     assert capsys.readouterr().err == ""
+
+
+def test_an_overdue_job_is_named(clock: Clock, capsys: pytest.CaptureFixture[str]) -> None:
+    bar = begun()
+    told(bar, LogEvent.JOB_INFO, jobid=1, rule_name="short", wildcards={"cloud": "a"})
+    clock.now = 59.0
+    bar._watch_jobs()
+    clock.now = 61.0
+    bar._watch_jobs()
+    clock.now = 100.0
+    bar._watch_jobs()
+    bar.close()
+    lines = capsys.readouterr().err.splitlines()[1:]
+    assert lines == ["puckbench: still running: short a, 61 s; 10 s were expected"]
+
+
+def test_a_failed_job_is_one_line(
+    clock: Clock, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    bar = begun()
+    log = tmp_path / "logs" / "coded" / "d" / "a" / "c.log"
+    log.parent.mkdir(parents=True)
+    log.write_text("puckbench: IndexError: no (c.py:1)\n")
+    told(bar, LogEvent.JOB_INFO, jobid=1, rule_name="short", wildcards={"cloud": "a"})
+    record = logging.LogRecord(
+        "snakemake", logging.ERROR, "", 0, "CalledProcessError in file x", (), None
+    )
+    bar.emit(record)
+    told(bar, LogEvent.JOB_ERROR, jobid=1, rule_name="short", log=[str(log)])
+    (line,) = capsys.readouterr().err.splitlines()[1:]
+    assert line == f"puckbench: failed: codec c, cloud d/a: IndexError: no (c.py:1); log: {log}"
