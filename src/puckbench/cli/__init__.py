@@ -42,8 +42,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 class _Remarks(logging.Handler):
-    """Print each line of the log once on standard error."""
-
     def __init__(self) -> None:
         super().__init__(logging.WARNING)
         self._lines: set[str] = set()

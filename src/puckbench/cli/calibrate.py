@@ -1,4 +1,4 @@
-"""`puckbench calibrate`: parameters of a range error model from plane residuals."""
+"""`puckbench calibrate`: estimate a range error model from plane residuals."""
 
 from __future__ import annotations
 
@@ -33,7 +33,6 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
-    """Write the model file; return the estimates with their intervals."""
     job = Calibrate.given(**selected(options, "model", "cells", "parameters", "quantum_mm"))
     content = job.run(tuple(options.residuals), options.out)
     if options.json:
@@ -43,7 +42,6 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def _lines(content: dict[str, Any]) -> dict[str, Any]:
-    """Return a line for each parameter, with its interval."""
     intervals = content["intervals_95"]
     lines = {}
     for name, value in content["parameters"].items():

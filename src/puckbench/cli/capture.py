@@ -1,4 +1,4 @@
-"""`puckbench capture`: a capture of a real VLP-16 or Puck Hi-Res as a table of its returns."""
+"""`puckbench capture`: read a capture as a table of its returns."""
 
 from __future__ import annotations
 

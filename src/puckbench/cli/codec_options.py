@@ -34,7 +34,6 @@ def codec_arguments(parser: argparse.ArgumentParser, required: bool) -> None:
 
 
 def codec_options(options: argparse.Namespace) -> dict[str, Any]:
-    """Return the fields of a `puckbench.jobs.codecs.CodecJob`."""
     changes = parsed(CodecConfig, options.entry, "--entry").changes()
     if options.weights:
         changes = with_options(changes, weights=options.weights)
@@ -42,5 +41,4 @@ def codec_options(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def timed_options(options: argparse.Namespace) -> dict[str, Any]:
-    """Return the fields of a `puckbench.jobs.codecs.TimedJob`."""
     return {**codec_options(options), "repeats": options.repeats, "alone": options.alone}

@@ -1,4 +1,4 @@
-"""`puckbench codecs`: the codecs, what each is for, and whether it can run here."""
+"""`puckbench codecs`: list the codecs."""
 
 from __future__ import annotations
 
@@ -14,7 +14,6 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
-    """Return a row for each codec, or all about one."""
     trust([options.codec])
     table = {name: _entry(name) for name in ([options.codec] if options.codec else codecs())}
     if options.json:

@@ -117,13 +117,11 @@ def _compared(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def _plain(row: Mapping[Any, Any]) -> dict[str, Any]:
-    """Return a row for JSON, with None for NaN."""
     values = {str(k): v.item() if hasattr(v, "item") else v for k, v in row.items()}
     return {k: None if isinstance(v, float) and isnan(v) else v for k, v in values.items()}
 
 
 def _curves(comparison: Comparison, style: FigureStyle) -> Iterator[dict[str, Any]]:
-    """Yield the range of the medians of every codec on every data set."""
     for dataset in style.ordered_datasets(comparison.own["dataset"]):
         for table, is_own in ((comparison.own, True), (comparison.reference, False)):
             rows = table[table["dataset"] == dataset]

@@ -1,4 +1,4 @@
-"""`puckbench compress`: store a recording of a spinning LiDAR in a smaller file, without loss."""
+"""`puckbench compress`: store a recording in a smaller file, without loss."""
 
 from __future__ import annotations
 

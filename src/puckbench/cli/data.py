@@ -1,4 +1,4 @@
-"""`puckbench data`: download the free data sets by npm and apt, with licences and credits."""
+"""`puckbench data`: download the free data sets."""
 
 from __future__ import annotations
 

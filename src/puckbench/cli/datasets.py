@@ -1,4 +1,4 @@
-"""`puckbench datasets`: the loaders of scene sets with their options; the scenes of one set."""
+"""`puckbench datasets`: list the loaders of scene sets, or count the scenes of one."""
 
 from __future__ import annotations
 

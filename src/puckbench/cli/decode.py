@@ -1,4 +1,4 @@
-"""`puckbench decode`: decode a stream, whose first bytes tell the codec."""
+"""`puckbench decode`: decode a stream."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`puckbench encode`: code a cloud with a codec at a rate, and record bits and times."""
+"""`puckbench encode`: code a cloud."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`puckbench evaluate`: distortion of a decoded cloud, or of a stream with its bits and times."""
+"""`puckbench evaluate`: measure the distortion of a decoded cloud or a stream."""
 
 from __future__ import annotations
 
@@ -50,7 +50,6 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
-    """Return the result row."""
     settings = selected(options, "dataset", "peak", "views", "rate")
     job = Evaluate.given(**settings, **timed_options(options))
     files = selected(options, "row", "truth", "visible", "clean")

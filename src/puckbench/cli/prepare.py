@@ -1,4 +1,4 @@
-"""`puckbench prepare`: crop, estimate normals and scale samples, clouds or scan tables."""
+"""`puckbench prepare`: crop, estimate normals and scale."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`puckbench recovery`: compare a stream's geometric primitives with the labels of the scene."""
+"""`puckbench recovery`: compare a stream's primitives with the labels of the scene."""
 
 from __future__ import annotations
 

@@ -1,8 +1,7 @@
 """The commands: our own, and those that other packages register.
 
-A command has a function `arguments`, which declares its arguments, and a function `run`, which
-returns its answer. Ours are modules of this package, imported when they are called. A plug-in
-registers its function `run`::
+A command has two functions: `arguments` declares its arguments, `run` returns its answer. Ours are
+modules of this package, imported only to be called. A plug-in registers `run`::
 
     @COMMANDS.register("claims", arguments=arguments, help="show the verdicts on the claims")
     def run(options: argparse.Namespace) -> Answer: ...
@@ -51,8 +50,6 @@ _HELP = {
 
 @dataclass(frozen=True)
 class Command:
-    """A command by name."""
-
     name: str
     run: Callable[[argparse.Namespace], Answer]
     arguments: Callable[[argparse.ArgumentParser], None]
@@ -64,12 +61,10 @@ COMMANDS: Registry[Command] = Registry("command", "commands", make=Command)
 
 
 def help_texts() -> dict[str, str]:
-    """Return the help text of every command."""
     return {**_HELP, **{name: COMMANDS.get(name).help for name in COMMANDS.names()}}
 
 
 def command(name: str) -> Command:
-    """Return the command of a name, which must be one of `help_texts`."""
     if name not in _HELP:
         return COMMANDS.get(name)
     module = import_module(f"puckbench.cli.{name}")

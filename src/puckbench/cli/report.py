@@ -1,4 +1,4 @@
-"""`puckbench report`: write figures, tables, curves and clouds of a run as one HTML file."""
+"""`puckbench report`: write a run as one HTML file."""
 
 from __future__ import annotations
 

@@ -145,7 +145,6 @@ def _without_failures(path: Path) -> Path | None:
 
 
 def _run_workflow(command: Sequence[str], as_json: bool, prints_summary: bool) -> int:
-    """Run Snakemake and return its exit status."""
     # With --json, standard output has only the answer.
     output = sys.stderr if as_json else None
     environment = {**os.environ, **({TOLD_BY_CALLER: "yes"} if prints_summary else {})}

@@ -1,4 +1,4 @@
-"""`puckbench sample`: sample points on the surface of a mesh, with their true normals."""
+"""`puckbench sample`: sample points on a mesh."""
 
 from __future__ import annotations
 

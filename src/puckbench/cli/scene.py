@@ -1,4 +1,4 @@
-"""`puckbench scene`: write a scene as a labelled mesh or a cloud in metres, z pointing up."""
+"""`puckbench scene`: write a scene as a mesh or cloud."""
 
 from __future__ import annotations
 

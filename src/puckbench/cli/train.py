@@ -1,4 +1,4 @@
-"""`puckbench train`: train the weights of a learned codec; continue after an interruption."""
+"""`puckbench train`: train the weights of a learned codec."""
 
 from __future__ import annotations
 

@@ -65,7 +65,6 @@ def positive(text: str) -> float:
 
 
 def integer(low: int) -> Any:
-    """Return a type of argument: integers of at least `low`."""
 
     def convert(text: str) -> int:
         if not text.lstrip("-").isdigit() or int(text) < low:
@@ -76,10 +75,8 @@ def integer(low: int) -> Any:
 
 
 def selected(options: argparse.Namespace, *names: str) -> dict[str, Any]:
-    """Return some of a command's options, as fields of its job."""
     return {name: getattr(options, name) for name in names}
 
 
 def note(line: str) -> None:
-    """Print a line beside the answer, on standard error."""
     print(f"puckbench: {line}", file=sys.stderr)  # noqa: T201
