@@ -12,8 +12,8 @@ import pytest
 from puckbench.core.errors import InputError
 from puckbench.datasets.embedded_areas import EmbeddedAreas
 from puckbench.geometry.mesh import Mesh, check_mesh
-from puckbench.scenes.building import MOST_STRETCH, TYPES, room_types, stretched
-from puckbench.scenes.room_table import ROOMS
+from puckbench.scenes.building import MAX_STRETCH, ROOM_CHOICES, room_types, stretched
+from puckbench.scenes.room_catalogue import ROOMS
 from puckbench.scenes.rooms import make_room, origin, room_box, room_spec
 from tests.support.scenes_residuals import assert_furniture_within, worst_residual
 
@@ -34,8 +34,8 @@ def test_areas_have_the_published_numbers_of_rooms() -> None:
     counts = Counter(name.split("_")[1] for name in names)
     assert len(names) == len(set(names)) == 272
     assert dict(counts) == {"1": 44, "2": 40, "3": 23, "4": 49, "5": 68, "6": 48}
-    assert set(room_types().values()) == set(TYPES)
-    assert {name for bases in TYPES.values() for name in bases} == set(ROOMS)
+    assert set(room_types().values()) == set(ROOM_CHOICES)
+    assert {name for bases in ROOM_CHOICES.values() for name in bases} == set(ROOMS)
 
 
 def test_rooms_are_chosen_by_area_and_number() -> None:
@@ -73,7 +73,7 @@ def test_a_room_is_labelled_and_its_sensor_stands_free(name: str) -> None:
 def test_furniture_stays_in_a_room_that_is_stretched_most(
     name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setitem(ROOMS, name, stretched(ROOMS[name], MOST_STRETCH, MOST_STRETCH))
+    monkeypatch.setitem(ROOMS, name, stretched(ROOMS[name], MAX_STRETCH, MAX_STRETCH))
     mesh, (low, high) = make_room(name, 1, 0.2), room_box(name)
     assert_furniture_within(mesh, low, high)
 

@@ -5,7 +5,7 @@ import pytest
 
 from puckbench.geometry.mesh import Mesh
 from puckbench.scenes import outlines, solids
-from puckbench.scenes.builder import Piece, build, refurnished
+from puckbench.scenes.pieces import Piece, build_mesh, with_meshes
 from puckbench.scenes.surfaces import Surface, pose
 from tests.support.scenes_residuals import plane_alignment, volume, worst_residual
 
@@ -48,13 +48,13 @@ SOLIDS: dict[str, tuple[Surface, float]] = {
 
 
 def mesh_of(surface: Surface) -> Mesh:
-    return build([Piece("thing", "clutter", surface)])
+    return build_mesh([Piece("thing", "clutter", surface)])
 
 
 @pytest.mark.parametrize("name", SOLIDS)
 @pytest.mark.parametrize("moved", [np.eye(4), TURN], ids=["as made", "moved"])
 def test_labels_fit_the_triangles(name: str, moved: np.ndarray) -> None:
-    mesh = mesh_of(SOLIDS[name][0].moved(moved))
+    mesh = mesh_of(SOLIDS[name][0].transformed(moved))
     assert worst_residual(mesh) < 1e-9
     assert (plane_alignment(mesh) > 0.999).all()
 
@@ -84,7 +84,7 @@ def test_scaling_scales_lengths_and_keeps_angles() -> None:
 
 def test_coplanar_faces_of_one_object_share_a_primitive_and_other_objects_do_not() -> None:
     two = solids.box(1, 1, 1) + solids.box(1, 1, 1).at(x=3.0)
-    mesh = build([Piece("a", "wall", two), Piece("b", "wall", solids.box(1, 1, 1))])
+    mesh = build_mesh([Piece("a", "wall", two), Piece("b", "wall", solids.box(1, 1, 1))])
     assert mesh.labels is not None
     assert len(mesh.labels.primitives) == 8 + 6
     assert [one.name for one in mesh.labels.objects] == ["a_1", "b_1"]
@@ -118,7 +118,7 @@ def test_filling_covers_the_polygon_once(
 def test_given_furniture_takes_the_place_and_sizes_of_its_class() -> None:
     chair, table = (Piece(name, name, solids.box(1, 2, 3)) for name in ("chair", "table"))
     cone = mesh_of(solids.cone(5, 1, 10, 16).at(x=100.0))
-    new, same = refurnished([chair, table], {"chair": [cone]}, np.random.default_rng(0))
+    new, same = with_meshes([chair, table], {"chair": [cone]}, np.random.default_rng(0))
     assert same is table
     assert new.surface.bounds() == pytest.approx(chair.surface.bounds())
     assert {shape.kind for shape in new.surface.shapes} == {"freeform"}

@@ -13,7 +13,7 @@ from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene
 from puckbench.datasets.sweethome3d import SweetHome3D
 from puckbench.geometry.mesh import Mesh
-from puckbench.scenes.room_table import ROOMS
+from puckbench.scenes.room_catalogue import ROOMS
 from puckbench.scenes.rooms import make_room, origin, room_box, room_spec
 
 

@@ -32,8 +32,12 @@ def distinct_points(points: Floats) -> tuple[Rows, Floats]:
     keys = morton_keys(points)
     order = sort_keys(keys)
     ordered = points.take(order, axis=0)
-    kept = _first_of_equal_points(ordered, keys)
-    return (order, ordered) if len(kept) == len(order) else (order[kept], ordered[kept])
+    first_rows = _first_of_equal_points(ordered, keys)
+    return (
+        (order, ordered)
+        if len(first_rows) == len(order)
+        else (order[first_rows], ordered[first_rows])
+    )
 
 
 def morton_order(points: Floats) -> Rows:
@@ -113,7 +117,7 @@ def _first_of_equal_points(points: Floats, keys: Keys) -> Rows:
     shares_key[1:] |= repeated
     shares_key[:-1] |= repeated
     slots = np.full(1 << int(np.ceil(np.log2(2 * shares_key.sum() + 1))), -1, np.int64)
-    kept, count = np.empty(n, np.int64), 0
+    first_rows, count = np.empty(n, np.int64), 0
     for i in range(n):
         if shares_key[i]:
             slot = _hash(points[i] + 0.0) & (len(slots) - 1)
@@ -122,9 +126,9 @@ def _first_of_equal_points(points: Floats, keys: Keys) -> Rows:
             if slots[slot] >= 0:
                 continue
             slots[slot] = i
-        kept[count] = i
+        first_rows[count] = i
         count += 1
-    return kept[:count]
+    return first_rows[:count]
 
 
 @compiled

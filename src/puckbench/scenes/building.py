@@ -1,4 +1,4 @@
-"""A generated building with the numbers of rooms of each type that the areas of S3DIS have."""
+"""A generated building with as many rooms of each type as the areas of S3DIS."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from functools import cache, partial
 from typing import Any
 
 from puckbench.core.seeding import generator
-from puckbench.scenes.placing import Placement
-from puckbench.scenes.room_table import ROOMS, RoomSpec
+from puckbench.scenes.placement import Placement
+from puckbench.scenes.room_catalogue import ROOMS, RoomSpec
 
 AREAS: dict[str, dict[str, int]] = {
     "Area_1": {
@@ -34,7 +34,7 @@ AREAS: dict[str, dict[str, int]] = {
 }  # fmt: skip
 """Rooms of each type in the areas of S3DIS v1.2: 44, 40, 23, 49, 68 and 48, 272 in all."""
 
-TYPES = {
+ROOM_CHOICES = {
     "WC": ("pantry_1", "copy_room_1"),  # small rooms with fittings along the walls
     "auditorium": ("auditorium_1",),
     "conferenceRoom": ("conference_room_1", "meeting_room_1"),
@@ -47,15 +47,15 @@ TYPES = {
     "pantry": ("pantry_1",),
     "storage": ("storage_1", "storage_2"),
 }
-"""Rooms of the table that stand for each type of S3DIS; one of them is drawn."""
+"""Rooms of the catalogue for each type of S3DIS; one of them is drawn."""
 
-MOST_STRETCH = 1.35
+MAX_STRETCH = 1.35
 _RIGID = {"auditorium_1"}  # its seats stand on steps of a fixed depth
 
 
 @cache
 def room_types() -> dict[str, str]:
-    """Name of every room of the building (Area_1_office_1), and its type."""
+    """Return the type of every room, by name (Area_1_office_1)."""
     return {
         f"{area}_{kind}_{number}": kind
         for area, counts in AREAS.items()
@@ -65,27 +65,16 @@ def room_types() -> dict[str, str]:
 
 
 def building_room(name: str, seed: int) -> RoomSpec:
-    """The shape of a room of the building: a room of the table, stretched at random.
-
-    Parameters
-    ----------
-    name
-        One of `room_types`.
-    seed
-        Seed of the choice; `rooms.make_room` draws the furnishing from the name and the seed.
-    """
+    """Return a room of the building: a room of the catalogue, stretched at random."""
     kind = room_types()[name]
     rng = generator(seed, "building", name)
-    base = str(rng.choice(TYPES[kind]))
-    x, y = (1.0, 1.0) if base in _RIGID else rng.uniform(1.0, MOST_STRETCH, 2).tolist()
+    base = str(rng.choice(ROOM_CHOICES[kind]))
+    x, y = (1.0, 1.0) if base in _RIGID else rng.uniform(1.0, MAX_STRETCH, 2).tolist()
     return replace(stretched(ROOMS[base], x, y), kind=kind)
 
 
 def stretched(spec: RoomSpec, x: float, y: float) -> RoomSpec:
-    """The room with its floor plan scaled by factors of at least 1; furniture keeps its size.
-
-    Only ducts, beams and pipes grow with it, which run along the room.
-    """
+    """Stretch a room's floor plan by factors of at least 1; furniture keeps its size."""
     return replace(
         spec,
         outline=tuple((x * a, y * b) for a, b in spec.outline),
@@ -105,13 +94,13 @@ def _moved(placement: Placement, x: float, y: float) -> Placement:
 
 
 def _grown(placement: Placement, x: float, y: float) -> Any:
-    """The placement's maker; a beam or duct along x longer, a pipe through points farther apart."""
+    """The maker of a beam, duct or pipe as long as the stretched room."""
     maker = placement.maker
     if not isinstance(maker, partial) or placement.where == "floor":
         return maker
-    given = dict(maker.keywords)
-    if "length" in given:
-        given["length"] *= x
-    if "points" in given:
-        given["points"] = tuple((x * a, y * b, c) for a, b, c in given["points"])
-    return partial(maker.func, *maker.args, **given)
+    keywords = dict(maker.keywords)
+    if "length" in keywords:
+        keywords["length"] *= x
+    if "points" in keywords:
+        keywords["points"] = tuple((x * a, y * b, c) for a, b, c in keywords["points"])
+    return partial(maker.func, *maker.args, **keywords)

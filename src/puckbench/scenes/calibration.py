@@ -9,7 +9,7 @@ from puckbench.core.models import among
 from puckbench.geometry.cloud import Floats
 from puckbench.geometry.mesh import Mesh
 from puckbench.scenes import outlines
-from puckbench.scenes.builder import Piece, build
+from puckbench.scenes.pieces import Piece, build_mesh
 from puckbench.scenes.solids import flat
 from puckbench.scenes.surfaces import Surface
 
@@ -19,40 +19,25 @@ CALIBRATIONS: dict[str, float] = {f"wall_floor_{d}m": float(d) for d in (1, 2, 3
 
 
 def make_calibration(name: str, *, room: bool = False) -> Mesh:
-    """Wall at y = 0, 1.6 m wide and 2.2 m high, and floor from it to the sensor at y = d.
+    """Return a wall at y = 0, 1.6 m x 2.2 m, and a floor to the sensor.
 
-    Objects: "wall_1" and "floor_1", one plane each, fronts to the sensor.
-
-    Parameters
-    ----------
-    name
-        One of `CALIBRATIONS`.
-    room
-        Whether wall and floor are parts of a room, 5 m wide, 2.6 m high and open behind the sensor,
-        whose other parts are of the class "surroundings".
-
-    Raises
-    ------
-    InputError
-        The name is unknown.
+    `room` adds the other walls and the ceiling of a room, 5 m wide and 2.6 m high, open behind the
+    sensor, of the class "surroundings".
     """
     distance = _distance(name)
     wall = _upright(_rectangle(WIDTH, HEIGHT))
     pieces = [Piece("wall", "wall", wall), Piece("floor", "floor", _rectangle(WIDTH, distance))]
     around = _surroundings(distance) if room else []
-    return build([*pieces, *(Piece("rest", "surroundings", surface) for surface in around)])
+    return build_mesh([*pieces, *(Piece("rest", "surroundings", surface) for surface in around)])
 
 
 def calibration_origin(name: str) -> tuple[float, float, float]:
-    """Where the sensor stands: 1 m above the floor's end, facing the wall (towards -y)."""
+    """Return the sensor position, 1 m above the floor's end."""
     return (0.0, _distance(name), SENSOR_HEIGHT)
 
 
-def facing_the_wall(distance: float, *, room: bool = False) -> tuple[Mesh, Floats]:
-    """The scene of a distance, m, and the sensor's place (3,), for a sweep that looks towards +y.
-
-    Both are turned by half a turn about z. Raises InputError where there is no such scene.
-    """
+def calibration_scene(distance: float, *, room: bool = False) -> tuple[Mesh, Floats]:
+    """Return the scene of a distance in metres, turned to y > 0, and the sensor position (3,)."""
     name = f"wall_floor_{distance:g}m"
     mesh, half_turn = make_calibration(name, room=room), np.array([-1.0, -1.0, 1.0])
     turned = Mesh(mesh.vertices * half_turn, mesh.triangles, mesh.labels)
@@ -60,7 +45,6 @@ def facing_the_wall(distance: float, *, room: bool = False) -> tuple[Mesh, Float
 
 
 def _surroundings(distance: float) -> list[Surface]:
-    """The rest of the room: wall and floor beside the targets, side walls and ceiling."""
     beside = (ROOM_WIDTH - WIDTH) / 2
     off = (WIDTH + beside) / 2
     above = _rectangle(WIDTH, ROOM_HEIGHT - HEIGHT)
@@ -77,12 +61,12 @@ def _surroundings(distance: float) -> list[Surface]:
 
 
 def _upright(surface: Surface) -> Surface:
-    """A rectangle that stood up along y = 0 from its side there, its front to the sensor."""
+    """Raise a rectangle to a wall at y = 0 that faces the sensor."""
     return surface.at(tilt=90).at(turn=180)
 
 
 def _rectangle(width: float, length: float) -> Surface:
-    """Plane piece at z = 0, centred in x, from y = 0 to `length`."""
+    """A horizontal rectangle from y = 0 to `length`, centred in x."""
     return flat(outlines.shifted(outlines.rectangle(width, length), 0.0, length / 2))
 
 

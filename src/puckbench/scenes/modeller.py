@@ -1,4 +1,4 @@
-"""The modeller of furniture and objects: solids at one tessellation, and random choices."""
+"""Solids with a uniform tessellation, and random choices, for models of furniture and objects."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Modeller:
-    """Solids whose curved faces are tessellated by their size, and a source of random choices.
+    """Makes solids whose curved faces are tessellated by their size, and random choices.
 
     Parameters
     ----------
     rng
-        The random stream that all choices are drawn from, in the order of the calls.
+        Source of all choices, in the order of the calls.
     detail
-        Factor on the number of segments (1: segments of about 12 mm, 16 to 96 per turn).
+        Factor on the number of segments (1: 12 mm segments, 16 to 96 per turn).
     unit
-        Factor on the sizes that the number of segments follows, for models that are not in metres.
+        Metres per unit of the model, for the tessellation.
     """
 
     rng: np.random.Generator
@@ -35,45 +35,39 @@ class Modeller:
     unit: float = 1.0
 
     def steps(self, radius: float) -> int:
-        """Segments of a full turn at this radius, a multiple of 4."""
-        wanted = np.clip(2 * np.pi * radius * self.unit / 0.012, 16, 96) * self.detail
-        return max(8, 4 * round(float(wanted) / 4))
+        """Return the number of segments of a full turn, a multiple of 4."""
+        segments = np.clip(2 * np.pi * radius * self.unit / 0.012, 16, 96) * self.detail
+        return max(8, 4 * round(float(segments) / 4))
 
     def pick(self, choices: Sequence[T]) -> T:
-        """One of the choices."""
         return choices[int(self.rng.integers(len(choices)))]
 
     def between(self, low: float, high: float) -> float:
-        """A number between two."""
         return float(self.rng.uniform(low, high))
 
     def chance(self, probability: float) -> bool:
-        """True with the given probability."""
         return bool(self.rng.random() < probability)
 
     def box(self, x: float, y: float, z: float) -> Surface:
-        """Box standing on z = 0, centred in x and y."""
+        """Make a box on z = 0, centred in x and y."""
         return solids.box(x, y, z)
 
     def slab(self, x: float, y: float, z: float, radius: float) -> Surface:
-        """Box standing on z = 0 with its four upright edges rounded."""
+        """Make a box on z = 0 with rounded vertical edges."""
         steps = max(2, self.steps(radius) // 4)
         return solids.extrude(outlines.rounded_rectangle(x, y, radius, steps), z)
 
     def cylinder(self, radius: float, height: float) -> Surface:
-        """Cylinder standing on z = 0."""
         return solids.cylinder(radius, height, self.steps(radius))
 
     def rod(self, start: Sequence[float], end: Sequence[float], radius: float) -> Surface:
-        """Cylinder with flat ends from point to point."""
         return solids.pipe([start, end], radius, radius, self.steps(radius))
 
     def pipe(self, points: Sequence[Sequence[float]], radius: float, bend: float) -> Surface:
-        """Pipe along a polyline with elbows of bend radius `bend`."""
         return solids.pipe(points, radius, bend, self.steps(radius))
 
     def legs(self, foot: Point, top: Point, height: float, radius: float) -> list[Surface]:
-        """Four rods from the corners (+-x, +-y) of `foot` on the floor to those of `top`."""
+        """Make four rods from the corners (+-x, +-y) of `foot` to those of `top`."""
         sides = [(a, b) for a in (-1, 1) for b in (-1, 1)]
         return [
             self.rod((a * foot[0], b * foot[1], 0), (a * top[0], b * top[1], height), radius)
@@ -83,40 +77,36 @@ class Modeller:
     def handle(
         self, start: Sequence[float], end: Sequence[float], y: float, radius: float
     ) -> Surface:
-        """Bar handle between two points (x, y, z) of a front, its bar at `y` before it."""
+        """Make a bar handle between two points of a front, with its bar at y."""
         path = [start, (start[0], y, start[2]), (end[0], y, end[2]), end]
         return self.pipe(path, radius, 2 * radius)
 
     def cone(self, bottom: float, top: float, height: float) -> Surface:
-        """Cone or frustum standing on z = 0."""
         return solids.cone(bottom, top, height, self.steps(max(bottom, top)))
 
     def sphere(self, radius: float) -> Surface:
-        """Sphere around the origin."""
         return solids.sphere(radius, self.steps(radius))
 
     def torus(self, major: float, minor: float) -> Surface:
-        """Torus around the origin, its axis z."""
         return solids.torus(major, minor, self.steps(major), self.steps(minor))
 
     def superquadric(
         self, sizes: tuple[float, float, float], exponents: tuple[float, float] = (1.0, 1.0)
     ) -> Surface:
-        """Superellipsoid around the origin with half axes `sizes`."""
         return solids.superquadric(sizes, exponents, self.steps(0.35 * max(sizes)))
 
     def cushion(self, x: float, y: float, z: float, roundness: float = 0.35) -> Surface:
-        """Rounded box (a superquadric) standing on z = 0, centred in x and y."""
+        """Make a rounded box (a superquadric) on z = 0."""
         sizes = (x / 2, y / 2, z / 2)
         return self.superquadric(sizes, (roundness, roundness)).at(z=z / 2)
 
     def turned(self, profile: Outline, degrees: float = 360.0) -> Surface:
-        """Body turned about z from a profile of (r, z) points, the outside on its right hand."""
+        """Revolve a profile of (r, z) points about z, the outside on its right."""
         radius = max(float(segment.points[:, 0].max()) for segment in profile)
         return solids.revolve(profile, self.steps(radius), degrees)
 
     def vessel(self, points: Sequence[Point], wall: float) -> Surface:
-        """Open vessel turned about z, its smooth outside through (r, z) points, bottom to rim."""
+        """Make an open vessel with a smooth outside through (r, z) points, from bottom to rim."""
         outside = outlines.catmull_rom(
             np.array(points, dtype=np.float64), max(3, self.steps(0.2) // 8)
         )
@@ -135,10 +125,8 @@ class Modeller:
         return self.turned(profile)
 
     def tube(self, path: Floats, radius: float | Floats, *, closed: bool = False) -> Surface:
-        """Round freeform tube along a path (n, 3)."""
         return solids.tube(path, radius, self.steps(float(np.max(radius))), closed=closed)
 
     def smooth(self, points: Sequence[Sequence[float]], steps: int = 8) -> Floats:
-        """Smooth path (m, k) through points."""
-        wanted = max(2, round(steps * self.detail))
-        return outlines.catmull_rom(np.array(points, dtype=np.float64), wanted)
+        segments = max(2, round(steps * self.detail))
+        return outlines.catmull_rom(np.array(points, dtype=np.float64), segments)

@@ -1,4 +1,4 @@
-"""Objects in the spirit of CAPOD: 15 classes of parametric members, about one unit in size."""
+"""Generated objects like those of CAPOD: 15 classes of parametric models."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ import numpy as np
 from puckbench.core.errors import InputError
 from puckbench.core.seeding import generator
 from puckbench.geometry.mesh import Mesh
-from puckbench.scenes.builder import Item, build, moved
 from puckbench.scenes.modeller import Modeller
 from puckbench.scenes.models import household, outdoors, tools
+from puckbench.scenes.pieces import Item, build_mesh, posed
 from puckbench.scenes.surfaces import pose
 
 MEMBERS = 12
@@ -20,7 +20,7 @@ MEMBERS = 12
 
 @dataclass(frozen=True)
 class ObjectClass:
-    """A class of objects; `unit` is the factor on its size that the tessellation goes by."""
+    """A function that makes a member, and the metres per unit of its model."""
 
     make: Callable[[Modeller, int], Item]
     unit: float = 1.0
@@ -49,21 +49,9 @@ OBJECTS: tuple[str, ...] = tuple(
 
 
 def make_object(name: str, seed: int, detail: float = 1.0) -> Mesh:
-    """The labelled mesh of an object, its longest side 1, standing on z = 0.
+    """Return the labelled mesh of an object such as "chair_03", with longest side 1, on z = 0.
 
-    Parameters
-    ----------
-    name
-        Class and member, such as "chair_03".
-    seed
-        Seed of the member's shape.
-    detail
-        Factor on the number of segments around curved parts.
-
-    Raises
-    ------
-    InputError
-        The name is unknown.
+    `detail` multiplies the number of segments of curved parts.
     """
     if name not in OBJECTS:
         last = OBJECTS[-1].rpartition("_")[2]
@@ -73,13 +61,13 @@ def make_object(name: str, seed: int, detail: float = 1.0) -> Mesh:
     kind, _, member = name.rpartition("_")
     spec = CLASSES[kind]
     cad = Modeller(generator(seed, "object", name), detail, spec.unit)
-    return build(_normalised(spec.make(cad, int(member) - 1)))
+    return build_mesh(_normalised(spec.make(cad, int(member) - 1)))
 
 
 def _normalised(item: Item) -> Item:
-    """The item scaled to a longest side of 1, its footprint centred and its lowest point at 0."""
+    """Scale an item to a longest side of 1, centred on z = 0."""
     corners = np.stack([piece.placed().bounds() for piece in item])
     low, high = corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)
     scale = 1.0 / float((high - low).max())
     x, y = -(low + high)[:2] / 2 * scale
-    return moved(item, pose(float(x), float(y), -float(low[2]) * scale, scale=scale))
+    return posed(item, pose(float(x), float(y), -float(low[2]) * scale, scale=scale))

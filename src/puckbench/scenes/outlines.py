@@ -1,4 +1,4 @@
-"""Plane outlines made of lines, arcs and curves, to be extruded, turned or filled."""
+"""Planar outlines of lines, arcs and curves, to be extruded, revolved or filled."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True)
 class Segment:
-    """A piece of an outline: points (n, 2) on a line, an arc (with its centre) or a curve."""
+    """Points (n, 2) on a line, an arc (with centre and radius) or a curve."""
 
     kind: str
     points: Floats
@@ -28,42 +28,39 @@ Outline = tuple[Segment, ...]
 
 
 def line(*points: Point) -> Outline:
-    """Straight segments from point to point."""
+    """Connect points by straight segments."""
     pairs = pairwise(points)
     return tuple(Segment("line", np.array(pair, dtype=np.float64)) for pair in pairs)
 
 
 def polygon(*points: Point) -> Outline:
-    """Closed outline of straight segments."""
     return line(*points, points[0])
 
 
 def rectangle(width: float, depth: float) -> Outline:
-    """Closed rectangle around the origin, counter-clockwise."""
+    """Make a counter-clockwise rectangle around the origin."""
     x, y = width / 2, depth / 2
     return polygon((-x, -y), (x, -y), (x, y), (-x, y))
 
 
 def arc(centre: Point, radius: float, start: float, end: float, steps: int) -> Outline:
-    """Arc from `start` to `end` degrees (counter-clockwise when end > start)."""
+    """Make an arc between two angles in degrees, counter-clockwise if end > start."""
     angles = np.radians(np.linspace(start, end, steps + 1))
     circle = np.column_stack([np.cos(angles), np.sin(angles)])
     return (Segment("arc", np.asarray(centre) + radius * circle, centre, radius),)
 
 
 def circle(radius: float, steps: int, centre: Point = (0.0, 0.0)) -> Outline:
-    """Closed circle, counter-clockwise."""
     return arc(centre, radius, 0.0, 360.0, steps)
 
 
 def curve(points: Sequence[Point], steps: int) -> Outline:
-    """Smooth curve through the points (Catmull-Rom), `steps` segments between neighbours."""
+    """Make a Catmull-Rom curve through points, with `steps` segments between neighbours."""
     smooth = catmull_rom(np.array(points, dtype=np.float64), steps)
     return (Segment("curve", smooth),)
 
 
 def closed_curve(points: Sequence[Point], steps: int) -> Outline:
-    """Smooth closed curve through the points, counter-clockwise when they are."""
     ring = np.array(points, dtype=np.float64)
     wrapped = np.concatenate([ring[-2:], ring, ring[:3]])
     smooth = catmull_rom(wrapped, steps)[2 * steps : (2 + len(ring)) * steps + 1]
@@ -71,76 +68,60 @@ def closed_curve(points: Sequence[Point], steps: int) -> Outline:
 
 
 def rounded(points: Sequence[Point], radius: float, steps: int) -> Outline:
-    """Closed polygon with corners rounded by arcs of `radius`, `steps` segments each."""
     corners = np.array(points, dtype=np.float64)
     before, after = np.roll(corners, 1, axis=0), np.roll(corners, -1, axis=0)
     arcs = [_fillet(a, b, c, radius, steps) for a, b, c in zip(before, corners, after, strict=True)]
     segments: list[Segment] = []
-    for index, one in enumerate(arcs):
+    for index, fillet in enumerate(arcs):
         following = arcs[(index + 1) % len(arcs)]
-        ends = np.stack([one.points[-1], following.points[0]])
-        segments.append(one)
+        ends = np.stack([fillet.points[-1], following.points[0]])
+        segments.append(fillet)
         if np.linalg.norm(ends[1] - ends[0]) > 1e-9:
             segments.append(Segment("line", ends))
     return tuple(segments)
 
 
 def rounded_rectangle(width: float, depth: float, radius: float, steps: int) -> Outline:
-    """Closed rectangle around the origin with rounded corners."""
     x, y = width / 2, depth / 2
     return rounded([(-x, -y), (x, -y), (x, y), (-x, y)], radius, steps)
 
 
 def shifted(outline: Outline, x: float, y: float) -> Outline:
-    """The outline moved in its plane."""
     return tuple(
         Segment(
-            one.kind,
-            one.points + np.array([x, y]),
-            (one.centre[0] + x, one.centre[1] + y),
-            one.radius,
+            segment.kind,
+            segment.points + np.array([x, y]),
+            (segment.centre[0] + x, segment.centre[1] + y),
+            segment.radius,
         )
-        for one in outline
+        for segment in outline
     )
 
 
 def polar(radius: float, angles: Floats) -> list[Point]:
-    """Points on a circle around the origin, at angles (n,) in radians."""
     return [(radius * float(np.cos(t)), radius * float(np.sin(t))) for t in angles]
 
 
 def loop(outline: Outline) -> Floats:
-    """Points (n, 2) of a closed outline, each once."""
+    """Return the points (n, 2) of a closed outline without repetition."""
     return np.concatenate([segment.points[:-1] for segment in outline])
 
 
 def catmull_rom(points: Floats, steps: int) -> Floats:
-    """Points (m, k) of a smooth curve through `points` (n, k), ends included."""
+    """Return a smooth curve (m, k) through points (n, k)."""
     padded = np.concatenate([2 * points[:1] - points[1:2], points, 2 * points[-1:] - points[-2:-1]])
     a, b, c, d = (padded[start : len(padded) - 3 + start] for start in range(4))
     t = np.linspace(0, 1, steps, endpoint=False)[None, :, None]
-    a, b, c, d = (one[:, None, :] for one in (a, b, c, d))
+    a, b, c, d = (points[:, None, :] for points in (a, b, c, d))
     blend = 2 * b + (c - a) * t + (2 * a - 5 * b + 4 * c - d) * t**2
     blend = (blend + (3 * b - a - 3 * c + d) * t**3) / 2
     return np.concatenate([blend.reshape(-1, points.shape[1]), points[-1:]])
 
 
 def fill(outer: Floats, holes: Sequence[Floats] = ()) -> tuple[Floats, Ints]:
-    """Triangulate a simple polygon with holes by ear clipping.
+    """Triangulate a counter-clockwise polygon (n, 2) with holes by ear clipping.
 
-    Parameters
-    ----------
-    outer
-        (n, 2) corners, counter-clockwise.
-    holes
-        (m, 2) corners each, in either order.
-
-    Returns
-    -------
-    vertices
-        (n + sum of m, 2), those of `outer` first.
-    triangles
-        (t, 3), counter-clockwise.
+    Returns the vertices, those of `outer` first, and triangles (t, 3).
     """
     vertices = np.concatenate([outer, *holes])
     ring = list(range(len(outer)))
@@ -182,7 +163,7 @@ def _area(points: Floats) -> float:
 
 
 def _bridged(vertices: Floats, ring: list[int], hole: Ints) -> list[int]:
-    """The ring with a clockwise hole joined to it by the shortest bridge that crosses nothing."""
+    """Join a clockwise hole to the ring by the shortest bridge without crossings."""
     start = int(np.argmax(vertices[hole, 0]))
     hole = np.roll(hole, -start)
     tip = vertices[hole[0]]
@@ -195,13 +176,13 @@ def _bridged(vertices: Floats, ring: list[int], hole: Ints) -> list[int]:
 def _crosses(start: Floats, end: Floats, edges: Floats) -> bool:
     """Whether a segment properly crosses any of the edges (2, n, 2)."""
     a, b = edges
-    one = _cross(end - start, a - start) * _cross(end - start, b - start)
-    other = _cross(b - a, start - a) * _cross(b - a, end - a)
-    return bool(np.any((one < -1e-18) & (other < -1e-18)))
+    first = _cross(end - start, a - start) * _cross(end - start, b - start)
+    second = _cross(b - a, start - a) * _cross(b - a, end - a)
+    return bool(np.any((first < -1e-18) & (second < -1e-18)))
 
 
 def _ears(vertices: Floats, ring: list[int]) -> Ints:
-    """Triangles of a closed ring of vertex numbers, by cutting off ears."""
+    """Triangles of a closed ring of vertex indices, by ear clipping."""
     triangles = []
     ring = list(ring)
     at = 0

@@ -1,4 +1,4 @@
-"""The shell of a room: floor, ceiling, walls with openings, doors, windows and skirting."""
+"""The building shell of a room: floor, ceiling, walls, doors, windows and skirting boards."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import numpy as np
 
 from puckbench.geometry.cloud import Floats
 from puckbench.scenes import outlines
-from puckbench.scenes.builder import Item, Piece, moved
 from puckbench.scenes.modeller import Modeller
+from puckbench.scenes.pieces import Item, Piece, posed
 from puckbench.scenes.solids import box, flat
 from puckbench.scenes.surfaces import Surface, join
 
@@ -20,18 +20,18 @@ CASING = 0.07
 
 @dataclass(frozen=True)
 class Opening:
-    """A hole in a wall.
+    """An opening in a wall, lengths in metres.
 
     Parameters
     ----------
     wall
-        Number of the outline's edge.
+        Index of the outline's edge.
     at
-        Its middle, as a share of the wall's length from the edge's end.
+        Centre, as a share of the wall's length from the end of the edge.
     kind
-        "passage" is a door that stands open onto a dead-end passage.
-    width, height, sill
-        Sizes, and height of the lower edge above the floor, m.
+        "passage" is an open door to a dead end.
+    sill
+        Height of the lower edge above the floor.
     """
 
     wall: int
@@ -42,19 +42,18 @@ class Opening:
     sill: float = 0.0
 
     def span(self, length: float) -> tuple[float, float]:
-        """Where the opening begins and ends along a wall of this length."""
+        """Return the start and end of the opening along a wall."""
         return self.at * length - self.width / 2, self.at * length + self.width / 2
 
 
 def window(
     wall: int, at: float, width: float = 1.4, height: float = 1.35, sill: float = 0.9
 ) -> Opening:
-    """A window in a wall."""
     return Opening(wall, at, "window", width, height, sill)
 
 
 def wall_frame(outline: Floats, wall: int) -> tuple[Floats, float]:
-    """Pose (4, 4) and length of a wall: x along it, y outwards, z up, origin at the edge's end."""
+    """Return pose (4, 4) and length of a wall: x along it, y outwards, origin at the edge's end."""
     start, end = outline[wall], outline[(wall + 1) % len(outline)]
     length = float(np.linalg.norm(end - start))
     along = (start - end) / length
@@ -66,34 +65,33 @@ def wall_frame(outline: Floats, wall: int) -> tuple[Floats, float]:
 
 
 def shell(cad: Modeller, outline: Floats, height: float, openings: tuple[Opening, ...]) -> Item:
-    """Everything that bounds the room, fronts inwards."""
+    """Return floor, ceiling and walls of a room, facing inwards."""
     ground = outlines.polygon(*[(float(x), float(y)) for x, y in outline])
     item = [Piece("floor", "floor", flat(ground))]
-    item.append(Piece("ceiling", "ceiling", flat(ground).turned_inside_out().at(z=height)))
+    item.append(Piece("ceiling", "ceiling", flat(ground).flipped().at(z=height)))
     for wall in range(len(outline)):
         pose, length = wall_frame(outline, wall)
-        own = [one for one in openings if one.wall == wall]
-        parts = [Piece("wall", "wall", _wall(length, height, own))]
-        parts.append(Piece("skirting", "wall", _skirting(length, own)))
-        for opening in own:
+        own_openings = [opening for opening in openings if opening.wall == wall]
+        parts = [Piece("wall", "wall", _wall(length, height, own_openings))]
+        parts.append(Piece("skirting", "wall", _skirting(length, own_openings)))
+        for opening in own_openings:
             middle = np.eye(4)
             middle[0, 3], middle[2, 3] = opening.at * length, opening.sill
-            parts += moved(_FILLINGS[opening.kind](cad, opening), middle)
-        item += moved([part for part in parts if len(part.surface.triangles)], pose)
+            parts += posed(_FILLINGS[opening.kind](cad, opening), middle)
+        item += posed([part for part in parts if len(part.surface.triangles)], pose)
     return item
 
 
 def depth(opening: Opening) -> float:
-    """How far an opening reaches behind its wall."""
+    """Return the depth of an opening behind its wall."""
     depths = {"door": DOOR_DEPTH, "passage": PASSAGE_DEPTH, "window": WINDOW_DEPTH}
     return depths[opening.kind]
 
 
 def _wall(length: float, height: float, openings: list[Opening]) -> Surface:
-    """The plane of a wall with holes, and the sides of the holes."""
     border: list[outlines.Point] = [(0.0, 0.0)]
     holes = []
-    for opening in sorted(openings, key=lambda one: one.at):
+    for opening in sorted(openings, key=lambda each: each.at):
         x0, x1 = opening.span(length)
         low, high = opening.sill, opening.sill + opening.height
         if low > 0:
@@ -102,27 +100,26 @@ def _wall(length: float, height: float, openings: list[Opening]) -> Surface:
             border += [(x0, 0.0), (x0, high), (x1, high), (x1, 0.0)]
     border += [(length, 0.0), (length, height), (0.0, height)]
     plane = flat(outlines.polygon(*border), holes).at(tilt=90)
-    sides = [_sides(one).at(one.at * length, 0, one.sill) for one in openings]
+    sides = [_sides(each).at(each.at * length, 0, each.sill) for each in openings]
     return join([plane, *sides])
 
 
 def _sides(opening: Opening) -> Surface:
-    """The four sides of a hole, fronts inwards."""
+    """The four sides of an opening, facing inwards."""
     reach = depth(opening)
-    whole = box(opening.width, reach, opening.height).turned_inside_out().at(y=reach / 2)
-    return whole.only(0, 1, 4, 5)
+    whole = box(opening.width, reach, opening.height).flipped().at(y=reach / 2)
+    return whole.select(0, 1, 4, 5)
 
 
 def _back(opening: Opening) -> Surface:
-    """The plane that closes a hole at its back, front to the room."""
+    """The plane behind an opening, facing the room."""
     reach = depth(opening)
-    whole = box(opening.width, reach, opening.height).turned_inside_out().at(y=reach / 2)
-    return whole.only(3)
+    whole = box(opening.width, reach, opening.height).flipped().at(y=reach / 2)
+    return whole.select(3)
 
 
 def _skirting(length: float, openings: list[Opening]) -> Surface:
-    """Boards along the foot of a wall, between its doors."""
-    doors = sorted(one.span(length) for one in openings if one.sill == 0)
+    doors = sorted(each.span(length) for each in openings if each.sill == 0)
     starts = [0.0, *(x1 + CASING for _, x1 in doors)]
     ends = [*(x0 - CASING for x0, _ in doors), length]
     boards = [
@@ -130,11 +127,10 @@ def _skirting(length: float, openings: list[Opening]) -> Surface:
         for x0, x1 in zip(starts, ends, strict=True)
         if x1 - x0 > 0.02
     ]
-    return join(boards) if boards else box(1, 1, 1).only()
+    return join(boards) if boards else box(1, 1, 1).select()
 
 
 def _casing(width: float, height: float) -> list[Surface]:
-    """Frame around a door, proud of the wall."""
     sides = [
         box(CASING, 0.02, height + CASING).at(s * (width + CASING) / 2, -0.01) for s in (-1, 1)
     ]
@@ -142,7 +138,7 @@ def _casing(width: float, height: float) -> list[Surface]:
 
 
 def door_leaf(cad: Modeller, width: float, height: float) -> Surface:
-    """Door leaf with its front at y = 0: two raised panels and a lever handle on a plate."""
+    """Make a door leaf at y = 0 with two raised panels and a lever handle."""
     board = box(width, 0.04, height).at(y=0.02)
     panels = [box(width * 0.68, 0.008, z).at(0, -0.004, at) for at, z in ((0.2, 0.65), (1.05, 0.8))]
     x = width / 2 - 0.07
@@ -153,14 +149,12 @@ def door_leaf(cad: Modeller, width: float, height: float) -> Surface:
 
 
 def _door(cad: Modeller, opening: Opening) -> Item:
-    """Closed door: leaf, casing and the plane behind the gaps."""
     leaf = door_leaf(cad, opening.width - 0.008, opening.height - 0.008).at(y=0.08, z=0.004)
     parts = [leaf, _back(opening), *_casing(opening.width, opening.height)]
     return [Piece("door", "door", join(parts))]
 
 
 def _passage(cad: Modeller, opening: Opening) -> Item:
-    """Door that stands open into a passage with a closed end."""
     leaf = door_leaf(cad, opening.width - 0.008, opening.height - 0.008)
     swung = leaf.at(x=opening.width / 2).at(
         -opening.width / 2 + 0.06, 0.12, 0.004, turn=cad.between(84, 89)
@@ -170,7 +164,6 @@ def _passage(cad: Modeller, opening: Opening) -> Item:
 
 
 def _window(cad: Modeller, opening: Opening) -> Item:
-    """Window: pane at the back of the hole, frame, bars, handle, and a sill board."""
     width, height, y = opening.width, opening.height, WINDOW_DEPTH - 0.03
     bars = [box(0.06, 0.06, height).at(s * (width / 2 - 0.03), y) for s in (-1, 1)]
     bars += [box(width - 0.12, 0.06, 0.06).at(y=y, z=z) for z in (0.0, height - 0.06)]

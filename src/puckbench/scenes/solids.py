@@ -1,4 +1,4 @@
-"""Solids with labelled faces: boxes, extrusions, turned and swept bodies, quadrics."""
+"""Solids with labelled faces: boxes, extrusions, bodies of revolution, sweeps, quadrics."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _BOX_FRAMES = np.stack([frame_along(np.array(n, dtype=float), np.zeros(3)) for n
 
 
 def box(x: float, y: float, z: float) -> Surface:
-    """Box of the given sizes, standing on z = 0, centred in x and y."""
+    """Make a box on z = 0, centred in x and y."""
     vertices = _BOX_CORNERS * (x, y, z)
     frames = _BOX_FRAMES.copy()
     frames[:, :3, 3] = vertices[_BOX_QUADS[:, 0]]
@@ -38,25 +38,25 @@ def box(x: float, y: float, z: float) -> Surface:
 
 
 def flat(outline: Outline, holes: Sequence[Outline] = ()) -> Surface:
-    """Plane piece at z = 0 facing up, bounded by a counter-clockwise outline."""
+    """Make a horizontal face at z = 0, facing up, with a counter-clockwise outline and holes."""
     vertices, triangles = fill(loop(outline), [loop(hole) for hole in holes])
     return planar(np.column_stack([vertices, np.zeros(len(vertices))]), triangles)
 
 
 def extrude(outline: Outline, height: float, holes: Sequence[Outline] = ()) -> Surface:
-    """Closed outline (counter-clockwise, with holes) extruded from z = 0 up to `height`."""
+    """Extrude a counter-clockwise outline with holes from z = 0 to a height."""
     lid = flat(outline, holes)
-    base = lid.turned_inside_out()
+    base = lid.flipped()
     sides = [_side(segment, height) for segment in outline]
-    bores = [_side(segment, height).turned_inside_out() for hole in holes for segment in hole]
+    bores = [_side(segment, height).flipped() for hole in holes for segment in hole]
     return join([lid.at(z=height), base, *sides, *bores])
 
 
 def revolve(profile: Outline, steps: int, degrees: float = 360.0) -> Surface:
-    """Body turned about z. profile: (r, z) points, r >= 0, the outside on its right hand.
+    """Revolve a profile of (r, z) points about z, the outside on its right.
 
-    A closed body starts at the axis below, goes out, up and back to the axis. Lines give planes,
-    cylinders and cones, arcs give spheres and tori, curves are freeform.
+    A closed body starts on the axis below and ends on the axis above. Lines give planes, cylinders
+    and cones, arcs spheres and tori; curves are freeform.
     """
     closed = degrees >= 360.0
     angles = np.radians(np.linspace(0, degrees, steps, endpoint=False))
@@ -66,34 +66,31 @@ def revolve(profile: Outline, steps: int, degrees: float = 360.0) -> Surface:
 
 
 def cylinder(radius: float, height: float, steps: int) -> Surface:
-    """Closed cylinder standing on z = 0."""
     return revolve(line((0, 0), (radius, 0), (radius, height), (0, height)), steps)
 
 
 def cone(bottom: float, top: float, height: float, steps: int) -> Surface:
-    """Closed cone or frustum standing on z = 0, with radius `bottom` there and `top` above."""
     points = [(0.0, 0.0), (bottom, 0.0), (top, height), (0.0, height)]
-    kept = [p for p, q in zip(points, [*points[1:], None], strict=True) if p != q]
-    return revolve(line(*kept), steps)
+    distinct = [p for p, q in zip(points, [*points[1:], None], strict=True) if p != q]
+    return revolve(line(*distinct), steps)
 
 
 def sphere(radius: float, steps: int) -> Surface:
-    """Sphere around the origin."""
     return revolve(arc((0, 0), radius, -90, 90, max(steps // 2, 4)), steps)
 
 
 def torus(major: float, minor: float, steps: int, around: int) -> Surface:
-    """Torus around the origin, its axis z; `around` segments around the tube."""
+    """Make a torus about z, with `around` segments around its tube."""
     return revolve(arc((major, 0), minor, 0, 360, around), steps)
 
 
 def superquadric(
     sizes: tuple[float, float, float], exponents: tuple[float, float], steps: int
 ) -> Surface:
-    """Superellipsoid around the origin with half axes `sizes`.
+    """Make a superellipsoid with half axes `sizes`.
 
-    exponents (e1, e2): |z/c|^(2/e1) + (|x/a|^(2/e2) + |y/b|^(2/e2))^(e2/e1) = 1; (1, 1) is an
-    ellipsoid, small exponents make a rounded box.
+    |z/c|^(2/e1) + (|x/a|^(2/e2) + |y/b|^(2/e2))^(e2/e1) = 1; exponents (1, 1) give an ellipsoid,
+    smaller ones a rounded box.
     """
     latitude = np.linspace(-np.pi / 2, np.pi / 2, max(steps // 2, 4) + 1)[:, None]
     longitude = np.linspace(0, 2 * np.pi, steps, endpoint=False)[None, :]
@@ -108,24 +105,21 @@ def superquadric(
 
 
 def tube(path: Floats, radius: float | Floats, steps: int, *, closed: bool = False) -> Surface:
-    """Round tube along a path (n, 3); radius: one for all or one per point. Freeform, flat ends."""
+    """Sweep a circle along a path (n, 3), with one radius or one per point; freeform, flat ends."""
     sections = _rings(path, np.broadcast_to(radius, len(path)), steps, closed)
     if closed:
-        return grid(sections, closed=(True, True)).turned_inside_out()
+        return grid(sections, closed=(True, True)).flipped()
     return loft(sections)
 
 
 def loft(sections: Floats) -> Surface:
-    """Skin over closed sections (k, n, 3), with the first and last closed by fans. Freeform.
-
-    Sections run counter-clockwise when seen against the direction of travel.
-    """
+    """Connect closed sections (k, n, 3), counter-clockwise against the path, and close the ends."""
     skin = grid(sections.swapaxes(0, 1), closed=(True, False))
-    return join([skin, _fan(sections[0]).turned_inside_out(), _fan(sections[-1])])
+    return join([skin, _fan(sections[0]).flipped(), _fan(sections[-1])])
 
 
 def pipe(points: Sequence[Sequence[float]], radius: float, bend: float, steps: int) -> Surface:
-    """Round pipe along a polyline: straight cylinders and torus elbows of bend radius `bend`."""
+    """Make a pipe along a polyline, of cylinders and torus elbows with bend radius `bend`."""
     path = np.array(points, dtype=np.float64)
     starts, parts = path.copy(), []
     ends = path.copy()
@@ -140,7 +134,7 @@ def pipe(points: Sequence[Sequence[float]], radius: float, bend: float, steps: i
 
 
 def sheet(points: Floats, thickness: float) -> Surface:
-    """Freeform plate over a grid of points (m, n, 3), closed at its rim."""
+    """Make a freeform plate of some thickness over a grid of points (m, n, 3)."""
     rows, columns = np.gradient(points, axis=0), np.gradient(points, axis=1)
     normal = np.cross(rows, columns)
     length = np.linalg.norm(normal, axis=-1, keepdims=True)
@@ -150,8 +144,8 @@ def sheet(points: Floats, thickness: float) -> Surface:
         np.concatenate([side[0], side[1:, -1], side[-1, -2::-1], side[-2:0:-1, 0]])
         for side in (upper, lower)
     ]
-    edge = grid(np.stack(rim), closed=(False, True)).turned_inside_out()
-    return join([grid(upper), grid(lower).turned_inside_out(), edge])
+    edge = grid(np.stack(rim), closed=(False, True)).flipped()
+    return join([grid(upper), grid(lower).flipped(), edge])
 
 
 def _power(values: Floats, exponent: float) -> Floats:
@@ -159,7 +153,7 @@ def _power(values: Floats, exponent: float) -> Floats:
 
 
 def _side(segment: Segment, height: float) -> Surface:
-    """The wall over a segment of an outline, its front on the segment's right hand."""
+    """The wall above a segment, facing its right side."""
     bottom = np.column_stack([segment.points, np.zeros(len(segment.points))])
     points = np.stack([bottom, bottom + np.array([0.0, 0.0, height])], axis=1)
     if segment.kind == "arc":
@@ -173,7 +167,6 @@ def _side(segment: Segment, height: float) -> Surface:
 
 
 def _turned(segment: Segment, angles: Floats, closed: bool) -> Surface:
-    """A segment of a profile turned about z."""
     r, z = segment.points[:, 0], segment.points[:, 1]
     x, y = np.cos(angles)[:, None] * r, np.sin(angles)[:, None] * r
     points = np.stack([x, y, np.broadcast_to(z, x.shape)], axis=-1)
@@ -182,7 +175,7 @@ def _turned(segment: Segment, angles: Floats, closed: bool) -> Surface:
 
 
 def _turned_shape(segment: Segment) -> tuple[Shape, Floats]:
-    """The primitive that a segment of a profile sweeps, and its frame."""
+    """The primitive that a segment of a profile generates, and its frame."""
     (r0, z0), (r1, z1) = segment.points[[0, -1]]
     frame = np.eye(4)
     if segment.kind == "arc":
@@ -204,7 +197,7 @@ def _turned_shape(segment: Segment) -> tuple[Shape, Floats]:
 
 
 def _fan(ring: Floats) -> Surface:
-    """Fan that closes a ring (n, 3), front where the ring runs counter-clockwise."""
+    """A fan that closes a ring (n, 3), facing the side where the ring is counter-clockwise."""
     count = len(ring)
     vertices = np.concatenate([ring, ring.mean(axis=0, keepdims=True)])
     index = np.arange(count)
@@ -213,7 +206,7 @@ def _fan(ring: Floats) -> Surface:
 
 
 def _rings(path: Floats, radii: Floats, steps: int, closed: bool) -> Floats:
-    """Circles (n, steps, 3) around a path, turned as little as possible from one to the next."""
+    """Circles (n, steps, 3) around a path, with minimal twist."""
     ahead = np.roll(path, -1, axis=0) - np.roll(path, 1, axis=0)
     if not closed:
         ahead[0], ahead[-1] = path[1] - path[0], path[-1] - path[-2]
@@ -230,21 +223,20 @@ def _rings(path: Floats, radii: Floats, steps: int, closed: bool) -> Floats:
 
 
 def _straight(start: Floats, end: Floats, radius: float, steps: int) -> Surface:
-    """Cylinder without ends from point to point."""
     length = float(np.linalg.norm(end - start))
     side = revolve(line((radius, 0), (radius, length)), steps)
-    return side.moved(frame_along(end - start, start))
+    return side.transformed(frame_along(end - start, start))
 
 
 def _cap(centre: Floats, axis: Floats, radius: float, steps: int, first: bool) -> Surface:
     disc = revolve(line((radius, 0), (0, 0)), steps)
-    return disc.moved(frame_along(-axis if first else axis, centre))
+    return disc.transformed(frame_along(-axis if first else axis, centre))
 
 
 def _elbow(
     corner: Floats, radius: float, bend: float, steps: int
 ) -> tuple[Surface, Floats, Floats]:
-    """Torus section that rounds a corner (3, 3), with the points where it begins and ends."""
+    """A torus section that rounds a corner (3, 3), with its start and end."""
     before, at, after = corner
     towards = (before - at) / np.linalg.norm(before - at)
     onwards = (after - at) / np.linalg.norm(after - at)
@@ -258,4 +250,4 @@ def _elbow(
     frame[:3] = np.column_stack([x, np.cross(z, x), z, centre])
     sweep = 180.0 - 2 * np.degrees(half)
     section = arc((bend, 0), radius, 0, 360, steps)
-    return revolve(section, max(3, steps // 2), sweep).moved(frame), begin, finish
+    return revolve(section, max(3, steps // 2), sweep).transformed(frame), begin, finish

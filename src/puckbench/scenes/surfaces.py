@@ -1,4 +1,4 @@
-"""Triangulated surfaces whose triangles know the geometric primitive that they lie on."""
+"""Triangulated surfaces that know the geometric primitive of each triangle."""
 
 from __future__ import annotations
 
@@ -17,16 +17,10 @@ Ints = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Shape:
-    """A primitive in its own frame: a plane is z = 0, axes are z, centres and apexes the origin.
+    """A primitive in its own frame: plane z = 0, axis z, centre or apex at the origin.
 
-    Parameters
-    ----------
-    kind
-        As of `puckbench.geometry.mesh.Primitive`.
-    lengths
-        Radii and half sizes, which scale with the frame.
-    ratios
-        Angles and exponents, which do not.
+    `kind` is that of `puckbench.geometry.mesh.Primitive`. ``lengths`` (radii, half axes) scale with
+    the frame, ``ratios`` (angles, exponents) do not.
     """
 
     kind: str
@@ -40,20 +34,18 @@ FREEFORM = Shape("freeform")
 
 @dataclass(frozen=True)
 class Surface:
-    """Triangles on primitives, whose fronts are counter-clockwise and face outwards.
+    """Triangles on s primitives, counter-clockwise seen from outside.
 
     Parameters
     ----------
     vertices
         (v, 3) float64.
     triangles
-        (t, 3) indices of vertices.
+        Vertex indices, (t, 3).
     shape_id
-        (t,) index into `shapes`.
-    shapes
-        The s primitives.
+        Index into `shapes`, (t,).
     frames
-        (s, 4, 4) pose of each primitive: a similarity (rotation, translation, uniform scale).
+        Pose of each primitive, (s, 4, 4): rotation, translation and uniform scale.
     """
 
     vertices: Floats
@@ -65,8 +57,8 @@ class Surface:
     def __add__(self, other: Surface) -> Surface:
         return join([self, other])
 
-    def moved(self, pose: Floats) -> Surface:
-        """The surface under a similarity (4, 4); a mirroring one keeps fronts outside."""
+    def transformed(self, pose: Floats) -> Surface:
+        """Apply a similarity (4, 4); after a reflection normals still point outwards."""
         flip = float(np.linalg.det(pose[:3, :3])) < 0
         return replace(
             self,
@@ -86,56 +78,55 @@ class Surface:
         roll: float = 0.0,
         scale: float = 1.0,
     ) -> Surface:
-        """The surface scaled, rolled about y, tilted about x, turned about z (degrees), moved."""
-        return self.moved(pose(x, y, z, turn=turn, tilt=tilt, roll=roll, scale=scale))
+        """Scale, roll about y, tilt about x, turn about z (degrees), then translate."""
+        return self.transformed(pose(x, y, z, turn=turn, tilt=tilt, roll=roll, scale=scale))
 
     def at_corners(self, x: float, y: float, z: float = 0.0) -> list[Surface]:
-        """Four copies, moved to the corners (-x, -y), (-x, y), (x, -y) and (x, y)."""
+        """Return copies at (-x, -y), (-x, y), (x, -y) and (x, y)."""
         return [self.at(a * x, b * y, z) for a in (-1, 1) for b in (-1, 1)]
 
     def mirrored(self, axis: int = 0) -> Surface:
-        """The mirror image across the plane through the origin normal to `axis`."""
+        """Reflect in the plane through the origin normal to an axis."""
         mirror = np.eye(4)
         mirror[axis, axis] = -1.0
-        return self.moved(mirror)
+        return self.transformed(mirror)
 
-    def turned_inside_out(self) -> Surface:
-        """The same surface with its fronts on the other side (the shell of a room, a bore)."""
+    def flipped(self) -> Surface:
+        """Reverse the orientation, as for the inside of a room or a hole."""
         planes = np.array([shape.kind == "plane" for shape in self.shapes], dtype=bool)
         frames = self.frames.copy()
         frames[planes] = frames[planes] @ np.diag([1.0, -1.0, -1.0, 1.0])
         return replace(self, triangles=self.triangles[:, ::-1], frames=frames)
 
     def deformed(self, change: Callable[[Floats], Floats]) -> Surface:
-        """The surface with its vertices (v, 3) changed at will: it becomes freeform."""
+        """Apply a function to the vertices (v, 3); the surface becomes freeform."""
         return freeform(change(self.vertices), self.triangles)
 
-    def only(self, *shapes: int) -> Surface:
-        """The triangles that lie on the shapes of these numbers."""
-        kept = np.isin(self.shape_id, shapes)
-        return replace(self, triangles=self.triangles[kept], shape_id=self.shape_id[kept])
+    def select(self, *shapes: int) -> Surface:
+        """Return the triangles on some shapes, given by index."""
+        rows = np.isin(self.shape_id, shapes)
+        return replace(self, triangles=self.triangles[rows], shape_id=self.shape_id[rows])
 
     def bounds(self) -> Floats:
-        """Corners of the axis-aligned bounding box, (2, 3)."""
+        """Return the bounding box, (2, 3)."""
         return np.stack([self.vertices.min(axis=0), self.vertices.max(axis=0)])
 
 
 def join(surfaces: list[Surface]) -> Surface:
-    """One surface of several."""
-    vertex_counts = [len(one.vertices) for one in surfaces]
-    shape_counts = [len(one.shapes) for one in surfaces]
+    vertex_counts = [len(each.vertices) for each in surfaces]
+    shape_counts = [len(each.shapes) for each in surfaces]
     first_vertex = np.cumsum([0, *vertex_counts])
     first_shape = np.cumsum([0, *shape_counts])
     return Surface(
-        np.concatenate([one.vertices for one in surfaces]),
+        np.concatenate([each.vertices for each in surfaces]),
         np.concatenate(
-            [one.triangles + first for one, first in zip(surfaces, first_vertex, strict=False)]
+            [each.triangles + first for each, first in zip(surfaces, first_vertex, strict=False)]
         ),
         np.concatenate(
-            [one.shape_id + first for one, first in zip(surfaces, first_shape, strict=False)]
+            [each.shape_id + first for each, first in zip(surfaces, first_shape, strict=False)]
         ),
-        tuple(shape for one in surfaces for shape in one.shapes),
-        np.concatenate([one.frames for one in surfaces]),
+        tuple(shape for each in surfaces for shape in each.shapes),
+        np.concatenate([each.frames for each in surfaces]),
     )
 
 
@@ -149,7 +140,7 @@ def pose(
     roll: float = 0.0,
     scale: float = 1.0,
 ) -> Floats:
-    """Similarity (4, 4): scale, roll about y, tilt about x, turn about z (degrees), then move."""
+    """Return the matrix (4, 4) that scales, rolls, tilts, turns and translates, in this order."""
     matrix = np.eye(4)
     matrix[:3, :3] = scale * rotation(2, turn) @ rotation(0, tilt) @ rotation(1, roll)
     matrix[:3, 3] = x, y, z
@@ -157,7 +148,7 @@ def pose(
 
 
 def rotation(axis: int, degrees: float) -> Floats:
-    """Rotation matrix (3, 3) about a coordinate axis."""
+    """Return the rotation matrix (3, 3) about a coordinate axis."""
     cosine, sine = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
     first, second = (axis + 1) % 3, (axis + 2) % 3
     matrix = np.eye(3)
@@ -167,7 +158,7 @@ def rotation(axis: int, degrees: float) -> Floats:
 
 
 def frame_along(axis: Floats, origin: Floats) -> Floats:
-    """A frame (4, 4) at `origin` (3,) with its z axis along `axis` (3,)."""
+    """Return a frame (4, 4) at an origin with its z axis along `axis`."""
     z = axis / np.linalg.norm(axis)
     helper = np.eye(3)[int(np.argmin(np.abs(z)))]
     x = np.cross(helper, z)
@@ -180,21 +171,20 @@ def frame_along(axis: Floats, origin: Floats) -> Floats:
 def one_shape(
     vertices: Floats, triangles: Ints, shape: Shape, frame: Floats | None = None
 ) -> Surface:
-    """Surface on a single shape; triangles without area are dropped."""
+    """Make a surface on one shape, without triangles of zero area."""
     a, b, c = vertices[triangles].swapaxes(0, 1)
     size = np.linalg.norm(np.cross(b - a, c - a), axis=1)
-    kept = triangles[size > 1e-12]
+    valid = triangles[size > 1e-12]
     frames = (np.eye(4) if frame is None else frame)[None]
-    return Surface(vertices, kept, np.zeros(len(kept), dtype=np.int64), (shape,), frames)
+    return Surface(vertices, valid, np.zeros(len(valid), dtype=np.int64), (shape,), frames)
 
 
 def freeform(vertices: Floats, triangles: Ints) -> Surface:
-    """Surface without a primitive of its own."""
     return one_shape(vertices, triangles, FREEFORM)
 
 
 def planar(vertices: Floats, triangles: Ints) -> Surface:
-    """Surface of coplanar triangles, whose plane is that of the largest."""
+    """Make a surface of coplanar triangles."""
     a, b, c = vertices[triangles].swapaxes(0, 1)
     doubled = np.cross(b - a, c - a)
     largest = int(np.argmax(np.sum(doubled**2, axis=1)))
@@ -208,9 +198,9 @@ def grid(
     *,
     closed: tuple[bool, bool] = (False, False),
 ) -> Surface:
-    """Surface through a grid of points (m, n, 3), its front where rows x columns points.
+    """Make a surface through a grid of points (m, n, 3), facing rows x columns.
 
-    closed: whether the last row (column) is joined to the first.
+    `closed` connects the last row (column) to the first.
     """
     rows, columns, _ = points.shape
     index = np.arange(rows * columns).reshape(rows, columns)
@@ -223,7 +213,7 @@ def grid(
 
 
 def primitive(shape: Shape, frame: Floats) -> Primitive:
-    """The shape's parameters in the coordinates that its frame (4, 4) leads to."""
+    """Return the primitive of a shape in the coordinates of its frame (4, 4)."""
     scale = float(np.cbrt(abs(np.linalg.det(frame[:3, :3]))))
     axes = frame[:3, :3] / scale
     return Primitive(shape.kind, _PARAMETERS[shape.kind](shape, frame[:3, 3], axes, scale))

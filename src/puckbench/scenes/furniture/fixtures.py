@@ -1,6 +1,6 @@
-"""What is fixed to walls and ceilings: lamps, ducts, pipes, radiators, boards, columns.
+"""Fixtures of walls and ceilings: lamps, ducts, pipes, radiators, boards, columns.
 
-Wall items stand with their back at y = 0 and z = 0 at the floor; ceiling items hang from z = 0.
+Wall fixtures have their back at y = 0 and the floor at z = 0; ceiling fixtures hang from z = 0.
 """
 
 from __future__ import annotations
@@ -11,21 +11,19 @@ from itertools import pairwise
 import numpy as np
 
 from puckbench.scenes import outlines
-from puckbench.scenes.builder import Item, Piece
 from puckbench.scenes.furniture.small import clutter
 from puckbench.scenes.modeller import Modeller
+from puckbench.scenes.pieces import Item, Piece
 from puckbench.scenes.surfaces import Surface, join
 
 
 def panel_lamp(cad: Modeller) -> Item:
-    """Square ceiling lamp: a frame and a slightly sunk pane."""
     frame = [cad.box(0.6, 0.04, 0.05).at(y=s * 0.28, z=-0.05) for s in (-1, 1)]
     frame += [cad.box(0.04, 0.52, 0.05).at(x=s * 0.28, z=-0.05) for s in (-1, 1)]
     return clutter("panel_lamp", *frame, cad.box(0.52, 0.52, 0.03).at(z=-0.035))
 
 
 def tube_lamp(cad: Modeller) -> Item:
-    """Strip light: a tray and two tubes."""
     tray = cad.box(1.25, 0.16, 0.05).at(z=-0.05)
     tubes = [cad.rod((-0.58, y, -0.07), (0.58, y, -0.07), 0.013) for y in (-0.04, 0.04)]
     ends = [cad.box(0.03, 0.12, 0.045).at(x=x, z=-0.09) for x in (-0.595, 0.595)]
@@ -33,7 +31,6 @@ def tube_lamp(cad: Modeller) -> Item:
 
 
 def pendant_lamp(cad: Modeller) -> Item:
-    """Lamp on a cord: a cone shade or a globe."""
     drop = cad.between(0.5, 0.7)
     cord = cad.rod((0, 0, -drop), (0, 0, -0.02), 0.004)
     rose = cad.cone(0.03, 0.06, 0.03).at(z=-0.03)
@@ -47,25 +44,21 @@ def pendant_lamp(cad: Modeller) -> Item:
 
 
 def smoke_detector(cad: Modeller) -> Item:
-    """Smoke detector."""
     return clutter("detector", cad.cone(0.035, 0.055, 0.045).at(z=-0.045))
 
 
 def projector(cad: Modeller) -> Item:
-    """Projector under the ceiling, its lens to the front."""
     rod = cad.cylinder(0.02, 0.3).at(z=-0.3)
     body = cad.cushion(0.36, 0.28, 0.12, 0.2).at(z=-0.42)
     return clutter("projector", rod, body, cad.cylinder(0.04, 0.06).at(0.08, -0.13, -0.36, tilt=90))
 
 
-def vent(cad: Modeller) -> Item:
-    """Round ceiling air outlet of nested rings."""
+def ceiling_diffuser(cad: Modeller) -> Item:
     rings = [cad.torus(radius, 0.012).at(z=-0.012) for radius in (0.07, 0.13, 0.19)]
     return clutter("vent", cad.cone(0.03, 0.05, 0.02).at(z=-0.02), *rings)
 
 
 def duct(cad: Modeller, length: float, *, round_: bool = True) -> Item:
-    """Air duct along x under the ceiling, with flanges and hangers."""
     radius, z = 0.16, -0.3
     places = np.arange(-length / 2 + 0.5, length / 2, 1.2)
     if round_:
@@ -79,7 +72,6 @@ def duct(cad: Modeller, length: float, *, round_: bool = True) -> Item:
 
 
 def pipe_run(cad: Modeller, points: Sequence[Sequence[float]], radius: float = 0.03) -> Item:
-    """Pipe along points with torus elbows and clamp rings at its straight parts."""
     path = np.array(points, dtype=np.float64)
     clamps = []
     for start, end in pairwise(path):
@@ -89,7 +81,6 @@ def pipe_run(cad: Modeller, points: Sequence[Sequence[float]], radius: float = 0
 
 
 def radiator(cad: Modeller, width: float = 1.0) -> Item:
-    """Column radiator with pipes and a valve."""
     count = int(width / 0.075)
     xs = (np.arange(count) - (count - 1) / 2) * 0.075
     ribs = [cad.slab(0.05, 0.1, 0.5, 0.022).at(float(x), -0.1, 0.14) for x in xs]
@@ -104,7 +95,6 @@ def radiator(cad: Modeller, width: float = 1.0) -> Item:
 
 
 def whiteboard(cad: Modeller, width: float = 2.0) -> Item:
-    """Board with a frame and a tray with pens."""
     height, low = 1.1, 0.9
     panel = cad.box(width, 0.02, height).at(y=-0.01, z=low)
     bars = [
@@ -120,7 +110,6 @@ def whiteboard(cad: Modeller, width: float = 2.0) -> Item:
 
 
 def pinboard(cad: Modeller) -> Item:
-    """Board with pinned sheets."""
     width, height, low = cad.between(0.8, 1.2), 0.8, 1.1
     panel = cad.box(width, 0.02, height).at(y=-0.01, z=low)
     sheets = [
@@ -133,7 +122,6 @@ def pinboard(cad: Modeller) -> Item:
 
 
 def picture(cad: Modeller) -> Item:
-    """Framed picture."""
     width, height = cad.between(0.4, 0.9), cad.between(0.4, 0.7)
     z = 1.55 - height / 2
     bars = [cad.box(width, 0.03, 0.03).at(y=-0.015, z=at) for at in (z, z + height - 0.03)]
@@ -144,7 +132,6 @@ def picture(cad: Modeller) -> Item:
 
 
 def clock(cad: Modeller) -> Item:
-    """Round wall clock."""
     face = cad.cylinder(0.15, 0.03).at(z=2.1, tilt=90)
     rim = cad.torus(0.15, 0.012).at(y=-0.03, z=2.1, tilt=90)
     hands = [
@@ -155,7 +142,6 @@ def clock(cad: Modeller) -> Item:
 
 
 def extinguisher(cad: Modeller) -> Item:
-    """Fire extinguisher on a wall hook."""
     radius, steps = 0.075, cad.steps(0.075) // 4
     profile = (
         *outlines.line((0, 0), (radius, 0), (radius, 0.4)),
@@ -174,7 +160,6 @@ def extinguisher(cad: Modeller) -> Item:
 
 
 def coat_rack(cad: Modeller) -> Item:
-    """Row of hooks on a board."""
     hooks = []
     for x in np.linspace(-0.4, 0.4, 5):
         path = cad.smooth([(x, -0.02, 1.7), (x, -0.09, 1.66), (x, -0.12, 1.7), (x, -0.11, 1.74)], 5)
@@ -183,7 +168,6 @@ def coat_rack(cad: Modeller) -> Item:
 
 
 def wall_shelf(cad: Modeller) -> Item:
-    """Board on two brackets."""
     board = cad.box(0.9, 0.22, 0.02).at(y=-0.11, z=1.6)
     arms = [cad.rod((x, -0.19, 1.595), (x, -0.005, 1.44), 0.008) for x in (-0.3, 0.3)]
     balls = [
@@ -195,16 +179,14 @@ def wall_shelf(cad: Modeller) -> Item:
     )
 
 
-def screen(cad: Modeller, width: float = 3.0) -> Item:
-    """Projection screen rolled down from its case."""
+def projection_screen(cad: Modeller, width: float = 3.0) -> Item:
     case = cad.rod((-width / 2, -0.1, 2.6), (width / 2, -0.1, 2.6), 0.06)
     cloth = cad.box(width - 0.1, 0.006, 1.7).at(y=-0.1, z=0.9)
     bar = cad.rod((-width / 2 + 0.04, -0.1, 0.89), (width / 2 - 0.04, -0.1, 0.89), 0.015)
     return [Piece("screen", "board", join([case, cloth, bar]))]
 
 
-def switches(cad: Modeller) -> Item:
-    """Light switch."""
+def light_switch(cad: Modeller) -> Item:
     return clutter(
         "switch",
         cad.box(0.08, 0.01, 0.08).at(y=-0.005, z=1.05),
@@ -213,13 +195,11 @@ def switches(cad: Modeller) -> Item:
 
 
 def round_column(cad: Modeller, height: float, radius: float = 0.22) -> Item:
-    """Round column with a torus base ring."""
     ring = cad.torus(radius, 0.035).at(z=0.035)
     return [Piece("column", "column", cad.cylinder(radius, height) + ring)]
 
 
 def square_column(cad: Modeller, height: float, size: float = 0.4) -> Item:
-    """Square column with a plinth."""
     return [
         Piece(
             "column",
@@ -235,7 +215,6 @@ def beam(cad: Modeller, length: float, depth: float = 0.3) -> Item:
 
 
 def plinth(cad: Modeller) -> Item:
-    """Plinth with a geometric body on it: a showpiece of curved primitives."""
     height = cad.between(0.6, 0.95)
     bodies: tuple[Callable[[], Surface], ...] = (
         lambda: cad.sphere(0.22).at(z=0.22),

@@ -6,15 +6,14 @@ import numpy as np
 
 from puckbench.geometry.cloud import Floats
 from puckbench.scenes import outlines
-from puckbench.scenes.builder import Item
 from puckbench.scenes.furniture.small import clutter
 from puckbench.scenes.modeller import Modeller
+from puckbench.scenes.pieces import Item
 from puckbench.scenes.solids import sheet
 from puckbench.scenes.surfaces import Surface
 
 
 def pot(cad: Modeller, radius: float, height: float) -> Surface:
-    """Flower pot filled with earth: a cone frustum with a rim."""
     low, wall = radius * 0.72, radius * 0.08
     edge = height * 0.85
     outside = ((0, 0), (low, 0), (radius, edge), (radius + wall, edge), (radius + wall, height))
@@ -24,7 +23,7 @@ def pot(cad: Modeller, radius: float, height: float) -> Surface:
 
 
 def leaf(cad: Modeller, length: float, width: float, droop: float) -> Surface:
-    """Pointed leaf along +x from the origin, rising first and then drooping."""
+    """Pointed leaf along +x, rising and then drooping."""
     steps = max(5, round(9 * cad.detail))
     t = np.linspace(0, 1, steps)
     half = width / 2 * np.sin(np.pi * t**0.8) ** 0.9 + width * 0.02
@@ -38,26 +37,25 @@ def leaf(cad: Modeller, length: float, width: float, droop: float) -> Surface:
 
 
 def plant(cad: Modeller) -> Item:
-    """Leafy plant in a pot."""
     radius, height = cad.between(0.13, 0.18), cad.between(0.25, 0.35)
     leaves = []
     count = int(cad.rng.integers(14, 24))
     for k in range(count):
         length = cad.between(0.35, 0.7)
-        one = leaf(cad, length, length * cad.between(0.16, 0.26), cad.between(0.0, 0.35))
+        blade = leaf(cad, length, length * cad.between(0.16, 0.26), cad.between(0.0, 0.35))
         pitch = -cad.between(5, 55)
-        leaves.append(one.at(z=height * 0.9, turn=137.5 * k, roll=pitch))
+        leaves.append(blade.at(z=height * 0.9, turn=137.5 * k, roll=pitch))
     return clutter("plant", pot(cad, radius, height), *leaves)
 
 
 def small_tree(cad: Modeller) -> Item:
-    """Rubber-tree-like plant: a bent stem with leaves along it."""
+    """Rubber plant: a bent stem with leaves."""
     stem = _stem(cad)
     leaves = []
     for k, at in enumerate(np.linspace(0.3, 1.0, 26)):
         x, y, z = stem[int(at * (len(stem) - 1))]
-        one = leaf(cad, cad.between(0.22, 0.36), 0.12, cad.between(0.2, 0.7))
-        leaves.append(one.at(x, y, z, turn=137.5 * k, roll=-cad.between(0, 50)))
+        blade = leaf(cad, cad.between(0.22, 0.36), 0.12, cad.between(0.2, 0.7))
+        leaves.append(blade.at(x, y, z, turn=137.5 * k, roll=-cad.between(0, 50)))
     thick = np.linspace(0.02, 0.007, len(stem))
     return clutter("small_tree", pot(cad, 0.18, 0.32), cad.tube(stem, thick), *leaves)
 
@@ -71,7 +69,6 @@ def _stem(cad: Modeller) -> Floats:
 
 
 def cactus(cad: Modeller) -> Item:
-    """Cactus of superquadric segments in a small pot."""
     trunk = cad.superquadric((0.07, 0.07, 0.3), (0.6, 1.0)).at(z=0.45)
     arm = cad.superquadric((0.04, 0.04, 0.14), (0.6, 1.0))
     arms = [arm.at(0.12, 0, 0.6), arm.at(-0.12, 0, 0.5)]

@@ -5,14 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from puckbench.scenes import outlines
-from puckbench.scenes.builder import Item, Piece
 from puckbench.scenes.modeller import Modeller
+from puckbench.scenes.pieces import Item, Piece
 from puckbench.scenes.solids import extrude, sheet
 from puckbench.scenes.surfaces import Surface, join
 
 
 def office_chair(cad: Modeller) -> Item:
-    """Swivel chair: five-star base with castors, gas column, cushions and armrests."""
     height = cad.between(0.43, 0.5)
     arms = [_castor_arm(cad).at(turn=72.0 * k + 18) for k in range(5)]
     column = [cad.cylinder(0.03, 0.2).at(z=0.08), cad.cylinder(0.018, height - 0.2).at(z=0.2)]
@@ -25,13 +24,13 @@ def office_chair(cad: Modeller) -> Item:
     back = cad.cushion(0.46, 0.1, cad.between(0.5, 0.7), 0.4).at(y=0.24, z=height + 0.16, tilt=-6)
     parts = [*arms, *column, hub, plate, seat, spine, back]
     if cad.chance(0.7):
-        rest = _armrest(cad, height)
-        parts += [rest, rest.mirrored()]
+        armrest = _armrest(cad, height)
+        parts += [armrest, armrest.mirrored()]
     return [Piece("office_chair", "chair", join(parts))]
 
 
 def _castor_arm(cad: Modeller) -> Surface:
-    """One arm of a swivel chair's base along x, with its castor."""
+    """An arm of the base along x with its castor."""
     arm = cad.cone(0.03, 0.018, 0.3).at(roll=90).at(z=0.1, roll=5)
     wheel = cad.cylinder(0.028, 0.018).at(tilt=90)
     wheels = [wheel.at(0.29, y, 0.028) for y in (0.03, -0.012)]
@@ -45,7 +44,6 @@ def _armrest(cad: Modeller, height: float) -> Surface:
 
 
 def chair(cad: Modeller) -> Item:
-    """Plain chair: four legs, a seat and a curved back on two posts."""
     width, depth, height = (
         cad.between(0.4, 0.46),
         cad.between(0.4, 0.46),
@@ -70,7 +68,7 @@ def chair(cad: Modeller) -> Item:
 
 
 def _curved_back(cad: Modeller, width: float, height: float) -> Surface:
-    """A board bent around a vertical cylinder, its hollow to the front."""
+    """A board bent around a vertical cylinder, concave to the front."""
     radius, steps = width * 0.9, max(4, cad.steps(width) // 6)
     outer = outlines.arc((0, -radius), radius + 0.012, 58, 122, steps)
     inner = outlines.arc((0, -radius), radius, 122, 58, steps)
@@ -89,7 +87,6 @@ def _start(outline: outlines.Outline) -> outlines.Point:
 
 
 def shell_chair(cad: Modeller) -> Item:
-    """Chair with a moulded freeform shell on crossed or slanted legs."""
     side = np.linspace(-1, 1, max(9, cad.steps(0.2) // 3))
     half, top = cad.between(0.21, 0.24), cad.between(0.76, 0.88)
     profile = cad.smooth(
@@ -107,7 +104,6 @@ def shell_chair(cad: Modeller) -> Item:
 
 
 def stool(cad: Modeller) -> Item:
-    """Round stool on a single column."""
     height = cad.between(0.45, 0.72)
     base = cad.turned(outlines.line((0, 0), (0.2, 0), (0.2, 0.015), (0.03, 0.04), (0, 0.04)))
     column = cad.cylinder(0.025, height - 0.08).at(z=0.03)
@@ -119,7 +115,7 @@ def stool(cad: Modeller) -> Item:
 
 
 def sofa(cad: Modeller, seats: int = 2) -> Item:
-    """Upholstered sofa (an armchair for one seat): base, feet, cushions and rolled arms."""
+    """Upholstered sofa, or an armchair for one seat."""
     seat, depth, arm = cad.between(0.58, 0.68), 0.85, 0.17
     width = seats * seat + 2 * arm
     parts = [cad.slab(width - 0.02, depth, 0.2, 0.04).at(z=0.1)]
@@ -136,8 +132,7 @@ def sofa(cad: Modeller, seats: int = 2) -> Item:
     return [Piece("sofa" if seats > 1 else "armchair", "sofa", join(parts))]
 
 
-def row_seat(cad: Modeller) -> Item:
-    """Auditorium seat: side panels, folded seat cushion and shell back."""
+def auditorium_seat(cad: Modeller) -> Item:
     high, lean = cad.between(0.5, 0.6), -cad.between(7, 13)
     sides = [cad.slab(0.05, 0.4, 0.6, 0.02).at(x=x) for x in (-0.27, 0.27)]
     seat = cad.cushion(0.47, 0.4, 0.1, 0.35).at(y=-0.03, z=0.38)

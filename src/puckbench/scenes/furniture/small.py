@@ -1,4 +1,4 @@
-"""Small objects on tables, shelves and floors: screens, books, mugs, bottles, boxes, balls."""
+"""Small objects on tables, shelves and floors."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ import numpy as np
 
 from puckbench.geometry.cloud import Floats
 from puckbench.scenes import outlines
-from puckbench.scenes.builder import Item, Piece, moved
 from puckbench.scenes.modeller import Modeller
 from puckbench.scenes.outlines import Point
+from puckbench.scenes.pieces import Item, Piece, posed
 from puckbench.scenes.solids import extrude
 from puckbench.scenes.surfaces import Surface, join, pose
 
@@ -20,12 +20,11 @@ BOTTLES: tuple[tuple[Point, ...], ...] = (
 
 
 def clutter(kind: str, *parts: Surface) -> Item:
-    """An item of one piece of clutter."""
+    """Make an item of one piece of the class "clutter"."""
     return [Piece(kind, "clutter", join(list(parts)))]
 
 
 def monitor(cad: Modeller) -> Item:
-    """Flat screen on a foot."""
     width = cad.between(0.48, 0.62)
     height, lift = width * 0.58, 0.12
     frame = cad.slab(width, height, 0.03, 0.01).at(y=0.015, z=lift + height / 2, tilt=90)
@@ -36,7 +35,6 @@ def monitor(cad: Modeller) -> Item:
 
 
 def keyboard(cad: Modeller) -> Item:
-    """Keyboard with rows of keys."""
     board = cad.slab(0.44, 0.14, 0.015, 0.01)
     keys = [
         cad.box(0.016, 0.016, 0.006).at(x, y, 0.015)
@@ -47,12 +45,10 @@ def keyboard(cad: Modeller) -> Item:
 
 
 def mouse(cad: Modeller) -> Item:
-    """Computer mouse."""
     return clutter("mouse", cad.superquadric((0.032, 0.055, 0.018), (0.7, 0.8)).at(z=0.018))
 
 
 def laptop(cad: Modeller) -> Item:
-    """Open laptop."""
     base = cad.slab(0.33, 0.23, 0.016, 0.012)
     lid = cad.slab(0.33, 0.22, 0.008, 0.012).at(y=-0.11).at(y=0.115, z=0.014, tilt=-75)
     keys = [
@@ -64,7 +60,6 @@ def laptop(cad: Modeller) -> Item:
 
 
 def mug(cad: Modeller) -> Item:
-    """Mug with a handle."""
     radius, height = cad.between(0.036, 0.043), cad.between(0.085, 0.1)
     body = cad.turned(
         outlines.line(
@@ -78,7 +73,6 @@ def mug(cad: Modeller) -> Item:
 
 
 def bottle(cad: Modeller) -> Item:
-    """Bottle with a cap."""
     profile = cad.pick(BOTTLES)
     radius, top = profile[-1]
     body = (
@@ -91,7 +85,7 @@ def bottle(cad: Modeller) -> Item:
 
 
 def book(cad: Modeller, height: float = 0.24, thickness: float = 0.03) -> Item:
-    """Book lying flat: two boards, a rounded spine at -x and the block of pages."""
+    """Book lying flat, its spine at -x."""
     width = height * 0.72
     boards = [cad.box(width, height, 0.003).at(z=z) for z in (0.0, thickness - 0.003)]
     pages = cad.box(width - 0.008, height - 0.01, thickness - 0.006).at(x=0.001, z=0.003)
@@ -102,29 +96,26 @@ def book(cad: Modeller, height: float = 0.24, thickness: float = 0.03) -> Item:
 
 
 def standing_book(cad: Modeller, height: float, thickness: float) -> Item:
-    """Book standing with its spine to the front, its thickness along x."""
-    return moved(book(cad, height, thickness), _upright(height, thickness))
+    """Upright book, its spine to the front, its thickness along x."""
+    return posed(book(cad, height, thickness), _upright(height, thickness))
 
 
 def _upright(height: float, thickness: float) -> Floats:
-    """Lying book to standing: its height up, its spine to the front."""
     return pose(thickness / 2, 0, height / 2, turn=90) @ pose(tilt=90)
 
 
 def books(cad: Modeller) -> Item:
-    """Small stack of lying books."""
     item: Item = []
     z = 0.0
     for _ in range(int(cad.rng.integers(2, 5))):
         thickness = cad.between(0.015, 0.045)
-        one = book(cad, cad.between(0.2, 0.28), thickness)
-        item += moved(one, pose(0, 0, z, turn=cad.between(-25, 25)))
+        volume = book(cad, cad.between(0.2, 0.28), thickness)
+        item += posed(volume, pose(0, 0, z, turn=cad.between(-25, 25)))
         z += thickness
     return item
 
 
 def papers(cad: Modeller) -> Item:
-    """Stack of paper, a little askew."""
     sheets = [
         cad.box(0.21, 0.297, 0.006).at(0, 0, 0.006 * k, turn=cad.between(-4, 4))
         for k in range(int(cad.rng.integers(2, 6)))
@@ -133,7 +124,6 @@ def papers(cad: Modeller) -> Item:
 
 
 def carton(cad: Modeller, size: float = 0.4) -> Item:
-    """Cardboard box with a strip of tape and flaps that meet in the middle."""
     x, y, z = (size * cad.between(0.6, 1.0) for _ in range(3))
     flaps = [cad.box(x, y / 2 - 0.002, 0.004).at(y=s * (y / 4 + 0.001), z=z) for s in (-1, 1)]
     tape = cad.box(x * 0.9, 0.05, 0.001).at(z=z + 0.004)
@@ -141,24 +131,21 @@ def carton(cad: Modeller, size: float = 0.4) -> Item:
 
 
 def carton_stack(cad: Modeller) -> Item:
-    """Cartons on top of each other, the larger below."""
     item: Item = []
     z = 0.0
     for size in np.sort([cad.between(0.3, 0.6) for _ in range(int(cad.rng.integers(2, 5)))])[::-1]:
-        one = carton(cad, float(size))
-        item += moved(one, pose(0, 0, z, turn=cad.between(-12, 12)))
-        z += float(one[0].surface.bounds()[1, 2])
+        box = carton(cad, float(size))
+        item += posed(box, pose(0, 0, z, turn=cad.between(-12, 12)))
+        z += float(box[0].surface.bounds()[1, 2])
     return item
 
 
 def ball(cad: Modeller, radius: float | None = None) -> Item:
-    """Ball lying on the ground."""
     size = cad.between(0.05, 0.14) if radius is None else radius
     return clutter("ball", cad.sphere(size).at(z=size))
 
 
-def bin_(cad: Modeller) -> Item:
-    """Waste bin: an open cone frustum with a rolled rim."""
+def waste_bin(cad: Modeller) -> Item:
     low, high, height = 0.1, cad.between(0.13, 0.16), cad.between(0.28, 0.4)
     wall = 0.004
     profile = outlines.line(
@@ -168,7 +155,6 @@ def bin_(cad: Modeller) -> Item:
 
 
 def desk_lamp(cad: Modeller) -> Item:
-    """Lamp with a round foot, two arms and a conical shade."""
     rise, reach = cad.between(0.24, 0.34), cad.between(0.08, 0.15)
     elbow, head = (0.0, reach, rise), (0.0, -reach, rise + cad.between(0.1, 0.2))
     foot = cad.cylinder(cad.between(0.07, 0.09), 0.02)
@@ -180,14 +166,12 @@ def desk_lamp(cad: Modeller) -> Item:
 
 
 def _shade_profile() -> outlines.Outline:
-    """Open conical lampshade with a closed top, mouth down."""
     return outlines.line(
         (0.0, 0.066), (0.027, 0.066), (0.072, -0.05), (0.075, -0.05), (0.03, 0.07), (0.0, 0.07)
     )
 
 
 def telephone(cad: Modeller) -> Item:
-    """Desk telephone: a wedge with keys and a handset."""
     wedge = extrude(outlines.polygon((-0.1, 0.0), (0.1, 0.0), (0.1, 0.07), (-0.1, 0.02)), 0.17).at(
         y=0.085, tilt=90
     )
@@ -203,21 +187,18 @@ def telephone(cad: Modeller) -> Item:
 
 
 def vase(cad: Modeller) -> Item:
-    """Vase."""
     a, b = cad.between(0.05, 0.09), cad.between(0.03, 0.05)
     outside = ((0.04, 0.0), (a, 0.1), (b, 0.22), (b + 0.02, 0.27))
     return clutter("vase", cad.vessel(outside, 0.005))
 
 
 def bowl(cad: Modeller) -> Item:
-    """Bowl with a few round fruits."""
     dish = cad.vessel(((0.05, 0.0), (0.1, 0.03), (0.14, 0.08)), 0.006)
     spots = outlines.polar(0.05, np.radians((0, 120, 240)))
     return clutter("bowl", dish, *(cad.sphere(0.038).at(x, y, 0.055) for x, y in spots))
 
 
 def bucket(cad: Modeller) -> Item:
-    """Bucket with a bail handle."""
     profile = outlines.line(
         (0, 0), (0.11, 0), (0.15, 0.28), (0.145, 0.28), (0.106, 0.005), (0, 0.005)
     )
@@ -229,7 +210,6 @@ def bucket(cad: Modeller) -> Item:
 
 
 def printer(cad: Modeller) -> Item:
-    """Desk printer."""
     body = cad.cushion(0.42, 0.36, 0.22, 0.15)
     return clutter(
         "printer",
@@ -240,7 +220,6 @@ def printer(cad: Modeller) -> Item:
 
 
 def microwave(cad: Modeller) -> Item:
-    """Microwave oven."""
     body = cad.box(0.48, 0.36, 0.28).at(z=0.012)
     feet = cad.cylinder(0.015, 0.013).at_corners(0.2, 0.14)
     door = cad.slab(0.34, 0.24, 0.012, 0.02).at(-0.05, -0.18, 0.15, tilt=90)

@@ -1,13 +1,13 @@
-"""Shelves, cabinets, machines and what is kept in them."""
+"""Shelves, cabinets, appliances and their content."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from puckbench.scenes import outlines
-from puckbench.scenes.builder import Item, Piece, bounds, moved
 from puckbench.scenes.furniture import small
 from puckbench.scenes.modeller import Modeller
+from puckbench.scenes.pieces import Item, Piece, item_bounds, posed
 from puckbench.scenes.solids import extrude
 from puckbench.scenes.surfaces import Surface, join, pose
 
@@ -16,7 +16,6 @@ RACK_MAKERS = (small.carton, small.carton, small.bucket, small.bottle, small.bal
 
 
 def bookcase(cad: Modeller, width: float = 0.9, levels: int = 5) -> Item:
-    """Bookcase with rows of books, gaps, and other objects."""
     depth, height = 0.3, 0.12 + 0.37 * levels
     sides = [cad.box(0.02, depth, height).at(x=s * (width / 2 - 0.01)) for s in (-1, 1)]
     heights = [0.07 + 0.37 * k for k in range(levels)]
@@ -26,41 +25,41 @@ def bookcase(cad: Modeller, width: float = 0.9, levels: int = 5) -> Item:
     item = [Piece("bookcase", "bookcase", join([*sides, *shelves, back, plinth]))]
     for z in heights:
         content = _row_of_books if cad.chance(0.65) else _other_objects
-        item += moved(content(cad, width - 0.06), pose(0, 0, z + 0.02))
+        item += posed(content(cad, width - 0.06), pose(0, 0, z + 0.02))
     return item
 
 
 def _row_of_books(cad: Modeller, width: float) -> Item:
-    """Books side by side from the left, the last one leaning."""
     item: Item = []
     x = -width / 2
     end = width / 2 - cad.between(0.08, 0.4)
     while x < end:
         height, thickness = cad.between(0.2, 0.31), cad.between(0.018, 0.05)
-        one = small.standing_book(cad, height, thickness)
-        item += moved(one, pose(x, cad.between(-0.02, 0.02), 0))
+        volume = small.standing_book(cad, height, thickness)
+        item += posed(volume, pose(x, cad.between(-0.02, 0.02), 0))
         x += thickness + 0.001
     lean = small.standing_book(cad, 0.24, 0.03)
-    return item + moved(lean, pose(x + 0.062, 0, 0.0, roll=-14))
+    return item + posed(lean, pose(x + 0.062, 0, 0.0, roll=-14))
 
 
 def _other_objects(cad: Modeller, width: float) -> Item:
     item: Item = []
     for x in (-width * 0.32, 0.0, width * 0.32):
         if cad.chance(0.85):
-            one = cad.pick(SHELF_MAKERS)(cad)
-            item += moved(_fitted(one, (0.26, 0.24, 0.3)), pose(x, 0, 0, turn=cad.between(-20, 20)))
+            content = cad.pick(SHELF_MAKERS)(cad)
+            item += posed(
+                _fitted(content, (0.26, 0.24, 0.3)), pose(x, 0, 0, turn=cad.between(-20, 20))
+            )
     return item
 
 
 def _fitted(item: Item, size: tuple[float, float, float]) -> Item:
-    """The item, shrunk evenly where it is larger than the given size."""
-    low, high = bounds(item)
-    return moved(item, pose(scale=min(1.0, float(np.min(np.array(size) / (high - low))))))
+    """Shrink an item uniformly if it exceeds a size."""
+    low, high = item_bounds(item)
+    return posed(item, pose(scale=min(1.0, float(np.min(np.array(size) / (high - low))))))
 
 
 def rack(cad: Modeller, width: float = 1.2, levels: int = 4) -> Item:
-    """Steel rack with boxes and containers."""
     depth, height = 0.5, 2.0
     posts = cad.box(0.035, 0.035, height).at_corners(width / 2 - 0.02, depth / 2 - 0.02)
     heights = np.linspace(0.12, height - 0.05, levels + 1)
@@ -74,13 +73,12 @@ def rack(cad: Modeller, width: float = 1.2, levels: int = 4) -> Item:
     for z in heights[:-1]:
         for x in (np.arange(3) - 1) * width / 3.2:
             if cad.chance(0.85):
-                one = _fitted(cad.pick(RACK_MAKERS)(cad), (width / 3.6, depth - 0.1, gap))
-                item += moved(one, pose(float(x), 0, float(z) + 0.03, turn=cad.between(-8, 8)))
+                content = _fitted(cad.pick(RACK_MAKERS)(cad), (width / 3.6, depth - 0.1, gap))
+                item += posed(content, pose(float(x), 0, float(z) + 0.03, turn=cad.between(-8, 8)))
     return item
 
 
 def cabinet(cad: Modeller, width: float = 0.9, height: float = 1.9) -> Item:
-    """Cabinet with two doors, bar handles and a box on top."""
     depth = 0.42
     body = cad.box(width, depth, height - 0.05).at(z=0.05)
     plinth = cad.box(width - 0.06, depth - 0.06, 0.05)
@@ -96,21 +94,23 @@ def cabinet(cad: Modeller, width: float = 0.9, height: float = 1.9) -> Item:
     item = [Piece("cabinet", "clutter", join([body, plinth, *doors, *handles]))]
     if cad.chance(0.6):
         top = _fitted(cad.pick((small.carton, small.papers, small.vase))(cad), (0.4, 0.4, 0.35))
-        item += moved(top, pose(cad.between(-0.15, 0.15), 0, height, turn=cad.between(-15, 15)))
+        item += posed(top, pose(cad.between(-0.15, 0.15), 0, height, turn=cad.between(-15, 15)))
     return item
 
 
 def sideboard(cad: Modeller) -> Item:
-    """Low cabinet with objects on it."""
     item = cabinet(cad, 1.2, 0.8)[:1]
     for x in (-0.4, 0.0, 0.4):
-        one = cad.pick((small.printer, small.vase, small.books, small.bowl, small.desk_lamp))(cad)
-        item += moved(_fitted(one, (0.4, 0.36, 0.6)), pose(x, 0, 0.8, turn=cad.between(-15, 15)))
+        content = cad.pick((small.printer, small.vase, small.books, small.bowl, small.desk_lamp))(
+            cad
+        )
+        item += posed(
+            _fitted(content, (0.4, 0.36, 0.6)), pose(x, 0, 0.8, turn=cad.between(-15, 15))
+        )
     return item
 
 
 def lockers(cad: Modeller, columns: int = 4) -> Item:
-    """Row of lockers with slatted doors and knobs."""
     width, depth, height = 0.38, 0.48, 1.85
     parts = [cad.box(columns * width, depth, height)]
     for k in range(columns):
@@ -125,7 +125,6 @@ def lockers(cad: Modeller, columns: int = 4) -> Item:
 
 
 def copier(cad: Modeller) -> Item:
-    """Floor-standing copier with lid, trays and panel."""
     body = cad.slab(0.65, 0.6, 0.72, 0.03).at(z=0.06)
     feet = cad.cylinder(0.03, 0.06).at_corners(0.26, 0.24)
     trays = [cad.box(0.6, 0.02, 0.13).at(y=-0.308, z=0.1 + 0.15 * k) for k in range(4)]
@@ -145,7 +144,6 @@ def copier(cad: Modeller) -> Item:
 
 
 def water_cooler(cad: Modeller) -> Item:
-    """Water cooler with its bottle upside down."""
     body = cad.slab(0.32, 0.32, 0.95, 0.05)
     taps = [cad.cylinder(0.012, 0.06).at(x, -0.16, 0.8, tilt=90) for x in (-0.06, 0.06)]
     drip = cad.slab(0.22, 0.08, 0.02, 0.02).at(y=-0.19, z=0.62)
@@ -160,7 +158,6 @@ def water_cooler(cad: Modeller) -> Item:
 
 
 def fridge(cad: Modeller) -> Item:
-    """Refrigerator with two doors and bar handles."""
     body = cad.slab(0.6, 0.58, 1.75, 0.03).at(z=0.03)
     doors = [
         cad.slab(0.59, z, 0.04, 0.02).at(y=-0.29, z=at + z / 2, tilt=90)
@@ -175,7 +172,6 @@ def fridge(cad: Modeller) -> Item:
 
 
 def kitchenette(cad: Modeller) -> Item:
-    """Counter with cupboards, a sunk basin, a bent tap, and objects on it."""
     width, depth, height = 1.8, 0.6, 0.9
     base = cad.box(width, depth - 0.04, height - 0.04).at(y=0.02)
     doors = [
@@ -190,30 +186,26 @@ def kitchenette(cad: Modeller) -> Item:
     body = join([base, *doors, *knobs, counter, basin, (tap + lever).at(x=0.45, z=height)])
     item = [Piece("kitchenette", "clutter", body)]
     for maker, x in ((small.microwave, -0.6), (small.bottle, -0.2), (small.mug, -0.05)):
-        item += moved(maker(cad), pose(x, 0.02, height, turn=cad.between(-10, 10)))
+        item += posed(maker(cad), pose(x, 0.02, height, turn=cad.between(-10, 10)))
     return item
 
 
 def _counter_top(width: float, depth: float, hole: outlines.Outline) -> Surface:
-    """Board with a hole for the basin."""
     return extrude(outlines.rectangle(width, depth), 0.04, [outlines.shifted(hole, 0.45, -0.02)])
 
 
 def _basin(cad: Modeller) -> Surface:
-    """Bottom of the sink, seen through the counter's hole."""
     steps = max(3, cad.steps(0.06) // 4)
     return extrude(outlines.rounded_rectangle(0.44, 0.36, 0.06, steps), 0.002).at(z=-0.002)
 
 
 def drum(cad: Modeller) -> Item:
-    """Barrel with rolled hoops."""
     hoops = [cad.torus(0.285, 0.012).at(z=z) for z in (0.012, 0.3, 0.58, 0.868)]
     bung = cad.cylinder(0.03, 0.015).at(x=0.17, z=0.86)
     return small.clutter("drum", cad.cylinder(0.285, 0.86), *hoops, bung)
 
 
-def gas_bottle(cad: Modeller) -> Item:
-    """Pressure bottle with a domed top and a valve wheel."""
+def gas_cylinder(cad: Modeller) -> Item:
     radius, height = 0.115, 1.2
     profile = (
         *outlines.line((0, 0), (radius, 0), (radius, height)),
@@ -228,7 +220,6 @@ def gas_bottle(cad: Modeller) -> Item:
 
 
 def ladder(cad: Modeller) -> Item:
-    """Folding step ladder."""
     rails = cad.legs((0.22, 0.42), (0.17, 0.03), 1.5, 0.018)
     treads = [
         cad.box(0.42 - 0.06 * t, 0.09, 0.025).at(y=-0.42 + 0.39 * t, z=1.5 * t - 0.012)

@@ -1,4 +1,4 @@
-"""Desks and tables, and what stands on them."""
+"""Desks and tables with objects on them."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from puckbench.scenes import outlines
-from puckbench.scenes.builder import Item, Piece, moved
 from puckbench.scenes.furniture import small
 from puckbench.scenes.modeller import Modeller
+from puckbench.scenes.pieces import Item, Piece, posed
 from puckbench.scenes.solids import extrude
 from puckbench.scenes.surfaces import Surface, join, pose
 
@@ -28,7 +28,6 @@ TABLE_CLUTTER: tuple[Maker, ...] = (
 
 
 def desk(cad: Modeller) -> Item:
-    """Desk with a drawer unit, a screen or two, a keyboard and clutter."""
     width, depth, height = cad.between(1.3, 1.7), cad.between(0.7, 0.8), cad.between(0.71, 0.76)
     top = cad.slab(width, depth, 0.028, 0.03).at(z=height - 0.028)
     frame = cad.pick((_panel_legs, _tube_legs))(cad, width, depth, height - 0.028)
@@ -51,7 +50,7 @@ def desk(cad: Modeller) -> Item:
 def scattered(
     cad: Modeller, makers: Sequence[Maker], spots: Sequence[tuple[float, float]], height: float
 ) -> Item:
-    """Random small objects on most of the spots (x, y) at a height."""
+    """Place random small objects on most of the positions (x, y) at a height."""
     item: Item = []
     for x, y in spots:
         if cad.chance(0.8):
@@ -60,7 +59,7 @@ def scattered(
 
 
 def _on(item: Item, x: float, y: float, z: float, turn: float) -> Item:
-    return moved(item, pose(x, y, z, turn=turn))
+    return posed(item, pose(x, y, z, turn=turn))
 
 
 def _panel_legs(cad: Modeller, width: float, depth: float, height: float) -> list[Surface]:
@@ -76,7 +75,6 @@ def _tube_legs(cad: Modeller, width: float, depth: float, height: float) -> list
 
 
 def _drawer_unit(cad: Modeller, width: float, depth: float, height: float) -> Surface:
-    """Drawer fronts with handles on a body, on small castors."""
     body = cad.box(width, depth, height - 0.06).at(z=0.06)
     wheels = cad.sphere(0.03).at_corners(width / 2 - 0.05, depth / 2 - 0.05, 0.03)
     parts = [body, *wheels]
@@ -91,7 +89,6 @@ def _drawer_unit(cad: Modeller, width: float, depth: float, height: float) -> Su
 
 
 def meeting_table(cad: Modeller, length: float = 2.4, width: float = 1.1) -> Item:
-    """Long table, boat-shaped or with rounded ends, on two pedestals, with objects on it."""
     height = 0.74
     steps = max(4, cad.steps(width) // 8)
     if cad.chance(0.5):
@@ -123,7 +120,6 @@ def _boat(length: float, width: float, steps: int) -> outlines.Outline:
 
 
 def round_table(cad: Modeller, radius: float = 0.5, height: float = 0.74) -> Item:
-    """Round table on a trumpet foot."""
     foot = (
         *outlines.line((0, 0), (radius * 0.6, 0), (radius * 0.6, 0.012)),
         *outlines.curve(
@@ -144,7 +140,6 @@ def round_table(cad: Modeller, radius: float = 0.5, height: float = 0.74) -> Ite
 
 
 def coffee_table(cad: Modeller) -> Item:
-    """Low table with a shelf."""
     width, depth, height = cad.between(0.9, 1.2), 0.55, 0.42
     top = cad.slab(width, depth, 0.025, 0.08).at(z=height - 0.025)
     shelf = cad.slab(width - 0.12, depth - 0.12, 0.016, 0.05).at(z=0.14)
@@ -156,7 +151,6 @@ def coffee_table(cad: Modeller) -> Item:
 
 
 def workbench(cad: Modeller) -> Item:
-    """Plain four-legged table with stretchers."""
     width, depth, height = cad.between(1.2, 1.8), 0.7, 0.78
     top = cad.slab(width, depth, 0.04, 0.02).at(z=height - 0.04)
     x, y = width / 2 - 0.05, depth / 2 - 0.05

@@ -1,4 +1,4 @@
-"""Chairs, tables, lamps and vessels."""
+"""Chairs, tables, lamps, vessels, guitars and spectacles."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ import numpy as np
 
 from puckbench.geometry.cloud import Floats
 from puckbench.scenes import outlines
-from puckbench.scenes.builder import Item, Piece
 from puckbench.scenes.furniture import fixtures, seating, small, tables
 from puckbench.scenes.furniture.small import clutter
 from puckbench.scenes.modeller import Modeller
+from puckbench.scenes.pieces import Item, Piece
 from puckbench.scenes.solids import extrude
 from puckbench.scenes.surfaces import Surface, join
 
@@ -22,7 +22,7 @@ def chair(cad: Modeller, member: int) -> Item:
         seating.shell_chair,
         seating.stool,
         _armchair,
-        seating.row_seat,
+        seating.auditorium_seat,
     )
     return makers[member % len(makers)](cad)
 
@@ -32,7 +32,7 @@ def _armchair(cad: Modeller) -> Item:
 
 
 def table(cad: Modeller, member: int) -> Item:
-    """Bare table: round, coffee, meeting, workbench, desk or trestle."""
+    """Round table, coffee table, meeting table, workbench, desk or trestle table."""
     makers = (
         _round,
         tables.coffee_table,
@@ -53,7 +53,6 @@ def _meeting(cad: Modeller) -> Item:
 
 
 def _trestle(cad: Modeller) -> Item:
-    """Board on two A-shaped trestles."""
     width, height = cad.between(1.4, 2.0), cad.between(0.7, 0.8)
     top = cad.slab(width, 0.75, 0.03, 0.12).at(z=height)
     legs = cad.legs((width * 0.34, 0.32), (width * 0.34, 0.08), height, 0.022)
@@ -66,13 +65,12 @@ def _trestle(cad: Modeller) -> Item:
 
 
 def lamp(cad: Modeller, member: int) -> Item:
-    """Desk lamp, pendant, floor lamp, table lamp, globe or lantern."""
+    """Desk lamp, pendant, floor lamp, table lamp, arc lamp or lantern."""
     makers = (small.desk_lamp, fixtures.pendant_lamp, _floor_lamp, _table_lamp, _arc_lamp, _lantern)
     return makers[member % len(makers)](cad)
 
 
 def _open_shade(cad: Modeller, low: float, high: float, height: float) -> Surface:
-    """Lampshade open at both ends."""
     wall = 0.004
     ring = outlines.line((low, 0), (high, height), (high - wall, height), (low - wall, 0), (low, 0))
     return cad.turned(ring)
@@ -128,7 +126,6 @@ def _arc_lamp(cad: Modeller) -> Item:
 
 
 def _lantern(cad: Modeller) -> Item:
-    """Lantern: a glass body between a foot and a conical roof on posts, with a ring above."""
     high, wide = cad.between(0.13, 0.2), cad.between(0.05, 0.068)
     foot = outlines.line((0, 0), (0.09, 0), (0.09, 0.03), (0.06, 0.05), (0, 0.05))
     glass = cad.superquadric((wide, wide, high / 2), (0.7, 1.0)).at(z=0.045 + high / 2)
@@ -140,7 +137,7 @@ def _lantern(cad: Modeller) -> Item:
 
 
 def bottle(cad: Modeller, member: int) -> Item:
-    """Bottle: wine, beer, flask, jar with lid, canister with a handle, or spray bottle."""
+    """Wine, beer, jar, canister or spray bottle."""
     neck = cad.between(0.012, 0.018)
     body = cad.between(0.034, 0.05)
     waist = body * cad.between(0.75, 1.0)
@@ -178,7 +175,7 @@ def bottle(cad: Modeller, member: int) -> Item:
 
 
 def cup(cad: Modeller, member: int) -> Item:
-    """Cup with a handle: straight, tapered or bellied; some on a saucer."""
+    """Straight, tapered or bulbous cup with a handle, some on a saucer."""
     low, rim, height = (
         cad.between(0.025, 0.038),
         cad.between(0.036, 0.05),
@@ -208,13 +205,12 @@ def cup(cad: Modeller, member: int) -> Item:
 
 
 def _radius(points: list[outlines.Point], height: float) -> float:
-    """Radius of a vessel's smooth outside at a height."""
     smooth = outlines.catmull_rom(np.array(points), 8)
     return float(np.interp(height, smooth[:, 1], smooth[:, 0]))
 
 
 def vase(cad: Modeller, member: int) -> Item:
-    """Vase: plain, fluted, twisted or two-handled."""
+    """Plain, fluted, twisted or two-handled vase."""
     heights = (0.0, 0.08, 0.18, 0.26, 0.32)
     radii = [
         cad.between(*span)
@@ -245,7 +241,7 @@ def _fluted(points: Floats, waves: int, twist: float) -> Floats:
 
 
 def guitar(cad: Modeller, member: int) -> Item:
-    """Guitar: acoustic with a sound hole, or electric with cutaways and pick-ups."""
+    """Acoustic or electric guitar."""
     electric = member % 2 == 1
     lower, waist, upper = (
         cad.between(0.18, 0.21),
@@ -276,7 +272,7 @@ def guitar(cad: Modeller, member: int) -> Item:
 
 
 def _neck(cad: Modeller, depth: float) -> list[Surface]:
-    """Neck, frets, head with pegs and the strings of a guitar whose top is at `depth`."""
+    """Neck, frets, head, pegs and strings of a guitar whose top is at `depth`."""
     half = extrude(
         (
             *outlines.arc((0, 0), 0.026, 180, 360, cad.steps(0.03) // 2),
@@ -301,7 +297,6 @@ def _neck(cad: Modeller, depth: float) -> list[Surface]:
 
 
 def spectacles(cad: Modeller, member: int) -> Item:
-    """Spectacles with round or squarish rims, bridge, temples and, for some, lenses."""
     width, height = cad.between(0.022, 0.028), cad.between(0.016, 0.024)
     power = (1.0, 0.6, 0.45)[member % 3]
     angles = np.linspace(0, 2 * np.pi, cad.steps(0.03), endpoint=False)

@@ -6,16 +6,16 @@ import numpy as np
 
 from puckbench.geometry.cloud import Floats
 from puckbench.scenes import outlines
-from puckbench.scenes.builder import Item
 from puckbench.scenes.furniture.plants import leaf
 from puckbench.scenes.furniture.small import clutter
 from puckbench.scenes.modeller import Modeller
+from puckbench.scenes.pieces import Item
 from puckbench.scenes.solids import extrude, loft
 from puckbench.scenes.surfaces import Surface, frame_along, join
 
 
 def airplane(cad: Modeller, member: int) -> Item:
-    """Airliner with two or four jets, propeller plane, or glider; its nose to +x."""
+    """Airliner with two or four jets, propeller plane or glider, its nose to +x."""
     style = member % 4
     radius = (1.9, 1.7, 0.7, 0.5)[style] * cad.between(0.9, 1.1)
     length = (34.0, 40.0, 9.0, 8.0)[style] * cad.between(0.9, 1.1)
@@ -49,7 +49,7 @@ def airplane(cad: Modeller, member: int) -> Item:
 
 
 def _fuselage(cad: Modeller, radius: float, length: float) -> Surface:
-    """Body turned about x from the tail at x = 0 to the nose at x = length."""
+    """Body about x from the tail at x = 0 to the nose."""
     shares = [
         (0.0, 0.0),
         (0.25, 0.04),
@@ -67,7 +67,7 @@ def _fuselage(cad: Modeller, radius: float, length: float) -> Surface:
 
 
 def _wing(cad: Modeller, root: float, tip: float, span: float, sweep: float) -> Surface:
-    """Wing along +y from the origin, its nose to +x, swept back and slightly raised."""
+    """Swept wing along +y, its leading edge to +x."""
     angles = np.linspace(0, 2 * np.pi, max(16, cad.steps(1) // 2), endpoint=False)
     at = np.linspace(0, 1, max(6, round(12 * cad.detail)))
     chord = (root + (tip - root) * at) * np.append(np.ones(len(at) - 1), 0.8)
@@ -80,7 +80,6 @@ def _wing(cad: Modeller, root: float, tip: float, span: float, sweep: float) -> 
 
 
 def _nacelle(cad: Modeller, radius: float) -> Surface:
-    """Jet engine along x with an open intake and a cone in it."""
     length = radius * 3.2
     ring = (
         *outlines.line((0, 0), (radius * 0.55, 0)),
@@ -140,12 +139,14 @@ _CAR_CABINS = (
 
 
 def car(cad: Modeller, member: int) -> Item:
-    """Saloon, hatchback, van or pick-up; its front to +x."""
+    """Saloon, hatchback, van or pick-up, facing +x."""
     style = member % 4
     stretch = cad.between(0.92, 1.08)
     width = cad.between(1.65, 1.85)
     steps = max(4, cad.steps(0.2) // 4)
-    side, cabin = ([(x * stretch, z) for x, z in one[style]] for one in (_CAR_SIDES, _CAR_CABINS))
+    side, cabin = (
+        [(x * stretch, z) for x, z in shapes[style]] for shapes in (_CAR_SIDES, _CAR_CABINS)
+    )
     axles = (-side[1][0] * 0.62, side[1][0] * 0.64)
     body = extrude(_with_arches(cad, side, axles, 0.42, steps), width).at(y=width / 2, tilt=90)
     top = _tapered(outlines.rounded(cabin, 0.1, steps), width * 0.98, width * 0.8)
@@ -197,7 +198,7 @@ def _with_arches(
     radius: float,
     steps: int,
 ) -> outlines.Outline:
-    """Side view of a car body: a rounded polygon with wheel arches cut into its lower edge."""
+    """Side view of a car body: a rounded polygon with wheel arches."""
     low = side[0][1]
     half = float(np.sqrt(radius**2 - (low - 0.33) ** 2))
     start = float(np.degrees(np.arctan2(low - 0.33, -half)))
@@ -209,7 +210,7 @@ def _with_arches(
         cuts += outlines.arc((axle, 0.33), radius, start, end, cad.steps(radius) // 2)
         x = axle + half
     whole = outlines.rounded(side, 0.09, steps)
-    corners = [one for one in whole if one.kind == "arc"]
+    corners = [segment for segment in whole if segment.kind == "arc"]
     end_x, end_z = corners[1].points[0]
     cuts += outlines.line((x, low), (float(end_x), float(end_z)))
     return (
@@ -225,7 +226,7 @@ def _point(values: Floats) -> outlines.Point:
 
 
 def _tapered(outline: outlines.Outline, low: float, high: float) -> Surface:
-    """Cabin: a side view made as wide as `low` at its foot and `high` at its roof."""
+    """Cabin of a side view, `low` wide at its bottom and `high` at its roof."""
     points = outlines.loop(outline)
     foot, roof = points[:, 1].min(), points[:, 1].max()
     half = (low + (high - low) * (points[:, 1] - foot) / (roof - foot)) / 2
@@ -234,7 +235,6 @@ def _tapered(outline: outlines.Outline, low: float, high: float) -> Surface:
 
 
 def _wheel(cad: Modeller) -> Surface:
-    """Wheel with its outside to +y: tyre, rim, spokes and hub cap."""
     tyre = cad.torus(0.24, 0.09).at(tilt=90)
     rim = cad.cylinder(0.19, 0.12).at(y=0.06, tilt=90)
     spokes = [
@@ -244,7 +244,7 @@ def _wheel(cad: Modeller) -> Surface:
 
 
 def tree(cad: Modeller, member: int) -> Item:
-    """Conifer, leafy tree, bare tree or palm."""
+    """Conifer, deciduous tree, bare tree or palm."""
     return clutter("tree", *(_conifer, _leafy, _bare, _palm)[member % 4](cad))
 
 
@@ -264,7 +264,7 @@ def _conifer(cad: Modeller) -> list[Surface]:
 def _grow(
     cad: Modeller, start: Floats, heading: Floats, length: float, thick: float, depth: int
 ) -> tuple[list[Surface], list[Floats]]:
-    """Branches and their tips: each branch bends a little and splits into two or three."""
+    """Branches and their tips; each branch bends and splits into two or three."""
     middle = start + heading * length * 0.5 + cad.rng.normal(0, 0.05 * length, 3)
     end = start + heading * length
     path = cad.smooth([start.tolist(), middle.tolist(), end.tolist()], 4)

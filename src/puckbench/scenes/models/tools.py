@@ -5,22 +5,21 @@ from __future__ import annotations
 import numpy as np
 
 from puckbench.scenes import outlines
-from puckbench.scenes.builder import Item
 from puckbench.scenes.furniture.small import clutter
 from puckbench.scenes.modeller import Modeller
 from puckbench.scenes.outlines import Outline
+from puckbench.scenes.pieces import Item
 from puckbench.scenes.solids import extrude, loft
 from puckbench.scenes.surfaces import Surface, grid, join
 
 
 def hammer(cad: Modeller, member: int) -> Item:
-    """Claw hammer, ball-peen hammer, mallet or sledge, on a shaped handle."""
+    """Claw hammer, ball-peen hammer, mallet or sledgehammer."""
     head = (_claw, _ball_peen, _mallet, _sledge)[member % 4](cad)
     return clutter("hammer", _handle(cad, cad.between(0.26, 0.34)), head)
 
 
 def _handle(cad: Modeller, length: float) -> Surface:
-    """Wooden handle of oval sections along -z, its top at z = 0.015."""
     stations = np.array([0.0, 0.05, 0.3, 0.55, 0.8, 0.95, 1.0])
     widths = np.array([0.010, 0.014, 0.011, 0.013, 0.017, 0.018, 0.012]) * cad.between(0.9, 1.15)
     smooth = cad.smooth(np.column_stack([stations, widths]).tolist())
@@ -77,16 +76,20 @@ def _mallet(cad: Modeller) -> Surface:
 
 
 def _right_half(outline: Outline) -> Outline:
-    """The part of a profile from the axis below around to the axis above, cut at r = 0."""
+    """The part of a profile with r > 0, closed along the axis."""
     points = outlines.loop(outline)
     low, high = float(points[:, 1].min()), float(points[:, 1].max())
-    kept = [one for one in outline if one.points[:, 0].max() > 0 and one.points[:, 0].min() > 0]
-    first, last = kept[0].points[0], kept[-1].points[-1]
+    segments = [
+        segment
+        for segment in outline
+        if segment.points[:, 0].max() > 0 and segment.points[:, 0].min() > 0
+    ]
+    first, last = segments[0].points[0], segments[-1].points[-1]
     lines = (
         outlines.line((0.0, low), (float(first[0]), low)),
         outlines.line((float(last[0]), high), (0.0, high)),
     )
-    return (*lines[0], *kept, *lines[1])
+    return (*lines[0], *segments, *lines[1])
 
 
 def _sledge(cad: Modeller) -> Surface:
@@ -102,7 +105,7 @@ def _sledge(cad: Modeller) -> Surface:
 
 
 def screw(cad: Modeller, member: int) -> Item:
-    """Screw with a helical thread and a hexagonal, slotted, countersunk or socket head."""
+    """Screw with a hexagonal, slotted, countersunk or socket head."""
     radius, length = cad.between(0.07, 0.11), cad.between(0.6, 0.9)
     pitch = radius * cad.between(0.32, 0.5)
     point = radius * 2.2 if member % 3 == 2 else radius * 0.3
@@ -120,7 +123,7 @@ def screw(cad: Modeller, member: int) -> Item:
 
 
 def _thread(cad: Modeller, radius: float, pitch: float, length: float) -> Surface:
-    """Ridge wound about a cylinder from z = 0 to `length`, running out at both ends."""
+    """Helical ridge on a cylinder from z = 0 to `length`, tapering off at both ends."""
     turns = length / pitch
     count = max(16, int(turns * cad.steps(0.03)))
     along = np.linspace(0, 1, count)
@@ -142,7 +145,6 @@ def _hex_head(cad: Modeller, size: float) -> Surface:
 
 
 def _slotted_head(cad: Modeller, size: float) -> Surface:
-    """Round head with a fillet below and a slot above."""
     slot = [outlines.rectangle(size * 0.24, size * 1.7)]
     rim = outlines.arc((size * 0.8, size * 0.2), size * 0.2, -90, 0, max(4, cad.steps(size) // 8))
     side = (
@@ -156,7 +158,6 @@ def _slotted_head(cad: Modeller, size: float) -> Surface:
 
 
 def _flat_head(cad: Modeller, size: float) -> Surface:
-    """Countersunk head with a cross recess."""
     side = cad.turned(
         outlines.line((0, -size * 0.6), (size * 0.5, -size * 0.6), (size, 0), (size, size * 0.05))
     )
@@ -188,7 +189,7 @@ def _socket_head(cad: Modeller, size: float) -> Surface:
 
 
 def gear(cad: Modeller, member: int) -> Item:
-    """Spur gear with a keyed bore, and a hub, lightening holes, a second gear or a shaft."""
+    """Spur gear with a keyway, and a hub, lightening holes, a second gear or a shaft."""
     teeth = int(cad.rng.integers(12, 34))
     width = cad.between(0.08, 0.22)
     bore, style = cad.between(0.08, 0.13), member % 4
@@ -236,7 +237,6 @@ def _toothed(cad: Modeller, teeth: int, radius: float) -> Outline:
 
 
 def _keyed_bore(cad: Modeller, radius: float) -> Outline:
-    """Round bore with a keyway, counter-clockwise."""
     half = radius * 0.25
     angle = float(np.degrees(np.arcsin(half / radius)))
     x = float(np.sqrt(radius**2 - half**2))
@@ -254,7 +254,6 @@ def pipe_fitting(cad: Modeller, member: int) -> Item:
 
 
 def _collar(cad: Modeller, radius: float) -> Surface:
-    """Socket with a blind bore: its mouth at z = 0, reaching down to z = -2 radius."""
     outer, depth = radius * cad.pick((1.25, 1.35)), radius * 1.1
     bead = outlines.line(
         (0, -depth),
@@ -269,7 +268,6 @@ def _collar(cad: Modeller, radius: float) -> Surface:
 
 
 def _branch(cad: Modeller, radius: float, length: float) -> Surface:
-    """Pipe along z from the origin with a collar at its end."""
     return cad.cylinder(radius, length - radius * 0.5) + _collar(cad, radius).at(z=length)
 
 
@@ -307,7 +305,7 @@ def _reducer(cad: Modeller, radius: float) -> Surface:
 
 
 def _flange(cad: Modeller, radius: float, bolts: int) -> Surface:
-    """Flange plate around a pipe, with bolt holes, standing on z = 0."""
+    """Flange with bolt holes around a pipe, on z = 0."""
     spots = outlines.polar(1.65 * radius, 2 * np.pi * np.arange(bolts) / bolts)
     holes = [outlines.circle(radius * 0.8, cad.steps(radius))]
     holes += [outlines.circle(radius * 0.2, cad.steps(radius * 0.2), spot) for spot in spots]

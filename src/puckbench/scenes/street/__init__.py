@@ -1,4 +1,4 @@
-"""Streets: ground, houses, planting and fittings, and how they lie along a road.
+"""Streets: ground, houses, plants and street furniture, and their layout.
 
-Houses and fittings stand on z = 0, their front to -y, as furniture does.
+Houses and street furniture stand on z = 0, facing -y.
 """

@@ -1,7 +1,7 @@
-"""The ground of a street: a road with a crown, kerbs, pavements, yards and a junction at each end.
+"""Ground of a street: a cambered road, kerbs, pavements, yards, and a junction at each end.
 
-The road lies along x, its crown over y = 0, its gutters at z = 0. At both ends it meets a cross
-street, beyond which the ground goes on. Every place has ground, and no two lie over each other.
+The road lies along x, its crown above y = 0, its gutters at z = 0. The parts of the ground do not
+overlap and leave no gaps.
 """
 
 from __future__ import annotations
@@ -9,65 +9,70 @@ from __future__ import annotations
 import numpy as np
 
 from puckbench.scenes import outlines
-from puckbench.scenes.builder import Item, Piece
 from puckbench.scenes.modeller import Modeller
 from puckbench.scenes.outlines import Outline, Point, Segment
+from puckbench.scenes.pieces import Item, Piece
 from puckbench.scenes.solids import box, extrude, flat
 from puckbench.scenes.surfaces import Surface, join, planar
 
 LANE, PARKING = 3.25, 2.15
 ROAD = LANE + PARKING
-"""Width of a lane and of the parking strip beside it, and half the width of the road, m."""
+"""Widths of a lane and a parking strip, and half the width of the road, m."""
 CROWN = 0.025 * ROAD
-"""Height of the road's middle over its gutters, m."""
-KERB, PAVED = 0.12, 0.11
-"""Height of the kerbs, and of the pavements and yards behind them, m."""
-PROPERTY = ROAD + 3.2
-"""Distance of the pavements' backs from the road's middle, m."""
-SIDE = 32.0
-"""Distance of the scene's long sides from the road's middle, m."""
-CROSSING, BEYOND = 8.0, 16.0
-"""Width of the cross streets, and depth of the ground beyond them, m."""
-FAR_PAVED = 2.6
-"""Width of the pavements beyond the cross streets, with their kerbs, m."""
+"""Height of the crown above the gutters, m."""
+KERB, PAVEMENT_Z = 0.12, 0.11
+"""Heights of the kerbs, and of pavements and yards, m."""
+PROPERTY_Y = ROAD + 3.2
+"""Distance of the property line from the centre line, m."""
+HALF_WIDTH = 32.0
+"""Half the width of the scene, m."""
+CROSS_STREET, END_DEPTH = 8.0, 16.0
+"""Width of the cross streets, and of the ground beyond them, m."""
+END_PAVEMENT = 2.6
+"""Width of the pavements beyond the cross streets, m."""
 _CORNER, _HIP, _STONE = 3.0, 6.0, 0.15
 
 
 def road_height(y: float) -> float:
-    """Height of the road at a distance from its middle, away from its ends, m."""
+    """Return the height of the road at a distance from its centre line, metres."""
     return CROWN * (1 - abs(y) / ROAD)
 
 
 def ground(cad: Modeller, length: float) -> Item:
-    """The ground of a street, `length` m long between its cross streets."""
+    """Make the ground of a street with `length` metres between its cross streets."""
     half = _crowned(length)
     hip = _hip(length)
     item = [Piece("road", "road", join([half, half.mirrored(1), hip, hip.mirrored()]))]
     for kind, semantic, surface in (_junction(cad, length), *_block(cad, length), *_far(length)):
-        item += [Piece(kind, semantic, one) for one in (surface, surface.at(turn=180))]
+        item += [Piece(kind, semantic, part) for part in (surface, surface.at(turn=180))]
     return item
 
 
 def _crowned(length: float) -> Surface:
-    """The half of the road over y < 0."""
     x = length / 2 - _CORNER
     ridge = x - _HIP
     return _facet((-x, -ROAD, 0.0), (x, -ROAD, 0.0), (ridge, 0.0, CROWN), (-ridge, 0.0, CROWN))
 
 
 def _hip(length: float) -> Surface:
-    """The end of the road over x > 0, where its crown goes down to the cross street."""
+    """The end of the road at x > 0, where the camber ends."""
     x = length / 2 - _CORNER
     return _facet((x, -ROAD, 0.0), (x, ROAD, 0.0), (x - _HIP, 0.0, CROWN))
 
 
 def _junction(cad: Modeller, length: float) -> tuple[str, str, Surface]:
-    """The cross street at the end of the road over x > 0, with rounded corners."""
     x, inner, y = length / 2, length / 2 - _CORNER, ROAD + _CORNER
-    far, steps = x + CROSSING, cad.steps(_CORNER) // 4
+    far, steps = x + CROSS_STREET, cad.steps(_CORNER) // 4
     border = (
         *outlines.arc((inner, -y), _CORNER, 90, 0, steps),
-        *outlines.line((x, -y), (x, -SIDE), (far, -SIDE), (far, SIDE), (x, SIDE), (x, y)),
+        *outlines.line(
+            (x, -y),
+            (x, -HALF_WIDTH),
+            (far, -HALF_WIDTH),
+            (far, HALF_WIDTH),
+            (x, HALF_WIDTH),
+            (x, y),
+        ),
         *outlines.arc((inner, y), _CORNER, 0, -90, steps),
         *outlines.line((inner, ROAD), (inner, -ROAD)),
     )
@@ -75,28 +80,28 @@ def _junction(cad: Modeller, length: float) -> tuple[str, str, Surface]:
 
 
 def _block(cad: Modeller, length: float) -> list[tuple[str, str, Surface]]:
-    """Kerb, pavement and yards along the side of the road over y > 0."""
+    """Kerb, pavement and yards at y > 0."""
     steps, x = cad.steps(_CORNER) // 4, length / 2 - _STONE
-    outer, inner = (_edge(length, inset, SIDE, steps) for inset in (0.0, _STONE))
+    outer, inner = (_edge(length, inset, HALF_WIDTH, steps) for inset in (0.0, _STONE))
     ends = outlines.line(_last(outer), _last(inner)), outlines.line(_first(inner), _first(outer))
     stones = _uncovered(extrude((*outer, *ends[0], *_backwards(inner), *ends[1]), KERB))
-    front = _edge(length, _STONE, PROPERTY, steps)
-    paved = flat((*front, *outlines.line(_last(front), _first(front)))).at(z=PAVED)
-    yards = _rectangle((-x, PROPERTY), (x, SIDE))
+    front = _edge(length, _STONE, PROPERTY_Y, steps)
+    paved = flat((*front, *outlines.line(_last(front), _first(front)))).at(z=PAVEMENT_Z)
+    yards = _rectangle((-x, PROPERTY_Y), (x, HALF_WIDTH))
     return [("kerb", "kerb", stones), ("pavement", "pavement", paved), ("yards", "terrain", yards)]
 
 
 def _far(length: float) -> list[tuple[str, str, Surface]]:
-    """Kerb, pavement and yards beyond the cross street over x > 0."""
-    x = length / 2 + CROSSING
-    stones = _uncovered(box(_STONE, 2 * SIDE, KERB).at(x=x + _STONE / 2), base=4)
-    paved = _rectangle((x + _STONE, -SIDE), (x + FAR_PAVED, SIDE))
-    yards = _rectangle((x + FAR_PAVED, -SIDE), (x + BEYOND, SIDE))
+    """Kerb, pavement and yards beyond the cross street at x > 0."""
+    x = length / 2 + CROSS_STREET
+    stones = _uncovered(box(_STONE, 2 * HALF_WIDTH, KERB).at(x=x + _STONE / 2), base=4)
+    paved = _rectangle((x + _STONE, -HALF_WIDTH), (x + END_PAVEMENT, HALF_WIDTH))
+    yards = _rectangle((x + END_PAVEMENT, -HALF_WIDTH), (x + END_DEPTH, HALF_WIDTH))
     return [("kerb", "kerb", stones), ("pavement", "pavement", paved), ("yards", "terrain", yards)]
 
 
 def _edge(length: float, inset: float, end: float, steps: int) -> Outline:
-    """The edge of a block, `inset` m within it, from one side street to the other, to y = end."""
+    """The edge of a block up to y = end, offset inwards by `inset`."""
     x, inner, y = length / 2 - inset, length / 2 - _CORNER, ROAD + _CORNER
     return (
         *outlines.line((-x, end), (-x, y)),
@@ -109,7 +114,8 @@ def _edge(length: float, inset: float, end: float, steps: int) -> Outline:
 
 def _backwards(path: Outline) -> Outline:
     return tuple(
-        Segment(one.kind, one.points[::-1], one.centre, one.radius) for one in reversed(path)
+        Segment(segment.kind, segment.points[::-1], segment.centre, segment.radius)
+        for segment in reversed(path)
     )
 
 
@@ -124,17 +130,20 @@ def _last(path: Outline) -> Point:
 
 
 def _uncovered(surface: Surface, base: int = 1) -> Surface:
-    """A body that stands on the ground without its base, which is the shape of this number."""
-    return surface.only(*(number for number in range(len(surface.shapes)) if number != base))
+    return surface.select(*(number for number in range(len(surface.shapes)) if number != base))
 
 
 def _rectangle(low: Point, high: Point) -> Surface:
-    """Paved or planted ground between two corners."""
     (x0, y0), (x1, y1) = low, high
-    return _facet((x0, y0, PAVED), (x1, y0, PAVED), (x1, y1, PAVED), (x0, y1, PAVED))
+    return _facet(
+        (x0, y0, PAVEMENT_Z),
+        (x1, y0, PAVEMENT_Z),
+        (x1, y1, PAVEMENT_Z),
+        (x0, y1, PAVEMENT_Z),
+    )
 
 
 def _facet(*corners: tuple[float, float, float]) -> Surface:
-    """A plane convex polygon, its corners counter-clockwise seen from its front."""
+    """A planar convex polygon with counter-clockwise corners."""
     fan = [(0, k, k + 1) for k in range(1, len(corners) - 1)]
     return planar(np.array(corners), np.array(fan))

@@ -1,22 +1,19 @@
-"""Trees, bushes and hedges: trunks of cylinders, and foliage of many small scattered pieces."""
+"""Trees, bushes and hedges with foliage of small random pieces."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from puckbench.geometry.cloud import Floats
-from puckbench.scenes.builder import Item, Piece
 from puckbench.scenes.modeller import Modeller
+from puckbench.scenes.pieces import Item, Piece
 from puckbench.scenes.surfaces import Ints, Surface, freeform, join
 
 _FACES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
 
 
 def tree(cad: Modeller) -> Item:
-    """Street tree: a straight trunk, boughs, and a crown that one sees through here and there.
-
-    The crown reaches some 2.2 m far from the trunk, and begins at more than 2 m above the ground.
-    """
+    """Street tree with a trunk, boughs and a partly transparent crown, 2.2 m in radius."""
     trunk, height = cad.between(0.11, 0.2), cad.between(2.5, 3.4)
     top = height + cad.between(3.0, 4.6)
     boughs, places = [], [np.array([0.0, 0.0, top - 0.9])]
@@ -36,7 +33,6 @@ def tree(cad: Modeller) -> Item:
 
 
 def bush(cad: Modeller) -> Item:
-    """Bush that stands on the ground."""
     radii = cad.rng.uniform((0.5, 0.5, 0.4), (0.9, 0.9, 0.8))
     middle = np.array([[0.0, 0.0, 0.75 * radii[2]]])
     leaves = foliage(cad, middle, radii[None], 150, 0.14)
@@ -44,7 +40,6 @@ def bush(cad: Modeller) -> Item:
 
 
 def hedge(cad: Modeller, length: float) -> Item:
-    """Clipped hedge along x, centred: dense in its middle, with leaves that stand out."""
     height, depth = cad.between(1.0, 1.8), cad.between(0.5, 0.8)
     core = cad.box(length - 0.1, depth * 0.7, height - 0.1).deformed(np.array)
     count = int(32 * length * (2 * height + depth))
@@ -58,27 +53,27 @@ def hedge(cad: Modeller, length: float) -> Item:
 
 
 def foliage(cad: Modeller, middles: Floats, radii: Floats, count: int, size: float) -> Surface:
-    """Leaves in ellipsoids, more of them near the surface than within.
+    """Return leaves in k ellipsoids, denser near their surfaces.
 
     Parameters
     ----------
     middles, radii
-        (k, 3) centres and half axes of the ellipsoids, m.
+        Centres and half axes, (k, 3), metres.
     count
-        Number of pieces, shared among the ellipsoids by their volumes.
+        Number of leaves, shared among the ellipsoids by volume.
     size
-        Of a piece, m.
+        Size of a leaf, metres.
     """
     volumes = radii.prod(axis=1)
-    chosen = cad.rng.choice(len(radii), count, p=volumes / volumes.sum())
+    ellipsoid = cad.rng.choice(len(radii), count, p=volumes / volumes.sum())
     ways = cad.rng.normal(size=(count, 3))
     ways /= np.linalg.norm(ways, axis=1, keepdims=True)
     share = cad.rng.random((count, 1)) ** 0.25
-    return _leaves(cad, middles[chosen] + radii[chosen] * ways * share, size)
+    return _leaves(cad, middles[ellipsoid] + radii[ellipsoid] * ways * share, size)
 
 
 def _leaves(cad: Modeller, places: Floats, size: float) -> Surface:
-    """A flat piece of foliage at each place (n, 3): a thin tetrahedron, turned at random."""
+    """A thin, randomly oriented tetrahedron at each position (n, 3)."""
     corners = cad.rng.uniform(-1, 1, (len(places), 4, 3)) * size / np.sqrt(2)
     corners[:, 3] = corners[:, :3].mean(axis=1) + 0.2 * corners[:, 3]
     a, b, c, d = corners.swapaxes(0, 1)
@@ -89,5 +84,4 @@ def _leaves(cad: Modeller, places: Floats, size: float) -> Surface:
 
 
 def _above(leaves: Surface) -> Surface:
-    """Leaves none of which reach below the ground."""
     return leaves.deformed(lambda points: np.maximum(points, (-np.inf, -np.inf, 0.0)))

@@ -16,7 +16,7 @@ from puckbench.geometry.mesh import Mesh
 from puckbench.geometry.ransac import THRESHOLD_M, Plane, ransac_plane
 from puckbench.lidar import ScanTable, Sensor, Sweep, load_sensor, open_error_model, scan
 from puckbench.lidar.residual_table import COLUMNS, SURFACES, about_plane, joined
-from puckbench.scenes.calibration import facing_the_wall
+from puckbench.scenes.calibration import calibration_scene
 
 SWEEP = Sweep(frames_skipped=1)
 """The 4 s sweep of the thesis's error scans; its last frame is keyed but not scanned."""
@@ -63,7 +63,7 @@ def scan_residuals(procedure: Procedure, distance: float, run: int, seed: int) -
 
     Points belong to the surface that their nominal ray hits, so that no noise is cropped away.
     """
-    mesh, origin = facing_the_wall(distance)
+    mesh, origin = calibration_scene(distance)
     sensor = load_sensor(procedure.sensor)
     names = ("residuals", procedure.model, f"{distance:g} m", f"run {run}")
     model = open_error_model(procedure.model, procedure.options)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from puckbench.core.seeding import generator
 from puckbench.lidar import ScanTable, Sensor, load_sensor, open_error_model, scan
-from puckbench.scenes.calibration import facing_the_wall
+from puckbench.scenes.calibration import calibration_scene
 from puckbench.thesis.residuals import joining
 from puckbench.thesis.residuals.virtual import Procedure
 
@@ -37,7 +37,7 @@ def wall_points(
 
 
 def _scan_points(procedure: Procedure, distance: float, run: int, seed: int) -> pd.DataFrame:
-    mesh, origin = facing_the_wall(distance, room=True)
+    mesh, origin = calibration_scene(distance, room=True)
     sensor = load_sensor(procedure.sensor)
     names = ("residuals", procedure.model, f"{distance:g} m", f"run {run}")
     model = open_error_model(procedure.model, procedure.options)

@@ -1,12 +1,12 @@
-"""What stands on the pavements of a street: lamps, signs, bollards, benches, fences, a bus stop."""
+"""Street furniture: lamps, signs, bollards, benches, fences, a bus stop."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from puckbench.scenes import outlines
-from puckbench.scenes.builder import Item, Piece
 from puckbench.scenes.modeller import Modeller
+from puckbench.scenes.pieces import Item, Piece
 from puckbench.scenes.solids import extrude
 from puckbench.scenes.surfaces import Surface, join
 
@@ -14,8 +14,7 @@ SHELTER = (4.2, 1.6)
 """Length and depth of a bus shelter, m."""
 
 
-def curved_lamp(cad: Modeller) -> Item:
-    """Lamp post with an arm over the road."""
+def arm_lamp(cad: Modeller) -> Item:
     height, reach = cad.between(6.5, 8.0), cad.between(1.2, 1.9)
     foot = cad.cylinder(0.11, 1.0)
     post = cad.cone(0.085, 0.05, height - 1.0).at(z=1.0)
@@ -29,7 +28,6 @@ def curved_lamp(cad: Modeller) -> Item:
 
 
 def globe_lamp(cad: Modeller) -> Item:
-    """Lower lamp post with a globe on top."""
     height = cad.between(3.6, 4.4)
     post = [cad.cylinder(0.09, 0.7), cad.cylinder(0.055, height - 0.7).at(z=0.7)]
     globe = [cad.cone(0.06, 0.14, 0.12).at(z=height), cad.sphere(0.24).at(z=height + 0.33)]
@@ -37,7 +35,7 @@ def globe_lamp(cad: Modeller) -> Item:
 
 
 def sign(cad: Modeller) -> Item:
-    """Traffic sign on a post, round, triangular or square, its back and front along x."""
+    """Round, triangular or square traffic sign, facing along x."""
     height = cad.between(2.2, 2.7)
     outline = cad.pick(
         (
@@ -52,7 +50,6 @@ def sign(cad: Modeller) -> Item:
 
 
 def bollard(cad: Modeller) -> Item:
-    """Bollard with a round top."""
     radius, height = 0.065, 0.85
     top = outlines.arc((0.0, height), radius, 0, 90, cad.steps(radius) // 4)
     profile = (*outlines.line((0, 0), (radius, 0), (radius, height)), *top)
@@ -60,7 +57,6 @@ def bollard(cad: Modeller) -> Item:
 
 
 def bench(cad: Modeller) -> Item:
-    """Bench of slats on two stands."""
     return [Piece("bench", "bench", _bench(cad, 1.8))]
 
 
@@ -75,21 +71,19 @@ def _bench(cad: Modeller, length: float) -> Surface:
     return join([*seat, *back, *stands])
 
 
-def bin_(cad: Modeller) -> Item:
-    """Litter bin: a drum with a rim."""
+def litter_bin(cad: Modeller) -> Item:
     drum = cad.cylinder(0.22, 0.8)
     return [Piece("bin", "bin", join([drum, cad.torus(0.22, 0.025).at(z=0.8)]))]
 
 
 def cabinet(cad: Modeller) -> Item:
-    """Cabinet of a power or telephone company."""
     width, height = cad.between(0.6, 1.3), cad.between(0.9, 1.3)
     plinth = cad.box(width, 0.36, 0.1)
     return [Piece("cabinet", "box", join([plinth, cad.slab(width, 0.34, height, 0.02).at(z=0.1)]))]
 
 
 def shelter(cad: Modeller) -> Item:
-    """Bus shelter, open to the road, with a bench in it."""
+    """Bus shelter with a bench, open to the road."""
     length, depth = SHELTER
     y, x = depth / 2 - 0.1, length / 2 - 0.15
     panes = [cad.box(length - 0.4, 0.03, 1.9).at(y=y, z=0.3)]
@@ -104,7 +98,6 @@ def shelter(cad: Modeller) -> Item:
 
 
 def fence(cad: Modeller, length: float) -> Item:
-    """Fence of pickets along x, centred."""
     height = cad.between(0.9, 1.3)
     count = max(2, round(length / 0.16))
     picket = cad.box(0.08, 0.02, height)
@@ -114,6 +107,5 @@ def fence(cad: Modeller, length: float) -> Item:
 
 
 def garden_wall(cad: Modeller, length: float, height: float) -> Item:
-    """Wall along x, centred, with coping stones."""
     wall, coping = cad.box(length, 0.24, height), cad.box(length, 0.3, 0.07).at(z=height)
     return [Piece("garden_wall", "fence", join([wall, coping]))]

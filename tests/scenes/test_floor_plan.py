@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from puckbench.scenes.plan import Plan, rectangle, square
+from puckbench.scenes.floor_plan import FloorPlan, footprint, square
 from puckbench.scenes.surfaces import pose
 
 L_SHAPE = np.array([(0.0, 0.0), (4, 0), (4, 2), (2, 2), (2, 4), (0, 4)])
@@ -22,21 +22,21 @@ L_SHAPE = np.array([(0.0, 0.0), (4, 0), (4, 2), (2, 2), (2, 4), (0, 4)])
 def test_room_holds_what_lies_within_its_walls(
     x: float, y: float, half: float, inside: bool
 ) -> None:
-    assert Plan(L_SHAPE).contains(square(x, y, half)) is inside
+    assert FloorPlan(L_SHAPE).contains(square(x, y, half)) is inside
 
 
 def test_taken_space_is_not_free_but_above_it_is() -> None:
-    plan = Plan(L_SHAPE)
-    plan.take(square(1, 1, 0.4), 0.0, 0.8)
-    assert not plan.fits(square(1.3, 1, 0.2), 0.0, 0.5)
-    assert plan.fits(square(1.3, 1, 0.2), 0.9, 1.5)
-    assert plan.fits(square(1.9, 1, 0.4), 0.0, 0.5)
+    plan = FloorPlan(L_SHAPE)
+    plan.occupy(square(1, 1, 0.4), 0.0, 0.8)
+    assert not plan.is_free(square(1.3, 1, 0.2), 0.0, 0.5)
+    assert plan.is_free(square(1.3, 1, 0.2), 0.9, 1.5)
+    assert plan.is_free(square(1.9, 1, 0.4), 0.0, 0.5)
 
 
 def test_turned_rectangle_fits_beside_where_its_box_would_not() -> None:
-    plan = Plan(L_SHAPE)
-    plan.take(rectangle((-1.2, -0.05), (1.2, 0.05), pose(1.4, 1.4, turn=45)), 0.0, 1.0)
+    plan = FloorPlan(L_SHAPE)
+    plan.occupy(footprint((-1.2, -0.05), (1.2, 0.05), pose(1.4, 1.4, turn=45)), 0.0, 1.0)
     corner = square(1.9, 0.9, 0.15)
-    assert plan.fits(corner, 0.0, 1.0)
-    plan.take(rectangle((-0.9, -0.9), (0.9, 0.9), pose(1.4, 1.4)), 0.0, 1.0)
-    assert not plan.fits(corner, 0.0, 1.0)
+    assert plan.is_free(corner, 0.0, 1.0)
+    plan.occupy(footprint((-0.9, -0.9), (0.9, 0.9), pose(1.4, 1.4)), 0.0, 1.0)
+    assert not plan.is_free(corner, 0.0, 1.0)

@@ -1,4 +1,4 @@
-"""The generated rooms: shapes, openings and furnishing, as a table."""
+"""Specifications of the generated rooms: shapes, openings and furniture."""
 
 from __future__ import annotations
 
@@ -7,30 +7,18 @@ from functools import partial
 
 import numpy as np
 
-from puckbench.scenes import groups
+from puckbench.scenes import furniture_groups as groups
 from puckbench.scenes.furniture import fixtures, seating, small, storage, tables
-from puckbench.scenes.placing import Maker, Placement
+from puckbench.scenes.placement import Maker, Placement
 from puckbench.scenes.shell import Opening, window
 
 
 @dataclass(frozen=True)
 class RoomSpec:
-    """A room of the table.
+    """Specification of a room, lengths in metres.
 
-    Parameters
-    ----------
-    kind
-        The type of room.
-    outline
-        Corners of the floor, counter-clockwise, m.
-    height
-        Of the ceiling, m.
-    origin
-        (x, y) where a sensor may stand; no furniture is placed there.
-    openings, furnishing
-        Doors and windows, and what is placed.
-    lamps
-        Maker of the lamps on the ceiling, and their spacing, m.
+    ``outline`` holds the corners of the floor, counter-clockwise; ``origin`` is a sensor position
+    free of furniture; ``lamps`` are the maker and the spacing of the ceiling lamps.
     """
 
     kind: str
@@ -43,7 +31,6 @@ class RoomSpec:
 
     @property
     def size(self) -> tuple[float, float, float]:
-        """Sides of the room's box in metres."""
         x, y = np.ptp(np.array(self.outline), axis=0).tolist()
         return x, y, self.height
 
@@ -69,12 +56,11 @@ def _overhead(maker: Maker, x: float, y: float, turn: float = 0.0) -> Placement:
 
 
 def _pipe(height: float, *points: tuple[float, float, float]) -> Placement:
-    """A pipe along points, their heights measured from the ceiling."""
+    """A pipe through points whose heights are relative to `height`."""
     return Placement(partial(fixtures.pipe_run, points=points), "fixed", at=(0.0, 0.0, height))
 
 
 def _beam(length: float, x: float, y: float, height: float, depth: float = 0.3) -> Placement:
-    """A ceiling beam along x."""
     return Placement(partial(fixtures.beam, length=length, depth=depth), "fixed", at=(x, y, height))
 
 
@@ -97,12 +83,12 @@ ROOMS: dict[str, RoomSpec] = {
         (2.4, 1.3),
         (Opening(0, 0.5), window(2, 0.3), window(2, 0.72)),
         (
-            Placement(groups.workplace, at=(1, 0.32)),
-            Placement(groups.workplace, at=(3, 0.68)),
+            Placement(groups.workstation, at=(1, 0.32)),
+            Placement(groups.workstation, at=(3, 0.68)),
             Placement(_RADIATOR, "mounted", at=(2, 0.5)),
             *_walled(storage.bookcase, storage.cabinet),
-            *_hung(_BOARD, fixtures.clock, fixtures.coat_rack, fixtures.switches),
-            *_loose(groups.plant_group, small.bin_, small.carton_stack, small.ball),
+            *_hung(_BOARD, fixtures.clock, fixtures.coat_rack, fixtures.light_switch),
+            *_loose(groups.random_plant, small.waste_bin, small.carton_stack, small.ball),
         ),
     ),
     "office_2": RoomSpec(
@@ -112,11 +98,11 @@ ROOMS: dict[str, RoomSpec] = {
         (1.6, 2.3),
         (Opening(0, 0.25), window(2, 0.5, 2.0)),
         (
-            Placement(groups.workplace, at=(1, 0.3)),
+            Placement(groups.workstation, at=(1, 0.3)),
             Placement(_RADIATOR, "mounted", at=(2, 0.5)),
-            *_walled(storage.bookcase, _NARROW_CASE, storage.sideboard, groups.plant_group),
-            *_hung(fixtures.pinboard, fixtures.picture, fixtures.switches),
-            *_loose(seating.shell_chair, small.bin_, small.carton_stack),
+            *_walled(storage.bookcase, _NARROW_CASE, storage.sideboard, groups.random_plant),
+            *_hung(fixtures.pinboard, fixtures.picture, fixtures.light_switch),
+            *_loose(seating.shell_chair, small.waste_bin, small.carton_stack),
         ),
     ),
     "office_3": RoomSpec(
@@ -133,14 +119,14 @@ ROOMS: dict[str, RoomSpec] = {
             window(2, 0.87),
         ),
         (
-            Placement(_COLUMN[3.0][0], "floor", at=(3.4, 3.5), sway=0),
-            Placement(_COLUMN[3.0][1], "floor", at=(7.0, 3.5), sway=0),
+            Placement(_COLUMN[3.0][0], "floor", at=(3.4, 3.5), turn_range=0),
+            Placement(_COLUMN[3.0][1], "floor", at=(7.0, 3.5), turn_range=0),
             *(
-                Placement(groups.double_workplace, "floor", at=(x, 5.1), turn=90)
+                Placement(groups.facing_workstations, "floor", at=(x, 5.1), turn=90)
                 for x in (1.8, 5.2, 8.6)
             ),
             *(
-                Placement(groups.double_workplace, "floor", at=(x, 1.8), turn=90)
+                Placement(groups.facing_workstations, "floor", at=(x, 1.8), turn=90)
                 for x in (3.4, 8.0)
             ),
             *(Placement(_RADIATOR, "mounted", at=(2, s)) for s in (0.15, 0.4, 0.63, 0.87)),
@@ -154,7 +140,11 @@ ROOMS: dict[str, RoomSpec] = {
             ),
             *_hung(_BOARD, fixtures.clock, fixtures.extinguisher, fixtures.pinboard),
             *_loose(
-                groups.plant_group, groups.plant_group, small.bin_, small.bin_, small.carton_stack
+                groups.random_plant,
+                groups.random_plant,
+                small.waste_bin,
+                small.waste_bin,
+                small.carton_stack,
             ),
         ),
         (fixtures.tube_lamp, 1.9),
@@ -166,13 +156,13 @@ ROOMS: dict[str, RoomSpec] = {
         (2.5, 1.5),
         (Opening(0, 0.85), window(5, 0.3), window(5, 0.7), window(1, 0.5)),
         (
-            Placement(groups.workplace, at=(4, 0.4)),
-            Placement(groups.workplace, at=(0, 0.36)),
-            Placement(groups.cafe, "floor", at=(1.25, 2.7)),
+            Placement(groups.workstation, at=(4, 0.4)),
+            Placement(groups.workstation, at=(0, 0.36)),
+            Placement(groups.cafe_group, "floor", at=(1.25, 2.7)),
             *(Placement(_RADIATOR, "mounted", at=(5, s)) for s in (0.3, 0.7)),
-            *_walled(storage.bookcase, storage.cabinet, _LOW_CASE, groups.plant_group),
-            *_hung(fixtures.picture, _BOARD, fixtures.wall_shelf, fixtures.switches),
-            *_loose(small.bin_, small.carton_stack, groups.balls),
+            *_walled(storage.bookcase, storage.cabinet, _LOW_CASE, groups.random_plant),
+            *_hung(fixtures.picture, _BOARD, fixtures.wall_shelf, fixtures.light_switch),
+            *_loose(small.waste_bin, small.carton_stack, groups.balls),
         ),
     ),
     "meeting_room_1": RoomSpec(
@@ -182,13 +172,13 @@ ROOMS: dict[str, RoomSpec] = {
         (1.0, 2.1),
         (Opening(0, 0.85), window(2, 0.3, 1.6), window(2, 0.7, 1.6)),
         (
-            Placement(groups.meeting, "floor", at=(3.3, 2.1)),
+            Placement(groups.meeting_group, "floor", at=(3.3, 2.1)),
             Placement(_WIDE_BOARD, "mounted", at=(1, 0.5)),
             *(Placement(_RADIATOR, "mounted", at=(2, s)) for s in (0.3, 0.7)),
             _overhead(fixtures.projector, 2.4, 2.1, 90),
-            *_walled(storage.sideboard, groups.plant_group),
-            *_hung(fixtures.clock, fixtures.picture, fixtures.switches),
-            *_loose(small.bin_, seating.chair),
+            *_walled(storage.sideboard, groups.random_plant),
+            *_hung(fixtures.clock, fixtures.picture, fixtures.light_switch),
+            *_loose(small.waste_bin, seating.chair),
         ),
     ),
     "conference_room_1": RoomSpec(
@@ -204,17 +194,17 @@ ROOMS: dict[str, RoomSpec] = {
             window(2, 0.8, 1.8),
         ),
         (
-            Placement(partial(groups.meeting, length=4.4, width=1.5), "floor", at=(4.7, 2.7)),
-            Placement(partial(fixtures.screen, width=2.6), "mounted", at=(1, 0.5)),
-            Placement(_COLUMN[3.1][1], "floor", at=(0.5, 5.0), sway=0),
-            Placement(_COLUMN[3.1][1], "floor", at=(8.1, 5.0), sway=0),
+            Placement(partial(groups.meeting_group, length=4.4, width=1.5), "floor", at=(4.7, 2.7)),
+            Placement(partial(fixtures.projection_screen, width=2.6), "mounted", at=(1, 0.5)),
+            Placement(_COLUMN[3.1][1], "floor", at=(0.5, 5.0), turn_range=0),
+            Placement(_COLUMN[3.1][1], "floor", at=(8.1, 5.0), turn_range=0),
             *(Placement(_RADIATOR, "mounted", at=(2, s)) for s in (0.2, 0.5, 0.8)),
             _overhead(fixtures.projector, 3.4, 2.7, 90),
             *_walled(storage.sideboard, storage.water_cooler),
             *_hung(
                 _BOARD, fixtures.picture, fixtures.picture, fixtures.clock, fixtures.extinguisher
             ),
-            *_loose(groups.plant_group, groups.plant_group, groups.lectern, small.bin_),
+            *_loose(groups.random_plant, groups.random_plant, groups.lectern, small.waste_bin),
         ),
         (fixtures.pendant_lamp, 2.1),
     ),
@@ -239,7 +229,7 @@ ROOMS: dict[str, RoomSpec] = {
                 fixtures.picture,
                 fixtures.picture,
                 fixtures.coat_rack,
-                fixtures.switches,
+                fixtures.light_switch,
                 fixtures.clock,
             ),
             *_walled(
@@ -247,8 +237,8 @@ ROOMS: dict[str, RoomSpec] = {
                 storage.water_cooler,
                 seating.chair,
                 seating.chair,
-                groups.plant_group,
-                small.bin_,
+                groups.random_plant,
+                small.waste_bin,
                 small.carton_stack,
             ),
         ),
@@ -278,7 +268,7 @@ ROOMS: dict[str, RoomSpec] = {
                 fixtures.picture,
                 _RADIATOR,
             ),
-            *_walled(seating.stool, seating.shell_chair, groups.plant_group, small.bin_),
+            *_walled(seating.stool, seating.shell_chair, groups.random_plant, small.waste_bin),
         ),
         (fixtures.tube_lamp, 2.4),
     ),
@@ -301,15 +291,15 @@ ROOMS: dict[str, RoomSpec] = {
             *_hung(fixtures.extinguisher, fixtures.picture, fixtures.picture, fixtures.pinboard),
             *_walled(
                 storage.copier,
-                groups.plant_group,
-                groups.plant_group,
-                small.bin_,
+                groups.random_plant,
+                groups.random_plant,
+                small.waste_bin,
                 seating.chair,
                 seating.chair,
                 storage.cabinet,
             ),
         ),
-        (fixtures.vent, 2.2),
+        (fixtures.ceiling_diffuser, 2.2),
     ),
     "storage_1": RoomSpec(
         "storage",
@@ -326,7 +316,7 @@ ROOMS: dict[str, RoomSpec] = {
                 small.carton_stack,
                 small.carton_stack,
                 storage.drum,
-                storage.gas_bottle,
+                storage.gas_cylinder,
                 small.bucket,
             ),
             *_loose(
@@ -342,13 +332,13 @@ ROOMS: dict[str, RoomSpec] = {
         (3.5, 2.0),
         (Opening(0, 0.8, width=1.6, height=2.3), Opening(3, 0.3), window(1, 0.5, 1.2, 0.6, 2.3)),
         (
-            Placement(_COLUMN[3.4][1], "floor", at=(5.4, 1.2), sway=0),
+            Placement(_COLUMN[3.4][1], "floor", at=(5.4, 1.2), turn_range=0),
             _overhead(partial(fixtures.duct, length=6.5, round_=False), 3.6, 2.0),
             *_walled(
                 _WIDE_RACK, _WIDE_RACK, _WIDE_RACK, storage.rack, storage.rack, tables.workbench
             ),
             *_walled(
-                storage.drum, storage.drum, storage.drum, storage.gas_bottle, storage.gas_bottle
+                storage.drum, storage.drum, storage.drum, storage.gas_cylinder, storage.gas_cylinder
             ),
             *_loose(
                 storage.ladder, *(small.carton_stack,) * 5, groups.balls, storage.drum, small.bucket
@@ -364,10 +354,10 @@ ROOMS: dict[str, RoomSpec] = {
         (Opening(0, 0.25), window(2, 0.5, 1.0)),
         (
             *_walled(
-                storage.copier, tables.workbench, storage.cabinet, _LOW_CASE, groups.plant_group
+                storage.copier, tables.workbench, storage.cabinet, _LOW_CASE, groups.random_plant
             ),
-            *_hung(fixtures.pinboard, fixtures.clock, fixtures.wall_shelf, fixtures.switches),
-            *_loose(small.carton_stack, small.carton_stack, small.bin_, small.papers),
+            *_hung(fixtures.pinboard, fixtures.clock, fixtures.wall_shelf, fixtures.light_switch),
+            *_loose(small.carton_stack, small.carton_stack, small.waste_bin, small.papers),
         ),
     ),
     "lounge_1": RoomSpec(
@@ -377,16 +367,16 @@ ROOMS: dict[str, RoomSpec] = {
         (3.7, 2.8),
         (Opening(0, 0.85), window(2, 0.25, 2.0), window(2, 0.7, 2.0), window(1, 0.5)),
         (
-            Placement(groups.sitting_corner, at=(3, 0.5)),
-            Placement(groups.cafe, "floor", at=(5.5, 4.2)),
-            Placement(groups.cafe, "floor", at=(5.4, 1.6)),
-            Placement(_COLUMN[3.0][0], "floor", at=(3.7, 4.6), sway=0),
+            Placement(groups.seating_group, at=(3, 0.5)),
+            Placement(groups.cafe_group, "floor", at=(5.5, 4.2)),
+            Placement(groups.cafe_group, "floor", at=(5.4, 1.6)),
+            Placement(_COLUMN[3.0][0], "floor", at=(3.7, 4.6), turn_range=0),
             *(Placement(_RADIATOR, "mounted", at=(2, s)) for s in (0.25, 0.7)),
             *_walled(
-                storage.bookcase, _LOW_CASE, partial(seating.sofa, seats=2), groups.plant_group
+                storage.bookcase, _LOW_CASE, partial(seating.sofa, seats=2), groups.random_plant
             ),
             *_hung(fixtures.picture, fixtures.picture, fixtures.clock, fixtures.wall_shelf),
-            *_loose(groups.plant_group, partial(seating.sofa, seats=1), small.ball, small.vase),
+            *_loose(groups.random_plant, partial(seating.sofa, seats=1), small.ball, small.vase),
         ),
         (fixtures.pendant_lamp, 2.4),
     ),
@@ -399,10 +389,10 @@ ROOMS: dict[str, RoomSpec] = {
         (
             Placement(storage.kitchenette, at=(1, 0.6)),
             Placement(storage.fridge, at=(1, 0.2)),
-            Placement(groups.cafe, "floor", at=(1.4, 3.2)),
-            *_walled(storage.water_cooler, storage.cabinet, small.bin_),
+            Placement(groups.cafe_group, "floor", at=(1.4, 3.2)),
+            *_walled(storage.water_cooler, storage.cabinet, small.waste_bin),
             *_hung(fixtures.clock, fixtures.wall_shelf, fixtures.picture, fixtures.extinguisher),
-            *_loose(seating.stool, small.bucket, groups.plant_group),
+            *_loose(seating.stool, small.bucket, groups.random_plant),
         ),
         (fixtures.pendant_lamp, 1.7),
     ),
@@ -414,7 +404,7 @@ ROOMS: dict[str, RoomSpec] = {
         (Opening(0, 0.5, "passage", width=1.6, height=2.4), Opening(3, 0.35)),
         (
             *(
-                Placement(_COLUMN[3.4][0], "floor", at=(x, y), sway=0)
+                Placement(_COLUMN[3.4][0], "floor", at=(x, y), turn_range=0)
                 for x in (2.1, 4.9)
                 for y in (1.9, 4.5)
             ),
@@ -432,9 +422,9 @@ ROOMS: dict[str, RoomSpec] = {
             ),
             *(_beam(6.9, 3.5, y, 3.4) for y in (1.9, 4.5)),
             *_hung(*(fixtures.picture,) * 6, fixtures.extinguisher),
-            *_loose(seating.stool, groups.plant_group, groups.balls),
+            *_loose(seating.stool, groups.random_plant, groups.balls),
         ),
-        (fixtures.vent, 2.4),
+        (fixtures.ceiling_diffuser, 2.4),
     ),
     "auditorium_1": RoomSpec(
         "auditorium",
@@ -449,32 +439,32 @@ ROOMS: dict[str, RoomSpec] = {
         ),
         (
             Placement(
-                partial(groups.tiers, width=9.98, step=(1.05, 0.26), count=6, at_back=1.6),
+                partial(groups.stepped_floor, width=9.98, step=(1.05, 0.26), count=6, at_back=1.6),
                 "fixed",
                 at=(5.0, 11.49, 0.0),
             ),
             *(
                 Placement(
-                    partial(groups.row_of_seats, count=6),
+                    partial(groups.auditorium_row, count=6),
                     "floor",
                     at=(x, 5.29 + 1.05 * k, 0.26 * k + 0.26),
-                    sway=0,
+                    turn_range=0,
                 )
                 for k in range(6)
                 for x in (2.6, 7.4)
             ),
             Placement(_WIDE_BOARD, "mounted", at=(0, 0.27)),
-            Placement(partial(fixtures.screen, width=4.0), "mounted", at=(0, 0.62)),
+            Placement(partial(fixtures.projection_screen, width=4.0), "mounted", at=(0, 0.62)),
             Placement(groups.lectern, "floor", at=(2.0, 1.6), turn=180),
             Placement(tables.workbench, "floor", at=(7.2, 1.4)),
             Placement(seating.chair, "floor", at=(7.2, 0.8), turn=180),
-            *(Placement(_COLUMN[4.8][0], "floor", at=(x, 4.3), sway=0) for x in (0.5, 9.5)),
+            *(Placement(_COLUMN[4.8][0], "floor", at=(x, 4.3), turn_range=0) for x in (0.5, 9.5)),
             *(_beam(9.9, 5.0, y, 4.8, 0.4) for y in (4.3, 9.2)),
             _overhead(fixtures.projector, 5.0, 6.9, 0),
             Placement(fixtures.extinguisher, "mounted", at=(0, 0.87)),
             Placement(fixtures.clock, "mounted", at=(0, 0.105)),
             *(
-                Placement(groups.plant_group, "floor", at=place)
+                Placement(groups.random_plant, "floor", at=place)
                 for place in ((0.8, 3.2), (9.2, 3.2))
             ),
         ),
