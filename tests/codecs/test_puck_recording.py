@@ -26,7 +26,8 @@ from puckbench.puck import (
     recording,
     stream,
 )
-from puckbench.puck.recording import Account
+from puckbench.puck.gaps import compress_bytes
+from puckbench.puck.recording import RecordingSummary
 from tests.support.spinning import (
     DUAL,
     HDL32E,
@@ -41,7 +42,9 @@ from tests.support.spinning import (
 POSITION = b"$GPRMC,223123,A,3707.8178,N,12139.2690,W,000.0,182.4,160516,013.7,E,D*05\r\n"
 
 
-def there_and_back(folder: Path, data: bytes, settings: CodingOptions | None = None) -> Account:
+def there_and_back(
+    folder: Path, data: bytes, settings: CodingOptions | None = None
+) -> RecordingSummary:
     """Compress and decompress bytes; what was in them."""
     (folder / "recording").write_bytes(data)
     account = compress(folder / "recording", folder / "small.puck", settings)
@@ -338,7 +341,7 @@ def test_links_of_pages_stand_once(tmp_path: Path) -> None:
     """Each record of a few bytes would unpack to 64 MiB."""
     from puckbench.puck.records import Record, RecordKind, join_records
 
-    links = Record(RecordKind.PAGES, base_128(512) + recording._packed(bytes(4)))
+    links = Record(RecordKind.PAGES, base_128(512) + compress_bytes(bytes(4)))
     (tmp_path / "links.puck").write_bytes(join_records([links, links]))
     with pytest.raises(InputError, match=r"links\.puck: the stream is damaged"):
         decompress(tmp_path / "links.puck", tmp_path / "out")

@@ -430,7 +430,7 @@ def _filling(random: Random) -> bytes:
 
 def recording(streams: Sequence[bytes], random: Random) -> bytes:
     """Compressed recordings whose turns, gaps, pages and end are at their limits."""
-    from puckbench.puck import recording as codec
+    from puckbench.puck.gaps import compress_bytes
 
     whole = _records(streams, random)
     if random.random() < 0.2:
@@ -443,7 +443,7 @@ def recording(streams: Sequence[bytes], random: Random) -> bytes:
         size = min(sum(length * times for length, times in runs), 1 << 22)
         lengths = b"".join(base_128(number) for run in runs for number in run)
         raw = base_128(len(runs)) + lengths + bytes([int(random.integers(256))]) * size
-        return Record(RecordKind.GAPS, base_128(count) + codec._packed(raw, {}))
+        return Record(RecordKind.GAPS, base_128(count) + compress_bytes(raw))
 
     found: list[Record] = []
     for record in whole:
@@ -457,7 +457,7 @@ def recording(streams: Sequence[bytes], random: Random) -> bytes:
         elif record.kind == RecordKind.LAYOUT and random.random() < 0.2:
             links = bytes(limit(random, 12) * 4)
             page = base_128(int(random.choice([511, 512, 4096, 65536, 65537])))
-            found += [Record(RecordKind.PAGES, page + codec._packed(links, {})), record]
+            found += [Record(RecordKind.PAGES, page + compress_bytes(links)), record]
         elif record.kind == RecordKind.END and random.random() < 0.2:
             found.append(Record(RecordKind.END, _filling(random)))
         else:

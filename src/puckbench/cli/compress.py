@@ -26,7 +26,6 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> dict[str, Any]:
     from puckbench.core.progress import Progress
     from puckbench.puck import CodingOptions, compress
-    from puckbench.puck.recording import account_of
 
     coding = CodingOptions(effort=options.effort, key_every=options.key_every)
-    return account_of(compress(options.recording, options.out, coding, Progress("byte")))
+    return compress(options.recording, options.out, coding, Progress("byte")).as_json()

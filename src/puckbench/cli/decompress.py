@@ -19,7 +19,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
     from puckbench.core.progress import Progress
-    from puckbench.puck.recording import account_of, decompress
+    from puckbench.puck import decompress
 
-    account = decompress(options.stream, options.out, Progress("byte"), trusted=options.trusted)
-    return account_of(account)
+    summary = decompress(options.stream, options.out, Progress("byte"), trusted=options.trusted)
+    return summary.as_json()

@@ -1,8 +1,8 @@
-"""Experts: estimates of a number, each with a scale, as probabilities of binary decisions.
+"""Experts: estimates of a number that give probabilities of binary decisions about it.
 
-An expert believes that a number lies around its mean, with a spread that was learnt where its
-errors were alike. A decision asks whether the number is in the upper part of an interval; the
-expert's answer is the logit of its distribution's share there.
+An expert is a distribution with the estimate as its mean. Its scale is the mean absolute error of
+earlier estimates in the same situation. A decision is whether the number lies in the upper part of
+an interval; the expert answers with the logit of that part's share of its distribution.
 """
 
 from __future__ import annotations
@@ -20,33 +20,43 @@ from puckbench.puck.mixing import Ints, Many, Words
 
 FINE = 16
 """Means and errors are in units of 1 / FINE."""
-_WHOLE = 4096
-"""Probability 1 of the experts' distributions."""
+_ONE = 4096
+"""Probability 1 of the distributions."""
 _REACH = 1024
-"""Entries of the table of the distribution on each side of its mean."""
+"""Entries on each side of the mean in the table of the distribution."""
 _PER_ERROR = 128
-"""Entries of that table in a mean absolute error."""
+"""Entries of that table for a mean absolute error."""
 _LEAST_SCALE = 2 * 256
 _INVERSE = _PER_ERROR * 256 << 13
-_FARTHEST = 4000
-"""Largest error that a scale learns from."""
+_MOST_ERROR = 4000
+"""Larger errors count as this in a scale."""
 
 
 class Experts(NamedTuple):
-    """State of a number's experts.
+    """State of the experts of a number.
 
-    means: (experts,), 0 for an expert that has none. inverse: (experts,), of the scales. lower,
-    upper: (experts,), the distribution at the ends of the interval. asked: (experts,), the
-    distribution at the edge of the last decision. scales: (experts, situations), mean
-    absolute errors in 1 / 256 of FINE. distribution, logits: tables. every: a tuple, as long as
-    there are experts.
+    Parameters
+    ----------
+    means
+        (experts,), 0 for an expert without an estimate.
+    inverse
+        (experts,), inverses of the scales.
+    lower, upper, edge
+        (experts,), cumulative distribution at the ends of the interval, and at the edge that
+        divides it in the last decision.
+    scales
+        (experts, situations), mean absolute errors in 1 / (256 FINE).
+    distribution, logits
+        Tables of the cumulative distribution and of the logarithm.
+    every
+        A tuple of as many zeros as there are experts, whose length is known to the compiler.
     """
 
     means: Ints
     inverse: Ints
     lower: Ints
     upper: Ints
-    asked: Ints
+    edge: Ints
     scales: Words
     distribution: NDArray[np.int16]
     logits: NDArray[np.int16]
@@ -54,61 +64,60 @@ class Experts(NamedTuple):
 
 
 def new_experts(scales: Words, count: int) -> Experts:
-    """Experts with their first scales (scales, situations), of which there may be more."""
-    spaces = np.zeros((5, count), np.int64)
-    means, inverse, lower, upper, asked = spaces
-    return Experts(means, inverse, lower, upper, asked, scales, *_tables(), (0,) * count)
+    """Return `count` experts with initial scales (at least `count`, situations)."""
+    means, inverse, lower, upper, edge = np.zeros((5, count), np.int64)
+    return Experts(means, inverse, lower, upper, edge, scales, *_tables(), (0,) * count)
 
 
 @cache
 def _tables() -> tuple[NDArray[np.int16], NDArray[np.int16]]:
-    """Distribution of a number (Gaussian with a wide foot), and 256 times the logarithm."""
+    """Return the cumulative distribution (a Gaussian with a wide base), and 256 ln(k + 2)."""
     errors = np.arange(-_REACH, _REACH + 1) / _PER_ERROR
     gaussian = np.array([0.5 + 0.5 * erf(error / sqrt(pi)) for error in errors])
-    foot = 1 / (1 + np.exp(-errors / 2))
-    distribution = np.rint((0.95 * gaussian + 0.05 * foot) * _WHOLE)
-    logarithm = np.rint(UNIT * np.log(np.arange(_WHOLE + 1) + 2.0))
+    logistic = 1 / (1 + np.exp(-errors / 2))
+    distribution = np.rint((0.95 * gaussian + 0.05 * logistic) * _ONE)
+    logarithm = np.rint(UNIT * np.log(np.arange(_ONE + 1) + 2.0))
     return distribution.astype(np.int16), logarithm.astype(np.int16)
 
 
 @inlined
 def begin(experts: Experts, situation: int) -> None:
-    """Take the scales of a situation; nothing is known of the number yet."""
+    """Take the scales of a situation, and let the interval be all numbers."""
     for k in range(len(experts.every)):
         if experts.means[k] != 0:
             scale = max(experts.scales[k, np.uint64(situation)], _LEAST_SCALE)
             experts.inverse[k] = _INVERSE // scale
-        experts.lower[k], experts.upper[k] = 0, _WHOLE
+        experts.lower[k], experts.upper[k] = 0, _ONE
 
 
 @inlined
-def ask(experts: Experts, edge: int, answers: Words) -> None:
-    """Write each expert's logit for "the number is at least `edge`" (in 1 / FINE)."""
-    asked, logits = experts.asked, experts.logits
+def write_logits(experts: Experts, edge: int, answers: Words) -> None:
+    """Write each expert's logit of "the number is at least `edge`" (in 1 / FINE) to `answers`."""
+    shares, logits = experts.edge, experts.logits
     for k in range(len(experts.every)):
         place = ((edge - experts.means[k]) * experts.inverse[k]) >> 13
         place = min(max(place, -_REACH), _REACH) + _REACH
-        asked[k] = experts.distribution[np.uint64(place)]
+        shares[k] = experts.distribution[np.uint64(place)]
     for k in range(len(experts.every)):
-        above, below = experts.upper[k] - asked[k], asked[k] - experts.lower[k]
+        above, below = experts.upper[k] - shares[k], shares[k] - experts.lower[k]
         answer = int(logits[np.uint64(above)]) - int(logits[np.uint64(below)])
         answers[k] = answer if experts.means[k] != 0 else 0
 
 
 @inlined
-def tell(experts: Experts, bit: int) -> None:
-    """The number is at least the edge that was asked for, or it is below: where it is now."""
+def narrow(experts: Experts, bit: int) -> None:
+    """Narrow the interval to the part that a decision chose: 1 for at least its edge, 0 below."""
     for k in range(len(experts.every)):
-        lower, upper, asked = experts.lower[k], experts.upper[k], experts.asked[k]
-        experts.lower[k] = asked if bit == 1 else lower
-        experts.upper[k] = upper if bit == 1 else asked
+        lower, upper, edge = experts.lower[k], experts.upper[k], experts.edge[k]
+        experts.lower[k] = edge if bit == 1 else lower
+        experts.upper[k] = upper if bit == 1 else edge
 
 
 @inlined
 def learn(experts: Experts, situation: int, number: int, slow: int) -> None:
-    """Let the scales learn from the number (in 1 / FINE)."""
+    """Move the scales by 2**-slow towards the errors of the estimates of `number` (in 1 / FINE)."""
     for k in range(len(experts.every)):
         if experts.means[k] != 0:
-            wrong = min(abs(number - experts.means[k]), _FARTHEST) * 256
+            wrong = min(abs(number - experts.means[k]), _MOST_ERROR) * 256
             place = np.uint64(situation)
             experts.scales[k, place] += (wrong - experts.scales[k, place]) >> slow

@@ -1,7 +1,7 @@
-"""Linear prediction by weighted least squares that forgets, in whole numbers.
+"""Linear prediction by recursive least squares with exponential forgetting, in integers.
 
-The normal equations are sums of integers; one sweep of Gauss and Seidel now and then, from the
-coefficients of before, keeps their solution. So every machine finds the same one.
+The normal equations are sums of integers, which are solved by a Gauss-Seidel sweep every few
+observations, starting from the current coefficients. Every machine finds the same solution.
 """
 
 from __future__ import annotations
@@ -18,16 +18,22 @@ FRACTION = 16
 """Coefficients are in units of 2**-FRACTION."""
 _RIDGE = 5000
 _LARGEST = 1 << 20
-"""Coefficients are kept below this, so that no sum leaves 64 bits."""
+"""Coefficients are clipped to this, so that no sum exceeds 64 bits."""
 
 
 class LeastSquares(NamedTuple):
-    """State of predictors with the same features, each of which has its rows of a matrix.
+    """State of several predictors with common features.
 
-    features: (lanes,), of the number that is to be predicted; zeros after the last one. products:
-    (predictors * features, lanes), sums of the products of two features. targets, coefficients:
-    (predictors, lanes), of a feature and the target. every, lanes: tuples, as long as there are
-    features and lanes.
+    Parameters
+    ----------
+    features
+        (lanes,), features of the number to be predicted, then zeros.
+    products
+        (predictors * features, lanes), weighted sums of products of two features.
+    targets, coefficients
+        (predictors, lanes), weighted sums of a feature times the target, and the solution.
+    every, lanes
+        Tuples of zeros whose lengths, the numbers of features and lanes, are known to the compiler.
     """
 
     features: Words
@@ -39,7 +45,7 @@ class LeastSquares(NamedTuple):
 
 
 def new_least_squares(predictors: int, features: int) -> LeastSquares:
-    """Predictors that predict 0."""
+    """Return predictors whose coefficients are 0."""
     lanes = lanes_for(features)
     products = np.zeros((predictors * features, len(lanes)), np.int32)
     targets = np.zeros((predictors, len(lanes)), np.int64)
@@ -51,7 +57,7 @@ def new_least_squares(predictors: int, features: int) -> LeastSquares:
 
 @inlined
 def predicted(state: LeastSquares, which: int) -> int:
-    """The prediction, in the features' unit."""
+    """Return the prediction of predictor `which`, in the features' unit."""
     start = which * len(state.lanes)
     as_vector(state.features, state.lanes)
     return int(dot(state.coefficients, start, state.features, 0, state.lanes) >> FRACTION)
@@ -59,24 +65,25 @@ def predicted(state: LeastSquares, which: int) -> int:
 
 @inlined
 def learn_target(state: LeastSquares, which: int, target: int, damp: int, slow: int) -> None:
-    """Take in an observation with weight 2**-damp; those before lose 2**-slow of theirs."""
+    """Add an observation with weight 2**-damp; earlier weights decrease by the factor 2**-slow."""
     features, targets, lanes = state.features, state.targets, state.lanes
     first, predictor = which * len(state.every), np.uint64(which)
     for i in range(len(state.every)):
-        one = features[i]
-        targets[predictor, i] += ((one * target) >> damp) - (targets[predictor, i] >> slow)
-        decay_and_add(state.products, (first + i) * len(lanes), features, one, damp, slow, lanes)
+        feature = features[i]
+        targets[predictor, i] += ((feature * target) >> damp) - (targets[predictor, i] >> slow)
+        row = (first + i) * len(lanes)
+        decay_and_add(state.products, row, features, feature, damp, slow, lanes)
 
 
 @inlined
 def solve(state: LeastSquares, which: int) -> None:
-    """One sweep of Gauss and Seidel."""
+    """Improve the coefficients of predictor `which` by one Gauss-Seidel sweep."""
     products, coefficients, lanes = state.products, state.coefficients, state.lanes
     start, predictor = which * len(lanes), np.uint64(which)
     for i in range(len(state.every)):
         row = which * len(state.every) + i
-        rest = state.targets[predictor, i] << FRACTION
-        rest -= dot(products, row * len(lanes), coefficients, start, lanes)
+        residual = state.targets[predictor, i] << FRACTION
+        residual -= dot(products, row * len(lanes), coefficients, start, lanes)
         diagonal = np.int64(products[np.uint64(row), i])
-        found = coefficients[predictor, i] + rest // (diagonal + _RIDGE)
-        coefficients[predictor, i] = min(max(found, -_LARGEST), _LARGEST)
+        solution = coefficients[predictor, i] + residual // (diagonal + _RIDGE)
+        coefficients[predictor, i] = min(max(solution, -_LARGEST), _LARGEST)

@@ -1,4 +1,8 @@
-"""A number as binary decisions around a centre, each mixed of experts and contexts."""
+"""Coding of a number as binary decisions around an expected value.
+
+The first decision is on which side of the centre the number lies. The next ones step away from the
+centre by growing distances until the number is passed, and the last ones halve the interval.
+"""
 
 from __future__ import annotations
 
@@ -8,63 +12,59 @@ from puckbench.coding.binary_coder import LEAST, ONE, code
 from puckbench.coding.context_mixing import CERTAIN, FINE_BITS, SEEN_BITS, learn_bit
 from puckbench.coding.leading_zeros import leading_zeros
 from puckbench.core.compiling import inlined
-from puckbench.puck.experts import FINE, Experts, ask, tell
+from puckbench.puck.experts import FINE, Experts, narrow, write_logits
 from puckbench.puck.mixing import Mixer, code_bit
 
 FARTHEST = (1 << 16) - 1
 """The largest range of a packet."""
 NODES = 64
-"""Decisions that contexts and weights tell apart."""
+"""Kinds of decisions, which have contexts and weights of their own."""
 _STEPS = 11
-_DEEP = 62
+_LATER_HALVINGS = 62
 
 
 @inlined
 def code_number(
     mixer: Mixer, experts: Experts, number: int, centre: int, unit: int, step: int
 ) -> int:
-    """Code a number by its side of `centre`, steps away from there that grow, and halvings.
+    """Code a number by mixing experts and contexts; return it.
 
     Parameters
     ----------
     mixer
-        Its `at` and `rows` are those of node 0.
+        Its contexts and rows of weights are those of node 0.
     experts
-        Their means are `step` times as large as the numbers.
+        Estimates of step * number.
     number
         0 to (FARTHEST + step) // step.
     centre
-        At least 1.
+        The expected number, at least 1.
     unit
-        Length of the first steps.
+        Length of the first steps away from the centre.
     step
-        The experts' unit in the number's.
+        Quantisation step of ranges.
     """
     return _traverse(mixer, experts, False, 0, number, centre, unit, step)
 
 
 @inlined
-def code_plain_number(
+def code_unmixed_number(
     mixer: Mixer, experts: Experts, start: int, number: int, centre: int, unit: int, step: int
 ) -> int:
-    """Code a number as `code_number` does, by the counters from `start` on alone."""
+    """Code a number as `code_number` does, by single counters, the first of which is `start`."""
     return _traverse(mixer, experts, True, start, number, centre, unit, step)
 
 
 @inlined
 def _traverse(
-    mixer: Mixer, experts: Experts, is_plain: bool, start: int, number: int, centre: int, unit: int,
-    step: int,
+    mixer: Mixer, experts: Experts, is_unmixed: bool, start: int, number: int, centre: int,
+    unit: int, step: int,
 ) -> int:  # fmt: skip
-    """Code a number's decisions, from its side of the centre down to an interval of itself.
-
-    is_plain: whether by counters from `start` on; the compiler folds it, being constant in the
-    callers.
-    """
+    # `is_unmixed` is a constant in both callers, so that the compiler removes the other branch.
     low, high = 0, in_steps(FARTHEST, step) + 2
     side, steps, reach = 0, 0, 0
     if centre < high:
-        side = _decide(mixer, experts, is_plain, start, number, centre, 0, step)
+        side = _decide(mixer, experts, is_unmixed, start, number, centre, 0, step)
         low, high = (centre, high) if side == 1 else (low, centre)
     while True:
         steps += 1
@@ -73,38 +73,38 @@ def _traverse(
         if middle <= low or middle >= high:
             break
         node = 1 + side * _STEPS + min(steps - 1, _STEPS - 1)
-        bit = _decide(mixer, experts, is_plain, start, number, middle, node, step)
+        bit = _decide(mixer, experts, is_unmixed, start, number, middle, node, step)
         low, high = (middle, high) if bit == 1 else (low, middle)
         if bit != side:
             break
     node = 1 + (2 + side) * _STEPS + min(steps - 1, _STEPS - 1)
     while high - low > 1:
         middle = (low + high) >> 1
-        bit = _decide(mixer, experts, is_plain, start, number, middle, node, step)
+        bit = _decide(mixer, experts, is_unmixed, start, number, middle, node, step)
         low, high = (middle, high) if bit == 1 else (low, middle)
-        node = _DEEP
+        node = _LATER_HALVINGS
     return low
 
 
 @inlined
 def _decide(
-    mixer: Mixer, experts: Experts, is_plain: bool, start: int, number: int, middle: int, node: int,
-    step: int,
+    mixer: Mixer, experts: Experts, is_unmixed: bool, start: int, number: int, middle: int,
+    node: int, step: int,
 ) -> int:  # fmt: skip
     """Code whether the number is at least `middle`."""
     bit = int(number >= middle)
-    if is_plain:
-        return code_plain_bit(mixer, start + node, bit)
+    if is_unmixed:
+        return code_unmixed_bit(mixer, start + node, bit)
     edge = FINE * step * middle - FINE * step // 2
-    ask(experts, edge, mixer.inputs)
+    write_logits(experts, edge, mixer.inputs)
     bit = code_bit(mixer, bit, node, node)
-    tell(experts, bit)
+    narrow(experts, bit)
     return bit
 
 
 @inlined
-def code_plain_bit(mixer: Mixer, counter: int, bit: int) -> int:
-    """Code a bit by one adaptive probability, without mixing."""
+def code_unmixed_bit(mixer: Mixer, counter: int, bit: int) -> int:
+    """Code a bit by one adaptive probability."""
     state = np.int64(mixer.counters[np.uint64(counter)])
     share = int(state >> SEEN_BITS + FINE_BITS - 16)
     bit = code(mixer.bits, bit, min(max(share, LEAST), ONE - LEAST))
@@ -114,13 +114,13 @@ def code_plain_bit(mixer: Mixer, counter: int, bit: int) -> int:
 
 @inlined
 def in_steps(number: int, step: int) -> int:
-    """A number by a step, rounded down; without loss that is no division."""
+    """Return number // step; the common case of step 1 avoids a division."""
     return number if step == 1 else number // step
 
 
 @inlined
 def halves(value: int) -> int:
-    """Place of a number of at least 0 in a scale of two steps an octave."""
+    """Return the level of a number (at least 0) on a logarithmic scale, two levels per octave."""
     value += 1
     k: int = 63 - leading_zeros(value)
     return 2 * k + ((value >> (k - 1)) & 1 if k > 0 else 0)
@@ -128,7 +128,7 @@ def halves(value: int) -> int:
 
 @inlined
 def level_of(difference: int, unit: int) -> int:
-    """A signed difference in units, on nine levels: 4 for almost none."""
+    """Return one of nine levels for a signed difference in units; 4 for nearly none."""
     size = abs(difference)
     if 2 * size < unit:
         return 4

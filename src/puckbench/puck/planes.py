@@ -1,15 +1,15 @@
-"""Planes in the image of a turn: pieces of rows that are merged while one plane fits them.
+"""Segmentation of a range image into planes: pieces of rows are merged while one plane fits them.
 
-On a plane ``m . p = 1`` the points of returns are ``p = r d + o``, of range r, direction d and
-start o of the beam. So ``r = (r p) . m``, which is linear in the plane m and, near to it, right
-up to the error of the range. Least squares of any set of returns follow from 11 sums, which add up
-when sets are merged.
+A return at range r of a beam with origin o and direction d is the point p = r d + o. On the plane
+m . p = 1 follows r = (r p) . m, which is linear in m, with the error of the range as residual. The
+least squares fit of a set of returns follows from 11 sums, which are added when sets are merged.
 
 References
 ----------
-Jiang and Bunke 1994, "Fast segmentation of range images into planar regions by scan line grouping";
-Feng, Taguchi and Kamat 2014, "Fast plane extraction in organized point clouds using agglomerative
-hierarchical clustering". Theirs is the order (rows first, then across them), not the test.
+The order of merging (within rows, then across rows) is that of Jiang and Bunke 1994, "Fast
+segmentation of range images into planar regions by scan line grouping", and Feng, Taguchi and
+Kamat 2014, "Fast plane extraction in organized point clouds using agglomerative hierarchical
+clustering". The test for merging differs.
 """
 
 from __future__ import annotations
@@ -27,30 +27,30 @@ Labels = NDArray[np.int32]
 Places = NDArray[np.int64]
 
 _SUMS = 11
-"""Of a set of returns: number, six of products of (r p), three of (r p) r, and r squared."""
-_PIECE = 8
-"""Returns of a piece of a row, at most."""
+"""Sums of a set of returns: number, six of products of (r p), three of (r p) r, and of r^2."""
+_LONGEST_PIECE = 8
 _GAP = 3
-"""Columns that neighbours in a row are apart, at most."""
+"""Returns in a row are neighbours if at most this number of columns apart."""
 _STEEPEST = 6.0
-"""Tangent of the greatest incidence that is taken for a surface, not an edge."""
+"""Tangent of the incidence angle above which two neighbours are taken for an edge."""
 _JUMP = 4.0
-"""Standard deviations that neighbours may differ by, beside what the incidence allows."""
+"""Standard deviations that neighbours may differ by in addition to `_STEEPEST`."""
 _SLOPE = 2.0
-"""Tangent of a usual incidence: what is not known of a plane is assumed to lie within it."""
+"""Tangent of a typical incidence angle: the prior of slopes that the returns do not determine."""
 _GAINS = (2.0, 8.0, 25.0)
-"""Variances by which a merger may raise the sum of squares, one after the other."""
+"""A merger may increase the sum of squares by these numbers of variances, in successive rounds."""
 _ROUNDS = 3
 _BORDER = 6
-"""Returns that a border in a row is moved by, at most."""
-_FITS, _COUNTS, _FAR = 4.0, 25.0, 9.0
-"""Squared errors, in variances: of full weight, of any weight; what a border counts at most."""
+"""A border between planes moves by at most this number of returns."""
+_FULL_WEIGHT, _ANY_WEIGHT, _MOST_COST = 4.0, 25.0, 9.0
+"""Squared errors, in variances: up to the first a return has weight 1, above the second weight 0;
+the third limits the cost of a return when a border is moved."""
 
 _loop = partial(compiled_in_place, error_model="numpy")
 
 
-class RangeImage(NamedTuple):
-    """Returns of a turn by laser, from the lowest to the highest, and column.
+class RangeRows(NamedTuple):
+    """A range image and the rows of its least squares equations; lasers from lowest to highest.
 
     ranges: (lasers, columns), m, 0 for no return. rows: (lasers, columns, 3), ranges times points.
     """
@@ -59,17 +59,17 @@ class RangeImage(NamedTuple):
     rows: Floats
 
 
-class Planes(NamedTuple):
-    """The planes of an image: labels (lasers, columns), -1 for no return, and vectors (n, 3)."""
+class LabelledPlanes(NamedTuple):
+    """Planes of an image: labels (lasers, columns), -1 for no return, and the vectors m (n, 3)."""
 
     labels: Labels
     vectors: Floats
 
 
 def fitted_planes(
-    image: RangeImage, column: float, std: float, tolerance: float, closes: bool
-) -> Planes:
-    """Find planes.
+    image: RangeRows, column: float, std: float, tolerance: float, closes: bool
+) -> LabelledPlanes:
+    """Assign each return to a plane, and fit the planes.
 
     Parameters
     ----------
@@ -80,40 +80,41 @@ def fitted_planes(
     std
         Standard deviation of a range, m.
     tolerance
-        Variances by which the squares of two sets' distance may exceed what chance explains.
+        Variances by which the mean squared distance of two sets may exceed what noise explains for
+        them to be merged.
     closes
-        Whether the last column is beside the first.
+        Whether the last column is next to the first (a full turn).
     """
     ranges, rows = image
     variance = std * std
     labels = np.full(ranges.shape, -1, np.int32)
     scratch = np.zeros((2, _SUMS)), np.zeros(3)
     sums = np.zeros((np.count_nonzero(ranges > 0), _SUMS))
-    places = np.zeros(_PIECE, np.int64)
+    places = np.zeros(_LONGEST_PIECE, np.int64)
     pieces = _cut(ranges, rows, column, std, labels, sums, scratch, places)
     sums = sums[:pieces]
     within = np.zeros((pieces + len(ranges), 2), np.int32)
     across = np.zeros((2 * pieces + 1, 2), np.int32)
-    found = _pairs(labels, closes, within, across)
-    within, across = within[: found[0]], across[: found[1]]
+    counts = _pairs(labels, closes, within, across)
+    within, across = within[: counts[0]], across[: counts[1]]
     parents, squares = np.arange(pieces, dtype=np.int32), np.zeros(pieces)
     gains = np.array(_GAINS)
     _measure(sums, squares, variance, scratch[1])
     _merge(within, parents, sums, squares, variance, min(tolerance, 0.5), gains, scratch)
     both = np.concatenate([across, within])
     _merge(both, parents, sums, squares, variance, tolerance, gains, scratch)
-    count = _name(labels, parents)
+    count = _number_sets(labels, parents)
     planes, sums = np.zeros((count, 3)), np.zeros((count, _SUMS))
     for weighted in (False, True):
         _fit(ranges, rows, labels, planes, sums, variance, weighted)
     _move_borders(ranges, rows, labels, planes, variance)
     _fit(ranges, rows, labels, planes, sums, variance, True)
-    return Planes(labels, planes)
+    return LabelledPlanes(labels, planes)
 
 
 @inlined
 def _add(sums: Floats, row: Floats, target: float, weight: float) -> None:
-    """Add a return of a weight to the sums of a set."""
+    """Add a weighted return to the sums of a set."""
     sums[0] += weight
     sums[1] += weight * row[0] * row[0]
     sums[2] += weight * row[0] * row[1]
@@ -129,9 +130,9 @@ def _add(sums: Floats, row: Floats, target: float, weight: float) -> None:
 
 @inlined
 def _solve(sums: Floats, variance: float, plane: Floats) -> float:
-    """The plane of a set by Cholesky's method, and its sum of squared errors of ranges.
+    """Fit the plane of a set by Cholesky's method, and return the sum of squared range errors.
 
-    What its returns do not tell, as the slope across a single row, is taken for nearly zero.
+    A ridge keeps undetermined slopes, such as that across a single row, near zero.
     """
     ridge = variance * sums[10] / max(sums[0], 1.0) / (_SLOPE * _SLOPE)
     ridge += 1e-12 * (sums[1] + sums[4] + sums[6])
@@ -152,7 +153,7 @@ def _solve(sums: Floats, variance: float, plane: Floats) -> float:
 
 @inlined
 def range_error(row: Floats, target: float, plane: Floats) -> float:
-    """How much farther the plane is than the range, m."""
+    """Return how much farther than the range the plane is along the beam, m."""
     error: float = target - row[0] * plane[0] - row[1] * plane[1] - row[2] * plane[2]
     return error
 
@@ -168,7 +169,7 @@ def _cut(
     scratch: tuple[Floats, Floats],
     places: Places,
 ) -> int:
-    """Cut rows into pieces at jumps, and where two lines fit far better than one; their number."""
+    """Label pieces of rows, cut at jumps and where two lines fit better; return their number."""
     count = 0
     for laser in range(ranges.shape[0]):
         start = 0
@@ -188,10 +189,10 @@ def _cut(
 
 @inlined
 def _reached(ranges: Floats, start: int, column: float, std: float, places: Places) -> int:
-    """The places of a piece of a row from `start` on, up to a jump or a gap; how many they are."""
+    """List the columns of a piece from `start` on, up to a jump or a gap; return their number."""
     places[0] = before = start
     length, at = 1, start + 1
-    while at < len(ranges) and length < _PIECE and at - before < _GAP:
+    while at < len(ranges) and length < _LONGEST_PIECE and at - before < _GAP:
         near, far = ranges[before], ranges[at]
         if far > 0:
             slope = _STEEPEST * column * (at - before) * min(near, far)
@@ -212,22 +213,22 @@ def _first_part(
     scratch: tuple[Floats, Floats],
     places: Places,
 ) -> int:
-    """How many returns of a piece one line fits, where two fit far better than one; else all."""
+    """Return how many returns the first of two lines fits, if two fit far better than one."""
     both, plane = scratch
-    first, rest = both[0], both[1]
-    rest[:] = 0
+    first, second = both[0], both[1]
+    second[:] = 0
     for i in range(length):
-        _add(rest, rows[places[i]], ranges[places[i]], 1.0)
-    whole = _solve(rest, variance, plane)
+        _add(second, rows[places[i]], ranges[places[i]], 1.0)
+    whole = _solve(second, variance, plane)
     if length < 4 or whole <= 1.5 * (length + 6) * variance:
         return length
     best, end = whole / 2, length
     first[:] = 0
     for i in range(length - 2):
         _add(first, rows[places[i]], ranges[places[i]], 1.0)
-        _add(rest, rows[places[i]], ranges[places[i]], -1.0)
+        _add(second, rows[places[i]], ranges[places[i]], -1.0)
         if i > 0:
-            apart = _solve(first, variance, plane) + _solve(rest, variance, plane)
+            apart = _solve(first, variance, plane) + _solve(second, variance, plane)
             if apart < best:
                 best, end = apart, i + 1
     return end
@@ -235,7 +236,7 @@ def _first_part(
 
 @_loop
 def _pairs(labels: Labels, closes: bool, within: Labels, across: Labels) -> tuple[int, int]:
-    """List pieces beside each other within rows and across them; the numbers of both."""
+    """List pairs of neighbouring pieces within rows and across rows; return both numbers."""
     lasers, columns = labels.shape
     beside = above = 0
     for laser in range(lasers):
@@ -266,14 +267,14 @@ def _pairs(labels: Labels, closes: bool, within: Labels, across: Labels) -> tupl
 
 @_loop
 def _measure(sums: Floats, squares: Floats, variance: float, plane: Floats) -> None:
-    """The sum of squared errors of each set."""
-    for each in range(len(sums)):
-        squares[each] = _solve(sums[each], variance, plane)
+    """Write the sum of squared errors of each set."""
+    for k in range(len(sums)):
+        squares[k] = _solve(sums[k], variance, plane)
 
 
 @inlined
 def _root(parents: Labels, piece: int) -> int:
-    """The set that a piece belongs to."""
+    """Return the set that a piece belongs to (union-find with path halving)."""
     while parents[piece] != piece:
         parents[piece] = parents[parents[piece]]
         piece = parents[piece]
@@ -291,7 +292,7 @@ def _merge(
     gains: Floats,
     scratch: tuple[Floats, Floats],
 ) -> None:
-    """Merge sets beside each other while a common plane raises the sum of squares by little."""
+    """Merge neighbouring sets while a common plane increases the sum of squares only a little."""
     both, plane = scratch
     total = both[0]
     for gain in gains:
@@ -318,8 +319,8 @@ def _merge(
 
 
 @_loop
-def _name(labels: Labels, parents: Labels) -> int:
-    """Number the sets from 0 in place of the pieces; how many they are."""
+def _number_sets(labels: Labels, parents: Labels) -> int:
+    """Replace labels of pieces by numbers of sets, from 0; return the number of sets."""
     count = 0
     for piece in range(len(parents)):
         parents[piece] = _root(parents, piece)
@@ -346,7 +347,7 @@ def _fit(
     variance: float,
     weighted: bool,
 ) -> None:
-    """Fit each set's plane; weighted: returns far from the plane that it had count less."""
+    """Fit the plane of each set; if `weighted`, returns far from its last plane count less."""
     sums[:] = 0
     for laser in range(labels.shape[0]):
         for column in range(labels.shape[1]):
@@ -357,8 +358,8 @@ def _fit(
             if weighted:
                 error = range_error(rows[laser, column], ranges[laser, column], planes[plane])
                 square = error * error / variance
-                if square > _FITS:
-                    weight = np.sqrt(_FITS / square) if square < _COUNTS else 0.0
+                if square > _FULL_WEIGHT:
+                    weight = np.sqrt(_FULL_WEIGHT / square) if square < _ANY_WEIGHT else 0.0
             _add(sums[plane], rows[laser, column], ranges[laser, column], weight)
     for plane in range(len(planes)):
         _solve(sums[plane], variance, planes[plane])
@@ -368,7 +369,7 @@ def _fit(
 def _move_borders(
     ranges: Floats, rows: Floats, labels: Labels, planes: Floats, variance: float
 ) -> None:
-    """Move the borders between planes in a row to where both fit best."""
+    """Move the borders between planes within rows to where both planes fit best."""
     for laser in range(len(labels)):
         row, before = labels[laser], -1
         for column in range(len(row)):
@@ -388,7 +389,7 @@ def _move_borders(
 
 @inlined
 def _last_of(labels: Labels, start: int, step: int) -> int:
-    """The last place of the same plane from a place on, a few returns away at most."""
+    """Return the last column of the same plane in direction `step`, up to `_BORDER` returns on."""
     last, count, at = start, 0, start
     while 0 <= at < len(labels) and count < _BORDER:
         if labels[at] == labels[start]:
@@ -409,13 +410,14 @@ def _border(
     high: int,
     variance: float,
 ) -> int:
-    """Where the plane on the right should begin."""
+    """Return the column at which the plane on the right should begin."""
     cost, best, border = 0.0, 0.0, low
     for at in range(low, high + 1):
         if ranges[at] > 0:
-            one = range_error(rows[at], ranges[at], left)
-            other = range_error(rows[at], ranges[at], right)
-            cost += min(one * one / variance, _FAR) - min(other * other / variance, _FAR)
+            left_error = range_error(rows[at], ranges[at], left)
+            right_error = range_error(rows[at], ranges[at], right)
+            left_cost = min(left_error * left_error / variance, _MOST_COST)
+            cost += left_cost - min(right_error * right_error / variance, _MOST_COST)
             if cost < best:
                 best, border = cost, at + 1
     return border

@@ -1,11 +1,15 @@
-"""Ranges of a turn: which firings returned, and from how far; column by column, low lasers first.
+"""Ranges of a turn: for each firing whether it returned, and if so the range.
 
-A range is predicted from the same laser's columns before, the lasers around it and the turn before
-(least squares that learn while coding), and coded by binary decisions around the prediction. Each
-decision mixes experts with adaptive contexts.
+Firings are coded column by column, and within a column from the lowest laser to the highest. A
+range is predicted by least squares that adapt while coding, from earlier columns of the same laser,
+from neighbouring lasers and from the previous turn. It is then coded as binary decisions around the
+prediction; the probability of each decision mixes experts (`experts`) and adaptive contexts.
 
-Lossy coding quantises a range to a multiple of the step. The next multiple is taken in place of the
-nearest one where it costs so many bits less that lambda times these outweighs the greater error.
+Lossy coding quantises a range to a multiple of the step: the nearest one, or the one next to it if
+that saves so many bits that lambda times the saving exceeds the increase of the squared error.
+
+In the loops, c is the row of a column, t the row of the nearest column of the previous turn (0:
+none), west the same laser one column earlier, below and above the neighbouring lasers.
 """
 
 from __future__ import annotations
@@ -35,8 +39,8 @@ from puckbench.puck.numbers import (
     FARTHEST,
     NODES,
     code_number,
-    code_plain_bit,
-    code_plain_number,
+    code_unmixed_bit,
+    code_unmixed_number,
     halves,
     in_steps,
     level_of,
@@ -44,20 +48,30 @@ from puckbench.puck.numbers import (
 from puckbench.puck.options import Effort
 
 PAD = 8
-"""Rows of an image before its first column: the last columns of the turn before."""
+"""Rows of an image before its first column; they hold the last columns of the previous turn."""
 _LEVELS = 16
-"""Levels of activity: of how large errors are round about."""
+"""Levels of the prediction errors around a firing (its activity)."""
 _SITUATIONS = 4 * _LEVELS
 _JUMP = 24
-"""Quanta from which on a difference between columns is another surface."""
+"""A larger difference between columns, in quanta, is a step to another surface."""
 _FIRST_ERROR = 3 * FINE
 
 
-class Image(NamedTuple):
-    """A turn, (PAD + columns, lasers) each; the lasers by elevation.
+class RangeContext(NamedTuple):
+    """Ranges of a turn and what contexts derive from them, (PAD + columns, lasers) each.
 
-    ranges: 0 for no return. smooth: ranges, in 1 / FINE, drawn towards their predictions. errors:
-    of the predictions, in 1 / FINE. held: the last range of the laser up to there.
+    Lasers are ordered by elevation.
+
+    Parameters
+    ----------
+    ranges
+        0 for no return.
+    smooth
+        Ranges, in 1 / FINE, moved part of the way to their predictions.
+    errors
+        Absolute prediction errors, in 1 / FINE.
+    held
+        Range of the laser's last return up to this column.
     """
 
     ranges: Words
@@ -66,14 +80,24 @@ class Image(NamedTuple):
     held: Words
 
 
-class Model(NamedTuple):
-    """What the coder has learnt.
+class RangeModel(NamedTuple):
+    """Adaptive state of the coder of ranges.
 
-    mask, value: mixers of the decisions. starts: first counters of their contexts. experts,
-    linear: of the prediction. last, other, gap, error: of each laser: the last range, that of the
-    surface before, columns since it last began or ceased to return, recent error. memory: last
-    signed error, number of returns. settings: step, lambda, predictors in use, returns from one
-    sweep of the solver to the next.
+    Parameters
+    ----------
+    mask, value
+        Mixers of the decisions whether a firing returned, and from how far.
+    starts, mask_starts
+        First counter of each context of these.
+    experts, linear
+        Estimates of a range.
+    last, other, gap, error
+        For each laser: its last range, its range on the surface before the last jump, columns since
+        it began or ceased to return, and the running mean of its errors.
+    memory
+        The last signed error, and the number of returns.
+    parameters
+        Step, lambda, number of linear predictors, and returns between two updates of them.
     """
 
     mask: Mixer
@@ -87,11 +111,11 @@ class Model(NamedTuple):
     gap: Ints
     error: Ints
     memory: Ints
-    settings: Ints
+    parameters: Ints
 
 
 class ModelSize(NamedTuple):
-    """How much is done for a return: a prefix of the lists of features, experts and contexts."""
+    """How many features, experts, contexts and so on an effort uses: the first of each list."""
 
     features: int
     experts: int
@@ -99,7 +123,7 @@ class ModelSize(NamedTuple):
     sets: int
     mask_contexts: int
     predictors: int
-    every: int
+    solver_interval: int
 
 
 MODEL_SIZES: dict[Effort, ModelSize] = {
@@ -110,18 +134,19 @@ MODEL_SIZES: dict[Effort, ModelSize] = {
 _EXPERT_WEIGHTS = (0.18, 0.2, 0.16, 0.15, 0.1, 0.2, 0.22, 0.16, 0.16)
 _CONTEXT_WEIGHTS = (0.15, 0.2, 0.12, 0.13, 0.05, 0.16, 0.1, 0.15)
 _MASK_WEIGHTS = (0.3, 0.16, 0.08, 0.15, 0.14, 0.3)
-"""Initial weights, near to what an HDL-32E's recording ends with."""
-_NEAR = 10
-"""Features that every effort takes."""
+"""Initial weights, close to the final ones of a recording of an HDL-32E."""
+_COMMON_FEATURES = 10
+"""Features of every effort."""
 
 
-def new_model(bits: BitCoder, lasers: int, size: ModelSize, step: int, lmbda: int) -> Model:
-    """A coder that has learnt nothing."""
+def new_range_model(
+    bits: BitCoder, lasers: int, size: ModelSize, step: int, lmbda: int
+) -> RangeModel:
     sizes = np.array([100, _SITUATIONS, 90, 90, 100, 90, lasers, 100]) * NODES
     mask_sizes = np.array([2304, 216 * lasers, 2592, 1296, 3264, 64 * lasers])
     first_weights = [*_EXPERT_WEIGHTS[: size.experts], *_CONTEXT_WEIGHTS[: size.contexts]]
     zeros = np.zeros(lasers, np.int64)
-    return Model(
+    return RangeModel(
         new_mixer(bits, 0, size.mask_contexts, int(mask_sizes.sum()), 64 + lasers,
                   min(size.sets, 2), (24, 5, 160), _MASK_WEIGHTS[: size.mask_contexts]),
         new_mixer(bits, size.experts, size.contexts, int(sizes.sum()),
@@ -132,19 +157,12 @@ def new_model(bits: BitCoder, lasers: int, size: ModelSize, step: int, lmbda: in
         new_least_squares(size.predictors, size.features),
         zeros, zeros.copy(), zeros.copy(), zeros + _FIRST_ERROR,
         np.zeros(2, np.int64),
-        np.array([step, lmbda, size.predictors, size.every], np.int64),
+        np.array([step, lmbda, size.predictors, size.solver_interval], np.int64),
     )  # fmt: skip
 
 
-def with_bits(model: Model, bits: BitCoder) -> Model:
-    """The model at the beginning of another stream."""
-    return model._replace(
-        mask=model.mask._replace(bits=bits), value=model.value._replace(bits=bits)
-    )
-
-
 def _first_scales(experts: int) -> Words:
-    """Scales to begin with: what a level of activity means, times each expert's usual error."""
+    """Return the error that each level of activity stands for, times each expert's usual error."""
     level = np.arange(_LEVELS) + 6
     usual = (1 << level // 2) * (2 + level % 2) * 128
     times = np.array([1, 1.2, 1.4, 1.4, 6, 1.4, 1, 6, 6])[: max(experts, 1), None]
@@ -153,34 +171,36 @@ def _first_scales(experts: int) -> Words:
 
 
 @compiled_in_place
-def code_ranges(model: Model, image: Image, before: Image, places: Ints, source: Words) -> bool:
-    """Code a turn's ranges; whether a reader's stream was long enough.
+def code_ranges(
+    model: RangeModel, image: RangeContext, before: RangeContext, nearest: Ints, source: Words
+) -> bool:
+    """Code the ranges of a turn; return False if a reader's stream ended too early.
 
     Parameters
     ----------
     model
-        Writes or reads the stream.
+        Its mixers write or read the stream.
     image
-        The turn, whose first PAD rows are given; the others are filled.
+        The turn; rows from PAD on are filled, by a reader and a writer alike.
     before
-        The turn before, PAD rows longer.
-    places
-        (columns,), the nearest row of the turn before, or 0.
+        The previous turn, with PAD empty rows at its end.
+    nearest
+        (columns,), row of the nearest column of the previous turn, or 0.
     source
-        (PAD + columns, lasers), what a writer codes.
+        (PAD + columns, lasers), the ranges that a writer codes.
     """
-    is_plain = len(model.experts.every) == 0
+    is_unmixed = len(model.experts.every) == 0
     for column in range(PAD, len(image.ranges)):
-        place = places[column - PAD]
+        t = nearest[column - PAD]
         for laser in range(image.ranges.shape[1]):
-            if is_plain:
-                exists = _code_mask_plainly(model, image, before, column, laser, place, source)
+            if is_unmixed:
+                exists = _code_mask_unmixed(model, image, before, column, laser, t, source)
             else:
-                exists = _code_mask(model, image, before, column, laser, place, source)
-            if exists == 1 and is_plain:
-                _code_range_plainly(model, image, before, column, laser, place, source)
+                exists = _code_mask(model, image, before, column, laser, t, source)
+            if exists == 1 and is_unmixed:
+                _code_range_unmixed(model, image, before, column, laser, t, source)
             elif exists == 1:
-                _code_range(model, image, before, column, laser, place, source)
+                _code_range(model, image, before, column, laser, t, source)
             else:
                 image.ranges[column, laser] = 0
                 image.smooth[column, laser] = 0
@@ -198,13 +218,14 @@ def _is(ranges: Words, row: int, laser: int) -> int:
 
 @inlined
 def _code_mask(
-    model: Model, image: Image, before: Image, c: int, laser: int, t: int, source: Words,
+    model: RangeModel, image: RangeContext, before: RangeContext, c: int, laser: int, t: int,
+    source: Words,
 ) -> int:  # fmt: skip
-    """Code whether a firing returned."""
+    """Code whether a firing returned; contexts are the neighbours that did."""
     ranges, mask, starts = image.ranges, model.mask, model.mask_starts
     lasers = ranges.shape[1]
     west, west2 = _is(ranges, c - 1, laser), _is(ranges, c - 2, laser)
-    own = west + 2 * west2 + 4 * _is(ranges, c - 3, laser)
+    history = west + 2 * west2 + 4 * _is(ranges, c - 3, laser)
     below, below1, below_two = 2, 0, 0
     if laser > 0:
         below = _is(ranges, c, laser - 1)
@@ -214,29 +235,33 @@ def _code_mask(
     above, above2 = 0, 0
     if laser + 1 < lasers:
         above, above2 = _is(ranges, c - 1, laser + 1), _is(ranges, c - 2, laser + 1)
-    here, east, back, east2, back2, under, reach = 2, 2, 2, 0, 0, 0, 0
+    then_here, then_east, then_west = 2, 2, 2
+    then_east2, then_west2, then_below, then_level = 0, 0, 0, 0
     if t > 0:
         then = before.ranges
-        here, east, back = _is(then, t, laser), _is(then, t + 1, laser), _is(then, t - 1, laser)
-        east2, back2 = _is(then, t + 2, laser), _is(then, t - 2, laser)
-        reach = min(halves(then[t, laser]) >> 1, 16)
+        then_here = _is(then, t, laser)
+        then_east, then_west = _is(then, t + 1, laser), _is(then, t - 1, laser)
+        then_east2, then_west2 = _is(then, t + 2, laser), _is(then, t - 2, laser)
+        then_level = min(halves(then[t, laser]) >> 1, 16)
         if laser > 0:
-            under = _is(then, t, laser - 1)
+            then_below = _is(then, t, laser - 1)
     at, count = mask.at, len(mask.contexts)
-    around = (
-        (((own * 2 + _is(ranges, c - 4, laser)) * 3 + below) * 2 + below1) * 2 + below_two
+    neighbours = (
+        (((history * 2 + _is(ranges, c - 4, laser)) * 3 + below) * 2 + below1) * 2 + below_two
     ) * 2
-    at[0] = starts[0] + ((around + above) * 2 + above2) * 3 + here
-    at[1] = starts[1] + laser * 216 + own * 27 + here * 9 + east * 3 + back
-    then_bits = (((here * 3 + east) * 3 + back) * 2 + east2) * 2 + back2
-    at[2] = starts[2] + ((then_bits * 3 + below) * 2 + under) * 2 + west
+    at[0] = starts[0] + ((neighbours + above) * 2 + above2) * 3 + then_here
+    at[1] = starts[1] + laser * 216 + history * 27 + then_here * 9 + then_east * 3 + then_west
+    then_bits = (((then_here * 3 + then_east) * 3 + then_west) * 2 + then_east2) * 2 + then_west2
+    at[2] = starts[2] + ((then_bits * 3 + below) * 2 + then_below) * 2 + west
     if count > 3:
-        at[3] = starts[3] + (((west * 3 + below) * 2 + below1) * 2 + above) * 3 + here
+        at[3] = starts[3] + (((west * 3 + below) * 2 + below1) * 2 + above) * 3 + then_here
         at[4] = (
-            starts[4] + ((min(halves(model.last[laser]), 31) * 17 + reach) * 2 + west) * 3 + here
+            starts[4]
+            + ((min(halves(model.last[laser]), 31) * 17 + then_level) * 2 + west) * 3
+            + then_here
         )
         at[5] = starts[5] + (laser * 16 + min(model.gap[laser], 15)) * 4 + west * 2 + (below & 1)
-    mask.rows[0] = ((west * 3 + below) * 3 + here) * 2 + west2
+    mask.rows[0] = ((west * 3 + below) * 3 + then_here) * 2 + west2
     if len(mask.sets) > 1:
         mask.rows[1] = 64 + laser
     exists = code_bit(mask, 1 if source[c, laser] > 0 else 0, 0, 0)
@@ -246,29 +271,31 @@ def _code_mask(
 
 @inlined
 def _code_range(
-    model: Model, image: Image, before: Image, c: int, laser: int, t: int, source: Words,
+    model: RangeModel, image: RangeContext, before: RangeContext, c: int, laser: int, t: int,
+    source: Words,
 ) -> None:  # fmt: skip
-    """Code the range of a return."""
+    """Code the range of a return by mixing experts and contexts."""
     base, first, activity, is_known, situation = _predict(model, image, before, c, laser, t)
     mean = FINE * base + 4 * first
     group = 0
-    if model.settings[2] > 1:
+    if model.parameters[2] > 1:
         group = 1 + 2 * min(max(activity - 2, 0) // 3, 3) + is_known
-    _find_experts(model, image, before, c, laser, t, base, mean, group)
+    _write_experts(model, image, before, c, laser, t, base, mean, group)
     begin(model.experts, situation)
-    _find_contexts(model, image, before, c, laser, t, base, situation, mean)
+    _write_contexts(model, image, before, c, laser, t, base, situation, mean)
     index, centre, unit = _quantise(model, source[c, laser], mean, situation)
-    step = model.settings[0]
+    step = model.parameters[0]
     index = code_number(model.value, model.experts, index, centre, unit, step)
     value = min(max(index * step, 1), FARTHEST)
     _learn_range(model, image, c, laser, value, base, first, group, situation)
 
 
 @inlined
-def _code_mask_plainly(
-    model: Model, image: Image, before: Image, c: int, laser: int, t: int, source: Words,
+def _code_mask_unmixed(
+    model: RangeModel, image: RangeContext, before: RangeContext, c: int, laser: int, t: int,
+    source: Words,
 ) -> int:  # fmt: skip
-    """Code whether a firing returned, by one adaptive probability."""
+    """Code whether a firing returned by a single adaptive probability, for effort `fast`."""
     ranges, then = image.ranges, before.ranges
     context = _is(ranges, c - 1, laser) + 2 * _is(ranges, c - 2, laser)
     context += 4 * _is(ranges, c - 3, laser)
@@ -279,22 +306,23 @@ def _code_mask_plainly(
     if t > 0:
         context += 64 * (1 + _is(then, t, laser) + 2 * _is(then, t + 1, laser))
         context += 320 * _is(then, t - 1, laser)
-    return code_plain_bit(model.mask, context, 1 if source[c, laser] > 0 else 0)
+    return code_unmixed_bit(model.mask, context, 1 if source[c, laser] > 0 else 0)
 
 
 @inlined
-def _code_range_plainly(
-    model: Model, image: Image, before: Image, c: int, laser: int, t: int, source: Words,
+def _code_range_unmixed(
+    model: RangeModel, image: RangeContext, before: RangeContext, c: int, laser: int, t: int,
+    source: Words,
 ) -> None:  # fmt: skip
-    """Code the range of a return by adaptive probabilities alone."""
+    """Code the range of a return by single adaptive probabilities, for effort `fast`."""
     base, first, activity, is_known, situation = _predict(model, image, before, c, laser, t)
     mean = FINE * base + 4 * first
     index, centre, unit = _quantise(model, source[c, laser], mean, situation)
-    step, then = model.settings[0], 9
+    step, then = model.parameters[0], 9
     if is_known == 1:
         then = level_of(before.smooth[t, laser] - mean, FINE * unit * step)
     start = (then * _LEVELS + activity) * NODES
-    index = code_plain_number(model.value, model.experts, start, index, centre, unit, step)
+    index = code_unmixed_number(model.value, model.experts, start, index, centre, unit, step)
     value = min(max(index * step, 1), FARTHEST)
     wrong = min(abs(FINE * value - mean), 4000) * 256
     model.experts.scales[0, situation] += (wrong - model.experts.scales[0, situation]) >> 6
@@ -303,15 +331,16 @@ def _code_range_plainly(
 
 @inlined
 def _predict(
-    model: Model, image: Image, before: Image, c: int, laser: int, t: int,
+    model: RangeModel, image: RangeContext, before: RangeContext, c: int, laser: int, t: int,
 ) -> tuple[int, int, int, int, int]:  # fmt: skip
-    """Predict a range: its base, the difference to it in quarter quanta, and how sure that is.
+    """Predict a range.
 
-    How sure: the activity round about, whether the turn before has a return there (0 or 1), and the
-    situation, which adds whether the laser's last firing returned; errors are learnt by it.
+    Returns its base, the predicted difference from the base in quarter quanta, the activity,
+    whether the previous turn has a return there, and the situation: an index of activity, the
+    previous turn and the laser's last firing, for each of which typical errors are learnt.
     """
     base = _base(model, image, before, c, laser, t)
-    _find_features(model, image, before, c, laser, t, base)
+    _write_features(model, image, before, c, laser, t, base)
     activity = _activity(model, image, before, c, laser, t)
     is_known = 1 if t > 0 and before.ranges[t, laser] > 0 else 0
     situation = activity * 4 + is_known * 2 + 1 - _is(image.ranges, c - 1, laser)
@@ -320,37 +349,40 @@ def _predict(
 
 
 @inlined
-def _quantise(model: Model, value: int, mean: int, situation: int) -> tuple[int, int, int]:
-    """A range in steps, and the centre and the unit of the decisions that code it."""
-    step, lmbda = model.settings[0], model.settings[1]
+def _quantise(model: RangeModel, value: int, mean: int, situation: int) -> tuple[int, int, int]:
+    """Return a range in steps, and the centre and the unit of the decisions that code it."""
+    step, lmbda = model.parameters[0], model.parameters[1]
     scale = model.experts.scales[0, situation] >> 8
     index = in_steps(value + (step >> 1), step)
     if lmbda > 0:
-        index = _chosen(value, index, mean, scale, step, lmbda)
+        index = _cheaper_index(value, index, mean, scale, step, lmbda)
     centre = max(in_steps((mean + FINE * step // 2) // FINE, step), 1)
     return index, centre, max(in_steps(scale * 3 // 64, step), 1)
 
 
 @inlined
-def _chosen(value: int, index: int, mean: int, scale: int, step: int, lmbda: int) -> int:
-    """The nearest index or its neighbour on the prediction's side (rate-distortion optimisation).
+def _cheaper_index(value: int, index: int, mean: int, scale: int, step: int, lmbda: int) -> int:
+    """Return the nearest index or its neighbour on the prediction's side, by rate and distortion.
 
-    Towards a prediction whose errors have mean `scale`, a step saves about step / scale nats.
+    If prediction errors are `scale` on average, a step towards the prediction saves about
+    step / scale nats.
     """
     other = index + 1 if FINE * step * index < mean else index - 1
     if other < 1 or abs(FINE * step * other - mean) >= abs(FINE * step * index - mean):
         return index
     near, far = value - step * index, value - step * other
     saved = lmbda * step * FINE * min(abs(FINE * step * index - mean), 2 * scale)
-    # Errors in quanta squared; lambda in 1 / 16 quantum squared a nat.
+    # Errors are in squared quanta; lambda is in 1 / 16 squared quantum per nat.
     if 16 * (far * far - near * near) * 2 * max(scale, 1) * max(scale, 1) < saved:
         return other
     return index
 
 
 @inlined
-def _base(model: Model, image: Image, before: Image, c: int, laser: int, t: int) -> int:
-    """The range that features are differences to: the laser's last, or what is nearest to it."""
+def _base(
+    model: RangeModel, image: RangeContext, before: RangeContext, c: int, laser: int, t: int
+) -> int:
+    """Return the range that features are differences from: the laser's last, or a neighbour's."""
     base = int(model.last[laser])
     if base == 0 and laser > 0:
         base = int(image.ranges[c, laser - 1])
@@ -361,16 +393,17 @@ def _base(model: Model, image: Image, before: Image, c: int, laser: int, t: int)
 
 @inlined
 def _change(later: int, earlier: int) -> int:
-    """A difference of ranges in quarter quanta; 0 when one is missing or the surface another."""
+    """Return a difference of ranges in quarter quanta; 0 if one is missing or it is too large."""
     change = 4 * (later - earlier)
     return change if later > 0 and earlier > 0 and abs(change) <= 240 else 0
 
 
 @inlined
-def _find_features(
-    model: Model, image: Image, before: Image, c: int, laser: int, t: int, base: int,
+def _write_features(
+    model: RangeModel, image: RangeContext, before: RangeContext, c: int, laser: int, t: int,
+    base: int,
 ) -> None:  # fmt: skip
-    """Find the differences that the prediction is linear in."""
+    """Write the features of the linear prediction: differences between neighbouring ranges."""
     x, held, ranges = model.linear.features, image.held, image.ranges
     for k in range(3):
         x[k] = _change(held[c - 2 - k, laser], base)
@@ -387,8 +420,8 @@ def _find_features(
         if laser > 0:
             x[8] = _change(ranges[c, laser - 1], then[t, laser - 1])
         x[9] = _fine_change(before.smooth[t, laser], base)
-    if len(model.linear.every) > _NEAR:
-        _find_more_features(x, image, before, c, laser, t, base)
+    if len(model.linear.every) > _COMMON_FEATURES:
+        _write_more_features(x, image, before, c, laser, t, base)
 
 
 @inlined
@@ -398,8 +431,8 @@ def _fine_change(later: int, base: int) -> int:
 
 
 @inlined
-def _find_more_features(
-    x: Words, image: Image, before: Image, c: int, laser: int, t: int, base: int,
+def _write_more_features(
+    x: Words, image: RangeContext, before: RangeContext, c: int, laser: int, t: int, base: int,
 ) -> None:  # fmt: skip
     held, ranges = image.held, image.ranges
     x[10], x[11] = _change(held[c - 5, laser], base), _change(held[c - 6, laser], base)
@@ -423,11 +456,11 @@ def _find_more_features(
 
 
 @inlined
-def _find_experts(
-    model: Model, image: Image, before: Image, c: int, laser: int, t: int, base: int, mean: int,
-    group: int,
+def _write_experts(
+    model: RangeModel, image: RangeContext, before: RangeContext, c: int, laser: int, t: int,
+    base: int, mean: int, group: int,
 ) -> None:  # fmt: skip
-    """Find the experts' means, in 1 / FINE."""
+    """Write the experts' means, in 1 / FINE."""
     means = model.experts.means
     then = int(before.smooth[t, laser]) if t > 0 else 0
     means[0] = max(mean, 1)
@@ -448,8 +481,10 @@ def _find_experts(
 
 
 @inlined
-def _activity(model: Model, image: Image, before: Image, c: int, laser: int, t: int) -> int:
-    """Level of how large the errors are round about."""
+def _activity(
+    model: RangeModel, image: RangeContext, before: RangeContext, c: int, laser: int, t: int
+) -> int:
+    """Return the level of the prediction errors around a firing."""
     own = model.error[laser]
     total = 2 * own
     total += image.errors[c, laser - 1] if laser > 0 else own
@@ -463,53 +498,50 @@ def _activity(model: Model, image: Image, before: Image, c: int, laser: int, t: 
 
 
 @inlined
-def _find_contexts(
-    model: Model, image: Image, before: Image, c: int, laser: int, t: int, base: int,
-    situation: int, mean: int,
+def _write_contexts(
+    model: RangeModel, image: RangeContext, before: RangeContext, c: int, laser: int, t: int,
+    base: int, situation: int, mean: int,
 ) -> None:  # fmt: skip
-    """Find the contexts, but for the node of the decision, and the rows of weights.
-
-    They are kept in the mixer's `at` and `rows`; `code_number` adds the node.
-    """
+    """Write the contexts and rows of weights of a number's first decision into the mixer."""
     m, starts = model.value, model.starts
     unit = max(model.experts.scales[0, situation] * 3 >> 14, 1)
     centre = mean // FINE
     then, lower, upper = 9, 9, 9
     if t > 0:
-        then = _place(before.smooth[t, laser] // FINE, centre, unit)
+        then = _level(before.smooth[t, laser] // FINE, centre, unit)
     if laser > 0:
-        lower = _place(image.ranges[c, laser - 1], centre, unit)
+        lower = _level(image.ranges[c, laser - 1], centre, unit)
     if laser + 1 < image.ranges.shape[1]:
-        upper = _place(image.ranges[c - 1, laser + 1], centre, unit)
+        upper = _level(image.ranges[c - 1, laser + 1], centre, unit)
     m.at[0] = starts[0] + (lower * 10 + upper) * NODES
     m.at[1] = starts[1] + situation * NODES
     m.at[2] = starts[2] + (then * 9 + level_of(base - centre, unit)) * NODES
     m.rows[0] = 0
     if len(m.contexts) > 3:
-        _find_more_contexts(model, image, before, c, laser, t, centre, unit, then)
+        _write_more_contexts(model, image, before, c, laser, t, centre, unit, then)
         m.rows[1] = (1 + (situation >> 2)) * NODES
         m.rows[2] = (1 + _LEVELS + (situation & 3)) * NODES
 
 
 @inlined
-def _place(value: int, centre: int, unit: int) -> int:
-    """Level of a range's distance from the centre; 9 for no return."""
+def _level(value: int, centre: int, unit: int) -> int:
+    """Return the level of a range's difference from the centre; 9 for no return."""
     return level_of(value - centre, unit) if value > 0 else 9
 
 
 @inlined
-def _find_more_contexts(
-    model: Model, image: Image, before: Image, c: int, laser: int, t: int, centre: int, unit: int,
-    then: int,
+def _write_more_contexts(
+    model: RangeModel, image: RangeContext, before: RangeContext, c: int, laser: int, t: int,
+    centre: int, unit: int, then: int,
 ) -> None:  # fmt: skip
     at, starts, means = model.value.at, model.starts, model.experts.means
     east, back = 9, 9
     if t > 0:
-        east = _place(before.ranges[t + 1, laser], centre, unit)
-        back = _place(before.ranges[t - 1, laser], centre, unit)
-    below = _place(means[3] // FINE, centre, unit)
+        east = _level(before.ranges[t + 1, laser], centre, unit)
+        back = _level(before.ranges[t - 1, laser], centre, unit)
+    below = _level(means[3] // FINE, centre, unit)
     slope = level_of(image.held[c - 1, laser] - image.held[c - 2, laser], unit)
-    other = _place(model.other[laser], centre, unit)
+    other = _level(model.other[laser], centre, unit)
     apart = level_of(means[6] // FINE - centre, max(unit // 4, 1))
     at[3] = starts[3] + (below * 9 + level_of(model.memory[0], unit)) * NODES
     at[4] = starts[4] + (east * 10 + back) * NODES
@@ -520,10 +552,10 @@ def _find_more_contexts(
 
 @inlined
 def _learn_range(
-    model: Model, image: Image, c: int, laser: int, value: int, base: int, first: int, group: int,
-    situation: int,
+    model: RangeModel, image: RangeContext, c: int, laser: int, value: int, base: int, first: int,
+    group: int, situation: int,
 ) -> None:  # fmt: skip
-    """Store a range, and let everything learn from it."""
+    """Store a range, and adapt the models to it."""
     mean = FINE * base + 4 * first
     wrong = FINE * value - mean
     learn(model.experts, situation, FINE * value, 7)
@@ -542,14 +574,13 @@ def _learn_range(
 
 
 @inlined
-def _learn_linear(model: Model, target: int, group: int, damp: int) -> None:
-    """Let the linear predictions learn."""
+def _learn_linear(model: RangeModel, target: int, group: int, damp: int) -> None:
     linear = model.linear
     learn_target(linear, 0, target, damp, 12)
     if group > 0:
         learn_target(linear, group, target, damp, 10)
     model.memory[1] += 1
-    if model.memory[1] % model.settings[3] == 0:
+    if model.memory[1] % model.parameters[3] == 0:
         solve(linear, 0)
         if group > 0:
             solve(linear, group)

@@ -1,13 +1,11 @@
-"""Recordings as streams, bit for bit: turns of the known packets, and all other bytes beside them.
+"""Compression of recordings bit for bit: packets as turns, and all other bytes beside them.
 
-Packets are found by their bytes, whatever the file's format: packet captures, and bags that are
-not compressed themselves. SQLite cuts what is long into pages, each of which begins with the number
-of the next; these numbers are taken out first, so that the packets are whole.
+Packets are recognised by their content in files of any format: packet captures, and bags that are
+not compressed themselves.
 """
 
 from __future__ import annotations
 
-import lzma
 import zlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
@@ -32,80 +30,91 @@ from puckbench.lidar.recordings.packet_turns import (
 )
 from puckbench.lidar.recordings.packets import PACKET_BYTES
 from puckbench.lidar.returns_header import decode_layout, encode_layout
+from puckbench.puck.gaps import (
+    Bytes,
+    compress_bytes,
+    decode_gaps,
+    decompress_bytes,
+    encode_gaps,
+    store_gaps,
+)
 from puckbench.puck.options import CodingOptions
 from puckbench.puck.records import Record, RecordKind, read_records, start
+from puckbench.puck.sqlite_pages import (
+    LARGEST_PAGE,
+    LINK_BYTES,
+    SMALLEST_PAGE,
+    decode_links,
+    encode_links,
+    page_size,
+    without_links,
+)
 from puckbench.puck.stream import count_ranges, most_ranges
 from puckbench.puck.turns import TurnDecoder, TurnEncoder
 
 _WINDOW = 1 << 24
-"""Bytes that are searched for packets at a time; their turns are one batch."""
-_MOST_RAW = 1 << 26
-"""Bytes between the packets of a batch, at most."""
+"""Bytes in which packets are searched for at a time; their turns form a batch."""
 _MANY_BYTES, _BYTES_PER_BYTE = 3 << 24, 40
-"""Bytes of a recording that any stream may hold, and for each byte of it beside them."""
-_FRAME = 16
-"""Bytes that say how long a window without packets is, at most."""
-_GROUPS = 32
-"""Lengths of gaps that are coded together, at most."""
-_HEADERS: dict[str, int] = {"lc": 0, "pb": 0, "nice_len": 64}
-"""LZMA of headers' columns, where a byte's neighbours and place tell little: no larger than by the
-preset alone, in a fifth of the time."""
-_SQLITE = b"SQLite format 3\x00"
-_LINK = 4
-_SMALLEST_PAGE, _LARGEST_PAGE = 512, 1 << 16
-_CHUNK = 1 << 16
-"""Bytes of a chunk that LZMA2 stores, at most."""
+"""Limit of the bytes of a recording: a constant, and more for each byte of the stream."""
+_FRAME_BYTES = 16
+"""Limit of the bytes that state the length of a single gap; a decoder counts them too."""
 _DAMAGED = "the stream is damaged"
 
-Bytes = NDArray[np.uint8]
-Tell = Callable[[int, int], None]
+Report = Callable[[int, int], None]
+"""Called with the numbers of bytes that are done and of all bytes."""
 
 
 @dataclass(kw_only=True)
-class _Contents:
-    """Counts of what is in a recording or in a part of it."""
-
+class _Counts:
     packets: int = 0
     turns: int = 0
     returns: int = 0
     ranges: int = 0
 
-    def add(self, part: _Contents) -> None:
-        """Count a further part."""
-        self.packets += part.packets
-        self.turns += part.turns
-        self.returns += part.returns
-        self.ranges += part.ranges
+    def add(self, other: _Counts) -> None:
+        self.packets += other.packets
+        self.turns += other.turns
+        self.returns += other.returns
+        self.ranges += other.ranges
 
 
 @dataclass(kw_only=True)
-class Account(_Contents):
-    """What was in a recording, and what became of it."""
+class RecordingSummary(_Counts):
+    """What a recording contains, its bytes and those of its stream, by kind of record too."""
 
     bytes: int = 0
     compressed: int = 0
     parts: dict[str, int] = field(default_factory=dict)
 
+    def as_json(self) -> dict[str, Any]:
+        """Return the numbers that commands print."""
+        share = self.compressed / self.bytes if self.bytes else 1.0
+        return {
+            "bytes": self.bytes,
+            "compressed_bytes": self.compressed,
+            "share": round(share, 4),
+            "packets": self.packets,
+            "turns": self.turns,
+            "returns": self.returns,
+        }
+
 
 @dataclass(frozen=True)
 class _Limits:
-    """What a stream of `size` bytes may hold, at most; a trusted one anything."""
+    """Limits of what a stream of `size` bytes may decode to, unless it is trusted."""
 
     size: int
     trusted: bool = False
 
     @property
     def bytes(self) -> int:
-        """Bytes of a recording, without the links of its pages."""
         return _MANY_BYTES + _BYTES_PER_BYTE * self.size
 
     @property
     def ranges(self) -> int:
-        """Ranges, and what turns cost beside them."""
         return most_ranges(self.size)
 
     def check(self, number: int, most: int, what: str) -> None:
-        """Refuse more than there may be, before it is decoded."""
         if number > most and not self.trusted:
             raise InputError(
                 f"{number} {what} in {self.size} bytes: more than they may hold; if you trust the "
@@ -114,90 +123,90 @@ class _Limits:
 
 
 @dataclass(kw_only=True)
-class _Batch(_Contents):
-    """The records of a window, and counts of what is in them."""
+class _Batch(_Counts):
+    """Records of the turns and gaps in a window."""
 
     records: list[Record] = field(default_factory=list)
 
 
 def compress(
-    recording: Path, out: Path, options: CodingOptions | None = None, tell: Tell | None = None
-) -> Account:
-    """Write a recording as a stream from which `decompress` makes the same file.
+    recording: Path, out: Path, options: CodingOptions | None = None, report: Report | None = None
+) -> RecordingSummary:
+    """Compress a recording to a file from which `decompress` restores it bit for bit.
 
     Parameters
     ----------
     recording
-        Any file; what is no data packet of a known sensor is stored by LZMA.
+        Any file; bytes outside of packets of a known sensor are compressed by LZMA.
     out
-        The stream.
+        File to write (.puck).
     options
-        Effort and key turns; a step other than 1 is refused.
-    tell
-        Called with the numbers of bytes done and in all.
+        Effort and key turns; lossy options are refused.
+    report
+        Called with the numbers of bytes that are done and of all bytes.
 
     Raises
     ------
     InputError
-        The recording cannot be read or `out` not be written, or both are one file.
+        The recording cannot be read, `out` cannot be written, or both are the same file.
     """
-    chosen = options or CodingOptions()
-    if chosen.step != 1 or not chosen.times or not chosen.reflectivities:
+    options = options or CodingOptions()
+    if options.step != 1 or not options.times or not options.reflectivities:
         raise InputError("a recording is compressed without loss and with all that is in it")
-    _check_apart(recording, out)
-    data = _opened(recording)
-    account = Account(bytes=len(data))
+    _check_different(recording, out)
+    data = _mapped(recording)
+    summary = RecordingSummary(bytes=len(data))
     with written_whole(out) as temporary, temporary.open("wb") as stream:
-        account.compressed = stream.write(start())
-        for record in _records(data, chosen, account, tell or _silent):
-            written = stream.write(record.packed())
+        summary.compressed = stream.write(start())
+        for record in _records(data, options, summary, report or _ignore):
+            size = stream.write(record.packed())
             name = record.kind.name.lower()
-            account.parts[name] = account.parts.get(name, 0) + written
-            account.compressed += written
-    return account
+            summary.parts[name] = summary.parts.get(name, 0) + size
+            summary.compressed += size
+    return summary
 
 
-def _silent(done: int, size: int) -> None:
-    """Tell nothing."""
+def _ignore(done: int, size: int) -> None:
+    pass
 
 
 def decompress(
-    path: Path, out: Path, tell: Tell | None = None, *, trusted: bool = False
-) -> Account:
-    """Write the recording of a stream.
+    path: Path, out: Path, report: Report | None = None, *, trusted: bool = False
+) -> RecordingSummary:
+    """Restore the recording that `compress` read.
 
     Parameters
     ----------
     path, out
-        The stream, and the recording to write.
-    tell
-        Called with the numbers of bytes done and in all.
+        The compressed recording, and the file to write.
+    report
+        Called with the numbers of bytes that are done and of all bytes.
     trusted
-        Restore also what is far larger than `compress` lets a stream of this size become.
+        Restore also a recording that is far larger than `compress` allows for the stream's size.
 
     Raises
     ------
     InputError
-        The stream is damaged or another's, holds no whole recording, `out` cannot be written, or
-        both are one file.
+        The stream is damaged, of another format or no recording, `out` cannot be written, or both
+        are the same file.
     """
-    _check_apart(path, out)
+    _check_different(path, out)
     try:
         size = path.stat().st_size
         source = path.open("rb")
     except OSError as error:
         raise unreadable(path, error) from error
     with source, written_whole(out) as temporary, temporary.open("wb") as stream, naming(path):
-        return _restore(source, stream, _Limits(size, trusted), tell or _silent)
+        return _restore(source, stream, _Limits(size, trusted), report or _ignore)
 
 
-def _check_apart(source: Path, out: Path) -> None:
+def _check_different(source: Path, out: Path) -> None:
     if source.exists() and out.exists() and source.samefile(out):
         raise InputError(f"{out}: is the file that is read; name another one to write")
 
 
-def _opened(path: Path) -> Bytes:
-    """The bytes of a file, read when they are looked at."""
+def _mapped(path: Path) -> Bytes:
+    """Return the bytes of a file, which are read from disk when they are used."""
     try:
         if path.stat().st_size == 0:
             return np.zeros(0, np.uint8)
@@ -209,95 +218,60 @@ def _opened(path: Path) -> Bytes:
     return data
 
 
-def _records(data: Bytes, options: CodingOptions, account: Account, tell: Tell) -> Iterator[Record]:
-    """The records of a recording's bytes; whoever writes one adds its bytes to `account`."""
-    page = _page_size(data)
-    check = _check_of(data)
+def _records(
+    data: Bytes, options: CodingOptions, summary: RecordingSummary, report: Report
+) -> Iterator[Record]:
+    """Yield the records of a recording; the caller adds their bytes to `summary`."""
+    page = page_size(data)
+    checksum = _checksum(data)
     size = len(data)
     if page:
         pages = data.reshape(-1, page)
-        yield Record(
-            RecordKind.PAGES, base_128(page) + _packed(_linked(pages[:, :_LINK]), _HEADERS)
-        )
-        size = len(pages) * (page - _LINK)
+        links = compress_bytes(encode_links(pages[:, :LINK_BYTES]), are_headers=True)
+        yield Record(RecordKind.PAGES, base_128(page) + links)
+        size = len(pages) * (page - LINK_BYTES)
     encoder = _PacketEncoder(options)
     done = 0
     while done < size:
-        window = _window(data, page, done, min(done + _WINDOW, size))
+        window = without_links(data, page, done, min(done + _WINDOW, size))
         places = find_packets(window)
         is_last = done + len(window) == size
-        # A packet that the window cuts is whole in the next one.
+        # A packet that the window cuts off is found in the next window.
         end = len(window) if is_last else max(len(window) - PACKET_BYTES + 1, _end_of(places))
-        batches = encoder.batches(window[:end], places, partial(_tell_within, tell, done, size))
-        batch = next(each for each in batches if _fits(each, account, done + end))
-        account.add(batch)
+        batches = encoder.batches(window[:end], places, partial(_report_at, report, done, size))
+        batch = next(batch for batch in batches if _fits(batch, summary, done + end))
+        summary.add(batch)
         yield from batch.records
         done += end
-        tell(done, size)
-    yield Record(RecordKind.END, account.bytes.to_bytes(8, "little") + check)
+        report(done, size)
+    yield Record(RecordKind.END, summary.bytes.to_bytes(8, "little") + checksum)
 
 
-def _tell_within(tell: Tell, done: int, size: int, reached: int) -> None:
-    if reached:
-        tell(done + reached, size)
+def _report_at(report: Report, done: int, size: int, within: int) -> None:
+    if within:
+        report(done + within, size)
 
 
-def _fits(batch: _Batch, account: Account, done: int) -> bool:
-    """Whether a decoder takes `done` bytes of a recording, the last of them from a batch."""
-    limits = _Limits(account.compressed + sum(len(record.body) for record in batch.records))
-    done += _FRAME
-    return account.ranges + batch.ranges <= limits.ranges and done <= limits.bytes
-
-
-def _window(data: Bytes, page: int, first: int, end: int) -> Bytes:
-    """Bytes from `first` to before `end` of a file, the links of its pages left out."""
-    if not page:
-        return data[first:end]
-    whole = page - _LINK
-    start = first // whole
-    part = data.reshape(-1, page)[start : -(-end // whole), _LINK:].ravel()
-    return part[first - start * whole : end - start * whole]
+def _fits(batch: _Batch, summary: RecordingSummary, done: int) -> bool:
+    """Return whether a decoder accepts `done` bytes of a recording after this batch."""
+    limits = _Limits(summary.compressed + sum(len(record.body) for record in batch.records))
+    done += _FRAME_BYTES
+    return summary.ranges + batch.ranges <= limits.ranges and done <= limits.bytes
 
 
 def _end_of(places: NDArray[np.int64]) -> int:
     return int(places[-1]) + PACKET_BYTES if len(places) else 0
 
 
-def _check_of(data: Bytes) -> bytes:
-    check = 0
+def _checksum(data: Bytes) -> bytes:
+    checksum = 0
     for first in range(0, len(data), _WINDOW):
-        check = zlib.crc32(data[first : first + _WINDOW].tobytes(), check)
-    return check.to_bytes(4, "little")
-
-
-def _page_size(data: Bytes) -> int:
-    """Bytes of a page of an SQLite file; 0 for another file, or one that is cut off."""
-    if data[: len(_SQLITE)].tobytes() != _SQLITE or len(data) < 512:
-        return 0
-    size = int.from_bytes(data[16:18].tobytes(), "big")
-    size = _LARGEST_PAGE if size == 1 else size
-    if size < _SMALLEST_PAGE or len(data) % size or len(data) // size * _LINK > _MOST_RAW:
-        return 0
-    return size
-
-
-def _linked(links: Bytes) -> bytes:
-    """Big-endian numbers (n, 4) as differences, the highest bytes of all first."""
-    numbers = np.ascontiguousarray(links).view(">u4")[:, 0].astype(np.uint32)
-    return np.diff(numbers, prepend=np.uint32(0)).astype(">u4").view(np.uint8).reshape(
-        -1, _LINK
-    ).T.tobytes()  # fmt: skip
-
-
-def _unlinked(body: bytes) -> Bytes:
-    planes = np.frombuffer(body, np.uint8).reshape(_LINK, -1).T
-    steps = np.ascontiguousarray(planes).view(">u4")[:, 0].astype(np.uint32)
-    numbers = np.cumsum(steps, dtype=np.uint32).astype(">u4")
-    return numbers.view(np.uint8).reshape(-1, _LINK)
+        checksum = zlib.crc32(data[first : first + _WINDOW].tobytes(), checksum)
+    return checksum.to_bytes(4, "little")
 
 
 class _PacketEncoder:
-    """Encodes batches of packets and what lies between them."""
+    """Encodes windows of a recording: packets, and the gaps between them."""
 
     def __init__(self, options: CodingOptions) -> None:
         self._options = options
@@ -305,35 +279,38 @@ class _PacketEncoder:
         self._turns: TurnEncoder | None = None
 
     def batches(
-        self, data: Bytes, places: NDArray[np.int64], tell: Callable[[int], None]
+        self, data: Bytes, places: NDArray[np.int64], report: Callable[[int], None]
     ) -> Iterator[_Batch]:
-        """Some bytes with packets at some places in three ways, the smallest first.
+        """Encode bytes with packets at `places` in three ways, the smallest first.
 
-        Packets as turns, all bytes by LZMA, and all bytes as they are, which always fits.
+        They are packets as turns, all bytes by LZMA, and all bytes uncompressed, which always fits
+        the limits.
         """
-        yield self._batch(data, places, tell)
+        yield self._batch(data, places, report)
         self._turns = None
-        raw = _gathered([data.tobytes()])
-        for gaps in (_packed(raw), _stored(raw)):
-            yield _Batch(records=[Record(RecordKind.GAPS, base_128(0) + gaps)])
+        gaps = [data.tobytes()]
+        for encode in (encode_gaps, store_gaps):
+            yield _Batch(records=[Record(RecordKind.GAPS, base_128(0) + encode(gaps))])
 
-    def _batch(self, data: Bytes, places: NDArray[np.int64], tell: Callable[[int], None]) -> _Batch:
+    def _batch(
+        self, data: Bytes, places: NDArray[np.int64], report: Callable[[int], None]
+    ) -> _Batch:
         batch = _Batch()
         if len(places):
             rows = places[:, None] + np.arange(PACKET_BYTES)
             for kind, payloads in split_turns(data[rows]):
                 self._add_turn(kind, payloads, batch)
-                tell(int(places[batch.packets - 1]))
+                report(int(places[batch.packets - 1]))
         starts = np.concatenate([[0], places + PACKET_BYTES])
         ends = np.concatenate([places, [len(data)]])
         gaps = [
             data[first:end].tobytes()
             for first, end in zip(starts.tolist(), ends.tolist(), strict=True)
         ]
-        # What outweighs the packets is no headers.
-        options = _HEADERS if len(data) < 2 * PACKET_BYTES * len(places) else {}
-        packed_gaps = _packed(_gathered(gaps), options)
-        batch.records.append(Record(RecordKind.GAPS, base_128(len(places)) + packed_gaps))
+        # Gaps that are larger than the packets are content of other kinds.
+        are_headers = len(data) < 2 * PACKET_BYTES * len(places)
+        body = base_128(len(places)) + encode_gaps(gaps, are_headers)
+        batch.records.append(Record(RecordKind.GAPS, body))
         return batch
 
     def _add_turn(self, kind: PacketKind, payloads: Payloads, batch: _Batch) -> None:
@@ -350,189 +327,86 @@ class _PacketEncoder:
         batch.ranges += count_ranges(kind.layout, body)
 
 
-def _gathered(gaps: list[bytes]) -> bytes:
-    """Gaps by their lengths: the lengths as runs, then the gaps of each length together."""
-    lengths = np.array([len(gap) for gap in gaps])
-    edges = np.flatnonzero(np.diff(lengths, prepend=-1))
-    counts = np.diff(edges, append=len(lengths))
-    runs = [
-        base_128(int(lengths[edge])) + base_128(int(count))
-        for edge, count in zip(edges, counts, strict=True)
-    ]
-    parts = [base_128(len(runs)), *runs]
-    common = _common(lengths)
-    for length in common:
-        alike = [gap for gap in gaps if len(gap) == length]
-        parts.append(_columns(np.frombuffer(b"".join(alike), np.uint8).reshape(-1, length)))
-    parts += [gap for gap in gaps if len(gap) not in common]
-    return b"".join(parts)
-
-
-def _scattered(body: bytes, count: int) -> list[bytes]:
-    """The inverse of `_gathered`, for a number of gaps."""
-    reader = Reader(body)
-    runs = [(reader.number(), reader.number()) for _ in range(min(reader.number(), len(body)))]
-    if sum(times for _, times in runs) != count:
-        raise InputError(_DAMAGED)
-    lengths = np.repeat([length for length, _ in runs], [times for _, times in runs])
-    if sum(length * times for length, times in runs) > len(body):
-        raise InputError(_DAMAGED)
-    alike: dict[int, Iterator[bytes]] = {}
-    for length in _common(lengths):
-        rows = int(np.count_nonzero(lengths == length))
-        planes = np.frombuffer(reader.take(length * rows), np.uint8)
-        alike[length] = iter([row.tobytes() for row in _rows(planes, rows, length)])
-    found = [
-        next(alike[length]) if length in alike else reader.take(length)
-        for length in lengths.tolist()
-    ]
-    if reader.rest():
-        raise InputError(_DAMAGED)
-    return found
-
-
-def _common(lengths: NDArray[np.int64]) -> list[int]:
-    """Lengths above 0 that several gaps have, the most frequent first."""
-    values, counts = np.unique(lengths, return_counts=True)
-    order = np.lexsort((values, -counts))
-    return [int(values[k]) for k in order if values[k] > 0 and counts[k] > 1][:_GROUPS]
-
-
-def _columns(rows: Bytes) -> bytes:
-    """Headers (n, length), as differences of their words from row to row, byte by byte."""
-    words, rest = _words(rows)
-    words = np.diff(words, axis=0, prepend=np.zeros_like(words[:1]))
-    rest = np.diff(rest, axis=0, prepend=np.zeros_like(rest[:1]))
-    planes = np.concatenate([words.view(np.uint8).reshape(len(rows), -1), rest], axis=1)
-    return planes.T.tobytes()
-
-
-def _rows(planes: Bytes, count: int, length: int) -> Bytes:
-    """The inverse of `_columns`."""
-    words, rest = _words(np.ascontiguousarray(planes.reshape(length, count).T))
-    words = np.cumsum(words, axis=0, dtype="<u4")
-    rest = np.cumsum(rest, axis=0, dtype=np.uint8)
-    whole = words.astype("<u4").view(np.uint8).reshape(count, -1)
-    rows: Bytes = np.concatenate([whole, rest], axis=1)
-    return rows
-
-
-def _words(rows: Bytes) -> tuple[NDArray[np.uint32], Bytes]:
-    """Rows as little-endian words, and what is left of each."""
-    whole = rows.shape[1] // 4 * 4
-    words = np.ascontiguousarray(rows[:, :whole]).view("<u4").reshape(len(rows), -1)
-    return words, np.ascontiguousarray(rows[:, whole:])
-
-
-def _packed(raw: bytes, options: dict[str, int] | None = None) -> bytes:
-    """Bytes by LZMA, after their number."""
-    filters = [{**_filter(len(raw)), **(options or {})}]
-    return base_128(len(raw)) + lzma.compress(raw, lzma.FORMAT_RAW, filters=filters)
-
-
-def _stored(raw: bytes) -> bytes:
-    """As `_packed`, in chunks of LZMA2 that are not compressed."""
-    chunks = (raw[first : first + _CHUNK] for first in range(0, len(raw), _CHUNK))
-    parts = (b"\1" + (len(chunk) - 1).to_bytes(2, "big") + chunk for chunk in chunks)
-    return base_128(len(raw)) + b"".join(parts) + b"\0"
-
-
-def _filter(size: int) -> dict[str, int]:
-    """LZMA2 of so many bytes, with no more memory to clear than they need."""
-    needed = min(1 << max(size.bit_length(), 12), 1 << 24)
-    return {"id": lzma.FILTER_LZMA2, "preset": 9 | lzma.PRESET_EXTREME, "dict_size": needed}
-
-
-def _unpacked(reader: Reader, admit: Callable[[int], None]) -> bytes:
-    """The bytes of `_packed`, whose number `admit` checks; InputError when they are damaged."""
-    size = reader.number()
-    if size > _MOST_RAW:
-        raise InputError(_DAMAGED)
-    admit(size)
-    machine = lzma.LZMADecompressor(lzma.FORMAT_RAW, filters=[_filter(size)])
-    try:
-        raw = machine.decompress(reader.rest(), size + 1)
-    except lzma.LZMAError as error:
-        raise InputError(_DAMAGED) from error
-    if len(raw) != size:
-        raise InputError(_DAMAGED)
-    return raw
-
-
-class _Out:
-    """Writes a recording, with the links of its pages where it has any."""
+class _RecordingWriter:
+    """Writes the bytes of a recording, and inserts the links of its pages if it has any."""
 
     def __init__(self, stream: IO[bytes], limits: _Limits) -> None:
         self._stream, self._limits = stream, limits
-        self.check, self.size = 0, 0
+        self.checksum, self.size = 0, 0
         self._links: Bytes | None = None
         self._page, self._at = 0, 0
 
     def admit(self, size: int) -> None:
-        """Refuse more bytes without links than a recording may have."""
+        """Raise InputError if `size` more bytes exceed the limit of a recording."""
         self._limits.check(self._at + size, self._limits.bytes, "bytes")
 
-    def paged(self, body: bytes) -> None:
-        """From the beginning on, insert the links of a record, one at the start of each page."""
+    def start_pages(self, body: bytes) -> None:
+        """Insert the links of a PAGES record from now on, each at the start of a page."""
         reader = Reader(body)
         page = reader.number()
-        if self._at or self._page or not _SMALLEST_PAGE <= page <= _LARGEST_PAGE:
+        if self._at or self._page or not SMALLEST_PAGE <= page <= LARGEST_PAGE:
             raise InputError(_DAMAGED)
-        links = _unpacked(reader, lambda size: self.admit(size // _LINK * (page - _LINK)))
-        if len(links) % _LINK:
+        content = page - LINK_BYTES
+        links = decompress_bytes(reader, lambda size: self.admit(size // LINK_BYTES * content))
+        if len(links) % LINK_BYTES:
             raise InputError(_DAMAGED)
-        self._page, self._links = page - _LINK, _unlinked(links)
+        self._page, self._links = content, decode_links(links)
 
     def write(self, data: bytes) -> None:
-        """Write bytes of the recording without links."""
-        rest = memoryview(data)
-        while self._links is not None and rest:
+        """Write bytes of the recording that lie outside of links."""
+        remaining = memoryview(data)
+        while self._links is not None and remaining:
             number, within = divmod(self._at, self._page)
             if within == 0:
                 if number >= len(self._links):
                     raise InputError(_DAMAGED)
                 self._put(self._links[number].tobytes())
-            part = rest[: self._page - within]
+            part = remaining[: self._page - within]
             self._put(part)
             self._at += len(part)
-            rest = rest[len(part) :]
-        self._put(rest)
-        self._at += len(rest)
+            remaining = remaining[len(part) :]
+        self._put(remaining)
+        self._at += len(remaining)
 
     def _put(self, data: bytes | memoryview) -> None:
-        self.check = zlib.crc32(data, self.check)
+        self.checksum = zlib.crc32(data, self.checksum)
         self.size += len(data)
         self._stream.write(data)
 
 
-def _restore(source: IO[bytes], stream: IO[bytes], limits: _Limits, tell: Tell) -> Account:
-    """Write the recording of the records of `source`."""
-    account, packets = Account(compressed=limits.size), _PacketDecoder()
-    out = _Out(stream, limits)
-    account.ranges = _ranges_of(source)
-    limits.check(account.ranges, limits.ranges, "ranges")
+def _restore(
+    source: IO[bytes], stream: IO[bytes], limits: _Limits, report: Report
+) -> RecordingSummary:
+    summary, packets = RecordingSummary(compressed=limits.size), _PacketDecoder()
+    writer = _RecordingWriter(stream, limits)
+    summary.ranges = _all_ranges(source)
+    limits.check(summary.ranges, limits.ranges, "ranges")
     source.seek(0)
     for record in read_records(source):
         if record.kind != RecordKind.END:
-            tell(source.tell(), limits.size)
+            report(source.tell(), limits.size)
         if record.kind == RecordKind.PAGES:
-            out.paged(record.body)
+            writer.start_pages(record.body)
         elif record.kind == RecordKind.LAYOUT:
-            packets.begin(record.body)
+            packets.start_layout(record.body)
         elif record.kind == RecordKind.TURN:
-            account.returns += packets.turn(record.body)
-            account.turns += 1
+            summary.returns += packets.add_turn(record.body)
+            summary.turns += 1
         elif record.kind == RecordKind.GAPS:
-            account.packets += packets.write(record.body, out)
-        elif record.body != out.size.to_bytes(8, "little") + out.check.to_bytes(4, "little"):
+            summary.packets += packets.write(record.body, writer)
+        elif record.body != _end(writer):
             raise InputError("the stream is damaged, or holds no recording")
-    tell(limits.size, limits.size)
-    account.bytes = out.size
-    return account
+    report(limits.size, limits.size)
+    summary.bytes = writer.size
+    return summary
 
 
-def _ranges_of(source: IO[bytes]) -> int:
-    """Ranges of all turns of a stream, none of which is decoded."""
+def _end(writer: _RecordingWriter) -> bytes:
+    return writer.size.to_bytes(8, "little") + writer.checksum.to_bytes(4, "little")
+
+
+def _all_ranges(source: IO[bytes]) -> int:
+    """Return the number of ranges in all turns of a stream, without decoding them."""
     ranges, layout = 0, None
     for record in read_records(source):
         if record.kind == RecordKind.LAYOUT:
@@ -545,7 +419,7 @@ def _ranges_of(source: IO[bytes]) -> int:
 
 
 class _PacketDecoder:
-    """Decodes turns until what lies between their packets follows."""
+    """Decodes turns, and keeps their packets until the gaps between these follow."""
 
     def __init__(self) -> None:
         self._kind: PacketKind | None = None
@@ -553,19 +427,19 @@ class _PacketDecoder:
         self._waiting: list[Payloads] = []
         self._bytes = 0
 
-    def begin(self, body: bytes) -> None:
-        """Go on with another layout."""
-        layout, ends = decode_layout(body)
-        if len(ends) != 2:
+    def start_layout(self, body: bytes) -> None:
+        """Decode the following turns with another layout."""
+        layout, packet_type = decode_layout(body)
+        if len(packet_type) != 2:
             raise InputError("the stream holds turns, but no packets")
-        known = packet_kind(*ends)
-        # The order of the lasers is the stream's own: tables of sensors may change.
-        if layout != replace(known.layout, order=layout.order):
+        kind = packet_kind(*packet_type)
+        # The stream has its own order of lasers, as the tables of sensors may change.
+        if layout != replace(kind.layout, order=layout.order):
             raise InputError(_DAMAGED)
-        self._kind, self._turns = replace(known, layout=layout), TurnDecoder(layout)
+        self._kind, self._turns = replace(kind, layout=layout), TurnDecoder(layout)
 
-    def turn(self, body: bytes) -> int:
-        """Decode a turn; its number of returns."""
+    def add_turn(self, body: bytes) -> int:
+        """Decode a turn; return its number of returns."""
         if self._turns is None or self._kind is None:
             raise InputError(_DAMAGED)
         turn = self._turns.decode(body)
@@ -575,27 +449,14 @@ class _PacketDecoder:
             raise InputError(_DAMAGED)
         return turn.returns
 
-    def write(self, body: bytes, out: _Out) -> int:
-        """Write the packets that wait, and what lies between them; their number."""
+    def write(self, body: bytes, writer: _RecordingWriter) -> int:
+        """Write the waiting packets and the gaps between them; return the number of packets."""
         packets = [row.tobytes() for payloads in self._waiting for row in payloads]
         self._waiting, self._bytes = [], 0
         reader = Reader(body)
         if reader.number() != len(packets):
             raise InputError(_DAMAGED)
-        gaps = _scattered(_unpacked(reader, out.admit), len(packets) + 1)
-        out.write(b"".join(part for pair in zip(gaps, packets, strict=False) for part in pair))
-        out.write(gaps[-1])
+        gaps = decode_gaps(reader, len(packets) + 1, writer.admit)
+        writer.write(b"".join(part for pair in zip(gaps, packets, strict=False) for part in pair))
+        writer.write(gaps[-1])
         return len(packets)
-
-
-def account_of(account: Account) -> dict[str, Any]:
-    """What a command prints."""
-    share = account.compressed / account.bytes if account.bytes else 1.0
-    return {
-        "bytes": account.bytes,
-        "compressed_bytes": account.compressed,
-        "share": round(share, 4),
-        "packets": account.packets,
-        "turns": account.turns,
-        "returns": account.returns,
-    }

@@ -1,4 +1,9 @@
-"""Reflectivities of a turn: a byte of every firing, also of those that did not return."""
+"""Reflectivities of a turn: a byte for each firing, whether it returned or not.
+
+First a value may be guessed (the other return of the beam, or the last value without a return) and
+the guess confirmed; otherwise its bits are coded, the highest first. Names of rows and neighbours
+are those of `ranges`.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +13,7 @@ import numpy as np
 
 from puckbench.coding.binary_coder import BitCoder, exhausted
 from puckbench.core.compiling import compiled_in_place, inlined
-from puckbench.puck.experts import FINE, Experts, ask, begin, learn, new_experts, tell
+from puckbench.puck.experts import FINE, Experts, begin, learn, narrow, new_experts, write_logits
 from puckbench.puck.least_squares import (
     LeastSquares,
     learn_target,
@@ -22,19 +27,29 @@ from puckbench.puck.ranges import PAD
 
 _EXPERTS = 4
 _CONTEXTS = 9
-_FEW_CONTEXTS = 5
-"""Of a lean coder, which has no experts either."""
+_LEAN_CONTEXTS = 5
+"""A lean model has these contexts and no experts."""
 _LEVELS = 12
 _FEATURES = 14
 _TREE = 256
 
 
-class ByteModel(NamedTuple):
-    """What the coder of reflectivities has learnt.
+class ReflectivityModel(NamedTuple):
+    """Adaptive state of the coder of reflectivities.
 
-    same, value: mixers of "as guessed" and of the bits of a byte. empty: of each laser, the byte of
-    its last firing without a return, plus 1. error: of each laser, in 1 / FINE. was_same: of each
-    laser, whether the last guesses were right.
+    Parameters
+    ----------
+    same, value
+        Mixers of the decisions whether a guess is right, and of the bits of a value.
+    starts
+        First counter of each context of `value`.
+    experts, linear
+        Estimates of a value.
+    empty, error, was_same
+        For each laser: 1 + the value of its last firing without a return, the running mean of its
+        errors in 1 / FINE, and a bit for each of the last guesses that was right.
+    memory
+        Number of returns.
     """
 
     same: Mixer
@@ -48,11 +63,21 @@ class ByteModel(NamedTuple):
     memory: Ints
 
 
-class Bytes(NamedTuple):
-    """Reflectivities of a turn and of the turn before: (PAD + columns, lasers) each.
+class ReflectivityContext(NamedTuple):
+    """Reflectivities of a turn and what contexts need, (PAD + columns, lasers) each.
 
-    values, then. held, then_held: the last value of a return of the laser. ranges: 0 where none
-    returned. guesses: 0, or what the value probably is, plus 1.
+    Parameters
+    ----------
+    values
+        Reflectivities; a writer codes them, a reader fills them in.
+    held
+        1 + the value of the laser's last return up to this column.
+    ranges
+        0 for no return.
+    then, then_ranges
+        Reflectivities and ranges of the previous turn.
+    guesses
+        1 + the value that is guessed, or 0.
     """
 
     values: Words
@@ -63,18 +88,15 @@ class Bytes(NamedTuple):
     guesses: Words
 
 
-def new_byte_model(bits: BitCoder, lasers: int, lean: bool = False) -> ByteModel:
-    """A coder that has learnt nothing.
-
-    A lean one mixes a few contexts alone: it takes a quarter of the time.
-    """
+def new_reflectivity_model(bits: BitCoder, lasers: int, lean: bool = False) -> ReflectivityModel:
+    """Return an initial model; a lean one has few contexts and takes a quarter of the time."""
     sizes = np.array([lasers * 2, 257, 257, 257, 32 * 33, 32 * 33, 256 * 5, 32 * 32, 16 * 33])
     sizes *= _TREE
     zeros = np.zeros(lasers, np.int64)
     level = np.arange(_LEVELS) + 4
     usual = (1 << level // 2) * (2 + level % 2) * 128
-    experts, contexts, sets = (0, _FEW_CONTEXTS, 1) if lean else (_EXPERTS, _CONTEXTS, 2)
-    return ByteModel(
+    experts, contexts, sets = (0, _LEAN_CONTEXTS, 1) if lean else (_EXPERTS, _CONTEXTS, 2)
+    return ReflectivityModel(
         new_mixer(bits, 0, 3, lasers * 32 + lasers * 16 + 1024, 16, 1, (14, 3, 160), [0.4] * 3),
         new_mixer(bits, experts, contexts, int(sizes.sum()), _TREE + 9 * _LEVELS, sets,
                   (14, 2, 160), [0.3 if lean else 0.2] * (experts + contexts)),
@@ -86,16 +108,9 @@ def new_byte_model(bits: BitCoder, lasers: int, lean: bool = False) -> ByteModel
     )  # fmt: skip
 
 
-def bytes_with_bits(model: ByteModel, bits: BitCoder) -> ByteModel:
-    """The model at the beginning of another stream."""
-    return model._replace(
-        same=model.same._replace(bits=bits), value=model.value._replace(bits=bits)
-    )
-
-
 @compiled_in_place
-def code_reflectivities(model: ByteModel, turn: Bytes, places: Ints) -> bool:
-    """Code a turn's reflectivities in place; whether a reader's stream was long enough."""
+def code_reflectivities(model: ReflectivityModel, turn: ReflectivityContext, nearest: Ints) -> bool:
+    """Code the reflectivities of a turn; return False if a reader's stream ended too early."""
     values, held = turn.values, turn.held
     for c in range(PAD, len(values)):
         for laser in range(values.shape[1]):
@@ -109,7 +124,7 @@ def code_reflectivities(model: ByteModel, turn: Bytes, places: Ints) -> bool:
             if is_same == 1:
                 values[c, laser] = guess - 1
             else:
-                values[c, laser] = _code_byte(model, turn, c, laser, places[c - PAD], guess)
+                values[c, laser] = _code_byte(model, turn, c, laser, nearest[c - PAD], guess)
             if returned:
                 held[c, laser] = values[c, laser] + 1
             else:
@@ -121,8 +136,9 @@ def code_reflectivities(model: ByteModel, turn: Bytes, places: Ints) -> bool:
 
 
 @inlined
-def _code_same(model: ByteModel, turn: Bytes, c: int, laser: int, guess: int) -> int:
-    """Code whether a value is what was guessed."""
+def _code_same(
+    model: ReflectivityModel, turn: ReflectivityContext, c: int, laser: int, guess: int
+) -> int:
     same = model.same
     returned = 1 if turn.ranges[c, laser] > 0 else 0
     west = 1 if turn.ranges[c - 1, laser] > 0 else 0
@@ -138,8 +154,9 @@ def _code_same(model: ByteModel, turn: Bytes, c: int, laser: int, guess: int) ->
 
 
 @inlined
-def _code_byte(model: ByteModel, turn: Bytes, c: int, laser: int, t: int, guess: int) -> int:
-    """Code a value bit by bit, the highest first."""
+def _code_byte(
+    model: ReflectivityModel, turn: ReflectivityContext, c: int, laser: int, t: int, guess: int
+) -> int:
     held, mixer, starts = turn.held, model.value, model.starts
     west, west2 = int(held[c - 1, laser]), int(held[c - 2, laser])
     below = int(held[c, laser - 1]) if laser > 0 else 0
@@ -155,7 +172,7 @@ def _code_byte(model: ByteModel, turn: Bytes, c: int, laser: int, t: int, guess:
         at[3] = starts[4] + (max(west - 1, 0) >> 3) * 33 * _TREE + ((then + 7) >> 3) * _TREE
         at[4] = starts[7] + ((max(west - 1, 0) >> 3) * 32 + (max(west2 - 1, 0) >> 3)) * _TREE
         return _code_lean(mixer, int(turn.values[c, laser]))
-    _find_linear(model, turn, c, laser, t, west)
+    _write_features(model, turn, c, laser, t, west)
     means = model.experts.means
     first = predicted(model.linear, 0)
     means[0] = max(FINE * max(west - 1, 0) + first, 1) if west > 0 else 0
@@ -178,11 +195,11 @@ def _code_byte(model: ByteModel, turn: Bytes, c: int, laser: int, t: int, guess:
     node, low, high, depth = 1, 0, 256, 0
     while high - low > 1:
         middle = (low + high) >> 1
-        ask(model.experts, FINE * middle - FINE // 2, mixer.inputs)
+        write_logits(model.experts, FINE * middle - FINE // 2, mixer.inputs)
         mixer.rows[0] = node
         mixer.rows[1] = _TREE + depth * _LEVELS + level
         bit = code_bit(mixer, int(turn.values[c, laser] >= middle), node, 0)
-        tell(model.experts, bit)
+        narrow(model.experts, bit)
         low, high = (middle, high) if bit == 1 else (low, middle)
         node, depth = 2 * node + bit, depth + 1
     learn(model.experts, level, FINE * low, 6)
@@ -193,7 +210,7 @@ def _code_byte(model: ByteModel, turn: Bytes, c: int, laser: int, t: int, guess:
 
 @inlined
 def _code_lean(mixer: Mixer, value: int) -> int:
-    """Code a value bit by bit, by contexts alone."""
+    """Code a value by contexts only."""
     node = 1
     for depth in range(7, -1, -1):
         node = 2 * node + code_bit(mixer, value >> depth & 1, node, node)
@@ -201,7 +218,7 @@ def _code_lean(mixer: Mixer, value: int) -> int:
 
 
 @inlined
-def _learn_linear(model: ByteModel, target: int, first: int, laser: int) -> None:
+def _learn_linear(model: ReflectivityModel, target: int, first: int, laser: int) -> None:
     error = min(abs(target - first), 4000)
     model.error[laser] += (error - model.error[laser]) >> 2
     if error < 60 * FINE:
@@ -213,8 +230,8 @@ def _learn_linear(model: ByteModel, target: int, first: int, laser: int) -> None
 
 
 @inlined
-def _change(turn: Bytes, c: int, laser: int) -> int:
-    """How the range changed from the column before: 0 unknown, to 4 a jump."""
+def _change(turn: ReflectivityContext, c: int, laser: int) -> int:
+    """Return a level of how much the range changed from the previous column; 0 if unknown."""
     now, before = turn.ranges[c, laser], turn.ranges[c - 1, laser]
     if now == 0 or before == 0:
         return 0
@@ -223,8 +240,10 @@ def _change(turn: Bytes, c: int, laser: int) -> int:
 
 
 @inlined
-def _find_linear(model: ByteModel, turn: Bytes, c: int, laser: int, t: int, west: int) -> None:
-    """Find differences to the laser's last value, that the prediction is linear in."""
+def _write_features(
+    model: ReflectivityModel, turn: ReflectivityContext, c: int, laser: int, t: int, west: int
+) -> None:
+    """Write the features of the linear prediction: differences from the laser's last value."""
     x, held = model.linear.features, turn.held
     for k in range(4):
         x[k] = _difference(held[c - 2 - k, laser], west)

@@ -1,4 +1,7 @@
-"""Second returns of beams that were asked for two: mostly the first ones again."""
+"""Second returns of beams in dual return mode, most of which equal the first ones.
+
+Names of rows and neighbours are those of `ranges`.
+"""
 
 from __future__ import annotations
 
@@ -17,8 +20,8 @@ _SAME_ROWS = 8
 _FIRST_SCALE = 60 * FINE * 256
 
 
-class SecondModel(NamedTuple):
-    """What the coder has learnt; other: of each laser, its last range that was not the first's."""
+class SecondReturnModel(NamedTuple):
+    """Adaptive state; `other` has for each laser its last second range that differed."""
 
     same: Mixer
     value: Mixer
@@ -27,37 +30,39 @@ class SecondModel(NamedTuple):
     step: int
 
 
-def new_second_model(bits: BitCoder, lasers: int, step: int) -> SecondModel:
-    """A coder that has learnt nothing."""
+def new_second_return_model(bits: BitCoder, lasers: int, step: int) -> SecondReturnModel:
     same = new_mixer(bits, 0, 3, 1024 + lasers * 8 + 640, _SAME_ROWS, 1, (14, 3, 160), [0.4] * 3)
     value = new_mixer(bits, 4, 2, 65 * NODES, NODES, 1, (16, 4, 160), [0.3] * 4 + [0.2] * 2)
     scales = np.full((4, 1), _FIRST_SCALE, np.int32)
-    return SecondModel(
+    return SecondReturnModel(
         same, value, new_experts(scales, len(scales)), np.zeros(lasers, np.int64), step
     )
 
 
-def second_with_bits(model: SecondModel, bits: BitCoder) -> SecondModel:
-    """The model at the beginning of another stream."""
-    return model._replace(
-        same=model.same._replace(bits=bits), value=model.value._replace(bits=bits)
-    )
-
-
 @compiled_in_place
-def code_second(
-    model: SecondModel, ranges: Words, first: Words, then: Words, then_first: Words, places: Ints,
-    source: Words, source_first: Words,
+def code_second_returns(
+    model: SecondReturnModel, ranges: Words, first: Words, then: Words, then_first: Words,
+    nearest: Ints, source: Words, source_first: Words,
 ) -> bool:  # fmt: skip
-    """Code second ranges, given the first ones; whether a reader's stream was long enough.
+    """Code the second ranges of a turn; return False if a reader's stream ended too early.
 
-    All arrays (PAD + columns, lasers); 0 for no return. A writer codes `source`, whose first ranges
-    are `source_first`; in both directions `ranges` and `first` are what a reader has.
+    All images are (PAD + columns, lasers), with 0 for no return.
+
+    Parameters
+    ----------
+    ranges, first
+        Second and first ranges as a decoder has them; `ranges` is filled from row PAD on.
+    then, then_first
+        Those of the previous turn.
+    nearest
+        (columns,), row of the nearest column of the previous turn, or 0.
+    source, source_first
+        Second and first ranges that a writer codes.
     """
     step = model.step
     for c in range(PAD, len(ranges)):
         for laser in range(ranges.shape[1]):
-            t = places[c - PAD]
+            t = nearest[c - PAD]
             is_same = 1 if source[c, laser] == source_first[c, laser] else 0
             if _code_same(model, ranges, first, then, then_first, c, laser, t, is_same) == 1:
                 ranges[c, laser] = first[c, laser]
@@ -79,7 +84,7 @@ def _differs(ranges: Words, first: Words, row: int, laser: int) -> int:
 
 @inlined
 def _code_same(
-    model: SecondModel, ranges: Words, first: Words, then: Words, then_first: Words, c: int,
+    model: SecondReturnModel, ranges: Words, first: Words, then: Words, then_first: Words, c: int,
     laser: int, t: int, is_same: int,
 ) -> int:  # fmt: skip
     west = _differs(ranges, first, c - 1, laser) + 2 * _differs(ranges, first, c - 2, laser)
@@ -104,10 +109,10 @@ def _code_same(
 
 @inlined
 def _code_other(
-    model: SecondModel, ranges: Words, first: Words, then: Words, then_first: Words, c: int,
+    model: SecondReturnModel, ranges: Words, first: Words, then: Words, then_first: Words, c: int,
     laser: int, t: int, number: int,
 ) -> int:  # fmt: skip
-    """Code a range that is not the first's, as a number of steps plus 1; 0 for no return."""
+    """Code a second range that differs, as 1 + its number of steps; 0 for no return."""
     means, step = model.experts.means, model.step
     means[0] = FINE * (first[c, laser] + step) if first[c, laser] > 0 else 0
     means[1] = FINE * (model.other[laser] + step) if model.other[laser] > 0 else 0

@@ -1,4 +1,4 @@
-"""Numbers that grow almost evenly: azimuths of blocks and times of packets."""
+"""Coding of nearly linear sequences of numbers: azimuths of blocks, and times of packets."""
 
 from __future__ import annotations
 
@@ -13,18 +13,24 @@ from puckbench.puck.mixing import Ints, Mixer, code_bit, new_mixer
 _CONTEXTS = 5
 _NODES = 64
 _FARTHEST = 24
-"""Largest difference from the prediction that is coded as such."""
+"""Numbers farther than this from their prediction are coded as they are."""
 _FINE = 8
-"""Bits of the track's fraction."""
+"""Fractional bits of predictions."""
 _RAW_BITS = 32
 
 
-class Track(NamedTuple):
-    """State of a sequence.
+class SequenceModel(NamedTuple):
+    """Adaptive state of the coder of a sequence.
 
-    recent: (10,) the last differences from predictions, latest first. motion: predicted next number
-    and usual step, in 2**-8; 0 before the first number, 1 after one near its prediction, else 2;
-    the last number. modulus: of the numbers.
+    Parameters
+    ----------
+    recent
+        (10,), the last differences from predictions, latest first.
+    motion
+        (4,): the predicted next number and the mean increment, both in 2**-8; 0 before the first
+        number, 1 after a number near its prediction, otherwise 2; and the last number.
+    modulus
+        Numbers wrap around at this value.
     """
 
     mixer: Mixer
@@ -33,98 +39,92 @@ class Track(NamedTuple):
     modulus: int
 
 
-def new_track(bits: BitCoder, modulus: int) -> Track:
-    """A sequence that has not begun."""
+def new_sequence_model(bits: BitCoder, modulus: int) -> SequenceModel:
     counters = _NODES * (16 + 81 + 9 * 16 + 81 + 243)
     mixer = new_mixer(bits, 0, _CONTEXTS, counters, _NODES, 1, (14, 3, 160), [0.3] * _CONTEXTS)
-    return Track(mixer, np.zeros(10, np.int64), np.zeros(4, np.int64), modulus)
-
-
-def track_with_bits(track: Track, bits: BitCoder) -> Track:
-    """The sequence going on in another stream."""
-    return track._replace(mixer=track.mixer._replace(bits=bits))
+    return SequenceModel(mixer, np.zeros(10, np.int64), np.zeros(4, np.int64), modulus)
 
 
 @compiled_in_place
-def code_sequence(track: Track, numbers: Ints) -> bool:
-    """Code numbers of at most 32 bits in place; whether a reader's stream was long enough."""
+def code_sequence(model: SequenceModel, numbers: Ints) -> bool:
+    """Code numbers of up to 32 bits in place; return False if a reader's stream ended too early."""
     for i in range(len(numbers)):
-        numbers[i] = _code_next(track, numbers[i])
-        if exhausted(track.mixer.bits):
+        numbers[i] = _code_next(model, numbers[i])
+        if exhausted(model.mixer.bits):
             return False
     return True
 
 
 @inlined
-def _code_next(track: Track, number: int) -> int:
-    motion, modulus = track.motion, track.modulus
+def _code_next(model: SequenceModel, number: int) -> int:
+    motion, modulus = model.motion, model.modulus
     half = modulus >> 1
     expected = ((motion[0] + (1 << _FINE - 1)) >> _FINE) % modulus
-    rest = (number - expected + half) % modulus - half
+    difference = (number - expected + half) % modulus - half
     if number >= modulus or motion[2] == 0:
-        rest = _FARTHEST + 1
-    found = _code_rest(track, rest)
-    if abs(found) <= _FARTHEST:
-        number = (expected + found) % modulus
+        difference = _FARTHEST + 1
+    difference = _code_difference(model, difference)
+    if abs(difference) <= _FARTHEST:
+        number = (expected + difference) % modulus
         whole = modulus << _FINE
         error = ((number << _FINE) - motion[0] + (whole >> 1)) % whole - (whole >> 1)
         motion[1] += error >> 6
         motion[0] += motion[1] + (error >> 2)
         motion[2] = 1
     else:
-        number = _code_plain(track, number)
+        number = _code_plain(model, number)
         if motion[2] == 2 or motion[1] == 0:
             motion[1] = ((number - motion[3] + half) % modulus - half) << _FINE
         motion[0] = (number << _FINE) + motion[1]
         motion[2] = min(motion[2] + 1, 2)
-        found = 0
+        difference = 0
     motion[0] %= modulus << _FINE
     motion[3] = number
     for k in range(9, 0, -1):
-        track.recent[k] = track.recent[k - 1]
-    track.recent[0] = found
+        model.recent[k] = model.recent[k - 1]
+    model.recent[0] = difference
     return number
 
 
 @inlined
-def _code_plain(track: Track, number: int) -> int:
-    """Code a number that was not expected."""
-    found = 0
+def _code_plain(model: SequenceModel, number: int) -> int:
+    """Code a number far from its prediction, with bits of probability 1 / 2."""
+    value = 0
     for k in range(_RAW_BITS - 1, -1, -1):
-        found = found << 1 | code(track.mixer.bits, (number >> k) & 1, ONE // 2)
-    return found
+        value = value << 1 | code(model.mixer.bits, (number >> k) & 1, ONE // 2)
+    return value
 
 
 @inlined
-def _code_rest(track: Track, rest: int) -> int:
-    """Code a difference from the prediction; beyond the farthest, that it is farther."""
-    _find_contexts(track)
-    if _ask(track, 0, 1 if rest == 0 else 0) == 1:
+def _code_difference(model: SequenceModel, difference: int) -> int:
+    """Code a difference from the prediction; one above `_FARTHEST` stands for all others."""
+    _write_contexts(model)
+    if _decide(model, 0, 1 if difference == 0 else 0) == 1:
         return 0
-    sign = _ask(track, 1, 1 if rest > 0 else 0)
+    sign = _decide(model, 1, 1 if difference > 0 else 0)
     size = 1
-    while size <= _FARTHEST and _ask(
-        track, 2 + sign * 30 + min(size, 29), 1 if abs(rest) > size else 0
+    while size <= _FARTHEST and _decide(
+        model, 2 + sign * 30 + min(size, 29), 1 if abs(difference) > size else 0
     ):
         size += 1
     return size if sign == 1 else -size
 
 
 @inlined
-def _ask(track: Track, node: int, bit: int) -> int:
-    return code_bit(track.mixer, bit, node, node)
+def _decide(model: SequenceModel, node: int, bit: int) -> int:
+    return code_bit(model.mixer, bit, node, node)
 
 
 @inlined
-def _find_contexts(track: Track) -> None:
-    recent, at = track.recent, track.mixer.at
-    part = ((track.motion[0] + (1 << _FINE - 1)) & ((1 << _FINE) - 1)) >> _FINE - 4
-    one, two = min(max(recent[0], -4), 4) + 4, min(max(recent[1], -4), 4) + 4
-    at[0] = part * _NODES
-    at[1] = (16 + one * 9 + two) * _NODES
-    at[2] = (16 + 81 + one * 16 + part) * _NODES
-    five, ten = min(max(recent[4], -4), 4) + 4, min(max(recent[9], -4), 4) + 4
-    at[3] = (16 + 81 + 144 + five * 9 + ten) * _NODES
+def _write_contexts(model: SequenceModel) -> None:
+    recent, at = model.recent, model.mixer.at
+    fraction = ((model.motion[0] + (1 << _FINE - 1)) & ((1 << _FINE) - 1)) >> _FINE - 4
+    last, last2 = min(max(recent[0], -4), 4) + 4, min(max(recent[1], -4), 4) + 4
+    at[0] = fraction * _NODES
+    at[1] = (16 + last * 9 + last2) * _NODES
+    at[2] = (16 + 81 + last * 16 + fraction) * _NODES
+    last5, last10 = min(max(recent[4], -4), 4) + 4, min(max(recent[9], -4), 4) + 4
+    at[3] = (16 + 81 + 144 + last5 * 9 + last10) * _NODES
     signs = 0
     for k in range(5):
         signs = 3 * signs + min(max(recent[k], -1), 1) + 1

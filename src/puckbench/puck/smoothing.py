@@ -1,15 +1,14 @@
-"""Ranges of a turn as they most likely were, before noise and quantisation.
+"""Smoothing of decoded ranges: returns are moved along their rays to planes that fit neighbours.
 
-Where a plane fits returns side by side in the image, a return takes the plane's range along its own
-ray: the error falls with the root of the number of returns. Biases of the lasers are estimated from
-the planes that several of them see, and taken away. The standard deviation of a range is estimated
-from the turn itself, or follows from the step of quantisation. No return leaves the interval that
-the stream gives for its range by more than three standard deviations. Where returns scatter about
-their plane by more than noise explains (leaves), they are moved less, in proportion. Of a return
-that no plane supports, the bias of its laser alone is removed.
+The error of a return on a plane decreases with the square root of the number of returns on it.
+Biases of lasers are estimated from planes that several lasers hit, and subtracted. The standard
+deviation of ranges is estimated from the turn, but is at least that of the quantisation error.
+No return is moved out of its quantisation interval by more than three standard deviations. Returns
+that scatter about their plane by more than the noise (leaves) are moved less, in proportion. A
+return on no plane is corrected for the bias of its laser only.
 
-Results do not depend on a machine's libraries of linear algebra; where sines or square roots are
-rounded in another way, the last bits may differ.
+Results do not depend on a linear algebra library, but the last bits depend on how a machine rounds
+sines and square roots.
 """
 
 from __future__ import annotations
@@ -25,35 +24,35 @@ from puckbench.geometry.cloud import Floats
 from puckbench.lidar.returns import Beams, Returns
 from puckbench.lidar.turns import Turn
 from puckbench.puck.planes import (
+    LabelledPlanes,
     Labels,
     Places,
-    Planes,
-    RangeImage,
+    RangeRows,
     fitted_planes,
     range_error,
 )
 
 _TOLERANCE = 0.5
-"""Of `fitted_planes`, once biases are known."""
+"""Tolerance of `fitted_planes` once biases are subtracted."""
 _FIRST_TOLERANCE = 3.0
-"""The same before, at least; more where biases are assumed to be larger than the noise."""
+"""The least tolerance before; it is larger if biases exceed the noise."""
 _PASSES = 3
 _WIDEN = 3.0
-"""Standard deviations that a return may leave its interval by."""
+"""A return may leave its quantisation interval by this number of standard deviations..."""
 _WIDEN_STEPS = 0.1
-"""The same in steps, which hide the noise where they are larger than it."""
+"""... or by this number of steps, which hide the noise if they are larger."""
 _MOST_NOISE_M = 0.05
-"""Noise of a sensor, at most: more is taken for leaves."""
+"""Limit of a sensor's noise; a larger estimate comes from leaves."""
 _SCATTER = 5.0
-"""Standard deviations that a return of a plane may be off it by."""
+"""A return farther from its plane than this number of standard deviations is not moved."""
 _SUPPORT = 5
-"""Returns of a plane that returns are moved to, at least."""
+"""A plane with fewer returns is ignored."""
 _BIAS_M = 0.02
-"""Assumed standard deviation of a laser's bias."""
+"""Prior standard deviation of a laser's bias."""
 _BIAS_SUPPORT = 50
-"""Returns of a plane that biases are estimated from, at least."""
+"""Biases are estimated from planes with at least this number of returns."""
 _CORRELATED = 100.0
-"""Neighbouring returns that count as one, since most of their errors is common."""
+"""This number of neighbouring returns counts as one, as their errors are correlated."""
 _HUGE = 1e30
 
 _loop = partial(compiled_in_place, error_model="numpy")
@@ -77,16 +76,16 @@ def smoothed_points(returns: Returns, steps_m: Sequence[float]) -> Floats:
 
 
 def smoothed_distances(returns: Returns, turn: Turn, step_m: float) -> Floats:
-    """Distances of a turn's returns, smoothed: (kinds, columns, lasers), m, 0 for no return.
+    """Return the smoothed distances of a turn, (kinds, columns, lasers), m, 0 for no return.
 
-    Second returns stay as they are: they come from edges, leaves and glass.
+    Second returns are not changed: they come from edges, leaves and glass.
 
     Parameters
     ----------
-    returns
-        Of which the turn is one.
+    returns, turn
+        The turn, and the returns that it is part of.
     step_m
-        Step that the ranges were quantised with, m.
+        Step with which the ranges were quantised, m.
     """
     order = np.asarray(returns.layout.order)
     elevations = np.radians(returns.beams.elevations_deg)[order]
@@ -106,15 +105,15 @@ def smoothed_distances(returns: Returns, turn: Turn, step_m: float) -> Floats:
 
 
 def _origins(beams: Beams, azimuths: Floats, order: NDArray[np.intp]) -> Floats:
-    """Where beams start, (lasers, columns, 3), m: at the laser's height, and beside the axis."""
-    found = np.zeros((*azimuths.shape, 3))
-    found[..., 2] = (np.asarray(beams.heights_mm)[order] / 1000)[:, None]
+    """Return the origins of beams, (lasers, columns, 3), m."""
+    origins = np.zeros((*azimuths.shape, 3))
+    origins[..., 2] = (np.asarray(beams.heights_mm)[order] / 1000)[:, None]
     if beams.sideways_mm:
         sideways = (np.asarray(beams.sideways_mm)[order] / 1000)[:, None]
         right = sideways * np.cos(azimuths)
-        found[..., 0] = right if beams.clockwise else -right
-        found[..., 1] = -sideways * np.sin(azimuths)
-    return found
+        origins[..., 0] = right if beams.clockwise else -right
+        origins[..., 1] = -sideways * np.sin(azimuths)
+    return origins
 
 
 def smoothed_ranges(
@@ -125,27 +124,23 @@ def smoothed_ranges(
     closes: bool,
     step_m: float,
 ) -> Floats:
-    """Smooth the ranges of an image.
+    """Return smoothed ranges of an image, (lasers, columns), m.
 
     Parameters
     ----------
     coded
-        (lasers, columns), from the lowest laser to the highest, m, 0 for no return.
+        (lasers, columns), decoded ranges, lasers from the lowest to the highest, m, 0 for no
+        return.
     directions
-        (lasers, columns, 3), of length 1.
+        (lasers, columns, 3), unit vectors.
     origins
-        (lasers, columns, 3), where beams start, m.
+        (lasers, columns, 3), origins of the beams, m.
     column
         Angle between columns, rad.
     closes
-        Whether the last column is beside the first.
+        Whether the last column is next to the first (a full turn).
     step_m
-        Step that the ranges were quantised with, m.
-
-    Returns
-    -------
-    Floats
-        (lasers, columns), m.
+        Step with which the ranges were quantised, m.
     """
     noise = _noise(coded)
     std = max(noise, step_m / np.sqrt(12))
@@ -160,35 +155,35 @@ def smoothed_ranges(
         image = _image(coded, directions, origins, biases)
         planes = fitted_planes(image, column, std, _TOLERANCE, closes)
     limit = step_m / 2 + max(_WIDEN * noise, _WIDEN_STEPS * step_m)
-    found = np.where(image.ranges > 0, image.ranges, coded)
+    smoothed = np.where(image.ranges > 0, image.ranges, coded)
     spread = np.zeros((len(planes.vectors), 2))
-    _estimate(image.ranges, directions, origins, *planes, std, limit, spread, found)
-    return np.where(np.isfinite(found) & (found > 0), found, coded)
+    _estimate(image.ranges, directions, origins, *planes, std, limit, spread, smoothed)
+    return np.where(np.isfinite(smoothed) & (smoothed > 0), smoothed, coded)
 
 
 def _noise(ranges: Floats) -> float:
-    """Standard deviation of the ranges' error by that of their second differences in a row."""
+    """Estimate the standard deviation of ranges from their second differences within rows."""
     parts = ranges[:, :-2], ranges[:, 1:-1], ranges[:, 2:]
-    whole = (parts[0] > 0) & (parts[1] > 0) & (parts[2] > 0)
-    if not whole.any():
+    is_complete = (parts[0] > 0) & (parts[1] > 0) & (parts[2] > 0)
+    if not is_complete.any():
         return 0.0
-    bend = np.abs(parts[0] - 2 * parts[1] + parts[2])[whole]
-    return min(float(np.median(bend) / 0.6745 / np.sqrt(6)), _MOST_NOISE_M)
+    differences = np.abs(parts[0] - 2 * parts[1] + parts[2])[is_complete]
+    return min(float(np.median(differences) / 0.6745 / np.sqrt(6)), _MOST_NOISE_M)
 
 
-def _image(coded: Floats, directions: Floats, origins: Floats, biases: Floats) -> RangeImage:
+def _image(coded: Floats, directions: Floats, origins: Floats, biases: Floats) -> RangeRows:
     ranges = np.where(coded > 0, coded - biases[:, None], 0.0)
     rows = directions * ranges[..., None]
     rows += origins
     rows *= ranges[..., None]
-    return RangeImage(ranges, rows)
+    return RangeRows(ranges, rows)
 
 
-def _biases(image: RangeImage, planes: Planes, std: float) -> Floats:
-    """Biases of the lasers, (lasers,), m, zero on average.
+def _biases(image: RangeRows, planes: LabelledPlanes, std: float) -> Floats:
+    """Estimate the biases of the lasers, (lasers,), m, with mean zero.
 
-    Planes and biases together minimise the squared errors; the planes are eliminated. A bias that
-    all lasers share cannot be told from larger rooms.
+    Planes and biases minimise the squared errors together; the planes are eliminated. A bias common
+    to all lasers cannot be told from a larger room.
     """
     labels, vectors = planes
     lasers, most = len(labels), 3 * std
@@ -205,30 +200,30 @@ def _biases(image: RangeImage, planes: Planes, std: float) -> Floats:
     matrix, right = np.diag(numbers), targets
     _eliminate(products, mixed, matrix, right)
     weight = 1 / (std * std * _CORRELATED)
-    found = weight * right
-    _solve(weight * matrix + np.eye(lasers) / _BIAS_M**2, found)
-    biases: Floats = np.asarray(found.mean() - found)
+    solution = weight * right
+    _solve(weight * matrix + np.eye(lasers) / _BIAS_M**2, solution)
+    biases: Floats = np.asarray(solution.mean() - solution)
     return biases if np.isfinite(biases).all() else np.zeros(lasers)
 
 
 @inlined
 def _factorise(matrix: Floats) -> None:
-    """Cholesky's factor of a positive definite matrix, in place, in its lower half.
+    """Replace the lower half of a positive definite matrix by its Cholesky factor.
 
-    By loops of our own, here as below: what a library of linear algebra returns depends in its last
-    digits on the processor, and bits of the points would.
+    The last digits of a linear algebra library depend on the processor; those of these loops do
+    not.
     """
     for i in range(len(matrix)):
         for j in range(i + 1):
-            rest = matrix[i, j]
+            residual = matrix[i, j]
             for k in range(j):
-                rest -= matrix[i, k] * matrix[j, k]
-            matrix[i, j] = np.sqrt(rest) if i == j else rest / matrix[j, j]
+                residual -= matrix[i, k] * matrix[j, k]
+            matrix[i, j] = np.sqrt(residual) if i == j else residual / matrix[j, j]
 
 
 @inlined
 def _substitute(factor: Floats, right: Floats) -> None:
-    """Solve factor . x = right for x, in place; the factor is a lower triangle."""
+    """Solve factor . x = right in place for a lower triangular factor."""
     for i in range(len(right)):
         for k in range(i):
             right[i] -= factor[i, k] * right[k]
@@ -237,7 +232,7 @@ def _substitute(factor: Floats, right: Floats) -> None:
 
 @_loop
 def _solve(matrix: Floats, right: Floats) -> None:
-    """Solve matrix . x = right for x, in place; the matrix is positive definite."""
+    """Solve matrix . x = right in place for a positive definite matrix."""
     _factorise(matrix)
     _substitute(matrix, right)
     for i in range(len(right) - 1, -1, -1):
@@ -248,24 +243,24 @@ def _solve(matrix: Floats, right: Floats) -> None:
 
 @_loop
 def _eliminate(products: Floats, mixed: Floats, matrix: Floats, right: Floats) -> None:
-    """Take the planes out of the normal equations of planes and biases.
+    """Eliminate the planes from the normal equations of planes and biases.
 
-    matrix, right: (lasers, lasers) and (lasers,), the equations of the biases, which are changed.
-    products, mixed: as of `_sum_by_laser`; they are overwritten.
+    Subtracts from `matrix` (lasers, lasers) and `right` (lasers,), the equations of the biases;
+    overwrites the `products` and `mixed` of `_sum_by_laser`.
     """
     for plane in range(len(products)):
-        normal, target, each = products[plane, :, :3], products[plane, :, 3], mixed[plane]
+        normal, target, slopes = products[plane, :, :3], products[plane, :, 3], mixed[plane]
         ridge = 1e-9 * (normal[0, 0] + normal[1, 1] + normal[2, 2])
         for i in range(3):
             normal[i, i] += ridge
         _factorise(normal)
         _substitute(normal, target)
         for laser in range(len(right)):
-            _substitute(normal, each[laser])
+            _substitute(normal, slopes[laser])
             for i in range(3):
-                right[laser] -= each[laser, i] * target[i]
+                right[laser] -= slopes[laser, i] * target[i]
                 for other in range(laser + 1):
-                    matrix[laser, other] -= each[laser, i] * each[other, i]
+                    matrix[laser, other] -= slopes[laser, i] * slopes[other, i]
 
 
 @_loop
@@ -277,7 +272,7 @@ def _count(
     most: float,
     counts: Places,
 ) -> None:
-    """How many returns each plane has that are off it by less than `most`."""
+    """Count the returns of each plane that are closer to it than `most`."""
     for laser in range(labels.shape[0]):
         for column in range(labels.shape[1]):
             plane = labels[laser, column]
@@ -300,7 +295,7 @@ def _sum_by_laser(
     numbers: Floats,
     targets: Floats,
 ) -> None:
-    """The parts of the normal equations of planes and biases."""
+    """Accumulate the normal equations of planes and biases."""
     for laser in range(labels.shape[0]):
         for column in range(labels.shape[1]):
             plane = labels[laser, column]
@@ -330,12 +325,11 @@ def _estimate(
     std: float,
     limit: float,
     spread: Floats,
-    found: Floats,
+    smoothed: Floats,
 ) -> None:
-    """Move returns to their plane along their ray.
+    """Move returns to their planes, by changing `smoothed`.
 
-    spread: (planes, 2), zeros, for the number and the squared errors of each plane's returns.
-    found: the ranges, which are changed.
+    spread: (planes, 2), zeros, into which numbers and squared errors of returns are written.
     """
     for moves in (False, True):
         for laser in range(labels.shape[0]):
@@ -355,4 +349,4 @@ def _estimate(
                 elif spread[plane, 0] >= _SUPPORT:
                     expected = std * std * (spread[plane, 0] - 3)
                     weight = min(1.0, expected / max(spread[plane, 1], expected * 1e-9))
-                    found[laser, column] += min(max(weight * error, -limit), limit)
+                    smoothed[laser, column] += min(max(weight * error, -limit), limit)

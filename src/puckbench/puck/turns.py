@@ -1,11 +1,13 @@
-"""Turns as bytes: azimuths, ranges, second returns, times and reflectivities, a part each.
+"""Coding of one turn: azimuths, ranges, second returns, times and reflectivities, a part for each.
 
-A key turn can be decoded alone; any other one after its predecessor, whose models go on.
+A key turn can be decoded alone. Any other turn needs its predecessor, whose adaptive models it goes
+on with.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,90 +22,87 @@ from puckbench.coding.binary_coder import (
 from puckbench.coding.byte_io import Reader, base_128
 from puckbench.core.errors import InputError
 from puckbench.lidar.turns import CENTIDEGREES, Layout, Turn, check_turn
-from puckbench.puck.mixing import Ints, Words
+from puckbench.puck.mixing import Ints, Mixer, Words
 from puckbench.puck.options import EFFORTS, MAX_STEP, CodingOptions
 from puckbench.puck.ranges import (
     MODEL_SIZES,
     PAD,
-    Image,
-    Model,
+    RangeContext,
+    RangeModel,
     code_ranges,
-    new_model,
-    with_bits,
+    new_range_model,
 )
 from puckbench.puck.reflectivity import (
-    ByteModel,
-    Bytes,
-    bytes_with_bits,
+    ReflectivityContext,
+    ReflectivityModel,
     code_reflectivities,
-    new_byte_model,
+    new_reflectivity_model,
 )
 from puckbench.puck.second_returns import (
-    SecondModel,
-    code_second,
-    new_second_model,
-    second_with_bits,
+    SecondReturnModel,
+    code_second_returns,
+    new_second_return_model,
 )
-from puckbench.puck.sequences import Track, code_sequence, new_track, track_with_bits
+from puckbench.puck.sequences import SequenceModel, code_sequence, new_sequence_model
 
 _KEY, _TIMES, _REFLECTIVITIES = 1, 2, 4
 _EFFORT = 3
-"""Bits of a turn's flags below those of the effort."""
+"""The effort's place among the bits of a turn's flags."""
 _LEAN = 32
-"""Flag of reflectivities that are coded by few contexts."""
+"""Flag: reflectivities are coded by few contexts."""
 _CLOCK = 1 << 32
-_NEAREST = 200
-"""Farthest that a column of the turn before may be away, in 0.01 degrees."""
+_FARTHEST_COLUMN = 200
+"""A column of the previous turn is a context up to this distance, 0.01 degrees."""
 _FIRST_ERROR = 48
-_BYTES_OF_A_DECISION = 2
-"""Bytes that a decision may cost at most (a bit of probability 2**-11)."""
-
+_BYTES_PER_DECISION = 2
+"""The most that a decision costs: its bit has a probability of at least 2**-11."""
 
 Values = NDArray[np.uint16] | NDArray[np.uint8]
+_Model = TypeVar("_Model", RangeModel, SecondReturnModel, SequenceModel, ReflectivityModel)
 
 
 @dataclass
 class _State:
-    """Models of the turns so far, and the last one."""
+    """Adaptive models, and the turn that was coded last."""
 
     layout: Layout
     step: int
     effort: int
-    azimuths: Track
-    ranges: Model
-    second: SecondModel
-    times: Track
-    reflectivities: list[ByteModel]
-    before: _Before | None = None
+    azimuths: SequenceModel
+    ranges: RangeModel
+    second: SecondReturnModel
+    times: SequenceModel
+    reflectivities: list[ReflectivityModel]
+    previous: _CodedTurn | None = None
 
 
 @dataclass
-class _Before:
-    """The last turn, as contexts of the next one."""
+class _CodedTurn:
+    """A turn as a context of the next one; its lists have an item for each kind of return."""
 
     azimuths: Ints
-    image: Image
-    kinds: list[Words]
-    values: list[Words] = field(default_factory=list)
+    strongest: RangeContext
+    ranges: list[Words]
+    reflectivities: list[Words] = field(default_factory=list)
     held: list[Words] = field(default_factory=list)
 
 
 def _new_state(layout: Layout, step: int, lmbda: float, effort: int) -> _State:
     bits, lasers = bit_writer(0), layout.lasers
     size = MODEL_SIZES[EFFORTS[effort]]
-    whole = max(round(16 * lmbda), 1) if lmbda > 0 else 0
+    sixteenths = max(round(16 * lmbda), 1) if lmbda > 0 else 0
     return _State(
         layout, step, effort,
-        new_track(bits, CENTIDEGREES),
-        new_model(bits, lasers, size, step, whole),
-        new_second_model(bits, lasers, step),
-        new_track(bits, _CLOCK),
+        new_sequence_model(bits, CENTIDEGREES),
+        new_range_model(bits, lasers, size, step, sixteenths),
+        new_second_return_model(bits, lasers, step),
+        new_sequence_model(bits, _CLOCK),
         [],
     )  # fmt: skip
 
 
 class TurnEncoder:
-    """Encodes turns one after the other."""
+    """Encodes successive turns of one layout."""
 
     def __init__(self, layout: Layout, options: CodingOptions | None = None) -> None:
         self.layout, self.options = layout, options or CodingOptions()
@@ -111,7 +110,7 @@ class TurnEncoder:
         self._since_key = 0
 
     def encode(self, turn: Turn) -> bytes:
-        """Code a turn; InputError when it has not the layout's shapes."""
+        """Encode a turn; raises InputError if its arrays do not have the layout's shapes."""
         check_turn(turn, self.layout)
         options = self.options
         effort = EFFORTS.index(options.effort)
@@ -123,26 +122,26 @@ class TurnEncoder:
         flags = is_key * _KEY | effort << _EFFORT | (options.effort == "fast") * _LEAN
         flags |= (options.times and turn.times is not None) * _TIMES
         flags |= (options.reflectivities and turn.reflectivities is not None) * _REFLECTIVITIES
-        coder = _PartWriter()
-        _code_turn(self._state, _laid(turn, self.layout), flags, coder)
-        head = bytes([flags]) + base_128(options.step) + base_128(len(turn.azimuths))
-        return head + b"".join(base_128(len(part)) + part for part in coder.parts)
+        writer = _PartWriter()
+        _code_turn(self._state, _by_elevation(turn, self.layout), flags, writer)
+        header = bytes([flags]) + base_128(options.step) + base_128(len(turn.azimuths))
+        return header + b"".join(base_128(len(part)) + part for part in writer.parts)
 
 
 class TurnDecoder:
-    """Decodes turns one after the other, from a key turn on."""
+    """Decodes successive turns of one layout, the first of which is a key turn."""
 
     def __init__(self, layout: Layout) -> None:
         self.layout = layout
         self._state: _State | None = None
 
     def decode(self, body: bytes) -> Turn:
-        """The turn of `TurnEncoder.encode`.
+        """Decode what `TurnEncoder.encode` returned.
 
         Raises
         ------
         InputError
-            The bytes are damaged, or the turn before is missing.
+            The bytes are damaged, or the previous turn was not decoded.
         """
         reader = Reader(body)
         flags, step, blocks = reader.take(1)[0], reader.number(), reader.number()
@@ -159,12 +158,12 @@ class TurnDecoder:
         state = self._state
         if state is None or (step, effort) != (state.step, state.effort):
             raise InputError("the turn needs the turn before it")
-        self._state = None  # until this one is whole
-        now, times = _code_turn(state, _blank(blocks, self.layout), flags, _PartReader(reader))
+        self._state = None  # a damaged turn leaves models that no further turn may use
+        coded, times = _code_turn(state, _blank(blocks, self.layout), flags, _PartReader(reader))
         if reader.rest():
             raise InputError("the stream is damaged (a turn's length)")
         self._state = state
-        return _decoded(self.layout, now, times)
+        return _decoded(self.layout, coded, times)
 
 
 def is_key(body: bytes) -> bool:
@@ -179,14 +178,13 @@ def turn_step(body: bytes) -> int:
     return reader.number()
 
 
-def _laid(turn: Turn, layout: Layout) -> Turn:
-    """The turn with its lasers by elevation."""
+def _by_elevation(turn: Turn, layout: Layout) -> Turn:
     order = list(layout.order)
-    told = turn.reflectivities
+    values = turn.reflectivities
     return replace(
         turn,
         ranges=turn.ranges[..., order],
-        reflectivities=None if told is None else told[..., order],
+        reflectivities=None if values is None else values[..., order],
     )
 
 
@@ -202,21 +200,21 @@ def _blank(blocks: int, layout: Layout) -> Turn:
 
 
 class _PartWriter:
-    """Makes a coder for each part and keeps what it wrote."""
+    """Opens a coder for each part of a turn, and keeps the bytes that it wrote."""
 
     def __init__(self) -> None:
         self.parts: list[bytes] = []
 
     def open(self, most_decisions: int) -> BitCoder:
-        return bit_writer(most_decisions * _BYTES_OF_A_DECISION + 64)
+        return bit_writer(most_decisions * _BYTES_PER_DECISION + 64)
 
-    def close(self, bits: BitCoder, is_whole: bool) -> None:
-        del is_whole
+    def close(self, bits: BitCoder, is_complete: bool) -> None:
+        del is_complete
         self.parts.append(written(bits))
 
 
 class _PartReader:
-    """Makes a coder of each part, and checks that it was read to its end."""
+    """Opens a coder for each part of a turn, and checks that it was read to its end."""
 
     def __init__(self, reader: Reader) -> None:
         self._reader = reader
@@ -225,115 +223,133 @@ class _PartReader:
         del most_decisions
         return bit_reader(self._reader.take(self._reader.number()))
 
-    def close(self, bits: BitCoder, is_whole: bool) -> None:
-        if not is_whole or not read_to_its_end(bits):
+    def close(self, bits: BitCoder, is_complete: bool) -> None:
+        if not is_complete or not read_to_its_end(bits):
             raise InputError("the stream is damaged (a turn)")
 
 
-def _code_turn(
-    state: _State, turn: Turn, flags: int, parts: _PartWriter | _PartReader
-) -> tuple[_Before, NDArray[np.uint32] | None]:
-    """Code a turn's parts: a writer codes `turn`, a reader a turn of its shapes.
+_Parts = _PartWriter | _PartReader
 
-    Returns what the next turn needs of it, and its times.
+
+def _code_turn(
+    state: _State, turn: Turn, flags: int, parts: _Parts
+) -> tuple[_CodedTurn, NDArray[np.uint32] | None]:
+    """Code the parts of a turn, and return the coded turn and its times.
+
+    A writer encodes `turn`; a reader takes only the shapes of its arrays.
     """
     azimuths = turn.azimuths.astype(np.int64)
-    bits = parts.open(64 * len(azimuths))
-    state.azimuths = track_with_bits(state.azimuths, bits)
-    parts.close(bits, code_sequence(state.azimuths, azimuths))
-    places = _places(state, azimuths)
-    now = _code_kinds(state, azimuths, places, turn, parts)
+    state.azimuths = _code_numbers(state.azimuths, azimuths, parts)
+    nearest = _nearest_columns(state, azimuths)
+    coded = _code_kinds(state, azimuths, nearest, turn, parts)
     times = None
     if flags & _TIMES and turn.times is not None:
         numbers = turn.times.astype(np.int64)
-        bits = parts.open(64 * len(numbers))
-        state.times = track_with_bits(state.times, bits)
-        parts.close(bits, code_sequence(state.times, numbers))
+        state.times = _code_numbers(state.times, numbers, parts)
         times = numbers.astype(np.uint32)
     if flags & _REFLECTIVITIES and turn.reflectivities is not None:
         lean = bool(flags & _LEAN)
-        _code_values(state, now, places, turn.reflectivities, parts, lean=lean)
-    state.before = now
-    return now, times
+        _code_all_reflectivities(state, coded, nearest, turn.reflectivities, parts, lean=lean)
+    state.previous = coded
+    return coded, times
 
 
-def _decoded(layout: Layout, now: _Before, times: NDArray[np.uint32] | None) -> Turn:
-    """The turn that was decoded, its lasers in the order of packets."""
+def _code_numbers(model: SequenceModel, numbers: Ints, parts: _Parts) -> SequenceModel:
+    bits = parts.open(64 * len(numbers))
+    model = _with_coder(model, bits)
+    parts.close(bits, code_sequence(model, numbers))
+    return model
+
+
+def _with_coder(model: _Model, bits: BitCoder) -> _Model:
+    """Return the model with mixers that write or read another part."""
+    mixers: dict[str, Any] = {
+        name: value._replace(bits=bits)
+        for name, value in model._asdict().items()
+        if isinstance(value, Mixer)
+    }
+    return model._replace(**mixers)
+
+
+def _decoded(layout: Layout, coded: _CodedTurn, times: NDArray[np.uint32] | None) -> Turn:
+    """Return the decoded turn with lasers in the order of their ids."""
     order = np.argsort(layout.order)
-    ranges = np.stack([kind[PAD:] for kind in now.kinds]).astype(np.uint16)
+    ranges = np.stack([kind[PAD:] for kind in coded.ranges]).astype(np.uint16)
     values = None
-    if now.values:
-        values = np.stack([own[PAD:] for own in now.values]).astype(np.uint8).take(order, axis=2)
-    return Turn(ranges.take(order, axis=2), now.azimuths.astype(np.uint16), times, values)
+    if coded.reflectivities:
+        kinds = [kind[PAD:] for kind in coded.reflectivities]
+        values = np.stack(kinds).astype(np.uint8).take(order, axis=2)
+    return Turn(ranges.take(order, axis=2), coded.azimuths.astype(np.uint16), times, values)
 
 
 def _code_kinds(
-    state: _State, azimuths: Ints, places: Ints, turn: Turn, parts: _PartWriter | _PartReader
-) -> _Before:
-    """Code the ranges."""
-    layout = state.layout
+    state: _State, azimuths: Ints, nearest: Ints, turn: Turn, parts: _Parts
+) -> _CodedTurn:
+    """Code the ranges of the strongest returns, and of the second returns where there are any."""
+    layout, previous = state.layout, state.previous
     sources = [_padded(kind) for kind in turn.ranges]
-    columns = len(sources[0]) - PAD
-    before = state.before
-    image = Image(*(np.zeros_like(sources[0]) for _ in range(4)))
+    decisions = (len(sources[0]) - PAD) * layout.lasers * 48
+    image = RangeContext(*(np.zeros_like(sources[0]) for _ in range(4)))
     image.errors[:PAD] = _FIRST_ERROR
-    then = Image(*(np.zeros((1, layout.lasers), np.int32) for _ in range(4)))
-    if before is not None:
-        for rows, earlier in zip(image, before.image, strict=True):
+    before = RangeContext(*(np.zeros((1, layout.lasers), np.int32) for _ in range(4)))
+    if previous is not None:
+        for rows, earlier in zip(image, previous.strongest, strict=True):
             rows[:PAD] = earlier[-PAD:]
-        then = Image(*map(_extended, before.image))
-    bits = parts.open(columns * layout.lasers * 48)
-    state.ranges = with_bits(state.ranges, bits)
-    parts.close(bits, code_ranges(state.ranges, image, then, places, sources[0]))
-    kinds = [image.ranges]
+        before = RangeContext(*map(_extended, previous.strongest))
+    bits = parts.open(decisions)
+    state.ranges = _with_coder(state.ranges, bits)
+    parts.close(bits, code_ranges(state.ranges, image, before, nearest, sources[0]))
+    ranges = [image.ranges]
     if layout.kinds == 2:
-        second = np.zeros_like(sources[1])
-        then_kinds = [then.ranges, then.ranges]
-        if before is not None:
-            second[:PAD] = before.kinds[1][-PAD:]
-            then_kinds = list(map(_extended, before.kinds))
-        bits = parts.open(columns * layout.lasers * 48)
-        state.second = second_with_bits(state.second, bits)
-        whole = code_second(
-            state.second, second, image.ranges, then_kinds[1], then_kinds[0], places, sources[1],
-            sources[0],
+        second, before_kinds = np.zeros_like(sources[1]), [before.ranges, before.ranges]
+        if previous is not None:
+            second[:PAD] = previous.ranges[1][-PAD:]
+            before_kinds = list(map(_extended, previous.ranges))
+        bits = parts.open(decisions)
+        state.second = _with_coder(state.second, bits)
+        is_complete = code_second_returns(
+            state.second, second, image.ranges, before_kinds[1], before_kinds[0], nearest,
+            sources[1], sources[0],
         )  # fmt: skip
-        parts.close(bits, whole)
-        kinds.append(second)
-    return _Before(azimuths, image, kinds)
+        parts.close(bits, is_complete)
+        ranges.append(second)
+    return _CodedTurn(azimuths, image, ranges)
 
 
-def _code_values(
-    state: _State, now: _Before, places: Ints, values: Values, parts: _PartWriter | _PartReader, *,
-    lean: bool,
-) -> None:  # fmt: skip
-    """Code the reflectivities of each kind; they are kept in `now` for the next turn."""
-    layout, before = state.layout, state.before
+def _code_all_reflectivities(
+    state: _State, coded: _CodedTurn, nearest: Ints, values: Values, parts: _Parts, *, lean: bool
+) -> None:
+    """Code the reflectivities of each kind of return, and add them to `coded`."""
+    layout, previous = state.layout, state.previous
     if not state.reflectivities:
-        bits = bit_writer(0)
-        lasers, kinds = layout.lasers, range(layout.kinds)
-        state.reflectivities = [new_byte_model(bits, lasers, lean) for _ in kinds]
+        bits, lasers = bit_writer(0), layout.lasers
+        state.reflectivities = [
+            new_reflectivity_model(bits, lasers, lean) for _ in range(layout.kinds)
+        ]
     for kind in range(layout.kinds):
-        own, ranges = _padded(values[kind]), now.kinds[kind]
-        held, then = np.zeros_like(own), np.zeros((1, layout.lasers), np.int32)
-        then_ranges, guesses = then, np.zeros_like(own)
-        if before is not None and before.values:
-            own[:PAD], held[:PAD] = before.values[kind][-PAD:], before.held[kind][-PAD:]
-            then, then_ranges = _extended(before.values[kind]), _extended(before.kinds[kind])
-        elif before is not None:
-            places = np.zeros_like(places)
+        own, ranges = _padded(values[kind]), coded.ranges[kind]
+        held, before = np.zeros_like(own), np.zeros((1, layout.lasers), np.int32)
+        before_ranges, guesses = before, np.zeros_like(own)
+        if previous is not None and previous.reflectivities:
+            own[:PAD] = previous.reflectivities[kind][-PAD:]
+            held[:PAD] = previous.held[kind][-PAD:]
+            before = _extended(previous.reflectivities[kind])
+            before_ranges = _extended(previous.ranges[kind])
+        elif previous is not None:
+            nearest = np.zeros_like(nearest)
         if kind == 1:
-            guesses = np.where(ranges == now.kinds[0], now.values[0] + 1, 0).astype(np.int32)
+            is_same = ranges == coded.ranges[0]
+            guesses = np.where(is_same, coded.reflectivities[0] + 1, 0).astype(np.int32)
         bits = parts.open(len(own) * layout.lasers * 9)
-        model = state.reflectivities[kind] = bytes_with_bits(state.reflectivities[kind], bits)
-        turn = Bytes(own, held, ranges, then, then_ranges, guesses)
-        parts.close(bits, code_reflectivities(model, turn, places))
-        now.values.append(own)
-        now.held.append(held)
+        model = state.reflectivities[kind] = _with_coder(state.reflectivities[kind], bits)
+        context = ReflectivityContext(own, held, ranges, before, before_ranges, guesses)
+        parts.close(bits, code_reflectivities(model, context, nearest))
+        coded.reflectivities.append(own)
+        coded.held.append(held)
 
 
 def _padded(values: Values) -> Words:
-    """Values after PAD rows of 0; in the order of rows, for which the loops are compiled."""
+    """Return the values after PAD rows of 0, contiguous as the compiled loops expect them."""
     padded = np.zeros((PAD + len(values), values.shape[1]), np.int32)
     padded[PAD:] = values
     return padded
@@ -345,25 +361,25 @@ def _extended(values: Words) -> Words:
     return extended
 
 
-def _places(state: _State, azimuths: Ints) -> Ints:
-    """Row of the nearest column of the turn before, of each column; 0 where none is near."""
+def _nearest_columns(state: _State, azimuths: Ints) -> Ints:
+    """Return for each column the row of the nearest column of the previous turn; 0 if none."""
     per_block = state.layout.columns_per_block
-    if state.before is None:
+    if state.previous is None:
         return np.zeros(len(azimuths) * per_block, np.int64)
     now = _column_azimuths(azimuths, per_block)
-    then = _column_azimuths(state.before.azimuths, per_block)
+    then = _column_azimuths(state.previous.azimuths, per_block)
     turn = CENTIDEGREES * per_block
     now += -((now[0] - then[0] + turn // 2) // turn) * turn
     right = np.searchsorted(then, now).clip(1, max(len(then) - 1, 1))
     right = np.minimum(right, len(then) - 1)
     left = np.maximum(right - 1, 0)
     nearest = np.where(now - then[left] <= then[right] - now, left, right)
-    is_near = np.abs(then[nearest] - now) < _NEAREST * per_block
+    is_near = np.abs(then[nearest] - now) < _FARTHEST_COLUMN * per_block
     return np.where(is_near, nearest + PAD, 0).astype(np.int64)
 
 
 def _column_azimuths(azimuths: Ints, per_block: int) -> Ints:
-    """Azimuths of columns, ascending, in 0.01 degrees / columns of a block."""
+    """Return ascending azimuths of the columns, in 0.01 degrees / columns of a block."""
     rises = np.diff(azimuths) % CENTIDEGREES
     starts = azimuths[0] + np.concatenate([[0], np.cumsum(rises)])
     last = rises[-1:] if len(rises) else np.zeros(1, np.int64)

@@ -1,0 +1,51 @@
+"""Page links of SQLite files (ROS 2 bags), which cut packets into pieces.
+
+SQLite stores long content in overflow pages, each of which begins with the number of the next page.
+These numbers are coded apart, so that packets are contiguous in the remaining bytes.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from puckbench.puck.gaps import MOST_RAW_BYTES, Bytes
+
+LINK_BYTES = 4
+SMALLEST_PAGE, LARGEST_PAGE = 512, 1 << 16
+_MAGIC = b"SQLite format 3\x00"
+
+
+def page_size(data: Bytes) -> int:
+    """Return the bytes of a page of a whole SQLite file; 0 for any other file."""
+    if data[: len(_MAGIC)].tobytes() != _MAGIC or len(data) < SMALLEST_PAGE:
+        return 0
+    size = int.from_bytes(data[16:18].tobytes(), "big")
+    size = LARGEST_PAGE if size == 1 else size
+    if size < SMALLEST_PAGE or len(data) % size:
+        return 0
+    return 0 if len(data) // size * LINK_BYTES > MOST_RAW_BYTES else size
+
+
+def without_links(data: Bytes, page: int, first: int, end: int) -> Bytes:
+    """Return bytes `first` to `end` of a file whose page links are removed; page 0: of any file."""
+    if not page:
+        return data[first:end]
+    content = page - LINK_BYTES
+    start = first // content
+    part = data.reshape(-1, page)[start : -(-end // content), LINK_BYTES:].ravel()
+    return part[first - start * content : end - start * content]
+
+
+def encode_links(links: Bytes) -> bytes:
+    """Return big-endian links (n, 4) as differences, first the highest bytes of all."""
+    numbers = np.ascontiguousarray(links).view(">u4")[:, 0].astype(np.uint32)
+    steps = np.diff(numbers, prepend=np.uint32(0)).astype(">u4")
+    return steps.view(np.uint8).reshape(-1, LINK_BYTES).T.tobytes()
+
+
+def decode_links(body: bytes) -> Bytes:
+    """Return the links (n, 4) of `encode_links`."""
+    planes = np.frombuffer(body, np.uint8).reshape(LINK_BYTES, -1).T
+    steps = np.ascontiguousarray(planes).view(">u4")[:, 0].astype(np.uint32)
+    numbers = np.cumsum(steps, dtype=np.uint32).astype(">u4")
+    return numbers.view(np.uint8).reshape(-1, LINK_BYTES)
