@@ -11,7 +11,7 @@ from puckbench.learned.pcgcv2.training import Pcgcv2Loss, Pcgcv2Trainer, rate_di
 from puckbench.learned.pcgcv2.training_settings import Pcgcv2Training
 from puckbench.learned.sparse.thread_pool import ThreadPool, thread_pool
 from puckbench.learned.sparse.voxels import morton_keys, morton_voxels
-from puckbench.learned.training.examples import CubeExamples, batch
+from puckbench.learned.training.examples import CubeExamples, join_clouds
 from puckbench.learned.training.loop import train
 from tests.support.learned_codecs import LMBDAS, TINY2
 
@@ -39,7 +39,7 @@ def _number(value: torch.Tensor) -> float:
 
 def test_clouds_of_a_batch_do_not_touch() -> None:
     clouds = [_cloud(0)[0], _cloud(1)[0], _cloud(2)[0]]
-    keys = batch(clouds)
+    keys = join_clouds(clouds)
     assert np.array_equal(np.unique(keys), keys)
     owner = np.repeat(np.arange(3), [len(cloud) for cloud in clouds])
     voxels = morton_voxels(keys)

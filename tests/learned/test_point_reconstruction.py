@@ -14,8 +14,8 @@ from puckbench.geometry.cloud import PointCloud
 from puckbench.learned.point_reconstruction import (
     SiblingBlocks,
     check_points_per_voxel,
-    concatenated,
-    known_blocks,
+    joined_blocks,
+    lossless_blocks,
     points_per_voxel,
     reconstructed_points,
     sibling_blocks,
@@ -36,7 +36,7 @@ def _tilted(side: float) -> tuple[np.ndarray, np.ndarray]:
 
 def _unconfident(voxels: np.ndarray) -> SiblingBlocks:
     """One voxel is kept of each block, any of these would have been as likely, others hardly."""
-    blocks = known_blocks(voxels)
+    blocks = lossless_blocks(voxels)
     first = np.zeros_like(blocks.kept)
     first[np.arange(len(first)), blocks.kept.argmax(axis=1)] = True
     return sibling_blocks(
@@ -49,7 +49,7 @@ def _sorted(rows: np.ndarray) -> np.ndarray:
 
 
 def test_one_point_for_each_voxel_is_the_voxel() -> None:
-    assert np.array_equal(_sorted(reconstructed_points(known_blocks(FLAT), 256)), _sorted(FLAT))
+    assert np.array_equal(_sorted(reconstructed_points(lossless_blocks(FLAT), 256)), _sorted(FLAT))
     unconfident = _unconfident(FLAT)
     assert np.array_equal(reconstructed_points(unconfident, 0), unconfident.voxels())
 
@@ -59,7 +59,7 @@ def test_four_points_of_a_flat_surface_stand_half_a_voxel_apart() -> None:
     wanted = {
         (x + u, y + v, 3.0) for x, y, _ in middle for u in (-0.25, 0.25) for v in (-0.25, 0.25)
     }
-    points = reconstructed_points(known_blocks(FLAT), 4 * 256)
+    points = reconstructed_points(lossless_blocks(FLAT), 4 * 256)
     assert len(points) == 4 * 64
     assert wanted <= {tuple(point) for point in points.tolist()}
 
@@ -67,7 +67,7 @@ def test_four_points_of_a_flat_surface_stand_half_a_voxel_apart() -> None:
 @pytest.mark.parametrize("number", range(1, 10))
 def test_points_of_a_voxel_are_spread_over_it(number: int) -> None:
     """No two share a place, none is nearer to a side than to the middle of its neighbour's."""
-    points = reconstructed_points(known_blocks(FLAT), 256 * number)
+    points = reconstructed_points(lossless_blocks(FLAT), 256 * number)
     inner = points[(np.abs(points[:, :2] - 3) < 0.5).all(axis=1)] - 3
     assert len(np.unique(inner, axis=0)) == number
     assert np.allclose(inner.mean(axis=0), 0, atol=0.1)
@@ -78,14 +78,14 @@ def test_points_of_a_slanted_plane_are_nearer_to_it_than_its_voxels() -> None:
     points, normal = _tilted(1.5)
     voxels = np.unique(np.rint(points).astype(np.int64), axis=0)
     parts = points_per_voxel(len(points), len(voxels), 1)
-    found = reconstructed_points(known_blocks(voxels), min(parts, 4 * 256))
+    found = reconstructed_points(lossless_blocks(voxels), min(parts, 4 * 256))
     height = points[0] @ normal
     off = [np.sqrt(np.mean((these @ normal - height) ** 2)) for these in (voxels, found)]
     assert off[1] < 0.85 * off[0]
 
 
 def test_voxels_with_the_fewest_others_around_have_one_more() -> None:
-    points = reconstructed_points(known_blocks(FLAT), 256 + 32)
+    points = reconstructed_points(lossless_blocks(FLAT), 256 + 32)
     assert len(points) == 64 + 8
     several = {tuple(voxel) for voxel in np.rint(points[-16:]).astype(int).tolist()}
     corners = {(x, y, 3) for x in (0, 7) for y in (0, 7)}
@@ -99,7 +99,7 @@ def test_voxels_with_the_fewest_others_around_have_one_more() -> None:
 )
 def test_any_voxels_have_as_many_points_as_asked_for(voxels: np.ndarray, parts: int) -> None:
     voxels = np.unique(voxels, axis=0)
-    points = reconstructed_points(known_blocks(voxels), parts)
+    points = reconstructed_points(lossless_blocks(voxels), parts)
     assert len(points) == np.rint(len(voxels) * parts / 256)
     apart = np.abs(points[:, None] - voxels).max(axis=2).min(axis=1)
     assert apart.max() < 1.5  # half a voxel aside, as much for the slope, a share of being off
@@ -111,7 +111,7 @@ def test_any_voxels_have_as_many_points_as_asked_for(voxels: np.ndarray, parts: 
     st.integers(0, 2**32 - 1),
 )
 def test_unconfident_voxels_have_about_as_many(voxels: np.ndarray, parts: int, seed: int) -> None:
-    blocks = known_blocks(np.unique(voxels, axis=0))
+    blocks = lossless_blocks(np.unique(voxels, axis=0))
     logits = np.random.default_rng(seed).normal(-1, 3, blocks.kept.shape).astype(np.float32)
     points = reconstructed_points(sibling_blocks(blocks.positions, logits, blocks.kept), parts)
     wanted = blocks.kept.sum() * parts / 256
@@ -122,7 +122,9 @@ def test_unconfident_voxels_have_about_as_many(voxels: np.ndarray, parts: int, s
 
 def test_voxels_too_far_apart_for_planes_stay_as_they_are() -> None:
     far = np.array([[0, 0, 0], [2**30, -(2**30), 5]])
-    assert np.array_equal(_sorted(reconstructed_points(known_blocks(far), 5 * 256)), _sorted(far))
+    assert np.array_equal(
+        _sorted(reconstructed_points(lossless_blocks(far), 5 * 256)), _sorted(far)
+    )
 
 
 def test_points_are_placed_at_the_centroid_of_an_unconfident_network() -> None:
@@ -140,8 +142,8 @@ def test_a_sparse_cloud_is_nearer_to_points_of_its_blocks_than_to_any_voxels() -
     points, _ = _tilted(1.0)
     rng = np.random.default_rng(1)
     thin = points[rng.choice(len(points), 1200, replace=False)]
-    all_voxels = known_blocks(np.unique(np.rint(points).astype(np.int64), axis=0))
-    blocks = known_blocks(np.unique(np.rint(thin).astype(np.int64), axis=0))
+    all_voxels = lossless_blocks(np.unique(np.rint(points).astype(np.int64), axis=0))
+    blocks = lossless_blocks(np.unique(np.rint(thin).astype(np.int64), axis=0))
     known = {tuple(place): row for row, place in enumerate(all_voxels.positions.tolist())}
     could = all_voxels.kept[[known[tuple(place)] for place in blocks.positions.tolist()]]
     logits = np.where(could, -1.0, -6.0).astype(np.float32)
@@ -169,7 +171,7 @@ def test_blocks_with_more_expected_voxels_have_more_points() -> None:
 
 
 def test_whatever_a_network_says_there_are_finite_points() -> None:
-    blocks = known_blocks(FLAT)
+    blocks = lossless_blocks(FLAT)
     for wild in (np.nan, np.inf, -np.inf, 1e30, -1e30):
         logits = np.full(blocks.kept.shape, wild, dtype=np.float32)
         points = reconstructed_points(sibling_blocks(blocks.positions, logits, blocks.kept), 300)
@@ -183,7 +185,7 @@ def test_blocks_that_keep_nothing_are_left_out() -> None:
     places = np.arange(9).reshape(3, 3)
     found = sibling_blocks(places, np.zeros((3, 8), dtype=np.float32), kept)
     assert found.voxels().tolist() == [[7, 8, 11]]  # 2 * (3, 4, 5) and x, z of the fifth corner
-    both = concatenated([found, known_blocks(np.array([[0, 1, 0]]))])
+    both = joined_blocks([found, lossless_blocks(np.array([[0, 1, 0]]))])
     assert both.voxels().tolist() == [[7, 8, 11], [0, 1, 0]]
 
 

@@ -22,7 +22,7 @@ from puckbench.learned.reno import coder as coder_module
 from puckbench.learned.reno.coder import RenoCoder
 from puckbench.learned.reno.inference import predicted, prior_features, target_features
 from puckbench.learned.reno.layers import convolution, cumulate, exponential, head
-from puckbench.learned.reno.range_coder import decoded, encoded
+from puckbench.learned.reno.range_coder import decode_symbols, encode_symbols
 from puckbench.learned.reno.stream import read_stream, write_stream
 from puckbench.learned.reno.weights import load_weights
 from puckbench.learned.sparse.thread_pool import thread_pool
@@ -188,12 +188,12 @@ def test_the_range_coder_writes_what_torchac_writes() -> None:
     steps[:, 3] += 65536 - steps.sum(axis=1)
     cumulative = np.concatenate([np.zeros((40, 1)), steps.cumsum(axis=1)], axis=1).astype(np.int32)
     symbols = rng.integers(0, 16, 40).astype(np.uint8)
-    data = encoded(symbols, cumulative)
+    data = encode_symbols(symbols, cumulative)
     assert data.hex() == TORCHAC
-    assert np.array_equal(decoded(data, cumulative), symbols)
+    assert np.array_equal(decode_symbols(data, cumulative), symbols)
     for damaged in (data[:-1], data + b"\0", b""):
         with pytest.raises(InputError, match="its symbols"):
-            decoded(damaged, cumulative)
+            decode_symbols(damaged, cumulative)
 
 
 TORCHAC = "f29cfadea1d37b3090967f769513ceb1cf66dacadaf96b88a3"
@@ -205,9 +205,9 @@ def test_symbols_take_their_ideal_length() -> None:
     symbols = np.array([rng.choice(16, p=np.diff(row) / 65536) for row in cumulative], np.uint8)
     rows = np.arange(3000)
     shares = (cumulative[rows, symbols + 1] - cumulative[rows, symbols]) / 65536
-    data = encoded(symbols, cumulative)
+    data = encode_symbols(symbols, cumulative)
     assert 0 <= 8 * len(data) + np.log2(shares).sum() < 16
-    assert np.array_equal(decoded(data, cumulative), symbols)
+    assert np.array_equal(decode_symbols(data, cumulative), symbols)
 
 
 @pytest.mark.parametrize("rate", ["1mm", "4mm", "64mm", "512mm"])

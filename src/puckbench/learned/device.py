@@ -1,4 +1,4 @@
-"""Where a network runs: on the CPU, or on a CUDA device by the same arithmetic."""
+"""The device of a network: the CPU, or a CUDA device with the same arithmetic."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ DeviceName = Literal["cpu", "cuda"]
 
 
 def why_not(name: DeviceName) -> str:
-    """Why networks cannot run on a device, in one line; empty where they can."""
+    """Return the reason why networks cannot run on a device, or an empty string."""
     import torch
 
     if name == "cpu" or torch.cuda.is_available():
@@ -24,15 +24,10 @@ def why_not(name: DeviceName) -> str:
 
 
 def placed(model: M, name: DeviceName) -> M:
-    """The model on a device.
+    """Move a model to a device; raise InputError if it does not exist.
 
-    Products are computed in full single precision there: sums that are exact on a CPU then are
+    Products are computed in full single precision there, so that sums that are exact on a CPU are
     exact on the device too.
-
-    Raises
-    ------
-    InputError
-        There is no such device.
     """
     import torch
 
@@ -44,5 +39,4 @@ def placed(model: M, name: DeviceName) -> M:
 
 
 def device_of(model: nn.Module) -> torch.device:
-    """The device that a model is on."""
     return next(model.parameters()).device

@@ -1,9 +1,9 @@
-"""The factorised entropy model: for each channel a learned distribution of its integers.
+"""The entropy bottleneck: a learned factorised distribution of integers for each channel.
 
 References
 ----------
-Ballé, Minnen, Singh, Hwang, Johnston: "Variational image compression with a scale hyperprior",
-ICLR 2018, appendix 6.1: a small monotone network is the cumulative distribution.
+Ballé, Minnen, Singh, Hwang, Johnston: "Variational image compression with a scale hyperprior", ICLR
+2018, appendix 6.1: the cumulative distribution is a small monotone network.
 """
 
 from __future__ import annotations
@@ -20,66 +20,53 @@ from torch.nn.functional import softplus
 FILTERS = (1, 3, 3, 3, 1)
 """Widths of the layers of the monotone network."""
 LIKELIHOOD_BOUND = 1e-9
-"""No integer is held less likely, so that no gradient is infinite."""
+"""Minimum likelihood, so that gradients stay finite."""
 _TOTAL_BITS = 22
 _MAX_MAGNITUDE = 4096
 _TAIL_MASS = 2.0**-20
 
 
 class EntropyBottleneck(nn.Module):
-    """Learned distributions of independent channels, named as in CompressAI.
-
-    Parameters
-    ----------
-    channels
-        Number of distributions.
-    """
+    """Learned distributions of independent channels, named as in CompressAI."""
 
     def __init__(self, channels: int) -> None:
         super().__init__()
         self.channels = channels
         layers = list(pairwise(FILTERS))
-        start = np.log(np.expm1(1 / 10 ** (1 / len(layers))))
+        initial = np.log(np.expm1(1 / 10 ** (1 / len(layers))))
         self.matrices = nn.ParameterList(
-            torch.full((channels, b, a), float(start - np.log(b))) for a, b in layers
+            torch.full((channels, b, a), float(initial - np.log(b))) for a, b in layers
         )
         self.biases = nn.ParameterList(torch.rand(channels, b, 1) - 0.5 for _, b in layers)
         self.factors = nn.ParameterList(torch.zeros(channels, b, 1) for _, b in layers)
 
     def logits_cumulative(self, values: Tensor) -> Tensor:
-        """Logit of P(x < value) of values (channels, 1, n), in the same shape."""
+        """Return the logits of P(x < value) for values (channels, 1, n)."""
         for matrix, bias, factor in zip(self.matrices, self.biases, self.factors, strict=True):
             values = softplus(matrix) @ values + bias
             values = values + factor.tanh() * values.tanh()
         return values
 
     def likelihood(self, latent: Tensor) -> Tensor:
-        """Probability of the unit interval around each value (n, channels), in the same shape."""
+        """Return the probability of the unit interval around each value (n, channels)."""
         values = latent.T[:, None]
         lower, upper = self.logits_cumulative(values - 0.5), self.logits_cumulative(values + 0.5)
-        sign = -torch.sign(lower + upper).detach()  # the tail where sigmoids are told apart
+        sign = -torch.sign(lower + upper).detach()  # the tail in which sigmoids are precise
         mass = (torch.sigmoid(sign * upper) - torch.sigmoid(sign * lower)).abs()
         return mass[:, 0].T.clamp_min(LIKELIHOOD_BOUND)
 
 
 @dataclass(frozen=True)
 class FrequencyTable:
-    """Integer frequencies of one channel's values, for an entropy coder.
+    """Integer frequencies of one channel's values."""
 
-    Parameters
-    ----------
-    lowest
-        The value of the first entry.
-    frequencies
-        (n,); the last entry is that of the escape symbol, for all values outside the table.
-    """
-
-    lowest: int
+    lowest: int  # value of the first entry
+    # (n,); the last is of the escape symbol, for all values outside the table
     frequencies: NDArray[np.int32]
 
 
 def frequency_tables(bottleneck: EntropyBottleneck) -> tuple[FrequencyTable, ...]:
-    """The tables of the channels, in double precision, without 2**-20 of the mass at either end."""
+    """Return tables computed in double precision, without 2**-20 of the mass at either end."""
     with torch.no_grad():
         exact = EntropyBottleneck(bottleneck.channels).double()
         exact.load_state_dict(bottleneck.state_dict())

@@ -1,7 +1,7 @@
 """One network for several rates: gains of the latent, and an entropy bottleneck for each rate.
 
-The latent is multiplied by a gain for each rate and channel before it is rounded, and divided by it
-after, so that one set of weights serves a whole rate-distortion curve.
+The latent is multiplied by the gain of its rate and channel before it is rounded, and divided by it
+afterwards, so that one set of weights serves a whole rate-distortion curve.
 
 References
 ----------
@@ -21,22 +21,19 @@ from torch import Tensor, nn
 from puckbench.core.errors import InputError
 from puckbench.learned.entropy_bottleneck import EntropyBottleneck
 
-_OWN_LR_FACTOR = 5.0
+_RATE_LR_FACTOR = 5.0
 
 
 class MultiRateShape(Protocol):
-    """Sizes of a network that codes at several rates."""
+    """Sizes of a network with several rates."""
 
     @property
-    def rates(self) -> int:
-        """How many rates it has."""
+    def rates(self) -> int: ...
 
     @property
-    def latent_channels(self) -> int:
-        """Channels of the latent."""
+    def latent_channels(self) -> int: ...
 
-    def model_dump(self) -> dict[str, Any]:
-        """The sizes by name."""
+    def model_dump(self) -> dict[str, Any]: ...
 
 
 class MultiRateNetwork(nn.Module):
@@ -51,7 +48,7 @@ class MultiRateNetwork(nn.Module):
         self.shape = shape
 
     def add_rates(self, bottleneck_channels: int) -> None:
-        """Add an entropy bottleneck and gains of one for each rate."""
+        """Add an entropy bottleneck and unit gains for each rate."""
         rates = self.shape.rates
         self.entropy_bottlenecks = nn.ModuleList(
             EntropyBottleneck(bottleneck_channels) for _ in range(rates)
@@ -59,30 +56,26 @@ class MultiRateNetwork(nn.Module):
         self.log_gains = nn.Parameter(torch.zeros(rates, self.shape.latent_channels))
 
     def entropy_bottleneck(self, rate: int) -> EntropyBottleneck:
-        """The factorised entropy model of a rate."""
         return cast(EntropyBottleneck, self.entropy_bottlenecks[rate])
 
     def gain(self, rate: int) -> Tensor:
-        """What the latent's channels are multiplied by, (latent_channels,)."""
+        """Return the factors of the latent's channels, (latent_channels,)."""
         return self.log_gains[rate].exp()
 
 
 def parameter_groups(model: MultiRateNetwork) -> list[dict[str, Any]]:
-    """Parameter groups of an optimiser; those of one rate alone, seldom trained, learn faster."""
-    own = [model.log_gains, *model.entropy_bottlenecks.parameters()]
-    known = set(map(id, own))
-    shared = [value for value in model.parameters() if id(value) not in known]
-    return [{"params": shared, "lr_factor": 1.0}, {"params": own, "lr_factor": _OWN_LR_FACTOR}]
+    """Return optimiser groups; parameters of one rate, seldom trained, learn faster."""
+    of_rates = [model.log_gains, *model.entropy_bottlenecks.parameters()]
+    ids = set(map(id, of_rates))
+    shared = [value for value in model.parameters() if id(value) not in ids]
+    return [
+        {"params": shared, "lr_factor": 1.0},
+        {"params": of_rates, "lr_factor": _RATE_LR_FACTOR},
+    ]
 
 
 def initialise_gains(model: MultiRateNetwork, lmbdas: Sequence[float]) -> None:
-    """Set the gains to the square roots of lambda, relative to the largest: finer steps for more.
-
-    Raises
-    ------
-    InputError
-        The model has another number of rates.
-    """
+    """Set gains to the square root of lmbda relative to the largest: larger ones, finer steps."""
     if len(lmbdas) != model.shape.rates:
         raise InputError("the model has another number of rates than the training")
     with torch.no_grad():

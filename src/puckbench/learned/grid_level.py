@@ -1,10 +1,9 @@
 """The level of the grid that a cloud is coded on, chosen by its density.
 
-Networks such as PCGCv1's and PCGCv2's are made for dense surfaces, on which a voxel has about four
-occupied children; on a cloud that is sparse on its grid it has about one, whose place cannot be
-predicted. The authors code sparse clouds at a smaller scale, which they choose by hand; here the
-cloud's density chooses it. The level of a grid counts quarter octaves: voxels of the next octave
-have twice the side.
+PCGCv1 and PCGCv2 are made for dense surfaces, on which a voxel has about four occupied children. On
+a cloud that is sparse on its grid it has about one, whose position is unpredictable. The authors
+code sparse clouds at a smaller scale, chosen by hand; here the density of the cloud chooses it.
+Grid levels count quarter octaves: an octave doubles the side of voxels.
 """
 
 from __future__ import annotations
@@ -20,45 +19,42 @@ from puckbench.learned.sparse.voxels import AXIS_BITS, Keys, morton_keys, unique
 
 Voxels = NDArray[np.int64]
 QUARTERS = 4
-"""Levels of an octave."""
+"""Levels per octave."""
 MAX_QUARTER_OCTAVES = 80
-"""The coarsest level of a grid that a stream may have."""
+"""Coarsest level in a stream."""
 _MIN_VOXELS = 64
-"""Coarser sets have too few voxels to tell the density."""
+"""Minimum voxels from which the density is estimated."""
 
 
 def octaves_to_density(keys: Keys, mean_occupied_children: float) -> float:
-    """Octaves by which a grid must be coarsened until its voxels have enough occupied children.
+    """Return by how many octaves a grid must be coarsened until it is dense enough.
 
     Parameters
     ----------
     keys
-        (n,), of distinct voxels, ascending.
+        (n,), sorted keys of distinct voxels.
     mean_occupied_children
         Mean number of occupied voxels in an occupied voxel of the next coarser octave.
 
     Returns
     -------
     float
-        Octaves, interpolated linearly in the number of children; 0 if no grid has enough.
+        Octaves, interpolated linearly in the number of children; 0 if no grid is dense enough.
     """
-    before = 0.0
+    previous = 0.0
     for octave in range(AXIS_BITS):
         fine, keys = len(keys), unique_keys(keys >> 3)
         if len(keys) < _MIN_VOXELS:
             break
         mean = fine / len(keys)
         if mean >= mean_occupied_children:
-            return max(0.0, octave - (mean - mean_occupied_children) / (mean - before))
-        before = mean
+            return max(0.0, octave - (mean - mean_occupied_children) / (mean - previous))
+        previous = mean
     return 0.0
 
 
 def octaves_of_points(points: Floats, mean_occupied_children: float) -> float:
-    """`octaves_to_density` of points (n, 3), n >= 1, on the grid of integers.
-
-    0 where they span more than the keys of voxels can.
-    """
+    """Return `octaves_to_density` of points (n, 3) on the integer grid; 0 beyond 2**20 voxels."""
     if mean_occupied_children <= 1:
         return 0.0
     voxels: Voxels = np.rint(points).astype(np.int64)
@@ -79,8 +75,7 @@ def choose_grid_level(points: Floats, mean_occupied_children: float, offset: flo
     points
         (n, 3), n >= 1, in steps of the finest grid.
     mean_occupied_children
-        Mean number of occupied children of an occupied voxel. With 1 or less the input's grid is
-        kept, whatever the offset.
+        Mean number of occupied children of a voxel. With 1 or less the input's grid is kept.
     offset
         In octaves; a negative one makes the grid finer again.
 
@@ -96,18 +91,20 @@ def choose_grid_level(points: Floats, mean_occupied_children: float, offset: flo
 
 
 def on_dense_grids(points: Floats, mean_occupied_children: Sequence[float]) -> list[Voxels]:
-    """The voxels of points (n, 3) on the grids of whole octaves with these densities."""
-    octaves = {math.ceil(octaves_of_points(points, least)) for least in mean_occupied_children}
+    """Return the voxels of points (n, 3) on the grids of whole octaves with these densities."""
+    octaves = {
+        math.ceil(octaves_of_points(points, children)) for children in mean_occupied_children
+    }
     return [np.unique(voxelised(points, QUARTERS * k), axis=0) for k in sorted(octaves)]
 
 
 def voxel_size(quarter_octaves: int) -> float:
-    """The side of a voxel of a level, relative to the grid of integers."""
-    whole, rest = divmod(quarter_octaves, QUARTERS)
-    return math.ldexp(math.sqrt(math.sqrt(2**rest)), whole)
+    """Return the side of a voxel of a level, in steps of the integer grid."""
+    octaves, quarters = divmod(quarter_octaves, QUARTERS)
+    return math.ldexp(math.sqrt(math.sqrt(2**quarters)), octaves)
 
 
 def voxelised(points: Floats, quarter_octaves: int) -> Voxels:
-    """The voxel (n, 3) of each point (n, 3) on the grid of a level."""
+    """Return the voxel (n, 3) of each point (n, 3) on the grid of a level."""
     voxels: Voxels = np.rint(points / voxel_size(quarter_octaves)).astype(np.int64)
     return voxels

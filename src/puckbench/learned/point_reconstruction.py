@@ -1,13 +1,12 @@
-"""Point reconstruction for voxel codecs: as many points as the input had, from occupancy.
+"""Point reconstruction for voxel codecs: place as many points as the input had.
 
-A network predicts the probability that a voxel is occupied, and a decoder keeps the most likely
-voxels, as many as there were. One point in the centre of each is farther from the cloud than it has
-to be: where a cloud is sparse on its grid the network cannot know which voxels of a 2x2x2 block of
-siblings were occupied, only that one or two were; and where it is dense, several points share a
-voxel. So points are placed for blocks: as many as a block held in the mean, more where more are
-expected, side by side at the centroid of the block's occupancy probabilities, projected onto the
-plane of the neighbouring blocks. Where the network is confident of its voxels, points are placed
-for voxels instead.
+A decoder keeps the most likely voxels, as many as were occupied. Points in the centres of these are
+farther from the cloud than necessary. On a sparse grid the network cannot tell which voxels of a
+block of 2x2x2 siblings were occupied, only that one or two were; on a dense grid several points
+share a voxel. So each block gets the mean number of points of a block, more where more voxels are
+expected, side by side at the centroid of its occupancy probabilities, projected onto the plane of
+the neighbouring blocks. Where the network is confident of its voxels, points are placed for voxels
+instead of blocks.
 """
 
 from __future__ import annotations
@@ -24,55 +23,44 @@ from puckbench.geometry.cloud import Floats
 Voxels = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 UNITS = 256
-"""Streams hold the points of a voxel in such fractions."""
+"""Unit of points per voxel in streams: 1 / 256."""
 _MAX_POINTS_PER_VOXEL = 9
 _CONFIDENT = 0.8
-"""Share of the occupancy probabilities in voxels that are kept, from which on a network is
-confident of its voxels."""
+"""A network is confident of its voxels if the kept ones have this share of all probabilities."""
 _SPARSE, _DENSE = 1.2, 3.0
-"""Mean voxels of a block at which its own probabilities say nothing, and everything, about its
-number of points."""
+"""Mean voxels of a block between which its number of points changes from the mean of all blocks to
+the number that its probabilities predict."""
 _SHRINKAGE = 0.8
-"""Factor of a centroid's distance from its block's centre: networks are overconfident."""
+"""Shrinkage factor of a centroid's distance from its block's centre: networks are overconfident."""
 _VOXEL_PROJECTION, _BLOCK_PROJECTION = 0.3, 0.5
-"""How far a point moves onto the plane of its neighbours, which noise puts it beside."""
+"""Share of its distance from the neighbours' plane that a point moves, against noise."""
 _SUBDIVISION = 16
-"""Subdivisions of a side on which planes are fitted."""
+"""Steps per side of the grid on which planes are fitted."""
 _MAX_LOGIT = 50.0
-"""No probability is zero, whatever a damaged stream makes of a network."""
+"""Bound of logits, so that no probability is zero even for a damaged stream."""
 _MAX_SPAN = 2**20
 _MAX_POINTS = 2**22
-"""Clouds of more points have one for each voxel: a damaged stream must not promise too many."""
+"""Larger clouds have one point per voxel, so that a damaged stream cannot ask for too many."""
 CORNERS = np.array([[k & 1, k >> 1 & 1, k >> 2] for k in range(8)])
 """The voxels of a block, x fastest."""
 
 
 class SiblingBlocks(NamedTuple):
-    """Blocks of 2x2x2 voxels, of each of which a decoder keeps some.
+    """Blocks of 2x2x2 voxels, of which a decoder keeps some voxels each."""
 
-    Parameters
-    ----------
-    positions
-        (m, 3), distinct, in blocks.
-    probabilities
-        (m, 8), of occupancy, in the order of `CORNERS`.
-    kept
-        (m, 8), at least one in each row.
-    """
-
-    positions: Voxels
-    probabilities: Floats
-    kept: Bools
+    positions: Voxels  # (m, 3), distinct, in blocks
+    probabilities: Floats  # (m, 8), of occupancy, in the order of `CORNERS`
+    kept: Bools  # (m, 8), at least one in each row
 
     def voxels(self) -> Voxels:
-        """The voxels that are kept (n, 3)."""
+        """Return the voxels that are kept (n, 3)."""
         block, corner = np.nonzero(self.kept)
-        found: Voxels = 2 * self.positions[block] + CORNERS[corner]
-        return found
+        voxels: Voxels = 2 * self.positions[block] + CORNERS[corner]
+        return voxels
 
 
 def sibling_blocks(positions: Voxels, logits: NDArray[np.float32], kept: Bools) -> SiblingBlocks:
-    """The blocks that keep any voxel, by positions (m, 3), logits (m, 8) and kept (m, 8)."""
+    """Return the blocks that keep a voxel, by positions (m, 3), logits (m, 8) and kept (m, 8)."""
     from scipy.special import expit
 
     rows = kept.any(axis=1)
@@ -80,31 +68,23 @@ def sibling_blocks(positions: Voxels, logits: NDArray[np.float32], kept: Bools) 
     return SiblingBlocks(positions[rows], np.nan_to_num(expit(clipped), nan=0.5), kept[rows])
 
 
-def known_blocks(voxels: Voxels) -> SiblingBlocks:
-    """The blocks of distinct voxels (n, 3) that were coded without loss."""
+def lossless_blocks(voxels: Voxels) -> SiblingBlocks:
+    """Return the blocks of distinct voxels (n, 3) that were coded losslessly."""
     positions, block = np.unique(voxels // 2, axis=0, return_inverse=True)
     kept = np.zeros((len(positions), 8), dtype=bool)
     kept[block.ravel(), voxels % 2 @ [1, 2, 4]] = True
     return SiblingBlocks(positions, kept.astype(np.float64), kept)
 
 
-def concatenated(parts: Sequence[SiblingBlocks]) -> SiblingBlocks:
-    """The blocks of all parts, of which there is at least one."""
+def joined_blocks(parts: Sequence[SiblingBlocks]) -> SiblingBlocks:
     positions, probabilities, kept = (np.concatenate(rows) for rows in zip(*parts, strict=True))
     return SiblingBlocks(positions, probabilities, kept)
 
 
 def points_per_voxel(points: int, voxels: int, rho: float) -> int:
-    """Points of each decoded voxel, in 256ths (256 to 2304).
+    """Return the points of each decoded voxel, in 256ths (256 to 2304).
 
-    Parameters
-    ----------
-    points
-        Points of the input.
-    voxels
-        Voxels that they occupy.
-    rho
-        Decoded voxels for each of these.
+    The input's points lie in `voxels` voxels, for each of which `rho` are decoded.
     """
     if points * rho > _MAX_POINTS:
         return UNITS
@@ -112,30 +92,20 @@ def points_per_voxel(points: int, voxels: int, rho: float) -> int:
 
 
 def check_points_per_voxel(units: int, voxels: int) -> None:
-    """Raise InputError for points of a voxel that `points_per_voxel` cannot have returned.
+    """Raise InputError for a number that `points_per_voxel` cannot have returned.
 
     0 is allowed: it stands for one point in the centre of each voxel.
     """
-    many = units > UNITS and voxels * units > 2 * _MAX_POINTS * UNITS  # each cube rounds
-    if many or (units and not UNITS <= units <= UNITS * _MAX_POINTS_PER_VOXEL):
+    too_many = units > UNITS and voxels * units > 2 * _MAX_POINTS * UNITS  # each cube rounds
+    if too_many or (units and not UNITS <= units <= UNITS * _MAX_POINTS_PER_VOXEL):
         raise InputError("the stream is damaged (points of a voxel)")
 
 
 def reconstructed_points(blocks: SiblingBlocks, units: int) -> Floats:
-    """Points for the voxels that are kept.
+    """Return points (n, 3), in voxels, for the decoded blocks.
 
-    Parameters
-    ----------
-    blocks
-        The decoded voxels.
-    units
-        Points of a voxel, in 256ths. With 0 each voxel has one point in its centre, as also where
-        voxels lie 2**20 apart, or the network is confident of voxels with one point each.
-
-    Returns
-    -------
-    NDArray
-        (n, 3), in voxels.
+    `units` are the points per voxel in 256ths. Each voxel has one point in its centre if `units` is
+    0, if voxels lie 2**20 apart, or if the network is confident of voxels with one point each.
     """
     voxels = blocks.voxels().astype(np.float64)
     if not units or np.ptp(voxels, axis=0).max() >= _MAX_SPAN:
@@ -155,33 +125,33 @@ def reconstructed_points(blocks: SiblingBlocks, units: int) -> Floats:
 
 
 def _placed(centres: Floats, counts: Floats, projection: float) -> Floats:
-    """Points side by side around centres (m, 3), on the planes of the centres around.
+    """Place about counts (m,) points side by side around centres (m, 3), on local planes.
 
-    The centres lie within 1/2 of distinct integers; counts (m,) are the points wanted of each.
+    Centres lie within 1/2 of distinct integers. Planes are fitted to neighbouring centres.
     """
     from puckbench.geometry.tangent_planes import fit_tangent_planes
 
     voxels = np.rint(_SUBDIVISION * (centres + 0.5)).astype(np.int64)
-    found = fit_tangent_planes(voxels, _SUBDIVISION)
-    moved = centres - (projection / _SUBDIVISION * found.distances)[:, None] * found.normals
-    whole = _whole_counts(counts, found.counts)
+    planes = fit_tangent_planes(voxels, _SUBDIVISION)
+    projected = centres - (projection / _SUBDIVISION * planes.distances)[:, None] * planes.normals
+    whole = _whole_counts(counts, planes.counts)
     parts = [(whole == count, int(count)) for count in np.unique(whole)]
-    return np.concatenate([_on_plane(moved[k], found.normals[k], n) for k, n in parts])
+    return np.concatenate([_on_plane(projected[k], planes.normals[k], n) for k, n in parts])
 
 
-def _whole_counts(counts: Floats, around: Floats) -> NDArray[np.int64]:
-    """Integers for counts (m,), at least one each, with about the same sum.
+def _whole_counts(counts: Floats, neighbour_counts: Floats) -> NDArray[np.int64]:
+    """Round counts (m,) to integers of at least 1, with about the same sum.
 
-    The remainder goes to those with the fewest others around, where others were not kept.
+    The remainder goes to those with the fewest neighbours, near which voxels were lost.
     """
     whole = np.floor(counts)
-    left = int(np.rint(counts.sum()) - whole.sum())
-    whole[np.argsort(around, kind="stable")[:left]] += 1
+    remainder = int(np.rint(counts.sum()) - whole.sum())
+    whole[np.argsort(neighbour_counts, kind="stable")[:remainder]] += 1
     return np.clip(whole, 1, 8 * _MAX_POINTS_PER_VOXEL).astype(np.int64)
 
 
 def _on_plane(centres: Floats, normals: Floats, count: int) -> Floats:
-    """Points (m * count, 3) around centres (m, 3), on the planes with these normals (m, 3)."""
+    """Place `count` points around each of the centres (m, 3), on planes with normals (m, 3)."""
     rows = np.arange(len(centres))
     axis = np.abs(normals).argmax(axis=1)
     steep = np.where(normals[rows, axis] == 0, 1, normals[rows, axis])
@@ -194,7 +164,7 @@ def _on_plane(centres: Floats, normals: Floats, count: int) -> Floats:
 
 
 def _square_pattern(count: int) -> Floats:
-    """Evenly spread places on a square of side 1, relative to its centre: (2, count)."""
+    """Spread points evenly on a square of side 1 around its centre: (2, count)."""
     if count == 2:
         return np.array([[-0.25, 0.25], [-0.25, 0.25]])
     rows = int(np.ceil(np.sqrt(count)))
@@ -206,5 +176,4 @@ def _square_pattern(count: int) -> Floats:
 
 
 def _midpoints(parts: int) -> Floats:
-    """Midpoints (parts,) of equal parts of a side, relative to its middle."""
     return np.asarray((np.arange(parts) + 0.5) / parts - 0.5)

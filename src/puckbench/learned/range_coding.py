@@ -1,4 +1,4 @@
-"""Entropy coding with fixed integer tables: constriction's range coder."""
+"""Entropy coding with fixed integer tables, by constriction's range coder."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ _WORD_BYTES = 4
 
 
 def encode_latent(latent: Integers, tables: tuple[FrequencyTable, ...]) -> bytes:
-    """Code integers (n, channels), channel by channel."""
+    """Encode integers (n, channels), channel by channel."""
     return encode_groups(zip(latent.T, tables, strict=True))
 
 
 def decode_latent(data: bytes, count: int, tables: tuple[FrequencyTable, ...]) -> Integers:
-    """Integers (count, channels) of `encode_latent`; InputError when the data are damaged."""
+    """Decode `encode_latent` to integers (count, channels); raise InputError if damaged."""
     columns = decode_groups(data, [(count, table) for table in tables])
     return np.stack(columns, axis=1)
 
 
 def encode_groups(groups: Iterable[tuple[Integers, FrequencyTable]]) -> bytes:
-    """Code groups of integers (n,), each with a table of its own.
+    """Encode groups of integers (n,), each with its table.
 
-    Values outside a group's table are escaped: the last symbol, then 16 bits each after the
-    group. Beyond 16 bits they are clipped.
+    A value outside the table of its group is escaped: the last symbol, and 16 bits after the group.
+    Beyond 16 bits it is clipped.
     """
     import constriction
 
@@ -42,25 +42,25 @@ def encode_groups(groups: Iterable[tuple[Integers, FrequencyTable]]) -> bytes:
         symbols = values.astype(np.int64) - table.lowest
         outside = (symbols < 0) | (symbols >= escape)
         coded = np.where(outside, escape, symbols).astype(np.int32)
-        coder.encode(coded, _model(table))
+        coder.encode(coded, _categorical(table))
         if outside.any():
             escaped = np.clip(values[outside] + _ESCAPE_RANGE // 2, 0, _ESCAPE_RANGE - 1)
-            coder.encode(escaped.astype(np.int32), _escaped())
+            coder.encode(escaped.astype(np.int32), _escape_model())
     return bytes(coder.get_compressed().astype("<u4").tobytes())
 
 
 def decode_groups(data: bytes, groups: Iterable[tuple[int, FrequencyTable]]) -> list[Integers]:
-    """The groups of `encode_groups`, of given sizes; InputError when the data are damaged."""
+    """Decode `encode_groups`, given group sizes and tables; raise InputError if damaged."""
     with range_decoder(data, "features") as coder:
         return [_decode_group(coder, count, table) for count, table in groups]
 
 
 @contextmanager
-def range_decoder(data: bytes, what: str) -> Iterator[Any]:
-    """A decoder of data that must be used up when it is left; InputError when they are damaged."""
+def range_decoder(data: bytes, part: str) -> Iterator[Any]:
+    """Open a decoder of data, all of which must be read; raise InputError if they are damaged."""
     import constriction
 
-    damaged = f"the stream is damaged ({what})"
+    damaged = f"the stream is damaged ({part})"
     if len(data) % _WORD_BYTES:
         raise InputError(damaged)
     words = np.frombuffer(data, dtype="<u4").astype(np.uint32)
@@ -75,24 +75,24 @@ def range_decoder(data: bytes, what: str) -> Iterator[Any]:
 
 def _decode_group(coder: Any, count: int, table: FrequencyTable) -> Integers:
     escape = len(table.frequencies) - 1
-    symbols: Integers = coder.decode(_model(table), count)
+    symbols: Integers = coder.decode(_categorical(table), count)
     values = symbols + np.int32(table.lowest)
     outside = symbols == escape
     if outside.any():
-        escaped = coder.decode(_escaped(), int(outside.sum()))
+        escaped = coder.decode(_escape_model(), int(outside.sum()))
         values[outside] = escaped - _ESCAPE_RANGE // 2
     return values
 
 
-def _model(table: FrequencyTable) -> Any:
-    """constriction's model of a table; it rounds the frequencies alike on every machine."""
+def _categorical(table: FrequencyTable) -> Any:
+    """Return constriction's model of a table; it rounds frequencies equally on every machine."""
     import constriction
 
     frequencies = table.frequencies.astype(np.float64)
     return constriction.stream.model.Categorical(frequencies, perfect=False)
 
 
-def _escaped() -> Any:
+def _escape_model() -> Any:
     import constriction
 
     return constriction.stream.model.Uniform(_ESCAPE_RANGE)

@@ -1,8 +1,8 @@
-"""Sets of trained weights: a safetensors file with a network's parameters, tables and card.
+"""Sets of trained weights: a safetensors file with parameters, frequency tables and a model card.
 
-Parameters are kept in half precision. The integer frequency tables of the entropy models are made
-once, when a set is written, since floating-point arithmetic differs between machines: encoder and
-decoder only ever read them.
+Parameters are kept in half precision. The integer frequency tables of entropy models are computed
+once, when a set is written, since floating-point arithmetic differs between machines. Encoder and
+decoder only read them.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from puckbench.learned.gains import MultiRateNetwork
 
 DIGEST_BYTES = 8
 _LENGTH_BYTES = 8
-"""A safetensors file begins with the length of its JSON header, little endian."""
+"""Bytes of the length of the JSON header, with which a safetensors file begins."""
 _TABLES = ("frequency_tables.lowest", "frequency_tables.length", "frequency_tables.frequencies")
 _MAX_MAGNITUDE = 2**16
 N = TypeVar("N", bound=MultiRateNetwork)
@@ -41,28 +41,16 @@ Arrays = Mapping[str, NDArray[Any]]
 
 @dataclass(frozen=True)
 class WeightsFile:
-    """A set of weights as it was read.
-
-    Parameters
-    ----------
-    header
-        Its metadata.
-    state
-        Parameters by name, float32.
-    integers
-        Integer tensors by name, int32.
-    digest
-        The 8 bytes by which streams name the set.
-    """
+    """Contents of a set of weights."""
 
     header: WeightsHeader
-    state: dict[str, Tensor]
-    integers: dict[str, NDArray[np.int32]]
-    digest: bytes
+    state: dict[str, Tensor]  # parameters by name, float32
+    integers: dict[str, NDArray[np.int32]]  # integer tensors by name
+    digest: bytes  # 8 bytes by which streams name the set
 
 
 def digest_of(data: bytes) -> bytes:
-    """The 8 bytes by which streams name weights with these bytes."""
+    """Return the 8 bytes by which streams name weights with these bytes."""
     return hashlib.sha256(data).digest()[:DIGEST_BYTES]
 
 
@@ -75,25 +63,25 @@ def check_digest(weights: bytes, stream: bytes) -> None:
 
 
 def in_half_precision(state: Mapping[str, Tensor]) -> dict[str, Tensor]:
-    """Parameters rounded to half precision, as float32."""
+    """Round parameters to half precision, as float32."""
     return {name: value.detach().cpu().half().float() for name, value in state.items()}
 
 
 def write_weights(
     path: Path,
-    about: Mapping[str, Any],
+    header_fields: Mapping[str, Any],
     state: Mapping[str, Tensor],
     integers: Mapping[str, NDArray[np.int32]] | None = None,
 ) -> None:
-    """Write a set of weights; `about` holds the fields of its `WeightsHeader` but `sha256`."""
+    """Write a set of weights; `header_fields` are the fields of its header except `sha256`."""
     tensors: dict[str, NDArray[Any]] = {
         name: value.detach().cpu().half().contiguous().numpy() for name, value in state.items()
     }
     tensors |= {
         name: np.ascontiguousarray(value, "<i4") for name, value in (integers or {}).items()
     }
-    header = {**about, "sha256": _checksum(save(tensors))}
-    # a single entry, since safetensors writes several in any order
+    header = {**header_fields, "sha256": _checksum(save(tensors))}
+    # one entry, since safetensors writes several in arbitrary order
     metadata = {HEADER_KEY: json.dumps(header, sort_keys=True, allow_nan=False)}
     write_bytes(path, save(tensors, metadata=metadata))
 
@@ -101,30 +89,28 @@ def write_weights(
 def read_weights(path: Path) -> WeightsFile:
     """Read a set of weights.
 
-    Raises
-    ------
-    InputError
-        The file is damaged, or its parameters are not finite numbers in half precision.
+    Raises InputError if the file is damaged, or parameters are not finite numbers in half
+    precision.
     """
     header, data = header_of(path), read_bytes(path)
     try:
         arrays = load(data)
-        intact = _checksum(data) == header.sha256
+        is_intact = _checksum(data) == header.sha256
         digest = bytes.fromhex(header.digest or "") or digest_of(data)
     except (SafetensorError, KeyError, ValueError) as error:
         raise InputError(f"{path}: damaged weights") from error
-    if not intact or len(digest) != DIGEST_BYTES:
+    if not is_intact or len(digest) != DIGEST_BYTES:
         raise InputError(f"{path}: damaged weights (check sum)")
     integers = {name: array for name, array in arrays.items() if array.dtype == np.int32}
-    numbers = {name: array for name, array in arrays.items() if name not in integers}
-    if not all(_is_parameter(array) for array in numbers.values()):
+    floats = {name: array for name, array in arrays.items() if name not in integers}
+    if not all(_is_parameter(array) for array in floats.values()):
         raise InputError(f"{path}: damaged weights (not finite, or not in half precision)")
-    state = {name: torch.from_numpy(a.astype(np.float32)) for name, a in numbers.items()}
+    state = {name: torch.from_numpy(a.astype(np.float32)) for name, a in floats.items()}
     return WeightsFile(header, state, integers, digest)
 
 
 def _checksum(data: bytes) -> str:
-    """SHA-256 of the tensors' bytes in a safetensors file."""
+    """Return the SHA-256 of the tensors' bytes in a safetensors file."""
     start = _LENGTH_BYTES + int.from_bytes(data[:_LENGTH_BYTES], "little")
     return hashlib.sha256(memoryview(data)[start:]).hexdigest()
 
@@ -135,27 +121,13 @@ def _is_parameter(array: NDArray[Any]) -> bool:
 
 @dataclass(frozen=True)
 class MultiRateWeights(Generic[N]):
-    """A network that codes at several rates, with the tables of its entropy bottlenecks.
-
-    Parameters
-    ----------
-    model
-        The network, for inference.
-    lmbdas
-        Lagrangian weights of its rates, the smallest bitrate first.
-    tables
-        Frequency tables of the entropy bottleneck of each rate.
-    digest
-        The 8 bytes by which streams name these weights and tables.
-    card
-        Model card.
-    """
+    """A network that codes at several rates, with the tables of its entropy bottlenecks."""
 
     model: N
-    lmbdas: tuple[float, ...]
-    tables: Tables
-    digest: bytes
-    card: Mapping[str, Any]
+    lmbdas: tuple[float, ...]  # Lagrangian weights of the rates, lowest bitrate first
+    tables: Tables  # frequency tables of the entropy bottleneck of each rate
+    digest: bytes  # 8 bytes by which streams name the weights and tables
+    card: Mapping[str, Any]  # model card
 
 
 class _RateWeights(Protocol):
@@ -173,7 +145,7 @@ def check_rate(weights: _RateWeights, rate: int) -> None:
 
 
 def check_made_with(weights: _RateWeights, digest: bytes, rate: int) -> None:
-    """Raise InputError if a stream's digest or rate are not those of the weights."""
+    """Raise InputError if a stream's digest or rate is not one of the weights."""
     check_digest(weights.digest, digest)
     if rate >= len(weights.lmbdas):
         raise InputError("the stream is damaged (its rate)")
@@ -182,16 +154,18 @@ def check_made_with(weights: _RateWeights, digest: bytes, rate: int) -> None:
 def save_multi_rate(
     path: Path, network: NetworkType, model: N, lmbdas: tuple[float, ...], card: Mapping[str, Any]
 ) -> None:
-    """Write a network as a set of weights; its tables are made here, from what is written."""
+    """Write a network as a set of weights, with the tables of the rounded network."""
     rounded = type(model)(model.shape)
     rounded.load_state_dict(in_half_precision(model.state_dict()))
-    about = {
+    header_fields = {
         "network": network.name,
         "shape": model.shape.model_dump(),
         "lmbdas": lmbdas,
         "card": dict(card),
     }
-    write_weights(path, about, rounded.state_dict(), _packed(_tables_of(rounded)))
+    write_weights(
+        path, header_fields, rounded.state_dict(), _tensors_of_tables(_tables_of(rounded))
+    )
 
 
 def load_multi_rate(
@@ -200,45 +174,45 @@ def load_multi_rate(
     build: Callable[[Mapping[str, Any]], N],
     load_published: Callable[[Path], N],
 ) -> MultiRateWeights[N]:
-    """Read a set of ours or a file of the network's authors.
+    """Read a set of puckbench or a file of the network's authors.
 
     Parameters
     ----------
     path
         The file.
     network
-        Which network the file must be of.
+        Network of the file.
     build
         Makes a network of given sizes.
     load_published
-        Reads a file of the authors'.
+        Reads a file of the authors.
 
     Raises
     ------
     InputError
-        The file is neither.
+        If the file is neither.
     """
     if path.suffix == SUFFIX:
-        return _own(path, build)
+        return _load_our_set(path, build)
     model = load_published(path)
     tables = _tables_of(model)
-    digest = digest_of(read_bytes(path) + json.dumps(_plain(tables)).encode())
+    digest = digest_of(read_bytes(path) + json.dumps(_json_of_tables(tables)).encode())
     card = {"origin": "authors' weights", "file": path.name}
     return MultiRateWeights(model, network.lmbdas_of(path), tables, digest, card)
 
 
-def _own(path: Path, build: Callable[[Mapping[str, Any]], N]) -> MultiRateWeights[N]:
-    found = read_weights(path)
-    header = found.header
+def _load_our_set(path: Path, build: Callable[[Mapping[str, Any]], N]) -> MultiRateWeights[N]:
+    contents = read_weights(path)
+    header = contents.header
     try:
         model = build(header.shape)
-        model.load_state_dict(found.state)
-        tables = _unpacked(found.integers)
+        model.load_state_dict(contents.state)
+        tables = _tables_of_tensors(contents.integers)
     except (KeyError, TypeError, ValueError, RuntimeError) as error:
         raise InputError(f"{path}: damaged weights") from error
     if not len(tables) == len(header.lmbdas) == model.shape.rates:
         raise InputError(f"{path}: damaged weights (rates)")
-    return MultiRateWeights(model.eval(), header.lmbdas, tables, found.digest, header.card)
+    return MultiRateWeights(model.eval(), header.lmbdas, tables, contents.digest, header.card)
 
 
 def _tables_of(model: MultiRateNetwork) -> Tables:
@@ -246,32 +220,33 @@ def _tables_of(model: MultiRateNetwork) -> Tables:
     return tuple(frequency_tables(model.entropy_bottleneck(rate)) for rate in rates)
 
 
-def _packed(tables: Tables) -> dict[str, NDArray[np.int32]]:
-    """Tables as integer tensors: lowest (rates, channels), length (the same), frequencies (n,)."""
-    every = [table for rate in tables for table in rate]
+def _tensors_of_tables(tables: Tables) -> dict[str, NDArray[np.int32]]:
+    """Pack tables: lowest values and lengths (rates, channels), frequencies (n,)."""
+    all_tables = [table for rate in tables for table in rate]
     shape = (len(tables), -1)
-    lowest = np.array([table.lowest for table in every], np.int32).reshape(shape)
-    length = np.array([len(table.frequencies) for table in every], np.int32).reshape(shape)
-    frequencies = np.concatenate([table.frequencies for table in every])
+    lowest = np.array([table.lowest for table in all_tables], np.int32).reshape(shape)
+    length = np.array([len(table.frequencies) for table in all_tables], np.int32).reshape(shape)
+    frequencies = np.concatenate([table.frequencies for table in all_tables])
     return dict(zip(_TABLES, (lowest, length, frequencies), strict=True))
 
 
-def _unpacked(arrays: Arrays) -> Tables:
-    """Tables of `_packed`; KeyError or ValueError for anything else."""
+def _tables_of_tensors(arrays: Arrays) -> Tables:
+    """Unpack `_tensors_of_tables`; raise KeyError or ValueError for anything else."""
     lowest, length, frequencies = (arrays[name] for name in _TABLES)
-    fits = lowest.ndim == 2 and lowest.shape == length.shape and frequencies.ndim == 1
-    if not fits or (length < 2).any() or length.sum(dtype=np.int64) != len(frequencies):
+    is_possible = lowest.ndim == 2 and lowest.shape == length.shape and frequencies.ndim == 1
+    if not is_possible or (length < 2).any() or length.sum(dtype=np.int64) != len(frequencies):
         raise ValueError("tables of other sizes")
     if (frequencies < 1).any() or (np.abs(lowest.astype(np.int64)) > _MAX_MAGNITUDE).any():
         raise ValueError("tables with impossible numbers")
     parts = iter(np.split(frequencies, np.cumsum(length.ravel())[:-1]))
     return tuple(
-        tuple(FrequencyTable(first, next(parts)) for first in row) for row in lowest.tolist()
+        tuple(FrequencyTable(lowest_value, next(parts)) for lowest_value in row)
+        for row in lowest.tolist()
     )
 
 
-def _plain(tables: Tables) -> list[list[dict[str, Any]]]:
-    """Tables as JSON, from which the digests of the authors' weights are made."""
+def _json_of_tables(tables: Tables) -> list[list[dict[str, Any]]]:
+    """Convert tables to JSON, of which the digests of the authors' weights are made."""
     return [
         [{"lowest": t.lowest, "frequencies": t.frequencies.tolist()} for t in rate]
         for rate in tables
@@ -281,11 +256,11 @@ def _plain(tables: Tables) -> list[list[dict[str, Any]]]:
 _UNREADABLE = (
     OSError, RuntimeError, EOFError, LookupError, ValueError, TypeError, AttributeError
 )  # fmt: skip
-"""What PyTorch raises for bytes that are no checkpoint."""
+"""Exceptions of PyTorch for files that are not checkpoints."""
 
 
 def read_checkpoint(path: Path, fault: str) -> dict[str, Any]:
-    """Read a PyTorch checkpoint without running code of it; InputError with `fault` otherwise."""
+    """Read a PyTorch checkpoint without running its code; InputError with `fault` otherwise."""
     try:
         checkpoint = torch.load(path, map_location="cpu", weights_only=True)
     except (*_UNREADABLE, pickle.UnpicklingError) as error:
@@ -298,7 +273,7 @@ def read_checkpoint(path: Path, fault: str) -> dict[str, Any]:
 def initialise(
     model: torch.nn.Module, path: Path, parameters: Callable[[Mapping[str, Any]], Mapping[str, Any]]
 ) -> None:
-    """Give a model the weights of a set; InputError when they are of another shape."""
+    """Give a model the weights of a set; raise InputError if their shapes differ."""
     try:
         model.load_state_dict(parameters(read_weights(path).state))
     except RuntimeError as error:

@@ -1,11 +1,12 @@
 """The causal neighbourhood of a voxel's children: what encoder and decoder know before coding them.
 
-A voxel's children and the ring around them are 4x4x4 cells, a bit each, ``x + 4 y + 16 z``; its own
+A voxel's children and the ring around them are 4x4x4 cells, one bit each, ``x + 4 y + 16 z``; the
 children are the inner eight. A cell is unknown while its parent is occupied but not coded yet.
 """
 
 from __future__ import annotations
 
+import operator
 from itertools import product
 from typing import NamedTuple
 
@@ -20,82 +21,46 @@ _STEPS = (1, 4, 16)
 
 
 class CellMasks(NamedTuple):
-    """Numbers of cells, and sets of cells as masks of 64 bits.
+    """Numbers of cells, and sets of cells as masks of 64 bits."""
 
-    Parameters
-    ----------
-    occupied
-        (27, 256), masks of the occupied children of the neighbour at each offset, by their code.
-    whole
-        (27,), masks of all children of the neighbour at each offset.
-    own
-        (8,), cells of a voxel's children.
-    beyond
-        (8, 3), cells that share a face with a child, outside its voxel, along x, y and z.
-    second
-        (8, 3), cells two steps from a child, on the other side.
-    edges
-        (8, 3), cells that share an edge with a child, where both faces at it are outside the voxel.
-    across
-        (8, 6), the same, where one of the faces is.
-    faces, ring, corners, far
-        (8,), masks of all cells that share a face, an edge, a corner, or nothing with a child.
-    """
-
+    # (27, 256), occupied children of the neighbour at each offset, by their occupancy
     occupied: Ints
-    whole: Ints
-    own: Ints
-    beyond: Ints
-    second: Ints
+    whole: Ints  # (27,), all children of the neighbour at each offset
+    own: Ints  # (8,), cells of the voxel's children
+    beyond: Ints  # (8, 3), cells that share a face with a child outside the voxel, along x, y and z
+    second: Ints  # (8, 3), cells two steps from a child on the other side
+    # (8, 3), cells that share an edge with a child, with both faces at it outside the voxel
     edges: Ints
-    across: Ints
-    faces: Ints
-    ring: Ints
-    corners: Ints
-    far: Ints
+    across: Ints  # (8, 6), cells that share an edge with a child, with one of the faces outside
+    faces: Ints  # (8,), all cells that share a face with a child
+    ring: Ints  # (8,), cells that share an edge
+    corners: Ints  # (8,), cells that share a corner
+    far: Ints  # (8,), cells that do not touch it
 
 
 class LevelState(NamedTuple):
-    """What is known of the children of a level's n voxels so far.
+    """Known children of the n voxels of a level."""
 
-    Parameters
-    ----------
-    neighbours
-        (27, n), table of neighbours.
-    codes
-        (n,), occupied children, a bit each.
-    done
-        (n,), whether all children are known.
-    occupied, unknown
-        (n,), masks of the cells around a voxel, by the groups before its own.
-    face_neighbours
-        (n,), which of the six faces have a neighbour, a bit each.
-    neighbour_counts
-        (n,), how many neighbours there are.
-    orientations
-        (n,), how the neighbours are distributed along the axes, see `_share_outside_layer`.
-    """
-
-    neighbours: NeighbourTable
-    codes: NDArray[np.uint8]
-    done: NDArray[np.bool_]
-    occupied: Ints
-    unknown: Ints
-    face_neighbours: NDArray[np.uint8]
-    neighbour_counts: NDArray[np.uint8]
+    neighbours: NeighbourTable  # (27, n), neighbour table
+    codes: NDArray[np.uint8]  # (n,), occupancy of children, a bit each
+    done: NDArray[np.bool_]  # (n,), whether all children are known
+    occupied: Ints  # (n,), occupied cells around a voxel, by the groups before its own
+    unknown: Ints  # (n,), unknown cells around a voxel
+    face_neighbours: NDArray[np.uint8]  # (n,), which of six faces have a neighbour, a bit each
+    neighbour_counts: NDArray[np.uint8]  # (n,)
+    # (n,), distribution of neighbours along axes, see `_share_outside_layer`
     orientations: NDArray[np.uint8]
 
 
 def empty_state(neighbours: NeighbourTable) -> LevelState:
-    """The state of a level before any of its voxels is coded."""
     count = neighbours.shape[1]
-    codes, *rest = np.zeros((4, count), np.uint8)
+    codes, *counts = np.zeros((4, count), np.uint8)
     occupied, unknown = np.empty((2, count), np.int64)
-    return LevelState(neighbours, codes, np.zeros(count, np.bool_), occupied, unknown, *rest)
+    return LevelState(neighbours, codes, np.zeros(count, np.bool_), occupied, unknown, *counts)
 
 
 def find_neighbourhood(level: LevelState, rows: Ints) -> None:
-    """Find the causal neighbourhood of some voxels, before their first symbols are coded."""
+    """Find the causal neighbourhoods of some voxels, before their first symbols are coded."""
     _find_neighbourhood(level, rows, CELLS)
 
 
@@ -113,8 +78,8 @@ def _find_neighbourhood(level: LevelState, rows: Ints, cells: CellMasks) -> None
                     occupied |= cells.occupied[offset, level.codes[other]]
                 elif offset != CENTRE:
                     unknown |= cells.whole[offset]
-        for place in range(6):
-            faces |= (level.neighbours[FACES[place], row] >= 0) << place
+        for face in range(6):
+            faces |= (level.neighbours[FACES[face], row] >= 0) << face
         level.occupied[row], level.unknown[row] = occupied, unknown
         level.face_neighbours[row], level.neighbour_counts[row] = faces, count
         level.orientations[row] = (
@@ -126,9 +91,10 @@ def _find_neighbourhood(level: LevelState, rows: Ints, cells: CellMasks) -> None
 
 @compiled_in_place
 def _share_outside_layer(outside: int, count: int) -> int:
-    """Share of the neighbours that are outside the voxel's layer along an axis, in three steps.
+    """Quantise the share of neighbours outside the voxel's layer across an axis to three steps.
 
-    Of a full neighbourhood it is 18 / 26, of a plane across the axis 0, of one along it 6 / 8.
+    The share is 18 / 26 for a full neighbourhood, 0 for a plane across the axis, 6 / 8 for one
+    along it.
     """
     return (20 * outside >= 9 * count) + (20 * outside >= 13 * count)
 
@@ -138,46 +104,48 @@ def _cells() -> CellMasks:
     for offset in range(OFFSETS):
         steps = [2 * (offset // 3**axis % 3 - 1) for axis in range(3)]
         for child in range(CHILDREN):
-            place = [1 + steps[axis] + (child >> axis & 1) for axis in range(3)]
-            if all(0 <= at < 4 for at in place):
-                whole[offset] |= _bit(_cell(place))
-                occupied[offset, (np.arange(256) >> child & 1) == 1] |= _bit(_cell(place))
-    places = [[1 + (child >> axis & 1) for axis in range(3)] for child in range(CHILDREN)]
-    own = np.array([_cell(place) for place in places])
-    out = np.array([[(1 if c >> a & 1 else -1) * _STEPS[a] for a in range(3)] for c in range(8)])
+            position = [1 + steps[axis] + (child >> axis & 1) for axis in range(3)]
+            if all(0 <= coordinate < 4 for coordinate in position):
+                whole[offset] |= _bit(_cell(position))
+                occupied[offset, (np.arange(256) >> child & 1) == 1] |= _bit(_cell(position))
+    positions = [[1 + (child >> axis & 1) for axis in range(3)] for child in range(CHILDREN)]
+    own = np.array([_cell(position) for position in positions])
+    outward = np.array(
+        [[(1 if c >> a & 1 else -1) * _STEPS[a] for a in range(3)] for c in range(8)]
+    )
     sides = [(a, b) for a in range(3) for b in range(3) if a != b]
     return CellMasks(
         occupied,
         whole,
         own,
-        own[:, None] + out,
-        own[:, None] - 2 * out,
-        own[:, None] + out.sum(axis=1, keepdims=True) - out,
-        np.stack([own + out[:, a] - out[:, b] for a, b in sides], axis=1),
-        _at_steps(places, 1),
-        _at_steps(places, 2),
-        _at_steps(places, 3),
-        _at_steps(places, None),
+        own[:, None] + outward,
+        own[:, None] - 2 * outward,
+        own[:, None] + outward.sum(axis=1, keepdims=True) - outward,
+        np.stack([own + outward[:, a] - outward[:, b] for a, b in sides], axis=1),
+        _cells_at(positions, 1),
+        _cells_at(positions, 2),
+        _cells_at(positions, 3),
+        _cells_at(positions, None),
     )
 
 
-def _cell(place: list[int]) -> int:
-    return sum(step * at for step, at in zip(_STEPS, place, strict=True))
+def _cell(position: list[int]) -> int:
+    return sum(map(operator.mul, _STEPS, position))
 
 
 def _bit(cell: int) -> np.int64:
     return np.uint64(1 << cell).astype(np.int64)
 
 
-def _at_steps(places: list[list[int]], steps: int | None) -> Ints:
-    """Masks (8,) of the cells some steps from a child; for None of those it does not touch."""
-    found = np.zeros(CHILDREN, np.int64)
-    for child, place in enumerate(places):
+def _cells_at(positions: list[list[int]], distance: int | None) -> Ints:
+    """Return masks (8,) of the cells at a distance from each child; None: not touching it."""
+    masks = np.zeros(CHILDREN, np.int64)
+    for child, position in enumerate(positions):
         for cell in product(range(4), repeat=3):
-            apart = [abs(at - mine) for at, mine in zip(cell, place, strict=True)]
-            if (sum(apart) if max(apart) < 2 else None) == steps:
-                found[child] |= _bit(_cell(list(cell)))
-    return found
+            steps = [abs(a - b) for a, b in zip(cell, position, strict=True)]
+            if (sum(steps) if max(steps) < 2 else None) == distance:
+                masks[child] |= _bit(_cell(list(cell)))
+    return masks
 
 
 CELLS = _cells()

@@ -68,7 +68,6 @@ def decode(stream: bytes, weights: OctreeNetWeights, threads: int | None = None)
 def decoded_points(
     content: OctreeNetStream, weights: OctreeNetWeights, threads: int | None = None
 ) -> Floats:
-    """Return the points (m, 3) of a parsed stream that was made with these weights."""
     coder = OctreeNetCoder(weights.model, threads)
     keys = np.concatenate([coder.decode(part) for part in content.parts])
     units = (morton_voxels(keys) + np.array(content.origin)) / content.scale

@@ -1,4 +1,4 @@
-"""Coding voxels level by level: the network predicts symbols, context mixing codes them."""
+"""Coding of voxels level by level: the network predicts symbols, context mixing codes them."""
 
 from __future__ import annotations
 
@@ -54,43 +54,40 @@ from puckbench.learned.sparse.voxels import (
 
 F = TypeVar("F")
 _MAX_TOP = 64
-"""Voxels of the top level, where the network begins; coarser levels cost few bits."""
+"""Maximum voxels of the top level, where the network begins; coarser levels take few bits."""
 
 Code = Callable[[LevelState, int, bool, Rows, Frequencies], Symbols]
-"""Codes the first or second symbols of some rows of a level's group; returns the symbols."""
+"""Codes the first or second symbols of some rows of a level's group, and returns them."""
 
 
 class DecodingLimits(NamedTuple):
-    """Voxels of a level and of all but the finest, at most; whether a stream has not ended yet."""
+    """Maximum numbers of voxels."""
 
-    voxels: int
-    nodes: int
-    goes_on: Callable[[], bool]
+    voxels: int  # of a level
+    nodes: int  # of all levels except the finest
+    has_more: Callable[[], bool]  # whether the stream has not ended yet
 
 
 @dataclass(frozen=True)
 class OctreeNetCoder:
-    """Encoder and decoder of voxels; the number of threads does not change the result."""
+    """Encoder and decoder of voxels; results do not depend on the number of threads."""
 
     model: OctreeNet
     threads: int | None = None
 
     def encode(self, keys: Keys) -> CodedPart:
-        """Code voxels by their keys (n,), ascending and distinct.
-
-        InputError where a decoder would refuse the part.
-        """
+        """Encode sorted keys (n,) of voxels; raise InputError if a decoder would refuse them."""
         sets = [keys]
         while len(sets[-1]) > _MAX_TOP:
             sets.append(parents_of(sets[-1])[0])
         nodes = sum(map(len, sets[1:]))
         mixer = writer(nodes)
-        waiting = chain.from_iterable(map(_symbol_runs, sets[:0:-1], sets[-2::-1]))
+        symbol_chunks = chain.from_iterable(map(_symbol_chunks, sets[:0:-1], sets[-2::-1]))
 
         def code(
             level: LevelState, group: int, second: bool, rows: Rows, predicted: Frequencies
         ) -> Symbols:
-            symbols = next(waiting)
+            symbols = next(symbol_chunks)
             code_symbols(mixer, level, group, second, rows, symbols, predicted)
             return symbols
 
@@ -103,7 +100,7 @@ class OctreeNetCoder:
         return part
 
     def decode(self, part: CodedPart) -> Keys:
-        """The keys of a part; InputError when it is damaged."""
+        """Return the keys of a part; raise InputError if it is damaged."""
         mixer = reader(part.symbols)
 
         def code(
@@ -120,10 +117,7 @@ class OctreeNetCoder:
         return keys
 
     def _traverse(self, top: Keys, levels: int, code: Code, limits: DecodingLimits) -> Keys:
-        """Code from the top level down; the keys of the finest level.
-
-        InputError where a stream exceeds its limits.
-        """
+        """Code from the top level down, within the limits; return the keys of the finest level."""
         nodes = 0
         network = network_of(self.model)
         with thread_pool(self.threads) as pool:
@@ -131,14 +125,14 @@ class OctreeNetCoder:
             level = OctreeLevel(network, pool, voxels, network.root_features(len(top)))
             for depth in range(levels, 0, -1):
                 nodes += len(level.voxels)
-                if nodes > limits.nodes or not limits.goes_on():
+                if nodes > limits.nodes or not limits.has_more():
                     raise InputError("the stream is damaged (its octree)")
                 level = level.next(code, limits.voxels, last=depth == 1)
         return level.voxels.keys
 
 
 def network_of(model: OctreeNet) -> LevelPredictor[Any]:
-    """The network for coding, on the device that the model is on."""
+    """Return the network for coding, on the model's device."""
     if device_of(model).type == "cpu":
         return compiled_network(model)
     return DevicePredictor(model)
@@ -146,7 +140,7 @@ def network_of(model: OctreeNet) -> LevelPredictor[Any]:
 
 @dataclass(frozen=True)
 class OctreeLevel(Generic[F]):
-    """Voxels of an octree level, with the features handed down by the levels above."""
+    """Voxels of an octree level, with the features from the levels above."""
 
     network: LevelPredictor[F]
     pool: ThreadPool
@@ -154,25 +148,22 @@ class OctreeLevel(Generic[F]):
     features: F
 
     def next(self, code: Code, max_voxels: int, last: bool) -> OctreeLevel[F]:
-        """Code the next finer level; of the `last` one only the keys are made.
+        """Code the next finer level, at most `max_voxels` large.
 
-        Raises
-        ------
-        InputError
-            It has more than `max_voxels`.
+        The `last` level has only keys.
         """
-        features, slots = self._coded(code)
+        features, slots = self._code_children(code)
         if len(slots) > max_voxels:
             raise InputError("the stream is damaged (its number of voxels)")
         keys = keys_of_slots(self.voxels.keys, slots)
         if last:
-            return OctreeLevel(self.network, self.pool, _keys_only(keys), features)
-        handed_down = self.network.child_features(features, slots, self.pool)
+            return OctreeLevel(self.network, self.pool, _without_neighbours(keys), features)
+        child_features = self.network.child_features(features, slots, self.pool)
         voxels = children_voxels(self.voxels, keys, self.pool)
-        return OctreeLevel(self.network, self.pool, voxels, handed_down)
+        return OctreeLevel(self.network, self.pool, voxels, child_features)
 
-    def _coded(self, code: Code) -> tuple[F, Rows]:
-        """Code all symbols: the updated features, and the slots of the occupied children."""
+    def _code_children(self, code: Code) -> tuple[F, Rows]:
+        """Code all symbols; return the updated features and the slots of the occupied children."""
         table = self.voxels.neighbours
         features = self.network.convolved(self.features, table, self.pool)
         symbols, state = np.empty((2, len(self.voxels)), dtype=np.uint8), empty_state(table)
@@ -186,7 +177,7 @@ class OctreeLevel(Generic[F]):
     def _code_group(
         self, group: VoxelGroup, state: LevelState, symbols: Symbols, code: Code
     ) -> None:
-        """Code a group's symbols; while those of a chunk are coded other threads predict more."""
+        """Code a group's symbols; other threads predict the next chunk meanwhile."""
 
         def predict_first(chunk: slice) -> Frequencies:
             find_neighbourhood(state, group.rows[chunk])
@@ -194,38 +185,42 @@ class OctreeLevel(Generic[F]):
 
         chunks, submit = chunks_of(len(group.rows)), self.pool.submit
         rows = [group.rows[chunk] for chunk in chunks]
-        waiting = [submit(partial(predict_first, chunk)) for chunk in chunks]
+        predictions = [submit(partial(predict_first, chunk)) for chunk in chunks]
         for i, chunk in enumerate(chunks):
-            first = symbols[0, rows[i]] = code(state, group.number, False, rows[i], waiting[i]())
-            waiting[i] = submit(partial(group.predict_second, chunk, first))
+            first = symbols[0, rows[i]] = code(
+                state, group.number, False, rows[i], predictions[i]()
+            )
+            predictions[i] = submit(partial(group.predict_second, chunk, first))
         updates = []
         for i, chunk in enumerate(chunks):
-            second = symbols[1, rows[i]] = code(state, group.number, True, rows[i], waiting[i]())
+            second = symbols[1, rows[i]] = code(
+                state, group.number, True, rows[i], predictions[i]()
+            )
             updates.append(submit(partial(group.update, chunk, second)))
         for wait in updates:
             wait()
 
 
-def _symbol_runs(keys: Keys, children: Keys) -> Iterator[Symbols]:
-    """The symbols of a level's voxels in the order in which they are coded."""
+def _symbol_chunks(keys: Keys, children: Keys) -> Iterator[Symbols]:
+    """Yield the symbols of a level's voxels in coding order."""
     first, second = symbols_of(children)
     for rows in groups_of(keys):
         for symbols in (first, second):
             yield from (symbols[rows[chunk]] for chunk in chunks_of(len(rows)))
 
 
-def _keys_only(keys: Keys) -> VoxelSet:
+def _without_neighbours(keys: Keys) -> VoxelSet:
     return VoxelSet(keys, np.empty((0, 0), dtype=np.int32))
 
 
 def _top_keys(part: CodedPart) -> Keys:
     voxels: NDArray[np.int64] = decode_voxels(part.top, _MAX_TOP)
-    least, most = 0, 2 ** (AXIS_BITS - part.levels)
-    if not 0 < len(voxels) <= _MAX_TOP or voxels.min() < least or voxels.max() >= most:
+    lower, upper = 0, 2 ** (AXIS_BITS - part.levels)
+    if not 0 < len(voxels) <= _MAX_TOP or voxels.min() < lower or voxels.max() >= upper:
         raise InputError("the stream is damaged (its top level)")
     return unique_keys(morton_keys(voxels))
 
 
 def split(keys: Keys, max_voxels: int = MAX_VOXELS) -> list[Keys]:
-    """Cut keys into parts of at most `max_voxels`, one after the other."""
+    """Cut keys into parts of at most `max_voxels`."""
     return [keys[first : first + max_voxels] for first in range(0, len(keys), max_voxels)]

@@ -1,6 +1,7 @@
-"""The network by the model's own layers, on the device that the model is on.
+"""The network by the layers of the model, on the model's device.
 
-The sums are exact (see `fixed_point`): frequencies are those of the compiled layers, bit for bit.
+Sums are exact (see `fixed_point`), so that frequencies equal those of the compiled layers bit for
+bit.
 """
 
 from __future__ import annotations
@@ -25,28 +26,24 @@ from puckbench.learned.sparse.voxels import NeighbourTable
 
 @dataclass
 class DeviceFeatures:
-    """Features of a level's voxels (n, channels), and their neighbourhood once it is known."""
+    """Features of a level's voxels (n, channels), and the neighbourhood once it is known."""
 
     all: Tensor
     neighbourhood: Neighbourhood | None = None
 
 
 class DevicePredictor:
-    """As `LevelPredictor`, of a model in place."""
-
     def __init__(self, model: OctreeNet) -> None:
         self.model, self._device = model, device_of(model)
         self._powers = torch.from_numpy(powers_of_two()).to(self._device)
 
     def root_features(self, count: int) -> DeviceFeatures:
-        """As in `LevelPredictor`."""
         return DeviceFeatures(self.model.root_features(count).detach())
 
     @torch.no_grad()
     def convolved(
         self, features: DeviceFeatures, table: NeighbourTable, pool: ThreadPool
     ) -> DeviceFeatures:
-        """As in `LevelPredictor`."""
         neighbourhood = device_neighbourhood(table, voxel_kernel_map(), pool, self._device)
         return DeviceFeatures(self.model.convolved(features.all, neighbourhood), neighbourhood)
 
@@ -54,57 +51,54 @@ class DevicePredictor:
     def group(
         self, number: int, rows: Rows, features: DeviceFeatures, table: NeighbourTable
     ) -> DeviceGroup:
-        """As in `LevelPredictor`; the table is that which `convolved` was given."""
         index, neighbourhood = (
             as_index(rows, features.all),
             cast(Neighbourhood, features.neighbourhood),
         )
-        own = self.model.group_features(number, features.all, index, neighbourhood)
-        return DeviceGroup(self, number, rows, index, features, own)
+        selected = self.model.group_features(number, features.all, index, neighbourhood)
+        return DeviceGroup(self, number, rows, index, features, selected)
 
     @torch.no_grad()
     def child_features(
         self, features: DeviceFeatures, slots: Rows, pool: ThreadPool
     ) -> DeviceFeatures:
-        """As in `LevelPredictor`."""
         return DeviceFeatures(
             self.model.child_features(features.all, as_index(slots, features.all))
         )
 
     @torch.no_grad()
     def frequencies(self, heads: nn.ModuleList, number: int, features: Tensor) -> Frequencies:
-        """Frequencies (n, 16) of symbols from features (n, channels), as `symbols.frequencies`."""
+        """Return frequencies (n, 16) for features (n, channels), as `symbols.frequencies` does."""
         units = cast(SymbolHead, heads[number])(features) * UNITS
         below = (units.amax(dim=1, keepdim=True) - units).clamp_max(len(self._powers) - 1)
-        found: NDArray[Any] = self._powers[below.long()].cpu().numpy()
-        return found
+        result: NDArray[Any] = self._powers[below.long()].cpu().numpy()
+        return result
 
 
 @dataclass(frozen=True)
 class DeviceGroup:
-    """As `VoxelGroup`, with the features `own` (m, channels) of its voxels."""
-
     network: DevicePredictor
     number: int
     rows: Rows
     index: Tensor
     features: DeviceFeatures
-    own: Tensor
+    group_features: Tensor
 
     def predict_first(self, chunk: slice) -> Frequencies:
-        """As in `VoxelGroup`."""
         heads = self.network.model.first_heads
-        return self.network.frequencies(heads, self.number, self.own[chunk])
+        return self.network.frequencies(heads, self.number, self.group_features[chunk])
 
     @torch.no_grad()
     def predict_second(self, chunk: slice, first: Symbols) -> Frequencies:
-        """As in `VoxelGroup`."""
         model = self.network.model
-        self.own[chunk] = model.with_first(self.own[chunk], as_index(first, self.own))
-        return self.network.frequencies(model.second_heads, self.number, self.own[chunk])
+        self.group_features[chunk] = model.with_first(
+            self.group_features[chunk], as_index(first, self.group_features)
+        )
+        return self.network.frequencies(model.second_heads, self.number, self.group_features[chunk])
 
     @torch.no_grad()
     def update(self, chunk: slice, second: Symbols) -> None:
-        """As in `VoxelGroup`."""
-        made = self.network.model.with_second(self.own[chunk], as_index(second, self.own))
-        self.features.all[self.index[chunk]] = made
+        updated = self.network.model.with_second(
+            self.group_features[chunk], as_index(second, self.group_features)
+        )
+        self.features.all[self.index[chunk]] = updated

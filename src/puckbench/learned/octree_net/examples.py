@@ -1,4 +1,4 @@
-"""Training examples of the learned octree coder: cubes of points on grids of random scales."""
+"""Training examples of the sparse octree net: cubes of points on grids of random scales."""
 
 from __future__ import annotations
 
@@ -14,39 +14,29 @@ from puckbench.learned.training.examples import CubeExamples, Voxels, random_sym
 
 @dataclass(frozen=True)
 class OctreeExamples(CubeExamples):
-    """Batches of cubes; a batch depends on its number and the seed alone.
-
-    Parameters
-    ----------
-    clouds
-        Points (n, 3).
-    finest, coarsest
-        Scales of the grids, drawn evenly on a logarithmic axis.
-    upright
-        Rotate cubes about the vertical axis alone.
-    """
+    """Batches of random cubes of points (n, 3) on grids of random scales."""
 
     cube_size: int = 128
     batch_size: int = 2
     min_voxels: int = 500
-    finest: float = 1.0
+    finest: float = 1.0  # scales of grids are drawn log-uniformly from `coarsest` to `finest`
     coarsest: float = 0.125
-    upright: bool = False
+    upright: bool = False  # rotate cubes about the vertical axis only
     kind: ClassVar[str] = "octree training cubes"
 
     def _crop(self, points: Floats, rng: np.random.Generator) -> Keys | None:
         scale = self.finest * (self.coarsest / self.finest) ** rng.random()
         centre = points[rng.integers(len(points))]
-        least = centre * scale - rng.random(3) * self.cube_size
-        voxels = _voxels(points, least / scale, scale, self.cube_size)
+        corner = centre * scale - rng.random(3) * self.cube_size
+        voxels = _voxels(points, corner / scale, scale, self.cube_size)
         keys = unique_keys(morton_keys(random_symmetry(voxels, self.cube_size, rng, self.upright)))
         return keys if len(keys) >= self.min_voxels else None
 
 
-def _voxels(points: Floats, least: Floats, scale: float, size: int) -> Voxels:
-    """The voxel (m, 3) within a cube of each of its points."""
+def _voxels(points: Floats, corner: Floats, scale: float, size: int) -> Voxels:
+    """Return the voxels (m, 3) of the points within a cube."""
     inside = np.ones(len(points), dtype=bool)
     for axis in range(3):
         column = points[:, axis]
-        inside &= (column > least[axis]) & (column < least[axis] + size / scale)
-    return np.floor((points[inside] - least) * scale).astype(np.int64).clip(0, size - 1)
+        inside &= (column > corner[axis]) & (column < corner[axis] + size / scale)
+    return np.floor((points[inside] - corner) * scale).astype(np.int64).clip(0, size - 1)

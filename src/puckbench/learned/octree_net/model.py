@@ -1,13 +1,12 @@
-"""The network of the learned octree coder: features of voxels, their symbols, their children.
+"""The sparse octree net: features of voxels, their symbols, and the features of their children.
 
-All levels of the octree share the weights. Features are handed down from level to level, and the
-voxels of a level are coded in groups: a convolution before each group sees the symbols of the
-groups before it.
+All levels of the octree share the weights. Features pass from level to level. The voxels of a level
+are coded in groups, and a convolution before each group sees the symbols of the previous groups.
 
 References
 ----------
-You, Chen, Ding, Asif, Ma: "RENO: real-time neural compression for 3D LiDAR point clouds", CVPR
-2025, in whose manner a small sparse network predicts occupancy level by level.
+You, Chen, Ding, Asif, Ma: "RENO: Real-Time Neural Compression for 3D LiDAR Point Clouds", CVPR
+2025, which also predicts occupancy level by level with a small sparse network.
 """
 
 from __future__ import annotations
@@ -36,35 +35,26 @@ from puckbench.learned.sparse.voxels import CHILDREN, OFFSETS
 
 
 class OctreeNetShape(Model):
-    """Sizes of the network.
-
-    Parameters
-    ----------
-    channels
-        Of the features.
-    convolutions
-        Convolutions of a level before its first group.
-    """
+    """Sizes of the network."""
 
     channels: Annotated[int, Field(ge=1, le=256)] = 32
-    convolutions: Annotated[int, Field(ge=0, le=8)] = 1
+    convolutions: Annotated[int, Field(ge=0, le=8)] = 1  # of a level before its first group
 
 
 class FixedPointLayer(SparseLayer):
-    """A fixed-point layer: its kernel (offsets, c, d) and bias are rounded when they are used."""
+    """A fixed-point layer; its kernel (offsets, c, d) and bias are rounded when used."""
 
     def forward(self, active: Tensor, neighbourhood: Neighbourhood) -> Tensor:
-        """A 3x3x3 convolution of activations (n, c) to (n, d)."""
+        """Convolve activations (n, c) to (n, d) with a kernel of 3x3x3."""
         kernel, bias = quantised_weight(self.kernel), quantised(self.bias)
         return convolve(active[:, None], kernel, bias, neighbourhood)[:, 0]
 
     def pointwise(self, active: Tensor) -> Tensor:
-        """A 1x1x1 convolution of activations (n, c) to (n, d)."""
         return active @ quantised_weight(self.kernel[0]) + quantised(self.bias)
 
 
 class SymbolHead(nn.Module):
-    """Two pointwise layers from features to logits, to the base 2, of a symbol."""
+    """Two pointwise layers from features to the logits of a symbol, to the base 2."""
 
     def __init__(self, channels: int) -> None:
         super().__init__()
@@ -74,13 +64,13 @@ class SymbolHead(nn.Module):
         )
 
     def forward(self, features: Tensor) -> Tensor:
-        """Features (n, channels) to logits (n, 16), multiples of the unit."""
+        """(n, channels) to (n, 16)."""
         hidden = residual(self.hidden.pointwise(activation(features)))
         return residual(self.logits.pointwise(activation(hidden)))
 
 
 class OctreeNet(nn.Module):
-    """Predicts one level after the other; features are (n, channels), multiples of the unit."""
+    """Predicts one level after the other; features are (n, channels), in fixed point."""
 
     def __init__(self, shape: OctreeNetShape) -> None:
         super().__init__()
@@ -96,11 +86,10 @@ class OctreeNet(nn.Module):
         self.upsampling = FixedPointLayer(CHILDREN, channels, channels)
 
     def root_features(self, count: int) -> Tensor:
-        """Features of the voxels of the top level."""
         return quantised(self.root).repeat(count, 1)
 
     def convolved(self, features: Tensor, neighbourhood: Neighbourhood) -> Tensor:
-        """Features of a level's voxels before any of their children are known."""
+        """Return features of a level's voxels before any of their children are known."""
         for layer in self.convolutions:
             features = residual(features + layer(activation(features), neighbourhood))
         return features
@@ -108,28 +97,27 @@ class OctreeNet(nn.Module):
     def group_features(
         self, group: int, features: Tensor, rows: Tensor, neighbourhood: Neighbourhood
     ) -> Tensor:
-        """Features of the rows of a group, from those of all voxels of the level."""
+        """Return features of the rows of a group, from those of all voxels of the level."""
         if group == 0:
             return features[rows]
-        made = self.group_convolutions[group - 1](activation(features), neighbourhood)
-        return residual((features + made)[rows])
+        convolved = self.group_convolutions[group - 1](activation(features), neighbourhood)
+        return residual((features + convolved)[rows])
 
     def with_first(self, features: Tensor, first: Tensor) -> Tensor:
-        """Features (n, channels) with the embedding of the first symbols (n,) int64 added."""
+        """Add the embedding of the first symbols (n,) to features (n, channels)."""
         return residual(features + quantised(self.first_embedding)[first])
 
     def with_second(self, features: Tensor, second: Tensor) -> Tensor:
-        """Features (n, channels) with the embedding of the second symbols (n,) int64 added."""
         return residual(features + quantised(self.second_embedding)[second])
 
     def child_features(self, features: Tensor, slots: Tensor) -> Tensor:
-        """Features of the children in slots ``8 * parent + child``, from those of their parents."""
+        """Return features of the children in slots from those of their parents."""
         active = activation(features)
         kernel, bias = quantised_weight(self.upsampling.kernel), quantised(self.upsampling.bias)
         parent, child = slots >> 3, slots & 7
         order = [torch.nonzero(child == c)[:, 0] for c in range(CHILDREN)]
-        made = torch.cat([active[parent[rows]] @ kernel[c] for c, rows in enumerate(order)])
-        result = torch.empty_like(made).index_copy(0, torch.cat(order), made)
+        products = torch.cat([active[parent[rows]] @ kernel[c] for c, rows in enumerate(order)])
+        result = torch.empty_like(products).index_copy(0, torch.cat(order), products)
         return residual(result + bias)
 
     def check_exact(self) -> None:
@@ -146,5 +134,4 @@ def _convolutions(count: int, channels: int) -> nn.ModuleList:
 
 
 def as_index(symbols: Symbols | NDArray[Any], like: Tensor) -> Tensor:
-    """Integers (n,) as an index tensor on the device of another tensor."""
     return torch.from_numpy(symbols.astype("int64")).to(like.device)

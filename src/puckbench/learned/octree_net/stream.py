@@ -1,10 +1,10 @@
-"""The stream of the learned octree coder: identity of the weights, grid, and parts of the cloud.
+"""The stream of the sparse octree net: digest of the weights, grid, and parts of the cloud.
 
-magic "PBON", version, CRC-32 of all that follows
+magic "PBON", version, CRC-32 of the rest
 digest of the weights (8 bytes), scale (float64), origin (3 int32), grid: 0, or 1 and unit and
-    offset (4 float64); number of parts (uint8)
-each part: voxels, levels that the network codes, bytes of the top level and of the symbols
-    (uint32, uint8, uint16, uint32), the top level, the symbols
+offset (4 float64); number of parts (uint8)
+each part: voxels, levels that the network codes, bytes of the top level and of the symbols (uint32,
+uint8, uint16, uint32), the top level, the symbols
 """
 
 from __future__ import annotations
@@ -22,17 +22,17 @@ from puckbench.learned.sparse.voxels import AXIS_BITS
 
 MAGIC, VERSION = b"PBON", 3
 MAX_VOXELS = 2**21
-"""Voxels of a part; larger clouds are cut, so that working memory is bounded."""
+"""Maximum voxels of a part; larger clouds are cut to bound working memory."""
 _MAX_TOTAL = 2**25
 _TOTAL, _TOTAL_PER_BYTE = 5 * 2**19, 64
-"""Voxels of all parts, at most, and for each byte of their symbols."""
+"""Maximum voxels of all parts, and more for each byte of their symbols."""
 _MAX_VOXELS_PER_BYTE = 2**14
-"""A bound: eight binary decisions, each at least 0.0007 bits, bring at most 8 voxels."""
+"""Eight binary decisions of at least 0.0007 bits each decode at most 8 voxels."""
 _NODES, _NODES_PER_BYTE = 2**17, 4
-"""Voxels of the levels above the finest, at most and for each byte, beside 3/8 of the voxels there.
-A plane has a third; each takes the network some 4 microseconds."""
+"""Maximum voxels of the levels above the finest, and more for each byte, beside 3/8 of the finest
+level's voxels (a plane has a third). The network takes about 4 microseconds for each."""
 _MIN_SCALE = 2.0**-400
-"""With a smaller scale and the largest unit coordinates could exceed double precision."""
+"""Smaller scales could exceed the range of coordinates."""
 _FRAMING = Framing(MAGIC, VERSION, "sparse octree net")
 _HEADER = struct.Struct("<8sd3iB")
 _GRID = struct.Struct("<4d")
@@ -42,48 +42,45 @@ _PART = struct.Struct("<IBHI")
 
 @dataclass(frozen=True)
 class CodedPart:
-    """A part of a cloud: voxels, levels that the network codes, the top level, the symbols."""
+    """A part of a cloud."""
 
-    count: int
-    levels: int
-    top: bytes
+    count: int  # number of voxels
+    levels: int  # that the network codes
+    top: bytes  # coded voxels of the top level
     symbols: bytes
 
 
 @dataclass(frozen=True)
 class OctreeNetStream:
-    """A coded cloud: identity of the weights, grid, and parts."""
+    """Contents of a stream."""
 
-    digest: bytes
+    digest: bytes  # of the weights
     scale: float
     origin: tuple[int, int, int]
     grid: InputGrid
     parts: tuple[CodedPart, ...]
 
 
-def write_stream(coded: OctreeNetStream) -> bytes:
-    """The bytes of a coded cloud; InputError when it has too many voxels."""
-    if sum(part.count for part in coded.parts) > _MAX_TOTAL:
+def write_stream(content: OctreeNetStream) -> bytes:
+    """Return the bytes of a stream; raise InputError if it has too many voxels."""
+    if sum(part.count for part in content.parts) > _MAX_TOTAL:
         raise InputError(f"the cloud has more than {_MAX_TOTAL} voxels")
-    _check(coded.parts)
-    framed = coded.grid != InputGrid()
-    body = [_HEADER.pack(coded.digest, coded.scale, *coded.origin, framed)]
-    if framed:
-        body.append(_GRID.pack(coded.grid.unit, *coded.grid.offset))
-    body.append(_COUNT.pack(len(coded.parts)))
-    for part in coded.parts:
+    _check(content.parts)
+    has_grid = content.grid != InputGrid()
+    body = [_HEADER.pack(content.digest, content.scale, *content.origin, has_grid)]
+    if has_grid:
+        body.append(_GRID.pack(content.grid.unit, *content.grid.offset))
+    body.append(_COUNT.pack(len(content.parts)))
+    for part in content.parts:
         sizes = (len(part.top), len(part.symbols))
         body += [_PART.pack(part.count, part.levels, *sizes), part.top, part.symbols]
     return _FRAMING.framed(b"".join(body))
 
 
 def read_stream(stream: bytes) -> OctreeNetStream:
-    """Parse a stream; the counts in it are checked against its size before any work begins.
+    """Parse a stream. Its counts are checked before any computation.
 
-    Raises
-    ------
-    InputError
-        The bytes are damaged, or of another codec or version.
+    Raises InputError if the bytes are damaged, or of another codec or version.
     """
     try:
         return _read(stream)
@@ -93,16 +90,16 @@ def read_stream(stream: bytes) -> OctreeNetStream:
 
 def _read(stream: bytes) -> OctreeNetStream:
     _, body = _FRAMING.unframed(stream)
-    digest, scale, x, y, z, framed = _HEADER.unpack_from(body)
-    grid, at = _read_grid(body, _HEADER.size, framed)
+    digest, scale, x, y, z, has_grid = _HEADER.unpack_from(body)
+    grid, at = _read_grid(body, _HEADER.size, has_grid)
     parts = _read_parts(body, at)
     if not _MIN_SCALE < scale < np.inf:
         raise InputError("the stream is damaged (its scale)")
     return OctreeNetStream(digest, scale, (x, y, z), grid, parts)
 
 
-def _read_grid(body: bytes, at: int, framed: int) -> tuple[InputGrid, int]:
-    if not framed:
+def _read_grid(body: bytes, at: int, has_grid: int) -> tuple[InputGrid, int]:
+    if not has_grid:
         return InputGrid(), at
     unit, *offset = _GRID.unpack_from(body, at)
     if not (0 < unit < 2.0**500 and np.abs(offset).max() < 2.0**500):
@@ -127,17 +124,17 @@ def _read_parts(body: bytes, at: int) -> tuple[CodedPart, ...]:
 
 
 def max_nodes(part: CodedPart) -> int:
-    """Voxels of all levels above the finest that a part of its size may have."""
+    """Return the maximum voxels of all levels above the finest for the size of a part."""
     return _NODES + 3 * part.count // 8 + _NODES_PER_BYTE * len(part.symbols)
 
 
 def _check(parts: Sequence[CodedPart]) -> None:
-    """A damaged stream must not keep the decoder busy for long, and no encoder makes one."""
+    """Refuse parts that would take too long to decode for their size."""
     for part in parts:
-        most = min(MAX_VOXELS, 65536 + _MAX_VOXELS_PER_BYTE * len(part.symbols))
-        if not 0 < part.count <= most or part.levels >= AXIS_BITS:
+        max_voxels = min(MAX_VOXELS, 65536 + _MAX_VOXELS_PER_BYTE * len(part.symbols))
+        if not 0 < part.count <= max_voxels or part.levels >= AXIS_BITS:
             raise InputError("the stream is damaged, or promises too much (its number of voxels)")
     voxels = sum(part.count for part in parts)
-    most = _TOTAL + _TOTAL_PER_BYTE * sum(len(part.symbols) for part in parts)
-    if voxels > min(most, _MAX_TOTAL) or len(parts) != -(-voxels // MAX_VOXELS):
+    max_voxels = _TOTAL + _TOTAL_PER_BYTE * sum(len(part.symbols) for part in parts)
+    if voxels > min(max_voxels, _MAX_TOTAL) or len(parts) != -(-voxels // MAX_VOXELS):
         raise InputError("the stream is damaged, or promises too much (its number of voxels)")

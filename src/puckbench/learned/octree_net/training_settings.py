@@ -1,4 +1,4 @@
-"""The settings of a training of the learned octree coder."""
+"""Settings of the training of the sparse octree net."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class OctreeNetTraining(BaseTraining):
-    """A training of the learned octree coder; `cube_size` should be a power of two.
+    """Training of the sparse octree net; `cube_size` should be a power of two.
 
     Parameters
     ----------
@@ -29,7 +29,7 @@ class OctreeNetTraining(BaseTraining):
     convolutions
         Convolutions of a level before its first group of voxels.
     symmetries
-        Symmetries of the cube that examples are drawn in: all 48, or the 8 about the vertical axis.
+        Number of symmetries in which examples are drawn: all 48, or the 8 about the vertical axis.
     """
 
     steps: PositiveInt = 3000
@@ -43,7 +43,6 @@ class OctreeNetTraining(BaseTraining):
 
     @contextmanager
     def trainer(self) -> Iterator[OctreeNetTrainer]:
-        """A new model with its optimiser."""
         import torch
 
         from puckbench.learned.octree_net.model import OctreeNet, OctreeNetShape
@@ -57,7 +56,6 @@ class OctreeNetTraining(BaseTraining):
             yield OctreeNetTrainer(on_device(model), self, pool)
 
     def examples(self, clouds: Sequence[Floats]) -> OctreeExamples:
-        """Cubes of clouds (n, 3) on grids of random scales."""
         from puckbench.learned.octree_net.examples import OctreeExamples
 
         coarsest, finest = self.scales
@@ -66,14 +64,12 @@ class OctreeNetTraining(BaseTraining):
             finest=finest, upright=self.symmetries == 8,
         )  # fmt: skip
 
-    def parameters(self, kept: Mapping[str, Any]) -> Mapping[str, Any]:
-        """The parameters of a model from the integers that a set keeps."""
+    def parameters(self, tensors: Mapping[str, Any]) -> Mapping[str, Any]:
         from puckbench.learned.octree_net.weights import parameters
 
-        return parameters(kept)
+        return parameters(tensors)
 
     def export(self, path: Path, model: Any, card: Mapping[str, Any]) -> None:
-        """Write the model as a set of weights with its card."""
         from puckbench.learned.octree_net.weights import save_weights
 
         save_weights(path, model, card)

@@ -1,4 +1,4 @@
-"""Weights of the learned octree coder: integers, which half precision keeps exactly."""
+"""Weights of the sparse octree net: integers, which half precision represents exactly."""
 
 from __future__ import annotations
 
@@ -20,17 +20,15 @@ from puckbench.learned.weights_file import read_weights, write_weights
 
 @dataclass(frozen=True)
 class OctreeNetWeights:
-    """A network, the digest by which streams name it, and its model card."""
-
     model: OctreeNet
     digest: bytes
     card: Mapping[str, Any]
 
 
 def save_weights(path: Path, model: OctreeNet, card: Mapping[str, Any]) -> None:
-    """Write the network's integers; InputError when its sums might not be exact."""
+    """Write the network's integers; raise InputError if its sums might not be exact."""
     model.check_exact()
-    about = {
+    header_fields = {
         "network": OCTREE_NET.name,
         "shape": model.shape.model_dump(),
         "lmbdas": (),
@@ -40,7 +38,7 @@ def save_weights(path: Path, model: OctreeNet, card: Mapping[str, Any]) -> None:
         name: (value.detach() * _units(name)).round().clamp(-MAX_WEIGHT, MAX_WEIGHT)
         for name, value in model.state_dict().items()
     }
-    write_weights(path, about, state)
+    write_weights(path, header_fields, state)
 
 
 def load_weights(where: str | Path, device: DeviceName = "cpu") -> OctreeNetWeights:
@@ -60,20 +58,20 @@ def load_weights(where: str | Path, device: DeviceName = "cpu") -> OctreeNetWeig
         exact, or the device does not exist.
     """
     path = weights_path(where)
-    found = read_weights(path)
+    contents = read_weights(path)
     try:
-        model = OctreeNet(parsed(OctreeNetShape, found.header.shape, f"{path}: shape"))
-        model.load_state_dict(parameters(found.state))
+        model = OctreeNet(parsed(OctreeNetShape, contents.header.shape, f"{path}: shape"))
+        model.load_state_dict(parameters(contents.state))
     except RuntimeError as error:
         raise InputError(f"{path}: damaged weights") from error
     with naming(path):
         model.check_exact()
     model = placed(model.eval().requires_grad_(False), device)
-    return OctreeNetWeights(model, found.digest, found.header.card)
+    return OctreeNetWeights(model, contents.digest, contents.header.card)
 
 
 def parameters(integers: Mapping[str, Tensor]) -> dict[str, Tensor]:
-    """The parameters of a network from the integers that a set keeps."""
+    """Return the parameters of a network from the integers of a set."""
     return {
         name: value.round().clamp(-MAX_WEIGHT, MAX_WEIGHT) / _units(name)
         for name, value in integers.items()

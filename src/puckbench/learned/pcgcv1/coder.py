@@ -47,8 +47,8 @@ from puckbench.learned.pcgcv1.weights import Pcgcv1Weights
 from puckbench.learned.point_reconstruction import (
     SiblingBlocks,
     check_points_per_voxel,
-    concatenated,
-    known_blocks,
+    joined_blocks,
+    lossless_blocks,
     points_per_voxel,
     reconstructed_points,
 )
@@ -149,8 +149,8 @@ class Pcgcv1Decoder:
         check_points_per_voxel(content.points_per_voxel, len(sparse) + sum(counts))
         parts = self._decode_cubes(content, coded_cubes, counts)
         density = content.points_per_voxel
-        points = [reconstructed_points(known_blocks(sparse), density)] if len(sparse) else []
-        points += [reconstructed_points(concatenated(parts), density)] if parts else []
+        points = [reconstructed_points(lossless_blocks(sparse), density)] if len(sparse) else []
+        points += [reconstructed_points(joined_blocks(parts), density)] if parts else []
         return np.concatenate(points) / content.scale
 
     def _decode_cubes(

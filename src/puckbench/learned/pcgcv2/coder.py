@@ -31,7 +31,7 @@ from puckbench.learned.pcgcv2.stream import (
 from puckbench.learned.pcgcv2.weights import Pcgcv2Weights
 from puckbench.learned.point_reconstruction import (
     SiblingBlocks,
-    concatenated,
+    joined_blocks,
     points_per_voxel,
     reconstructed_points,
 )
@@ -89,7 +89,7 @@ class Pcgcv2Coder:
         """Return the points (n, 3) of a stream; raise InputError if it is damaged."""
         with thread_pool(self.threads) as pool, torch.no_grad():
             parts = [self._decode_block(block, coded.tools, pool) for block in coded.blocks]
-        points = reconstructed_points(concatenated(parts), coded.points_per_voxel)
+        points = reconstructed_points(joined_blocks(parts), coded.points_per_voxel)
         shifted: Floats = points + np.array(coded.origin)
         return shifted * voxel_size(coded.quarter_octaves)
 

@@ -34,7 +34,7 @@ from puckbench.learned.sparse.voxels import (
     pyramid,
     selected_children,
 )
-from puckbench.learned.training.examples import batch
+from puckbench.learned.training.examples import join_clouds
 from puckbench.learned.training.loop import BaseTrainer
 from puckbench.learned.training.settings import MultiRateTraining
 
@@ -113,7 +113,7 @@ class Pcgcv2Trainer(BaseTrainer[PCGCv2, Pcgcv2Loss]):
     def step(self, clouds: Sequence[Keys]) -> Pcgcv2Loss:
         rate = int(torch.randint(len(self.training.lmbdas), (1,), generator=self.noise))
         lmbda = self.training.lmbdas[rate]
-        keys = batch(clouds)
+        keys = join_clouds(clouds)
         loss = rate_distortion_loss(self.model, keys, rate, lmbda, self.pool, self.noise)
         self.optimiser_step(loss.total)
         cross_entropies = tuple(value.detach() for value in loss.cross_entropies)

@@ -67,7 +67,6 @@ def decode(stream: bytes, weights: RenoWeights, threads: int | None = None) -> F
 
 
 def decoded_points(content: RenoStream, weights: RenoWeights, threads: int | None = None) -> Floats:
-    """Return the points (m, 3), in mm, of a parsed stream that was made with these weights."""
     keys = RenoCoder(weights, threads).decode(content.tree)
     corner = np.array(content.offsets) * float(OFFSET)
     points: Floats = morton_voxels(keys) * content.posq - corner

@@ -1,4 +1,4 @@
-"""Coding voxels level by level with RENO's network."""
+"""Coding of voxels level by level with RENO's network."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from puckbench.learned.reno.inference import (
     target_features,
 )
 from puckbench.learned.reno.layers import Cumulative, Symbols
-from puckbench.learned.reno.range_coder import decoded, encoded
+from puckbench.learned.reno.range_coder import decode_symbols, encode_symbols
 from puckbench.learned.reno.stream import MAX_BASE, MAX_LEVEL, CodedTree, check_work, max_nodes
 from puckbench.learned.reno.weights import VALUES, RenoWeights
 from puckbench.learned.sparse.thread_pool import thread_pool
@@ -33,8 +33,8 @@ from puckbench.learned.sparse.voxels import (
 )
 
 Code = Callable[[int, Cumulative], Symbols]
-"""Codes the symbols of a level, the first or the second ones, in order; returns them."""
-OTHERWISE = (
+"""Codes the first or the second symbols of a level, and returns them."""
+OTHER_RESULT = (
     "the stream decodes to other points than were coded: this machine does not compute as the "
     "encoder's did (or the stream is damaged)"
 )
@@ -42,55 +42,51 @@ OTHERWISE = (
 
 @dataclass(frozen=True)
 class RenoCoder:
-    """Encoder and decoder of voxels; the number of threads does not change the result."""
+    """Encoder and decoder of voxels; results do not depend on the number of threads."""
 
     weights: RenoWeights
     threads: int | None = None
 
     def encode(self, keys: Keys) -> CodedTree:
-        """Code voxels by their keys (n,), ascending and distinct.
-
-        InputError where a decoder would refuse the stream.
-        """
+        """Encode sorted keys (n,) of voxels; raise InputError if a decoder would refuse them."""
         levels = list(_levels(keys))
         base, occupancy = levels[0]
         symbols: list[bytes] = []
-        waiting = [half for _, each in levels[1:] for half in (each % VALUES, each // VALUES)]
+        level_symbols = [
+            half for _, codes in levels[1:] for half in (codes % VALUES, codes // VALUES)
+        ]
 
         def code(number: int, frequencies: Cumulative) -> Symbols:
-            symbols.append(encoded(waiting[number], frequencies))
-            return waiting[number]
+            symbols.append(encode_symbols(level_symbols[number], frequencies))
+            return level_symbols[number]
 
         nodes = [len(level) for level, _ in levels[1:]]
         if max(nodes, default=0) > MAX_LEVEL:
             raise InputError(f"the cloud has more than {MAX_LEVEL} voxels")
         self._traverse(base, occupancy, len(nodes), code, sum(nodes))
-        tree = CodedTree(morton_voxels(base), occupancy, tuple(symbols), len(keys), _check(keys))
+        tree = CodedTree(morton_voxels(base), occupancy, tuple(symbols), len(keys), _checksum(keys))
         check_work(tree, sum(nodes))
         return tree
 
     def decode(self, tree: CodedTree) -> Keys:
-        """The keys of a stream; InputError when they are not those that were coded."""
+        """Return the keys of a stream; raise InputError if they are not those that were encoded."""
 
         def code(number: int, frequencies: Cumulative) -> Symbols:
-            return decoded(tree.symbols[number], frequencies)
+            return decode_symbols(tree.symbols[number], frequencies)
 
         base, levels = morton_keys(tree.base), len(tree.symbols) // 2
         try:
             keys = self._traverse(base, tree.occupancy, levels, code, max_nodes(tree))
         except InputError as error:
-            raise InputError(OTHERWISE) from error
-        if len(keys) != tree.count or _check(keys) != tree.check:
-            raise InputError(OTHERWISE)
+            raise InputError(OTHER_RESULT) from error
+        if len(keys) != tree.count or _checksum(keys) != tree.check:
+            raise InputError(OTHER_RESULT)
         return keys
 
     def _traverse(
         self, keys: Keys, occupancy: Occupancy, levels: int, code: Code, max_nodes: int
     ) -> Keys:
-        """Code from the base down; the keys of the finest level.
-
-        InputError where a stream has more nodes than it may, or one without children.
-        """
+        """Code from the base down, within `max_nodes`; return the keys of the finest level."""
         with thread_pool(self.threads) as pool:
             level = pyramid(keys, 0)[0][0]
             for number in range(levels):
@@ -110,21 +106,19 @@ class RenoCoder:
 
 
 def _levels(keys: Keys) -> Iterator[tuple[Keys, Occupancy]]:
-    """Keys and occupancy of the levels above voxels, from the base, which is small, down."""
-    found: list[tuple[Keys, Occupancy]] = []
-    while not found or len(found[-1][0]) >= MAX_BASE:
+    """Return keys and occupancy of the levels above voxels, from the base down."""
+    levels: list[tuple[Keys, Occupancy]] = []
+    while not levels or len(levels[-1][0]) >= MAX_BASE:
         starts = np.flatnonzero(np.diff(keys >> 3, prepend=-1))
         occupancy = np.add.reduceat((1 << (keys & 7)).astype(np.uint8), starts, dtype=np.uint8)
         keys = parents_of(keys)[0]
-        found.append((keys, occupancy))
-    return reversed(found)
+        levels.append((keys, occupancy))
+    return reversed(levels)
 
 
 def _slots(occupancy: Occupancy) -> NDArray[np.int64]:
-    """Slots ``8 * parent + child`` of the occupied children, ascending."""
     return np.flatnonzero(occupancy[:, None] >> np.arange(CHILDREN, dtype=np.uint8) & 1)
 
 
-def _check(keys: Keys) -> int:
-    """CRC-32 of the decoded voxels."""
+def _checksum(keys: Keys) -> int:
     return zlib.crc32(np.ascontiguousarray(keys, "<i8").tobytes())

@@ -13,7 +13,7 @@ from puckbench.learned.sparse.thread_pool import Scratch, ThreadPool
 from puckbench.learned.sparse.voxels import NeighbourTable
 
 Occupancy = NDArray[np.uint8]
-"""Of voxels (n,): bit ``x + 2 y + 4 z`` for the child there."""
+"""(n,), bit ``x + 2 y + 4 z`` for each child of a voxel."""
 _CHUNK_ROWS = 2**12
 _NONE, _NO_SYMBOLS = np.empty(0, np.float32), np.empty(0, np.uint8)
 
@@ -21,7 +21,7 @@ _NONE, _NO_SYMBOLS = np.empty(0, np.float32), np.empty(0, np.uint8)
 def prior_features(
     weights: RenoWeights, occupancy: Occupancy, table: NeighbourTable, pool: ThreadPool
 ) -> Floats32:
-    """Features (n * channels,) of a level whose occupancy is known."""
+    """Return features (n * channels,) of a level whose occupancy is known."""
     embedded = weights.occupancy_embedding.reshape(-1, weights.channels)[occupancy].ravel()
     return _residual_network(weights.prior, weights.channels, embedded, table, pool)
 
@@ -33,7 +33,7 @@ def target_features(
     table: NeighbourTable,
     pool: ThreadPool,
 ) -> Floats32:
-    """Features of the next finer level, of voxels in slots (n,), from those of their parents."""
+    """Return features of the next finer level, of voxels in slots (n,), from their parents'."""
     channels = weights.channels
     embedded = weights.child_embedding.reshape(-1, channels)[slots & 7]
     embedded += parents.reshape(-1, channels)[slots >> 3]
@@ -47,17 +47,17 @@ def _residual_network(
     table: NeighbourTable,
     pool: ThreadPool,
 ) -> Floats32:
-    """A convolution and two residual blocks, each of which adds its input to that of its end."""
+    """Apply a convolution and two residual blocks."""
     convolve = convolution(channels)
 
-    def convolved(read: Floats32, kernel: Floats32, added: Floats32 = _NONE) -> Floats32:
-        made = np.empty_like(read)
+    def convolved(features_in: Floats32, kernel: Floats32, residual: Floats32 = _NONE) -> Floats32:
+        result = np.empty_like(features_in)
 
         def work(rows: slice, _: Scratch) -> None:
-            convolve(table, read, kernel, added, rows.start, rows.stop, made)
+            convolve(table, features_in, kernel, residual, rows.start, rows.stop, result)
 
         pool.map_chunks(table.shape[1], _CHUNK_ROWS, work)
-        return made
+        return result
 
     features = convolved(features, kernels[0])
     for conv0, conv1 in (kernels[1:3], kernels[3:5]):
@@ -72,16 +72,16 @@ def predicted(
     pool: ThreadPool,
     first: Symbols = _NO_SYMBOLS,
 ) -> Cumulative:
-    """Cumulative frequencies (n, 17) of first symbols (half 0), or of second ones given these."""
-    own, predict = weights.heads[half], head(weights.channels)
+    """Return cumulative frequencies (n, 17) of first symbols, or of second symbols given them."""
+    layers, predict = weights.heads[half], head(weights.channels)
     rows = len(features) // weights.channels
-    made = np.empty((rows, VALUES + 1), np.int32)
+    result = np.empty((rows, VALUES + 1), np.int32)
 
     def work(chunk: slice, _: Scratch) -> None:
         predict(
-            features, chunk.start, chunk.stop, own.hidden, own.hidden_bias, own.logits,
-            own.logits_bias, weights.symbol_embedding, first, made,
+            features, chunk.start, chunk.stop, layers.hidden, layers.hidden_bias, layers.logits,
+            layers.logits_bias, weights.symbol_embedding, first, result,
         )  # fmt: skip
 
     pool.map_chunks(rows, _CHUNK_ROWS, work)
-    return made
+    return result

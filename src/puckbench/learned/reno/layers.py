@@ -1,8 +1,8 @@
 """Compiled layers of RENO: convolutions, and heads that end in cumulative frequencies.
 
-Everything is computed in IEEE 754's arithmetic in one order, whatever the number of threads, so
-that encoder and decoder agree to the last bit: see `add_fused_products`. The exponential function,
-which libraries round differently, is computed here.
+Everything is computed in IEEE 754 arithmetic in one order, whatever the number of threads, so that
+encoder and decoder agree to the last bit (see `add_fused_products`). Libraries round the
+exponential function differently, hence it is computed here.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ from puckbench.learned.sparse.voxels import OFFSETS, NeighbourTable
 
 Symbols = NDArray[np.uint8]
 Cumulative = NDArray[np.int32]
-"""Cumulative frequencies (n, 17) of symbols' values: from 0 to 65,536, strictly rising."""
+"""Cumulative frequencies (n, 17) of symbols: from 0 to 65,536, strictly increasing."""
 CDF_BITS = 16
 _BLOCK_ROWS = 128
-"""Rows whose sums stay in a core's nearest cache."""
+"""Rows whose sums fit the first-level cache."""
 _ZERO = np.float32(0)
 _SPREAD = float(2**CDF_BITS - VALUES)
-"""What is left of all frequencies when each value has one."""
+"""Total frequency after each value has got one."""
 _LEAST_EXPONENT = 64
 _POWERS = 2.0 ** np.arange(-_LEAST_EXPONENT, 1)
 _TERMS = np.array([1 / math.factorial(n) for n in range(13, -1, -1)])
@@ -36,51 +36,51 @@ _LOG2_E, _LN_2 = 1 / math.log(2), math.log(2)
 
 @cache
 def convolution(channels: int) -> Callable[..., None]:
-    """A compiled 3x3x3 convolution and ReLU, before which other features may be added.
+    """Compile a 3x3x3 convolution and ReLU, before which a residual may be added.
 
-    Features of voxels outside the set count as zero. The sum of a row begins with the features
-    that are added, then come its neighbours by their offsets, x fastest.
+    Features of voxels outside the set count as zero. The sum of a row starts with the residual,
+    then come its neighbours by offset, x fastest.
     """
 
     def convolve(
-        table: NeighbourTable, features: Floats32, kernel: Floats32, added: Floats32, first: int,
-        last: int, made: Floats32,
+        table: NeighbourTable, features: Floats32, kernel: Floats32, residual: Floats32, first: int,
+        last: int, result: Floats32,
     ) -> None:  # fmt: skip
         sums = np.empty(_BLOCK_ROWS * channels, np.float32)
         targets, sources = np.empty(_BLOCK_ROWS, np.int64), np.empty(_BLOCK_ROWS, np.int64)
         for start in range(first, last, _BLOCK_ROWS):
             count = min(_BLOCK_ROWS, last - start)
             for k in range(count * channels):
-                sums[k] = added[start * channels + k] if len(added) > 0 else _ZERO
+                sums[k] = residual[start * channels + k] if len(residual) > 0 else _ZERO
             for offset in range(OFFSETS):
                 pairs = 0
                 for i in range(count):
-                    other = table[offset, start + i]
-                    # overwritten by the next one if there is none
-                    targets[pairs], sources[pairs] = i, other
-                    pairs += other >= 0
+                    neighbour = table[offset, start + i]
+                    # overwritten by the next neighbour if there is none
+                    targets[pairs], sources[pairs] = i, neighbour
+                    pairs += neighbour >= 0
                 add_fused_products(
                     sums, targets, features, sources, pairs, kernel, offset * channels * channels,
                     channels, channels,
                 )  # fmt: skip
             for k in range(count * channels):
-                made[start * channels + k] = max(sums[k], _ZERO)
+                result[start * channels + k] = max(sums[k], _ZERO)
 
     return compiled(convolve)
 
 
 @cache
 def head(channels: int) -> Callable[..., None]:
-    """A compiled head: features of some rows to cumulative frequencies of their symbols."""
+    """Compile a head: features of some rows to cumulative frequencies of their symbols."""
 
     def predict(
         features: Floats32, first: int, last: int, hidden: Floats32, hidden_bias: Floats32,
         logits: Floats32, logits_bias: Floats32, embedding: Floats32, symbols: Symbols,
         predicted: Cumulative,
     ) -> None:  # fmt: skip
-        read, made = np.empty((2, _BLOCK_ROWS * channels), np.float32)
+        inputs, result = np.empty((2, _BLOCK_ROWS * channels), np.float32)
         sums = np.empty(_BLOCK_ROWS * VALUES, np.float32)
-        every = np.arange(_BLOCK_ROWS)
+        all_rows = np.arange(_BLOCK_ROWS)
         for start in range(first, last, _BLOCK_ROWS):
             count = min(_BLOCK_ROWS, last - start)
             for i in range(count):
@@ -88,14 +88,16 @@ def head(channels: int) -> Callable[..., None]:
                     value = features[(start + i) * channels + j]
                     if len(symbols) > 0:
                         value += embedding[np.int64(symbols[start + i]) * channels + j]
-                    read[i * channels + j] = value
-                    made[i * channels + j] = hidden_bias[j]
-            add_fused_products(made, every, read, every, count, hidden, 0, channels, channels)
+                    inputs[i * channels + j] = value
+                    result[i * channels + j] = hidden_bias[j]
+            add_fused_products(
+                result, all_rows, inputs, all_rows, count, hidden, 0, channels, channels
+            )
             for k in range(count * channels):
-                read[k] = max(made[k], _ZERO)
+                inputs[k] = max(result[k], _ZERO)
             for k in range(count * VALUES):
                 sums[k] = logits_bias[k % VALUES]
-            add_fused_products(sums, every, read, every, count, logits, 0, channels, VALUES)
+            add_fused_products(sums, all_rows, inputs, all_rows, count, logits, 0, channels, VALUES)
             for i in range(count):
                 cumulate(sums, i * VALUES, predicted[start + i])
 
@@ -103,35 +105,35 @@ def head(channels: int) -> Callable[..., None]:
 
 
 @compiled
-def cumulate(logits: Floats32, at: int, into: Cumulative) -> None:
-    """The cumulative frequencies (17,) of 16 logits, as the authors' program rounds them.
+def cumulate(logits: Floats32, at: int, out: Cumulative) -> None:
+    """Compute the cumulative frequencies (17,) of 16 logits, rounded as in the authors' program.
 
-    Its softmax is summed, multiplied by 2^16 - 16, and rounded; then each value gets one more.
+    Their softmax is summed, multiplied by 2^16 - 16 and rounded; then each value gets one more.
     Logits that are not finite give equal frequencies.
     """
-    most = np.float64(logits[at])
+    max_logit = np.float64(logits[at])
     for j in range(1, VALUES):
-        most = max(most, np.float64(logits[at + j]))
+        max_logit = max(max_logit, np.float64(logits[at + j]))
     total = 0.0
     for j in range(VALUES):
-        total += exponential(np.float64(logits[at + j]) - most)
-    below = 0.0
+        total += exponential(np.float64(logits[at + j]) - max_logit)
+    cumulative = 0.0
     for j in range(VALUES):
-        share = below / total if total >= 1.0 and total <= VALUES else j / VALUES
-        into[j] = np.int64(math.floor(share * _SPREAD + 0.5)) + j
-        below += exponential(np.float64(logits[at + j]) - most)
-    into[VALUES] = 2**CDF_BITS
+        share = cumulative / total if total >= 1.0 and total <= VALUES else j / VALUES
+        out[j] = np.int64(math.floor(share * _SPREAD + 0.5)) + j
+        cumulative += exponential(np.float64(logits[at + j]) - max_logit)
+    out[VALUES] = 2**CDF_BITS
 
 
 @compiled
 def exponential(x: float) -> float:
-    """The exponential of a number that is at most 0, to about 1e-14; of less than -44 it is 0."""
+    """Return the exponential of x <= 0 to about 1e-14; below -44 it is 0."""
     if not -44.0 < x <= 0.0:
-        return 0.0 * x  # not a number where x is none, or infinite
+        return 0.0 * x  # NaN for a NaN or infinite x
     power = math.floor(x * _LOG2_E + 0.5)
-    rest = x - power * _LN_2
+    remainder = x - power * _LN_2
     total = _TERMS[0]
     for k in range(1, len(_TERMS)):
-        total = total * rest + _TERMS[k]
+        total = total * remainder + _TERMS[k]
     result: float = total * _POWERS[np.int64(power) + _LEAST_EXPONENT]
     return result

@@ -1,9 +1,9 @@
-"""The range coder that the authors' program uses (torchac), for symbols with 16-bit frequencies.
+"""The range coder of the authors' program (torchac), for symbols with 16-bit frequencies.
 
 References
 ----------
-Witten, Neal, Cleary: "Arithmetic coding for data compression", CACM 1987; with 32 bits of precision
-and the end of a stream as in torchac.
+Witten, Neal, Cleary: "Arithmetic coding for data compression", CACM 1987; with 32 bits of
+precision, and the end of a stream as in torchac.
 """
 
 from __future__ import annotations
@@ -16,17 +16,17 @@ from puckbench.core.errors import InputError
 from puckbench.learned.reno.layers import CDF_BITS, Cumulative, Symbols
 
 Bytes = NDArray[np.uint8]
-_MOST, _HALF, _QUARTER = 2**32 - 1, 2**31, 2**30
+_MAX, _HALF, _QUARTER = 2**32 - 1, 2**31, 2**30
 
 
-def encoded(symbols: Symbols, cumulative: Cumulative) -> bytes:
-    """The bytes of symbols (n,), n >= 1, with cumulative frequencies (n, values + 1)."""
-    into = np.zeros(3 * len(symbols) + 8, np.uint8)  # a symbol has at most some 16 bits
-    return into[: _encode(symbols, cumulative, into)].tobytes()
+def encode_symbols(symbols: Symbols, cumulative: Cumulative) -> bytes:
+    """Encode symbols (n,), n >= 1, with cumulative frequencies (n, values + 1)."""
+    out = np.zeros(3 * len(symbols) + 8, np.uint8)  # a symbol takes at most about 16 bits
+    return out[: _encode(symbols, cumulative, out)].tobytes()
 
 
-def decoded(data: bytes, cumulative: Cumulative) -> Symbols:
-    """The symbols (n,) of `encoded`; InputError when the data do not end with them."""
+def decode_symbols(data: bytes, cumulative: Cumulative) -> Symbols:
+    """Decode `encode_symbols`; raise InputError if the data do not end with the symbols."""
     symbols = np.empty(len(cumulative), np.uint8)
     if not _decode(np.frombuffer(data, np.uint8), cumulative, symbols):
         raise InputError("the stream is damaged (its symbols)")
@@ -34,63 +34,63 @@ def decoded(data: bytes, cumulative: Cumulative) -> Symbols:
 
 
 @compiled
-def _encode(symbols: Symbols, cumulative: Cumulative, into: Bytes) -> int:
-    low, high, pending, at = 0, _MOST, 0, 0
+def _encode(symbols: Symbols, cumulative: Cumulative, out: Bytes) -> int:
+    low, high, pending, at = 0, _MAX, 0, 0
     for row in range(len(symbols)):
         span = high - low + 1
         high = low - 1 + ((span * cumulative[row, symbols[row] + 1]) >> CDF_BITS)
         low = low + ((span * cumulative[row, symbols[row]]) >> CDF_BITS)
         while True:
             if high < _HALF or low >= _HALF:
-                at = _written(into, at, int(low >= _HALF), pending)
+                at = _write_bits(out, at, int(low >= _HALF), pending)
                 pending = 0
-                low, high = 2 * low & _MOST, (2 * high & _MOST) | 1
+                low, high = 2 * low & _MAX, (2 * high & _MAX) | 1
             elif low >= _QUARTER and high < 3 * _QUARTER:
                 pending += 1
                 low, high = 2 * (low - _QUARTER), 2 * (high - _QUARTER) + 1
             else:
                 break
-    at = _written(into, at, int(low >= _QUARTER), pending + 1)
+    at = _write_bits(out, at, int(low >= _QUARTER), pending + 1)
     return (at + 7) // 8
 
 
 @compiled
-def _written(into: Bytes, at: int, bit: int, pending: int) -> int:
-    """Write a bit and as many of the other kind as were pending; where the next one goes."""
-    into[at >> 3] |= bit << (7 - (at & 7))
+def _write_bits(out: Bytes, at: int, bit: int, pending: int) -> int:
+    """Write a bit and the pending opposite bits; return the next position."""
+    out[at >> 3] |= bit << (7 - (at & 7))
     for k in range(at + 1, at + 1 + pending):
-        into[k >> 3] |= (1 - bit) << (7 - (k & 7))
+        out[k >> 3] |= (1 - bit) << (7 - (k & 7))
     return at + 1 + pending
 
 
 @compiled
 def _decode(data: Bytes, cumulative: Cumulative, symbols: Symbols) -> bool:
     bits = 8 * len(data)
-    low, high, value, at = 0, _MOST, 0, 0
+    low, high, value, at = 0, _MAX, 0, 0
     while at < 32:
         value, at = 2 * value | _bit(data, at), at + 1
     for row in range(len(symbols)):
         span = high - low + 1
         count = ((value - low + 1 << CDF_BITS) - 1) // span
-        symbol, above = 0, cumulative.shape[1] - 1
-        while symbol + 1 < above:
-            middle = (symbol + above) // 2
+        symbol, upper = 0, cumulative.shape[1] - 1
+        while symbol + 1 < upper:
+            middle = (symbol + upper) // 2
             if cumulative[row, middle] <= count:
                 symbol = middle
             else:
-                above = middle
+                upper = middle
         symbols[row] = symbol
         high = low - 1 + ((span * cumulative[row, symbol + 1]) >> CDF_BITS)
         low = low + ((span * cumulative[row, symbol]) >> CDF_BITS)
         while True:
             if high < _HALF or low >= _HALF:
-                less = 0 if high < _HALF else _HALF
+                subtracted = 0 if high < _HALF else _HALF
             elif low >= _QUARTER and high < 3 * _QUARTER:
-                less = _QUARTER
+                subtracted = _QUARTER
             else:
                 break
-            low, high = 2 * (low - less), 2 * (high - less) + 1
-            value, at = 2 * (value - less) | _bit(data, at), at + 1
+            low, high = 2 * (low - subtracted), 2 * (high - subtracted) + 1
+            value, at = 2 * (value - subtracted) | _bit(data, at), at + 1
         if at - 32 > bits:
             return False
     return (at - 32 + 2 + 7) // 8 == len(data)  # the encoder ends with two bits
@@ -98,5 +98,5 @@ def _decode(data: Bytes, cumulative: Cumulative, symbols: Symbols) -> bool:
 
 @compiled
 def _bit(data: Bytes, at: int) -> int:
-    """A bit of the data, after whose end there are zeros."""
+    """Return a bit of the data, which continue with zeros."""
     return int(data[at >> 3]) >> (7 - (at & 7)) & 1 if at >> 3 < len(data) else 0

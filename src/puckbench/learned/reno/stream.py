@@ -1,11 +1,11 @@
-"""The stream of RENO: what its authors' program writes, behind a header that makes it whole.
+"""The stream of RENO: the stream of the authors' program, after a header that identifies it.
 
-magic "RENO", version, CRC-32 of all that follows
+magic "RENO", version, CRC-32 of the rest
 digest of the weights (8 bytes), number and CRC-32 of the decoded voxels (2 uint32): their keys in
-    Morton order, 8 bytes each; base-128 numbers: offsets of the axes in 131,072 mm (signed)
+Morton order, 8 bytes each; base-128 numbers: offsets of the axes in 131,072 mm (signed)
 as the authors' program: posQ in mm (float16), voxels of the base (int32), their coordinates (3
-    int32 each) and occupancies (uint8 each), number of runs of symbols (uint16), each run's bytes
-    (uint32) and the run: first and second symbols of each level below the base
+int32 each) and occupancies (uint8 each), number of runs of symbols (uint16), each run's bytes
+(uint32) and the run: first and second symbols of each level below the base
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from puckbench.learned.sparse.voxels import AXIS_BITS, morton_keys
 
 MAGIC, VERSION = b"RENO", 1
 MAX_BASE = 64
-"""The base has fewer voxels."""
+"""Bound of the base, which has fewer voxels."""
 MAX_LEVEL = 2**22
-"""Voxels of a level that the network codes: each takes some 600 bytes of memory."""
+"""Maximum voxels of a level that the network codes; each takes about 600 bytes of memory."""
 _NODES, _NODES_PER_BYTE = 2**17, 16
-"""Voxels of all such levels, at most, and for each byte of the symbols."""
+"""Maximum voxels of all such levels, and more for each byte of the symbols."""
 _MAX_OFFSET = 2**30
 _FRAMING = Framing(MAGIC, VERSION, "RENO")
 _HEADER = struct.Struct("<8sII")
@@ -38,42 +38,32 @@ Triple = tuple[int, int, int]
 
 @dataclass(frozen=True)
 class CodedTree:
-    """Coded voxels.
+    """Coded voxels."""
 
-    Parameters
-    ----------
-    base
-        (m, 3) int64, the voxels of the coarsest level, in Morton order.
-    occupancy
-        (m,) uint8, which of their children are occupied.
-    symbols
-        Of each level below the base the first and the second symbols, coded.
-    count, check
-        Number of the decoded voxels and CRC-32 of their keys.
-    """
-
-    base: NDArray[np.int64]
-    occupancy: NDArray[np.uint8]
-    symbols: tuple[bytes, ...]
-    count: int
-    check: int
+    base: NDArray[np.int64]  # (m, 3), voxels of the coarsest level, in Morton order
+    occupancy: NDArray[np.uint8]  # (m,), of their children
+    symbols: tuple[bytes, ...]  # coded first and second symbols of each level below the base
+    count: int  # number of decoded voxels
+    check: int  # CRC-32 of their keys
 
 
 @dataclass(frozen=True)
 class RenoStream:
-    """A coded cloud: identity of the weights, step (mm), offsets (131,072 mm), voxels."""
+    """Contents of a stream."""
 
-    digest: bytes
-    posq: float
-    offsets: Triple
+    digest: bytes  # of the weights
+    posq: float  # step in mm
+    offsets: Triple  # of the grid, in 131,072 mm
     tree: CodedTree
 
 
-def write_stream(coded: RenoStream) -> bytes:
-    """The bytes of a coded cloud."""
-    tree = coded.tree
-    parts = [_HEADER.pack(coded.digest, tree.count, tree.check), *map(signed_128, coded.offsets)]
-    parts += [_BASE.pack(coded.posq, len(tree.base)), tree.base.astype("<i4").tobytes()]
+def write_stream(content: RenoStream) -> bytes:
+    tree = content.tree
+    parts = [
+        _HEADER.pack(content.digest, tree.count, tree.check),
+        *map(signed_128, content.offsets),
+    ]
+    parts += [_BASE.pack(content.posq, len(tree.base)), tree.base.astype("<i4").tobytes()]
     parts += [tree.occupancy.tobytes(), _RUNS.pack(len(tree.symbols))]
     for run in tree.symbols:
         parts += [_LENGTH.pack(len(run)), run]
@@ -81,12 +71,9 @@ def write_stream(coded: RenoStream) -> bytes:
 
 
 def read_stream(stream: bytes) -> RenoStream:
-    """Parse a stream; the counts in it are checked against its size before any work begins.
+    """Parse a stream. Its counts are checked before any computation.
 
-    Raises
-    ------
-    InputError
-        The bytes are damaged, or of another codec or version.
+    Raises InputError if the bytes are damaged, or of another codec or version.
     """
     reader = Reader(_FRAMING.unframed(stream)[1])
     digest, count, check = _HEADER.unpack(reader.take(_HEADER.size))
@@ -117,19 +104,11 @@ def _check_base(tree: CodedTree) -> None:
 
 
 def max_nodes(tree: CodedTree) -> int:
-    """Voxels of all levels that the network codes, at most, for a stream of its size."""
+    """Return the maximum voxels of all levels that the network codes for the size of a stream."""
     return _NODES + _NODES_PER_BYTE * sum(map(len, tree.symbols))
 
 
 def check_work(tree: CodedTree, nodes: int) -> None:
-    """A damaged stream must not keep the decoder busy for long, and no encoder makes one.
-
-    Parameters
-    ----------
-    tree
-        Coded voxels.
-    nodes
-        Voxels of the levels that the network codes, as far as they are known.
-    """
+    """Refuse a tree that would take too long to decode for its size, given its known `nodes`."""
     if nodes > max_nodes(tree) or tree.count > 8 * max_nodes(tree):
         raise InputError("more voxels than a stream of its size may have")

@@ -1,4 +1,4 @@
-"""RENO's weights: the authors' checkpoints, as flat arrays for compiled loops."""
+"""Weights of RENO: the authors' checkpoints, as flat arrays for compiled loops."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from puckbench.learned.sparse.voxels import CHILDREN, OFFSETS
 
 Floats32 = NDArray[np.float32]
 OCCUPANCIES, VALUES = 2**CHILDREN, 16
-"""Occupancies of a voxel's children, and values of each of the two symbols that code one."""
+"""Numbers of occupancies, and of values of each of the two symbols that code one."""
 MAX_CHANNELS = 256
 _FAULT = "not a checkpoint of RENO"
 _NETWORKS = ("prior_resnet", "target_resnet")
@@ -25,7 +25,7 @@ _HEADS = ("pred_head_s0", "pred_head_s1")
 
 @dataclass(frozen=True)
 class RenoHead:
-    """Two linear layers, from features to the logits of a symbol: matrices (in, out), flat."""
+    """Two linear layers from features to the logits of a symbol; matrices (in, out), flat."""
 
     hidden: Floats32
     hidden_bias: Floats32
@@ -35,31 +35,16 @@ class RenoHead:
 
 @dataclass(frozen=True)
 class RenoWeights:
-    """A network of `channels` channels, all arrays flat.
+    """A network in flat arrays."""
 
-    Parameters
-    ----------
-    digest
-        The 8 bytes by which streams name it.
-    channels
-        Of the features, c.
-    occupancy_embedding, child_embedding, symbol_embedding
-        (256, c), (8, c) and (16, c): of a voxel's occupancy, of its place within its parent, and
-        of the first symbol.
-    prior, target
-        Kernels (27, c, c) of the five convolutions on a level, and of those on the next finer one.
-    heads
-        Of first and of second symbols.
-    """
-
-    digest: bytes
-    channels: int
-    occupancy_embedding: Floats32
-    child_embedding: Floats32
-    symbol_embedding: Floats32
-    prior: tuple[Floats32, ...]
-    target: tuple[Floats32, ...]
-    heads: tuple[RenoHead, RenoHead]
+    digest: bytes  # 8 bytes by which streams name the network
+    channels: int  # of the features, c
+    occupancy_embedding: Floats32  # (256, c), of a voxel's occupancy
+    child_embedding: Floats32  # (8, c), of the number within the parent
+    symbol_embedding: Floats32  # (16, c), of the first symbol
+    prior: tuple[Floats32, ...]  # kernels (27, c, c) of the five convolutions on a level
+    target: tuple[Floats32, ...]  # the same on the next finer level
+    heads: tuple[RenoHead, RenoHead]  # of first and of second symbols
 
 
 def load_weights(path: Path) -> RenoWeights:
@@ -83,33 +68,33 @@ def load_weights(path: Path) -> RenoWeights:
 
 
 def _arrays(checkpoint: Mapping[str, Any]) -> dict[str, Floats32]:
-    """The parameters by the authors' names; KeyError or ValueError for others."""
+    """Return parameters by the authors' names; raise KeyError or ValueError for others."""
     channels = checkpoint["prior_embedding.weight"].shape[1]
     if not 1 <= channels <= MAX_CHANNELS:
         raise ValueError(f"{channels} channels")
-    found = {}
+    result = {}
     for name, shape in shapes(channels).items():
         array = checkpoint[name].numpy().astype(np.float32)
         if array.shape != shape or not np.isfinite(array).all():
             raise ValueError(f"{name}: shape {array.shape}, or not finite")
-        found[name] = array
-    return found
+        result[name] = array
+    return result
 
 
 def shapes(channels: int) -> dict[str, tuple[int, ...]]:
-    """The shapes of the parameters by the authors' names."""
-    found: dict[str, tuple[int, ...]] = {
+    """Return the shapes of the parameters by the authors' names."""
+    result: dict[str, tuple[int, ...]] = {
         "prior_embedding.weight": (OCCUPANCIES, channels),
         "target_embedding.target_res_embedding.weight": (CHILDREN, channels),
         "pred_head_s1_emb.weight": (VALUES, channels),
     }
     for network in _NETWORKS:
         for layer in _LAYERS:
-            found[f"{network}.{layer}.kernel"] = (OFFSETS, channels, channels)
+            result[f"{network}.{layer}.kernel"] = (OFFSETS, channels, channels)
     for head in _HEADS:
-        found |= {f"{head}.0.weight": (channels, channels), f"{head}.0.bias": (channels,)}
-        found |= {f"{head}.2.weight": (VALUES, channels), f"{head}.2.bias": (VALUES,)}
-    return found
+        result |= {f"{head}.0.weight": (channels, channels), f"{head}.0.bias": (channels,)}
+        result |= {f"{head}.2.weight": (VALUES, channels), f"{head}.2.bias": (VALUES,)}
+    return result
 
 
 def _weights(digest: bytes, arrays: Mapping[str, Floats32]) -> RenoWeights:
@@ -130,6 +115,6 @@ def _weights(digest: bytes, arrays: Mapping[str, Floats32]) -> RenoWeights:
 
 
 def _head(name: str, arrays: Mapping[str, Floats32]) -> RenoHead:
-    """PyTorch's linear layers hold their matrices as (out, in)."""
+    """Transpose matrices, which PyTorch stores as (out, in)."""
     hidden, logits = (np.ascontiguousarray(arrays[f"{name}.{i}.weight"].T).ravel() for i in (0, 2))
     return RenoHead(hidden, arrays[f"{name}.0.bias"], logits, arrays[f"{name}.2.bias"])

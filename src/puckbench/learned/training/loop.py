@@ -1,4 +1,4 @@
-"""Training loop: optimiser steps along a learning rate schedule, with checkpoints."""
+"""The training loop: optimiser steps along a learning rate schedule, with checkpoints."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ L = TypeVar("L")
 
 
 class OtherTrainingError(InputError):
-    """A checkpoint is of another training than the one to resume."""
+    """A checkpoint of another training than the one to resume."""
 
 
 class BaseTrainer(ABC, Generic[M, L]):
-    """A model in training with its optimiser, schedule and random numbers.
+    """A model in training, with its optimiser, schedule and random numbers.
 
     Parameters
     ----------
@@ -38,21 +38,21 @@ class BaseTrainer(ABC, Generic[M, L]):
     training
         Settings.
     groups
-        Parameter groups of the optimiser, with the factor of their learning rate (`lr_factor`); by
+        Parameter groups of the optimiser with factors of their learning rate (`lr_factor`); by
         default one group of all parameters.
 
     Attributes
     ----------
     done
-        Steps done.
+        Number of completed steps.
     identity
         What else a checkpoint must have been made with, such as the data.
     curve
-        A row for each step done, for the caller to fill.
+        A row for each completed step, filled by the caller.
     """
 
     max_gradient_norm: float | None = None
-    """Gradients are clipped to this norm."""
+    """Gradient clipping norm."""
 
     def __init__(
         self, model: M, training: BaseTraining, groups: Sequence[Mapping[str, Any]] = ()
@@ -68,14 +68,14 @@ class BaseTrainer(ABC, Generic[M, L]):
 
     @abstractmethod
     def step(self, clouds: Sequence[Keys]) -> L:
-        """One step on a batch of cubes; returns its loss."""
+        """Do one step on a batch of cubes, and return its loss."""
 
     @abstractmethod
     def row(self, loss: L) -> dict[str, float]:
-        """The loss of a step as a row of the training curve, what is minimised first."""
+        """Return a loss as a row of the training curve, with the minimised quantity first."""
 
     def optimiser_step(self, loss: Tensor) -> None:
-        """Back-propagate a loss, clip the gradients, and change the weights."""
+        """Back-propagate a loss, clip the gradients, and update the weights."""
         for group in self.optimiser.param_groups:
             group["lr"] = self._learning_rate() * group.get("lr_factor", 1.0)
         self.optimiser.zero_grad(set_to_none=True)
@@ -86,13 +86,12 @@ class BaseTrainer(ABC, Generic[M, L]):
         self.done += 1
 
     def _learning_rate(self) -> float:
-        """From the first to the final learning rate along half a cosine."""
         first, last = self.training.learning_rate, self.training.final_learning_rate
-        turn = math.cos(math.pi * self.done / max(self.training.steps, 1))
-        return last + (first - last) * (1 + turn) / 2
+        cosine = math.cos(math.pi * self.done / max(self.training.steps, 1))
+        return last + (first - last) * (1 + cosine) / 2
 
     def save(self, path: Path) -> None:
-        """Write a checkpoint with everything that a resumed run needs."""
+        """Write a checkpoint from which training can be resumed."""
         state = {
             "model": self.model.state_dict(),
             "optimiser": self.optimiser.state_dict(),
@@ -102,22 +101,22 @@ class BaseTrainer(ABC, Generic[M, L]):
             "identity": _as_json(self.identity),
             "curve": self.curve,
         }
-        content = io.BytesIO()  # of a full disk PyTorch's own writer says nothing useful
+        content = io.BytesIO()  # PyTorch's writer gives no useful message for a full disk
         torch.save(state, content)
         write_bytes(path, content.getvalue())
 
     def resume(self, path: Path) -> None:
         """Continue from a checkpoint.
 
-        Raises
-        ------
-        OtherTrainingError
-            It has another network, or other settings or data, as far as it names them.
+        Raises OtherTrainingError if it has another network, or names other settings or data.
         """
         state = read_checkpoint(path, "not a checkpoint of a training")
-        for name, own in (("training", self.training.model_dump()), ("identity", self.identity)):
+        for name, expected in (
+            ("training", self.training.model_dump()),
+            ("identity", self.identity),
+        ):
             saved = _as_json(state.get(name, {}))
-            if any(saved.get(key, value) != value for key, value in _as_json(own).items()):
+            if any(saved.get(key, value) != value for key, value in _as_json(expected).items()):
                 raise OtherTrainingError(f"{path}: the saved training has other settings or data")
         try:
             self.model.load_state_dict(state["model"])
@@ -130,13 +129,13 @@ class BaseTrainer(ABC, Generic[M, L]):
 
 
 def _as_json(settings: Mapping[str, Any]) -> dict[str, Any]:
-    """Settings as JSON has them, with lists for tuples."""
-    plain: dict[str, Any] = json.loads(json.dumps(settings))
-    return plain
+    """Convert settings as JSON does, with lists for tuples."""
+    converted: dict[str, Any] = json.loads(json.dumps(settings))
+    return converted
 
 
 def on_device(model: M) -> M:
-    """The model on the device it is trained on: CUDA if there, else the CPU."""
+    """Move a model to CUDA where available, else to the CPU."""
     return placed(model, "cuda" if torch.cuda.is_available() else "cpu")
 
 

@@ -23,11 +23,11 @@ if TYPE_CHECKING:
     from puckbench.learned.training.loop import BaseTrainer
 
 _MIN_VOXELS, _SIZE = 200, 64
-"""Voxels of a cube of this size worth learning from; in smaller cubes in proportion to a face."""
+"""Minimum voxels of a cube of this size; of smaller cubes in proportion to the area of a face."""
 
 Rates = Mapping[str, Mapping[str, Any]]
 Channels = Annotated[int, Field(gt=0, multiple_of=4)]
-"""Channels of a residual block, whose branches have a quarter of them."""
+"""Channels of a residual block; each branch has a quarter of them."""
 
 
 def _ascending(values: tuple[float, ...]) -> tuple[float, ...]:
@@ -46,13 +46,13 @@ class BaseTraining(Model, ABC):
     steps
         Optimiser steps.
     batch_size
-        Cubes of a step.
+        Cubes per step.
     cube_size
         Voxels along an edge of a cube.
     learning_rate, final_learning_rate
         Learning rate at the start and at the end; it falls along half a cosine.
     seed
-        Of the initial weights, of the cubes and of the noise that replaces rounding.
+        Seed of the initial weights, of the cubes, and of the noise that replaces rounding.
     """
 
     steps: PositiveInt = 2000
@@ -64,29 +64,29 @@ class BaseTraining(Model, ABC):
 
     @abstractmethod
     def trainer(self) -> AbstractContextManager[BaseTrainer[Any, Any]]:
-        """A new model with its optimiser; on CUDA if there, else on the CPU."""
+        """Open a new model with its optimiser, on CUDA where available, else on the CPU."""
 
     @abstractmethod
     def examples(self, clouds: Sequence[Floats]) -> CubeExamples:
-        """Batches of cubes of prepared clouds (n, 3)."""
+        """Return batches of cubes of prepared clouds (n, 3)."""
 
     def begin(self, model: Any, weights: Path) -> None:
-        """Initialise a model with a set of weights; InputError when its shape is another one."""
+        """Initialise a model with a set of weights; raise InputError if its shape differs."""
         from puckbench.learned.weights_file import initialise
 
         initialise(model, weights, self.parameters)
 
-    def parameters(self, kept: Mapping[str, Any]) -> Mapping[str, Any]:
-        """The parameters of a model from the tensors that a set of weights keeps."""
-        return kept
+    def parameters(self, tensors: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Convert the tensors of a set of weights to the parameters of a model."""
+        return tensors
 
     @abstractmethod
     def export(self, path: Path, model: Any, card: Mapping[str, Any]) -> None:
         """Write the model as a set of weights with its card."""
 
-    def rates(self, known: Rates) -> dict[str, Mapping[str, Any]]:
-        """The rates at which the set will code, of those that the codec's entry has."""
-        return dict(known)
+    def rates(self, codec_rates: Rates) -> dict[str, Mapping[str, Any]]:
+        """Return the rates of the codec's entry at which the set will code."""
+        return dict(codec_rates)
 
 
 class MultiRateTraining(BaseTraining):
@@ -95,13 +95,14 @@ class MultiRateTraining(BaseTraining):
     Parameters
     ----------
     lmbdas
-        Lagrangian weights of the distortion against the rate, one for each rate.
+        Lagrangian weight of the distortion for each rate.
     channels
         Channels of the network at its strides.
     min_kept_fraction
-        Smallest fraction of its voxels that a cube keeps, so that sparser clouds are learned from.
+        Minimum fraction of its voxels that a cube keeps, so that sparser clouds are learned from
+        too.
     mean_occupied_children
-        Mean numbers of occupied children of a voxel; for each, clouds are learned from on the
+        Mean numbers of occupied children of a voxel. For each, clouds are learned from on the
         finest grid, by whole octaves, that is as dense.
     """
 
@@ -111,7 +112,6 @@ class MultiRateTraining(BaseTraining):
     mean_occupied_children: Annotated[tuple[PositiveFloat, ...], Field(min_length=1)] = (1.0,)
 
     def examples(self, clouds: Sequence[Floats]) -> CubeExamples:
-        """Cubes of the voxels of clouds (n, 3)."""
         from puckbench.learned.grid_level import on_dense_grids
         from puckbench.learned.training.examples import CubeExamples
 
@@ -125,7 +125,7 @@ class MultiRateTraining(BaseTraining):
             self.seed,
         )
 
-    def rates(self, known: Rates) -> dict[str, Mapping[str, Any]]:
-        """Those of the entry with one of the lambdas; if there are none, one for each lambda."""
-        kept = {name: rate for name, rate in known.items() if rate["lmbda"] in self.lmbdas}
-        return kept or {f"lmbda_{lmbda:g}": {"lmbda": lmbda} for lmbda in self.lmbdas}
+    def rates(self, codec_rates: Rates) -> dict[str, Mapping[str, Any]]:
+        """Return the rates with one of the lambdas; if there are none, a rate per lambda."""
+        trained = {name: rate for name, rate in codec_rates.items() if rate["lmbda"] in self.lmbdas}
+        return trained or {f"lmbda_{lmbda:g}": {"lmbda": lmbda} for lmbda in self.lmbdas}
