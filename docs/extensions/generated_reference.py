@@ -214,7 +214,7 @@ def figures() -> str:
     return _table(
         ["figure", "title", "group", "drawn from", "thesis"],
         (
-            (f"`{name}`", entry.title, entry.category, _names(entry.inputs), entry.thesis)
+            (f"`{name}`", entry.title, entry.category, _names(entry.inputs), entry.number)
             for name, entry in figure_entries().items()
         ),
     )

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from puckbench.geometry.cloud import PointCloud
 
-@FIGURES.register("sizes", title="Sizes", category="Mine", thesis="6.45")
+@FIGURES.register("sizes", title="Sizes", category="Mine", number="6.45")
 def draw_sizes(clouds: pd.DataFrame, example_raw: PointCloud, style):
     """Points of *each* cloud.
 
@@ -49,7 +49,7 @@ def counts(clouds: "pd.DataFrame", metrics: "pd.DataFrame | None" = None, *, fac
 
 def test_figures_are_in_the_order_of_their_numbers() -> None:
     entries = figure_entries()
-    chapters = [name for name, entry in entries.items() if entry.thesis]
+    chapters = [name for name, entry in entries.items() if entry.number]
     expected = [f"fig_5_{n}" for n in range(1, 22)] + [f"fig_6_{n}" for n in range(1, 10)]
     assert chapters == expected
     assert list(entries)[: len(expected)] == expected

@@ -2,7 +2,7 @@
 
 A figure is a function with its registration above it; its docstring is the caption::
 
-    @FIGURES.register("fig_6_4", title="Point counts", category="Clouds", thesis="6.4")
+    @FIGURES.register("fig_6_4", title="Point counts", category="Clouds", number="6.4")
     def draw_point_counts(clouds: pd.DataFrame, style: FigureStyle) -> Figure:
         \"\"\"Number of points per cloud in each data set (thesis figure 6.4).\"\"\"
 
@@ -43,11 +43,11 @@ class FigureEntry:
         Function from inputs and ``style``, passed by keyword, to a matplotlib Figure.
     title, category
         Heading and group in the report.
-    thesis
-        Number of the figure in the thesis; empty for others.
+    number
+        Number of the figure in a publication, by which figures are ordered; empty for others.
     needs
-        Requirements on the configuration besides the inputs: as for a table, or
-        `SPINS`, `at` a distance, or the name of an error model of the sensor study.
+        Conditions that a plan must meet besides the inputs: as for a table, or `at` a distance, or
+        the name of an error model of the sensor study.
     frame
         Coordinate frame of the clouds whose results are drawn.
     """
@@ -56,7 +56,7 @@ class FigureEntry:
     draw: Callable[..., Any]
     title: str = ""
     category: str = "Further figures"
-    thesis: str = ""
+    number: str = ""
     needs: tuple[str, ...] = ()
     frame: CoordinateFrame = "scaled"
 
@@ -71,8 +71,8 @@ class FigureEntry:
 
     @property
     def sort_key(self) -> list[float]:
-        """Parts of the number in the thesis: 5.2 comes before 5.10, other figures last."""
-        return [float(part) for part in self.thesis.split(".")] if self.thesis else [math.inf]
+        """Parts of the number: 5.2 comes before 5.10, figures without a number last."""
+        return [float(part) for part in self.number.split(".")] if self.number else [math.inf]
 
     @property
     def caption(self) -> str:
@@ -89,6 +89,6 @@ def figure_entry(name: str) -> FigureEntry:
 
 
 def figure_entries() -> dict[str, FigureEntry]:
-    """Return all figures by name: first the thesis's by number, then the others."""
+    """Return all figures by name: first those with a number, then the others."""
     entries = {name: FIGURES.get(name) for name in FIGURES.names()}
     return dict(sorted(entries.items(), key=lambda item: item[1].sort_key))

@@ -48,12 +48,11 @@ class TableEntry:
         Function from inputs and options, passed by keyword, to a DataFrame.
     title, category
         Heading and group in the report.
-    thesis
-        Number of the table in the thesis; empty for others.
+    number
+        Number of the table in a publication; empty for others.
     needs
-        Requirements on the configuration besides the inputs: `STUDY`, `SEVERAL_CODECS`,
-        `SPINS_OR_RECORDINGS`, `SEVERAL_NOISES`, `OCTREE_AND_OTHERS`, or the table's name if only
-        the plan can decide.
+        Conditions that a plan must meet besides the inputs, by name (`puckbench.planning.needs`).
+        They also give the options of `make`.
     gathered
         Whether the workflow collects it from files of many jobs instead of from tables.
     """
@@ -62,7 +61,7 @@ class TableEntry:
     make: Callable[..., Any]
     title: str = ""
     category: str = "Tables"
-    thesis: str = ""
+    number: str = ""
     needs: tuple[str, ...] = ()
     gathered: bool = False
 

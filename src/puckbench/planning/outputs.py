@@ -239,7 +239,7 @@ class OutputJobs:
         """Write the page; titles and captions of what it shows count as code."""
         entries: list[FigureEntry | TableEntry] = [*figure_entries().values()]
         entries += table_entries().values()
-        texts = "".join(f"{entry.thesis} {entry.title} {entry.caption}" for entry in entries)
+        texts = "".join(f"{entry.number} {entry.title} {entry.caption}" for entry in entries)
         digest = hashlib.sha256(texts.encode()).hexdigest()[:16]
         contents = self.report_contents
         own = (*contents.own_figures, *contents.own_tables)

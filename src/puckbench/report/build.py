@@ -42,11 +42,6 @@ _PARTS = {
     "tables": "Tables",
     "run": "The run",
 }
-_CHAPTERS = {
-    "5": "Chapter 5: the sensor and its errors",
-    "6": "Chapter 6: what compression does",
-    "": "Beyond the thesis",
-}
 
 
 @dataclass(frozen=True)
@@ -111,7 +106,7 @@ def build_page(
         data["clouds"] = viewer_payload(contents, metrics, scan_errors, style)
     if CLAIMS in tables:
         shown["claims"] = _claims(contents, tables[CLAIMS], folder)
-    shown["figures"] = _chapters(contents, folder)
+    shown["figures"] = _by_category(contents, folder)
     shown["run"] = _facts(contents, metrics, tables.get("clouds"), machine, style)
     there = {**data, **shown}
     return whole_page(
@@ -148,17 +143,16 @@ def _tables(
         yield TableShown(name, entry.title if entry else in_words(name), html, caption)
 
 
-def _chapters(contents: Contents, folder: Path) -> dict[str, list[FigureShown]]:
-    """The figures by chapter of the thesis and by number, then those that it does not have."""
-    chapters: dict[str, list[FigureShown]] = {heading: [] for heading in _CHAPTERS.values()}
+def _by_category(contents: Contents, folder: Path) -> dict[str, list[FigureShown]]:
+    """Return the figures by category; those with a number come first."""
+    categories: dict[str, list[FigureShown]] = {}
     by_number = sorted(contents.figures, key=lambda name: figure_entry(name).sort_key)
     figures = in_threads(
         lambda name: _figure(name, Path(contents.figures[name]), folder), by_number
     )
     for figure in figures:
-        heading = _CHAPTERS.get(figure_entry(figure.name).thesis[:1], _CHAPTERS[""])
-        chapters[heading].append(figure)
-    return {heading: shown for heading, shown in chapters.items() if shown}
+        categories.setdefault(figure_entry(figure.name).category, []).append(figure)
+    return categories
 
 
 def _figure(name: str, file: Path, folder: Path) -> FigureShown:
@@ -173,9 +167,9 @@ def _figure(name: str, file: Path, folder: Path) -> FigureShown:
 
 
 def _figure_title(name: str) -> str:
-    """Number in the thesis, where it has one, and title of a figure."""
+    """Return the number, if it has one, and the title of a figure."""
     entry = figure_entry(name)
-    return f"{entry.thesis} {entry.title or in_words(name)}".strip()
+    return f"{entry.number} {entry.title or in_words(name)}".strip()
 
 
 def _link(file: Path, folder: Path) -> str:

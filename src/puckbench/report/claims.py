@@ -1,4 +1,4 @@
-"""The thesis's claims as cards: what it says, the verdict, and what was measured."""
+"""Claims as cards: the claim, the verdict of a run, and what was measured."""
 
 from __future__ import annotations
 
@@ -71,8 +71,8 @@ def _card(row: Mapping[str, str], figures: Mapping[str, str]) -> ClaimCard:
     verdict, remark = _parted(row["verdict"])
     names = [name for name in row.get("figure", "").split(", ") if name in figures]
     beside = {
-        "In the thesis": row.get("thesis", ""),
-        "By the thesis's numbers": row.get("thesis_verdict", ""),
+        "Published": row.get("thesis", ""),
+        "By the published numbers": row.get("thesis_verdict", ""),
     }
     beside["Could not be tested without"] = (
         "" if verdict == "not tested" else row.get("not_tested", "")

@@ -112,8 +112,8 @@ class Reproduction:
         pending
             Files that Snakemake would make; by default the state follows from the files' times.
         """
-        tables = {n: f"Table {e.thesis}" for n, e in table_entries().items() if e.thesis}
-        figures = {n: f"Figure {e.thesis}" for n, e in figure_entries().items() if e.thesis}
+        tables = {n: f"Table {e.number}" for n, e in table_entries().items() if e.number}
+        figures = {n: f"Figure {e.number}" for n, e in figure_entries().items() if e.number}
         return [self._item(title, name, pending) for name, title in {**tables, **figures}.items()]
 
     def _item(self, title: str, name: str, pending: Collection[str] | None) -> Item:

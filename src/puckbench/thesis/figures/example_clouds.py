@@ -29,7 +29,7 @@ _DARKEST = 0.12
 
 
 @FIGURES.register(
-    "fig_6_1", title="Example cloud of the object set", category="Clouds", thesis="6.1"
+    "fig_6_1", title="Example cloud of the object set", category="Clouds", number="6.1"
 )
 def draw_object(example_object: PointCloud, style: FigureStyle) -> Figure:
     """A cloud of the object set, as it is given to the codecs, in metres (thesis figure 6.1).
@@ -40,7 +40,7 @@ def draw_object(example_object: PointCloud, style: FigureStyle) -> Figure:
     return _draw({"": _in_metres(example_object)}, style)
 
 
-@FIGURES.register("fig_6_2", title="Example cloud of a raw room", category="Clouds", thesis="6.2")
+@FIGURES.register("fig_6_2", title="Example cloud of a raw room", category="Clouds", number="6.2")
 def draw_raw_room(example_raw: PointCloud, style: FigureStyle) -> Figure:
     """A raw room, as it is given to the codecs, in metres (thesis figure 6.2).
 
@@ -56,7 +56,7 @@ def draw_raw_room(example_raw: PointCloud, style: FigureStyle) -> Figure:
     "fig_6_3",
     title="One room: raw, scanned without noise, scanned with noise",
     category="Clouds",
-    thesis="6.3",
+    number="6.3",
 )
 def draw_room_versions(
     example_raw: PointCloud,

@@ -29,7 +29,7 @@ _ERROR_M = 0.75
 
 
 @FIGURES.register(
-    "fig_5_1", title="The sweep in front of a wall", category="Sensor", thesis="5.1", needs=(STUDY,)
+    "fig_5_1", title="The sweep in front of a wall", category="Sensor", number="5.1", needs=(STUDY,)
 )
 def draw_sweep(style: FigureStyle) -> Figure:
     """The sweep of a single scan from the side (thesis figure 5.1): the sensor, 1 m above the
@@ -99,7 +99,7 @@ def _signed(angle_deg: float) -> str:
     "fig_5_21",
     title="Incidence angle and plane residual",
     category="Sensor",
-    thesis="5.21",
+    number="5.21",
     needs=(STUDY,),
 )
 def draw_incidence_geometry(style: FigureStyle) -> Figure:

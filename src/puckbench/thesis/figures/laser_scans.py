@@ -41,7 +41,7 @@ _ROOM_VIEW = (40, 110)
 
 
 @FIGURES.register(
-    "fig_5_2", title="Full scan at 5 m, by laser", category="Sensor", thesis="5.2", needs=(at(5),)
+    "fig_5_2", title="Full scan at 5 m, by laser", category="Sensor", number="5.2", needs=(at(5),)
 )
 def draw_full_scan(scans: pd.DataFrame, style: FigureStyle) -> Figure:
     """Everything that the sensor saw in one sweep 5 m from the wall (thesis figure 5.2), from
@@ -57,7 +57,7 @@ def draw_full_scan(scans: pd.DataFrame, style: FigureStyle) -> Figure:
 
 
 @FIGURES.register(
-    "fig_5_3", title="Full scan at 1 m, by laser", category="Sensor", thesis="5.3", needs=(at(1),)
+    "fig_5_3", title="Full scan at 1 m, by laser", category="Sensor", number="5.3", needs=(at(1),)
 )
 def draw_full_near_scan(scans: pd.DataFrame, style: FigureStyle) -> Figure:
     """Everything that the sensor saw in one sweep 1 m from the wall (thesis figure 5.3), from
@@ -67,7 +67,7 @@ def draw_full_near_scan(scans: pd.DataFrame, style: FigureStyle) -> Figure:
 
 
 @FIGURES.register(
-    "fig_5_4", title="Wall at 5 m, by laser", category="Sensor", thesis="5.4", needs=(at(5),)
+    "fig_5_4", title="Wall at 5 m, by laser", category="Sensor", number="5.4", needs=(at(5),)
 )
 def draw_wall(scans: pd.DataFrame, style: FigureStyle) -> Figure:
     """The wall 5 m away, from the front (thesis figure 5.4).
@@ -78,7 +78,7 @@ def draw_wall(scans: pd.DataFrame, style: FigureStyle) -> Figure:
 
 
 @FIGURES.register(
-    "fig_5_5", title="Floor at 5 m, by laser", category="Sensor", thesis="5.5", needs=(at(5),)
+    "fig_5_5", title="Floor at 5 m, by laser", category="Sensor", number="5.5", needs=(at(5),)
 )
 def draw_floor(scans: pd.DataFrame, style: FigureStyle) -> Figure:
     """The floor of the scan 5 m from the wall, from above; the sensor is on the right (thesis
@@ -90,7 +90,7 @@ def draw_floor(scans: pd.DataFrame, style: FigureStyle) -> Figure:
 
 
 @FIGURES.register(
-    "fig_5_6", title="Wall at 5 m from the side", category="Sensor", thesis="5.6", needs=(at(5),)
+    "fig_5_6", title="Wall at 5 m from the side", category="Sensor", number="5.6", needs=(at(5),)
 )
 def draw_wall_side(scans: pd.DataFrame, style: FigureStyle) -> Figure:
     """The wall 5 m away from the side, its depth stretched (thesis figure 5.6): each laser
@@ -102,7 +102,7 @@ def draw_wall_side(scans: pd.DataFrame, style: FigureStyle) -> Figure:
 
 
 @FIGURES.register(
-    "fig_5_7", title="One laser on the wall", category="Sensor", thesis="5.7", needs=(at(5),)
+    "fig_5_7", title="One laser on the wall", category="Sensor", number="5.7", needs=(at(5),)
 )
 def draw_wall_laser(scans: pd.DataFrame, style: FigureStyle) -> Figure:
     """What the laser in the middle saw of the wall 5 m away, its depth stretched (thesis figure
@@ -114,7 +114,7 @@ def draw_wall_laser(scans: pd.DataFrame, style: FigureStyle) -> Figure:
 
 
 @FIGURES.register(
-    "fig_5_8", title="Floor at 5 m from the side", category="Sensor", thesis="5.8", needs=(at(5),)
+    "fig_5_8", title="Floor at 5 m from the side", category="Sensor", number="5.8", needs=(at(5),)
 )
 def draw_floor_side(scans: pd.DataFrame, style: FigureStyle) -> Figure:
     """The floor of the scan 5 m from the wall from the side, its height stretched; the sensor
@@ -126,7 +126,7 @@ def draw_floor_side(scans: pd.DataFrame, style: FigureStyle) -> Figure:
 
 
 @FIGURES.register(
-    "fig_5_9", title="One laser on the floor", category="Sensor", thesis="5.9", needs=(at(5),)
+    "fig_5_9", title="One laser on the floor", category="Sensor", number="5.9", needs=(at(5),)
 )
 def draw_floor_laser(scans: pd.DataFrame, style: FigureStyle) -> Figure:
     """What the laser in the middle saw of the floor of the scan 5 m from the wall, its height
@@ -141,7 +141,7 @@ def draw_floor_laser(scans: pd.DataFrame, style: FigureStyle) -> Figure:
     "fig_5_16",
     title="Error models on the wall at 5 m",
     category="Sensor",
-    thesis="5.16",
+    number="5.16",
     needs=(at(5),),
 )
 def draw_wall_models(scans: pd.DataFrame, style: FigureStyle) -> Figure:
@@ -157,7 +157,7 @@ def draw_wall_models(scans: pd.DataFrame, style: FigureStyle) -> Figure:
     "fig_5_17",
     title="Error models on the floor at 5 m",
     category="Sensor",
-    thesis="5.17",
+    number="5.17",
     needs=(at(5),),
 )
 def draw_floor_models(scans: pd.DataFrame, style: FigureStyle) -> Figure:

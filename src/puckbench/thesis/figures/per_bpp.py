@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     "fig_6_6",
     title="Chamfer distance (point-to-plane) against bits per point",
     category="Rate-distortion",
-    thesis="6.6",
+    number="6.6",
 )
 def draw_chamfer(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
     """Chamfer distance, point-to-plane, in squared grid units, against bits per point, both
@@ -44,7 +44,7 @@ def draw_chamfer(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
     "fig_6_7",
     title="Hausdorff distance (point-to-plane, squared) against bits per point",
     category="Rate-distortion",
-    thesis="6.7",
+    number="6.7",
 )
 def draw_hausdorff(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
     """Squared Hausdorff distance, point-to-plane, in squared grid units, against bits per
@@ -61,7 +61,7 @@ def draw_hausdorff(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
     "fig_6_8",
     title="Encoding time against bits per point",
     category="Rate-distortion",
-    thesis="6.8",
+    number="6.8",
 )
 def draw_encoding_time(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
     """Encoding time in seconds against bits per point, both axes logarithmic (thesis figure
@@ -78,7 +78,7 @@ def draw_encoding_time(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
     "fig_6_9",
     title="Decoding time against bits per point",
     category="Rate-distortion",
-    thesis="6.9",
+    number="6.9",
 )
 def draw_decoding_time(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
     """Decoding time in seconds against bits per point, both axes logarithmic (thesis figure

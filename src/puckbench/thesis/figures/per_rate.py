@@ -34,7 +34,7 @@ _ROWS = (CD_PLANE.within(1e-2, 1e4), HD_PLANE.within(1e-2, 1e4), ENCODE_TIME, DE
 
 
 @FIGURES.register(
-    "fig_6_5", title="Medians per compression rate", category="Results per rate", thesis="6.5"
+    "fig_6_5", title="Medians per compression rate", category="Results per rate", number="6.5"
 )
 def draw_medians_per_rate(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
     """Medians over the clouds of a data set at each compression rate (thesis figure 6.5):

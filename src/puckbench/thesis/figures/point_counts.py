@@ -24,7 +24,7 @@ _MEAN: dict[str, Any] = {"marker": "^", "markersize": 3, "mfc": "#009E73", "mec"
 _CLOUD: dict[str, Any] = {"mfc": "none", "mec": "#777777", "mew": 0.5}
 
 
-@FIGURES.register("fig_6_4", title="Point counts per data set", category="Clouds", thesis="6.4")
+@FIGURES.register("fig_6_4", title="Point counts per data set", category="Clouds", number="6.4")
 def draw_point_counts(clouds: pd.DataFrame, style: FigureStyle) -> Figure:
     """Number of points per cloud in each data set (thesis figure 6.4).
 

@@ -42,7 +42,7 @@ _INCIDENCE = "Incidence angle (rad)"
 
 
 @FIGURES.register(
-    "fig_5_15", title="Plane residuals against incidence", category="Sensor", thesis="5.15"
+    "fig_5_15", title="Plane residuals against incidence", category="Sensor", number="5.15"
 )
 def draw_incidence(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
     """Plane residuals against the angle of incidence, walls and floors together (thesis figure
@@ -71,7 +71,7 @@ def draw_incidence(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
     "fig_5_20",
     title="Plane residuals against incidence, per error model",
     category="Sensor",
-    thesis="5.20",
+    number="5.20",
 )
 def draw_incidence_of_models(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
     """Plane residuals against the angle of incidence for the real sensor, where a capture gives

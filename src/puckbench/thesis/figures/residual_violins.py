@@ -37,7 +37,7 @@ RESIDUAL = "Plane residual (m)"
 
 
 @FIGURES.register(
-    "fig_5_10", title="Plane residuals of walls and floors", category="Sensor", thesis="5.10"
+    "fig_5_10", title="Plane residuals of walls and floors", category="Sensor", number="5.10"
 )
 def draw_surfaces(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
     """Signed distances of the returns from the plane fitted to them (plane residuals, in
@@ -57,7 +57,7 @@ def draw_surfaces(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
 
 
 @FIGURES.register(
-    "fig_5_11", title="Plane residuals of the wall per distance", category="Sensor", thesis="5.11"
+    "fig_5_11", title="Plane residuals of the wall per distance", category="Sensor", number="5.11"
 )
 def draw_wall_distances(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
     """Plane residuals of the wall per distance of the sensor from it, in metres (thesis figure
@@ -69,7 +69,7 @@ def draw_wall_distances(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
 
 
 @FIGURES.register(
-    "fig_5_12", title="Plane residuals of the floor per distance", category="Sensor", thesis="5.12"
+    "fig_5_12", title="Plane residuals of the floor per distance", category="Sensor", number="5.12"
 )
 def draw_floor_distances(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
     """Plane residuals of the floor per distance of the sensor from the wall, in metres (thesis
@@ -81,7 +81,7 @@ def draw_floor_distances(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
 
 
 @FIGURES.register(
-    "fig_5_13", title="Plane residuals of the floor per laser", category="Sensor", thesis="5.13"
+    "fig_5_13", title="Plane residuals of the floor per laser", category="Sensor", number="5.13"
 )
 def draw_floor_lasers(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
     """Plane residuals of the floor per laser, by the laser's elevation (thesis figure 5.13), of
@@ -93,7 +93,7 @@ def draw_floor_lasers(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
 
 
 @FIGURES.register(
-    "fig_5_14", title="Plane residuals of the wall per laser", category="Sensor", thesis="5.14"
+    "fig_5_14", title="Plane residuals of the wall per laser", category="Sensor", number="5.14"
 )
 def draw_wall_lasers(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
     """Plane residuals of the wall per laser, by the laser's elevation (thesis figure 5.14; its
@@ -105,7 +105,7 @@ def draw_wall_lasers(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
 
 
 @FIGURES.register(
-    "fig_5_18", title="Plane residuals of the error models", category="Sensor", thesis="5.18"
+    "fig_5_18", title="Plane residuals of the error models", category="Sensor", number="5.18"
 )
 def draw_models(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
     """Plane residuals of the real sensor, where a capture gives them, and of every error model
@@ -123,7 +123,7 @@ def draw_models(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
     "fig_5_19",
     title="Effect of beam divergence at 30 m",
     category="Sensor",
-    thesis="5.19",
+    number="5.19",
     needs=(
         at(30),
         "vlp16",

@@ -21,7 +21,7 @@ _MISSING_LASER = 13
     "table_4_1",
     title="The VLP-16 (thesis table 4.1)",
     category=SENSOR,
-    thesis="4.1",
+    number="4.1",
     needs=(STUDY,),
 )
 def table_4_1() -> pd.DataFrame:
@@ -42,7 +42,7 @@ def table_4_1() -> pd.DataFrame:
     "table_4_2",
     title="Lasers of the VLP-16 (thesis table 4.2)",
     category=SENSOR,
-    thesis="4.2",
+    number="4.2",
     needs=(STUDY,),
 )
 def table_4_2() -> pd.DataFrame:
@@ -75,7 +75,7 @@ def table_4_2() -> pd.DataFrame:
     "table_5_1",
     title="Parameters of the virtual VLP-16 (thesis table 5.1)",
     category=SENSOR,
-    thesis="5.1",
+    number="5.1",
     needs=(STUDY,),
 )
 def table_5_1() -> pd.DataFrame:
