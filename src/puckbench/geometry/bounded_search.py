@@ -17,17 +17,8 @@ from puckbench.geometry.spatial_order import Rows
 def nearest_within(queries: Floats, points: BoxTree, max_visits: int) -> tuple[Floats, Rows] | None:
     """Return the distance (m,) and the row (m,) of each query's nearest point.
 
-    Parameters
-    ----------
-    queries
-        (m, 3); neighbouring queries in a row speed up the search.
-    max_visits
-        Points and boxes that may be visited for all queries together.
-
-    Returns
-    -------
-    tuple or None
-        None if the search needs more visits.
+    Returns None if all queries together have to visit more than `max_visits` points and boxes.
+    Queries (m, 3) in a spatial order are faster.
     """
     squared, places = np.empty(len(queries)), np.empty(len(queries), np.int64)
     if _search(queries, points, max_visits, squared, places) > max_visits:

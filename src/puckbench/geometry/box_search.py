@@ -26,17 +26,10 @@ LEAVES_AT_ONCE = 1024
 class NearestTwo(NamedTuple):
     """Nearest points of m queries.
 
-    Parameters
-    ----------
-    squared
-        Squared distance to the nearest point, (m,).
-    rows
-        Rows of the two nearest points, (m, 2): twice the nearest without a tie; any two of three or
-        more that tie; of exactly two at equal distance, the lower row first.
-    ties
-        Number of points that tie, (m,): 1, 2, or 3 for three and more.
-    exact
-        Number of the two points at exactly the smallest distance, (m,).
+    ``squared`` (m,) is the smallest squared distance. ``rows`` (m, 2) are the two nearest points:
+    twice the nearest without a tie, any two of three that tie, the lower row first at equal
+    distance. ``ties`` (m,) counts the points that tie (3: three or more), ``exact`` (m,) those at
+    exactly the smallest distance.
     """
 
     squared: Floats

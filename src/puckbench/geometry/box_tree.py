@@ -28,9 +28,9 @@ class BoxTree(NamedTuple):
     first, children
         Node i has ``children[i]`` child nodes from ``first[i]`` on.
     boxes
-        Bounding boxes (nodes, 6): lowest, then highest coordinates.
+        Bounding boxes, (nodes, 6).
     leaves
-        Nodes without children, in the order of their points.
+        Nodes without children, in Morton order.
     largest, depth
         Number of points in the largest leaf; number of levels.
     """

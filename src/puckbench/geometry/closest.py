@@ -30,9 +30,8 @@ def mesh_in_frame(mesh: Mesh, scale: float, offset: Floats | tuple[float, float,
 class SearchableMesh:
     """A triangle mesh with a search tree for closest points.
 
-    Embree (through Open3D) finds the closest triangle in single precision; the closest point on it
-    is then computed in double precision. Triangles without area are ignored. On a shared edge
-    Embree chooses the triangle, and so the normal.
+    Embree (through Open3D) finds the closest triangle, in single precision; the closest point on it
+    is computed in double precision. On a shared edge Embree chooses the triangle.
     """
 
     def __init__(self, mesh: Mesh) -> None:
@@ -47,7 +46,6 @@ class SearchableMesh:
         return mesh if isinstance(mesh, cls) else cls(cast(Mesh, mesh))
 
     def closest(self, points: Floats) -> SurfacePoints:
-        """Find the point of the mesh that is closest to each of `points` (m, 3)."""
         triangles = self._closest_triangles(points)
         queries = np.ascontiguousarray(points, np.float64)
         closest = _closest_on_triangles(queries, self._corners[triangles])

@@ -46,7 +46,7 @@ class _Description(Model, extra="ignore"):
 
 @dataclass(frozen=True)
 class PointCloud:
-    """Points with optional attributes and a description.
+    """Points with optional attributes.
 
     Parameters
     ----------
@@ -60,11 +60,11 @@ class PointCloud:
         (n,) int32.
     about
         Description: source, seed, ``scale`` and ``offset`` to metres, ``size`` of the cube that the
-        cloud is scaled to (0: metres), and more; an invalid entry raises InputError.
+        cloud is scaled to (0: metres), and more.
     returns
         Returns of a spinning sensor, one per point.
     fields
-        Further attributes by name, (n,) each: intensity, time, classification.
+        Further attributes by name, (n,) each.
     """
 
     xyz: Floats

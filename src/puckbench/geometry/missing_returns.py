@@ -25,9 +25,8 @@ _MIN_RANGE_M = 0.2
 def missing_returns(xyz: Floats, is_organised: bool = False) -> Mask:
     """Return the mask (n,) of points without coordinates, or at the origin for want of a return.
 
-    Every point at the origin of an organised cloud (an image) is a pixel without a return; of other
-    clouds such points are if they are at least one in a thousand, and more than twice as many as
-    coincide at any other position. Coarsely rounded clouds keep them.
+    In an organised cloud (an image) all points at the origin count, in other clouds only if they
+    are one in a thousand and more than twice as many as coincide at any other position.
     """
     empty: Mask = np.asarray(np.isnan(xyz).all(axis=1))
     zero: Mask = np.asarray((xyz == 0).all(axis=1))

@@ -1,7 +1,4 @@
-"""Morton codes: the bits of x, y and z interleaved, x highest, up to 21 bits per axis.
-
-Levels of G-PCC's octree may split a subset of the axes; codes then grow by the bits of these.
-"""
+"""Morton codes: the bits of x, y and z interleaved, x highest, up to 21 bits per axis."""
 
 from __future__ import annotations
 

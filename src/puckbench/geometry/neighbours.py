@@ -32,16 +32,8 @@ LEAF_SIZE = 16
 class Neighbours:
     """Nearest neighbours of m queries, ties included.
 
-    Parameters
-    ----------
-    squared
-        Squared distance to the nearest neighbour, (m,).
-    starts
-        (m + 1,): the neighbours of query i are ``index[starts[i]:starts[i + 1]]``, nearest first.
-    exact
-        Number of neighbours at exactly the smallest distance, (m,).
-    index
-        Rows of the points.
+    The neighbours of query i are the rows ``index[starts[i]:starts[i + 1]]``, nearest first, at the
+    squared distance ``squared[i]``; the first ``exact[i]`` are exactly at this distance.
     """
 
     squared: Floats

@@ -20,16 +20,14 @@ _BACKGROUND = 255.0
 
 @dataclass(frozen=True)
 class View:
-    """A camera; lengths in scene units.
+    """A camera, perspective or, with a `height` of the image, orthographic.
 
     Parameters
     ----------
     eye, target
-        Position of the camera and a point on its line of sight.
+        Position of the camera and a point on its line of sight, in scene units.
     field_of_view_deg
-        Vertical opening angle of a perspective camera.
-    height
-        Height of the image of an orthographic camera, or None.
+        Vertical opening angle.
     """
 
     eye: Vector

@@ -54,10 +54,10 @@ def cube_scaling(points: Floats, size: int = 1024) -> Scaling:
 
 
 def grid_scaling(points: Floats, about: Mapping[str, Any]) -> Scaling:
-    """Return the scaling of voxel centres (n, 3) in metres to their integer coordinates.
+    """Return the scaling of voxel centres (n, 3) in metres to integers.
 
     Raises InputError if the cloud's description has no ``grid`` (side of a voxel in ``metres``,
-    ``origin``: centre of voxel (0, 0, 0) in metres), or a point is not on it.
+    ``origin``: centre of voxel (0, 0, 0)), or a point is not on it.
     """
     grid = about.get("grid")
     if grid is None:

@@ -60,9 +60,9 @@ def read_archived_cloud(archive: Path, name: str) -> PointCloud:
 
 
 def write_cloud(path: Path, cloud: PointCloud, describe: bool = True) -> None:
-    """Write a cloud as binary little-endian PLY with double coordinates, and its description.
+    """Write a cloud as binary PLY with double coordinates, and its description.
 
-    Both files appear when both are complete. Raises InputError for the suffix of another format.
+    Both files appear when both are complete.
     """
     if path.suffix.lower() in SUFFIXES[1:]:
         raise InputError(f"{path}: a PLY file is written: name it so (export writes others)")
@@ -88,7 +88,7 @@ def read_cloud(
     """Read a point cloud of any format in `SUFFIXES`, and the description of a PLY file.
 
     Missing returns (`puckbench.geometry.missing_returns`) are removed and counted in the
-    description: ``missing_returns``, and ``dropped_points`` with all others.
+    description.
 
     Parameters
     ----------
@@ -104,8 +104,7 @@ def read_cloud(
     Raises
     ------
     InputError
-        The file is missing, damaged, empty, a mesh, of another format, or has points that are not
-        finite.
+        The file is missing, damaged, empty, a mesh, or has points that are not finite.
     """
     cloud = read_unchecked_cloud(Path(path), keep_missing, drop_invalid, bin_columns)
     check_cloud(cloud, Path(path))
@@ -129,10 +128,7 @@ def read_unchecked_cloud(
     bin_columns: str | None = None,
     convert: bool = True,
 ) -> PointCloud:
-    """Read a cloud that may be empty or have points that are not finite.
-
-    `convert` converts the coordinates of a LAS file to metres by its coordinate reference system.
-    """
+    """Read a cloud that may be empty or not finite; `convert` gives LAS coordinates in metres."""
     columns = _read_columns(path, bin_columns, convert)
     with naming(path):
         cloud = cloud_from_columns(columns)
@@ -151,7 +147,7 @@ def read_unchecked_cloud(
 
 
 def without_missing(cloud: PointCloud, missing: NDArray[np.bool_], path: Path) -> PointCloud:
-    """Remove missing returns (n,), log a warning, and count them in the description."""
+    """Remove missing returns (n,), with a warning and a count in the description."""
     if len(cloud) and missing.all():
         raise InputError(f"{path}: all of its {len(cloud)} points are missing returns")
     reason = "are missing returns (--keep-missing keeps them)"
@@ -161,13 +157,12 @@ def without_missing(cloud: PointCloud, missing: NDArray[np.bool_], path: Path) -
 
 
 def without_invalid(cloud: PointCloud, path: Path) -> PointCloud:
-    """Remove points that are not finite, log a warning, and count them in the description."""
+    """Remove points that are not finite, with a warning and a count in the description."""
     invalid = np.asarray(~np.isfinite(cloud.xyz).all(axis=1))
     return _without(cloud, invalid, path, "are not finite")
 
 
 def removal_counts(about: Mapping[str, Any]) -> dict[str, int]:
-    """Return the counts of removed points in a description."""
     return {name: about[name] for name in ("dropped_points", "missing_returns") if name in about}
 
 
@@ -201,7 +196,6 @@ def _read_columns(path: Path, bin_columns: str | None, convert: bool) -> Columns
 
 
 def _check_kind(path: Path, suffix: str) -> None:
-    """Raise InputError if the name or the first bytes are not those of a cloud."""
     head = b"" if path.is_dir() else read_content(path, _HEAD_BYTES)
     if head.lstrip().lower().startswith((b"<!doctype html", b"<html")):
         raise InputError(f"{path}: a page of the web (HTML), not the file: download it again")

@@ -22,6 +22,5 @@ def reading(kind: str, *errors: type[Exception]) -> Iterator[None]:
 
 
 def one_line(error: Exception) -> str:
-    """Return an exception's message in one line, shortened to 120 characters."""
     text = " ".join(str(error).split())[:_MAX_LENGTH]
     return f"{type(error).__name__}: {text}" if isinstance(error, _NEEDS_NAME) or not text else text

@@ -19,12 +19,10 @@ _log = logging.getLogger(__name__)
 
 
 def sidecar(path: Path) -> Path:
-    """Return the path of a file's description."""
     return plain_name(path).with_suffix(".json")
 
 
 def write_description(path: Path, kind: Kind, about: Mapping[str, Any]) -> None:
-    """Write the description of a file."""
     write_json(sidecar(path), {**about, _KIND_KEY: kind})
 
 
@@ -50,7 +48,6 @@ def read_description(path: Path, counts: Mapping[str, int] | None = None) -> dic
 
 
 def _read_own(path: Path) -> dict[str, Any] | None:
-    """Read a JSON file if it is a description by puckbench."""
     try:
         about = read_json(path)
     except InputError:
@@ -60,6 +57,5 @@ def _read_own(path: Path) -> dict[str, Any] | None:
 
 
 def _is_of_first_version(about: Mapping[str, Any]) -> bool:
-    """Whether it is a description of the first version, which had no kind."""
     counts = {name for name in ("points", "vertices", "triangles") if type(about.get(name)) is int}
     return counts >= {"vertices", "triangles"} or ("points" in counts and "source" in about)

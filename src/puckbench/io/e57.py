@@ -27,8 +27,8 @@ _MAX_LIST_LENGTH = 120
 def read_e57(path: Path) -> Columns:
     """Read the points of all scans, transformed by the scans' poses.
 
-    Invalid points are NaN. Several scans are numbered in the column ``scan``. Raises InputError if
-    pye57 is not installed, or the file is missing or damaged.
+    Invalid points are NaN; several scans are numbered in the column ``scan``. Raises InputError if
+    pye57 is not installed.
     """
     return parse_isolated(parse_e57, path, "E57 file").columns
 
@@ -55,7 +55,6 @@ def parse_e57(path: Path) -> ParsedFile:
 
 
 def _concatenated(scans: list[Columns]) -> Columns:
-    """The columns that all scans have, and the number of each point's scan."""
     shared = [name for name in scans[0] if all(name in scan for scan in scans)]
     columns = {name: np.concatenate([scan[name] for scan in scans]) for name in shared}
     if len(scans) > 1:
@@ -64,7 +63,6 @@ def _concatenated(scans: list[Columns]) -> Columns:
 
 
 def _fields(file: Any, number: int) -> dict[str, Any]:
-    """Node type of each field of a scan's points."""
     from pye57.libe57 import StructureNode
 
     prototype = StructureNode(file.get_header(number).points.prototype())
@@ -73,7 +71,6 @@ def _fields(file: Any, number: int) -> dict[str, Any]:
 
 
 def _numpy_types() -> dict[Any, type]:
-    """NumPy type of each numeric node type."""
     from pye57.libe57 import NodeType
 
     floats = dict.fromkeys((NodeType.E57_FLOAT, NodeType.E57_SCALED_INTEGER), np.float64)
@@ -87,7 +84,6 @@ def _unreadable_fields(file: Any) -> set[str]:
 
 
 def _scan(file: Any, number: int) -> Columns:
-    """The points of a scan, transformed by its pose; NaN for invalid points."""
     columns = _numeric_fields(file, number)
     points = _pop_points(columns)
     rotation, translation = _pose(file.get_header(number))
@@ -117,7 +113,6 @@ def _numeric_fields(file: Any, number: int) -> Columns:
 
 
 def _pop_points(columns: Columns) -> Floats:
-    """Remove the coordinates and return points (n, 3), NaN if invalid."""
     removed = {name: columns.pop(name, None) for name in (*_CARTESIAN, *_SPHERICAL, *_STATES)}
     for names, state in zip((_CARTESIAN, _SPHERICAL), _STATES, strict=True):
         axes = [axis for name in names if (axis := removed[name]) is not None]
@@ -130,7 +125,6 @@ def _pop_points(columns: Columns) -> Floats:
 
 
 def _cartesian(coordinates: Floats) -> Floats:
-    """Convert distances, azimuths and elevations (n, 3) to points."""
     distance, azimuth, elevation = coordinates.T
     horizontal = distance * np.cos(elevation)
     x, y = horizontal * np.cos(azimuth), horizontal * np.sin(azimuth)
@@ -138,7 +132,6 @@ def _cartesian(coordinates: Floats) -> Floats:
 
 
 def _pose(header: Any) -> tuple[Floats, Floats]:
-    """Rotation (3, 3) and translation (3,) of a scan."""
     pose = header["pose"] if header.has_pose() else None
     w, *axis = _pose_values(pose, "rotation", {"w": 1.0, "x": 0.0, "y": 0.0, "z": 0.0})
     translation = np.array(_pose_values(pose, "translation", {"x": 0.0, "y": 0.0, "z": 0.0}))

@@ -1,7 +1,7 @@
 """LiDAR frames as bare float32 values (.bin), as in KITTI and nuScenes.
 
-These files do not say how many values a point has. Values of one column resemble each other more
-than values of different columns; so the number of columns is the lag at which values differ least.
+These files do not say how many values a point has. Values of one column resemble each other most;
+so the number of columns is the lag at which values differ least.
 """
 
 from __future__ import annotations
@@ -37,18 +37,9 @@ _MAX_COORDINATE_M, _MIN_COORDINATE_M = 1e5, 1e-20
 def read_float32_frame(path: Path, columns: str | None = None) -> Columns:
     """Read a frame: x, y, z and often intensity, ring and time.
 
-    Parameters
-    ----------
-    path
-        The file.
-    columns
-        Number of values of a point (3 to 6), or their names (``x,y,z,intensity,time``); by default
-        estimated from the values.
-
-    Raises
-    ------
-    InputError
-        The file is missing, truncated, ambiguous, or holds no coordinates of a LiDAR.
+    `columns` is the number of values of a point (3 to 6), or their names
+    (``x,y,z,intensity,time``); by default it is estimated from the values. Raises InputError if the
+    file is missing, truncated, ambiguous, or holds no coordinates of a LiDAR.
     """
     data = read_content(path)
     if not data:
@@ -73,8 +64,7 @@ def float32_rows(data: bytes, count: int, path: Path) -> Rows:
 def detect_column_count(values: NDArray[Any]) -> int | None:
     """Return the number of columns of values (n,) stored row by row; None if unclear.
 
-    It is the smallest lag with the smallest mean rank difference, if all lags but its multiples
-    have clearly larger ones.
+    It is the lag with the smallest mean rank difference, if that is clearly smallest.
     """
     sample = values[:_MAX_VALUES]
     if len(sample) < _MIN_VALUES:
@@ -97,7 +87,6 @@ def check_column_count(path: Path, data: bytes, count: int) -> None:
 
 
 def _detected_layout(data: bytes, path: Path) -> tuple[str, ...]:
-    """Names of the columns of a file; InputError if several layouts fit."""
     values = np.frombuffer(data[: len(data) // 4 * 4], dtype="<f4")
     detected = detect_column_count(values)
     counts = _candidate_counts(values, len(data)) if detected is None else [detected]
@@ -125,7 +114,6 @@ def _column_names(rows: Rows) -> tuple[str, ...]:
 
 
 def _named_layout(columns: str) -> tuple[str, ...]:
-    """Names of columns from an option that gives them or their number."""
     if columns.isdecimal() and int(columns) in _LAYOUTS:
         return _LAYOUTS[int(columns)]
     names = tuple(name.strip().lower() for name in columns.split(","))
@@ -136,7 +124,6 @@ def _named_layout(columns: str) -> tuple[str, ...]:
 
 
 def _is_likely(rows: Rows) -> bool:
-    """Whether the values after the coordinates may be intensity, ring and time."""
     others = rows[:, 3:]
     return bool((others >= 0).all()) and (rows.shape[1] < 5 or _are_rings(rows[:, 4]))
 

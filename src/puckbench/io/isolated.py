@@ -1,8 +1,8 @@
-"""Parsers of other packages run in a separate process, with limits of memory and time.
+"""Parsers of other packages run in a worker process, with limits of memory and time.
 
-A damaged file may crash such a parser or make it take all memory. One worker process parses file
-after file, and is replaced after a crash, a timeout or an interruption. Results come back through a
-pipe as arrays and JSON, never as pickled objects. On macOS only the time is limited.
+A damaged file may crash such a parser or make it take all memory. The worker parses file after
+file, and is replaced after a crash or timeout. Results return through a pipe as arrays and JSON,
+never as pickled objects. On macOS only the time is limited.
 """
 
 from __future__ import annotations
@@ -58,23 +58,9 @@ def parse_isolated(
 ) -> ParsedFile:
     """Run ``parse(path, **options)`` in the worker process, within limits of the file's size.
 
-    Parameters
-    ----------
-    parse
-        A function of a module. Warnings of ``puckbench`` loggers are logged in this process.
-    path
-        A file or a folder.
-    kind
-        Kind of file for messages, such as ``LAS file``.
-    options
-        Further arguments, of types that JSON has.
-    side_files
-        Paths of optional files that belong to it, for its size.
-
-    Raises
-    ------
-    InputError
-        `parse` raised it, crashed, or exceeded `parser_limits`.
+    `kind` names the file in messages ("LAS file"); the size of `side_files` counts too. Warnings of
+    ``puckbench`` loggers are logged in this process. Raises InputError if `parse` does, crashes, or
+    exceeds `parser_limits`.
     """
     size = _size(path) + sum(file.stat().st_size for file in side_files if file.is_file())
     memory, seconds = parser_limits(size)
@@ -206,7 +192,6 @@ def _receive_array(stream: BufferedReader, kind: str, shape: list[int]) -> NDArr
 
 
 def serve() -> None:
-    """Answer the requests on standard input until it ends."""
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # parsers may print
     warnings = _WarningRecorder()
@@ -237,7 +222,6 @@ def _parse(request: Mapping[str, Any]) -> tuple[dict[str, Any], list[NDArray[Any
 
 
 def _limit(memory: int, seconds: int) -> None:
-    """Limit the memory and time that this process may use in addition to its present use."""
     import resource
 
     _lower_limit(resource.RLIMIT_CPU, math.ceil(time.process_time()) + seconds)
@@ -255,8 +239,6 @@ def _lower_limit(kind: int, limit: int) -> None:
 
 
 class _WarningRecorder(logging.Handler):
-    """Records logger name, level and message."""
-
     def __init__(self) -> None:
         super().__init__(logging.WARNING)
         self.lines: list[tuple[str, int, str]] = []

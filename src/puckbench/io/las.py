@@ -1,7 +1,7 @@
 """LAS files (ASPRS) and their compressed form LAZ, by laspy and lazrs.
 
-Written files are LAS 1.2 of point format 1, with the laser in the user data, the frame in the point
-source id, and the timestamp in the GPS time.
+Written files have the laser in the user data, the frame in the point source id, and the
+timestamp in the GPS time.
 """
 
 from __future__ import annotations
@@ -64,15 +64,14 @@ def read_las(path: Path) -> dict[str, NDArray[Any]]:
 def read_las_points(path: Path, convert: bool = True) -> dict[str, NDArray[Any]]:
     """Read ``x``, ``y``, ``z`` and all dimensions with values other than 0.
 
-    `convert` converts coordinates to metres by the file's coordinate reference system. Raises
-    InputError if the file is missing or damaged, or its coordinates are degrees.
+    `convert` gives metres by the file's coordinate reference system. Raises InputError if the file
+    is missing or damaged, or in degrees.
     """
     columns = parse_isolated(parse_las, path, "LAS file", {"convert": convert}).columns
     return {name: part for name, part in columns.items() if name in _AXES or np.count_nonzero(part)}
 
 
 def parse_las(path: Path, convert: bool = True) -> ParsedFile:
-    """Read all dimensions of the points, in the calling process."""
     import laspy
     from lazrs import LazrsError
 

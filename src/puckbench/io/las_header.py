@@ -45,7 +45,7 @@ class _Header:
 def check_las_header(path: Path) -> None:
     """Raise InputError if the parts that the header lists do not fit in the file.
 
-    Log a warning about points beyond the header's number of points, which are not read.
+    Log a warning about points beyond the header's number of points.
     """
     size = path.stat().st_size
     with naming(path), reading("LAS file", ValueError), path.open("rb") as stream:
@@ -96,7 +96,6 @@ def _check_points(header: _Header, size: int) -> None:
 def _check_records(
     stream: BinaryIO, begin: int, count: int, end: int, layout: struct.Struct
 ) -> None:
-    """Raise ValueError for variable length records that do not end before byte `end`."""
     if count * layout.size > max(0, end - begin):
         raise ValueError(f"{count} variable length records in {max(0, end - begin)} bytes")
     offset = begin
@@ -111,7 +110,6 @@ def _check_records(
 
 
 def _points_beyond(header: _Header, size: int) -> int:
-    """Number of whole points between the header's last point and the next part."""
     end = header.begin + header.points * header.point_bytes
     after = [offset for offset in (header.waveforms, header.extended_at) if offset >= end]
     return int((min([size, *after]) - end) // header.point_bytes)

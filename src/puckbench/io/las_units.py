@@ -29,8 +29,8 @@ class Units:
 def las_units(header: Any) -> Units:
     """Return the units of a laspy header's coordinate reference system.
 
-    As in GDAL, units in GeoTIFF keys take precedence over those of the reference system. By default
-    z has the unit of x and y. Raises pyproj's CRSError if the system is not readable.
+    As in GDAL, units in GeoTIFF keys take precedence over those of the system. Raises pyproj's
+    CRSError if the system is not readable.
     """
     crs = header.parse_crs()
     units = Units() if crs is None else _units_of_crs(crs)
@@ -53,7 +53,6 @@ def _units_of_crs(crs: Any) -> Units:
 
 
 def _keys(directory: Any, doubles: list[Any]) -> tuple[dict[int, int], dict[int, float]]:
-    """GeoTIFF keys with short values, and keys with double values."""
     short = {key.id: key.value_offset for key in directory.geo_keys if not key.tiff_tag_location}
     values = [float(value.value) for value in doubles[0].doubles] if doubles else []
     return short, {
@@ -95,6 +94,5 @@ def _metres(factor: float) -> float | None:
 
 
 def unit_name(metres: float) -> str:
-    """Return the plural name of a unit."""
     names = {METRE: "metres", FOOT: "feet", US_SURVEY_FOOT: "US survey feet"}
     return names.get(metres, f"units of {metres:g} m")

@@ -49,7 +49,6 @@ def read_npy(path: Path) -> Columns:
     """Read points from an array (n, 3 or more), an array of named fields, or an archive of these.
 
     The pixels of a range image, a floating-point array (rows, columns, 3 or more), are points.
-    Raises InputError if the file is missing, damaged or without points.
     """
     data = read_content(path)
     with naming(path):
@@ -71,7 +70,6 @@ def _read_array(data: bytes) -> NDArray[Any]:
 
 
 def _check_shape(shape: tuple[int, ...], kind: np.dtype[Any], size: int) -> None:
-    """Raise InputError for an array of objects, or of more than `size` bytes."""
     if kind.hasobject:
         raise InputError("an array of Python objects, not of numbers")
     if min(shape, default=0) < 0 or prod(shape) * kind.itemsize > size:
@@ -79,7 +77,6 @@ def _check_shape(shape: tuple[int, ...], kind: np.dtype[Any], size: int) -> None
 
 
 def _array_columns(array: NDArray[Any]) -> Columns:
-    """Columns of one array, named by its fields or by convention."""
     if array.dtype.names:
         flat = array.reshape(-1)
         columns: Columns = {}
@@ -131,7 +128,6 @@ def _read_archive(data: bytes, path: Path) -> Columns:
 
 
 def _point_arrays(names: Iterable[str]) -> list[str]:
-    """Names of the arrays with coordinates: one array (n, 3), or x, y and z."""
     names_by_lower = {name.lower(): name for name in names}
     name = next((name for name in _POINT_ARRAYS if name in names_by_lower), None)
     if name is None and len(names_by_lower) != 1:
@@ -146,7 +142,6 @@ def _flat(array: NDArray[Any]) -> NDArray[Any]:
 
 
 def _archive_members(data: bytes, limit: int) -> dict[str, bytes]:
-    """NPY files of an archive by name."""
     with reading("NumPy archive", *_ZIP_DAMAGE), zipfile.ZipFile(io.BytesIO(data)) as archive:
         members = [member for member in archive.infolist() if member.filename.endswith(".npy")]
         if sum(member.file_size for member in members) > limit:

@@ -13,7 +13,7 @@ _VALUE_BYTES = 8
 def check_parquet_memory(path: Path) -> None:
     """Raise InputError if a file's values take more memory than `parser_limits` allows.
 
-    A small file can hold a huge number of equal values. Other formats are left to their reader.
+    A small file can hold a huge number of equal values.
     """
     from pyarrow import ArrowException, parquet
 

@@ -1,4 +1,4 @@
-"""PCD files of the Point Cloud Library: reads ASCII, binary and compressed files, writes binary.
+"""PCD files of the Point Cloud Library.
 
 pypcd4 is not used: it accepts truncated files, and runs out of memory on damaged headers.
 """

@@ -72,7 +72,6 @@ def read_elements(path: Path) -> Any:
 
 
 def _parse(source: Path, path: Path) -> Any:
-    """Parse an uncompressed file; errors name `path`."""
     from plyfile import PlyData, PlyParseError
 
     try:
@@ -92,7 +91,6 @@ def _parse(source: Path, path: Path) -> Any:
 
 
 def _header(head: bytes, path: Path) -> _Header:
-    """Parse a header with any line ends."""
     begin = re.match(rb"ply[ \t]*(\r\n|\n|\r)", head)
     ending = begin[1] if begin else b"\n"
     blanks = rb"[ \t\r]*" if ending == b"\n" else rb"[ \t]*"
@@ -111,7 +109,6 @@ def _header(head: bytes, path: Path) -> _Header:
 
 
 def _elements(lines: list[list[bytes]], is_text: bool) -> Iterator[_Element]:
-    """The elements of a header's lines of words."""
     places = [place for place, words in enumerate(lines) if words[0] == b"element"]
     for start, end in pairwise([*places, len(lines)]):
         kinds = [words[1:-1] for words in lines[start:end] if words[0] == b"property"]
@@ -124,7 +121,6 @@ def _elements(lines: list[list[bytes]], is_text: bool) -> Iterator[_Element]:
 
 
 def _check_size(header: _Header, size: int, path: Path) -> None:
-    """Raise InputError if the file is too small for its elements."""
     min_bytes = sum(element.count * element.min_bytes for element in header.elements)
     if header.size + min_bytes > size + header.is_text:
         counts = ", ".join(f"{element.count} of {element.name}" for element in header.elements)

@@ -39,8 +39,8 @@ _EXACT_INTEGERS = 2**53
 def cloud_from_columns(columns: Mapping[str, NDArray[Any]]) -> PointCloud:
     """Make a cloud of columns (n,) by their names in PLY, PCD, LAS and E57 files, in any case.
 
-    Columns that are neither coordinates, normals, colours nor labels become fields; so do colours
-    of more than 8 bits. Raises InputError without x, y, z.
+    Columns that are neither coordinates, normals, colours nor labels become fields. Raises
+    InputError without x, y, z.
     """
     remaining = {name: _native(np.asarray(values)) for name, values in columns.items()}
     xyz = _pop_triple(remaining, _XYZ)
@@ -96,7 +96,7 @@ def default_columns(rows: NDArray[Any]) -> Columns:
 def ply_columns(fields: Mapping[str, NDArray[Any]]) -> Columns:
     """Convert numeric fields, without loss, to types and names that PLY has.
 
-    64-bit integers get the smallest type that holds them, or are split (``_high`` and ``_low``).
+    64-bit integers get the smallest type that holds them, or are split in two.
     """
     columns: Columns = {}
     for field, values in fields.items():
@@ -138,15 +138,11 @@ def _normalised(name: str) -> str:
 
 
 def has_coordinates(names: Iterable[str]) -> bool:
-    """Whether coordinates are among some names of columns."""
     return bool(_first_triple(names, _XYZ))
 
 
 def coarse_step(columns: Mapping[str, NDArray[Any]]) -> float | None:
-    """Return the spacing of coordinates in single precision; None if it is fine enough.
-
-    It is too coarse if more than a hundred-thousandth of the extent, as in surveyed coordinates.
-    """
+    """Return the spacing of single-precision coordinates if too coarse for the extent."""
     parts = [columns[name] for name in _first_triple(columns, _XYZ)]
     if not parts or any(_native(part).dtype != np.float32 or not len(part) for part in parts):
         return None
@@ -170,7 +166,6 @@ def _first_triple(names: Iterable[str], triples: Iterable[tuple[str, ...]]) -> l
 
 
 def _pop_triple(columns: Columns, triples: Iterable[tuple[str, ...]]) -> NDArray[Any] | None:
-    """Remove the first complete triple of columns and return it as an array (n, 3)."""
     names = _first_triple(columns, triples)
     for name in names:
         plain = _normalised(name)
@@ -213,7 +208,6 @@ def _fields(columns: Columns) -> Iterator[tuple[str, NDArray[Any]]]:
 
 
 def _labels(columns: Columns) -> NDArray[np.int32] | None:
-    """The column ``label`` if it holds integers of 32 bits."""
     values = columns.get("label")
     if values is None or values.ndim != 1 or values.dtype.kind not in "iuf":
         return None

@@ -65,7 +65,6 @@ T = TypeVar("T", bound=ReturnTable)
 
 
 def empty_columns(schema: TableSchema, rows: int) -> dict[str, NDArray[Any]]:
-    """Allocate columns of undefined values."""
     return {name: np.empty(rows, dtype=kind) for name, (kind, _, _) in schema.columns.items()}
 
 
@@ -80,8 +79,7 @@ def write_return_table(path: Path, table: ReturnTable) -> None:
 def write_portions(path: Path, portions: Iterator[ReturnTable]) -> int:
     """Write a table portion by portion, each a row group; return the number of rows.
 
-    Only one portion is in memory at a time. The file has the first one's description. Raises
-    ValueError without any portion.
+    Only one portion is in memory at a time. The file has the first one's description.
     """
     from pyarrow import parquet
 

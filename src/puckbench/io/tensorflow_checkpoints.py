@@ -28,10 +28,7 @@ _TYPE, _SHAPE, _OFFSET, _SIZE = 1, 2, 4, 5
 
 
 def read_variables(index: bytes, data: bytes) -> dict[str, NDArray[np.float32]]:
-    """Return the variables of single precision by name, without those of the optimiser.
-
-    Raises InputError if the bytes are not a checkpoint.
-    """
+    """Return the variables of single precision by name, without those of the optimiser."""
     try:
         return dict(_variables(index, data))
     except (IndexError, KeyError, TypeError, ValueError, struct.error) as error:
@@ -51,7 +48,6 @@ def _variables(index: bytes, data: bytes) -> Iterator[tuple[str, NDArray[np.floa
 
 
 def _rows(table: bytes) -> Iterator[tuple[bytes, bytes]]:
-    """Keys and values of a LevelDB table."""
     footer = _varints(table[-_FOOTER_BYTES:], 4)
     for _, handle in _block(table, footer[2], footer[3]):
         yield from _block(table, *_varints(handle, 2))
@@ -72,7 +68,6 @@ def _block(table: bytes, start: int, size: int) -> Iterator[tuple[bytes, bytes]]
 
 
 def _fields(message: bytes) -> Mapping[int, list[Any]]:
-    """Values of a protocol buffer message by field number."""
     fields: dict[int, list[Any]] = {}
     at = 0
     while at < len(message):
@@ -94,7 +89,6 @@ def _varints(source: bytes, count: int) -> list[int]:
 
 
 def _varints_at(source: bytes, at: int, count: int) -> tuple[list[int], int]:
-    """Variable-length integers, and the position of the next byte."""
     numbers = []
     for _ in range(count):
         number = shift = 0

@@ -41,11 +41,7 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class _Header:
-    """Lines before the points.
-
-    ``titles``: lines of words; ``comments``: without their signs; ``has_count``: a line has the
-    number of points (PTS); ``first``: the line of the first point.
-    """
+    """Lines before the points: titles, comments, and whether one has the number of points (PTS)."""
 
     titles: Sequence[str]
     comments: Sequence[str]
@@ -57,8 +53,7 @@ def read_text(path: Path) -> Columns:
     """Read the numeric columns of a text file, named by a line before the points or by convention.
 
     Values are separated by commas, semicolons, tabs or spaces, and may have a decimal comma.
-    Comments and point counts (PTS) are skipped. Raises InputError if the file is missing or empty,
-    a line has words for numbers, or the numbers of names or points are wrong.
+    Comments and point counts (PTS) are skipped.
     """
     data = read_content(path)
     with naming(path):
@@ -67,7 +62,6 @@ def read_text(path: Path) -> Columns:
 
 
 def read_csv(path: Path) -> Columns:
-    """Read a text file as `read_text` does, with names in lower case."""
     return {name.lower(): values for name, values in read_text(path).items()}
 
 
@@ -82,7 +76,6 @@ def write_csv(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
 
 
 def _unified(data: bytes) -> bytes:
-    """Convert text to UTF-8 with Unix line ends."""
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         data = data.decode("utf-16", "replace").encode()
     if b"\0" in data[:_BINARY_CHECK_BYTES]:
@@ -92,7 +85,6 @@ def _unified(data: bytes) -> bytes:
 
 
 def _table(data: bytes, path: Path) -> tuple[list[str], list[NDArray[Any]]]:
-    """Names and columns of a text."""
     lines = io.TextIOWrapper(io.BytesIO(data), _BYTE_ENCODING)
     header = _header(line.rstrip("\n") for line in lines)
     if not header.first:
@@ -129,7 +121,6 @@ def _header(lines: Iterable[str]) -> _Header:
 
 
 def _body(data: bytes, header: _Header) -> tuple[bytes, int | None]:
-    """The lines of points, and the number of points if the file has it."""
     if header.comments or b"#" in data or b"//" in data:
         data = _COMMENTS.sub(b"", data)
     count = None
@@ -158,7 +149,6 @@ def _is_one_value(words: Sequence[str]) -> bool:
 
 
 def _parsed(data: bytes, separator: str) -> list[NDArray[Any]]:
-    """Columns of the lines of points; nan for empty ones."""
     import pyarrow as pa
     from pyarrow import csv as arrow
 
@@ -182,10 +172,7 @@ def _parsed(data: bytes, separator: str) -> list[NDArray[Any]]:
 
 
 def _names(header: _Header, separator: str, columns: Sequence[NDArray[Any]]) -> list[str]:
-    """Names of the columns, from the titles or else the comments; empty without any.
-
-    Raises InputError if the number of names is wrong, or a name is repeated.
-    """
+    """Names of the columns, from the titles or else the comments; empty without any."""
     lines = header.titles or list(filter(_has_names, header.comments[-_MAX_COMMENTS:]))
     candidates = [names for line in lines if (names := _matching_names(line, separator, columns))]
     if lines and not candidates:
@@ -204,10 +191,7 @@ def _has_names(comment: str) -> bool:
 
 
 def _matching_names(line: str, separator: str, columns: Sequence[NDArray[Any]]) -> list[str]:
-    """The names in a line, one for each column but empty ones at the end, with any separator.
-
-    numpy.savetxt separates names and numbers differently.
-    """
+    """The names in a line, with any separator, if there is one for each column."""
     splits = [_split(line, each) for each in (separator, *_SEPARATORS)]
     matching = [
         names
@@ -218,7 +202,6 @@ def _matching_names(line: str, separator: str, columns: Sequence[NDArray[Any]]) 
 
 
 def _split(line: str, separator: str) -> list[str]:
-    """The names in a line, without empty ones at its end."""
     line = " ".join(line.split()) if separator == " " else line
     line = line.encode(_BYTE_ENCODING).decode("utf-8", "replace").strip(" \n")
     names = [name.strip(" \t\"'") for name in next(csv.reader([line], delimiter=separator), [])]
@@ -241,10 +224,7 @@ def _with_default_names(
 
 
 def _without_pandas_header(columns: list[NDArray[Any]]) -> list[NDArray[Any]]:
-    """Remove a first line 0, 1, 2, ..., which pandas writes for unnamed columns.
-
-    If that line begins with an empty value, the first column is pandas' index, and removed too.
-    """
+    """Remove the numbers that pandas writes for unnamed columns, 0, 1, 2, ..., and its index."""
     first = [float(each[0]) for each in columns]
     has_index = bool(np.isnan(first[0])) and len(columns) > _MIN_NUMBERS
     if first[has_index:] != [*map(float, range(len(columns) - has_index))]:
@@ -258,7 +238,6 @@ def _is_empty(column: NDArray[Any]) -> bool:
 
 
 def _numeric_columns(names: Sequence[str], columns: Sequence[NDArray[Any]], path: Path) -> Columns:
-    """Numeric columns by name; a warning lists the others."""
     named = {name: column for name, column in zip(names, columns, strict=True) if name}
     numeric = {name: column for name, column in named.items() if column.dtype.kind in "fiu"}
     others = [name for name in named if name not in numeric]

@@ -14,19 +14,10 @@ _TOLERANCE = 1e-6
 
 
 def concave_faces(vertices: Floats, triangles: Integers, face: Integers, faces: int) -> Integers:
-    """Return the faces, ascending, that are not the disjoint union of their fan of triangles.
+    """Return the faces, ascending, whose fan of triangles does not tile them.
 
-    A fan is valid if all its triangles have the orientation of the polygon. Faces with vertices
-    that are not finite are not returned.
-
-    Parameters
-    ----------
-    vertices
-        (v, 3).
-    triangles, face
-        Vertex indices of the fans' triangles, (t, 3), and the face of each, (t,) ascending.
-    faces
-        Number of faces.
+    A fan is valid if all its triangles have the orientation of the polygon. ``triangles`` (t, 3)
+    are the fans, ``face`` (t,), ascending, the face of each triangle.
     """
     of_polygon = np.flatnonzero(np.bincount(face, minlength=faces)[face] > 1)
     if not len(of_polygon):
@@ -47,10 +38,10 @@ def concave_faces(vertices: Floats, triangles: Integers, face: Integers, faces: 
 
 
 def clip_ears(points: Floats) -> Integers:
-    """Triangulate a polygon; return indices of corners (t, 3), with the polygon's orientation.
+    """Triangulate a polygon (n, 3); return indices of corners (t, 3).
 
-    The corners (n, 3) need not be coplanar; a hole may be joined to the outline by an edge that is
-    passed twice. A polygon without area has no triangles.
+    The corners need not be coplanar; a hole may be joined to the outline by an edge that is passed
+    twice.
     """
     from mapbox_earcut import triangulate_float64
 

@@ -36,8 +36,8 @@ _IDENTITY = np.eye(4)
 def read_glb(path: Path) -> Polygons:
     """Read all meshes of a scene at their nodes' positions, in metres with y up.
 
-    Lines and points are counted as skipped. Raises InputError for Draco or meshopt compression,
-    buffers in other files, and instancing by extension.
+    Lines and points are counted as skipped. Raises InputError for compression, buffers in other
+    files, and instancing by extension.
     """
     data = read_bytes(path)
     try:
@@ -57,7 +57,6 @@ def read_glb(path: Path) -> Polygons:
 
 
 def _chunks(data: bytes) -> tuple[dict[str, Any], bytes]:
-    """The JSON chunk and the binary chunk, which may be empty."""
     if data[:4] != b"glTF":
         raise InputError("not a GLB file")
     version, length = (int.from_bytes(data[at : at + 4], "little") for at in (4, 8))
@@ -80,8 +79,6 @@ def _chunks(data: bytes) -> tuple[dict[str, Any], bytes]:
 
 
 class _Scene:
-    """The JSON tree and the binary data of a file, and counts of skipped primitives."""
-
     def __init__(self, tree: dict[str, Any], binary: bytes) -> None:
         self.tree, self.binary = tree, binary
         self.skipped: Counter[str] = Counter()
@@ -142,7 +139,6 @@ class _Scene:
             yield vertices.astype(np.float64), triangles
 
     def _accessor(self, number: int, kind: str) -> NDArray[Any]:
-        """The values (n, width) of an accessor."""
         accessor = self.tree["accessors"][number]
         count, component = int(accessor["count"]), _COMPONENTS[accessor["componentType"]]
         if accessor["type"] != kind:
@@ -160,7 +156,6 @@ class _Scene:
         return _normalised(rows) if accessor.get("normalized") else rows
 
     def _count_bytes(self, size: int) -> None:
-        """Raise InputError when the arrays exceed the memory limit."""
         self._bytes_left -= size
         if self._bytes_left < 0:
             raise InputError("its scene is too large for a file of this size")
@@ -185,7 +180,6 @@ def _roots(nodes: list[dict[str, Any]]) -> list[int]:
 
 
 def _matrix(node: dict[str, Any]) -> Floats:
-    """Matrix (4, 4) from a node to its parent."""
     if "matrix" in node:
         return np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
     if not {"translation", "rotation", "scale"} & set(node):
@@ -206,7 +200,6 @@ def _transformed(vertices: Floats, triangles: Integers, matrix: Floats) -> tuple
 
 
 def _triangles(indices: Integers, mode: int) -> Integers:
-    """Triangles (t, 3) of a list, a strip or a fan of corners."""
     if mode == _TRIANGLES:
         return indices[: len(indices) // 3 * 3].reshape(-1, 3)
     first = np.arange(max(len(indices) - 2, 0))

@@ -25,10 +25,7 @@ _SKIPPED = {
 
 
 def read_obj(path: Path) -> Polygons:
-    """Read vertices, faces and material names; polylines, points and curves are counted as skipped.
-
-    Indices count from 1, or back from the last vertex before the face if negative.
-    """
+    """Read vertices, faces and material names; count polylines, points and curves as skipped."""
     return parse_obj(read_bytes(path), str(path))
 
 
@@ -57,7 +54,6 @@ def parse_obj(data: bytes, source: str) -> Polygons:
 
 
 def _lines(data: bytes) -> list[bytes]:
-    """Stripped lines, after joining continued lines."""
     data = data.removeprefix(codecs.BOM_UTF8)
     if b"\\" in data:
         data = data.replace(b"\\\r\n", b" ").replace(b"\\\n", b" ")

@@ -33,7 +33,6 @@ def read_off(path: Path) -> Polygons:
 
 
 def _counts_and_rows(data: bytes, path: Path) -> tuple[tuple[int, int], list[bytes]]:
-    """The counts of vertices and faces, and the lines after them that are not blank."""
     stripped = (
         line.partition(b"#")[0].strip() for line in data.removeprefix(codecs.BOM_UTF8).splitlines()
     )

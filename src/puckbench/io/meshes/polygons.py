@@ -27,17 +27,15 @@ class Polygons:
     vertices
         (v, 3) float64.
     corners
-        Vertex indices, face after face, (sum of sizes,) int64.
+        Vertex indices, face after face, (sum of sizes,).
     sizes
-        Number of corners of each face, (f,) int64.
+        Number of corners of each face, (f,).
     up
         The up axis, if the format defines it.
-    labels
-        Of each face, in files that puckbench wrote.
     skipped
         Counts of elements that the reader skipped, by name.
-    materials, material_id
-        Names of materials, and the index into them of each face, (f,), -1 for none.
+    material_id
+        Index into ``materials`` of each face, (f,), -1 for none.
     """
 
     vertices: Floats
@@ -51,7 +49,6 @@ class Polygons:
 
 
 def uniform_polygons(vertices: Floats, faces: Integers) -> Polygons:
-    """Make polygons of faces (f, k) with k corners each."""
     count, size = faces.shape
     return Polygons(vertices, faces.reshape(-1), np.full(count, size, dtype=np.int64))
 
@@ -59,8 +56,8 @@ def uniform_polygons(vertices: Floats, faces: Integers) -> Polygons:
 def triangulate(polygons: Polygons, source: str) -> tuple[Mesh, Integers]:
     """Triangulate faces as fans around their first corners, concave faces by ear clipping.
 
-    Returns the mesh and the face of each triangle (t,), ascending. Raises InputError if a face
-    refers to a missing vertex, or is concave with more than `MAX_CORNERS` corners.
+    Returns the mesh and the face of each triangle (t,), ascending. Raises InputError for concave
+    faces of more than `MAX_CORNERS` corners.
     """
     corners = polygons.corners
     if len(corners) and (corners.min() < 0 or corners.max() >= len(polygons.vertices)):
@@ -88,7 +85,6 @@ def _check_sizes(sizes: Integers, concave: Integers, source: str) -> None:
 def _with_ears(
     polygons: Polygons, starts: Integers, fans: Integers, face: Integers, concave: Integers
 ) -> tuple[Integers, Integers]:
-    """Triangles and the face of each, with ears instead of the fans of concave faces."""
     parts, owners = [fans[~np.isin(face, concave)]], [face[~np.isin(face, concave)]]
     for number in concave.tolist():
         corners = polygons.corners[starts[number] :][: polygons.sizes[number]]
@@ -101,7 +97,6 @@ def _with_ears(
 
 
 def select_triangles(mesh: Mesh, rows: NDArray[np.bool_]) -> Mesh:
-    """Return the mesh of the triangles in a mask (t,)."""
     labels = _select_labels(mesh.labels, np.flatnonzero(rows))
     return replace(mesh, triangles=mesh.triangles[rows], labels=labels)
 

@@ -36,17 +36,8 @@ SUFFIXES = tuple(_READERS)
 def read_mesh(path: Path, up: str = "z") -> Mesh:
     """Read a mesh file and rotate it to z up.
 
-    Parameters
-    ----------
-    path
-        The file; compressed files end in .gz, .bz2, .xz or .zst.
-    up
-        Up axis of the file (y or z), unless its format defines it.
-
-    Raises
-    ------
-    InputError
-        The file is missing, damaged, without faces, without area, or not finite.
+    `up` is the up axis of the file (y or z), unless its format defines it. Raises InputError if the
+    file is missing, damaged, without faces, without area, or not finite.
     """
     mesh, report = read_mesh_report(path, up)
     warn_of_skipped(path, report["skipped"])
@@ -54,7 +45,6 @@ def read_mesh(path: Path, up: str = "z") -> Mesh:
 
 
 def warn_of_skipped(path: Path, skipped: Mapping[str, int]) -> None:
-    """Log a warning about the elements that a reader skipped."""
     if skipped:
         parts = (f"{count} {name.replace('_', ' ')}" for name, count in skipped.items())
         _LOG.warning("%s: left out: %s", path, ", ".join(parts))
@@ -64,8 +54,8 @@ def read_mesh_report(path: Path, up: str = "z") -> tuple[Mesh, dict[str, Any]]:
     """Read a mesh as `read_mesh` does, with a report of counts.
 
     The report has ``format``, ``faces``, ``polygons`` (faces of more than three corners),
-    ``triangles`` (of the returned mesh), ``zero_area`` (triangles without area, removed from
-    unlabelled meshes) and ``skipped`` (other skipped elements by name).
+    ``triangles`` (of the returned mesh), ``zero_area`` (triangles removed from unlabelled meshes)
+    and ``skipped`` (other skipped elements by name).
     """
     if up not in ("y", "z"):
         raise InputError(f"up: {up!r} is not an axis that can point up (allowed: y, z)")
@@ -78,10 +68,7 @@ def read_mesh_report(path: Path, up: str = "z") -> tuple[Mesh, dict[str, Any]]:
 
 
 def mesh_from_polygons(polygons: Polygons, source: str, kind: str) -> tuple[Mesh, dict[str, Any]]:
-    """Triangulate and check polygons; return the mesh and the report of `read_mesh_report`.
-
-    `source` is named in errors, `kind` is the format in the report.
-    """
+    """Triangulate and check polygons; return the mesh and the report of `read_mesh_report`."""
     mesh, _ = triangulate(polygons, source)
     check_mesh(mesh, source)
     if not np.isfinite(mesh.vertices).all():  # vertices without a triangle

@@ -1,11 +1,6 @@
-"""Link-layer packets of pcap and pcapng files, with their link types and times.
+"""Link-layer packets of pcap and pcapng files (IETF drafts opsawg-pcap and opsawg-pcapng).
 
 dpkt is not used: it ignores the interfaces of pcapng files, and stops at some blocks.
-
-References
-----------
-draft-ietf-opsawg-pcap, PCAP Capture File Format; draft-ietf-opsawg-pcapng, PCAP Next Generation
-Capture File Format; tcpdump.org, Link-Layer Header Types.
 """
 
 from __future__ import annotations
@@ -30,10 +25,7 @@ _RESOLUTION, _OFFSET = 9, 14
 
 
 class CapturedPacket(NamedTuple):
-    """Position of a packet in a file, and its original length, before the snap length cut it.
-
-    ``received`` is in seconds since 1970.
-    """
+    """Position of a packet in a file, original length, and time of reception, s since 1970."""
 
     link: int
     received: float
@@ -55,7 +47,7 @@ class CapturedPackets:
     """Iterable of the packets in a file's bytes.
 
     After iteration, `end` is the end of the last complete record or block, `links` are the link
-    types of the interfaces, and `unreadable` is the number of inconsistent packet blocks.
+    types, and `unreadable` is the number of inconsistent packet blocks.
     """
 
     def __init__(self, data: bytes) -> None:
@@ -100,7 +92,7 @@ class CapturedPackets:
                 yield packet._replace(received=received)
 
     def _block(self, order: str) -> tuple[str, int, int, int] | None:
-        """Byte order, type, start and end of the next block's body; None if it is truncated."""
+        """Byte order, type, start and end of the next block's body; None if truncated."""
         data, at = self._data, self.end
         if at + _MIN_BLOCK_BYTES > len(data):
             return None
@@ -153,7 +145,6 @@ def _options(body: bytes, order: str, at: int = 8) -> Iterator[tuple[int, bytes]
 def _packet(
     data: bytes, kind: int, start: int, end: int, order: str, interfaces: list[Interface]
 ) -> CapturedPacket | None:
-    """The packet of a block's body; None if its fields are inconsistent."""
     if kind == _SIMPLE_PACKET:
         return _simple_packet(data, start, end, order, interfaces)
     form = order + ("IIIII" if kind == _PACKET else "HxxIIII")

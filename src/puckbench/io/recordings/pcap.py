@@ -56,14 +56,10 @@ class Capture:
 
     Parameters
     ----------
-    datagrams
-        Complete datagrams.
     cut
         Number of packets that the snap length cut.
     cut_sizes
         Number of cut datagrams by (length in bytes, port).
-    fragments
-        Number of fragments of IP packets.
     others
         Number of packets of other protocols.
     bytes_cut_off
@@ -78,7 +74,6 @@ class Capture:
     bytes_cut_off: int
 
     def contents(self) -> str:
-        """Describe the content in words."""
         sizes = Counter((each.length, each.stream.receiver_port) for each in self.datagrams)
         cut = "; ".join(_listed(self.cut_sizes))
         counts = {
@@ -92,10 +87,9 @@ class Capture:
 
 
 def read_datagrams(data: bytes) -> Capture:
-    """Read the UDP datagrams over IPv4 and IPv6 from a capture file's bytes.
+    """Read the complete UDP datagrams over IPv4 and IPv6 from a capture file's bytes.
 
-    Truncated files give their complete packets. Raises InputError if the file is not a packet
-    capture, or all its link layers are unknown.
+    Raises InputError if the file is not a packet capture, or all its link layers are unknown.
     """
     if not is_packet_capture(data):
         raise InputError("not a packet capture (.pcap, .pcapng)")
@@ -122,10 +116,7 @@ def read_datagrams(data: bytes) -> Capture:
 
 
 def udp_datagram(content: bytes, link: int = _ETHERNET) -> Datagram | None:
-    """Return the UDP datagram of a packet; None for other protocols and fragments.
-
-    The payload of a cut packet is shorter than the datagram's length.
-    """
+    """Return the UDP datagram of a packet; None for other protocols and fragments."""
     packet = _ip_packet(content, link)
     return None if packet is None else _datagram(content, packet)
 
@@ -185,7 +176,6 @@ def _address(raw: bytes) -> str:
 
 
 def _ip_start(frame: bytes, link: int) -> int | None:
-    """Position of the IP header; None for other protocols."""
     if link in _RAW:
         return 0
     if link in _LOOPBACK:
@@ -207,7 +197,6 @@ def _check_links(links: set[int]) -> None:
 
 
 def _listed(sizes: Mapping[tuple[int, int], int]) -> Iterator[str]:
-    """The most frequent lengths and ports of datagrams, and the number of others, in words."""
     ordered = sorted(sizes.items(), key=lambda item: (-item[1], item[0]))
     for (length, port), count in ordered[:_MAX_LISTED]:
         noun = "datagram" if count == 1 else "datagrams"

@@ -53,22 +53,11 @@ def bag_format(start: bytes) -> str | None:
 
 
 def read_messages(path: Path, kind: str, definitions: Mapping[str, str]) -> Messages:
-    """Read the messages of the only topic of a type.
+    """Read the messages of the only topic of a type, such as ``velodyne_msgs/msg/VelodyneScan``.
 
-    Parameters
-    ----------
-    path
-        A bag or its folder.
-    kind
-        Message type, such as ``velodyne_msgs/msg/VelodyneScan``.
-    definitions
-        ROS definitions of the type and its parts that are not standard types. Those in the bag are
-        not trusted, as they would be compiled.
-
-    Raises
-    ------
-    InputError
-        It is not a bag, is damaged, or does not have exactly one topic of the type.
+    `definitions` are ROS definitions of the type and its parts that are not standard types; those
+    in the bag are not trusted, as they would be compiled. Raises InputError if the file is damaged,
+    or does not have exactly one topic of the type.
     """
     from rosbags.serde import SerdeError
 
@@ -89,8 +78,7 @@ def read_messages(path: Path, kind: str, definitions: Mapping[str, str]) -> Mess
 def parse_bag(path: Path, kind: str, folder: str) -> ParsedFile:
     """Read the messages of the only topic of a type as bytes, in the calling process.
 
-    The columns are ``data``, all messages in order, and ``sizes``. `folder` is an empty folder for
-    copies.
+    The columns are ``data``, all messages in order, and ``sizes``. `folder` is for copies.
     """
     import apsw
     from rosbags.rosbag1 import ReaderError as Error1
@@ -191,7 +179,6 @@ def _suffix(file: Path) -> str:
 
 
 def _files(path: Path, folder: Path) -> tuple[list[Path], bool]:
-    """The files of a bag in order, and whether single messages are compressed."""
     if not path.is_dir():
         return [path], False
     if not (path / _METADATA).is_file():
@@ -241,7 +228,6 @@ def _decompressed(data: bytes) -> bytes:
 
 @cache
 def _types(is_ros1: bool, definitions: tuple[tuple[str, str], ...]) -> Any:
-    """The standard message types and further, compiled ones."""
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
     types = get_typestore(Stores.ROS1_NOETIC if is_ros1 else Stores.ROS2_HUMBLE)

@@ -26,8 +26,8 @@ def sqlite_storage(path: Path, folder: Path, kind: str) -> Iterator[tuple[Topics
     """Open a database; yield the topics' types, and topic and bytes of each message of type `kind`.
 
     A database with side files (write-ahead log, journal) is copied to `folder`, because reading
-    changes them. Raises InputError if topics and messages are not plain tables; apsw.Error if the
-    database is damaged, or reading it takes more steps than its size allows.
+    changes them. Raises apsw.Error if the database is damaged, or reading it takes more steps than
+    its size allows.
     """
     with closing(_connection(path, folder)) as database:
         _check_tables(database)
@@ -40,7 +40,6 @@ def sqlite_storage(path: Path, folder: Path, kind: str) -> Iterator[tuple[Topics
 
 
 def _connection(path: Path, folder: Path) -> Any:
-    """A read-only connection without views, triggers or extensions, with a limit of steps."""
     import apsw
 
     side_files = [path.with_name(path.name + suffix) for suffix in SIDE_FILE_SUFFIXES]
@@ -69,7 +68,6 @@ def _copied(path: Path, changes: list[Path], folder: Path) -> Path:
 
 
 def _check_tables(database: Any) -> None:
-    """Raise InputError for views, virtual tables, and tables with computed columns."""
     for table in _TABLES:
         kinds = database.execute(
             "SELECT type, rootpage > 0 FROM sqlite_schema WHERE lower(name) = ?", (table,)
