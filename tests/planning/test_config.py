@@ -162,4 +162,5 @@ def test_a_fault_in_a_stand_in_is_named() -> None:
 
 def test_exclusive_timing_has_a_short_form() -> None:
     timing = checked(_config() | {"timing": "exclusive"}).timing
-    assert timing.model_dump() == {"exclusive": True, "repeats": 3, "threads": 1}
+    expected = {"exclusive": True, "repeats": 3, "threads": 1, "timeout_s": None}
+    assert timing.model_dump() == expected
