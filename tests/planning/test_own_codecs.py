@@ -6,6 +6,9 @@ import pytest
 import yaml
 
 from puckbench.cli import main
+from puckbench.figures.plot_styles import PlotStyle, read_looks
+from puckbench.figures.style import FigureStyle
+from puckbench.jobs.joined import PlanTable
 from puckbench.planning.workflow import Workflow
 
 ROOT = Path(__file__).parents[2]
@@ -99,5 +102,34 @@ def test_figures_show_a_codec_of_a_file_as_its_class_says(tmp_path: Path) -> Non
     base = Workflow(config).outputs.figure_style("fig_6_6")[0]
     assert base["codec_titles"] == {"mine": "Mine"}
     assert base["colours"] == {"mine": "#123456"}
+    assert base["markers"].keys() == base["lines"].keys() == {"mine"}
     config["codecs"] = {"gpcc": {}}
     assert "colours" not in Workflow(config).outputs.figure_style("fig_6_6")[0]
+
+
+def test_a_configuration_changes_the_looks_of_a_codec() -> None:
+    config = yaml.safe_load((ROOT / "config" / "config.yaml").read_text())
+    config["codecs"] = {"gpcc": {}, "draco": {"title": "D", "marker": "*", "colour": "#010203"}}
+    style = Workflow(config).outputs.titles
+    shown = style.of_codec("draco")
+    assert (shown.title, shown.marker, shown.colour) == ("D", "*", "#010203")
+    assert style.of_codec("gpcc").title == "G-PCC"
+
+
+def test_another_codec_draws_only_figures_again_that_show_codecs(tmp_path: Path) -> None:
+    (tmp_path / "mine.py").write_text(MINE)
+    config = yaml.safe_load((ROOT / "config" / "config.yaml").read_text())
+    config["codecs"] = {"gpcc": {}}
+    before = Workflow(config).outputs
+    config["codecs"] |= {"mine": {"class": f"{tmp_path}/mine.py:Mine"}}
+    after = Workflow(config).outputs
+    assert before.figure("fig_6_4") == after.figure("fig_6_4")
+    assert before.figure("fig_6_6") != after.figure("fig_6_6")
+
+
+def test_figures_that_are_drawn_later_show_codecs_as_the_run_did(tmp_path: Path) -> None:
+    row = {"codec": "mine", "title": "Mine", "colour": "#123456", "marker": "*", "line": ":"}
+    PlanTable(table="codecs", rows=(row,)).run(tmp_path / "codecs.csv", tmp_path / "codecs.parquet")
+    style = FigureStyle.from_config(read_looks(tmp_path))
+    assert style.of_codec("mine") == PlotStyle("Mine", "#123456", "*", ":")
+    assert read_looks(tmp_path / "elsewhere") == {}

@@ -77,6 +77,8 @@ def _compared(options: argparse.Namespace) -> dict[str, Any]:
     from puckbench.core.errors import naming
     from puckbench.figures.comparison import draw_comparison
     from puckbench.figures.drawing import lay_out, save_figure
+    from puckbench.figures.plot_styles import read_looks
+    from puckbench.figures.style import FigureStyle
     from puckbench.io.tables import read_table, write_table
     from puckbench.metrics.peaks import peak_phrase
     from puckbench.report.comparison import compared
@@ -84,6 +86,8 @@ def _compared(options: argparse.Namespace) -> dict[str, Any]:
     from puckbench.report.reference_results import read_reference
 
     reference = read_reference(options.study)
+    looks = read_looks(options.results / "tables")
+    style = FigureStyle.from_config(*reference.about["style"], looks)
     metrics, clouds = (
         read_table(options.results / "tables" / f"{name}.parquet") for name in ("metrics", "clouds")
     )
@@ -93,9 +97,9 @@ def _compared(options: argparse.Namespace) -> dict[str, Any]:
     qualities = list(dict.fromkeys(comparison.deltas["metric"]))
     place = (options.out or options.results / "comparison") / reference.name
     figures = [place.with_suffix(suffix) for suffix in (".png", ".pdf")]
-    with reference.style.context():
+    with style.context():
         tables = (comparison.own, comparison.reference)
-        figure = draw_comparison(*tables, qualities, reference.name, reference.style)
+        figure = draw_comparison(*tables, qualities, reference.name, style)
         lay_out(figure)
         for path in figures:
             save_figure(figure, path)
@@ -103,13 +107,13 @@ def _compared(options: argparse.Namespace) -> dict[str, Any]:
     return {
         "study": reference.name,
         "codecs": list(dict.fromkeys(comparison.own["codec"])),
-        "curves": list(_curves(comparison, reference.style)),
+        "curves": list(_curves(comparison, style)),
         **({"not_timed": reference.not_timed} if reference.not_timed else {}),
         "deltas": [
             _plain(row) for row in comparison.deltas[list(_DELTA_COLUMNS)].to_dict("records")
         ],
         "peak": peak_phrase(comparison.own),
-        "lossless": lossless_text(comparison.own, reference.style),
+        "lossless": lossless_text(comparison.own, style),
         "left_out": list(comparison.left_out),
         "same_streams": {name: list(counts) for name, counts in comparison.same_streams.items()},
         "files": [str(path) for path in (*figures, table)],

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from puckbench.cli.types import files_by_name, json_object
+from puckbench.figures.plot_styles import read_looks
 from puckbench.figures.registry import FIGURES
 from puckbench.jobs.figure import Figure
 
@@ -26,5 +27,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
     layers = options.style if isinstance(options.style, list) else [options.style]
-    job = Figure.given(figure=options.figure, style=tuple(layers))
-    return job.run(tuple(options.out), **files_by_name(options.inputs, "--inputs"))
+    inputs = files_by_name(options.inputs, "--inputs")
+    looks = [read_looks(path.parent) for path in inputs.values()]
+    job = Figure.given(figure=options.figure, style=(*filter(None, looks), *layers))
+    return job.run(tuple(options.out), **inputs)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 from puckbench.codecs.facts import CodecFacts, Line
 from puckbench.codecs.registry import codec_class, is_codec
@@ -25,16 +27,40 @@ _OTHER_LINES: tuple[Line, ...] = (":", "--", "-.")
 
 
 def codec_style(codec: str) -> PlotStyle:
-    """Return the plot style of a codec from its class; missing parts are derived from its name."""
-    facts, derived = _registered(codec), _style_from_name(codec)
-    if facts is None:
+    """Return the plot style of a codec by its name, which is the same in every figure."""
+    return class_style(codec, _registered(codec))
+
+
+def class_style(name: str, codec: type[CodecFacts] | None) -> PlotStyle:
+    """Return the plot style that a codec's class has; what it lacks is derived from the name."""
+    derived = _style_from_name(name)
+    if codec is None:
         return derived
     return PlotStyle(
-        title=facts.title or codec,
-        colour=facts.colour or derived.colour,
-        marker=facts.marker or derived.marker,
-        line=facts.line if facts.colour else derived.line,
+        title=codec.title or name,
+        colour=codec.colour or derived.colour,
+        marker=codec.marker or derived.marker,
+        line=codec.line if codec.colour else derived.line,
     )
+
+
+def read_looks(folder: Path) -> dict[str, dict[str, str]]:
+    """Return `looks_layer` of the table ``codecs`` in a run's folder of tables, if it is there."""
+    from puckbench.io.tables import read_table
+
+    path = folder / "codecs.parquet"
+    if not path.exists():
+        return {}
+    table = read_table(path).astype(str)
+    return looks_layer({str(k): str(v) for k, v in row.items()} for row in table.to_dict("records"))
+
+
+def looks_layer(rows: Iterable[Mapping[str, str]]) -> dict[str, dict[str, str]]:
+    """Return the options of `FigureStyle` that show codecs as rows of the table ``codecs`` say."""
+    keys = {"title": "codec_titles", "colour": "colours", "marker": "markers", "line": "lines"}
+    rows = list(rows)
+    layer = {option: {row["codec"]: row[key] for row in rows} for key, option in keys.items()}
+    return layer if rows else {}
 
 
 def codec_rank(codec: str) -> tuple[int, str]:

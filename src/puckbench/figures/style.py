@@ -9,6 +9,7 @@ from typing import Annotated, Any
 
 from pydantic import Field, field_validator
 
+from puckbench.codecs.facts import Line
 from puckbench.core.models import Model, parsed
 from puckbench.figures.plot_styles import PlotStyle, codec_rank, codec_style, dataset_title
 
@@ -37,6 +38,8 @@ class FigureStyle(Model):
         Points.
     colours
         Codec or error model -> matplotlib colour.
+    markers, lines
+        Codec -> matplotlib marker and line style.
     codec_titles, dataset_titles
         Name -> title.
     datasets
@@ -51,6 +54,8 @@ class FigureStyle(Model):
     line_width: Size = 1.0
     marker_size: Size = 3.2
     colours: Mapping[str, str] = {}
+    markers: Mapping[str, str] = {}
+    lines: Mapping[str, Line] = {}
     codec_titles: Mapping[str, str] = {}
     dataset_titles: Mapping[str, str] = {}
     datasets: tuple[str, ...] = ()
@@ -75,6 +80,17 @@ class FigureStyle(Model):
                     raise ValueError(f"{name!r}: {colour!r} is not a colour")
         return colours
 
+    @field_validator("markers")
+    @classmethod
+    def _check_markers(cls, markers: Mapping[str, str]) -> Mapping[str, str]:
+        if markers:
+            from matplotlib.markers import MarkerStyle
+
+            for name, marker in markers.items():
+                if marker not in MarkerStyle.markers:
+                    raise ValueError(f"{name!r}: {marker!r} is not a marker")
+        return markers
+
     @classmethod
     def from_config(cls, *options: Mapping[str, Any]) -> FigureStyle:
         """Merge configuration mappings, later ones over earlier ones and nested ones key by key.
@@ -93,6 +109,8 @@ class FigureStyle(Model):
             plot_style,
             title=self.codec_titles.get(codec, plot_style.title),
             colour=self.colours.get(codec, plot_style.colour),
+            marker=self.markers.get(codec, plot_style.marker),
+            line=self.lines.get(codec, plot_style.line),
         )
 
     def axis_range(self, column: str, default: Range) -> Range:

@@ -50,17 +50,17 @@ class CloudsTable(OfNames):
         return {"rows": len(table)}
 
 
-@JOBS.register("left_out")
-class LeftOut(Job):
-    """Files and scenes that could not be used, a row each, and why."""
+@JOBS.register("plan_table")
+class PlanTable(Job):
+    """Write a table whose rows a plan has: ``left_out`` or ``codecs``."""
 
+    table: str
     rows: tuple[dict[str, str], ...]
 
     def run(self, csv: Path, parquet: Path, results: Path | None = None) -> dict[str, Any]:
-        """Write the table; results: not used."""
         from puckbench.io.tables import write_table
         from puckbench.jobs.tables import results as result_tables
 
-        table = result_tables.left_out(self.rows)
+        table = result_tables.PLAN_TABLES[self.table](self.rows)
         write_table(table, csv, parquet)
         return {"rows": len(table)}

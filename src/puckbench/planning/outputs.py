@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable
+from dataclasses import asdict
 from functools import cache, cached_property
 from typing import Any, get_args
 
-from puckbench.codecs.registry import CODECS, codec_class
+from puckbench.codecs.registry import LOOKS, codec_class, is_codec
 from puckbench.core.errors import InputError, naming
-from puckbench.figures.plot_styles import codec_style
+from puckbench.figures.plot_styles import class_style, looks_layer
 from puckbench.figures.registry import (
     FIGURES,
     FigureEntry,
@@ -20,7 +21,7 @@ from puckbench.figures.style import FigureStyle
 from puckbench.geometry.cloud import CoordinateFrame
 from puckbench.jobs.figure import Figure
 from puckbench.jobs.first_look import FirstLook
-from puckbench.jobs.joined import CloudsTable, LeftOut
+from puckbench.jobs.joined import CloudsTable, PlanTable
 from puckbench.jobs.reference import Reference
 from puckbench.jobs.report import Report
 from puckbench.jobs.table import Table
@@ -70,7 +71,10 @@ class OutputJobs:
             names = tuple(f"clouds/{'/'.join(cloud)}.json" for cloud in plan.clouds)
             tables["clouds"] = Gathering(planned(CloudsTable(names=names)), names)
         if left_out := plan.left_out_rows():
-            tables["left_out"] = Gathering(planned(LeftOut(rows=left_out)), ())
+            tables["left_out"] = Gathering(planned(PlanTable(table="left_out", rows=left_out)), ())
+        if plan.codecs:
+            looks = tuple(self._looks(name) for name in plan.codecs)
+            tables["codecs"] = Gathering(planned(PlanTable(table="codecs", rows=looks)), ())
         for record in self.coding.tables():
             tables[record.kind] = Gathering(planned(record), record.names)
         return tables
@@ -162,13 +166,17 @@ class OutputJobs:
     def figure(self, name: str) -> PlannedJob:
         """Draw a figure."""
         record = Figure(figure=FIGURES.place_of(name), style=self.figure_style(name))
-        return planned(record, FIGURES.module_of(name), also=self._codec_styles)
+        also = self._codec_styles if self._shows_codecs(name) else ""
+        return planned(record, FIGURES.module_of(name), also=also)
+
+    def _shows_codecs(self, figure: str) -> bool:
+        return bool({*figure_entry(figure).inputs} & {*_OF_CURVES, *self.result_tables})
 
     @cached_property
     def _codec_styles(self) -> str:
-        """Digest of the titles and colours of the codecs, by which all figures are drawn again."""
-        styles = [codec_style(name) for name in self.plan.codecs]
-        return hashlib.sha256(repr(styles).encode()).hexdigest()[:16]
+        """Digest of the looks of the codecs, by which figures that show them are drawn again."""
+        looks = [self._looks(name) for name in self.plan.codecs]
+        return hashlib.sha256(repr(looks).encode()).hexdigest()[:16]
 
     def figure_labels(self, name: str) -> tuple[str, str]:
         """Category and title of a figure, for Snakemake's own report."""
@@ -177,29 +185,36 @@ class OutputJobs:
 
     def figure_style(self, figure: str) -> tuple[dict[str, Any], ...]:
         """Layers of a figure's style: of the data sets, of all figures, of this one."""
-        chosen = self.config.figures
-        return self._style(chosen.style, chosen.options.get(figure, {}))
+        changes = self.config.figures.style, self.config.figures.options.get(figure, {})
+        if self._shows_codecs(figure):
+            return self._style(*changes)
+        return self._dataset_style(), *changes
 
     def _style(self, *changes: dict[str, Any]) -> tuple[dict[str, Any], ...]:
+        own = [name for name in self.plan.codecs if self._has_own_looks(name)]
+        looks = looks_layer([self._looks(name) for name in own])
+        return {**self._dataset_style(), **looks}, *changes
+
+    def _has_own_looks(self, codec: str) -> bool:
+        return not is_codec(codec) or bool(self.config.codec(codec).keys() & {*LOOKS, "class"})
+
+    def _looks(self, codec: str) -> dict[str, str]:
+        """How figures show a codec."""
+        entry = codec_class(codec, self.config.codec(codec))
+        return {"codec": codec, **asdict(class_style(codec, entry))}
+
+    def _dataset_style(self) -> dict[str, Any]:
         titles = {
             name: data.settings.title
             for name, data in self.plan.datasets.items()
             if data.settings.title is not None
         }
-        base = {"datasets": tuple(self.plan.datasets), "dataset_titles": titles}
-        return {**base, **self._own_codecs()}, *changes
+        return {"datasets": tuple(self.plan.datasets), "dataset_titles": titles}
 
     @property
     def titles(self) -> FigureStyle:
         """The style that all figures share, for the titles of data sets and codecs."""
         return FigureStyle.from_config(*self._style(self.config.figures.style))
-
-    def _own_codecs(self) -> dict[str, dict[str, str]]:
-        """Titles and colours of codecs of a user's own files, known to figures by name alone."""
-        own = {n: codec_class(n, e) for n, e in self.plan.codecs.items() if n not in CODECS}
-        titles = {name: found.title for name, found in own.items() if found.title}
-        colours = {name: found.colour for name, found in own.items() if found.colour}
-        return {"codec_titles": titles, "colours": colours} if own else {}
 
     def _check_style(self, figure: str) -> None:
         with naming("figures.style"):

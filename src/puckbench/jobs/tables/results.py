@@ -141,6 +141,18 @@ def left_out(rows: Sequence[Mapping[str, str]]) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["dataset", "scene", "file", "reason"])
 
 
+@TABLES.register("codecs", title="How codecs are shown", gathered=True)
+def codecs(rows: Sequence[Mapping[str, str]]) -> pd.DataFrame:
+    """Title, colour, marker and line style of each codec, for figures that are drawn later."""
+    import pandas as pd
+
+    return pd.DataFrame(rows, columns=["codec", "title", "colour", "marker", "line"])
+
+
+PLAN_TABLES = {"left_out": left_out, "codecs": codecs}
+"""Tables whose rows a plan has."""
+
+
 @TABLES.register("scan_errors", title="Errors of the scans themselves", gathered=True)
 def scan_error_rows(files: Sequence[Path]) -> list[dict[str, Any]]:
     """Each scan measured as if it had been decoded: its distance to the true surface.
