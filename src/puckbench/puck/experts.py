@@ -33,34 +33,17 @@ _MOST_ERROR = 4000
 
 
 class Experts(NamedTuple):
-    """State of the experts of a number.
+    """State of the experts of a number, (experts,) each unless stated otherwise."""
 
-    Parameters
-    ----------
-    means
-        (experts,), 0 for an expert without an estimate.
-    inverse
-        (experts,), inverses of the scales.
-    lower, upper, edge
-        (experts,), cumulative distribution at the ends of the interval, and at the edge that
-        divides it in the last decision.
-    scales
-        (experts, situations), mean absolute errors in 1 / (256 FINE).
-    distribution, logits
-        Tables of the cumulative distribution and of the logarithm.
-    every
-        A tuple of as many zeros as there are experts, whose length is known to the compiler.
-    """
-
-    means: Ints
-    inverse: Ints
-    lower: Ints
+    means: Ints  # 0 for an expert without an estimate
+    inverse: Ints  # of the scales
+    lower: Ints  # cumulative distribution at the ends of the interval,
     upper: Ints
-    edge: Ints
-    scales: Words
-    distribution: NDArray[np.int16]
+    edge: Ints  # and at the edge that divides it in the current decision
+    scales: Words  # (experts, situations), mean absolute errors in 1 / (256 FINE)
+    distribution: NDArray[np.int16]  # tables
     logits: NDArray[np.int16]
-    every: Many
+    every: Many  # a tuple whose length is known to the compiler
 
 
 def new_experts(scales: Words, count: int) -> Experts:

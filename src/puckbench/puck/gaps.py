@@ -30,7 +30,7 @@ _DAMAGED = "the stream is damaged"
 
 
 def encode_gaps(gaps: list[bytes], are_headers: bool = False) -> bytes:
-    """Encode gaps; `are_headers` chooses the LZMA options, but not whether gaps can be decoded."""
+    """Encode gaps, with LZMA options that suit headers or other content."""
     return compress_bytes(_joined(gaps), are_headers)
 
 
@@ -107,7 +107,7 @@ def _filter(size: int) -> dict[str, int]:
 
 
 def _joined(gaps: list[bytes]) -> bytes:
-    """Return run lengths of the gaps' lengths, then groups of gaps of equal length, then others."""
+    """Return run lengths of the lengths, groups of gaps of equal length, and the other gaps."""
     lengths = np.array([len(gap) for gap in gaps])
     edges = np.flatnonzero(np.diff(lengths, prepend=-1))
     counts = np.diff(edges, append=len(lengths))
@@ -125,7 +125,7 @@ def _joined(gaps: list[bytes]) -> bytes:
 
 
 def _frequent(lengths: NDArray[np.int64]) -> list[int]:
-    """Return lengths above 0 that several gaps have, the most frequent first."""
+    """Return lengths above 0 of several gaps, the most frequent first."""
     values, counts = np.unique(lengths, return_counts=True)
     order = np.lexsort((values, -counts))
     return [int(values[k]) for k in order if values[k] > 0 and counts[k] > 1][:_GROUPS]
@@ -141,7 +141,6 @@ def _planes(rows: Bytes) -> bytes:
 
 
 def _rows(planes: Bytes, count: int, length: int) -> Bytes:
-    """Return the headers (count, length) of `_planes`."""
     words, tail = _words(np.ascontiguousarray(planes.reshape(length, count).T))
     words = np.cumsum(words, axis=0, dtype="<u4")
     tail = np.cumsum(tail, axis=0, dtype=np.uint8)
@@ -151,7 +150,6 @@ def _rows(planes: Bytes, count: int, length: int) -> Bytes:
 
 
 def _words(rows: Bytes) -> tuple[NDArray[np.uint32], Bytes]:
-    """Return rows as little-endian 32-bit words, and the remaining bytes of each row."""
     end = rows.shape[1] // 4 * 4
     words = np.ascontiguousarray(rows[:, :end]).view("<u4").reshape(len(rows), -1)
     return words, np.ascontiguousarray(rows[:, end:])

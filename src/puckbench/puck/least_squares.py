@@ -22,25 +22,13 @@ _LARGEST = 1 << 20
 
 
 class LeastSquares(NamedTuple):
-    """State of several predictors with common features.
+    """State of several predictors with common features."""
 
-    Parameters
-    ----------
-    features
-        (lanes,), features of the number to be predicted, then zeros.
-    products
-        (predictors * features, lanes), weighted sums of products of two features.
-    targets, coefficients
-        (predictors, lanes), weighted sums of a feature times the target, and the solution.
-    every, lanes
-        Tuples of zeros whose lengths, the numbers of features and lanes, are known to the compiler.
-    """
-
-    features: Words
-    products: Words
-    targets: Ints
-    coefficients: Words
-    every: Many
+    features: Words  # (lanes,), then zeros
+    products: Words  # (predictors * features, lanes), weighted sums of products of two features
+    targets: Ints  # (predictors, lanes), weighted sums of a feature times the target
+    coefficients: Words  # (predictors, lanes)
+    every: Many  # tuples whose lengths (features, lanes) are known to the compiler
     lanes: Many
 
 

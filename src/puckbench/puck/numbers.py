@@ -27,22 +27,10 @@ _LATER_HALVINGS = 62
 def code_number(
     mixer: Mixer, experts: Experts, number: int, centre: int, unit: int, step: int
 ) -> int:
-    """Code a number by mixing experts and contexts; return it.
+    """Code a number from 0 to (FARTHEST + step) // step by mixing; return it.
 
-    Parameters
-    ----------
-    mixer
-        Its contexts and rows of weights are those of node 0.
-    experts
-        Estimates of step * number.
-    number
-        0 to (FARTHEST + step) // step.
-    centre
-        The expected number, at least 1.
-    unit
-        Length of the first steps away from the centre.
-    step
-        Quantisation step of ranges.
+    mixer: its contexts and rows of weights are those of node 0. experts: estimates of step *
+    number. centre: the expected number, at least 1. unit: length of the first steps away from it.
     """
     return _traverse(mixer, experts, False, 0, number, centre, unit, step)
 
@@ -91,7 +79,6 @@ def _decide(
     mixer: Mixer, experts: Experts, is_unmixed: bool, start: int, number: int, middle: int,
     node: int, step: int,
 ) -> int:  # fmt: skip
-    """Code whether the number is at least `middle`."""
     bit = int(number >= middle)
     if is_unmixed:
         return code_unmixed_bit(mixer, start + node, bit)
@@ -104,7 +91,6 @@ def _decide(
 
 @inlined
 def code_unmixed_bit(mixer: Mixer, counter: int, bit: int) -> int:
-    """Code a bit by one adaptive probability."""
     state = np.int64(mixer.counters[np.uint64(counter)])
     share = int(state >> SEEN_BITS + FINE_BITS - 16)
     bit = code(mixer.bits, bit, min(max(share, LEAST), ONE - LEAST))

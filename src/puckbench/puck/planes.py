@@ -114,7 +114,6 @@ def fitted_planes(
 
 @inlined
 def _add(sums: Floats, row: Floats, target: float, weight: float) -> None:
-    """Add a weighted return to the sums of a set."""
     sums[0] += weight
     sums[1] += weight * row[0] * row[0]
     sums[2] += weight * row[0] * row[1]
@@ -153,7 +152,7 @@ def _solve(sums: Floats, variance: float, plane: Floats) -> float:
 
 @inlined
 def range_error(row: Floats, target: float, plane: Floats) -> float:
-    """Return how much farther than the range the plane is along the beam, m."""
+    """Return the distance from the return to the plane along the beam, m."""
     error: float = target - row[0] * plane[0] - row[1] * plane[1] - row[2] * plane[2]
     return error
 
@@ -213,7 +212,7 @@ def _first_part(
     scratch: tuple[Floats, Floats],
     places: Places,
 ) -> int:
-    """Return how many returns the first of two lines fits, if two fit far better than one."""
+    """Return the length of the first of two lines if they fit far better than one, else all."""
     both, plane = scratch
     first, second = both[0], both[1]
     second[:] = 0
@@ -267,14 +266,13 @@ def _pairs(labels: Labels, closes: bool, within: Labels, across: Labels) -> tupl
 
 @_loop
 def _measure(sums: Floats, squares: Floats, variance: float, plane: Floats) -> None:
-    """Write the sum of squared errors of each set."""
     for k in range(len(sums)):
         squares[k] = _solve(sums[k], variance, plane)
 
 
 @inlined
 def _root(parents: Labels, piece: int) -> int:
-    """Return the set that a piece belongs to (union-find with path halving)."""
+    """Return the set of a piece (union-find with path halving)."""
     while parents[piece] != piece:
         parents[piece] = parents[parents[piece]]
         piece = parents[piece]
@@ -320,7 +318,7 @@ def _merge(
 
 @_loop
 def _number_sets(labels: Labels, parents: Labels) -> int:
-    """Replace labels of pieces by numbers of sets, from 0; return the number of sets."""
+    """Replace labels of pieces by numbers of sets; return how many sets there are."""
     count = 0
     for piece in range(len(parents)):
         parents[piece] = _root(parents, piece)
@@ -369,7 +367,6 @@ def _fit(
 def _move_borders(
     ranges: Floats, rows: Floats, labels: Labels, planes: Floats, variance: float
 ) -> None:
-    """Move the borders between planes within rows to where both planes fit best."""
     for laser in range(len(labels)):
         row, before = labels[laser], -1
         for column in range(len(row)):
@@ -410,7 +407,6 @@ def _border(
     high: int,
     variance: float,
 ) -> int:
-    """Return the column at which the plane on the right should begin."""
     cost, best, border = 0.0, 0.0, low
     for at in range(low, high + 1):
         if ranges[at] > 0:

@@ -58,60 +58,29 @@ _FIRST_ERROR = 3 * FINE
 
 
 class RangeContext(NamedTuple):
-    """Ranges of a turn and what contexts derive from them, (PAD + columns, lasers) each.
+    """Ranges of a turn and what contexts derive from them, (PAD + columns, lasers) each."""
 
-    Lasers are ordered by elevation.
-
-    Parameters
-    ----------
-    ranges
-        0 for no return.
-    smooth
-        Ranges, in 1 / FINE, moved part of the way to their predictions.
-    errors
-        Absolute prediction errors, in 1 / FINE.
-    held
-        Range of the laser's last return up to this column.
-    """
-
-    ranges: Words
-    smooth: Words
-    errors: Words
-    held: Words
+    ranges: Words  # 0 for no return
+    smooth: Words  # ranges, in 1 / FINE, moved part of the way to their predictions
+    errors: Words  # absolute prediction errors, in 1 / FINE
+    held: Words  # range of the laser's last return up to this column
 
 
 class RangeModel(NamedTuple):
-    """Adaptive state of the coder of ranges.
+    """Adaptive state of the coder of ranges."""
 
-    Parameters
-    ----------
-    mask, value
-        Mixers of the decisions whether a firing returned, and from how far.
-    starts, mask_starts
-        First counter of each context of these.
-    experts, linear
-        Estimates of a range.
-    last, other, gap, error
-        For each laser: its last range, its range on the surface before the last jump, columns since
-        it began or ceased to return, and the running mean of its errors.
-    memory
-        The last signed error, and the number of returns.
-    parameters
-        Step, lambda, number of linear predictors, and returns between two updates of them.
-    """
-
-    mask: Mixer
-    value: Mixer
-    starts: Ints
+    mask: Mixer  # of the decision whether a firing returned
+    value: Mixer  # of the decisions on its range
+    starts: Ints  # first counter of each context of `value`, and of `mask`
     mask_starts: Ints
     experts: Experts
     linear: LeastSquares
-    last: Ints
-    other: Ints
-    gap: Ints
-    error: Ints
-    memory: Ints
-    parameters: Ints
+    last: Ints  # for each laser: its last range,
+    other: Ints  # its range on the surface before the last jump,
+    gap: Ints  # columns since it began or ceased to return,
+    error: Ints  # the running mean of its errors
+    memory: Ints  # the last signed error, the number of returns
+    parameters: Ints  # step, lambda, number of predictors, returns between solver updates
 
 
 class ModelSize(NamedTuple):
@@ -162,7 +131,6 @@ def new_range_model(
 
 
 def _first_scales(experts: int) -> Words:
-    """Return the error that each level of activity stands for, times each expert's usual error."""
     level = np.arange(_LEVELS) + 6
     usual = (1 << level // 2) * (2 + level % 2) * 128
     times = np.array([1, 1.2, 1.4, 1.4, 6, 1.4, 1, 6, 6])[: max(experts, 1), None]
@@ -176,18 +144,9 @@ def code_ranges(
 ) -> bool:
     """Code the ranges of a turn; return False if a reader's stream ended too early.
 
-    Parameters
-    ----------
-    model
-        Its mixers write or read the stream.
-    image
-        The turn; rows from PAD on are filled, by a reader and a writer alike.
-    before
-        The previous turn, with PAD empty rows at its end.
-    nearest
-        (columns,), row of the nearest column of the previous turn, or 0.
-    source
-        (PAD + columns, lasers), the ranges that a writer codes.
+    image, before: the turn, whose rows from PAD on are filled, and the previous turn with PAD empty
+    rows at its end. nearest: (columns,), row of the nearest column there, or 0. source: (PAD +
+    columns, lasers), the ranges that a writer codes.
     """
     is_unmixed = len(model.experts.every) == 0
     for column in range(PAD, len(image.ranges)):
@@ -221,7 +180,6 @@ def _code_mask(
     model: RangeModel, image: RangeContext, before: RangeContext, c: int, laser: int, t: int,
     source: Words,
 ) -> int:  # fmt: skip
-    """Code whether a firing returned; contexts are the neighbours that did."""
     ranges, mask, starts = image.ranges, model.mask, model.mask_starts
     lasers = ranges.shape[1]
     west, west2 = _is(ranges, c - 1, laser), _is(ranges, c - 2, laser)
@@ -274,7 +232,6 @@ def _code_range(
     model: RangeModel, image: RangeContext, before: RangeContext, c: int, laser: int, t: int,
     source: Words,
 ) -> None:  # fmt: skip
-    """Code the range of a return by mixing experts and contexts."""
     base, first, activity, is_known, situation = _predict(model, image, before, c, laser, t)
     mean = FINE * base + 4 * first
     group = 0
@@ -295,7 +252,7 @@ def _code_mask_unmixed(
     model: RangeModel, image: RangeContext, before: RangeContext, c: int, laser: int, t: int,
     source: Words,
 ) -> int:  # fmt: skip
-    """Code whether a firing returned by a single adaptive probability, for effort `fast`."""
+    """Code whether a firing returned by a single adaptive probability (effort `fast`)."""
     ranges, then = image.ranges, before.ranges
     context = _is(ranges, c - 1, laser) + 2 * _is(ranges, c - 2, laser)
     context += 4 * _is(ranges, c - 3, laser)
@@ -314,7 +271,6 @@ def _code_range_unmixed(
     model: RangeModel, image: RangeContext, before: RangeContext, c: int, laser: int, t: int,
     source: Words,
 ) -> None:  # fmt: skip
-    """Code the range of a return by single adaptive probabilities, for effort `fast`."""
     base, first, activity, is_known, situation = _predict(model, image, before, c, laser, t)
     mean = FINE * base + 4 * first
     index, centre, unit = _quantise(model, source[c, laser], mean, situation)
@@ -335,9 +291,9 @@ def _predict(
 ) -> tuple[int, int, int, int, int]:  # fmt: skip
     """Predict a range.
 
-    Returns its base, the predicted difference from the base in quarter quanta, the activity,
-    whether the previous turn has a return there, and the situation: an index of activity, the
-    previous turn and the laser's last firing, for each of which typical errors are learnt.
+    Returns its base, the predicted difference from it in quarter quanta, the activity, whether the
+    previous turn has a return there, and the situation: an index of these and of the laser's last
+    firing, for each of which typical errors are learnt.
     """
     base = _base(model, image, before, c, laser, t)
     _write_features(model, image, before, c, laser, t, base)
@@ -403,7 +359,6 @@ def _write_features(
     model: RangeModel, image: RangeContext, before: RangeContext, c: int, laser: int, t: int,
     base: int,
 ) -> None:  # fmt: skip
-    """Write the features of the linear prediction: differences between neighbouring ranges."""
     x, held, ranges = model.linear.features, image.held, image.ranges
     for k in range(3):
         x[k] = _change(held[c - 2 - k, laser], base)
@@ -460,7 +415,6 @@ def _write_experts(
     model: RangeModel, image: RangeContext, before: RangeContext, c: int, laser: int, t: int,
     base: int, mean: int, group: int,
 ) -> None:  # fmt: skip
-    """Write the experts' means, in 1 / FINE."""
     means = model.experts.means
     then = int(before.smooth[t, laser]) if t > 0 else 0
     means[0] = max(mean, 1)
@@ -484,7 +438,6 @@ def _write_experts(
 def _activity(
     model: RangeModel, image: RangeContext, before: RangeContext, c: int, laser: int, t: int
 ) -> int:
-    """Return the level of the prediction errors around a firing."""
     own = model.error[laser]
     total = 2 * own
     total += image.errors[c, laser - 1] if laser > 0 else own
@@ -555,7 +508,6 @@ def _learn_range(
     model: RangeModel, image: RangeContext, c: int, laser: int, value: int, base: int, first: int,
     group: int, situation: int,
 ) -> None:  # fmt: skip
-    """Store a range, and adapt the models to it."""
     mean = FINE * base + 4 * first
     wrong = FINE * value - mean
     learn(model.experts, situation, FINE * value, 7)

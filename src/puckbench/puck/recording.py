@@ -87,7 +87,6 @@ class RecordingSummary(_Counts):
     parts: dict[str, int] = field(default_factory=dict)
 
     def as_json(self) -> dict[str, Any]:
-        """Return the numbers that commands print."""
         share = self.compressed / self.bytes if self.bytes else 1.0
         return {
             "bytes": self.bytes,
@@ -124,8 +123,6 @@ class _Limits:
 
 @dataclass(kw_only=True)
 class _Batch(_Counts):
-    """Records of the turns and gaps in a window."""
-
     records: list[Record] = field(default_factory=list)
 
 
@@ -136,10 +133,8 @@ def compress(
 
     Parameters
     ----------
-    recording
-        Any file; bytes outside of packets of a known sensor are compressed by LZMA.
-    out
-        File to write (.puck).
+    recording, out
+        Any file, whose bytes outside of packets are compressed by LZMA, and the file to write.
     options
         Effort and key turns; lossy options are refused.
     report
@@ -177,10 +172,8 @@ def decompress(
 
     Parameters
     ----------
-    path, out
-        The compressed recording, and the file to write.
-    report
-        Called with the numbers of bytes that are done and of all bytes.
+    path, out, report
+        The compressed recording, the file to write, and as in `compress`.
     trusted
         Restore also a recording that is far larger than `compress` allows for the stream's size.
 
@@ -206,7 +199,6 @@ def _check_different(source: Path, out: Path) -> None:
 
 
 def _mapped(path: Path) -> Bytes:
-    """Return the bytes of a file, which are read from disk when they are used."""
     try:
         if path.stat().st_size == 0:
             return np.zeros(0, np.uint8)
@@ -221,7 +213,6 @@ def _mapped(path: Path) -> Bytes:
 def _records(
     data: Bytes, options: CodingOptions, summary: RecordingSummary, report: Report
 ) -> Iterator[Record]:
-    """Yield the records of a recording; the caller adds their bytes to `summary`."""
     page = page_size(data)
     checksum = _checksum(data)
     size = len(data)
@@ -253,7 +244,6 @@ def _report_at(report: Report, done: int, size: int, within: int) -> None:
 
 
 def _fits(batch: _Batch, summary: RecordingSummary, done: int) -> bool:
-    """Return whether a decoder accepts `done` bytes of a recording after this batch."""
     limits = _Limits(summary.compressed + sum(len(record.body) for record in batch.records))
     done += _FRAME_BYTES
     return summary.ranges + batch.ranges <= limits.ranges and done <= limits.bytes
@@ -337,11 +327,9 @@ class _RecordingWriter:
         self._page, self._at = 0, 0
 
     def admit(self, size: int) -> None:
-        """Raise InputError if `size` more bytes exceed the limit of a recording."""
         self._limits.check(self._at + size, self._limits.bytes, "bytes")
 
     def start_pages(self, body: bytes) -> None:
-        """Insert the links of a PAGES record from now on, each at the start of a page."""
         reader = Reader(body)
         page = reader.number()
         if self._at or self._page or not SMALLEST_PAGE <= page <= LARGEST_PAGE:
@@ -353,7 +341,6 @@ class _RecordingWriter:
         self._page, self._links = content, decode_links(links)
 
     def write(self, data: bytes) -> None:
-        """Write bytes of the recording that lie outside of links."""
         remaining = memoryview(data)
         while self._links is not None and remaining:
             number, within = divmod(self._at, self._page)
@@ -406,7 +393,6 @@ def _end(writer: _RecordingWriter) -> bytes:
 
 
 def _all_ranges(source: IO[bytes]) -> int:
-    """Return the number of ranges in all turns of a stream, without decoding them."""
     ranges, layout = 0, None
     for record in read_records(source):
         if record.kind == RecordKind.LAYOUT:
@@ -428,7 +414,6 @@ class _PacketDecoder:
         self._bytes = 0
 
     def start_layout(self, body: bytes) -> None:
-        """Decode the following turns with another layout."""
         layout, packet_type = decode_layout(body)
         if len(packet_type) != 2:
             raise InputError("the stream holds turns, but no packets")
@@ -439,7 +424,6 @@ class _PacketDecoder:
         self._kind, self._turns = replace(kind, layout=layout), TurnDecoder(layout)
 
     def add_turn(self, body: bytes) -> int:
-        """Decode a turn; return its number of returns."""
         if self._turns is None or self._kind is None:
             raise InputError(_DAMAGED)
         turn = self._turns.decode(body)
@@ -450,7 +434,6 @@ class _PacketDecoder:
         return turn.returns
 
     def write(self, body: bytes, writer: _RecordingWriter) -> int:
-        """Write the waiting packets and the gaps between them; return the number of packets."""
         packets = [row.tobytes() for payloads in self._waiting for row in payloads]
         self._waiting, self._bytes = [], 0
         reader = Reader(body)

@@ -35,57 +35,28 @@ _TREE = 256
 
 
 class ReflectivityModel(NamedTuple):
-    """Adaptive state of the coder of reflectivities.
+    """Adaptive state of the coder of reflectivities."""
 
-    Parameters
-    ----------
-    same, value
-        Mixers of the decisions whether a guess is right, and of the bits of a value.
-    starts
-        First counter of each context of `value`.
-    experts, linear
-        Estimates of a value.
-    empty, error, was_same
-        For each laser: 1 + the value of its last firing without a return, the running mean of its
-        errors in 1 / FINE, and a bit for each of the last guesses that was right.
-    memory
-        Number of returns.
-    """
-
-    same: Mixer
-    value: Mixer
-    starts: Ints
+    same: Mixer  # of the decision whether a guess is right
+    value: Mixer  # of the bits of a value
+    starts: Ints  # first counter of each context of `value`
     experts: Experts
     linear: LeastSquares
-    empty: Ints
-    error: Ints
-    was_same: Ints
-    memory: Ints
+    empty: Ints  # for each laser: 1 + the value of its last firing without a return,
+    error: Ints  # the running mean of its errors, in 1 / FINE,
+    was_same: Ints  # a bit for each of the last guesses that was right
+    memory: Ints  # number of returns
 
 
 class ReflectivityContext(NamedTuple):
-    """Reflectivities of a turn and what contexts need, (PAD + columns, lasers) each.
+    """Reflectivities of a turn and what contexts need, (PAD + columns, lasers) each."""
 
-    Parameters
-    ----------
-    values
-        Reflectivities; a writer codes them, a reader fills them in.
-    held
-        1 + the value of the laser's last return up to this column.
-    ranges
-        0 for no return.
-    then, then_ranges
-        Reflectivities and ranges of the previous turn.
-    guesses
-        1 + the value that is guessed, or 0.
-    """
-
-    values: Words
-    held: Words
-    ranges: Words
-    then: Words
+    values: Words  # a writer codes them, a reader fills them in
+    held: Words  # 1 + the value of the laser's last return up to this column
+    ranges: Words  # 0 for no return
+    then: Words  # reflectivities and ranges of the previous turn
     then_ranges: Words
-    guesses: Words
+    guesses: Words  # 1 + the value that is guessed, or 0
 
 
 def new_reflectivity_model(bits: BitCoder, lasers: int, lean: bool = False) -> ReflectivityModel:

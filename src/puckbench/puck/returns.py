@@ -63,7 +63,7 @@ def range_steps(stream: bytes) -> list[float]:
 
 
 def _read(stream: bytes) -> tuple[Returns, list[bytes]]:
-    """Return the sensor's layout and beams as returns without turns, and the coded turns."""
+    """Return the layout and beams as returns without turns, and the coded turns."""
     records = read_records(BytesIO(stream))
     layout = decode_layout(_body(records, RecordKind.LAYOUT))[0]
     without_turns = decode_beams(_body(records, RecordKind.BEAMS), layout)

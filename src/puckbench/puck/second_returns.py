@@ -46,18 +46,9 @@ def code_second_returns(
 ) -> bool:  # fmt: skip
     """Code the second ranges of a turn; return False if a reader's stream ended too early.
 
-    All images are (PAD + columns, lasers), with 0 for no return.
-
-    Parameters
-    ----------
-    ranges, first
-        Second and first ranges as a decoder has them; `ranges` is filled from row PAD on.
-    then, then_first
-        Those of the previous turn.
-    nearest
-        (columns,), row of the nearest column of the previous turn, or 0.
-    source, source_first
-        Second and first ranges that a writer codes.
+    ranges, first: second and first ranges as a decoder has them (PAD + columns, lasers), 0 for no
+    return; rows of `ranges` from PAD on are filled. then, then_first: those of the previous turn.
+    source, source_first: those that a writer codes.
     """
     step = model.step
     for c in range(PAD, len(ranges)):

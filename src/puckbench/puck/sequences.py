@@ -20,23 +20,14 @@ _RAW_BITS = 32
 
 
 class SequenceModel(NamedTuple):
-    """Adaptive state of the coder of a sequence.
-
-    Parameters
-    ----------
-    recent
-        (10,), the last differences from predictions, latest first.
-    motion
-        (4,): the predicted next number and the mean increment, both in 2**-8; 0 before the first
-        number, 1 after a number near its prediction, otherwise 2; and the last number.
-    modulus
-        Numbers wrap around at this value.
-    """
+    """Adaptive state of the coder of a sequence."""
 
     mixer: Mixer
-    recent: Ints
+    recent: Ints  # (10,), the last differences from predictions, latest first
+    # (4,): predicted next number and mean increment, in 2**-8; 0 before the first number, 1 after a
+    # number near its prediction, otherwise 2; last number.
     motion: Ints
-    modulus: int
+    modulus: int  # numbers wrap around at this value
 
 
 def new_sequence_model(bits: BitCoder, modulus: int) -> SequenceModel:

@@ -79,13 +79,6 @@ def smoothed_distances(returns: Returns, turn: Turn, step_m: float) -> Floats:
     """Return the smoothed distances of a turn, (kinds, columns, lasers), m, 0 for no return.
 
     Second returns are not changed: they come from edges, leaves and glass.
-
-    Parameters
-    ----------
-    returns, turn
-        The turn, and the returns that it is part of.
-    step_m
-        Step with which the ranges were quantised, m.
     """
     order = np.asarray(returns.layout.order)
     elevations = np.radians(returns.beams.elevations_deg)[order]
@@ -105,7 +98,6 @@ def smoothed_distances(returns: Returns, turn: Turn, step_m: float) -> Floats:
 
 
 def _origins(beams: Beams, azimuths: Floats, order: NDArray[np.intp]) -> Floats:
-    """Return the origins of beams, (lasers, columns, 3), m."""
     origins = np.zeros((*azimuths.shape, 3))
     origins[..., 2] = (np.asarray(beams.heights_mm)[order] / 1000)[:, None]
     if beams.sideways_mm:
@@ -208,11 +200,8 @@ def _biases(image: RangeRows, planes: LabelledPlanes, std: float) -> Floats:
 
 @inlined
 def _factorise(matrix: Floats) -> None:
-    """Replace the lower half of a positive definite matrix by its Cholesky factor.
-
-    The last digits of a linear algebra library depend on the processor; those of these loops do
-    not.
-    """
+    """Replace the lower half of a positive definite matrix by its Cholesky factor."""
+    # Unlike these loops, linear algebra libraries round differently on other processors.
     for i in range(len(matrix)):
         for j in range(i + 1):
             residual = matrix[i, j]
@@ -223,7 +212,7 @@ def _factorise(matrix: Floats) -> None:
 
 @inlined
 def _substitute(factor: Floats, right: Floats) -> None:
-    """Solve factor . x = right in place for a lower triangular factor."""
+    """Solve factor . x = right in place; the factor is lower triangular."""
     for i in range(len(right)):
         for k in range(i):
             right[i] -= factor[i, k] * right[k]
@@ -232,7 +221,6 @@ def _substitute(factor: Floats, right: Floats) -> None:
 
 @_loop
 def _solve(matrix: Floats, right: Floats) -> None:
-    """Solve matrix . x = right in place for a positive definite matrix."""
     _factorise(matrix)
     _substitute(matrix, right)
     for i in range(len(right) - 1, -1, -1):
@@ -272,7 +260,6 @@ def _count(
     most: float,
     counts: Places,
 ) -> None:
-    """Count the returns of each plane that are closer to it than `most`."""
     for laser in range(labels.shape[0]):
         for column in range(labels.shape[1]):
             plane = labels[laser, column]
@@ -295,7 +282,6 @@ def _sum_by_laser(
     numbers: Floats,
     targets: Floats,
 ) -> None:
-    """Accumulate the normal equations of planes and biases."""
     for laser in range(labels.shape[0]):
         for column in range(labels.shape[1]):
             plane = labels[laser, column]

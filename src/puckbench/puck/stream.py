@@ -34,7 +34,6 @@ def count_ranges(layout: Layout, body: bytes) -> int:
 
 
 def most_ranges(size: int) -> int:
-    """Return the limit of the ranges in a stream of `size` bytes."""
     few = min(_FEW_RANGES + _RANGES_PER_BYTE * size, _MANY_RANGES)
     return few + _RANGES_PER_BYTE * max(size - _SMALL_BYTES, 0)
 

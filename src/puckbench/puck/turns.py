@@ -63,8 +63,6 @@ _Model = TypeVar("_Model", RangeModel, SecondReturnModel, SequenceModel, Reflect
 
 @dataclass
 class _State:
-    """Adaptive models, and the turn that was coded last."""
-
     layout: Layout
     step: int
     effort: int
@@ -200,8 +198,6 @@ def _blank(blocks: int, layout: Layout) -> Turn:
 
 
 class _PartWriter:
-    """Opens a coder for each part of a turn, and keeps the bytes that it wrote."""
-
     def __init__(self) -> None:
         self.parts: list[bytes] = []
 
@@ -214,8 +210,6 @@ class _PartWriter:
 
 
 class _PartReader:
-    """Opens a coder for each part of a turn, and checks that it was read to its end."""
-
     def __init__(self, reader: Reader) -> None:
         self._reader = reader
 
@@ -262,7 +256,6 @@ def _code_numbers(model: SequenceModel, numbers: Ints, parts: _Parts) -> Sequenc
 
 
 def _with_coder(model: _Model, bits: BitCoder) -> _Model:
-    """Return the model with mixers that write or read another part."""
     mixers: dict[str, Any] = {
         name: value._replace(bits=bits)
         for name, value in model._asdict().items()
@@ -272,7 +265,6 @@ def _with_coder(model: _Model, bits: BitCoder) -> _Model:
 
 
 def _decoded(layout: Layout, coded: _CodedTurn, times: NDArray[np.uint32] | None) -> Turn:
-    """Return the decoded turn with lasers in the order of their ids."""
     order = np.argsort(layout.order)
     ranges = np.stack([kind[PAD:] for kind in coded.ranges]).astype(np.uint16)
     values = None
@@ -285,7 +277,6 @@ def _decoded(layout: Layout, coded: _CodedTurn, times: NDArray[np.uint32] | None
 def _code_kinds(
     state: _State, azimuths: Ints, nearest: Ints, turn: Turn, parts: _Parts
 ) -> _CodedTurn:
-    """Code the ranges of the strongest returns, and of the second returns where there are any."""
     layout, previous = state.layout, state.previous
     sources = [_padded(kind) for kind in turn.ranges]
     decisions = (len(sources[0]) - PAD) * layout.lasers * 48
@@ -319,7 +310,6 @@ def _code_kinds(
 def _code_all_reflectivities(
     state: _State, coded: _CodedTurn, nearest: Ints, values: Values, parts: _Parts, *, lean: bool
 ) -> None:
-    """Code the reflectivities of each kind of return, and add them to `coded`."""
     layout, previous = state.layout, state.previous
     if not state.reflectivities:
         bits, lasers = bit_writer(0), layout.lasers
@@ -349,7 +339,6 @@ def _code_all_reflectivities(
 
 
 def _padded(values: Values) -> Words:
-    """Return the values after PAD rows of 0, contiguous as the compiled loops expect them."""
     padded = np.zeros((PAD + len(values), values.shape[1]), np.int32)
     padded[PAD:] = values
     return padded
@@ -379,7 +368,7 @@ def _nearest_columns(state: _State, azimuths: Ints) -> Ints:
 
 
 def _column_azimuths(azimuths: Ints, per_block: int) -> Ints:
-    """Return ascending azimuths of the columns, in 0.01 degrees / columns of a block."""
+    # In units of 0.01 degrees / columns of a block, ascending.
     rises = np.diff(azimuths) % CENTIDEGREES
     starts = azimuths[0] + np.concatenate([[0], np.cumsum(rises)])
     last = rises[-1:] if len(rises) else np.zeros(1, np.int64)
