@@ -15,21 +15,13 @@ _BITS = 21
 
 
 class CellGroups(NamedTuple):
-    """Points (n, 3) grouped by cell: cells (m, 3), counts (m,) and means (m, 3) of their points.
-
-    Only occupied cells, sorted by x, then y, then z. Means are relative to the origin, in units of
-    a cell's side. cell_of: (n,) index of each point's cell.
-    """
-
-    cells: Ints
-    counts: Floats
-    means: Floats
-    cell_of: Ints
+    cells: Ints  # (m, 3) occupied cells, sorted by x, then y, then z
+    counts: Floats  # (m,) numbers of points
+    means: Floats  # (m, 3) means of the points, in cells relative to the origin
+    cell_of: Ints  # (n,) index of each point's cell
 
     def sorted_rows(self) -> tuple[Ints, Ints]:
-        """Return the rows (n,) of the points sorted by cell, and the start (m,) of each cell in
-        them.
-        """
+        """Return the points' rows (n,) sorted by cell, and the start (m,) of each cell."""
         counts = self.counts.astype(np.int64)
         starts = np.cumsum(counts) - counts
         return _counting_sort(self.cell_of, starts), starts
@@ -38,18 +30,10 @@ class CellGroups(NamedTuple):
 def group_by_cell(
     points: Floats, side: float, origin: Floats | None = None, *, centred: bool = False
 ) -> CellGroups:
-    """Group points by the cells of a grid. Fastest if the points are in a spatial order.
+    """Group points (n, 3), n > 0, by the cells of a grid. Fastest in a spatial order.
 
-    Parameters
-    ----------
-    points
-        (n, 3), n > 0.
-    side
-        Side of a cell. The points must extend over fewer than 2^21 cells.
-    origin
-        (3,) reference point of cell (0, 0, 0); default zeros.
-    centred
-        Whether the origin is the centre of that cell; else it is its least corner.
+    They must lie within fewer than 2^21 cells along each axis. origin: (3,) position of cell (0, 0,
+    0), default zeros: of its centre if `centred`, else of its least corner.
     """
     origin = np.zeros(3) if origin is None else origin
     low, _ = bounds(points)
@@ -65,7 +49,7 @@ def group_by_cell(
 
 
 def cell_keys(cells: Ints) -> Ints:
-    """Return the keys (n,) of cells (n, 3) with coordinates below 2^21; keys sort as cells do."""
+    """Return keys (n,) that sort like the cells (n, 3), of coordinates below 2^21."""
     return (cells[:, 0] << 2 * _BITS) | (cells[:, 1] << _BITS) | cells[:, 2]
 
 
@@ -77,11 +61,7 @@ def _cell_of_positions(positions: Floats, centred: bool) -> Ints:
 def _group(
     points: Floats, origin: Floats, side: float, centred: bool, first: Ints
 ) -> tuple[Ints, Floats, Ints]:
-    """Hash the points' cells.
-
-    Return the keys (m,) of the occupied cells in order of first appearance, their sums (m, 4) of x,
-    y, z and 1, and the cell (n,) of each point.
-    """
+    """Return keys (m,) in order of first appearance, sums (m, 4) of x, y, z and 1, cells (n,)."""
     cell_of = np.empty(len(points), np.int64)
     keys, sums = np.empty(1024, np.int64), np.zeros((1024, 4))
     slots = np.full(4096, -1)
@@ -119,7 +99,6 @@ def _group(
 
 @compiled
 def _counting_sort(cell_of: Ints, starts: Ints) -> Ints:
-    """Sort the points by cell, stable."""
     order, ahead = np.empty_like(cell_of), starts.copy()
     for i in range(len(cell_of)):
         order[ahead[cell_of[i]]] = i
@@ -129,7 +108,6 @@ def _counting_sort(cell_of: Ints, starts: Ints) -> Ints:
 
 @compiled
 def _slot(slots: Ints, keys: Ints, key: int) -> int:
-    """Return the slot of a key, or the free slot for it (open addressing)."""
     hashed = np.uint64(key) * np.uint64(0x9E3779B97F4A7C15)
     slot = np.int64(hashed >> np.uint64(20)) & (len(slots) - 1)
     while slots[slot] >= 0 and keys[slots[slot]] != key:
@@ -146,21 +124,9 @@ def measure_centre_distances(
     cell_bounds: tuple[Ints, Ints],
     centre_distances: Floats,
 ) -> None:
-    """Write how far each point is from the centre of the occupied cell that contains it.
+    """Write how far points are from their cell's centre along the farthest axis, in cells.
 
-    Parameters
-    ----------
-    points
-        (n, 3), finite.
-    origin, side
-        Centre (3,) of cell (0, 0, 0), and the side of a cell.
-    keys
-        (m,) distinct keys of the occupied cells, relative to their least coordinates.
-    cell_bounds
-        Least and largest coordinates (3,) of the occupied cells.
-    centre_distances
-        (n,) written: maximum over the axes of the distance to the centre, in cells; infinite if the
-        point's cell is not occupied.
+    Infinity if the cell is not occupied. keys: of the occupied cells minus their least coordinates.
     """
     low, high = cell_bounds
     size = 4

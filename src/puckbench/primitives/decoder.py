@@ -65,15 +65,12 @@ class DecodedSurface(NamedTuple):
 
 
 class Patches(NamedTuple):
-    """Primitives of a stream with their occupancy maps, before points are reconstructed.
-
-    occupancy: grid of cells with the states of the planes' columns.
-    """
+    """Primitives of a stream with their occupancy maps, before points are reconstructed."""
 
     header: SurfaceHeader
     geometry: OctreeGeometry
     leaves: Leaves
-    occupancy: Bytes
+    occupancy: Bytes  # grid of cells with the states of the planes' columns
     revolutions: list[UnrolledMap]
 
 
@@ -111,13 +108,7 @@ def decode_surface(stream: bytes) -> DecodedSurface:
 
 
 def read_patches(stream: bytes) -> Patches:
-    """Decode the primitives of a stream.
-
-    Raises
-    ------
-    InputError
-        If the stream is damaged or holds only voxels.
-    """
+    """Decode the primitives of a stream. Raises InputError like `decode_surface`."""
     header, payload = unpack_surface(stream)
     geometry = octree_geometry(header)
     leaves, leaf_grid, occupancy = allocate_arrays(header)
@@ -139,7 +130,7 @@ def read_patches(stream: bytes) -> Patches:
 
 
 def reconstruct_surface(patches: Patches) -> DecodedSurface:
-    """Reconstruct the points of all primitives. Raises InputError if there are too many or none."""
+    """Reconstruct all points. Raises InputError if they are too many or none."""
     xyz, leaf_of_point = reconstruct_planes(patches)
     planes = patches.leaves.plane_index[leaf_of_point]
     normals = patches.header.rotate_back(patches.leaves.planes[planes, :3])
@@ -151,7 +142,7 @@ def reconstruct_surface(patches: Patches) -> DecodedSurface:
 
 
 def reconstruct_planes(patches: Patches) -> tuple[Floats, Ints]:
-    """Return the points (m, 3) of the planes in the cloud's coordinates, and their leaves (m,)."""
+    """Return the planes' points (m, 3) in the cloud's coordinates, and their leaves (m,)."""
     header = patches.header
     density = (header.points_across, header.column_spacing)
     arguments = (patches.geometry, patches.leaves, patches.occupancy, *density)
@@ -164,7 +155,6 @@ def reconstruct_planes(patches: Patches) -> tuple[Floats, Ints]:
 
 
 def reconstruct_revolutions(patches: Patches) -> list[DecodedSurface]:
-    """Return the points of each surface of revolution."""
     header, plane_count = patches.header, int(patches.leaves.counts[1])
     columns = sum(int(unrolled.bits.sum()) for unrolled in patches.revolutions)
     if columns * header.points_across**2 > MAX_REVOLUTION_POINTS:
@@ -179,7 +169,6 @@ def reconstruct_revolutions(patches: Patches) -> list[DecodedSurface]:
 
 
 def count_columns(leaves: Leaves) -> int:
-    """Return the number of columns of all leaves, whether or not their planes cross them."""
     return int((leaves.side[: leaves.counts[0]] ** 2).sum())
 
 
@@ -193,7 +182,6 @@ def octree_geometry(header: SurfaceHeader, lmbda: float = 0.0) -> OctreeGeometry
 
 
 def allocate_arrays(header: SurfaceHeader) -> tuple[Leaves, IndexGrid, Bytes]:
-    """Allocate the leaves, the grid of the smallest leaves, and the grid of column states."""
     n = header.leaf_capacity
     corner, side, plane = np.zeros((n, 3), np.int64), np.zeros(n, np.int64), np.zeros(n, np.int64)
     leaves = Leaves(corner, side, plane, np.zeros((n, 4)), np.zeros(2, np.int64))

@@ -1,10 +1,9 @@
 """Displacement of voxels along the normals of the surrounding voxels.
 
-Fewer noisy points lie far from a wall than near it, so the points in a voxel off the plane of its
-neighbours lie mostly on the side of the wall; and a plane does not cross coarse voxels at their
-centres. The best displacement depends on a voxel's distance from the local plane and on the
-thickness of the surface (how far the surrounding voxels spread). The encoder sends the optimal
-factor of the distance for each class of both.
+Points in a voxel off the plane of its neighbours lie mostly on the side of the plane, where noisy
+points are denser; and a plane does not cross coarse voxels at their centres. The encoder sends the
+optimal displacement, a factor of the distance to the local plane, for each class of this distance
+and of the thickness of the surface.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ FACTOR_ONE = 64
 
 
 class LocalPlanes(NamedTuple):
-    """Local planes of voxels: normals (m, 3), signed distances (m,) in voxels, and classes (m,)."""
+    """Local planes of voxels: normals (m, 3), signed distances (m,) in voxels, classes (m,)."""
 
     normals: Floats
     distances: Floats
@@ -41,19 +40,9 @@ class LocalPlanes(NamedTuple):
         return np.asarray(points - displacement[:, None] * self.normals)
 
     def fit_factors(self, offsets: Floats, weights: Floats) -> tuple[NDArray[np.int8], float]:
-        """Return the factors of least squared error.
+        """Return the factors (CLASSES,) of least squared error, and the error that they save.
 
-        Parameters
-        ----------
-        offsets
-            (m, 3) voxels minus the means of their points, in voxels.
-        weights
-            (m,) weights of the squared errors.
-
-        Returns
-        -------
-        factors, gain
-            (CLASSES,) factors in 1/`FACTOR_ONE`, and the reduction of the weighted squared error.
+        offsets: (m, 3) voxels minus the means of their points.
         """
         residuals = (offsets * self.normals).sum(axis=1)
         products = np.bincount(self.classes, weights * residuals * self.distances, CLASSES)
@@ -70,7 +59,7 @@ def displace(voxels: Ints, table: DisplacementTable) -> Floats:
 
 
 class FittedTable(NamedTuple):
-    """A table, its reduction of the weighted squared error, and the displaced voxels (m, 3)."""
+    """A table, the weighted squared error that it saves, and the displaced voxels (m, 3)."""
 
     table: DisplacementTable
     gain: float
@@ -78,17 +67,7 @@ class FittedTable(NamedTuple):
 
 
 def fit_displacements(voxels: Ints, means: Floats, weights: Floats) -> FittedTable:
-    """Fit the table of least squared error between displaced voxels and the means of their points.
-
-    Parameters
-    ----------
-    voxels
-        (m, 3) integer coordinates.
-    means
-        (m, 3) means of each voxel's points, in voxels.
-    weights
-        (m,) weights of the squared errors.
-    """
+    """Fit the table of least squared error from displaced voxels to the means of their points."""
     offsets = voxels - means
 
     def fit(block_size: int) -> tuple[float, DisplacementTable, LocalPlanes]:
@@ -101,7 +80,6 @@ def fit_displacements(voxels: Ints, means: Floats, weights: Floats) -> FittedTab
 
 
 def _local_planes(voxels: Ints, block_size: int) -> LocalPlanes:
-    """Fit planes to the voxels around each voxel (m, 3)."""
     planes = fit_tangent_planes(voxels, block_size)
     distance_class = np.searchsorted(_DISTANCE_BOUNDS, np.abs(planes.distances))
     thickness_class = np.searchsorted(_THICKNESS_BOUNDS, planes.thickness)

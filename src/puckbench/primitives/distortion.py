@@ -21,15 +21,11 @@ _MAX_QUERIES, _MAX_FAST_QUERIES = 20_000, 8_000
 
 
 class Distortion(NamedTuple):
-    """Mean squared errors in squared units, each averaged over both directions.
+    """Mean squared errors in squared units, each averaged over both directions."""
 
-    point, plane: point-to-point and point-to-plane error against the cloud. surface: point-to-plane
-    error against the smoothed samples, weighted by their numbers of points.
-    """
-
-    point: float
-    plane: float
-    surface: float
+    point: float  # point to point, against the cloud
+    plane: float  # point to plane, against the cloud
+    surface: float  # point to plane, against the smoothed samples weighted by numbers of points
 
 
 class NearestOffsets(NamedTuple):
@@ -39,37 +35,28 @@ class NearestOffsets(NamedTuple):
     of_samples: Floats
 
     def nearer(self, other: NearestOffsets) -> NearestOffsets:
-        """Return the shorter offset of each point and sample."""
         return NearestOffsets(*map(_shorter, self, other))
 
 
 @dataclass(frozen=True)
 class DistortionEstimator:
-    """A cloud (n, 3), its smoothed samples (m, 3) with normals and weights, and search trees.
-
-    weights: (m,) fraction of the cloud's points that a sample represents. normals_of_points:
-    normals of the samples nearest to the subsampled points.
-    """
-
-    points: Floats
-    samples: Floats
-    normals: Floats
-    weights: Floats
+    points: Floats  # (n, 3)
+    samples: Floats  # (m, 3)
+    normals: Floats  # (m, 3) of the samples
+    weights: Floats  # (m,) fractions of the cloud's points
     point_tree: Any
     sample_tree: Any
-    normals_of_points: Floats
+    normals_of_points: Floats  # of the samples nearest to the subsampled points
 
     @classmethod
     def of(
         cls, points: Floats, samples: Floats, normals: Floats, weights: Floats
     ) -> DistortionEstimator:
-        """Build the search trees. Fastest if points and samples are in a spatial order."""
         point_tree, sample_tree = search_tree(points), search_tree(samples)
         normals_of_points = normals[sample_tree.query(subsample(points))[1]]
         return cls(points, samples, normals, weights, point_tree, sample_tree, normals_of_points)
 
     def nearest_offsets(self, decoded: Floats) -> NearestOffsets:
-        """Return the offsets from decoded points (k, 3), k > 0, to the subsampled cloud."""
         tree = search_tree(decoded)
         queries = (subsample(self.points), subsample(self.samples))
         return NearestOffsets(*(xyz - decoded[tree.query(xyz)[1]] for xyz in queries))
@@ -77,8 +64,7 @@ class DistortionEstimator:
     def measure(self, decoded: Floats, offsets: NearestOffsets | None = None) -> Distortion:
         """Estimate the distortion of decoded points (k, 3).
 
-        offsets: result of `nearest_offsets` for these points, if it is known; then `subsample` of
-        the points is enough.
+        offsets: their `nearest_offsets` if known; then `subsample` of the points is enough.
         """
         queries = subsample(decoded)
         of_points, of_samples = offsets or self.nearest_offsets(decoded)
@@ -92,7 +78,7 @@ class DistortionEstimator:
         return Distortion(point, plane, self._surface_error(of_samples, queries, rows))
 
     def surface_error(self, decoded: Floats) -> float:
-        """Estimate the error of decoded points (k, 3) against the smoothed samples, fast."""
+        """Estimate the error against the smoothed samples alone, from fewer points."""
         samples, queries = (subsample(xyz, _MAX_FAST_QUERIES) for xyz in (self.samples, decoded))
         of_samples = samples - decoded[search_tree(decoded).query(samples)[1]]
         rows = self.sample_tree.query(queries)[1]
@@ -101,7 +87,6 @@ class DistortionEstimator:
     def _surface_error(
         self, of_samples: Floats, queries: Floats, rows: Ints, max_queries: int = _MAX_QUERIES
     ) -> float:
-        """Combine the offsets of subsampled samples with those of queries from samples `rows`."""
         normals, weights = (subsample(array, max_queries) for array in (self.normals, self.weights))
         of_samples = (of_samples * normals).sum(axis=1)
         of_queries = ((queries - self.samples[rows]) * self.normals[rows]).sum(axis=1)

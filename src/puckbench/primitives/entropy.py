@@ -1,10 +1,10 @@
 """Binary arithmetic coding with context mixing: each bit's probability is mixed from three
 contexts.
 
-Each context has an adaptive probability. The three are mixed in the logistic domain with weights
-that are learnt while coding (Mahoney 2005, "Adaptive weighing of context models for lossless data
-compression"). All arithmetic is on integers, so all machines decode the same. Encoder and decoder
-call the same functions: they write the given bit, or ignore it and return the bit that they read.
+The contexts' adaptive probabilities are mixed in the logistic domain with learnt weights (Mahoney
+2005, "Adaptive weighing of context models for lossless data compression"). All arithmetic is on
+integers, so all machines decode the same. Encoder and decoder call the same functions, which write
+the given bit, or ignore it and return the bit that they read.
 """
 
 from __future__ import annotations
@@ -36,29 +36,20 @@ CONTEXTS_PER_NUMBER = 40
 
 
 class ContextCoder(NamedTuple):
-    """State of the arithmetic coder and its adaptive statistics.
-
-    probabilities, counts: (contexts,) probability of a 1 and number of coded bits. weights:
-    (mixers, 3). stretch, squash, rates: tables of the logit, of its inverse and of the adaptation
-    rates.
-    """
-
     bits: BitCoder
-    probabilities: Ints
-    counts: Ints
-    weights: Ints
-    stretch: Ints
-    squash: Ints
-    rates: Ints
+    probabilities: Ints  # (contexts,) of a 1
+    counts: Ints  # (contexts,) numbers of coded bits
+    weights: Ints  # (mixers, 3)
+    stretch: Ints  # table of the logit
+    squash: Ints  # table of its inverse
+    rates: Ints  # table of the adaptation rates by count
 
 
 def writer(contexts: int, mixers: int, max_bytes: int) -> ContextCoder:
-    """Return a coder that writes at most `max_bytes` bytes."""
     return _coder(bit_writer(max_bytes), contexts, mixers)
 
 
 def reader(stream: bytes, contexts: int, mixers: int) -> ContextCoder:
-    """Return a coder that reads a stream."""
     return _coder(bit_reader(stream), contexts, mixers)
 
 
@@ -111,8 +102,7 @@ def _update(coder: ContextCoder, context: int, bit: int) -> None:
 def code_number(coder: ContextCoder, value: int, mixer: int, first_a: int, first_b: int) -> int:
     """Code a signed integer: zero flag, sign, unary magnitude up to 12, then Elias gamma.
 
-    first_a, first_b: first of two blocks of `CONTEXTS_PER_NUMBER` contexts. mixer: first of three
-    mixers.
+    first_a, first_b: first of `CONTEXTS_PER_NUMBER` contexts each. mixer: first of three mixers.
     """
     if code_bit(coder, 1 if value == 0 else 0, mixer, (first_a, first_b, first_a)) == 1:
         return 0

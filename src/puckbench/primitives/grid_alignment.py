@@ -1,7 +1,7 @@
 """Grid alignment: candidate axes and offsets of the octree's grid with respect to the walls.
 
-A wall that lies between two nodes, or crosses many nodes near their corners, costs more bits and
-error than one in the middle of its nodes. The encoder codes each candidate to learn its cost.
+A wall between two nodes, or near the corners of many nodes, costs more bits and error than one in
+the middle of its nodes. The encoder codes each candidate to learn its cost.
 """
 
 from __future__ import annotations

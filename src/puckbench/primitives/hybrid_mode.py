@@ -1,9 +1,9 @@
 """Hybrid mode: a surface, and voxels that locate the points on it and their distance from it.
 
 A surface codes neither where on it the points lie nor their noise. Voxels code both, but locate the
-surface less precisely. Together: each voxel is displaced along the normal of the surface by a
-factor of its distance, sent for each class of distances. The decoder also keeps the surface's
-points in occupied voxels, which makes the decoded cloud as dense as the input.
+surface less precisely. Together: each voxel is displaced along the surface's normal by a factor of
+its distance, sent for each class of distances. The decoder also keeps the surface's points in
+occupied voxels, which makes the decoded cloud as dense as the input.
 """
 
 from __future__ import annotations
@@ -53,23 +53,17 @@ work."""
 
 
 class SurfacePart(NamedTuple):
-    """Stream of a surface, and its decoded points (m, 3) and unit normals."""
-
     stream: bytes
-    xyz: Floats
-    normals: Floats
+    xyz: Floats  # (m, 3) decoded points
+    normals: Floats  # (m, 3) unit normals
 
 
 class HybridCriterion(NamedTuple):
-    """Comparison of hybrids.
-
-    nearest_offsets: offsets from decoded points (k, 3) to the cloud. measure: distortion of decoded
-    points (k, 3), given their offsets. cost: of a distortion, to be minimised.
-    """
-
-    nearest_offsets: Callable[[Floats], NearestOffsets]
-    measure: Callable[[Floats, NearestOffsets], Distortion]
-    cost: Callable[[Distortion], float]
+    nearest_offsets: Callable[[Floats], NearestOffsets]  # from decoded points (k, 3) to the cloud
+    measure: Callable[
+        [Floats, NearestOffsets], Distortion
+    ]  # of decoded points (k, 3) with their offsets
+    cost: Callable[[Distortion], float]  # to be minimised
 
 
 class HybridCandidate(NamedTuple):
@@ -79,7 +73,7 @@ class HybridCandidate(NamedTuple):
 
 
 def decode(header: HybridHeader, xyz: Floats, normals: Floats) -> Floats:
-    """Return the points (k, 3) of a hybrid, given the points xyz (m, 3) and normals of its surface.
+    """Return the points of a hybrid, given the points (m, 3) and unit normals of its surface.
 
     Raises InputError if the stream is damaged.
     """
@@ -105,23 +99,7 @@ def encode(
 ) -> HybridCandidate | None:
     """Code a cloud as a surface and the finest voxels that fit the budget.
 
-    Parameters
-    ----------
-    search
-        Search for voxels of the cloud.
-    surface
-        The coded surface.
-    max_bytes
-        Budget of the stream.
-    max_voxel_size
-        Largest side of a voxel (see `VoxelSearch.encode_to_budget`).
-    criterion
-        Comparison of the candidates.
-
-    Returns
-    -------
-    HybridCandidate or None
-        None if the surface leaves too few bytes, or too many voxels fit.
+    None if the surface leaves too few bytes, or too many voxels fit.
     """
     if not has_voxel_budget(surface.stream, max_bytes):
         return None
@@ -134,17 +112,13 @@ def encode(
 
 
 def has_voxel_budget(surface: bytes, max_bytes: int) -> bool:
-    """Return whether a surface's stream leaves enough bytes for voxels."""
     return max_bytes - len(surface) >= _MIN_VOXEL_SHARE * max_bytes
 
 
 def _best_candidate(
     point_count: int, surface: SurfacePart, coded: CodedVoxels, criterion: HybridCriterion
 ) -> HybridCandidate:
-    """Return the hybrid of least cost, over displaced or plain voxels and keep distances.
-
-    point_count: number of points of the cloud.
-    """
+    """Return the hybrid of least cost, over displaced or plain voxels and keep distances."""
     grid, groups = coded.grid, coded.groups
     tree, weights = box_tree(surface.xyz), voxel_mode.voxel_weights(groups)
     centre_distances = 16 * _centre_distances(surface.xyz, grid, groups.cells)
@@ -178,9 +152,8 @@ def _best_candidate(
 def _nearest_planes(
     points: Floats, xyz: Floats, normals: Floats, tree: BoxTree, cell_size: float
 ) -> LocalPlanes:
-    """Return the tangent plane at the surface point nearest to each voxel's point (m, 3).
+    """Return the tangent planes at the surface points nearest to the voxels' points.
 
-    xyz, normals, tree: points (k, 3) of the surface, their unit normals and their search tree.
     Raises InputError if the search takes too long, for example for voxels near the centre of a
     sphere, which are about equally far from all its points.
     """
@@ -197,10 +170,6 @@ def _nearest_planes(
 
 
 def _centre_distances(xyz: Floats, grid: VoxelGrid, voxels: Ints) -> Floats:
-    """Return how far points (m, 3) are from their voxel's centre along the farthest axis, (m,).
-
-    In voxels; infinite if the voxel is not occupied.
-    """
     distances = np.empty(len(xyz))
     low, high = bounds(voxels)
     keys = cell_keys(voxels - low)

@@ -27,7 +27,7 @@ _MIN_GAIN, _MIN_IMPROVEMENT = 0.02, 1e-6
 
 
 def rotation_matrix(rotation_vector: RotationVector) -> Floats:
-    """Return the rotation matrix (3, 3) of a rotation vector (Rodrigues' formula)."""
+    """Return the rotation matrix (3, 3) of a rotation vector."""
     x, y, z = (ROTATION_STEP * number for number in rotation_vector)
     angle = hypot(x, y, z)
     if angle == 0:
@@ -55,22 +55,13 @@ def rotate(vectors: Floats, rotation: Floats) -> Floats:
 
 
 def rotate_inverse(vectors: Floats, rotation: Floats) -> Floats:
-    """Rotate vectors (n, 3) by the inverse of a rotation."""
     return rotate(vectors, np.ascontiguousarray(rotation.T))
 
 
 def estimate_manhattan_frame(normals: Floats) -> RotationVector:
-    """Return the rotation after which most normals are parallel to the axes.
+    """Return the rotation after which most unit normals (n, 3) are parallel to the axes.
 
-    Parameters
-    ----------
-    normals
-        (n, 3) unit normals of the surface.
-
-    Returns
-    -------
-    RotationVector
-        From the cloud's axes to the scene's; zeros if a rotation gains little.
+    It is from the cloud's axes to the scene's, and zero if a rotation gains little.
     """
     sampled = subsample(normals, _MAX_NORMALS)
     best, least_share = (0, 0, 0), _aligned_share(sampled, np.eye(3)) + _MIN_GAIN
@@ -87,7 +78,6 @@ def estimate_manhattan_frame(normals: Floats) -> RotationVector:
 
 @compiled
 def _aligned_share(normals: Floats, rotation: Floats) -> float:
-    """Return the fraction of normals parallel to an axis, weighted by their angle to it."""
     total = 0.0
     turned_normals = rotate(normals, rotation)
     for i in range(len(turned_normals)):
@@ -118,9 +108,9 @@ def _refine(normals: Floats, rotation: Floats) -> Floats:
 
 @compiled
 def _project_to_rotation(matrix: Floats, rotation: Floats) -> bool:
-    """Write the rotation nearest to a matrix (3, 3), by Newton's iteration (Higham 1986).
+    """Write the rotation nearest to a matrix, by Newton's iteration (Higham 1986).
 
-    Return False without writing if the matrix is singular or a reflection.
+    Return False if the matrix is singular or a reflection.
     """
     for _ in range(_MAX_ITERATIONS):
         cofactors = np.empty((3, 3))

@@ -30,14 +30,10 @@ _MIN_CONE_ANGLE = 0.02
 
 
 def decode_mesh(stream: bytes) -> Mesh:
-    """Decode the surface of a stream to labelled triangles.
+    """Decode the surface of a stream to labelled triangles in the cloud's coordinates.
 
-    Returns
-    -------
-    Mesh
-        Triangles in the coordinates of the encoded cloud. A label's primitive is a plane (unit
-        normal and offset, ``normal . p = offset``), cylinder, cone or sphere; its object is a
-        segment of merged leaves or a surface of revolution.
+    A label's primitive is a plane (unit normal and offset, ``normal . p = offset``), cylinder, cone
+    or sphere; its object is a segment of merged leaves or a surface of revolution.
 
     Raises
     ------
@@ -58,7 +54,6 @@ def decode_mesh(stream: bytes) -> Mesh:
 
 
 def _plane_quads(patches: Patches) -> tuple[Floats, Ints]:
-    """Return the corners (m, 4, 3) of rectangles that cover all planes, and their leaves (m,)."""
     if patches.leaves.counts[0] > _MAX_LEAVES:
         raise InputError(f"the stream has more than {_MAX_LEAVES} leaves, too many for a mesh")
     arrays = (patches.geometry, patches.leaves, patches.occupancy)
@@ -72,7 +67,6 @@ def _plane_quads(patches: Patches) -> tuple[Floats, Ints]:
 
 
 def _labels(patches: Patches, leaf_of_quad: Ints, revolution_quads: list[int]) -> Labels:
-    """Label the triangles. revolution_quads: number of quads of each surface of revolution."""
     header, leaves = patches.header, patches.leaves
     plane_ids, plane_of_quad = np.unique(leaves.plane_index[leaf_of_quad], return_inverse=True)
     segments, segment_of_quad = np.unique(
@@ -90,7 +84,6 @@ def _labels(patches: Patches, leaf_of_quad: Ints, revolution_quads: list[int]) -
 
 
 def _plane_primitives(header: SurfaceHeader, planes: Floats) -> list[Primitive]:
-    """Return planes (n, 4) of the grid in the cloud's coordinates."""
     offsets = planes[:, 3] * header.cell_size + planes[:, :3] @ header.origin
     normals = header.rotate_back(planes[:, :3])
     return [
@@ -100,7 +93,6 @@ def _plane_primitives(header: SurfaceHeader, planes: Floats) -> list[Primitive]:
 
 
 def _revolution_primitive(header: SurfaceHeader, surface: RevolutionSurface) -> Primitive:
-    """Return a surface of revolution in the cloud's coordinates."""
     point = header.in_cloud(surface.origin[None])[0].tolist()
     axis = header.rotate_back(surface.axis[None])[0].tolist()
     radius = surface.radius * header.cell_size
@@ -119,7 +111,7 @@ def _revolution_primitive(header: SurfaceHeader, surface: RevolutionSurface) -> 
 def _cover_with_rectangles(
     geometry: OctreeGeometry, leaves: Leaves, occupancy: Bytes, quads: Floats, leaf_of_quad: Ints
 ) -> int:
-    """Write the corners (m, 4, 3) and leaves (m,) of rectangles that cover all occupied columns.
+    """Write rectangles (m, 4, 3) that cover all occupied columns, and their leaves (m,).
 
     Return their number, written or not.
     """
@@ -163,7 +155,6 @@ def _take_rectangle(columns: Bytes, a: int, b: int) -> tuple[int, int]:
 def _write_corners(
     plane: Floats, axis: int, u: tuple[int, int], v: tuple[int, int], corners: Floats
 ) -> None:
-    """Write the corners (4, 3) of a rectangle of columns on a plane."""
     for k in range(4):
         p_u, p_v = u[1 if k in (1, 2) else 0], v[1 if k >= 2 else 0]
         corners[k, axis] = plane_height(plane, axis, p_u, p_v)

@@ -3,8 +3,7 @@
 Surfaces are coded on grids along the cloud's axes and its Manhattan frame, and with or without each
 detected surface of revolution. Their cost is distortion + lambda * rate. The best surface is then
 compared with voxels of as many bytes. Distortion is measured against the smoothed samples, because
-a decoded cloud that reproduces the noise is not nearer to the true surface; but a surface must also
-be as near to the points as plain G-PCC voxels are.
+a decoded cloud that reproduces the noise is not nearer to the true surface.
 """
 
 from __future__ import annotations
@@ -98,13 +97,8 @@ def _max_bytes(points: Floats, settings: PrimitiveSettings) -> int:
 class SurfaceCache:
     """Keeps the surface of a cloud for rates that differ only in their refinement.
 
-    A rate without refinement always searches for the surface itself, so that repeated calls can be
-    timed.
-
-    Attributes
-    ----------
-    saved
-        Cost of the search that the last call did not repeat.
+    A rate without refinement always repeats the search, so that calls can be timed. `saved` is the
+    cost of the search that the last call did not repeat.
     """
 
     def __init__(self) -> None:
@@ -114,7 +108,6 @@ class SurfaceCache:
         self.saved = NO_COST
 
     def search(self, points: Floats, settings: PrimitiveSettings) -> _SearchResult:
-        """Return the surface of points (n, 3), whatever the refinement."""
         unrefined = settings.model_copy(update=_REFINEMENT_DEFAULTS)
         key = sha256(points.tobytes()).digest(), unrefined
         if key == self._key and settings.refinement > 0:
@@ -127,30 +120,21 @@ class SurfaceCache:
 
 
 class _Candidate(NamedTuple):
-    """A candidate mode, its cost, and its stream unless it cannot be coded."""
-
     cost: float
     mode: SurfaceMode
-    coded: CodedSurface | None
+    coded: CodedSurface | None  # None if the mode cannot be coded
 
 
 class _Selection(NamedTuple):
-    """The stream of the selected mode; its surface unless it holds voxels."""
-
     stream: bytes
-    surface: DecodedSurface | None
+    surface: DecodedSurface | None  # None if the stream holds voxels
 
 
 class _SearchResult(NamedTuple):
-    """The surface of least cost, and the mode selected without refinement.
-
-    trials: trials of the voxel search.
-    """
-
     cloud: PreparedCloud
     estimator: DistortionEstimator
-    best: _Candidate
-    selection: _Selection
+    best: _Candidate  # the surface of least cost
+    selection: _Selection  # the mode selected without refinement
     trials: tuple[voxel_mode.Trial, ...]
 
 
@@ -172,8 +156,8 @@ def _select_mode(
 ) -> _Selection:
     """Select the finest surface that wins against voxels of as many bytes, or else voxels.
 
-    A surface wins if no error is larger. If none does, the product of the errors decides between
-    the coarsest surface and voxels, and between voxels alone and a hybrid with that surface.
+    If no surface wins, the product of the errors decides between the coarsest surface and voxels,
+    and between voxels alone and a hybrid with that surface.
     """
     if best.coded is None:
         return _Selection(search.encode_to_budget(max_bytes).stream, None)
@@ -205,8 +189,7 @@ def _encode_coarse_hybrid(
 ) -> bytes | None:
     """Return the best hybrid of as many bytes as voxels alone, or None if it is not better.
 
-    coded: the coarsest surface so far. Coarser ones, which leave more bytes for voxels, are tried
-    while they improve the hybrid.
+    Surfaces coarser than `coded` are tried while they improve the hybrid.
     """
     criterion = _hybrid_criterion(cloud, estimator, 0.0)
     voxel_cost = criterion.cost(estimator.measure(cloud.in_units(voxels.points)))
@@ -245,9 +228,8 @@ def _hybrid_criterion(
 def _encode_refined(result: _SearchResult, settings: PrimitiveSettings) -> bytes:
     """Encode a hybrid, or voxels of as many bytes if these are better.
 
-    The hybrid refines the surface selected without refinement. Voxels may replace it only if they
-    do not lose the surface under the noise. If voxels were selected, the hybrid refines the surface
-    of least cost, and the product of the errors decides.
+    If a surface was selected without refinement, voxels replace its hybrid only if they do not lose
+    the surface under the noise. Otherwise the product of the errors decides.
     """
     cloud, estimator, best, selection, trials = result
     search = VoxelSearch(cloud.source, trials)
@@ -289,9 +271,8 @@ def _refined_budget(
 ) -> tuple[int, float]:
     """Return the budget of the refinement in bytes, and the largest side of its voxels in units.
 
-    selected_bytes: length of the stream without refinement. Budgets grow in equal ratios up to
-    refinement 1, which may need more bits than `refined_bpp` in sparse clouds, because it has
-    voxels of at most `max_voxel_size`. Lower refinements may have larger voxels.
+    Budgets grow in equal ratios. Refinement 1 may need more than `refined_bpp`, because its voxels
+    are at most `max_voxel_size`.
     """
     low, high = bounds(search.points)
     unit = float((high - low).max()) / UNITS
@@ -306,8 +287,6 @@ def _refined_budget(
 def _encode_with_lambdas(
     cloud: PreparedCloud, mode: SurfaceMode, factors: Sequence[float]
 ) -> Iterator[CodedSurface | None]:
-    """Code a mode with multiples of the rate's lambda."""
-
     def encode_with(factor: float) -> CodedSurface | None:
         weighted = cloud.settings.model_copy(update={"lmbda": factor * cloud.settings.lmbda})
         return encode_surface(cloud._replace(settings=weighted), mode)
@@ -316,7 +295,6 @@ def _encode_with_lambdas(
 
 
 def _best_surface(cloud: PreparedCloud, estimator: DistortionEstimator) -> _Candidate:
-    """Return the surface of least cost: the best grid, and then surfaces of revolution."""
     searches: list[Callable[[], Any]] = [
         partial(_best_grid, cloud, estimator),
         partial(revolution_candidates, cloud),
@@ -331,7 +309,6 @@ def _add_revolutions(
     best: _Candidate,
     remaining: list[RevolutionSurface],
 ) -> _Candidate:
-    """Add surfaces of revolution, one by one, while they lower the cost."""
     rejected = 0
     while remaining and rejected < _MAX_REJECTED:
         # Candidates of one batch are coded in parallel. After an accepted one the others are coded
@@ -349,7 +326,6 @@ def _add_revolutions(
 
 
 def _best_grid(cloud: PreparedCloud, estimator: DistortionEstimator) -> _Candidate:
-    """Return the best axes, then the best grid offset along them."""
     best = _best_of(cloud, estimator, frame_candidates(cloud), None)
     best = _best_of(cloud, estimator, diagonal_offset_candidates(cloud, best.mode), best)
     for axis in range(3):
@@ -363,7 +339,6 @@ def _best_of(
     modes: Iterable[SurfaceMode],
     current: _Candidate | None,
 ) -> _Candidate:
-    """Return the mode of least cost, or the current one unless a mode saves enough."""
     candidates = in_threads(partial(_evaluate, cloud, estimator), modes)
     best = min([*candidates, *([current] if current else [])], key=lambda candidate: candidate.cost)
     return best if current is None or best.cost < _MIN_COST_RATIO * current.cost else current
@@ -372,7 +347,6 @@ def _best_of(
 def _evaluate(
     cloud: PreparedCloud, estimator: DistortionEstimator, mode: SurfaceMode
 ) -> _Candidate:
-    """Code a mode. Its cost is infinite if it has no points."""
     coded = encode_surface(cloud, mode)
     if coded is None:
         return _Candidate(np.inf, mode, None)
@@ -382,18 +356,15 @@ def _evaluate(
 
 
 def _decode_sparsely(patches: Patches) -> Floats:
-    """Reconstruct fewer points than the decoder, for a fast estimate."""
     header = patches.header
     sparse = header._replace(points_across=max(header.points_across // 3, 1))
     return reconstruct_surface(patches._replace(header=sparse)).xyz
 
 
 class _Comparison(NamedTuple):
-    """Distortions of a surface, of voxels of as many bytes, and of these without displacement."""
-
     surface: Distortion
-    voxels: Distortion
-    undisplaced: Distortion
+    voxels: Distortion  # of as many bytes as the surface
+    undisplaced: Distortion  # the same voxels without displacements
 
     @classmethod
     def of(
@@ -403,7 +374,6 @@ class _Comparison(NamedTuple):
         surface: Floats,
         voxels: CodedVoxels,
     ) -> _Comparison:
-        """Measure the decoded points (n, 3) of a surface, and voxels."""
         decoded = [surface, voxels.points]
         if voxels.displacements:
             decoded.append(voxels.undisplaced().points)
@@ -411,12 +381,10 @@ class _Comparison(NamedTuple):
         return cls(errors[0], errors[1], errors[-1])
 
     def surface_is_better(self) -> bool:
-        """Return whether the surface is nearer to the smoothed samples and to the points."""
         is_nearer = self.surface.surface <= self.voxels.surface
         is_nearer = is_nearer and self.surface.plane <= self.undisplaced.plane
         return is_nearer and self.surface.point <= _POINT_TOLERANCE * self.undisplaced.point
 
     def surface_is_better_by_product(self) -> bool:
-        """Return whether the surface gains more in some errors than it loses in others."""
         is_better = np.prod(self.surface) <= np.prod(self.voxels)
         return bool(is_better and self.surface.point <= _MAX_POINT_RATIO * self.undisplaced.point)

@@ -12,21 +12,10 @@ _MIN_POINTS = 8
 
 
 def estimate_noise(points: Floats, cell_size: float) -> float:
-    """Return the lower quartile, weighted by points, of the noise's standard deviation over cells.
+    """Return the noise's standard deviation: the lower quartile over cells, weighted by points.
 
-    Curved and crossing surfaces raise the deviation of some cells, noise raises that of all.
-
-    Parameters
-    ----------
-    points
-        (n, 3) points.
-    cell_size
-        Side of the cells, in the points' unit.
-
-    Returns
-    -------
-    float
-        In the points' unit; 0 if no cell has enough points.
+    Curved and crossing surfaces raise the deviation of some cells, noise raises that of all. The
+    result is 0 if no cell has enough points.
     """
     rows, starts = group_by_cell(points, cell_size).sorted_rows()
     centred = points[rows] - points.mean(axis=0)

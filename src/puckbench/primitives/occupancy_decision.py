@@ -14,27 +14,18 @@ _MAX_ITERATIONS = 4
 
 
 class OccupancyCriterion(NamedTuple):
-    """Smoothed samples to compare decoded points with, and weights of the errors. Lengths in cells.
+    """Smoothed samples to compare decoded points with, and weights of errors. Lengths in cells."""
 
-    xyz, normals: (n, 3) samples and unit normals. point_weights: (n,) half the fraction of the
-    cloud's points that a sample represents. sample_at: grid of sampling cells with sample indices.
-    spacing: side of a sampling cell. tangential_weight: weight of the squared distance to the
-    nearest sample in excess of a sampling cell. max_error: bound of the squared error.
-    omission_error: squared error of a sample that no column represents. area_weight: weight of a
-    sampling cell of decoded points. edge_cost: cost of two adjacent columns of which one is
-    occupied.
-    """
-
-    xyz: Floats
-    normals: Floats
-    point_weights: Floats
-    sample_at: IndexGrid
-    spacing: float
-    tangential_weight: float
-    max_error: float
-    omission_error: float
-    area_weight: float
-    edge_cost: float
+    xyz: Floats  # (n, 3) samples
+    normals: Floats  # (n, 3) unit normals
+    point_weights: Floats  # (n,) half the fraction of the cloud's points
+    sample_at: IndexGrid  # grid of sampling cells
+    spacing: float  # side of a sampling cell
+    tangential_weight: float  # of the squared distance in excess of a sampling cell
+    max_error: float  # bound of the squared error
+    omission_error: float  # squared error of a sample that no column represents
+    area_weight: float  # of a sampling cell of decoded points
+    edge_cost: float  # of two adjacent columns of which one is occupied
 
 
 NO_CRITERION = OccupancyCriterion(
@@ -98,22 +89,12 @@ def _nearest_within(
 
 @compiled
 def optimise_occupancy_map(gains: Floats, edge_cost: float, surrounding: Ints, bits: Bytes) -> None:
-    """Choose the map of largest total gain minus `edge_cost` per edge.
+    """Write the map (n, n) of largest total gain minus `edge_cost` per edge.
 
-    Parameters
-    ----------
-    gains
-        (n, n) distortion that each column saves if it is occupied; may be negative.
-    edge_cost
-        Cost of two adjacent columns of which one is occupied.
-    surrounding
-        (n + 2, n + 2) states of the columns around the map: EMPTY, OCCUPIED or UNKNOWN.
-    bits
-        (n, n) the map, written.
-
-    References
-    ----------
-    Iterated conditional modes: Besag, "On the statistical analysis of dirty pictures", 1986.
+    By iterated conditional modes (Besag, "On the statistical analysis of dirty pictures", 1986).
+    gains: (n, n) distortion that each column saves if it is occupied, may be negative. edge_cost:
+    of two adjacent columns of which one is occupied. surrounding: (n + 2, n + 2) states of the
+    columns around the map.
     """
     side = len(gains)
     for a in range(side):
@@ -133,7 +114,6 @@ def optimise_occupancy_map(gains: Floats, edge_cost: float, surrounding: Ints, b
 
 @compiled_in_place
 def _neighbour_balance(bits: Bytes, surrounding: Ints, a: int, b: int) -> int:
-    """Return the number of occupied minus empty columns among the four neighbours."""
     side, balance = len(bits), 0
     for k in range(4):
         x = a + (k == 0) - (k == 1)

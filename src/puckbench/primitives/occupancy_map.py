@@ -52,19 +52,10 @@ def code_occupancy_maps(
     criterion: OccupancyCriterion,
     occupancy: Bytes,
 ) -> None:
-    """Code the occupancy maps of all leaves. Stops early if the stream ends.
+    """Code the occupancy maps of all leaves, or fewer if the stream ends early.
 
-    Parameters
-    ----------
-    coder
-        Coder of either direction.
-    geometry, leaves, leaf_grid
-        The decoded octree of planes.
-    criterion
-        Criterion of the encoder's decisions.
-    occupancy
-        Grid of cells, written: the state of the column that crosses the plane in each cell. A leaf
-        of one cell is occupied and needs no bit.
+    occupancy: grid of cells, written with the state of the column that crosses the plane in a cell.
+    A leaf of one cell is occupied without a bit.
     """
     for i in range(leaves.counts[0]):
         if leaves.side[i] == 1:
@@ -120,7 +111,6 @@ def _decide_columns(
     criterion: OccupancyCriterion,
     bits: Bytes,
 ) -> None:
-    """Choose the occupancy map of a leaf by rate and distortion."""
     corner, side, plane = leaves.corner[i], leaves.side[i], leaves.planes[leaves.plane_index[i]]
     axis = dominant_axis(plane)
     low_u, low_v = corner[(axis + 1) % 3], corner[(axis + 2) % 3]
@@ -164,7 +154,6 @@ def _code_columns(
     bits: Bytes,
     occupancy: Bytes,
 ) -> None:
-    """Code a leaf's occupancy map and write its columns to the grid of cells."""
     corner, side, plane = leaves.corner[i], leaves.side[i], leaves.planes[leaves.plane_index[i]]
     axis = dominant_axis(plane)
     cell, neighbour_cell = np.zeros(3, np.int64), np.zeros(3, np.int64)
@@ -192,7 +181,6 @@ def _contexts(
     occupancy: Bytes,
     cell: Ints,
 ) -> tuple[int, int, int]:
-    """Return the contexts of a column's bit: the eight columns around it, and the leaf's side."""
     faces = diagonals = count = 0
     axis, a, b = column
     for da in range(-1, 2):

@@ -15,31 +15,20 @@ from puckbench.primitives.octree_arrays import Ints, Leaves
 
 
 class OctreeLevel(NamedTuple):
-    """Occupied nodes of one level in Morton order.
+    """Occupied nodes of one level in Morton order."""
 
-    cells: (n, 3) coordinates at this level. moments: (n, 10) of the samples. first_child: (n + 1,)
-    index in the next finer level. is_leaf: (n,).
-    """
-
-    cells: Ints
-    moments: Floats
-    first_child: Ints
-    is_leaf: NDArray[np.bool_]
+    cells: Ints  # (n, 3) coordinates at this level
+    moments: Floats  # (n, 10) of the samples
+    first_child: Ints  # (n + 1,) index in the next finer level
+    is_leaf: NDArray[np.bool_]  # (n,)
 
 
 def build_octree(
     xyz: Floats, normals: Floats, weights: Floats, radius: float, depth: int
 ) -> list[OctreeLevel]:
-    """Build all levels, from the root (0) to the cells (`depth`).
+    """Build all levels, from the root (0) to the cells (`depth`). Lengths are in cells.
 
-    Parameters
-    ----------
-    xyz, normals, weights
-        Samples (n, 3) in cells, their unit normals and their weights (n,).
-    radius
-        Radius in cells of the disc that a sample represents.
-    depth
-        Level of the cells.
+    radius: of the disc that a sample represents.
     """
     cells = np.floor(xyz).astype(np.int64).clip(0, (1 << depth) - 1)
     keys = morton_codes(cells, np.arange(3))
@@ -67,8 +56,7 @@ def prune_octree(
 ) -> None:
     """Mark the leaves of least squared distance + lmbda * bits, bottom-up.
 
-    leaf_bits, split_bits: estimated bits of a plane and of a split. Leaves lie between
-    coarsest_leaf_level and finest_leaf_level.
+    leaf_bits, split_bits: estimated bits of a plane and of a split.
     """
     child_costs = np.zeros(0)
     for depth in range(finest_leaf_level, -1, -1):
@@ -84,7 +72,7 @@ def prune_octree(
 
 
 def collect_leaves(levels: list[OctreeLevel]) -> tuple[Ints, Leaves]:
-    """Return the indices (n,) of the leaves among the nodes of all levels, and the leaves."""
+    """Return the leaves' indices (n,) among the nodes of all levels, and the leaves."""
     depth = len(levels) - 1
     corner, side, level_indices = [], [], []
     is_reached, start = np.ones(1, bool), 0
@@ -108,21 +96,9 @@ def moments_of(
     normals: Floats | None = None,
     radius: float = 0.0,
 ) -> Floats:
-    """Return the moments of points, or of discs around them. They determine least-squares planes.
+    """Return the moments (n, 10) of points, or of discs around them, for least-squares planes.
 
-    Parameters
-    ----------
-    xyz
-        (n, 3) points.
-    weights
-        Common weight, or weights (n,).
-    normals, radius
-        Unit normals (n, 3) and radius of the discs; the default is points.
-
-    Returns
-    -------
-    ndarray
-        (n, 10): 1, x, y, z, xx, xy, xz, yy, yz, zz, times the weight.
+    They are 1, x, y, z, xx, xy, xz, yy, yz, zz, times the weight. normals, radius: of the discs.
     """
     normals = np.zeros((1, 3)) if normals is None else normals
     return _moments_of(xyz, np.atleast_1d(np.asarray(weights, float)), normals, radius**2 / 4)
@@ -148,7 +124,7 @@ def _moments_of(xyz: Floats, weights: Floats, normals: Floats, variance: float) 
 
 @compiled
 def plane_errors(moments: Floats) -> Floats:
-    """Return the weighted sums (n,) of squared distances to the least-squares planes."""
+    """Return the weighted squared distances (n,) to the least-squares planes."""
     costs: Floats = np.empty(len(moments))
     for i in range(len(moments)):
         costs[i] = distance_to_fit(moments[i])

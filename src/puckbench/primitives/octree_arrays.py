@@ -23,57 +23,37 @@ UNKNOWN, EMPTY, OCCUPIED = 0, 1, 2
 
 
 class OctreeGeometry(NamedTuple):
-    """Geometry of the octree: level 0 is the root, a node's side is 2^(depth - level) cells.
+    """Geometry of the octree: level 0 is the root, a node's side is 2^(depth - level) cells."""
 
-    depth: level of the cells. finest_leaf_level, coarsest_leaf_level: levels of the smallest and
-    largest leaves. shape: (3,) cells along each axis. plane_steps: (depth + 1,) quantisation step
-    of the planes of each level's leaves, in cells. lmbda: Lagrangian weight in squared cells per
-    bit (encoder only).
-    """
-
-    depth: int
-    finest_leaf_level: int
-    coarsest_leaf_level: int
-    shape: Ints
-    plane_steps: Floats
-    lmbda: float
+    depth: int  # level of the cells
+    finest_leaf_level: int  # of the smallest leaves
+    coarsest_leaf_level: int  # of the largest leaves
+    shape: Ints  # (3,) cells along each axis
+    plane_steps: Floats  # (depth + 1,) quantisation step of planes by level, in cells
+    lmbda: float  # Lagrangian weight in squared cells per bit (encoder only)
 
 
 class Leaves(NamedTuple):
-    """Leaves in coding order: corner (n, 3), side (n,) in cells, and index (n,) of the plane.
-
-    planes: (n, 4) unit normal n and offset d, n . p = d. counts: (2,) number of leaves and of
-    planes.
-    """
-
-    corner: Ints
-    side: Ints
-    plane_index: Ints
-    planes: Floats
-    counts: Ints
+    corner: Ints  # (n, 3)
+    side: Ints  # (n,)
+    plane_index: Ints  # (n,)
+    planes: Floats  # (n, 4) unit normal n and offset d, n . p = d
+    counts: Ints  # (2,) numbers of leaves and of planes
 
 
 class EncoderNodes(NamedTuple):
-    """Nodes of all levels, one level after the other, known to the encoder only.
+    """Nodes of all levels, one level after the other, known to the encoder only."""
 
-    moments: (n, 10) of the samples in the node. first_child: (n + 1,) index of the first child.
-    is_leaf: (n,). octant: (n,) position within the parent. region_moments: (n, 10) moments of the
-    region that a leaf belongs to.
-    """
-
-    moments: Floats
-    first_child: Ints
-    is_leaf: NDArray[np.bool_]
-    octant: Ints
-    region_moments: Floats
+    moments: Floats  # (n, 10) of the samples in the node
+    first_child: Ints  # (n + 1,) index of the first child
+    is_leaf: NDArray[np.bool_]  # (n,)
+    octant: Ints  # (n,) position within the parent
+    region_moments: Floats  # (n, 10) of the region that a leaf belongs to
 
 
 @compiled_in_place
 def leaf_at(geometry: OctreeGeometry, leaf_grid: IndexGrid, x: int, y: int, z: int) -> int:
-    """Return 1 + the index of the leaf that contains a cell, 0 if there is none.
-
-    leaf_grid: grid with the cell size of the smallest leaves.
-    """
+    """Return 1 + the index of the leaf that contains a cell, 0 if there is none."""
     side_log2 = geometry.depth - geometry.finest_leaf_level
     return int(leaf_grid[x >> side_log2, y >> side_log2, z >> side_log2])
 
@@ -90,8 +70,6 @@ def dominant_axis(plane: Floats) -> int:
 
 @compiled_in_place
 def plane_height(plane: Floats, axis: int, u: float, v: float) -> float:
-    """Return the coordinate of a plane along `axis` where the next two axes have the values u and
-    v.
-    """
+    """Return the coordinate along `axis` of a plane where the next two axes are at u and v."""
     across = plane[(axis + 1) % 3] * u + plane[(axis + 2) % 3] * v
     return float((plane[3] - across) / plane[axis])

@@ -1,7 +1,7 @@
 """Coding of a leaf's plane: merged with the plane of a neighbouring leaf, or predicted from it.
 
 As in the merge mode of video codecs, the encoder may signal the index of a neighbour's plane. A new
-plane is fitted to the leaf's whole region. The extent of the region decides its precision.
+plane is fitted to the leaf's whole region, whose extent decides the precision.
 """
 
 from __future__ import annotations
@@ -50,19 +50,8 @@ def code_plane(
 ) -> None:
     """Code the plane of a leaf, and add the leaf.
 
-    The encoder chooses the candidate of least squared distance + lmbda * estimated bits.
-
-    Parameters
-    ----------
-    coder, base
-        Coder of either direction, and its first context and mixer for planes.
-    geometry, level, node
-        The octree, the node's level, and the node (4,): its coordinates at the level, and its
-        index.
-    nodes
-        Nodes of the encoder; unused in decoding.
-    leaves, leaf_grid
-        Leaves and their grid, extended.
+    The encoder chooses the candidate of least squared distance + lmbda * estimated bits. base:
+    first context and mixer. node: (4,) coordinates at its level, and index in `nodes`.
     """
     side_log2 = geometry.depth - level
     side = 1 << side_log2
@@ -107,7 +96,6 @@ def _add_leaf(
     leaves: Leaves,
     leaf_grid: IndexGrid,
 ) -> None:
-    """Append a leaf and write it to the grid of the smallest leaves."""
     leaf = leaves.counts[0]
     leaves.counts[0] += 1
     for k in range(3):
@@ -158,7 +146,6 @@ def _count_contacts(
     contacts: Ints,
     planes: Ints,
 ) -> int:
-    """Count the cells around a cube by the plane of their leaf. Return the number of planes."""
     count = 0
     for x in range(max(corner[0] - 1, 0), min(corner[0] + side + 1, geometry.shape[0])):
         for y in range(max(corner[1] - 1, 0), min(corner[1] + side + 1, geometry.shape[1])):
@@ -187,7 +174,6 @@ def _add_contact(plane: int, count: int, contacts: Ints, planes: Ints) -> int:
 
 @compiled_in_place
 def _is_near(geometry: OctreeGeometry, plane: Floats, corner: Ints, side: int) -> bool:
-    """Return whether a plane crosses a cube or misses it by at most a smallest leaf's side."""
     half = side / 2
     half_extent = half * (abs(plane[0]) + abs(plane[1]) + abs(plane[2]))
     distance = -plane[3]
@@ -198,7 +184,6 @@ def _is_near(geometry: OctreeGeometry, plane: Floats, corner: Ints, side: int) -
 
 @compiled
 def _extended(cube: tuple[Floats, float, float], extent_log2: int) -> tuple[Floats, float, float]:
-    """Return a cube with 2^extent_log2 times the side, and the quantisation step for that side."""
     return cube[0], cube[1] * 2.0**extent_log2, cube[2] * 2.0 ** (-0.5 * extent_log2)
 
 
@@ -212,11 +197,7 @@ def _decide_plane(
     max_extent_log2: int,
     indices: Ints,
 ) -> tuple[int, int]:
-    """Return the merge index of least cost, and the extent of a new plane.
-
-    moments: of the leaf, and of its region, to which a new plane is fitted. For a new plane the
-    merge index is len(candidates), and `indices` are written.
-    """
+    """Return the merge index of least cost, and the extent of a new plane."""
     plane = np.empty(4)
     extent_log2, bits = _quantise_region_plane(
         geometry, moments[1], leaves, candidates, cube, max_extent_log2, indices, plane
@@ -241,7 +222,7 @@ def _quantise_region_plane(
     indices: Ints,
     plane: Floats,
 ) -> tuple[int, float]:
-    """Quantise a region's plane with the extent of least cost. Return that extent and the bits."""
+    """Quantise a region's plane with the extent of least cost. Return the extent and the bits."""
     fitted, dequantised = np.empty(4), np.empty(4)
     fit_plane(region, fitted)
     trial_indices, predicted = np.zeros(4, np.int64), np.zeros(4, np.int64)
@@ -271,7 +252,6 @@ def _code_merge_index(
     candidate_count: int,
     side_log2: int,
 ) -> int:
-    """Code which candidate's plane the leaf shares, or `candidate_count` for a new plane."""
     start, mixer = base[0] + _MERGE, base[1] + _MERGE_MIXER
     for k in range(candidate_count):
         size_context = start + 16 * k + min(side_log2, 15)
@@ -307,7 +287,6 @@ def _code_parameters(
     has_prediction: bool,
     side_log2: int,
 ) -> None:
-    """Code axis, height and slopes of a plane. `indices` are read, or written by the decoder."""
     indices[0] = _code_axis(coder, base, indices[0], predicted[0], 1 if has_prediction else 0)
     is_same_axis = 1 if has_prediction and indices[0] == predicted[0] else 0
     start = base[0] + _PARAMETERS
@@ -336,16 +315,9 @@ def _code_axis(
 
 @compiled_in_place
 def quantise_plane(plane: Floats, cube: tuple[Floats, float, float], indices: Ints) -> None:
-    """Write the quantisation indices of a plane: axis, height at a cube's centre, two slopes.
+    """Write the quantisation indices (4,) of a plane: axis, height at a cube's centre, two slopes.
 
-    Parameters
-    ----------
-    plane
-        (4,) unit normal and offset.
-    cube
-        Centre (3,), half the side, and quantisation step, in cells.
-    indices
-        (4,) written; slopes are in steps across half the cube.
+    cube: centre (3,), half the side, and quantisation step, in cells.
     """
     centre, half, step = cube
     axis = dominant_axis(plane)
@@ -359,7 +331,6 @@ def quantise_plane(plane: Floats, cube: tuple[Floats, float, float], indices: In
 
 @compiled
 def dequantise_plane(indices: Ints, cube: tuple[Floats, float, float], plane: Floats) -> None:
-    """Write the plane (4,) of quantisation indices."""
     centre, half, step = cube
     axis = indices[0]
     a, b = -indices[2] * step / half, -indices[3] * step / half

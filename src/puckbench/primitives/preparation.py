@@ -27,42 +27,27 @@ _OUTLIER_DISTANCE_PER_NOISE = 6.5
 
 
 class SurfaceSamples(NamedTuple):
-    """Smoothed samples: points (n, 3) and unit normals.
-
-    point_weights: (n,) fraction of the cloud's points that a sample represents. spacing: side of a
-    sampling cell. area_weight: fraction of the area that each sample represents.
-    """
-
-    xyz: Floats
-    normals: Floats
-    point_weights: Floats
-    spacing: float
-    area_weight: float
+    xyz: Floats  # (n, 3)
+    normals: Floats  # (n, 3) unit normals
+    point_weights: Floats  # (n,) fractions of the cloud's points
+    spacing: float  # side of a sampling cell
+    area_weight: float  # fraction of the area that each sample represents
 
     def masked(self, mask: NDArray[np.bool_]) -> SurfaceSamples:
-        """Return the samples of a mask (n,), with unchanged weights."""
         arrays = (self.xyz[mask], self.normals[mask], self.point_weights[mask])
         return SurfaceSamples(*arrays, self.spacing, self.area_weight)
 
 
 class PreparedCloud(NamedTuple):
-    """A cloud scaled to units, and its smoothed surface.
-
-    points: (n, 3) in Morton order. source: (n, 3) the same points in the input's coordinates.
-    corner: (3,) least input coordinates. unit: length of a unit in the input. noise: standard
-    deviation in units. settings: settings of the rate, adapted to the noise.
-    """
-
-    points: Floats
-    source: Floats
-    corner: Floats
-    unit: float
-    noise: float
-    surface: SurfaceSamples
-    settings: PrimitiveSettings
+    points: Floats  # (n, 3) in units, in Morton order
+    source: Floats  # (n, 3) the same points in the input's coordinates
+    corner: Floats  # (3,) least input coordinates
+    unit: float  # length of a unit in the input
+    noise: float  # standard deviation in units
+    surface: SurfaceSamples  # in units
+    settings: PrimitiveSettings  # adapted to the noise
 
     def in_units(self, points: Floats) -> Floats:
-        """Transform points (m, 3) from the input's coordinates to units."""
         return np.asarray((points - self.corner) / self.unit)
 
 
@@ -79,7 +64,7 @@ def prepare(points: Floats, settings: PrimitiveSettings) -> PreparedCloud:
 
 
 def column_size(surface: SurfaceSamples, settings: PrimitiveSettings) -> float:
-    """Return the side of a column in units. The spacing of the samples limits it from below."""
+    """Return the side of a column in units; the spacing of the samples limits it from below."""
     doublings = np.log2(0.6 * surface.spacing / settings.column_size)
     column = settings.column_size * 2.0 ** max(0, np.ceil(doublings - 1e-9))
     while np.prod(np.ptp(surface.xyz, axis=0) / column + 2) > MAX_CELLS:
@@ -88,12 +73,11 @@ def column_size(surface: SurfaceSamples, settings: PrimitiveSettings) -> float:
 
 
 def axis_aligned_column_size(cloud: PreparedCloud) -> float:
-    """Return the side of a column in units for a grid along the cloud's axes."""
     return column_size(cloud.surface, cloud.settings)
 
 
 def _smoothed_surface(points: Floats, noise: float, settings: PrimitiveSettings) -> SurfaceSamples:
-    """Smooth samples of points in units, from cells that hold a few points each.
+    """Smooth samples from cells that hold a few points each.
 
     Spacings differ by powers of sqrt(2), so that no rate has larger cells than a lower rate.
     """

@@ -26,7 +26,6 @@ def count_points(
     points_across: int,
     column_spacing: int,
 ) -> int:
-    """Return the number of points that `reconstruct_points` makes."""
     no_points = np.empty((0, 3)), np.empty(0, np.int64)
     return int(
         reconstruct_points(
@@ -45,22 +44,10 @@ def reconstruct_points(
     xyz: Floats,
     leaf_of_point: Ints,
 ) -> int:
-    """Write the points of all occupied columns, and the leaves that they lie on.
+    """Write the points of all occupied columns as far as memory reaches, and return their number.
 
-    Parameters
-    ----------
-    geometry, leaves, occupancy
-        The decoded octree of planes and the states of its columns.
-    points_across, column_spacing
-        A column has points_across x points_across points. If that is 1, one of column_spacing x
-        column_spacing columns has a point.
-    xyz, leaf_of_point
-        (m, 3) points in cells and (m,) indices of leaves, written up to their length.
-
-    Returns
-    -------
-    int
-        Number of points, written or not.
+    A column has points_across x points_across points. If that is 1, one of column_spacing x
+    column_spacing columns has a point. leaf_of_point: (m,) leaves of the points.
     """
     count = 0
     cell = np.zeros(3, np.int64)
@@ -94,7 +81,6 @@ def _reconstruct_column(
     xyz: Floats,
     leaf_of_point: Ints,
 ) -> None:
-    """Write the points of the column (axis, a, b) of leaf i."""
     axis, a, b = column
     for k in range(min(points_across * points_across, len(xyz))):
         u = a + (k % points_across + 0.5) / points_across

@@ -1,7 +1,4 @@
-"""Region merging: adjacent leaves are merged while one plane explains them well enough.
-
-Pairs of least cost are merged first, from a priority queue over the graph of adjacent regions.
-"""
+"""Region merging: adjacent leaves are merged while one plane explains them, cheapest first."""
 
 from __future__ import annotations
 
@@ -18,60 +15,44 @@ _LOW_MASK = (1 << 32) - 1
 
 
 class MergeLimits(NamedTuple):
-    """Largest increase of the squared distance to the planes when two regions are merged.
+    """Largest increase of the squared distance to the planes when two regions are merged."""
 
-    fixed: absolute. per_weight: added per unit of weight of the smaller region. min_cosine: least
-    cosine of the angle between the two planes.
-    """
-
-    fixed: float
-    per_weight: float
-    min_cosine: float
+    fixed: float  # absolute
+    per_weight: float  # per unit of weight of the smaller region
+    min_cosine: float  # of the angle between the two planes
 
 
 class _Regions(NamedTuple):
-    """Regions, identified by the index of one of their leaves (union-find).
+    """Regions, identified by the index of one of their leaves (union-find)."""
 
-    moments: (n, 10), planes: (n, 4), errors: (n,) of the regions. parent: (n,) region that a leaf
-    was merged into, initially itself. version: (n,) number of merges, -1 if part of another region.
-    scratch: (10,) memory for moments.
-    """
-
-    moments: Floats
-    planes: Floats
-    errors: Floats
-    parent: Ints
-    version: Ints
-    scratch: Floats
+    moments: Floats  # (n, 10)
+    planes: Floats  # (n, 4)
+    errors: Floats  # (n,) squared distances to the planes
+    parent: Ints  # (n,) region that a leaf was merged into, initially itself
+    version: Ints  # (n,) number of merges, -1 if part of another region
+    scratch: Floats  # (10,) memory for moments
 
 
 class _Adjacency(NamedTuple):
-    """Linked lists of the leaves adjacent to each region.
+    """Linked lists of the leaves adjacent to each region."""
 
-    first_edge, last_edge: (n,) ends of each list. neighbour, next_edge: (m,) its entries.
-    """
-
-    first_edge: Ints
-    last_edge: Ints
-    neighbour: Ints
-    next_edge: Ints
+    first_edge: Ints  # (n,) first entry of each list
+    last_edge: Ints  # (n,)
+    neighbour: Ints  # (m,) entries
+    next_edge: Ints  # (m,)
 
 
 class _Queue(NamedTuple):
-    """Binary heap of the pairs of regions that may be merged, in ascending order of cost.
+    """Binary heap of the pairs of regions that may be merged, in ascending order of cost."""
 
-    cost: (m,) cost of merging. pair: (m,) both regions. versions: (m,) their versions when they
-    were queued; two 32-bit numbers in one. size: (1,) number of entries.
-    """
-
-    cost: Floats
-    pair: Ints
-    versions: Ints
-    size: Ints
+    cost: Floats  # (m,) of merging
+    pair: Ints  # (m,) both regions, in 32 bits each
+    versions: Ints  # (m,) of both regions when they were queued, in 32 bits each
+    size: Ints  # (1,) number of entries
 
 
 def region_moments(moments: Floats, leaves: Leaves, shape: Ints, limits: MergeLimits) -> Floats:
-    """Return the moments (n, 10) of each leaf's region. shape: (3,) cells of the grid."""
+    """Return the moments (n, 10) of each leaf's region."""
     region_of = merge_regions(moments, adjacent_leaves(leaves, shape), limits)
     sums = np.zeros_like(moments)
     np.add.at(sums, region_of, moments)
@@ -80,21 +61,9 @@ def region_moments(moments: Floats, leaves: Leaves, shape: Ints, limits: MergeLi
 
 @compiled
 def merge_regions(moments: Floats, pairs: Ints, limits: MergeLimits) -> Ints:
-    """Merge adjacent pieces of surface to regions.
+    """Merge pieces of surface, given by moments (n, 10) and adjacent pairs (m, 2), to regions.
 
-    Parameters
-    ----------
-    moments
-        (n, 10) moments of the pieces.
-    pairs
-        (m, 2) indices of adjacent pieces, both with weight.
-    limits
-        Limits of a merge.
-
-    Returns
-    -------
-    ndarray
-        (n,) region of each piece: the index of one of its pieces.
+    Return the region (n,) of each piece: the index of one of its pieces.
     """
     n = len(moments)
     regions = _Regions(
@@ -142,7 +111,6 @@ def _build_adjacency(n: int, pairs: Ints) -> _Adjacency:
 
 @inlined
 def _append(adjacency: _Adjacency, a: int, first_edge: int, last_edge: int) -> None:
-    """Append a list, given by its first and last edge, to a region's."""
     if adjacency.first_edge[a] < 0:
         adjacency.first_edge[a] = first_edge
     else:
@@ -152,7 +120,6 @@ def _append(adjacency: _Adjacency, a: int, first_edge: int, last_edge: int) -> N
 
 @inlined
 def _merge(regions: _Regions, adjacency: _Adjacency, a: int, b: int) -> None:
-    """Merge region b into a."""
     regions.parent[b] = a
     regions.version[b] = -1
     regions.version[a] += 1
@@ -171,10 +138,6 @@ def _push_neighbours(
     a: int,
     marks: Ints,
 ) -> None:
-    """Queue a region with each of its neighbours, and remove duplicates from its list.
-
-    marks: (n,) regions that are already queued; each call uses its own mark.
-    """
     mark = a * len(marks) + regions.version[a]
     edge, previous = adjacency.first_edge[a], -1
     while edge >= 0:
@@ -200,7 +163,6 @@ def _push_pair(
     a: int,
     b: int,
 ) -> None:
-    """Queue two regions if they may be merged."""
     if _cosine(regions.planes, a, b) < limits.min_cosine:
         return
     smaller = min(regions.moments[a, 0], regions.moments[b, 0])
@@ -240,7 +202,6 @@ def _pop(queue: _Queue, regions: _Regions) -> tuple[bool, int, int]:
 
 @inlined
 def _sift_up(queue: _Queue, hole: int, cost: float, pair: int, versions: int) -> None:
-    """Move a hole up the heap until an entry fits there, and write the entry."""
     while hole > 0 and not _precedes(queue, (hole - 1) // 2, cost, pair, versions):
         _move_entry(queue, (hole - 1) // 2, hole)
         hole = (hole - 1) // 2
@@ -264,14 +225,12 @@ def _move_entry(queue: _Queue, source: int, target: int) -> None:
 
 @inlined
 def _is_current(queue: _Queue, regions: _Regions, entry: int) -> bool:
-    """Return whether the regions of an entry are unchanged since it was queued."""
     a, b = queue.pair[entry] >> 32, queue.pair[entry] & _LOW_MASK
     return bool(queue.versions[entry] == regions.version[a] << 32 | regions.version[b])
 
 
 @compiled_in_place
 def _remove_outdated(queue: _Queue, regions: _Regions) -> None:
-    """Remove the entries of regions that have been merged since."""
     size, queue.size[0] = queue.size[0], 0
     for entry in range(size):
         if _is_current(queue, regions, entry):
@@ -288,7 +247,6 @@ def _cosine(planes: Floats, a: int, b: int) -> float:
 
 @inlined
 def _joint_error(regions: _Regions, a: int, b: int) -> float:
-    """Return the squared distance to the common plane of two regions."""
     moments = regions.scratch
     for k in range(MOMENT_COUNT):
         moments[k] = regions.moments[a, k] + regions.moments[b, k]
@@ -297,7 +255,6 @@ def _joint_error(regions: _Regions, a: int, b: int) -> float:
 
 @inlined
 def _root(regions: _Regions, i: int) -> int:
-    """Return the region of a piece."""
     parent = regions.parent
     while parent[i] != i:
         parent[i] = parent[parent[i]]
@@ -307,19 +264,9 @@ def _root(regions: _Regions, i: int) -> int:
 
 @compiled
 def adjacent_leaves(leaves: Leaves, shape: Ints) -> Ints:
-    """Return the pairs of leaves that share a face, an edge or a corner.
+    """Return the pairs (m, 2), lower index first, of leaves that share a face, an edge or a corner.
 
-    Parameters
-    ----------
-    leaves
-        Leaves whose corners are multiples of their sides, which are powers of two.
-    shape
-        (3,) cells of the grid; leaves may extend beyond it.
-
-    Returns
-    -------
-    ndarray
-        (m, 2) indices, the lower one first.
+    shape: (3,) cells of the grid; leaves may extend beyond it.
     """
     count, n = 0, leaves.counts[0]
     pairs = np.empty((16 * n + 64, 2), np.int64)
@@ -349,7 +296,6 @@ def adjacent_leaves(leaves: Leaves, shape: Ints) -> Ints:
 
 @compiled
 def _box_map(lows: Ints, highs: Ints, shape: Ints) -> IndexGrid:
-    """Return a grid with the indices of the boxes, from lows (n, 3) up to highs (n, 3)."""
     leaf_grid = np.zeros((shape[0], shape[1], shape[2]), np.int32)
     for i in range(len(lows)):
         low, high = lows[i], highs[i]

@@ -47,20 +47,14 @@ _POSITION, _SLOPE, _RADIUS, _ANGLE = 8, 16384, 16, 20000
 
 
 class RevolutionSurface(NamedTuple):
-    """A bounded surface of revolution.
+    """A bounded surface of revolution. Angles are in radians."""
 
-    kind: CONE (a cylinder if the angle is 0) or SPHERE. origin: (3,) a point on the axis, or a
-    sphere's centre. axis: (3,) unit vector. radius: at the origin. angle: half the opening angle in
-    radians, > 0 if the cone widens along the axis. first_row: arc length along the profile where
-    the first row begins. row_count: number of rows.
-    """
-
-    kind: int
-    origin: Floats
-    axis: Floats
-    radius: float
-    angle: float
-    first_row: int
+    kind: int  # CONE (a cylinder if the angle is 0) or SPHERE
+    origin: Floats  # (3,) a point on the axis, or a sphere's centre
+    axis: Floats  # (3,) unit vector
+    radius: float  # at the origin
+    angle: float  # half the opening angle, > 0 if the cone widens along the axis
+    first_row: int  # arc length along the profile where the first row begins
     row_count: int
 
     def columns_per_row(self) -> Ints:
@@ -75,7 +69,7 @@ class RevolutionSurface(NamedTuple):
         return _profile(self, arc_length)
 
     def points_at(self, arc_length: Floats, azimuth: Floats) -> tuple[Floats, Floats]:
-        """Return points (n, 3) and normals at arc lengths and azimuths (n,) in radians."""
+        """Return points (n, 3) and normals at arc lengths and azimuths (n,)."""
         return _points_at(self, *self.profile(arc_length), azimuth)
 
     def coordinates(self, xyz: Floats) -> tuple[Floats, Floats, Floats, Floats]:
@@ -84,13 +78,11 @@ class RevolutionSurface(NamedTuple):
 
 
 class UnrolledMap(NamedTuple):
-    """A surface of revolution and its occupancy map: bits (columns,), row after row."""
-
     surface: RevolutionSurface
-    bits: Bytes
+    bits: Bytes  # (columns,) row after row
 
     def occupied_columns(self) -> tuple[Ints, Ints, Ints]:
-        """Return row, position in the row and number of columns in the row of occupied columns."""
+        """Return their rows, positions in the row, and the numbers of columns of their rows."""
         columns = self.surface.columns_per_row()
         row = np.repeat(np.arange(self.surface.row_count), columns)
         column = np.arange(len(row)) - np.repeat(np.cumsum(columns) - columns, columns)
@@ -160,10 +152,7 @@ def _coordinates(surface: RevolutionSurface, xyz: Floats) -> tuple[Floats, Float
 def distance_to(
     surface: RevolutionSurface, sine: float, cosine: float, point: Floats
 ) -> tuple[float, float, float]:
-    """Return a point's signed distance from a surface, its height, and its distance from the axis.
-
-    The height is along the axis, above the origin. sine, cosine: of the surface's angle.
-    """
+    """Return a point's signed distance, height above the origin, and distance from the axis."""
     x, y, z = (
         point[0] - surface.origin[0],
         point[1] - surface.origin[1],
@@ -189,10 +178,7 @@ def normal_at(
     height: float,
     radius: float,
 ) -> Vector:
-    """Return the unit normal of a surface where it is nearest to a point.
-
-    radial: the point relative to the origin. sine, cosine, height, radius: as in `distance_to`.
-    """
+    """Return a surface's unit normal where it is nearest to a point `radial` from the origin."""
     if surface.kind == SPHERE:
         return multiply(1 / max(length(radial), 1e-9), radial)
     axis = vector(surface.axis)
@@ -202,7 +188,6 @@ def normal_at(
 
 @compiled
 def orthogonal_axes(axis: Floats) -> tuple[Floats, Floats]:
-    """Return two unit vectors (3,) that are orthogonal to an axis and to each other."""
     start = np.zeros(3)
     start[np.abs(axis).argmin()] = 1.0
     u = cross(vector(axis), vector(start))
@@ -211,7 +196,6 @@ def orthogonal_axes(axis: Floats) -> tuple[Floats, Floats]:
 
 
 def pack_parameters(surface: RevolutionSurface) -> bytes:
-    """Quantise and pack a surface to `REVOLUTION_BYTES` bytes."""
     k = int(np.abs(surface.axis).argmax())
     direction = surface.axis / surface.axis[k]
     slopes = [direction[(k + 1) % 3] * _SLOPE, direction[(k + 2) % 3] * _SLOPE]
@@ -264,10 +248,6 @@ def _unpack_surface(fields: bytes) -> RevolutionSurface:
 
 @compiled
 def code_unrolled_map(coder: ContextCoder, columns: Ints, bits: Bytes) -> None:
-    """Code the occupancy map of a surface of revolution, row after row.
-
-    columns: (rows,) columns of each row. bits: (sum of columns,) the map.
-    """
     start, above, second = 0, -1, -1
     for row in range(len(columns)):
         count = columns[row]
@@ -311,10 +291,7 @@ def _adjacent_columns(bits: Bytes, start: int, count: int, j: int, columns: int)
 def reconstruct_columns(
     unrolled: UnrolledMap, points_across: int, column_spacing: int
 ) -> tuple[Floats, Floats]:
-    """Return points (n, 3) and normals on the occupied columns of a surface.
-
-    points_across, column_spacing: as in `reconstruction.reconstruct_points`.
-    """
+    """Return points (n, 3) on the occupied columns and their normals (see `reconstruct_points`)."""
     surface, (row, column, columns_in_row) = unrolled.surface, unrolled.occupied_columns()
     if column_spacing > 1:
         kept = (row % column_spacing == column_spacing // 2) & (
@@ -332,7 +309,6 @@ def reconstruct_columns(
 
 
 def column_corners(unrolled: UnrolledMap) -> Floats:
-    """Return the corners (n, 4, 3) of the occupied columns of a surface."""
     surface, (row, column, columns_in_row) = unrolled.surface, unrolled.occupied_columns()
     arc_length = (surface.first_row + row)[:, None] + [0, 0, 1, 1]
     azimuth = 2 * np.pi * (column[:, None] + [0, 1, 1, 0]) / columns_in_row[:, None]

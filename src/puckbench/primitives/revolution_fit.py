@@ -1,8 +1,8 @@
 """Robust least-squares fit of a surface of revolution to samples.
 
-Levenberg-Marquardt steps, reweighted for the loss sqrt(1 + z) - 1, where z is the squared distance
-in units of `loss_scale`. All arithmetic is compiled here, because the last bits of linear algebra
-libraries depend on the processor.
+Levenberg-Marquardt steps for the loss sqrt(1 + z) - 1, where z is the squared distance in units of
+`loss_scale`. All arithmetic is compiled here, because the last bits of linear algebra libraries
+depend on the processor.
 """
 
 from __future__ import annotations
@@ -30,17 +30,10 @@ _UNKNOWN_COUNT = 6
 
 @compiled
 def fit_revolution(surface: RevolutionSurface, xyz: Floats, loss_scale: float) -> RevolutionSurface:
-    """Fit a surface to points.
+    """Fit a surface to points (n, 3).
 
-    Parameters
-    ----------
-    surface
-        Initial surface. Its origin should be beside the points: it moves only perpendicularly to
-        the axis (a sphere's moves in all directions).
-    xyz
-        (n, 3) points.
-    loss_scale
-        Distance beyond which a point counts less than its square.
+    The initial origin should be beside the points: it moves only perpendicularly to the axis (a
+    sphere's moves in all directions).
     """
     current = (np.empty((_UNKNOWN_COUNT, _UNKNOWN_COUNT)), np.empty(_UNKNOWN_COUNT))
     trial = (np.empty((_UNKNOWN_COUNT, _UNKNOWN_COUNT)), np.empty(_UNKNOWN_COUNT))
@@ -112,7 +105,6 @@ def _linearise(
 
 @compiled_in_place
 def _solve(matrix: Floats, gradient: Floats, damping: float, factor: Floats, step: Floats) -> None:
-    """Solve damped normal equations for the step (6,), with Cholesky factor (6, 6)."""
     for k in range(_UNKNOWN_COUNT):
         for j in range(k + 1):
             remainder = matrix[k, j]

@@ -27,7 +27,6 @@ _FIELDS = 9
 
 
 def block_samples(xyz: Floats, radius: float) -> tuple[Ints, BlockedSamples]:
-    """Sort samples (n, 3) by blocks of side `radius`. Return the order (n,) and the blocks."""
     cells = np.floor(xyz / radius).astype(np.int64)
     return blocks_of(CellSamples(xyz, np.ones(len(xyz)), cells), 1)
 
@@ -35,23 +34,11 @@ def block_samples(xyz: Floats, radius: float) -> tuple[Ints, BlockedSamples]:
 def make_hypotheses(
     xyz: Floats, normals: Floats, seeds: Ints, spacing: float, tolerance: float
 ) -> Floats:
-    """Make spheres, cylinders and cones, still unbounded, through samples and their normals.
+    """Make spheres, cylinders and cones (m, 9), still unbounded, through samples with normals.
 
-    Parameters
-    ----------
-    xyz, normals
-        Samples (n, 3) and their unit normals.
-    seeds
-        (m,) rows of the first samples; each is combined with two others at each of three spans.
-    spacing
-        Spacing of the samples.
-    tolerance
-        Least radius. A sphere or cylinder may miss the second sample by twice this distance.
-
-    Returns
-    -------
-    ndarray
-        (m, 9) hypotheses, see `surface_of_hypothesis`.
+    seeds: (m,) rows of samples; each is combined with two others at each of three spans. spacing:
+    of the samples. tolerance: least radius; a sphere or cylinder may miss the second sample by
+    twice this distance.
     """
     max_radius = float(np.ptp(xyz, axis=0).max()) / 2
     hypotheses, count = np.empty((3 * len(SPANS) * len(seeds), _FIELDS)), 0
@@ -88,10 +75,7 @@ def _sample_hypotheses(
     hypotheses: Floats,
     count: int,
 ) -> int:
-    """Write hypotheses (m, 9) through each seed and two samples about a radius away.
-
-    radius_bounds: least and largest radius of a surface. Return the number of hypotheses.
-    """
+    """Write hypotheses through each seed and two samples at a distance of about `radius`."""
     ranges = np.empty((9, 2), np.int64)
     for seed in seeds:
         block = np.searchsorted(blocks.starts, seed, side="right") - 1
@@ -110,10 +94,7 @@ def _sample_hypotheses(
 def _annulus_samples(
     xyz: Floats, seed: int, ranges: Ints, radius: float, selection: tuple[int, int]
 ) -> tuple[int, tuple[int, int]]:
-    """Count the samples about a radius away from a seed, and return the rows of two of them.
-
-    selection: which two, in the order of the search.
-    """
+    """Count the samples about a radius away from a seed, and return the two that are selected."""
     min_squared, max_squared = (_MIN_DISTANCE * radius) ** 2, radius * radius
     count, first, second = 0, -1, -1
     for k in range(len(ranges)):
@@ -135,7 +116,6 @@ def _add_hypotheses(
     hypotheses: Floats,
     count: int,
 ) -> int:
-    """Write the sphere and cylinder through two samples, and the cone through three."""
     a, n = row_of(xyz, rows[0]), row_of(normals, rows[0])
     m, o = _oriented(row_of(normals, rows[1]), n), _oriented(row_of(normals, rows[2]), n)
     offset, normal_change = add_multiple(a, -1.0, row_of(xyz, rows[1])), add_multiple(n, -1.0, m)
@@ -194,7 +174,6 @@ def _add_cone(
 
 @inlined
 def _half_angle(point: Vector, apex: Vector, axis: Vector) -> float:
-    """Return half the opening angle of the cone through a point."""
     radial = add_multiple(point, -1.0, apex)
     height = dot(radial, axis)
     return float(np.arctan2(length(add_multiple(radial, -height, axis)), height))
@@ -202,7 +181,6 @@ def _half_angle(point: Vector, apex: Vector, axis: Vector) -> float:
 
 @inlined
 def _oriented(normal: Vector, other: Vector) -> Vector:
-    """Orient a normal like another one."""
     return multiply(-1.0 if dot(normal, other) < 0 else 1.0, normal)
 
 
@@ -216,7 +194,6 @@ def _add_hypothesis(
     hypotheses: Floats,
     count: int,
 ) -> int:
-    """Write a hypothesis if its radius is within the bounds. Return the number of hypotheses."""
     radius, angle = radius_and_angle
     if not radius_bounds[0] < radius < radius_bounds[1]:
         return count

@@ -26,20 +26,14 @@ Mask = NDArray[np.bool_]
 
 
 class RevolutionCosts(NamedTuple):
-    """Squared errors and lengths, in cells.
+    """Squared errors and lengths, in cells."""
 
-    omission_error: error of a sample that no column represents. tangential_weight: weight of the
-    squared distance to the nearest sample in excess of a sampling cell. max_error: bound of the
-    error. tolerance: largest distance of an inlier. spacing: side of a sampling cell. edge_cost:
-    cost of two adjacent columns of which one is occupied.
-    """
-
-    omission_error: float
-    tangential_weight: float
-    max_error: float
-    tolerance: float
-    spacing: float
-    edge_cost: float
+    omission_error: float  # of a sample that no column represents
+    tangential_weight: float  # of the squared distance in excess of a sampling cell
+    max_error: float  # bound of the error
+    tolerance: float  # largest distance of an inlier
+    spacing: float  # side of a sampling cell
+    edge_cost: float  # of two adjacent columns of which one is occupied
 
 
 def to_grid(
@@ -62,23 +56,10 @@ def fit_revolutions(
     weights: Floats,
     costs: RevolutionCosts,
 ) -> tuple[list[UnrolledMap], Mask]:
-    """Fit surfaces and their occupancy maps to samples, one after the other.
+    """Fit surfaces with occupancy maps to samples, one after the other.
 
-    Parameters
-    ----------
-    surfaces
-        Detected surfaces, in cells.
-    xyz, normals, weights
-        Samples (n, 3) in cells, their unit normals, and their weights (n,), 1 on average.
-    costs
-        Costs of the decisions.
-
-    Returns
-    -------
-    maps : list of UnrolledMap
-        Surfaces that explain at least one sample.
-    unexplained : ndarray
-        (n,) mask of the samples that no surface explains.
+    weights: (n,) of the samples, 1 on average. Return the surfaces that explain samples, and the
+    mask (n,) of unexplained samples.
     """
     unexplained = np.ones(len(xyz), bool)
     maps: list[UnrolledMap] = []
@@ -108,7 +89,6 @@ def _decide_columns(
     weights: Floats,
     costs: RevolutionCosts,
 ) -> UnrolledMap:
-    """Occupy the columns whose centres reduce the distortion."""
     from scipy.spatial import cKDTree
 
     every_column = UnrolledMap(surface, np.ones(surface.column_count(), np.uint8))
@@ -125,11 +105,10 @@ def _decide_columns(
 
 @compiled
 def _optimise_unrolled_map(gains: Floats, columns: Ints, edge_cost: float, bits: Bytes) -> None:
-    """Iterated conditional modes (Besag 1986); `edge_cost` per pair of unequal neighbours."""
     starts = np.zeros(len(columns) + 1, np.int64)
     for row in range(len(columns)):
         starts[row + 1] = starts[row] + columns[row]
-    for _ in range(4):
+    for _ in range(4):  # iterated conditional modes (Besag 1986)
         for row in range(len(columns)):
             start, count = starts[row], columns[row]
             for j in range(count):
@@ -145,7 +124,6 @@ def _optimise_unrolled_map(gains: Floats, columns: Ints, edge_cost: float, bits:
 
 
 def _lies_on_map(unrolled: UnrolledMap, xyz: Floats) -> Mask:
-    """Return which points lie on occupied columns."""
     surface = unrolled.surface
     arc_length, azimuth, _, _ = surface.coordinates(xyz)
     columns = surface.columns_per_row()

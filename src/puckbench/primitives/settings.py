@@ -19,10 +19,9 @@ _REFERENCE_NOISE = 1.3
 class PrimitiveSettings(Model):
     """Parameters of a rate. Squared errors are in squared units.
 
-    The encoder chooses between two modes. The surface mode codes planes in the leaves of an octree
-    and surfaces of revolution, each with an occupancy map. The voxel mode codes the voxels of a
-    G-PCC octree and displaces them along normals. With `refinement` > 0 the encoder codes a surface
-    and voxels together (hybrid mode).
+    The surface mode codes planes in the leaves of an octree and surfaces of revolution, each with
+    an occupancy map. The voxel mode codes the voxels of a G-PCC octree and displaces them along
+    normals. With `refinement` > 0 the encoder codes a surface and voxels together (hybrid mode).
     """
 
     max_bpp: float = Field(
@@ -67,14 +66,9 @@ class PrimitiveSettings(Model):
     )
 
     def adapted_to(self, noise: float) -> PrimitiveSettings:
-        """Return coarser settings if a cloud has more noise than the rates are tuned for.
+        """Return coarser settings if the noise, in units, is larger than the rates are tuned for.
 
         Otherwise small leaves and fine planes would follow the noise.
-
-        Parameters
-        ----------
-        noise
-            Standard deviation of the points around the surface, in units.
         """
         factor = max(noise / _REFERENCE_NOISE, 1.0)
         length_names = ("min_leaf_size", "column_size", "plane_step")

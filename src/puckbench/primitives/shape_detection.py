@@ -54,21 +54,9 @@ Mask = NDArray[np.bool_]
 def detect_revolutions(
     xyz: Floats, normals: Floats, spacing: float, tolerance: float
 ) -> list[RevolutionSurface]:
-    """Detect the surfaces of revolution that explain many samples, in descending order of samples.
+    """Return fitted and bounded surfaces of revolution, in descending order of their samples.
 
-    Parameters
-    ----------
-    xyz, normals
-        Samples (n, 3) and their unit normals.
-    spacing
-        Spacing of the samples.
-    tolerance
-        Largest distance of an inlier.
-
-    Returns
-    -------
-    list of RevolutionSurface
-        Bounded surfaces, fitted by robust least squares.
+    spacing: of the samples (n, 3). tolerance: largest distance of an inlier.
     """
     curved = _curved_samples(xyz, normals, spacing)
     if len(curved) < max(_MIN_INLIERS, _MIN_CURVED_SHARE * len(xyz)):
@@ -86,7 +74,7 @@ def detect_revolutions(
 def bounded_inliers(
     surface: RevolutionSurface, xyz: Floats, normals: Floats, tolerance: float
 ) -> Mask:
-    """Return the mask (n,) of the samples that lie on a surface between its ends."""
+    """Return the mask (n,) of the inliers between a surface's ends."""
     inliers = _inliers(surface, xyz, normals, tolerance)
     arc_length = surface.coordinates(xyz[inliers])[0]
     inliers[inliers] = (arc_length >= surface.first_row - 1) & (
@@ -106,10 +94,6 @@ def _curved_samples(xyz: Floats, normals: Floats, spacing: float) -> Ints:
 
 @compiled
 def _find_curved(blocked: BlockedSamples, normals: Floats, radius: float, curved: Mask) -> None:
-    """Write which samples are curved. The samples are in blocks of the size of the radius.
-
-    A sample is curved if few samples are nearer than the nearest one with a different normal.
-    """
     xyz = blocked.xyz
     ranges = np.empty((9, 2), np.int64)
     for block in range(len(blocked.starts) - 1):
@@ -150,7 +134,6 @@ def _squared_distance(xyz: Floats, i: int, j: int) -> float:
 
 
 def _inliers(surface: RevolutionSurface, xyz: Floats, normals: Floats, tolerance: float) -> Mask:
-    """Return the mask (n,) of the samples on an unbounded surface that share its normal."""
     inliers = np.empty(len(xyz), np.bool_)
     _find_inliers(surface, xyz, normals, tolerance, inliers)
     return inliers
@@ -181,7 +164,6 @@ def _find_inliers(
 def _find_inliers_of_all(
     hypotheses: Floats, xyz: Floats, normals: Floats, tolerance: float, inliers: Mask
 ) -> None:
-    """Write which samples (n,) are inliers of which hypotheses (m, 9)."""
     for k in range(len(hypotheses)):
         _find_inliers(surface_of_hypothesis(hypotheses[k]), xyz, normals, tolerance, inliers[k])
 
@@ -194,10 +176,7 @@ def _select(
     spacing: float,
     tolerances: tuple[float, float],
 ) -> list[RevolutionSurface]:
-    """Greedily select and refine the hypotheses that explain most of the unexplained samples.
-
-    tolerances: largest distances of an inlier of a hypothesis and of a fitted surface.
-    """
+    """Greedily select and refine the hypotheses that explain most of the unexplained samples."""
     tolerance = tolerances[1]
     counts, unexplained = inliers.sum(axis=1), np.ones(inliers.shape[1], bool)
     unassigned = np.ones(len(xyz), bool)
@@ -243,7 +222,6 @@ def _refine(
 
 
 def _axis_point(surface: RevolutionSurface, samples: Floats) -> Floats:
-    """Project the mean of the samples onto the axis; return a sphere's centre unchanged."""
     if surface.kind == SPHERE:
         return surface.origin
     height = _height(surface, samples.mean(axis=0))

@@ -1,7 +1,4 @@
-"""Smoothing of noisy surfaces: samples are projected onto robust local planes of their neighbours.
-
-This is a moving-least-squares projection with Tukey's biweight as the robust weight.
-"""
+"""Smoothing of noisy surfaces by a moving-least-squares projection with Tukey's biweight."""
 
 from __future__ import annotations
 
@@ -19,15 +16,12 @@ from puckbench.primitives.octree_arrays import Ints
 
 
 class CellSamples(NamedTuple):
-    """Means of the points in each sampling cell: xyz (n, 3), counts (n,) and cells (n, 3)."""
-
-    xyz: Floats
-    counts: Floats
-    cells: Ints
+    xyz: Floats  # (n, 3) means of the points
+    counts: Floats  # (n,) numbers of points
+    cells: Ints  # (n, 3)
 
 
 def downsample(points: Floats, spacing: float) -> CellSamples:
-    """Return the mean of the points in each occupied cubic cell of side `spacing`."""
     groups = group_by_cell(points, spacing)
     order, starts = groups.sorted_rows()
     sums = np.add.reduceat(points[order], starts, axis=0)
@@ -37,28 +31,13 @@ def downsample(points: Floats, spacing: float) -> CellSamples:
 def smooth_samples(
     samples: CellSamples, spacing: float, radius: float, outlier_distance: float
 ) -> tuple[Floats, Floats]:
-    """Project samples onto robust planes of their neighbours.
+    """Project samples onto robust planes of their neighbours. Return points and unit normals (n,
+    3).
 
     A neighbour's weight is the square root of its number of points, because noise is correlated
-    within a cell. It decreases with the distance from the sample and from the plane (Tukey's
-    biweight). In the second of two passes it also decreases with the angle between the normals,
-    which preserves edges.
-
-    Parameters
-    ----------
-    samples
-        One for each sampling cell.
-    spacing
-        Side of a sampling cell.
-    radius
-        Radius of the neighbourhood.
-    outlier_distance
-        Distance from the plane beyond which neighbours have no weight.
-
-    Returns
-    -------
-    xyz, normals
-        (n, 3) projected samples and their unit normals.
+    within a cell. It decreases with the distance from the sample (0 at `radius`) and from the plane
+    (0 at `outlier_distance`, Tukey's biweight). In the second of two passes it also decreases with
+    the angle between the normals, which preserves edges. spacing: side of a sampling cell.
     """
     cell_radius = int(np.ceil(radius / spacing))
     order, blocks = blocks_of(samples, max(_MIN_BLOCK_SIZE, -(-cell_radius // 2)))
@@ -86,21 +65,14 @@ _SAMPLES_PER_TASK = 8192
 
 
 class BlockedSamples(NamedTuple):
-    """Samples (n, 3) and their weights (n,), sorted by cubic blocks of sampling cells.
-
-    size: cells along a block's side. shape: blocks along each axis. starts: (blocks + 1,) first
-    sample of each block; z runs fastest.
-    """
-
-    xyz: Floats
-    weights: Floats
-    size: int
-    shape: tuple[int, int, int]
-    starts: Ints
+    xyz: Floats  # (n, 3)
+    weights: Floats  # (n,)
+    size: int  # cells along a block's side
+    shape: tuple[int, int, int]  # blocks along each axis
+    starts: Ints  # (blocks + 1,) first sample of each block; z runs fastest
 
 
 def blocks_of(samples: CellSamples, size: int) -> tuple[Ints, BlockedSamples]:
-    """Sort the samples by block. Return the order (n,) and the blocks."""
     block_coordinates = (samples.cells - samples.cells.min(axis=0)) // size
     x, y, z = (block_coordinates.max(axis=0) + 1).tolist()
     block = (block_coordinates[:, 0] * y + block_coordinates[:, 1]) * z + block_coordinates[:, 2]
@@ -111,7 +83,6 @@ def blocks_of(samples: CellSamples, size: int) -> tuple[Ints, BlockedSamples]:
 
 
 def _block_ranges(blocks: BlockedSamples) -> list[tuple[int, int]]:
-    """Split the blocks into ranges with about `_SAMPLES_PER_TASK` samples each."""
     starts = (
         np.searchsorted(blocks.starts, np.arange(0, len(blocks.xyz), _SAMPLES_PER_TASK), "right")
         - 1
@@ -130,14 +101,14 @@ def _smooth(
     normals: Floats,
     block_range: tuple[int, int],
 ) -> None:
-    """Smooth the samples of the blocks from block_range[0] up to block_range[1].
+    """Smooth the samples of a range of blocks.
 
-    cell_radius: radius of the neighbourhood in cells. radii: radius and outlier distance. previous:
-    samples and normals of the previous pass, or zeros. projected, normals: (n, 3), written.
+    radii: radius and outlier distance. previous: samples and normals (or 0) of the last pass.
     """
     xyz, previous_normals = blocks.xyz, previous[1]
     block_radius = -(-cell_radius // blocks.size)
     ranges = np.empty(((2 * block_radius + 1) ** 2, 2), np.int64)
+    # Rows are x, y, z, weight, and then a normal (candidates) or scratch memory (neighbours).
     candidates, neighbours = np.empty((7, 0)), np.empty((5, 0))
     plane = np.empty(4)
     for block in range(block_range[0], block_range[1]):
@@ -170,7 +141,7 @@ def _smooth(
 def ranges_near(blocks: BlockedSamples, block: int, block_radius: int, ranges: Ints) -> Ints:
     """Return the ranges of the samples within `block_radius` blocks of a block.
 
-    Adjacent blocks along z form one range. ranges: (m, 2) memory for the result.
+    Adjacent blocks along z form one range.
     """
     _, across, up = blocks.shape
     x, y, z = block // (across * up), block // up % across, block % up
@@ -195,10 +166,7 @@ def _list_candidates(
     normals: Floats,
     candidates: Floats,
 ) -> int:
-    """Write the samples of the ranges that are near the bounding box of a range of rows.
-
-    candidates: (7, n) coordinates, weights and normals. Return the number of candidates.
-    """
+    """Write the samples near the bounding box of a range of rows. Return their number."""
     xyz, count = blocks.xyz, 0
     low, high = xyz[row_range[0]].copy(), xyz[row_range[0]].copy()
     for i in range(row_range[0] + 1, row_range[1]):
@@ -229,8 +197,7 @@ def _list_neighbours(
 ) -> int:
     """Write offsets and weights (4, n) of a sample's neighbours. Return their number.
 
-    neighbours: (5, n); the last row is scratch memory. Each step is a separate loop over whole
-    rows, so that the compiler can vectorise it.
+    Each step is a separate loop over whole rows, so that the compiler can vectorise it.
     """
     p, q, r = sample
     a, b, c = normal
@@ -260,8 +227,7 @@ def _list_neighbours(
 def _robust_plane(neighbours: Floats, count: int, outlier_distance: float, plane: Floats) -> None:
     """Fit a plane to neighbours (4, count), reweighted by their distances from it.
 
-    neighbours: (5, n); the last row is scratch memory. plane: (4,) initial plane, or zeros. It
-    stays unchanged if no neighbour has weight.
+    plane: (4,) initial plane or zeros; unchanged if no neighbour has weight.
     """
     x, y, z, weights = neighbours[0], neighbours[1], neighbours[2], neighbours[3]
     robust_weights = neighbours[4]
@@ -281,7 +247,6 @@ def _robust_plane(neighbours: Floats, count: int, outlier_distance: float, plane
 def _sum_moments(
     x: Floats, y: Floats, z: Floats, weights: Floats, count: int, moments: Floats
 ) -> None:
-    """Write the moments (10,) of weighted points, in a fixed order of summation."""
     s = s_x = s_y = s_z = s_xx = s_xy = s_xz = s_yy = s_yz = s_zz = 0.0
     for k in range(count):
         u, v, w, weight = x[k], y[k], z[k], weights[k]

@@ -1,14 +1,12 @@
 """Bitstream of the codec: headers of surfaces, voxels and hybrids, packed and checked.
 
 All numbers are little endian. A stream starts with the magic ``PBPR``, a version and a kind, and
-ends with the low half of a CRC-32.
+ends with the low half of a CRC-32. In between:
 
-* A surface has the fields of `_SURFACE`, those of `_ROTATION` if the grid is rotated, the number
-  and parameters of the surfaces of revolution if there are any, and the arithmetic-coded payload.
-* Voxels have the fields of `_VOXELS`, `CLASSES` displacement factors unless the block size is 0,
-  and a G-PCC octree.
-* A hybrid has the fields of `_HYBRID`, `CLASSES` displacement factors, a complete stream of a
-  surface and a complete stream of voxels. Only hybrids have version 4.
+* Surface: `_SURFACE`, `_ROTATION` if the grid is rotated, number and parameters of the surfaces of
+  revolution if there are any, arithmetic-coded payload.
+* Voxels: `_VOXELS`, `CLASSES` displacement factors unless the block size is 0, G-PCC octree. *
+Hybrid (version 4): `_HYBRID`, `CLASSES` displacement factors, a stream of each other kind.
 """
 
 from __future__ import annotations
@@ -68,9 +66,7 @@ MAX_KEEP_DISTANCE = 8
 
 
 class VoxelGrid(NamedTuple):
-    """Grid in the cloud's coordinates: origin (3,) and side of a cell."""
-
-    origin: Floats
+    origin: Floats  # (3,)
     cell_size: float
 
     def rounded(self) -> VoxelGrid:
@@ -80,13 +76,10 @@ class VoxelGrid(NamedTuple):
 
 
 class DisplacementTable(NamedTuple):
-    """Displacement factors (CLASSES,) by class, in 1/64 of the distance to the local plane.
+    """Displacement factors by class, in 1/64 of the distance to the local plane."""
 
-    block_size: side of a block in voxels.
-    """
-
-    block_size: int
-    factors: NDArray[np.int8]
+    block_size: int  # side of a block in voxels
+    factors: NDArray[np.int8]  # (CLASSES,)
 
 
 class VoxelHeader(NamedTuple):
@@ -97,41 +90,29 @@ class VoxelHeader(NamedTuple):
 class HybridHeader(NamedTuple):
     """Contents of a hybrid stream.
 
-    keep_distance: points of the surface are kept if they lie within this distance of the centre of
-    an occupied voxel along each axis, in 1/16 voxels. factors: (CLASSES,) displacement factors in
-    1/64 of the distance to the surface. surface, voxels: complete streams.
+    Points of the surface are kept if they lie within keep_distance of the centre of an occupied
+    voxel along each axis.
     """
 
-    keep_distance: int
-    factors: NDArray[np.int8]
-    surface: bytes
-    voxels: bytes
+    keep_distance: int  # in 1/16 voxels
+    factors: NDArray[np.int8]  # (CLASSES,) in 1/64 of the distance to the surface
+    surface: bytes  # complete stream
+    voxels: bytes  # complete stream
 
 
 class SurfaceHeader(NamedTuple):
-    """Header of a surface.
-
-    origin, cell_size: grid of cells, in the cloud's coordinates. shape: (3,) cells along each axis.
-    depth, finest_leaf_level, coarsest_leaf_level: levels of the cells and of the smallest and
-    largest leaves. plane_step: quantisation step of planes in the smallest leaves, in 1/16 cells.
-    points_across: points across a column. column_spacing: columns from one point to the next; one
-    of the two is 1. leaf_capacity: bound of the number of leaves. rotation: from the cloud's axes
-    to the grid's, around the origin of the cloud's coordinates. revolutions: `REVOLUTION_BYTES` per
-    surface of revolution.
-    """
-
-    origin: Floats
-    cell_size: float
-    shape: tuple[int, int, int]
-    depth: int
-    finest_leaf_level: int
-    coarsest_leaf_level: int
-    plane_step: int
-    points_across: int
-    column_spacing: int
-    leaf_capacity: int
-    rotation: RotationVector = (0, 0, 0)
-    revolutions: bytes = b""
+    origin: Floats  # (3,) of the grid, along its axes
+    cell_size: float  # in the cloud's unit
+    shape: tuple[int, int, int]  # cells along each axis
+    depth: int  # level of the cells
+    finest_leaf_level: int  # of the smallest leaves
+    coarsest_leaf_level: int  # of the largest leaves
+    plane_step: int  # quantisation step in the smallest leaves, in 1/16 cells
+    points_across: int  # points across a column
+    column_spacing: int  # columns from one point to the next, if points_across is 1
+    leaf_capacity: int  # bound of the number of leaves
+    rotation: RotationVector = (0, 0, 0)  # from the cloud's axes to the grid's
+    revolutions: bytes = b""  # packed surfaces of revolution
 
     def in_cloud(self, cells: Floats) -> Floats:
         """Transform points (n, 3) from cells to the cloud's coordinates."""
@@ -168,12 +149,9 @@ def pack_hybrid(header: HybridHeader) -> bytes:
 
 
 def unpack(stream: bytes) -> tuple[SurfaceHeader | VoxelHeader | HybridHeader, bytes]:
-    """Return the header and the coded payload of a stream; the payload of a hybrid is empty.
+    """Return header and payload of a stream; a hybrid's payload is empty.
 
-    Raises
-    ------
-    InputError
-        If the stream is truncated, damaged, or has another version.
+    Raises InputError if the stream is truncated, damaged, or has another version.
     """
     if len(stream) < _START.size + _CHECKSUM.size or not stream.startswith(MAGIC):
         raise InputError("not a stream of primitives, or truncated")
@@ -202,12 +180,9 @@ def unpack(stream: bytes) -> tuple[SurfaceHeader | VoxelHeader | HybridHeader, b
 
 
 def unpack_surface(stream: bytes) -> tuple[SurfaceHeader, bytes]:
-    """Return the header and the payload of the surface of a stream, which may be a hybrid.
+    """Unpack the surface of a stream, which may be a hybrid.
 
-    Raises
-    ------
-    InputError
-        If the stream is damaged or holds only voxels.
+    Raises InputError if the stream is damaged or holds only voxels.
     """
     header, payload = unpack(stream)
     if isinstance(header, HybridHeader):
@@ -225,7 +200,6 @@ def _voxel_grid(fields: tuple[float, ...]) -> VoxelGrid:
 
 
 def _with_options(header: SurfaceHeader, kind: int, payload: bytes) -> tuple[SurfaceHeader, bytes]:
-    """Return the header with rotation and surfaces of revolution, and the rest of the payload."""
     if kind & ROTATED:
         if len(payload) < _ROTATION.size:
             raise InputError("the stream is truncated")

@@ -1,4 +1,4 @@
-"""Surface mode: codes a cloud as planes in an octree, surfaces of revolution and occupancy maps."""
+"""Surface mode: planes in an octree and surfaces of revolution, with occupancy maps."""
 
 from __future__ import annotations
 
@@ -87,20 +87,14 @@ _MAX_POINTS_ACROSS, _MAX_COLUMN_SPACING = 16, 16
 
 
 class SurfaceMode(NamedTuple):
-    """A candidate of the surface mode.
+    """A candidate of the surface mode: octree grid and surfaces of revolution."""
 
-    rotation: from the cloud's axes to the grid's. grid_offset: columns from the corner of the grid
-    to that of the surface, along each axis. revolutions: surfaces of revolution to try, in units.
-    """
-
-    rotation: RotationVector = (0, 0, 0)
-    grid_offset: tuple[float, float, float] = (0.5, 0.5, 0.5)
-    revolutions: tuple[RevolutionSurface, ...] = ()
+    rotation: RotationVector = (0, 0, 0)  # from the cloud's axes to the grid's
+    grid_offset: tuple[float, float, float] = (0.5, 0.5, 0.5)  # columns from grid to surface
+    revolutions: tuple[RevolutionSurface, ...] = ()  # to try, in units
 
 
 class CodedSurface(NamedTuple):
-    """A stream and its patches."""
-
     stream: bytes
     patches: Patches
 
@@ -111,17 +105,14 @@ class CodedSurface(NamedTuple):
 
 
 def revolution_candidates(cloud: PreparedCloud) -> tuple[RevolutionSurface, ...]:
-    """Return a cloud's cylinders, cones and spheres in units, in descending order of samples."""
+    """Return cylinders, cones and spheres in units, in descending order of samples."""
     surface = cloud.surface
     spacing, tolerance = surface.spacing, _tolerance(cloud)
     return tuple(detect_revolutions(surface.xyz, surface.normals, spacing, tolerance))
 
 
 def point_corner_offset(cloud: PreparedCloud) -> tuple[float, float, float]:
-    """Return the offset of a grid that begins at the corner of the points instead of the surface.
-
-    Noise moves the points' corner away from outer walls.
-    """
+    """Return the offset of a grid that begins at the corner of the points, not the surface."""
     corner = np.maximum(cloud.surface.xyz.min(axis=0), 0)
     x, y, z = (0.5 + corner / axis_aligned_column_size(cloud)).tolist()
     return (x, y, z)
@@ -130,18 +121,7 @@ def point_corner_offset(cloud: PreparedCloud) -> tuple[float, float, float]:
 def encode_surface(cloud: PreparedCloud, mode: SurfaceMode) -> CodedSurface | None:
     """Code a cloud in the surface mode.
 
-    Parameters
-    ----------
-    cloud
-        The prepared cloud, with the settings of the rate.
-    mode
-        Axes and offset of the octree's grid, surfaces of revolution.
-
-    Returns
-    -------
-    CodedSurface or None
-        None if the decoder would refuse the stream, or reconstruct no points or more than the
-        input.
+    None if the decoder would refuse the stream, or reconstruct no points or more than the input.
     """
     surface, corner = _rotate_surface(cloud, mode.rotation)
     column_side = column_size(surface, cloud.settings)
@@ -172,10 +152,6 @@ def _code_patches(
     cloud: PreparedCloud,
     column_side: float,
 ) -> tuple[Patches, bytes] | None:
-    """Decide and code octree, planes and occupancy maps. Return the patches and the payload.
-
-    None if they exceed a decoder's limits.
-    """
     point_count, lmbda = len(cloud.points), _lambda_in_columns(cloud, column_side)
     geometry = octree_geometry(header, lmbda)
     levels_of_leaves = (header.coarsest_leaf_level, header.finest_leaf_level)
@@ -209,7 +185,6 @@ def _tolerance(cloud: PreparedCloud) -> float:
 
 
 def _lambda_in_columns(cloud: PreparedCloud, column_side: float) -> float:
-    """Return the Lagrangian weight of a bit, for the mean squared error in columns."""
     return cloud.settings.lmbda / column_side**2 / len(cloud.points)
 
 
@@ -220,7 +195,7 @@ def _omission_error(column_side: float) -> float:
 def _rotate_surface(
     cloud: PreparedCloud, rotation: RotationVector
 ) -> tuple[SurfaceSamples, Floats]:
-    """Rotate the surface to other axes and move its corner to the origin. Return the corner too."""
+    """Rotate the surface and move its corner to the origin. Return the corner too."""
     surface, matrix = cloud.surface, rotation_matrix(rotation)
     xyz = rotate(surface.xyz, matrix)
     corner = xyz.min(axis=0)
@@ -264,7 +239,7 @@ def _fit_revolutions(
 def _plan_octree(
     surface: SurfaceSamples, settings: PrimitiveSettings, column_side: float
 ) -> tuple[SurfaceHeader, list[OctreeLevel]]:
-    """Return the octree's levels, and a header without grid, point density and revolutions."""
+    """Return the octree's levels, and a header without grid, density and revolutions."""
     shape = np.floor(surface.xyz.max(axis=0)).astype(np.int64) + 1
     depth = (int(shape.max()) - 1).bit_length()
     finest = max(depth - round(np.log2(max(settings.min_leaf_size / column_side, 1))), 0)
@@ -295,7 +270,6 @@ def _with_placement(
     corner: Floats,
     column_side: float,
 ) -> SurfaceHeader:
-    """Return the header with the grid in the input's coordinates."""
     start = corner - np.array(mode.grid_offset) * column_side
     rotated_corner = rotate(cloud.corner[None], rotation_matrix(mode.rotation))[0]
     origin = rotated_corner + cloud.unit * start
@@ -305,7 +279,6 @@ def _with_placement(
 
 
 def _encoder_nodes(levels: list[OctreeLevel], shape: Ints, limits: MergeLimits) -> EncoderNodes:
-    """Return the nodes of all levels, and the leaves' regions. shape: (3,) cells of the grid."""
     moments = np.concatenate([level.moments for level in levels])
     leaf_nodes, leaves = collect_leaves(levels)
     regions = np.zeros_like(moments)
@@ -345,10 +318,7 @@ def _occupancy_criterion(
 
 
 def _point_density(patches: Patches, max_points: int, column_side: float) -> tuple[int, int] | None:
-    """Return points_across and column_spacing of the densest points within `max_points`.
-
-    None if there are none, or the surface is empty.
-    """
+    """Return points_across and column_spacing of the densest points within `max_points`."""
     arrays = (patches.geometry, patches.leaves, patches.occupancy)
     revolution_columns = sum(int(unrolled.bits.sum()) for unrolled in patches.revolutions)
     max_points = min(max_points, MAX_POINTS)

@@ -46,26 +46,10 @@ def code_octree(
     leaves: Leaves,
     leaf_grid: IndexGrid,
 ) -> bool:
-    """Code all levels of the octree.
+    """Code all levels of the octree, and write the leaves and their grid.
 
-    Parameters
-    ----------
-    coder
-        Coder of either direction.
-    geometry
-        Geometry of the octree.
-    nodes
-        Nodes of the encoder; unused in decoding.
-    leaves
-        Leaves, written.
-    leaf_grid
-        Grid with the cell size of the smallest leaves, written: 1 + index of the leaf.
-
-    Returns
-    -------
-    bool
-        False if there are more leaves than allocated, more nodes than `MAX_NODES`, or the stream
-        ends early.
+    Return False if there are more leaves than allocated, more nodes than `MAX_NODES`, or the stream
+    ends early.
     """
     capacity = len(leaves.side)
     # A row is a node: its coordinates at its level, and its index in `nodes`.
@@ -140,7 +124,6 @@ def _code_splits(
 
 @compiled
 def _plane_crossings(geometry: OctreeGeometry, level: int, leaves: Leaves) -> Bytes:
-    """Return the states of a level's cells inside leaves: whether the leaf's plane crosses them."""
     side_log2 = geometry.depth - level
     shape = ((geometry.shape - 1) >> side_log2) + 3
     states = np.zeros((shape[0], shape[1], shape[2]), np.uint8)
@@ -170,7 +153,6 @@ def _code_is_leaf(
     states: Bytes,
     nodes: EncoderNodes,
 ) -> bool:
-    """Code whether a node is a leaf. Context: states of its six face neighbours."""
     if level == geometry.finest_leaf_level or level < geometry.coarsest_leaf_level:
         return level == geometry.finest_leaf_level
     occupied = split = 0
@@ -198,7 +180,6 @@ def _code_children(
     children: Ints,
     count: int,
 ) -> int:
-    """Code which children of a split node are occupied, and list them. Return the new length."""
     child = end = 0
     if is_writing(coder):
         child, end = nodes.first_child[node[3]], nodes.first_child[node[3] + 1]
@@ -232,10 +213,7 @@ def _code_occupancy(
     child: tuple[int, int, int],
     level_states: tuple[Bytes, Bytes],
 ) -> int:
-    """Code whether a child is occupied. Context: known states of its 26 neighbours.
-
-    child: octant, occupancy pattern of the coded siblings, log2 of the side in cells.
-    """
+    """child: octant, occupancy pattern of the coded siblings, log2 of the side in cells."""
     faces = occupied_count = 0
     for dx in range(-1, 2):
         for dy in range(-1, 2):

@@ -38,37 +38,26 @@ _TYPICAL_SLOPE = 2.2
 
 
 class Trial(NamedTuple):
-    """Side of voxels, and length of their stream in bytes."""
-
     voxel_size: float
-    byte_count: int
+    byte_count: int  # length of the stream
 
 
 class CodedVoxels(NamedTuple):
-    """Coded voxels of a cloud.
-
-    groups: the cloud's points by voxel. points: (m, 3) what the stream decodes to, in the order of
-    the groups. payload: the G-PCC octree.
-    """
-
     grid: VoxelGrid
-    groups: CellGroups
+    groups: CellGroups  # the cloud's points by voxel
     displacements: DisplacementTable | None
-    points: Floats
-    payload: bytes
+    points: Floats  # (m, 3) decoded, in the order of the groups
+    payload: bytes  # G-PCC octree
 
     @property
     def stream(self) -> bytes:
         return pack_voxels(self.grid, self.displacements, self.payload)
 
     def undisplaced(self) -> CodedVoxels:
-        """Return the same voxels without displacements."""
         return self._replace(displacements=None, points=_to_cloud(self.groups.cells, self.grid))
 
 
 class _CodedOctree(NamedTuple):
-    """Voxels of a cloud, coded as a G-PCC octree (payload), without displacements."""
-
     grid: VoxelGrid
     groups: CellGroups
     payload: bytes
@@ -80,11 +69,9 @@ class _CodedOctree(NamedTuple):
         return cls(grid, groups, encode_voxels(groups.cells))
 
     def byte_count(self) -> int:
-        """Return the length of the stream with displacements."""
         return VOXEL_HEADER_BYTES + CLASSES + len(self.payload)
 
     def displaced(self) -> CodedVoxels:
-        """Add the best displacements if they are worth their bytes."""
         fitted = _fit_displacements(self.groups, len(self.payload))
         table, xyz = (fitted.table, fitted.displaced) if fitted else (None, self.groups.cells)
         return CodedVoxels(self.grid, self.groups, table, _to_cloud(xyz, self.grid), self.payload)
@@ -95,7 +82,6 @@ def voxelise(points: Floats, grid: VoxelGrid) -> CellGroups:
 
 
 def encode_voxels_of_size(points: Floats, voxel_size: float) -> bytes:
-    """Code points (n, 3) as voxels of a side."""
     return _CodedOctree.of(points, voxel_size).displaced().stream
 
 
@@ -115,13 +101,7 @@ class VoxelSearch:
     def encode_to_budget(self, max_bytes: int, max_voxel_size: float = UNITS / 4) -> CodedVoxels:
         """Code the finest voxels that take at most about `max_bytes` bytes.
 
-        Parameters
-        ----------
-        max_bytes
-            The budget.
-        max_voxel_size
-            Largest side of the voxels in units of 1/1023 of the extent. It takes precedence over
-            the budget.
+        max_voxel_size: largest side in units of 1/1023 of the extent, whatever the budget.
         """
         low, high = bounds(self.points)
         extent = float((high - low).max())
@@ -149,7 +129,6 @@ class VoxelSearch:
         return coded
 
     def _first_voxel_size(self, max_bytes: int, extent: float) -> float:
-        """Return the side of a trial that fills the budget, or else an estimate."""
         filling = [trial for trial in self.trials if _fills(trial.byte_count, max_bytes)]
         if filling:
             return max(filling, key=lambda trial: trial.byte_count).voxel_size
@@ -159,7 +138,6 @@ class VoxelSearch:
 
 
 def _clamp(voxel_size: float, smallest: float, largest: float) -> float:
-    """Clamp a side, in single precision as streams store it."""
     return float(np.float32(min(max(voxel_size, smallest), largest)))
 
 
@@ -168,11 +146,7 @@ def _fills(byte_count: int, max_bytes: int) -> bool:
 
 
 def _next_voxel_size(trials: list[Trial], max_bytes: int) -> float:
-    """Return the side that is expected to take almost the whole budget.
-
-    It is interpolated between the nearest trials above and below the budget, or else extrapolated
-    from the two nearest trials.
-    """
+    """Interpolate between the nearest trials above and below the budget, or else extrapolate."""
     target = max_bytes * (1 - _BUDGET_SLACK / 2)
     nearest, *others = sorted(trials, key=lambda trial: abs(log(trial.byte_count / target)))
     exceeds = nearest.byte_count > target
@@ -183,28 +157,19 @@ def _next_voxel_size(trials: list[Trial], max_bytes: int) -> float:
 
 
 def decode(header: VoxelHeader, payload: bytes) -> Floats:
-    """Return the points (m, 3) of voxels. Raises InputError if the stream is damaged."""
     is_displaced = header.displacements is not None
     voxels = decode_voxels(payload, MAX_DISPLACED) if is_displaced else decode_voxels(payload)
     return _reconstruct(header, voxels)
 
 
 class DecodedVoxels(NamedTuple):
-    """Grid and voxels (m, 3) of a stream, and their displaced points (m, 3)."""
-
     grid: VoxelGrid
-    voxels: Ints
-    points: Floats
+    voxels: Ints  # (m, 3)
+    points: Floats  # (m, 3) displaced, in the cloud's coordinates
 
 
 def read_voxels(stream: bytes) -> DecodedVoxels:
-    """Read a stream of voxels.
-
-    Raises
-    ------
-    InputError
-        If the stream is damaged, of another kind, or has more than `MAX_HYBRID_VOXELS` voxels.
-    """
+    """Read a stream of at most `MAX_HYBRID_VOXELS` voxels. Raises InputError if it is none."""
     header, payload = unpack(stream)
     if not isinstance(header, VoxelHeader):
         raise InputError("the stream holds no voxels")
@@ -247,7 +212,6 @@ def _initial_voxel_size(points: Floats, extent: float, max_bytes: int) -> float:
 
 
 def _slope(a: Trial, b: Trial) -> float:
-    """Return the exponent with which bytes fall as voxels grow, between two trials."""
     if a.voxel_size == b.voxel_size or a.byte_count == b.byte_count:
         return _TYPICAL_SLOPE
     slope = log(a.byte_count / b.byte_count) / log(b.voxel_size / a.voxel_size)
