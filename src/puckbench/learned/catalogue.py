@@ -26,8 +26,6 @@ _PUBLISHED = (".npz", ".pth", ".pt")
 
 
 class WeightsHeader(Model):
-    """Metadata of a set of weights."""
-
     network: str  # name of the `NetworkType`
     shape: dict[str, Any]  # sizes of the network
     # Lagrangian weights of the rates, lowest bitrate first; empty for lossless networks
@@ -66,7 +64,6 @@ def _header(path: Path, _mtime: int, size: int) -> WeightsHeader:
 
 
 def shipped() -> dict[str, Path]:
-    """Return the sets that come with puckbench, by name."""
     folder = Path(str(files("puckbench.learned").joinpath("weights")))
     return {path.stem: path for path in sorted(folder.glob(f"*{SUFFIX}"))}
 
@@ -109,20 +106,17 @@ class NetworkType:
     lmbda: Callable[[str], float] = float  # turns the group into the Lagrangian weight of the rate
 
     def has(self, path: Path) -> bool:
-        """Tell whether a file holds weights of this network, by its name and header."""
         if path.suffix == SUFFIX:
             return header_of(path).network == self.name
         return self._published(path) is not None
 
     def files(self, where: str) -> list[Path]:
-        """Return the files of this network among `weights_files`."""
         return [path for path in weights_files(where) if self.has(path)]
 
     def shipped(self) -> list[Path]:
         return [path for path in shipped().values() if self.has(path)]
 
     def lmbdas_of(self, path: Path) -> tuple[float, ...]:
-        """Return the Lagrangian weights that a file was trained with."""
         if path.suffix == SUFFIX:
             return header_of(path).lmbdas
         match = self._published(path)

@@ -58,8 +58,6 @@ class EntropyBottleneck(nn.Module):
 
 @dataclass(frozen=True)
 class FrequencyTable:
-    """Integer frequencies of one channel's values."""
-
     lowest: int  # value of the first entry
     # (n,); the last is of the escape symbol, for all values outside the table
     frequencies: NDArray[np.int32]

@@ -25,8 +25,6 @@ _RATE_LR_FACTOR = 5.0
 
 
 class MultiRateShape(Protocol):
-    """Sizes of a network with several rates."""
-
     @property
     def rates(self) -> int: ...
 
@@ -37,7 +35,7 @@ class MultiRateShape(Protocol):
 
 
 class MultiRateNetwork(nn.Module):
-    """A network with entropy bottlenecks and gains, which a subclass adds after its layers."""
+    """A subclass defines its layers, then calls `add_rates` for bottlenecks and gains."""
 
     shape: MultiRateShape
     entropy_bottlenecks: nn.ModuleList
@@ -48,7 +46,6 @@ class MultiRateNetwork(nn.Module):
         self.shape = shape
 
     def add_rates(self, bottleneck_channels: int) -> None:
-        """Add an entropy bottleneck and unit gains for each rate."""
         rates = self.shape.rates
         self.entropy_bottlenecks = nn.ModuleList(
             EntropyBottleneck(bottleneck_channels) for _ in range(rates)
@@ -59,7 +56,6 @@ class MultiRateNetwork(nn.Module):
         return cast(EntropyBottleneck, self.entropy_bottlenecks[rate])
 
     def gain(self, rate: int) -> Tensor:
-        """Return the factors of the latent's channels, (latent_channels,)."""
         return self.log_gains[rate].exp()
 
 

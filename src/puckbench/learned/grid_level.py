@@ -1,9 +1,9 @@
 """The level of the grid that a cloud is coded on, chosen by its density.
 
-PCGCv1 and PCGCv2 are made for dense surfaces, on which a voxel has about four occupied children. On
-a cloud that is sparse on its grid it has about one, whose position is unpredictable. The authors
-code sparse clouds at a smaller scale, chosen by hand; here the density of the cloud chooses it.
-Grid levels count quarter octaves: an octave doubles the side of voxels.
+On a dense surface a voxel has about four occupied children; on a cloud that is sparse on its grid
+it has about one, whose position no network can predict. The authors of PCGCv1 and PCGCv2 choose a
+smaller scale for sparse clouds by hand; here the density chooses the grid. Levels count quarter
+octaves; an octave doubles the side of voxels.
 """
 
 from __future__ import annotations
@@ -29,17 +29,8 @@ _MIN_VOXELS = 64
 def octaves_to_density(keys: Keys, mean_occupied_children: float) -> float:
     """Return by how many octaves a grid must be coarsened until it is dense enough.
 
-    Parameters
-    ----------
-    keys
-        (n,), sorted keys of distinct voxels.
-    mean_occupied_children
-        Mean number of occupied voxels in an occupied voxel of the next coarser octave.
-
-    Returns
-    -------
-    float
-        Octaves, interpolated linearly in the number of children; 0 if no grid is dense enough.
+    It is dense enough if an occupied voxel of the next octave has `mean_occupied_children` on
+    average, interpolated linearly. 0 if no grid is. The keys (n,) are sorted and distinct.
     """
     previous = 0.0
     for octave in range(AXIS_BITS):
@@ -105,6 +96,5 @@ def voxel_size(quarter_octaves: int) -> float:
 
 
 def voxelised(points: Floats, quarter_octaves: int) -> Voxels:
-    """Return the voxel (n, 3) of each point (n, 3) on the grid of a level."""
     voxels: Voxels = np.rint(points / voxel_size(quarter_octaves)).astype(np.int64)
     return voxels

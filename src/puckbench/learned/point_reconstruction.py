@@ -1,12 +1,11 @@
 """Point reconstruction for voxel codecs: place as many points as the input had.
 
-A decoder keeps the most likely voxels, as many as were occupied. Points in the centres of these are
-farther from the cloud than necessary. On a sparse grid the network cannot tell which voxels of a
-block of 2x2x2 siblings were occupied, only that one or two were; on a dense grid several points
-share a voxel. So each block gets the mean number of points of a block, more where more voxels are
-expected, side by side at the centroid of its occupancy probabilities, projected onto the plane of
-the neighbouring blocks. Where the network is confident of its voxels, points are placed for voxels
-instead of blocks.
+A decoder keeps the most likely voxels. On a sparse grid it cannot know which voxels of a 2x2x2
+block of siblings were occupied, only that one or two were; on a dense grid several points share a
+voxel. So points are placed for blocks: the mean number per block, more where more voxels are
+expected, side by side at the centroid of the block's occupancy probabilities, projected onto the
+plane of the neighbouring blocks. Where the network is confident of its voxels, points are placed
+for voxels instead.
 """
 
 from __future__ import annotations
@@ -53,7 +52,6 @@ class SiblingBlocks(NamedTuple):
     kept: Bools  # (m, 8), at least one in each row
 
     def voxels(self) -> Voxels:
-        """Return the voxels that are kept (n, 3)."""
         block, corner = np.nonzero(self.kept)
         voxels: Voxels = 2 * self.positions[block] + CORNERS[corner]
         return voxels
@@ -69,7 +67,6 @@ def sibling_blocks(positions: Voxels, logits: NDArray[np.float32], kept: Bools) 
 
 
 def lossless_blocks(voxels: Voxels) -> SiblingBlocks:
-    """Return the blocks of distinct voxels (n, 3) that were coded losslessly."""
     positions, block = np.unique(voxels // 2, axis=0, return_inverse=True)
     kept = np.zeros((len(positions), 8), dtype=bool)
     kept[block.ravel(), voxels % 2 @ [1, 2, 4]] = True
@@ -151,7 +148,6 @@ def _whole_counts(counts: Floats, neighbour_counts: Floats) -> NDArray[np.int64]
 
 
 def _on_plane(centres: Floats, normals: Floats, count: int) -> Floats:
-    """Place `count` points around each of the centres (m, 3), on planes with normals (m, 3)."""
     rows = np.arange(len(centres))
     axis = np.abs(normals).argmax(axis=1)
     steep = np.where(normals[rows, axis] == 0, 1, normals[rows, axis])

@@ -18,12 +18,10 @@ _WORD_BYTES = 4
 
 
 def encode_latent(latent: Integers, tables: tuple[FrequencyTable, ...]) -> bytes:
-    """Encode integers (n, channels), channel by channel."""
     return encode_groups(zip(latent.T, tables, strict=True))
 
 
 def decode_latent(data: bytes, count: int, tables: tuple[FrequencyTable, ...]) -> Integers:
-    """Decode `encode_latent` to integers (count, channels); raise InputError if damaged."""
     columns = decode_groups(data, [(count, table) for table in tables])
     return np.stack(columns, axis=1)
 
@@ -50,14 +48,13 @@ def encode_groups(groups: Iterable[tuple[Integers, FrequencyTable]]) -> bytes:
 
 
 def decode_groups(data: bytes, groups: Iterable[tuple[int, FrequencyTable]]) -> list[Integers]:
-    """Decode `encode_groups`, given group sizes and tables; raise InputError if damaged."""
     with range_decoder(data, "features") as coder:
         return [_decode_group(coder, count, table) for count, table in groups]
 
 
 @contextmanager
 def range_decoder(data: bytes, part: str) -> Iterator[Any]:
-    """Open a decoder of data, all of which must be read; raise InputError if they are damaged."""
+    """Open a decoder; raise InputError if the data are damaged or not read to their end."""
     import constriction
 
     damaged = f"the stream is damaged ({part})"

@@ -41,8 +41,6 @@ Arrays = Mapping[str, NDArray[Any]]
 
 @dataclass(frozen=True)
 class WeightsFile:
-    """Contents of a set of weights."""
-
     header: WeightsHeader
     state: dict[str, Tensor]  # parameters by name, float32
     integers: dict[str, NDArray[np.int32]]  # integer tensors by name
@@ -50,12 +48,10 @@ class WeightsFile:
 
 
 def digest_of(data: bytes) -> bytes:
-    """Return the 8 bytes by which streams name weights with these bytes."""
     return hashlib.sha256(data).digest()[:DIGEST_BYTES]
 
 
 def check_digest(weights: bytes, stream: bytes) -> None:
-    """Raise InputError if a stream's digest is not that of the weights."""
     if stream != weights:
         raise InputError(
             f"the stream was made with other weights ({stream.hex()}, here {weights.hex()})"
@@ -63,7 +59,6 @@ def check_digest(weights: bytes, stream: bytes) -> None:
 
 
 def in_half_precision(state: Mapping[str, Tensor]) -> dict[str, Tensor]:
-    """Round parameters to half precision, as float32."""
     return {name: value.detach().cpu().half().float() for name, value in state.items()}
 
 
@@ -73,7 +68,7 @@ def write_weights(
     state: Mapping[str, Tensor],
     integers: Mapping[str, NDArray[np.int32]] | None = None,
 ) -> None:
-    """Write a set of weights; `header_fields` are the fields of its header except `sha256`."""
+    """Write a set; `header_fields` are the fields of its header except `sha256`."""
     tensors: dict[str, NDArray[Any]] = {
         name: value.detach().cpu().half().contiguous().numpy() for name, value in state.items()
     }
@@ -110,7 +105,6 @@ def read_weights(path: Path) -> WeightsFile:
 
 
 def _checksum(data: bytes) -> str:
-    """Return the SHA-256 of the tensors' bytes in a safetensors file."""
     start = _LENGTH_BYTES + int.from_bytes(data[:_LENGTH_BYTES], "little")
     return hashlib.sha256(memoryview(data)[start:]).hexdigest()
 
@@ -121,7 +115,7 @@ def _is_parameter(array: NDArray[Any]) -> bool:
 
 @dataclass(frozen=True)
 class MultiRateWeights(Generic[N]):
-    """A network that codes at several rates, with the tables of its entropy bottlenecks."""
+    """A network that codes at several rates."""
 
     model: N
     lmbdas: tuple[float, ...]  # Lagrangian weights of the rates, lowest bitrate first
@@ -139,7 +133,6 @@ class _RateWeights(Protocol):
 
 
 def check_rate(weights: _RateWeights, rate: int) -> None:
-    """Raise InputError if the weights have no rate of this index."""
     if not 0 <= rate < len(weights.lmbdas):
         raise InputError(f"rate {rate}: the weights have {len(weights.lmbdas)} rates, from 0 on")
 
@@ -174,23 +167,9 @@ def load_multi_rate(
     build: Callable[[Mapping[str, Any]], N],
     load_published: Callable[[Path], N],
 ) -> MultiRateWeights[N]:
-    """Read a set of puckbench or a file of the network's authors.
+    """Read a set of puckbench, or a file of the network's authors with `load_published`.
 
-    Parameters
-    ----------
-    path
-        The file.
-    network
-        Network of the file.
-    build
-        Makes a network of given sizes.
-    load_published
-        Reads a file of the authors.
-
-    Raises
-    ------
-    InputError
-        If the file is neither.
+    Raises InputError if the file is neither.
     """
     if path.suffix == SUFFIX:
         return _load_our_set(path, build)
@@ -231,7 +210,6 @@ def _tensors_of_tables(tables: Tables) -> dict[str, NDArray[np.int32]]:
 
 
 def _tables_of_tensors(arrays: Arrays) -> Tables:
-    """Unpack `_tensors_of_tables`; raise KeyError or ValueError for anything else."""
     lowest, length, frequencies = (arrays[name] for name in _TABLES)
     is_possible = lowest.ndim == 2 and lowest.shape == length.shape and frequencies.ndim == 1
     if not is_possible or (length < 2).any() or length.sum(dtype=np.int64) != len(frequencies):
@@ -273,7 +251,6 @@ def read_checkpoint(path: Path, fault: str) -> dict[str, Any]:
 def initialise(
     model: torch.nn.Module, path: Path, parameters: Callable[[Mapping[str, Any]], Mapping[str, Any]]
 ) -> None:
-    """Give a model the weights of a set; raise InputError if their shapes differ."""
     try:
         model.load_state_dict(parameters(read_weights(path).state))
     except RuntimeError as error:

@@ -39,8 +39,6 @@ class CellMasks(NamedTuple):
 
 
 class LevelState(NamedTuple):
-    """Known children of the n voxels of a level."""
-
     neighbours: NeighbourTable  # (27, n), neighbour table
     codes: NDArray[np.uint8]  # (n,), occupancy of children, a bit each
     done: NDArray[np.bool_]  # (n,), whether all children are known

@@ -26,8 +26,7 @@ def encode(
     Parameters
     ----------
     points
-        (n, 3), n >= 1. They are quantised as `puckbench.gpcc.quantise` does, and duplicates are
-        merged.
+        (n, 3), n >= 1; quantised as by `puckbench.gpcc.quantise`, and duplicates are merged.
     weights
         Trained network.
     scale
@@ -35,7 +34,7 @@ def encode(
     grid
         Grid of the input.
     threads
-        Number of threads, PyTorch's number by default. The stream does not depend on it.
+        By default PyTorch's number. The stream does not depend on it.
 
     Raises
     ------
@@ -53,13 +52,7 @@ def encode(
 
 
 def decode(stream: bytes, weights: OctreeNetWeights, threads: int | None = None) -> Floats:
-    """Return the points (m, 3) of a stream.
-
-    Raises
-    ------
-    InputError
-        If the stream is damaged, or was made with other weights.
-    """
+    """Return the points (m, 3) of a stream that was made with these weights."""
     content = read_stream(stream)
     check_digest(weights.digest, content.digest)
     return decoded_points(content, weights, threads)

@@ -70,13 +70,13 @@ class DecodingLimits(NamedTuple):
 
 @dataclass(frozen=True)
 class OctreeNetCoder:
-    """Encoder and decoder of voxels; results do not depend on the number of threads."""
+    """Codes voxels; results do not depend on the number of threads."""
 
     model: OctreeNet
     threads: int | None = None
 
     def encode(self, keys: Keys) -> CodedPart:
-        """Encode sorted keys (n,) of voxels; raise InputError if a decoder would refuse them."""
+        """Encode sorted keys (n,) of voxels."""
         sets = [keys]
         while len(sets[-1]) > _MAX_TOP:
             sets.append(parents_of(sets[-1])[0])
@@ -100,7 +100,6 @@ class OctreeNetCoder:
         return part
 
     def decode(self, part: CodedPart) -> Keys:
-        """Return the keys of a part; raise InputError if it is damaged."""
         mixer = reader(part.symbols)
 
         def code(
@@ -117,7 +116,7 @@ class OctreeNetCoder:
         return keys
 
     def _traverse(self, top: Keys, levels: int, code: Code, limits: DecodingLimits) -> Keys:
-        """Code from the top level down, within the limits; return the keys of the finest level."""
+        """Code from the top level down; return the keys of the finest level."""
         nodes = 0
         network = network_of(self.model)
         with thread_pool(self.threads) as pool:
@@ -132,7 +131,6 @@ class OctreeNetCoder:
 
 
 def network_of(model: OctreeNet) -> LevelPredictor[Any]:
-    """Return the network for coding, on the model's device."""
     if device_of(model).type == "cpu":
         return compiled_network(model)
     return DevicePredictor(model)
@@ -140,18 +138,13 @@ def network_of(model: OctreeNet) -> LevelPredictor[Any]:
 
 @dataclass(frozen=True)
 class OctreeLevel(Generic[F]):
-    """Voxels of an octree level, with the features from the levels above."""
-
     network: LevelPredictor[F]
     pool: ThreadPool
     voxels: VoxelSet
     features: F
 
     def next(self, code: Code, max_voxels: int, last: bool) -> OctreeLevel[F]:
-        """Code the next finer level, at most `max_voxels` large.
-
-        The `last` level has only keys.
-        """
+        """Code the next finer level; the `last` level has only keys."""
         features, slots = self._code_children(code)
         if len(slots) > max_voxels:
             raise InputError("the stream is damaged (its number of voxels)")
@@ -163,7 +156,7 @@ class OctreeLevel(Generic[F]):
         return OctreeLevel(self.network, self.pool, voxels, child_features)
 
     def _code_children(self, code: Code) -> tuple[F, Rows]:
-        """Code all symbols; return the updated features and the slots of the occupied children."""
+        """Return the updated features, and the slots of the occupied children."""
         table = self.voxels.neighbours
         features = self.network.convolved(self.features, table, self.pool)
         symbols, state = np.empty((2, len(self.voxels)), dtype=np.uint8), empty_state(table)
@@ -202,7 +195,6 @@ class OctreeLevel(Generic[F]):
 
 
 def _symbol_chunks(keys: Keys, children: Keys) -> Iterator[Symbols]:
-    """Yield the symbols of a level's voxels in coding order."""
     first, second = symbols_of(children)
     for rows in groups_of(keys):
         for symbols in (first, second):
@@ -222,5 +214,4 @@ def _top_keys(part: CodedPart) -> Keys:
 
 
 def split(keys: Keys, max_voxels: int = MAX_VOXELS) -> list[Keys]:
-    """Cut keys into parts of at most `max_voxels`."""
     return [keys[first : first + max_voxels] for first in range(0, len(keys), max_voxels)]

@@ -34,7 +34,6 @@ class OctreeExamples(CubeExamples):
 
 
 def _voxels(points: Floats, corner: Floats, scale: float, size: int) -> Voxels:
-    """Return the voxels (m, 3) of the points within a cube."""
     inside = np.ones(len(points), dtype=bool)
     for axis in range(3):
         column = points[:, axis]

@@ -1,13 +1,12 @@
 """Fixed-point arithmetic that floating-point hardware computes exactly.
 
 Weights are multiples of 2**-9 and activations of 2**-5. The sums of a layer are multiples of 2**-14
-below 2**24 units, which single precision represents exactly. Results therefore do not depend on the
-order of sums, fused multiplications, threads, libraries or processors.
+below 2**24 units, which single precision represents exactly, in any order and on any processor.
 
 References
 ----------
 Ballé, Johnston, Minnen: "Integer Networks for Data Compression with Latent-Variable Models", ICLR
-2019. Here the integers are stored as floats, for which every machine has fast matrix products.
+2019. Here floats hold the integers, for which every machine has fast matrix products.
 """
 
 from __future__ import annotations
@@ -28,8 +27,6 @@ MAX_SUM = 2**24
 
 
 class _StraightThrough(torch.autograd.Function):
-    """Rounding to multiples of 1 / units with the gradient of the identity."""
-
     @staticmethod
     def forward(ctx: Any, values: Tensor, units: int) -> Tensor:
         return (values * units).round_().div_(units)

@@ -1,7 +1,7 @@
 """The network on a level's voxels for coding: integers without gradients, in chunks.
 
-Sums are exact (see `fixed_point`), so that results equal those of the layers of the model.
 `LevelPredictor` and `VoxelGroup` are what a coder needs; this module implements them for the CPU.
+Sums are exact, so that results equal those of the layers of the model.
 """
 
 from __future__ import annotations
@@ -50,21 +50,16 @@ class VoxelGroup(Protocol):
     @property
     def rows(self) -> Rows: ...
 
-    def predict_first(self, chunk: slice) -> Frequencies:
-        """Predict the frequencies of first symbols from the previous groups."""
+    def predict_first(self, chunk: slice) -> Frequencies: ...
 
-    def predict_second(self, chunk: slice, first: Symbols) -> Frequencies:
-        """Predict the frequencies of second symbols from the first symbols."""
+    def predict_second(self, chunk: slice, first: Symbols) -> Frequencies: ...
 
     def update(self, chunk: slice, second: Symbols) -> None:
         """Add the embeddings of both symbols to the features of the level."""
 
 
 class LevelPredictor(Protocol[F]):
-    """A network that predicts the symbols of a level."""
-
-    def root_features(self, count: int) -> F:
-        """Return features of the voxels of the top level."""
+    def root_features(self, count: int) -> F: ...
 
     def convolved(self, features: F, table: NeighbourTable, pool: ThreadPool) -> F:
         """Return features of a level's voxels before any of their children are known."""
@@ -72,19 +67,15 @@ class LevelPredictor(Protocol[F]):
     def group(self, number: int, rows: Rows, features: F, table: NeighbourTable) -> VoxelGroup:
         """Return a group of the level's voxels; all previous groups must be coded."""
 
-    def child_features(self, features: F, slots: Rows, pool: ThreadPool) -> F:
-        """Return features of the children in slots from those of their parents."""
+    def child_features(self, features: F, slots: Rows, pool: ThreadPool) -> F: ...
 
 
 def chunks_of(count: int) -> list[slice]:
-    """Return the chunks in which `count` rows are computed."""
     return [slice(first, min(count, first + _CHUNK_ROWS)) for first in range(0, count, _CHUNK_ROWS)]
 
 
 @dataclass(frozen=True)
 class CompiledFeatures:
-    """Features of a level's voxels."""
-
     all: Floats32  # (n * channels,)
     active: Floats32  # their activations
 
@@ -184,8 +175,6 @@ def _integers(values: Tensor, units: int) -> Floats32:
 
 @dataclass(frozen=True)
 class CompiledGroup:
-    """A group of voxels in a compiled network."""
-
     network: CompiledPredictor
     number: int
     rows: Rows

@@ -35,14 +35,12 @@ _ACTIVATION, _ZERO = np.float32(MAX_ACTIVATION), np.float32(0)
 
 @compiled
 def residual(total: np.float32) -> np.float32:
-    """Round a sum to the unit of the residual stream and clip it."""
     rounded = (total / _UNITS + _ROUNDER) - _ROUNDER
     return min(max(rounded, -_RESIDUAL), _RESIDUAL)
 
 
 @compiled
 def activation(feature: np.float32) -> np.float32:
-    """Apply the clipped ReLU through which a layer reads a feature."""
     return min(max(feature, _ZERO), _ACTIVATION)
 
 
@@ -81,8 +79,6 @@ def convolution(channels: int) -> Callable[..., None]:
 
 @cache
 def head(channels: int) -> Callable[..., None]:
-    """Compile a head of two layers, from features to frequencies of symbols."""
-
     def predict(
         row_features: Floats32, first: int, last: int, hidden: Floats32, hidden_bias: Floats32,
         logits: Floats32, logits_bias: Floats32, powers: NDArray[np.int32],
@@ -119,8 +115,6 @@ def head(channels: int) -> Callable[..., None]:
 
 @cache
 def embedding(channels: int) -> Callable[..., None]:
-    """Compile the addition of symbols' embeddings to features."""
-
     def embed(
         row_features: Floats32, first: int, last: int, embeddings: Floats32, symbols: Symbols
     ) -> None:
@@ -135,8 +129,6 @@ def embedding(channels: int) -> Callable[..., None]:
 
 @cache
 def scattering(channels: int) -> Callable[..., None]:
-    """Compile the copy of some rows' features to the level, with their activations."""
-
     def scatter(
         row_features: Floats32,
         first: int,
@@ -156,8 +148,6 @@ def scattering(channels: int) -> Callable[..., None]:
 
 @cache
 def upsampling(channels: int) -> Callable[..., None]:
-    """Compile a layer from the activations of parents to the features of their children."""
-
     def upsample(
         parents: Floats32, slots: Rows, first: int, last: int, kernel: Floats32, bias: Floats32,
         features: Floats32, active: Floats32,

@@ -35,8 +35,6 @@ from puckbench.learned.sparse.voxels import CHILDREN, OFFSETS
 
 
 class OctreeNetShape(Model):
-    """Sizes of the network."""
-
     channels: Annotated[int, Field(ge=1, le=256)] = 32
     convolutions: Annotated[int, Field(ge=0, le=8)] = 1  # of a level before its first group
 
@@ -45,7 +43,6 @@ class FixedPointLayer(SparseLayer):
     """A fixed-point layer; its kernel (offsets, c, d) and bias are rounded when used."""
 
     def forward(self, active: Tensor, neighbourhood: Neighbourhood) -> Tensor:
-        """Convolve activations (n, c) to (n, d) with a kernel of 3x3x3."""
         kernel, bias = quantised_weight(self.kernel), quantised(self.bias)
         return convolve(active[:, None], kernel, bias, neighbourhood)[:, 0]
 
@@ -64,7 +61,6 @@ class SymbolHead(nn.Module):
         )
 
     def forward(self, features: Tensor) -> Tensor:
-        """(n, channels) to (n, 16)."""
         hidden = residual(self.hidden.pointwise(activation(features)))
         return residual(self.logits.pointwise(activation(hidden)))
 
@@ -89,7 +85,6 @@ class OctreeNet(nn.Module):
         return quantised(self.root).repeat(count, 1)
 
     def convolved(self, features: Tensor, neighbourhood: Neighbourhood) -> Tensor:
-        """Return features of a level's voxels before any of their children are known."""
         for layer in self.convolutions:
             features = residual(features + layer(activation(features), neighbourhood))
         return features
@@ -97,21 +92,18 @@ class OctreeNet(nn.Module):
     def group_features(
         self, group: int, features: Tensor, rows: Tensor, neighbourhood: Neighbourhood
     ) -> Tensor:
-        """Return features of the rows of a group, from those of all voxels of the level."""
         if group == 0:
             return features[rows]
         convolved = self.group_convolutions[group - 1](activation(features), neighbourhood)
         return residual((features + convolved)[rows])
 
     def with_first(self, features: Tensor, first: Tensor) -> Tensor:
-        """Add the embedding of the first symbols (n,) to features (n, channels)."""
         return residual(features + quantised(self.first_embedding)[first])
 
     def with_second(self, features: Tensor, second: Tensor) -> Tensor:
         return residual(features + quantised(self.second_embedding)[second])
 
     def child_features(self, features: Tensor, slots: Tensor) -> Tensor:
-        """Return features of the children in slots from those of their parents."""
         active = activation(features)
         kernel, bias = quantised_weight(self.upsampling.kernel), quantised(self.upsampling.bias)
         parent, child = slots >> 3, slots & 7
@@ -121,7 +113,6 @@ class OctreeNet(nn.Module):
         return residual(result + bias)
 
     def check_exact(self) -> None:
-        """Raise InputError if weights are so large that sums might not be exact."""
         layers = [module for module in self.modules() if isinstance(module, FixedPointLayer)]
         for layer in layers:
             kernel, bias = quantised_weight(layer.kernel), quantised(layer.bias)

@@ -42,8 +42,6 @@ _PART = struct.Struct("<IBHI")
 
 @dataclass(frozen=True)
 class CodedPart:
-    """A part of a cloud."""
-
     count: int  # number of voxels
     levels: int  # that the network codes
     top: bytes  # coded voxels of the top level
@@ -52,8 +50,6 @@ class CodedPart:
 
 @dataclass(frozen=True)
 class OctreeNetStream:
-    """Contents of a stream."""
-
     digest: bytes  # of the weights
     scale: float
     origin: tuple[int, int, int]
@@ -62,7 +58,6 @@ class OctreeNetStream:
 
 
 def write_stream(content: OctreeNetStream) -> bytes:
-    """Return the bytes of a stream; raise InputError if it has too many voxels."""
     if sum(part.count for part in content.parts) > _MAX_TOTAL:
         raise InputError(f"the cloud has more than {_MAX_TOTAL} voxels")
     _check(content.parts)

@@ -1,8 +1,7 @@
 """Occupancy of a voxel's eight children as two symbols, their frequencies, and groups of voxels.
 
-The first symbol of four bits holds the children whose coordinates have an even sum, the second the
-others. Each child shares faces only with children of the other symbol, so that the first symbol
-predicts the second best.
+The first symbol holds the four children whose coordinates have an even sum, the second the others.
+A child shares faces only with children of the other symbol, so the first predicts the second best.
 """
 
 from __future__ import annotations

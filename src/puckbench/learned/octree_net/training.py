@@ -1,7 +1,7 @@
 """Training of the sparse octree net: bits of a batch's symbols as the loss, and the optimiser step.
 
-The network computes in fixed point during training too, exactly as the codec does. Rounding passes
-gradients unchanged, and nothing is lost when weights become integers.
+The network computes in fixed point during training too, so that nothing is lost when weights become
+integers. Rounding passes gradients unchanged.
 """
 
 from __future__ import annotations
@@ -55,7 +55,6 @@ def _bits_of_level(
     symbols: tuple[Symbols, Symbols],
     neighbourhood: Neighbourhood,
 ) -> tuple[Tensor, Tensor]:
-    """Return the bits of a level's symbols, and features with their embeddings."""
     bits = []
     for group, rows in enumerate(groups_of(keys)):
         if len(rows):
@@ -83,7 +82,6 @@ class OctreeNetTrainer(BaseTrainer[OctreeNet, float]):
         self.pool = pool
 
     def step(self, clouds: Sequence[Keys]) -> float:
-        """Do one step on a batch of cubes, and return bits per voxel."""
         keys = join_clouds(clouds)
         levels = (self.training.cube_size - 1).bit_length()
         loss = torch.stack(bits_per_level(self.model, keys, levels, self.pool)).sum() / len(keys)

@@ -42,20 +42,10 @@ def save_weights(path: Path, model: OctreeNet, card: Mapping[str, Any]) -> None:
 
 
 def load_weights(where: str | Path, device: DeviceName = "cpu") -> OctreeNetWeights:
-    """Read trained weights.
+    """Read trained weights: the name of a shipped set, or a path.
 
-    Parameters
-    ----------
-    where
-        Name of a shipped set, or path of a set.
-    device
-        Device of the network.
-
-    Raises
-    ------
-    InputError
-        If the set is damaged, of another network, or has weights so large that sums would not be
-        exact, or the device does not exist.
+    Raises InputError if the set is damaged, of another network, or so large that sums would be
+    inexact.
     """
     path = weights_path(where)
     contents = read_weights(path)
@@ -71,7 +61,6 @@ def load_weights(where: str | Path, device: DeviceName = "cpu") -> OctreeNetWeig
 
 
 def parameters(integers: Mapping[str, Tensor]) -> dict[str, Tensor]:
-    """Return the parameters of a network from the integers of a set."""
     return {
         name: value.round().clamp(-MAX_WEIGHT, MAX_WEIGHT) / _units(name)
         for name, value in integers.items()

@@ -37,29 +37,28 @@ def encode(
     weights
         Trained network.
     rate
-        Index of the rate among ``weights.lmbdas``, which begin with the lowest bitrate.
+        Index of the rate among ``weights.lmbdas``, lowest bitrate first.
     scale
-        Voxels per step of the finest grid, before the grid is coarsened.
+        Voxels per step of the finest grid, before coarsening.
     mean_occupied_children, grid_level_offset
-        Grid of the voxels, see `choose_grid_level`. The defaults keep the input's grid.
+        Grid of the voxels, see `choose_grid_level`; by default that of the input.
     rho
         Decoded voxels per occupied voxel.
     min_points
-        Number of voxels in a cube from which on the network codes it.
+        Minimum voxels of a cube that the network codes.
     sparse_cubes
-        Code the voxels of other cubes losslessly, instead of dropping them as the authors do.
+        Code the other cubes losslessly, instead of dropping them as the authors do.
     context_mixing
         Mix the Laplace distributions of the latent with adaptive contexts.
     point_reconstruction
-        Decode as many points as were encoded, instead of the centre of each voxel.
+        Decode as many points as were encoded, instead of voxel centres.
     threads
-        Number of threads, PyTorch's number by default. The stream does not depend on it.
+        By default PyTorch's number. The stream does not depend on it.
 
     Raises
     ------
     InputError
-        If points are not finite or exceed 30-bit integers, none of them is coded, or the weights
-        lack the rate.
+        If points are not finite, exceed 30-bit integers, or are all dropped.
     """
     check_points(points, "pcgcv1.encode")
     check_rate(weights, rate)
@@ -86,13 +85,7 @@ def encode(
 
 
 def decode(stream: bytes, weights: Pcgcv1Weights, threads: int | None = None) -> Floats:
-    """Return the points (m, 3) of a stream.
-
-    Raises
-    ------
-    InputError
-        If the stream is damaged, or was made with other weights.
-    """
+    """Return the points (m, 3) of a stream that was made with these weights."""
     content = read_stream(stream)
     check_made_with(weights, content.digest, content.rate)
     return Pcgcv1Decoder(weights, threads).decode(content)

@@ -61,7 +61,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Pcgcv1Encoder:
-    """Encodes points at one rate of a set of weights. The fields are options of `codec.encode`."""
+    """Encodes points at one rate. The fields are the options of `codec.encode`."""
 
     weights: Pcgcv1Weights
     rate: int
@@ -74,7 +74,6 @@ class Pcgcv1Encoder:
     point_reconstruction: bool = True
 
     def encode(self, points: Floats) -> Pcgcv1Stream:
-        """Encode points (n, 3), n >= 1; raise InputError if a decoder would refuse the stream."""
         side = self.weights.shape.cube_size
         cubes = cubes_of(np.rint(points * self.scale).astype(np.int64), side)
         is_dense = cubes.counts >= self.min_points
@@ -126,13 +125,10 @@ class Pcgcv1Encoder:
 
 
 class Pcgcv1Decoder:
-    """Decodes streams that were made with a set of weights."""
-
     def __init__(self, weights: Pcgcv1Weights, threads: int | None = None) -> None:
         self.weights, self.threads = weights, threads
 
     def decode(self, content: Pcgcv1Stream) -> Floats:
-        """Return the points (m, 3) of a stream; raise InputError if it is damaged."""
         side = self.weights.shape.cube_size
         check_work(content, side, 0)
         counts = decode_counts(content.counts, content.cubes, side**3)
@@ -179,7 +175,6 @@ class Pcgcv1Decoder:
     def _indexes(
         self, rate: int, batch: CubeBatch, blocks: Bools, pool: ThreadPool
     ) -> TableIndexes:
-        """Return the tables (n, channels) of a batch's latent; raise InputError if damaged."""
         z_hats = decode_hyper(batch.hyper, pooled(blocks), self.weights.tables[rate])
         tables = self.weights.hyper_synthesis.tables
         indexes = joined(np.stack, _map_cubes(len(blocks), lambda k: tables(z_hats[k]), pool))
@@ -207,8 +202,6 @@ class Pcgcv1Decoder:
 
 @dataclass(frozen=True)
 class _EncodedBatch:
-    """A batch of cubes with its latent."""
-
     batch: CubeBatch
     y_hat: Integers  # (n, channels)
     indexes: TableIndexes  # tables of y_hat
@@ -238,7 +231,6 @@ def _decode_latents(
 
 
 def _coded_cubes(positions: Voxels, weights: Pcgcv1Weights) -> CodedCubes:
-    """Return the coded cubes by positions (n, 3) of blocks or of cubes."""
     side = weights.shape.cube_size
     make = cubes_with_blocks if weights.shape.occupied_blocks else cubes_with_all_blocks
     return make(positions, side)
@@ -249,5 +241,5 @@ def _batches(cubes: int) -> list[slice]:
 
 
 def _map_cubes(cubes: int, work: Callable[[int], T], pool: ThreadPool) -> list[T]:
-    """Return the results of `work` for each cube, in order; one thread computes a cube."""
+    # one thread computes a cube
     return pool.map_chunks(cubes, 1, lambda rows, _: work(rows.start))

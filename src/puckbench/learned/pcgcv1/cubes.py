@@ -29,7 +29,6 @@ class OccupiedCubes:
         return np.diff(self.starts)
 
     def selected(self, mask: NDArray[np.bool_]) -> OccupiedCubes:
-        """Select the cubes where a mask (m,) holds."""
         kept = np.repeat(mask, self.counts)
         starts = np.append(0, np.cumsum(self.counts[mask]))
         return OccupiedCubes(self.side, self.positions[mask], starts, self.keys[kept])
@@ -66,7 +65,6 @@ def cubes_of(voxels: Voxels, side: int) -> OccupiedCubes:
 
 
 def occupancy(keys: Int64s, side: int) -> NDArray[np.float32]:
-    """Return ones at the keys of a cube and zeros elsewhere, (side, side, side)."""
     flat = np.zeros(side**3, dtype=np.float32)
     flat[keys] = 1
     return flat.reshape(side, side, side)
@@ -92,5 +90,4 @@ def sibling_blocks_of(logits: NDArray[np.float32], keys: Int64s) -> SiblingBlock
 
 
 def _by_block(values: NDArray[S], across: int) -> NDArray[S]:
-    """Rearrange a cube's values (n,) to (blocks, 8), x fastest in a block."""
     return values.reshape((across, 2) * 3).transpose(0, 2, 4, 5, 3, 1).reshape(-1, 8)

@@ -39,7 +39,7 @@ def encode_hyper(z_hat: Integers, is_coded: Bools, tables: tuple[FrequencyTable,
 
 
 def decode_hyper(data: bytes, is_coded: Bools, tables: tuple[FrequencyTable, ...]) -> Integers:
-    """Decode `encode_hyper`, with zeros elsewhere; raise InputError if the data are damaged."""
+    """Decode `encode_hyper`, with zeros elsewhere."""
     z_hat = np.zeros((*is_coded.shape, len(tables)), dtype=np.int32)
     z_hat[is_coded] = decode_latent(data, int(is_coded.sum()), tables)
     return np.ascontiguousarray(np.moveaxis(z_hat, -1, 1))
@@ -57,7 +57,6 @@ def encode_conditional(y_hat: Integers, indexes: TableIndexes) -> bytes:
 
 
 def decode_conditional(data: bytes, indexes: TableIndexes) -> Integers:
-    """Decode `encode_conditional`; raise InputError if the data are damaged."""
     order, sizes = _by_table(indexes)
     parts = decode_groups(data, [(size, laplace_table(number)) for number, size in sizes])
     values = np.empty(len(order), dtype=np.int32)
@@ -82,12 +81,10 @@ class LatentPositions:
     neighbours: NeighbourTable  # (27, n), in Morton order
 
     def encode(self, y_hat: Integers, indexes: TableIndexes) -> bytes:
-        """Encode integers (n, channels), in the order of cubes, given their tables."""
         prior = _prior(indexes, self.order)
         return encode_with_contexts(y_hat[self.order], self.neighbours, prior)
 
     def decode(self, data: bytes, indexes: TableIndexes) -> Integers:
-        """Decode `encode`; raise InputError if the data are damaged."""
         y_hat = np.empty(indexes.table.shape, np.int32)
         prior = _prior(indexes, self.order)
         y_hat[self.order] = decode_with_contexts(data, self.neighbours, prior)
@@ -115,7 +112,6 @@ def _prior(indexes: TableIndexes, order: Int64s) -> Prior:
 
 
 def checksum(indexes: TableIndexes) -> int:
-    """Return the CRC-32 of the tables of a batch, by which a decoder with other tables stops."""
     return zlib.crc32(indexes.centre.tobytes(), zlib.crc32(indexes.table.tobytes()))
 
 
@@ -135,7 +131,6 @@ def encode_counts(counts: Iterable[int], max_value: int) -> bytes:
 
 
 def decode_counts(data: bytes, number: int, max_value: int) -> list[int]:
-    """Decode `encode_counts`; raise InputError if the data are damaged."""
     with range_decoder(data, "counts") as coder:
         counts = list(_counts(coder, number, max_value))
         if max(counts, default=1) > max_value:

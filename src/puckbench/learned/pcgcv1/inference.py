@@ -60,8 +60,6 @@ class Transforms(Protocol):
 
 
 class CpuTransforms:
-    """The transforms on a CPU; kernels are rearranged once."""
-
     def __init__(self, model: PCGCv1) -> None:
         with torch.no_grad():
             self._empty_features: dict[tuple[int, ...], Tensor] = {}
@@ -149,7 +147,6 @@ class CpuTransforms:
 
 
 def _bounding_box(occupied: Floats32 | Bools, margin: int, multiple: int) -> list[tuple[int, int]]:
-    """Return the extent of the occupied part along each axis, with a margin, in multiples."""
     box = []
     for axis, side in enumerate(occupied.shape):
         others = tuple(other for other in range(3) if other != axis)
@@ -204,7 +201,6 @@ class StripConv:
     voxels: int
 
     def apply(self, features: Tensor) -> Tensor:
-        """(1, c, s, s, s) to (1, d, s, s, s), both in channels-last memory."""
         sides = features.shape[2:]
         strips = _channels_last(_conv3d(features, self.layer, [1, 1, self.voxels], 1))
         flat = strips.permute(0, 2, 3, 4, 1).reshape(1, *sides, self.out)
@@ -219,7 +215,6 @@ def _strip_conv(layer: Conv) -> StripConv:
 
 
 def joint_kernel(kernel: Tensor, voxels: int, axis: int) -> Tensor:
-    """Join the kernels of neighbouring voxels along an axis."""
     before, after = [0, 0] * (4 - axis), [0, 0] * (axis - 2)
     shifted = [pad(kernel, (*before, k, voxels - 1 - k, *after)) for k in range(voxels)]
     return torch.cat(shifted)
@@ -232,7 +227,6 @@ def _tile_kernel(layer: Conv) -> ConvolutionKernel:
 
 
 def _logits(features: Tensor, layer: ConvolutionKernel) -> Tensor:
-    """Apply the layer with one output per voxel: (1, c, s, t, u) to (s, t, u)."""
     sides = features.shape[2:]
     tiles = _conv3d(features, layer, [1, _TILE, _TILE], 1)[0]
     split = tiles.reshape(_TILE, _TILE, *tiles.shape[1:])
@@ -253,7 +247,6 @@ class PolyphaseConv:
     out: int
 
     def apply(self, features: Tensor) -> Tensor:
-        """(1, c, s, t, u) to (1, d, 2 s, 2 t, 2 u), in channels-last memory."""
         a, b, c = features.shape[2:]
         padded = _channels_last(pad(features, (1, 0) * 3))
         upsampled = torch.empty(a, 2, b, 2, 2 * c * self.out)
@@ -281,7 +274,6 @@ def _polyphase_conv(layer: TransposedConv) -> PolyphaseConv:
 
 
 def _taps(kernel: Tensor, parity: int, axis: int) -> Tensor:
-    """Select the taps of a kernel of three for outputs of a parity."""
     taps = torch.tensor([1] if parity else [2, 0])
     return kernel.index_select(axis, taps)
 
@@ -295,7 +287,6 @@ class MatrixConv:
     voxels: int
 
     def apply(self, rows: Tensor) -> Tensor:
-        """(n, c) to (n, d); n is a multiple of `voxels`."""
         wide = torch.addmm(self.bias, rows.reshape(len(rows) // self.voxels, -1), self.matrix)
         return wide.view(len(rows), -1)
 
@@ -332,7 +323,6 @@ def _residual_block(block: VoxceptionResNet) -> InferenceVoxceptionResNet:
 
 
 def _apply_blocks(blocks: list[InferenceVoxceptionResNet], features: Tensor) -> Tensor:
-    """Apply blocks in order; `features` is overwritten."""
     features = _channels_last(features)
     rows = _rows(features)
     for block in blocks:
@@ -346,7 +336,6 @@ def _apply_blocks(blocks: list[InferenceVoxceptionResNet], features: Tensor) -> 
 
 
 def _add_branches(rows: Tensor, out1: Tensor, out2: Tensor, out: MatrixConv) -> None:
-    """rows = relu(rows + [relu(out1), relu(conv2_3(relu(out2)))]), in place."""
     half = out1.shape[1]
     rows[:, :half] += out1.relu_()
     rows[:, half:] += out.apply(out2.relu_()).relu_()
@@ -354,5 +343,4 @@ def _add_branches(rows: Tensor, out1: Tensor, out2: Tensor, out: MatrixConv) -> 
 
 
 def _rows(features: Tensor) -> Tensor:
-    """View a cube as (voxels, channels)."""
     return features.permute(0, 2, 3, 4, 1).view(-1, features.shape[1])

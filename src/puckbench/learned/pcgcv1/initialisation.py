@@ -1,8 +1,8 @@
 """Layer-sequential unit-variance initialisation of PCGCv1, without which it does not learn.
 
-With PyTorch's initialisation the latent has a deviation of 0.05, far below the noise that replaces
-rounding, and the network soon gives the same output everywhere. So the weights of each layer are
-divided by the standard deviation of its output for an example, in the order of the layers.
+PyTorch's initialisation gives the latent a deviation of 0.05, far below the noise that replaces
+rounding. So the weights of each layer are divided by the standard deviation of its output for an
+example, in order.
 
 References
 ----------
@@ -39,7 +39,6 @@ def initialise(model: PCGCv1, cube_size: int) -> None:
 
 
 def sphere(size: int) -> Tensor:
-    """Return a spherical shell of voxels as zeros and ones (1, 1, size, size, size)."""
     axis = torch.arange(size) - (size - 1) / 2
     radius = (axis[:, None, None] ** 2 + axis[:, None] ** 2 + axis**2).sqrt()
     return ((radius - 0.4 * size).abs() < 0.5).float()[None, None]
@@ -47,7 +46,6 @@ def sphere(size: int) -> Tensor:
 
 @contextmanager
 def _rescaled(model: nn.Module) -> Iterator[None]:
-    """Rescale the weights of each convolution that is evaluated in this context."""
     hooks = [
         layer.register_forward_hook(_rescaler(name))
         for name, layer in model.named_modules()

@@ -1,8 +1,7 @@
 """The hyper-synthesis transform h_s in integers: equal results on every machine.
 
 Weights are rounded to 2**-16 and features to 2**-12. Products and sums are integers below 2**53,
-which double precision represents exactly. Encoder and decoder therefore choose the same tables,
-whatever the library, processor or number of threads.
+which double precision represents exactly, so that encoder and decoder choose the same tables.
 
 References
 ----------
@@ -32,8 +31,6 @@ _MAX_FEATURE = 2**11
 
 @dataclass(frozen=True)
 class _Layer:
-    """Kernel and bias as integers, in double precision."""
-
     kernel: Tensor
     bias: Tensor
 
@@ -83,5 +80,4 @@ def _transposed_conv(features: Tensor, layer: _Layer) -> Tensor:
 
 
 def _requantised(sums: Tensor) -> Tensor:
-    """Round sums, in units of both factors, to the units of features, and clip them."""
     return (sums / _WEIGHT_UNITS).round_().clamp_(-_MAX_FEATURE * UNITS, _MAX_FEATURE * UNITS)

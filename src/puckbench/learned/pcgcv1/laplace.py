@@ -1,9 +1,9 @@
-"""The conditional entropy model: Laplace distributions of integers, as a fixed set of tables.
+"""The conditional entropy model: Laplace distributions of integers, as 1,024 integer tables.
 
 The hyper-synthesis transform gives location and scale of each value of the latent, in integers of 1
-/ `UNITS`. They choose one of 64 scales and one of 16 offsets between two integers, hence one of
-1,024 integer tables. The tables are part of the format: a correctly rounded exponential and
-multiplications give the same tables on every machine.
+/ `UNITS`. They choose one of 64 scales and one of 16 offsets between two integers. The tables are
+part of the format: a correctly rounded exponential and multiplications give the same ones on every
+machine.
 """
 
 from __future__ import annotations
@@ -37,13 +37,10 @@ Int64s = NDArray[np.int64]
 
 
 class TableIndexes(NamedTuple):
-    """The table of each value of a latent."""
-
     table: NDArray[np.uint16]  # number of the table
     centre: NDArray[np.int32]  # integer on which the table is centred
 
     def rows(self, blocks: NDArray[np.bool_]) -> TableIndexes:
-        """Select the coded blocks, as `rows_of` does."""
         return TableIndexes(rows_of(self.table, blocks), rows_of(self.centre, blocks))
 
 
@@ -51,7 +48,6 @@ Join = Callable[[Sequence[NDArray[Any]]], NDArray[Any]]
 
 
 def joined(join: Join, parts: Sequence[TableIndexes]) -> TableIndexes:
-    """Join parts by a function such as `numpy.stack`."""
     return TableIndexes(join([part.table for part in parts]), join([part.centre for part in parts]))
 
 
@@ -65,7 +61,6 @@ def build_indexes(location: Int64s, scale: Int64s) -> TableIndexes:
 
 
 def _scale(level: Decimal) -> Decimal:
-    """Return the scale of a level, a member of a geometric series."""
     low, high = Decimal(MIN_SCALE), Decimal(MAX_SCALE)
     return low * ((high / low).ln(_CONTEXT) * level / (SCALES - 1)).exp(_CONTEXT)
 
@@ -98,7 +93,6 @@ def laplace_table(number: int) -> FrequencyTable:
 
 
 def _powers(level: int, max_exponent: int) -> NDArray[np.float64]:
-    """Return exp(-k / (OFFSETS * scale)) for all k up to a maximum, by multiplication alone."""
     ratio = float((-1 / (OFFSETS * _scale(Decimal(level)))).exp(_CONTEXT))
     return np.cumprod(np.append(1.0, np.full(max_exponent, ratio)))
 

@@ -1,8 +1,8 @@
 """Occupied blocks of cubes, which the stream holds beside the latent.
 
-A block is 4x4x4 voxels, those of one position of the latent. A network that was trained for it
-omits the latent of empty blocks. The decoder places no voxel in these, and at least one in each
-occupied block, which avoids holes and outliers. In the paper the latent is coded everywhere.
+A block is the 4x4x4 voxels of a position of the latent. Networks trained for it omit the latent of
+empty blocks, and the decoder places at least one voxel in each occupied block and none elsewhere,
+which avoids holes and outliers. In the paper the latent is coded everywhere.
 """
 
 from __future__ import annotations

@@ -37,16 +37,12 @@ _CHECK = struct.Struct("<I")
 
 @dataclass(frozen=True)
 class CubeBatch:
-    """Up to `BATCH` cubes."""
-
     check: int  # CRC-32 of the tables of the latent
     hyper: bytes  # coded z_hat
 
 
 @dataclass(frozen=True)
 class Pcgcv1Stream:
-    """Contents of a stream."""
-
     digest: bytes  # of the weights
     rate: int  # index among those of the weights
     scale: float  # voxels per step of the input
@@ -61,7 +57,6 @@ class Pcgcv1Stream:
 
 
 def write_stream(content: Pcgcv1Stream) -> bytes:
-    """Return the bytes of a stream; raise InputError if it has too many cubes for its size."""
     parts = (content.positions, content.counts, content.sparse, content.latent)
     numbers = [*map(len, parts), content.cubes]
     body = _HEADER.pack(

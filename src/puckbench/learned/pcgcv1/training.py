@@ -2,9 +2,8 @@
 
 The loss at a rate is ``lmbda * D + R``, divided by the square root of lmbda so that no rate
 dominates the shared weights. R is the bits of latent and hyper-latent per point. As in the paper D
-is ``beta * cross entropy of empty voxels + cross entropy of occupied voxels``, each a mean in nats
-(voxels of blocks that the decoder knows to be empty do not count). Uniform noise replaces rounding.
-The weight of the rate is small at first.
+is ``beta * cross entropy of empty voxels + cross entropy of occupied voxels``, each a mean in nats;
+voxels known to be empty do not count. Uniform noise replaces rounding.
 """
 
 from __future__ import annotations
@@ -44,7 +43,6 @@ def rate_distortion_loss(
     model: PCGCv1, x: Tensor, rate: int, lmbda: float, noise: torch.Generator,
     beta: float = BETA, rate_weight: float = 1.0,
 ) -> Pcgcv1Loss:  # fmt: skip
-    """Return the loss at a rate of cubes x (n, 1, size, size, size) of zeros and ones."""
     blocks = coded_blocks(model.shape, x)
     hyper_blocks = max_pool3d(blocks, 2)
     y = model.g_a(x) * model.gain(rate) * blocks
@@ -69,7 +67,6 @@ def _with_noise(values: Tensor, noise: torch.Generator) -> Tensor:
 
 
 def dense_cubes(clouds: Sequence[Keys], size: int) -> Tensor:
-    """Return cubes of sorted keys as zeros and ones (n, 1, size, size, size)."""
     cubes = np.zeros((len(clouds), 1, size, size, size), dtype=np.float32)
     for cube, keys in zip(cubes[:, 0], clouds, strict=True):
         cube[tuple(morton_voxels(keys).T)] = 1
@@ -77,8 +74,6 @@ def dense_cubes(clouds: Sequence[Keys], size: int) -> Tensor:
 
 
 class Pcgcv1Trainer(BaseTrainer[PCGCv1, Pcgcv1Loss]):
-    """Trains PCGCv1, in each step at a random rate."""
-
     training: Pcgcv1Training
 
     def __init__(self, model: PCGCv1, training: Pcgcv1Training) -> None:

@@ -53,8 +53,6 @@ _KERNEL_AXES = (4, 3, 0, 1, 2)
 
 @dataclass(frozen=True)
 class Pcgcv1Weights:
-    """A network ready for coding."""
-
     shape: Pcgcv1Shape
     network: Transforms  # transforms g_a, g_s and h_a
     hyper_synthesis: IntegerHyperSynthesis  # transform h_s in integers
@@ -65,19 +63,9 @@ class Pcgcv1Weights:
 
 
 def load_weights(where: str | Path, device: DeviceName = "cpu") -> Pcgcv1Weights:
-    """Read trained weights.
+    """Read trained weights: the name of a shipped set, or the path of a set or an authors' archive.
 
-    Parameters
-    ----------
-    where
-        Name of a shipped set, or path of a set or of one of the authors' archives.
-    device
-        Device of the network. The transform h_s stays on the CPU, where its sums are exact.
-
-    Raises
-    ------
-    InputError
-        If the file is neither, or the device does not exist.
+    The transform h_s stays on the CPU, where its sums are exact.
     """
     path = weights_path(where)
     weights = load_multi_rate(
@@ -137,7 +125,6 @@ def _translated(variables: Mapping[str, NDArray[Any]]) -> dict[str, Tensor]:
 
 
 def _names() -> Iterator[tuple[str, str]]:
-    """Yield the authors' names of layers and of bottleneck variables, each with ours."""
     yield from _LAYERS.items()
     parts = {"analysis": "g_a", "synthesis": "g_s"}
     blocks = range(Pcgcv1Shape().blocks)

@@ -40,26 +40,26 @@ def encode(
     Parameters
     ----------
     points
-        (n, 3), n >= 1, in steps of the finest grid; they are rounded to voxels.
+        (n, 3), n >= 1, in steps of the finest grid.
     weights
         Trained network.
     rate
-        Index of the rate among ``weights.lmbdas``, which begin with the lowest bitrate.
+        Index of the rate among ``weights.lmbdas``, lowest bitrate first.
     mean_occupied_children, grid_level_offset
-        Grid of the voxels, see `choose_grid_level`. The defaults keep the input's grid.
+        Grid of the voxels, see `choose_grid_level`; by default that of the input.
     rho
         Decoded voxels per occupied voxel.
     tools
         Coding tools in use.
     point_reconstruction
-        Decode as many points as were encoded, instead of the centre of each voxel.
+        Decode as many points as were encoded, instead of voxel centres.
     threads
-        Number of threads, PyTorch's number by default. The stream does not depend on it.
+        By default PyTorch's number. The stream does not depend on it.
 
     Raises
     ------
     InputError
-        If points are not finite or span more than 2**20 voxels, or the weights lack the rate.
+        If points are not finite, or span more than 2**20 voxels.
     """
     check_points(points, "pcgcv2.encode")
     check_rate(weights, rate)
@@ -80,13 +80,7 @@ def encode(
 
 
 def decode(stream: bytes, weights: Pcgcv2Weights, threads: int | None = None) -> Floats:
-    """Return the points (m, 3) of a stream.
-
-    Raises
-    ------
-    InputError
-        If the stream is damaged, or was made with other weights.
-    """
+    """Return the points (m, 3) of a stream that was made with these weights."""
     content = read_stream(stream)
     if not isinstance(content, Pcgcv2Stream):
         return content

@@ -54,7 +54,7 @@ STRIDE = 2**SCALES
 
 @dataclass(frozen=True)
 class Pcgcv2Coder:
-    """Codes voxels at one rate of a set of weights. The fields are options of `codec.encode`."""
+    """Codes voxels at one rate. The fields are the options of `codec.encode`."""
 
     weights: Pcgcv2Weights
     rate: int
@@ -65,10 +65,7 @@ class Pcgcv2Coder:
     point_reconstruction: bool = True
 
     def encode(self, voxels: Triples, quarter_octaves: int = 0) -> Pcgcv2Stream:
-        """Encode voxels (n, 3) in any order, on the grid of this level.
-
-        Duplicates count for point reconstruction. Raises InputError if voxels span more than 2**20.
-        """
+        """Encode voxels (n, 3), in any order, on a grid level; duplicates count as points."""
         origin = voxels.min(axis=0) // STRIDE * STRIDE
         if (voxels.max(axis=0) - origin).max() >= 2**AXIS_BITS:
             raise InputError(f"the cloud spans more than {2**AXIS_BITS} voxels")
@@ -86,7 +83,6 @@ class Pcgcv2Coder:
         )
 
     def decode(self, coded: Pcgcv2Stream) -> Floats:
-        """Return the points (n, 3) of a stream; raise InputError if it is damaged."""
         with thread_pool(self.threads) as pool, torch.no_grad():
             parts = [self._decode_block(block, coded.tools, pool) for block in coded.blocks]
         points = reconstructed_points(joined_blocks(parts), coded.points_per_voxel)

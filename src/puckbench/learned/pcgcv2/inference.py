@@ -185,7 +185,6 @@ def analyse(model: PCGCv2, keys: Keys, pool: ThreadPool) -> AnalysisResult:
 
 
 def _conv0(model: PCGCv2, voxels: VoxelSet, pool: ThreadPool) -> Tensor:
-    """Apply conv0 to features that are one at every voxel."""
     kernel, bias = model.g_a.conv0.kernel.detach()[:, 0], model.g_a.conv0.bias.detach()
     out = _buffers(pool, len(voxels), 1, len(bias)).first
 

@@ -86,7 +86,6 @@ class AnalysisScale(nn.Module):
     def forward(
         self, features: Tensor, child_map: ChildMap, neighbourhood: Neighbourhood
     ) -> Tensor:
-        """(n, 1, c) to (m, 1, d) of the parents, before the ReLU."""
         features = self.blocks(self.down(features, child_map).relu(), neighbourhood)
         result: Tensor = self.conv(features, neighbourhood)
         return result
@@ -129,7 +128,6 @@ class SynthesisScale(nn.Module):
         self.conv_cls = SparseConvolution(inner, 1)
 
     def forward(self, features: Tensor, neighbourhood: Neighbourhood) -> tuple[Tensor, Tensor]:
-        """(m, c) of parents to (m, 8, d) and logits (m, 8) of their children."""
         children = self.conv(self.up(features).relu(), neighbourhood).relu()
         children = self.blocks(children, neighbourhood)
         return children, self.conv_cls(children, neighbourhood)[:, :, 0]

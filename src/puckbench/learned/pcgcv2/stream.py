@@ -38,8 +38,6 @@ _HEADER = struct.Struct("<8sBBBH")
 
 @dataclass(frozen=True)
 class CodedBlock:
-    """A part of a cloud."""
-
     counts: tuple[int, int, int, int]  # voxels at strides 1, 2, 4 and 8
     coordinates: bytes  # voxels at stride 8, coded losslessly
     latent: bytes  # coded y_hat
@@ -59,8 +57,6 @@ ALL_TOOLS = CodingTools.CHILD_PER_PARENT | CodingTools.CONTEXT_MIXING
 
 @dataclass(frozen=True)
 class Pcgcv2Stream:
-    """Contents of a stream that a network coded."""
-
     digest: bytes  # of the weights
     rate: int  # index among those of the weights
     origin: tuple[int, int, int]  # voxel that was subtracted
@@ -79,7 +75,6 @@ def write_raw(points: Floats) -> bytes:
 
 
 def write_coded(coded: Pcgcv2Stream) -> bytes:
-    """Return the bytes of a stream; raise InputError if a decoder would refuse it."""
     numbers = (coded.rate, coded.quarter_octaves, coded.tools, coded.points_per_voxel)
     parts = [_HEADER.pack(coded.digest, *numbers)]
     parts += [*map(signed_128, coded.origin), base_128(len(coded.blocks))]

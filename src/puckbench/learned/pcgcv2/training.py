@@ -53,7 +53,6 @@ class Pcgcv2Loss(NamedTuple):
 def rate_distortion_loss(
     model: PCGCv2, keys: Keys, rate: int, lmbda: float, pool: ThreadPool, noise: torch.Generator
 ) -> Pcgcv2Loss:
-    """Return the loss at a rate for sorted keys (n,) of voxels."""
     device = model.log_gains.device
     sets, child_maps = pyramid(keys, SCALES, pool)
     neighbourhoods = [
@@ -94,7 +93,6 @@ def _cross_entropies(
 
 
 def _occupied(parents: VoxelSet, occupied_keys: Keys) -> NDArray[np.bool_]:
-    """Tell which children of all parents are in a sorted set of keys."""
     candidates = keys_of_slots(parents.keys, np.arange(CHILDREN * len(parents)))
     nearest = np.minimum(np.searchsorted(occupied_keys, candidates), len(occupied_keys) - 1)
     occupied: NDArray[np.bool_] = occupied_keys[nearest] == candidates
@@ -102,8 +100,6 @@ def _occupied(parents: VoxelSet, occupied_keys: Keys) -> NDArray[np.bool_]:
 
 
 class Pcgcv2Trainer(BaseTrainer[PCGCv2, Pcgcv2Loss]):
-    """Trains PCGCv2, in each step at a random rate."""
-
     training: MultiRateTraining
 
     def __init__(self, model: PCGCv2, training: MultiRateTraining, pool: ThreadPool) -> None:

@@ -29,20 +29,7 @@ _BOTTLENECK = {"matrices": "_matrices", "biases": "_biases", "factors": "_factor
 
 
 def load_weights(where: str | Path, device: DeviceName = "cpu") -> Pcgcv2Weights:
-    """Read trained weights.
-
-    Parameters
-    ----------
-    where
-        Name of a shipped set, or path of a set or of one of the authors' checkpoints.
-    device
-        Device of the network.
-
-    Raises
-    ------
-    InputError
-        If the file is neither, or the device does not exist.
-    """
+    """Read trained weights: the name of a shipped set, or the path of a set or of a checkpoint."""
     path = weights_path(where)
     weights = load_multi_rate(
         path,

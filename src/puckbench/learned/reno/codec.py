@@ -27,13 +27,13 @@ def encode(points: Floats, weights: RenoWeights, posq: float, threads: int | Non
     Parameters
     ----------
     points
-        (n, 3), n >= 1, in mm. Points of the same voxel are merged.
+        (n, 3), n >= 1, in mm. Points of one voxel are merged.
     weights
         Trained network.
     posq
-        Step of the grid in mm, a number that half precision has.
+        Step of the grid in mm, a number in half precision.
     threads
-        Number of threads, PyTorch's number by default. The stream does not depend on it.
+        By default PyTorch's number. The stream does not depend on it.
 
     Raises
     ------
@@ -53,13 +53,9 @@ def encode(points: Floats, weights: RenoWeights, posq: float, threads: int | Non
 
 
 def decode(stream: bytes, weights: RenoWeights, threads: int | None = None) -> Floats:
-    """Return the points (m, 3) of a stream, in mm.
+    """Return the points (m, 3), in mm, of a stream that was made with these weights.
 
-    Raises
-    ------
-    InputError
-        If the stream is damaged, was made with other weights, or decodes to other voxels than were
-        encoded.
+    Raises InputError if they are not the encoded points, since this machine computes otherwise.
     """
     content = read_stream(stream)
     check_digest(weights.digest, content.digest)
@@ -74,10 +70,9 @@ def decoded_points(content: RenoStream, weights: RenoWeights, threads: int | Non
 
 
 def _grid_offsets(points: Floats) -> NDArray[np.int64]:
-    """Return what is added to each axis, in 131,072 mm: 1 as the authors do, where that is enough.
+    """Return the offset of each axis, in 131,072 mm: 1 as the authors have, where that is enough.
 
-    A cloud that reaches below the corner of the authors' grid, or far beyond it, gets another
-    corner.
+    Clouds below or far beyond the corner of the authors' grid get another corner.
     """
     least, most = points.min(axis=0), points.max(axis=0)
     is_near = (least >= -OFFSET) & (most < OFFSET)

@@ -42,13 +42,13 @@ OTHER_RESULT = (
 
 @dataclass(frozen=True)
 class RenoCoder:
-    """Encoder and decoder of voxels; results do not depend on the number of threads."""
+    """Codes voxels; results do not depend on the number of threads."""
 
     weights: RenoWeights
     threads: int | None = None
 
     def encode(self, keys: Keys) -> CodedTree:
-        """Encode sorted keys (n,) of voxels; raise InputError if a decoder would refuse them."""
+        """Encode sorted keys (n,) of voxels."""
         levels = list(_levels(keys))
         base, occupancy = levels[0]
         symbols: list[bytes] = []
@@ -86,7 +86,7 @@ class RenoCoder:
     def _traverse(
         self, keys: Keys, occupancy: Occupancy, levels: int, code: Code, max_nodes: int
     ) -> Keys:
-        """Code from the base down, within `max_nodes`; return the keys of the finest level."""
+        """Code from the base down; return the keys of the finest level."""
         with thread_pool(self.threads) as pool:
             level = pyramid(keys, 0)[0][0]
             for number in range(levels):
@@ -106,7 +106,6 @@ class RenoCoder:
 
 
 def _levels(keys: Keys) -> Iterator[tuple[Keys, Occupancy]]:
-    """Return keys and occupancy of the levels above voxels, from the base down."""
     levels: list[tuple[Keys, Occupancy]] = []
     while not levels or len(levels[-1][0]) >= MAX_BASE:
         starts = np.flatnonzero(np.diff(keys >> 3, prepend=-1))

@@ -21,7 +21,6 @@ _NONE, _NO_SYMBOLS = np.empty(0, np.float32), np.empty(0, np.uint8)
 def prior_features(
     weights: RenoWeights, occupancy: Occupancy, table: NeighbourTable, pool: ThreadPool
 ) -> Floats32:
-    """Return features (n * channels,) of a level whose occupancy is known."""
     embedded = weights.occupancy_embedding.reshape(-1, weights.channels)[occupancy].ravel()
     return _residual_network(weights.prior, weights.channels, embedded, table, pool)
 
@@ -47,7 +46,6 @@ def _residual_network(
     table: NeighbourTable,
     pool: ThreadPool,
 ) -> Floats32:
-    """Apply a convolution and two residual blocks."""
     convolve = convolution(channels)
 
     def convolved(features_in: Floats32, kernel: Floats32, residual: Floats32 = _NONE) -> Floats32:

@@ -71,8 +71,6 @@ def convolution(channels: int) -> Callable[..., None]:
 
 @cache
 def head(channels: int) -> Callable[..., None]:
-    """Compile a head: features of some rows to cumulative frequencies of their symbols."""
-
     def predict(
         features: Floats32, first: int, last: int, hidden: Floats32, hidden_bias: Floats32,
         logits: Floats32, logits_bias: Floats32, embedding: Floats32, symbols: Symbols,

@@ -20,13 +20,11 @@ _MAX, _HALF, _QUARTER = 2**32 - 1, 2**31, 2**30
 
 
 def encode_symbols(symbols: Symbols, cumulative: Cumulative) -> bytes:
-    """Encode symbols (n,), n >= 1, with cumulative frequencies (n, values + 1)."""
     out = np.zeros(3 * len(symbols) + 8, np.uint8)  # a symbol takes at most about 16 bits
     return out[: _encode(symbols, cumulative, out)].tobytes()
 
 
 def decode_symbols(data: bytes, cumulative: Cumulative) -> Symbols:
-    """Decode `encode_symbols`; raise InputError if the data do not end with the symbols."""
     symbols = np.empty(len(cumulative), np.uint8)
     if not _decode(np.frombuffer(data, np.uint8), cumulative, symbols):
         raise InputError("the stream is damaged (its symbols)")

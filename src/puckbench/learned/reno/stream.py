@@ -38,8 +38,6 @@ Triple = tuple[int, int, int]
 
 @dataclass(frozen=True)
 class CodedTree:
-    """Coded voxels."""
-
     base: NDArray[np.int64]  # (m, 3), voxels of the coarsest level, in Morton order
     occupancy: NDArray[np.uint8]  # (m,), of their children
     symbols: tuple[bytes, ...]  # coded first and second symbols of each level below the base
@@ -49,8 +47,6 @@ class CodedTree:
 
 @dataclass(frozen=True)
 class RenoStream:
-    """Contents of a stream."""
-
     digest: bytes  # of the weights
     posq: float  # step in mm
     offsets: Triple  # of the grid, in 131,072 mm

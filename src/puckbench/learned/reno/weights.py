@@ -35,8 +35,6 @@ class RenoHead:
 
 @dataclass(frozen=True)
 class RenoWeights:
-    """A network in flat arrays."""
-
     digest: bytes  # 8 bytes by which streams name the network
     channels: int  # of the features, c
     occupancy_embedding: Floats32  # (256, c), of a voxel's occupancy
@@ -48,13 +46,7 @@ class RenoWeights:
 
 
 def load_weights(path: Path) -> RenoWeights:
-    """Read a checkpoint of the authors' program.
-
-    Raises
-    ------
-    InputError
-        If the file is not such a checkpoint.
-    """
+    """Read a checkpoint of the authors."""
     from puckbench.core.files import read_bytes
     from puckbench.learned.weights_file import digest_of, read_checkpoint
 
@@ -68,7 +60,6 @@ def load_weights(path: Path) -> RenoWeights:
 
 
 def _arrays(checkpoint: Mapping[str, Any]) -> dict[str, Floats32]:
-    """Return parameters by the authors' names; raise KeyError or ValueError for others."""
     channels = checkpoint["prior_embedding.weight"].shape[1]
     if not 1 <= channels <= MAX_CHANNELS:
         raise ValueError(f"{channels} channels")
@@ -82,7 +73,6 @@ def _arrays(checkpoint: Mapping[str, Any]) -> dict[str, Floats32]:
 
 
 def shapes(channels: int) -> dict[str, tuple[int, ...]]:
-    """Return the shapes of the parameters by the authors' names."""
     result: dict[str, tuple[int, ...]] = {
         "prior_embedding.weight": (OCCUPANCIES, channels),
         "target_embedding.target_res_embedding.weight": (CHILDREN, channels),

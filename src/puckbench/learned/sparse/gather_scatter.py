@@ -47,8 +47,6 @@ class PairLayout:
 
 
 class GatherScatter(Protocol):
-    """Gathers and scatters features between neighbouring rows, for a chunk of rows."""
-
     def layout(self, kernel_map: KernelMap, rows: slice) -> PairLayout: ...
 
     def gather(
@@ -72,8 +70,6 @@ class GatherScatter(Protocol):
 
 
 class _Chunk(NamedTuple):
-    """First pair of each offset in a chunk of rows, and the layout of its pairs."""
-
     firsts: NDArray[np.int64]
     layout: PairLayout
 
@@ -138,7 +134,6 @@ class TorchGatherScatter:
         self._chunks: dict[tuple[int, int], list[tuple[Tensor, Tensor]]] = {}
 
     def _pairs(self, rows: slice) -> list[tuple[Tensor, Tensor]]:
-        """Return the rows with a neighbour and the neighbours, for each offset."""
         key = (rows.start, rows.stop)
         if key not in self._chunks:
             table = self.table[:, rows]
@@ -190,7 +185,6 @@ class TorchGatherScatter:
 
 
 def layout_of(counts: NDArray[np.int64], kernel_map: KernelMap) -> PairLayout:
-    """Return the layout of a chunk with these numbers of pairs (27,)."""
     sizes = (counts * kernel_map.counts)[kernel_map.order]
     ends, starts = np.cumsum(sizes), np.empty_like(counts)
     starts[kernel_map.order] = ends - sizes

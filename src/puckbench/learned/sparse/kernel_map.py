@@ -1,10 +1,9 @@
 """Kernel maps of a sparse 3x3x3 convolution: the kernel matrix of each pair of voxels.
 
-There are two memory layouts. *Voxels*: a row is one voxel with c features, and an offset is one
-between voxels. *Blocks*: a row is a parent with its eight children side by side, 8 c features, and
-an offset is one between parents. It pairs 8, 4, 2 or 1 children (the parent itself, a face, an
-edge, a corner) with as many. The convolution of the children then takes 27 larger and fewer matrix
-products without any redundant one: 8 * 8 + 6 * 4 * 4 + 12 * 2 * 2 + 8 * 1 * 1 = 8 * 27.
+There are two memory layouts. *Voxels*: a row is one voxel. *Blocks*: a row is a parent with its
+eight children side by side. An offset between parents pairs 8, 4, 2 or 1 children (the parent
+itself, a face, an edge, a corner) with as many, so that the convolution takes 27 larger matrix
+products and none is redundant: 8 * 8 + 6 * 4 * 4 + 12 * 2 * 2 + 8 * 1 * 1 = 8 * 27.
 """
 
 from __future__ import annotations
@@ -56,8 +55,7 @@ class KernelMap:
 
     @property
     def typical_read(self) -> int:
-        """Children that a row on a surface reads: it has about nine neighbours."""
-        return max_read // 2 if (max_read := self.max_read) else 1
+        return self.max_read // 2 or 1  # on a surface a row has about nine neighbours
 
 
 @cache
@@ -85,7 +83,6 @@ def block_kernel_map() -> KernelMap:
 
 
 def _children(corner: list[int | None]) -> NDArray[np.int64]:
-    """Return the children with the given coordinates in a block; None stands for both."""
     children = np.arange(8)
     fits = [np.ones(8, bool) if at is None else (children >> axis & 1) == at
             for axis, at in enumerate(corner)]  # fmt: skip

@@ -52,7 +52,6 @@ class StridedConvolution(SparseLayer):
         super().__init__(CHILDREN, in_channels, out_channels)
 
     def forward(self, features: Tensor, child_map: ChildMap) -> Tensor:
-        """(n, 1, c) of the children to (m, 1, d) of their parents."""
         blocks = features.new_zeros(CHILDREN * (len(child_map.first) - 1), features.shape[2])
         slots = torch.from_numpy(child_map.slots).to(features.device)
         blocks = blocks.index_copy(0, slots, features[:, 0])
@@ -70,7 +69,6 @@ class GenerativeTransposedConvolution(SparseLayer):
         return self.kernel.transpose(0, 1).flatten(1)
 
     def forward(self, features: Tensor) -> Tensor:
-        """(m, c) to (m, 8, d)."""
         return (features @ self.matrix()).view(len(features), CHILDREN, -1) + self.bias
 
 

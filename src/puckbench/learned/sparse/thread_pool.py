@@ -1,9 +1,7 @@
 """A thread pool whose threads keep their working memory from layer to layer.
 
-The order of summation in a matrix product depends on its number of threads. Here one thread
-computes a chunk of rows completely, so that results do not depend on the number of threads. Memory
-is kept because the system would otherwise map and clear it for each layer, which takes as long as
-the arithmetic.
+One thread computes a chunk of rows completely, so that results do not depend on the number of
+threads. To map and clear memory for each layer would take as long as the arithmetic.
 """
 
 from __future__ import annotations

@@ -48,8 +48,6 @@ class VoxelSet:
 
 @dataclass(frozen=True)
 class ChildMap:
-    """Children of each voxel of the next coarser set."""
-
     first: NDArray[np.int64]  # (m + 1,); parent p has the rows first[p] to first[p + 1]
     slots: NDArray[np.int64]  # (n,), 8 * parent + child number
 
@@ -70,7 +68,6 @@ def unique_keys(keys: Keys) -> Keys:
 
 
 def parents_of(keys: Keys) -> tuple[Keys, ChildMap]:
-    """Return the keys of the next coarser set, and the children of each of its voxels."""
     parents = keys >> 3
     starts = np.flatnonzero(np.diff(parents, prepend=-1))
     parent = np.cumsum(np.diff(parents, prepend=-1) != 0) - 1
@@ -147,7 +144,6 @@ def _ring_parents() -> NDArray[np.int64]:
 
 @cache
 def _ring_cells() -> NDArray[np.int64]:
-    """Return the cell of the 4x4x4 around at each offset of each child, (8, 27)."""
     child, offset = np.meshgrid(np.arange(8), np.arange(OFFSETS), indexing="ij")
     steps = [(child >> axis & 1) + offset // 3**axis % 3 for axis in range(3)]
     return np.asarray(sum(step * 4**axis for axis, step in enumerate(steps)))

@@ -48,7 +48,6 @@ class CubeExamples:
         )
 
     def _crop(self, voxels: NDArray[Any], rng: np.random.Generator) -> Keys | None:
-        """Return a random cube of a cloud, or None if it has too few voxels."""
         size = self.cube_size
         centre = voxels[rng.integers(len(voxels))]
         corner = centre - rng.integers(0, size, 3)

@@ -33,13 +33,8 @@ class BaseTrainer(ABC, Generic[M, L]):
 
     Parameters
     ----------
-    model
-        The network.
-    training
-        Settings.
     groups
-        Parameter groups of the optimiser with factors of their learning rate (`lr_factor`); by
-        default one group of all parameters.
+        Parameter groups of the optimiser with factors of their learning rate (`lr_factor`).
 
     Attributes
     ----------
@@ -67,15 +62,13 @@ class BaseTrainer(ABC, Generic[M, L]):
         self.noise = torch.Generator().manual_seed(training.seed)
 
     @abstractmethod
-    def step(self, clouds: Sequence[Keys]) -> L:
-        """Do one step on a batch of cubes, and return its loss."""
+    def step(self, clouds: Sequence[Keys]) -> L: ...
 
     @abstractmethod
     def row(self, loss: L) -> dict[str, float]:
         """Return a loss as a row of the training curve, with the minimised quantity first."""
 
     def optimiser_step(self, loss: Tensor) -> None:
-        """Back-propagate a loss, clip the gradients, and update the weights."""
         for group in self.optimiser.param_groups:
             group["lr"] = self._learning_rate() * group.get("lr_factor", 1.0)
         self.optimiser.zero_grad(set_to_none=True)
@@ -91,7 +84,6 @@ class BaseTrainer(ABC, Generic[M, L]):
         return last + (first - last) * (1 + cosine) / 2
 
     def save(self, path: Path) -> None:
-        """Write a checkpoint from which training can be resumed."""
         state = {
             "model": self.model.state_dict(),
             "optimiser": self.optimiser.state_dict(),
@@ -129,13 +121,11 @@ class BaseTrainer(ABC, Generic[M, L]):
 
 
 def _as_json(settings: Mapping[str, Any]) -> dict[str, Any]:
-    """Convert settings as JSON does, with lists for tuples."""
     converted: dict[str, Any] = json.loads(json.dumps(settings))
     return converted
 
 
 def on_device(model: M) -> M:
-    """Move a model to CUDA where available, else to the CPU."""
     return placed(model, "cuda" if torch.cuda.is_available() else "cpu")
 
 
@@ -152,19 +142,9 @@ def train(
 ) -> None:
     """Train to the last step, and resume from the checkpoint if the file exists.
 
-    Parameters
-    ----------
-    trainer
-        The model in training.
-    clouds
-        Returns the batch of a step. The batch must depend on the number of the step alone, so that
-        a resumed training is equal to an uninterrupted one.
-    checkpoint
-        File to save to.
-    every
-        Steps between two checkpoints.
-    report
-        Called with the number and the loss of each step.
+    `clouds` returns the batch of a step. It must depend on the number of the step alone, so that a
+    resumed training equals an uninterrupted one. `every` is the number of steps between
+    checkpoints, and `report` is called with the number and loss of each step.
     """
     if checkpoint.exists():
         trainer.resume(checkpoint)

@@ -1,8 +1,8 @@
 """Settings of the training of learned codecs, as pydantic models.
 
-A codec that can be trained names in its entry (`training`) a class derived from `BaseTraining`. The
-fields of the class are the options of a configuration and of ``puckbench train --options``. This
-module does not import PyTorch, so that options are listed and checked without it.
+An entry of a codec names in `training` a class derived from `BaseTraining`, whose fields are the
+options of a configuration and of ``puckbench train --options``. This module does not import
+PyTorch.
 """
 
 from __future__ import annotations
@@ -67,11 +67,10 @@ class BaseTraining(Model, ABC):
         """Open a new model with its optimiser, on CUDA where available, else on the CPU."""
 
     @abstractmethod
-    def examples(self, clouds: Sequence[Floats]) -> CubeExamples:
-        """Return batches of cubes of prepared clouds (n, 3)."""
+    def examples(self, clouds: Sequence[Floats]) -> CubeExamples: ...
 
     def begin(self, model: Any, weights: Path) -> None:
-        """Initialise a model with a set of weights; raise InputError if its shape differs."""
+        """Initialise a model with a set of weights."""
         from puckbench.learned.weights_file import initialise
 
         initialise(model, weights, self.parameters)
@@ -81,8 +80,7 @@ class BaseTraining(Model, ABC):
         return tensors
 
     @abstractmethod
-    def export(self, path: Path, model: Any, card: Mapping[str, Any]) -> None:
-        """Write the model as a set of weights with its card."""
+    def export(self, path: Path, model: Any, card: Mapping[str, Any]) -> None: ...
 
     def rates(self, codec_rates: Rates) -> dict[str, Mapping[str, Any]]:
         """Return the rates of the codec's entry at which the set will code."""
