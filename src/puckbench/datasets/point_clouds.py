@@ -42,7 +42,11 @@ class PointClouds(FileSet):
         unit = self._unit(path)  # one that is named counts more than that of the file
         options = (self.keep_missing, self.drop_invalid, self.bin_columns)
         cloud = read_unchecked_cloud(path, *options, convert=unit == 1)
-        about = {**self._about(path), **removal_counts(cloud.about)}
+        about = {
+            **self._about(path),
+            "file_bytes": path.stat().st_size,
+            **removal_counts(cloud.about),
+        }
         check_cloud(cloud, path)
         if unit != 1:
             cloud = replace(cloud, xyz=cloud.xyz * unit)

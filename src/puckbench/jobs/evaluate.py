@@ -32,7 +32,7 @@ _FEW_POINTS = 0.01
 """Fraction of the points that were coded below which a row has a remark."""
 _KEPT = (
     *("name", "group", "scale", "diameter", "elongation"),
-    *("dropped_points", "missing_returns"),
+    *("dropped_points", "missing_returns", "file_bytes"),
 )
 """What a result row keeps of the reference's description."""
 

@@ -23,6 +23,17 @@ _HEADS = {
     "bd_rate_percent": "BD-rate",
     "seconds": "s, at most",
 }
+_RATE_HEADS = (
+    "data set",
+    "codec and rate",
+    "bytes",
+    "file / stream",
+    "RMS, mm",
+    "largest, mm",
+    "s",
+)
+_RATE_NUMBERS = ("ratio", "rms_mm", "largest_mm")
+_MAX_RATES = 24
 _MAX_REMARKS = 10
 REPORT = "report.html"
 _PLACES = {"report": REPORT, "tables": "tables", "figures": "figures"}
@@ -53,6 +64,7 @@ def closing_lines(results: Path, style: FigureStyle, anchor: str, since: float) 
         against = ""
     yield f"Medians over clouds, lowest to highest rate{against}."
     yield from _remarks(shown)
+    yield from _rate_lines(results, style)
     yield from _odd_results(results)
     for what, name in _PLACES.items():
         if (results / name).exists():
@@ -89,6 +101,30 @@ def _remarks(rows: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     if exact:
         named = (f"{row['dataset']}, {row['codec']} {', '.join(row['lossless'])}" for row in exact)
         yield f"Lossless, so without PSNR and in no BD-rate: {'; '.join(named)}."
+
+
+def _rate_lines(results: Path, style: FigureStyle) -> Iterator[str]:
+    """Yield the table of all rates, if it is short."""
+    path = results / "tables" / "rates.csv"
+    rows = _rows(path)
+    if len(rows) > _MAX_RATES:
+        yield f"Bytes, errors and times at each rate: {path}"
+    elif rows:
+        yield ""
+        yield from _aligned([list(_RATE_HEADS), *(_rate_cells(row, style) for row in rows)])
+        yield "Sums over clouds; errors are distances of points, in the worse direction."
+
+
+def _rate_cells(row: Row, style: FigureStyle) -> list[str]:
+    seconds = float(row["encode_s"]) + float(row["decode_s"])
+    numbers = (f"{float(row[name]):.3g}" if row[name] else "" for name in _RATE_NUMBERS)
+    return [
+        style.title(row["dataset"]),
+        f"{style.of_codec(row['codec']).title} {row['rate']}",
+        f"{int(row['bytes']):,}",
+        *numbers,
+        f"{seconds:.2g}",
+    ]
 
 
 def _odd_results(results: Path) -> Iterator[str]:

@@ -1,0 +1,56 @@
+"""The table ``rates``: bytes, errors and times of every codec at every rate."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from puckbench.metrics.table_registry import TABLES
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+_MM = 1000
+
+
+@TABLES.register("rates", title="Bytes, errors and times at each rate")
+def rates(metrics: pd.DataFrame) -> pd.DataFrame:
+    """What each codec makes of all clouds of a data set together, at each rate.
+
+    ``bytes``: sum of the streams. ``ratio``: bytes of the users' files per byte of the streams;
+    empty for clouds that were not read from files. ``rms_mm``, ``largest_mm``: root mean square
+    and largest distance, in mm, of the worse direction of D1 (decoded points to the nearest coded
+    ones, and back). ``encode_s``, ``decode_s``: sums over the clouds.
+
+    Parameters
+    ----------
+    metrics
+        All results of a run.
+    """
+    import pandas as pd
+
+    keys = ["dataset", "codec", "rate"]
+    return pd.DataFrame(
+        {**dict(zip(keys, names, strict=True)), **_row(rows)}
+        for names, rows in metrics.groupby(keys, sort=False)
+    )
+
+
+def _row(rows: pd.DataFrame) -> dict[str, Any]:
+    import pandas as pd
+
+    size = rows["bytes"].sum()
+    files, rms, largest = (
+        rows[name] if name in rows else pd.Series(dtype=float)
+        for name in ("file_bytes", "d1_rms_m", "hausdorff_point_m")
+    )
+    return {
+        "clouds": len(rows),
+        "bytes": int(size),
+        "ratio": files.sum(min_count=len(rows)) / size,
+        "rms_mm": _MM * float(np.sqrt((rms**2).mean())),
+        "largest_mm": _MM * float(largest.max()),
+        "encode_s": float(rows["encode_s"].sum()),
+        "decode_s": float(rows["decode_s"].sum()),
+    }
