@@ -47,9 +47,9 @@ def _with_studies(app: Any, fault: Exception | None) -> None:
 
 def results() -> str:
     """The reference results of every study: all codecs on each data set."""
-    from puckbench.report.reference_results import read_reference, shipped
+    from puckbench.report.reference_results import read_reference, shipped_studies
 
-    studies = [read_reference(name) for name in shipped()]
+    studies = [read_reference(name) for name in shipped_studies()]
     return "\n\n".join(map(_study, studies)) or "This version comes with none yet."
 
 

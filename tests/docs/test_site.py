@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from puckbench.report.reference_results import shipped
+from puckbench.report.reference_results import shipped_studies
 from tests.support.pages import ROOT, page
 
 FETCHED = re.compile(
@@ -43,7 +43,8 @@ def test_the_site_has_every_kind_of_page(site: Path) -> None:
         assert (site / name / "index.html").exists()
     assert (site / "glossary.html").exists()
     assert all(
-        (site / "reference" / "results" / name / "index.html").exists() for name in shipped()
+        (site / "reference" / "results" / name / "index.html").exists()
+        for name in shipped_studies()
     )
 
 
@@ -56,7 +57,7 @@ def test_the_reference_knows_the_commands_codecs_and_functions(site: Path) -> No
         "tables_and_figures": ("truth_rd", "bd_rate_clouds", "residual_statistics"),
         "python": ("puckbench.jobs.library.compare", "puckbench.codecs.base.Codec"),
         "configuration": ("error_options", "sensor_study"),
-        "results": ("Reference results", *shipped()),
+        "results": ("Reference results", *shipped_studies()),
     }.items():
         text = (site / "reference" / f"{name}.html").read_text(encoding="utf-8")
         assert all(word in text for word in words), name

@@ -26,24 +26,24 @@ from puckbench.planning.workflow import Workflow
 from puckbench.report.bd_rate_text import delta_text
 from puckbench.report.build import TableShown, build_page
 from puckbench.report.captions import caption_html
-from puckbench.report.column_labels import headed, measured
+from puckbench.report.column_labels import column_label, table_heading
 from puckbench.report.contents import Contents
 from puckbench.report.findings import findings
 from puckbench.report.page import whole_page
 from puckbench.report.pictures import MOST_BYTES, embedded
-from puckbench.report.plot_data import curves
+from puckbench.report.plot_data import plot_payload
 from puckbench.report.run_record import RunRecord, duration_text
-from puckbench.report.tables import MOST_ROWS, table_html, text_of
+from puckbench.report.tables import MOST_ROWS, cell_text, table_html
 from puckbench.report.viewer_data import (
-    Shown,
+    ViewerCloud,
     cloud_payload,
+    decoded_for_viewer,
     error_range,
     example_payload,
     levels,
-    points_each,
-    shown_decoded,
-    shown_original,
-    subsampled,
+    original_for_viewer,
+    points_per_cloud,
+    subsample_points,
 )
 
 
@@ -70,7 +70,7 @@ def test_captions_have_paragraphs_code_and_emphasis_alone() -> None:
 def test_cells_have_four_digits_and_nothing_where_a_value_is_missing(
     value: object, text: str
 ) -> None:
-    assert text_of(value) == text
+    assert cell_text(value) == text
 
 
 def test_a_long_table_is_cut_and_says_so() -> None:
@@ -96,7 +96,7 @@ def _metrics() -> pd.DataFrame:
 
 
 def test_curves_are_quartiles_over_clouds_in_the_order_of_the_rates() -> None:
-    made = curves(_metrics(), FigureStyle(colours={"draco": "red"}))
+    made = plot_payload(_metrics(), FigureStyle(colours={"draco": "red"}))
     assert [cell["rate"] for cell in made["cells"]] == ["r2", "r10"]
     assert made["cells"][0]["values"]["bpp"] == [1.5, 2.0, 2.5]
     assert made["cells"][0]["values"]["cd_plane"] == [5.0, 6.0, 7.0]
@@ -104,7 +104,7 @@ def test_curves_are_quartiles_over_clouds_in_the_order_of_the_rates() -> None:
 
 
 def test_curves_show_what_differs_between_rates_and_not_what_describes_the_cloud() -> None:
-    made = curves(_metrics(), FigureStyle())
+    made = plot_payload(_metrics(), FigureStyle())
     assert [metric["name"] for metric in made["metrics"]] == ["cd_plane", "mine"]
 
 
@@ -119,13 +119,13 @@ def test_curves_show_what_differs_between_rates_and_not_what_describes_the_cloud
     ],
 )
 def test_columns_have_words_and_units(column: str, label: str) -> None:
-    assert measured(column).label == label
+    assert column_label(column).label == label
 
 
 def test_coordinates_come_back_within_half_a_step() -> None:
     rng = np.random.default_rng(1)
     cloud = PointCloud(rng.uniform([0, 10, -5], [1, 30, -4.9], (500, 3)))
-    made = cloud_payload(shown_original(cloud, 1000))
+    made = cloud_payload(original_for_viewer(cloud, 1000))
     steps = np.frombuffer(base64.b64decode(made["xyz"]), "<u2").reshape(-1, 3)
     back = np.array(made["low"]) + steps / 65535 * np.array(made["extent"])
     assert (np.abs(back - cloud.xyz) <= np.array([1, 20, 0.1]) * 0.51 / 65535 + 1e-5).all()
@@ -133,7 +133,7 @@ def test_coordinates_come_back_within_half_a_step() -> None:
 
 def test_errors_are_distances_to_the_nearest_point_in_metres() -> None:
     original = PointCloud(np.zeros((1, 3)) + 100.0, about={"scale": 10.0})
-    ((_, _, shown),) = shown_decoded(original, [("c", "r", np.array([[100.0, 103, 104]]))], 10)
+    ((_, _, shown),) = decoded_for_viewer(original, [("c", "r", np.array([[100.0, 103, 104]]))], 10)
     assert shown.errors is not None
     np.testing.assert_allclose(shown.errors, [0.5])
 
@@ -144,8 +144,8 @@ def test_levels_fall_by_254_over_the_range() -> None:
     assert levels(np.zeros(3), 0.0, 0.0).tolist() == [0, 0, 0]
 
 
-def _with_errors(*errors: float) -> Shown:
-    return Shown(np.zeros((len(errors), 3)), len(errors), np.array(errors))
+def _with_errors(*errors: float) -> ViewerCloud:
+    return ViewerCloud(np.zeros((len(errors), 3)), len(errors), np.array(errors))
 
 
 def test_the_range_of_colours_holds_a_codec_s_errors_at_all_rates() -> None:
@@ -160,23 +160,23 @@ def test_the_range_of_colours_holds_a_codec_s_errors_at_all_rates() -> None:
 
 def test_an_example_without_errors_has_no_range() -> None:
     cloud = PointCloud(np.arange(30.0).reshape(10, 3))
-    decoded = shown_decoded(cloud, [("c", "r", cloud.xyz)], 10)
-    made = example_payload(shown_original(cloud, 10), decoded, in_metres=False)
+    decoded = decoded_for_viewer(cloud, [("c", "r", cloud.xyz)], 10)
+    made = example_payload(original_for_viewer(cloud, 10), decoded, in_metres=False)
     assert made["ranges"] == {"c": [0, 0]}
     assert made["decoded"][0]["quantiles"] == [0, 0]
 
 
 def test_clouds_are_subsampled_alike_each_time_and_kept_whole_when_small() -> None:
     points = np.arange(300.0).reshape(100, 3)
-    chosen = subsampled(points, 40, "draco", "r1")
+    chosen = subsample_points(points, 40, "draco", "r1")
     assert len(np.unique(chosen, axis=0)) == 40
-    np.testing.assert_array_equal(chosen, subsampled(points, 40, "draco", "r1"))
-    assert subsampled(points, 100, "x") is points
+    np.testing.assert_array_equal(chosen, subsample_points(points, 40, "draco", "r1"))
+    assert subsample_points(points, 100, "x") is points
 
 
 def test_many_clouds_have_fewer_points_each() -> None:
-    assert points_each(20_000, 10, 8.0) == 20_000
-    assert 16_000 < points_each(20_000, 52, 8.0) < 17_000
+    assert points_per_cloud(20_000, 10, 8.0) == 20_000
+    assert 16_000 < points_per_cloud(20_000, 52, 8.0) < 17_000
 
 
 def test_a_wide_figure_is_narrowed_and_the_same_bytes_give_the_same() -> None:
@@ -451,13 +451,13 @@ def test_figures_are_ordered_by_number_whatever_the_order_they_are_given_in(
         ("density_q05_m2", [], ("Density, 5 %", "1/m²")),
         ("std_half_m", ["std_m"], ("Std, half the interval", "m")),
         ("here_half_m", [], ("Here half", "m")),
-        ("truth_d2_rms_m", [], (measured("truth_d2_rms_m").words, "m")),
+        ("truth_d2_rms_m", [], (column_label("truth_d2_rms_m").words, "m")),
     ],
 )
 def test_headings_put_names_into_words(
     column: str, others: list[str], heading: tuple[str, str]
 ) -> None:
-    assert headed(column, others) == heading
+    assert table_heading(column, others) == heading
 
 
 def test_columns_have_words_and_data_sets_and_codecs_their_titles() -> None:
@@ -479,9 +479,9 @@ def test_columns_have_words_and_data_sets_and_codecs_their_titles() -> None:
 
 
 def test_units_are_those_of_the_clouds_frames() -> None:
-    from puckbench.report.column_labels import unit_in
+    from puckbench.report.column_labels import unit_in_frames
 
-    assert unit_in("grid units²", {"scaled"}) == "grid units²"
-    assert unit_in("grid units²", {"metric"}) == "m²"
-    assert unit_in("grid units", {"metric", "scaled"}) == "grid units or m"
-    assert unit_in("dB", {"metric"}) == "dB"
+    assert unit_in_frames("grid units²", {"scaled"}) == "grid units²"
+    assert unit_in_frames("grid units²", {"metric"}) == "m²"
+    assert unit_in_frames("grid units", {"metric", "scaled"}) == "grid units or m"
+    assert unit_in_frames("dB", {"metric"}) == "dB"

@@ -22,7 +22,7 @@ from puckbench.report.reference_results import (
     FOLDER,
     ReferenceResults,
     read_reference,
-    shipped,
+    shipped_studies,
     why_not_timed,
     write_reference,
 )
@@ -162,7 +162,7 @@ def test_a_study_of_clouds_in_metres_alone_is_made_again(tmp_path: Path) -> None
     check_samples(spun, tmp_path / "again")
 
 
-@pytest.mark.parametrize("name", shipped())
+@pytest.mark.parametrize("name", shipped_studies())
 def test_the_results_that_come_with_puckbench_are_made_again(name: str, tmp_path: Path) -> None:
     reference = read_reference(name)
     if missing := missing_data(only(reference)):
@@ -183,7 +183,7 @@ def test_a_study_whose_data_are_not_here_is_known(study: ReferenceResults) -> No
     assert missing_data(away) == ["no/such/folder"]
 
 
-@pytest.mark.parametrize("name", shipped())
+@pytest.mark.parametrize("name", shipped_studies())
 def test_what_comes_with_puckbench_is_small_and_of_committed_sources(name: str) -> None:
     reference = read_reference(name)
     commits = reference.record.commits

@@ -41,9 +41,9 @@ _DELTA_COLUMNS = (
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    from puckbench.report.reference_results import shipped
+    from puckbench.report.reference_results import shipped_studies
 
-    names = ", ".join(shipped()) or "none yet"
+    names = ", ".join(shipped_studies()) or "none yet"
     parser.add_argument("results", type=Path, help="folder of results of a run")
     parser.add_argument(
         "--with",
@@ -81,7 +81,7 @@ def _compared(options: argparse.Namespace) -> dict[str, Any]:
     from puckbench.figures.style import FigureStyle
     from puckbench.io.tables import read_table, write_table
     from puckbench.metrics.peaks import peak_phrase
-    from puckbench.report.comparison import compared
+    from puckbench.report.comparison import compare_with_reference
     from puckbench.report.findings import lossless_text
     from puckbench.report.reference_results import read_reference
 
@@ -93,12 +93,12 @@ def _compared(options: argparse.Namespace) -> dict[str, Any]:
     )
     selection = {"codecs": options.codecs, "qualities": options.metrics, "common": options.common}
     with naming(options.results):
-        comparison = compared(metrics, clouds, reference, **selection)
+        comparison = compare_with_reference(metrics, clouds, reference, **selection)
     qualities = list(dict.fromkeys(comparison.deltas["metric"]))
     place = (options.out or options.results / "comparison") / reference.name
     figures = [place.with_suffix(suffix) for suffix in (".png", ".pdf")]
     with style.context():
-        tables = (comparison.own, comparison.reference)
+        tables = (comparison.run_rows, comparison.reference)
         figure = draw_comparison(*tables, qualities, reference.name, style)
         lay_out(figure)
         for path in figures:
@@ -106,14 +106,14 @@ def _compared(options: argparse.Namespace) -> dict[str, Any]:
     write_table(comparison.deltas, table := place.with_suffix(".csv"))
     return {
         "study": reference.name,
-        "codecs": list(dict.fromkeys(comparison.own["codec"])),
+        "codecs": list(dict.fromkeys(comparison.run_rows["codec"])),
         "curves": list(_curves(comparison, style)),
         **({"not_timed": reference.not_timed} if reference.not_timed else {}),
         "deltas": [
             _plain(row) for row in comparison.deltas[list(_DELTA_COLUMNS)].to_dict("records")
         ],
-        "peak": peak_phrase(comparison.own),
-        "lossless": lossless_text(comparison.own, style),
+        "peak": peak_phrase(comparison.run_rows),
+        "lossless": lossless_text(comparison.run_rows, style),
         "left_out": list(comparison.left_out),
         "same_streams": {name: list(counts) for name, counts in comparison.same_streams.items()},
         "files": [str(path) for path in (*figures, table)],
@@ -126,8 +126,8 @@ def _plain(row: Mapping[Any, Any]) -> dict[str, Any]:
 
 
 def _curves(comparison: Comparison, style: FigureStyle) -> Iterator[dict[str, Any]]:
-    for dataset in style.ordered_datasets(comparison.own["dataset"]):
-        for table, is_own in ((comparison.own, True), (comparison.reference, False)):
+    for dataset in style.ordered_datasets(comparison.run_rows["dataset"]):
+        for table, is_own in ((comparison.run_rows, True), (comparison.reference, False)):
             rows = table[table["dataset"] == dataset]
             for codec in style.ordered_codecs(rows["codec"]):
                 yield {

@@ -82,9 +82,9 @@ def _sources() -> list[str]:
 
 
 def _studies() -> list[str]:
-    from puckbench.report.reference_results import shipped
+    from puckbench.report.reference_results import shipped_studies
 
-    return shipped()
+    return shipped_studies()
 
 
 def _tables() -> list[str]:

@@ -37,7 +37,7 @@ from puckbench.planning.needs.registry import Options, met_needs
 from puckbench.planning.plan import Plan
 from puckbench.planning.planned_job import Gathering, PlannedJob, planned
 from puckbench.planning.report_contents import planned_contents
-from puckbench.report.contents import Contents, add_own
+from puckbench.report.contents import Contents, register_user_plugins
 from puckbench.report.page import assets_version
 
 FIRST_FIGURES = ("fig_6_6", "fig_6_9")
@@ -55,7 +55,7 @@ class OutputJobs:
 
     def __init__(self, plan: Plan, coding: CodingJobs) -> None:
         self.plan, self.coding, self.config = plan, coding, plan.config
-        add_own(self.config.figures.own, self.config.tables)
+        register_user_plugins(self.config.figures.own, self.config.tables)
         for name in self.figures:
             self._check_style(name)
         for name in self.tables:

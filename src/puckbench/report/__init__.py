@@ -1,1 +1,1 @@
-"""The report: one HTML file with a run's figures, tables, curves and clouds, for any browser."""
+"""The HTML report of a run, and comparison with reference results."""

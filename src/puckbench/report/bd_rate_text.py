@@ -1,8 +1,4 @@
-"""A BD-rate in words, alike in the report, on the terminal and in comparisons.
-
-It stands beside its interval, or the number of clouds that have none; where curves cannot be
-compared the reason stands in its place.
-"""
+"""BD-rates in words, with interval or number of clouds, or the reason for a missing value."""
 
 from __future__ import annotations
 
@@ -14,7 +10,7 @@ from puckbench.metrics.bjontegaard import LITTLE_OVERLAP, NO_COMMON_RANGE
 from puckbench.metrics.tables.rate_deltas import MIN_CLOUDS
 
 FEW_CLOUDS = 10
-"""Clouds below which a BD-rate stands with their number."""
+"""Below this number of clouds the number is stated."""
 _REASONS = {
     "no_common_range": NO_COMMON_RANGE,
     "little_overlap": LITTLE_OVERLAP,
@@ -24,30 +20,30 @@ _Row = Mapping[Any, Any]
 
 
 def delta_text(row: _Row | None) -> str:
-    """A row of the table ``bd_rate`` in one cell: "−50.0 % (−60.0 % to −40.0 %, 3 clouds)"."""
+    """Return a row of the table ``bd_rate`` as text: "−50.0 % (−60.0 % to −40.0 %, 3 clouds)"."""
     value, note = delta_value(row), delta_note(row)
     return f"{value} ({note})" if value and note else value or note
 
 
 def delta_value(row: _Row | None) -> str:
-    """The BD-rate alone; empty where there is none."""
+    """Return the BD-rate, or an empty text."""
     return percent_text(_number(row, "bd_rate_percent")) if has_delta(row) else ""
 
 
 def has_delta(row: _Row | None) -> bool:
-    """Whether a row of the table ``bd_rate`` has a value that is worth its print."""
+    """Return whether a row of the table ``bd_rate`` has a reliable value."""
     return row is not None and not _why_not(row)
 
 
 def delta_note(row: _Row | None) -> str:
-    """What stands beside a BD-rate: its interval and clouds; or why there is none."""
+    """Return interval and number of clouds of a BD-rate, or the reason for its absence."""
     if row is None:
         return NO_COMMON_RANGE
     return _why_not(row) or ", ".join(filter(None, (_interval(row), _clouds(row))))
 
 
 def holds_zero(row: _Row) -> bool:
-    """Whether the interval of a BD-rate, or the range of two clouds, holds 0 or is missing."""
+    """Return whether the interval, or the range of two clouds, contains 0 or is missing."""
     low, high = _ends(row)
     return not (low > 0 or high < 0)
 
@@ -56,8 +52,10 @@ def _why_not(row: _Row) -> str:
     compared = _count(row, "compared")
     if not compared:
         counts = {name: _number(row, name) for name in _REASONS}
-        known = {name: count for name, count in counts.items() if count > 0}
-        return _REASONS[max(known, key=lambda name: known[name])] if known else NO_COMMON_RANGE
+        reasons = {name: count for name, count in counts.items() if count > 0}
+        return (
+            _REASONS[max(reasons, key=lambda name: reasons[name])] if reasons else NO_COMMON_RANGE
+        )
     lacks_interval = isnan(_number(row, "bd_rate_percent_low"))
     return "no interval" if MIN_CLOUDS <= compared < FEW_CLOUDS and lacks_interval else ""
 
@@ -70,7 +68,7 @@ def _interval(row: _Row) -> str:
 
 
 def _ends(row: _Row) -> tuple[float, float]:
-    """The interval; of fewer clouds than it needs the least and the greatest value."""
+    """Return the interval; below `MIN_CLOUDS`, the least and the greatest value."""
     ends = ("low", "high") if _count(row, "compared") >= MIN_CLOUDS else ("least", "most")
     return _number(row, f"bd_rate_percent_{ends[0]}"), _number(row, f"bd_rate_percent_{ends[1]}")
 
@@ -89,13 +87,13 @@ def _count(row: _Row, name: str) -> int:
 
 
 def _number(row: _Row | None, name: str) -> float:
-    """A value of a row, nan where it has none; a row of a CSV file has text."""
+    """Return a value of a row, which is text in CSV files; nan if missing."""
     value = None if row is None else row.get(name)
     return nan if value in (None, "") else float(value)
 
 
 def percent_text(value: float) -> str:
-    """A change in percent, with its sign: −53.6 %, +118 %."""
+    """Return a signed percentage: −53.6 %, +118 %."""
     text = f"{abs(value):.0f}" if abs(value) >= 100 else f"{abs(value):.1f}"
     sign = "\N{MINUS SIGN}" if value < 0 else "+"
     return f"{sign}{text}\N{NO-BREAK SPACE}%"

@@ -1,4 +1,4 @@
-"""From a run's files to the page's text: what both the command line and the workflow call."""
+"""Build the text of the report page from a run's files."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from puckbench.metrics.table_registry import TABLES, table_entry
 from puckbench.report.captions import caption_html
 from puckbench.report.claims import TABLE as CLAIMS
 from puckbench.report.claims import Claims, claim_cards
-from puckbench.report.column_labels import in_words
-from puckbench.report.contents import Contents, add_own
+from puckbench.report.column_labels import name_in_words
+from puckbench.report.contents import Contents, register_user_plugins
 from puckbench.report.findings import findings
 from puckbench.report.page import whole_page
 from puckbench.report.pictures import Picture, embedded
-from puckbench.report.plot_data import curves
-from puckbench.report.run_description import RunFacts, run_facts
+from puckbench.report.plot_data import plot_payload
+from puckbench.report.run_description import RunDescription, describe_run
 from puckbench.report.run_record import RunRecord
 from puckbench.report.tables import table_html
 from puckbench.report.viewer_data import viewer_payload
@@ -46,7 +46,7 @@ _PARTS = {
 
 @dataclass(frozen=True)
 class FigureShown:
-    """A figure with its caption; `link` leads to the file to print from."""
+    """A figure with its caption and a link to its PDF file."""
 
     name: str
     title: str
@@ -72,55 +72,55 @@ def build_page(
     record: RunRecord = RunRecord(),  # noqa: B008 (frozen)
     remarks: Mapping[str, str] = MappingProxyType({}),
 ) -> str:
-    """The page as text; the same files, machine and record give the same text.
+    """Return the page; equal files, machine and record give equal text.
 
     Parameters
     ----------
     contents
         The files to show.
     machine
-        Facts of the machine, by name.
+        Properties of the machine, by name.
     folder
-        Where the page will lie, which its links start from.
+        Folder of the page, to which links are relative.
     record
-        When the run took place, and of what sources.
+        Times and commits of the run.
     remarks
-        Further facts of the run, by name, that its reader has to know first.
+        Further entries of the page's header, by name.
 
     Raises
     ------
     InputError
-        A file is missing or cannot be read.
+        A file is missing or unreadable.
     """
-    add_own(contents.own_figures, contents.own_tables)
+    register_user_plugins(contents.own_figures, contents.own_tables)
     style = FigureStyle.from_config(*contents.style)
     metrics = None if contents.metrics is None else read_table(Path(contents.metrics))
     tables = {name: read_table(Path(file)) for name, file in contents.tables.items()}
     scan_errors = tables.get("scan_errors")
     data: dict[str, Any] = {}
-    shown: dict[str, Any] = {"tables": list(_tables(contents, tables, folder, style))}
+    page_parts: dict[str, Any] = {"tables": list(_tables(contents, tables, folder, style))}
     if metrics is not None:
-        data["curves"] = curves(metrics, style)
-        shown["findings"] = findings(metrics, tables.get("bd_rate"), scan_errors, style)
+        data["curves"] = plot_payload(metrics, style)
+        page_parts["findings"] = findings(metrics, tables.get("bd_rate"), scan_errors, style)
     if contents.examples:
         data["clouds"] = viewer_payload(contents, metrics, scan_errors, style)
     if CLAIMS in tables:
-        shown["claims"] = _claims(contents, tables[CLAIMS], folder)
-    shown["figures"] = _by_category(contents, folder)
-    shown["run"] = _facts(contents, metrics, tables.get("clouds"), machine, style)
-    there = {**data, **shown}
+        page_parts["claims"] = _claims(contents, tables[CLAIMS], folder)
+    page_parts["figures"] = _by_category(contents, folder)
+    page_parts["run"] = _facts(contents, metrics, tables.get("clouds"), machine, style)
+    available = {**data, **page_parts}
     return whole_page(
         title=contents.title,
         record={**record.facts(), **remarks},
-        parts={name: heading for name, heading in _PARTS.items() if there.get(name)},
+        parts={name: heading for name, heading in _PARTS.items() if available.get(name)},
         data=data,
-        shown=shown,
+        shown=page_parts,
     )
 
 
-def _facts(contents: Contents, *more: Any) -> RunFacts:
+def _facts(contents: Contents, *more: Any) -> RunDescription:
     try:
-        return run_facts(contents.configuration, *more)
+        return describe_run(contents.configuration, *more)
     except (AttributeError, KeyError, TypeError) as error:
         raise InputError("contents of the report: configuration: not that of a run") from error
 
@@ -133,14 +133,14 @@ def _claims(contents: Contents, table: pd.DataFrame, folder: Path) -> Claims:
 def _tables(
     contents: Contents, tables: Mapping[str, pd.DataFrame], folder: Path, style: FigureStyle
 ) -> Iterator[TableShown]:
-    """All tables but that of the claims, which are cards."""
+    """Yield all tables except the claims, which are shown as cards."""
     for name, table in tables.items():
         if name == CLAIMS:
             continue
-        html = table_html(table, _link(Path(contents.tables[name]), folder), style)
+        rows_html = table_html(table, _link(Path(contents.tables[name]), folder), style)
         entry = table_entry(name) if name in TABLES else None
         caption = caption_html(entry.caption if entry else "", name)
-        yield TableShown(name, entry.title if entry else in_words(name), html, caption)
+        yield TableShown(name, entry.title if entry else name_in_words(name), rows_html, caption)
 
 
 def _by_category(contents: Contents, folder: Path) -> dict[str, list[FigureShown]]:
@@ -169,9 +169,9 @@ def _figure(name: str, file: Path, folder: Path) -> FigureShown:
 def _figure_title(name: str) -> str:
     """Return the number, if it has one, and the title of a figure."""
     entry = figure_entry(name)
-    return f"{entry.number} {entry.title or in_words(name)}".strip()
+    return f"{entry.number} {entry.title or name_in_words(name)}".strip()
 
 
 def _link(file: Path, folder: Path) -> str:
-    """The way from the page's folder to a file below it; the bare name of any other."""
+    """Return the relative path of a file below the page's folder, else its bare name."""
     return file.relative_to(folder).as_posix() if file.is_relative_to(folder) else file.name

@@ -1,4 +1,4 @@
-"""Captions of figures and tables: from reStructuredText to HTML."""
+"""Convert captions of figures and tables from reStructuredText to HTML."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ _SETTINGS = {
 
 
 def caption_html(text: str, name: str = "a caption") -> Markup:
-    """A caption as HTML paragraphs.
+    """Convert a caption to HTML paragraphs.
 
     Parameters
     ----------
     text
-        reStructuredText; text in `single` as in ``double`` quotes is code.
+        reStructuredText; `single` and ``double`` backquotes mark code.
     name
-        Of the figure or table, for errors.
+        Name of the figure or table in errors.
 
     Raises
     ------
     InputError
-        The text is no reStructuredText, in one line that says why.
+        The text is not valid reStructuredText.
     """
     from docutils.core import publish_parts
     from docutils.utils import SystemMessage
@@ -45,8 +45,8 @@ def caption_html(text: str, name: str = "a caption") -> Markup:
     try:
         parts = publish_parts(source, writer=writer, settings_overrides=_SETTINGS)
     except SystemMessage as error:
-        fault = str(error).splitlines()[0].partition(") ")[2]
-        raise InputError(f"caption of {name}: {fault}") from error
+        reason = str(error).splitlines()[0].partition(") ")[2]
+        raise InputError(f"caption of {name}: {reason}") from error
     body = str(parts["body"]).strip()
     return Markup(body.replace("</p>\n<p>", "</p><p>").replace("\n", " "))  # noqa: S704
 
@@ -56,7 +56,7 @@ def _translator() -> type:
     from docutils.writers.html5_polyglot import HTMLTranslator
 
     class Plain(HTMLTranslator):  # type: ignore[misc]
-        """Writes code as ``<code>`` without classes, which the page's style does not know."""
+        """Write code as ``<code>`` without classes, for which the page has no style."""
 
         def visit_literal(self, node: literal) -> None:
             self.body.append(f"<code>{self.encode(node.astext())}</code>")

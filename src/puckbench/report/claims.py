@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from puckbench.report.tables import text_of
+from puckbench.report.tables import cell_text
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -20,22 +20,22 @@ _BETWEEN_PARTS = re.compile(r"; (?![^(]*\))")
 
 @dataclass(frozen=True)
 class ClaimCard:
-    """One claim.
+    """A claim.
 
     Parameters
     ----------
     heading
-        Its number and section.
+        Number and section.
     verdict, remark, kind
-        The verdict, what it depends on, and the class that colours it.
+        The verdict, its condition, and the CSS class of its colour.
     text
         The claim.
     measured
-        What was measured, part by part.
-    beside
-        What else is known, by name.
+        Measurements.
+    context
+        Other entries, by name.
     figures
-        Name and title of our figures that show it.
+        Names and titles of figures that show it.
     """
 
     heading: str
@@ -44,37 +44,39 @@ class ClaimCard:
     kind: str
     text: str
     measured: tuple[str, ...]
-    beside: Mapping[str, str]
+    context: Mapping[str, str]
     figures: tuple[tuple[str, str], ...]
 
 
 @dataclass(frozen=True)
 class Claims:
-    """All claims, with how many have which verdict."""
+    """All claims, with a link to their table."""
 
     cards: tuple[ClaimCard, ...]
     link: str
 
     @property
     def counts(self) -> Mapping[str, int]:
-        """Verdicts by how often they were given, in the order of the first."""
+        """Number of claims by verdict."""
         return Counter(card.verdict for card in self.cards)
 
 
 def claim_cards(table: pd.DataFrame, figures: Mapping[str, str], link: str) -> Claims:
-    """The cards of the table ``claims``; figures: titles of those in the page, by name."""
-    rows = [{str(k): text_of(v) for k, v in row.items()} for row in table.to_dict("records")]
+    """Return the cards of the table ``claims``; `figures` has the titles of the page's figures by
+    name.
+    """
+    rows = [{str(k): cell_text(v) for k, v in row.items()} for row in table.to_dict("records")]
     return Claims(tuple(_card(row, figures) for row in rows), link)
 
 
 def _card(row: Mapping[str, str], figures: Mapping[str, str]) -> ClaimCard:
-    verdict, remark = _parted(row["verdict"])
+    verdict, remark = _split_verdict(row["verdict"])
     names = [name for name in row.get("figure", "").split(", ") if name in figures]
-    beside = {
+    context = {
         "Published": row.get("thesis", ""),
         "By the published numbers": row.get("thesis_verdict", ""),
     }
-    beside["Could not be tested without"] = (
+    context["Could not be tested without"] = (
         "" if verdict == "not tested" else row.get("not_tested", "")
     )
     return ClaimCard(
@@ -83,17 +85,17 @@ def _card(row: Mapping[str, str], figures: Mapping[str, str]) -> ClaimCard:
         remark=remark,
         kind=_CLASSES.get(verdict, "open"),
         text=row["claim"],
-        measured=_parts(row.get("here", "")),
-        beside={name: text for name, text in beside.items() if text},
+        measured=_measured_parts(row.get("here", "")),
+        context={name: text for name, text in context.items() if text},
         figures=tuple((name, figures[name]) for name in names),
     )
 
 
-def _parted(verdict: str) -> tuple[str, str]:
-    """The verdict's own words, and what follows after a colon or semicolon."""
-    found: Sequence[Any] = re.split(r"[:;] ", verdict, maxsplit=1)
-    return found[0], found[1] if len(found) > 1 else ""
+def _split_verdict(verdict: str) -> tuple[str, str]:
+    """Split a verdict into its first words and the remark after a colon or semicolon."""
+    words: Sequence[Any] = re.split(r"[:;] ", verdict, maxsplit=1)
+    return words[0], words[1] if len(words) > 1 else ""
 
 
-def _parts(text: str) -> tuple[str, ...]:
+def _measured_parts(text: str) -> tuple[str, ...]:
     return tuple(part for part in _BETWEEN_PARTS.split(text) if part)

@@ -1,4 +1,4 @@
-"""What each column of the table of results measures, in words, with its unit."""
+"""Labels and units of the columns of result tables."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ GRID, SQUARED = "grid units", "grid units²"
 
 
 @dataclass(frozen=True)
-class Measured:
-    """A column in words. unit: empty where there is none. group: heading in lists of columns."""
+class ColumnLabel:
+    """Label of a column: words, unit (may be empty), and group in lists of columns."""
 
     column: str
     words: str
@@ -20,13 +20,12 @@ class Measured:
 
     @property
     def label(self) -> str:
-        """Words and unit on one line."""
         return f"{self.words} ({self.unit})" if self.unit else self.words
 
 
 _CODED, _TRUTH = "Distortion to the coded cloud", "Distortion to the true surface"
 _CLEAN = "Distortion to the clean scan"
-_COST, _SEEN, _OTHER = "Size, time and memory", "Pictures and colour", "Other"
+_COST, _SEEN, _OTHER = "Size, time and memory", "Rendered views and colour", "Other"
 GROUPS = (_CODED, _TRUTH, _CLEAN, _COST, _SEEN, _OTHER)
 
 _PLAIN = {
@@ -37,29 +36,29 @@ _PLAIN = {
     "encode_peak_mib": ("Memory of encoding", "MiB", _COST),
     "decode_peak_mib": ("Memory of decoding", "MiB", _COST),
     "points_out": ("Points decoded", "", _COST),
-    "mbit_per_s": ("Bits at the sensor's rate", "Mbit/s", _COST),
+    "mbit_per_s": ("Bitrate at the sensor's speed", "Mbit/s", _COST),
     "encode_ms_per_turn": ("Encoding time of a turn", "ms", _COST),
     "decode_ms_per_turn": ("Decoding time of a turn", "ms", _COST),
-    "encode_real_time": ("Encoding, in times real time", "", _COST),
-    "decode_real_time": ("Decoding, in times real time", "", _COST),
-    "range_rms_mm": ("Root mean square error of ranges", "mm", _CODED),
-    "range_max_mm": ("Largest error of a range", "mm", _CODED),
+    "encode_real_time": ("Encoding speed relative to the sensor", "", _COST),
+    "decode_real_time": ("Decoding speed relative to the sensor", "", _COST),
+    "range_rms_mm": ("Root mean square range error", "mm", _CODED),
+    "range_max_mm": ("Largest range error", "mm", _CODED),
     "returns_lost": ("Returns lost", "", _CODED),
-    "returns_added": ("Returns made up", "", _CODED),
-    "view_psnr": ("PSNR of six pictures", "dB", _SEEN),
-    "view_ssim": ("SSIM of six pictures", "", _SEEN),
-    "y_psnr": ("PSNR of luminance", "dB", _SEEN),
-    "u_psnr": ("PSNR of colour, U", "dB", _SEEN),
-    "v_psnr": ("PSNR of colour, V", "dB", _SEEN),
+    "returns_added": ("Returns added", "", _CODED),
+    "view_psnr": ("PSNR of six rendered views", "dB", _SEEN),
+    "view_ssim": ("SSIM of six rendered views", "", _SEEN),
+    "y_psnr": ("PSNR of luma", "dB", _SEEN),
+    "u_psnr": ("PSNR of chroma, U", "dB", _SEEN),
+    "v_psnr": ("PSNR of chroma, V", "dB", _SEEN),
     "luminance_l2": ("Distance of luminance histograms", "", _SEEN),
-    "joint_quality": ("Joint quality of geometry and colour", "", _SEEN),
+    "joint_quality": ("Joint metric of geometry and colour", "", _SEEN),
 }
 _COUNTS = (
     *("points_in", "points_a", "points_b", "truth_points_a", "truth_points_b"),
     *("dropped_points", "missing_returns"),
 )
-NOT_MEASURED = frozenset([*_COUNTS, "scale", "diameter", "elongation", "peak"])
-"""Columns that describe the cloud or the measurement, not what the codec did."""
+DESCRIPTIVE_COLUMNS = frozenset([*_COUNTS, "scale", "diameter", "elongation", "peak"])
+"""Columns that describe the cloud or the measurement, not the codec's result."""
 
 _ENDINGS = {
     "_m2": "1/m²",
@@ -71,7 +70,7 @@ _ENDINGS = {
     "_db": "dB",
     "_s": "s",
 }
-"""Endings of names of columns without words of their own, and the units that they stand for."""
+"""Unit by ending of a column without a label."""
 _OF_TABLES = {
     "bd_rate_percent": ("BD-rate", "%"),
     "bd_quality_db": ("BD-PSNR", "dB"),
@@ -91,19 +90,19 @@ _SUFFIXES = {
     "most": "greatest of the clouds",
     **_OF_CLOUDS,
 }
-"""What the end of a column's name says of the quantity before it."""
+"""Meaning of the last part of a column's name."""
 
 _DISTANCES = {"point": "point to point", "plane": "point to plane"}
 _MPEG = {"d1": "D1, point to point", "d2": "D2, point to plane"}
 _WAYS = {"ab": "original to decoded", "ba": "decoded to original"}
 _TIMES = {"encode": "Encoding time", "decode": "Decoding time"}
 _ENDS = {"min": "least", "max": "most"}
-_Found = re.Match[str]
-_PATTERNS: tuple[tuple[str, Callable[[_Found], tuple[str, str]]], ...] = (
+_Match = re.Match[str]
+_PATTERNS: tuple[tuple[str, Callable[[_Match], tuple[str, str]]], ...] = (
     (r"cd_(point|plane)", lambda m: (f"Chamfer distance, {_DISTANCES[m[1]]}", SQUARED)),
     (
         r"acd_(ab|ba)_(point|plane)",
-        lambda m: (f"Chamfer distance one way, {_WAYS[m[1]]}, {_DISTANCES[m[2]]}", SQUARED),
+        lambda m: (f"Asymmetric Chamfer distance, {_WAYS[m[1]]}, {_DISTANCES[m[2]]}", SQUARED),
     ),
     (
         r"cd_psnr_(point|plane)",
@@ -131,66 +130,68 @@ _REFERENCES = {
     "clean_": (_CLEAN, ", to the clean scan"),
     "": (_CODED, ""),
 }
-"""What a column's name begins with, its group, and what it is measured to."""
+"""Prefix of a column -> group, and reference of the distance."""
 
 
 _TIME = re.compile(r"(en|de)code_(s|ms_per_turn|real_time)(_\w+)?")
 
 
 def is_time(column: str) -> bool:
-    """Whether a column holds the times of a codec's calls, or what is made of them."""
+    """Return whether a column holds times of a codec or values derived from them."""
     return _TIME.fullmatch(column) is not None
 
 
-def measured(column: str) -> Measured:
-    """What a column measures; one that is not known is called by its own name."""
+def column_label(column: str) -> ColumnLabel:
+    """Return the label of a column; an unknown column is labelled by its name."""
     if column in _PLAIN:
-        return Measured(column, *_PLAIN[column])
+        return ColumnLabel(column, *_PLAIN[column])
     prefix = next((name for name in _REFERENCES if column.startswith(name)), "")
     bare, (group, reference) = column.removeprefix(prefix), _REFERENCES[prefix]
     for pattern, words in _PATTERNS:
-        if found := re.fullmatch(pattern, bare):
-            text, unit = words(found)
-            return Measured(column, text + reference, unit, _COST if unit == "s" else group)
-    return Measured(column, column, "", _OTHER)
+        if match := re.fullmatch(pattern, bare):
+            text, unit = words(match)
+            return ColumnLabel(column, text + reference, unit, _COST if unit == "s" else group)
+    return ColumnLabel(column, column, "", _OTHER)
 
 
-def unit_in(unit: str, frames: Collection[str]) -> str:
-    """The unit of a quantity of clouds in these frames: of clouds in metres it is no grid's."""
+def unit_in_frames(unit: str, frames: Collection[str]) -> str:
+    """Replace grid units by metres for clouds in metres."""
     metres = unit.replace("grid units", "m")
     if unit == metres or "metric" not in frames:
         return unit
     return f"{unit} or {metres}" if "scaled" in frames else metres
 
 
-def headed(column: str, others: Collection[str] = ()) -> tuple[str, str]:
-    """Words and unit of a column in the heading of a table that has these others too."""
+def table_heading(column: str, others: Collection[str] = ()) -> tuple[str, str]:
+    """Return words and unit of a column in a table's heading.
+
+    `others` are the other columns, which show whether a suffix marks a statistic.
+    """
     if column in _OF_TABLES:
         return _OF_TABLES[column]
-    known = measured(column)
-    if known.words != column:
-        return known.words, known.unit
+    label = column_label(column)
+    if label.words != column:
+        return label.words, label.unit
     ending = next((e for e in _ENDINGS if column.endswith(e)), "")
     stem = column.removesuffix(ending)
     base, _, end = stem.rpartition("_")
     if base and end in _SUFFIXES and (end in _OF_CLOUDS or base + ending in others):
-        words, unit = headed(base + ending)
+        words, unit = table_heading(base + ending)
         return f"{words}, {_SUFFIXES[end]}", unit
-    return in_words(stem), _ENDINGS.get(ending, "")
+    return name_in_words(stem), _ENDINGS.get(ending, "")
 
 
-def in_words(name: str) -> str:
-    """A name in words: "codec_version" as "Codec version"."""
+def name_in_words(name: str) -> str:
+    """Return a name in words: "codec_version" as "Codec version"."""
     words = name.replace("_", " ").strip()
     return words[:1].upper() + words[1:]
 
 
-def is_known(column: str) -> bool:
-    """Whether there are words for a column."""
-    return measured(column).group != _OTHER
+def has_label(column: str) -> bool:
+    return column_label(column).group != _OTHER
 
 
-def in_order(columns: list[str]) -> list[Measured]:
-    """What the columns measure, by group, in the order of the table; `NOT_MEASURED` left out."""
-    found = [measured(name) for name in columns if name not in NOT_MEASURED]
-    return sorted(found, key=lambda item: GROUPS.index(item.group))
+def ordered_labels(columns: list[str]) -> list[ColumnLabel]:
+    """Return labels by group, in the order of the columns, without `DESCRIPTIVE_COLUMNS`."""
+    labels = [column_label(name) for name in columns if name not in DESCRIPTIVE_COLUMNS]
+    return sorted(labels, key=lambda item: GROUPS.index(item.group))

@@ -1,4 +1,4 @@
-"""What a report is made from: files of a run, and its configuration."""
+"""The contents of a report: files of a run, and its configuration."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ MOST_MB = 8.0
 
 
 class Example(Model):
-    """One cloud of the viewer and its decoded versions.
+    """A cloud of the viewer and its decoded versions.
 
     Parameters
     ----------
     kind
-        Which example of the configuration it is ("object", "raw", "clean", "noisy").
+        "object", "raw", "clean" or "noisy", as in the configuration.
     dataset, cloud
-        Their names.
+        Names.
     original
         File of the prepared cloud.
     decoded
-        Files of the decoded clouds by codec, then by rate; or archives (.zip) that have the cloud
-        of the rate r1 as ``r1.ply``.
+        Codec -> rate -> file of the decoded cloud, or archive (.zip) with the member
+        ``<rate>.ply``.
     """
 
     kind: str
@@ -39,30 +39,30 @@ class Example(Model):
 
 
 class Contents(Model):
-    """The files that a page shows, by name, and how.
+    """The files of a page, and options.
 
     Parameters
     ----------
     title
         Of the page.
     metrics
-        File of all results, None without one.
+        File of all results, or None.
     tables, figures
         Name -> file (CSV; PNG).
     own_figures, own_tables
-        Places of those that are a user's own; they are loaded where they are trusted.
+        Places of a user's figures and tables, loaded if trusted.
     examples
         Clouds of the viewer.
     logs
-        Folder of the logs of the run's jobs, None where there are none.
+        Folder of the logs of the run's jobs, or None.
     configuration
-        The checked one.
+        The validated configuration.
     style
-        Layers of `puckbench.figures.style.FigureStyle`, a later one before an earlier one.
+        Layers of `puckbench.figures.style.FigureStyle`, later ones over earlier ones.
     points
-        Of each cloud in the viewer at most; fewer where all would take more than `most_mb`.
+        Largest number of points of each cloud in the viewer.
     most_mb
-        Megabytes of all clouds in the page at most.
+        Largest size of all clouds in the page, MB.
     """
 
     title: str = TITLE
@@ -80,11 +80,11 @@ class Contents(Model):
 
     @classmethod
     def from_json(cls, value: Mapping[str, Any]) -> Contents:
-        """The contents in a JSON object; InputError names what it may not hold."""
+        """Parse a JSON object; InputError if it is invalid."""
         return parsed(cls, value, "contents of the report")
 
     def under(self, folder: Path) -> Contents:
-        """The same contents with all files in a copy of their folders, below another one."""
+        """Return the contents with all files below another folder."""
 
         def moved(files: Mapping[str, str]) -> dict[str, str]:
             return {name: str(folder / file) for name, file in files.items()}
@@ -103,11 +103,10 @@ class Contents(Model):
         )
 
     def as_json(self) -> dict[str, Any]:
-        """The JSON object that `from_json` reads."""
         return self.model_dump(mode="json")
 
     def files(self) -> list[str]:
-        """Every file that the page is made from."""
+        """Return every file that the page is made from."""
         metrics = [] if self.metrics is None else [self.metrics]
         originals = [example.original for example in self.examples]
         decoded = [files for example in self.examples for files in example.decoded.values()]
@@ -116,11 +115,8 @@ class Contents(Model):
         return list(dict.fromkeys([*metrics, *tables, *figures, *originals, *coded]))
 
 
-def add_own(figures: Iterable[str], tables: Iterable[str]) -> None:
-    """List a user's own figures and tables, by their places, beside ours.
-
-    InputError where a place is not trusted (`puckbench.core.registry.trust`).
-    """
+def register_user_plugins(figures: Iterable[str], tables: Iterable[str]) -> None:
+    """Register a user's figures and tables by their places; InputError if one is not trusted."""
     for place in figures:
         FIGURES.add(place)
     for place in tables:

@@ -1,7 +1,7 @@
-"""The leaderboard: reference results as pages, and as a table of who is best at what.
+"""The leaderboard: a page for each study of reference results, and a table of the best codecs.
 
-``python -m puckbench.report.leaderboard FOLDER`` writes a page for each study that comes with
-puckbench, as `make docs` does.
+``python -m puckbench.report.leaderboard FOLDER`` writes the page of every shipped study, as `make
+docs` does.
 """
 
 from __future__ import annotations
@@ -17,49 +17,36 @@ from puckbench.metrics.tables.rate_deltas import bd_rate, bd_rate_clouds
 from puckbench.report.build import build_page
 from puckbench.report.contents import Contents
 from puckbench.report.findings import Findings, findings
-from puckbench.report.reference_results import ReferenceResults, read_reference, shipped
+from puckbench.report.reference_results import ReferenceResults, read_reference, shipped_studies
 
 if TYPE_CHECKING:
     import pandas as pd
 
 
 def study_findings(reference: ReferenceResults) -> Findings:
-    """Which codec needs the fewest bits, lies nearest to the truth and is fastest in a study."""
+    """Return the findings of a study."""
     errors = reference.table("scan_errors")
     return findings(reference.metrics, _deltas(reference), errors, reference.style)
 
 
 def write_study(reference: ReferenceResults, folder: Path) -> Path:
-    """Write a study's page, with the tables that it links to.
-
-    Parameters
-    ----------
-    reference
-        The study's results.
-    folder
-        Where ``index.html`` and the folder ``tables`` go; ``tables/metrics.csv`` has all rows.
-
-    Returns
-    -------
-    Path
-        The page.
-    """
+    """Write a study's ``index.html`` and its ``tables``; ``tables/metrics.csv`` has all rows."""
     tables = folder / "tables"
     summary = table_entry("summary").make(metrics=reference.metrics)
-    found = {
+    tables_by_name = {
         "summary": summary,
         "bd_rate": _deltas(reference),
         "bd_rate_clouds": _clouds_deltas(reference),
     }
-    found |= {name: reference.table(name) for name in ("clouds", "scan_errors")}
-    written = {name: table for name, table in found.items() if table is not None}
-    for name, table in written.items():
+    tables_by_name |= {name: reference.table(name) for name in ("clouds", "scan_errors")}
+    present = {name: table for name, table in tables_by_name.items() if table is not None}
+    for name, table in present.items():
         write_table(table, tables / f"{name}.csv")
     write_table(reference.metrics, tables / "metrics.csv")
     contents = Contents(
         title=f"Reference results: {reference.title}",
         metrics=str(tables / "metrics.csv"),
-        tables={name: str(tables / f"{name}.csv") for name in written},
+        tables={name: str(tables / f"{name}.csv") for name in present},
         configuration=reference.about["configuration"],
         style=tuple(reference.about["style"]),
     )
@@ -71,7 +58,7 @@ def write_study(reference: ReferenceResults, folder: Path) -> Path:
 
 
 def _deltas(reference: ReferenceResults) -> pd.DataFrame | None:
-    """Bjontegaard deltas of the study's codecs; None where it has one alone."""
+    """Return Bjontegaard deltas between the study's codecs; None for a single codec."""
     if reference.metrics["codec"].nunique() < 2:
         return None
     return bd_rate(reference.metrics, **reference.bd_rate)
@@ -85,5 +72,5 @@ def _clouds_deltas(reference: ReferenceResults) -> pd.DataFrame | None:
 
 
 if __name__ == "__main__":
-    for study in shipped():
+    for study in shipped_studies():
         write_study(read_reference(study), Path(sys.argv[1]) / study)

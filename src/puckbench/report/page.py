@@ -1,7 +1,7 @@
-"""The page as text: templates with the data, the style and the scripts inside.
+"""Render the page: templates with data, style and scripts inlined.
 
-The interactive plot is our own: 17 kB, keyboard accessible and printable, beside which the
-smallest plotting library that a Python package ships has 4.8 MB and needs a laxer security policy.
+The interactive plot is our own script of 17 kB, accessible by keyboard and printable. The smallest
+plotting library in a Python package has 4.8 MB and needs a weaker content security policy.
 """
 
 from __future__ import annotations
@@ -31,15 +31,14 @@ TEMPLATES = ("page.html", "table.html")
 
 
 def rendered(template: str, **values: Any) -> str:
-    """A template of `TEMPLATES` with its values, of which everything but markup is escaped."""
+    """Render a template of `TEMPLATES`; all values except markup are escaped."""
     return _environment().get_template(template).render(values)
 
 
 def whole_page(**values: Any) -> str:
-    """The HTML file.
+    """Render the HTML file.
 
-    A content security policy of its own keeps every browser from fetching anything and from
-    running any script but ours.
+    Its content security policy forbids loading anything and running other scripts.
     """
     scripts = [_asset(name) for name in SCRIPTS]
     allowed = " ".join(f"'{_script_hash(text)}'" for text in scripts)
@@ -48,7 +47,9 @@ def whole_page(**values: Any) -> str:
 
 
 def assets_version() -> str:
-    """Fingerprint of templates, style and scripts: the page is made again when they change."""
+    """Return a fingerprint of templates, style and scripts, which makes the page stale when they
+    change.
+    """
     text = "".join(_asset(name) for name in (*TEMPLATES, STYLE, *SCRIPTS))
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
@@ -74,5 +75,5 @@ def _asset(name: str) -> str:
 
 
 def _script_hash(text: str) -> str:
-    """What a content security policy calls an inline script by."""
+    """Return the source expression of an inline script in a content security policy."""
     return "sha256-" + b64encode(hashlib.sha256(text.encode()).digest()).decode("ascii")

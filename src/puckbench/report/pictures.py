@@ -1,4 +1,4 @@
-"""Figures inside the page: each a PNG of bounded width and size."""
+"""Embed figures in the page as PNG files of bounded size."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ if TYPE_CHECKING:
     from PIL.Image import Image as Pixels
 
 WIDTHS = (1600, 1200, 800)
-"""Pixels: the first that gives a small enough file is taken, the last one in any case."""
+"""Pixels; the first width whose file is small enough is used, else the last."""
 MOST_BYTES = 400_000
 _COLOURS = 256
 
 
 @dataclass(frozen=True)
 class Picture:
-    """A PNG file's bytes, with its size in pixels."""
+    """A PNG file with its size in pixels."""
 
     png: bytes
     width: int
@@ -28,20 +28,20 @@ class Picture:
 
     @property
     def uri(self) -> str:
-        """The picture as an address that holds all of it."""
         return "data:image/png;base64," + b64encode(self.png).decode("ascii")
 
 
 def embedded(png: bytes, what: str) -> Picture:
-    """The picture with at most 1600 pixels across and 256 colours, narrower if it is large.
+    """Return a picture with at most 1600 pixels of width and 256 colours, narrower if the file is
+    large.
 
-    The same bytes give the same picture. InputError, naming `what`, for no readable picture.
+    Equal bytes give equal pictures. InputError, naming `what`, if the picture is unreadable.
     """
     from PIL import Image, UnidentifiedImageError
 
     try:
-        with Image.open(io.BytesIO(png)) as opened:
-            whole = opened.convert("RGBA")
+        with Image.open(io.BytesIO(png)) as image:
+            whole = image.convert("RGBA")
     except (UnidentifiedImageError, OSError) as error:
         raise InputError(f"{what}: not a readable picture ({error})") from error
     flat = Image.new("RGB", whole.size, "white")

@@ -1,4 +1,4 @@
-"""The data of the interactive plot: medians and quartiles per data set, codec and rate."""
+"""Data of the interactive plot: medians and quartiles for each data set, codec and rate."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from puckbench.figures.style import FigureStyle
 from puckbench.metrics.coordinate_frames import FRAME
 from puckbench.metrics.lossless import with_lossless_best, without_lossless
 from puckbench.metrics.peaks import WITH_PEAK, peak_phrase, without_mixed_peaks
-from puckbench.report.column_labels import Measured, in_order, is_known, unit_in
+from puckbench.report.column_labels import ColumnLabel, has_label, ordered_labels, unit_in_frames
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -22,29 +22,31 @@ _SHARES = [0.25, 0.5, 0.75]
 _DIGITS = 5
 
 
-def curves(metrics: pd.DataFrame, style: FigureStyle) -> dict[str, Any]:
-    """What the plot shows of the table of results.
+def plot_payload(metrics: pd.DataFrame, style: FigureStyle) -> dict[str, Any]:
+    """Return the data of the plot.
 
-    ``datasets`` and ``codecs`` (name, title; colour, marker and line of matplotlib), ``metrics``
-    (name, words, unit, group), and ``cells``: one per data set, codec and rate with the number of
-    ``clouds`` and ``values``, column -> [first quartile, median, third quartile] over the clouds.
-    A column without a value there (no true surface, the PSNR of a lossless rate) is left out of the
-    cell.
+    Returns
+    -------
+    dict
+        ``datasets`` and ``codecs`` (name, title; colour, marker and line); ``metrics`` (name,
+        words, unit, group); ``cells``, for each data set, codec and rate: the number of ``clouds``,
+        and ``values``, column -> [first quartile, median, third quartile] over clouds. Columns
+        without a value, such as the PSNR of a lossless rate, are missing.
     """
     metrics = with_lossless_best(without_mixed_peaks(metrics))
-    shown = _shown(metrics)
+    labels = _shown(metrics)
     datasets = style.ordered_datasets(metrics["dataset"])
     codecs = style.ordered_codecs(metrics["codec"])
     return {
         "datasets": [{"name": name, "title": style.title(name)} for name in datasets],
         "codecs": [codec_payload(name, style) for name in codecs],
-        "metrics": [_described(item) for item in shown if item.column != "bpp"],
-        "cells": _cells(metrics, [item.column for item in shown], datasets, codecs),
+        "metrics": [_described(item) for item in labels if item.column != "bpp"],
+        "cells": _cells(metrics, [item.column for item in labels], datasets, codecs),
     }
 
 
 def codec_payload(codec: str, style: FigureStyle) -> dict[str, str]:
-    """Name, title, colour (hexadecimal), marker and line of a codec, as in the figures."""
+    """Return name, title, hexadecimal colour, marker and line of a codec."""
     from matplotlib.colors import to_hex
 
     plot_style = style.of_codec(codec)
@@ -57,36 +59,36 @@ def codec_payload(codec: str, style: FigureStyle) -> dict[str, str]:
     }
 
 
-def _shown(metrics: pd.DataFrame) -> list[Measured]:
-    """The columns of numbers that say what a codec did, with a value anywhere.
+def _shown(metrics: pd.DataFrame) -> list[ColumnLabel]:
+    """Return the numeric columns that depend on the codec and have a value.
 
-    A column without words of its own is shown where it differs between codecs or rates.
+    A column without a label is shown if it differs between codecs or rates.
     """
     numbers = metrics.select_dtypes("number").dropna(axis="columns", how="all")
     names = [str(name) for name in numbers]
     different = metrics.groupby(["dataset", "cloud"])[names].nunique().max() > 1
-    found = in_order([name for name in names if is_known(name) or different[name]])
+    labels = ordered_labels([name for name in names if has_label(name) or different[name]])
     frames = {"metric"} if FRAME in metrics else {"scaled"}
     if FRAME in metrics and metrics[FRAME].isna().any():
         frames.add("scaled")
     peak = peak_phrase(metrics)
-    return [_with_peak(replace(item, unit=unit_in(item.unit, frames)), peak) for item in found]
+    return [
+        _with_peak(replace(item, unit=unit_in_frames(item.unit, frames)), peak) for item in labels
+    ]
 
 
-def _with_peak(item: Measured, peak: str) -> Measured:
-    """The words of a PSNR with its peak."""
-    is_named = item.column in WITH_PEAK and peak
-    return replace(item, words=f"{item.words}, {peak}") if is_named else item
+def _with_peak(item: ColumnLabel, peak: str) -> ColumnLabel:
+    has_peak = item.column in WITH_PEAK and peak
+    return replace(item, words=f"{item.words}, {peak}") if has_peak else item
 
 
-def _described(item: Measured) -> dict[str, str]:
+def _described(item: ColumnLabel) -> dict[str, str]:
     return {"name": item.column, "words": item.words, "unit": item.unit, "group": item.group}
 
 
 def _cells(
     metrics: pd.DataFrame, columns: list[str], datasets: list[str], codecs: list[str]
 ) -> list[dict[str, Any]]:
-    """The cells by data set, codec, and rate by its number."""
     rates = ordered_rates(set(metrics["rate"]))
     groups = dict(list(metrics.groupby(_KEYS, sort=False)))
     keys = [(d, c, r) for d in datasets for c in codecs for r in rates if (d, c, r) in groups]
@@ -95,12 +97,13 @@ def _cells(
 
 def _cell(key: tuple[str, str, str], rows: pd.DataFrame, columns: list[str]) -> dict[str, Any]:
     values = without_lossless(rows[columns].astype(float).quantile(_SHARES))
-    known = {
-        name: rounded(values[name].to_numpy()) for name in columns if values[name].notna().all()
+    quartiles = {
+        name: round_significant(values[name].to_numpy())
+        for name in columns
+        if values[name].notna().all()
     }
-    return {**dict(zip(_KEYS, key, strict=True)), "clouds": len(rows), "values": known}
+    return {**dict(zip(_KEYS, key, strict=True)), "clouds": len(rows), "values": quartiles}
 
 
-def rounded(values: Any, digits: int = _DIGITS) -> list[float]:
-    """Numbers rounded to significant digits: more of them than a plot shows."""
+def round_significant(values: Any, digits: int = _DIGITS) -> list[float]:
     return [float(f"{value:.{digits}g}") for value in np.asarray(values, dtype=float)]

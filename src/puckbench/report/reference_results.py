@@ -1,8 +1,8 @@
-"""Reference results: the result rows of a study that was run once, in one Parquet file.
+"""Reference results: the result rows of a study in a Parquet file.
 
-Those that come with puckbench lie in the folder ``reference`` beside this file, each named after
-its study. A file has a row for each cloud, codec and rate with the digest of the cloud; how it was
-made stands as JSON in the metadata of its schema.
+Files shipped with puckbench are in the folder ``reference``, named after their study. A file has a
+row for each cloud, codec and rate with the digest of the cloud; JSON in the metadata of its schema
+says how the results were made.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from pydantic import Field
 from puckbench.core.errors import InputError, naming
 from puckbench.core.files import json_of, written_whole
 from puckbench.core.models import Model, among, parsed
-from puckbench.report.column_labels import in_words, is_time
+from puckbench.report.column_labels import is_time, name_in_words
 from puckbench.report.run_record import RunRecord
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 FOLDER = Path(__file__).parent / "reference"
 DIGEST = "digest"
-"""Column of tables of clouds: the digest of the coordinates."""
+"""Column of tables of clouds: digest of the coordinates."""
 KEY = "puckbench.reference"
 FORMAT = 1
 _TITLES = {
@@ -45,17 +45,17 @@ _DIGITS = 6
 """Significant digits of measured numbers."""
 _CLOUD = ["dataset", "cloud"]
 _COLUMNS = (*_CLOUD, DIGEST, "codec", "rate", "bytes", "bpp")
-"""Columns that every file has."""
+"""Columns of every file."""
 _TIMED = ("encode_curve", "evaluate_curve")
-"""Jobs whose calls of a codec are timed: the second one decodes."""
-LEAST_SHARE = 0.95
-"""Processor time of these jobs over their wall time, with one thread each, below which a machine
-was busy. On an idle one it was 0.97 for encoding and 0.99 for decoding with measuring, beside other
-work 0.83 and 0.88 (docs/notes/times.md)."""
+"""Jobs with timed codec calls: encoding, and decoding."""
+MIN_PROCESSOR_SHARE = 0.95
+"""Least ratio of processor time to wall time of these jobs, on one thread each, on an idle machine.
+It was 0.97 for encoding and 0.99 for decoding with evaluation on an idle machine, 0.83 and 0.88
+beside other work (docs/notes/times.md)."""
 
 
 class _BdRate(Model, extra="ignore"):
-    """Options of tables of Bjontegaard deltas, as a file has them."""
+    """Options of Bjontegaard deltas."""
 
     anchor: str
     qualities: tuple[str, ...]
@@ -64,7 +64,7 @@ class _BdRate(Model, extra="ignore"):
 
 
 class _About(Model, extra="ignore"):
-    """What `ReferenceResults.about` must be."""
+    """Schema of `ReferenceResults.about`."""
 
     configuration: Mapping[str, Any]
     style: tuple[Mapping[str, Any], ...]
@@ -87,9 +87,8 @@ class ReferenceResults:
     metrics
         A row for each data set, cloud, codec and rate, with the `DIGEST` of the cloud.
     about
-        How they were made: ``configuration``, ``style``, ``bd_rate``, ``machine``, ``record``, and
-        the tables ``clouds`` and ``scan_errors`` as lists of rows. ``not_timed`` says why there are
-        no times, where there are none.
+        ``configuration``, ``style``, ``bd_rate``, ``machine``, ``record``, rows of the tables
+        ``clouds`` and ``scan_errors``, and ``not_timed``, the reason for missing times.
     """
 
     name: str
@@ -98,34 +97,31 @@ class ReferenceResults:
 
     @property
     def title(self) -> str:
-        """The study's name in words."""
-        return _TITLES.get(self.name, in_words(self.name))
+        return _TITLES.get(self.name, name_in_words(self.name))
 
     @cached_property
     def style(self) -> FigureStyle:
-        """Titles and order of data sets and codecs."""
         from puckbench.figures.style import FigureStyle
 
         return FigureStyle.from_config(*self.about["style"])
 
     @property
     def bd_rate(self) -> Mapping[str, Any]:
-        """Options of the study's tables of Bjontegaard deltas: ``anchor``, ``qualities``, ..."""
+        """Options of the study's Bjontegaard deltas: ``anchor``, ``qualities``, ..."""
         found: Mapping[str, Any] = self.about["bd_rate"]
         return found
 
     @property
     def record(self) -> RunRecord:
-        """When the study was run, and of what sources."""
         return RunRecord.from_json(self.about["record"])
 
     @property
     def not_timed(self) -> str:
-        """Why the study has no times; empty where it has them."""
+        """Reason for missing times, or an empty text."""
         return str(self.about.get("not_timed", ""))
 
     def table(self, name: str) -> pd.DataFrame | None:
-        """The table ``clouds`` or ``scan_errors``; None where the study has no such rows."""
+        """Return the table ``clouds`` or ``scan_errors``; None if it has no rows."""
         import pandas as pd
 
         rows = self.about.get(name)
@@ -133,34 +129,30 @@ class ReferenceResults:
 
     @cached_property
     def clouds(self) -> dict[str, tuple[str, str]]:
-        """Digest of each cloud -> its data set and name."""
+        """Digest -> data set and name of each cloud."""
         distinct = self.metrics[[DIGEST, *_CLOUD]].drop_duplicates()
         return {str(d): (str(s), str(c)) for d, s, c in distinct.itertuples(index=False)}
 
 
-def shipped() -> list[str]:
-    """Names of the studies whose results come with puckbench."""
+def shipped_studies() -> list[str]:
     return sorted(path.stem for path in FOLDER.glob("*.parquet"))
 
 
 def read_reference(name: str) -> ReferenceResults:
-    """The results of a study.
-
-    Parameters
-    ----------
-    name
-        Of a study that comes with puckbench, or the path of a file that ends in ``.parquet``.
+    """Read the results of a shipped study, or of a file that ends in ``.parquet``.
 
     Raises
     ------
     InputError
-        There are none, or the file is no such file.
+        There is no such study, or the file is not valid.
     """
     if name.endswith(".parquet"):
         return _read(Path(name))
-    if name not in shipped():
-        known = among(name, shipped()) if shipped() else " (this version has none)"
-        raise InputError(f"no reference results '{name}'{known}")
+    if name not in shipped_studies():
+        suggestion = (
+            among(name, shipped_studies()) if shipped_studies() else " (this version has none)"
+        )
+        raise InputError(f"no reference results '{name}'{suggestion}")
     return _read(FOLDER / f"{name}.parquet")
 
 
@@ -190,11 +182,11 @@ def write_reference(path: Path, metrics: pd.DataFrame, about: Mapping[str, Any])
     Parameters
     ----------
     path
-        Of the file; its stem is the name of the study.
+        File named after the study.
     metrics
-        Its result rows.
+        Result rows.
     about
-        As `ReferenceResults` has it; its ``clouds`` have the digests.
+        As in `ReferenceResults`; ``clouds`` with digests.
 
     Raises
     ------
@@ -217,10 +209,10 @@ def write_reference(path: Path, metrics: pd.DataFrame, about: Mapping[str, Any])
 
 
 def _write_small(path: Path, table: Any, metadata: Mapping[Any, Any]) -> None:
-    """Write a table of Arrow in as few bytes as Parquet can.
+    """Write an Arrow table in few bytes.
 
-    Words alone repeat, so they alone have dictionaries; bytes of equal weight stand together, and
-    the metadata once, not a second time within Arrow's own schema.
+    Text columns are dictionary encoded, since only they repeat; floats are split by byte; the
+    metadata is stored once, not again in Arrow's schema.
     """
     import pyarrow as pa
     from pyarrow import parquet
@@ -244,32 +236,31 @@ def _write_small(path: Path, table: Any, metadata: Mapping[Any, Any]) -> None:
 
 
 def why_not_timed(costs: Iterable[Mapping[str, Any]]) -> str:
-    """Why the times of a run are none to compare with; empty where they are.
+    """Return why the times of a run cannot be compared, or an empty text.
 
     Parameters
     ----------
     costs
-        What the run's jobs cost: see `puckbench.jobs.cost`.
+        Costs of the run's jobs (`puckbench.jobs.cost`).
     """
     timed = [cost for cost in costs if cost["job"] in _TIMED]
     if not timed:
         return "no log tells whether the machine was idle"
     processor, wall = (sum(cost[name] for cost in timed) for name in ("processor_s", "wall_s"))
-    if processor >= LEAST_SHARE * wall:
+    if processor >= MIN_PROCESSOR_SHARE * wall:
         return ""
     return (
         f"the machine was busy: its coding jobs had a processor for {processor / wall:.0%} of "
-        f"their time, of which {LEAST_SHARE:.0%} are asked"
+        f"their time, of which {MIN_PROCESSOR_SHARE:.0%} are asked"
     )
 
 
 def without_times(metrics: pd.DataFrame) -> pd.DataFrame:
-    """The result rows without seconds and what is made of them."""
     return metrics[[name for name in metrics if not is_time(str(name))]]
 
 
 def _rounded(table: Any) -> pd.DataFrame:
-    """The table with its measured numbers in single precision, of `_DIGITS` digits."""
+    """Round measured numbers to `_DIGITS` digits, in single precision except for bits per point."""
     rounded: pd.DataFrame = table.copy()
     for column in table.select_dtypes("floating"):
         values = [float(f"{value:.{_DIGITS}g}") for value in table[column]]
@@ -280,6 +271,6 @@ def _rounded(table: Any) -> pd.DataFrame:
 
 
 def plain_rows(table: pd.DataFrame) -> list[dict[str, Any]]:
-    """The rows of a table for JSON, without the values that are missing."""
-    rounded: list[dict[str, Any]] = json.loads(table.to_json(orient="records", double_precision=10))
-    return [{key: value for key, value in row.items() if value is not None} for row in rounded]
+    """Return the rows of a table for JSON, without missing values."""
+    rows: list[dict[str, Any]] = json.loads(table.to_json(orient="records", double_precision=10))
+    return [{key: value for key, value in row.items() if value is not None} for row in rows]

@@ -1,4 +1,4 @@
-"""What was run: the data sets, the codecs, the machine, the whole configuration."""
+"""Description of a run: data sets, codecs, machine and configuration."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from puckbench.figures.binning import ordered_rates
 from puckbench.figures.style import FigureStyle
 from puckbench.metrics.lossless import LOSSLESS
 from puckbench.metrics.peaks import peaks_of_datasets
-from puckbench.report.column_labels import in_words
-from puckbench.report.tables import text_of
+from puckbench.report.column_labels import name_in_words
+from puckbench.report.tables import cell_text
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -29,8 +29,8 @@ _PACKAGES = ("numpy", "scipy", "pandas", "numba", "open3d", "open3d-cpu", "Draco
 
 
 @dataclass(frozen=True)
-class Row:
-    """A data set or codec: its title and name, further cells, and options where it may have any."""
+class DescribedItem:
+    """A data set or codec: title, name, table cells, and options if it can have any."""
 
     title: str
     name: str
@@ -39,11 +39,11 @@ class Row:
 
 
 @dataclass(frozen=True)
-class RunFacts:
-    """What the last part of the page shows."""
+class RunDescription:
+    """The last part of the page."""
 
-    datasets: tuple[Row, ...]
-    codecs: tuple[Row, ...]
+    datasets: tuple[DescribedItem, ...]
+    codecs: tuple[DescribedItem, ...]
     machine: Mapping[str, str]
     configuration: str
     dataset_heads: tuple[str, ...] = (
@@ -65,27 +65,27 @@ class RunFacts:
     )
 
 
-def run_facts(
+def describe_run(
     configuration: Mapping[str, Any],
     metrics: pd.DataFrame | None,
     clouds: pd.DataFrame | None,
     machine: Mapping[str, str],
     style: FigureStyle,
-) -> RunFacts:
-    """The facts of a run.
+) -> RunDescription:
+    """Describe a run.
 
     Parameters
     ----------
     configuration
-        The checked one; may be empty.
+        Validated; may be empty.
     metrics, clouds
-        Its tables of results and of clouds, where there are any.
+        Tables of results and clouds, if any.
     machine
-        Facts of the machine that the page is made on, by name.
+        Properties of the machine, by name.
     style
-        Gives titles and orders.
+        Titles and orders.
     """
-    return RunFacts(
+    return RunDescription(
         datasets=tuple(_datasets(configuration, metrics, clouds, style)),
         codecs=() if metrics is None else tuple(_codecs(configuration, metrics, style)),
         machine={**machine, **({} if metrics is None else _measured_on(metrics))},
@@ -98,14 +98,16 @@ def _datasets(
     metrics: pd.DataFrame | None,
     clouds: pd.DataFrame | None,
     style: FigureStyle,
-) -> Iterable[Row]:
+) -> Iterable[DescribedItem]:
     peaks = {} if metrics is None else peaks_of_datasets(metrics)
     for name, value in configuration.get("datasets", {}).items():
         scenes = value["scenes"]
         loader = configuration["scenes"][scenes]["loader"]
         errors = value["errors"] if value["make"] == "scan" else ""
         made = (f"{scenes} ({loader})", _MAKES[value["make"]], errors)
-        yield Row(style.title(name), name, (*made, *_sizes(clouds, name), peaks.get(name, "")))
+        yield DescribedItem(
+            style.title(name), name, (*made, *_sizes(clouds, name), peaks.get(name, ""))
+        )
 
 
 def _sizes(clouds: pd.DataFrame | None, dataset: str) -> tuple[str, str]:
@@ -117,7 +119,7 @@ def _sizes(clouds: pd.DataFrame | None, dataset: str) -> tuple[str, str]:
 
 def _codecs(
     configuration: Mapping[str, Any], metrics: pd.DataFrame, style: FigureStyle
-) -> Iterable[Row]:
+) -> Iterable[DescribedItem]:
     entries = configuration.get("codecs", {})
     for name in style.ordered_codecs(metrics["codec"].unique()):
         rows = metrics[metrics["codec"] == name]
@@ -125,7 +127,7 @@ def _codecs(
         changed = {key: value for key, value in (entry or {}).items() if value}
         options = json.dumps(changed, sort_keys=True) if changed else ""
         cells = (_versions(rows), ", ".join(ordered_rates(set(rows["rate"]))))
-        yield Row(style.of_codec(name).title, name, cells, options)
+        yield DescribedItem(style.of_codec(name).title, name, cells, options)
 
 
 def _versions(rows: pd.DataFrame) -> str:
@@ -134,12 +136,12 @@ def _versions(rows: pd.DataFrame) -> str:
 
 
 def _measured_on(metrics: pd.DataFrame) -> dict[str, str]:
-    """Columns of text that hold for all codecs: the version that measured, the processor."""
+    """Return text columns that hold for all codecs, such as version and processor."""
     texts = [str(n) for n in metrics.select_dtypes(exclude="number") if n not in _KEYS]
-    found = {name: _distinct(metrics[name]) for name in texts if not _is_of_codec(name)}
+    values_by_column = {name: _distinct(metrics[name]) for name in texts if not _is_of_codec(name)}
     return {
-        f"Results: {in_words(name).lower()}": ", ".join(values[:_MOST_VALUES])
-        for name, values in found.items()
+        f"Results: {name_in_words(name).lower()}": ", ".join(values[:_MOST_VALUES])
+        for name, values in values_by_column.items()
         if values
     }
 
@@ -149,11 +151,10 @@ def _is_of_codec(column: str) -> bool:
 
 
 def _distinct(values: pd.Series[Any]) -> list[str]:
-    return list(dict.fromkeys(text_of(value) for value in values.dropna()))
+    return list(dict.fromkeys(cell_text(value) for value in values.dropna()))
 
 
 def _as_yaml(configuration: Mapping[str, Any]) -> str:
-    """All of the configuration, defaults filled in."""
     import yaml
 
     plain = json.loads(json.dumps(configuration))
@@ -161,9 +162,9 @@ def _as_yaml(configuration: Mapping[str, Any]) -> str:
 
 
 def this_machine() -> dict[str, str]:
-    """Versions of programs and libraries, system and processor, as far as they can be known."""
-    found = {name: _version(name) for name in _PACKAGES}
-    libraries = ", ".join(f"{name} {number}" for name, number in found.items() if number)
+    """Return versions of programs and libraries, system and processor, if known."""
+    versions = {name: _version(name) for name in _PACKAGES}
+    libraries = ", ".join(f"{name} {number}" for name, number in versions.items() if number)
     facts = {
         "puckbench": __version__,
         "Python": f"{platform.python_implementation()} {platform.python_version()}",
@@ -182,7 +183,7 @@ def _version(package: str) -> str:
 
 
 def _processor(cpuinfo: Path = Path("/proc/cpuinfo")) -> str:
-    """The processor's model name; the architecture where the system does not tell it."""
+    """Return the processor's model name, else the architecture."""
     try:
         lines = cpuinfo.read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError:

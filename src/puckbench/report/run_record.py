@@ -1,4 +1,4 @@
-"""When a run took place, how long it took, and which sources ran, as its own logs tell."""
+"""Date, duration and commits of a run, from the logs of its jobs."""
 
 from __future__ import annotations
 
@@ -20,8 +20,6 @@ Moment = Annotated[datetime | None, BeforeValidator(_moment_of)]
 
 
 class _Kept(Model):
-    """A `RunRecord` as JSON has it."""
-
     jobs: int
     processor_s: float
     began: Moment
@@ -32,20 +30,20 @@ class _Kept(Model):
 
 @dataclass(frozen=True)
 class RunRecord:
-    """What the logs of a run's jobs tell of it.
+    """Date, duration and commits of a run.
 
     Parameters
     ----------
     jobs
-        How many have ended.
+        Number of finished jobs.
     processor_s
-        Seconds of processor time of all.
+        Processor time of all jobs, s.
     began, ended
-        Of the first and of the last one; None where no log tells.
+        Start of the first and end of the last job; None if unknown.
     busy_s
-        Seconds in which at least one job ran: pauses between interrupted runs do not count.
+        Time in which at least one job ran, s; excludes pauses between interrupted runs.
     commits
-        Of the sources that ran, in the order of their first job.
+        Commits of the sources, in the order of their first job.
     """
 
     jobs: int = 0
@@ -57,15 +55,15 @@ class RunRecord:
 
     @classmethod
     def of(cls, costs: Iterable[Mapping[str, Any]]) -> RunRecord:
-        """The record of jobs whose costs are given: see `puckbench.jobs.cost`."""
-        known = list(costs)
-        dated = sorted((c for c in known if "ended" in c), key=lambda cost: str(cost["ended"]))
+        """Return the record of jobs from their costs (`puckbench.jobs.cost`)."""
+        all_costs = list(costs)
+        dated = sorted((c for c in all_costs if "ended" in c), key=lambda cost: str(cost["ended"]))
         ends = [datetime.fromisoformat(cost["ended"]).timestamp() for cost in dated]
         spans = [(end - c["wall_s"], end) for end, c in zip(ends, dated, strict=True)]
         commits = [str(cost["commit"]) for cost in dated if cost.get("commit")]
         return cls(
-            jobs=len(known),
-            processor_s=sum(float(cost["processor_s"]) for cost in known),
+            jobs=len(all_costs),
+            processor_s=sum(float(cost["processor_s"]) for cost in all_costs),
             began=_moment(min(spans)[0]) if spans else None,
             ended=_moment(ends[-1]) if ends else None,
             busy_s=_covered(spans),
@@ -74,11 +72,10 @@ class RunRecord:
 
     @classmethod
     def from_json(cls, value: Mapping[str, Any]) -> RunRecord:
-        """The record that `as_json` gives; InputError for another value."""
+        """Parse the result of `as_json`; InputError if it is invalid."""
         return cls(**dict(parsed(_Kept, value, "record")))
 
     def as_json(self) -> dict[str, Any]:
-        """The record as a JSON object."""
         moments = {
             name: moment.isoformat(timespec="seconds") if moment else None
             for name, moment in (("began", self.began), ("ended", self.ended))
@@ -86,7 +83,7 @@ class RunRecord:
         return {**vars(self), **moments, "commits": list(self.commits)}
 
     def facts(self) -> dict[str, str]:
-        """Date, duration and commit in words, by name; what is not known is left out."""
+        """Return date, duration and commits in words, if known."""
         if not self.jobs:
             return {}
         jobs = "1 job" if self.jobs == 1 else f"{self.jobs:,} jobs"
@@ -108,7 +105,6 @@ def _moment(timestamp: float) -> datetime:
 
 
 def _covered(spans: Sequence[tuple[float, float]]) -> float:
-    """Length of the union of intervals."""
     total, reached = 0.0, float("-inf")
     for start, end in sorted(spans):
         total += max(0.0, end - max(start, reached))
@@ -117,7 +113,7 @@ def _covered(spans: Sequence[tuple[float, float]]) -> float:
 
 
 def date_text(moment: datetime) -> str:
-    """A day in words, whatever the language of the system: 3 May 2026."""
+    """Return a day in English: 3 May 2026."""
     return f"{moment.day} {_MONTHS[moment.month - 1]} {moment.year}"
 
 
@@ -128,7 +124,7 @@ _MONTHS = (
 
 
 def duration_text(seconds: float) -> str:
-    """A duration in two units at most: 48 s, 14 min, 3 h 20 min."""
+    """Return a duration in one or two units: 48 s, 14 min, 3 h 20 min."""
     if seconds < 100:
         return f"{seconds:.0f} s"
     minutes = round(seconds / 60)

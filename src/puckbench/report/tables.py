@@ -1,4 +1,4 @@
-"""Tables of results as HTML, which the page's script makes sortable and filterable."""
+"""Tables of results as HTML, which a script makes sortable and filterable."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from puckbench.figures.style import FigureStyle
-from puckbench.report.column_labels import headed, in_words, is_known
+from puckbench.report.column_labels import has_label, name_in_words, table_heading
 from puckbench.report.page import rendered
 
 if TYPE_CHECKING:
@@ -18,18 +18,18 @@ if TYPE_CHECKING:
     from markupsafe import Markup
 
 MOST_ROWS = 1000
-"""Rows of a table that stand in the page; the file has all of them."""
+"""Largest number of rows in the page; the linked file has all."""
 _SPREAD = re.compile(r"(.+)_(q05|q25|q75|q95)")
 _BOOKKEEPING = re.compile(
     "anchor|clouds|no_common_range|too_few_points|quality_compared|shared_range|(anchor_)?dropped"
     "|little_overlap|anchor_lossless|bd_rate_percent_(least|most)|anchor_points|bd_(rate|quality)_status|log_ratio|bd_rate_percent_arithmetic|truth_points_[ab]"
     "|group|count|scans|weights|digest|(truth_|clean_)?acd_.*"
 )
-"""Columns that tell how values came about: with empty ones they stand last, behind a fold."""
+"""Columns that tell how values were obtained; like empty columns they are last and folded."""
 
 
 @dataclass(frozen=True)
-class Column:
+class TableColumn:
     """A column of a table in the page.
 
     Parameters
@@ -37,9 +37,9 @@ class Column:
     name
         As in the file.
     words, unit
-        What it measures.
+        Heading.
     kind
-        Classes: ``number``; ``spread`` for a quantile beside its median; ``bookkeeping``.
+        CSS classes: ``number``; ``spread`` for a quantile next to its median; ``bookkeeping``.
     """
 
     name: str
@@ -51,19 +51,19 @@ class Column:
 def table_html(
     table: pd.DataFrame, link: str | None = None, style: FigureStyle | None = None
 ) -> Markup:
-    """A table as HTML, with how many rows are left out; `link` leads to the whole file.
+    """Return a table as HTML with the number of omitted rows and a link to its file.
 
-    style: gives the titles of data sets and codecs.
+    style: titles of data sets and codecs.
     """
     from markupsafe import Markup
 
-    shown = table[_in_order(table)]
-    titles = [_titles(str(name), style or FigureStyle()) for name in shown]
+    ordered = table[_in_order(table)]
+    titles = [_titles(str(name), style or FigureStyle()) for name in ordered]
     values = {
-        "columns": [_column(shown[name], list(map(str, table))) for name in shown],
+        "columns": [_column(ordered[name], list(map(str, table))) for name in ordered],
         "rows": [
-            [title(text_of(value)) for title, value in zip(titles, row, strict=True)]
-            for row in shown.head(MOST_ROWS).itertuples(index=False)
+            [title(cell_text(value)) for title, value in zip(titles, row, strict=True)]
+            for row in ordered.head(MOST_ROWS).itertuples(index=False)
         ],
         "total": len(table),
         "most": MOST_ROWS,
@@ -73,7 +73,7 @@ def table_html(
 
 
 def _in_order(table: pd.DataFrame) -> list[str]:
-    """Names of the columns, bookkeeping last."""
+    """Return the column names, bookkeeping last."""
     names = [str(name) for name in table]
     last = [name for name in names if _is_bookkeeping(table[name])]
     return [name for name in names if name not in last] + last
@@ -84,39 +84,39 @@ def _is_bookkeeping(values: pd.Series[Any]) -> bool:
 
 
 def _titles(column: str, style: FigureStyle) -> Callable[[str], str]:
-    """How the names in a column are shown: data sets, codecs and measures by their titles."""
-    shown: dict[str, Callable[[str], str]] = {
+    """Return the function from names in a column to titles."""
+    titles: dict[str, Callable[[str], str]] = {
         "dataset": style.title,
         "codec": lambda name: style.of_codec(name).title,
         "anchor": lambda name: style.of_codec(name).title,
-        "metric": lambda name: headed(name)[0],
+        "metric": lambda name: table_heading(name)[0],
         "quantity": _quantity_title,
         "model": _model_title,
     }
-    return shown.get(column, str)
+    return titles.get(column, str)
 
 
 def _quantity_title(name: str) -> str:
-    return headed(name)[0] if is_known(name) else name
+    return table_heading(name)[0] if has_label(name) else name
 
 
 def _model_title(name: str) -> str:
     from puckbench.lidar.errors import ERROR_MODELS
 
-    return (ERROR_MODELS.get(name).title if name in ERROR_MODELS else "") or in_words(name)
+    return (ERROR_MODELS.get(name).title if name in ERROR_MODELS else "") or name_in_words(name)
 
 
-def _column(values: pd.Series[Any], names: list[str]) -> Column:
+def _column(values: pd.Series[Any], names: list[str]) -> TableColumn:
     name = str(values.name)
     quantile = _SPREAD.fullmatch(name)
     kinds = ["number"] if values.dtype.kind in "fiu" else []
     kinds += ["spread"] if quantile and quantile[1] in names else []
     kinds += ["bookkeeping"] if _is_bookkeeping(values) else []
-    return Column(name, *headed(name, names), " ".join(kinds))
+    return TableColumn(name, *table_heading(name, names), " ".join(kinds))
 
 
-def text_of(value: Any) -> str:
-    """A cell's text: numbers to four significant digits, nothing for a missing one."""
+def cell_text(value: Any) -> str:
+    """Return a cell's text: four significant digits for numbers, empty if missing."""
     if isinstance(value, bool | np.bool_):
         return "yes" if value else "no"
     if isinstance(value, int | np.integer):
