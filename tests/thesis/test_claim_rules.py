@@ -10,10 +10,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from puckbench.thesis.claims.catalogue import CLAIMS
 from puckbench.thesis.claims.evidence import Evidence
-from puckbench.thesis.claims.parts import FAILS, HOLDS, IN_PART, wanted
 from puckbench.thesis.claims.roles import RATES
-from puckbench.thesis.claims.statements import CLAIMS
+from puckbench.thesis.claims.verdicts import FAILS, HOLDS, IN_PART, needs_text
 from puckbench.thesis.published_rates import median_rows
 from tests.thesis import test_claims
 from tests.thesis.test_claims import BPP, CODECS, DATASETS, Curve, falling, result, statistics
@@ -29,7 +29,7 @@ def holds(number: int, evidence: Evidence, statement: str) -> bool | None:
 
 
 def needed(number: int, evidence: Evidence) -> str:
-    return wanted(CLAIMS[number - 1].test(evidence))
+    return needs_text(CLAIMS[number - 1].test(evidence))
 
 
 @pytest.mark.parametrize(
@@ -485,7 +485,7 @@ def test_without_results_no_claim_is_tested() -> None:
 
 
 def test_what_was_found_is_told_in_numbers() -> None:
-    found = {part.statement: part.found for part in CLAIMS[11].test(duplicates(2.5, 0.9))}
+    found = {part.statement: part.measured for part in CLAIMS[11].test(duplicates(2.5, 0.9))}
     assert found["shifted to more bits on scans"] == "objects 0.1 to 3.2 bpp, noisy 0.25 to 8 bpp"
     assert found["more points fall together there at the first rate"] == (
         "objects 50.00%, noisy 90.00%"
@@ -507,9 +507,9 @@ def test_10_a_codec_on_one_data_set_is_not_compared() -> None:
     evidence = replace(evidence, metrics=evidence.metrics[~alone])
     assert holds(10, evidence, "Draco alike") is True
     assert holds(10, evidence, "G-PCC, rounded alike") is None
-    found = {part.statement: part.found for part in CLAIMS[9].test(evidence)}
+    found = {part.statement: part.measured for part in CLAIMS[9].test(evidence)}
     assert found["Draco alike"] == "CD differs 1 times at one rate, median 1"
-    found = {part.statement: part.found for part in CLAIMS[8].test(times({"draco": 3, "gpcc": 9}))}
+    found = {part.statement: part.measured for part in CLAIMS[8].test(times({"draco": 3, "gpcc": 9}))}
     assert found["Draco grows"] == "3 times the time, median 3"
 
 

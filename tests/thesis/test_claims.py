@@ -13,18 +13,18 @@ import pytest
 
 from puckbench.planning.config import checked, read_config
 from puckbench.planning.plan import Plan
+from puckbench.thesis.claims.catalogue import CLAIMS
 from puckbench.thesis.claims.evidence import Evidence
-from puckbench.thesis.claims.parts import (
+from puckbench.thesis.claims.verdicts import (
     FAILS,
     HOLDS,
     IN_PART,
     Part,
-    needs,
-    told,
+    needs_text,
+    results_text,
+    untested,
     verdict,
-    wanted,
 )
-from puckbench.thesis.claims.statements import CLAIMS
 from puckbench.thesis.needs.comparison import claims_options
 from puckbench.thesis.tables.claims import claims, thesis_evidence
 
@@ -39,7 +39,7 @@ Curve = Sequence[float]
 def result(number: int, evidence: Evidence) -> tuple[str, str]:
     """The verdict on a claim, and what was found."""
     parts = CLAIMS[number - 1].test(evidence)
-    return verdict(parts), told(parts)
+    return verdict(parts), results_text(parts)
 
 
 def run(
@@ -82,7 +82,7 @@ def statistics(*rows: tuple[str, str, str, str, float, float]) -> pd.DataFrame:
 
 
 def test_a_claim_holds_when_all_its_parts_do_and_were_tested() -> None:
-    yes, no, unknown = Part("a", True, "1"), Part("b", False, "2"), needs("a codec")
+    yes, no, unknown = Part("a", True, "1"), Part("b", False, "2"), untested("a codec")
     assert verdict([yes, yes]) == HOLDS
     assert verdict([yes, no]) == IN_PART
     assert verdict([yes, unknown]) == IN_PART
@@ -221,7 +221,7 @@ def test_changed_codecs_never_speak_for_the_thesis_s() -> None:
     assert result(7, alone)[0].endswith("; tested on PCGCv2+, which is not the thesis's codec")
     for number in (6, 10):
         assert "PCGCv" not in result(number, evidence)[1]
-        needed = wanted(CLAIMS[number - 1].test(evidence))
+        needed = needs_text(CLAIMS[number - 1].test(evidence))
         assert needed.count("with its authors' weights") == 2
 
 

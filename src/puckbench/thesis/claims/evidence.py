@@ -1,4 +1,4 @@
-"""The tables of a run on which claims are tested, and which data set or codec has which role."""
+"""Evidence for the claims: the tables of a run, and the roles of its data sets and codecs."""
 
 from __future__ import annotations
 
@@ -17,18 +17,17 @@ if TYPE_CHECKING:
     import pandas as pd
 
 MEASURED = ("bpp", "cd_plane", "hausdorff_sq_plane", "encode_s", "decode_s")
-LEAST_RATES = 4
-"""Of a curve that has an upper and a lower half, and values between its points."""
-LEAST_COMPARED = 3
-"""Rates at which two curves of a data set are compared at equal bits: one or two say nothing of a
-half of the rates, nor of a median."""
-LEAST_CLOUDS = 4
-"""Of all data sets that a part is tested on: as many as quartiles need."""
-LEAST_CALLS = 5
-"""Timed calls for each rate and data set, over clouds and repetitions, for a median of times."""
-LEAST_REPEATS = 3
-"""Timed calls of one cloud at one rate, for them to count, where other jobs ran beside them: of
-three the median is not the one that was disturbed. Alone on the machine, one counts."""
+MIN_RATES = 4
+"""Rates of a curve, so that it has two halves with a slope."""
+MIN_COMMON_RATES = 3
+"""Rates at which two curves are compared at equal bits."""
+MIN_CLOUDS = 4
+"""Clouds in all data sets of a part: as many as quartiles need."""
+MIN_CALLS = 5
+"""Timed calls for each rate and data set, over clouds and repetitions."""
+MIN_REPEATS = 3
+"""Timed calls of a cloud and rate beside other jobs: the median of three is robust to a disturbed
+call. A call that ran alone on the machine counts by itself."""
 
 
 @dataclass(frozen=True)
@@ -38,15 +37,15 @@ class Evidence:
     Parameters
     ----------
     metrics, clouds, residual_statistics, thesis_numbers, incidence_effect
-        Tables of the same names in ``results/tables``; None where there is none.
+        Tables of a run, as in ``results/tables``; None for a missing one.
     datasets
-        Data set -> its role, one of `roles.DATASETS`.
+        Role of each data set, one of `roles.DATASETS`.
     codecs
-        Role -> the codec of the run that has it.
+        Codec of the run for each role.
     stand_ins
-        Role -> a codec that changes the one of this role, and does not have it.
+        Codec that is based on the codec of a role, for each role.
     of_medians
-        Whether rows are medians over more clouds than can be counted here.
+        Whether the rows of `metrics` are medians over an unknown number of clouds.
     """
 
     metrics: pd.DataFrame | None = None
@@ -60,29 +59,32 @@ class Evidence:
     of_medians: bool = False
 
     def with_stand_ins(self) -> Evidence:
-        """The same tables, with a changed codec in place of each of the thesis's that is absent."""
+        """Return evidence in which stand-ins take the roles that no codec has."""
         return replace(self, codecs={**self.stand_ins, **self.codecs})
 
     def stand_in(self, role: str) -> str:
-        """Title of the codec in place of an absent one; empty where the thesis's own is there."""
+        """Return the title of the stand-in that has a role; empty if there is none."""
         codec = self.codecs.get(role)
         return codec_style(codec).title if codec and codec == self.stand_ins.get(role) else ""
 
-    def named(self, *roles: str) -> list[str]:
-        """The data sets with results that have one of these roles."""
-        return [name for name, role in self.datasets.items() if role in roles and name in self.has]
+    def with_role(self, *roles: str) -> list[str]:
+        """Return the data sets with results that have one of some roles."""
+        return [
+            name
+            for name, role in self.datasets.items()
+            if role in roles and name in self.measured_datasets
+        ]
 
     @cached_property
-    def has(self) -> set[str]:
-        """Data sets with results."""
+    def measured_datasets(self) -> set[str]:
         return set() if self.metrics is None else set(self.metrics["dataset"])
 
     @cached_property
     def medians(self) -> pd.DataFrame:
-        """Medians over clouds, by data set, role of the codec, and rate.
+        """Medians over clouds by data set, codec and rate.
 
-        Columns: ``dataset``, ``codec`` (the role), ``rate``, ``number`` (the rate's place) and
-        those of `MEASURED`, missing ones as nan.
+        Columns: ``dataset``, ``codec`` (its role), ``rate``, ``number`` (position of the rate) and
+        `MEASURED`, with NaN for missing values.
         """
         import pandas as pd
 
@@ -99,22 +101,21 @@ class Evidence:
         return medians.assign(number=medians["rate"].map(places))
 
     def clouds_of(self, datasets: Iterable[str], *codecs: str) -> int:
-        """Clouds of some data sets that every one of some codecs, by their roles, has coded."""
+        """Count the clouds that all of some codecs, given by their roles, have coded."""
         if self.metrics is None:
             return 0
         rows = self.metrics[self.metrics["dataset"].isin(list(datasets))]
-        own = rows["dataset"] + "/" + rows["cloud"]
-        coded = [set(own[rows["codec"] == self.codecs.get(codec)]) for codec in codecs]
+        names = rows["dataset"] + "/" + rows["cloud"]
+        coded = [set(names[rows["codec"] == self.codecs.get(codec)]) for codec in codecs]
         return len(set.intersection(*coded))
 
-    def enough_clouds(self, datasets: Iterable[str], *codecs: str) -> bool:
-        """Whether data sets have `LEAST_CLOUDS` of some codecs together."""
-        return self.of_medians or self.clouds_of(datasets, *codecs) >= LEAST_CLOUDS
+    def has_enough_clouds(self, datasets: Iterable[str], *codecs: str) -> bool:
+        return self.of_medians or self.clouds_of(datasets, *codecs) >= MIN_CLOUDS
 
     def calls(self, codec: str) -> int:
-        """Timed calls of a codec that count, for each rate and data set, at least.
+        """Return the least number of valid timed calls of a codec for a rate and data set.
 
-        Those of a cloud count that were repeated (`LEAST_REPEATS`), or were alone on the machine.
+        Calls are valid if they were repeated `MIN_REPEATS` times or ran alone on the machine.
         """
         if self.metrics is None:
             return 0
@@ -123,67 +124,47 @@ class Evidence:
             return 0
         rows = rows.reindex(columns=["dataset", "rate", "repeats", "timed_alone"])
         repeats = rows["repeats"].fillna(1)
-        alone = rows["timed_alone"].eq(True)
-        counted = repeats.where(alone | (repeats >= LEAST_REPEATS), 0)
-        return int(counted.groupby([rows["dataset"], rows["rate"]]).sum().min())
+        is_alone = rows["timed_alone"].eq(True)
+        valid = repeats.where(is_alone | (repeats >= MIN_REPEATS), 0)
+        return int(valid.groupby([rows["dataset"], rows["rate"]]).sum().min())
 
     def rates(self, dataset: str, codec: str, column: str) -> Floats:
-        """Medians of a column from the first to the last rate.
+        """Return the medians of a column of `MEASURED`, (n,), from the first to the last rate.
 
-        Parameters
-        ----------
-        dataset
-            Name of a data set.
-        codec
-            A role.
-        column
-            One of `MEASURED`.
-
-        Returns
-        -------
-        Floats
-            (n,); rates without a value are left out.
+        The codec is given by its role. Rates without a value are left out.
         """
         rows = self.medians
         rows = rows[(rows["dataset"] == dataset) & (rows["codec"] == codec)]
         return rows.sort_values("number")[column].dropna().to_numpy(dtype=float)
 
     def at_equal_rate(self, dataset: str, tested: str, base: str, column: str) -> pd.DataFrame:
-        """Ratios of a codec's medians to another's at the same bits per point.
+        """Return the ratios of one codec's medians to another's at equal bits per point.
 
-        The base's values are interpolated between the logarithms of its rates. Nothing is
-        extrapolated. Curves of fewer than `LEAST_RATES` rates have no value, nor have those with
-        fewer than `LEAST_COMPARED` of the tested codec's rates within the base's range.
-
-        Parameters
-        ----------
-        dataset
-            Name of a data set.
-        tested, base
-            Roles.
-        column
-            One of `MEASURED`.
+        The codecs are given by their roles. Values of `base` are interpolated linearly in the
+        logarithms of bits and value, never extrapolated.
 
         Returns
         -------
         pd.DataFrame
-            Columns ``bpp`` and ``ratio``, by rising ``bpp``.
+            Columns ``bpp`` (ascending) and ``ratio``. It is empty if a curve has fewer than
+            `MIN_RATES` rates, or fewer than `MIN_COMMON_RATES` of `tested` lie in the range of
+            `base`.
         """
         import pandas as pd
 
-        one, other = (self._curve(dataset, codec, column) for codec in (tested, base))
-        nothing = pd.DataFrame({"bpp": [], "ratio": []}, dtype=float)
-        if min(len(one), len(other)) < LEAST_RATES:
-            return nothing
-        one = one[one["bpp"].between(other["bpp"].iloc[0], other["bpp"].iloc[-1])]
-        if len(one) < LEAST_COMPARED:
-            return nothing
-        logs = np.log(other.to_numpy(dtype=float))
-        between = np.interp(np.log(one["bpp"]), logs[:, 0], logs[:, 1])
-        return pd.DataFrame({"bpp": one["bpp"], "ratio": one[column] / np.exp(between)})
+        curve, base_curve = (self._curve(dataset, codec, column) for codec in (tested, base))
+        empty = pd.DataFrame({"bpp": [], "ratio": []}, dtype=float)
+        if min(len(curve), len(base_curve)) < MIN_RATES:
+            return empty
+        curve = curve[curve["bpp"].between(base_curve["bpp"].iloc[0], base_curve["bpp"].iloc[-1])]
+        if len(curve) < MIN_COMMON_RATES:
+            return empty
+        logs = np.log(base_curve.to_numpy(dtype=float))
+        base_logs = np.interp(np.log(curve["bpp"]), logs[:, 0], logs[:, 1])
+        return pd.DataFrame({"bpp": curve["bpp"], "ratio": curve[column] / np.exp(base_logs)})
 
     def _curve(self, dataset: str, codec: str, column: str) -> pd.DataFrame:
-        """Positive medians of bpp and a column, by rising bpp."""
+        """Return the positive medians of bpp and a column, by ascending bpp."""
         rows = self.medians
         rows = rows[(rows["dataset"] == dataset) & (rows["codec"] == codec)]
         rows = rows[["bpp", column]].dropna()

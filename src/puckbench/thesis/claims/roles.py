@@ -1,11 +1,11 @@
-"""The roles of the thesis's data sets and codecs, which those of a run can have."""
+"""Roles: the data sets and codecs of the thesis, which those of a run can represent."""
 
 from __future__ import annotations
 
 from puckbench.thesis.published_rates import CLEAN, NOISY, OBJECTS, ROOMS
 
 SAMPLED = "sampled rooms"
-"""Rooms whose points were drawn on their meshes: their counts are a setting, not a measurement."""
+"""Rooms whose points are sampled from their meshes, so that their number is a setting."""
 
 DRACO, GPCC, GPCC_AS_RUN, PCGCV1, PCGCV2 = "draco", "gpcc", "gpcc_as_run", "pcgcv1", "pcgcv2"
 CLASSICAL = (DRACO, GPCC_AS_RUN, GPCC)

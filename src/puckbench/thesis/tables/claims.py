@@ -1,4 +1,4 @@
-"""The table of the thesis's claims: what it says, what was measured, and the verdict."""
+"""The table of the thesis's claims with the verdicts of a run."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from puckbench.metrics.table_registry import TABLES
+from puckbench.thesis.claims.catalogue import CLAIMS, Claim
 from puckbench.thesis.claims.evidence import Evidence
-from puckbench.thesis.claims.parts import UNTESTED, told, verdict, wanted
-from puckbench.thesis.claims.statements import CLAIMS, Claim
+from puckbench.thesis.claims.verdicts import UNTESTED, needs_text, results_text, verdict
 from puckbench.thesis.published_rates import median_rows
 
 if TYPE_CHECKING:
@@ -32,34 +32,27 @@ def claims(
     codecs: Mapping[str, str],
     stand_ins: Mapping[str, str] | None = None,
 ) -> pd.DataFrame:
-    """The 14 claims of the thesis, one by one: the verdict, and what was measured.
+    """The 14 claims of the thesis, with the verdicts of this run and what was measured.
 
-    Beside them what this run cannot tell, and the thesis's own numbers; ``thesis_verdict`` is what
-    the same rule says of the thesis's own medians. Each rule is written down in
-    docs/notes/claims.md. ``figure`` names the figure that shows it.
+    ``not_tested`` lists what this run lacks; ``thesis`` has the thesis's numbers, and
+    ``thesis_verdict`` the verdict of the same rule on its medians. docs/notes/claims.md states the
+    rules.
 
     Parameters
     ----------
-    metrics, clouds, residual_statistics, thesis_numbers, incidence_effect
-        Tables of a run, where there are any.
-    datasets
-        Data set -> what it is.
-    codecs
-        Role -> codec, see `puckbench.thesis.claims.roles`.
-    stand_ins
-        Role -> a codec that changes the one of that role.
+    datasets, codecs, stand_ins
+        Roles as in `puckbench.thesis.claims.evidence.Evidence`.
 
     Returns
     -------
     pd.DataFrame
-        ``number``, ``section`` and ``claim`` of the thesis, ``verdict`` (see
-        `puckbench.thesis.claims.parts`), ``here``: each part tested, whether it holds, and our
-        numbers and sample sizes; ``not_tested``: what the others need; ``thesis``: its own numbers;
-        ``thesis_verdict``; ``figure``: ours, by name; ``thesis_figure``: the thesis's.
+        ``number``, ``section``, ``claim``, ``verdict``, ``here`` (the tested parts, our numbers and
+        sample sizes), ``not_tested``, ``thesis``, ``thesis_verdict``, ``figure`` (names of our
+        figures) and ``thesis_figure``.
     """
     import pandas as pd
 
-    found = Evidence(
+    evidence = Evidence(
         metrics,
         clouds,
         residual_statistics,
@@ -69,13 +62,13 @@ def claims(
         codecs=codecs,
         stand_ins=stand_ins or {},
     )
-    own = thesis_evidence()
-    rows = [_row(number, claim, found, own) for number, claim in enumerate(CLAIMS, 1)]
+    published = thesis_evidence()
+    rows = [_row(number, claim, evidence, published) for number, claim in enumerate(CLAIMS, 1)]
     return pd.DataFrame(rows)
 
 
 def thesis_evidence() -> Evidence:
-    """The thesis's own medians of Figure 6.5 as if they were a run's."""
+    """Return the medians of the thesis's Figure 6.5 as if they were the results of a run."""
     import pandas as pd
 
     table = pd.DataFrame(list(median_rows())).astype({"bpp": float})
@@ -84,18 +77,18 @@ def thesis_evidence() -> Evidence:
                     codecs={name: name for name in codecs}, of_medians=True)  # fmt: skip
 
 
-def _row(number: int, claim: Claim, found: Evidence, own: Evidence) -> dict[str, object]:
-    parts = claim.test(found)
-    of_thesis = verdict(claim.test(own))
+def _row(number: int, claim: Claim, evidence: Evidence, published: Evidence) -> dict[str, object]:
+    parts = claim.test(evidence)
+    thesis_verdict = verdict(claim.test(published))
     return {
         "number": number,
         "section": claim.section,
         "claim": claim.words,
         "verdict": verdict(parts),
-        "here": told(parts),
-        "not_tested": wanted(parts),
+        "here": results_text(parts),
+        "not_tested": needs_text(parts),
         "thesis": claim.thesis,
-        "thesis_verdict": "" if of_thesis.startswith(UNTESTED) else of_thesis,
+        "thesis_verdict": "" if thesis_verdict.startswith(UNTESTED) else thesis_verdict,
         "figure": ", ".join(claim.figures),
         "thesis_figure": claim.thesis_figure,
     }

@@ -1,0 +1,221 @@
+"""Claims about the sensor's errors (thesis sections 5.1.3 and 5.5)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from statistics import median
+from typing import TYPE_CHECKING
+
+from puckbench.geometry.cloud import Floats
+from puckbench.lidar.residual_table import REAL
+from puckbench.thesis.claims.evidence import Evidence
+from puckbench.thesis.claims.verdicts import Part, untested
+from puckbench.thesis.published import BIN_STDS_M, FAR_M, PRINTED_STD_M, REAL_STD_M
+from puckbench.thesis.tables.numbers import MOVED
+from puckbench.thesis.tables.residual_statistics import ALL
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+MEAN_ROUNDING_M = 0.005
+"""Half a centimetre, to which the thesis prints the mean."""
+STD_ROUNDING_M = 0.0005
+"""Half a millimetre, to which it prints the standard deviation."""
+FAR_TOO_WIDE = 2.0
+"""Ratio of spreads. The thesis cites two standard deviations as the real sensor's error."""
+ALMOST_NO_DIFFERENCE = 0.0198 / 0.0186 - 1
+"""Relative difference between the spreads with and without divergence that the thesis prints and
+calls so."""
+FLAT = BIN_STDS_M[8] / median(BIN_STDS_M)
+"""Ratio of a group's spread to the groups' median up to which there is no dependence. In Figure
+5.15 the thesis calls ratios up to 1.13 flat, and 1.31 an increase."""
+MIN_RESIDUALS = 100
+CAPTURES = "captures of a real VLP-16 (sensor_study: captures)"
+STUDY = "the sensor study (sensor_study)"
+
+
+def real_spread(evidence: Evidence) -> list[Part]:
+    """Claim 1: real residuals have mean 0.00 and std 0.014 m, walls and floors alike.
+
+    On each kind of surface in captures, mean and standard deviation are equal to these numbers
+    when rounded as the thesis prints them.
+    """
+    if not len(_row(evidence, REAL)):
+        return [untested(CAPTURES)]
+    parts = []
+    for surface in ("wall", "floor"):
+        rows = _row(evidence, REAL, surface=surface)
+        if not len(rows):
+            parts.append(untested(f"a capture with a {surface}"))
+            continue
+        mean, std = (float(rows[name].iloc[0]) for name in ("mean_m", "std_m"))
+        sample, is_zero = _sample(rows), abs(mean) < MEAN_ROUNDING_M
+        parts.append(Part(f"{surface}: mean 0.00", is_zero, f"{mean:.4f} m", sample=sample))
+        is_equal = abs(std - PRINTED_STD_M) <= STD_ROUNDING_M
+        parts.append(Part(f"{surface}: std 0.014", is_equal, f"{std:.4f} m", sample=sample))
+    return parts
+
+
+def default_noise_too_wide(evidence: Evidence) -> list[Part]:
+    """Claim 2: the HDL-64E's noise is far too wide for a VLP-16.
+
+    The standard deviation of its residuals is more than `FAR_TOO_WIDE` times the real sensor's (of
+    captures, else 0.0138 m), and its earth mover's distance to the real distribution is greater
+    than that of the model `vlp16`.
+    """
+    wide, real = _std(evidence, "hdl64e"), _std(evidence, REAL) or REAL_STD_M
+    if wide is None:
+        return [untested(f"{STUDY} with the error model hdl64e")]
+    measured = f"{wide:.4f} m against {real:.4f} m, {wide / real:.2g} times"
+    sample, is_wider = _sample(_row(evidence, "hdl64e")), wide > FAR_TOO_WIDE * real
+    parts = [Part("residuals spread more than twice as far", is_wider, measured, sample=sample)]
+    far, near = (_distance(evidence, model) for model in ("hdl64e", "vlp16"))
+    if far is None or near is None:
+        return [*parts, untested(f"{STUDY} with the error models hdl64e and vlp16")]
+    measured = f"earth mover's distance {far:.4f} m against {near:.4f} m of vlp16"
+    sample = _sample(_row(evidence, "hdl64e"), _row(evidence, "vlp16"))
+    statement = "farther from the real distribution"
+    return [*parts, Part(statement, far > near, measured, sample=sample)]
+
+
+def divergence_is_negligible(evidence: Evidence) -> list[Part]:
+    """Claim 3: beam divergence changes next to nothing, at 5 m and at 30 m.
+
+    The residuals' standard deviations with and without it differ by at most `ALMOST_NO_DIFFERENCE`,
+    or by less than their 95 % intervals, combined in quadrature.
+    """
+    parts = []
+    for distance in ("5", f"{FAR_M:g}"):
+        pair = [
+            _row(evidence, model, distance_m=distance) for model in ("vlp16", "vlp16_divergence")
+        ]
+        if not all(map(len, pair)):
+            parts.append(untested(f"{STUDY} with vlp16 and vlp16_divergence from {distance} m"))
+            continue
+        (without, half_without), (with_it, half_with) = (
+            rows[["std_m", "std_half_m"]].fillna(0.0).iloc[0] for rows in pair
+        )
+        allowed = max(ALMOST_NO_DIFFERENCE * without, math.hypot(half_without, half_with))
+        measured = f"std {without:.4f} m without, {with_it:.4f} m with it"
+        is_equal = bool(abs(with_it - without) <= allowed)
+        sample = _sample(*pair)
+        parts.append(Part(f"no difference at {distance} m", is_equal, measured, sample=sample))
+    return parts
+
+
+def incidence_not_modelled(evidence: Evidence) -> list[Part]:
+    """Claim 4: a variance that rises with incidence does not raise the residuals as a real floor.
+
+    From the first to the last bin of incidence the range error of the model `vlp16_incidence`
+    rises, but the logarithm of its distance to the true surface rises by less than half as much as
+    that of the real residuals (0.0118 to 0.0246 m, Figure 5.15).
+    """
+    table = evidence.incidence_effect
+    rows = None if table is None else table[table["model"] == "vlp16_incidence"]
+    if rows is None or len(rows) < 2:
+        return [untested(f"{STUDY} with the error model vlp16_incidence, from 1 or 5 m")]
+    bins = rows.sort_values("low_rad")
+    range_error = bins["range_error_std_m"].to_numpy(dtype=float)
+    distance = bins["surface_distance_std_m"].to_numpy(dtype=float)
+    half_rise = math.sqrt(BIN_STDS_M[-1] / BIN_STDS_M[0])
+    sample, rises = _sample(bins.iloc[[0, -1]]), bool(range_error[-1] > range_error[0])
+    return [
+        Part("range error rises", rises, _from_to(range_error), sample=sample),
+        Part(
+            "distance to the surface does not",
+            bool(distance[-1] / distance[0] < half_rise),
+            f"{_from_to(distance)}; real {_from_to(BIN_STDS_M)}",
+            sample=sample,
+        ),
+    ]
+
+
+def no_dependence_on_distance_or_laser(evidence: Evidence) -> list[Part]:
+    """Claim 5: the noise depends neither on the distance from 1 to 5 m nor on the laser.
+
+    On walls and on floors, the ratio of a group's standard deviation to the groups' median lies
+    between 1 / `FLAT` and `FLAT`, where the groups are distances or lasers with at least
+    `MIN_RESIDUALS`. This is tested on the model `vlp16_divergence`, which the thesis chose, and on
+    the lasers of captures, whose planes at different distances are different planes.
+    """
+    model = "vlp16_divergence"
+    parts = [
+        *_flatness(evidence, REAL, "laser_id"),
+        *_flatness(evidence, model, "distance_m"),
+        *_flatness(evidence, model, "laser_id"),
+    ]
+    if not parts:
+        return [untested(STUDY)]
+    missing = "captures of one wall from several distances"
+    return [*parts, untested(missing if len(_row(evidence, REAL)) else CAPTURES)]
+
+
+def _flatness(evidence: Evidence, model: str, key: str) -> list[Part]:
+    """Return a part for each kind of surface with at least two groups."""
+    parts = []
+    title = {"distance_m": "distance", "laser_id": "laser"}[key]
+    for surface in ("wall", "floor"):
+        rows = _groups(evidence, model, surface, key)
+        if len(rows) < 2:
+            continue
+        stds = rows["std_m"]
+        low, middle, high = (float(value) for value in stds.quantile([0, 0.5, 1]))
+        is_flat = max(high / middle, middle / low) <= FLAT
+        measured = f"std {low:.4f} to {high:.4f} m, median {middle:.4f} m"
+        sample = f"{_sample(rows)}, {len(rows)} {title}s"
+        statement = f"{model}, {surface}: not on the {title}"
+        parts.append(Part(statement, is_flat, measured, sample=sample))
+    return parts
+
+
+def _groups(evidence: Evidence, model: str, surface: str, key: str) -> pd.DataFrame:
+    """Return the statistics for each value of one key, over all values of the other."""
+    other = "laser_id" if key == "distance_m" else "distance_m"
+    rows = _rows(evidence, model, **{"surface": surface, other: ALL})
+    if rows.empty:
+        return rows
+    rows = rows[(rows[key] != ALL) & (rows["count"] >= MIN_RESIDUALS)]
+    if key == "distance_m":
+        rows = rows[rows[key].astype(float) < FAR_M]
+    return rows
+
+
+def _rows(evidence: Evidence, model: str, **keys: str) -> pd.DataFrame:
+    import pandas as pd
+
+    table = evidence.residual_statistics
+    if table is None:
+        return pd.DataFrame()
+    rows = table.astype({"distance_m": str, "laser_id": str})
+    for name, value in {"model": model, **keys}.items():
+        rows = rows[rows[name] == value]
+    return rows
+
+
+def _row(evidence: Evidence, model: str, **keys: str) -> pd.DataFrame:
+    """Return the row of these keys, over all values of the other keys; empty if there is none."""
+    return _rows(evidence, model, **{"surface": ALL, "distance_m": ALL, "laser_id": ALL, **keys})
+
+
+def _sample(*rows: pd.DataFrame) -> str:
+    counts = [each["count"].sum() for each in rows if "count" in each]
+    return f"{int(sum(counts)):,} residuals" if counts else ""
+
+
+def _std(evidence: Evidence, model: str) -> float | None:
+    rows = _row(evidence, model)
+    return float(rows["std_m"].iloc[0]) if len(rows) else None
+
+
+def _distance(evidence: Evidence, model: str) -> float | None:
+    """Return the earth mover's distance of a model to the thesis's real residuals, in m."""
+    table = evidence.thesis_numbers
+    if table is None:
+        return None
+    rows = table[(table["quantity"] == MOVED) & (table["model"] == model)]
+    return float(rows["here_m"].iloc[0]) if len(rows) else None
+
+
+def _from_to(values: Sequence[float] | Floats) -> str:
+    return f"{values[0]:.4f} to {values[-1]:.4f} m"

@@ -1,0 +1,76 @@
+"""The parts of a claim, and the verdict that follows from them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+HOLDS, IN_PART, FAILS = "holds", "holds in part", "does not hold"
+UNTESTED = "not tested: needs "
+
+
+@dataclass(frozen=True)
+class Part:
+    """One statement of a claim, with the result of its test.
+
+    Parameters
+    ----------
+    holds
+        None if the run cannot test the statement.
+    measured
+        The measured values, or what an untested statement needs.
+    stand_in
+        Title of the measured codec if it stands in for the thesis's.
+    sample
+        Size of the sample, such as "7 clouds, 8 rates".
+    """
+
+    statement: str
+    holds: bool | None
+    measured: str
+    stand_in: str = ""
+    sample: str = ""
+
+
+def untested(need: str) -> Part:
+    """Return a part that the run cannot test for lack of `need`."""
+    return Part("", None, need)
+
+
+def verdict(parts: Sequence[Part]) -> str:
+    """Return the verdict on a claim.
+
+    It is `HOLDS` if all parts were tested and hold, `FAILS` if no tested part holds, `UNTESTED`
+    with the needs if no part was tested, else `IN_PART`. Stand-ins for the thesis's codecs are
+    named.
+    """
+    tested = [part.holds for part in parts if part.holds is not None]
+    if not tested:
+        return UNTESTED + needs_text(parts)
+    if not any(tested):
+        return FAILS + _stand_ins_text(parts)
+    all_hold = all(tested) and len(tested) == len(parts)
+    return (HOLDS if all_hold else IN_PART) + _stand_ins_text(parts)
+
+
+def _stand_ins_text(parts: Sequence[Part]) -> str:
+    titles = list(dict.fromkeys(part.stand_in for part in parts if part.stand_in))
+    if not titles:
+        return ""
+    are = "is not the thesis's codec" if len(titles) == 1 else "are not the thesis's codecs"
+    return f"; tested on {' and '.join(titles)}, which {are}"
+
+
+def needs_text(parts: Sequence[Part]) -> str:
+    """Return the needs of the untested parts, each once."""
+    return "; ".join(dict.fromkeys(part.measured for part in parts if part.holds is None))
+
+
+def results_text(parts: Sequence[Part]) -> str:
+    """Return for each tested part whether it holds, the measured values and the sample."""
+    return "; ".join(
+        f"{part.statement}: {'yes' if part.holds else 'no'} ({part.measured})"
+        f"{f' [{part.sample}]' if part.sample else ''}"
+        for part in parts
+        if part.holds is not None
+    )
