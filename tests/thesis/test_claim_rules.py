@@ -509,7 +509,8 @@ def test_10_a_codec_on_one_data_set_is_not_compared() -> None:
     assert holds(10, evidence, "G-PCC, rounded alike") is None
     found = {part.statement: part.measured for part in CLAIMS[9].test(evidence)}
     assert found["Draco alike"] == "CD differs 1 times at one rate, median 1"
-    found = {part.statement: part.measured for part in CLAIMS[8].test(times({"draco": 3, "gpcc": 9}))}
+    evidence = times({"draco": 3, "gpcc": 9})
+    found = {part.statement: part.measured for part in CLAIMS[8].test(evidence)}
     assert found["Draco grows"] == "3 times the time, median 3"
 
 
