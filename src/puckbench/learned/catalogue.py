@@ -98,8 +98,6 @@ def weights_file(where: str) -> Path:
 
 @dataclass(frozen=True)
 class NetworkType:
-    """A network and the files that hold its weights."""
-
     name: str  # in the headers of its sets
     # regular expression of the names of the authors' files, with one group
     published: str | None = None

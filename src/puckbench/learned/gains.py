@@ -1,7 +1,7 @@
 """One network for several rates: gains of the latent, and an entropy bottleneck for each rate.
 
-The latent is multiplied by the gain of its rate and channel before it is rounded, and divided by it
-afterwards, so that one set of weights serves a whole rate-distortion curve.
+The latent is multiplied by gains before it is rounded, and divided by them afterwards, so that one
+set of weights serves a whole rate-distortion curve.
 
 References
 ----------

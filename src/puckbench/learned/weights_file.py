@@ -115,8 +115,6 @@ def _is_parameter(array: NDArray[Any]) -> bool:
 
 @dataclass(frozen=True)
 class MultiRateWeights(Generic[N]):
-    """A network that codes at several rates."""
-
     model: N
     lmbdas: tuple[float, ...]  # Lagrangian weights of the rates, lowest bitrate first
     tables: Tables  # frequency tables of the entropy bottleneck of each rate
@@ -147,7 +145,6 @@ def check_made_with(weights: _RateWeights, digest: bytes, rate: int) -> None:
 def save_multi_rate(
     path: Path, network: NetworkType, model: N, lmbdas: tuple[float, ...], card: Mapping[str, Any]
 ) -> None:
-    """Write a network as a set of weights, with the tables of the rounded network."""
     rounded = type(model)(model.shape)
     rounded.load_state_dict(in_half_precision(model.state_dict()))
     header_fields = {

@@ -136,7 +136,7 @@ def _bit(cell: int) -> np.int64:
 
 
 def _cells_at(positions: list[list[int]], distance: int | None) -> Ints:
-    """Return masks (8,) of the cells at a distance from each child; None: not touching it."""
+    """Return masks (8,) of cells at a distance from each child, or of those not touching it."""
     masks = np.zeros(CHILDREN, np.int64)
     for child, position in enumerate(positions):
         for cell in product(range(4), repeat=3):

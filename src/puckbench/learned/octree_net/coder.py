@@ -76,7 +76,6 @@ class OctreeNetCoder:
     threads: int | None = None
 
     def encode(self, keys: Keys) -> CodedPart:
-        """Encode sorted keys (n,) of voxels."""
         sets = [keys]
         while len(sets[-1]) > _MAX_TOP:
             sets.append(parents_of(sets[-1])[0])

@@ -26,8 +26,6 @@ from puckbench.learned.sparse.voxels import NeighbourTable
 
 @dataclass
 class DeviceFeatures:
-    """Features of a level's voxels (n, channels), and the neighbourhood once it is known."""
-
     all: Tensor
     neighbourhood: Neighbourhood | None = None
 
@@ -68,7 +66,6 @@ class DevicePredictor:
 
     @torch.no_grad()
     def frequencies(self, heads: nn.ModuleList, number: int, features: Tensor) -> Frequencies:
-        """Return frequencies (n, 16) for features (n, channels), as `symbols.frequencies` does."""
         units = cast(SymbolHead, heads[number])(features) * UNITS
         below = (units.amax(dim=1, keepdim=True) - units).clamp_max(len(self._powers) - 1)
         result: NDArray[Any] = self._powers[below.long()].cpu().numpy()

@@ -43,7 +43,6 @@ def quantised(values: Tensor, units: int = UNITS) -> Tensor:
 
 
 def quantised_weight(values: Tensor) -> Tensor:
-    """Clip a parameter and round it to the unit of weights."""
     bound = MAX_WEIGHT / WEIGHT_UNITS
     return quantised(values.clamp(-bound, bound), WEIGHT_UNITS)
 

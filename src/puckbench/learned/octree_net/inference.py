@@ -54,8 +54,7 @@ class VoxelGroup(Protocol):
 
     def predict_second(self, chunk: slice, first: Symbols) -> Frequencies: ...
 
-    def update(self, chunk: slice, second: Symbols) -> None:
-        """Add the embeddings of both symbols to the features of the level."""
+    def update(self, chunk: slice, second: Symbols) -> None: ...
 
 
 class LevelPredictor(Protocol[F]):

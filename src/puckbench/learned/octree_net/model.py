@@ -40,8 +40,6 @@ class OctreeNetShape(Model):
 
 
 class FixedPointLayer(SparseLayer):
-    """A fixed-point layer; its kernel (offsets, c, d) and bias are rounded when used."""
-
     def forward(self, active: Tensor, neighbourhood: Neighbourhood) -> Tensor:
         kernel, bias = quantised_weight(self.kernel), quantised(self.bias)
         return convolve(active[:, None], kernel, bias, neighbourhood)[:, 0]

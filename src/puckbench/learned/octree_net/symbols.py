@@ -42,7 +42,6 @@ _CODE[_FIRST, _SECOND] = _CODES
 
 
 def symbols_of(keys: Keys) -> tuple[Symbols, Symbols]:
-    """Return first and second symbols (m,) of the parents of voxels."""
     starts = np.flatnonzero(np.diff(keys >> 3, prepend=-1))
     bits = (1 << (keys & 7)).astype(np.uint8)
     codes = np.add.reduceat(bits, starts)

@@ -69,7 +69,6 @@ def _bits_of_level(
 
 
 def _bits(logits: Tensor, symbols: Tensor) -> Tensor:
-    """Return the bits of symbols (n,) given logits (n, 16) to the base 2."""
     nats = cross_entropy(logits * math.log(2), symbols, reduction="sum")
     return nats / math.log(2)
 

@@ -39,7 +39,6 @@ def encode_hyper(z_hat: Integers, is_coded: Bools, tables: tuple[FrequencyTable,
 
 
 def decode_hyper(data: bytes, is_coded: Bools, tables: tuple[FrequencyTable, ...]) -> Integers:
-    """Decode `encode_hyper`, with zeros elsewhere."""
     z_hat = np.zeros((*is_coded.shape, len(tables)), dtype=np.int32)
     z_hat[is_coded] = decode_latent(data, int(is_coded.sum()), tables)
     return np.ascontiguousarray(np.moveaxis(z_hat, -1, 1))
@@ -66,7 +65,6 @@ def decode_conditional(data: bytes, indexes: TableIndexes) -> Integers:
 
 
 def _by_table(indexes: TableIndexes) -> tuple[NDArray[np.intp], list[tuple[int, int]]]:
-    """Return the order of values by table, and the number and size of each table in use."""
     tables = indexes.table.ravel()
     sizes = np.bincount(tables, minlength=SCALES * OFFSETS)
     used = np.flatnonzero(sizes)

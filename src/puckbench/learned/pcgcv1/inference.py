@@ -2,8 +2,7 @@
 
 A vector unit computes sixteen output channels at once, but most layers at full resolution have
 four, eight or one. Such a layer computes several neighbouring voxels jointly: a kernel of 3x3x(2 +
-p) voxels with a stride of p has p times the outputs. One thread computes a cube, so that results do
-not depend on the number of threads or cubes.
+p) voxels with a stride of p has p times the outputs. One thread computes a cube.
 """
 
 from __future__ import annotations

@@ -118,7 +118,6 @@ class Pcgcv1Analysis(nn.Module):
         self.conv_out = Conv(stride_4, shape.latent_channels)
 
     def forward(self, x: Tensor) -> Tensor:
-        """(n, 1, 4 s, 4 s, 4 s) to (n, latent_channels, s, s, s)."""
         features = self.blocks[0](self.conv_in(x).relu())
         for down, blocks in zip(self.downs, self.blocks[1:], strict=True):
             features = blocks(down(features).relu())
@@ -141,7 +140,6 @@ class Pcgcv1Synthesis(nn.Module):
         self.conv_out = Conv(stride_1, 1)
 
     def forward(self, y_hat: Tensor) -> Tensor:
-        """(n, latent_channels, s, s, s) to (n, 1, 4 s, 4 s, 4 s)."""
         features = self.blocks[0](self.conv_in(y_hat).relu())
         for up, blocks in zip(self.ups, self.blocks[1:], strict=True):
             features = blocks(up(features).relu())
@@ -198,7 +196,6 @@ class PCGCv1(MultiRateNetwork):
         self.add_rates(shape.hyper_channels[1])
 
     def gain(self, rate: int) -> Tensor:
-        """Factors of the latent's channels, (latent_channels, 1, 1, 1)."""
         return super().gain(rate)[:, None, None, None]
 
 

@@ -34,7 +34,6 @@ def cubes_with_all_blocks(positions: Voxels, side: int) -> CodedCubes:
 
 
 def blocks_of(cubes: OccupiedCubes) -> Voxels:
-    """Return the positions (n, 3), in blocks, of the occupied blocks."""
     rows: Voxels = np.unique(cubes.voxels() // STRIDE, axis=0)
     return rows
 
@@ -73,12 +72,10 @@ def most_likely_per_block(logits: NDArray[np.float32], blocks: Bools, count: int
 
 @cache
 def _keys(side: int) -> Int64s:
-    """Return the keys of the voxels of each block, (s, s, s, 64)."""
     return _in_blocks(np.arange(side**3).reshape(side, side, side))
 
 
 def _in_blocks(values: NDArray[N]) -> NDArray[N]:
-    """Rearrange (side, side, side) to (s, s, s, 64)."""
     s = len(values) // STRIDE
     split = values.reshape(s, STRIDE, s, STRIDE, s, STRIDE)
     return split.transpose(0, 2, 4, 1, 3, 5).reshape(s, s, s, STRIDE**3)

@@ -30,9 +30,7 @@ _MIN_RATE_WEIGHT = 0.01
 
 
 class Pcgcv1Loss(NamedTuple):
-    """Loss of a batch; `total` is minimised."""
-
-    total: Tensor
+    total: Tensor  # minimised
     empty: Tensor  # mean cross entropy of empty voxels
     occupied: Tensor  # mean cross entropy of occupied voxels
     bpp: Tensor  # bits of the latent per point
@@ -91,7 +89,6 @@ class Pcgcv1Trainer(BaseTrainer[PCGCv1, Pcgcv1Loss]):
         return Pcgcv1Loss(*(value.detach() for value in loss))
 
     def rate_weight(self) -> float:
-        """Return the weight of the rate in the loss, which grows from a hundredth to one."""
         warm_up = self.training.rate_warm_up * self.training.steps
         return float(_MIN_RATE_WEIGHT ** max(0.0, 1 - self.done / warm_up))
 

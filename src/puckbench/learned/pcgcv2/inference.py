@@ -48,8 +48,6 @@ _CHUNK_ROWS = 4096
 
 @dataclass(frozen=True)
 class FusedConvolution:
-    """A 3x3x3 convolution as matrices for a kernel map."""
-
     matrices: Matrices
     centre: Tensor  # of the row itself (children * c, children * d)
     bias: Tensor  # (children * d,)

@@ -142,7 +142,7 @@ def _read_block(reader: Reader) -> CodedBlock:
 
 
 def _check_counts(counts: tuple[int, int, int, int]) -> None:
-    """Voxels have one to eight children, and those at stride 2 up to eight."""
+    """Check that voxels have one to eight children, and those at stride 2 at most eight."""
     stride_1, stride_2, stride_4, stride_8 = counts
     is_possible = (
         1 <= stride_8 <= stride_4 <= 8 * stride_8

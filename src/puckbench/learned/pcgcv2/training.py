@@ -3,9 +3,9 @@
 The loss at a rate is ``lmbda * D + R``, divided by the square root of lmbda so that no rate
 dominates the shared weights. R is the bits of the latent per point, D the mean binary cross entropy
 of the candidate voxels of each scale, in bits. Scales are weighted by the side of their voxels,
-since a voxel lost at stride 4 cannot be recovered at stride 1 (the authors weight scales equally).
-Uniform noise replaces rounding. The occupied voxels of each scale are kept beside those that the
-network selects.
+since a voxel lost at stride 4 cannot be recovered (the authors weight scales equally). Uniform
+noise replaces rounding. The occupied voxels of each scale are kept beside those that the network
+selects.
 """
 
 from __future__ import annotations
@@ -43,9 +43,7 @@ SCALE_WEIGHTS = tuple(SCALES * side / 7 for side in (4.0, 2.0, 1.0))
 
 
 class Pcgcv2Loss(NamedTuple):
-    """Loss of a batch; `total` is minimised."""
-
-    total: Tensor
+    total: Tensor  # minimised
     cross_entropies: tuple[Tensor, ...]  # mean bits of a candidate voxel at strides 4, 2 and 1
     bpp: Tensor  # bits of the latent per point
 

@@ -48,7 +48,6 @@ class RenoCoder:
     threads: int | None = None
 
     def encode(self, keys: Keys) -> CodedTree:
-        """Encode sorted keys (n,) of voxels."""
         levels = list(_levels(keys))
         base, occupancy = levels[0]
         symbols: list[bytes] = []

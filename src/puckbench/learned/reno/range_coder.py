@@ -54,7 +54,6 @@ def _encode(symbols: Symbols, cumulative: Cumulative, out: Bytes) -> int:
 
 @compiled
 def _write_bits(out: Bytes, at: int, bit: int, pending: int) -> int:
-    """Write a bit and the pending opposite bits; return the next position."""
     out[at >> 3] |= bit << (7 - (at & 7))
     for k in range(at + 1, at + 1 + pending):
         out[k >> 3] |= (1 - bit) << (7 - (k & 7))
@@ -96,5 +95,5 @@ def _decode(data: Bytes, cumulative: Cumulative, symbols: Symbols) -> bool:
 
 @compiled
 def _bit(data: Bytes, at: int) -> int:
-    """Return a bit of the data, which continue with zeros."""
+    # the data continue with zeros
     return int(data[at >> 3]) >> (7 - (at & 7)) & 1 if at >> 3 < len(data) else 0

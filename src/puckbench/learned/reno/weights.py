@@ -46,7 +46,6 @@ class RenoWeights:
 
 
 def load_weights(path: Path) -> RenoWeights:
-    """Read a checkpoint of the authors."""
     from puckbench.core.files import read_bytes
     from puckbench.learned.weights_file import digest_of, read_checkpoint
 

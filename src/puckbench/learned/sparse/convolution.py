@@ -90,7 +90,6 @@ def accumulate(
     scratch: Scratch,
     sums: Tensor,
 ) -> None:
-    """Add the products of a chunk's neighbours to sums (rows, children, d)."""
     width = sums.shape[2]
     layout = neighbourhood.gather_scatter.layout(neighbourhood.kernel_map, rows)
     gathered = neighbourhood.gather_scatter.gather(

@@ -65,8 +65,7 @@ class GatherScatter(Protocol):
 
     def scatter_add(
         self, products: Segments, sums: Tensor, kernel_map: KernelMap, rows: slice
-    ) -> None:
-        """Add products to the written children in `sums` (rows, children, channels)."""
+    ) -> None: ...
 
 
 class _Chunk(NamedTuple):

@@ -46,7 +46,6 @@ class KernelMap:
 
     @cached_property
     def kernel_of_pair(self) -> NDArray[np.int64]:
-        """Kernel matrix of each pair of children, by offset, then by child read."""
         return np.concatenate([kernels.ravel() for kernels in self.kernels])
 
     @property

@@ -42,7 +42,6 @@ class ThreadPool:
         self._local = threading.local()
 
     def map_chunks(self, rows: int, size: int, work: Callable[[slice, Scratch], T]) -> list[T]:
-        """Return the results of `work` for each chunk of `size` rows, in order."""
         chunks = [slice(first, min(rows, first + size)) for first in range(0, rows, size)]
 
         def run_chunk(chunk: slice) -> T:

@@ -43,8 +43,6 @@ class BaseTraining(Model, ABC):
 
     Parameters
     ----------
-    steps
-        Optimiser steps.
     batch_size
         Cubes per step.
     cube_size
@@ -70,7 +68,6 @@ class BaseTraining(Model, ABC):
     def examples(self, clouds: Sequence[Floats]) -> CubeExamples: ...
 
     def begin(self, model: Any, weights: Path) -> None:
-        """Initialise a model with a set of weights."""
         from puckbench.learned.weights_file import initialise
 
         initialise(model, weights, self.parameters)
@@ -100,8 +97,8 @@ class MultiRateTraining(BaseTraining):
         Minimum fraction of its voxels that a cube keeps, so that sparser clouds are learned from
         too.
     mean_occupied_children
-        Mean numbers of occupied children of a voxel. For each, clouds are learned from on the
-        finest grid, by whole octaves, that is as dense.
+        Clouds are learned from on the finest grids, by whole octaves, on which voxels have these
+        mean numbers of occupied children.
     """
 
     lmbdas: Lmbdas = (0.25, 0.5, 1.0, 2.0, 4.0, 6.0, 10.0)
