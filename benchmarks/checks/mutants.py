@@ -52,7 +52,7 @@ TESTS = {
     "io/pcd": "lidar/test_decoded_clouds corpus/test_corpus io/test_cloud_formats",
     "io/ply": "corpus/test_corpus io/test_clouds io/test_meshes",
     "io/float32_frames": "io/test_float32_frames corpus/test_corpus",
-    "io/recordings": "io/test_capture_frames io/test_recordings corpus/test_corpus",
+    "io/recordings": "io/test_captured_packets io/test_recordings corpus/test_corpus",
     "io/e57": "io/test_e57 corpus/test_corpus io/test_cloud_formats",
     "io/isolated": "io/test_isolated",
     "io/las": "io/test_las corpus/test_corpus io/test_cloud_formats",
