@@ -14,6 +14,9 @@ import pytest
 import yaml
 
 from puckbench.cli import main
+from puckbench.codecs.base import Cost
+from puckbench.codecs.registry import open_codec
+from puckbench.core.registry import trust
 from puckbench.geometry.cloud import PointCloud
 from puckbench.io.clouds import write_cloud
 from puckbench.jobs.curve import read_rows
@@ -52,6 +55,17 @@ def test_the_library_compares_codecs_as_its_page_shows(tmp_path: Path) -> None:
     assert grid.bpp.is_monotonic_increasing
     # Rounding to steps of 4 errs by 4**2 / 12 along each of three axes; MPEG's peak is tripled.
     assert grid.d1_psnr.iloc[-1] == pytest.approx(10 * np.log10(3 * 1023**2 / 4), abs=0.3)
+
+
+def test_a_codec_that_runs_a_program_codes_as_its_page_shows(tmp_path: Path) -> None:
+    write_files(tmp_path, CODEC)
+    place = f"{tmp_path}/codecs/zipped.py:Zipped"
+    trust([place])
+    codec = open_codec("zipped", {"class": place})
+    points = np.random.default_rng(0).random((500, 3)).astype(np.float32).astype(float)
+    np.testing.assert_array_equal(codec.decode(codec.encode(points, "r2")), points)
+    np.testing.assert_allclose(codec.decode(codec.encode(points, "r1")), points, atol=1e-3)
+    assert codec.cost(Cost(0.0, 0.0)).seconds > 0
 
 
 def test_gpcc_codes_points_alone_as_its_example_shows() -> None:
