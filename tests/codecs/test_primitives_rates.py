@@ -1,4 +1,4 @@
-"""Rates of the primitives codec: more bits bring a decode nearer, in steps of bits below 3."""
+"""Rates of the primitives codec: bits grow in steps below 3, and distances fall."""
 
 from collections.abc import Iterable
 
@@ -65,8 +65,8 @@ def _curve(
 
 @pytest.mark.parametrize("name", ["airplane_01", "chair_01", "office_1, raw"])
 def test_bits_grow_in_steps_below_3_and_distances_fall(name: str) -> None:
-    found = _curve(CLOUDS[name]())[:, :3]
-    steps = found[1:] / found[:-1]
+    curve = _curve(CLOUDS[name]())[:, :3]
+    steps = curve[1:] / curve[:-1]
     assert steps[:, 0].min() > 1
     assert steps[:, 0].max() < 3
     assert (steps[:, 1:] < 1).all()
@@ -78,8 +78,8 @@ def test_bits_grow_in_steps_below_3_and_distances_fall(name: str) -> None:
 def test_where_surfaces_alone_lose_voxels_stand_beside_one(
     points: int, rates: tuple[str, ...]
 ) -> None:
-    found = _curve(sampled_room("storage_1", points), rates=rates)[:, :4]
-    steps = found[1:] / found[:-1]
+    curve = _curve(sampled_room("storage_1", points), rates=rates)[:, :4]
+    steps = curve[1:] / curve[:-1]
     assert (steps[:, 0] > 1).all()
     assert (steps[:, 1:] < 1).all()
 
@@ -92,8 +92,8 @@ def test_more_bits_bring_a_room_nearer_until_noise_is_coded(
     noise: float, rates: tuple[str, ...]
 ) -> None:
     true, normals, points = _furnished(noise)
-    found = _curve(PointCloud(points, normals), PointCloud(true, normals), rates)
-    steps = found[1:] / found[:-1]
+    curve = _curve(PointCloud(points, normals), PointCloud(true, normals), rates)
+    steps = curve[1:] / curve[:-1]
     assert (steps[:, 0] > 1).all()
     assert (steps[:, 1:4] < 1).all()
     # From r6 on noise is coded: the truth is left step by step, not in one leap.
@@ -105,8 +105,8 @@ def test_the_truth_of_a_cluttered_room_is_left_no_sooner_than_at_the_highest_rat
     assert mesh is not None
     sweep, model = open_sweep({"azimuth_step_deg": 1.8}), open_error_model("vlp16_divergence")
     sensor, rng = load_sensor("vlp16"), np.random.default_rng(0)
-    found = scan(mesh, sensor, sweep, model, free_origin(mesh), rng)
-    returns = Returns(PointCloud(found.xyz_noisy), PointCloud(found.xyz, found.normals))
+    table = scan(mesh, sensor, sweep, model, free_origin(mesh), rng)
+    returns = Returns(PointCloud(table.xyz_noisy), PointCloud(table.xyz, table.normals))
     cloud = prepare_cloud(returns.cloud)
     curve = _curve(cloud, returns.truth_in_frame_of(cloud), ("r6", "r7", "r8"))
     steps = curve[1:] / curve[:-1]

@@ -1,4 +1,4 @@
-"""Parts of the primitives codec: arithmetic coding, planes by moments, bitmaps, headers."""
+"""Coding of bits and numbers, planes from moments, occupancy maps, stream headers."""
 
 import numpy as np
 import pytest
@@ -26,28 +26,30 @@ from puckbench.primitives.stream import (
 
 @compiled
 def _code_bits(coder: ContextCoder, bits: np.ndarray, context: np.ndarray) -> np.ndarray:
-    found = np.zeros(len(bits), np.int64)
+    coded = np.zeros(len(bits), np.int64)
     for i in range(len(bits)):
         at = context[i]
-        found[i] = code_bit(coder, bits[i], 0, (at, 8 + at // 2, 12))
-    return found
+        coded[i] = code_bit(coder, bits[i], 0, (at, 8 + at // 2, 12))
+    return coded
 
 
 @compiled
 def _code_numbers(coder: ContextCoder, numbers: np.ndarray) -> np.ndarray:
-    found = np.zeros(len(numbers), np.int64)
+    coded = np.zeros(len(numbers), np.int64)
     for i in range(len(numbers)):
-        found[i] = code_number(coder, numbers[i], 0, 0, 40)
-    return found
+        coded[i] = code_number(coder, numbers[i], 0, 0, 40)
+    return coded
 
 
 def _skewed(count: int) -> tuple[np.ndarray, np.ndarray, float]:
     """Bits, their contexts and their entropy in bits."""
     rng = np.random.default_rng(0)
     context = rng.integers(0, 8, count)
-    chance = (context + 0.5) / 40
-    entropy = -(chance * np.log2(chance) + (1 - chance) * np.log2(1 - chance)).sum()
-    return (rng.random(count) < chance).astype(np.int64), context, entropy
+    probability = (context + 0.5) / 40
+    entropy = -(
+        probability * np.log2(probability) + (1 - probability) * np.log2(1 - probability)
+    ).sum()
+    return (rng.random(count) < probability).astype(np.int64), context, entropy
 
 
 def test_coded_bits_come_near_their_entropy() -> None:
@@ -61,8 +63,8 @@ def test_coded_bits_come_back() -> None:
     bits, context, _ = _skewed(5000)
     coder = writer(13, 1, 5000)
     _code_bits(coder, bits, context)
-    found = _code_bits(reader(written(coder.bits), 13, 1), np.zeros_like(bits), context)
-    assert np.array_equal(found, bits)
+    decoded = _code_bits(reader(written(coder.bits), 13, 1), np.zeros_like(bits), context)
+    assert np.array_equal(decoded, bits)
 
 
 def test_a_reader_of_a_whole_stream_stays_near_its_end_even_where_it_ends_in_zeros() -> None:
@@ -81,8 +83,8 @@ def test_coded_numbers_come_back_large_ones_too() -> None:
     numbers = np.concatenate([rng.integers(-20, 20, 500), [0, 12, 13, -13, 4000, -30000]])
     coder = writer(80, 3, 10_000)
     _code_numbers(coder, numbers)
-    found = _code_numbers(reader(written(coder.bits), 80, 3), np.zeros_like(numbers))
-    assert np.array_equal(found, numbers)
+    decoded = _code_numbers(reader(written(coder.bits), 80, 3), np.zeros_like(numbers))
+    assert np.array_equal(decoded, numbers)
 
 
 def _scattered_plane() -> tuple[np.ndarray, np.ndarray]:
@@ -106,8 +108,8 @@ def test_moments_give_the_squared_distances_to_any_plane() -> None:
     points, weights = _scattered_plane()
     plane = np.array([0.6, 0.0, 0.8, 1.5])
     expected = (weights * (points @ plane[:3] - plane[3]) ** 2).sum()
-    found = squared_distance(moments_of(points, weights).sum(axis=0), plane)
-    assert found == pytest.approx(expected)
+    distance = squared_distance(moments_of(points, weights).sum(axis=0), plane)
+    assert distance == pytest.approx(expected)
 
 
 def test_quantised_planes_stay_within_half_a_step_over_the_cube() -> None:
@@ -117,13 +119,13 @@ def test_quantised_planes_stay_within_half_a_step_over_the_cube() -> None:
         normal = rng.normal(size=3)
         normal /= np.linalg.norm(normal)
         plane = np.array([*normal, normal @ (cube[0] + rng.uniform(-4, 4, 3))])
-        numbers, found = np.zeros(4, np.int64), np.empty(4)
+        numbers, dequantised = np.zeros(4, np.int64), np.empty(4)
         quantise_plane(plane, cube, numbers)
-        dequantise_plane(numbers, cube, found)
+        dequantise_plane(numbers, cube, dequantised)
         axis = int(numbers[0])
         corner = cube[0] + 8 * rng.choice([-1, 1], 3)
         heights = []
-        for each in (plane, found):
+        for each in (plane, dequantised):
             across = each[:3] @ corner - each[axis] * corner[axis]
             heights.append((each[3] - across) / each[axis])
         assert abs(heights[0] - heights[1]) <= 3 * 0.25 + 1e-9

@@ -1,4 +1,4 @@
-"""Streams of a surface and voxels: the layout, and what the decoder makes of both."""
+"""Hybrid streams: layout, and reconstruction from a surface and voxels."""
 
 from functools import cache
 from typing import Any
@@ -34,7 +34,7 @@ _NOTHING = NearestOffsets(np.zeros((1, 3)), np.zeros((1, 3)))
 MOST_POINTS = hybrid_mode.HybridCriterion(
     nearest_offsets=lambda _: _NOTHING,
     measure=lambda xyz, _: Distortion(-len(xyz), 0.0, 0.0),
-    cost=lambda found: found.point,
+    cost=lambda result: result.point,
 )
 
 
@@ -58,11 +58,11 @@ def _surface(noise: float = 0.0) -> hybrid_mode.SurfacePart:
 def _hybrid(noise: float = 0.0) -> bytes:
     points = _floor(noise)
     budget = len(_surface(noise).stream) + 3000
-    found = hybrid_mode.encode(
+    result = hybrid_mode.encode(
         voxel_mode.VoxelSearch(points), _surface(noise), budget, 1023, MOST_POINTS
     )
-    assert found is not None
-    return found.stream
+    assert result is not None
+    return result.stream
 
 
 def test_a_hybrid_comes_back() -> None:
@@ -132,8 +132,8 @@ def _mean_square(xyz: np.ndarray) -> float:
 
 def test_a_hybrid_has_the_mesh_of_its_surface() -> None:
     codec = open_codec("primitives")
-    found, expected = codec.decode_mesh(_hybrid()), codec.decode_mesh(_surface().stream)
-    assert np.array_equal(found.vertices, expected.vertices)
+    result, expected = codec.decode_mesh(_hybrid()), codec.decode_mesh(_surface().stream)
+    assert np.array_equal(result.vertices, expected.vertices)
 
 
 def test_a_surface_that_takes_the_whole_budget_leaves_no_voxels() -> None:
@@ -225,10 +225,10 @@ def test_more_voxels_than_a_hybrid_may_have_are_neither_coded_nor_decoded(
         monkeypatch.setattr(module, "MAX_HYBRID_VOXELS", 10)
     with pytest.raises(InputError):
         decode(stream)
-    found = hybrid_mode.encode(
+    result = hybrid_mode.encode(
         voxel_mode.VoxelSearch(_floor()), _surface(), len(stream), 16.0, MOST_POINTS
     )
-    assert found is None
+    assert result is None
 
 
 @pytest.fixture

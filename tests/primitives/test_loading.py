@@ -1,4 +1,4 @@
-"""What `load` does before the calls that are timed."""
+"""`load` compiles every loop, so that no timed call does."""
 
 import subprocess
 import sys

@@ -1,4 +1,4 @@
-"""Pieces of surface joined to regions with one plane, and what that does to a stream."""
+"""Region merging, and its effect on a stream."""
 
 import numpy as np
 import pytest
@@ -123,8 +123,8 @@ def test_adjacent_leaves_are_those_less_than_a_cell_apart(
 def test_leaves_of_a_region_have_its_moments() -> None:
     leaves = _leaves(((0, 0, 0), 8), ((8, 0, 0), 8), ((0, 8, 8), 8))
     moments = np.array([_square(0), _square(10), _upright(0)])
-    found = region_moments(moments, leaves, _SHAPE, MergeLimits(1.0, 0.0, _RIGHT))
-    np.testing.assert_allclose(found, moments[[0, 0, 2]] + moments[[1, 1, 2]] * [[1], [1], [0]])
+    result = region_moments(moments, leaves, _SHAPE, MergeLimits(1.0, 0.0, _RIGHT))
+    np.testing.assert_allclose(result, moments[[0, 0, 2]] + moments[[1, 1, 2]] * [[1], [1], [0]])
 
 
 def test_a_plane_of_larger_reach_fits_farther_off() -> None:
@@ -135,10 +135,10 @@ def test_a_plane_of_larger_reach_fits_farther_off() -> None:
     off = []
     for larger in range(5):
         cube = _extended((np.full(3, 16.0), 4.0, 1.0), larger)
-        numbers, found = np.zeros(4, np.int64), np.empty(4)
+        numbers, result = np.zeros(4, np.int64), np.empty(4)
         quantise_plane(plane, cube, numbers)
-        dequantise_plane(numbers, cube, found)
-        heights = [(p[3] - p[:2] @ far) / p[2] for p in (plane, found)]
+        dequantise_plane(numbers, cube, result)
+        heights = [(p[3] - p[:2] @ far) / p[2] for p in (plane, result)]
         off.append(abs(heights[0] - heights[1]))
     # Half a step of height and of slopes: the slopes' step is that of a side 2^larger as long.
     steps = 2.0 ** (-0.5 * np.arange(5))

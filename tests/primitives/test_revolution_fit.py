@@ -1,4 +1,4 @@
-"""Hypotheses of round surfaces and their robust fit, against known solids and SciPy's optimiser."""
+"""Hypotheses of surfaces of revolution and their robust fit, against solids and SciPy."""
 
 import platform
 from dataclasses import dataclass
@@ -55,10 +55,10 @@ def askew(surface: RevolutionSurface) -> RevolutionSurface:
 @all_surfaces
 def test_a_fit_to_exact_points_has_no_error(surface: RevolutionSurface) -> None:
     xyz = Samples.of(surface, 400).xyz
-    found = fit_revolution(askew(surface), xyz, 1.0)
-    assert np.abs(found.coordinates(xyz)[2]).max() < 1e-4
-    assert found.kind == surface.kind
-    assert abs(found.axis @ surface.axis) == pytest.approx(1, abs=1e-6)
+    fitted = fit_revolution(askew(surface), xyz, 1.0)
+    assert np.abs(fitted.coordinates(xyz)[2]).max() < 1e-4
+    assert fitted.kind == surface.kind
+    assert abs(fitted.axis @ surface.axis) == pytest.approx(1, abs=1e-6)
 
 
 @all_surfaces
@@ -66,8 +66,8 @@ def test_a_fourth_of_outliers_does_not_pull_a_fit_away(surface: RevolutionSurfac
     samples = Samples.of(surface, 400, noise=0.05)
     far = np.arange(400) % 4 == 0
     samples.xyz[far] += 3.0 * samples.normals[far]
-    found = fit_revolution(askew(surface), samples.xyz, 0.1)
-    off = found.coordinates(samples.xyz[~far])[2]
+    fitted = fit_revolution(askew(surface), samples.xyz, 0.1)
+    off = fitted.coordinates(samples.xyz[~far])[2]
     assert np.sqrt(np.mean(off**2)) < 0.12  # 1.5 of the least squares without a robust loss
 
 
@@ -101,15 +101,15 @@ def test_hypotheses_lie_on_a_solid_of_their_kind(surface: RevolutionSurface) -> 
     scene = np.concatenate([samples.xyz, samples.xyz[:1] + 100])  # round things fill no scene
     normals = np.concatenate([samples.normals, samples.normals[:1]])
     rows = make_hypotheses(scene, normals, np.arange(0, 4000, 40), 1.0, 0.1)
-    found = [surface_of_hypothesis(row) for row in rows]
-    own = [
+    fitted = [surface_of_hypothesis(row) for row in rows]
+    of_kind = [
         each
-        for each in found
+        for each in fitted
         if each.kind == surface.kind and (each.angle > 0) == (surface.angle > 0)
     ]
-    off = [np.abs(each.coordinates(samples.xyz)[2]).max() for each in own]
+    off = [np.abs(each.coordinates(samples.xyz)[2]).max() for each in of_kind]
     assert np.mean(np.array(off) < 1e-6) > 0.9  # some of the samples' normals are almost parallel
-    best = own[int(np.argmin(off))]
+    best = of_kind[int(np.argmin(off))]
     assert best.angle == pytest.approx(surface.angle, abs=1e-6)
 
 

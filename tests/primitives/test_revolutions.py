@@ -1,4 +1,4 @@
-"""Cylinders, cones and spheres of the primitives codec: geometry, bitmaps, detection, streams."""
+"""Surfaces of revolution: geometry, occupancy maps, detection, streams."""
 
 from functools import cache
 from typing import Any
@@ -48,11 +48,11 @@ def test_places_on_a_surface_have_their_coordinates(surface: RevolutionSurface) 
     rng = np.random.default_rng(0)
     along, turn = rng.uniform(-18, 18, 300), rng.uniform(-3.1, 3.1, 300)
     xyz, normals = surface.points_at(along, turn)
-    found_along, found_turn, off, own = surface.coordinates(xyz + 0.5 * normals)
+    found_along, found_turn, distance, own_normals = surface.coordinates(xyz + 0.5 * normals)
     assert np.allclose(found_along, along)
     assert np.allclose(found_turn, turn)
-    assert np.allclose(off, 0.5)
-    assert np.allclose(own, normals)
+    assert np.allclose(distance, 0.5)
+    assert np.allclose(own_normals, normals)
     sine, cosine = np.sin(surface.angle), np.cos(surface.angle)
     beside = [distance_to(surface, sine, cosine, point)[0] for point in xyz + 0.5 * normals]
     assert np.allclose(beside, 0.5)
@@ -79,13 +79,13 @@ def test_parameters_come_back_to_their_precision(surface: RevolutionSurface, fli
         angle=flip * surface.angle,
         first_row=surface.first_row if flip > 0 else -surface.first_row - surface.row_count,
     )
-    (found,) = unpack_parameters(pack_parameters(turned))
-    assert found.kind == surface.kind
-    assert np.allclose(found.origin, surface.origin, atol=0.07)
-    assert np.allclose(found.axis, surface.axis, atol=1e-4)
-    assert found.radius == pytest.approx(surface.radius, abs=0.04)
-    assert found.angle == pytest.approx(surface.angle, abs=1e-4)
-    assert (found.first_row, found.row_count) == (surface.first_row, surface.row_count)
+    (result,) = unpack_parameters(pack_parameters(turned))
+    assert result.kind == surface.kind
+    assert np.allclose(result.origin, surface.origin, atol=0.07)
+    assert np.allclose(result.axis, surface.axis, atol=1e-4)
+    assert result.radius == pytest.approx(surface.radius, abs=0.04)
+    assert result.angle == pytest.approx(surface.angle, abs=1e-4)
+    assert (result.first_row, result.row_count) == (surface.first_row, surface.row_count)
 
 
 @pytest.mark.parametrize("place", [0, 11])
@@ -109,9 +109,9 @@ def test_unrolled_occupancy_maps_come_back_in_few_bits() -> None:
     coder = writer(CONTEXTS, MIXERS, 10_000)
     code_unrolled_map(coder, columns, bits.copy())
     stream = written(coder.bits)
-    found = np.zeros_like(bits)
-    code_unrolled_map(reader(stream, CONTEXTS, MIXERS), columns, found)
-    assert np.array_equal(found, bits)
+    result = np.zeros_like(bits)
+    code_unrolled_map(reader(stream, CONTEXTS, MIXERS), columns, result)
+    assert np.array_equal(result, bits)
     assert 8 * len(stream) < 0.15 * len(bits)
 
 
@@ -135,14 +135,14 @@ def test_surfaces_beyond_the_streams_number_ranges_are_not_representable(
 
 def test_surfaces_that_are_not_representable_are_skipped() -> None:
     prices = RevolutionCosts(20.0, 0.1, 100.0, 1.0, 2.0, 0.0)
-    found = []
+    result = []
     for surface in (FRUSTUM, FRUSTUM._replace(angle=np.pi / 2 + 0.01)):
         along, turn = np.random.default_rng(3).uniform(-18, 18, (2, 4000))
         wraps, _ = fit_revolutions(
             [surface], *surface.points_at(along, turn), np.ones(4000), prices
         )
-        found.append(len(wraps))
-    assert found == [1, 0]
+        result.append(len(wraps))
+    assert result == [1, 0]
 
 
 def _solids(count: int = 16_000, noise: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
@@ -164,11 +164,11 @@ def _solids(count: int = 16_000, noise: float = 0.0) -> tuple[np.ndarray, np.nda
 
 def test_a_cylinder_a_sphere_and_a_cone_are_found() -> None:
     xyz, normals = _solids(8000)
-    found = {
+    result = {
         (each.kind, abs(each.angle) > 0.1): each
         for each in detect_revolutions(xyz, normals, 10, 1.0)
     }
-    tube, ball, hat = found[CONE, False], found[SPHERE, False], found[CONE, True]
+    tube, ball, hat = result[CONE, False], result[SPHERE, False], result[CONE, True]
     assert tube.radius == pytest.approx(150, abs=0.5)
     assert abs(tube.axis[2]) > 0.9999
     assert np.allclose(ball.origin, [600, 300, 300], atol=0.5)
