@@ -16,8 +16,6 @@ from puckbench.storage.steps import MOST_STEPS
 
 
 class DeltaZstdOptions(Model):
-    """Options of Zstandard."""
-
     level: int = Field(19, ge=1, le=22, description="of Zstandard; Cloudini's own is 1")
 
 

@@ -37,8 +37,6 @@ def _most_points(stream: bytes) -> int:
 
 
 class DracoOptions(Model):
-    """Options of Draco."""
-
     compression_level: int = Field(10, ge=0, le=10, description="effort; 10 makes least bytes")
     method: Literal["kd_tree", "sequential"] = Field(
         "kd_tree",
@@ -86,7 +84,6 @@ class Draco(Codec):
     version = f"DracoPy {version('dracopy')}"
 
     def load(self) -> None:
-        """Import the library."""
         import DracoPy  # noqa: F401
 
     def _encode(self, points: Floats, parameters: Parameters) -> bytes:

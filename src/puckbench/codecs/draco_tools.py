@@ -44,7 +44,6 @@ class DracoCli(ExternalCodec):
 
     @property
     def programs(self) -> tuple[str, ...]:
-        """Encoder and decoder."""
         return self.options.encoder, self.options.decoder
 
     @cached_property

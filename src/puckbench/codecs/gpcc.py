@@ -35,11 +35,11 @@ if TYPE_CHECKING:
 EIGHTHS: Mapping[str, Parameters] = {
     f"r{eighths}": {"scale": eighths / 8} for eighths in range(1, 9)
 }
-"""PCC Arena's rates, as the thesis ran them: what coordinates are multiplied by."""
+"""PCC Arena's rates, as the thesis ran them: the factors that coordinates are multiplied by."""
 
 
 LOSSLESS_STEP_M = 0.002
-"""Step of the coarsest grid on which sensors' points count as coded without loss."""
+"""Coarsest step on which the points of sensors count as losslessly coded."""
 
 
 class UnitOptions(Model):
@@ -54,12 +54,11 @@ class UnitOptions(Model):
 
     @property
     def step(self) -> float:
-        """The step of the input's grid."""
         return self.unit or 1.0
 
 
 class GridOptions(UnitOptions):
-    """How points come to the grid, and which of G-PCC's coding tools are used."""
+    """Quantisation of the points, and the coding tools of G-PCC."""
 
     profile: Literal["minimal", "ctc", "spinning", "defaults"] = Field(
         "ctc",
@@ -78,7 +77,7 @@ class GridOptions(UnitOptions):
 
 
 class GridCodec(Codec):
-    """What our coder and the reference software have in common.
+    """Base of our coder and of the reference software.
 
     A rate is the `scale` that coordinates are multiplied by before they are rounded or, of clouds
     in metres, the step that they are rounded to.
@@ -125,7 +124,7 @@ class GridCodec(Codec):
         return self._loses(parameters)
 
     def _loses(self, parameters: Parameters) -> bool:
-        """Whether a rate is one with loss: a scale below 1, or a grid of more than 2 mm."""
+        """Whether a rate is lossy: a scale below 1, or a grid of more than 2 mm."""
         if "step_m" in parameters:
             return float(parameters["step_m"]) > LOSSLESS_STEP_M
         return scale_of(parameters) < 1
@@ -134,15 +133,15 @@ class GridCodec(Codec):
     def _code(
         self, points: Floats, grid: InputGrid, parameters: Parameters, returns: Returns | None
     ) -> bytes:
-        """The bare stream of points (n, 3); returns: those that the points are of, where given."""
+        """Encode points (n, 3) as a bare stream; returns: those of the points, if known."""
 
     @abstractmethod
     def _units(self, stream: bytes) -> Floats:
-        """Points (m, 3) of a bare stream, in units of the input's grid."""
+        """Decode the points (m, 3) of a bare stream, in units of the input's grid."""
 
 
 class OnGrid(NamedTuple):
-    """What our coder codes: (positions + origin) / scale, (n, 3), of a sensor where it is known."""
+    """Points on the grid, (positions + origin) / scale, (n, 3), and their sensor if known."""
 
     positions: Ints
     origin: Ints
@@ -156,7 +155,6 @@ class OwnCodec(GridCodec):
     version = f"puckbench {__version__}"
 
     def load(self) -> None:
-        """Compile the coder, or take it from the cache."""
         from puckbench.gpcc.sensor import SensorDescription
 
         points = np.array([[0, 0, 0], [5, 3, 1], [5, 3, 1], [50, 30, 10]])
@@ -194,7 +192,7 @@ def scale_of(parameters: Parameters) -> float:
 
 @CODECS.register("gpcc")
 class Gpcc(OwnCodec):
-    """Our own coder of G-PCC's octree geometry, with the common test conditions' tools."""
+    """G-PCC's octree geometry, by our coder, with the tools of the common test conditions."""
 
     title = "G-PCC"
     use = "the anchor; lossless coding on a grid"

@@ -17,7 +17,7 @@ _LOWEST_LOG2, _FLATTEST_LOG2 = 8, 1
 
 
 class AngularOptions(GridOptions):
-    """How points come to the grid, and which tools are used besides angular mode."""
+    """Quantisation of the points, and direct coding."""
 
     duplicates: Literal["merged", "kept", "by_rate"] = "by_rate"
     direct_coding: Literal[0, 1, 2, 3] = Field(

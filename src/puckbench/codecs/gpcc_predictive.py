@@ -19,7 +19,7 @@ _LEAST_QP = 58
 
 
 class TreeOptions(GridOptions):
-    """How points come to the grid, and how trees are built."""
+    """Quantisation of the points, and the order in which trees are built."""
 
     duplicates: Literal["merged", "kept", "by_rate"] = "kept"
     order: Literal["given", "morton", "azimuth", "radius"] = Field(

@@ -15,8 +15,6 @@ _BOX = b"jxlc"
 
 
 class JpegXlOptions(Model):
-    """Options of JPEG XL."""
-
     effort: int = Field(10, ge=1, le=10, description="of the encoder; 10 makes least bytes")
 
 

@@ -29,7 +29,6 @@ class Laz(Codec):
     version = f"laspy {version('laspy')}, lazrs {version('lazrs')}"
 
     def load(self) -> None:
-        """Import the libraries."""
         import laspy  # noqa: F401
         import lazrs  # noqa: F401
 

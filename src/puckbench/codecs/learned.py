@@ -1,4 +1,4 @@
-"""The codec of a network with trained weights: where they are, and which of them made a stream.
+"""Base of the codecs of networks: find the weights of a rate, and those that made a stream.
 
 PyTorch is loaded only when something is coded.
 """
@@ -31,11 +31,9 @@ PUBLISHED_WEIGHTS = "data/pcgc_weights"
 
 
 class Weights(Protocol):
-    """A set of weights in memory."""
-
     @property
     def digest(self) -> bytes:
-        """8 bytes by which streams name them."""
+        """The 8 bytes by which streams identify the weights."""
 
 
 class MultiRateWeights(Weights, Protocol):
@@ -58,7 +56,7 @@ class GridOptions(TypedDict, total=False):
 
 
 class LearnedOptions(Model):
-    """Which weights a network has, and how it is run."""
+    """Weights of a network, and where it runs."""
 
     weights: str = Field(description="a shipped set's name, a file, or a folder of weights")
     threads: int | None = Field(None, ge=1, description="of the network; by default PyTorch's")
@@ -66,7 +64,7 @@ class LearnedOptions(Model):
 
 
 class Learned(Codec, Generic[W]):
-    """A codec whose network has weights of its own: one set codes at every rate.
+    """A codec whose network has one set of weights for all rates.
 
     A subclass says which `network` it is, how a file of weights is read, and how it codes. Of
     several sets the first by name codes.
@@ -83,7 +81,6 @@ class Learned(Codec, Generic[W]):
         self._sets: dict[Path, W] = {}
 
     def available(self) -> Availability:
-        """Whether packages and weights for every rate are here."""
         missing = [name for module, name in _NEEDED.items() if find_spec(module) is None]
         if missing:
             return Availability(False, f"{' and '.join(missing)} not installed: {_INSTALL}")
@@ -100,20 +97,19 @@ class Learned(Codec, Generic[W]):
         return Availability(not lacking, why if lacking else "")
 
     def weights_of(self, rate: str) -> str:
-        """Name and digest (16 hexadecimal digits) of the file with a rate's weights."""
+        """Return name and digest (16 hexadecimal digits) of the file with the weights of a rate."""
         path = self._path(self.parameters_of(rate))
         return f"{path.stem} {_digest(path)}" if path else ""
 
     def weights_files(self) -> list[Path]:
-        """The files with weights of this network; InputError where there is no such place."""
+        """Return the files with weights of this network; InputError if there are none."""
         return self.network.files(self._where())
 
     def _where(self) -> str:
-        """Name, file or folder of the weights."""
         return self.options.weights
 
     def _known_files(self) -> Iterator[Path]:
-        """Where weights that made a stream may be: those of the options, and the shipped sets."""
+        """Yield the files that may have made a stream: those of the options, and the shipped sets."""
         yield from self.weights_files()
         yield from self.network.shipped()
 
@@ -137,7 +133,6 @@ class Learned(Codec, Generic[W]):
             return self._points(stream)
 
     def _weights(self, parameters: Parameters) -> W:
-        """The weights that a rate is coded with."""
         path = self._path(parameters)
         if path is None:
             rate = ", ".join(f"{name} {value}" for name, value in parameters.items())
@@ -145,7 +140,7 @@ class Learned(Codec, Generic[W]):
         return self._set(path)
 
     def _made_with(self, digest: bytes) -> W:
-        """The weights that a stream names, given or shipped."""
+        """Return the weights that a stream identifies."""
         for path in self._known_files():
             weights = self._set(path)
             if weights.digest == digest:
@@ -159,7 +154,7 @@ class Learned(Codec, Generic[W]):
         return self._sets[path]
 
     def _path(self, parameters: Parameters) -> Path | None:
-        """The file with a rate's weights, if there is one; the same for all rates."""
+        """Return the file with the weights of a rate, if there is one."""
         return next(iter(self.weights_files()), None)
 
     @abstractmethod
@@ -173,7 +168,7 @@ class Learned(Codec, Generic[W]):
 
 
 class PublishedOptions(LearnedOptions):
-    """Options of a codec that codes as its authors' program does."""
+    """Options of a published codec."""
 
     weights: str = Field(PUBLISHED_WEIGHTS, description="a folder with the authors' weights")
 
@@ -188,9 +183,9 @@ class LearnedByLambda(Learned[R]):
     Options: type[PublishedOptions] = PublishedOptions
     options: PublishedOptions
     context_mixing = False
-    """Whether the latent is coded by context mixing, or by the weights' own tables alone."""
+    """Whether the latent is coded by context mixing instead of the weights' fixed tables."""
     point_reconstruction = False
-    """Whether as many points are decoded as were coded, or one in the centre of each voxel."""
+    """Whether as many points are decoded as were encoded, instead of the centre of each voxel."""
 
     def _where(self) -> str:
         where = self.options.weights
@@ -199,13 +194,13 @@ class LearnedByLambda(Learned[R]):
         return where
 
     def _known_files(self) -> Iterator[Path]:
-        """Those of the options, the shipped sets, and the authors' where they were fetched."""
+        """As `Learned._known_files`, and the authors' files if they were fetched."""
         yield from super()._known_files()
         if Path(PUBLISHED_WEIGHTS).is_dir():
             yield from self.network.files(PUBLISHED_WEIGHTS)
 
     def _as_read(self, points: Floats) -> Floats:
-        """Points (n, 3) as the authors' readers of PLY files take them: cut off at the point."""
+        """Truncate points (n, 3) to integers, as the authors' readers of PLY files do."""
         return np.trunc(points)
 
     def _grid(self, parameters: Parameters) -> GridOptions:
@@ -219,12 +214,12 @@ class LearnedByLambda(Learned[R]):
         return self.network.by_lmbda(self._where()).get(float(parameters["lmbda"]))
 
     def _numbered(self, parameters: Parameters) -> tuple[R, int]:
-        """The weights of a rate, and its number among theirs."""
+        """Return the weights of a rate, and the index of the rate in them."""
         weights = self._weights(parameters)
         return weights, weights.lmbdas.index(float(parameters["lmbda"]))
 
     def _of_rate(self, digest: bytes, rate: int) -> R:
-        """The weights that a stream names, which must have as many rates as its number says."""
+        """Return the weights that a stream identifies; InputError if they lack its rate."""
         weights = self._made_with(digest)
         if rate >= len(weights.lmbdas):
             raise InputError("the stream is damaged (its rate)")
@@ -232,7 +227,7 @@ class LearnedByLambda(Learned[R]):
 
 
 class ImprovedOptions(PublishedOptions):
-    """Which of puckbench's changes to a published codec are in use."""
+    """Which of our changes to a published codec are in use."""
 
     context_mixing: bool = Field(
         True, description="code the latent by context mixing, not by the weights' tables alone"
@@ -249,7 +244,7 @@ class ImprovedOptions(PublishedOptions):
 
 
 class Improved(LearnedByLambda[R]):
-    """A published codec that puckbench changes, with weights of its own.
+    """A published codec with our changes and our weights.
 
     The density of the cloud chooses the grid (see `choose_grid_level`), the latent is coded by
     context mixing, and the decoder reconstructs as many points as were coded.
@@ -289,7 +284,7 @@ class Improved(LearnedByLambda[R]):
 
 
 def _trial_cloud() -> Floats:
-    """A block and a wave of voxels (n, 3): few, but enough of them to reach every compiled path."""
+    """Return a small cloud (n, 3), a block and a wave of voxels, that reaches every compiled path."""
     block = np.stack(np.meshgrid(*[np.arange(8.0)] * 3), axis=-1).reshape(-1, 3)
     x, y = np.stack(np.meshgrid(*[np.arange(40.0)] * 2), axis=-1).reshape(-1, 2).T
     wave = np.rint(20 + 8 * np.sin(x / 6) * np.cos(y / 5))
@@ -297,6 +292,6 @@ def _trial_cloud() -> Floats:
 
 
 def _digest(path: Path) -> str:
-    """The hexadecimal digits by which streams name our sets, or those of the file's SHA-256."""
+    """Return the digest by which streams identify a set of ours, else that of the file."""
     kept = header_of(path).digest if path.suffix == SUFFIX else None
     return kept or sha256(path)[:_DIGITS]

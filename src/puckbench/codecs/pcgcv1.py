@@ -32,8 +32,6 @@ if TYPE_CHECKING:
 
 
 class Pcgcv1Options(PublishedOptions):
-    """Options of PCGCv1."""
-
     min_points: int = Field(20, ge=1, description="of a cube that the network codes")
     sparse_cubes: bool = Field(False, description="code cubes with fewer points too, without loss")
 
@@ -102,8 +100,6 @@ class Pcgcv1(LearnedByLambda["Pcgcv1Weights"]):
 
 
 class Pcgcv1PlusOptions(ImprovedOptions, Pcgcv1Options):
-    """Options of PCGCv1+."""
-
     weights: str = Field("pcgcv1_mixed", description="a shipped set's name, a file, or a folder")
     sparse_cubes: bool = Field(True, description="code cubes with fewer points too, without loss")
 

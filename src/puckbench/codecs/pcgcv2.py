@@ -92,8 +92,6 @@ class Pcgcv2(LearnedByLambda["Pcgcv2Weights"]):
 
 
 class Pcgcv2PlusOptions(ImprovedOptions):
-    """Options of PCGCv2+."""
-
     weights: str = Field("pcgcv2_objects", description="a shipped set's name, a file, or a folder")
 
 

@@ -21,7 +21,7 @@ from puckbench.puck.records import MAGIC
 
 
 class PuckOptions(Model):
-    """What is coded of returns, and with how much effort."""
+    """What is coded, and with how much effort."""
 
     effort: Literal["fast", "normal", "thorough"] = Field(
         "normal", description="how many estimates are taken of each range"
@@ -57,7 +57,6 @@ class Puck(ReturnsCodec):
     version = f"puckbench {__version__}"
 
     def load(self) -> None:
-        """Compile the coder, or take it from the cache."""
         turn = Turn(np.full((1, 8, 2), 500, np.uint16), np.arange(8, dtype=np.uint16) * 20)
         beams = Beams((-1.0, 1.0), (0.0, 0.0), (0.0, 0.0))
         self.decode_cloud(self._stream(Returns(beams, Layout((0, 1)), (turn, turn)), 1))

@@ -17,17 +17,17 @@ _MAGIC = b"SMOOTH"
 
 
 class PuckSmoothedOptions(PuckOptions):
-    """As of `puck`; ranges far off their interval would mislead the smoothing."""
+    """Options of `puck`; lambda is small, because ranges outside their step bias the smoothing."""
 
     lmbda: float = Field(0.002, ge=0, description=PuckOptions.model_fields["lmbda"].description)
 
 
 @CODECS.register("puck_smoothed")
 class PuckSmoothed(Puck):
-    """As `puck`; decoded points lie on planes that fit the returns, and lasers' biases are gone.
+    """`puck` whose decoder fits planes to the returns and removes the biases of lasers.
 
-    The decoded returns are `puck`'s, in the sensor's own numbers, without loss at the finest rate;
-    the points are estimates at every rate (`puckbench.puck.smoothing`).
+    Decoded returns are those of `puck`, lossless at the finest rate; decoded points are estimates
+    of the surface at every rate (`puckbench.puck.smoothing`).
     """
 
     title = "Puck, smoothed"

@@ -22,15 +22,12 @@ class RangeImageCodec(ReturnsCodec):
     pace = Pace(0.05, 10.0)
 
     @abstractmethod
-    def _image_encoded(self, image: Image, quanta: int) -> bytes:
-        """As `EncodeImage`."""
+    def _image_encoded(self, image: Image, quanta: int) -> bytes: ...
 
     @abstractmethod
-    def _image_decoded(self, stream: bytes, shape: tuple[int, int], quanta: int) -> Image:
-        """As `DecodeImage`."""
+    def _image_decoded(self, stream: bytes, shape: tuple[int, int], quanta: int) -> Image: ...
 
     def available(self) -> Availability:
-        """Whether imagecodecs is installed."""
         is_here = find_spec("imagecodecs") is not None
         return Availability(is_here, "" if is_here else "imagecodecs is not installed (pip)")
 

@@ -31,8 +31,6 @@ _OFFSET = 131072
 
 
 class RenoOptions(LearnedOptions):
-    """Options of RENO."""
-
     weights: str = Field(
         PUBLISHED_WEIGHTS, description="a folder with the authors' weights, or one of their files"
     )

@@ -67,7 +67,6 @@ class Tmc13(ExternalCodec, GridCodec):
 
     @property
     def programs(self) -> tuple[str, ...]:
-        """The one program."""
         return (self.options.program,)
 
     @cached_property
