@@ -109,7 +109,7 @@ class Learned(Codec, Generic[W]):
         return self.options.weights
 
     def _known_files(self) -> Iterator[Path]:
-        """Yield the files that may have made a stream: those of the options, and the shipped sets."""
+        """Yield files that may have made a stream: those of the options, and the shipped sets."""
         yield from self.weights_files()
         yield from self.network.shipped()
 
@@ -284,7 +284,7 @@ class Improved(LearnedByLambda[R]):
 
 
 def _trial_cloud() -> Floats:
-    """Return a small cloud (n, 3), a block and a wave of voxels, that reaches every compiled path."""
+    """Return a block and a wave of voxels (n, 3), which reach every compiled path."""
     block = np.stack(np.meshgrid(*[np.arange(8.0)] * 3), axis=-1).reshape(-1, 3)
     x, y = np.stack(np.meshgrid(*[np.arange(40.0)] * 2), axis=-1).reshape(-1, 2).T
     wave = np.rint(20 + 8 * np.sin(x / 6) * np.cos(y / 5))

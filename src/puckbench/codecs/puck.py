@@ -1,6 +1,6 @@
-"""`puck` as a codec of the benchmark: ranges and azimuths of returns, without loss or with little.
+"""`puck`: ranges and azimuths of returns, lossless or nearly so.
 
-The sensor's beams stand in the stream: by the name of a sensor that puckbench ships, or all angles.
+A stream names a sensor that ships with puckbench, or has the angles of all lasers.
 """
 
 from __future__ import annotations
