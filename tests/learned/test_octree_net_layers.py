@@ -6,7 +6,7 @@ import pytest
 import torch
 from numpy.typing import NDArray
 
-from puckbench.coding.matrix_products import add_products
+from puckbench.coding.intrinsics import add_products
 from puckbench.learned.octree_net.causal_neighbourhood import (
     CELLS,
     empty_state,

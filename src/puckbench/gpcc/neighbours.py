@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.coding.bit_count import bit_count
+from puckbench.coding.integers import bit_count
 from puckbench.core.compiling import inlined
 from puckbench.geometry.morton import (
     AXES_BITS,

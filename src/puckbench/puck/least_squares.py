@@ -10,7 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from puckbench.coding.integer_vectors import as_vector, decay_and_add, dot, lanes_for
+from puckbench.coding.integers import dot
+from puckbench.coding.intrinsics import decay_and_add, lanes_for
 from puckbench.core.compiling import inlined
 from puckbench.puck.mixing import Ints, Many, Words
 
@@ -25,9 +26,9 @@ class LeastSquares(NamedTuple):
     """State of several predictors with common features."""
 
     features: Words  # (lanes,), then zeros
-    products: Words  # (predictors * features, lanes), weighted sums of products of two features
+    products: Words  # (predictors * features * lanes,), sums of products of two features
     targets: Ints  # (predictors, lanes), weighted sums of a feature times the target
-    coefficients: Words  # (predictors, lanes)
+    coefficients: Words  # (predictors * lanes,)
     every: Many  # tuples whose lengths (features, lanes) are known to the compiler
     lanes: Many
 
@@ -35,10 +36,11 @@ class LeastSquares(NamedTuple):
 def new_least_squares(predictors: int, features: int) -> LeastSquares:
     """Return predictors whose coefficients are 0."""
     lanes = lanes_for(features)
-    products = np.zeros((predictors * features, len(lanes)), np.int32)
+    products = np.zeros(predictors * features * len(lanes), np.int32)
     targets = np.zeros((predictors, len(lanes)), np.int64)
     return LeastSquares(
-        np.zeros(len(lanes), np.int32), products, targets, targets.astype(np.int32),
+        np.zeros(len(lanes), np.int32), products, targets,
+        np.zeros(predictors * len(lanes), np.int32),
         (0,) * features, lanes,
     )  # fmt: skip
 
@@ -47,7 +49,6 @@ def new_least_squares(predictors: int, features: int) -> LeastSquares:
 def predicted(state: LeastSquares, which: int) -> int:
     """Return the prediction of predictor `which`, in the features' unit."""
     start = which * len(state.lanes)
-    as_vector(state.features, state.lanes)
     return int(dot(state.coefficients, start, state.features, 0, state.lanes) >> FRACTION)
 
 
@@ -72,6 +73,7 @@ def solve(state: LeastSquares, which: int) -> None:
         row = which * len(state.every) + i
         residual = state.targets[predictor, i] << FRACTION
         residual -= dot(products, row * len(lanes), coefficients, start, lanes)
-        diagonal = np.int64(products[np.uint64(row), i])
-        solution = coefficients[predictor, i] + residual // (diagonal + _RIDGE)
-        coefficients[predictor, i] = min(max(solution, -_LARGEST), _LARGEST)
+        diagonal = np.int64(products[np.uint64(row * len(lanes) + i)])
+        place = np.uint64(start + i)
+        solution = coefficients[place] + residual // (diagonal + _RIDGE)
+        coefficients[place] = min(max(solution, -_LARGEST), _LARGEST)

@@ -31,7 +31,8 @@ from puckbench.coding.context_mixing import (
     new_counters,
     seen_at,
 )
-from puckbench.coding.integer_vectors import add_scaled, as_vector, dot, lanes_for
+from puckbench.coding.integers import dot
+from puckbench.coding.intrinsics import add_scaled, lanes_for
 from puckbench.core.compiling import inlined
 
 Ints = NDArray[np.int64]
@@ -43,7 +44,7 @@ class Mixer(NamedTuple):
     """State of a mixer.
 
     bits: the arithmetic coder. counters: (contexts,) probability of a 1 and number of bits seen.
-    weights: (rows, lanes), of the experts, the contexts, a constant, and zeros. corrected:
+    weights: (rows * lanes,), of the experts, the contexts, a constant, and zeros. corrected:
     (rows, buckets). inputs: (lanes,), of which the caller fills the experts. at: (contexts of a
     bit,) its counters. rows: (sets,) its weights' rows. mixtures: (sets,) workspace. pace: learning
     rate at first and in the end, memory of counters, bits coded, learning rate now. experts,
@@ -87,7 +88,7 @@ def new_mixer(
     return Mixer(
         bits,
         new_counters(counters).view(np.uint32),
-        weights,
+        weights.ravel(),
         new_corrections(rows).astype(np.int32),
         inputs,
         np.zeros(contexts, np.int64),
@@ -115,7 +116,6 @@ def code_bit(mixer: Mixer, bit: int, node: int, row: int) -> int:
     width = len(mixer.lanes)
     for k in range(len(mixer.contexts)):
         inputs[experts + k] = logit_of(counters, mixer.at[k] + node, mixer.stretch)
-    as_vector(inputs, mixer.lanes)
     total = 0
     for k in range(sets):
         mixed = dot(weights, (mixer.rows[k] + row) * width, inputs, 0, mixer.lanes) >> 16

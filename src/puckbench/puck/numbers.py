@@ -10,7 +10,7 @@ import numpy as np
 
 from puckbench.coding.binary_coder import LEAST, ONE, code
 from puckbench.coding.context_mixing import CERTAIN, FINE_BITS, SEEN_BITS, learn_bit
-from puckbench.coding.leading_zeros import leading_zeros
+from puckbench.coding.integers import leading_zeros
 from puckbench.core.compiling import inlined
 from puckbench.puck.experts import FINE, Experts, narrow, write_logits
 from puckbench.puck.mixing import Mixer, code_bit

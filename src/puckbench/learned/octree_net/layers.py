@@ -13,7 +13,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.coding.matrix_products import add_products
+from puckbench.coding.intrinsics import add_products
 from puckbench.core.compiling import compiled
 from puckbench.learned.octree_net.fixed_point import (
     MAX_ACTIVATION,

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.coding.binary_coder import BitCoder, bit_reader, bit_writer
-from puckbench.coding.bit_count import bit_count
 from puckbench.coding.context_mixing import Mixer, MixerSettings, code_mixed, mixer
+from puckbench.coding.integers import bit_count
 from puckbench.core.compiling import compiled_in_place
 from puckbench.learned.octree_net.causal_neighbourhood import (
     CELLS,

@@ -14,7 +14,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.coding.matrix_products import add_fused_products
+from puckbench.coding.intrinsics import add_fused_products
 from puckbench.core.compiling import compiled
 from puckbench.learned.reno.weights import VALUES, Floats32
 from puckbench.learned.sparse.voxels import OFFSETS, NeighbourTable

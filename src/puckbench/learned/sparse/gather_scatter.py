@@ -16,7 +16,6 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from puckbench.coding.vector_moves import add_vector, copy_vector
 from puckbench.core.compiling import compiled
 from puckbench.learned.sparse.kernel_map import KernelMap
 from puckbench.learned.sparse.thread_pool import Scratch
@@ -238,7 +237,8 @@ def _gatherer(width: int) -> Callable[..., None]:
                 start = row_stride * sources[pair]
                 for j in range(child_counts[offset]):
                     origin = start + children[offset, j] * child_stride
-                    copy_vector(into, at, features, origin, width)
+                    for k in range(width):
+                        into[np.uint64(at + k)] = features[np.uint64(origin + k)]
                     at += width
 
     return gather
@@ -266,7 +266,8 @@ def _adder(width: int) -> Callable[..., None]:
                 start = row_stride * (rows[pair] - first_row)
                 for j in range(child_counts[offset]):
                     target = start + children[offset, j] * child_stride
-                    add_vector(sums, target, products, at, width)
+                    for k in range(width):
+                        sums[np.uint64(target + k)] += products[np.uint64(at + k)]
                     at += width
 
     return add

@@ -1,0 +1,45 @@
+"""Functions of integers and of short integer vectors, for compiled loops."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.core.compiling import inlined
+
+
+@inlined
+def bit_count(word: int) -> int:
+    """Return the number of set bits of a 64-bit word.
+
+    The bits are added in groups of two, four and eight; LLVM replaces this pattern by a single
+    instruction where the processor has one.
+    """
+    pairs = word - ((word >> 1) & 0x5555555555555555)
+    fours = (pairs & 0x3333333333333333) + ((pairs >> 2) & 0x3333333333333333)
+    eights = (fours + (fours >> 4)) & 0x0F0F0F0F0F0F0F0F
+    return (eights * 0x0101010101010101) >> 56
+
+
+@inlined
+def leading_zeros(word: int) -> int:
+    """Return the number of zero bits above the highest set bit of a 64-bit word; 64 for 0."""
+    if word < 0:
+        return 0
+    zeros = 64
+    for step in (32, 16, 8, 4, 2, 1):
+        if word >> step:
+            word >>= step
+            zeros -= step
+    return zeros - (1 if word else 0)
+
+
+@inlined
+def dot(
+    left: NDArray[np.int32], i: int, right: NDArray[np.int32], j: int, lanes: tuple[int, ...]
+) -> int:
+    """Return the sum of ``left[i + k] * right[j + k]`` for each k of `lanes`, in 64 bits."""
+    total = np.int64(0)
+    for k in range(len(lanes)):
+        total += np.int64(left[np.uint64(i + k)]) * np.int64(right[np.uint64(j + k)])
+    return int(total)
