@@ -1,4 +1,4 @@
-"""A search for the nearest that gives up when it would look at every point."""
+"""Nearest neighbour search with a limit on its work."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ def _sphere(count: int) -> np.ndarray:
     return np.asarray(400 * points / np.linalg.norm(points, axis=1, keepdims=True))
 
 
-def test_near_a_sphere_little_is_looked_at_and_at_its_centre_much() -> None:
+def test_queries_near_a_sphere_need_few_visits_and_at_its_centre_many() -> None:
     sphere, queries = _sphere(20_000), 200
     tree = box_tree(sphere)
     near = sphere[:queries] * 1.001
@@ -26,7 +26,7 @@ def test_near_a_sphere_little_is_looked_at_and_at_its_centre_much() -> None:
 
 
 @pytest.mark.parametrize("scale", [1e-30, 1.0, 1e30])
-def test_what_is_found_is_the_nearest(scale: float) -> None:
+def test_results_are_the_nearest_points(scale: float) -> None:
     points, queries = (RANDOM.random((count, 3)) * scale for count in (3_000, 500))
     distances, rows = cKDTree(points / scale).query(queries / scale)
     found = nearest_within(queries, box_tree(points), 1 << 30)
@@ -36,8 +36,8 @@ def test_what_is_found_is_the_nearest(scale: float) -> None:
 
 
 @pytest.mark.parametrize("scale", [1e-30, 1.0, 1e30])
-def test_equal_points_count_each(scale: float) -> None:
-    """A leaf of a thousand equal points is looked at as a whole."""
+def test_each_of_equal_points_counts_as_a_visit(scale: float) -> None:
+    """A leaf of a thousand equal points is visited as a whole."""
     tree = box_tree(np.repeat(_sphere(40), 1000, axis=0) * scale)
     queries = tree.columns[:, ::100].T.copy()
     assert nearest_within(queries, tree, 400 * 1000 - 1) is None

@@ -1,4 +1,4 @@
-"""The search with trees of boxes against distances of all pairs."""
+"""Dual-tree search compared with the distances of all pairs."""
 
 import numpy as np
 import pytest
@@ -21,7 +21,7 @@ def room(points: int, seed: int = 0) -> Floats:
 
 
 def grid(points: int, seed: int = 0) -> Floats:
-    """Distinct points of a coarse grid, in any order, of which many are equally near."""
+    """Distinct points of a coarse grid in random order, with many ties."""
     random = generator(seed, "grid")
     return random.permutation(np.unique(random.integers(0, 9, (points, 3)), axis=0)).astype(float)
 
@@ -62,19 +62,19 @@ def assert_as_all_pairs(queries: Floats, points: Floats) -> None:
 
 @pytest.mark.parametrize("queries", CLOUDS)
 @pytest.mark.parametrize("points", CLOUDS)
-def test_nearest_two_and_ties_are_those_of_all_pairs(queries: str, points: str) -> None:
+def test_nearest_two_and_ties_equal_those_of_all_pairs(queries: str, points: str) -> None:
     assert_as_all_pairs(CLOUDS[queries], CLOUDS[points])
 
 
 @settings(max_examples=100)
 @given(st.integers(1, 150), st.integers(1, 150), st.integers(0, 2**31), st.sampled_from([1, 40]))
-def test_any_few_points_of_a_grid(queries: int, points: int, seed: int, cells: int) -> None:
+def test_small_random_grids(queries: int, points: int, seed: int, cells: int) -> None:
     random = generator(seed, "grids")
     a, b = (np.unique(random.integers(0, 3 * cells, (n, 3)), axis=0) for n in (queries, points))
     assert_as_all_pairs(a / 1.0, random.permutation(b) / 2)
 
 
-def test_the_result_does_not_depend_on_the_parts_that_are_searched_at_once(
+def test_results_do_not_depend_on_the_batch_size(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     queries, points = box_tree(grid(600)), box_tree(grid(500, seed=2))
@@ -88,7 +88,7 @@ def test_the_result_does_not_depend_on_the_parts_that_are_searched_at_once(
 
 
 @pytest.mark.parametrize("name", CLOUDS)
-def test_a_tree_has_every_point_once_in_a_small_leaf_within_its_boxes(name: str) -> None:
+def test_every_point_is_once_in_a_small_leaf_and_in_its_boxes(name: str) -> None:
     tree = box_tree(CLOUDS[name])
     np.testing.assert_array_equal(CLOUDS[name][tree.rows].T, tree.columns)
     assert sorted(tree.rows) == list(range(len(CLOUDS[name])))
@@ -109,7 +109,7 @@ def depths(tree: BoxTree, node: int = 0) -> list[int]:
     return [1 + depth for child in children for depth in depths(tree, child)] or [1]
 
 
-def test_equal_points_and_distances_beyond_double_precision_do_no_harm() -> None:
+def test_equal_points_and_overflowing_distances() -> None:
     equal, far = np.ones((500, 3)), np.array([[1e200, 0, 0], [-1e200, 0, 0], [1e308, 0, 0]])
     assert box_tree(equal).largest == 500
     found = nearest_two(box_tree(far), box_tree(equal))

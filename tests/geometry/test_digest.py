@@ -1,4 +1,4 @@
-"""Digests of clouds: of the points and their order, not of rounding."""
+"""Digests of clouds depend on points and order, not on rounding."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ from puckbench.core.seeding import generator
 from puckbench.geometry.digest import cloud_digest
 
 
-def test_a_digest_is_of_points_and_order_and_not_of_the_last_bits() -> None:
+def test_digest_depends_on_points_and_order_not_on_the_last_bits() -> None:
     points = generator(1, "digest").uniform(0, 1023, (1000, 3))
     known = cloud_digest(points)
     rounded = np.rint(points * 1000) / 1000
@@ -16,7 +16,7 @@ def test_a_digest_is_of_points_and_order_and_not_of_the_last_bits() -> None:
     assert len({known, cloud_digest(moved), cloud_digest(points[::-1])}) == 3
 
 
-def test_metres_are_told_apart_by_micrometres() -> None:
+def test_metres_are_rounded_to_micrometres() -> None:
     points = np.zeros((3, 3))
     moved = points + 2e-6
     assert cloud_digest(points) == cloud_digest(moved)

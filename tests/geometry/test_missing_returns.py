@@ -9,7 +9,7 @@ RNG = np.random.default_rng(4)
 
 
 def with_zeros(points: int, zeros: int, copies: int = 1) -> np.ndarray:
-    """Points, each so many times, and some at the origin."""
+    """Points, each repeated, and some at the origin."""
     return np.vstack([np.repeat(RNG.random((points, 3)) + 1, copies, axis=0), np.zeros((zeros, 3))])
 
 
@@ -26,7 +26,7 @@ def with_zeros(points: int, zeros: int, copies: int = 1) -> np.ndarray:
         (10, 0, 1, False),
     ],
 )
-def test_many_points_at_the_origin_are_none(
+def test_many_points_at_the_origin_are_missing_returns(
     points: int, zeros: int, copies: int, found: bool
 ) -> None:
     xyz = with_zeros(points, zeros, copies)
@@ -36,7 +36,7 @@ def test_many_points_at_the_origin_are_none(
 
 
 def test_a_coarsely_rounded_cloud_keeps_its_points() -> None:
-    """Whole numbers from 0 to 2: some forty points lie at each place, the origin among them."""
+    """Integers from 0 to 2: about forty points lie at each position."""
     xyz = RNG.integers(0, 3, (1000, 3)).astype(float)
     assert not missing_returns(xyz).any()
 
@@ -54,7 +54,7 @@ def test_points_without_any_coordinate_are_missing() -> None:
 
 
 def firings(place: tuple[float, float, float], rings: int) -> tuple[np.ndarray, np.ndarray]:
-    """Twenty far points of twenty rings, and one place that some rings share."""
+    """Twenty distant points of twenty rings, and a position that some rings share."""
     around = np.linspace(0, 6, 20)
     far = np.column_stack([9 * np.cos(around), 9 * np.sin(around), np.zeros(20)])
     return np.vstack([far, np.tile(place, (rings, 1))]), np.append(np.arange(20), np.arange(rings))
@@ -73,7 +73,7 @@ def firings(place: tuple[float, float, float], rings: int) -> tuple[np.ndarray, 
         ((4.0, 0.5, 0.5), 3, False),  # no car is so fast
     ],
 )
-def test_a_place_that_several_rings_share_is_the_sensor(
+def test_a_position_that_several_rings_share_is_the_sensor(
     place: tuple[float, float, float], rings: int, found: bool
 ) -> None:
     xyz, ring = firings(place, rings)
@@ -81,18 +81,18 @@ def test_a_place_that_several_rings_share_is_the_sensor(
     assert missing.tolist() == [False] * 20 + [found] * rings
 
 
-def test_one_ring_at_one_place_is_no_firing_without_return() -> None:
+def test_repeated_points_of_one_ring_are_returns() -> None:
     xyz, _ = firings((0.3, 0.3, 0.1), 5)
     assert not missing_firings(xyz, np.append(np.arange(20), np.zeros(5))).any()
 
 
-def test_a_single_firing_without_return_lies_on_the_way_of_the_others() -> None:
+def test_a_single_firing_near_a_shared_position_is_missing() -> None:
     xyz, ring = firings((0.3, 0.3, 0.1), 3)
     xyz, ring = np.vstack([xyz, [(0.3, 0.349, 0.1), (0.3, 0.351, 0.1)]]), np.append(ring, [7, 8])
     assert missing_firings(xyz, ring)[-2:].tolist() == [True, False]
 
 
-def test_places_are_alike_within_rounding() -> None:
+def test_positions_are_equal_within_rounding() -> None:
     xyz, ring = firings((0.3, 0.3, 0.1), 3)
     xyz[-1] += 2e-5
     assert missing_firings(xyz, ring)[-3:].all()

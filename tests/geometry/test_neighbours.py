@@ -15,7 +15,7 @@ CORNERS = sorted(
         for signs in product((-1.0, 1.0), repeat=3)
     }
 )
-"""96 points at the distance 9 of the origin."""
+"""96 points at a distance of 9 from the origin."""
 
 
 @pytest.mark.parametrize(
@@ -25,7 +25,7 @@ CORNERS = sorted(
 def test_near_ties_count_among_the_ten_to_thirty_neighbours_that_pc_error_searches(
     equal: int, counted: int
 ) -> None:
-    """It searches 10 neighbours, 5 more while all of them are equally near, and 30 at most."""
+    """It searches 10 neighbours, 5 more while all of them tie, and 30 at most."""
     nearly = np.array(CORNERS[:20]) * (1 + 1e-12)
     points = np.concatenate([CORNERS[:equal], nearly, [[20.0, 0, 0]]])
     found = SearchablePoints(points).nearest(SearchablePoints(np.zeros((1, 3))))
@@ -36,7 +36,7 @@ def test_near_ties_count_among_the_ten_to_thirty_neighbours_that_pc_error_search
 
 
 def test_neighbours_are_sorted_by_their_exact_distances() -> None:
-    """Whatever order a search in lower precision finds them in; ties stay as they were found."""
+    """Sorting is stable for ties."""
     random = np.random.default_rng(0)
     points, queries = random.integers(0, 9, (40, 3)).astype(float), random.random((5, 3)) * 9
     index = np.array([random.permutation(40) for _ in queries], dtype=np.uint32)

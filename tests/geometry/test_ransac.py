@@ -72,7 +72,7 @@ def test_points_without_a_plane_are_refused(points: Floats, fault: str) -> None:
         ransac_plane(points, np.random.default_rng(1))
 
 
-def test_a_robust_plane_leaves_out_what_is_far_from_it() -> None:
+def test_a_robust_plane_excludes_outliers() -> None:
     points = plane_points(3000, 0.005, outliers=300)
     start = ransac_plane(points, np.random.default_rng(1), threshold_m=0.02)
     plane, near = robust_plane(points, start)
@@ -83,7 +83,7 @@ def test_a_robust_plane_leaves_out_what_is_far_from_it() -> None:
     assert plane.facing(10 * NORMAL).normal == pytest.approx(best.facing(10 * NORMAL).normal)
 
 
-def test_a_robust_plane_of_points_without_noise_takes_all() -> None:
+def test_a_robust_plane_of_points_without_noise_includes_all() -> None:
     points = plane_points(100, 0.0)
     start = ransac_plane(points, np.random.default_rng(1))
     assert robust_plane(points, start)[1].all()

@@ -1,4 +1,4 @@
-"""Pictures against what the camera's geometry says must be in each pixel."""
+"""Images compared with the camera's geometry."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ def covered(image: Image) -> NDArray[np.bool_]:
     return np.asarray((image < 250).any(axis=-1))
 
 
-def test_nearer_point_hides_the_farther_one_whatever_their_order() -> None:
+def test_the_nearer_point_hides_the_farther_one_in_any_order() -> None:
     points = np.array([[0.0, 0, 0], [0, 0, 1]])
     colours = np.array([[255, 0, 0], [0, 0, 255]], dtype=np.uint8)
     for order in ([0, 1], [1, 0]):

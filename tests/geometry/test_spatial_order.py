@@ -1,4 +1,4 @@
-"""Merging of duplicates, and the order along the curve."""
+"""Removal of duplicates and Morton order."""
 
 import numpy as np
 import pytest
@@ -17,14 +17,14 @@ POINTS = st.integers(1, 60).flatmap(
 
 @settings(max_examples=100)
 @given(points=POINTS)
-def test_the_first_of_equal_points_stays(points: Floats) -> None:
+def test_the_first_of_equal_points_is_kept(points: Floats) -> None:
     firsts = {}
     for row, point in enumerate(points.tolist()):
         firsts.setdefault(tuple(point), row)
     assert sorted(distinct_rows(points)) == sorted(firsts.values())
 
 
-def test_a_far_outlier_does_not_merge_what_it_crowds_into_one_cell() -> None:
+def test_an_outlier_does_not_merge_the_points_of_a_crowded_cell() -> None:
     points = generator(3, "crowd").random((5000, 3))
     points[0] = 1e9
     assert len(distinct_rows(np.tile(points, (3, 1)))) == 5000

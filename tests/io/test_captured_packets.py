@@ -34,7 +34,7 @@ def times(data: bytes) -> list[float]:
 
 
 def contents(data: bytes) -> list[tuple[int, bytes, int]]:
-    """Link type, bytes and length of each frame."""
+    """Link type, bytes and length of each packet."""
     return [(one.link, data[one.start : one.end], one.length) for one in CapturedPackets(data)]
 
 
@@ -52,7 +52,7 @@ def test_records_of_a_pcap(order: str, magic: int, ticks: int) -> None:
 
 
 @pytest.mark.parametrize("magic", [0xA1B2C3D4, 0xA1B2CD34])
-def test_a_record_that_is_not_whole_ends_a_pcap(magic: int) -> None:
+def test_an_incomplete_record_ends_a_pcap(magic: int) -> None:
     data, first = pcap(b"abc", b"defgh", magic=magic), len(pcap(b"abc", magic=magic))
     for end in range(first, len(data)):
         frames = CapturedPackets(data[:end])
@@ -115,7 +115,7 @@ def test_a_simple_packet_is_cut_by_the_first_interface() -> None:
     assert contents(data) == [(1, b"abcdefgh", 8)]
 
 
-def test_a_section_forgets_the_interfaces_before() -> None:
+def test_a_section_has_its_own_interfaces() -> None:
     data = section() + interface(101) + packet(b"a") + section() + packet(b"b") + statistics()
     frames = CapturedPackets(data)
     assert len(list(frames)) == 1
@@ -123,7 +123,7 @@ def test_a_section_forgets_the_interfaces_before() -> None:
     assert frames.end == len(data)
 
 
-def test_a_block_that_is_not_whole_ends_a_pcapng() -> None:
+def test_an_incomplete_block_ends_a_pcapng() -> None:
     first = section() + interface() + packet(b"abcd")
     data = first + packet(b"efgh")
     for end in range(len(first), len(data)):
@@ -160,7 +160,7 @@ def test_a_damaged_block_ends_a_pcapng(fault: bytes) -> None:
         block(3, struct.pack("<I", 5) + b"abcd"),
     ],
 )
-def test_a_packet_whose_fields_contradict_each_other_is_left_out(fault: bytes) -> None:
+def test_an_inconsistent_packet_is_skipped(fault: bytes) -> None:
     frames = CapturedPackets(section() + interface() + fault + packet(b"efgh"))
     assert len(list(frames)) == 1
     assert frames.unreadable == 1
@@ -194,12 +194,12 @@ def test_a_packet_fills_its_block_to_the_last_byte() -> None:
 
 
 @pytest.mark.parametrize("data", [b"", b"\x0a\x0d\x0d\x0a" + bytes(24), bytes(24), b"PK" * 20])
-def test_other_bytes_are_no_capture(data: bytes) -> None:
+def test_other_bytes_are_not_a_capture(data: bytes) -> None:
     assert not is_packet_capture(data)
     assert is_packet_capture(section())
 
 
-def test_streams_are_told_by_addresses_and_ports() -> None:
+def test_streams_are_identified_by_addresses_and_ports() -> None:
     four = udp_datagram(ethernet(ipv4(udp(b"abc", 5, 70), "10.0.0.1", "10.0.0.255")))
     assert four is not None
     assert f"{four.stream}" == "10.0.0.1:5 to 10.0.0.255:70"
@@ -210,7 +210,7 @@ def test_streams_are_told_by_addresses_and_ports() -> None:
     assert six.payload == b"abc"
 
 
-def test_a_cut_datagram_has_its_whole_length() -> None:
+def test_a_cut_datagram_has_its_original_length() -> None:
     whole = ethernet(ipv4(udp(b"abcdef")))
     for end in (len(whole) - 6, len(whole) - 1):
         cut = udp_datagram(whole[:end])
@@ -221,7 +221,7 @@ def test_a_cut_datagram_has_its_whole_length() -> None:
 
 @pytest.mark.parametrize("link", [0, 1, 12, 113, 228, 276])
 @pytest.mark.parametrize("wrap", [ipv4, ipv6])
-def test_a_frame_may_be_cut_anywhere(link: int, wrap: Callable[[bytes], bytes]) -> None:
+def test_a_packet_may_be_cut_anywhere(link: int, wrap: Callable[[bytes], bytes]) -> None:
     whole = framed(link, wrap(udp(b"abcdef")))
     lengths = [udp_datagram(whole[:end], link) for end in range(len(whole) + 1)]
     assert lengths[:-7] == [None] * (len(whole) - 6)
@@ -238,14 +238,14 @@ def test_headers_with_options_are_skipped() -> None:
 
 
 @pytest.mark.parametrize("family", [2, 10, 23, 24, 28, 30])
-def test_loopback_frames_have_their_family_in_either_order(family: int) -> None:
+def test_loopback_packets_have_their_family_in_either_byte_order(family: int) -> None:
     for order in "<>":
         data = struct.pack(f"{order}I", family) + ipv4(udp(b"abc"))
         assert udp_datagram(data, 0) == udp_datagram(ethernet(ipv4(udp(b"abc"))))
     assert udp_datagram(struct.pack("<I", 7) + ipv4(udp(b"abc")), 0) is None
 
 
-def test_what_a_capture_holds_is_counted() -> None:
+def test_the_contents_of_a_capture_are_counted() -> None:
     many = [ethernet(ipv4(udp(bytes(10 + k), target=9))) for k in range(6) for _ in range(6 - k)]
     others = [
         ethernet(ipv4(bytes(64), fragment=0x2000)),
@@ -265,7 +265,7 @@ def test_what_a_capture_holds_is_counted() -> None:
 
 
 @given(st.binary(max_size=300), st.sampled_from(["pcap", "pcapng"]), st.integers(0, 200))
-def test_any_bytes_after_a_header_end_somewhere(rest: bytes, form: str, at: int) -> None:
+def test_random_bytes_after_a_header_are_read_to_an_end(rest: bytes, form: str, at: int) -> None:
     whole = pcap(frame()) if form == "pcap" else section() + interface() + packet(frame())
     data = whole[:at] + rest + whole[at:]
     frames = CapturedPackets(data)

@@ -1,4 +1,4 @@
-"""Clouds in other programs' formats, each written by a library that is not ours."""
+"""Clouds in all formats, each written by an independent library."""
 
 from __future__ import annotations
 
@@ -161,7 +161,7 @@ def test_points_stand_in_rows(tmp_path: Path, rows: int, columns: int, is_read: 
             read_cloud(tmp_path / "a.npy")
 
 
-def test_an_archive_unpacks_to_no_more_than_its_bound(
+def test_the_size_of_an_unpacked_archive_is_limited(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     np.savez(tmp_path / "a.npz", xyz=POINTS)
@@ -174,7 +174,7 @@ def test_an_archive_unpacks_to_no_more_than_its_bound(
         read_cloud(tmp_path / "a.npz")
 
 
-def test_coordinates_in_single_precision_are_remarked_where_it_shows(
+def test_coarse_single_precision_coordinates_give_a_warning(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     """17 km away a step is 2 ** -9 m: a hundred-thousandth of 195 m."""
@@ -219,7 +219,7 @@ def test_scans_of_an_e57_file_are_moved_to_their_poses(tmp_path: Path) -> None:
     assert cloud.fields["scan"].tolist() == [0] * 40 + [1] * 40
 
 
-def test_without_pye57_one_line_says_how_to_get_it(
+def test_without_pye57_a_message_says_how_to_install_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "pye57", None)
@@ -256,7 +256,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("name", BAD)
-def test_a_bad_file_is_named_in_one_line(
+def test_a_damaged_file_is_named_in_one_line(
     name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / name

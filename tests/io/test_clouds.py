@@ -55,7 +55,7 @@ def test_scaling_to_metres_undoes_scale_and_offset() -> None:
     assert PointCloud(points).to_metres(points).tolist() == points.tolist()
 
 
-def test_selection_takes_attributes_along() -> None:
+def test_selection_includes_attributes() -> None:
     chosen = _cloud().select(np.array([3, 1]))
     assert chosen.labels is not None
     assert chosen.labels.tolist() == [3, 1]
@@ -108,7 +108,7 @@ def test_a_description_says_that_it_is_ours(tmp_path: Path) -> None:
         ({"vertices": 50, "triangles": "1", "scale": 9.0}, False),
     ],
 )
-def test_only_our_descriptions_count(
+def test_only_descriptions_by_puckbench_are_read(
     tmp_path: Path, about: dict[str, object], is_read: bool
 ) -> None:
     write_cloud(tmp_path / "a.ply", _cloud(), describe=False)

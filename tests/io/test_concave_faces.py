@@ -1,4 +1,4 @@
-"""Concave faces are cut into triangles that cover them, and nothing else."""
+"""Triangulation of concave faces."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def shoelace(outline: np.ndarray) -> float:
 
 @pytest.mark.parametrize("turn", range(12))
 @pytest.mark.parametrize(("outline", "area"), AREAS)
-def test_area_is_that_of_the_polygon_from_whichever_corner_it_begins(
+def test_area_equals_that_of_the_polygon_from_any_first_corner(
     outline: np.ndarray, area: float, turn: int
 ) -> None:
     mesh = cut(np.roll(outline, turn, axis=0))

@@ -19,7 +19,7 @@ ADDRESS_SPACE = 2 << 30
 
 @pytest.fixture(autouse=True)
 def limited_memory() -> Iterator[None]:
-    """What takes all memory fails here, and does not take the machine with it."""
+    """Limit the memory, so that excessive use fails without harm to the machine."""
     pages = int(Path("/proc/self/statm").read_text().split()[0])
     before = resource.getrlimit(resource.RLIMIT_AS)
     limit = pages * resource.getpagesize() + ADDRESS_SPACE

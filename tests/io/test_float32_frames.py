@@ -1,4 +1,4 @@
-"""The number of columns that bare values tell."""
+"""Detection of the number of columns of bare values."""
 
 from pathlib import Path
 
@@ -26,7 +26,7 @@ def scan(points: int) -> np.ndarray:
 @pytest.mark.parametrize("columns", [3, 4, 5, 6])
 @pytest.mark.parametrize("points", [20, 200, 20_000])
 @pytest.mark.parametrize("is_shuffled", [False, True])
-def test_values_tell_how_many_a_point_has(columns: int, points: int, is_shuffled: bool) -> None:
+def test_the_number_of_columns_is_detected(columns: int, points: int, is_shuffled: bool) -> None:
     rows = scan(points)[:, :columns]
     rows = RNG.permutation(rows) if is_shuffled else rows
     if is_shuffled and points < 20_000:  # chance has its part in so few values
@@ -35,7 +35,7 @@ def test_values_tell_how_many_a_point_has(columns: int, points: int, is_shuffled
         assert detect_column_count(rows.ravel()) == columns
 
 
-def test_firings_without_return_and_intensities_of_0_do_not_matter() -> None:
+def test_missing_returns_and_zero_intensities_do_not_disturb_the_detection() -> None:
     rows = scan(2000)[:, :5]
     rows[RNG.random(2000) < 0.4, :3] = 0
     assert detect_column_count(rows.ravel()) == 5
@@ -46,7 +46,7 @@ def test_firings_without_return_and_intensities_of_0_do_not_matter() -> None:
     assert detect_column_count(rows.ravel()) == 4
 
 
-def test_values_without_order_tell_nothing() -> None:
+def test_unordered_values_have_no_detectable_columns() -> None:
     assert detect_column_count(RNG.random(9000)) is None
     assert detect_column_count(scan(9)[:, :4].ravel()) is None  # 36 values
 
@@ -82,7 +82,7 @@ def test_only_coordinates_of_a_sensor_are_taken(tmp_path: Path) -> None:
         ((1, 2, 3), []),
     ],
 )
-def test_a_single_point_has_the_columns_that_are_whole(
+def test_columns_of_a_single_point(
     tmp_path: Path, row: tuple[float, ...], names: list[str]
 ) -> None:
     np.array(row, dtype="<f4").tofile(tmp_path / "a.bin")

@@ -1,4 +1,4 @@
-"""GLB scenes: places, fronts and bounds, against trimesh and the specification."""
+"""GLB scenes compared with trimesh and the specification."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def test_a_mirrored_node_keeps_its_front(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("binary", "mode"), [(STRIP, 5), (FAN, 6)])
-def test_triangles_of_strips_and_fans_have_one_front(
+def test_triangles_of_strips_and_fans_have_one_orientation(
     tmp_path: Path, binary: bytes, mode: int
 ) -> None:
     path = tmp_path / "part.glb"

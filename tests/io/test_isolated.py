@@ -1,4 +1,4 @@
-"""Parsers in a process of their own: what they hand back, and what becomes of their faults."""
+"""Parsers in a worker process: results, faults and limits."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def path(tmp_path: Path) -> Path:
     return place
 
 
-def test_arrays_and_remarks_come_back(path: Path, caplog: pytest.LogCaptureFixture) -> None:
+def test_arrays_and_warnings_are_returned(path: Path, caplog: pytest.LogCaptureFixture) -> None:
     with caplog.at_level(logging.WARNING):
         parsed = parse_isolated(number, path, "number", {"times": 3})
     assert parsed.columns["value"].tolist() == [21]
@@ -79,13 +79,13 @@ def test_one_process_reads_many_files(path: Path) -> None:
     assert len({parse_isolated(number, path, "number").about["process"] for _ in range(3)}) == 1
 
 
-def test_a_relative_path_is_that_of_the_caller(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_path_is_relative_to_the_caller(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     parse_isolated(number, path, "number")
     monkeypatch.chdir(path.parent)
     assert parse_isolated(number, Path("a"), "number").about["folder"] == str(path.parent.resolve())
 
 
-def test_a_refusal_is_handed_on_and_the_process_kept(path: Path) -> None:
+def test_an_input_error_is_passed_on_and_the_process_kept(path: Path) -> None:
     before = parse_isolated(number, path, "number").about["process"]
     with pytest.raises(InputError, match=r"a: no good$"):
         parse_isolated(refuses, path, "number")
@@ -139,7 +139,7 @@ def test_a_missing_file_is_named(tmp_path: Path) -> None:
         parse_isolated(number, tmp_path / "b", "number")
 
 
-def test_forks_and_threads_have_processes_of_their_own(path: Path) -> None:
+def test_forks_and_threads_have_separate_workers(path: Path) -> None:
     ours = parse_isolated(number, path, "number").about["process"]
     with get_context("fork").Pool(2) as pool:
         theirs = pool.map(_process, [path] * 4)

@@ -1,4 +1,4 @@
-"""LAS files whose unit the caller knows better (others are in tests/corpus/las.py)."""
+"""LAS files with a unit given by the caller (others are in tests/corpus/las.py)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tests.support.las_files import las_bytes
 
 
 @pytest.mark.parametrize("system", ["EPSG:2225", "EPSG:4326"])
-def test_numbers_are_kept_where_no_conversion_is_wanted(
+def test_coordinates_are_kept_without_conversion(
     system: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     (tmp_path / "a.las").write_bytes(las_bytes(STEPS, [wkt(system)]))

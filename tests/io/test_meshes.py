@@ -1,4 +1,4 @@
-"""Mesh files: round trip of our own format, polygons, orientation, damage."""
+"""Mesh files: round trip, polygons, orientation, damage."""
 
 import gzip
 from pathlib import Path
@@ -281,7 +281,7 @@ def test_a_sliver_is_measured_by_its_longest_edge(tmp_path: Path, height: float,
 
 
 @pytest.mark.parametrize("index", [-1, 4])
-def test_a_face_refers_to_vertices_that_there_are(index: int) -> None:
+def test_a_face_refers_to_existing_vertices(index: int) -> None:
     square = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]])
     with pytest.raises(InputError, match="square: a face refers to a vertex that does not exist"):
         triangulate(Polygons(square, np.array([0, 1, 2, index]), np.array([4])), "square")

@@ -1,4 +1,4 @@
-"""OBJ and OFF as they are found in the wild."""
+"""OBJ and OFF files as programs write them."""
 
 from pathlib import Path
 
@@ -48,7 +48,7 @@ def test_blanks_tabs_carriage_returns_and_continued_lines() -> None:
     assert corners(text) == [[0, 1, 2]]
 
 
-def test_colours_and_weights_after_the_coordinates_are_passed_over() -> None:
+def test_colours_and_weights_after_the_coordinates_are_ignored() -> None:
     polygons = parse_obj(b"v 0 0 0 1\nv 1 0 0 0.5 0.5 0.5\nv 0 1 0\nf 1 2 3\n", "test")
     assert polygons.vertices.tolist() == [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
 

@@ -1,4 +1,4 @@
-"""A PLY file is too short for its header, or is not, to the row."""
+"""PLY files that are too short for their headers."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ ROWS = 200
 
 
 def ply(path: Path, kind: str, missing: int = 0, form: str = "binary_little_endian") -> Path:
-    """Rows of one property, which may end before the last of them."""
+    """A file of rows of one property, some missing."""
     head = f"ply\nformat {form} 1.0\nelement vertex {ROWS}\nproperty {kind} x\nend_header\n"
     row = b"0\n" if form == "ascii" else bytes(SIZES[kind.replace("list ", "").split()[0]])
     path.write_bytes(head.encode() + row * (ROWS - missing))

@@ -78,7 +78,7 @@ def test_the_other_byte_order_and_nanoseconds_are_read() -> None:
     assert log.received == pytest.approx(LOG.received, abs=1e-6)
 
 
-def test_a_truncated_capture_gives_its_whole_packets_and_tells_the_rest() -> None:
+def test_a_truncated_capture_gives_its_complete_packets() -> None:
     log = log_of(PCAP[:-100])
     assert len(log) == 2
     assert log.about["bytes_cut_off"] == RECORD - 100
@@ -90,7 +90,7 @@ def test_a_vlan_tag_is_skipped() -> None:
     assert udp_datagram(tagged) == udp_datagram(frame)
 
 
-def test_fragments_and_other_protocols_are_no_datagrams() -> None:
+def test_fragments_and_other_protocols_are_not_datagrams() -> None:
     frame = bytearray(PCAP[40 : 24 + RECORD])
     assert udp_datagram(bytes(frame[:20] + b"\x20\x00" + frame[22:])) is None
     assert udp_datagram(bytes(frame[:23] + b"\x06" + frame[24:])) is None
@@ -102,7 +102,7 @@ def test_packets_of_other_sizes_are_counted() -> None:
     assert log_of(PCAP + position).about["other_packets"] == 1
 
 
-def test_all_that_is_no_data_packet_is_counted() -> None:
+def test_other_packets_are_counted() -> None:
     others = [
         *(ethernet(bytes(40), 0x0806) for _ in range(2)),
         *(ethernet(ipv4(bytes(40), fragment=3)) for _ in range(3)),
@@ -248,7 +248,7 @@ def stores(writer: object, ros1: bool) -> tuple[Any, Any]:
 
 
 def scan_of(types: Any, payloads: Any, ros1: bool) -> bytes:
-    """A VelodyneScan of the payloads as the bag's own serialisation has it."""
+    """A VelodyneScan of the payloads in the bag's serialisation."""
     time = types.types["builtin_interfaces/msg/Time"]
     head = {"seq": 0} if ros1 else {}
     header = types.types["std_msgs/msg/Header"](stamp=time(5, 0), frame_id="velodyne", **head)
@@ -380,6 +380,6 @@ def test_a_mutated_bag_is_packets_or_an_error(
 
 
 @given(st.binary(max_size=200))
-def test_any_bytes_are_a_frame_or_nothing(frame: bytes) -> None:
+def test_any_bytes_are_a_datagram_or_none(frame: bytes) -> None:
     datagram = udp_datagram(frame)
     assert datagram is None or len(datagram.payload) <= len(frame)

@@ -14,7 +14,7 @@ VARIABLES = {
 }
 
 
-def test_variables_come_back_without_the_optimisers() -> None:
+def test_variables_are_read_without_those_of_the_optimiser() -> None:
     found = read_variables(*checkpoint(VARIABLES))
     assert list(found) == sorted(VARIABLES)
     for name, values in VARIABLES.items():
@@ -22,7 +22,7 @@ def test_variables_come_back_without_the_optimisers() -> None:
 
 
 @pytest.mark.parametrize("cut", [0, 10, 47, 100, 200])
-def test_other_bytes_are_one_clean_error(cut: int) -> None:
+def test_damaged_checkpoints_are_refused(cut: int) -> None:
     index, data = checkpoint(VARIABLES)
     with pytest.raises(InputError, match="not a TensorFlow checkpoint"):
         read_variables(index[:cut], data)

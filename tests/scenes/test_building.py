@@ -1,4 +1,4 @@
-"""The generated building: S3DIS's counts, rooms that differ, and furniture that stays inside."""
+"""The generated building: S3DIS's counts, different rooms, furniture inside."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def test_rooms_are_chosen_by_area_and_number() -> None:
         EmbeddedAreas(areas=("Area_7",)).names()
 
 
-def test_every_room_has_another_shape_and_the_seed_makes_it() -> None:
+def test_rooms_have_different_shapes_that_depend_on_the_seed() -> None:
     shapes = {room_spec(name, 0).outline for name in room_types() if "auditorium" not in name}
     assert len(shapes) == 270
     assert room_spec("Area_1_office_1", 0) == room_spec("Area_1_office_1", 0)
@@ -57,7 +57,7 @@ def test_every_room_has_another_shape_and_the_seed_makes_it() -> None:
 
 
 @pytest.mark.parametrize("name", SOME)
-def test_a_room_is_labelled_and_its_sensor_stands_free(name: str) -> None:
+def test_a_room_is_labelled_and_its_sensor_is_free(name: str) -> None:
     mesh, place, (low, high) = room(name), np.array(origin(name, 3)), room_box(name, 3)
     check_mesh(mesh, name)
     assert worst_residual(mesh) < 1e-8
@@ -70,7 +70,7 @@ def test_a_room_is_labelled_and_its_sensor_stands_free(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", sorted(set(ROOMS) - {"auditorium_1"}))
-def test_furniture_stays_in_a_room_that_is_stretched_most(
+def test_furniture_stays_in_a_room_of_maximal_stretch(
     name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(ROOMS, name, stretched(ROOMS[name], MAX_STRETCH, MAX_STRETCH))
@@ -78,7 +78,7 @@ def test_furniture_stays_in_a_room_that_is_stretched_most(
     assert_furniture_within(mesh, low, high)
 
 
-def test_a_scene_has_its_type_and_its_box() -> None:
+def test_a_scene_has_a_type_and_a_box() -> None:
     scene = EmbeddedAreas(seed=3, detail=0.2).load("Area_6_copyRoom_1")
     assert scene.group == "copyRoom"
     assert scene.box is not None

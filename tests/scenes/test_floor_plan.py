@@ -1,4 +1,4 @@
-"""What fits on a floor plan."""
+"""Free and occupied space of a floor plan."""
 
 import numpy as np
 import pytest
@@ -19,13 +19,13 @@ L_SHAPE = np.array([(0.0, 0.0), (4, 0), (4, 2), (2, 2), (2, 4), (0, 4)])
         (3.5, 1, 0.7, False),
     ],
 )
-def test_room_holds_what_lies_within_its_walls(
+def test_a_room_contains_rectangles_within_its_walls(
     x: float, y: float, half: float, inside: bool
 ) -> None:
     assert FloorPlan(L_SHAPE).contains(square(x, y, half)) is inside
 
 
-def test_taken_space_is_not_free_but_above_it_is() -> None:
+def test_occupied_space_is_free_above() -> None:
     plan = FloorPlan(L_SHAPE)
     plan.occupy(square(1, 1, 0.4), 0.0, 0.8)
     assert not plan.is_free(square(1.3, 1, 0.2), 0.0, 0.5)
@@ -33,7 +33,7 @@ def test_taken_space_is_not_free_but_above_it_is() -> None:
     assert plan.is_free(square(1.9, 1, 0.4), 0.0, 0.5)
 
 
-def test_turned_rectangle_fits_beside_where_its_box_would_not() -> None:
+def test_a_rotated_rectangle_is_not_replaced_by_its_bounding_box() -> None:
     plan = FloorPlan(L_SHAPE)
     plan.occupy(footprint((-1.2, -0.05), (1.2, 0.05), pose(1.4, 1.4, turn=45)), 0.0, 1.0)
     corner = square(1.9, 0.9, 0.15)

@@ -1,4 +1,4 @@
-"""Every generated object: of unit size, labelled, outside out, and different from its siblings."""
+"""Generated objects: unit size, labels, outward normals, different members."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ def test_there_are_fifteen_classes_of_twelve() -> None:
 
 
 @pytest.mark.parametrize("kind", CLASSES)
-def test_members_are_sound_and_distinct(kind: str) -> None:
+def test_members_are_valid_and_distinct(kind: str) -> None:
     made = members(kind)
     for number, mesh in enumerate(made):
         check_mesh(mesh, f"{kind} {number}")
@@ -39,7 +39,7 @@ def test_curved_objects_have_thousands_of_triangles(kind: str) -> None:
     assert 3_000 <= len(make_object(f"{kind}_02", 0).triangles) <= 40_000
 
 
-def test_same_seed_same_object_other_seed_another() -> None:
+def test_the_seed_determines_the_object() -> None:
     first, again, other = (make_object("vase_03", seed, 0.3) for seed in (5, 5, 6))
     assert np.array_equal(first.vertices, again.vertices)
     assert not np.array_equal(first.vertices, other.vertices)

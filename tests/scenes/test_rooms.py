@@ -1,4 +1,4 @@
-"""Every generated room: closed, labelled, furnished, and free where the sensor stands."""
+"""Generated rooms: closed, labelled, furnished, free at the sensor."""
 
 from functools import cache
 
@@ -44,7 +44,7 @@ def test_labels_fit_the_triangles(name: str) -> None:
 
 
 @every_room
-def test_sensor_stands_free_and_sees_fronts_all_around(name: str) -> None:
+def test_the_sensor_is_free_and_sees_front_faces_only(name: str) -> None:
     mesh, place = room(name), np.array(origin(name, 3))
     scene = scene_of(mesh)
     point = o3d.core.Tensor(place[None].astype(np.float32))
@@ -61,7 +61,7 @@ def test_sensor_stands_free_and_sees_fronts_all_around(name: str) -> None:
 
 
 @every_room
-def test_room_is_as_large_as_its_table_says(name: str) -> None:
+def test_rooms_have_the_sizes_of_the_catalogue(name: str) -> None:
     mesh, box = room(name), room_box(name)
     assert mesh.labels is not None
     floor = mesh.corners()[mesh.labels.object_id == 0].reshape(-1, 3)
@@ -79,7 +79,7 @@ def test_furniture_stays_in_the_room(name: str) -> None:
     assert_furniture_within(mesh, low, high)
 
 
-def test_names_sizes_and_elongations_are_spread() -> None:
+def test_rooms_differ_in_type_size_and_elongation() -> None:
     sides = np.array([spec.size for spec in ROOMS.values()])
     elongation = sides.min(axis=1) / sides.max(axis=1)
     assert len(ROOMS) >= 10
@@ -89,7 +89,7 @@ def test_names_sizes_and_elongations_are_spread() -> None:
     assert np.ptp(sides[:, 0] * sides[:, 1]) > 80
 
 
-def test_same_seed_same_room_other_seed_another() -> None:
+def test_the_seed_determines_the_room() -> None:
     first, again, other = (make_room("office_1", seed, 0.25) for seed in (5, 5, 6))
     assert np.array_equal(first.vertices, again.vertices)
     assert np.array_equal(first.triangles, again.triangles)
@@ -101,7 +101,7 @@ def test_same_seed_same_room_other_seed_another() -> None:
 
 
 @pytest.mark.parametrize("name", ["copy_room_1", "auditorium_1"])
-def test_smallest_and_largest_room_have_the_promised_triangles(name: str) -> None:
+def test_numbers_of_triangles_of_the_smallest_and_largest_room(name: str) -> None:
     assert 20_000 <= len(make_room(name, 0).triangles) <= 500_000
 
 

@@ -1,4 +1,4 @@
-"""Generated streets: ground everywhere, a free lane, and what a sensor sees, by Open3D's rays."""
+"""Generated streets: ground, free lane and visibility, by Open3D's ray casting."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def boxes(kind: str, seed: int = 0) -> dict[str, Floats]:
 
 
 def ground_height(xy: Floats, seed: int = 0) -> Floats:
-    """Height of the ground at places (n, 2), met from below."""
+    """Height of the ground at positions (n, 2), by rays from below."""
     starts = np.column_stack([xy, np.full(len(xy), -1.0)])
     return cast(seed, starts, np.array([[0.0, 0.0, 1.0]]))[0] - 1.0
 
@@ -93,7 +93,7 @@ def test_nothing_is_within_a_metre_of_the_free_way(seed: int) -> None:
 
 
 @SEEDS
-def test_a_sensor_may_drive_along_the_whole_way(seed: int) -> None:
+def test_a_sensor_can_travel_the_whole_way(seed: int) -> None:
     first, last = free_way(LENGTH)
     rows = [[0.0, first, 0, 0, 0, 0, 0], [10.0, last, 0, 0, 0, 0, 0]]
     sweep = open_sweep({"preset": "spin", "trajectory": rows})
@@ -102,7 +102,7 @@ def test_a_sensor_may_drive_along_the_whole_way(seed: int) -> None:
 
 
 @SEEDS
-def test_ground_is_everywhere_and_at_one_height(seed: int) -> None:
+def test_ground_has_no_gaps_and_no_overlaps(seed: int) -> None:
     low, high = street(seed).bounds()
     spots = np.random.default_rng(1).uniform(low[:2], high[:2], (20_000, 2))
     heights = ground_height(spots, seed)
@@ -143,7 +143,7 @@ def test_cars_stand_on_the_road_beside_the_lanes_and_apart(seed: int) -> None:
 
 
 @SEEDS
-def test_windows_lie_behind_their_fronts(seed: int) -> None:
+def test_windows_are_behind_the_facade(seed: int) -> None:
     x, checked = np.arange(-50.0, 50.0, 0.05), 0
     numbers = {one.name: number for number, one in enumerate(labels(seed).objects)}
     for side in (-1.0, 1.0):
@@ -160,7 +160,7 @@ def test_windows_lie_behind_their_fronts(seed: int) -> None:
     assert checked > 3
 
 
-def test_some_rays_go_through_a_crown_and_some_do_not() -> None:
+def test_crowns_are_partly_transparent() -> None:
     rng = np.random.default_rng(2)
     crowns = boxes("crown")
     assert len(crowns) > 10
@@ -194,7 +194,7 @@ def test_a_sensor_sees_a_street(seed: int) -> None:
     assert np.mean(np.sum(normals * points, axis=1) > 0) < 1e-3
 
 
-def test_same_seed_same_street_other_seed_or_name_another() -> None:
+def test_seed_and_name_determine_the_street() -> None:
     first, again = street(3, 60.0), make_street("street_1", 3, 60.0)
     assert np.array_equal(first.vertices, again.vertices)
     assert np.array_equal(first.triangles, again.triangles)
@@ -208,7 +208,7 @@ def test_same_seed_same_street_other_seed_or_name_another() -> None:
 
 
 @pytest.mark.parametrize("length", [40.0, 333.0])
-def test_short_and_long_streets_are_streets(length: float) -> None:
+def test_short_and_long_streets(length: float) -> None:
     mesh = make_street("street_2", 1, length)
     assert np.ptp(mesh.bounds()[:, 0]) == pytest.approx(length + 2 * (8.0 + 16.0))
     assert mesh.labels is not None
@@ -216,5 +216,5 @@ def test_short_and_long_streets_are_streets(length: float) -> None:
     assert kinds >= GROUND | {"building", "car", "trunk", "pole", "shelter", "sign", "bench"}
 
 
-def test_a_street_has_not_too_many_triangles() -> None:
+def test_the_number_of_triangles_is_limited() -> None:
     assert 200_000 < len(street(0, 200.0).triangles) < 400_000

@@ -65,7 +65,7 @@ def test_volume_is_the_closed_form(name: str) -> None:
     assert volume(mesh_of(surface)) == pytest.approx(expected, rel=2e-3)
 
 
-def test_mirror_image_keeps_fronts_outside_and_labels_right() -> None:
+def test_a_mirror_image_keeps_outward_normals_and_labels() -> None:
     surface = solids.cone(2, 1, 3, 64).at(1.0, 2.0, 3.0, tilt=40).mirrored()
     assert volume(mesh_of(surface)) > 0
     assert worst_residual(mesh_of(surface)) < 1e-9
@@ -103,7 +103,7 @@ def test_coplanar_faces_of_one_object_share_a_primitive_and_other_objects_do_not
         ),
     ],
 )
-def test_filling_covers_the_polygon_once(
+def test_triangles_cover_the_polygon_once(
     outer: outlines.Outline, holes: list[tuple[outlines.Point, float]], area: float
 ) -> None:
     rings = [outlines.loop(outlines.circle(radius, 40, centre)) for centre, radius in holes]
@@ -115,7 +115,7 @@ def test_filling_covers_the_polygon_once(
     assert doubled.sum() / 2 == pytest.approx(area - cut)
 
 
-def test_given_furniture_takes_the_place_and_sizes_of_its_class() -> None:
+def test_a_given_mesh_has_the_position_and_size_of_the_replaced_piece() -> None:
     chair, table = (Piece(name, name, solids.box(1, 2, 3)) for name in ("chair", "table"))
     cone = mesh_of(solids.cone(5, 1, 10, 16).at(x=100.0))
     new, same = with_meshes([chair, table], {"chair": [cone]}, np.random.default_rng(0))
