@@ -31,7 +31,7 @@ from puckbench.io.clouds import without_invalid, without_missing
 from puckbench.io.float32_frames import check_column_count, float32_rows
 
 if TYPE_CHECKING:
-    from puckbench.lidar.recordings.rings import Recovered
+    from puckbench.lidar.recordings.rings import RecoveredReturns
 
 _LAYOUTS = (  # object benchmark, odometry, the same as unpacked, raw drives
     "*/velodyne",
@@ -123,7 +123,7 @@ class Kitti(FolderSet):
         return table
 
 
-def _recovered(xyz: Floats) -> Recovered:
+def _recovered(xyz: Floats) -> RecoveredReturns:
     """The returns of a frame's points (n, 3), x forward and y left."""
     from puckbench.lidar.recordings.rings import recovered_returns, split_rings
 

@@ -28,7 +28,7 @@ from puckbench.io.clouds import without_invalid, without_missing
 from puckbench.io.float32_frames import check_column_count, float32_rows
 
 if TYPE_CHECKING:
-    from puckbench.lidar.recordings.rings import Recovered
+    from puckbench.lidar.recordings.rings import RecoveredReturns
 
 _EXPECTED = (
     "nuScenes should lie there, with samples/LIDAR_TOP or sweeps/LIDAR_TOP in it; registration at "
@@ -104,7 +104,7 @@ def _name(path: Path) -> str:
     return safe_name(path.name.removesuffix(_SUFFIX).replace("__LIDAR_TOP__", "_"))
 
 
-def _recovered(table: Floats) -> Recovered:
+def _recovered(table: Floats) -> RecoveredReturns:
     """The returns of a file's rows (n, 5)."""
     from puckbench.lidar.recordings.rings import recovered_firings
 

@@ -1,4 +1,4 @@
-"""Captures of a real VLP-16 as tables (packet captures, ROS 2 bags), and scans as packets."""
+"""Recordings of real sensors: reading packet captures, ROS bags and clouds, writing packets."""
 
 from puckbench.lidar.recordings.packets import decode_packets
 from puckbench.lidar.recordings.reading import read_recording

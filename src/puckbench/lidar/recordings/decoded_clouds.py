@@ -1,4 +1,4 @@
-"""Clouds of another decoder (CSV, PLY, PCD, LAS) that tell each point's laser, as returns."""
+"""Reading of clouds of other decoders (CSV, PLY, PCD, LAS) that have a laser for each point."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ _READERS = {
 }
 SUFFIXES = tuple(_READERS)
 _IDS = ("laser_id", "laser", "label")
-# ROS drivers number the lasers from the lowest to the highest.
+# ROS drivers number lasers from the lowest to the highest.
 _RANKS = ("ring", "channel")
 _TIMES = ("timestamp", "time", "time_stamp", "t", "offset_time", "gps_time")
 _REFLECTIVITIES = ("reflectivity", "intensity")
 MOST_OFF_DEG = 0.5
-"""Median angle between the points of a laser and its cone, at most."""
+"""Limit of the median angle between the points of a laser and its cone."""
 
 Columns = Mapping[str, NDArray[Any]]
 
@@ -42,37 +42,37 @@ Columns = Mapping[str, NDArray[Any]]
 def read_points(
     path: Path, sensor: Sensor | None = None, time_unit: TimeUnit | None = None
 ) -> RecordedReturns:
-    """Points x, y, z (sensor's frame) with a laser column, as a table; m.
+    """Read points x, y, z (m, in the sensor's frame) with a laser column as a table of returns.
 
-    Laser ids are taken from `laser_id`, `laser` or `label`, or from `ring` or `channel`, which
-    count lasers by elevation: from the first whose points lie on the cones of the lasers. The
-    coordinates stay as they are, in the file's axes and with or without the vertical correction;
-    azimuths count clockwise from y, distances are those of the horizontal range at the laser's
-    nominal elevation. Unknown: turn and kind of return (0). Points that are not finite in all
-    coordinates, or at the origin, are missing returns, which are left out and counted.
+    Lasers come from the column `laser_id`, `laser` or `label`, or from `ring` or `channel`, which
+    number lasers by elevation; the first one is used in which points lie on the cones of their
+    lasers. Coordinates are not changed, whether or not they include the vertical correction.
+    Azimuths count clockwise from y; distances follow from the horizontal range and the laser's
+    nominal elevation. Turn and kind of return are 0. Points that are not finite, or at the origin,
+    are left out and counted as missing returns.
 
     Parameters
     ----------
     path
         The cloud.
     sensor
-        By default the VLP-16.
+        The default is the VLP-16.
     time_unit
-        Of the times; None where they tell it.
+        Unit of the times; None to infer it.
 
     Raises
     ------
     InputError
-        The file is damaged, empty, lacks one of these columns, or is no recording of the sensor.
+        The file is damaged or empty, lacks one of these columns, or is not of this sensor.
     """
     device = sensor or load_sensor("vlp16")
-    columns, counts = _returned(path, _READERS[path.suffix.lower()](path))
+    columns, counts = _without_missing(path, _READERS[path.suffix.lower()](path))
     xyz = np.column_stack([columns[axis] for axis in "xyz"]).astype(np.float64)
     check_points(xyz, str(path))
     laser = _lasers(columns, xyz, device)
     azimuth = np.mod(np.arctan2(xyz[:, 0], xyz[:, 1]), 2 * np.pi)
     elevation = np.radians(device.laser_elevation_deg)[laser]
-    known = {
+    values = {
         "timestamp": _seconds(path, columns, azimuth, time_unit),
         "laser_id": laser,
         "azimuth": azimuth,
@@ -83,14 +83,13 @@ def read_points(
     }
     unknown = np.zeros(len(xyz))
     table = {
-        name: known.get(name, unknown).astype(kind) for name, (kind, *_) in RETURN_COLUMNS.items()
+        name: values.get(name, unknown).astype(kind) for name, (kind, *_) in RETURN_COLUMNS.items()
     }
     about = {"sensor": device.name, "format": path.suffix[1:].lower(), **counts}
     return RecordedReturns(table, about)
 
 
-def _returned(path: Path, columns: Columns) -> tuple[Columns, dict[str, int]]:
-    """Columns of the points alone, and counts of the missing returns."""
+def _without_missing(path: Path, columns: Columns) -> tuple[Columns, dict[str, int]]:
     missing = [axis for axis in "xyz" if axis not in columns]
     if missing:
         raise InputError(f"no column {', '.join(missing)} of numbers")
@@ -106,7 +105,6 @@ def _returned(path: Path, columns: Columns) -> tuple[Columns, dict[str, int]]:
 
 
 def _lasers(columns: Columns, xyz: Floats, sensor: Sensor) -> NDArray[np.intp]:
-    """Laser id of each point: of the first column and way to number lasers that fits the points."""
     names = [name for name in (*_IDS, *_RANKS) if name in columns]
     if not names:
         raise InputError(f"no laser column ({', '.join((*_IDS, *_RANKS))})")
@@ -125,7 +123,6 @@ def _lasers(columns: Columns, xyz: Floats, sensor: Sensor) -> NDArray[np.intp]:
 
 
 def _numbered(column: NDArray[Any], sensor: Sensor) -> NDArray[np.intp]:
-    """Values of a laser column as numbers of lasers."""
     values = np.asarray(column, dtype=np.float64)
     with np.errstate(invalid="ignore"):
         is_laser = (values == np.floor(values)) & (values >= 0) & (values < sensor.lasers)
@@ -135,7 +132,7 @@ def _numbered(column: NDArray[Any], sensor: Sensor) -> NDArray[np.intp]:
 
 
 def _check_cones(xyz: Floats, lasers: NDArray[np.intp], sensor: Sensor) -> None:
-    """InputError unless points lie on the cones of their lasers, corrected vertically or not."""
+    """Raise InputError unless points lie on their lasers' cones, vertically corrected or not."""
     level = np.hypot(xyz[:, 0], xyz[:, 1])
     corrections = np.asarray(sensor.vertical_correction_mm or np.zeros(sensor.lasers)) / 1000
     worst = []
@@ -152,20 +149,19 @@ def _check_cones(xyz: Floats, lasers: NDArray[np.intp], sensor: Sensor) -> None:
 
 
 def _seconds(path: Path, columns: Columns, azimuth: Floats, unit: TimeUnit | None) -> Floats:
-    """Times of the points, or zeros; a remark says the unit that was taken where it is not s."""
+    """Return the times of points in s, or zeros; log the inferred unit if it is not s."""
     name, times = _numbers(columns, _TIMES)
-    taken = unit or unit_of(times, azimuth)
-    if taken is None:
+    inferred = unit or unit_of(times, azimuth)
+    if inferred is None:
         raise InputError(
             f"column {name} has whole numbers whose unit cannot be told: name it, as --time-unit ns"
         )
-    if unit is None and taken != "s":
-        logging.getLogger(__name__).warning("%s: times in column %s: %s", path, name, taken)
-    return seconds_of(times, taken)
+    if unit is None and inferred != "s":
+        logging.getLogger(__name__).warning("%s: times in column %s: %s", path, name, inferred)
+    return seconds_of(times, inferred)
 
 
 def _numbers(columns: Columns, names: tuple[str, ...]) -> tuple[str, NDArray[Any]]:
-    """Name and values of the first of the named columns, or zeros."""
     name = next((name for name in names if name in columns), "")
     values = columns[name] if name else np.zeros(len(columns["x"]))
     if not np.isfinite(values).all():

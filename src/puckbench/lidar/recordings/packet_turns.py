@@ -1,7 +1,7 @@
-"""Data packets of Velodyne's spinning sensors as turns, and turns as the same packets.
+"""Conversion between data packets of Velodyne's spinning sensors and turns, in both directions.
 
-Packets of the VLP-16, Puck Hi-Res and HDL-32E, of one return or two, have one size: 12 blocks of
-a flag, an azimuth and 32 returns, then the time, the return mode and the product.
+Packets of the VLP-16, the Puck Hi-Res and the HDL-32E have the same size: 12 blocks of a flag, an
+azimuth and 32 returns, then the time, the return mode and the product.
 
 References
 ----------
@@ -37,7 +37,7 @@ from puckbench.lidar.sensor import load_sensor
 from puckbench.lidar.turns import CENTIDEGREES, Layout, Turn
 
 SENSORS = {0x21: "hdl32e", **PUCKS}
-"""Sensors by the product byte of their packets."""
+"""Names of sensors by the product byte of their packets."""
 _CHANNELS = 32
 _BLOCK_BYTES = BLOCK.itemsize
 
@@ -46,21 +46,20 @@ Payloads = NDArray[np.uint8]
 
 @dataclass(frozen=True)
 class PacketKind:
-    """What all packets of a stretch have in common: the last two bytes, and so the layout."""
+    """Product and return mode of packets (their last two bytes), and the layout of their turns."""
 
     product: int
     mode: int
     layout: Layout
 
     def returns(self, turns: Iterable[Turn]) -> Returns:
-        """The returns of turns of such packets."""
         sensor = load_sensor(SENSORS[self.product])
         return Returns(Beams.of(sensor), self.layout, tuple(turns), DISTANCE_UNIT_M, sensor.name)
 
 
 @cache
 def packet_kind(product: int, mode: int) -> PacketKind:
-    """The kind of packets that end with these bytes; InputError for none that is known."""
+    """Return the kind of packets; raises InputError for an unknown product or mode."""
     if product not in SENSORS:
         name = PRODUCTS.get(product, "an unknown sensor")
         raise InputError(
@@ -78,27 +77,26 @@ def packet_kind(product: int, mode: int) -> PacketKind:
 
 
 def find_packets(data: Payloads) -> NDArray[np.int64]:
-    """Places of known data packets in bytes (n,), ascending; they do not overlap."""
+    """Return the ascending positions of known data packets in bytes (n,), without overlaps."""
     last = len(data) - PACKET_BYTES + 1
     if last < 1:
         return np.zeros(0, np.int64)
     low, high = FLAG & 255, FLAG >> 8
-    found = np.flatnonzero((data[:last] == low) & (data[1 : last + 1] == high))
+    places = np.flatnonzero((data[:last] == low) & (data[1 : last + 1] == high))
     for block in range(1, BLOCKS):
-        at = found + block * _BLOCK_BYTES
-        found = found[(data[at] == low) & (data[at + 1] == high)]
-    known = np.isin(data[found + PACKET_BYTES - 1], list(SENSORS))
-    known &= np.isin(data[found + PACKET_BYTES - 2], list(MODES))
-    found = found[known]
+        at = places + block * _BLOCK_BYTES
+        places = places[(data[at] == low) & (data[at + 1] == high)]
+    is_known = np.isin(data[places + PACKET_BYTES - 1], list(SENSORS))
+    is_known &= np.isin(data[places + PACKET_BYTES - 2], list(MODES))
+    places = places[is_known]
     for byte in (2, 3):  # both blocks of a pair have the same azimuth
-        at = found[:, None] + np.arange(BLOCKS // 2) * 2 * _BLOCK_BYTES + byte
-        alike = (data[at] == data[at + _BLOCK_BYTES]).all(axis=1)
-        found = found[alike | (data[found + PACKET_BYTES - 2] != DUAL_MODE)]
-    return _apart(found)
+        at = places[:, None] + np.arange(BLOCKS // 2) * 2 * _BLOCK_BYTES + byte
+        is_equal = (data[at] == data[at + _BLOCK_BYTES]).all(axis=1)
+        places = places[is_equal | (data[places + PACKET_BYTES - 2] != DUAL_MODE)]
+    return _without_overlaps(places)
 
 
-def _apart(places: NDArray[np.int64]) -> NDArray[np.int64]:
-    """The places without those that overlap one before."""
+def _without_overlaps(places: NDArray[np.int64]) -> NDArray[np.int64]:
     if (np.diff(places) >= PACKET_BYTES).all():
         return places
     kept: list[int] = []
@@ -109,9 +107,9 @@ def _apart(places: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def split_turns(payloads: Payloads) -> Iterator[tuple[PacketKind, Payloads]]:
-    """Packets (p, 1206) by turns: a turn begins with the packet that passes azimuth 0.
+    """Split packets (p, 1206) into turns; a turn begins with the packet that passes azimuth 0.
 
-    It ends also where packets of another kind follow, or with the most that a turn may have.
+    A turn also ends where the kind of packets changes, or at the largest number of blocks.
     """
     packets = _viewed(payloads)
     azimuths = packets["blocks"]["azimuth"].astype(np.int64)
@@ -129,7 +127,7 @@ def split_turns(payloads: Payloads) -> Iterator[tuple[PacketKind, Payloads]]:
 
 
 def turn_of(kind: PacketKind, payloads: Payloads) -> Turn:
-    """The turn of packets (p, 1206) of a kind. Of two returns the strongest is the first kind."""
+    """Return packets (p, 1206) as a turn; of two returns of a beam the strongest is the first."""
     packets = _viewed(payloads)
     blocks = packets["blocks"]
     return Turn(
@@ -141,27 +139,27 @@ def turn_of(kind: PacketKind, payloads: Payloads) -> Turn:
 
 
 def is_whole(payloads: Payloads) -> NDArray[np.bool_]:
-    """Which packets (p, 1206) are not damaged, as far as their blocks show.
+    """Return which packets (p, 1206) are undamaged, as far as their blocks show.
 
-    Each block has its flag and an azimuth below 360 degrees, and both blocks of a pair of returns
-    have the same one.
+    Each block must have its flag and an azimuth below 360 degrees, and both blocks of a dual return
+    the same azimuth.
     """
     packets = _viewed(payloads)
-    azimuth = packets["blocks"]["azimuth"]
-    whole = (packets["blocks"]["flag"] == FLAG).all(axis=1) & (azimuth < CENTIDEGREES).all(axis=1)
+    flags, azimuth = packets["blocks"]["flag"], packets["blocks"]["azimuth"]
+    is_valid = (flags == FLAG).all(axis=1) & (azimuth < CENTIDEGREES).all(axis=1)
     paired = (azimuth[:, ::2] == azimuth[:, 1::2]).all(axis=1)
-    found: NDArray[np.bool_] = whole & (paired | (packets["mode"] != DUAL_MODE))
-    return found
+    is_valid &= paired | (packets["mode"] != DUAL_MODE)
+    return np.asarray(is_valid, dtype=np.bool_)
 
 
 def returns_of_packets(payloads: Payloads) -> Returns:
-    """The returns of packets (p, 1206); the first and the last turn may be parts of one.
+    """Return the returns of packets (p, 1206); the first and the last turn may be incomplete.
 
     Raises
     ------
     InputError
-        There are none, of an unknown sensor, of more than one sensor or return mode, or one is
-        damaged (`is_whole` tells which).
+        There is no packet, a packet is damaged (see `is_whole`), a sensor is unknown, or there are
+        several sensors or return modes.
     """
     if len(payloads) == 0:
         raise InputError("no data packets")
@@ -176,12 +174,12 @@ def returns_of_packets(payloads: Payloads) -> Returns:
 
 
 def packets_of(kind: PacketKind, turn: Turn) -> Payloads:
-    """The packets of `turn_of`.
+    """Return the packets from which `turn_of` made a turn.
 
     Raises
     ------
     InputError
-        The turn has no times, no reflectivities, or not the blocks of whole packets.
+        The turn has no times, no reflectivities, or a last packet with too few blocks.
     """
     layout = kind.layout
     if turn.times is None or turn.reflectivities is None:
@@ -205,7 +203,7 @@ def _viewed(payloads: Payloads) -> NDArray[np.void]:
 
 
 def _imaged(kind: PacketKind, values: NDArray[Any]) -> NDArray[Any]:
-    """Values of blocks (p, 12, 2, 16) as an image (kinds, columns, lasers)."""
+    """Return values of blocks (p, 12, 2, 16) as an image (kinds, columns, lasers)."""
     layout = kind.layout
     paired = values.reshape(-1, layout.kinds, _CHANNELS)[:, ::-1]
     images = paired.transpose(1, 0, 2).reshape(layout.kinds, -1, layout.lasers)
@@ -213,6 +211,5 @@ def _imaged(kind: PacketKind, values: NDArray[Any]) -> NDArray[Any]:
 
 
 def _blocked(kind: PacketKind, images: NDArray[Any]) -> NDArray[Any]:
-    """The inverse of `_imaged`."""
     paired = images.reshape(kind.layout.kinds, -1, _CHANNELS).transpose(1, 0, 2)[:, ::-1]
     return paired.reshape(-1, BLOCKS, *BLOCK["returns"].shape)

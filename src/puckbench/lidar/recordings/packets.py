@@ -1,8 +1,12 @@
-"""VLP-16 data packets: 12 blocks of two firing sequences, decoded into a table of returns.
+"""Decoding of VLP-16 data packets into a table of returns.
 
-Layout and conventions after the VLP-16 User Manual 63-9243 Rev. E, chapter 9: a block is a flag,
-the azimuth of its first firing in 0.01 degrees and 32 returns of distance (2 mm) and reflectivity;
-a packet ends with the time of its first firing in microseconds past the hour and two factory bytes.
+A packet has 12 blocks: a flag, the azimuth of the first firing in 0.01 degrees, and 32 returns (two
+firings of 16 lasers) of distance in 2 mm and reflectivity. It ends with the time of its first
+firing in microseconds past the hour, the return mode and the product.
+
+References
+----------
+VLP-16 User Manual 63-9243 Rev. E, chapter 9.
 """
 
 from __future__ import annotations
@@ -25,9 +29,9 @@ PACKET_BYTES = 1206
 
 @dataclass(frozen=True)
 class PacketLog:
-    """Payloads (p, 1206) uint8 and reception times (p,), s since 1970, in the order recorded.
+    """Payloads (p, 1206) and their reception times (p,), s since 1970, in the recorded order.
 
-    about: counts of what was not a data packet, and what was cut off.
+    about: format of the recording, and counts of what was left out.
     """
 
     payloads: NDArray[np.uint8]
@@ -38,7 +42,7 @@ class PacketLog:
         return len(self.payloads)
 
     def between(self, start_s: float, end_s: float) -> PacketLog:
-        """Packets received from `start_s` to before `end_s` seconds after the first one."""
+        """Return packets received from `start_s` to before `end_s` seconds after the first one."""
         since = self.received - self.received[:1]
         rows = (since >= start_s) & (since < end_s)
         return PacketLog(self.payloads[rows], self.received[rows], self.about)
@@ -47,7 +51,6 @@ class PacketLog:
 def joined(
     payloads: Sequence[bytes], received: Sequence[float], about: dict[str, Any]
 ) -> PacketLog:
-    """A log of payloads of 1,206 bytes each."""
     data = np.frombuffer(b"".join(payloads), dtype=np.uint8).reshape(-1, PACKET_BYTES)
     return PacketLog(data, np.asarray(received, dtype=np.float64), about)
 
@@ -69,7 +72,7 @@ PRODUCTS = {
     0xA1: "VLS-128",
 }
 VLP16 = 0x22
-# Sensors that send packets of this layout.
+# Sensors whose packets `decode_packets` decodes.
 SENSORS = {VLP16: "vlp16", 0x24: "puck_hires"}
 
 RETURN = np.dtype([("distance", "<u2"), ("reflectivity", "u1")])
@@ -78,33 +81,29 @@ PACKET = np.dtype(
     [("blocks", BLOCK, BLOCKS), ("time_us", "<u4"), ("mode", "u1"), ("product", "u1")]
 )
 
-# A block lasts 110.6 us, in which the fastest Puck (20 Hz) turns by 0.8 degrees: a greater rise
-# means that blocks between are missing (a limited field of view), not that the sensor turned.
-_GREATEST_RISE = 100
+# A block lasts 110.6 us, in which the fastest Puck (20 Hz) turns by 0.8 degrees: a larger increase
+# of the azimuth (0.01 degrees) means that blocks are missing (a limited field of view).
+_LARGEST_INCREASE = 100
 
 
 def decode_packets(payloads: NDArray[np.uint8], sensor: Sensor | None = None) -> RecordedReturns:
-    """Decode data packets into a table of returns.
+    """Decode data packets into a table with a row for each return.
 
-    The azimuth of a firing lies between that of its block and the next; x = R cos(w) sin(a),
-    y = R cos(w) cos(a), z = R sin(w) + the laser's vertical correction. Identical returns of a
-    dual packet make one row. Firings without a return have none.
+    The azimuth of a firing is interpolated between its block and the next. With range R, elevation
+    w and azimuth a, x = R cos(w) sin(a), y = R cos(w) cos(a), z = R sin(w) + the laser's vertical
+    correction. Two equal returns of a beam are one row.
 
     Parameters
     ----------
     payloads
-        (p, 1206) uint8, in the order of arrival.
+        (p, 1206), in the order of arrival.
     sensor
-        None for the one that the packets name, a VLP-16 or a Puck Hi-Res.
+        None for the VLP-16 or Puck Hi-Res that the packets name.
 
     Raises
     ------
     InputError
-        For no packet, another sensor's packets, damaged ones, or mixed return modes.
-
-    References
-    ----------
-    VLP-16 User Manual 63-9243 Rev. E, chapter 9.
+        There is no packet, a packet is damaged or of another sensor, or return modes are mixed.
     """
     packets = np.ascontiguousarray(payloads).view(PACKET)[:, 0]
     mode = _checked_mode(packets)
@@ -131,7 +130,7 @@ def decode_packets(payloads: NDArray[np.uint8], sensor: Sensor | None = None) ->
 
 
 def with_points(columns: dict[str, NDArray[Any]], sensor: Sensor) -> dict[str, NDArray[Any]]:
-    """`columns` with elevation, x, y, z from laser_id, azimuth and distance."""
+    """Add the columns elevation, x, y, z, which follow from laser_id, azimuth and distance."""
     laser = columns["laser_id"]
     elevation = np.radians(sensor.laser_elevation_deg)[laser]
     level = columns["distance"] * np.cos(elevation)
@@ -146,13 +145,13 @@ def with_points(columns: dict[str, NDArray[Any]], sensor: Sensor) -> dict[str, N
 
 
 def packet_seconds(packets: NDArray[Any]) -> Floats:
-    """Seconds since the first packet, (p,): the clock starts again every hour."""
+    """Return seconds since the first packet, (p,), from a clock that restarts every hour."""
     steps = clock_steps(packets["time_us"].astype(np.float64) * 1e-6, HOUR_S)
     return np.concatenate([[0.0], np.cumsum(steps)])
 
 
 def _checked_mode(packets: NDArray[Any]) -> int:
-    """The return mode; InputError unless the packets are a VLP-16's, whole, and alike."""
+    """Return the mode; raise InputError for other sensors, damaged packets or mixed modes."""
     if len(packets) == 0:
         raise InputError("no data packet of a VLP-16 or a Puck Hi-Res")
     products = [int(code) for code in np.unique(packets["product"])]
@@ -166,8 +165,8 @@ def _checked_mode(packets: NDArray[Any]) -> int:
         raise InputError("packets of a VLP-16 and of a Puck Hi-Res in one capture")
     modes = np.unique(packets["mode"])
     if len(modes) > 1 or int(modes[0]) not in MODES:
-        found = ", ".join(f"0x{mode:02X}" for mode in modes[:4])
-        raise InputError(f"return mode {found}, where one of 0x37, 0x38, 0x39 is expected")
+        listed = ", ".join(f"0x{mode:02X}" for mode in modes[:4])
+        raise InputError(f"return mode {listed}, where one of 0x37, 0x38, 0x39 is expected")
     blocks = packets["blocks"]
     damaged = (blocks["flag"] != FLAG) | (blocks["azimuth"] >= CENTIDEGREES)
     if damaged.any():
@@ -177,7 +176,7 @@ def _checked_mode(packets: NDArray[Any]) -> int:
 
 
 def _firing_times(sensor: Sensor) -> tuple[float, float]:
-    """Microseconds from one firing sequence to the next, and from laser to laser."""
+    """Return microseconds from one firing sequence to the next, and from laser to laser."""
     firing, laser = sensor.firing_sequence_us, sensor.firing_interval_us
     if sensor.lasers != LASERS or firing is None or laser is None:
         raise InputError(f"sensor {sensor.name} is not described as a VLP-16 (16 lasers, firing)")
@@ -187,16 +186,16 @@ def _firing_times(sensor: Sensor) -> tuple[float, float]:
 def _azimuths(
     packets: NDArray[Any], mode: int, share: float
 ) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
-    """Turn and azimuth (0.01 degrees) of each firing, (p, sequences, 16).
+    """Return turn and azimuth (0.01 degrees) of each firing, (p, sequences, 16).
 
-    share: of a firing sequence, between two lasers.
+    share: time between two lasers over that between two firing sequences.
     """
     azimuth = packets["blocks"]["azimuth"][:, :: 2 if _dual(mode) else 1].astype(np.int32)
     wraps = np.diff(azimuth.ravel(), prepend=azimuth[0, 0]) < -CENTIDEGREES // 2
     turn = np.cumsum(wraps).reshape(azimuth.shape)
     rise = np.mod(np.diff(azimuth, axis=1), CENTIDEGREES)
     rise = np.concatenate([rise, rise[:, -1:]], axis=1).astype(np.float64)
-    usual = rise <= _GREATEST_RISE
+    usual = rise <= _LARGEST_INCREASE
     rise = np.where(usual, rise, np.median(rise[usual]) if usual.any() else 0.0)
     within = (np.arange(2)[:, None] + share * np.arange(LASERS)) / 2
     fired = azimuth[:, :, None, None] + rise[:, :, None, None] * within
@@ -207,17 +206,17 @@ def _azimuths(
 
 
 def _by_firing(returns: NDArray[Any], mode: int) -> NDArray[Any]:
-    """Returns (p, 12, 2, 16) of blocks as (p, sequences, 16, kinds): 24 and 1, or dual 12 and 2."""
+    # Shapes: blocks (p, 12, 2, 16) to (p, 24, 16, 1), or in dual mode to (p, 12, 16, 2).
     kinds = 2 if _dual(mode) else 1
     pairs = returns.reshape(len(returns), BLOCKS // kinds, kinds, 2, LASERS)
     return pairs.transpose(0, 1, 3, 4, 2).reshape(len(returns), -1, LASERS, kinds)
 
 
 def _kinds(distance: NDArray[np.uint16], mode: int) -> NDArray[np.int16]:
-    """Kind of each return, shaped as `distance`; -1 where it repeats the other of its beam.
+    """Return the kind of each return, in the shape of `distance`; -1 for a repeated return.
 
-    Blocks of a dual packet come in pairs of the last return and the strongest (or, when the
-    strongest is the last, the second strongest).
+    Blocks of a dual packet are pairs of the last return and the strongest (if that is the last,
+    the second strongest).
     """
     kinds = np.full(distance.shape, LAST if MODES[mode] == "last" else STRONGEST, dtype=np.int16)
     if _dual(mode):

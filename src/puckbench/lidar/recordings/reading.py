@@ -1,4 +1,4 @@
-"""Recordings of real sensors, whatever their files' format, as packets, turns or a table."""
+"""Reading of recordings in any format as packets, as turns or as a table of returns."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from puckbench.io.recordings.pcap import read_datagrams
 from puckbench.io.recordings.ros_bags import bag_format, read_messages
 from puckbench.lidar.recordings.data_packets import (
     LEFT_OUT,
+    log_left_out,
     packets_of_capture,
-    remark,
     whole_packets,
 )
 from puckbench.lidar.recordings.decoded_clouds import SUFFIXES, read_points
@@ -33,14 +33,14 @@ MESSAGES = {
 """Messages of the ROS driver velodyne_msgs, in ROS's notation."""
 
 
-_PACKED = {
+_COMPRESSED = {
     b"\x1f\x8b": "gzip",
     b"BZh": "bzip2",
     b"PK\x03\x04": "ZIP",
     b"\xfd7zXZ": "xz",
     b"\x28\xb5\x2f\xfd": "Zstandard",
 }
-"""First bytes of files that other programs packed."""
+"""First bytes of files that other programs compressed."""
 
 
 def read_recording(
@@ -52,36 +52,32 @@ def read_recording(
     time_unit: TimeUnit | None = None,
     source: Path | None = None,
 ) -> RecordedReturns:
-    """Read the returns of a packet capture, a ROS bag, a decoded cloud or a table of returns.
+    """Read the returns of a VLP-16 or a Puck Hi-Res.
 
     Parameters
     ----------
     path
         A packet capture (.pcap, .pcapng), a ROS bag (.bag, .db3, .mcap, or its folder), a cloud
-        with the laser of each point (.csv, .ply, .pcd, .las, .laz; see
-        `decoded_clouds.read_points`), or a table that `write_returns` wrote (.parquet).
+        with the laser of each point (see `decoded_clouds.read_points`), or a table of
+        `write_returns` (.parquet).
     sensor
-        None for the one that the packets name; a table has its own.
+        None for the one that the packets or the table name.
     start_s, end_s
-        The interval to read, in seconds after the first packet (or point).
-    stream
-        As of `read_packets`.
+        Interval to read, in seconds after the first packet or point.
+    stream, source
+        As in `read_packets`.
     time_unit
-        Of a cloud's times; None where they tell it.
-    source
-        The file that messages and `about` name, where `path` is a temporary copy of it.
+        Unit of a cloud's times; None to infer it.
 
     Returns
     -------
     RecordedReturns
-        `about` has the format and counts of what was left out: `other_packets`, `bytes_cut_off`,
-        and those above 0 of `data_packets.LEFT_OUT`.
+        `about` has the format and counts of what was left out (`data_packets.LEFT_OUT`).
 
     Raises
     ------
     InputError
-        One line that names the file, when it holds no readable data of a VLP-16 or a
-        Puck Hi-Res.
+        The file cannot be read, or has no return of these sensors.
     """
     source = source or path
     try:
@@ -108,19 +104,19 @@ def read_recording(
 def read_turns(
     path: Path, start_s: float = 0.0, stream: str | None = None, source: Path | None = None
 ) -> tuple[Returns, dict[str, int]]:
-    """The turns of a recording, and counts above 0 of what was left out (`LEFT_OUT`).
+    """Read the turns of a recording, and counts above 0 of what was left out (`LEFT_OUT`).
 
     Parameters
     ----------
     path, stream, source
-        As of `read_packets`.
+        As in `read_packets`.
     start_s
-        Seconds to leave out at the start.
+        Seconds to skip at the start.
 
     Raises
     ------
     InputError
-        One line that names the file, when it holds no turns of one known sensor and return mode.
+        The recording does not contain turns of one known sensor and return mode.
     """
     with naming(source or path):
         log = _interval(read_packets(path, stream, source), start_s, math.inf)
@@ -129,22 +125,22 @@ def read_turns(
 
 
 def read_packets(path: Path, stream: str | None = None, source: Path | None = None) -> PacketLog:
-    """Read the whole data packets of a recording, and log what was left out.
+    """Read the undamaged data packets of a recording, and log what was left out.
 
     Parameters
     ----------
     path
-        The recording, whose format is known by its first bytes, not by its name.
+        A packet capture or a ROS bag, which is recognised by its first bytes.
     stream
-        Of a packet capture with several senders or receivers, the one to read, such as
-        ``192.168.1.201:2368``; None for the only one.
+        Which stream of a packet capture to read, such as ``192.168.1.201:2368``; None if there is
+        only one.
     source
-        The file that messages name, where `path` is a temporary copy of it.
+        File to name in messages and in `about`, if `path` is a temporary copy of it.
     """
     source = source or path
     with naming(source):
         log = _packets_of_bag(path, stream) if path.is_dir() else _packets_of_file(path, stream)
-    remark(source, log.about)
+    log_left_out(source, log.about)
     return log
 
 
@@ -153,41 +149,38 @@ def _packets_of_file(path: Path, stream: str | None) -> PacketLog:
     if bag_format(data):
         return _packets_of_bag(path, stream)
     if not is_packet_capture(data):
-        raise InputError(_what_is_read(data))
+        raise InputError(_unknown_format(data))
     return packets_of_capture(read_datagrams(data), stream)
 
 
-def _what_is_read(data: bytes) -> str:
-    packer = next((name for start, name in _PACKED.items() if data.startswith(start)), None)
+def _unknown_format(data: bytes) -> str:
+    packer = next((name for start, name in _COMPRESSED.items() if data.startswith(start)), None)
     hint = f"packed by {packer}: unpack it" if packer else "clouds and tables go by their suffixes"
     return f"not a packet capture (.pcap, .pcapng) or ROS bag (.bag, .db3, .mcap); {hint}"
 
 
 def _packets_of_bag(path: Path, stream: str | None) -> PacketLog:
-    """Data packets of a bag's VelodyneScan messages, in the order of the messages."""
     if stream is not None:
         raise InputError(f"stream '{stream}': only packet captures have streams")
     bag = read_messages(path, SCAN, MESSAGES)
     packets = [packet for message in bag.messages for packet in message.packets]
     if not packets:
         raise InputError("the ROS bag has no data packet of a Velodyne")
-    received = [one.stamp.sec + one.stamp.nanosec * 1e-9 for one in packets]
+    received = [packet.stamp.sec + packet.stamp.nanosec * 1e-9 for packet in packets]
     about = {"format": bag.format, "topic": bag.topic, "messages": len(bag.messages)}
-    return whole_packets([one.data.tobytes() for one in packets], received, about)
+    return whole_packets([packet.data.tobytes() for packet in packets], received, about)
 
 
 def _interval(log: PacketLog, start_s: float, end_s: float) -> PacketLog:
-    """Packets of an interval; InputError where there is none."""
-    found = log.between(start_s, end_s)
-    if not len(found):
+    selected = log.between(start_s, end_s)
+    if not len(selected):
         last = log.received[-1] - log.received[0]
         raise InputError(
             f"no data packet from {start_s:g} to {end_s:g} s; the last is at {last:g} s"
         )
-    return found
+    return selected
 
 
 def _between(table: RecordedReturns, start_s: float, end_s: float) -> RecordedReturns:
-    """Rows from `start_s` to before `end_s` seconds after the first one."""
     since = table["timestamp"] - table["timestamp"].min(initial=math.inf)
     return table.select((since >= start_s) & (since < end_s))

@@ -1,4 +1,4 @@
-"""The returns of a recording: one row per return, in the sensor's own frame; Parquet on disk."""
+"""Tables of recorded returns: a row for each return, in the sensor's frame; Parquet on disk."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from puckbench.io.return_tables import (
 )
 
 STRONGEST, LAST, BOTH = 0, 1, 2
-"""Kinds of return: BOTH is the only return of a beam that was asked for two."""
+"""Kinds of return; BOTH is a single return of a beam in dual return mode."""
 
 RETURN_COLUMNS: ColumnSpecs = {
     "timestamp": ("<f8", "s", "time of firing since the first packet, by the sensor's clock"),
@@ -39,10 +39,10 @@ class RecordedReturns(ReturnTable):
 
 
 def write_returns(path: Path, table: RecordedReturns) -> None:
-    """Write a Parquet file as `write_return_table` does."""
+    """Write a table as Parquet."""
     write_return_table(path, table)
 
 
 def read_returns(path: Path) -> RecordedReturns:
-    """Read what `write_returns` wrote; InputError when it is missing or something else."""
+    """Read what `write_returns` wrote; raises InputError for a missing or other file."""
     return read_return_table(path, RecordedReturns)

@@ -1,4 +1,4 @@
-"""A scan as VLP-16 data packets in a packet capture, to play into ROS or VeloView."""
+"""Writing of scans as packet captures of a VLP-16, which ROS and VeloView can replay."""
 
 from __future__ import annotations
 
@@ -33,15 +33,15 @@ from puckbench.lidar.turns import CENTIDEGREES
 _PORT = 2368
 _SENDER, _RECEIVER = bytes([192, 168, 1, 201]), b"\xff" * 4
 _MAC = b"\xff" * 6 + bytes.fromhex("607688000001")
-# Where a scan has no reflectivity: that of a bright diffuse surface.
 _REFLECTIVITY = 100
+"""Reflectivity of a bright diffuse surface, for scans without this column."""
 
 
 def write_pcap(path: Path, table: ScanTable, noisy: bool = True) -> dict[str, int]:
-    """Write a scan as a packet capture of a VLP-16; the numbers of packets and returns in it.
+    """Write a scan of a VLP-16 as a packet capture; return the numbers of packets and returns.
 
-    Distances are rounded to 2 mm and azimuths to 0.01 degrees. Packets know the sensor's frame
-    only: the poses of a sweep are not in them. InputError when the scan is not a VLP-16's.
+    Distances are rounded to 2 mm and azimuths to 0.01 degrees. Packets are in the sensor's frame:
+    they do not contain the poses of the sweep. Raises InputError for scans of other sensors.
     """
     log = scan_packets(table, noisy)
     write_bytes(path, pcap_bytes(log))
@@ -49,12 +49,12 @@ def write_pcap(path: Path, table: ScanTable, noisy: bool = True) -> dict[str, in
 
 
 def scan_packets(table: ScanTable, noisy: bool = True) -> PacketLog:
-    """Packets of a scan, turn by turn, columns in the order in which a real sensor fires them.
+    """Return the packets of a scan, with columns in the order in which a real sensor fires them.
 
-    A real VLP-16 turns clockwise and on while its lasers fire one after the other. The virtual one
-    turns as BlenSor's, counter-clockwise, and fires a column at one azimuth. So the columns of a
-    turn come in reverse order, and each takes two blocks of the same azimuth, of which the first
-    firing of the first has the returns: between two equal azimuths a decoder interpolates nothing.
+    A real VLP-16 rotates clockwise, also while its lasers fire one after the other. The virtual
+    one, as BlenSor's, rotates counter-clockwise and fires a column at one azimuth. Therefore the
+    columns of a turn are reversed, and each becomes two blocks of equal azimuth, so that a decoder
+    interpolates none; the returns are in the first firing.
     """
     rotation_hz = _rotation_hz(table)
     centidegrees = np.rint(-np.degrees(table["yaw"]) * 100).astype(np.int64) % CENTIDEGREES
@@ -73,9 +73,9 @@ def scan_packets(table: ScanTable, noisy: bool = True) -> PacketLog:
 def pack_blocks(
     azimuth: NDArray[np.int64], returns: NDArray[Any], seconds: Floats, mode: int = STRONGEST_MODE
 ) -> PacketLog:
-    """Data packets of blocks: azimuth (b,) in 0.01 degrees, returns (b, 2, 16), times (b,) in s.
+    """Pack blocks: azimuths (b,) in 0.01 degrees, returns (b, 2, 16), times (b,) in s.
 
-    A last packet that is not full is filled up with blocks that have no return.
+    The last packet is filled up with blocks without returns.
     """
     if MODES.get(mode) is None:
         raise ValueError(f"no return mode 0x{mode:02X}")
@@ -94,7 +94,7 @@ def pack_blocks(
 
 
 def pcap_bytes(log: PacketLog) -> bytes:
-    """A packet capture (Ethernet, microseconds) of UDP datagrams from a sensor's usual address."""
+    """Return a packet capture (pcap) of UDP datagrams from a sensor's default address."""
     head = struct.pack("<IHHiIII", 0xA1B2C3D4, 2, 4, 0, 0, 65535, 1)
     wrapping = _MAC + b"\x08\x00" + _ip_udp_header(PACKET_BYTES)
     size = len(wrapping) + PACKET_BYTES
@@ -106,13 +106,12 @@ def pcap_bytes(log: PacketLog) -> bytes:
 
 
 def distance_counts(distance: Floats) -> NDArray[np.uint16]:
-    """Distances in units of 2 mm; 0, which means no return, where they do not fit 16 bits."""
+    """Return distances in units of 2 mm; 0 (no return) where they exceed 16 bits."""
     counts = np.rint(distance / DISTANCE_UNIT_M)
     return np.where((counts > 0) & (counts <= 0xFFFF), counts, 0).astype(np.uint16)
 
 
 def _rotation_hz(table: ScanTable) -> float:
-    """The scan's rate of rotation; InputError when the lasers are not those of a VLP-16."""
     device, sweep = table.about.get("sensor", {}), table.about.get("sweep", {})
     if tuple(device.get("laser_elevation_deg", ())) != load_sensor("vlp16").laser_elevation_deg:
         name = device.get("name", "an unknown sensor")
@@ -121,7 +120,6 @@ def _rotation_hz(table: ScanTable) -> float:
 
 
 def _reflectivity(table: ScanTable) -> NDArray[np.uint8]:
-    """The table's reflectivity (0..1) as the sensor's 0..100, or the usual one."""
     if "reflectivity" not in table.columns:
         return np.full(len(table), _REFLECTIVITY, dtype=np.uint8)
     percent: NDArray[np.uint8] = np.rint(table["reflectivity"] * 100).clip(0, 100).astype(np.uint8)
