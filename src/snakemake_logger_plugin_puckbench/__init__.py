@@ -39,6 +39,9 @@ class _Job:
     began: float
     told: int = 0
 
+BARS: list[LogHandler] = []
+"""The handlers that Snakemake has made; a workflow tells them what to expect."""
+
 
 class LogHandler(LogHandlerBase):
     """Follows a run by the events that Snakemake logs."""
@@ -62,6 +65,7 @@ class LogHandler(LogHandlerBase):
         self._began = self._told = time.monotonic()
         self._bar: Progress | None = None
         self._watch: threading.Timer | None = None
+        BARS.append(self)
 
     def expect(
         self,

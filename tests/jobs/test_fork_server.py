@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import signal
+import stat
 import subprocess
 import sys
 import time
@@ -38,11 +39,9 @@ class Own(Codec):
             time.sleep(600)
         if os.environ.get("DIE"):
             os.kill(os.getpid(), 9)
-        parent = Path(f"/proc/{os.getppid()}")
         found = {
             "forked": sys.argv[0] == "-c",
-            "numpy in the parent": "_multiarray" in (parent / "maps").read_text(),
-            "template": int((parent / "stat").read_text().split(")")[1].split()[1]),
+            "numpy in the parent": "_multiarray" in Path(f"/proc/{os.getppid()}/maps").read_text(),
             "threads": numba.get_num_threads(),
             "folder": os.getcwd(),
             "variable": os.environ.get("VARIABLE"),
@@ -56,15 +55,15 @@ KILLED = "puckbench: this job was killed, and runs again\n"
 STARTER = """
 import os, sys
 from puckbench.jobs.fork_server import VARIABLE, start_fork_server
-start_fork_server()
+start_fork_server(1, ["numpy"])
 print(os.environ[VARIABLE], flush=True)
 sys.stdin.read()
 """
 
 
 @pytest.fixture
-def server() -> Iterator[subprocess.Popen[str]]:
-    """A process that has started a server; its name is in the environment of further processes."""
+def server(monkeypatch: pytest.MonkeyPatch) -> Iterator[subprocess.Popen[str]]:
+    """A process that has started a server, whose folder is in the environment from now on."""
     starter = subprocess.Popen(
         [sys.executable, "-c", STARTER],
         stdin=subprocess.PIPE,
@@ -73,8 +72,12 @@ def server() -> Iterator[subprocess.Popen[str]]:
         preexec_fn=_hear_interrupts,  # noqa: PLW1509 (no other thread runs)
     )
     assert starter.stdout is not None
-    with starter, pytest.MonkeyPatch.context() as patch:
-        patch.setenv(fork_server.VARIABLE, starter.stdout.readline().strip())
+    with starter:
+        folder = Path(starter.stdout.readline().strip())
+        monkeypatch.setenv(fork_server.VARIABLE, str(folder))
+        monkeypatch.setenv("OMP_NUM_THREADS", "1")
+        while not list(folder.iterdir()):
+            time.sleep(0.05)
         yield starter
         starter.kill()
 
@@ -123,21 +126,33 @@ def test_a_forked_job_has_all_of_the_process_that_asked_for_it(
 
 
 @pytest.mark.usefixtures("server")
-def test_the_second_job_of_a_kind_finds_what_the_first_imported(
-    job: list[str], tmp_path: Path
-) -> None:
-    inherited = [_run(job, tmp_path)[1]["numpy in the parent"] for _ in range(2)]
-    assert inherited == [False, True]
+def test_a_forked_job_finds_what_the_server_imported(job: list[str], tmp_path: Path) -> None:
+    assert _run(job, tmp_path)[1]["numpy in the parent"]
 
 
 @pytest.mark.usefixtures("server")
-def test_jobs_with_other_threads_are_forked_from_other_processes(
-    job: list[str], tmp_path: Path
-) -> None:
-    numbers = ["1", "2", "1", "2"]
-    found = [_run(job, tmp_path, NUMBA_NUM_THREADS=number)[1] for number in numbers]
-    assert [each["threads"] for each in found] == [1, 2, 1, 2]
-    assert all(each["forked"] for each in found)
+def test_a_job_with_other_threads_is_an_ordinary_process(job: list[str], tmp_path: Path) -> None:
+    numbers = ["1", "2", "1"]
+    found = [
+        _run(job, tmp_path, OMP_NUM_THREADS=number, NUMBA_NUM_THREADS=number)[1]
+        for number in numbers
+    ]
+    assert [each["threads"] for each in found] == [1, 2, 1]
+    assert [each["forked"] for each in found] == [True, False, True]
+
+
+@pytest.mark.usefixtures("server")
+def test_only_the_user_can_enter_the_folder_of_the_server() -> None:
+    folder = Path(os.environ[fork_server.VARIABLE])
+    assert stat.S_IMODE(folder.stat().st_mode) == stat.S_IRWXU
+
+
+def test_no_server_is_started_where_it_is_switched_off(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(fork_server.VARIABLE, "off")
+    done = subprocess.run(
+        [sys.executable, "-c", STARTER], input="", capture_output=True, text=True, check=True
+    )
+    assert done.stdout == "off\n"
 
 
 @pytest.mark.usefixtures("server")
@@ -161,21 +176,32 @@ def test_a_job_that_dies_again_by_itself_has_ended(job: list[str], tmp_path: Pat
 
 
 @pytest.mark.usefixtures("server")
-@pytest.mark.parametrize(
-    "killed", [["job"], ["watcher"], ["server", "template", "watcher", "job"]], ids=" ".join
-)
-def test_a_job_whose_processes_are_killed_runs_again_by_itself(
+@pytest.mark.parametrize("killed", [["job"], ["server", "job"]], ids=" ".join)
+def test_a_job_that_is_killed_runs_again_by_itself(
     killed: list[str], job: list[str], tmp_path: Path
 ) -> None:
     asking, number = _begun(job, tmp_path)
-    numbers = {"job": number}
-    for parent, child in (("watcher", "job"), ("template", "watcher"), ("server", "template")):
-        numbers[parent] = _parent(numbers[child])
+    numbers = {"job": number, "server": _parent(number)}
     for name in killed:
         os.kill(numbers[name], signal.SIGKILL)
     said = asking.communicate()[1]
     assert (asking.returncode, said) == (0, f"said\n{KILLED}said\n")
     assert json.loads((tmp_path / "out.bin").read_bytes())["forked"] is False
+    assert not _lives(number)
+
+
+@pytest.mark.usefixtures("server")
+def test_a_job_outlives_its_server_and_the_next_is_an_ordinary_process(
+    job: list[str], tmp_path: Path
+) -> None:
+    asking, number = _begun(job, tmp_path)
+    os.kill(_parent(number), signal.SIGKILL)
+    found = _run(job, tmp_path)[1]
+    assert found["forked"] is False
+    assert _lives(number)
+    asking.send_signal(signal.SIGINT)
+    asking.communicate()
+    assert asking.returncode == 130
     assert not _lives(number)
 
 
@@ -201,26 +227,16 @@ def test_a_job_is_interrupted_with_the_process_that_asked_for_it(
     assert not _lives(number)
 
 
-@pytest.mark.usefixtures("server")
-def test_a_process_that_forks_jobs_is_replaced_when_it_dies(job: list[str], tmp_path: Path) -> None:
-    first = _run(job, tmp_path)[1]["template"]
-    os.kill(first, signal.SIGKILL)
-    while _lives(first):
-        time.sleep(0.05)
-    found = _run(job, tmp_path)[1]
-    assert found["forked"]
-    assert found["template"] != first
-
-
 def test_without_its_server_a_job_is_a_process_of_its_own(
     server: subprocess.Popen[str], job: list[str], tmp_path: Path
 ) -> None:
     assert _run(job, tmp_path)[1]["forked"]
+    folder = Path(os.environ[fork_server.VARIABLE])
     server.kill()  # the server sees it by the end of its standard input
-    server.wait()
-    while (answer := _run(job, tmp_path))[1].get("forked") is not False:
+    while folder.exists():
         time.sleep(0.05)
-    assert answer[0].returncode == 0
+    done, found = _run(job, tmp_path)
+    assert (done.returncode, found["forked"]) == (0, False)
 
 
 @pytest.mark.usefixtures("server")

@@ -13,7 +13,7 @@ if SOURCE.is_dir():
     sys.path.insert(0, str(SOURCE))
 
 from puckbench.core.errors import InputError
-from puckbench.jobs.fork_server import start_fork_server
+from puckbench.jobs.fork_server import LEARNED, MODULES, start_fork_server
 from puckbench.jobs.process import TIMEOUT
 from puckbench.planning.config import check_config_files
 from puckbench.planning.failures import failed_jobs, failure_lines, write_failures
@@ -33,7 +33,7 @@ from puckbench.planning.running import (
     now,
 )
 from puckbench.planning.workflow import Workflow, package_alone, run_jobs_with
-from snakemake_logger_plugin_puckbench import LogHandler as RunBar
+from snakemake_logger_plugin_puckbench import BARS
 
 if not SOURCE.is_dir() and workflow.deployment_settings.deployment_method:
     # An environment that Snakemake deploys has every package but puckbench.
@@ -112,9 +112,7 @@ if workflow.is_main_process:  # of a cluster's jobs each reads this file again
     # Where Snakemake keeps its records; without room there it would end in a traceback.
     or_stop(check_room, Path(".snakemake"))
 BEGUN = now()
-# With --logger puckbench, as `puckbench run` has it.
-BARS = [bar for bar in workflow.logger_manager.get_log_handlers() if isinstance(bar, RunBar)]
-for bar in BARS:
+for bar in BARS:  # with --logger puckbench, as `puckbench run` has it
     work_of = job_seconds(bench)
     here = (CORES or 1, machine_sample(), compiling_seconds(bench))
     bar.expect(
@@ -132,7 +130,9 @@ onstart:
     for line in left_out_lines(plan.left_out_rows()):
         print(f"puckbench: {line}", file=sys.stderr, flush=True)
     if workflow.local_exec and not workflow.deployment_settings.deployment_method:
-        start_fork_server()  # for jobs that run here and in this environment
+        # For jobs that run on this machine and in this environment.
+        learned = LEARNED if any(plan.weights.values()) else ()
+        start_fork_server(coding.timing.threads, (*MODULES, *learned))
 
 
 onsuccess:

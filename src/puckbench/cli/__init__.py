@@ -91,9 +91,11 @@ class _Parser(argparse.ArgumentParser):
         raise InputError(f"{name}: {message}" if name else message)
 
 
-def parser_of(names: Container[str]) -> argparse.ArgumentParser:
+def parser_of(
+    names: Container[str], parser_class: type[argparse.ArgumentParser] = _Parser
+) -> argparse.ArgumentParser:
     """Return the parser of all commands, with the arguments of those in `names`."""
-    parser = _Parser(prog="puckbench", description=sys.modules["puckbench"].__doc__)
+    parser = parser_class(prog="puckbench", description=sys.modules["puckbench"].__doc__)
     parser.add_argument("--version", action="store_true", help="print the version")
     parser.add_argument(
         "-v",

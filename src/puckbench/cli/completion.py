@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 SHELLS = ("bash", "zsh", "fish")
 
@@ -14,35 +15,32 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> str:
-    """The script; it does not call Python while it completes."""
+    """Return the script; it does not call Python while it completes."""
+    import shtab
+
     from puckbench.cli import parser_of
     from puckbench.cli.registry import help_texts
 
-    return script(parser_of(help_texts()), options.shell)
+    parser = parser_of(help_texts(), _CompletedParser)
+    return str(shtab.complete(parser, options.shell)).rstrip()
 
 
-def script(parser: argparse.ArgumentParser, shell: str) -> str:
-    """The completion script of a parser with subcommands.
+class _CompletedParser(argparse.ArgumentParser):
+    """A parser whose arguments tell shtab how to complete them.
 
     An argument whose type is `Path` is completed with files; one that takes a name of a registry,
-    with the names that are known now.
+    with the names that are registered now.
     """
-    import shtab
 
-    for action in _actions(parser):
+    def add_argument(self, *names: Any, **options: Any) -> argparse.Action:
+        import shtab
+
+        action = super().add_argument(*names, **options)
         if action.type is Path or action.dest in _FILES:
-            action.complete = shtab.FILE  # type: ignore[attr-defined]  # shtab's way to ask for it
+            action.complete = shtab.FILE  # type: ignore[attr-defined]  # as shtab documents
         elif action.choices is None and action.nargs != 0 and action.dest in _NAMES:
             action.choices = _NAMES[action.dest]()
-    return str(shtab.complete(parser, shell)).rstrip()
-
-
-def _actions(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
-    for action in parser._actions:
-        yield action
-        if isinstance(action, argparse._SubParsersAction):
-            for command in action.choices.values():
-                yield from _actions(command)
+        return action
 
 
 def _codecs() -> list[str]:
