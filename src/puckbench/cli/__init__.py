@@ -77,7 +77,7 @@ def _parser(words: Sequence[str]) -> tuple[argparse.ArgumentParser, str | None]:
     name, texts = next((word for word in words if not word.startswith("-")), None), help_texts()
     parser = parser_of([name] if name in texts else [])
     if name is not None and name not in texts:
-        from puckbench.core.models import among
+        from puckbench.core.errors import among
 
         parser.error(f"unknown command '{name}'{among(name, texts)}")
     return parser, name

@@ -8,8 +8,8 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, ClassVar, Literal, NamedTuple
 
-from puckbench.core.errors import InputError
-from puckbench.core.models import Model, among, parsed
+from puckbench.core.errors import InputError, among
+from puckbench.core.models import Model, parsed
 from puckbench.geometry.cloud import CoordinateFrame
 
 Parameters = Mapping[str, Any]

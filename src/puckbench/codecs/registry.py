@@ -17,8 +17,8 @@ from pydantic import create_model
 from puckbench.codecs.base import Codec
 from puckbench.coding.shift import unshifted
 from puckbench.coding.unit import without_unit
-from puckbench.core.errors import InputError
-from puckbench.core.models import Model, among, parsed
+from puckbench.core.errors import InputError, among
+from puckbench.core.models import Model, parsed
 from puckbench.core.registry import Registry, is_place, load, trust
 from puckbench.core.yaml_files import read_yaml
 

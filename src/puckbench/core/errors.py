@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import traceback
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from difflib import get_close_matches
 from pathlib import Path
 
 NARROWER = ": crop it, or take a coarser rate"
@@ -47,3 +48,15 @@ def error_text(error: BaseException) -> str:
     words = ": ".join(filter(None, [notes, type(error).__name__, message]))
     frames = traceback.extract_tb(error.__traceback__)
     return f"{words} ({Path(frames[-1].filename).name}:{frames[-1].lineno})" if frames else words
+
+
+def among(name: str, names: Iterable[str]) -> str:
+    """Return what follows an unknown name in a message: all names, and one that is close to it."""
+    names = list(names)
+    return f" (known: {', '.join(names)}){closest(name, names)}"
+
+
+def closest(name: str, names: list[str]) -> str:
+    """Return ``; did you mean 'x'?`` if a name is close to the unknown one, else ``""``."""
+    near = get_close_matches(name, names, n=1)
+    return f"; did you mean '{near[0]}'?" if near else ""

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from difflib import get_close_matches
 from typing import Any, Self, TypeVar, get_args
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from puckbench.core.errors import InputError
+from puckbench.core.errors import InputError, closest
 
 M = TypeVar("M", bound=BaseModel)
 
@@ -59,18 +58,6 @@ def checked_model(model: type[M], values: Mapping[str, Any]) -> M:
         return model.model_validate(_immutable(values))
     except ValidationError as error:
         raise InputError(_Fault.of(error, values, model).placed_line()) from error
-
-
-def among(name: str, known: Iterable[str]) -> str:
-    """What follows an unknown name in a message: all known ones, and the one that is near to it."""
-    names = list(known)
-    return f" (known: {', '.join(names)}){closest(name, names)}"
-
-
-def closest(name: str, known: list[str]) -> str:
-    """ "; did you mean 'x'?" where a known name is near to the unknown one, else nothing."""
-    near = get_close_matches(name, known, n=1)
-    return f"; did you mean '{near[0]}'?" if near else ""
 
 
 def _immutable(value: Any) -> Any:

@@ -32,9 +32,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, Generic, TypeGuard, TypeVar
 
-from puckbench.core.errors import InputError
+from puckbench.core.errors import InputError, among
 from puckbench.core.imports import reached_files, top_folder
-from puckbench.core.models import among
 
 T = TypeVar("T")
 Target = TypeVar("Target")

@@ -8,9 +8,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from puckbench.core.errors import InputError
+from puckbench.core.errors import InputError, among
 from puckbench.core.files import read_json, sha256, write_bytes, write_json
-from puckbench.core.models import among
 from puckbench.datasets.sources import SOURCES, Source
 
 _RECORD = "fetched.json"

@@ -7,8 +7,7 @@ from pathlib import Path
 
 from pydantic import PositiveFloat
 
-from puckbench.core.errors import InputError
-from puckbench.core.models import closest
+from puckbench.core.errors import InputError, closest
 
 Units = PositiveFloat | dict[str, PositiveFloat]
 """Metres per unit: of all files, or of those that a table names; the others are in metres."""

@@ -14,9 +14,9 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from puckbench.core.errors import InputError
+from puckbench.core.errors import InputError, among
 from puckbench.core.files import unreadable
-from puckbench.core.models import Model, among
+from puckbench.core.models import Model
 
 SUFFIX = ".safetensors"
 HEADER_KEY = "puckbench"

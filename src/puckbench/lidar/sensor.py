@@ -8,8 +8,8 @@ from typing import Self
 
 from pydantic import NonNegativeFloat, PositiveFloat, model_validator
 
-from puckbench.core.errors import InputError
-from puckbench.core.models import Model, among, parsed
+from puckbench.core.errors import InputError, among
+from puckbench.core.models import Model, parsed
 from puckbench.core.yaml_files import read_yaml
 
 _SENSORS = Path(__file__).parent / "sensors"

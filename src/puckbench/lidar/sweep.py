@@ -18,8 +18,8 @@ from typing import Any, Literal, Self
 import numpy as np
 from pydantic import NonNegativeInt, PositiveFloat, model_validator
 
-from puckbench.core.errors import InputError
-from puckbench.core.models import Model, among, parsed
+from puckbench.core.errors import InputError, among
+from puckbench.core.models import Model, parsed
 from puckbench.geometry.cloud import Floats
 from puckbench.lidar.sensor import Sensor
 from puckbench.lidar.trajectory import Poses, Trajectory, read_rows, trajectory_from_rows

@@ -14,9 +14,9 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, Field, StringConstraints, field_validator, model_validator
 
 from puckbench.codecs.facts import Line
-from puckbench.core.errors import InputError
+from puckbench.core.errors import InputError, among
 from puckbench.core.files import read_json
-from puckbench.core.models import Model, among, checked_model
+from puckbench.core.models import Model, checked_model
 from puckbench.core.registry import is_place, trust
 from puckbench.core.yaml_files import read_yaml
 from puckbench.geometry.scaling import METRIC

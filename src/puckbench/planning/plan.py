@@ -14,8 +14,7 @@ from typing import Any
 from puckbench.codecs import registry as codecs
 from puckbench.codecs.base import Codec
 from puckbench.codecs.registry import open_training
-from puckbench.core.errors import NARROWER, InputError, naming
-from puckbench.core.models import among, closest
+from puckbench.core.errors import NARROWER, InputError, among, closest, naming
 from puckbench.datasets.registry import open_scene_set
 from puckbench.datasets.scene import (
     SceneSet,

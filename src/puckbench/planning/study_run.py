@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from puckbench.core.errors import InputError, naming
-from puckbench.core.models import among
+from puckbench.core.errors import InputError, among, naming
 from puckbench.core.registry import trust
 from puckbench.planning.config import checked
 from puckbench.planning.own_files import check_codecs, codec_entries

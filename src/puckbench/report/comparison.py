@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from math import nan
 from typing import TYPE_CHECKING
 
-from puckbench.core.errors import InputError
-from puckbench.core.models import among
+from puckbench.core.errors import InputError, among
 from puckbench.metrics.bjontegaard import MIN_POINTS
 from puckbench.metrics.lossless import LOSSLESS, lossless_rows
 from puckbench.metrics.peaks import PEAK, with_peaks

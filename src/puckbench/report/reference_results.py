@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import Field
 
-from puckbench.core.errors import InputError, naming
+from puckbench.core.errors import InputError, among, naming
 from puckbench.core.files import json_of, written_whole
-from puckbench.core.models import Model, among, parsed
+from puckbench.core.models import Model, parsed
 from puckbench.report.column_labels import is_time, name_in_words
 from puckbench.report.run_record import RunRecord
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from puckbench.core.errors import InputError
-from puckbench.core.models import among
+from puckbench.core.errors import InputError, among
 from puckbench.core.seeding import generator
 from puckbench.geometry.cloud import Floats
 from puckbench.geometry.mesh import Mesh

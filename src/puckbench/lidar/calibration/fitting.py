@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from puckbench.core.errors import InputError
-from puckbench.core.models import among
+from puckbench.core.errors import InputError, among
 from puckbench.geometry.cloud import Floats
 from puckbench.lidar.calibration.likelihood import (
     BIASES,

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from puckbench.core.errors import InputError
-from puckbench.core.models import among
+from puckbench.core.errors import InputError, among
 from puckbench.core.seeding import generator
 from puckbench.geometry.cloud import Floats
 from puckbench.metrics.bjontegaard import (
