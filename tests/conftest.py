@@ -13,7 +13,7 @@ from puckbench.core.compiling import NOTICE
 settings.register_profile("any machine", deadline=None, suppress_health_check=list(HealthCheck))
 settings.load_profile("any machine")
 
-NOTICE.told = True  # tests compare what else stands on standard error
+NOTICE.is_printed = True  # tests compare what else stands on standard error
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from puckbench.core.compiling import CompilingNotice
-from puckbench.core.loop_cache import loops_folder
+from puckbench.core.environment import loops_folder
 
 SOURCE = Path(__file__).parents[2] / "src"
 OUTER = """
@@ -133,7 +133,7 @@ def test_long_compilation_is_told_once(
     notice = CompilingNotice()
     event: Any = None
     for seconds in (1.0, 1.0, 2.0, 1.0):
-        assert not notice.told
+        assert not notice.is_printed
         notice.on_start(event)
         notice.on_start(event)  # of a loop that the first one calls
         now[0] += seconds

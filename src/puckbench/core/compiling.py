@@ -1,11 +1,11 @@
-"""The one door for compiled loops: numba's compiler, cached on disk as long as no source changes.
+"""Loops compiled by numba, cached on disk until one of their sources changes.
 
-Numba's own cache looks at the file of a function alone, and would go on using machine code in which
-an older version of another file's function or constant is compiled. Here the place of the cache is
-named after the contents of the function's file and of all that it imports.
+Numba's own cache checks only the file of a function. It would reuse machine code that contains an
+older version of another file's function or constant. Here the folder of the cache is named after
+the contents of the function's file and of all files that it imports.
 
-With ``NUMBA_BOUNDSCHECK=1`` in the environment every index of every compiled loop is checked: one
-outside its array raises IndexError. Such machine code, some three times slower, has its own cache.
+With ``NUMBA_BOUNDSCHECK=1`` in the environment an index outside its array raises IndexError in any
+compiled loop. Such machine code is about three times slower and has its own cache.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ from numba import extending
 from numba.core.caching import InTreeCacheLocator
 from numba.core.event import Event, Listener, register
 
+from puckbench.core.environment import loops_folder
 from puckbench.core.imports import reached_files
-from puckbench.core.loop_cache import loops_folder
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 IN_PLACE: dict[str, Any] = {"_nrt": False}
-"""Numba's options for a function that makes no arrays and calls none that does: references to those
-that it is given are not counted. Where small functions hand records of arrays to each other, as
-coders of single bits do, counting takes three times as long as their work."""
+"""Options for functions that neither make arrays nor call functions that do: without counting of
+references. Counting takes three times as long as the work of small functions that pass arrays to
+each other, such as binary arithmetic coders."""
 
 INLINED: Any = {
     **IN_PLACE,
@@ -40,21 +40,17 @@ INLINED: Any = {
     "no_cpython_wrapper": True,
     "forceinline": True,
 }
-"""Numba's options for a function that only other compiled functions call, and become one with."""
+"""Options for functions that only compiled functions call, and that are compiled into these."""
 
 _SECONDS_UNTIL_NOTICE = 3.0
 _COMPILING = "compiling loops for this machine, once: this takes up to two minutes"
 _config: Any = numba.config
 _LOCATORS = f"{__name__}.SourcesLocator,IPythonCacheLocator"
-"""Numba's setting for the place of caches: those of files, and those of cells of a notebook."""
+"""Numba's setting for the folders of caches of source files and of notebook cells."""
 
 
 class SourcesLocator(InTreeCacheLocator):
-    """Names the folder of a function's machine code after the state of its sources.
-
-    Numba's setting ``CACHE_LOCATOR_CLASSES`` names such classes. It holds for a process: functions
-    of a user's codec that numba compiles later are kept in the same way.
-    """
+    """Names the cache folder of a function after the contents of its sources."""
 
     def __init__(self, py_func: Callable[..., Any], py_file: str) -> None:
         super().__init__(py_func, py_file)  # type: ignore[no-untyped-call]
@@ -63,32 +59,26 @@ class SourcesLocator(InTreeCacheLocator):
         self._folder = loops_folder(file.parent) / place
 
     def get_cache_path(self) -> str:
-        """Folder of the function's compiled code."""
         return str(self._folder)
 
 
 class CompilingNotice(Listener):
-    """Says once, on standard error, that loops are being compiled, when that takes a while.
-
-    Loops from the cache are not compiled, and raise no event.
-    """
+    """Prints one line if compiling takes more than a few seconds."""
 
     def __init__(self) -> None:
         self._depth, self._seconds, self._began = 0, 0.0, 0.0
-        self.told = False
+        self.is_printed = False
 
     def on_start(self, event: Event) -> None:
-        """A loop begins to be compiled, perhaps within another one."""
         now = time.monotonic()
         self._began = self._began if self._depth else now
         self._depth += 1
         spent = self._seconds + now - self._began
-        if spent > _SECONDS_UNTIL_NOTICE and not self.told:
-            self.told = True
+        if spent > _SECONDS_UNTIL_NOTICE and not self.is_printed:
+            self.is_printed = True
             print(_COMPILING, file=sys.stderr, flush=True)  # noqa: T201
 
     def on_end(self, event: Event) -> None:
-        """It is compiled."""
         self._depth -= 1
         if not self._depth:
             self._seconds += time.monotonic() - self._began
@@ -100,41 +90,39 @@ _register("numba:compile", NOTICE)
 
 
 def compiled(function: Function, **options: Any) -> Function:
-    """Compile `function` on its first call; later processes load it from the cache.
+    """Compile a function on its first call; later processes load it from the cache.
 
-    The cache holds while neither the file of the function changes nor one that it imports
-    (`puckbench.core.imports`). Arithmetic is strict IEEE (no fused or
-    reordered operations) unless numba's `options` say otherwise: equal distances stay equal. Other
-    threads run meanwhile.
+    Arithmetic is strict IEEE 754 (no fused or reordered operations) unless numba's `options` say
+    otherwise. The function releases Python's global lock.
     """
     _config.CACHE_LOCATOR_CLASSES = _LOCATORS
     return cast(Function, numba.njit(cache=True, nogil=True, **options)(function))
 
 
 def compiled_in_place(function: Function, **options: Any) -> Function:
-    """Compile a function that makes no arrays (`IN_PLACE`), as `compiled` does."""
+    """Compile a function that makes no arrays (see `IN_PLACE`)."""
     return compiled(function, **IN_PLACE, **options)
 
 
 def inlined(function: Function) -> Function:
-    """Compile a function that makes no arrays into the compiled functions that call it."""
+    """Compile a function that makes no arrays, only into its compiled callers."""
     return compiled(function, **INLINED)
 
 
 def inlined_too(function: Function) -> Function:
-    """Compile a function that makes no arrays, also into the compiled functions that call it."""
+    """Compile a function that makes no arrays, also into its compiled callers."""
     return compiled_in_place(function, forceinline=True)
 
 
 def intrinsic(function: Callable[..., Any], **options: Any) -> Any:
-    """A function of compiled loops whose machine code `function` writes (`numba.extending`)."""
+    """Return a function whose LLVM code `function` writes (see `numba.extending`)."""
     written: Any = extending.intrinsic(**options) if options else extending.intrinsic
     return written(function)
 
 
 @cache
 def state_of(file: Path) -> str:
-    """Name for the contents of a source file and of all that it imports, directly or not."""
+    """Return a name for the contents of a file and of all that it imports."""
     digest = hashlib.sha256()
     for source in sorted(reached_files(file), key=lambda path: path.as_posix()):
         digest.update(source.name.encode() + b"\0" + _content_digest(source))

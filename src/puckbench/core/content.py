@@ -1,4 +1,4 @@
-"""Files as they are, or compressed by a general program (.gz, .bz2, .xz, .zst)."""
+"""Files that may be compressed by a general program (.gz, .bz2, .xz, .zst)."""
 
 from __future__ import annotations
 
@@ -33,34 +33,31 @@ COMPRESSED = tuple(_OPENERS)
 """Suffixes of compressed files."""
 LEAST_LIMIT = 1 << 28
 MOST_TIMES = 40
-"""Decompressed content is limited to 256 MiB, or 40 times the file's size if that is more."""
+"""Decompressed content may have 256 MiB, or 40 times the file's size if that is more."""
 _PORTION, _HEAD = 1 << 20, 1 << 10
 
 
 def plain_suffix(path: Path) -> str:
-    """The suffix in lower case, of a compressed file that of its content: .ply of a.ply.gz."""
+    """Return the suffix of the content in lower case: ``.ply`` of ``a.ply.gz``."""
     return plain_name(path).suffix.lower()
 
 
 def plain_name(path: Path) -> Path:
-    """The path, of a compressed file without the last suffix."""
+    """Return the path without the suffix of a compression."""
     return path.with_suffix("") if path.suffix.lower() in COMPRESSED else path
 
 
 def limit_of(path: Path) -> int:
-    """Bytes that the content of a file may have."""
     return max(LEAST_LIMIT, MOST_TIMES * path.stat().st_size)
 
 
 def read_content(path: Path, most: int | None = None) -> bytes:
-    """Read a file, decompressed where its name says that it is compressed.
+    """Read a file, decompressed if its suffix is one of `COMPRESSED`.
 
     Parameters
     ----------
-    path
-        The file.
     most
-        Bytes from its beginning to read; all by default.
+        Number of bytes to read from the beginning; all by default.
 
     Raises
     ------
@@ -82,7 +79,7 @@ def read_content(path: Path, most: int | None = None) -> bytes:
 
 @contextmanager
 def unpacked(path: Path) -> Iterator[Path]:
-    """Yield the file, or of a compressed one a temporary file with its content and plain name.
+    """Yield the path of the decompressed file, which is temporary if the file is compressed.
 
     An InputError of the block names the compressed file.
     """
@@ -100,7 +97,6 @@ def unpacked(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def _reading(path: Path) -> Iterator[BinaryIO]:
-    """The content as a stream; InputError when it cannot be read."""
     opener = _OPENERS.get(path.suffix.lower(), partial(Path.open, mode="rb"))
     try:
         with path.open("rb") as stream:

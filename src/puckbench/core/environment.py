@@ -1,4 +1,4 @@
-"""The run environment of a timed call: processor, threads, versions of the libraries."""
+"""The run environment: processor, threads, package versions, commit, folder of compiled loops."""
 
 from __future__ import annotations
 
@@ -8,11 +8,10 @@ import platform
 import shutil
 import subprocess
 import sys
+from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
 from typing import Any
-
-from puckbench.core.loop_cache import loops_folder
 
 THREAD_VARIABLES = (
     "OMP_NUM_THREADS",
@@ -22,12 +21,12 @@ THREAD_VARIABLES = (
     "NUMBA_NUM_THREADS",
     "VECLIB_MAXIMUM_THREADS",
 )
-"""Environment variables by which OpenMP (PyTorch, pykdtree), BLAS and numba limit their threads."""
+"""Environment variables that limit the threads of OpenMP (PyTorch, pykdtree), BLAS and numba."""
 
 LIBRARIES = ("numpy", "scipy", "numba", "DracoPy", "torch", "constriction", "pykdtree")
-"""Packages that codecs and metrics run in; those that are not installed are left out."""
+"""Packages that timed calls of codecs and metrics use."""
 
-INSTALLED = (
+PACKAGES = (
     *LIBRARIES,
     "open3d-cpu",
     "open3d",
@@ -38,32 +37,19 @@ INSTALLED = (
     "pydantic",
     "snakemake",
 )
-"""Packages whose versions a report of a fault should name; those not installed are left out."""
+"""Packages whose versions reports name."""
+
+COMMIT = "PUCKBENCH_COMMIT"
+"""Environment variable: the commit of the sources, which a run finds once for all of its jobs."""
 
 
 def thread_environment(threads: int) -> dict[str, str]:
-    """Additions to the environment of a program that may use `threads` threads."""
+    """Return environment variables that limit the threads of libraries."""
     return dict.fromkeys(THREAD_VARIABLES, str(threads))
 
 
-def run_environment(alone: bool) -> dict[str, Any]:
-    """Columns of a result row: ``cpu``, ``threads``, ``timed_alone`` and ``libraries``.
-
-    Parameters
-    ----------
-    alone
-        Whether no other job of the run ran meanwhile, which only the caller knows.
-    """
-    return {
-        "cpu": cpu_model(),
-        "threads": allowed_threads(),
-        "timed_alone": alone,
-        "libraries": libraries(),
-    }
-
-
 def allowed_threads() -> int:
-    """Threads that libraries may use: ``OMP_NUM_THREADS``, else the cores of the process."""
+    """Return ``OMP_NUM_THREADS``, by default the number of cores that the process may use."""
     limit = os.environ.get("OMP_NUM_THREADS", "").split(",")[0]
     return int(limit) if limit.isdigit() else _cores()
 
@@ -74,64 +60,68 @@ def _cores() -> int:
     return os.cpu_count() or 1
 
 
+def run_environment(alone: bool) -> dict[str, Any]:
+    """Return the columns of a result row that describe the machine of a timed call."""
+    return {
+        "cpu": cpu_model(),
+        "threads": allowed_threads(),
+        "timed_alone": alone,
+        "libraries": libraries(),
+    }
+
+
 @cache
 def cpu_model() -> str:
-    """The processor's name, or its architecture where the system gives no name."""
+    """Return the processor's model name, by default its architecture."""
     try:
-        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError:
         lines = []
-    named = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
-    return (named or [platform.processor() or platform.machine()])[0]
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return (names or [platform.processor() or platform.machine()])[0]
 
 
-COMMIT = "PUCKBENCH_COMMIT"
+@cache
+def libraries() -> str:
+    """Return versions in one line: ``python 3.11.7; numpy 2.1.3; ...``."""
+    versions = {"python": platform.python_version(), **installed_versions(LIBRARIES)}
+    return "; ".join(f"{name} {version}" for name, version in versions.items())
+
+
+def installed_versions(packages: Iterable[str] = PACKAGES) -> dict[str, str]:
+    versions = {}
+    for name in packages:
+        try:
+            versions[name] = importlib.metadata.version(name)
+        except importlib.metadata.PackageNotFoundError:
+            continue
+    return versions
 
 
 def source_commit() -> str:
-    """The commit of the sources that run, with "-dirty" where files differ from it; else empty.
+    """Return the commit of the running sources, with ``-dirty`` if files differ from it.
 
-    Known only where this package runs from a repository of its own, and git is there. A run asks
-    once, and hands it to its jobs as `COMMIT` in their environment.
+    Empty if the package does not run from a Git repository. `COMMIT` in the environment comes
+    first.
     """
     if COMMIT in os.environ:
         return os.environ[COMMIT]
     root = Path(__file__).parents[3]
     if not (root / ".git").exists() or not shutil.which("git"):
         return ""
-    words = [
-        "git",
-        "-C",
-        str(root),
-        "describe",
-        "--always",
-        "--dirty",
-        "--abbrev=12",
-        "--exclude=*",
-    ]
-    environment = {**os.environ, "GIT_OPTIONAL_LOCKS": "0"}  # runs may ask at the same time
-    done = subprocess.run(words, capture_output=True, text=True, env=environment, check=False)
+    options = ("--always", "--dirty", "--abbrev=12", "--exclude=*")
+    done = subprocess.run(
+        ["git", "-C", str(root), "describe", *options],
+        capture_output=True,
+        text=True,
+        env={**os.environ, "GIT_OPTIONAL_LOCKS": "0"},  # several runs may ask at the same time
+        check=False,
+    )
     return done.stdout.strip() if done.returncode == 0 else ""
 
 
-@cache
-def libraries() -> str:
-    """Python's and the packages' versions in one line, "python 3.11.7; numpy 2.1.3; ..."."""
-    versions = {"python": platform.python_version()}
-    versions |= {name: version for name in LIBRARIES if (version := _version(name))}
-    return "; ".join(f"{name} {version}" for name, version in versions.items())
-
-
-def _version(package: str) -> str:
-    """The version of an installed package; empty where it is not installed."""
-    try:
-        return importlib.metadata.version(package)
-    except importlib.metadata.PackageNotFoundError:
-        return ""
-
-
 def installation() -> dict[str, str]:
-    """What a report of a fault should say: system, processor, places and the packages' versions."""
+    """Return what a bug report should contain."""
     sources = Path(__file__).parents[1]
     return {
         "commit": source_commit() or "unknown (not run from a repository)",
@@ -141,5 +131,19 @@ def installation() -> dict[str, str]:
         "processor": cpu_model(),
         "threads": str(allowed_threads()),
         "compiled loops": str(loops_folder(sources)),
-        **{name: version for name in INSTALLED if (version := _version(name))},
+        **installed_versions(),
     }
+
+
+def loops_folder(sources: Path) -> Path:
+    """Return the folder that keeps the compiled loops of a folder of sources.
+
+    ``NUMBA_CACHE_DIR`` if that is set; else ``__pycache__`` beside the sources; else, if the
+    installation is read-only (a container, another user's), ``puckbench`` in the user's cache.
+    """
+    if folder := os.environ.get("NUMBA_CACHE_DIR"):
+        return Path(folder)
+    if os.access(sources, os.W_OK):
+        return sources / "__pycache__"
+    caches = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")  # noqa: PTH111 (Path raises without a home)
+    return Path(caches, "puckbench")

@@ -1,4 +1,4 @@
-"""The one exception a user can cause, printed as one line with exit status 2."""
+"""The exception for bad input, and parts of its messages."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ from difflib import get_close_matches
 from pathlib import Path
 
 NARROWER = ": crop it, or take a coarser rate"
-"""What errors advise where a cloud is too wide for a rate."""
+"""Advice of errors about clouds that are too wide for a rate."""
 
 
 class InputError(Exception):
-    """Something the user gave (file, stream, name, value) cannot be used.
+    """A file, stream, name or value from the user cannot be used.
 
-    The message is one line that names the file or key and the fault. It is raised where the
-    fault is known and printed once, at the edge (command line or workflow), with exit status 2.
+    The message is one line that names the file or key and the fault. The command line and the
+    workflow print it, and exit with status 2.
     """
 
 
 @contextmanager
 def naming(what: object) -> Iterator[None]:
-    """Let the message of an `InputError` from the block begin with what it is about, once."""
+    """Let an `InputError` of the block begin with ``what:``."""
     try:
         yield
     except InputError as error:

@@ -1,4 +1,4 @@
-"""Writing files whole or not at all, and hashing them."""
+"""Reading files, and writing them whole or not at all."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ _TEMPORARY = re.compile(r"^\..*\.(?P<host>[^.]*)-(?P<process>\d+)-[0-9a-f]{8}\.t
 _POINTER = b"version https://git-lfs.github.com/spec/"
 _DAY = 24 * 3600.0
 _MOST_LEVELS = 100
-"""Of lists and objects within each other in a JSON file; ours have fewer than ten."""
+"""Nested lists and objects that a JSON file may have; ours have fewer than ten."""
 
 
 @contextmanager
 def written_whole(path: Path) -> Iterator[Path]:
-    """Yield a temporary path beside `path`, renamed to it when the block ends without error.
+    """Yield a temporary path beside `path`, which is renamed to `path` if the block succeeds.
 
-    A reader never sees a half-written file, whatever kills the writer. Several writers of one path,
-    on one machine or on several, do not disturb each other: the last one to end wins. The temporary
-    name keeps the suffix, for writers that choose a format by it.
+    A reader never sees a half-written file, even if the writer is killed. If several processes
+    write one path, on one machine or on several, the last one to end wins. The temporary name keeps
+    the suffix, because some writers choose the format by it.
 
     Raises
     ------
@@ -52,7 +52,7 @@ def written_whole(path: Path) -> Iterator[Path]:
 
 
 def _temporary(path: Path) -> Path:
-    """A name that no other writer has: processes of two machines may have the same number."""
+    # With the host, since processes of two machines may have the same number.
     writer = f"{_host()}-{os.getpid()}-{token_hex(4)}"
     return path.with_name(f".{path.stem}.{writer}.tmp{path.suffix}")
 
@@ -62,10 +62,6 @@ def _host() -> str:
 
 
 def _is_of(error: OSError, *paths: Path) -> bool:
-    """Whether the error can be one of writing these: it names one, a folder of theirs, or nothing.
-
-    Inside the block other files may be read.
-    """
     if not isinstance(error.filename, str):
         return True
     named = Path(error.filename)
@@ -73,14 +69,9 @@ def _is_of(error: OSError, *paths: Path) -> bool:
 
 
 def remove_leftovers(folder: Path) -> int:
-    """Remove temporary files that killed writers left in a folder or below it.
+    """Remove temporary files of killed writers in a folder and below, and return their number.
 
     Files of other machines, whose processes cannot be seen from here, are kept for a day.
-
-    Returns
-    -------
-    int
-        Number of files removed.
     """
     hidden = [
         Path(place, name)
@@ -106,29 +97,27 @@ def _is_leftover(path: Path) -> bool:
 
 
 def write_bytes(path: Path, data: bytes) -> None:
-    """Write `data` to `path`, whole or not at all."""
     with written_whole(path) as temporary:
         temporary.write_bytes(data)
 
 
 def write_json(path: Path, value: Any) -> None:
-    """Write `value` as indented JSON with sorted keys; nan and infinity are refused."""
+    """Write indented JSON with sorted keys; raise ValueError for nan and infinity."""
     write_bytes(path, json_bytes(value))
 
 
 def json_bytes(value: Any) -> bytes:
-    """The bytes of a JSON file, indented, keys sorted; ValueError for nan and infinity."""
     text = json.dumps(value, indent=1, sort_keys=True, allow_nan=False)
     return (text + "\n").encode()
 
 
 def read_json(path: Path) -> Any:
-    """Read a JSON file; InputError when it is missing, not JSON, too deep, or has a key twice."""
+    """Read a JSON file; raise InputError if it is missing, invalid, too deep, or repeats a key."""
     return json_of(read_bytes(path), str(path))
 
 
 def json_of(data: bytes, what: str) -> Any:
-    """The value of a JSON text; InputError begins with `what` it is, as of `read_json`."""
+    """Return the value of a JSON text as `read_json`; an InputError begins with `what`."""
     try:
         value = json.loads(data, object_pairs_hook=unique_keys)
         deep = _is_deep(value)
@@ -142,7 +131,6 @@ def json_of(data: bytes, what: str) -> Any:
 
 
 def _is_deep(value: Any) -> bool:
-    """Whether lists and objects lie within each other on more than `_MOST_LEVELS` levels."""
     level = [value] if isinstance(value, (dict, list)) else []
     for _ in range(_MOST_LEVELS):
         inner = [each.values() if isinstance(each, dict) else each for each in level]
@@ -151,12 +139,11 @@ def _is_deep(value: Any) -> bool:
 
 
 def read_object(path: Path) -> dict[str, Any]:
-    """Read a JSON file that holds an object; InputError as `read_json`, or for another value."""
+    """Read a JSON object as `read_json`."""
     return object_of(read_bytes(path), str(path))
 
 
 def object_of(data: bytes, what: str) -> dict[str, Any]:
-    """The object of a JSON text; InputError as of `json_of`, or for another value."""
     value = json_of(data, what)
     if not isinstance(value, dict):
         raise InputError(f"{what}: not a JSON object")
@@ -164,17 +151,17 @@ def object_of(data: bytes, what: str) -> dict[str, Any]:
 
 
 def unique_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """The object of a JSON text; ValueError where a key is there twice."""
-    found: dict[str, Any] = {}
+    """Return a JSON object; raise ValueError if it repeats a key."""
+    values: dict[str, Any] = {}
     for name, value in pairs:
-        if name in found:
+        if name in values:
             raise ValueError(f"the key {name!r} is there twice")
-        found[name] = value
-    return found
+        values[name] = value
+    return values
 
 
 def read_bytes(path: Path) -> bytes:
-    """Read a file; InputError when it cannot be read, or is a pointer of Git LFS."""
+    """Read a file; raise InputError if that fails, or if it is a pointer of Git LFS."""
     try:
         data = path.read_bytes()
     except OSError as error:
@@ -184,27 +171,23 @@ def read_bytes(path: Path) -> bytes:
 
 
 def refuse_pointer(path: Path, data: bytes) -> None:
-    """InputError where a file's first bytes are those of a pointer of Git LFS."""
     if data.startswith(_POINTER):
         raise InputError(f"{path}: a Git-LFS pointer, not the file itself: git lfs pull")
 
 
 def unreadable(path: Path, error: OSError, otherwise: str = "unreadable") -> InputError:
-    """The error of a path that cannot be read, with the system's reason where it gives one."""
+    """Return the error for a path that cannot be read."""
     if error.strerror is None and not path.exists():
         otherwise = os.strerror(errno.ENOENT)
     return InputError(f"{path}: {(error.strerror or otherwise).lower()}")
 
 
 def unwritable(path: Path, error: OSError) -> InputError:
-    """The error of a path that cannot be written, with the system's reason where it gives one.
-
-    Some writers report only that fewer bytes were written than asked for, which is a full disk.
-    """
+    """Return the error for a path that cannot be written."""
+    # On a full disk some writers report only that fewer bytes were written.
     why = os.strerror(error.errno) if error.errno else "not all of it was written; is the disk full"
     return InputError(f"{path}: {why.lower()}")
 
 
 def sha256(path: Path) -> str:
-    """Hexadecimal SHA-256 of a file's bytes."""
     return hashlib.sha256(read_bytes(path)).hexdigest()

@@ -1,7 +1,7 @@
-"""The source files that a Python file imports: what its results depend on beside its own code.
+"""The source files that a Python file imports, directly or not.
 
-Modules of puckbench are followed, and those of the file's own package and beside it; other packages
-of an installation are not.
+Followed are imports of puckbench, of the file's own package, and of files beside it; imports of
+other installed packages are not.
 """
 
 from __future__ import annotations
@@ -13,41 +13,36 @@ from pathlib import Path
 
 _PACKAGE = Path(__file__).parents[1]
 _INSTALLED = {"site-packages", "dist-packages"}
-"""Folders of installed packages, which lie beside each other for no reason."""
+"""Folders in which unrelated packages lie beside each other."""
 
 
 def reached_files(*files: Path, is_left_out: Callable[[Path], bool] | None = None) -> set[Path]:
-    """The files themselves and all that they import, directly or not.
+    """Return Python files (absolute paths) and all files that they import, directly or not.
 
     Parameters
     ----------
-    *files
-        Absolute paths of Python files.
     is_left_out
-        Tells the imported files that are not followed.
+        Whether an imported file is not followed.
     """
     reached: set[Path] = set()
-    waiting = list(files)
-    while waiting:
-        file = waiting.pop()
+    queue = list(files)
+    while queue:
+        file = queue.pop()
         if file not in reached:
             reached.add(file)
-            waiting += (
-                each for each in imported_files(file) if not (is_left_out and is_left_out(each))
-            )
+            imported = imported_files(file)
+            queue += (each for each in imported if not (is_left_out and is_left_out(each)))
     return reached
 
 
 @cache
 def imported_files(file: Path) -> frozenset[Path]:
-    """The followed files that one file imports, at any depth of its code."""
-    if not file.is_file():  # a notebook's cell
+    if not file.is_file():  # a cell of a notebook
         return frozenset()
     return frozenset(_imported(ast.parse(file.read_bytes()), file))
 
 
 def _imported(node: ast.AST, importer: Path) -> Iterator[Path]:
-    """Files that the statements within a node import."""
     if isinstance(node, ast.Import):
         yield from filter(None, (_file(alias.name, importer) for alias in node.names))
     elif isinstance(node, ast.ImportFrom):
@@ -62,12 +57,10 @@ def _imported(node: ast.AST, importer: Path) -> Iterator[Path]:
 
 
 def is_for_types(node: ast.AST) -> bool:
-    """Whether a statement is ``if TYPE_CHECKING:``, which never runs."""
     return isinstance(node, ast.If) and getattr(node.test, "id", "") == "TYPE_CHECKING"
 
 
 def _absolute(statement: ast.ImportFrom, importer: Path) -> str:
-    """The dotted name of the module in ``from .module import ...``."""
     if not statement.level:
         return statement.module or ""
     parts = importer.relative_to(top_folder(importer)).parts[: -statement.level]
@@ -75,7 +68,7 @@ def _absolute(statement: ast.ImportFrom, importer: Path) -> str:
 
 
 def _file(name: str, importer: Path) -> Path | None:
-    """The source file of a module, if it is followed."""
+    """Return the source file of a module, or None if it is not followed."""
     top, first = top_folder(importer), name.partition(".")[0]
     is_near = top.name not in _INSTALLED or importer.relative_to(top).parts[0] == first
     file = module_file(name, top) if is_near else None
@@ -84,7 +77,7 @@ def _file(name: str, importer: Path) -> Path | None:
 
 @cache
 def top_folder(file: Path) -> Path:
-    """The folder that a file's outermost package lies in; its own folder if it is in no package."""
+    """Return the folder that contains the outermost package of a file."""
     folder = file.parent
     while (folder / "__init__.py").exists():
         folder = folder.parent
@@ -93,7 +86,6 @@ def top_folder(file: Path) -> Path:
 
 @cache
 def module_file(name: str, folder: Path = _PACKAGE.parent) -> Path | None:
-    """The source file of a module that is looked for in a folder, by default puckbench's."""
     base = folder / name.replace(".", "/")
     files = (base.with_name(f"{base.name}.py"), base / "__init__.py")
     return next((file for file in files if file.is_file()), None)

@@ -1,4 +1,4 @@
-"""Time and memory of one call, inside the process, imports and warm-up left out."""
+"""Time and memory of a call inside the process, without imports and warm-up."""
 
 from __future__ import annotations
 
@@ -17,13 +17,12 @@ T = TypeVar("T")
 
 
 class Cost(NamedTuple):
-    """What a call cost: seconds, and peak memory in MiB."""
+    """Seconds and peak memory (MiB) of a call."""
 
     seconds: float
     peak_mib: float
 
     def plus(self, other: Cost) -> Cost:
-        """The cost of this call and of another one after it."""
         return Cost(self.seconds + other.seconds, max(self.peak_mib, other.peak_mib))
 
 
@@ -31,12 +30,17 @@ NO_COST = Cost(0.0, 0.0)
 
 
 class Measured(NamedTuple, Generic[T]):
-    """Result of a call, seconds of its repetitions (median, least, most), peak memory in MiB.
+    """Result and cost of a repeated call.
 
-    peak_mib: the most resident memory during a call above what was resident before it, when what
-    earlier calls had freed was back with the system (glibc; elsewhere a call may find such memory
-    and show less). Pages of files that became resident (on Linux), mostly code of libraries, are
-    not counted: a process that was forked has to find them anew.
+    Parameters
+    ----------
+    seconds, least_s, most_s
+        Median, minimum and maximum over the repetitions.
+    peak_mib
+        Peak of the resident memory above its size before the call, which excludes memory that
+        earlier calls had freed (glibc only; other libraries may reuse it, which lowers the peak).
+        On Linux, pages of files are not counted: they are mostly code of libraries, which a forked
+        process maps again.
     """
 
     result: T
@@ -46,7 +50,7 @@ class Measured(NamedTuple, Generic[T]):
     most_s: float
 
     def costs(self, what: str) -> dict[str, float]:
-        """Columns of a result row for ``what`` ("encode"): median, spread, and memory."""
+        """Return the columns of a result row that begin with `what` (``encode``)."""
         return {
             f"{what}_s": self.seconds,
             f"{what}_s_min": self.least_s,
@@ -61,10 +65,14 @@ def measured(
     whole: Callable[[Cost], Cost] = lambda here: here,
     each: Callable[[T], object] = lambda result: None,
 ) -> Measured[T]:
-    """Run `call` `repeats` times; the result is the last one's.
+    """Repeat a call and measure it; the result is that of the last repetition.
 
-    whole: the whole cost of a call that has just ended, from its cost in this process. each: gets
-    the result of every repetition, outside the measured time.
+    Parameters
+    ----------
+    whole
+        Adds the cost of other processes to the cost of a call in this one.
+    each
+        Called with the result of every repetition, outside the measured time.
     """
     seconds, peaks = [], []
     for _ in range(repeats):
@@ -80,10 +88,8 @@ def measured(
 
 
 def _reset_peak() -> float:
-    """Set the kernel's high-water mark to the resident size of what is in use, and return it.
-
-    glibc keeps freed memory resident, where a call would find it and seem to need none.
-    """
+    """Set the kernel's peak of resident memory to the memory in use, and return it in MiB."""
+    # glibc keeps freed memory resident; a call that reuses it would seem to need none.
     with suppress(AttributeError):
         ctypes.CDLL(None).malloc_trim(0)
     with suppress(OSError):
@@ -92,7 +98,6 @@ def _reset_peak() -> float:
 
 
 def _peak_mib() -> float:
-    """The most resident memory so far, less the pages of files that are resident now."""
     try:
         lines = Path("/proc/self/status").read_text().splitlines()
         entries = dict(line.split(":", 1) for line in lines)

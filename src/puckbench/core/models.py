@@ -1,4 +1,4 @@
-"""Options and configuration as pydantic models, whose errors are one clear line each."""
+"""Options and configuration as pydantic models with one-line errors."""
 
 from __future__ import annotations
 
@@ -14,33 +14,31 @@ M = TypeVar("M", bound=BaseModel)
 
 
 class Model(BaseModel):
-    """A frozen record of options: unknown names are refused, words are never read as numbers."""
+    """A frozen record of options that refuses unknown names and converts no types."""
 
     model_config = ConfigDict(
         frozen=True, extra="forbid", strict=True, allow_inf_nan=False, validate_by_name=True
     )
 
     def replaced(self, **changes: Any) -> Self:
-        """The record with some of its values replaced, and all checked again."""
+        """Return a copy with some values replaced, checked again."""
         return type(self).model_validate({**dict(self), **changes})
 
 
 def parsed(model: type[M], values: Any, what: str) -> M:
-    """Make a model from loose values, as a configuration or a command line gives them.
+    """Make a model from values of a configuration or command line.
 
     Parameters
     ----------
-    model
-        The class of the options.
     values
-        Names and values; lists stand for tuples, whole numbers for any numbers.
+        Values by name; lists stand for tuples, integers for floats.
     what
-        What the options are for, which begins the line of an error.
+        What the options are for; errors begin with it.
 
     Raises
     ------
     InputError
-        The first fault in one line: the option, its value, and what is allowed.
+        The first fault: the option, its value, and what is allowed.
     """
     if not isinstance(values, Mapping):
         raise InputError(f"{what} is {values!r}, but must be options by name")
@@ -53,7 +51,7 @@ def parsed(model: type[M], values: Any, what: str) -> M:
 
 
 def checked_model(model: type[M], values: Mapping[str, Any]) -> M:
-    """Make a model from a whole configuration; an InputError begins with the key at fault."""
+    """Make a model from a whole configuration; an InputError begins with the key."""
     try:
         return model.model_validate(_immutable(values))
     except ValidationError as error:
@@ -61,7 +59,7 @@ def checked_model(model: type[M], values: Mapping[str, Any]) -> M:
 
 
 def _immutable(value: Any) -> Any:
-    """Lists as tuples, at every depth: strict models take no list for a tuple."""
+    """Replace lists by tuples, since strict models accept no list for a tuple."""
     if isinstance(value, Mapping):
         return {name: _immutable(item) for name, item in value.items()}
     return tuple(map(_immutable, value)) if isinstance(value, list) else value
@@ -69,48 +67,46 @@ def _immutable(value: Any) -> Any:
 
 @dataclass(frozen=True)
 class _Fault:
-    """One fault of some values: where it is, what kind it has, and what is allowed there."""
+    """One fault of some values: its place, its type for pydantic, and what is allowed there."""
 
     where: tuple[str, ...]
     kind: str
     value: Any
-    said: str
-    known: list[str]
+    allowed: str
+    names: list[str]
 
     @classmethod
     def of(cls, error: ValidationError, values: Mapping[str, Any], model: Any) -> _Fault:
-        """The deepest fault of a validation; branches of one union are reported together."""
-        found = [(_place(one["loc"], values, one["type"]), one) for one in error.errors()]
-        where, first = max(found, key=lambda item: (len(item[0]), item[1]["type"] != "missing"))
-        alike = [one for place, one in found if place == where]
-        said = " or ".join(dict.fromkeys(map(_said, alike)))
-        return cls(where, first["type"], first["input"], said, _known(model, where[:-1]))
+        """Return the deepest fault of a validation; branches of a union are joined by "or"."""
+        faults = [(_place(each["loc"], values, each["type"]), each) for each in error.errors()]
+        where, first = max(faults, key=lambda item: (len(item[0]), item[1]["type"] != "missing"))
+        allowed = dict.fromkeys(_allowed(each) for place, each in faults if place == where)
+        names = _option_names(model, where[:-1])
+        return cls(where, first["type"], first["input"], " or ".join(allowed), names)
 
     def line(self, noun: str) -> str:
-        """The fault with the whole path of the option in it."""
         name = ".".join(self.where)
         if self.kind == "extra_forbidden":
-            listed = f" (known: {', '.join(self.known)})" if self.known else ""
-            return f"unknown {noun} '{name}'{listed}{closest(self.where[-1], self.known)}"
+            listed = f" (known: {', '.join(self.names)})" if self.names else ""
+            return f"unknown {noun} '{name}'{listed}{closest(self.where[-1], self.names)}"
         if self.kind == "missing":
             return f"the {noun} '{name}' is missing"
         if self.kind == "value_error":
-            return f"{name}: {self.said}" if name else self.said
-        must = self.said if self.said.startswith("have ") else f"be {self.said}"
+            return f"{name}: {self.allowed}" if name else self.allowed
+        must = self.allowed if self.allowed.startswith("have ") else f"be {self.allowed}"
         return f"{name} is {self.value!r}, but must {must}"
 
     def placed_line(self) -> str:
-        """The fault after the place of the key in a configuration."""
         if self.kind not in {"extra_forbidden", "missing"}:
             return self.line("key")
         place = ".".join(self.where[:-1]) or "the configuration"
-        inner = _Fault(self.where[-1:], self.kind, self.value, self.said, self.known)
+        inner = _Fault(self.where[-1:], self.kind, self.value, self.allowed, self.names)
         return f"{place}: {inner.line('key')}"
 
 
 def _place(location: tuple[int | str, ...], values: Any, kind: str) -> tuple[str, ...]:
-    """The keys of a location: names of a union's branches are left out."""
-    found: list[str] = []
+    """Return the keys of a location, without names of a union's branches."""
+    keys: list[str] = []
     for number, part in enumerate(location):
         absent = kind == "missing" and number == len(location) - 1
         if isinstance(values, Mapping) and (part in values or absent):
@@ -119,12 +115,11 @@ def _place(location: tuple[int | str, ...], values: Any, kind: str) -> tuple[str
             values = values[part] if part < len(values) else None
         else:
             continue
-        found.append(str(part))
-    return tuple(found)
+        keys.append(str(part))
+    return tuple(keys)
 
 
-def _said(fault: Any) -> str:
-    """What is allowed, in words that follow "must" or "must be"."""
+def _allowed(fault: Any) -> str:
     context = fault.get("ctx", {})
     if fault["type"] == "value_error":
         return str(context["error"])
@@ -132,13 +127,12 @@ def _said(fault: Any) -> str:
         return str(context["expected"])
     if fault["type"] == "too_short":
         return f"have at least {context['min_length']}"
-    said = str(fault["msg"]).replace("Input should be ", "")
-    said = said.replace("a valid tuple", "a list")
-    return said.replace("String should match pattern", "a name that matches")
+    message = str(fault["msg"]).replace("Input should be ", "")
+    message = message.replace("a valid tuple", "a list")
+    return message.replace("String should match pattern", "a name that matches")
 
 
-def _known(model: Any, where: tuple[str, ...]) -> list[str]:
-    """Names of the options of the model at a place within another one."""
+def _option_names(model: Any, where: tuple[str, ...]) -> list[str]:
     for name in where:
         fields = _fields(model)
         model = fields.get(name, next(iter(fields.values()), None)) if fields else None
@@ -146,10 +140,9 @@ def _known(model: Any, where: tuple[str, ...]) -> list[str]:
 
 
 def _fields(kind: Any) -> dict[str, Any]:
-    """Name -> type of the options of a model, of one within a union, or of values by name."""
     if hasattr(kind, "model_fields"):
         return {field.alias or name: field.annotation for name, field in kind.model_fields.items()}
     parts = [part for part in get_args(kind) if hasattr(part, "model_fields") or get_args(part)]
     if getattr(kind, "__origin__", None) is dict:
         return {"*": get_args(kind)[1]}
-    return next((found for part in parts if (found := _fields(part))), {})
+    return next((fields for part in parts if (fields := _fields(part))), {})

@@ -5,17 +5,14 @@ A plug-in is one file with one class or function, registered where it is defined
     @CODECS.register("grid")
     class Grid(Codec): ...
 
-A registry finds plug-ins in three places:
+Ours lie in ``puckbench/<folder>/`` or ``puckbench/*/<folder>/``. To list them, all modules there are
+imported, so these import heavy packages inside functions only. To find one, the module whose name
+is the longest beginning of the plug-in's is imported first. Other packages have entry points of the
+group ``puckbench.<kind>s``. A user names a place.
 
-* puckbench's own lie in ``puckbench/<folder>/`` or ``puckbench/*/<folder>/``. To list them, all
-  modules there are imported, so these import heavy packages inside functions only. To find one, the
-  module with the longest beginning of its name is imported first (``encode`` for ``encode_curve``).
-* Other installed packages name theirs by entry points of the group ``puckbench.<kind>s``.
-* A user names a file: ``path/to/file.py:Name``.
-
-``module:Name`` and ``path/to/file.py:Name`` are *places*: code that is run. `load` refuses a place
-unless `trust` was called with it. The command line, configurations and programs call `trust`; names
-that come from streams, tables and other data are never trusted.
+A *place*, ``module:Name`` or ``path/to/file.py:Name``, is code that is run. `load` refuses it
+unless the command line, a configuration or a program has called `trust` with it. Names in streams,
+tables and other data are never trusted.
 """
 
 from __future__ import annotations
@@ -43,14 +40,7 @@ _trusted: set[str] = set()
 
 
 def trust(names: Iterable[str | None]) -> None:
-    """Allow this process to load code from those of the names that are places.
-
-    Parameters
-    ----------
-    names
-        Plug-ins that the command line, the user's configuration or a program names; never names
-        from a file of data.
-    """
+    """Allow this process to load the code of those of the names that are places."""
     _trusted.update(name for name in names if is_place(name))
 
 
@@ -65,12 +55,12 @@ class Registry(Generic[T]):
     Parameters
     ----------
     kind
-        Noun for one plug-in, in messages and in the group of entry points ("error model").
+        Noun for one plug-in ("error model").
     folder
         Name of the packages whose modules register puckbench's own plug-ins ("figures").
     make
-        Makes the plug-in from the name, the registered class or function, and the keyword arguments
-        of `register`; without it the class or function itself is the plug-in.
+        Makes the plug-in from its name, the registered class or function, and the keyword arguments
+        of `register`; by default the class or function itself is the plug-in.
     """
 
     def __init__(self, kind: str, folder: str, make: Callable[..., T] | None = None) -> None:
@@ -102,12 +92,11 @@ class Registry(Generic[T]):
 
     @property
     def group(self) -> str:
-        """Group of the entry points by which installed packages offer plug-ins."""
+        """Group of the entry points of installed packages."""
         return f"puckbench.{self.kind.replace(' ', '_')}s"
 
     @cached_property
     def _ours(self) -> list[str]:
-        """Names of puckbench's own plug-ins, in the order of their modules."""
         for module in _modules(self._folder):
             importlib.import_module(module)
         return sorted(self._modules, key=lambda name: self._modules[name])
@@ -119,20 +108,14 @@ class Registry(Generic[T]):
         return name in self._modules
 
     def _import_nearest(self, name: str) -> None:
-        """Import the module whose name is that of the plug-in or the longest beginning of it."""
+        """Import the module with the longest beginning of the name."""
         modules = {module.rpartition(".")[2]: module for module in _modules(self._folder)}
         beginnings = [stem for stem in modules if f"{name}_".startswith(f"{stem}_")]
         if beginnings:
             importlib.import_module(modules[max(beginnings, key=len)])
 
     def add(self, place: str) -> None:
-        """List the plug-in at a place under the ``Name`` in it.
-
-        Raises
-        ------
-        InputError
-            The name is taken, the place is not of the form ``module:Name``, or it is not trusted.
-        """
+        """List the plug-in at a trusted place under its ``Name``, which must be free."""
         module, _, name = place.rpartition(":")
         if not module or self._added.get(name, place) != place or name in self._ours:
             fault = "that name is taken" if module else "must be module:Name or file.py:Name"
@@ -147,25 +130,19 @@ class Registry(Generic[T]):
         return places
 
     def names(self) -> list[str]:
-        """Names of all plug-ins: puckbench's, those of installed packages, and those added."""
+        """Return the names of puckbench's plug-ins, of installed packages' and of those added."""
         return list(dict.fromkeys([*self._ours, *self._installed, *self._added]))
 
     def module_of(self, name: str) -> str:
-        """The module (or file) that defines a plug-in, for the fingerprint of its code."""
+        """Return the module (or file) that defines a plug-in, for the fingerprint of its code."""
         return self._modules[name] if self._is_ours(name) else self._place(name).rpartition(":")[0]
 
     def place_of(self, name: str) -> str:
-        """The name by which another process can `get` the plug-in: the place of an added one."""
+        """Return the name by which another process can `get` the plug-in."""
         return self._added.get(name, name)
 
     def get(self, name: str) -> T:
-        """The plug-in of a name, or at a place that is trusted.
-
-        Raises
-        ------
-        InputError
-            No plug-in has the name, the place is not trusted, or it cannot be loaded.
-        """
+        """Return the plug-in of a name or of a trusted place; raise InputError if that fails."""
         if self._is_ours(name):
             return self._plugins[self._modules[name], name]
         target = load(self._place(name), f"{self.kind} {name}")
@@ -176,7 +153,6 @@ class Registry(Generic[T]):
         return plugin
 
     def name_of(self, plugin: T) -> str:
-        """The name that a plug-in was registered under."""
         return next(name for (_, name), each in self._plugins.items() if each is plugin)
 
     def __contains__(self, name: str) -> bool:
@@ -204,20 +180,7 @@ def _modules(folder: str) -> Iterator[str]:
 
 
 def load(place: str, purpose: str) -> Any:
-    """The object at a place, ``module:Name`` or ``path/to/file.py:Name``.
-
-    Parameters
-    ----------
-    place
-        A trusted place.
-    purpose
-        What the object is for; errors begin with it.
-
-    Raises
-    ------
-    InputError
-        The text is no place, is not trusted, or cannot be loaded.
-    """
+    """Return the object at a trusted place; an InputError begins with its purpose."""
     module, _, name = place.rpartition(":")
     if not module:
         raise InputError(f"{purpose}: '{place}' is not of the form module:Name or file.py:Name")
@@ -237,7 +200,6 @@ def _check_trusted(place: str, purpose: str) -> None:
 
 
 def _imported(name: str) -> ModuleType:
-    """The module of a dotted name or of a Python file."""
     if not name.endswith(".py"):
         return importlib.import_module(name)
     path = Path(name).resolve()
@@ -251,10 +213,10 @@ def _imported(name: str) -> ModuleType:
 
 
 def _imported_file(path: Path) -> ModuleType:
-    """The module of a file in no package, imported as Python's documentation of importlib shows.
+    """Import a file in no package, as the documentation of importlib shows.
 
-    Its name is unique for the path, since two files may have the same name, and is listed in
-    `sys.modules`, where pickle and data classes look for the module of a class.
+    Its module has a unique name, since two files may have the same one, and is in `sys.modules`,
+    where pickle and data classes look for the module of a class.
     """
     name = f"{path.stem}_{hashlib.sha256(str(path).encode()).hexdigest()[:8]}"
     if name in sys.modules:
@@ -273,7 +235,7 @@ def _imported_file(path: Path) -> ModuleType:
 
 
 def _check_visible(path: Path, top: Path) -> None:
-    """Raise ImportError if a module beside the file is hidden by another module of its name."""
+    """Raise ImportError if another module hides one beside the file."""
     neighbours = {file for file in reached_files(path) - {path} if top_folder(file) == top}
     for file in sorted(neighbours):
         name = file.relative_to(top).parts[0].removesuffix(".py")

@@ -1,4 +1,4 @@
-"""Random generators named after the artefact that they make."""
+"""Random generators for named artefacts."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ import numpy as np
 
 
 def generator(seed: int, *names: str) -> np.random.Generator:
-    """Generator for one artefact: the same seed and names give the same numbers everywhere.
+    """Return the generator of one artefact: equal seeds and names give equal numbers everywhere.
 
     Parameters
     ----------
     seed
-        The configured seed.
+        Seed of the configuration.
     *names
-        What is made, for example ``"scan", "office_1", "noise"``: artefacts made from one seed are
-        independent, and adding one changes no other.
+        Name of the artefact in parts, such as ``"scan", "office_1", "noise"``. Artefacts of one
+        seed are independent.
     """
     digest = hashlib.sha256("\0".join(names).encode()).digest()
     words = np.frombuffer(digest, dtype="<u4").tolist()

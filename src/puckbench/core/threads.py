@@ -1,4 +1,4 @@
-"""Work shared by several threads, with the same result whatever their number."""
+"""Calls of a function in several threads; the results do not depend on their number."""
 
 from __future__ import annotations
 
@@ -13,27 +13,22 @@ Result = TypeVar("Result")
 
 
 def in_threads(function: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
-    """Call `function` for each item in the threads that the process may use.
+    """Call a function for each item in parallel, and return the results in the order of the items.
 
-    The function gains only where it releases Python's global lock, as compiled loops and numpy do.
-
-    Returns
-    -------
-    list
-        The results in the order of the items.
+    This is faster only if the function releases Python's global lock, as compiled loops do.
     """
-    waiting = list(items)
-    threads = min(allowed_threads(), len(waiting))
+    queue = list(items)
+    threads = min(allowed_threads(), len(queue))
     if threads < 2:
-        return [function(item) for item in waiting]
+        return [function(item) for item in queue]
     with ThreadPoolExecutor(threads) as pool:
-        return list(pool.map(function, waiting))
+        return list(pool.map(function, queue))
 
 
 def few_at_once(function: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[Result]:
-    """The results in the order of the items, as many at once as there are threads.
+    """Yield the results in the order of the items, computed in batches of one item per thread.
 
-    They are computed as they are asked for; the last ones may have been for nothing.
+    A caller that stops early wastes at most one batch.
     """
     step = allowed_threads()
     for first in range(0, len(items), step):

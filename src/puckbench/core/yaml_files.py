@@ -1,7 +1,7 @@
-"""Reading YAML as version 1.2 does (its core schema), and writing what both versions read alike.
+"""Read YAML 1.2 (its core schema), and write YAML that versions 1.1 and 1.2 read alike.
 
-PyYAML alone reads YAML 1.1: ``03000`` is 1536 there, ``on`` is true, ``1e3`` a text and ``12:30``
-750; of keys that are there twice it takes the last.
+PyYAML reads YAML 1.1, in which ``03000`` is 1536, ``on`` is true, ``1e3`` is a text and ``12:30``
+is 750. If a mapping repeats a key, it takes the last value.
 
 References
 ----------
@@ -38,20 +38,18 @@ _CORE_SCHEMA = {
 }
 _MOST_LEVELS = 100
 _MOST_NODES, _MOST_REPEATS = 100_000, 10
-"""Nodes that a text may have with its aliases replaced: so many, or so many for each node."""
+"""Limit of the nodes with all aliases replaced: `_MOST_NODES` + `_MOST_REPEATS` for each node."""
 
 
 _Parser: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
 class _Loader(_Parser):  # type: ignore[misc]
-    """PyYAML's safe loader with the core schema of YAML 1.2."""
-
     yaml_implicit_resolvers: ClassVar[dict[str, Any]] = {}
 
 
 class _Dumper(yaml.SafeDumper):
-    """PyYAML's dumper, which also quotes texts that YAML 1.2 would read as something else."""
+    """PyYAML's dumper, which also quotes texts that YAML 1.2 would read as another type."""
 
 
 for _name, (_pattern, _first) in _CORE_SCHEMA.items():
@@ -80,19 +78,12 @@ _Loader.add_constructor(_TAG + "bool", _truth)
 
 
 def read_yaml(path: Path, alike: bool = False) -> Any:
-    """Read a YAML file.
+    """Read a YAML file; raise InputError with file and line if it is invalid or repeats a key.
 
     Parameters
     ----------
     alike
-        Whether a value that YAML 1.1 reads as another is refused, for files that Snakemake reads
-        as well.
-
-    Raises
-    ------
-    InputError
-        The file is missing or not YAML, a key is there twice, or aliases multiply its content; one
-        line that names file, line and key.
+        Whether to refuse values that YAML 1.1 reads differently, for files that Snakemake reads.
     """
     data = read_bytes(path)
     try:
@@ -115,7 +106,6 @@ def read_yaml(path: Path, alike: bool = False) -> Any:
 
 
 def _check_levels(data: bytes) -> None:
-    """InputError where collections are nested so deeply that composing them could fail."""
     level = 0
     for event in yaml.parse(data, Loader=_Parser):
         level += isinstance(event, yaml.CollectionStartEvent)
@@ -125,7 +115,6 @@ def _check_levels(data: bytes) -> None:
 
 
 def _check(loader: _Loader, root: Node, alike: bool) -> None:
-    """InputError, one line without the file's name, where a tree of nodes cannot be used."""
     sizes: dict[int, int] = {}
     for node in _nodes(root, sizes):
         if sizes[id(node)] > _MOST_NODES + _MOST_REPEATS * len(sizes):
@@ -138,7 +127,6 @@ def _check(loader: _Loader, root: Node, alike: bool) -> None:
 
 
 def _scalars(node: Node) -> Iterator[tuple[str, ScalarNode]]:
-    """The values without parts that a node has, each after its key where it has one."""
     pairs = node.value if isinstance(node, MappingNode) else ()
     items = node.value if isinstance(node, SequenceNode) else ()
     parts = [("", item) for item in items]
@@ -148,12 +136,12 @@ def _scalars(node: Node) -> Iterator[tuple[str, ScalarNode]]:
 
 
 def _nodes(node: Node, sizes: dict[int, int]) -> Iterator[Node]:
-    """Every node once, after those within it.
+    """Yield every node once, after the nodes within it.
 
     Parameters
     ----------
     sizes
-        Filled with the number of nodes of each with its aliases replaced; 0 while that is counted.
+        Filled with the number of nodes within each node, aliases replaced; 0 during the count.
     """
     if id(node) in sizes:
         if not sizes[id(node)]:
@@ -183,7 +171,6 @@ def _check_keys(loader: _Loader, node: MappingNode) -> None:
 
 
 def _check_alike(loader: _Loader, name: str, node: ScalarNode) -> None:
-    """Refuse a value that is another in YAML 1.1, which Snakemake reads."""
     if node.style or node.tag == f"{_TAG}merge":
         return
     tag = Resolver().resolve(ScalarNode, node.value, (True, False))  # type: ignore[no-untyped-call]
@@ -202,7 +189,7 @@ def _line(part: Node | yaml.Event) -> str:
 
 
 def yaml_text(value: Mapping[str, Any]) -> str:
-    """The YAML of a mapping, in its order; lists of numbers stay on a line."""
+    """Return the YAML of a mapping in its order, with each list of numbers on one line."""
     return str(
         yaml.dump(value, Dumper=_Dumper, sort_keys=False, default_flow_style=None, width=100)
     )

@@ -18,8 +18,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from puckbench.core.introspection import caption_of, typed_parameters
 from puckbench.core.registry import Registry
-from puckbench.core.signatures import annotated, caption_of
 from puckbench.geometry.cloud import CoordinateFrame
 
 SPINS = "spins"
@@ -63,7 +63,7 @@ class FigureEntry:
     @property
     def kinds(self) -> Mapping[str, str]:
         """Inputs by name: DataFrame or PointCloud."""
-        return annotated(self.draw, "DataFrame", "PointCloud")
+        return typed_parameters(self.draw, "DataFrame", "PointCloud")
 
     @property
     def inputs(self) -> tuple[str, ...]:

@@ -19,8 +19,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from puckbench.core.introspection import caption_of, optional_parameters, typed_parameters
 from puckbench.core.registry import Registry
-from puckbench.core.signatures import annotated, caption_of, defaulted
 
 SENSOR = "Sensor, tables"
 """Category of tables of the sensor study (thesis chapter 5)."""
@@ -69,14 +69,14 @@ class TableEntry:
     def inputs(self) -> tuple[str, ...]:
         """Names of required input tables."""
         return tuple(
-            name for name in annotated(self.make, "DataFrame") if name not in self.optional
+            name for name in typed_parameters(self.make, "DataFrame") if name not in self.optional
         )
 
     @property
     def optional(self) -> tuple[str, ...]:
         """Names of input tables that are used if a run has them."""
-        may_lack = defaulted(self.make)
-        return tuple(name for name in annotated(self.make, "DataFrame") if name in may_lack)
+        may_lack = optional_parameters(self.make)
+        return tuple(name for name in typed_parameters(self.make, "DataFrame") if name in may_lack)
 
     @property
     def caption(self) -> str:

@@ -1,8 +1,8 @@
-"""Fingerprints of the code that makes an artefact, so that a job runs again when that code changes.
+"""Fingerprints of code: a job runs again when the code that makes its artefact changes.
 
-Code is the module of a job, that of its plug-in and all that they import, as syntax: comments,
-docstrings and help texts do not count. The command line and the registries are left out, so that a
-new plug-in re-makes nothing that the others made. A YAML file of a module's name counts as it is.
+The code of a job is its module, the module of its plug-in, and all that they import, without
+comments, docstrings and help texts. The command line and the registries are left out, so that a new
+plug-in repeats no job of the others. A YAML file beside a module, of the same name, counts as well.
 """
 
 from __future__ import annotations
@@ -19,17 +19,12 @@ from puckbench.core.imports import is_for_types, module_file, reached_files, top
 
 @cache
 def code_version(*modules: str) -> str:
-    """Fingerprint of `modules` and of all that they import.
+    """Return the fingerprint of modules and of all that they import, 16 hexadecimal digits.
 
     Parameters
     ----------
     *modules
-        Dotted names, of puckbench or of another installed package, or paths of Python files.
-
-    Returns
-    -------
-    str
-        16 hexadecimal digits.
+        Dotted names of installed modules, or paths of Python files.
     """
     files = sorted((str(file.relative_to(top_folder(file))), file) for file in covered(*modules))
     lines = "\n".join(f"{name} {_code_digest(file)}" for name, file in files)
@@ -37,7 +32,7 @@ def code_version(*modules: str) -> str:
 
 
 def covered(*modules: str) -> set[Path]:
-    """The files that a fingerprint of `modules` covers."""
+    """Return the files that the fingerprint of modules covers."""
     return reached_files(*_source_files(modules), is_left_out=_is_left_out)
 
 
@@ -58,7 +53,7 @@ def _is_left_out(file: Path) -> bool:
 
 @cache
 def _code_digest(file: Path) -> str:
-    """Digest of the code of one file, and of the numbers beside it."""
+    """Return a digest of the code of one file, and of the YAML file beside it."""
     tree = _Code().visit(ast.parse(file.read_bytes()))
     numbers = file.with_suffix(".yaml")
     data = numbers.read_bytes() if numbers.is_file() else b""
@@ -66,18 +61,18 @@ def _code_digest(file: Path) -> str:
 
 
 class _Code(ast.NodeTransformer):
-    """Leaves out what is not run, and help texts."""
+    """Removes statements that do nothing, and help texts."""
 
     def visit_Expr(self, node: ast.Expr) -> ast.AST | None:
-        """A docstring, or another text that stands alone, does nothing."""
+        """Remove a docstring or another constant."""
         return None if isinstance(node.value, ast.Constant) else self.generic_visit(node)
 
     def visit_If(self, node: ast.If) -> ast.AST | None:
-        """What is imported for type checkers alone is never run."""
+        """Remove imports for type checkers."""
         return None if is_for_types(node) else self.generic_visit(node)
 
     def visit_Call(self, node: ast.Call) -> ast.AST:
-        """The description of an option is its help text."""
+        """Remove the help text of an option."""
         if getattr(node.func, "id", "") == "Field":
             node.keywords = [word for word in node.keywords if word.arg != "description"]
         return self.generic_visit(node)

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from puckbench.core.loop_cache import loops_folder
+from puckbench.core.environment import loops_folder
 from puckbench.planning.workflow import Workflow
 
 SAMPLE_S = 0.05

@@ -7,11 +7,10 @@ import os
 import platform
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from importlib.metadata import PackageNotFoundError, version
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from puckbench import __version__
+from puckbench.core.environment import cpu_model, installed_versions
 from puckbench.figures.binning import ordered_rates
 from puckbench.figures.style import FigureStyle
 from puckbench.metrics.lossless import LOSSLESS
@@ -25,7 +24,6 @@ if TYPE_CHECKING:
 _MAKES = {"sample": "sampled", "scan": "scanned", "cloud": "as captured"}
 _KEYS = frozenset(["dataset", "cloud", "codec", "rate", "group", "digest", LOSSLESS])
 _MOST_VALUES = 5
-_PACKAGES = ("numpy", "scipy", "pandas", "numba", "open3d", "open3d-cpu", "DracoPy", "torch")
 
 
 @dataclass(frozen=True)
@@ -162,31 +160,12 @@ def _as_yaml(configuration: Mapping[str, Any]) -> str:
 
 
 def this_machine() -> dict[str, str]:
-    """Return versions of programs and libraries, system and processor, if known."""
-    versions = {name: _version(name) for name in _PACKAGES}
-    libraries = ", ".join(f"{name} {number}" for name, number in versions.items() if number)
-    facts = {
+    """Return versions of programs and libraries, system and processor."""
+    versions = installed_versions()
+    return {
         "puckbench": __version__,
         "Python": f"{platform.python_implementation()} {platform.python_version()}",
-        "Libraries": libraries,
+        "Libraries": ", ".join(f"{name} {version}" for name, version in versions.items()),
         "System": f"{platform.system()} {platform.machine()}",
-        "Processor": f"{_processor()} ({os.cpu_count()} logical cores)",
+        "Processor": f"{cpu_model()} ({os.cpu_count()} logical cores)",
     }
-    return {name: text for name, text in facts.items() if text}
-
-
-def _version(package: str) -> str:
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return ""
-
-
-def _processor(cpuinfo: Path = Path("/proc/cpuinfo")) -> str:
-    """Return the processor's model name, else the architecture."""
-    try:
-        lines = cpuinfo.read_text(encoding="utf-8", errors="replace").splitlines()
-    except OSError:
-        lines = []
-    named = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
-    return next(named, platform.processor() or platform.machine())

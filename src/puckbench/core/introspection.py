@@ -1,0 +1,40 @@
+"""Inputs of a registered function by its annotations, and its caption by its docstring."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from inspect import getdoc, signature
+from typing import Any
+
+_SECTION = re.compile(r"\n\n[A-Z][\w ]*\n-{3,}\n")
+
+
+def typed_parameters(function: Callable[..., Any], *classes: str) -> dict[str, str]:
+    """Return the parameters that are annotated with one of some classes, and the class of each.
+
+    Parameters
+    ----------
+    function
+        Function whose annotations may be strings; they are not evaluated.
+    classes
+        Names of classes without their modules, such as ``DataFrame``.
+    """
+    parameters = signature(function).parameters
+    names = {name: _class_name(parameter.annotation) for name, parameter in parameters.items()}
+    return {name: class_name for name, class_name in names.items() if class_name in classes}
+
+
+def optional_parameters(function: Callable[..., Any]) -> set[str]:
+    parameters = signature(function).parameters.items()
+    return {name for name, parameter in parameters if parameter.default is not parameter.empty}
+
+
+def caption_of(function: Callable[..., Any]) -> str:
+    """Return the docstring of a function up to its first section, in reStructuredText."""
+    return _SECTION.split(getdoc(function) or "")[0]
+
+
+def _class_name(annotation: Any) -> str:
+    text = annotation if isinstance(annotation, str) else getattr(annotation, "__name__", "")
+    return text.split("|")[0].strip().rpartition(".")[2]
