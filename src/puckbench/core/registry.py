@@ -5,7 +5,7 @@ A plug-in is one file with one class or function, registered where it is defined
     @CODECS.register("grid")
     class Grid(Codec): ...
 
-Ours lie in ``puckbench/<folder>/`` or ``puckbench/*/<folder>/``. To list them, all modules there are
+Ours lie in ``puckbench/<folder>/`` or ``puckbench/*/<folder>/``. To list them, all modules are
 imported, so these import heavy packages inside functions only. To find one, the module whose name
 is the longest beginning of the plug-in's is imported first. Other packages have entry points of the
 group ``puckbench.<kind>s``. A user names a place.
