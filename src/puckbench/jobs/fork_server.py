@@ -169,11 +169,7 @@ def _run(client: socket.socket, streams: Sequence[int], listener: socket.socket)
     os.environ.clear()
     os.environ.update(environment)
     os.chdir(folder)
-    try:
-        status = main(words)
-    except Exception:  # noqa: BLE001 (as Python does at the end of a process)
-        sys.excepthook(*sys.exc_info())
-        status = 1
+    status = main(words)
     sys.stdout.flush()
     sys.stderr.flush()
     connection.send(status)
