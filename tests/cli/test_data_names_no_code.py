@@ -22,7 +22,7 @@ from puckbench.geometry.mesh import Labels, Primitive, SceneObject
 from puckbench.io.clouds import write_cloud
 from puckbench.io.meshes import write_mesh
 from puckbench.io.tables import write_table
-from puckbench.jobs.curve import write_rows
+from puckbench.jobs.curve_files import write_rows
 from puckbench.jobs.process import main as job
 from puckbench.report.reference_results import plain_rows, read_reference, write_reference
 from puckbench.report.run_record import RunRecord

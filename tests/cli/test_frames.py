@@ -14,7 +14,7 @@ from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import PointCloud
 from puckbench.io.clouds import read_cloud, write_cloud
 from puckbench.io.meshes import read_mesh, write_mesh
-from puckbench.jobs.library import compare, open_codec, prepare
+from puckbench.library import compare, open_codec, prepare
 
 UTM = np.array([500_000.0, 5_000_000.0, 120.0])
 OBJ = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\n"

@@ -15,7 +15,7 @@ from puckbench.core.errors import InputError
 from puckbench.datasets.registry import open_scene_set
 from puckbench.geometry.mesh import Labels, Mesh, Primitive, SceneObject, scaled_mesh
 from puckbench.io.clouds import read_cloud
-from puckbench.planning.own_files import OwnRun
+from puckbench.planning.user_files import OwnRun
 
 GRID = np.random.default_rng(2).integers(0, 4000, (1500, 3))
 """Points of a room, in whole millimetres."""

@@ -14,7 +14,7 @@ from puckbench.codecs.registry import (
 )
 from puckbench.core.errors import InputError
 from puckbench.core.registry import load, trust
-from puckbench.jobs.library import open_codec
+from puckbench.library import open_codec
 
 OWN = """
 from puckbench.codecs.base import Codec

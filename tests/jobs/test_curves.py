@@ -18,12 +18,12 @@ from puckbench.geometry.spatial_order import Rows, distinct_points
 from puckbench.io.archives import read_archive
 from puckbench.io.clouds import read_cloud, write_cloud
 from puckbench.io.meshes.writing import write_mesh
-from puckbench.jobs.curve import Coded, read_curve, read_rows, write_curve, write_rows
+from puckbench.jobs.curve_files import Coded, read_curve, read_rows, write_curve, write_rows
 from puckbench.jobs.decode import Decode, Decoded, DecodeShown
 from puckbench.jobs.encode import Encode, EncodeCurve
 from puckbench.jobs.evaluate import Evaluate, EvaluateCurve, Originals
 from puckbench.jobs.join_parts import JoinRows, JoinStreams
-from puckbench.jobs.library import compare, open_codec
+from puckbench.library import compare, open_codec
 from puckbench.metrics import geometry
 from puckbench.planning.coding import CodingJobs
 from puckbench.planning.workflow import Workflow

@@ -6,7 +6,7 @@ import pytest
 
 from puckbench.core.errors import InputError
 from puckbench.io.tables import write_table
-from puckbench.jobs.curve import write_rows
+from puckbench.jobs.curve_files import write_rows
 from puckbench.jobs.tables.results import (
     CLOUD_KEYS,
     METRIC_KEYS,

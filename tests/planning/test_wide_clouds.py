@@ -12,9 +12,9 @@ import pytest
 from puckbench.cli import main
 from puckbench.core.errors import InputError
 from puckbench.planning.config import checked
-from puckbench.planning.own_files import OwnRun
 from puckbench.planning.plan import Plan
 from puckbench.planning.running import left_out_lines
+from puckbench.planning.user_files import OwnRun
 from puckbench.planning.workflow import Workflow
 
 POINTS = np.random.default_rng(0).random((50, 3))

@@ -19,7 +19,7 @@ from puckbench.codecs.registry import open_codec
 from puckbench.core.registry import trust
 from puckbench.geometry.cloud import PointCloud
 from puckbench.io.clouds import write_cloud
-from puckbench.jobs.curve import read_rows
+from puckbench.jobs.curve_files import read_rows
 from tests.support.bench import ROOT, Bench
 from tests.support.pages import blocks, commands, page, write_files
 

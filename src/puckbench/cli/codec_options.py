@@ -7,7 +7,7 @@ from typing import Any
 
 from puckbench.cli.types import json_object
 from puckbench.core.models import parsed
-from puckbench.jobs.codecs import with_options
+from puckbench.jobs.codec_jobs import with_options
 from puckbench.planning.config import CodecConfig
 
 

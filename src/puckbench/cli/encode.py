@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from puckbench.cli.codec_options import codec_arguments, timed_options
-from puckbench.jobs.codecs import with_options
+from puckbench.jobs.codec_jobs import with_options
 from puckbench.jobs.encode import Encode
 
 

@@ -17,15 +17,15 @@ from puckbench.core.errors import InputError
 from puckbench.planning.config import read_config, trusted
 from puckbench.planning.launch import TOLD_BY_CALLER, snakemake_command
 from puckbench.planning.outputs import OutputJobs
-from puckbench.planning.own_files import (
+from puckbench.planning.run_summary import REPORT, closing_lines, summary_rows
+from puckbench.planning.running import left_out_lines
+from puckbench.planning.user_files import (
     CODECS,
     CODECS_OF_RECORDINGS,
     CONFIG,
     OwnRun,
     write_configuration,
 )
-from puckbench.planning.run_summary import REPORT, closing_lines, summary_rows
-from puckbench.planning.running import left_out_lines
 from puckbench.planning.workflow import Workflow
 
 _OUT = "out"

@@ -13,8 +13,8 @@ from puckbench.geometry.cloud import PointCloud, check_points
 from puckbench.io.archives import write_archive
 from puckbench.io.clouds import cloud_bytes, write_cloud
 from puckbench.io.meshes.writing import write_mesh
-from puckbench.jobs.codecs import TimedJob
-from puckbench.jobs.curve import Coded, read_coded, read_curve
+from puckbench.jobs.codec_jobs import TimedJob
+from puckbench.jobs.curve_files import Coded, read_coded, read_curve
 from puckbench.jobs.registry import JOBS
 
 

@@ -16,8 +16,8 @@ from puckbench.core.measurement import Measured, measured
 from puckbench.core.progress import Progress
 from puckbench.geometry.cloud import CoordinateFrame, PointCloud
 from puckbench.io.clouds import read_cloud
-from puckbench.jobs.codecs import TimedJob, ready
-from puckbench.jobs.curve import REMARK, Coded, record_file, write_curve
+from puckbench.jobs.codec_jobs import TimedJob, ready
+from puckbench.jobs.curve_files import REMARK, Coded, record_file, write_curve
 from puckbench.jobs.prepare import Prepare
 from puckbench.jobs.registry import JOBS
 from puckbench.lidar.returns import with_returns

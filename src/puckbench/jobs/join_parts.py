@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from puckbench.jobs.curve import read_curve, read_rows, write_curve, write_rows
+from puckbench.jobs.curve_files import read_curve, read_rows, write_curve, write_rows
 from puckbench.jobs.registry import JOBS, Job
 
 

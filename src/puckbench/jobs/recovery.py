@@ -14,8 +14,8 @@ from puckbench.geometry.cloud import PointCloud
 from puckbench.geometry.mesh import Labels, Mesh
 from puckbench.io.clouds import read_cloud
 from puckbench.io.meshes import read_mesh
-from puckbench.jobs.codecs import CodecJob
-from puckbench.jobs.curve import Coded, read_coded, read_curve, write_rows
+from puckbench.jobs.codec_jobs import CodecJob
+from puckbench.jobs.curve_files import Coded, read_coded, read_curve, write_rows
 from puckbench.jobs.registry import JOBS
 
 _KEPT = ("codec", "rate", "codec_version", "points_in", "bytes", "bpp")

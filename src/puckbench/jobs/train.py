@@ -15,7 +15,7 @@ from puckbench.core.errors import InputError
 from puckbench.core.files import sha256, write_json
 from puckbench.geometry.cloud import Floats
 from puckbench.io.clouds import read_cloud
-from puckbench.jobs.codecs import codec_plugins, with_options
+from puckbench.jobs.codec_jobs import codec_plugins, with_options
 from puckbench.jobs.registry import JOBS, Job
 from puckbench.learned.catalogue import weights_file
 from puckbench.learned.training.settings import BaseTraining
@@ -52,7 +52,7 @@ class Train(Job):
         self, clouds: tuple[Path, ...], weights: Path, validate: tuple[Path, ...] = ()
     ) -> dict[str, Any]:
         """Train, going on from the checkpoint beside `weights`, and write the set and its card."""
-        from puckbench.jobs.training_curve import Curve
+        from puckbench.jobs.training_log import Curve
         from puckbench.learned.training.loop import train
 
         training = open_training(self.codec, self.changes, self.options)

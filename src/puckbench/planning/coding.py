@@ -19,8 +19,8 @@ from puckbench.geometry.cloud import CoordinateFrame
 from puckbench.jobs.decode import Decode, DecodeShown
 from puckbench.jobs.encode import EncodeCurve
 from puckbench.jobs.evaluate import Evaluate, EvaluateCurve
+from puckbench.jobs.gathered_tables import RowsTable
 from puckbench.jobs.join_parts import JoinRows, JoinStreams
-from puckbench.jobs.joined import RowsTable
 from puckbench.jobs.recovery import RecoveryCurve
 from puckbench.jobs.registry import Job
 from puckbench.metrics.metric_registry import METRICS

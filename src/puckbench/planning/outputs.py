@@ -21,7 +21,7 @@ from puckbench.figures.style import FigureStyle
 from puckbench.geometry.cloud import CoordinateFrame
 from puckbench.jobs.figure import Figure
 from puckbench.jobs.first_look import FirstLook
-from puckbench.jobs.joined import CloudsTable, PlanTable
+from puckbench.jobs.gathered_tables import CloudsTable, PlanTable
 from puckbench.jobs.reference import Reference
 from puckbench.jobs.report import Report
 from puckbench.jobs.table import Table

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from puckbench.figures.style import FigureStyle
-from puckbench.jobs.curve import REMARK
+from puckbench.jobs.curve_files import REMARK
 from puckbench.report.bd_rate_text import delta_text, has_delta
 
 Row = dict[str, str]

@@ -8,8 +8,8 @@ from typing import Any
 from puckbench.core.errors import InputError, among, naming
 from puckbench.core.registry import trust
 from puckbench.planning.config import checked
-from puckbench.planning.own_files import check_codecs, codec_entries
 from puckbench.planning.plan import Plan
+from puckbench.planning.user_files import check_codecs, codec_entries
 from puckbench.report.reference_results import ReferenceResults
 
 Options = dict[str, Any]

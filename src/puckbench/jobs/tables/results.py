@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from puckbench.core.errors import InputError
 from puckbench.core.files import read_object
-from puckbench.jobs.curve import read_rows
+from puckbench.jobs.curve_files import read_rows
 from puckbench.metrics.coordinate_frames import FRAME
 from puckbench.metrics.lossless import (
     LOSSLESS,

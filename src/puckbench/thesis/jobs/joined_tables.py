@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, Literal
 
-from puckbench.jobs.joined import OfNames
+from puckbench.jobs.gathered_tables import OfNames
 from puckbench.jobs.registry import JOBS
 
 _MOST_ROWS = 20_000

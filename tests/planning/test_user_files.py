@@ -14,9 +14,9 @@ import yaml
 from puckbench.cli import main
 from puckbench.core.errors import InputError
 from puckbench.planning.config import checked
-from puckbench.planning.own_files import OwnRun, write_configuration
 from puckbench.planning.plan import Plan
 from puckbench.planning.study_run import study_configuration
+from puckbench.planning.user_files import OwnRun, write_configuration
 from puckbench.planning.workflow import Workflow
 from puckbench.report.reference_results import read_reference
 from tests.io.test_cloud_formats import write_las
@@ -157,7 +157,7 @@ def test_rates_are_named_by_the_key_of_the_clouds_frame() -> None:
 
 
 def test_codecs_get_fewer_rates_where_all_would_take_long(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("puckbench.planning.own_files._BUDGET_S", 0.01)
+    monkeypatch.setattr("puckbench.planning.user_files._BUDGET_S", 0.01)
     assert made("mine/a.npy")["codecs"]["draco"] == {"rates": ["r1", "r3", "r6", "r8"]}
     assert made("mine/a.npy", rates=("all",))["codecs"]["draco"] == {}
 

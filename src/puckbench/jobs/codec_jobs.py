@@ -12,7 +12,7 @@ from puckbench.codecs.base import Codec
 from puckbench.codecs.registry import codec_of, is_codec, open_codec
 from puckbench.core.errors import InputError, naming
 from puckbench.core.registry import is_place
-from puckbench.jobs.curve import Coded, read_coded
+from puckbench.jobs.curve_files import Coded, read_coded
 from puckbench.jobs.registry import Job
 
 

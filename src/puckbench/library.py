@@ -12,8 +12,8 @@ from puckbench.core.measurement import measured
 from puckbench.core.registry import trust
 from puckbench.geometry.cloud import PointCloud
 from puckbench.io.clouds import read_cloud
-from puckbench.jobs.codecs import codec_plugins, ready
-from puckbench.jobs.curve import read_curve
+from puckbench.jobs.codec_jobs import codec_plugins, ready
+from puckbench.jobs.curve_files import read_curve
 from puckbench.jobs.encode import measured_encoding
 from puckbench.metrics.cloud_metrics import geometry_metrics
 
