@@ -1,1 +1,1 @@
-"""One unit of work each, as the workflow's rules and the command line run it."""
+"""Jobs: one unit of work each, run by the rules of the workflow and by the command line."""

@@ -1,4 +1,4 @@
-"""``python -m puckbench.jobs NAME RECORD.json key=FILE ...``: one job, as the rules run it."""
+"""``python -m puckbench.jobs NAME RECORD.json key=FILE ...``: run one job."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Parameters of a range error model from plane residuals."""
+"""Calibration of a range error model from plane residuals."""
 
 from __future__ import annotations
 
@@ -10,10 +10,18 @@ from puckbench.jobs.registry import JOBS, Job
 
 @JOBS.register("calibrate")
 class Calibrate(Job):
-    """Estimate a range error model from residual tables, one per device.
+    """Estimate the parameters of a range error model from residual tables, one for each device.
 
-    model: whose rows count, where a table has several models. cells: what shares a bias, a frame or
-    a spot; parameters: sigmas to estimate, all if not given. quantum_mm: steps of the ranges.
+    Parameters
+    ----------
+    model
+        Model whose rows to use, if a table has several.
+    cells
+        Unit that shares one bias.
+    parameters
+        Standard deviations to estimate; all by default.
+    quantum_mm
+        Step of the sensor's ranges.
     """
 
     model: str | None = None
@@ -22,7 +30,7 @@ class Calibrate(Job):
     quantum_mm: float | None = None
 
     def run(self, residuals: tuple[Path, ...], model: Path) -> dict[str, Any]:
-        """Write the model file (YAML): estimates with their intervals."""
+        """Write the model (YAML): estimates and their confidence intervals."""
         from puckbench.lidar.calibration import calibrate, write_calibration
         from puckbench.lidar.calibration.files import read_tables, settings_for
 

@@ -1,4 +1,4 @@
-"""Plane residuals of a recording of a real sensor, on the walls found in it."""
+"""Plane residuals of a recording of a real sensor."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class CaptureResiduals(Job):
     options: dict[str, Any] = Field({})
 
     def run(self, capture: Path, table: Path) -> dict[str, Any]:
-        """Write the residual table (Parquet); the statistics of each plane."""
+        """Write the residual table (Parquet), and return statistics of each plane."""
         from puckbench.lidar.residual_table import REAL, write_residuals
         from puckbench.lidar.walls.residuals import (
             recorded_planes,

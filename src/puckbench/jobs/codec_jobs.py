@@ -1,4 +1,4 @@
-"""Codecs as jobs use them: opened from a configuration's entry, and checked to run here."""
+"""Base classes of jobs that use a codec."""
 
 from __future__ import annotations
 
@@ -17,9 +17,14 @@ from puckbench.jobs.registry import Job
 
 
 class CodecJob(Job):
-    """What jobs with a codec have in common.
+    """A job with a codec.
 
-    codec: its name. changes: what a configuration says of it (class, options, rates).
+    Parameters
+    ----------
+    codec
+        Name of the codec.
+    changes
+        Its entry in the configuration (class, options, rates).
     """
 
     codec: str | None = None
@@ -27,30 +32,23 @@ class CodecJob(Job):
     _loaded: dict[str, Codec] = PrivateAttr(default_factory=dict)
 
     def plugins(self) -> Iterable[str | None]:
-        """The codec, its class and that of its training."""
         yield from codec_plugins(self.codec, self.changes)
 
     def loaded(self, name: str) -> Codec:
-        """The codec, with weights and compiled loops loaded: once for all streams of the job.
-
-        Raises
-        ------
-        InputError
-            It is unknown, or cannot run here.
-        """
+        """Return the codec, loaded once for all streams of the job."""
         if name not in self._loaded:
             self._loaded[name] = ready(open_codec(name, self.changes))
         return self._loaded[name]
 
     def codec_of(self, coded: Coded) -> str:
-        """The name of the codec that decodes a stream: the job's, else the stream's own.
+        """Return the name of the codec that decodes a stream.
 
-        The stream names the codec, or else its record does.
+        In this order: the codec of the job, of the stream's first bytes, of the stream's record.
 
         Raises
         ------
         InputError
-            Neither does, or the record names a codec that is not registered.
+            None of these names a codec, or the record names one that is not registered.
         """
         if self.codec:
             return self.codec
@@ -69,20 +67,28 @@ class CodecJob(Job):
         return name
 
     def read_stream(self, path: Path, rate: str | None = None) -> tuple[str, Coded]:
-        """The name of the codec of a stream file, or of a rate of a curve, and the stream."""
+        """Read a stream, or a rate of a curve, and return the name of its codec with it."""
         coded = read_coded(path, rate)
         with naming(path):
             return self.codec_of(coded), coded
 
 
 class TimedJob(CodecJob):
-    """A job with timed calls: how many, and whether nothing else runs meanwhile."""
+    """A job with timed calls.
+
+    Parameters
+    ----------
+    repeats
+        Repetitions of each call.
+    alone
+        Whether no other job runs at the same time.
+    """
 
     repeats: int = 1
     alone: bool = False
 
     def work(self, points: int, rates: int, call_s: float) -> dict[str, Any]:
-        """What a job of a curve did, for the estimates of others (`puckbench.jobs.cost.WORK`)."""
+        """Return what the job did (`puckbench.jobs.cost.WORK`)."""
         return {
             "codec": self.codec,
             "points": points,
@@ -93,7 +99,7 @@ class TimedJob(CodecJob):
 
 
 def ready(codec: Codec) -> Codec:
-    """The codec with weights and compiled loops loaded; InputError if it cannot run here."""
+    """Load weights and compiled loops of a codec; raise InputError if it cannot run here."""
     ok, why = codec.available()
     if not ok:
         raise InputError(f"codec {codec.name} cannot run here: {why}")
@@ -102,10 +108,9 @@ def ready(codec: Codec) -> Codec:
 
 
 def codec_plugins(name: str | None, changes: Mapping[str, Any]) -> Iterable[str | None]:
-    """A codec, and the classes that the changes to its entry name."""
     return name, changes.get("class"), changes.get("training")
 
 
 def with_options(changes: Mapping[str, Any], **more: Any) -> dict[str, Any]:
-    """The changes to a codec's entry with further options."""
+    """Return the changes to an entry with further options."""
     return {**changes, "options": {**changes.get("options", {}), **more}}

@@ -1,4 +1,4 @@
-"""What a job cost: the last line of its log, from which the costs of other runs are estimated."""
+"""The cost of a job: the last line of its log, from which other runs are estimated."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ _TAIL_BYTES = 2048
 
 
 def cost_line(name: str, done: Mapping[str, Any]) -> str:
-    """One JSON object: the job, its seconds of processor time and of life, its peak memory.
+    """Return the cost of a job as a JSON object.
 
-    Counted are this process and those that it waited for; imports where it made them itself
-    (`puckbench.jobs.fork_server`). With it stand what the job did, where that tells how long it
-    takes (`WORK`), when it ended, and the commit of the sources where that is known.
+    It has processor and wall-clock time in seconds, peak memory, the work done (`WORK`), the time
+    of the end and the commit of the sources. Child processes are included; the imports of a forked
+    job (`puckbench.jobs.fork_server`) are not.
     """
     import resource
 
@@ -53,7 +53,7 @@ def _moment(text: str | None) -> str | None:
 
 
 def _age_s() -> float:
-    """Seconds since this process began; of processor time where the system does not tell."""
+    """Return the seconds since this process began."""
     try:
         fields = Path("/proc/self/stat").read_text(encoding="ascii").rpartition(")")[2].split()
         uptime = float(Path("/proc/uptime").read_text(encoding="ascii").split()[0])
@@ -65,8 +65,6 @@ def _age_s() -> float:
 
 
 class _Work(Model, extra="ignore"):
-    """What the entry ``work`` of a cost must be."""
-
     codec: str | None = None
     points: int = 0
     rates: int = 0
@@ -76,8 +74,6 @@ class _Work(Model, extra="ignore"):
 
 
 class _Cost(Model, extra="ignore"):
-    """What a cost must be."""
-
     job: str
     processor_s: float
     wall_s: float
@@ -88,10 +84,7 @@ class _Cost(Model, extra="ignore"):
 
 
 def read_cost(log: Path) -> dict[str, Any] | None:
-    """The cost that a log ends with; None for a log of a job that failed or has not ended.
-
-    InputError for a cost that is not one of `cost_line`.
-    """
+    """Return the cost at the end of a log; None if the job failed or has not ended."""
     with log.open("rb") as stream:
         stream.seek(0, 2)
         stream.seek(max(0, stream.tell() - _TAIL_BYTES))
@@ -104,7 +97,7 @@ def read_cost(log: Path) -> dict[str, Any] | None:
 
 
 def read_costs(logs: Path) -> Iterator[dict[str, Any]]:
-    """The costs of all jobs that ended, from the logs in a folder, by their names."""
+    """Yield the costs of all finished jobs in a folder of logs."""
     for log in sorted(logs.rglob("*.log")):
         if cost := read_cost(log):
             yield cost

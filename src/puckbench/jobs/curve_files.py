@@ -1,4 +1,4 @@
-"""Files of a rate-distortion curve: coded streams with their costs, decoded clouds, result rows."""
+"""Files of a rate-distortion curve: streams with their records, and result rows."""
 
 from __future__ import annotations
 
@@ -22,16 +22,14 @@ REMARK = "remark"
 
 
 class Coded(NamedTuple):
-    """A coded stream, and what is recorded of its coding."""
-
     stream: bytes
     record: dict[str, Any]
 
 
 def write_curve(path: Path, coded: Mapping[str, Coded]) -> None:
-    """Write the streams of a curve by rate, and the record of each, as one stored zip archive.
+    """Write the streams of a curve and their records, by rate, as one stored zip archive.
 
-    The members of the rate r1 are ``r1.bin`` and ``r1.json``.
+    The members of rate r1 are ``r1.bin`` and ``r1.json``.
     """
     members = {}
     for rate, one in coded.items():
@@ -41,7 +39,7 @@ def write_curve(path: Path, coded: Mapping[str, Coded]) -> None:
 
 
 def read_curve(path: Path) -> dict[str, Coded]:
-    """Read the streams of a curve by rate; InputError for another kind of file."""
+    """Read the streams of a curve by rate; raise InputError for another kind of file."""
     members = read_archive(path)
     rates = [PurePosixPath(name).stem for name in members if name.endswith(STREAM)]
     if not rates:
@@ -56,8 +54,6 @@ def _coded(path: Path, members: Mapping[str, bytes], rate: str) -> Coded:
 
 
 class _Record(Model, extra="ignore"):
-    """What some entries of a stream's record must be, where it has them."""
-
     codec: str = ""
     rate: str = ""
     codec_version: str = ""
@@ -73,12 +69,12 @@ def _checked(record: dict[str, Any], what: str) -> dict[str, Any]:
 
 
 def read_coded(path: Path, rate: str | None = None) -> Coded:
-    """Read one stream: a file with its record beside it, or a rate of a curve.
+    """Read a stream file with the record beside it, or a rate of a curve.
 
     Raises
     ------
     InputError
-        The file cannot be read, or is a curve that does not have the rate.
+        The file cannot be read, or the curve does not have the rate.
     """
     if path.suffix.lower() != SUFFIX:
         beside = record_file(path)
@@ -94,12 +90,12 @@ def read_coded(path: Path, rate: str | None = None) -> Coded:
 
 
 def record_file(stream: Path) -> Path:
-    """The JSON file that says what a stream cost; not that of a cloud of the same name."""
+    """Return the path of the JSON record of a stream file."""
     return stream.with_name(f"{stream.name}.json")
 
 
 def write_rows(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
-    """Write rows as a Parquet file, a column for every key; the same rows give the same bytes."""
+    """Write rows as a Parquet file with a column for every key."""
     import pyarrow as pa
     from pyarrow import parquet
 
@@ -110,7 +106,7 @@ def write_rows(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
 
 
 def read_rows(paths: Iterable[Path]) -> list[dict[str, Any]]:
-    """The rows of some files, each without the keys that it has no value for."""
+    """Read rows from files; keys without a value are left out."""
     import pyarrow as pa
     from pyarrow import parquet
 

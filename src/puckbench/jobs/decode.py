@@ -1,4 +1,4 @@
-"""Decoding a stream: points, or the surface that a codec of surfaces has coded."""
+"""Decoding of streams to points or surfaces."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ from puckbench.jobs.registry import JOBS
 
 
 class Decoded(NamedTuple):
-    """A decoded cloud, and what decoding cost."""
+    """A decoded cloud and the record of its stream."""
 
     cloud: PointCloud
     record: dict[str, Any]
 
 
 class Decoding(TimedJob):
-    """A job that decodes streams; the codec is found from the stream where none is named."""
+    """A job that decodes streams; without a codec, the streams tell theirs."""
 
     def decoded(self, coded: Coded) -> Decoded:
-        """Decode a stream, timed; InputError when it is damaged or foreign."""
+        """Decode a stream and measure the time; raise InputError if it is damaged or unknown."""
         name = self.codec_of(coded)
         codec = self.loaded(name)
         with noting(f"rate {coded.record.get('rate', '?')}"):
@@ -48,13 +48,13 @@ class Decoding(TimedJob):
 
 @JOBS.register("decode")
 class Decode(Decoding):
-    """Decode a stream to a cloud, or to the mesh of its surface; rate: of a curve."""
+    """Decode a stream, or a rate of a curve, to a cloud or mesh."""
 
     as_mesh: bool = False
     rate: str | None = None
 
     def run(self, stream: Path, cloud: Path) -> dict[str, Any]:
-        """Write the decoded cloud or mesh as PLY."""
+        """Write the decoded cloud or mesh (PLY)."""
         if self.as_mesh:
             return self._mesh(stream, cloud)
         with naming(stream):
@@ -79,12 +79,12 @@ class Decode(Decoding):
 
 @JOBS.register("decode_shown")
 class DecodeShown(Decoding):
-    """Decode some rates of a curve, for the report; rates: their names."""
+    """Decode the rates of a curve that the report shows."""
 
     rates: tuple[str, ...]
 
     def run(self, curve: Path, clouds: Path) -> dict[str, Any]:
-        """Write the decoded clouds, PLY files named after their rates, as one archive."""
+        """Write an archive of decoded clouds, PLY files named after their rates."""
         coded = read_curve(curve)
         members = {}
         with naming(curve):

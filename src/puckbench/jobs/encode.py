@@ -1,4 +1,4 @@
-"""Coding a cloud with a codec, at one rate or at all of a curve, and what it cost."""
+"""Encoding of a cloud at one rate, or at all rates of a curve."""
 
 from __future__ import annotations
 
@@ -26,23 +26,17 @@ from puckbench.lidar.returns import with_returns
 def to_code(
     codec: Codec, path: Path, frame: CoordinateFrame | None = None, rate: str | None = None
 ) -> PointCloud:
-    """Read a cloud for a codec, with its returns where the codec takes those.
+    """Read a cloud for a codec, with its returns if the codec takes those.
 
     Parameters
     ----------
-    codec
-        The codec.
-    path
-        The cloud's file.
     frame
-        Of a cloud whose description does not tell.
-    rate
-        As `Codec.check_frame` takes it.
+        Frame of the cloud, if its description has none.
 
     Raises
     ------
     InputError
-        The codec's rates are not those of the cloud's frame.
+        The codec's rates are for clouds of another frame.
     """
     cloud = read_cloud(path)
     with naming(path):
@@ -58,9 +52,14 @@ def measured_encoding(
     shared: SharedWork | None = None,
     each: Callable[[bytes], object] = lambda stream: None,
 ) -> Measured[bytes]:
-    """Encode a cloud, timed; shared work counts for every rate, as if it were coded alone.
+    """Encode a cloud and measure the time.
 
-    shared: as `Codec.encode_cloud` takes it. each: gets the stream of every repetition.
+    Parameters
+    ----------
+    shared
+        Work that the rates share (`Codec.encode_cloud`); its cost counts for every rate.
+    each
+        Called with the stream of every repetition.
     """
     if shared is None:
         return measured(lambda: codec.encode_cloud(cloud, rate), repeats, codec.cost, each)
@@ -73,8 +72,6 @@ def measured_encoding(
 
 
 class Encoding(TimedJob):
-    """A job that codes a cloud."""
-
     codec: str
 
     def coded(
@@ -111,9 +108,12 @@ class Encoding(TimedJob):
 
 @JOBS.register("encode")
 class Encode(Encoding):
-    """Code a cloud at a rate.
+    """Encode a cloud at a rate.
 
-    frame: of a cloud whose description does not tell.
+    Parameters
+    ----------
+    frame
+        Frame of the cloud, if its description has none.
     """
 
     rate: str
@@ -124,10 +124,8 @@ class Encode(Encoding):
 
         Parameters
         ----------
-        cloud
-            The cloud to code.
         prepared
-            Where to write the cloud prepared, which is then coded in its stead.
+            File to write the prepared cloud to, which is then encoded in place of `cloud`.
         """
         codec = open_codec(self.codec, self.changes)
         codec.parameters_of(self.rate)
@@ -142,7 +140,6 @@ class Encode(Encoding):
         return coded.record
 
     def _cloud(self, codec: Codec, path: Path, prepared: Path | None) -> PointCloud:
-        """The cloud to code; InputError where the codec's rates are not in its frame."""
         if prepared:
             Prepare().run(path, prepared)
         return to_code(codec, prepared or path, self.frame, self.rate)
@@ -150,10 +147,10 @@ class Encode(Encoding):
 
 @JOBS.register("encode_curve")
 class EncodeCurve(Encoding):
-    """Code a cloud at every rate of the codec, in one process."""
+    """Encode a cloud at all rates of a codec, in one process."""
 
     def run(self, cloud: Path, curve: Path) -> dict[str, Any]:
-        """Write the streams and their records as one file."""
+        """Write the streams and their records as one archive."""
         codec = open_codec(self.codec, self.changes)
         original = to_code(codec, cloud)
         rates = tuple(codec.rates_of(original.frame or "scaled"))

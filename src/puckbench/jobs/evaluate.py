@@ -1,4 +1,4 @@
-"""Measuring decoded clouds, or streams that are decoded first: one result row each."""
+"""Measurement of decoded clouds: one result row for each."""
 
 from __future__ import annotations
 
@@ -38,18 +38,18 @@ _KEPT = (
 
 
 class Originals:
-    """What decoded clouds are measured against, read and made ready once.
+    """The clouds and surfaces that decoded clouds are compared with, read once.
 
     Parameters
     ----------
     cloud
-        The cloud that was coded.
+        The encoded cloud.
     truth
         The true surface: a mesh or captured room in metres, or a cloud in the frame of `cloud`.
     visible
-        Points of the true surface that the cloud's own stand for.
+        True points for the points of `cloud`.
     clean
-        The clean scan of the same rays, in place of `visible`.
+        Clean scan of the same rays, in place of `visible`.
     """
 
     def __init__(
@@ -72,16 +72,22 @@ class Originals:
 
     @cached_property
     def returns(self) -> Returns | None:
-        """The returns that the cloud carries, if any."""
         return with_returns(self.reference.cloud, self._cloud).returns
 
 
 class Evaluating(Decoding):
-    """A job that measures against the cloud that was coded, and the truth.
+    """A job that compares decoded clouds with the encoded cloud and the true surface.
 
-    dataset: its name, for the row. peak: of the PSNRs; by default the cloud's own, and none where
-    its description tells no size.
-    views: pixels of six pictures to compare; 0 for none. metrics: further ones, by name.
+    Parameters
+    ----------
+    dataset
+        Name of the data set, for the row.
+    peak
+        Peak of the PSNRs; by default that of the cloud's description.
+    views
+        Width of the six pictures to compare, in pixels; 0 for none.
+    metrics
+        Further metrics.
     """
 
     dataset: str | None = None
@@ -90,11 +96,10 @@ class Evaluating(Decoding):
     metrics: tuple[str, ...] = ()
 
     def plugins(self) -> Iterable[str | None]:
-        """The codec's, and the metrics."""
         return *super().plugins(), *self.metrics
 
     def row(self, originals: Originals, found: Decoded) -> dict[str, Any]:
-        """The result row of a decoded cloud."""
+        """Return the result row of a decoded cloud."""
         from puckbench.metrics.geometry import DistinctPoints
 
         reference = originals.reference.cloud
@@ -132,7 +137,7 @@ class Evaluating(Decoding):
 
 @JOBS.register("evaluate")
 class Evaluate(Evaluating):
-    """Measure a decoded cloud or a stream; rate: of a curve."""
+    """Measure a decoded cloud, a stream, or a rate of a curve."""
 
     rate: str | None = None
 
@@ -145,14 +150,12 @@ class Evaluate(Evaluating):
         visible: Path | None = None,
         clean: Path | None = None,
     ) -> dict[str, Any]:
-        """Write the result row and return it.
+        """Write the result row, and return it.
 
         Parameters
         ----------
         decoded
-            A decoded cloud, or a stream (.bin, or of a suffix that no cloud has), or a curve.
-        cloud, truth, visible, clean
-            As `Originals` takes them.
+            A decoded cloud, a stream (.bin, or a suffix that no cloud has), or a curve.
         """
         result = self.row(Originals(cloud, truth, visible, clean), self._decoded(decoded))
         if row:
@@ -160,7 +163,6 @@ class Evaluate(Evaluating):
         return result
 
     def _decoded(self, path: Path) -> Decoded:
-        """A decoded cloud as it is, or that of a stream with what it cost."""
         if plain_suffix(path) in SUFFIXES and plain_suffix(path) != ".bin":
             return Decoded(read_cloud(path), {})
         with naming(path):
@@ -169,7 +171,7 @@ class Evaluate(Evaluating):
 
 @JOBS.register("evaluate_curve")
 class EvaluateCurve(Evaluating):
-    """Measure the streams of a rate-distortion curve, in one process."""
+    """Measure all streams of a curve, in one process."""
 
     def run(
         self,
@@ -180,13 +182,7 @@ class EvaluateCurve(Evaluating):
         visible: Path | None = None,
         clean: Path | None = None,
     ) -> dict[str, Any]:
-        """Write a table with the result row of each rate.
-
-        Parameters
-        ----------
-        cloud, truth, visible, clean
-            As `Originals` takes them.
-        """
+        """Write a table with a result row for each rate."""
         originals = Originals(cloud, truth, visible, clean)
         coded, progress = read_curve(curve), Progress("rate")
         results = []

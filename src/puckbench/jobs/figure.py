@@ -1,4 +1,4 @@
-"""A figure drawn from tables and clouds, by its name in the registry."""
+"""Figures from tables and clouds."""
 
 from __future__ import annotations
 
@@ -11,17 +11,16 @@ from puckbench.jobs.registry import JOBS, Job
 
 @JOBS.register("figure")
 class Figure(Job):
-    """Draw a figure: its name, and the layers of its style."""
+    """Draw a registered figure in a style of several layers."""
 
     figure: str
     style: tuple[dict[str, Any], ...] = ()
 
     def plugins(self) -> Iterable[str | None]:
-        """The figure."""
         return (self.figure,)
 
     def run(self, out: tuple[Path, ...], **inputs: Path) -> dict[str, Any]:
-        """Draw and write the figure (PDF, PNG); inputs: the file of each by its name."""
+        """Write the figure (PDF, PNG) from its inputs by name."""
         from puckbench.figures.drawing import draw_files
         from puckbench.figures.style import FigureStyle
 

@@ -1,4 +1,4 @@
-"""Figures of the results that are there first, long before a run is through."""
+"""Figures of the first results, drawn early in a run."""
 
 from __future__ import annotations
 
@@ -11,12 +11,10 @@ from puckbench.jobs.registry import JOBS
 
 @JOBS.register("first_look")
 class FirstLook(OfNames):
-    """Draw figures from some result rows; style: its layers, for all of them."""
-
     style: tuple[dict[str, Any], ...] = ()
 
     def run(self, results: Path, parquet: Path, out: tuple[Path, ...]) -> dict[str, Any]:
-        """Write the table of the rows, and the figures, each in a file of its name."""
+        """Write the table of the rows, and each figure to the file of its name."""
         from puckbench.figures.drawing import draw_files
         from puckbench.figures.style import FigureStyle
         from puckbench.io.tables import write_table

@@ -4,12 +4,10 @@ Importing NumPy, Numba, pandas, Matplotlib, Open3D and PyTorch takes a job 0.4 t
 *server* imports them once. A *client*, the process that Snakemake starts for a job, hands it its
 words, environment, folder and output streams, and waits for the exit status of the forked *job*.
 
-The client runs the job itself, as an ordinary process, where it finds no server: on another node,
-in a container, with another number of threads, or with ``PUCKBENCH_FORK_SERVER=off``; and once more
-where the forked job was killed. The job ends with its client, and the server with the run.
-
-The socket lies in a folder that only the user can enter. Unlike an ordinary process, a forked job
-has the umask, limits, niceness and affinity of the run.
+The client runs the job itself if it finds no server: on another node, in a container, with another
+number of threads, or with ``PUCKBENCH_FORK_SERVER=off``. It also does so once if the forked job was
+killed. The job ends with its client, and the server with the run. Only the user can open the
+socket. A forked job has umask, limits, niceness and affinity of the run.
 """
 
 from __future__ import annotations
@@ -48,8 +46,8 @@ _servers: list[Any] = []
 def start_fork_server(threads: int, modules: Iterable[str] = MODULES) -> None:
     """Start a server for the jobs of this process's children; it ends with this process.
 
-    Nothing is started where the system is not Linux, nor where there is a GPU, whose driver does
-    not survive a fork.
+    It is not started on systems other than Linux, nor with a GPU, whose driver does not survive a
+    fork.
 
     Parameters
     ----------
@@ -77,7 +75,7 @@ def start_fork_server(threads: int, modules: Iterable[str] = MODULES) -> None:
 
 
 def _address() -> str:
-    """Path of the socket for jobs of this Python with this number of threads."""
+    """Return the socket for jobs of this Python with this number of threads."""
     import hashlib
 
     names = [os.environ.get(name) for name in ("OMP_NUM_THREADS", "PYTHONPATH")]
@@ -86,13 +84,7 @@ def _address() -> str:
 
 
 def run_forked(words: Sequence[str]) -> int | None:
-    """Let the server run a job with this process's environment, folder and output streams.
-
-    Returns
-    -------
-    int or None
-        Exit status of the job; None where this process must run it.
-    """
+    """Let the server run a job, and return its exit status; None if this process must run it."""
     if VARIABLE not in os.environ:
         return None
     signal.signal(signal.SIGTERM, signal.default_int_handler)
@@ -140,7 +132,7 @@ def serve(modules: Iterable[str]) -> None:
 
 
 def _import(name: str) -> None:
-    """Import a module, or a package of puckbench with its modules; jobs report what fails."""
+    """Import a module, or a package of puckbench with its modules; jobs report errors."""
     with suppress(Exception):
         folders = getattr(importlib.import_module(name), "__path__", ())
         if name.startswith("puckbench."):
@@ -149,7 +141,6 @@ def _import(name: str) -> None:
 
 
 def _run(client: socket.socket, streams: Sequence[int], listener: socket.socket) -> None:
-    """Be the process of a job."""
     import fcntl
 
     from puckbench.jobs.process import main

@@ -1,4 +1,4 @@
-"""Rows and tables of many jobs as one table (CSV and Parquet)."""
+"""Tables gathered from files of many jobs."""
 
 from __future__ import annotations
 
@@ -9,23 +9,27 @@ from puckbench.jobs.registry import JOBS, Job
 
 
 class OfNames(Job):
-    """A job on files of many others; names: of these files, below the results folder."""
+    """A job that reads files of many others.
+
+    Parameters
+    ----------
+    names
+        Paths below the results folder.
+    """
 
     names: tuple[str, ...] = ()
 
     def files(self, results: Path) -> list[Path]:
-        """The files, in a results folder."""
         return [results / name for name in self.names]
 
 
 @JOBS.register("rows_table")
 class RowsTable(OfNames):
-    """All result rows of a kind."""
+    """Gather all result rows of a kind."""
 
     kind: Literal["metrics", "scan_errors", "recovery"]
 
     def run(self, results: Path, csv: Path, parquet: Path) -> dict[str, Any]:
-        """Write the table."""
         from puckbench.io.tables import write_table
         from puckbench.jobs.tables import results as result_tables
 
@@ -37,10 +41,9 @@ class RowsTable(OfNames):
 
 @JOBS.register("clouds_table")
 class CloudsTable(OfNames):
-    """What the prepared clouds are, one row each; names: of their descriptions."""
+    """Gather the descriptions of the prepared clouds."""
 
     def run(self, results: Path, csv: Path, parquet: Path) -> dict[str, Any]:
-        """Write the table."""
         from puckbench.io.tables import write_table
         from puckbench.jobs.tables import results as result_tables
 

@@ -1,4 +1,4 @@
-"""A curve of parts that were coded and measured by themselves, each part some of its rates."""
+"""Curves that were encoded and measured in parts."""
 
 from __future__ import annotations
 
@@ -11,10 +11,9 @@ from puckbench.jobs.registry import JOBS, Job
 
 @JOBS.register("join_streams")
 class JoinStreams(Job):
-    """Join the archives of streams that the parts of a curve made."""
+    """Join the archives of the parts of a curve."""
 
     def run(self, parts: tuple[Path, ...], curve: Path) -> dict[str, Any]:
-        """Write the streams and their records as one file, in the order of the parts."""
         coded = {rate: one for part in parts for rate, one in read_curve(part).items()}
         write_curve(curve, coded)
         return {"streams": len(coded)}
@@ -22,10 +21,9 @@ class JoinStreams(Job):
 
 @JOBS.register("join_rows")
 class JoinRows(Job):
-    """Join the tables of result rows that the parts of a curve made."""
+    """Join the result rows of the parts of a curve."""
 
     def run(self, parts: tuple[Path, ...], rows: Path) -> dict[str, Any]:
-        """Write the rows as one table, in the order of the parts."""
         results = read_rows(parts)
         write_rows(rows, results)
         return {"rows": len(results)}

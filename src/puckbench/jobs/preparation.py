@@ -1,4 +1,4 @@
-"""The preparation of a cloud, step by step as in thesis section 6.1: crop, normals, scale."""
+"""Preparation of a cloud (thesis section 6.1): crop, estimate normals, scale."""
 
 from __future__ import annotations
 
@@ -15,34 +15,41 @@ from puckbench.metrics.psnr import PEAK_M
 
 @dataclass(frozen=True)
 class Returns:
-    """Measured points and, row by row, the true points of the surface that they stand for."""
+    """Measured points and, row by row, the true points of the surface."""
 
     cloud: PointCloud
     clean: PointCloud
 
     def cropped(self, box: Floats, on: str = "clean") -> Returns:
-        """The rows whose clean (or noisy) coordinates lie in the box (2, 3)."""
+        """Return the rows whose clean (or noisy) coordinates lie in a box (2, 3)."""
         chosen = self.clean if on == "clean" else self.cloud
         rows = inside_box(chosen.xyz, box)
         return Returns(self.cloud.select(rows), self.clean.select(rows))
 
     def truth_in_frame_of(self, prepared: PointCloud) -> PointCloud:
-        """The true points with their true normals, scaled as `prepared` was."""
+        """Return the true points in the frame of a prepared cloud."""
         about = {key: prepared.about[key] for key in ("scale", "offset", "size")}
         xyz = Scaling(about["scale"], np.asarray(about["offset"])).apply(self.clean.xyz)
         return replace(self.clean, xyz=xyz, about=about)
 
 
 def prepare(cloud: PointCloud, size: int | str = 1024, neighbours: int = 30) -> PointCloud:
-    """A cloud in metres, with normals estimated and scaled to [0, size - 1].
+    """Estimate normals of a cloud in metres, and scale it to [0, size - 1].
 
-    size: 0 for a cloud that is not scaled, but shifted by whole metres where its coordinates are
-    large (`origin_shift`); `GRID` for voxels as they came: whole numbers.
-    Its description gains scale and offset to metres, elongation (of the axis-aligned and of
-    the oriented box), extent in metres, point density and outliers (see
-    `puckbench.metrics.density`), the diameter of the scaled cloud and the digest of its
-    coordinates; of a cloud in metres the peak of PSNRs too (`puckbench.metrics.psnr.PEAK_M`).
-    Normals are estimated in the scaled frame, as the thesis does.
+    Normals are estimated in the scaled frame, as in the thesis.
+
+    Parameters
+    ----------
+    size
+        0 for a cloud in metres, which is only shifted by whole metres if its coordinates are
+        large (`origin_shift`); `GRID` for voxels on their own grid.
+
+    Returns
+    -------
+    PointCloud
+        Its description gains scale and offset to metres, elongation of the axis-aligned and of the
+        oriented box, extent, density and outliers (`puckbench.metrics.density`), diameter, digest
+        and, in metres, the peak of PSNRs.
     """
     from puckbench.geometry.normals import estimate_normals
     from puckbench.metrics.density import density, density_in_metres
@@ -69,7 +76,7 @@ def prepare(cloud: PointCloud, size: int | str = 1024, neighbours: int = 30) -> 
 
 
 def _scaled(cloud: PointCloud, size: int | str) -> tuple[Scaling, Floats, int]:
-    """The scaling to a size, the points (n, 3) scaled by it, and the size in units."""
+    """Return the scaling to a size, the scaled points (n, 3), and the size in units."""
     if size == GRID:
         scaling = grid_scaling(cloud.xyz, cloud.about)
         return scaling, np.rint(scaling.apply(cloud.xyz)), int(cloud.about["grid"]["size"])

@@ -1,4 +1,4 @@
-"""From samples, clouds or scan tables to clouds ready for the codecs."""
+"""Preparation of samples, clouds and scan tables for the codecs."""
 
 from __future__ import annotations
 
@@ -25,21 +25,31 @@ Corner = tuple[float, float, float]
 
 
 class _Boxed(Model):
-    """A box in a file: its least and its greatest corner."""
-
     box: tuple[Corner, Corner]
 
 
 @JOBS.register("prepare")
 class Prepare(Job):
-    """Crop, estimate normals and scale, as in thesis section 6.1.
+    """Crop a cloud, estimate its normals and scale it (thesis section 6.1).
 
-    crop: by which coordinates a scan is cropped. box: two corners in m, in place of a file's.
-    size: of the cube; 0 for metres, ``grid`` for voxels as they came. clean: take a scan's clean
-    coordinates. peak: of PSNRs of a cloud in metres, in m, by default
-    `puckbench.metrics.psnr.PEAK_M`. drop_invalid: leave out points of a cloud that are not finite;
-    else it is refused. keep_missing: keep missing returns. bin_columns: of a frame (.bin), see
-    `puckbench.io.float32_frames.read_float32_frame`. metres_per_unit: of a cloud.
+    Parameters
+    ----------
+    crop
+        Coordinates of a scan that decide what lies in the box.
+    box
+        Two corners in m, in place of the box in a file.
+    size
+        Size of the cube; 0 for metres, ``grid`` for voxels on their own grid.
+    clean
+        Whether to use the clean coordinates of a scan.
+    peak
+        Peak of the PSNRs of a cloud in metres, in m; by default `puckbench.metrics.psnr.PEAK_M`.
+    drop_invalid
+        Whether to drop points that are not finite, in place of refusing the cloud.
+    keep_missing
+        Whether to keep missing returns.
+    bin_columns
+        Columns of a .bin file (`puckbench.io.float32_frames.read_float32_frame`).
     """
 
     crop: Literal["clean", "noisy", "none"] = "clean"
@@ -61,14 +71,14 @@ class Prepare(Job):
         box: Path | None = None,
         about: tuple[Path, ...] = (),
     ) -> dict[str, Any]:
-        """Write the prepared cloud and, if asked for, the true points in the same frame.
+        """Write the prepared cloud and, if requested, the true points in the same frame.
 
         Parameters
         ----------
         source
             A cloud (`puckbench.io.clouds.SUFFIXES`) or a scan table (.parquet).
         box
-            JSON file that has the ``box`` to crop to, in m.
+            JSON file with the ``box`` to crop to, in m.
         about
             Descriptions whose name and group are kept.
         """
@@ -90,7 +100,6 @@ class Prepare(Job):
         return {**described, "points": len(prepared)}
 
     def _peak(self) -> dict[str, float]:
-        """The entry of the description for the peak that was chosen; InputError if scaled."""
         if self.peak is None:
             return {}
         if self.size != 0:
@@ -115,7 +124,7 @@ class Prepare(Job):
         return Returns(cloud, clean=cloud)
 
     def _corners(self, path: Path | None) -> Floats | None:
-        """The box (2, 3) to crop to, least coordinates first; None where nothing is cropped."""
+        """Return the box (2, 3) to crop to, minimum first."""
         if self.box is not None:
             return np.sort(np.asarray(self.box, dtype=np.float64).reshape(2, 3), axis=0)
         if path is None:
@@ -127,7 +136,6 @@ class Prepare(Job):
 
 
 def _of_scan(path: Path, clean: bool) -> Returns:
-    """The measured and the true points of a scan's table."""
     from puckbench.jobs.preparation import Returns
     from puckbench.lidar.export import read_source
     from puckbench.lidar.scan_table import ScanTable
@@ -143,7 +151,6 @@ def _of_scan(path: Path, clean: bool) -> Returns:
 
 
 def kept_descriptions(descriptions: tuple[Path, ...]) -> dict[str, Any]:
-    """Name and group of the scene, from the descriptions given."""
     kept: dict[str, Any] = {}
     for path in descriptions:
         about = read_object(path)

@@ -1,4 +1,4 @@
-"""From virtual scans and recordings to clouds in metres that carry their returns."""
+"""Preparation of virtual scans and recordings as clouds with their sensor's returns."""
 
 from __future__ import annotations
 
@@ -31,12 +31,21 @@ _FEWEST_TURNS = 3
 
 @JOBS.register("prepare_returns")
 class PrepareReturns(Job):
-    """Take a scan's or a recording's returns as a cloud in the sensor's frame, with normals.
+    """Turn a scan or recording into a cloud in metres with normals, in the frame of the sensor.
 
-    clean: take a scan's true ranges. turns: first and last turn to take, counted from 0; by default
-    all of a scan, and the first whole one of a recording. error_model: the scan's, for tables.
-    peak: of PSNRs, in m, by default `puckbench.metrics.psnr.PEAK_M`. stream: of a packet capture
-    with several sensors, the one to read.
+    Parameters
+    ----------
+    clean
+        Whether to use the true ranges of a scan.
+    turns
+        First and last turn, counted from 0; by default all of a scan, and the first whole one of a
+        recording.
+    error_model
+        Error model of the scan, for tables.
+    peak
+        Peak of the PSNRs in m; by default `puckbench.metrics.psnr.PEAK_M`.
+    stream
+        Sensor to read in a packet capture of several sensors.
     """
 
     neighbours: int = Field(30, ge=3)
@@ -54,18 +63,16 @@ class PrepareReturns(Job):
         truth: Path | None = None,
         about: tuple[Path, ...] = (),
     ) -> dict[str, Any]:
-        """Write the cloud, its returns and, if asked for, the true points.
+        """Write the cloud, its returns and, if requested, the true points.
 
         Parameters
         ----------
         source
-            A scan table of whole turns or a table of firings (both .parquet), or a recording
-            (packet capture or ROS bag).
+            A scan table of whole turns or a table of firings (both .parquet), or a recording.
         truth
-            Where to write a scan's true points in the sensor's frame; a recording has none, and
-            its own points are written.
+            File for the true points of a scan; a recording's own points are written there.
         about
-            Descriptions (JSON) whose name and group are kept.
+            Descriptions whose name and group are kept.
         """
         from puckbench.jobs.preparation import prepare
 
@@ -87,7 +94,7 @@ class PrepareReturns(Job):
         return {**prepared.about, "points": len(prepared)}
 
     def _read(self, path: Path) -> tuple[Returns, PointCloud | None, dict[str, Any]]:
-        """The returns of a file, the true points of a scan, and what is known of them."""
+        """Return the returns of a file, the true points of a scan, and a description."""
         with naming(path):
             if self.stream is not None and not is_recording(path):
                 raise InputError(f"stream '{self.stream}': only packet captures have streams")
@@ -107,7 +114,6 @@ class PrepareReturns(Job):
         return replace(returns, turns=returns.turns[first : last + 1])
 
     def _read_scan(self, path: Path) -> tuple[Returns, PointCloud, dict[str, Any]]:
-        """As `_read`, of a scan table."""
         from puckbench.lidar.scan_returns import returns_of_scan, true_points
         from puckbench.lidar.scan_table import read_scan
         from puckbench.metrics.sensor_metrics import entropy_bits
@@ -135,7 +141,7 @@ class PrepareReturns(Job):
 
 
 def is_recording(path: Path) -> bool:
-    """Whether a path is a recording by its name, or where that tells nothing by its first bytes."""
+    """Return whether a file is a recording, by its name, else by its first bytes."""
     if path.is_dir() or path.suffix.lower() in RECORDING_SUFFIXES:
         return True
     if plain_suffix(path) in (".parquet", *SUFFIXES, *meshes.SUFFIXES) or not path.exists():
@@ -147,9 +153,12 @@ def is_recording(path: Path) -> bool:
 def _read_returns(
     path: Path, stream: str | None
 ) -> tuple[Returns, tuple[int, int], dict[str, int]]:
-    """Returns of a table of firings or of a recording.
+    """Read a table of firings or a recording.
 
-    With the first and last turn to take by default, and counts of what a recording left out.
+    Returns
+    -------
+    tuple
+        The returns, the first and last turn to use by default, and counts of what was left out.
     """
     from puckbench.lidar.recordings.reading import read_turns
 
@@ -163,7 +172,6 @@ def _read_returns(
 
 
 def _timing(returns: Returns) -> dict[str, Any]:
-    """Numbers of turns and firings, and how long they took."""
     seconds = returns.seconds
     return {
         "turns": len(returns.turns),

@@ -1,7 +1,4 @@
-"""The process of one job: its words, its exit status, its end.
-
-The last line of standard output is what the job cost: see `puckbench.jobs.cost`.
-"""
+"""The process of one job. Its last line of output is its cost (`puckbench.jobs.cost`)."""
 
 from __future__ import annotations
 
@@ -27,9 +24,12 @@ _OBJECTS_PER_SEARCH = 10_000
 
 
 def main(words: Sequence[str]) -> int:
-    """Run a job; 0, or 2 after one line on standard error when its input cannot be used.
+    """Run a job and return its exit status; it is 2, after one line of error, for bad input.
 
-    words: its name, the file of its record, and ``key=FILE ...``.
+    Parameters
+    ----------
+    words
+        Name of the job, file of its record, and ``key=FILE ...``.
     """
     gc.set_threshold(_OBJECTS_PER_SEARCH)
     faulthandler.enable()
@@ -54,7 +54,7 @@ def main(words: Sequence[str]) -> int:
 
 
 def run_job(name: str, record: Any, files: Mapping[str, Sequence[Path]]) -> None:
-    """Run a job with its record and its files by key, and print what it cost."""
+    """Run a job with its record and its files by key, and print its cost."""
     job = JOBS.get(name).of_record(record, f"job {name}")
     known = signature(job.run).parameters
     several = {key for key, about in known.items() if "tuple" in str(about.annotation)}
@@ -69,7 +69,7 @@ def run_job(name: str, record: Any, files: Mapping[str, Sequence[Path]]) -> None
 
 
 def _files(name: str, words: Sequence[str]) -> dict[str, list[Path]]:
-    """Files by key: a word ``key=FILE`` begins a key, further files follow it as they are."""
+    """Return files by key: ``key=FILE`` begins a key, and further files follow it."""
     known = signature(JOBS.get(name).run).parameters
     takes_any = any(about.kind is about.VAR_KEYWORD for about in known.values())
     found: dict[str, list[Path]] = {}
@@ -83,9 +83,9 @@ def _files(name: str, words: Sequence[str]) -> dict[str, list[Path]]:
 
 
 def leave(status: int) -> NoReturn:
-    """End the process with its status, and let the system take back all that it holds at once.
+    """End the process at once.
 
-    To take apart every module and array first, as Python does, takes a job 0.2 to 0.5 s.
+    Python would first free every module and array, which takes a job 0.2 to 0.5 s.
     """
     try:
         sys.stdout.flush()

@@ -1,4 +1,4 @@
-"""A stream's geometric primitives against the labels of the scene."""
+"""Comparison of decoded geometric primitives with the labels of the scene."""
 
 from __future__ import annotations
 
@@ -23,19 +23,12 @@ _KEPT = ("codec", "rate", "codec_version", "points_in", "bytes", "bpp")
 
 
 class LabelledPoints:
-    """True points with the labels of the primitives that they lie on, and those primitives.
+    """True points with the labels of primitives, and these primitives.
 
     Parameters
     ----------
-    points
-        The points.
     scene
-        The labelled mesh that they lie on, in metres.
-
-    Raises
-    ------
-    InputError
-        There are no labels, or they do not fit.
+        Labelled mesh of the points, in metres.
     """
 
     def __init__(self, points: Path, scene: Path) -> None:
@@ -44,15 +37,12 @@ class LabelledPoints:
 
 
 class Recovering(CodecJob):
-    """A job that compares primitives of decoded surfaces with those that the scene is made of."""
+    """A job that compares primitives of decoded surfaces with those of the scene."""
 
     dataset: str | None = None
 
     def recovered(self, originals: LabelledPoints, name: str, coded: Coded) -> dict[str, Any]:
-        """The result row of a stream; ``kinds`` is empty for one without surface.
-
-        name: of the cloud.
-        """
+        """Return the result row of a stream; ``kinds`` is empty if it has no surface."""
         codec, surface = self._decoded_surface(coded)
         record = coded.record
         kinds = [] if surface is None else _kinds(originals.cloud, originals.labels, surface)
@@ -66,7 +56,7 @@ class Recovering(CodecJob):
         }
 
     def _decoded_surface(self, coded: Coded) -> tuple[str, Mesh | None]:
-        """The codec's name and the labelled surface; None where the stream holds points alone."""
+        """Return the codec's name and the surface; None if the stream has only points."""
         name = self.codec_of(coded)
         codec = self.loaded(name)
         if not codec.has_surfaces:
@@ -83,20 +73,14 @@ class Recovering(CodecJob):
 
 @JOBS.register("recovery")
 class Recovery(Recovering):
-    """Compare the primitives of a stream with those that the scene is made of; rate: of a curve."""
+    """Compare the primitives of a stream, or of a rate of a curve."""
 
     rate: str | None = None
 
     def run(
         self, stream: Path, points: Path, scene: Path, row: Path | None = None
     ) -> dict[str, Any]:
-        """Write the result row and return it.
-
-        Parameters
-        ----------
-        points, scene
-            As `LabelledPoints` takes them.
-        """
+        """Write the result row, and return it."""
         labelled = LabelledPoints(points, scene)
         with naming(stream):
             result = self.recovered(labelled, points.stem, read_coded(stream, self.rate))
@@ -107,16 +91,10 @@ class Recovery(Recovering):
 
 @JOBS.register("recovery_curve")
 class RecoveryCurve(Recovering):
-    """Compare the primitives of a curve's streams with those that the scene is made of."""
+    """Compare the primitives of all streams of a curve."""
 
     def run(self, curve: Path, points: Path, scene: Path, rows: Path) -> dict[str, Any]:
-        """Write a table with a result row for each rate and kind of primitive.
-
-        Parameters
-        ----------
-        points, scene
-            As `LabelledPoints` takes them.
-        """
+        """Write a table with a row for each rate and kind of primitive."""
         labelled, coded = LabelledPoints(points, scene), read_curve(curve)
         with naming(curve):
             streams = [self.recovered(labelled, points.stem, one) for one in coded.values()]
@@ -126,13 +104,12 @@ class RecoveryCurve(Recovering):
 
 
 def _row_of_each_kind(row: dict[str, Any]) -> list[dict[str, Any]]:
-    """A row for each kind of primitive; one of the kind "all" for a stream without surface."""
+    """Return a row for each kind of primitive; a stream without surface has the kind "all"."""
     kinds = row.pop("kinds") or [{"kind": "all"}]
     return [{**row, **kind} for kind in kinds]
 
 
 def _kinds(cloud: PointCloud, labels: Labels, surface: Mesh) -> list[dict[str, Any]]:
-    """Recovery of each kind of primitive, all in metres."""
     from puckbench.metrics.recovery import Segmentation, decoded_in_metres, recovery
 
     assert cloud.labels is not None  # noqa: S101 (checked where read)
@@ -148,7 +125,6 @@ def _scene_labels(path: Path) -> Labels:
 
 
 def _check_points(path: Path, cloud: PointCloud, labels: Labels) -> None:
-    """InputError unless each point has a label that is one of the scene's primitives."""
     if cloud.labels is None:
         raise InputError(f"{path}: the points have no labels")
     if cloud.labels.min() < 0 or cloud.labels.max() >= len(labels.primitives):

@@ -1,4 +1,4 @@
-"""The result tables of a finished run as reference results, in one file."""
+"""Reference results: the tables of a finished run in one file."""
 
 from __future__ import annotations
 
@@ -18,8 +18,7 @@ class Reference(Job):
     Parameters
     ----------
     contents
-        Of the run's report, whose configuration, style and logs are kept: see
-        `puckbench.report.contents.Contents`.
+        Contents of the run's report (`puckbench.report.contents.Contents`).
     bd_rate
         Options of its table of Bjontegaard deltas.
     """
@@ -30,7 +29,7 @@ class Reference(Job):
     def run(
         self, metrics: Path, clouds: Path, out: Path, scan_errors: Path | None = None
     ) -> dict[str, Any]:
-        """Write the file (.parquet), named after the study; of a busy machine without times."""
+        """Write the file (.parquet, named after the study), without times of a busy machine."""
         from puckbench.io.tables import read_table
         from puckbench.jobs.cost import read_costs
         from puckbench.report.contents import Contents

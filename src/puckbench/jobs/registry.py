@@ -1,7 +1,7 @@
-"""The jobs that rules and the command line run, each a record of settings with one method.
+"""The jobs: records of settings with one method, `Job.run`.
 
-A job is what Snakemake runs as one process: its settings come from the plan as one record, its
-files from the rule. ``python -m puckbench.jobs NAME RECORD.json key=FILE ...`` runs one.
+``python -m puckbench.jobs NAME RECORD.json key=FILE ...`` runs one as a process. The record comes
+from the plan, the files from the rule.
 """
 
 from __future__ import annotations
@@ -15,30 +15,28 @@ from puckbench.core.registry import Registry, trust
 
 
 class Job(Model):
-    """The settings of one unit of work, which `run` does from files to files."""
+    """The settings of one unit of work."""
 
     @classmethod
     def given(cls, **settings: Any) -> Self:
-        """The job of settings that a user gives; InputError names the one at fault."""
+        """Make a job of settings from the user; raise InputError if they are invalid."""
         return cls.of_record(settings, JOBS.name_of(cls))
 
     @classmethod
     def of_record(cls, record: Any, what: str) -> Self:
-        """The job of settings that come from the command line, whose code is trusted.
+        """Make a job of settings from the command line or a plan, whose plug-ins are trusted.
 
         Parameters
         ----------
-        record
-            The settings by name.
         what
-            Begins the line of an InputError.
+            Beginning of an InputError.
         """
         job = parsed(cls, record, what)
         trust(job.plugins())
         return job
 
     def plugins(self) -> Iterable[str | None]:
-        """What the settings name as plug-ins: names, or places of a user's own code."""
+        """Return the plug-ins that the settings name."""
         return ()
 
     @abstractmethod

@@ -1,4 +1,4 @@
-"""The report page of a run: figures, tables, curves and clouds in one HTML file."""
+"""The report of a run: one HTML file."""
 
 from __future__ import annotations
 
@@ -12,25 +12,30 @@ from puckbench.jobs.registry import JOBS, Job
 
 @JOBS.register("report")
 class Report(Job):
-    """Build the page.
+    """Build the report.
 
     Parameters
     ----------
     contents
-        See `puckbench.report.contents.Contents`.
+        As `puckbench.report.contents.Contents`.
     code
-        Places of the user's own figures and tables among them, which contents alone do not trust.
+        Places of the user's figures and tables in it, which are trusted.
     """
 
     contents: dict[str, Any]
     code: tuple[str, ...] = ()
 
     def plugins(self) -> Iterable[str | None]:
-        """The user's own figures and tables."""
         return self.code
 
     def run(self, page: Path, below: Path | None = None) -> dict[str, Any]:
-        """Write the page; below: a folder that has copies of all files and their folders."""
+        """Write the page.
+
+        Parameters
+        ----------
+        below
+            Folder with copies of all files, each under its own path.
+        """
         from puckbench.jobs.cost import read_costs
         from puckbench.report.build import build_page
         from puckbench.report.contents import Contents

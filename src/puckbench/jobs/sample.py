@@ -1,4 +1,4 @@
-"""Points at random on the surface of a mesh, with their true normals."""
+"""Random points on the surface of a mesh, with true normals."""
 
 from __future__ import annotations
 
@@ -17,14 +17,13 @@ from puckbench.jobs.surfaces import read_surface
 
 @JOBS.register("sample")
 class Sample(Job):
-    """Draw points on a mesh, uniformly by area (thesis section 6.1.1)."""
+    """Sample points on a mesh, uniformly by area (thesis section 6.1.1)."""
 
     points: int = Field(500_000, ge=1)
     seed: int = Field(0, ge=0)
     metres_per_unit: PositiveFloat = 1.0
 
     def run(self, mesh: Path, cloud: Path) -> dict[str, Any]:
-        """Write the sampled cloud."""
         surface = read_surface(mesh, self.metres_per_unit)
         sampled = sample_surface(surface, self.points, generator(self.seed, "sample", mesh.stem))
         about = {"source": mesh.name, "seed": self.seed, "kind": "sample"}

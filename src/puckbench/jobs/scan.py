@@ -1,4 +1,4 @@
-"""A sweep of the virtual sensor over a mesh: the table of all returns, clean and noisy."""
+"""A scan of a mesh by the virtual sensor: a table of all returns, clean and noisy."""
 
 from __future__ import annotations
 
@@ -36,11 +36,15 @@ _RAYS_IN_MEMORY = 4_000_000
 
 @JOBS.register("scan")
 class Scan(Job):
-    """Scan a mesh: sensor, error model, sweep, and where the sensor stands.
+    """Scan a mesh.
 
-    origin: its position in m; where none is given, that of the scene's description, else the free
-    spot nearest to the middle, `height_m` above the floor. anywhere: also outside the scene,
-    inside an object, or through walls. metres_per_unit: of the mesh.
+    Parameters
+    ----------
+    origin
+        Position of the sensor in m; by default that of the scene's description, else the free spot
+        nearest to the middle, `height_m` above the floor.
+    anywhere
+        Whether the sensor may stand outside the scene or inside an object, or pass through walls.
     """
 
     sensor: str = "vlp16"
@@ -54,7 +58,6 @@ class Scan(Job):
     metres_per_unit: PositiveFloat = 1.0
 
     def plugins(self) -> Iterable[str | None]:
-        """The error model."""
         return (self.errors,)
 
     def run(self, mesh: Path, table: Path) -> dict[str, Any]:
@@ -74,9 +77,12 @@ class Scan(Job):
         return {"returns": rows, "origin": origin, "errors": self.errors}
 
     def check(self, surface: Mesh, described: Sequence[float] | None) -> None:
-        """Raise InputError where the sensor cannot stand or move as the scan asks.
+        """Raise InputError if the sensor cannot stand or move there.
 
-        described: position that the scene's description names, in m.
+        Parameters
+        ----------
+        described
+            Position in the description of the scene, m.
         """
         self._job(self._named(), surface, described).check()
 
@@ -96,7 +102,7 @@ class Scan(Job):
     def _origin(
         self, surface: Mesh, described: Sequence[float] | None
     ) -> tuple[Floats | Sequence[float], bool]:
-        """The sensor's position, and whether a scene's description vouches for it."""
+        """Return the sensor's position, and whether it is trusted to be free."""
         if self.origin is not None:
             return self.origin, False
         if described is not None:
@@ -106,13 +112,11 @@ class Scan(Job):
 
 
 class _Described(Model):
-    """Where a scene's description places the sensor, m."""
-
     origin: tuple[float, float, float] | None
 
 
 def _described(mesh: Path) -> list[float] | None:
-    """The origin in the description beside a mesh, if there is one."""
+    """Return the origin in the description beside a mesh."""
     origin = (read_description(mesh) or {}).get("origin")
     found = parsed(_Described, {"origin": origin}, str(sidecar(mesh))).origin
     return None if found is None else list(found)

@@ -1,4 +1,4 @@
-"""One scene of a scene set: a labelled mesh or a cloud in metres, z up, or a sensor's returns."""
+"""One scene of a scene set: a labelled mesh, a cloud in metres (z up), or a sensor's returns."""
 
 from __future__ import annotations
 
@@ -19,15 +19,12 @@ from puckbench.jobs.registry import JOBS, Job
 
 @JOBS.register("scene")
 class WriteScene(Job):
-    """Write a scene of a loader; its description goes beside it."""
-
     loader: str
     name: str
     options: dict[str, Any] = Field({})
     seed: int = 0
 
     def plugins(self) -> Iterable[str | None]:
-        """The loader."""
         return (self.loader,)
 
     def run(self, scene: Path) -> dict[str, Any]:
@@ -50,7 +47,7 @@ class WriteScene(Job):
 
 
 def description(scene: Scene) -> dict[str, Any]:
-    """What stands beside the scene's file: name, group, sensor position, room's box, credits."""
+    """Return what is described of a scene: name, group, sensor position, box, credits."""
     box = scene.mesh.bounds() if scene.box is None and scene.mesh else scene.box
     return {
         **scene.about,

@@ -1,4 +1,4 @@
-"""A table made of other tables, by its name in the registry."""
+"""Tables made of other tables."""
 
 from __future__ import annotations
 
@@ -27,26 +27,24 @@ class Table(Job):
     Parameters
     ----------
     table
-        Its name, or ``path/to/file.py:function``.
+        Name, or ``path/to/file.py:function``.
     options
-        Further arguments of the table's function.
+        Further arguments of its function.
     """
 
     table: str
     options: dict[str, Any] = Field({})
 
     def plugins(self) -> Iterable[str | None]:
-        """The table."""
         return (self.table,)
 
     def run(self, out: tuple[Path, ...], **inputs: Path) -> dict[str, Any]:
-        """Read the inputs, make the table and write it (.csv, .parquet).
+        """Write the table (.csv, .parquet).
 
         Parameters
         ----------
         inputs
-            File (CSV or Parquet) of each input by its name; those that the table does not use are
-            ignored.
+            File (CSV or Parquet) of each input by name; unused ones are ignored.
         """
         from puckbench.io.tables import read_table, write_table
 
@@ -61,7 +59,6 @@ class Table(Job):
         return {"table": self.table, "rows": len(table), "files": [str(path) for path in out]}
 
     def _made(self, entry: TableEntry, inputs: dict[str, pd.DataFrame]) -> Any:
-        """The table; InputError for options that its function does not take, or lacks."""
         try:
             signature(entry.make).bind(**inputs, **self.options)
         except TypeError as error:

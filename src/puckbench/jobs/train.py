@@ -1,4 +1,4 @@
-"""Weights of a learned codec from clouds, resumable, measured on other clouds."""
+"""Training of a learned codec: resumable, validated on other clouds."""
 
 from __future__ import annotations
 
@@ -28,11 +28,22 @@ if TYPE_CHECKING:
 class Train(Job):
     """Train a codec's network.
 
-    changes: to the codec's entry. options: settings of its training. start: weights to start from,
-    a shipped set's name or a file. every: steps between two savings. validate_every: steps between
-    two measurements, 0 for one at the end. peak: of the PSNRs; by default that of the validation's
-    clouds, and none where they tell none, or several. code: fingerprint of the code; a checkpoint
-    that other code made is begun anew, where it is given, and else refused.
+    Parameters
+    ----------
+    changes
+        Entry of the codec in the configuration.
+    options
+        Settings of its training.
+    start
+        Weights to start from: a shipped set's name or a file.
+    every
+        Steps between two checkpoints.
+    validate_every
+        Steps between two validations; 0 for one at the end.
+    peak
+        Peak of the PSNRs; by default that of the validation's clouds.
+    code
+        Fingerprint of the code, with which a checkpoint of other code is discarded, not refused.
     """
 
     codec: str
@@ -45,14 +56,13 @@ class Train(Job):
     code: str | None = None
 
     def plugins(self) -> Iterable[str | None]:
-        """The codec, its class and that of its training."""
         return codec_plugins(self.codec, self.changes)
 
     def run(
         self, clouds: tuple[Path, ...], weights: Path, validate: tuple[Path, ...] = ()
     ) -> dict[str, Any]:
-        """Train, going on from the checkpoint beside `weights`, and write the set and its card."""
-        from puckbench.jobs.training_log import Curve
+        """Train, resuming from a checkpoint beside `weights`; write weights and model card."""
+        from puckbench.jobs.training_log import TrainingLog
         from puckbench.learned.training.loop import train
 
         training = open_training(self.codec, self.changes, self.options)
@@ -62,7 +72,7 @@ class Train(Job):
             self._resume(trainer, checkpoint)
             _say(f"{training.steps} steps on cubes of {len(clouds)} prepared clouds")
             examples = training.examples([_voxels(path) for path in clouds])
-            curve = Curve(trainer, weights.with_suffix(".csv"), self.every)
+            curve = TrainingLog(trainer, weights.with_suffix(".csv"), self.every)
 
             def report(step: int, loss: Any) -> None:
                 curve.note(step, loss)
@@ -83,7 +93,6 @@ class Train(Job):
     def _begin(
         self, trainer: BaseTrainer[Any, Any], training: BaseTraining, clouds: Sequence[Path]
     ) -> None:
-        """Start from weights, if asked to, and note what the training is one of."""
         trainer.identity = {"data": [sha256(path) for path in clouds]}
         if self.code is not None:
             trainer.identity["code"] = self.code
@@ -93,7 +102,7 @@ class Train(Job):
             trainer.identity["start"] = sha256(start)
 
     def _resume(self, trainer: BaseTrainer[Any, Any], checkpoint: Path) -> None:
-        """Go on from the checkpoint; with a fingerprint of the code, remove another training's."""
+        """Resume from the checkpoint, if it is of the same training."""
         from puckbench.learned.training.loop import OtherTrainingError
 
         if checkpoint.exists():
@@ -114,7 +123,7 @@ class Train(Job):
         weights: Path,
         validate: Sequence[Path],
     ) -> dict[str, Any]:
-        """Write the set, and again with what it was measured to be; its card stands beside it."""
+        """Write the weights, and again with the results of their validation."""
         training.export(weights, trainer.model, card)
         if validate:
             card["validation"] = self._measured(training, weights, validate)
@@ -125,7 +134,7 @@ class Train(Job):
     def _measured(
         self, training: BaseTraining, weights: Path, validate: Sequence[Path]
     ) -> dict[str, Any]:
-        """What the codec does with a set on the validation's clouds; warnings where at fault."""
+        """Return the results of a validation; print faults as warnings."""
         from puckbench.jobs.validation import peak_of, validation
 
         clouds = [read_cloud(path) for path in validate]
@@ -147,7 +156,7 @@ class Train(Job):
         weights: Path,
         validate: Sequence[Path],
     ) -> None:
-        """Print what the set would reach if the training ended here."""
+        """Print the results that the weights would have if training ended here."""
         now = weights.with_name(f".{weights.name}")
         training.export(now, trainer.model, {})
         for rate, means in self._measured(training, now, validate)["rates"].items():
@@ -161,13 +170,12 @@ def _say(line: str) -> None:
 
 
 def _names(paths: Sequence[Path]) -> list[str]:
-    """Clouds by their paths below the folder that all of them are in."""
+    """Return the paths of clouds below their common folder."""
     shared = os.path.commonpath([path.parent.resolve() for path in paths])
     return sorted(path.resolve().relative_to(shared).as_posix() for path in paths)
 
 
 def _voxels(path: Path) -> Floats:
-    """The points of a cloud; InputError for one in metres, which has no voxels."""
     cloud = read_cloud(path)
     if cloud.frame == "metric":
         raise InputError(f"{path}: the cloud is in metres: prepare it first (puckbench prepare)")

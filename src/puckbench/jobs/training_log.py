@@ -1,4 +1,4 @@
-"""The curve of a training: a row for each step, kept with the training, and a table of them."""
+"""Losses of a training: a row for each step, printed and written as CSV."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ _DIGITS = 5
 _SECONDS_BETWEEN_LINES = 20.0
 
 
-class Curve:
-    """Records the losses of training steps; prints them and writes a CSV table at intervals."""
+class TrainingLog:
+    """Records the losses of training steps; prints and writes them at intervals."""
 
     def __init__(self, trainer: BaseTrainer[Any, Any], path: Path, every: int) -> None:
         self.trainer, self.path, self.every = trainer, path, every
@@ -28,7 +28,7 @@ class Curve:
 
     @property
     def seconds(self) -> float:
-        """What all steps took so far, those of earlier runs too."""
+        """Time of all steps so far, including earlier runs."""
         rows = self.trainer.curve
         return rows[-1]["seconds"] if rows else 0.0
 
@@ -44,7 +44,6 @@ class Curve:
             self._tell()
 
     def write(self) -> None:
-        """Write the table."""
         rows, text = self.trainer.curve, io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
         if rows:
@@ -54,7 +53,7 @@ class Curve:
         write_bytes(self.path, text.getvalue().encode())
 
     def _tell(self) -> None:
-        """The mean cost of the last steps."""
+        """Print the mean loss of the last steps."""
         rows = self.trainer.curve[-self.every :]
         cost = next(name for name in rows[0] if name != "step")
         mean = sum(row[cost] for row in rows) / len(rows)

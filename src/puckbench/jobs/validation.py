@@ -1,4 +1,4 @@
-"""Validation of a set of weights: its codec on clouds that it did not learn from."""
+"""Validation of weights on clouds that they were not trained on."""
 
 from __future__ import annotations
 
@@ -18,23 +18,26 @@ Measures = dict[str, float]
 def validated(
     codec: Codec, clouds: Sequence[PointCloud], peak: float | None
 ) -> dict[str, Measures]:
-    """For each rate the means over clouds, every byte counted.
+    """Return for each rate the means over clouds.
 
-    bpp: bits per point of the input. d1_mse, cd_point: squared distances, the larger direction and
-    the mean of both. d1_psnr: of that d1_mse, in dB, left out where there is no error or no peak.
+    Returns
+    -------
+    dict
+        ``bpp``: bits per input point; ``d1_mse``, ``cd_point``: mean squared distance, maximum and
+        mean of the two directions; ``d1_psnr``: PSNR of d1_mse in dB.
     """
     codec.load()
     return {rate: _means(codec, clouds, rate, peak) for rate in codec.rates}
 
 
 def peak_of(clouds: Sequence[PointCloud]) -> float | None:
-    """The peak of PSNRs that all clouds have; None where one does not tell it, or they differ."""
+    """Return the peak of PSNRs that all clouds share, or None."""
     (first, *others) = {cloud.peak for cloud in clouds}
     return None if others else first
 
 
 def validation(codec: Codec, clouds: Sequence[PointCloud], peak: float | None) -> dict[str, Any]:
-    """What `validated` finds of prepared clouds, and the faults in it, as model cards have them."""
+    """Return means and faults, as model cards have them."""
     found = validated(codec, clouds, peak)
     return {"rates": found, "faults": faults(found)}
 
@@ -57,7 +60,7 @@ def _measured(codec: Codec, cloud: PointCloud, rate: str) -> Measures:
 
 
 def faults(rates: Mapping[str, Mapping[str, Any]]) -> list[str]:
-    """Where bits fail to grow, or distortion to fall, from a rate to the next: nowhere, if good."""
+    """Return where bits do not grow, or distortion does not fall, from a rate to the next."""
     wrong = []
     for (low, before), (high, after) in pairwise(rates.items()):
         if after["bpp"] <= before["bpp"]:

@@ -1,4 +1,4 @@
-"""The tidy tables of results: one row per data set, cloud, codec and rate; one row per cloud."""
+"""Tables of results: a row for each data set, cloud, codec and rate; a row for each cloud."""
 
 from __future__ import annotations
 
@@ -78,10 +78,7 @@ _SUMMARY = (
 
 
 def table_of(rows: Iterable[dict[str, Any]], keys: Sequence[str]) -> pd.DataFrame:
-    """One row per dictionary, columns in a fixed order; the order of the rows is kept.
-
-    InputError when there is no row, or two with the same keys.
-    """
+    """Return a table of rows in their order; raise InputError if none, or two with equal keys."""
     import pandas as pd
 
     table = pd.DataFrame(list(rows))
