@@ -15,7 +15,7 @@ from puckbench.core.errors import InputError
 from puckbench.datasets.registry import open_scene_set
 from puckbench.geometry.mesh import Labels, Mesh, Primitive, SceneObject, scaled_mesh
 from puckbench.io.clouds import read_cloud
-from puckbench.planning.user_files import OwnRun
+from puckbench.planning.user_files import UserRun
 
 GRID = np.random.default_rng(2).integers(0, 4000, (1500, 3))
 """Points of a room, in whole millimetres."""
@@ -157,7 +157,7 @@ def test_a_scan_has_a_unit_already(capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_units_of_some_files_go_to_their_sets() -> None:
     units = {"mm.xyz": 0.001, "mm.off": 0.002}
-    config = OwnRun(
+    config = UserRun(
         ("m.xyz", "mm.xyz", "mm.off"), ("draco",), "out", options={"metres_per_unit": units}
     )
     scenes = config.configuration()["scenes"]

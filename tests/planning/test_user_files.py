@@ -16,7 +16,7 @@ from puckbench.core.errors import InputError
 from puckbench.planning.config import checked
 from puckbench.planning.plan import Plan
 from puckbench.planning.study_run import study_configuration
-from puckbench.planning.user_files import OwnRun, write_configuration
+from puckbench.planning.user_files import UserRun, write_configuration
 from puckbench.planning.workflow import Workflow
 from puckbench.report.reference_results import read_reference
 from tests.io.test_cloud_formats import write_las
@@ -52,7 +52,7 @@ def mine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def made(*paths: str, codecs: tuple[str, ...] = ("draco",), **asked: Any) -> dict[str, Any]:
-    return OwnRun(paths, codecs, "out", **asked).configuration()
+    return UserRun(paths, codecs, "out", **asked).configuration()
 
 
 def test_a_folder_is_sorted_by_what_its_files_hold() -> None:
@@ -163,7 +163,7 @@ def test_codecs_get_fewer_rates_where_all_would_take_long(monkeypatch: pytest.Mo
 
 
 def test_what_a_shell_finds_beside_the_clouds_is_left_out_and_named() -> None:
-    asked = OwnRun(("mine/a.npy", "mine.py", "mine/b.xyz"), ("draco",), "out")
+    asked = UserRun(("mine/a.npy", "mine.py", "mine/b.xyz"), ("draco",), "out")
     config = asked.configuration()
     assert config["scenes"]["clouds"]["options"]["path"] == ["mine/a.npy", "mine/b.xyz"]
     assert config["unused"].keys() == {"mine.py"}

@@ -14,7 +14,7 @@ from puckbench.core.errors import InputError
 from puckbench.planning.config import checked
 from puckbench.planning.plan import Plan
 from puckbench.planning.running import left_out_lines
-from puckbench.planning.user_files import OwnRun
+from puckbench.planning.user_files import UserRun
 from puckbench.planning.workflow import Workflow
 
 POINTS = np.random.default_rng(0).random((50, 3))
@@ -31,7 +31,7 @@ def clouds(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def configured(*files: str, **asked: Any) -> dict[str, Any]:
-    run = OwnRun(files, ("gpcc", "draco"), "out", frame="metric", rates=RATES, **asked)
+    run = UserRun(files, ("gpcc", "draco"), "out", frame="metric", rates=RATES, **asked)
     return run.configuration()
 
 
@@ -75,7 +75,7 @@ def test_jobs_are_planned_for_the_other_cells_alone() -> None:
 
 
 def test_scaled_clouds_are_never_too_wide() -> None:
-    run = OwnRun(("wider.npy",), ("gpcc",), "out", frame="scaled")
+    run = UserRun(("wider.npy",), ("gpcc",), "out", frame="scaled")
     plan = Plan(checked(run.configuration()), check_scenes=True)
     assert plan.too_wide == {}
     assert plan.left_out_rows() == ()

@@ -23,7 +23,7 @@ from puckbench.planning.user_files import (
     CODECS,
     CODECS_OF_RECORDINGS,
     CONFIG,
-    OwnRun,
+    UserRun,
     write_configuration,
 )
 from puckbench.planning.workflow import Workflow
@@ -241,7 +241,7 @@ def _files_configuration(options: argparse.Namespace) -> Path:
     if options.errors and not options.scan:
         raise InputError("--errors: only with --scan")
     settings |= _given(options, "errors", "points", "peak")
-    own_run = OwnRun(
+    user_run = UserRun(
         timeout_s=options.timeout,
         paths=tuple(options.files),
         codecs=tuple(options.codecs or ()),
@@ -251,7 +251,7 @@ def _files_configuration(options: argparse.Namespace) -> Path:
         options=_given(options, *_LOADER_OPTIONS) | _units(options),
         **settings,
     )
-    return _written(out, own_run.configuration())
+    return _written(out, user_run.configuration())
 
 
 def _units(options: argparse.Namespace) -> dict[str, Any]:

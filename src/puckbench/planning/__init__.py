@@ -1,1 +1,1 @@
-"""From a configuration to a plan of jobs: models, fingerprints of code, resources."""
+"""From a configuration to a plan of jobs."""

@@ -1,4 +1,4 @@
-"""Jobs that make clouds: scenes, samples, scans, and clouds prepared for the codecs."""
+"""Jobs that make scenes, samples, scans and prepared clouds."""
 
 from __future__ import annotations
 
@@ -23,33 +23,30 @@ _FOLDERS = {"sample": ("samples", "ply"), "scan": ("scans", "parquet")}
 
 
 class CloudJobs:
-    """Files and jobs of scenes and clouds."""
-
     def __init__(self, plan: Plan) -> None:
         self.plan = plan
 
     def dataset(self, name: str) -> DataSetPlan:
-        """The plan of a data set."""
         return self.plan.datasets[name]
 
     def scene_file(self, dataset: str, cloud: str, suffix: str = "") -> str:
-        """The scene that a cloud is made from."""
+        """Return the file of the scene that a cloud is made from."""
         scenes = self.dataset(dataset).scenes
         suffix = suffix or ("parquet" if scenes in self.of_returns else "ply")
         return f"{self.plan.results}/scenes/{scenes}/{cloud}.{suffix}"
 
     @cached_property
     def of_returns(self) -> list[str]:
-        """The scene sets whose scenes are the returns of real sensors."""
+        """Scene sets whose scenes are the returns of real sensors."""
         return [name for name, chosen in self.plan.scenes.items() if of_returns(chosen.scenes)]
 
     def prepared(self, has_returns: bool) -> list[str]:
-        """The data sets whose clouds carry returns, or the others."""
+        """Return the data sets whose clouds carry returns, or the others."""
         sets = self.plan.datasets.items()
         return [name for name, data in sets if data.has_returns == has_returns]
 
     def source(self, dataset: str, cloud: str) -> str:
-        """What a cloud is prepared from: a sample, a scan, or the scene's own cloud."""
+        """Return the file that a cloud is prepared from: sample, scan, or the scene's cloud."""
         make = self.dataset(dataset).settings.make
         if make == "cloud":
             return self.scene_file(dataset, cloud)
@@ -57,17 +54,16 @@ class CloudJobs:
         return f"{self.plan.results}/{folder}/{dataset}/{cloud}.{suffix}"
 
     def is_cropped(self, dataset: str) -> bool:
-        """Whether the clouds are scans that are cropped to the box of their scene."""
+        """Return whether the clouds are scans that are cropped to the box of their scene."""
         settings = self.dataset(dataset).settings
         return settings.is_scan and settings.crop != "none" and not settings.is_metric
 
     def true_points(self, dataset: str, cloud: str) -> str:
-        """The points of the true surface that a cloud's own stand for, labelled as the scene is."""
+        """Return the file of the labelled true points for the points of a cloud."""
         return f"{self.plan.results}/truth/{dataset}/{cloud}.ply"
 
     @cache  # noqa: B019 (one plan lives as long as the process)
     def scene(self, scenes: str, name: str) -> PlannedJob:
-        """Write a scene of a scene set."""
         chosen = self.plan.scenes[scenes]
         record = WriteScene(
             loader=chosen.loader, name=name, options=chosen.options_of(name), seed=chosen.seed
@@ -76,20 +72,19 @@ class CloudJobs:
 
     @cache  # noqa: B019
     def sample(self, dataset: str) -> PlannedJob:
-        """Sample the mesh of a scene."""
         data = self.dataset(dataset)
         return planned(Sample(points=data.settings.points, seed=data.seed))
 
     @cache  # noqa: B019
     def scan(self, dataset: str, cloud: str) -> PlannedJob:
-        """Scan the mesh of a scene; the sensor's and the sweep's files count as code."""
+        """Plan a scan; the files of sensor and sweep count as code."""
         data = self.dataset(dataset)
         module, also = self._sensing(dataset)
         return planned(scan_record(data.settings, cloud, data.seed), module, also=also)
 
     @cache  # noqa: B019
     def _sensing(self, dataset: str) -> tuple[str, str]:
-        """Module of a data set's error model; and that model, the sensor and the sweep."""
+        """Return the module of the error model; and a text of model, sensor and sweep."""
         settings = self.dataset(dataset).settings
         model = open_error_model(settings.errors, settings.error_options)
         sweep = hashlib.sha256(repr(open_sweep(settings.sweep)).encode()).hexdigest()[:16]
@@ -97,7 +92,7 @@ class CloudJobs:
 
     @cache  # noqa: B019
     def prepare(self, dataset: str) -> PlannedJob:
-        """Crop, estimate normals and scale; or take a sensor's returns as they are."""
+        """Plan the preparation of a cloud or of returns."""
         settings = self.dataset(dataset).settings
         if self.dataset(dataset).has_returns:
             model = settings.errors if settings.is_scan else ""
@@ -110,5 +105,5 @@ class CloudJobs:
         return planned(record)
 
     def memory_mb(self, dataset: str) -> int:
-        """Estimate of a job's memory in MB: the interpreter's and libraries', and the points'."""
+        """Estimate the memory of a job in MB."""
         return 400 + self.dataset(dataset).points * _BYTES_PER_POINT // 1_000_000

@@ -1,4 +1,4 @@
-"""Jobs of codecs: rate-distortion curves of a cloud and a codec, coded, decoded and measured."""
+"""Jobs that encode, decode and measure rate-distortion curves."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _MOST_SECONDS = 600
 
 @dataclass(frozen=True)
 class Curve:
-    """Rates of a codec, in a frame, that one job codes and one measures: all, or a part of them."""
+    """All rates of a codec in a frame, or the part of them that one job encodes."""
 
     codec: str
     frame: CoordinateFrame
@@ -45,22 +45,20 @@ class Curve:
 
 
 def _peak(settings: DataSetConfig) -> float | None:
-    """Peak of the PSNRs of a data set; None where each cloud's description has it."""
+    """Return the peak of the PSNRs; None if each cloud's description has it."""
     if settings.peak is not None or isinstance(settings.size, str):
         return settings.peak
     return float(settings.size) - 1
 
 
 class CodingJobs:
-    """Files and jobs of the curves."""
-
     def __init__(self, clouds: CloudJobs) -> None:
         self.clouds, self.plan = clouds, clouds.plan
         self.timing = self.plan.config.timing
 
     @cached_property
     def curves(self) -> tuple[Curve, ...]:
-        """The curves of every codec in every frame, those that would take too long in parts."""
+        """Curves of all codecs in all frames; those that would take too long in parts."""
         return tuple(
             Curve(codec, frame, rates)
             for frame in self.plan.frames
@@ -69,24 +67,24 @@ class CodingJobs:
         )
 
     def _coding(self, frame: CoordinateFrame) -> list[str]:
-        """The codecs that code any data set in a frame."""
+        """Return the codecs that code any data set in a frame."""
         sets = self.plan.in_frame(frame)
         codes = self.plan.codes
         return [codec for codec in self.plan.codecs if any(codes(codec, name) for name in sets)]
 
     @cached_property
     def cut(self) -> list[str]:
-        """The codecs of which any curve is coded and measured in parts."""
+        """Codecs with a curve that is cut into parts."""
         counts = Counter((curve.codec, curve.frame) for curve in self.curves)
         return list(dict.fromkeys(codec for (codec, _), count in counts.items() if count > 1))
 
     @cached_property
     def whole(self) -> list[str]:
-        """The codecs of which every curve is coded and measured by one job."""
+        """Codecs without a curve that is cut into parts."""
         return [codec for codec in self.plan.codecs if codec not in self.cut]
 
     def parts(self, dataset: str, cloud: str, codec: str) -> list[str]:
-        """Names of the parts of a cloud's curve."""
+        """Return the names of the parts of a cloud's curve."""
         return [
             _name(rates)
             for rates in self._parts(self.plan.curve_rates(dataset, cloud, codec), codec)
@@ -96,7 +94,7 @@ class CodingJobs:
         return _parts(rates, self._seconds(codec))
 
     def _rates(self, dataset: str, cloud: str, codec: str, part: str) -> tuple[str, ...]:
-        """The rates of a cloud's curve, or of a part of it; InputError for an unknown part."""
+        """Return the rates of a curve, or of a part of it."""
         rates = self.plan.curve_rates(dataset, cloud, codec)
         if not part:
             return rates
@@ -106,9 +104,14 @@ class CodingJobs:
         return named[part]
 
     def rows(self, kind: str, codec: str | None = None) -> tuple[str, ...]:
-        """The file of each curve's rows below the results folder, in the order of the table.
+        """Return the files of result rows below the results folder, in the order of the table.
 
-        kind: ``metrics`` or ``recovery``. codec: whose, if not of all.
+        Parameters
+        ----------
+        kind
+            ``metrics`` or ``recovery``.
+        codec
+            Codec of the rows; all by default.
         """
         curves = self.plan.recovered if kind == "recovery" else self.plan.curves
         return tuple(
@@ -116,31 +119,29 @@ class CodingJobs:
         )
 
     def artefacts(self) -> list[str]:
-        """The files of all curves below the results folder: streams and rows."""
+        """Return the files of all streams and result rows below the results folder."""
         coded = [f"coded/{'/'.join(curve)}.zip" for curve in self.plan.curves]
         return [*coded, *self.rows("metrics"), *self.rows("recovery")]
 
     def _seconds(self, codec: str) -> float:
-        """Estimate of what coding and decoding the largest clouds takes at one rate."""
+        """Estimate the time of the timed calls for the largest clouds at one rate."""
         return self.timing.repeats * self.pace(codec).of(self._most_points)
 
     @cached_property
     def _most_points(self) -> int:
-        """Points of the largest clouds."""
         return max((data.points for data in self.plan.datasets.values()), default=0)
 
     def pace(self, codec: str) -> Pace:
-        """Estimate of the time that a codec takes at one rate."""
         return codec_class(codec, self.plan.config.codec(codec)).pace
 
     @cache  # noqa: B019
     def minutes(self, codec: str) -> int:
-        """Generous estimate of the time of a curve's job, for the largest clouds, in minutes."""
+        """Estimate the time of a curve's job for the largest clouds, generously."""
         rates = max((len(curve.rates) for curve in self.curves if curve.codec == codec), default=0)
         return 5 + math.ceil(2 * rates * self._seconds(codec) / 60)
 
     def encode(self, dataset: str, cloud: str, codec: str, part: str = "") -> PlannedJob:
-        """Plan to code a cloud at all rates of its curve, or at those of one part."""
+        """Plan the encoding of a curve, or of a part of it."""
         return self._encode(dataset, codec, self._rates(dataset, cloud, codec, part))
 
     @cache  # noqa: B019
@@ -150,12 +151,11 @@ class CodingJobs:
 
     @cache  # noqa: B019
     def decode(self, dataset: str, codec: str, rate: str) -> PlannedJob:
-        """Decode the stream of a rate to a cloud."""
         record = Decode(codec=codec, changes=self._entry(dataset, codec, (rate,)), rate=rate)
         return self._planned(record, codec)
 
     def decode_shown(self, dataset: str, cloud: str, codec: str) -> PlannedJob:
-        """Decode the streams of the rates that the report shows."""
+        """Plan the decoding of the rates that the report shows."""
         return self._decode_shown(dataset, codec, shown_rates(self.plan, dataset, cloud, codec))
 
     @cache  # noqa: B019
@@ -164,7 +164,7 @@ class CodingJobs:
         return self._planned(DecodeShown(codec=codec, changes=changes, rates=rates), codec)
 
     def evaluate(self, dataset: str, cloud: str, codec: str, part: str = "") -> PlannedJob:
-        """Plan to measure all streams of a curve, or those of one part."""
+        """Plan the measurement of a curve, or of a part of it."""
         return self._evaluate(dataset, codec, self._rates(dataset, cloud, codec, part))
 
     @cache  # noqa: B019
@@ -183,39 +183,34 @@ class CodingJobs:
 
     @cache  # noqa: B019
     def recovery(self, dataset: str, codec: str) -> PlannedJob:
-        """Compare the primitives of a curve's streams with those of the scene."""
+        """Plan the comparison of primitives with those of the scene."""
         changes = self._entry(dataset, codec, self.plan.rates(codec, self._frame(dataset)))
         record = RecoveryCurve(dataset=dataset, codec=codec, changes=changes)
         return self._planned(record, codec)
 
     def _planned(self, record: Job, codec: str, *modules: str) -> PlannedJob:
-        """A job of a codec, whose module and weights count as code."""
+        """Plan a job of a codec, whose module and weights count as code."""
         return planned(record, self._module(codec), *modules, also=self._weights(codec))
 
     @cached_property
     def join_streams(self) -> PlannedJob:
-        """Join the streams of a curve's parts."""
         return planned(JoinStreams())
 
     @cached_property
     def join_rows(self) -> PlannedJob:
-        """Join the result rows of a curve's parts."""
         return planned(JoinRows())
 
     @cache  # noqa: B019
     def scan_error(self, dataset: str) -> PlannedJob:
-        """Measure a scan as if it had been decoded."""
+        """Plan the measurement of a scan as if it were decoded."""
         return planned(Evaluate(dataset=dataset))
 
     def cloud(self, dataset: str, cloud: str) -> dict[str, str]:
-        """Files of a prepared cloud: its points, their description and, of a sensor's, returns."""
+        """Return the files of a prepared cloud: points, description and returns."""
         return self.described({"cloud": f"{self.plan.results}/clouds/{dataset}/{cloud}.ply"})
 
     def described(self, files: Mapping[str, str]) -> dict[str, str]:
-        """Files by name, each cloud and mesh with what a reader looks for beside it.
-
-        That is its description and, of prepared clouds of a sensor's returns, these.
-        """
+        """Add to files by name the descriptions and returns beside them."""
         beside = {}
         for name, path in ((name, Path(file)) for name, file in files.items()):
             if path.suffix == ".ply":
@@ -230,7 +225,7 @@ class CodingJobs:
         return frozenset(folder / name for name in self.clouds.prepared(has_returns=True))
 
     def truth(self, dataset: str, cloud: str) -> dict[str, str]:
-        """Further inputs of a measurement: the true surface and what the sensor saw of it."""
+        """Return further inputs of a measurement: the true surface, and true points."""
         data = self.clouds.dataset(dataset)
         if not data.has_truth:
             return {}
@@ -241,14 +236,14 @@ class CodingJobs:
         return {"truth": self.clouds.scene_file(dataset, cloud), **points}
 
     def labels(self, dataset: str, cloud: str) -> dict[str, str]:
-        """Further inputs where primitives are compared: labelled points and their scene."""
+        """Return further inputs of a comparison of primitives: labelled points and their scene."""
         return {
             "points": self.clouds.true_points(dataset, cloud),
             "scene": self.clouds.scene_file(dataset, cloud),
         }
 
     def tables(self) -> Iterator[RowsTable]:
-        """The tables of all result rows of a kind."""
+        """Yield the tables of all result rows of a kind."""
         if self.plan.datasets:
             yield RowsTable(kind="metrics", names=self.rows("metrics"))
         if self.plan.scanned:
@@ -261,23 +256,23 @@ class CodingJobs:
 
     @property
     def threads_environment(self) -> dict[str, str]:
-        """Additions to the environment of a timed job: the threads that libraries may use."""
+        """Environment variables of a timed job that limit its threads."""
         return thread_environment(self.timing.threads)
 
     def cores(self, cores: int | None) -> int:
-        """Cores that a timed job takes of those of the run: all where it is to run alone.
+        """Return the cores that a timed job reserves: all cores of the run if it must run alone.
 
-        cores: of the run; None where a cluster's nodes, not this machine, run the jobs.
+        Parameters
+        ----------
+        cores
+            Cores of the run; None on a cluster.
         """
         threads = self.timing.threads
         return max(threads, cores or 0) if self.timing.exclusive else threads
 
     @cache  # noqa: B019
     def memory_mb(self, codec: str) -> int:
-        """Estimate of the memory of a curve's job in MB: of the codec and the pictures.
-
-        For the largest clouds: a function for each of very many jobs would cost planning more.
-        """
+        """Estimate the memory of a curve's job for the largest clouds in MB."""
         views = max((data.settings.views for data in self.plan.datasets.values()), default=0)
         changes = self.plan.config.codec(codec)
         pictures = views**2 * _BYTES_PER_PIXEL // 1_000_000
@@ -298,7 +293,7 @@ class CodingJobs:
         return self.plan.datasets[dataset].frame
 
     def _entry(self, dataset: str, codec: str, rates: tuple[str, ...]) -> dict[str, Any]:
-        """The codec's whole entry, with some rates for a data set's frame alone."""
+        """Return the codec's complete entry with some of the rates for a data set."""
         entry = {**self.plan.codecs[codec]}
         table = self.plan.opened[codec].rates_of(self._frame(dataset))
         chosen = {rate: table[rate] for rate in rates}
@@ -312,21 +307,17 @@ class CodingJobs:
 
     @cache  # noqa: B019
     def _weights(self, codec: str) -> str:
-        """Digests of a codec's weights, where it has any."""
+        """Return digests of a codec's weights."""
         return " ".join(map(sha256, self.plan.weights[codec]))
 
 
 def _name(rates: tuple[str, ...]) -> str:
-    """A name of a part of a curve."""
     first, last = rates[0], rates[-1]
     return first if first == last else f"{first}_to_{last}"
 
 
 def _parts(rates: tuple[str, ...], seconds: float) -> list[tuple[str, ...]]:
-    """Rates in parts that each keep within the most seconds; none without rates.
-
-    seconds: of one rate.
-    """
+    """Split rates into parts that each take no longer than allowed."""
     parts = max(1, min(len(rates), math.ceil(seconds * len(rates) / _MOST_SECONDS)))
     size = math.ceil(len(rates) / parts)
     return [rates[first : first + size] for first in range(0, len(rates), size or 1)]

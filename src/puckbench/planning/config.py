@@ -1,7 +1,7 @@
-"""The configuration of a run: its keys, their defaults and what they mean.
+"""The configuration of a run: keys, defaults and meanings.
 
-These models are the only definition: the schema that editors check a configuration with and the
-tables of `config/README.md` are generated from them (`puckbench.planning.config_reference`).
+`puckbench.planning.config_reference` generates the schema for editors and the tables of
+`config/README.md` from these models.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ def _different(values: tuple[Any, ...]) -> tuple[Any, ...]:
 
 
 def _own_keys(cls: type[Model], values: Options) -> Options:
-    """Refuse a `stand_in` with a key that the model itself does not have."""
+    """Refuse unknown keys of a `stand_in`."""
     known = [name for name in cls.model_fields if name != "stand_in"]
     if unknown := [name for name in values if name not in known]:
         raise ValueError(f"unknown key '{unknown[0]}'{among(unknown[0], known)}")
@@ -168,21 +168,19 @@ class DataSetConfig(Model):
 
     @property
     def is_metric(self) -> bool:
-        """Whether clouds stay in metres, and rates are lengths."""
         return self.size == METRIC
 
     @property
     def is_scan(self) -> bool:
-        """Whether the virtual sensor makes the clouds."""
         return self.make == "scan"
 
     def origin_in(self, scene: str) -> Position | None:
-        """Where the sensor stands in a scene, if that is configured."""
+        """Return the configured position of the sensor in a scene."""
         return self.origin.get(scene) if isinstance(self.origin, dict) else self.origin
 
     @property
     def has_truth(self) -> bool:
-        """Whether decoded clouds are measured against the true surface as well."""
+        """Whether decoded clouds are compared with the true surface."""
         return self.truth and self.make != "cloud"
 
 
@@ -219,7 +217,7 @@ class CodecConfig(Model):
     )
 
     def changes(self) -> Options:
-        """The keys given for the codec, as `puckbench.codecs.registry.entry` takes them."""
+        """Return the entry of the codec (see `puckbench.codecs.registry.entry`)."""
         return self.model_dump(by_alias=True, exclude_unset=True)
 
 
@@ -371,7 +369,7 @@ class ExamplesConfig(Model):
     )
 
     def given(self) -> dict[str, str]:
-        """Kind -> cloud, of those that are named."""
+        """Return the clouds by kind."""
         chosen: dict[str, str] = self.model_dump(exclude_none=True)
         return chosen
 
@@ -485,15 +483,13 @@ class Config(Model):
         return Path(self.results) / "failed.yaml"
 
     def codec(self, name: str) -> Options:
-        """What the configuration says of a codec."""
         return (self.codecs[name] or CodecConfig()).changes()
 
     def places(self) -> Iterator[str]:
-        """The code that it names: plug-ins as ``module:Name`` or ``path/to/file.py:Name``."""
+        """Return the places of code that the configuration names."""
         yield from filter(is_place, self._plugins())
 
     def _plugins(self) -> Iterator[str | None]:
-        """What it names as plug-ins, by name or by place."""
         for scenes in self.scenes.values():
             yield from (source.loader for source in (scenes, scenes.stand_in) if source)
         yield from (data.errors for data in self.datasets.values())
@@ -504,37 +500,36 @@ class Config(Model):
             yield from (model.errors for model in self.sensor_study.models.values() if model)
 
     def as_json(self) -> Options:
-        """The whole configuration as the report shows it: defaults included, but of codecs."""
+        """Return the configuration with its defaults, except for those of codecs."""
         found = self.model_dump(mode="json", by_alias=True, exclude_none=True)
         return {**found, "codecs": {name: self.codec(name) for name in self.codecs}}
 
 
 def checked(config: Mapping[str, Any]) -> Config:
-    """Check a configuration as it was read, stand-ins in their places where it asks for them.
+    """Check a configuration, with stand-ins if it asks for them.
 
     Names of loaders, codecs, rates and clouds are checked by `puckbench.planning.plan`.
 
     Raises
     ------
     InputError
-        One line that names the key, its value and what is allowed.
+        One line with the key, its value and what is allowed.
     """
     return checked_model(Config, with_stand_ins(config))
 
 
 def trusted(config: Mapping[str, Any]) -> Config:
-    """`checked`, of a configuration that the user gives: the code that it names may be loaded."""
+    """Check the user's configuration, and trust the code that it names."""
     found = checked(config)
     trust(found.places())
     return found
 
 
 def with_stand_ins(config: Mapping[str, Any]) -> Options:
-    """Let generated data stand in for those on disk, where `stand_in` is true.
+    """Replace data on disk by generated data if `stand_in` is true.
 
-    A scene set's `stand_in` is used in its place; a data set's, and that of the figures, changes
-    the keys that it names. Results go to a folder of their own. The configuration given is not
-    changed.
+    A scene set's `stand_in` replaces it; that of a data set or of the figures changes some of its
+    keys. Results go to another folder.
     """
     changed: Options = copy.deepcopy(dict(config))
     for key in ("stand_in", "strict"):
@@ -556,7 +551,6 @@ def with_stand_ins(config: Mapping[str, Any]) -> Options:
 
 
 def _mappings(values: Any) -> list[Options]:
-    """Those of the values (of a mapping, or of a list) that are mappings themselves."""
     found = values.values() if isinstance(values, dict) else values or ()
     return [value for value in found if isinstance(value, dict)]
 
@@ -567,16 +561,16 @@ def read_config(path: Path) -> Options:
     Raises
     ------
     InputError
-        The file is missing, is not a mapping, has a key twice, or has a value that Snakemake, which
-        reads YAML 1.1, takes for another.
+        The file is missing, is not a mapping, repeats a key, or has a value that YAML 1.1, which
+        Snakemake reads, takes for another.
     """
     return _read(path, alike=True)
 
 
 def check_config_files(paths: Iterable[str | Path]) -> None:
-    """Raise InputError where a file that Snakemake has read by itself cannot be used.
+    """Raise InputError if a file that Snakemake has read cannot be used.
 
-    Of a workflow that uses this one as a module, only files with keys of ours are looked at.
+    If another workflow uses this one as a module, only files with our keys are checked.
     """
     for path in map(Path, paths):
         if set(Config.model_fields) & set(_read(path, alike=False)):

@@ -1,9 +1,9 @@
-"""What is generated from the configuration's models: the schema for editors, and tables of keys.
+"""Generated from the models of the configuration: schema and tables of keys.
 
     python -m puckbench.planning.config_reference
 
-writes `workflow/schemas/config.schema.json` and the tables of `config/README.md`, which lie between
-lines ``<!-- keys: ModelName -->`` and ``<!-- end of keys -->``.
+writes `workflow/schemas/config.schema.json` and the tables of `config/README.md`, between lines
+``<!-- keys: ModelName -->`` and ``<!-- end of keys -->``.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _TABLE = re.compile(r"(<!-- keys: (\w+) -->\n).*?(<!-- end of keys -->)", re.DOT
 
 
 def schema() -> str:
-    """The JSON schema of a configuration file."""
+    """Return the JSON schema of a configuration file."""
     found = {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         **config.Config.model_json_schema(by_alias=True),
@@ -31,7 +31,7 @@ def schema() -> str:
 
 
 def key_table(model: type[BaseModel]) -> str:
-    """The keys of a model as a table in Markdown: name, default, meaning."""
+    """Return a Markdown table of the keys of a model: name, default, meaning."""
     rows = [
         f"| `{field.alias or name}` | {_default(field)} | {field.description} |"
         for name, field in model.model_fields.items()
@@ -40,7 +40,7 @@ def key_table(model: type[BaseModel]) -> str:
 
 
 def with_tables(text: str) -> str:
-    """A text in Markdown with the tables between its marks made anew."""
+    """Return a Markdown text with its tables generated anew."""
 
     def table(match: re.Match[str]) -> str:
         return f"{match[1]}{key_table(getattr(config, match[2]))}{match[3]}"
@@ -49,7 +49,7 @@ def with_tables(text: str) -> str:
 
 
 def documented(text: str) -> set[str]:
-    """Names of the models whose keys a text has a table of."""
+    """Return the names of the models whose tables a text has."""
     return {match[2] for match in _TABLE.finditer(text)}
 
 
@@ -71,7 +71,6 @@ def _yaml(value: Any) -> str:
 
 
 def main(root: Path) -> None:
-    """Write the generated files of a repository."""
     readme = root / "config" / "README.md"
     readme.write_text(with_tables(readme.read_text(encoding="utf-8")), encoding="utf-8")
     file = root / "workflow" / "schemas" / "config.schema.json"

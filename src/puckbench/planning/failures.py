@@ -1,4 +1,4 @@
-"""Jobs of a run that failed: which, why, and where their logs are."""
+"""Failed jobs of a run."""
 
 from __future__ import annotations
 
@@ -23,7 +23,12 @@ _TIMEOUT = re.compile(r"^Timeout \((\d+:\d\d:\d\d(?:\.\d+)?)\)!$", re.MULTILINE)
 class Failure(NamedTuple):
     """A failed job.
 
-    dataset, cloud, codec: of the job; empty where it has none. what: the job in words.
+    Parameters
+    ----------
+    dataset, cloud, codec
+        Of the job; empty if it has none.
+    what
+        The job in words.
     """
 
     dataset: str
@@ -38,13 +43,13 @@ class Failure(NamedTuple):
 
 
 def failed_jobs(logs: Path, since: float) -> list[Failure]:
-    """Return the failed jobs among those whose logs have a time stamp or a later one."""
+    """Return the failed jobs among those whose logs are not older than a time stamp."""
     new = [log for log in sorted(logs.rglob("*.log")) if log.stat().st_mtime >= since]
     return [failure for log in new if (failure := failure_of(log, logs))]
 
 
 def failure_of(log: Path, logs: Path) -> Failure | None:
-    """Return the failure that a log in the folder `logs` tells; None if its job finished."""
+    """Return the failure in a log; None if its job finished."""
     reason = _reason(log)
     if reason is None:
         return None
@@ -62,9 +67,9 @@ def failure_of(log: Path, logs: Path) -> Failure | None:
 
 
 def write_failures(path: Path, failures: list[Failure]) -> Path | None:
-    """Write the configuration file that leaves the failed clouds and curves out, and return it.
+    """Write the configuration file that leaves out the failed clouds and curves, and return it.
 
-    Returns None where another job failed, without which there are no tables.
+    Return None if another job failed, without which there are no tables.
     """
     path.unlink(missing_ok=True)
     if not failures or not all(failure.cloud for failure in failures):
@@ -78,7 +83,7 @@ def write_failures(path: Path, failures: list[Failure]) -> Path | None:
 
 
 def failure_lines(failures: list[Failure]) -> Iterator[str]:
-    """Yield a line for each codec and reason, with the first log; not more than some."""
+    """Yield a line for each codec and reason, with the first log, up to a limit."""
     groups: dict[tuple[str, str], list[Failure]] = {}
     for failure in failures:
         key = failure.codec or failure.what, failure.reason

@@ -1,7 +1,7 @@
-"""What the jobs of a finished run cost, and what those of another would.
+"""Estimates of a run's times from the costs of the jobs of another run.
 
-Every job ends its log with what it cost (`puckbench.jobs.cost`): the processor time of its
-process, which other work on the machine does not lengthen.
+Every job logs its cost (`puckbench.jobs.cost`): the processor time of its process, which other work
+on the machine does not lengthen.
 """
 
 from __future__ import annotations
@@ -30,26 +30,24 @@ _MOST = 1000
 
 @dataclass(frozen=True)
 class JobTime:
-    """One finished job.
+    """The cost of a finished job.
 
     Parameters
     ----------
     job
-        Its name in `puckbench.jobs.registry.JOBS`.
+        Name in `puckbench.jobs.registry.JOBS`.
     codec
-        Empty where it has none.
+        Empty if it has none.
     rates
-        How many its curve has; 0 if it has none.
+        Number of rates of its curve, or 0.
     points
-        Of its cloud; 0 if it has none.
+        Number of points of its cloud, or 0.
     seconds
-        Processor time of the process.
+        Processor time.
     call_s, repeats
-        Seconds of the timed calls within it, one for each rate, and how often they were made.
+        Seconds of the timed calls, one for each rate, and their repetitions.
     truth
-        Whether a decoded cloud was measured against the true surface as well.
-    peak_mib
-        Most memory that the process had.
+        Whether a decoded cloud was compared with the true surface.
     """
 
     job: str
@@ -63,14 +61,14 @@ class JobTime:
     peak_mib: int = 0
 
     def of(self, rates: int, repeats: int) -> float:
-        """Seconds that it would have taken with other numbers of rates and of timed calls."""
+        """Return the seconds for other numbers of rates and of repetitions."""
         share = rates / self.rates if self.rates else 1.0
         return max(0.0, self.seconds + (repeats - self.repeats) * self.call_s) * share
 
 
 @dataclass(frozen=True)
 class JobKind:
-    """Jobs of a plan that are alike: how many, with about how many points each; see `JobTime`."""
+    """Number of similar jobs of a plan, and their number of points; see `JobTime`."""
 
     job: str
     jobs: int
@@ -83,10 +81,18 @@ class JobKind:
 
 @dataclass(frozen=True)
 class Estimate:
-    """What jobs of a kind would take. seconds: of one, or None where none like it was measured.
+    """The estimated time of jobs of a kind.
 
-    measured: jobs that it rests on. reach: points of the planned job over those of the largest
-    measured one; above 1 is an extrapolation. exact: whether curves of as many rates were measured.
+    Parameters
+    ----------
+    seconds
+        Of one job; None if no similar job was measured.
+    measured
+        Number of jobs that the estimate is from.
+    reach
+        Points of the planned job divided by those of the largest measured one.
+    exact
+        Whether curves of as many rates were measured.
     """
 
     kind: JobKind
@@ -97,29 +103,28 @@ class Estimate:
 
     @property
     def hours(self) -> float:
-        """Core-hours of all jobs of the kind; 0 where nothing is known."""
+        """Core-hours of all jobs of the kind."""
         return self.kind.jobs * (self.seconds or 0.0) / 3600
 
 
 @dataclass(frozen=True)
 class Measurements:
-    """Times of alike jobs over the points of their clouds."""
+    """Times of similar jobs, and points of their clouds."""
 
     points: Floats
     seconds: Floats
 
     @classmethod
     def of(cls, pairs: Iterable[tuple[int, float]]) -> Measurements:
-        """Those of some (points, seconds)."""
         table = np.array(list(pairs), dtype=np.float64).reshape(-1, 2)
         table = table[:: 1 + len(table) // _MOST]
         return cls(table[:, 0], table[:, 1])
 
     def at(self, points: int) -> float:
-        """Seconds of a job by its number of points: a start and a time for each point.
+        """Return the seconds of a job with a number of points, by the line of Theil and Sen.
 
-        The line of Theil and Sen, of medians: the first jobs of a run, which compile, do not tilt
-        it. With clouds of about one size alone, a larger one takes longer in proportion.
+        Its medians ignore the first jobs of a run, which compile. If all clouds have about the same
+        size, the time is proportional to the points.
         """
         start, slope = self._line
         return start + slope * points
@@ -141,13 +146,7 @@ class Measurements:
 
 
 def read_job_times(run: Path) -> list[JobTime]:
-    """The jobs of the runs whose results folders lie in a folder, from their logs.
-
-    Raises
-    ------
-    InputError
-        No job has ended there.
-    """
+    """Read the costs of the runs in a folder; raise InputError if there are none."""
     logs = [log for folder in _log_folders(run) for log in sorted(folder.rglob("*.log"))]
     found = [_job_time(log, cost) for log in logs if (cost := read_cost(log))]
     if not found:
@@ -156,13 +155,12 @@ def read_job_times(run: Path) -> list[JobTime]:
 
 
 def _log_folders(run: Path) -> list[Path]:
-    """Folders of logs: of the folder itself and of the results folders up to two levels below."""
+    """Return the folders of logs in a folder and up to two levels below."""
     patterns = ("logs", "*/logs", "*/*/logs")
     return [folder for pattern in patterns for folder in sorted(run.glob(pattern))]
 
 
 def _job_time(log: Path, cost: dict[str, Any]) -> JobTime:
-    """One job by its log and, for what the log does not say, its results."""
     job, seconds = cost["job"], cost["processor_s"]
     peak, work = cost.get("peak_mib", 0), cost.get("work", {})
     if job not in _OF_CLOUDS:
@@ -193,15 +191,13 @@ def _points(results: Path, dataset: str, cloud: str) -> int:
 
 
 def estimated(kinds: Iterable[JobKind], times: Iterable[JobTime]) -> list[Estimate]:
-    """What every kind of job would take, from the times of a run."""
+    """Estimate every kind of job from the times of a run."""
     known = [time for time in times if time.points or time.job not in _OF_CLOUDS]
     return [_estimate(kind, known) for kind in kinds]
 
 
 def _estimate(kind: JobKind, known: list[JobTime]) -> Estimate:
-    """From curves of its codec with as many rates, else with others; from those with truth or
-    without it as the kind's are, where there are any.
-    """
+    """Estimate from the most similar jobs: with as many rates, and with or without truth."""
     codecs = [time for time in known if (time.job, time.codec) == (kind.job, kind.codec)]
     times = [time for time in codecs if time.rates == kind.rates] or codecs
     if not times:

@@ -1,4 +1,4 @@
-"""Starting Snakemake on the workflow: that of the repository, or the one in the installed wheel."""
+"""Commands that start Snakemake on the repository's workflow or the installed one."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ TOLD_BY_CALLER = "PUCKBENCH_TOLD_BY_CALLER"
 
 
 def snakefile() -> Path:
-    """The workflow's Snakefile; InputError where this installation has none."""
+    """Return the Snakefile; raise InputError if this installation has none."""
     for folder in _PLACES:
         if (folder / "rules").is_dir() and (found := folder / "Snakefile").is_file():
             return found
@@ -26,14 +26,14 @@ def snakefile() -> Path:
 def snakemake_command(
     config: Path, cores: int | None, *more: str, over: Path | None = None
 ) -> list[str]:
-    """The words that run the workflow on a configuration file.
+    """Return the words that run the workflow on a configuration file.
 
     Parameters
     ----------
     cores
-        Of the run; all that there are where not given.
+        Cores of the run; all by default.
     more
-        Further words: targets and options of Snakemake.
+        Targets and options of Snakemake.
     over
         A configuration file that is merged over the first.
     """

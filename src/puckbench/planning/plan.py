@@ -1,7 +1,4 @@
-"""What a configuration asks for: scenes, data sets with their clouds, codecs, a sensor study.
-
-The workflow reads this to lay out its graph; it imports nothing heavy.
-"""
+"""The plan of a configuration: scenes, data sets, clouds, codecs, trainings, sensor study."""
 
 from __future__ import annotations
 
@@ -44,7 +41,7 @@ from puckbench.scenes.calibration import CALIBRATIONS
 
 @dataclass(frozen=True)
 class ScenePlan:
-    """A scene set of the configuration, opened, with the scenes chosen from it."""
+    """An opened scene set and the scenes selected from it."""
 
     name: str
     loader: str
@@ -54,21 +51,25 @@ class ScenePlan:
     chosen: tuple[str, ...]
 
     def files(self, scene: str) -> list[str]:
-        """Files that the scene is read from; none for generated scenes."""
+        """Return the files that a scene is read from."""
         return [str(path) for path in self.scenes.files(scene)]
 
     def options_of(self, scene: str) -> dict[str, Any]:
-        """Options of the loader with which it loads a scene."""
+        """Return the options with which the loader loads a scene."""
         narrowed = getattr(self.scenes, "options_of", None)
         return self.options if narrowed is None else dict(narrowed(scene))
 
 
 @dataclass(frozen=True)
 class DataSetPlan:
-    """A data set of the configuration and the clouds in it.
+    """A data set and its clouds.
 
-    points: how many a cloud is expected to have, for the estimates of resources. has_returns:
-    whether its clouds carry the returns of a sensor; has_packets: those of data packets.
+    Parameters
+    ----------
+    points
+        Expected points of a cloud, for estimates of resources.
+    has_returns, has_packets
+        Whether its clouds have a sensor's returns, and these are from data packets.
     """
 
     name: str
@@ -82,19 +83,17 @@ class DataSetPlan:
 
     @property
     def frame(self) -> CoordinateFrame:
-        """The frame of its clouds."""
         return "metric" if self.settings.is_metric else "scaled"
 
     @property
     def has_truth(self) -> bool:
-        """Whether decoded clouds are measured against the true surface as well."""
         return self.settings.has_truth
 
     @property
     def has_true_surface(self) -> bool:
-        """Whether the true surface is known in the clouds' frame.
+        """Whether the true surface is known in the frame of the clouds.
 
-        In the frame of a sensor that moves or is tilted only the true points are.
+        In the frame of a moving or tilted sensor only true points are known.
         """
         if not self.has_truth or not self.has_returns:
             return self.has_truth
@@ -102,16 +101,22 @@ class DataSetPlan:
 
     @property
     def is_scanned_from_truth(self) -> bool:
-        """Whether it is a scan of a surface that decoded clouds are measured against."""
+        """Whether it is scanned from a surface that decoded clouds are compared with."""
         return self.has_truth and self.settings.is_scan
 
 
 @dataclass(frozen=True)
 class StudyPlan:
-    """The measurements of the thesis's chapter 5: error models and captures, and from where.
+    """The sensor study (thesis chapter 5).
 
-    models: name -> (error model, its options); far_m: one more distance, or None. rows: those of
-    each scan that are kept.
+    Parameters
+    ----------
+    models, captures
+        Error models and recordings by name, with their options.
+    far_m
+        One more distance, or None.
+    rows
+        Residuals of each scan that are kept.
     """
 
     models: dict[str, tuple[str, dict[str, Any]]]
@@ -125,21 +130,28 @@ class StudyPlan:
 
     @property
     def all_distances_m(self) -> tuple[float, ...]:
-        """The near distances, then the far one."""
         return self.distances_m if self.far_m is None else (*self.distances_m, self.far_m)
 
     @property
     def shown_m(self) -> tuple[float, ...]:
-        """Distances whose scans are drawn point by point, where they are among the near ones."""
+        """Distances whose scans are drawn point by point."""
         return tuple(distance for distance in (1.0, 5.0) if distance in self.distances_m)
 
 
 @dataclass(frozen=True)
 class TrainingPlan:
-    """Weights to train: of which codec, on which clouds (data set, cloud), measured on which.
+    """A training of a codec's weights on clouds, and the clouds of its validation.
 
-    entry: changes to the codec's entry. start: file of weights to start from, if any. settings: of
-    the codec's training.
+    Parameters
+    ----------
+    entry
+        Entry of the codec in the configuration.
+    clouds, validate
+        Pairs of data set and cloud.
+    start
+        File of the initial weights.
+    settings
+        Settings of the codec's training.
     """
 
     codec: str
@@ -152,9 +164,17 @@ class TrainingPlan:
 
 
 class Plan:
-    """Everything that a checked configuration asks for; InputError names what does not exist.
+    """Everything that a checked configuration asks for.
 
-    check_scenes: whether meshes are read, to leave out those that cannot be used.
+    Parameters
+    ----------
+    check_scenes
+        Whether to read meshes, and leave out those that cannot be used.
+
+    Raises
+    ------
+    InputError
+        The configuration names something that does not exist.
     """
 
     def __init__(self, config: Config, check_scenes: bool = False) -> None:
@@ -185,7 +205,7 @@ class Plan:
                 raise InputError(f"{row['file']}: {row['reason']}")
 
     def _datasets(self) -> dict[str, DataSetPlan]:
-        """The data sets that have clouds; InputError where none has any."""
+        """Return the data sets that have clouds."""
         datasets = {name: self._dataset(name, data) for name, data in self.config.datasets.items()}
         found = {name: data for name, data in datasets.items() if data.clouds}
         if datasets and not found:
@@ -194,7 +214,7 @@ class Plan:
         return found
 
     def left_out_rows(self) -> tuple[dict[str, str], ...]:
-        """What the run goes without, and why: files that were named, scenes, rates of clouds."""
+        """Return what the run leaves out and why: files, scenes, rates of clouds."""
         named = [
             {"dataset": "", "scene": "", "file": file, "reason": why}
             for file, why in self.config.unused.items()
@@ -242,7 +262,7 @@ class Plan:
 
     @cached_property
     def extents(self) -> dict[str, dict[str, float]]:
-        """The longest sides of the clouds in metres that were read, m, by data set and cloud."""
+        """Longest sides of clouds in metres that were read, m, by data set and cloud."""
         return {
             name: extents(self._checks(name), data.clouds)
             for name, data in self.datasets.items()
@@ -251,7 +271,7 @@ class Plan:
 
     @cached_property
     def too_wide(self) -> dict[tuple[str, str, str], tuple[str, ...]]:
-        """Rates that are too fine for the width of a cloud, by data set, cloud and codec."""
+        """Rates that are too fine for the extent of a cloud, by data set, cloud and codec."""
         found = {
             (dataset, cloud, codec): self._too_fine(codec, extent)
             for dataset, sides in self.extents.items()
@@ -266,7 +286,7 @@ class Plan:
         return tuple(rate for rate in self.rates(codec, "metric") if extent > most_extent(rate))
 
     def curve_rates(self, dataset: str, cloud: str, codec: str) -> tuple[str, ...]:
-        """The rates at which a codec codes a cloud of a data set; none where its job failed."""
+        """Return the rates of a curve; none if its job has failed."""
         if f"{dataset}/{cloud}/{codec}" in self.config.failed:
             return ()
         rates = self.rates(codec, self.datasets[dataset].frame)
@@ -275,35 +295,34 @@ class Plan:
 
     @property
     def results(self) -> Path:
-        """Folder of everything that is made."""
         return Path(self.config.results)
 
     @cached_property
     def opened(self) -> dict[str, Codec]:
-        """The codecs themselves, opened with what the configuration says of them."""
+        """The codecs, opened with their entries."""
         return {name: codecs.open_codec(name, self.config.codec(name)) for name in self.codecs}
 
     @cached_property
     def clouds(self) -> tuple[tuple[str, str], ...]:
-        """Every (data set, cloud), in the order of the table."""
+        """Pairs of data set and cloud."""
         return tuple((data.name, cloud) for data in self.datasets.values() for cloud in data.clouds)
 
     @cached_property
     def scanned(self) -> tuple[tuple[str, str], ...]:
-        """Those (data set, cloud) whose own distance to the truth is measured, in their order."""
+        """Clouds that are themselves compared with the truth."""
         known = {name for name, data in self.datasets.items() if data.is_scanned_from_truth}
         return tuple(cloud for cloud in self.clouds if cloud[0] in known)
 
     @cached_property
     def of_surfaces(self) -> frozenset[str]:
-        """The codecs that code surfaces with labelled primitives."""
+        """Codecs that encode surfaces with labelled primitives."""
         return frozenset(
             name for name in self.codecs if codecs.codes_surfaces(name, self.config.codec(name))
         )
 
     @cached_property
     def labelled(self) -> frozenset[str]:
-        """The data sets where primitives are compared with the labels of their scenes."""
+        """Data sets whose scenes have labels of primitives."""
         return frozenset(
             data.name
             for data in self.datasets.values()
@@ -315,7 +334,7 @@ class Plan:
 
     @cached_property
     def recovered(self) -> tuple[tuple[str, str, str], ...]:
-        """Those curves whose primitives are compared with the labels of their scenes."""
+        """Curves whose primitives are compared with the labels of their scenes."""
         return tuple(
             curve
             for curve in self.curves
@@ -324,7 +343,7 @@ class Plan:
 
     @cached_property
     def curves(self) -> tuple[tuple[str, str, str], ...]:
-        """Every (data set, cloud, codec), in the order of the table."""
+        """Triples of data set, cloud and codec."""
         return tuple(
             (dataset, cloud, codec)
             for dataset, cloud in self.clouds
@@ -339,7 +358,7 @@ class Plan:
         return tuple(data for name, data in self.datasets.items() if name in names)
 
     def codes(self, codec: str, dataset: str) -> bool:
-        """Whether a codec is to code a data set, and can."""
+        """Return whether a codec is configured for a data set and can encode it."""
         data = self.datasets[dataset]
         return self._is_requested(codec, data) and not self._why_not(codec, data)
 
@@ -360,15 +379,14 @@ class Plan:
 
     @cached_property
     def frames(self) -> tuple[CoordinateFrame, ...]:
-        """The frames of the data sets' clouds, in their order."""
         return tuple(dict.fromkeys(data.frame for data in self.datasets.values()))
 
     def in_frame(self, frame: CoordinateFrame) -> list[str]:
-        """Names of the data sets whose clouds are in a frame."""
+        """Return the data sets whose clouds are in a frame."""
         return [name for name, data in self.datasets.items() if data.frame == frame]
 
     def rates(self, codec: str, frame: CoordinateFrame) -> tuple[str, ...]:
-        """Rates at which a codec codes clouds of a frame; none where it cannot."""
+        """Return the rates of a codec for clouds of a frame."""
         return tuple(self.opened[codec].rates_of(frame))
 
     def _training(self, name: str, value: TrainingConfig) -> TrainingPlan:
@@ -389,7 +407,7 @@ class Plan:
         )
 
     def _start(self, start: str | None) -> str | None:
-        """The file of a training before this one, or of weights that are there."""
+        """Return the file of an earlier training, or of existing weights."""
         if start in self.trainings:
             return str(self.results / "weights" / f"{start}.safetensors")
         return None if start is None else str(weights_file(start))
@@ -442,11 +460,11 @@ class Plan:
         return DataSetPlan(name, scenes.name, seed, clouds, points, value, has_returns, packets)
 
     def _checks(self, dataset: str) -> Path:
-        """The file of what was found of a data set's scenes."""
+        """Return the file of the checks of scenes."""
         return self.results / "checks" / f"{dataset}.json"
 
     def _usable(self, name: str, scenes: ScenePlan) -> tuple[str, ...]:
-        """The scenes that a data set can use; InputError where none is left, or all must be."""
+        """Return the scenes that a data set can use; raise InputError if there are none."""
         if not self._check_scenes:
             return scenes.chosen
         settings, kept = self.config.datasets[name], self._checks(name)
@@ -470,9 +488,12 @@ def _unusable(dataset: str, faults: Mapping[str, str]) -> InputError:
 
 
 def open_scenes(name: str, value: SceneSetConfig, seed: int) -> ScenePlan:
-    """A scene set of the configuration, opened; InputError says what is missing and where.
+    """Open a scene set of the configuration.
 
-    seed: of the run, for a scene set without one of its own.
+    Parameters
+    ----------
+    seed
+        Seed of the run, for a scene set without its own.
     """
     own_seed = seed if value.seed is None else value.seed
     with naming(f"scenes.{name}"):
@@ -483,7 +504,7 @@ def open_scenes(name: str, value: SceneSetConfig, seed: int) -> ScenePlan:
 
 
 def _weights(name: str, changes: Mapping[str, Any]) -> list[Path]:
-    """Files of a codec's weights; none for a codec without. InputError names those missing."""
+    """Return the files of a codec's weights."""
     with naming(f"codecs.{name}"):
         return codecs.open_codec(name, changes).weights_files()
 
@@ -495,7 +516,7 @@ _RETURNS = 60_000
 
 
 def _points(where: str, settings: DataSetConfig) -> int:
-    """Expected points of a cloud; InputError when the sensor, sweep or errors do not exist."""
+    """Return the expected points of a cloud."""
     if not settings.is_scan:
         return settings.points if settings.make == "sample" else _CAPTURED_POINTS
     with naming(where):
@@ -516,7 +537,6 @@ def _chosen(name: str, value: SceneSetConfig, known: list[str]) -> tuple[str, ..
 
 
 def _study(value: StudyConfig, seed: int) -> StudyPlan:
-    """The sensor study; InputError names its fault."""
     models = {name: _model(name, item or ErrorModelConfig()) for name, item in value.models.items()}
     captures = {name: _capture(name, item) for name, item in value.captures.items()}
     far = () if value.far_m is None else (value.far_m,)

@@ -1,4 +1,4 @@
-"""A planned job: what its rule hands over, and by what Snakemake sees that it must run again."""
+"""A planned job, and how Snakemake sees that it must run again."""
 
 from __future__ import annotations
 
@@ -18,8 +18,12 @@ RECORDS = Path(".snakemake", "records")
 class PlannedJob(NamedTuple):
     """What a rule hands to a job.
 
-    name: of the job. record: its settings as JSON, for ``python -m puckbench.jobs``. code:
-    fingerprint of the code that does the work.
+    Parameters
+    ----------
+    record
+        Settings of the job as JSON.
+    code
+        Fingerprint of the code that does the work.
     """
 
     name: str
@@ -27,7 +31,7 @@ class PlannedJob(NamedTuple):
     code: str
 
     def file(self) -> str:
-        """Write the record, if it is not there, and return its file, named after its content."""
+        """Write the record to a file named after its content, and return the file."""
         digest = hashlib.sha256(self.record.encode()).hexdigest()[:16]
         path, content = RECORDS / f"{self.name}-{digest}.json", self.record.encode()
         if not path.exists() or path.read_bytes() != content:
@@ -41,11 +45,11 @@ def planned(record: Job, *modules: str, also: object = "") -> PlannedJob:
     Parameters
     ----------
     record
-        Its settings.
+        Settings of the job.
     modules
-        Modules of the plug-ins that do the work, beside the job's own.
+        Modules of its plug-ins.
     also
-        What else the result depends on and the settings do not tell: content of files, say.
+        Anything else that the result depends on, such as digests of files.
     """
     code = code_version(type(record).__module__, *modules)
     name = JOBS.name_of(type(record))
@@ -61,13 +65,12 @@ class Gathering(NamedTuple):
     names: Sequence[str]
 
     def files(self, results: Path) -> list[str]:
-        """The files."""
         return [f"{results}/{name}" for name in self.names]
 
 
 def results_folder(files: Sequence[str], names: Sequence[str], results: Path) -> str:
-    """The folder below which files have these names: the results folder, or a copy of it.
+    """Return the folder that has files of these names: the results folder, or a copy of it.
 
-    Snakemake copies files of a store before it runs a job.
+    Snakemake copies files from a storage before it runs a job.
     """
     return str(files[0]).removesuffix(f"/{names[0]}") if names else str(results)

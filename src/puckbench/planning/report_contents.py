@@ -1,4 +1,4 @@
-"""What of a configuration its report shows, so that the workflow can make it first."""
+"""The contents of the report of a plan."""
 
 from __future__ import annotations
 
@@ -18,7 +18,6 @@ def planned_contents(
     tables: Iterable[str],
     style: Sequence[Mapping[str, Any]],
 ) -> Contents:
-    """The contents of the report of a plan with these figures and tables."""
     chosen = plan.config.report
     folder = plan.results / "tables"
     first = [*FIRST_TABLES] if plan.datasets else []
@@ -41,7 +40,7 @@ def planned_contents(
 
 
 def _examples(plan: Plan) -> Iterable[Example]:
-    """The configuration's example clouds, with some rates of every codec."""
+    """Yield the example clouds, with some rates of every codec."""
     for kind, name in plan.config.figures.examples.given().items():
         if name in plan.config.failed:
             continue
@@ -59,14 +58,14 @@ def _examples(plan: Plan) -> Iterable[Example]:
 
 
 def shown_rates(plan: Plan, dataset: str, cloud: str, codec: str) -> tuple[str, ...]:
-    """Rates of a curve whose decoded clouds the report shows."""
+    """Return the rates of a curve whose decoded clouds the report shows."""
     rates = plan.rates(codec, plan.datasets[dataset].frame)
     coded = plan.curve_rates(dataset, cloud, codec)
     return tuple(rate for rate in spread_out(rates, plan.config.report.rates) if rate in coded)
 
 
 def spread_out(names: Sequence[str], count: int) -> list[str]:
-    """`count` of the names, evenly spread from the first to the last; one is the middle one."""
+    """Return `count` of the names, evenly spread from first to last; one is the middle one."""
     if count >= len(names):
         return list(names)
     if count == 1:

@@ -1,4 +1,4 @@
-"""How long a run will take here: what its jobs took elsewhere, and a sample of this machine."""
+"""Estimate of the time of a run on this machine, from times measured on another."""
 
 from __future__ import annotations
 
@@ -26,10 +26,7 @@ _COMPILING_S, _COMPILING_CODEC_S = 20.0, 15.0
 
 
 def job_seconds(bench: Workflow) -> Callable[[str], float]:
-    """What a job takes by the name of its rule, in seconds of the processor, elsewhere.
-
-    Clouds differ: it is the mean over the configuration's, by the points that they should have.
-    """
+    """Return the seconds of a job by the name of its rule, as the mean over all clouds."""
     counts = [data.points for data in bench.plan.datasets.values() for _ in data.clouds]
     millions = sum(counts) / 1e6 / max(1, len(counts))
     known = {name: per_million * millions for name, per_million in _OF_CLOUDS.items()} | _OTHERS
@@ -38,7 +35,7 @@ def job_seconds(bench: Workflow) -> Callable[[str], float]:
 
 
 def _of_curves(bench: Workflow, millions: float) -> dict[str, float]:
-    """Seconds of jobs that code, decode and measure curves: means over the curves."""
+    """Return mean seconds of jobs that encode, decode and measure curves."""
     plan, coding, points = bench.plan, bench.coding, int(millions * 1e6)
     truth = any(data.has_truth for data in plan.datasets.values())
     encoding, decoding, rates = [], [], []
@@ -59,7 +56,7 @@ def _of_curves(bench: Workflow, millions: float) -> dict[str, float]:
 
 
 def machine_sample() -> float:
-    """Seconds of a little work like that of the jobs, on one core, beside what else runs here."""
+    """Measure the seconds of a short work load on one core of this machine."""
     import numpy as np
 
     values = np.random.default_rng(0).random((100_000, 3))
@@ -74,7 +71,7 @@ def machine_sample() -> float:
 
 
 def compiling_seconds(bench: Workflow) -> float:
-    """What a run's jobs take to compile loops, elsewhere: nothing where some are kept already."""
+    """Estimate the seconds of compiling loops; 0 if compiled loops are kept already."""
     import puckbench
 
     geometry = Path(puckbench.__file__).parent / "geometry"
@@ -90,6 +87,6 @@ def run_seconds(
     sample_s: float,
     compiling_s: float = 0.0,
 ) -> float:
-    """Seconds that jobs (rule -> how many) take on some cores of the machine with that sample."""
+    """Estimate the seconds of jobs (rule -> number) on some cores of this machine."""
     work = sum(count * seconds(rule) for rule, count in jobs.items()) + compiling_s
     return work * sample_s / SAMPLE_S / max(1, cores)

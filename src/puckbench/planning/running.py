@@ -18,11 +18,14 @@ _MOST_LEFT_OUT = 50
 
 
 def hold_results(results: Path) -> None:
-    """Keep other runs off the results folder while this process lives, however it ends.
+    """Lock the results folder while this process lives, and remove leftovers of a killed run.
 
-    A lock of the operating system, which dies with its holder: a killed run leaves none behind.
-    What it left half written is removed. InputError when another run holds the lock or the folder
-    cannot be written.
+    The lock is one of the operating system and ends with its process.
+
+    Raises
+    ------
+    InputError
+        Another run holds the lock, or the folder cannot be written.
     """
     import fcntl
 
@@ -40,7 +43,7 @@ def hold_results(results: Path) -> None:
 
 
 def check_room(folder: Path) -> None:
-    """InputError when a folder cannot take files, for want of room or of the right to write."""
+    """Raise InputError if a folder has no space or is not writable."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with TemporaryFile(dir=folder) as probe:
@@ -51,7 +54,7 @@ def check_room(folder: Path) -> None:
 
 
 def left_out_lines(rows: Sequence[Mapping[str, str]]) -> Iterator[str]:
-    """A line for each row of `Plan.left_out_rows`, what the run goes without and why, if few."""
+    """Yield a line for each row of `Plan.left_out_rows`, up to a limit."""
     for row in rows[:_MOST_LEFT_OUT]:
         yield f"left out: {row['file']}: {row['reason']}"
     if len(rows) > _MOST_LEFT_OUT:
@@ -59,8 +62,8 @@ def left_out_lines(rows: Sequence[Mapping[str, str]]) -> Iterator[str]:
 
 
 def now() -> float:
-    """Time stamp of now, as files that are written from now on have it or a later one.
+    """Return a time stamp that is not later than that of any file written from now on.
 
-    File systems and clocks of servers differ from ours by less than a minute.
+    It allows a file server's clock to be a minute behind ours.
     """
     return time.time() - 60

@@ -1,7 +1,7 @@
-"""Whether two results folders hold the same bytes, times aside.
+"""Comparison of two results folders, without times.
 
-Every file but logs, the report page and figures of times is compared: tables and rows without their
-columns of time and memory, everything else byte by byte.
+Tables and rows are compared without columns of time and memory, other files byte by byte; logs, the
+report and figures of times are left out.
 """
 
 from __future__ import annotations
@@ -28,14 +28,12 @@ _LEFT_OUT = re.compile(
 
 
 def differences(folder: Path, reference: Path, finished: bool = True) -> list[str]:
-    """The files in which two results folders differ, a line each.
+    """Return a line for each file in which two results folders differ.
 
     Parameters
     ----------
-    folder, reference
-        The folders.
     finished
-        Whether files that the folder lacks count as differences.
+        Whether files that `folder` lacks count as differences.
     """
     here, there = set(compared(folder)), set(compared(reference))
     found = [f"{name}: only in {folder}" for name in sorted(here - there)]
@@ -48,13 +46,13 @@ def differences(folder: Path, reference: Path, finished: bool = True) -> list[st
 
 
 def after_a_kill(folder: Path, reference: Path) -> list[str]:
-    """The differences of an unfinished folder; temporary files are left to the next run."""
+    """Return the differences of an unfinished folder."""
     found = differences(folder, reference, finished=False)
     return [line for line in found if ".tmp" not in line]
 
 
 def compared(folder: Path) -> Iterator[str]:
-    """Names of the files of a results folder that are compared."""
+    """Return the names of the files that are compared."""
     for path in folder.rglob("*"):
         name = path.relative_to(folder).as_posix()
         if path.is_file() and not _LEFT_OUT.match(name):
@@ -62,7 +60,7 @@ def compared(folder: Path) -> Iterator[str]:
 
 
 def same(first: Path, second: Path) -> bool:
-    """Whether two files are alike; InputError or ValueError for one that cannot be read."""
+    """Return whether two files are alike."""
     return bool(_content(first) == _content(second))
 
 
@@ -79,7 +77,7 @@ def _member(name: str, data: bytes) -> Any:
 
 
 def _table(path: Path) -> list[list[str]]:
-    """The names of the columns and the cells of every row, as text, in which nan equals nan."""
+    """Return the column names and the cells of every row as text, in which nan equals nan."""
     if path.suffix == ".csv":
         with path.open(newline="", encoding="utf-8") as stream:
             return list(csv.reader(stream))
@@ -90,7 +88,6 @@ def _table(path: Path) -> list[list[str]]:
 
 
 def _varies(column: str) -> bool:
-    """Whether no two runs have a column alike."""
     return is_time(column) or _MEMORY.fullmatch(column) is not None
 
 

@@ -1,8 +1,6 @@
-"""Scenes that a data set cannot use, found before anything runs.
+"""Checks of scenes before a run: damaged meshes, no place for a sensor, clouds without points.
 
-A scene that is read from mesh files may be damaged, or leave a sensor no room; a user's cloud may
-hold no points. Each is looked at once: what was found is kept beside the results until its files or
-the settings change.
+The results are kept beside those of the run until the files or the settings change.
 """
 
 from __future__ import annotations
@@ -25,7 +23,7 @@ from puckbench.planning.planned_job import planned
 
 
 def scan_record(settings: DataSetConfig, scene: str, seed: int) -> Scan:
-    """The scan of a scene that a data set's settings ask for."""
+    """Return the scan of a scene that a data set's settings ask for."""
     return Scan(
         sensor=settings.sensor,
         errors=settings.errors,
@@ -41,15 +39,14 @@ def scan_record(settings: DataSetConfig, scene: str, seed: int) -> Scan:
 def scene_faults(
     scenes: SceneSet, chosen: Iterable[str], settings: DataSetConfig, kept: Path
 ) -> dict[str, str]:
-    """Why a data set cannot use a scene, by the scene's name; only those with a fault.
+    """Return why a data set cannot use some of its scenes, by name.
 
     Parameters
     ----------
     chosen
-        Names of the scenes. Generated ones, and captured clouds of published sets, are not looked
-        at.
+        Names of the scenes. Generated scenes and clouds of published data sets are not checked.
     kept
-        File of what was found before.
+        File of earlier results.
     """
     if settings.make == "cloud" and not read_first(scenes):
         return {}
@@ -75,7 +72,7 @@ def scene_faults(
 
 
 def most_points(kept: Path, scenes: Iterable[str]) -> int | None:
-    """Points of the largest of some clouds that were read; None where none was."""
+    """Return the points of the largest cloud that was read, or None."""
     known = _known(kept)
     return max(
         (known[name]["points"] for name in scenes if "points" in known.get(name, {})), default=None
@@ -83,7 +80,7 @@ def most_points(kept: Path, scenes: Iterable[str]) -> int | None:
 
 
 class _Check(Model):
-    """What was found of a scene."""
+    """The result of a check."""
 
     state: str
     fault: str | None
@@ -92,7 +89,7 @@ class _Check(Model):
 
 
 def _known(kept: Path) -> dict[str, dict[str, Any]]:
-    """What was found before, by the scene's name; InputError for a file that says anything else."""
+    """Read the earlier results."""
     checks = read_object(kept) if kept.exists() else {}
     for name, check in checks.items():
         parsed(_Check, check, f"{kept}: {name}")
@@ -100,13 +97,13 @@ def _known(kept: Path) -> dict[str, dict[str, Any]]:
 
 
 def extents(kept: Path, scenes: Iterable[str]) -> dict[str, float]:
-    """The longest sides of some scenes' bounding boxes, m, of those that were read."""
+    """Return the longest side of the bounding box of scenes that were read, m."""
     known = _known(kept)
     return {name: known[name]["extent_m"] for name in scenes if "extent_m" in known.get(name, {})}
 
 
 def _state(scenes: SceneSet, files: Iterable[Path], settings: DataSetConfig, name: str) -> str:
-    """Digest of all that the check's outcome depends on."""
+    """Return a digest of all that a check depends on."""
     options = scenes.model_dump_json(exclude={"path"}) if isinstance(scenes, Model) else ""
     job: tuple[object, ...] = (settings.make, settings.is_metric, options, "extent_m")
     if settings.is_scan:
@@ -116,7 +113,7 @@ def _state(scenes: SceneSet, files: Iterable[Path], settings: DataSetConfig, nam
 
 
 def _stats(path: Path) -> Iterator[tuple[str, int, int]]:
-    """Name, size and time of a file, or of those in a folder; zeros where there are none."""
+    """Return name, size and time of a file, or of the files in a folder."""
     try:
         for each in sorted(path.iterdir()) if path.is_dir() else [path]:
             stat = each.stat()
@@ -128,10 +125,7 @@ def _stats(path: Path) -> Iterator[tuple[str, int, int]]:
 def _found(
     scenes: SceneSet, name: str, settings: DataSetConfig
 ) -> tuple[str | None, dict[str, float]]:
-    """Why a scene cannot be used, if so; and the number of points and the extent of one that can.
-
-    Of what a sensor will see, neither is known.
-    """
+    """Return the fault of a scene; else its number of points and extent, if it is a cloud."""
     from puckbench.geometry.mesh import check_mesh
 
     try:
@@ -163,7 +157,7 @@ def _extent(points: Floats) -> float:
 
 
 def _remark_extent(scenes: SceneSet, scene: Scene, settings: DataSetConfig) -> None:
-    """Remark on a user's file whose size in metres matters, and tells of another unit."""
+    """Warn if the size of a user's file suggests another unit."""
     path = scenes.files(scene.name)[0]
     if scene.mesh is not None and settings.is_scan:
         warn_of_implausible_extent(path, scene.mesh.bounds())

@@ -1,7 +1,4 @@
-"""Jobs of the sensor study: plane residuals and points of a wall and a floor.
-
-The jobs on virtual scans are plug-ins, called by their names.
-"""
+"""Jobs of the sensor study: plane residuals, and points of a wall and a floor."""
 
 from __future__ import annotations
 
@@ -22,8 +19,6 @@ WALL_POINTS = 40_000
 
 
 class StudyJobs:
-    """Files and jobs of the sensor study, for a configuration that has one."""
-
     def __init__(self, plan: Plan) -> None:
         self.plan = plan
 
@@ -34,7 +29,6 @@ class StudyJobs:
 
     @cache  # noqa: B019 (one plan lives as long as the process)
     def residuals(self, model: str) -> PlannedJob:
-        """Measure plane residuals with an error model."""
         study = self.study
         return self._scan(
             "residuals",
@@ -47,20 +41,17 @@ class StudyJobs:
 
     @cache  # noqa: B019
     def wall_points(self, model: str) -> PlannedJob:
-        """Keep points of scans with an error model."""
         return self._scan("wall_points", model, distances=self.study.shown_m, keep=WALL_POINTS)
 
     @cache  # noqa: B019
     def capture_residuals(self, capture: str) -> PlannedJob:
-        """Measure plane residuals of a recording."""
         return planned(CaptureResiduals(options=self.study.captures[capture][1]))
 
     def capture_files(self) -> tuple[str, ...]:
-        """Residual tables of the study's recordings, below the results folder."""
         return tuple(f"residuals/captures/{name}.parquet" for name in self.study.captures)
 
     def calibrate(self) -> PlannedJob:
-        """Estimate an error model from the recordings."""
+        """Plan the calibration of an error model from the recordings."""
         return planned(Calibrate())
 
     @cached_property

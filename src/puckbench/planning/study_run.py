@@ -1,4 +1,4 @@
-"""The configuration of a user's codecs on the clouds of a study with reference results."""
+"""A run of a user's codecs on the clouds of a study with reference results."""
 
 from __future__ import annotations
 
@@ -23,24 +23,22 @@ def study_configuration(
     results: str,
     datasets: Sequence[str] = (),
 ) -> Options:
-    """The study's configuration with one's own codecs in place of its own.
+    """Return the configuration of a study with the user's codecs in place of its own.
 
     Parameters
     ----------
     reference
-        The study's results, which have its configuration.
+        Results of the study, with its configuration.
     codecs
         Names, ``path/to/file.py:Class`` or ``module:Class``.
-    results
-        Folder of everything that is made.
     datasets
-        Names of the study's data sets; all if there are none.
+        Names of data sets of the study; all by default.
 
     Raises
     ------
     InputError
         The study has no such data set, its data are not here, a codec codes none of its clouds, or
-        the study's configuration is not valid or names code.
+        its configuration is invalid or names code.
     """
     study = _stored(reference)
     known: Mapping[str, Options] = study["datasets"]
@@ -77,10 +75,9 @@ def study_configuration(
 
 
 def _stored(reference: ReferenceResults) -> Options:
-    """What the study's configuration says of its clouds and measures, complete.
+    """Return the study's keys about clouds and measures.
 
-    The results are data: they do not name code that this process, or a run of the configuration
-    that is made, would load.
+    They are data, so they may not name code.
     """
     kept = {k: v for k, v in reference.about["configuration"].items() if k not in _NOT_KEPT}
     with naming(f"{reference.name}: the configuration of the study"):
@@ -91,6 +88,6 @@ def _stored(reference: ReferenceResults) -> Options:
 
 
 def _without_defaults(config: Options) -> Options:
-    """The keys whose values are not those that they have anyway, as a person would write them."""
+    """Return the keys whose values differ from the defaults."""
     kept = checked(config).model_dump(mode="json", by_alias=True, exclude_defaults=True)
     return {**kept, "codecs": config["codecs"]}

@@ -15,22 +15,18 @@ _BYTES_PER_POINT = 50
 
 
 class TrainingJobs:
-    """Files and jobs of the trainings."""
-
     def __init__(self, plan: Plan) -> None:
         self.plan = plan
 
     def training(self, name: str) -> TrainingPlan:
-        """The plan of a training."""
         return self.plan.trainings[name]
 
     def cloud_files(self, clouds: Iterable[tuple[str, str]]) -> list[str]:
-        """Prepared clouds of (data set, cloud)."""
         folder = f"{self.plan.results}/clouds"
         return [f"{folder}/{dataset}/{cloud}.ply" for dataset, cloud in clouds]
 
     def train(self, name: str) -> PlannedJob:
-        """Train weights; a checkpoint that other code made is begun anew."""
+        """Plan a training; a checkpoint of other code is discarded."""
         chosen = self.training(name)
         record = Train(
             codec=chosen.codec,
@@ -43,7 +39,7 @@ class TrainingJobs:
         return planned(record)
 
     def memory_mb(self, name: str) -> int:
-        """Estimate of a training's memory in MB: the network's, and that of all clouds at once."""
+        """Estimate the memory of a training in MB: the network and all clouds."""
         datasets = self.plan.datasets
         points = sum(datasets[dataset].points for dataset, _ in self.training(name).clouds)
         return 3000 + points * _BYTES_PER_POINT // 1_000_000

@@ -1,4 +1,4 @@
-"""The configuration of a run on a user's own files: clouds, meshes and recordings."""
+"""The configuration of a run on a user's own clouds, meshes and recordings."""
 
 from __future__ import annotations
 
@@ -63,39 +63,35 @@ _MARK = "# Made by puckbench run"
 
 
 @dataclass(frozen=True)
-class OwnRun:
-    """What a user asks for.
+class UserRun:
+    """A run on the user's own files.
 
     Parameters
     ----------
     paths
         Files, folders and patterns of clouds, meshes and recordings.
     codecs
-        Names, ``path/to/file.py:Class`` or ``module:Class``, to be compared with the first; none
-        for `CODECS`, or `CODECS_OF_RECORDINGS`.
-    results
-        Folder of everything that is made.
+        Names, ``path/to/file.py:Class`` or ``module:Class``; the first is the anchor.
     frame
-        Of clouds and meshes; by default metres for clouds of which all files are of `IN_METRES`.
+        Frame of clouds and meshes; by default metres if all cloud formats are among `IN_METRES`.
     rates
-        Names of rates, for the codecs that have them; ``("all",)`` for all. By default all, or four
-        where these would take long.
+        Names of rates, or ``("all",)``; by default all, or four of them if these take long.
     metrics
         Further metrics.
     scan, errors
-        Whether meshes are scanned by the virtual sensor, and its error model.
+        Whether to scan meshes with the virtual sensor, and its error model.
     points
-        Sampled from a mesh that is not scanned.
+        Points sampled from a mesh that is not scanned.
     limit
-        Scenes of a kind to use, at most.
+        Maximum number of scenes of a kind.
     strict
-        Whether a file that cannot be used ends the run before it begins.
+        Whether an unusable file is an error.
     peak
-        Of the PSNRs of clouds in metres, in m; by default `puckbench.metrics.psnr.PEAK_M`.
+        Peak of the PSNRs of clouds in metres, m; by default `puckbench.metrics.psnr.PEAK_M`.
     timeout_s
         Seconds after which a job fails.
     options
-        Of the loaders of clouds and meshes, by name.
+        Options of the loaders of clouds and meshes.
     """
 
     paths: tuple[str, ...]
@@ -116,7 +112,7 @@ class OwnRun:
     """What is left out though it could be used, and why."""
 
     def configuration(self) -> Options:
-        """The configuration; reads the files, and InputError says what cannot be used."""
+        """Read the files and return the configuration; raise InputError for unusable ones."""
         found = self._sorted_paths()
         self._check_results(found)
         self._check_units(found)
@@ -147,18 +143,18 @@ class OwnRun:
     # ---- files
 
     def unused(self) -> dict[str, str]:
-        """Why paths hold nothing of use, as a shell's pattern may find them among others."""
+        """Return why paths have no usable file."""
         return {text: _why_unused(text) for text, kinds in self._kinds if not kinds}
 
     @cached_property
     def _kinds(self) -> list[tuple[str, set[Kind]]]:
-        """The paths, each with what there is below it."""
+        """Return the files of each path by what they contain."""
         return [
             (text, {kind for path in _files(text) if (kind := _kind(path))}) for text in self.paths
         ]
 
     def _sorted_paths(self) -> dict[Kind, list[str]]:
-        """The paths by what they hold; InputError where none holds anything, or, strictly, one."""
+        """Return the paths by what they contain."""
         found: dict[Kind, list[str]] = {}
         unused = self.unused()
         if unused and (self.strict or len(unused) == len(self._kinds)):
@@ -170,7 +166,7 @@ class OwnRun:
         return {kind: found[kind] for kind in order if kind in found}
 
     def _check_results(self, found: Mapping[Kind, Iterable[str]]) -> None:
-        """Results in a folder of data would be taken for data by the next run."""
+        """Refuse a results folder among the data, which the next run would read."""
         results = Path(self.results).resolve()
         for text in (text for paths in found.values() for text in paths):
             if Path(text).is_dir() and results.is_relative_to(Path(text).resolve()):
@@ -179,7 +175,7 @@ class OwnRun:
                 )
 
     def _check_units(self, found: Mapping[Kind, Iterable[str]]) -> None:
-        """InputError where a unit is named for what is neither a cloud nor a mesh."""
+        """Refuse a unit for files that are neither clouds nor meshes."""
         texts = {text for paths in found.values() for text in paths}
         files = (path for text in texts for path in _files(text))
         scaled = [path for path in files if _kind(path) in ("clouds", "meshes")]
@@ -224,7 +220,7 @@ class OwnRun:
         return {"scenes": kind, "make": "scan", "errors": self.errors, "sweep": sweep, **size}
 
     def _set_peak(self, datasets: Mapping[str, Options]) -> None:
-        """Give clouds in metres the peak; InputError where there are none."""
+        """Set the peak of clouds in metres; raise InputError if there are none."""
         if self.peak is None:
             return
         metric = [data for data in datasets.values() if data["size"] == METRIC]
@@ -234,7 +230,7 @@ class OwnRun:
             data["peak"] = self.peak
 
     def _examples(self, plan: Plan) -> Iterator[tuple[str, str]]:
-        """The clouds that the report shows: the first of each kind."""
+        """Return the first cloud of each kind, for the report."""
         taken = set()
         for dataset, data in plan.datasets.items():
             kind = "spin" if data.has_returns else _EXAMPLES[dataset]
@@ -245,7 +241,7 @@ class OwnRun:
     # ---- codecs
 
     def _chosen_rates(self, plan: Plan) -> dict[str, Options]:
-        """Names of rates by codec and key, where not all are taken."""
+        """Return the names of rates by codec and key, unless all are used."""
         check_codecs(plan)
         keys: dict[CoordinateFrame, str] = {"scaled": "rates", "metric": "metric_rates"}
         few = not self.rates and _seconds(plan) > _BUDGET_S
@@ -276,7 +272,7 @@ class OwnRun:
 
 
 def _files(text: str) -> Iterator[Path]:
-    """The files that a path or pattern stands for, and folders that are one recording."""
+    """Return the files of a path or pattern, and folders that are one recording."""
     path = Path(text)
     if path.is_dir() and not recordings.is_bag_folder(path):
         yield from (one for one in sorted(path.rglob("*")) if is_file_or_lost(one))
@@ -288,7 +284,6 @@ def _files(text: str) -> Iterator[Path]:
 
 
 def _why_unused(text: str) -> str:
-    """Why there is nothing of use at a path or pattern."""
     path = Path(text)
     if path.is_symlink() and not path.exists():
         return "a link to a file that is gone"
@@ -299,7 +294,7 @@ def _why_unused(text: str) -> str:
 
 
 def _kind(path: Path) -> Kind | None:
-    """What a file holds, by its name and its first bytes."""
+    """Return what a file contains, by its name and first bytes."""
     suffix = plain_suffix(path)
     if path.is_dir() or path.suffix.lower() in recordings.RECORDING_SUFFIXES:
         return "recordings"
@@ -312,14 +307,14 @@ def _kind(path: Path) -> Kind | None:
 
 
 def _frame(scenes: Options) -> CoordinateFrame:
-    """Metres for clouds whose formats say so, else scaled, as their unit may be anything."""
+    """Return ``metric`` if the clouds' formats are in metres, else ``scaled``."""
     found = open_scene_set(scenes["loader"], scenes["options"])
     files = (path for name in found.names() for path in found.files(name))
     return "metric" if all(plain_suffix(path) in IN_METRES for path in files) else "scaled"
 
 
 def codec_entries(codecs: Sequence[str]) -> dict[str, Options]:
-    """Names and entries of codecs in a configuration; InputError where one is named twice."""
+    """Return names and entries of codecs; raise InputError if one is named twice."""
     entries = dict(map(_codec, codecs))
     if len(entries) < len(codecs):
         raise InputError(f"--codecs: a codec is named twice: {' '.join(codecs)}")
@@ -327,9 +322,12 @@ def codec_entries(codecs: Sequence[str]) -> dict[str, Options]:
 
 
 def check_codecs(plan: Plan, advice: bool = True) -> None:
-    """InputError where a codec codes none of a plan's clouds, or cannot run here.
+    """Raise InputError if a codec codes none of a plan's clouds, or cannot run here.
 
-    advice: whether to name the option by which the clouds would be in another frame.
+    Parameters
+    ----------
+    advice
+        Whether to name the option that puts the clouds in another frame.
     """
     for name, opened in plan.opened.items():
         if not any(plan.codes(name, data) for data in plan.datasets):
@@ -340,7 +338,6 @@ def check_codecs(plan: Plan, advice: bool = True) -> None:
 
 
 def _codec(text: str) -> tuple[str, Options]:
-    """Name and entry of a codec that is named, or of a class of the user's own."""
     own = _OWN_CLASS.fullmatch(text)
     if own is None:
         return text, {}
@@ -349,7 +346,7 @@ def _codec(text: str) -> tuple[str, Options]:
 
 
 def _seconds(plan: Plan) -> float:
-    """Estimate of coding, decoding and measuring every cloud at all rates, on one core."""
+    """Estimate the seconds of encoding, decoding and measuring all clouds at all rates."""
     total = 0.0
     for name, data in plan.datasets.items():
         for codec in filter(lambda codec: plan.codes(codec, name), plan.codecs):
@@ -359,7 +356,7 @@ def _seconds(plan: Plan) -> float:
 
 
 def _check_width(plan: Plan, codec: str, frame: CoordinateFrame, rates: Sequence[str]) -> None:
-    """InputError where all clouds of a frame are too wide for a codec at these rates."""
+    """Raise InputError if all clouds of a frame are too wide for a codec."""
     names = [name for name in plan.in_frame(frame) if plan.codes(codec, name)]
     curves = [curve for curve in plan.curves if curve[0] in names and curve[2] == codec]
     if names and not any({*rates}.intersection(plan.curve_rates(*curve)) for curve in curves):
@@ -378,9 +375,9 @@ def _why_not(plan: Plan, codec: str, advice: bool) -> str:
 
 
 def write_configuration(path: Path, config: Mapping[str, Any], command: str) -> None:
-    """Write a configuration, with the command that made it above; InputError keeps an edited one.
+    """Write a configuration below the command that made it, unless the user has edited the file.
 
-    Its first line has a digest of the others: where that does not fit, its user has edited it.
+    The first line has a digest of the others, by which an edited file is recognised.
     """
     body = f"# {command}\n{yaml_text(dict(config))}"
     if path.exists() and not _is_as_made(path):

@@ -1,4 +1,4 @@
-"""What the Snakefile asks: the plan of a configuration, and the jobs of each stage."""
+"""The plan and the jobs that the Snakefile asks for."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ from puckbench.planning.training import TrainingJobs
 
 
 class Workflow:
-    """The plan of a configuration that the user gives, and its jobs by stage.
+    """The plan of the user's configuration, and its jobs by stage.
 
     Parameters
     ----------
     check_scenes
-        Whether meshes are read, to leave out those that cannot be used.
+        Whether to read meshes, and leave out those that cannot be used.
 
     Raises
     ------
     InputError
-        The configuration is not valid, or names something that does not exist.
+        The configuration is invalid, or names something that does not exist.
     """
 
     def __init__(self, config: Mapping[str, Any], check_scenes: bool = False) -> None:
@@ -43,10 +43,7 @@ class Workflow:
 
 
 def run_jobs_with(source: str) -> None:
-    """Let jobs find this Python first (a conda environment comes before it) and our `source`.
-
-    And tell them of which commit that is.
-    """
+    """Set the environment of jobs: this Python, a folder of sources, and their commit."""
     for name, first in (("PATH", str(Path(sys.executable).parent)), ("PYTHONPATH", source)):
         paths = [first, *os.environ.get(name, "").split(os.pathsep)]
         os.environ[name] = os.pathsep.join(dict.fromkeys(filter(None, paths)))
@@ -55,10 +52,7 @@ def run_jobs_with(source: str) -> None:
 
 
 def package_alone(folder: Path) -> Path:
-    """Make `folder` hold this package and none of those installed beside it.
-
-    For jobs with an environment of their own, which has every package but puckbench.
-    """
+    """Make a folder that contains only this package, for jobs that have all other packages."""
     package, link = Path(__file__).parents[1], folder.resolve() / "puckbench"
     if not link.is_symlink() or link.readlink() != package:
         link.parent.mkdir(parents=True, exist_ok=True)

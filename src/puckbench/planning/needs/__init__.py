@@ -1,1 +1,1 @@
-"""What tables and figures need of a plan."""
+"""Requirements of tables and figures on a plan."""
