@@ -39,6 +39,8 @@ class Own(Codec):
             time.sleep(600)
         if os.environ.get("DIE"):
             os.kill(os.getpid(), 9)
+        if os.environ.get("LEAVE"):
+            os._exit(3)
         found = {
             "forked": sys.argv[0] == "-c",
             "numpy in the parent": "_multiarray" in Path(f"/proc/{os.getppid()}/maps").read_text(),
@@ -176,12 +178,21 @@ def test_a_job_that_dies_again_by_itself_has_ended(job: list[str], tmp_path: Pat
 
 
 @pytest.mark.usefixtures("server")
-@pytest.mark.parametrize("killed", [["job"], ["server", "job"]], ids=" ".join)
+def test_a_job_that_leaves_at_once_does_not_run_again(job: list[str], tmp_path: Path) -> None:
+    done, _ = _run(job, tmp_path, LEAVE="1")
+    assert (done.returncode, done.stderr) == (3, "said\n")
+
+
+@pytest.mark.usefixtures("server")
+@pytest.mark.parametrize(
+    "killed", [["job"], ["watcher", "job"], ["server", "watcher", "job"]], ids=" ".join
+)
 def test_a_job_that_is_killed_runs_again_by_itself(
     killed: list[str], job: list[str], tmp_path: Path
 ) -> None:
     asking, number = _begun(job, tmp_path)
-    numbers = {"job": number, "server": _parent(number)}
+    watcher = _parent(number)
+    numbers = {"job": number, "watcher": watcher, "server": _parent(watcher)}
     for name in killed:
         os.kill(numbers[name], signal.SIGKILL)
     said = asking.communicate()[1]
@@ -195,7 +206,7 @@ def test_a_job_outlives_its_server_and_the_next_is_an_ordinary_process(
     job: list[str], tmp_path: Path
 ) -> None:
     asking, number = _begun(job, tmp_path)
-    os.kill(_parent(number), signal.SIGKILL)
+    os.kill(_parent(_parent(number)), signal.SIGKILL)
     found = _run(job, tmp_path)[1]
     assert found["forked"] is False
     assert _lives(number)

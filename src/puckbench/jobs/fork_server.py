@@ -20,6 +20,7 @@ import socket
 import sys
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
+from multiprocessing import get_context
 from multiprocessing.connection import Connection, wait
 from typing import Any
 
@@ -39,6 +40,7 @@ _GPU = "/dev/nvidiactl"
 _SECONDS_TO_END = 5.0
 """Time that an interrupted job has before it is killed."""
 _INTERRUPTED = 130
+_FORK = get_context("fork")
 _servers: list[Any] = []
 """Servers of this process, each of which ends when the pipe to its standard input closes."""
 
@@ -96,7 +98,9 @@ def run_forked(words: Sequence[str]) -> int | None:
             connection = Connection(client.detach())
         connection.send((words, os.getcwd(), dict(os.environ)))  # noqa: PTH109 (a light start)
         job = connection.recv()
-        return int(connection.recv())
+        status = int(connection.recv())
+        if status >= 0:
+            return status
     except KeyboardInterrupt:
         if job:
             os.kill(job, signal.SIGINT)
@@ -104,16 +108,16 @@ def run_forked(words: Sequence[str]) -> int | None:
                 os.kill(job, signal.SIGKILL)
         return _INTERRUPTED
     except (OSError, EOFError):
-        if job:
-            print("puckbench: this job was killed, and runs again", file=sys.stderr)  # noqa: T201
-        return None
+        pass
+    if job:
+        print("puckbench: this job was killed, and runs again", file=sys.stderr)  # noqa: T201
+    return None
 
 
 def serve(modules: Iterable[str]) -> None:
     """Fork jobs until standard input ends."""
     import gc
     import shutil
-    from multiprocessing import get_context
 
     for name in modules:
         _import(name)
@@ -125,7 +129,7 @@ def serve(modules: Iterable[str]) -> None:
             client, _ = listener.accept()
             with client, suppress(OSError):
                 _, streams, _, _ = socket.recv_fds(client, 1, 2)
-                get_context("fork").Process(target=_run, args=(client, streams, listener)).start()
+                _FORK.Process(target=_watch, args=(client, streams, listener)).start()
                 for stream in streams:
                     os.close(stream)
     shutil.rmtree(os.environ[VARIABLE], ignore_errors=True)
@@ -140,15 +144,31 @@ def _import(name: str) -> None:
                 _import(module.name)
 
 
-def _run(client: socket.socket, streams: Sequence[int], listener: socket.socket) -> None:
-    import fcntl
-
-    from puckbench.jobs.process import main
-
+def _watch(client: socket.socket, streams: Sequence[int], listener: socket.socket) -> None:
+    """Fork the process of a job, and send its number and its exit status."""
     listener.close()
     connection = Connection(client.detach())
-    words, folder, environment = connection.recv()
-    connection.send(os.getpid())
+    job = _FORK.Process(target=_run, args=(connection, streams, *connection.recv()))
+    job.start()
+    for stream in streams:
+        os.close(stream)
+    connection.send(job.pid)
+    job.join()
+    connection.send(job.exitcode)
+
+
+def _run(
+    connection: Connection,
+    streams: Sequence[int],
+    words: Sequence[str],
+    folder: str,
+    environment: dict[str, str],
+) -> None:
+    """Be the process of a job."""
+    import fcntl
+
+    from puckbench.jobs.process import leave, main
+
     # The kernel ends this process (SIGIO) when the client is gone.
     fcntl.fcntl(connection.fileno(), fcntl.F_SETOWN, os.getpid())
     fcntl.fcntl(connection.fileno(), fcntl.F_SETFL, os.O_ASYNC)
@@ -156,12 +176,9 @@ def _run(client: socket.socket, streams: Sequence[int], listener: socket.socket)
         return
     for number, stream in enumerate(streams, start=1):
         os.dup2(stream, number)
+        os.close(stream)
     signal.signal(signal.SIGINT, signal.default_int_handler)
     os.environ.clear()
     os.environ.update(environment)
     os.chdir(folder)
-    status = main(words)
-    sys.stdout.flush()
-    sys.stderr.flush()
-    connection.send(status)
-    os._exit(status)
+    leave(main(words))
