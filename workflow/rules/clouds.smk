@@ -1,4 +1,4 @@
-# Clouds: sampled or scanned points, cropped, with normals, scaled; and the true points beside them.
+# Clouds: sampled or scanned points, cropped and scaled, with normals; and their true points.
 rule sample:
     input:
         scene=lambda w: clouds.scene_file(w.dataset, w.cloud),
@@ -48,7 +48,7 @@ rule prepare:
         " truth={output.truth:q} about={input.about:q} {params.box} > {log:q} 2>&1"
 
 
-# Clouds in metres that carry the returns of a sensor, virtual or real, in its own frame.
+# Clouds in metres with a sensor's returns, virtual or real, in the frame of the sensor.
 rule prepare_returns:
     input:
         source=lambda w: clouds.source(w.dataset, w.cloud),

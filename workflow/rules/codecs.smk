@@ -1,5 +1,5 @@
-# Codecs: a rate-distortion curve is one file, an archive of a self-contained stream for each rate and
-# what it cost. A curve that takes long is coded in parts, each some of its rates.
+# Codecs: a rate-distortion curve is one archive with a self-contained stream and its cost for each
+# rate. A curve that takes long is encoded in parts of some rates.
 rule encode:
     input:
         unpack(lambda w: coding.cloud(w.dataset, w.cloud)),
@@ -58,7 +58,7 @@ rule join_streams:
         "python -m puckbench.jobs join_streams {params.record} parts={input.parts:q} curve={output:q} > {log:q} 2>&1"
 
 
-# The cloud of one rate.
+# The decoded cloud of one rate.
 rule decode:
     input:
         curve=f"{RESULTS}/coded/{{dataset}}/{{cloud}}/{{codec}}.zip",
@@ -80,7 +80,7 @@ rule decode:
         " > {log:q} 2>&1"
 
 
-# The clouds of the rates that the report shows.
+# The decoded clouds of the rates that the report shows.
 rule decode_shown:
     input:
         curve=f"{RESULTS}/coded/{{dataset}}/{{cloud}}/{{codec}}.zip",

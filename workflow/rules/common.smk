@@ -1,12 +1,12 @@
-# The checked configuration, the plan of what it asks for, and helpers of the rules.
+# The checked configuration, its plan, and helper functions of the rules.
 import gc
 import os
 import shlex
 import sys
 from pathlib import Path
 
-# Here lies this workflow, also where another one uses it as a module. Fetched from a repository it
-# lies in no folder: then the installed package serves.
+# The folder of this workflow, also if another workflow uses it as a module. A workflow that Snakemake
+# fetched from a repository has no folder; then the installed package is used.
 FOLDER = Path(workflow.current_basedir.get_path_or_uri(secret_free=True)).parent
 SOURCE = FOLDER.parent / "src"
 if SOURCE.is_dir():
@@ -36,15 +36,15 @@ from puckbench.planning.workflow import Workflow, package_alone, run_jobs_with
 from snakemake_logger_plugin_puckbench import BARS
 
 if not SOURCE.is_dir() and workflow.deployment_settings.deployment_method:
-    # An environment that Snakemake deploys has every package but puckbench.
+    # Environments that Snakemake deploys have every package but puckbench.
     SOURCE = package_alone(Path(".snakemake", "packages"))
 run_jobs_with(str(SOURCE) if SOURCE.is_dir() else "")
-# Planning makes millions of objects that stay; Python need not look through them again and again.
+# Planning makes millions of objects that are not freed, so garbage collection is rare.
 gc.set_threshold(100_000, 50, 100)
 
 
 def or_stop(step, *arguments):
-    """The step's result; one line and exit status 2 when the user's input cannot be used."""
+    """Call a function; on bad input, print one line and exit with status 2."""
     try:
         return step(*arguments)
     except InputError as error:
@@ -53,63 +53,62 @@ def or_stop(step, *arguments):
 
 
 def end_bars():
-    """Leave the terminal to what comes after the bar."""
     for bar in BARS:
         bar.close()
 
 
 def one_of(names):
-    """A pattern of exactly these names; of none, where there are none."""
+    """Return a pattern that matches exactly these names."""
     return "|".join(names) or "(?!)"
 
 
 def files_of(files, names):
-    """Words `key=FILE ...` of those inputs of a job that have these names."""
+    """Return words `key=FILE ...` for the inputs of these names."""
     return shlex.join(f"{name}={files[name]}" for name in names)
 
 
 def folder_of(files, gathering):
-    """The results folder in which a job finds the files that it gathers."""
+    """Return the results folder with the files that a job gathers."""
     return results_folder(files, gathering.names, plan.results)
 
 
 def record_of(job):
-    """The file of a job's settings, for a parameter: its name changes with its content."""
+    """Return a parameter: the file of a job's settings, whose name is a digest of them."""
     return lambda wildcards: job(wildcards).file()
 
 
 def code_of(job):
-    """The fingerprint of a job's code, for a parameter."""
+    """Return a parameter: the fingerprint of a job's code."""
     return lambda wildcards: job(wildcards).code
 
 
 def priority_of(wildcards):
-    """Clouds come before curves, and curves of the first codec before others: see `first_look`."""
+    """Prefer curves of the first codec, which the rule `first_look` shows."""
     return 1 if wildcards.codec == outputs.first_codec else 0
 
 
 def curve_of(wildcards):
-    """Data set, cloud, codec and part of a curve's job; no part where the job has all rates."""
+    """Return data set, cloud, codec and part of a curve; the part is empty for all rates."""
     return wildcards.dataset, wildcards.cloud, wildcards.codec, wildcards.get("part", "")
 
 
 if workflow.is_main_process:
-    # Snakemake reads YAML 1.1, and takes the last of keys that are there twice.
+    # Snakemake reads YAML 1.1, and of repeated keys the last.
     or_stop(check_config_files, workflow.configfiles)
 bench = or_stop(Workflow, config, True)
 plan, clouds, coding = bench.plan, bench.clouds, bench.coding
 study, training, outputs = bench.study, bench.training, bench.outputs
 RESULTS = str(plan.results)
-# What goes before the command of a timed job: the threads that libraries may use.
+# Prefix of the command of a timed job, which limits the threads of libraries.
 TIMED = shlex.join(["env", *map("=".join, coding.threads_environment.items())])
-# Not workflow.cores, an error where nothing runs (--report).
+# Not workflow.cores, which is an error without a run (--report).
 CORES = workflow.resource_settings.cores
-# For all jobs: it changes no result, so it is no part of their records.
+# In the environment, not in the records of jobs, since it changes no result.
 os.environ[TIMEOUT] = str(bench.config.timing.timeout_s or "")
 
 
-if workflow.is_main_process:  # of a cluster's jobs each reads this file again
-    # Where Snakemake keeps its records; without room there it would end in a traceback.
+if workflow.is_main_process:  # each job on a cluster reads this file again
+    # Without space for its records Snakemake would end with a traceback.
     or_stop(check_room, Path(".snakemake"))
 BEGUN = now()
 for bar in BARS:  # with --logger puckbench, as `puckbench run` has it

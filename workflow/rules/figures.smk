@@ -27,7 +27,7 @@ rule figure:
         " > {log:q} 2>&1"
 
 
-# The first codec's results, drawn as soon as they are there: the jobs that lead to them come first.
+# Figures of the first codec's results, drawn early: the jobs that they need have a high priority.
 FIRST_FIGURES = [f"{RESULTS}/first_look/{name}.png" for name in outputs.first_figures]
 if FIRST_FIGURES:
 

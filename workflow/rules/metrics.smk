@@ -1,4 +1,4 @@
-# Metrics: a table with a result row for each rate of a curve, from the streams' bytes alone.
+# Metrics: a table with a result row for each rate of a curve, from the bytes of its streams.
 rule evaluate:
     input:
         unpack(lambda w: coding.cloud(w.dataset, w.cloud)),
@@ -64,7 +64,7 @@ rule join_rows:
         "python -m puckbench.jobs join_rows {params.record} parts={input.parts:q} rows={output:q} > {log:q} 2>&1"
 
 
-# Where scenes are labelled, the primitives of a codec of surfaces are compared with the scene's.
+# Primitives of decoded surfaces, compared with the labels of the scene.
 rule recovery:
     input:
         unpack(lambda w: coding.described(coding.labels(w.dataset, w.cloud))),
@@ -86,7 +86,7 @@ rule recovery:
         " scene={input.scene:q} rows={output:q} > {log:q} 2>&1"
 
 
-# A scan measured as if it had been decoded: what of the truth it lacks before any codec.
+# Errors of a scan itself, measured as if it were a decoded cloud.
 rule scan_error:
     input:
         unpack(lambda w: coding.described(coding.truth(w.dataset, w.cloud))),

@@ -1,4 +1,4 @@
-# The report: one HTML file with figures, tables, an interactive plot and clouds to turn.
+# The report: one HTML file with figures, tables, an interactive plot and a viewer of clouds.
 rule report_page:
     input:
         *outputs.report_contents.files(),
@@ -20,7 +20,7 @@ rule report_page:
         "python -m puckbench.jobs report {params.record} below={params.below:q} page={output:q} > {log:q} 2>&1"
 
 
-# Reference results: the run's tables in one file, for others to compare with (`make reference`).
+# Reference results: the run's tables in one file, for comparison with other runs.
 if plan.datasets:
 
     rule reference:

@@ -1,4 +1,4 @@
-# Scans: the table of all returns of the virtual sensor, clean and noisy.
+# Scans: tables of all returns of the virtual sensor, clean and noisy.
 rule scan:
     input:
         scene=lambda w: clouds.scene_file(w.dataset, w.cloud),

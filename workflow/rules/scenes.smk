@@ -1,4 +1,4 @@
-# Scenes: meshes (with labels where there are any) or captured clouds, in metres, z up.
+# Scenes: meshes (some with labels) or captured clouds, in metres, z up.
 rule scene:
     input:
         lambda w: plan.scenes[w.scenes].files(w.scene),
@@ -22,7 +22,7 @@ rule scene:
         "python -m puckbench.jobs scene {params.record} scene={output.scene:q} > {log:q} 2>&1"
 
 
-# Returns of real sensors, in their own frame and numbers.
+# Returns of real sensors, in the frame of the sensor.
 use rule scene as scene_of_returns with:
     output:
         scene=f"{RESULTS}/scenes/{{scenes}}/{{scene}}.parquet",

@@ -1,4 +1,4 @@
-# Sensor: the errors of the virtual sensor, and of real ones, on a wall and a floor (chapter 5).
+# Sensor study: errors of the virtual sensor and of real ones on a wall and a floor (chapter 5).
 if plan.study is not None:
 
     rule residuals:
@@ -52,7 +52,7 @@ if plan.study is not None:
         shell:
             "python -m puckbench.jobs wall_points {params.record} table={output:q} > {log:q} 2>&1"
 
-    # Made when it is asked for: not every set of captures tells all of its parameters.
+    # Not part of `all`, since not all captures allow an estimate of all parameters.
     rule calibration:
         input:
             residuals=[f"{RESULTS}/{file}" for file in study.capture_files()],
@@ -71,7 +71,7 @@ if plan.study is not None:
         shell:
             "python -m puckbench.jobs calibrate {params.record} residuals={input.residuals:q} model={output:q} > {log:q} 2>&1"
 
-    # Tables of several models or recordings as one.
+    # Joined tables of several models or recordings.
     rule study_table:
         input:
             rows=lambda w: study.gathered[w.table].files(plan.results),

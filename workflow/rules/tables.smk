@@ -1,4 +1,4 @@
-# Tables: all results in one tidy table, what the clouds are, and what is made of these.
+# Tables: all results, all clouds, and tables made of these.
 rule results_table:
     input:
         rows=lambda w: outputs.gathered[w.table].files(plan.results),

@@ -1,5 +1,5 @@
-# Weights of learned codecs, trained on prepared clouds. A training that was killed goes on from its
-# checkpoint; one that other code, settings or clouds began is begun anew.
+# Weights of learned codecs, trained on prepared clouds. A killed training resumes from its checkpoint,
+# unless code, settings or clouds have changed.
 rule weights:
     input:
         clouds=lambda w: training.cloud_files(training.training(w.trained).clouds),
@@ -13,7 +13,7 @@ rule weights:
         f"{RESULTS}/logs/weights/{{trained}}.log",
     conda:
         "../../envs/puckbench.yaml"
-    threads: 64  # or all that there are: one training at a time
+    threads: 64  # or all cores: one training at a time
     resources:
         mem_mb=lambda w: training.memory_mb(w.trained),
         runtime=24 * 60,
