@@ -63,8 +63,6 @@ class SourcesLocator(InTreeCacheLocator):
 
 
 class CompilingNotice(Listener):
-    """Prints one line if compiling takes more than a few seconds."""
-
     def __init__(self) -> None:
         self._depth, self._seconds, self._began = 0, 0.0, 0.0
         self.is_printed = False
@@ -100,7 +98,6 @@ def compiled(function: Function, **options: Any) -> Function:
 
 
 def compiled_in_place(function: Function, **options: Any) -> Function:
-    """Compile a function that makes no arrays (see `IN_PLACE`)."""
     return compiled(function, **IN_PLACE, **options)
 
 

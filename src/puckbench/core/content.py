@@ -43,7 +43,6 @@ def plain_suffix(path: Path) -> str:
 
 
 def plain_name(path: Path) -> Path:
-    """Return the path without the suffix of a compression."""
     return path.with_suffix("") if path.suffix.lower() in COMPRESSED else path
 
 

@@ -176,14 +176,12 @@ def refuse_pointer(path: Path, data: bytes) -> None:
 
 
 def unreadable(path: Path, error: OSError, otherwise: str = "unreadable") -> InputError:
-    """Return the error for a path that cannot be read."""
     if error.strerror is None and not path.exists():
         otherwise = os.strerror(errno.ENOENT)
     return InputError(f"{path}: {(error.strerror or otherwise).lower()}")
 
 
 def unwritable(path: Path, error: OSError) -> InputError:
-    """Return the error for a path that cannot be written."""
     # On a full disk some writers report only that fewer bytes were written.
     why = os.strerror(error.errno) if error.errno else "not all of it was written; is the disk full"
     return InputError(f"{path}: {why.lower()}")

@@ -68,7 +68,6 @@ def _absolute(statement: ast.ImportFrom, importer: Path) -> str:
 
 
 def _file(name: str, importer: Path) -> Path | None:
-    """Return the source file of a module, or None if it is not followed."""
     top, first = top_folder(importer), name.partition(".")[0]
     is_near = top.name not in _INSTALLED or importer.relative_to(top).parts[0] == first
     file = module_file(name, top) if is_near else None

@@ -59,7 +59,6 @@ def checked_model(model: type[M], values: Mapping[str, Any]) -> M:
 
 
 def _immutable(value: Any) -> Any:
-    """Replace lists by tuples, since strict models accept no list for a tuple."""
     if isinstance(value, Mapping):
         return {name: _immutable(item) for name, item in value.items()}
     return tuple(map(_immutable, value)) if isinstance(value, list) else value

@@ -45,7 +45,6 @@ def trust(names: Iterable[str | None]) -> None:
 
 
 def is_place(name: object) -> TypeGuard[str]:
-    """Return whether `name` is ``module:Name`` or ``path/to/file.py:Name``."""
     return isinstance(name, str) and ":" in name
 
 
@@ -92,7 +91,6 @@ class Registry(Generic[T]):
 
     @property
     def group(self) -> str:
-        """Group of the entry points of installed packages."""
         return f"puckbench.{self.kind.replace(' ', '_')}s"
 
     @cached_property
@@ -138,7 +136,7 @@ class Registry(Generic[T]):
         return self._modules[name] if self._is_ours(name) else self._place(name).rpartition(":")[0]
 
     def place_of(self, name: str) -> str:
-        """Return the name by which another process can `get` the plug-in."""
+        """Return the name by which another process finds the plug-in."""
         return self._added.get(name, name)
 
     def get(self, name: str) -> T:

@@ -136,13 +136,7 @@ def _scalars(node: Node) -> Iterator[tuple[str, ScalarNode]]:
 
 
 def _nodes(node: Node, sizes: dict[int, int]) -> Iterator[Node]:
-    """Yield every node once, after the nodes within it.
-
-    Parameters
-    ----------
-    sizes
-        Filled with the number of nodes within each node, aliases replaced; 0 during the count.
-    """
+    """Yield nodes, inner ones first; `sizes` gets their sizes with aliases replaced."""
     if id(node) in sizes:
         if not sizes[id(node)]:
             raise InputError(f"{_line(node)}: an alias stands within what it stands for")

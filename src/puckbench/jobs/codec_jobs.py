@@ -88,7 +88,6 @@ class TimedJob(CodecJob):
     alone: bool = False
 
     def work(self, points: int, rates: int, call_s: float) -> dict[str, Any]:
-        """Return what the job did (`puckbench.jobs.cost.WORK`)."""
         return {
             "codec": self.codec,
             "points": points,
@@ -112,5 +111,4 @@ def codec_plugins(name: str | None, changes: Mapping[str, Any]) -> Iterable[str 
 
 
 def with_options(changes: Mapping[str, Any], **more: Any) -> dict[str, Any]:
-    """Return the changes to an entry with further options."""
     return {**changes, "options": {**changes.get("options", {}), **more}}

@@ -53,7 +53,6 @@ def _moment(text: str | None) -> str | None:
 
 
 def _age_s() -> float:
-    """Return the seconds since this process began."""
     try:
         fields = Path("/proc/self/stat").read_text(encoding="ascii").rpartition(")")[2].split()
         uptime = float(Path("/proc/uptime").read_text(encoding="ascii").split()[0])

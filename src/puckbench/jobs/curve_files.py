@@ -90,7 +90,6 @@ def read_coded(path: Path, rate: str | None = None) -> Coded:
 
 
 def record_file(stream: Path) -> Path:
-    """Return the path of the JSON record of a stream file."""
     return stream.with_name(f"{stream.name}.json")
 
 

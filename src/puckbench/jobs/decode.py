@@ -29,7 +29,7 @@ class Decoding(TimedJob):
     """A job that decodes streams; without a codec, the streams tell theirs."""
 
     def decoded(self, coded: Coded) -> Decoded:
-        """Decode a stream and measure the time; raise InputError if it is damaged or unknown."""
+        """Decode a stream and measure the time."""
         name = self.codec_of(coded)
         codec = self.loaded(name)
         with noting(f"rate {coded.record.get('rate', '?')}"):
@@ -54,7 +54,6 @@ class Decode(Decoding):
     rate: str | None = None
 
     def run(self, stream: Path, cloud: Path) -> dict[str, Any]:
-        """Write the decoded cloud or mesh (PLY)."""
         if self.as_mesh:
             return self._mesh(stream, cloud)
         with naming(stream):

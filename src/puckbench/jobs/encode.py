@@ -26,18 +26,7 @@ from puckbench.lidar.returns import with_returns
 def to_code(
     codec: Codec, path: Path, frame: CoordinateFrame | None = None, rate: str | None = None
 ) -> PointCloud:
-    """Read a cloud for a codec, with its returns if the codec takes those.
-
-    Parameters
-    ----------
-    frame
-        Frame of the cloud, if its description has none.
-
-    Raises
-    ------
-    InputError
-        The codec's rates are for clouds of another frame.
-    """
+    """Read a cloud for a codec, with its returns if the codec takes those."""
     cloud = read_cloud(path)
     with naming(path):
         codec.check_frame(frame or cloud.frame, rate)
@@ -108,13 +97,7 @@ class Encoding(TimedJob):
 
 @JOBS.register("encode")
 class Encode(Encoding):
-    """Encode a cloud at a rate.
-
-    Parameters
-    ----------
-    frame
-        Frame of the cloud, if its description has none.
-    """
+    """Encode a cloud at a rate; `frame` is for a cloud whose description has none."""
 
     rate: str
     frame: CoordinateFrame | None = None
@@ -150,7 +133,6 @@ class EncodeCurve(Encoding):
     """Encode a cloud at all rates of a codec, in one process."""
 
     def run(self, cloud: Path, curve: Path) -> dict[str, Any]:
-        """Write the streams and their records as one archive."""
         codec = open_codec(self.codec, self.changes)
         original = to_code(codec, cloud)
         rates = tuple(codec.rates_of(original.frame or "scaled"))

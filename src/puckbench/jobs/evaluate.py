@@ -99,7 +99,6 @@ class Evaluating(Decoding):
         return *super().plugins(), *self.metrics
 
     def row(self, originals: Originals, found: Decoded) -> dict[str, Any]:
-        """Return the result row of a decoded cloud."""
         from puckbench.metrics.geometry import DistinctPoints
 
         reference = originals.reference.cloud

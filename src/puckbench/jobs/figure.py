@@ -20,7 +20,6 @@ class Figure(Job):
         return (self.figure,)
 
     def run(self, out: tuple[Path, ...], **inputs: Path) -> dict[str, Any]:
-        """Write the figure (PDF, PNG) from its inputs by name."""
         from puckbench.figures.drawing import draw_files
         from puckbench.figures.style import FigureStyle
 

@@ -71,7 +71,7 @@ class Prepare(Job):
         box: Path | None = None,
         about: tuple[Path, ...] = (),
     ) -> dict[str, Any]:
-        """Write the prepared cloud and, if requested, the true points in the same frame.
+        """Write the prepared cloud, and true points in the same frame.
 
         Parameters
         ----------

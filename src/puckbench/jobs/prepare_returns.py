@@ -94,7 +94,6 @@ class PrepareReturns(Job):
         return {**prepared.about, "points": len(prepared)}
 
     def _read(self, path: Path) -> tuple[Returns, PointCloud | None, dict[str, Any]]:
-        """Return the returns of a file, the true points of a scan, and a description."""
         with naming(path):
             if self.stream is not None and not is_recording(path):
                 raise InputError(f"stream '{self.stream}': only packet captures have streams")

@@ -54,7 +54,6 @@ def main(words: Sequence[str]) -> int:
 
 
 def run_job(name: str, record: Any, files: Mapping[str, Sequence[Path]]) -> None:
-    """Run a job with its record and its files by key, and print its cost."""
     job = JOBS.get(name).of_record(record, f"job {name}")
     known = signature(job.run).parameters
     several = {key for key, about in known.items() if "tuple" in str(about.annotation)}

@@ -23,13 +23,7 @@ _KEPT = ("codec", "rate", "codec_version", "points_in", "bytes", "bpp")
 
 
 class LabelledPoints:
-    """True points with the labels of primitives, and these primitives.
-
-    Parameters
-    ----------
-    scene
-        Labelled mesh of the points, in metres.
-    """
+    """True points with the labels of primitives, and these primitives of a scene in metres."""
 
     def __init__(self, points: Path, scene: Path) -> None:
         self.cloud, self.labels = read_cloud(points), _scene_labels(scene)
@@ -80,7 +74,6 @@ class Recovery(Recovering):
     def run(
         self, stream: Path, points: Path, scene: Path, row: Path | None = None
     ) -> dict[str, Any]:
-        """Write the result row, and return it."""
         labelled = LabelledPoints(points, scene)
         with naming(stream):
             result = self.recovered(labelled, points.stem, read_coded(stream, self.rate))

@@ -102,7 +102,6 @@ class Scan(Job):
     def _origin(
         self, surface: Mesh, described: Sequence[float] | None
     ) -> tuple[Floats | Sequence[float], bool]:
-        """Return the sensor's position, and whether it is trusted to be free."""
         if self.origin is not None:
             return self.origin, False
         if described is not None:

@@ -22,15 +22,7 @@ _DIGITS = 6
 
 @JOBS.register("table")
 class Table(Job):
-    """Make a registered table.
-
-    Parameters
-    ----------
-    table
-        Name, or ``path/to/file.py:function``.
-    options
-        Further arguments of its function.
-    """
+    """Make a registered table with options of its function."""
 
     table: str
     options: dict[str, Any] = Field({})

@@ -134,7 +134,6 @@ class Train(Job):
     def _measured(
         self, training: BaseTraining, weights: Path, validate: Sequence[Path]
     ) -> dict[str, Any]:
-        """Return the results of a validation; print faults as warnings."""
         from puckbench.jobs.validation import peak_of, validation
 
         clouds = [read_cloud(path) for path in validate]
@@ -156,7 +155,6 @@ class Train(Job):
         weights: Path,
         validate: Sequence[Path],
     ) -> None:
-        """Print the results that the weights would have if training ended here."""
         now = weights.with_name(f".{weights.name}")
         training.export(now, trainer.model, {})
         for rate, means in self._measured(training, now, validate)["rates"].items():
@@ -170,7 +168,6 @@ def _say(line: str) -> None:
 
 
 def _names(paths: Sequence[Path]) -> list[str]:
-    """Return the paths of clouds below their common folder."""
     shared = os.path.commonpath([path.parent.resolve() for path in paths])
     return sorted(path.resolve().relative_to(shared).as_posix() for path in paths)
 

@@ -33,7 +33,6 @@ class TrainingLog:
         return rows[-1]["seconds"] if rows else 0.0
 
     def note(self, step: int, loss: Any) -> None:
-        """Add the row of a step."""
         seconds = round(time.perf_counter() - self._start, 1)
         row = {"step": step, **self.trainer.row(loss), "seconds": seconds}
         self.trainer.curve.append(row)
@@ -53,7 +52,6 @@ class TrainingLog:
         write_bytes(self.path, text.getvalue().encode())
 
     def _tell(self) -> None:
-        """Print the mean loss of the last steps."""
         rows = self.trainer.curve[-self.every :]
         cost = next(name for name in rows[0] if name != "step")
         mean = sum(row[cost] for row in rows) / len(rows)

@@ -37,7 +37,6 @@ def peak_of(clouds: Sequence[PointCloud]) -> float | None:
 
 
 def validation(codec: Codec, clouds: Sequence[PointCloud], peak: float | None) -> dict[str, Any]:
-    """Return means and faults, as model cards have them."""
     found = validated(codec, clouds, peak)
     return {"rates": found, "faults": faults(found)}
 

@@ -41,7 +41,6 @@ class CloudJobs:
         return [name for name, chosen in self.plan.scenes.items() if of_returns(chosen.scenes)]
 
     def prepared(self, has_returns: bool) -> list[str]:
-        """Return the data sets whose clouds carry returns, or the others."""
         sets = self.plan.datasets.items()
         return [name for name, data in sets if data.has_returns == has_returns]
 
@@ -54,7 +53,7 @@ class CloudJobs:
         return f"{self.plan.results}/{folder}/{dataset}/{cloud}.{suffix}"
 
     def is_cropped(self, dataset: str) -> bool:
-        """Return whether the clouds are scans that are cropped to the box of their scene."""
+        """Whether the clouds are scans cropped to the box of their scene."""
         settings = self.dataset(dataset).settings
         return settings.is_scan and settings.crop != "none" and not settings.is_metric
 
@@ -84,7 +83,6 @@ class CloudJobs:
 
     @cache  # noqa: B019
     def _sensing(self, dataset: str) -> tuple[str, str]:
-        """Return the module of the error model; and a text of model, sensor and sweep."""
         settings = self.dataset(dataset).settings
         model = open_error_model(settings.errors, settings.error_options)
         sweep = hashlib.sha256(repr(open_sweep(settings.sweep)).encode()).hexdigest()[:16]
@@ -105,5 +103,4 @@ class CloudJobs:
         return planned(record)
 
     def memory_mb(self, dataset: str) -> int:
-        """Estimate the memory of a job in MB."""
         return 400 + self.dataset(dataset).points * _BYTES_PER_POINT // 1_000_000

@@ -67,24 +67,21 @@ class CodingJobs:
         )
 
     def _coding(self, frame: CoordinateFrame) -> list[str]:
-        """Return the codecs that code any data set in a frame."""
         sets = self.plan.in_frame(frame)
         codes = self.plan.codes
         return [codec for codec in self.plan.codecs if any(codes(codec, name) for name in sets)]
 
     @cached_property
     def cut(self) -> list[str]:
-        """Codecs with a curve that is cut into parts."""
+        """Codecs whose curves are cut into parts."""
         counts = Counter((curve.codec, curve.frame) for curve in self.curves)
         return list(dict.fromkeys(codec for (codec, _), count in counts.items() if count > 1))
 
     @cached_property
     def whole(self) -> list[str]:
-        """Codecs without a curve that is cut into parts."""
         return [codec for codec in self.plan.codecs if codec not in self.cut]
 
     def parts(self, dataset: str, cloud: str, codec: str) -> list[str]:
-        """Return the names of the parts of a cloud's curve."""
         return [
             _name(rates)
             for rates in self._parts(self.plan.curve_rates(dataset, cloud, codec), codec)
@@ -94,7 +91,6 @@ class CodingJobs:
         return _parts(rates, self._seconds(codec))
 
     def _rates(self, dataset: str, cloud: str, codec: str, part: str) -> tuple[str, ...]:
-        """Return the rates of a curve, or of a part of it."""
         rates = self.plan.curve_rates(dataset, cloud, codec)
         if not part:
             return rates
@@ -104,22 +100,14 @@ class CodingJobs:
         return named[part]
 
     def rows(self, kind: str, codec: str | None = None) -> tuple[str, ...]:
-        """Return the files of result rows below the results folder, in the order of the table.
-
-        Parameters
-        ----------
-        kind
-            ``metrics`` or ``recovery``.
-        codec
-            Codec of the rows; all by default.
-        """
+        """Return the files of ``metrics`` or ``recovery`` rows, of one codec or all."""
         curves = self.plan.recovered if kind == "recovery" else self.plan.curves
         return tuple(
             f"{kind}/{'/'.join(curve)}.parquet" for curve in curves if codec in (None, curve[2])
         )
 
     def artefacts(self) -> list[str]:
-        """Return the files of all streams and result rows below the results folder."""
+        """Return the files of all streams and rows."""
         coded = [f"coded/{'/'.join(curve)}.zip" for curve in self.plan.curves]
         return [*coded, *self.rows("metrics"), *self.rows("recovery")]
 
@@ -141,7 +129,6 @@ class CodingJobs:
         return 5 + math.ceil(2 * rates * self._seconds(codec) / 60)
 
     def encode(self, dataset: str, cloud: str, codec: str, part: str = "") -> PlannedJob:
-        """Plan the encoding of a curve, or of a part of it."""
         return self._encode(dataset, codec, self._rates(dataset, cloud, codec, part))
 
     @cache  # noqa: B019
@@ -155,7 +142,6 @@ class CodingJobs:
         return self._planned(record, codec)
 
     def decode_shown(self, dataset: str, cloud: str, codec: str) -> PlannedJob:
-        """Plan the decoding of the rates that the report shows."""
         return self._decode_shown(dataset, codec, shown_rates(self.plan, dataset, cloud, codec))
 
     @cache  # noqa: B019
@@ -164,7 +150,6 @@ class CodingJobs:
         return self._planned(DecodeShown(codec=codec, changes=changes, rates=rates), codec)
 
     def evaluate(self, dataset: str, cloud: str, codec: str, part: str = "") -> PlannedJob:
-        """Plan the measurement of a curve, or of a part of it."""
         return self._evaluate(dataset, codec, self._rates(dataset, cloud, codec, part))
 
     @cache  # noqa: B019
@@ -183,13 +168,11 @@ class CodingJobs:
 
     @cache  # noqa: B019
     def recovery(self, dataset: str, codec: str) -> PlannedJob:
-        """Plan the comparison of primitives with those of the scene."""
         changes = self._entry(dataset, codec, self.plan.rates(codec, self._frame(dataset)))
         record = RecoveryCurve(dataset=dataset, codec=codec, changes=changes)
         return self._planned(record, codec)
 
     def _planned(self, record: Job, codec: str, *modules: str) -> PlannedJob:
-        """Plan a job of a codec, whose module and weights count as code."""
         return planned(record, self._module(codec), *modules, also=self._weights(codec))
 
     @cached_property
@@ -243,7 +226,6 @@ class CodingJobs:
         }
 
     def tables(self) -> Iterator[RowsTable]:
-        """Yield the tables of all result rows of a kind."""
         if self.plan.datasets:
             yield RowsTable(kind="metrics", names=self.rows("metrics"))
         if self.plan.scanned:
@@ -256,17 +238,10 @@ class CodingJobs:
 
     @property
     def threads_environment(self) -> dict[str, str]:
-        """Environment variables of a timed job that limit its threads."""
         return thread_environment(self.timing.threads)
 
     def cores(self, cores: int | None) -> int:
-        """Return the cores that a timed job reserves: all cores of the run if it must run alone.
-
-        Parameters
-        ----------
-        cores
-            Cores of the run; None on a cluster.
-        """
+        """Return the cores that a timed job reserves: all of the run if it must run alone."""
         threads = self.timing.threads
         return max(threads, cores or 0) if self.timing.exclusive else threads
 
@@ -307,7 +282,6 @@ class CodingJobs:
 
     @cache  # noqa: B019
     def _weights(self, codec: str) -> str:
-        """Return digests of a codec's weights."""
         return " ".join(map(sha256, self.plan.weights[codec]))
 
 

@@ -36,12 +36,8 @@ class JobTime:
     ----------
     job
         Name in `puckbench.jobs.registry.JOBS`.
-    codec
-        Empty if it has none.
-    rates
-        Number of rates of its curve, or 0.
-    points
-        Number of points of its cloud, or 0.
+    rates, points
+        Rates of its curve and points of its cloud, or 0.
     seconds
         Processor time.
     call_s, repeats
@@ -103,14 +99,11 @@ class Estimate:
 
     @property
     def hours(self) -> float:
-        """Core-hours of all jobs of the kind."""
         return self.kind.jobs * (self.seconds or 0.0) / 3600
 
 
 @dataclass(frozen=True)
 class Measurements:
-    """Times of similar jobs, and points of their clouds."""
-
     points: Floats
     seconds: Floats
 

@@ -51,11 +51,9 @@ class ScenePlan:
     chosen: tuple[str, ...]
 
     def files(self, scene: str) -> list[str]:
-        """Return the files that a scene is read from."""
         return [str(path) for path in self.scenes.files(scene)]
 
     def options_of(self, scene: str) -> dict[str, Any]:
-        """Return the options with which the loader loads a scene."""
         narrowed = getattr(self.scenes, "options_of", None)
         return self.options if narrowed is None else dict(narrowed(scene))
 
@@ -140,18 +138,14 @@ class StudyPlan:
 
 @dataclass(frozen=True)
 class TrainingPlan:
-    """A training of a codec's weights on clouds, and the clouds of its validation.
+    """A training of weights, and its validation, on pairs of data set and cloud.
 
     Parameters
     ----------
     entry
         Entry of the codec in the configuration.
-    clouds, validate
-        Pairs of data set and cloud.
     start
         File of the initial weights.
-    settings
-        Settings of the codec's training.
     """
 
     codec: str
@@ -205,7 +199,6 @@ class Plan:
                 raise InputError(f"{row['file']}: {row['reason']}")
 
     def _datasets(self) -> dict[str, DataSetPlan]:
-        """Return the data sets that have clouds."""
         datasets = {name: self._dataset(name, data) for name, data in self.config.datasets.items()}
         found = {name: data for name, data in datasets.items() if data.clouds}
         if datasets and not found:
@@ -299,12 +292,10 @@ class Plan:
 
     @cached_property
     def opened(self) -> dict[str, Codec]:
-        """The codecs, opened with their entries."""
         return {name: codecs.open_codec(name, self.config.codec(name)) for name in self.codecs}
 
     @cached_property
     def clouds(self) -> tuple[tuple[str, str], ...]:
-        """Pairs of data set and cloud."""
         return tuple((data.name, cloud) for data in self.datasets.values() for cloud in data.clouds)
 
     @cached_property
@@ -315,7 +306,7 @@ class Plan:
 
     @cached_property
     def of_surfaces(self) -> frozenset[str]:
-        """Codecs that encode surfaces with labelled primitives."""
+        """Codecs of surfaces with labelled primitives."""
         return frozenset(
             name for name in self.codecs if codecs.codes_surfaces(name, self.config.codec(name))
         )
@@ -334,7 +325,7 @@ class Plan:
 
     @cached_property
     def recovered(self) -> tuple[tuple[str, str, str], ...]:
-        """Curves whose primitives are compared with the labels of their scenes."""
+        """Curves whose primitives are compared with labels."""
         return tuple(
             curve
             for curve in self.curves
@@ -343,7 +334,6 @@ class Plan:
 
     @cached_property
     def curves(self) -> tuple[tuple[str, str, str], ...]:
-        """Triples of data set, cloud and codec."""
         return tuple(
             (dataset, cloud, codec)
             for dataset, cloud in self.clouds
@@ -382,11 +372,9 @@ class Plan:
         return tuple(dict.fromkeys(data.frame for data in self.datasets.values()))
 
     def in_frame(self, frame: CoordinateFrame) -> list[str]:
-        """Return the data sets whose clouds are in a frame."""
         return [name for name, data in self.datasets.items() if data.frame == frame]
 
     def rates(self, codec: str, frame: CoordinateFrame) -> tuple[str, ...]:
-        """Return the rates of a codec for clouds of a frame."""
         return tuple(self.opened[codec].rates_of(frame))
 
     def _training(self, name: str, value: TrainingConfig) -> TrainingPlan:
@@ -460,7 +448,6 @@ class Plan:
         return DataSetPlan(name, scenes.name, seed, clouds, points, value, has_returns, packets)
 
     def _checks(self, dataset: str) -> Path:
-        """Return the file of the checks of scenes."""
         return self.results / "checks" / f"{dataset}.json"
 
     def _usable(self, name: str, scenes: ScenePlan) -> tuple[str, ...]:
@@ -488,13 +475,7 @@ def _unusable(dataset: str, faults: Mapping[str, str]) -> InputError:
 
 
 def open_scenes(name: str, value: SceneSetConfig, seed: int) -> ScenePlan:
-    """Open a scene set of the configuration.
-
-    Parameters
-    ----------
-    seed
-        Seed of the run, for a scene set without its own.
-    """
+    """Open a scene set; `seed` is for one without its own."""
     own_seed = seed if value.seed is None else value.seed
     with naming(f"scenes.{name}"):
         scenes = open_scene_set(value.loader, value.options, own_seed)
@@ -504,7 +485,6 @@ def open_scenes(name: str, value: SceneSetConfig, seed: int) -> ScenePlan:
 
 
 def _weights(name: str, changes: Mapping[str, Any]) -> list[Path]:
-    """Return the files of a codec's weights."""
     with naming(f"codecs.{name}"):
         return codecs.open_codec(name, changes).weights_files()
 
@@ -516,7 +496,6 @@ _RETURNS = 60_000
 
 
 def _points(where: str, settings: DataSetConfig) -> int:
-    """Return the expected points of a cloud."""
     if not settings.is_scan:
         return settings.points if settings.make == "sample" else _CAPTURED_POINTS
     with naming(where):

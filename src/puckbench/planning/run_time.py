@@ -35,7 +35,6 @@ def job_seconds(bench: Workflow) -> Callable[[str], float]:
 
 
 def _of_curves(bench: Workflow, millions: float) -> dict[str, float]:
-    """Return mean seconds of jobs that encode, decode and measure curves."""
     plan, coding, points = bench.plan, bench.coding, int(millions * 1e6)
     truth = any(data.has_truth for data in plan.datasets.values())
     encoding, decoding, rates = [], [], []

@@ -52,7 +52,6 @@ def after_a_kill(folder: Path, reference: Path) -> list[str]:
 
 
 def compared(folder: Path) -> Iterator[str]:
-    """Return the names of the files that are compared."""
     for path in folder.rglob("*"):
         name = path.relative_to(folder).as_posix()
         if path.is_file() and not _LEFT_OUT.match(name):
@@ -60,7 +59,6 @@ def compared(folder: Path) -> Iterator[str]:
 
 
 def same(first: Path, second: Path) -> bool:
-    """Return whether two files are alike."""
     return bool(_content(first) == _content(second))
 
 

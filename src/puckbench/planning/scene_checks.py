@@ -80,8 +80,6 @@ def most_points(kept: Path, scenes: Iterable[str]) -> int | None:
 
 
 class _Check(Model):
-    """The result of a check."""
-
     state: str
     fault: str | None
     points: int | None = None
@@ -89,7 +87,6 @@ class _Check(Model):
 
 
 def _known(kept: Path) -> dict[str, dict[str, Any]]:
-    """Read the earlier results."""
     checks = read_object(kept) if kept.exists() else {}
     for name, check in checks.items():
         parsed(_Check, check, f"{kept}: {name}")
@@ -103,7 +100,6 @@ def extents(kept: Path, scenes: Iterable[str]) -> dict[str, float]:
 
 
 def _state(scenes: SceneSet, files: Iterable[Path], settings: DataSetConfig, name: str) -> str:
-    """Return a digest of all that a check depends on."""
     options = scenes.model_dump_json(exclude={"path"}) if isinstance(scenes, Model) else ""
     job: tuple[object, ...] = (settings.make, settings.is_metric, options, "extent_m")
     if settings.is_scan:
@@ -113,7 +109,6 @@ def _state(scenes: SceneSet, files: Iterable[Path], settings: DataSetConfig, nam
 
 
 def _stats(path: Path) -> Iterator[tuple[str, int, int]]:
-    """Return name, size and time of a file, or of the files in a folder."""
     try:
         for each in sorted(path.iterdir()) if path.is_dir() else [path]:
             stat = each.stat()

@@ -88,6 +88,5 @@ def _stored(reference: ReferenceResults) -> Options:
 
 
 def _without_defaults(config: Options) -> Options:
-    """Return the keys whose values differ from the defaults."""
     kept = checked(config).model_dump(mode="json", by_alias=True, exclude_defaults=True)
     return {**kept, "codecs": config["codecs"]}

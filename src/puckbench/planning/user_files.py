@@ -76,10 +76,8 @@ class UserRun:
         Frame of clouds and meshes; by default metres if all cloud formats are among `IN_METRES`.
     rates
         Names of rates, or ``("all",)``; by default all, or four of them if these take long.
-    metrics
-        Further metrics.
-    scan, errors
-        Whether to scan meshes with the virtual sensor, and its error model.
+    scan
+        Whether to scan meshes with the virtual sensor.
     points
         Points sampled from a mesh that is not scanned.
     limit
@@ -148,13 +146,11 @@ class UserRun:
 
     @cached_property
     def _kinds(self) -> list[tuple[str, set[Kind]]]:
-        """Return the files of each path by what they contain."""
         return [
             (text, {kind for path in _files(text) if (kind := _kind(path))}) for text in self.paths
         ]
 
     def _sorted_paths(self) -> dict[Kind, list[str]]:
-        """Return the paths by what they contain."""
         found: dict[Kind, list[str]] = {}
         unused = self.unused()
         if unused and (self.strict or len(unused) == len(self._kinds)):
@@ -175,7 +171,6 @@ class UserRun:
                 )
 
     def _check_units(self, found: Mapping[Kind, Iterable[str]]) -> None:
-        """Refuse a unit for files that are neither clouds nor meshes."""
         texts = {text for paths in found.values() for text in paths}
         files = (path for text in texts for path in _files(text))
         scaled = [path for path in files if _kind(path) in ("clouds", "meshes")]
@@ -220,7 +215,6 @@ class UserRun:
         return {"scenes": kind, "make": "scan", "errors": self.errors, "sweep": sweep, **size}
 
     def _set_peak(self, datasets: Mapping[str, Options]) -> None:
-        """Set the peak of clouds in metres; raise InputError if there are none."""
         if self.peak is None:
             return
         metric = [data for data in datasets.values() if data["size"] == METRIC]
@@ -230,7 +224,6 @@ class UserRun:
             data["peak"] = self.peak
 
     def _examples(self, plan: Plan) -> Iterator[tuple[str, str]]:
-        """Return the first cloud of each kind, for the report."""
         taken = set()
         for dataset, data in plan.datasets.items():
             kind = "spin" if data.has_returns else _EXAMPLES[dataset]
@@ -241,7 +234,6 @@ class UserRun:
     # ---- codecs
 
     def _chosen_rates(self, plan: Plan) -> dict[str, Options]:
-        """Return the names of rates by codec and key, unless all are used."""
         check_codecs(plan)
         keys: dict[CoordinateFrame, str] = {"scaled": "rates", "metric": "metric_rates"}
         few = not self.rates and _seconds(plan) > _BUDGET_S
@@ -346,7 +338,6 @@ def _codec(text: str) -> tuple[str, Options]:
 
 
 def _seconds(plan: Plan) -> float:
-    """Estimate the seconds of encoding, decoding and measuring all clouds at all rates."""
     total = 0.0
     for name, data in plan.datasets.items():
         for codec in filter(lambda codec: plan.codes(codec, name), plan.codecs):
@@ -356,7 +347,6 @@ def _seconds(plan: Plan) -> float:
 
 
 def _check_width(plan: Plan, codec: str, frame: CoordinateFrame, rates: Sequence[str]) -> None:
-    """Raise InputError if all clouds of a frame are too wide for a codec."""
     names = [name for name in plan.in_frame(frame) if plan.codes(codec, name)]
     curves = [curve for curve in plan.curves if curve[0] in names and curve[2] == codec]
     if names and not any({*rates}.intersection(plan.curve_rates(*curve)) for curve in curves):
