@@ -39,6 +39,7 @@ class _Job:
     began: float
     told: int = 0
 
+
 BARS: list[LogHandler] = []
 """The handlers that Snakemake has made; a workflow tells them what to expect."""
 
