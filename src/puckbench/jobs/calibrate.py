@@ -35,7 +35,7 @@ class Calibrate(Job):
         from puckbench.lidar.calibration.files import read_tables, settings_for
 
         tables, name = read_tables(list(residuals), self.model)
-        wanted = None if self.parameters is None else list(self.parameters)
-        settings = settings_for(name, self.cells, wanted, self.quantum_mm)
+        parameters = None if self.parameters is None else list(self.parameters)
+        settings = settings_for(name, self.cells, parameters, self.quantum_mm)
         content = write_calibration(model, calibrate(tables, settings), list(residuals))
         return {"model": name, **content["provenance"]["counts"], **content}

@@ -32,9 +32,9 @@ def write_curve(path: Path, coded: Mapping[str, Coded]) -> None:
     The members of rate r1 are ``r1.bin`` and ``r1.json``.
     """
     members = {}
-    for rate, one in coded.items():
-        members[rate + STREAM] = one.stream
-        members[rate + RECORD] = json_bytes(one.record)
+    for rate, stream in coded.items():
+        members[rate + STREAM] = stream.stream
+        members[rate + RECORD] = json_bytes(stream.record)
     write_archive(path, members)
 
 

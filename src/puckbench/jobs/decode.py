@@ -57,10 +57,10 @@ class Decode(Decoding):
         if self.as_mesh:
             return self._mesh(stream, cloud)
         with naming(stream):
-            found = self.decoded(read_coded(stream, self.rate))
-        about = {"source": stream.name, "codec": found.record["codec"]}
-        write_cloud(cloud, replace(found.cloud, about=about))
-        return found.record
+            result = self.decoded(read_coded(stream, self.rate))
+        about = {"source": stream.name, "codec": result.record["codec"]}
+        write_cloud(cloud, replace(result.cloud, about=about))
+        return result.record
 
     def _mesh(self, path: Path, out: Path) -> dict[str, Any]:
         name, coded = self.read_stream(path, self.rate)

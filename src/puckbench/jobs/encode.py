@@ -74,7 +74,7 @@ class Encoding(TimedJob):
         """Encode a cloud with a loaded codec, timed; again: once more, to compare the streams."""
         with noting(f"rate {rate}"):
             streams: set[bytes] = set()
-            found = measured_encoding(codec, cloud, rate, self.repeats, shared, streams.add)
+            timed = measured_encoding(codec, cloud, rate, self.repeats, shared, streams.add)
             if again:
                 streams.add(codec.encode_cloud(cloud, rate))
         weights = codec.weights_of(rate)
@@ -84,15 +84,15 @@ class Encoding(TimedJob):
             "codec_version": codec.version,
             **({"weights": weights} if weights else {}),
             "points_in": len(cloud),
-            "bytes": len(found.result),
-            "bpp": 8 * len(found.result) / len(cloud),
+            "bytes": len(timed.result),
+            "bpp": 8 * len(timed.result) / len(cloud),
             "repeats": self.repeats,
-            **found.costs("encode"),
+            **timed.costs("encode"),
             **run_environment(self.alone),
             "encode_cpu": cpu_model(),  # decoding may be done, and recorded, elsewhere
             **({REMARK: "repeated encodings differ"} if len(streams) > 1 else {}),
         }
-        return Coded(found.result, record)
+        return Coded(timed.result, record)
 
 
 @JOBS.register("encode")

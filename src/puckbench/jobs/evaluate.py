@@ -186,8 +186,8 @@ class EvaluateCurve(Evaluating):
         coded, progress = read_curve(curve), Progress("rate")
         results = []
         with naming(curve):
-            for done, one in enumerate(coded.values(), start=1):
-                results.append(self.row(originals, self.decoded(one)))
+            for done, stream in enumerate(coded.values(), start=1):
+                results.append(self.row(originals, self.decoded(stream)))
                 progress(done, len(coded))
         write_rows(rows, results)
         seconds = sum(row["decode_s"] for row in results)

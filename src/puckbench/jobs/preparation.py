@@ -22,8 +22,8 @@ class Returns:
 
     def cropped(self, box: Floats, on: str = "clean") -> Returns:
         """Return the rows whose clean (or noisy) coordinates lie in a box (2, 3)."""
-        chosen = self.clean if on == "clean" else self.cloud
-        rows = inside_box(chosen.xyz, box)
+        cloud = self.clean if on == "clean" else self.cloud
+        rows = inside_box(cloud.xyz, box)
         return Returns(self.cloud.select(rows), self.clean.select(rows))
 
     def truth_in_frame_of(self, prepared: PointCloud) -> PointCloud:

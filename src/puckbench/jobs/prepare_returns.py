@@ -76,17 +76,17 @@ class PrepareReturns(Job):
         """
         from puckbench.jobs.preparation import prepare
 
-        found, true, described = self._read(source)
-        points = found.points()
+        measured, true, described = self._read(source)
+        points = measured.points()
         if len(points) == 0:
             raise InputError(f"{source}: holds no return")
-        named = {"error_model": self.error_model} if self.error_model else {}
-        described = {**kept_descriptions(about), **described, **named, **_timing(found)}
+        model = {"error_model": self.error_model} if self.error_model else {}
+        described = {**kept_descriptions(about), **described, **model, **_timing(measured)}
         described |= {"peak": self.peak} if self.peak else {}
         prepared = prepare(PointCloud(points, about=described), 0, self.neighbours)
         if "origin" in described:
             prepared.about["offset"] = described["origin"]
-        write_firings(returns, found)
+        write_firings(returns, measured)
         write_cloud(cloud, prepared)
         if truth:
             kept = {key: prepared.about[key] for key in ("scale", "offset", "size", "peak")}
@@ -100,10 +100,10 @@ class PrepareReturns(Job):
             if ScanTable.schema.metadata_key.encode() in parquet_metadata(path):
                 return self._read_scan(path)
             returns, whole, left_out = _read_returns(path, self.stream)
-            chosen = self._chosen(returns, whole)
+            selected = self._chosen(returns, whole)
         if self.turns is None and is_recording(path) and len(returns.turns) < _FEWEST_TURNS:
             logging.getLogger(__name__).warning("%s: has no whole turn: takes a part of one", path)
-        return chosen, None, {"source": path.name, "sensor": returns.sensor, **left_out}
+        return selected, None, {"source": path.name, "sensor": returns.sensor, **left_out}
 
     def _chosen(self, returns: Returns, whole: tuple[int, int]) -> Returns:
         first, last = self.turns or whole
@@ -121,22 +121,22 @@ class PrepareReturns(Job):
         if self.turns:
             frames = table["frame"]
             table = table.select((frames >= self.turns[0]) & (frames <= self.turns[1]))
-        found = returns_of_scan(table, self.clean)
-        chosen = self._chosen(found.returns, (0, len(found.returns.turns) - 1))
-        rows = table.select(found.rows)
+        scan = returns_of_scan(table, self.clean)
+        selected = self._chosen(scan.returns, (0, len(scan.returns.turns) - 1))
+        rows = table.select(scan.rows)
         noise = rows["distance_noisy"] - rows["distance"]
-        lasers = rows["frame"] * chosen.beams.lasers + rows["laser_id"]
-        known = {
+        lasers = rows["frame"] * selected.beams.lasers + rows["laser_id"]
+        description = {
             "source": path.name,
-            "sensor": chosen.sensor,
+            "sensor": selected.sensor,
             "errors": table.about.get("errors", {}),
-            "noise_bits": 0.0 if self.clean else entropy_bits(noise, lasers, chosen.quantum_m),
+            "noise_bits": 0.0 if self.clean else entropy_bits(noise, lasers, selected.quantum_m),
         }
-        true = PointCloud(true_points(table, found))
-        if found.still_at is not None:  # a moving sensor's frame turns against the world's normals
-            known["origin"] = found.still_at.tolist()
+        true = PointCloud(true_points(table, scan))
+        if scan.still_at is not None:  # a moving sensor's frame turns against the world's normals
+            description["origin"] = scan.still_at.tolist()
             true = replace(true, normals=rows.normals, labels=rows.primitive_id)
-        return chosen, true, known
+        return selected, true, description
 
 
 def is_recording(path: Path) -> bool:

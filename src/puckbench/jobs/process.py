@@ -55,30 +55,26 @@ def main(words: Sequence[str]) -> int:
 
 def run_job(name: str, record: Any, files: Mapping[str, Sequence[Path]]) -> None:
     job = JOBS.get(name).of_record(record, f"job {name}")
-    known = signature(job.run).parameters
-    several = {key for key, about in known.items() if "tuple" in str(about.annotation)}
-    done = job.run(
-        **{
-            key: tuple(paths) if key in several else paths[0]
-            for key, paths in files.items()
-            if paths
-        }
+    parameters = signature(job.run).parameters
+    lists = {key for key, parameter in parameters.items() if "tuple" in str(parameter.annotation)}
+    results = job.run(
+        **{key: tuple(paths) if key in lists else paths[0] for key, paths in files.items() if paths}
     )
-    print(cost_line(name, done))  # noqa: T201
+    print(cost_line(name, results))  # noqa: T201
 
 
 def _files(name: str, words: Sequence[str]) -> dict[str, list[Path]]:
     """Return files by key: ``key=FILE`` begins a key, and further files follow it."""
-    known = signature(JOBS.get(name).run).parameters
-    takes_any = any(about.kind is about.VAR_KEYWORD for about in known.values())
-    found: dict[str, list[Path]] = {}
+    parameters = signature(JOBS.get(name).run).parameters
+    takes_any = any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters.values())
+    files: dict[str, list[Path]] = {}
     for word in words:
         key, _, path = word.partition("=")
-        if key in known or (takes_any and key.isidentifier()):
-            found[key] = [Path(path)] if path else []
+        if key in parameters or (takes_any and key.isidentifier()):
+            files[key] = [Path(path)] if path else []
         else:
-            found[next(reversed(found))].append(Path(word))
-    return found
+            files[next(reversed(files))].append(Path(word))
+    return files
 
 
 def leave(status: int) -> NoReturn:

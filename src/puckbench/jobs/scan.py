@@ -117,5 +117,5 @@ class _Described(Model):
 def _described(mesh: Path) -> list[float] | None:
     """Return the origin in the description beside a mesh."""
     origin = (read_description(mesh) or {}).get("origin")
-    found = parsed(_Described, {"origin": origin}, str(sidecar(mesh))).origin
-    return None if found is None else list(found)
+    position = parsed(_Described, {"origin": origin}, str(sidecar(mesh))).origin
+    return None if position is None else list(position)

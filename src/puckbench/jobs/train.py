@@ -143,10 +143,10 @@ class Train(Job):
         peak = self.peak or peak_of(clouds)
         if peak is None:
             _say("the validation's clouds tell no size, or several: no d1_psnr without --peak")
-        found = validation(codec, clouds, peak)
-        for fault in found["faults"]:
+        results = validation(codec, clouds, peak)
+        for fault in results["faults"]:
             _say(f"warning: {weights.stem}: {fault}")
-        return {"data": _names(validate), **found}
+        return {"data": _names(validate), **results}
 
     def _measure_now(
         self,

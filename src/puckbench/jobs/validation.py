@@ -37,13 +37,13 @@ def peak_of(clouds: Sequence[PointCloud]) -> float | None:
 
 
 def validation(codec: Codec, clouds: Sequence[PointCloud], peak: float | None) -> dict[str, Any]:
-    found = validated(codec, clouds, peak)
-    return {"rates": found, "faults": faults(found)}
+    rates = validated(codec, clouds, peak)
+    return {"rates": rates, "faults": faults(rates)}
 
 
 def _means(codec: Codec, clouds: Sequence[PointCloud], rate: str, peak: float | None) -> Measures:
-    found = [_measured(codec, cloud, rate) for cloud in clouds]
-    means = {name: float(np.mean([values[name] for values in found])) for name in found[0]}
+    values = [_measured(codec, cloud, rate) for cloud in clouds]
+    means = {name: float(np.mean([each[name] for each in values])) for name in values[0]}
     return {**means, **(mpeg_psnr(means, peak) if peak and means["d1_mse"] > 0 else {})}
 
 
@@ -51,10 +51,10 @@ def _measured(codec: Codec, cloud: PointCloud, rate: str) -> Measures:
     from puckbench.metrics.geometry import distortion
 
     stream = codec.encode(cloud.xyz, rate)
-    found = distortion(PointCloud(cloud.xyz), codec.decode(stream))
+    measures = distortion(PointCloud(cloud.xyz), codec.decode(stream))
     return {
         "bpp": 8 * len(stream) / len(cloud),
-        **{name: found[name] for name in ("d1_mse", "cd_point")},
+        **{name: measures[name] for name in ("d1_mse", "cd_point")},
     }
 
 

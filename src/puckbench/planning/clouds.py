@@ -38,7 +38,7 @@ class CloudJobs:
     @cached_property
     def of_returns(self) -> list[str]:
         """Scene sets whose scenes are the returns of real sensors."""
-        return [name for name, chosen in self.plan.scenes.items() if of_returns(chosen.scenes)]
+        return [name for name, scenes in self.plan.scenes.items() if of_returns(scenes.scenes)]
 
     def prepared(self, has_returns: bool) -> list[str]:
         sets = self.plan.datasets.items()
@@ -63,11 +63,14 @@ class CloudJobs:
 
     @cache  # noqa: B019 (one plan lives as long as the process)
     def scene(self, scenes: str, name: str) -> PlannedJob:
-        chosen = self.plan.scenes[scenes]
+        scene_set = self.plan.scenes[scenes]
         record = WriteScene(
-            loader=chosen.loader, name=name, options=chosen.options_of(name), seed=chosen.seed
+            loader=scene_set.loader,
+            name=name,
+            options=scene_set.options_of(name),
+            seed=scene_set.seed,
         )
-        return planned(record, LOADERS.module_of(chosen.loader))
+        return planned(record, LOADERS.module_of(scene_set.loader))
 
     @cache  # noqa: B019
     def sample(self, dataset: str) -> PlannedJob:

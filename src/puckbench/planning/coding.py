@@ -271,11 +271,11 @@ class CodingJobs:
         """Return the codec's complete entry with some of the rates for a data set."""
         entry = {**self.plan.codecs[codec]}
         table = self.plan.opened[codec].rates_of(self._frame(dataset))
-        chosen = {rate: table[rate] for rate in rates}
+        selected = {rate: table[rate] for rate in rates}
         lengths = entry.pop("metric_rates", {})
-        if chosen.keys() <= lengths.keys():
-            return {**entry, "rates": {}, "metric_rates": chosen}
-        return {**entry, "rates": chosen}
+        if selected.keys() <= lengths.keys():
+            return {**entry, "rates": {}, "metric_rates": selected}
+        return {**entry, "rates": selected}
 
     def _module(self, codec: str) -> str:
         return module_of(self.plan.codecs[codec]["class"])

@@ -32,9 +32,9 @@ def _different(values: tuple[Any, ...]) -> tuple[Any, ...]:
 
 def _own_keys(cls: type[Model], values: Options) -> Options:
     """Refuse unknown keys of a `stand_in`."""
-    known = [name for name in cls.model_fields if name != "stand_in"]
-    if unknown := [name for name in values if name not in known]:
-        raise ValueError(f"unknown key '{unknown[0]}'{among(unknown[0], known)}")
+    names = [name for name in cls.model_fields if name != "stand_in"]
+    if unknown := [name for name in values if name not in names]:
+        raise ValueError(f"unknown key '{unknown[0]}'{among(unknown[0], names)}")
     return values
 
 
@@ -370,8 +370,8 @@ class ExamplesConfig(Model):
 
     def given(self) -> dict[str, str]:
         """Return the clouds by kind."""
-        chosen: dict[str, str] = self.model_dump(exclude_none=True)
-        return chosen
+        clouds: dict[str, str] = self.model_dump(exclude_none=True)
+        return clouds
 
 
 class FiguresConfig(Model):
@@ -501,8 +501,8 @@ class Config(Model):
 
     def as_json(self) -> Options:
         """Return the configuration with its defaults, except for those of codecs."""
-        found = self.model_dump(mode="json", by_alias=True, exclude_none=True)
-        return {**found, "codecs": {name: self.codec(name) for name in self.codecs}}
+        values = self.model_dump(mode="json", by_alias=True, exclude_none=True)
+        return {**values, "codecs": {name: self.codec(name) for name in self.codecs}}
 
 
 def checked(config: Mapping[str, Any]) -> Config:
@@ -520,9 +520,9 @@ def checked(config: Mapping[str, Any]) -> Config:
 
 def trusted(config: Mapping[str, Any]) -> Config:
     """Check the user's configuration, and trust the code that it names."""
-    found = checked(config)
-    trust(found.places())
-    return found
+    configuration = checked(config)
+    trust(configuration.places())
+    return configuration
 
 
 def with_stand_ins(config: Mapping[str, Any]) -> Options:
@@ -551,8 +551,8 @@ def with_stand_ins(config: Mapping[str, Any]) -> Options:
 
 
 def _mappings(values: Any) -> list[Options]:
-    found = values.values() if isinstance(values, dict) else values or ()
-    return [value for value in found if isinstance(value, dict)]
+    items = values.values() if isinstance(values, dict) else values or ()
+    return [value for value in items if isinstance(value, dict)]
 
 
 def read_config(path: Path) -> Options:

@@ -23,11 +23,11 @@ _TABLE = re.compile(r"(<!-- keys: (\w+) -->\n).*?(<!-- end of keys -->)", re.DOT
 
 def schema() -> str:
     """Return the JSON schema of a configuration file."""
-    found = {
+    content = {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         **config.Config.model_json_schema(by_alias=True),
     }
-    return json.dumps(found, indent=2, ensure_ascii=False) + "\n"
+    return json.dumps(content, indent=2, ensure_ascii=False) + "\n"
 
 
 def key_table(model: type[BaseModel]) -> str:

@@ -141,10 +141,10 @@ class Measurements:
 def read_job_times(run: Path) -> list[JobTime]:
     """Read the costs of the runs in a folder; raise InputError if there are none."""
     logs = [log for folder in _log_folders(run) for log in sorted(folder.rglob("*.log"))]
-    found = [_job_time(log, cost) for log in logs if (cost := read_cost(log))]
-    if not found:
+    times = [_job_time(log, cost) for log in logs if (cost := read_cost(log))]
+    if not times:
         raise InputError(f"{run}: no logs of finished jobs there (results/logs)")
-    return found
+    return times
 
 
 def _log_folders(run: Path) -> list[Path]:
@@ -185,19 +185,19 @@ def _points(results: Path, dataset: str, cloud: str) -> int:
 
 def estimated(kinds: Iterable[JobKind], times: Iterable[JobTime]) -> list[Estimate]:
     """Estimate every kind of job from the times of a run."""
-    known = [time for time in times if time.points or time.job not in _OF_CLOUDS]
-    return [_estimate(kind, known) for kind in kinds]
+    usable = [time for time in times if time.points or time.job not in _OF_CLOUDS]
+    return [_estimate(kind, usable) for kind in kinds]
 
 
-def _estimate(kind: JobKind, known: list[JobTime]) -> Estimate:
+def _estimate(kind: JobKind, job_times: list[JobTime]) -> Estimate:
     """Estimate from the most similar jobs: with as many rates, and with or without truth."""
-    codecs = [time for time in known if (time.job, time.codec) == (kind.job, kind.codec)]
+    codecs = [time for time in job_times if (time.job, time.codec) == (kind.job, kind.codec)]
     times = [time for time in codecs if time.rates == kind.rates] or codecs
     if not times:
         return Estimate(kind, None)
     alike = [time for time in times if time.truth == kind.truth] or times
     largest = max(time.points for time in alike)
-    found = Measurements.of((time.points, time.of(kind.rates, kind.repeats)) for time in alike)
+    fitted = Measurements.of((time.points, time.of(kind.rates, kind.repeats)) for time in alike)
     reach = kind.points / largest if largest else 0.0
     exact = any(time.rates == kind.rates for time in times)
-    return Estimate(kind, found.at(kind.points), len(alike), reach, exact)
+    return Estimate(kind, fitted.at(kind.points), len(alike), reach, exact)

@@ -200,11 +200,11 @@ class Plan:
 
     def _datasets(self) -> dict[str, DataSetPlan]:
         datasets = {name: self._dataset(name, data) for name, data in self.config.datasets.items()}
-        found = {name: data for name, data in datasets.items() if data.clouds}
-        if datasets and not found:
+        usable = {name: data for name, data in datasets.items() if data.clouds}
+        if datasets and not usable:
             name, faults = next(iter(self.left_out.items()))
             raise _unusable(name, faults)
-        return found
+        return usable
 
     def left_out_rows(self) -> tuple[dict[str, str], ...]:
         """Return what the run leaves out and why: files, scenes, rates of clouds."""
@@ -265,14 +265,14 @@ class Plan:
     @cached_property
     def too_wide(self) -> dict[tuple[str, str, str], tuple[str, ...]]:
         """Rates that are too fine for the extent of a cloud, by data set, cloud and codec."""
-        found = {
+        rates_by_curve = {
             (dataset, cloud, codec): self._too_fine(codec, extent)
             for dataset, sides in self.extents.items()
             for cloud, extent in sides.items()
             for codec in self.codecs
             if self.codes(codec, dataset)
         }
-        return {cell: rates for cell, rates in found.items() if rates}
+        return {cell: rates for cell, rates in rates_by_curve.items() if rates}
 
     def _too_fine(self, codec: str, extent: float) -> tuple[str, ...]:
         most_extent = self.opened[codec].most_extent
@@ -301,8 +301,8 @@ class Plan:
     @cached_property
     def scanned(self) -> tuple[tuple[str, str], ...]:
         """Clouds that are themselves compared with the truth."""
-        known = {name for name, data in self.datasets.items() if data.is_scanned_from_truth}
-        return tuple(cloud for cloud in self.clouds if cloud[0] in known)
+        datasets = {name for name, data in self.datasets.items() if data.is_scanned_from_truth}
+        return tuple(cloud for cloud in self.clouds if cloud[0] in datasets)
 
     @cached_property
     def of_surfaces(self) -> frozenset[str]:
@@ -479,9 +479,9 @@ def open_scenes(name: str, value: SceneSetConfig, seed: int) -> ScenePlan:
     own_seed = seed if value.seed is None else value.seed
     with naming(f"scenes.{name}"):
         scenes = open_scene_set(value.loader, value.options, own_seed)
-        known = scenes.names()
-    chosen = _chosen(name, value, known)
-    return ScenePlan(name, value.loader, own_seed, value.options, scenes, chosen)
+        names = scenes.names()
+    selected = _chosen(name, value, names)
+    return ScenePlan(name, value.loader, own_seed, value.options, scenes, selected)
 
 
 def _weights(name: str, changes: Mapping[str, Any]) -> list[Path]:
@@ -504,15 +504,15 @@ def _points(where: str, settings: DataSetConfig) -> int:
     return sweep.frames * sweep.steps(sensor) * sensor.lasers
 
 
-def _chosen(name: str, value: SceneSetConfig, known: list[str]) -> tuple[str, ...]:
-    wanted = known if value.select is None else value.select
-    missing = [scene for scene in wanted if scene not in known]
+def _chosen(name: str, value: SceneSetConfig, names: list[str]) -> tuple[str, ...]:
+    selected = names if value.select is None else value.select
+    missing = [scene for scene in selected if scene not in names]
     if missing:
         raise InputError(
-            f"scenes.{name}.select: no scene '{missing[0]}' among its {len(known)}"
-            f"{closest(missing[0], known)}"
+            f"scenes.{name}.select: no scene '{missing[0]}' among its {len(names)}"
+            f"{closest(missing[0], names)}"
         )
-    return tuple(wanted[: value.limit])
+    return tuple(selected[: value.limit])
 
 
 def _study(value: StudyConfig, seed: int) -> StudyPlan:

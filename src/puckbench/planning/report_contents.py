@@ -18,13 +18,13 @@ def planned_contents(
     tables: Iterable[str],
     style: Sequence[Mapping[str, Any]],
 ) -> Contents:
-    chosen = plan.config.report
+    settings = plan.config.report
     folder = plan.results / "tables"
     first = [*FIRST_TABLES] if plan.datasets else []
     first += ["left_out"] if plan.left_out_rows() else []
     first += ["scan_errors"] if plan.scanned else []
     return Contents(
-        title=chosen.title,
+        title=settings.title,
         metrics=str(folder / "metrics.parquet") if plan.datasets else None,
         tables={name: str(folder / f"{name}.csv") for name in (*first, *tables)},
         figures={name: str(plan.results / "figures" / f"{name}.png") for name in figures},
@@ -34,8 +34,8 @@ def planned_contents(
         logs=str(plan.results / "logs"),
         configuration=plan.config.as_json(),
         style=tuple(style),
-        points=chosen.points,
-        most_mb=chosen.most_mb,
+        points=settings.points,
+        most_mb=settings.most_mb,
     )
 
 

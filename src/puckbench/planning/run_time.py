@@ -29,9 +29,9 @@ def job_seconds(bench: Workflow) -> Callable[[str], float]:
     """Return the seconds of a job by the name of its rule, as the mean over all clouds."""
     counts = [data.points for data in bench.plan.datasets.values() for _ in data.clouds]
     millions = sum(counts) / 1e6 / max(1, len(counts))
-    known = {name: per_million * millions for name, per_million in _OF_CLOUDS.items()} | _OTHERS
-    known |= _of_curves(bench, millions)
-    return lambda rule: _START_S + known.get(rule, _OTHER_S)
+    seconds = {name: per_million * millions for name, per_million in _OF_CLOUDS.items()} | _OTHERS
+    seconds |= _of_curves(bench, millions)
+    return lambda rule: _START_S + seconds.get(rule, _OTHER_S)
 
 
 def _of_curves(bench: Workflow, millions: float) -> dict[str, float]:

@@ -35,20 +35,20 @@ def differences(folder: Path, reference: Path, finished: bool = True) -> list[st
     finished
         Whether files that `folder` lacks count as differences.
     """
-    here, there = set(compared(folder)), set(compared(reference))
-    found = [f"{name}: only in {folder}" for name in sorted(here - there)]
+    names, reference_names = set(compared(folder)), set(compared(reference))
+    lines = [f"{name}: only in {folder}" for name in sorted(names - reference_names)]
     if finished:
-        found += [f"{name}: only in {reference}" for name in sorted(there - here)]
-    both = sorted(here & there)
-    return found + [
-        f"{name}: differs" for name in both if not same(folder / name, reference / name)
+        lines += [f"{name}: only in {reference}" for name in sorted(reference_names - names)]
+    common = sorted(names & reference_names)
+    return lines + [
+        f"{name}: differs" for name in common if not same(folder / name, reference / name)
     ]
 
 
 def after_a_kill(folder: Path, reference: Path) -> list[str]:
     """Return the differences of an unfinished folder."""
-    found = differences(folder, reference, finished=False)
-    return [line for line in found if ".tmp" not in line]
+    lines = differences(folder, reference, finished=False)
+    return [line for line in lines if ".tmp" not in line]
 
 
 def compared(folder: Path) -> Iterator[str]:

@@ -37,45 +37,46 @@ def scan_record(settings: DataSetConfig, scene: str, seed: int) -> Scan:
 
 
 def scene_faults(
-    scenes: SceneSet, chosen: Iterable[str], settings: DataSetConfig, kept: Path
+    scenes: SceneSet, names: Iterable[str], settings: DataSetConfig, results_file: Path
 ) -> dict[str, str]:
     """Return why a data set cannot use some of its scenes, by name.
 
     Parameters
     ----------
-    chosen
+    names
         Names of the scenes. Generated scenes and clouds of published data sets are not checked.
-    kept
+    results_file
         File of earlier results.
     """
     if settings.make == "cloud" and not read_first(scenes):
         return {}
     states = {
         name: _state(scenes, files, settings, name)
-        for name in chosen
+        for name in names
         if (files := scenes.files(name))
     }
-    known = _known(kept) if states else {}
-    stale = [name for name, state in states.items() if known.get(name, {}).get("state") != state]
+    results = _read_checks(results_file) if states else {}
+    stale = [name for name, state in states.items() if results.get(name, {}).get("state") != state]
     what = "meshes"
     if settings.make == "cloud":  # a package that reads its format may have been installed since
-        what, faulty = "clouds", {name for name in states if known.get(name, {}).get("fault")}
+        what, faulty = "clouds", {name for name in states if results.get(name, {}).get("fault")}
         stale = [name for name in states if name in faulty or name in stale]
-    progress = Progress(f"{kept.stem}: {what} looked at:")
+    progress = Progress(f"{results_file.stem}: {what} looked at:")
     for done, name in enumerate(stale, start=1):
         fault, measured = _found(scenes, name, settings)
-        known[name] = {"state": states[name], "fault": fault, **measured}
+        results[name] = {"state": states[name], "fault": fault, **measured}
         progress(done, len(stale))
     if stale:
-        write_json(kept, known)
-    return {name: known[name]["fault"] for name in states if known[name]["fault"]}
+        write_json(results_file, results)
+    return {name: results[name]["fault"] for name in states if results[name]["fault"]}
 
 
-def most_points(kept: Path, scenes: Iterable[str]) -> int | None:
+def most_points(results_file: Path, scenes: Iterable[str]) -> int | None:
     """Return the points of the largest cloud that was read, or None."""
-    known = _known(kept)
+    checks = _read_checks(results_file)
     return max(
-        (known[name]["points"] for name in scenes if "points" in known.get(name, {})), default=None
+        (checks[name]["points"] for name in scenes if "points" in checks.get(name, {})),
+        default=None,
     )
 
 
@@ -86,17 +87,17 @@ class _Check(Model):
     extent_m: float | None = None
 
 
-def _known(kept: Path) -> dict[str, dict[str, Any]]:
-    checks = read_object(kept) if kept.exists() else {}
+def _read_checks(results_file: Path) -> dict[str, dict[str, Any]]:
+    checks = read_object(results_file) if results_file.exists() else {}
     for name, check in checks.items():
-        parsed(_Check, check, f"{kept}: {name}")
+        parsed(_Check, check, f"{results_file}: {name}")
     return checks
 
 
-def extents(kept: Path, scenes: Iterable[str]) -> dict[str, float]:
+def extents(results_file: Path, scenes: Iterable[str]) -> dict[str, float]:
     """Return the longest side of the bounding box of scenes that were read, m."""
-    known = _known(kept)
-    return {name: known[name]["extent_m"] for name in scenes if "extent_m" in known.get(name, {})}
+    checks = _read_checks(results_file)
+    return {name: checks[name]["extent_m"] for name in scenes if "extent_m" in checks.get(name, {})}
 
 
 def _state(scenes: SceneSet, files: Iterable[Path], settings: DataSetConfig, name: str) -> str:

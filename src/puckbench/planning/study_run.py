@@ -41,20 +41,20 @@ def study_configuration(
         its configuration is invalid or names code.
     """
     study = _stored(reference)
-    known: Mapping[str, Options] = study["datasets"]
+    offered: Mapping[str, Options] = study["datasets"]
     for name in datasets:
-        if name not in known:
+        if name not in offered:
             raise InputError(
-                f"--datasets: {reference.name} has no data set '{name}'{among(name, list(known))}"
+                f"--datasets: {reference.name} has no data set '{name}'{among(name, list(offered))}"
             )
-    chosen = {
+    selected = {
         name: {key: value for key, value in data.items() if key != "codecs"}
-        for name, data in known.items()
-        if name in (datasets or known)
+        for name, data in offered.items()
+        if name in (datasets or offered)
     }
-    used = {data["scenes"] for data in chosen.values()}
+    used = {data["scenes"] for data in selected.values()}
     shown = study["figures"].get("examples", {})
-    examples = {kind: cloud for kind, cloud in shown.items() if cloud.split("/")[0] in chosen}
+    examples = {kind: cloud for kind, cloud in shown.items() if cloud.split("/")[0] in selected}
     own = codec_entries(codecs)
     trust(entry.get("class") for entry in own.values())
     deltas = study["bd_rate"]
@@ -63,7 +63,7 @@ def study_configuration(
     config = {
         **study,
         "scenes": {name: scenes for name, scenes in study["scenes"].items() if name in used},
-        "datasets": chosen,
+        "datasets": selected,
         "codecs": own,
         "bd_rate": deltas,
         "figures": {**study["figures"], "examples": examples},

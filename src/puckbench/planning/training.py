@@ -27,14 +27,14 @@ class TrainingJobs:
 
     def train(self, name: str) -> PlannedJob:
         """Plan a training; a checkpoint of other code is discarded."""
-        chosen = self.training(name)
+        training = self.training(name)
         record = Train(
-            codec=chosen.codec,
-            changes=chosen.entry,
-            options=chosen.settings,
-            start=chosen.start,
-            validate_every=chosen.validate_every,
-            code=code_version(module_of(training_class(chosen.codec, chosen.entry))),
+            codec=training.codec,
+            changes=training.entry,
+            options=training.settings,
+            start=training.start,
+            validate_every=training.validate_every,
+            code=code_version(module_of(training_class(training.codec, training.entry))),
         )
         return planned(record)
 

@@ -111,13 +111,13 @@ class UserRun:
 
     def configuration(self) -> Options:
         """Read the files and return the configuration; raise InputError for unusable ones."""
-        found = self._sorted_paths()
-        self._check_results(found)
-        self._check_units(found)
-        scenes = {kind: self._scenes(kind, paths) for kind, paths in found.items()}
-        datasets = {self._name(kind): self._dataset(kind, scenes[kind]) for kind in found}
+        paths_by_kind = self._sorted_paths()
+        self._check_results(paths_by_kind)
+        self._check_units(paths_by_kind)
+        scenes = {kind: self._scenes(kind, paths) for kind, paths in paths_by_kind.items()}
+        datasets = {self._name(kind): self._dataset(kind, scenes[kind]) for kind in paths_by_kind}
         self._set_peak(datasets)
-        usual = CODECS_OF_RECORDINGS if set(found) == {"recordings"} else CODECS
+        usual = CODECS_OF_RECORDINGS if set(paths_by_kind) == {"recordings"} else CODECS
         config: Options = {
             "results": self.results,
             **({"strict": True} if self.strict else {}),
@@ -151,27 +151,27 @@ class UserRun:
         ]
 
     def _sorted_paths(self) -> dict[Kind, list[str]]:
-        found: dict[Kind, list[str]] = {}
+        paths_by_kind: dict[Kind, list[str]] = {}
         unused = self.unused()
         if unused and (self.strict or len(unused) == len(self._kinds)):
             raise InputError("{}: {}".format(*next(iter(unused.items()))))
         for text, kinds in self._kinds:
             for kind in kinds:
-                found.setdefault(kind, []).append(text)
+                paths_by_kind.setdefault(kind, []).append(text)
         order: tuple[Kind, ...] = ("clouds", "meshes", "recordings")
-        return {kind: found[kind] for kind in order if kind in found}
+        return {kind: paths_by_kind[kind] for kind in order if kind in paths_by_kind}
 
-    def _check_results(self, found: Mapping[Kind, Iterable[str]]) -> None:
+    def _check_results(self, paths_by_kind: Mapping[Kind, Iterable[str]]) -> None:
         """Refuse a results folder among the data, which the next run would read."""
         results = Path(self.results).resolve()
-        for text in (text for paths in found.values() for text in paths):
+        for text in (text for paths in paths_by_kind.values() for text in paths):
             if Path(text).is_dir() and results.is_relative_to(Path(text).resolve()):
                 raise InputError(
                     f"--out {self.results}: lies in {text}, which is read: take another"
                 )
 
-    def _check_units(self, found: Mapping[Kind, Iterable[str]]) -> None:
-        texts = {text for paths in found.values() for text in paths}
+    def _check_units(self, paths_by_kind: Mapping[Kind, Iterable[str]]) -> None:
+        texts = {text for paths in paths_by_kind.values() for text in paths}
         files = (path for text in texts for path in _files(text))
         scaled = [path for path in files if _kind(path) in ("clouds", "meshes")]
         with naming("--metres-per-unit"):
@@ -186,9 +186,9 @@ class UserRun:
         options = {"path": paths[0] if len(paths) == 1 else paths, **options}
         limit = self.limit
         if kind == "recordings":
-            found = open_scene_set(_LOADERS[kind], options)
-            unusable = len(found.unusable) if isinstance(found, recordings.Recordings) else 0
-            names, limit = found.names(), limit or _TURNS
+            scenes = open_scene_set(_LOADERS[kind], options)
+            unusable = len(scenes.unusable) if isinstance(scenes, recordings.Recordings) else 0
+            names, limit = scenes.names(), limit or _TURNS
             turns = len(names) - unusable
             select = [*names[:unusable], *spread_out(names[unusable:], limit)]
             if turns > limit:
@@ -237,42 +237,42 @@ class UserRun:
         check_codecs(plan)
         keys: dict[CoordinateFrame, str] = {"scaled": "rates", "metric": "metric_rates"}
         few = not self.rates and _seconds(plan) > _BUDGET_S
-        found: dict[str, Options] = {codec: {} for codec in plan.codecs}
+        changes: dict[str, Options] = {codec: {} for codec in plan.codecs}
         for codec in plan.codecs:
             for frame in plan.frames:
-                known = plan.rates(codec, frame)
-                wanted = self._wanted(codec, known, few) if known else known
-                if few and len(wanted) < len(known):
-                    rates = f"{len(wanted)} of {len(known)} rates"
-                    self._reductions[f"codec {codec}"] = f"{rates}: all take long (--rates all)"
-                _check_width(plan, codec, frame, wanted)
-                if wanted != known:
-                    found[codec][keys[frame]] = list(wanted)
-        return found
+                rates = plan.rates(codec, frame)
+                selected = self._wanted(codec, rates, few) if rates else rates
+                if few and len(selected) < len(rates):
+                    counts = f"{len(selected)} of {len(rates)} rates"
+                    self._reductions[f"codec {codec}"] = f"{counts}: all take long (--rates all)"
+                _check_width(plan, codec, frame, selected)
+                if selected != rates:
+                    changes[codec][keys[frame]] = list(selected)
+        return changes
 
-    def _wanted(self, codec: str, known: tuple[str, ...], few: bool) -> tuple[str, ...]:
+    def _wanted(self, codec: str, rates: tuple[str, ...], few: bool) -> tuple[str, ...]:
         if few:
-            return tuple(spread_out(known, _FEW_RATES))
+            return tuple(spread_out(rates, _FEW_RATES))
         if self.rates in {(), ("all",)}:
-            return known
-        wanted = tuple(rate for rate in known if rate in self.rates)
-        if not wanted:
+            return rates
+        selected = tuple(rate for rate in rates if rate in self.rates)
+        if not selected:
             raise InputError(
-                f"--rates: codec {codec} has none of {', '.join(self.rates)} ({', '.join(known)})"
+                f"--rates: codec {codec} has none of {', '.join(self.rates)} ({', '.join(rates)})"
             )
-        return wanted
+        return selected
 
 
 def _files(text: str) -> Iterator[Path]:
     """Return the files of a path or pattern, and folders that are one recording."""
     path = Path(text)
     if path.is_dir() and not recordings.is_bag_folder(path):
-        yield from (one for one in sorted(path.rglob("*")) if is_file_or_lost(one))
+        yield from (each for each in sorted(path.rglob("*")) if is_file_or_lost(each))
     elif path.exists():
         yield path
     else:
         matches = map(Path, sorted(glob.glob(text, recursive=True)))  # noqa: PTH207 (any pattern)
-        yield from (one for one in matches if one.is_file() or recordings.is_bag_folder(one))
+        yield from (each for each in matches if each.is_file() or recordings.is_bag_folder(each))
 
 
 def _why_unused(text: str) -> str:
@@ -281,8 +281,8 @@ def _why_unused(text: str) -> str:
         return "a link to a file that is gone"
     if not path.exists() and not glob.glob(text, recursive=True):  # noqa: PTH207 (any pattern)
         return "no such file"
-    known = ", ".join(dict.fromkeys((*clouds.SUFFIXES, *meshes.SUFFIXES)))
-    return f"{NOTHING_THERE} there ({known}, {', '.join(recordings.RECORDING_SUFFIXES)})"
+    suffixes = ", ".join(dict.fromkeys((*clouds.SUFFIXES, *meshes.SUFFIXES)))
+    return f"{NOTHING_THERE} there ({suffixes}, {', '.join(recordings.RECORDING_SUFFIXES)})"
 
 
 def _kind(path: Path) -> Kind | None:
