@@ -8,7 +8,7 @@ import pytest
 from puckbench.codecs.registry import open_codec
 from puckbench.datasets.embedded_rooms import EmbeddedRooms
 from puckbench.geometry.cloud import PointCloud
-from puckbench.jobs.preparation import Returns
+from puckbench.jobs.preparation import MeasuredPoints
 from puckbench.jobs.preparation import prepare as prepare_cloud
 from puckbench.lidar import free_origin, load_sensor, open_error_model, open_sweep, scan
 from puckbench.metrics.geometry import distortion
@@ -106,7 +106,7 @@ def test_the_truth_of_a_cluttered_room_is_left_no_sooner_than_at_the_highest_rat
     sweep, model = open_sweep({"azimuth_step_deg": 1.8}), open_error_model("vlp16_divergence")
     sensor, rng = load_sensor("vlp16"), np.random.default_rng(0)
     table = scan(mesh, sensor, sweep, model, free_origin(mesh), rng)
-    returns = Returns(PointCloud(table.xyz_noisy), PointCloud(table.xyz, table.normals))
+    returns = MeasuredPoints(PointCloud(table.xyz_noisy), PointCloud(table.xyz, table.normals))
     cloud = prepare_cloud(returns.cloud)
     curve = _curve(cloud, returns.truth_in_frame_of(cloud), ("r6", "r7", "r8"))
     steps = curve[1:] / curve[:-1]

@@ -8,7 +8,7 @@ from puckbench.geometry.mesh import Labels, Mesh, Primitive, SceneObject
 from puckbench.geometry.normals import estimate_normals
 from puckbench.geometry.sampling import sample_surface
 from puckbench.geometry.scaling import cube_scaling
-from puckbench.jobs.preparation import Returns, prepare
+from puckbench.jobs.preparation import MeasuredPoints, prepare
 
 
 def _two_triangles() -> Mesh:
@@ -105,8 +105,8 @@ def test_returns_are_cropped_together_by_clean_or_noisy_coordinates() -> None:
     clean = PointCloud(np.array([[0.5, 0.5, 0.99], [0.5, 0.5, 0.5]]))
     noisy = PointCloud(np.array([[0.5, 0.5, 1.01], [0.5, 0.5, 0.5]]))
     box = np.array([[0.0, 0, 0], [1, 1, 1]])
-    assert len(Returns(noisy, clean).cropped(box, "clean").cloud) == 2
-    by_noisy = Returns(noisy, clean).cropped(box, "noisy")
+    assert len(MeasuredPoints(noisy, clean).cropped(box, "clean").cloud) == 2
+    by_noisy = MeasuredPoints(noisy, clean).cropped(box, "noisy")
     assert len(by_noisy.cloud) == len(by_noisy.clean) == 1
 
 
@@ -115,5 +115,5 @@ def test_true_points_are_scaled_like_the_measured_ones() -> None:
     clean = PointCloud(rng.random((100, 3)))
     noisy = PointCloud(clean.xyz + 0.01)
     ready = prepare(noisy, 1024, 10)
-    truth = Returns(noisy, clean).truth_in_frame_of(ready)
+    truth = MeasuredPoints(noisy, clean).truth_in_frame_of(ready)
     assert np.allclose(ready.to_metres(truth.xyz), clean.xyz, atol=1e-9)

@@ -14,17 +14,17 @@ from puckbench.metrics.psnr import PEAK_M
 
 
 @dataclass(frozen=True)
-class Returns:
+class MeasuredPoints:
     """Measured points and, row by row, the true points of the surface."""
 
     cloud: PointCloud
     clean: PointCloud
 
-    def cropped(self, box: Floats, on: str = "clean") -> Returns:
+    def cropped(self, box: Floats, on: str = "clean") -> MeasuredPoints:
         """Return the rows whose clean (or noisy) coordinates lie in a box (2, 3)."""
         cloud = self.clean if on == "clean" else self.cloud
         rows = inside_box(cloud.xyz, box)
-        return Returns(self.cloud.select(rows), self.clean.select(rows))
+        return MeasuredPoints(self.cloud.select(rows), self.clean.select(rows))
 
     def truth_in_frame_of(self, prepared: PointCloud) -> PointCloud:
         """Return the true points in the frame of a prepared cloud."""

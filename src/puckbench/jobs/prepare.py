@@ -18,7 +18,7 @@ from puckbench.io.clouds import check_cloud, read_unchecked_cloud, write_cloud
 from puckbench.jobs.registry import JOBS, Job
 
 if TYPE_CHECKING:
-    from puckbench.jobs.preparation import Returns
+    from puckbench.jobs.preparation import MeasuredPoints
 
 Box = tuple[float, float, float, float, float, float]
 Corner = tuple[float, float, float]
@@ -84,19 +84,19 @@ class Prepare(Job):
         """
         from puckbench.jobs.preparation import prepare
 
-        peak, returns = self._peak(), self._returns(source)
+        peak, points = self._peak(), self._points(source)
         if self.size == 0 and source.suffix != ".parquet":
-            warn_of_implausible_extent(source, bounds(returns.cloud.xyz))
+            warn_of_implausible_extent(source, bounds(points.cloud.xyz))
         corners = self._corners(box)
         if corners is not None and self.crop != "none":
-            returns = returns.cropped(corners, self.crop)
-        if len(returns.cloud) == 0:
+            points = points.cropped(corners, self.crop)
+        if len(points.cloud) == 0:
             raise InputError(f"{source}: no point is left after cropping")
-        prepared = prepare(returns.cloud, self.size, self.neighbours)
-        described = {**kept_descriptions(about), **prepared.about, **peak}
+        prepared = prepare(points.cloud, self.size, self.neighbours)
+        described = {**names_and_groups(about), **prepared.about, **peak}
         write_cloud(cloud, replace(prepared, about=described))
         if truth:
-            write_cloud(truth, returns.truth_in_frame_of(prepared))
+            write_cloud(truth, points.truth_in_frame_of(prepared))
         return {**described, "points": len(prepared)}
 
     def _peak(self) -> dict[str, float]:
@@ -106,22 +106,22 @@ class Prepare(Job):
             raise InputError("peak: of clouds in metres; that of a scaled cloud is its size - 1")
         return {"peak": self.peak}
 
-    def _returns(self, path: Path) -> Returns:
+    def _points(self, path: Path) -> MeasuredPoints:
         if path.suffix == ".parquet":
             if self.metres_per_unit != 1:
                 raise InputError(f"{path}: a scan is in metres: leave out --metres-per-unit")
             return _of_scan(path, self.clean)
-        from puckbench.jobs.preparation import Returns
+        from puckbench.jobs.preparation import MeasuredPoints
 
         options = (self.keep_missing, self.drop_invalid, self.bin_columns)
         cloud = read_unchecked_cloud(path, *options, convert=self.metres_per_unit == 1)
         check_cloud(cloud, path)
-        # One that was shifted goes back to where it lay; one in a sensor's frame stays there.
+        # Undo the shift of a prepared cloud, unless it is in a sensor's frame.
         if cloud.frame is not None and "sensor" not in cloud.about:
             cloud = replace(cloud, xyz=cloud.to_metres(cloud.xyz))
         if self.metres_per_unit != 1:
             cloud = replace(cloud, xyz=cloud.xyz * self.metres_per_unit)
-        return Returns(cloud, clean=cloud)
+        return MeasuredPoints(cloud, clean=cloud)
 
     def _corners(self, path: Path | None) -> Floats | None:
         """Return the box (2, 3) to crop to, minimum first."""
@@ -135,8 +135,8 @@ class Prepare(Job):
         return np.asarray(parsed(_Boxed, {"box": box}, str(path)).box, dtype=np.float64)
 
 
-def _of_scan(path: Path, clean: bool) -> Returns:
-    from puckbench.jobs.preparation import Returns
+def _of_scan(path: Path, clean: bool) -> MeasuredPoints:
+    from puckbench.jobs.preparation import MeasuredPoints
     from puckbench.lidar.export import read_source
     from puckbench.lidar.scan_table import ScanTable
 
@@ -147,12 +147,12 @@ def _of_scan(path: Path, clean: bool) -> Returns:
     about = {"source": path.name, **table.about}
     true = PointCloud(table.xyz, table.normals, labels=table.primitive_id, about=about)
     measured = true if clean else replace(true, xyz=table.xyz_noisy)
-    return Returns(measured, clean=true)
+    return MeasuredPoints(measured, clean=true)
 
 
-def kept_descriptions(descriptions: tuple[Path, ...]) -> dict[str, Any]:
-    kept: dict[str, Any] = {}
+def names_and_groups(descriptions: tuple[Path, ...]) -> dict[str, Any]:
+    names: dict[str, Any] = {}
     for path in descriptions:
         about = read_object(path)
-        kept.update({key: about[key] for key in ("name", "group") if key in about})
-    return kept
+        names.update({key: about[key] for key in ("name", "group") if key in about})
+    return names

@@ -18,7 +18,7 @@ from puckbench.io.clouds import SUFFIXES, write_cloud
 from puckbench.io.parquet_files import parquet_metadata
 from puckbench.io.recordings.captured_packets import is_packet_capture
 from puckbench.io.recordings.ros_bags import bag_format
-from puckbench.jobs.prepare import kept_descriptions
+from puckbench.jobs.prepare import names_and_groups
 from puckbench.jobs.registry import JOBS, Job
 from puckbench.lidar.returns import Returns, read_firings, write_firings
 from puckbench.lidar.scan_table import ScanTable
@@ -81,7 +81,7 @@ class PrepareReturns(Job):
         if len(points) == 0:
             raise InputError(f"{source}: holds no return")
         model = {"error_model": self.error_model} if self.error_model else {}
-        described = {**kept_descriptions(about), **described, **model, **_timing(measured)}
+        described = {**names_and_groups(about), **described, **model, **_timing(measured)}
         described |= {"peak": self.peak} if self.peak else {}
         prepared = prepare(PointCloud(points, about=described), 0, self.neighbours)
         if "origin" in described:
