@@ -37,9 +37,9 @@ STUDY: dict[str, Any] = {
     "codecs": {"draco": {}},
 }
 SCAN = {"scenes": "objects", "make": "scan"}
-IS_CODE = "is code, which is not loaded"
-NOT_REGISTERED = r"codec '{}' is not registered, and data name no code to run: .* say --codec '{}'"
-STUDY_NAMES = r"the configuration of the study: names code, which results may not: '{}'"
+IS_CODE = "is code that is not loaded"
+NOT_REGISTERED = r"codec '{}' is not registered: name its code with --codec '{}'"
+STUDY_NAMES = r"the configuration of the study: names code, which results must not: '{}'"
 
 
 class Opener:

@@ -86,7 +86,12 @@ def test_a_wall_and_a_floor_are_found_where_they_are(
     [
         ("none.bin", "truth.ply", "scene.ply", "none.bin: no such file"),
         ("cut.bin", "truth.ply", "scene.ply", "cut.bin: codec primitives: "),
-        ("points.bin", "truth.ply", "scene.ply", "points.bin: codec draco codes points, and no "),
+        (
+            "points.bin",
+            "truth.ply",
+            "scene.ply",
+            "points.bin: codec draco does not encode surfaces",
+        ),
         ("planes.bin", "bare.ply", "scene.ply", "bare.ply: the points have no labels"),
         ("planes.bin", "strange.ply", "scene.ply", "strange.ply: a point has a label that"),
         ("planes.bin", "truth.ply", "bare.off", "bare.off: the mesh has no labels"),

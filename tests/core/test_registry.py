@@ -45,7 +45,7 @@ def test_a_place_that_no_user_named_is_not_loaded(
             registry.module_of,
             lambda one: load(one, "number"),
         ):
-            with pytest.raises(InputError, match=rf"^number.*'{place}' is code, which is not load"):
+            with pytest.raises(InputError, match=rf"^number.*'{place}' is code that is not load"):
                 use(place)
     assert not Path("ran").exists()
 

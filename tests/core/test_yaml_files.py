@@ -88,11 +88,11 @@ def bomb(item: str) -> str:
 
 
 FAULTS = {
-    "twice": ("a: 1\nb: 2\na: 3\n", "line 3: the key 'a' is there twice (see line 1)"),
-    "twice_below": ("a:\n  b: 1\n  b: 1\n", "line 3: the key 'b' is there twice (see line 2)"),
-    "twice_in_flow": ("[{a: 1, a: 1}]", "line 1: the key 'a' is there twice (see line 1)"),
-    "equal_numbers": ("1: a\n0x1: b\n", "line 2: the key '0x1' is there twice (see line 1)"),
-    "merged_twice": ("a: &a {}\nb: {<<: *a, <<: *a}", "line 2: the key '<<' is there twice"),
+    "twice": ("a: 1\nb: 2\na: 3\n", "line 3: the key 'a' is repeated (see line 1)"),
+    "twice_below": ("a:\n  b: 1\n  b: 1\n", "line 3: the key 'b' is repeated (see line 2)"),
+    "twice_in_flow": ("[{a: 1, a: 1}]", "line 1: the key 'a' is repeated (see line 1)"),
+    "equal_numbers": ("1: a\n0x1: b\n", "line 2: the key '0x1' is repeated (see line 1)"),
+    "merged_twice": ("a: &a {}\nb: {<<: *a, <<: *a}", "line 2: the key '<<' is repeated"),
     "list_as_key": ("a: 1\n[1]: 2\n", "line 2: a key must be a word or a number"),
     "unfinished": ("a: 1\nb: [\n", "line 3: not valid YAML ("),
     "tabs": ("a:\n\tb: 1\n", "line 2: not valid YAML ("),
@@ -102,14 +102,14 @@ FAULTS = {
     "not_a_truth": ("!!bool maybe", "not valid YAML ("),
     "long_number": ("a: " + "9" * 5000, "not valid YAML ("),
     "not_utf8": (b"a: \xff\xff", "not valid YAML ("),
-    "levels_of_lists": ("[" * 200_000, "line 1: more than 100 levels within each other"),
+    "levels_of_lists": ("[" * 200_000, "line 1: nested more than 100 levels deep"),
     "levels_of_lines": ("".join(f"{' ' * k}a:\n" for k in range(200)), "line 101: more than 100"),
-    "lists_of_aliases": (bomb("[{}]"), "line 6: its aliases multiply the content too often"),
+    "lists_of_aliases": (bomb("[{}]"), "line 6: its aliases expand to too many nodes"),
     "merged_aliases": (
         bomb("{{<<: [{}]}}").replace("<<: [1]", "x: 1"),
-        "line 6: its aliases multiply the content too often",
+        "line 6: its aliases expand to too many nodes",
     ),
-    "endless": ("a: &a\n  b: *a\n", "line 1: an alias stands within what it stands for"),
+    "endless": ("a: &a\n  b: *a\n", "line 1: an alias refers to a node that contains it"),
 }
 
 
@@ -203,7 +203,5 @@ def test_mappings_are_written_in_their_order_and_lists_on_lines_of_a_hundred() -
 def test_a_key_that_json_has_twice_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "file.json"
     path.write_text('{"a": {"b": 1, "c": 2, "b": 3}}')
-    with pytest.raises(
-        InputError, match=r"file\.json: not valid JSON \(the key 'b' is there twice\)"
-    ):
+    with pytest.raises(InputError, match=r"file\.json: not valid JSON \(the key 'b' is repeated\)"):
         read_json(path)

@@ -40,8 +40,8 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 @pytest.mark.parametrize(
     ("text", "fault"),
     [
-        ("[" * 200 + "]" * 200, "a.json: JSON of more than 100 levels"),
-        ('{"a": ' * 100_000, "a.json: JSON of more than 100 levels"),
+        ("[" * 200 + "]" * 200, "a.json: JSON nested more than 100 levels deep"),
+        ('{"a": ' * 100_000, "a.json: JSON nested more than 100 levels deep"),
         ("9" * 5000, "a.json: not valid JSON"),
         ("\xff", "a.json: not valid JSON"),
         ("[1]", "a.json: not a JSON object"),
@@ -170,7 +170,7 @@ def _reference(about: Mapping[str, Any] | str, **columns: Any) -> None:
 @pytest.mark.parametrize(
     ("about", "fault"),
     [
-        ("[" * 5000, "its metadata: JSON of more than 100 levels"),
+        ("[" * 5000, "its metadata: JSON nested more than 100 levels deep"),
         ("{", "its metadata: not valid JSON"),
         ("[]", "not a file of reference results"),
         ({"format": "2"}, "format '2', but this version reads 1"),

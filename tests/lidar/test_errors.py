@@ -151,7 +151,7 @@ def test_streams_run_on_and_can_be_had_from_their_start() -> None:
         ("distance_table", {"table": [[1, 0]]}, "a row that is not distance, mu, sigma"),
         ("distance_table", {"table": [[1, 0, 1], [1, 0, 1]]}, "distances that do not increase"),
         ("distance_table", {"table": [[1, 0, -1]]}, "table has a sigma below 0"),
-        ("none", {"receiver": 2}, "none: receiver is 2, but must be options by name"),
+        ("none", {"receiver": 2}, "none: receiver is 2, but must be a mapping of options"),
         ("none", {"receiver": {"quantum": 2}}, "none: receiver: unknown option 'quantum'"),
         (
             "none",

@@ -124,7 +124,7 @@ def test_a_users_own_sensor_is_a_yaml_file(tmp_path: Path) -> None:
         ("name: [", "not valid YAML"),
         (
             "min_range_m: 1\nmin_range_m: 2",
-            "line 8: the key 'min_range_m' is there twice (see line 7)",
+            "line 8: the key 'min_range_m' is repeated (see line 7)",
         ),
         ("max_range_m: 12:30", "max_range_m is '12:30', but must be a valid number"),
     ],

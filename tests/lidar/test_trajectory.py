@@ -261,7 +261,7 @@ WRONG = {
     "heading_alone.csv": ("t,x,y,z\n", "has no poses"),
     "field.csv": ("0," + "1" * 200_000, "line 1: not CSV"),
     "truth.yaml": ("- [0, 0, 0, 0, 0, 0, 0]\n- [1, true, 0, 0, 0, 0, 0]", "pose 2 is not a row"),
-    "twice.yaml": ("a: 1\na: 2", "line 2: the key 'a' is there twice"),
+    "twice.yaml": ("a: 1\na: 2", "line 2: the key 'a' is repeated"),
     "flat.yaml": ("[1, 2]", "expected a list of poses"),
     "none.yaml": ("[]", "has no poses"),
 }

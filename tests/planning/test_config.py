@@ -72,14 +72,14 @@ def test_the_users_configuration_is_not_changed() -> None:
             r"figures\.examples\.object is 'x', but must",
         ),
         (("sensor_study",), True, "sensor_study is True, but must be"),
-        (("scenes", "a", "select"), ["x", "x"], r"scenes\.a\.select: an entry is named twice"),
+        (("scenes", "a", "select"), ["x", "x"], r"scenes\.a\.select: an entry is repeated"),
         (
             ("scenes", "a", "stand_in"),
             {"loader": "x", "stand_in": {"loader": "y"}},
             r"scenes\.a\.stand_in: unknown key 'stand_in' .known: loader, options, seed",
         ),
         (("figures",), {"stand_in": {"stile": 1}}, r"figures\.stand_in: unknown key 'stile'"),
-        (("bd_rate",), {"metrics": ["a", "a"]}, r"bd_rate\.metrics: an entry is named twice"),
+        (("bd_rate",), {"metrics": ["a", "a"]}, r"bd_rate\.metrics: an entry is repeated"),
         (("scenes", "a", "select"), [], r"scenes\.a\.select is \(\), but must have at least 1"),
     ],
 )

@@ -54,7 +54,7 @@ def test_meshes_are_not_coded_as_clouds() -> None:
 
 
 def test_only_clouds_come_on_a_grid() -> None:
-    with pytest.raises(InputError, match=r"datasets.d.size: only captured clouds came on a grid"):
+    with pytest.raises(InputError, match=r"datasets.d.size: a grid is only for captured clouds"):
         workflow(size="grid")
 
 

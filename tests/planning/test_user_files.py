@@ -234,7 +234,7 @@ BAD = {
     ],
     "--codecs draco": ["give files, a configuration, or a study (--study)"],
     "mine/a.npy --codecs puck": ["codec puck: codes the returns of a spinning sensor"],
-    "mine/a.npy --peak 30": ["--peak: in m, of clouds in metres alone (--frame metric)"],
+    "mine/a.npy --peak 30": ["--peak: only for clouds in metres (--frame metric)"],
     "utm.las --peak -1": ["peak", "greater than 0"],
     "mine --out mine/out": ["--out mine/out: lies in mine"],
     "mine/a.npy mine/a.npy": ["a.npy: the file is named twice"],

@@ -18,7 +18,7 @@ def dry_run(bench: Bench, *words: str) -> tuple[int, list[str]]:
 @pytest.mark.parametrize(
     ("lines", "fault"),
     [
-        ("results: other\nresults: another\n", "line 2: the key 'results' is there twice"),
+        ("results: other\nresults: another\n", "line 2: the key 'results' is repeated"),
         ("seed: 03000\n", "line 1: seed: 03000 is 1536 in YAML 1.1, which Snakemake reads"),
     ],
 )

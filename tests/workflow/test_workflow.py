@@ -369,7 +369,9 @@ def test_two_runs_at_once_are_kept_apart(fresh: Bench) -> None:
         os.killpg(process.pid, signal.SIGKILL)
         process.wait()
     assert done.returncode == 2
-    assert done.stderr.splitlines()[-1] == "puckbench: results: another run is writing there"
+    assert (
+        done.stderr.splitlines()[-1] == "puckbench: results: another run is writing to this folder"
+    )
 
 
 def test_a_failed_run_says_at_its_end_what_failed(fresh: Bench) -> None:

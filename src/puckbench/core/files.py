@@ -126,7 +126,7 @@ def json_of(data: bytes, what: str) -> Any:
     except ValueError as error:
         raise InputError(f"{what}: not valid JSON ({error})") from error
     if deep:
-        raise InputError(f"{what}: JSON of more than {_MOST_LEVELS} levels")
+        raise InputError(f"{what}: JSON nested more than {_MOST_LEVELS} levels deep")
     return value
 
 
@@ -155,7 +155,7 @@ def unique_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     values: dict[str, Any] = {}
     for name, value in pairs:
         if name in values:
-            raise ValueError(f"the key {name!r} is there twice")
+            raise ValueError(f"the key {name!r} is repeated")
         values[name] = value
     return values
 

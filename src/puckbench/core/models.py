@@ -41,7 +41,7 @@ def parsed(model: type[M], values: Any, what: str) -> M:
         The first fault: the option, its value, and what is allowed.
     """
     if not isinstance(values, Mapping):
-        raise InputError(f"{what} is {values!r}, but must be options by name")
+        raise InputError(f"{what} is {values!r}, but must be a mapping of options")
     try:
         return model.model_validate(_immutable(values))
     except ValidationError as error:

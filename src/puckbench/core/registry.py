@@ -192,7 +192,7 @@ def load(place: str, purpose: str) -> Any:
 def _check_trusted(place: str, purpose: str) -> None:
     if place not in _trusted:
         raise InputError(
-            f"{purpose}: {place!r} is code, which is not loaded: neither the command line nor the "
+            f"{purpose}: {place!r} is code that is not loaded: neither the command line nor the "
             "configuration names it"
         )
 

@@ -111,14 +111,14 @@ def _check_levels(data: bytes) -> None:
         level += isinstance(event, yaml.CollectionStartEvent)
         level -= isinstance(event, yaml.CollectionEndEvent)
         if level > _MOST_LEVELS:
-            raise InputError(f"{_line(event)}: more than {_MOST_LEVELS} levels within each other")
+            raise InputError(f"{_line(event)}: nested more than {_MOST_LEVELS} levels deep")
 
 
 def _check(loader: _Loader, root: Node, alike: bool) -> None:
     sizes: dict[int, int] = {}
     for node in _nodes(root, sizes):
         if sizes[id(node)] > _MOST_NODES + _MOST_REPEATS * len(sizes):
-            raise InputError(f"{_line(node)}: its aliases multiply the content too often")
+            raise InputError(f"{_line(node)}: its aliases expand to too many nodes")
         if isinstance(node, MappingNode):
             _check_keys(loader, node)
         if alike:
@@ -139,7 +139,7 @@ def _nodes(node: Node, sizes: dict[int, int]) -> Iterator[Node]:
     """Yield nodes, inner ones first; `sizes` gets their sizes with aliases replaced."""
     if id(node) in sizes:
         if not sizes[id(node)]:
-            raise InputError(f"{_line(node)}: an alias stands within what it stands for")
+            raise InputError(f"{_line(node)}: an alias refers to a node that contains it")
         return
     sizes[id(node)] = 0
     parts = [] if isinstance(node, ScalarNode) else node.value
@@ -160,7 +160,7 @@ def _check_keys(loader: _Loader, node: MappingNode) -> None:
         value = key.value if is_merge else loader.construct_object(key)
         if value in first:
             earlier = _line(first[value])
-            raise InputError(f"{_line(key)}: the key {key.value!r} is there twice (see {earlier})")
+            raise InputError(f"{_line(key)}: the key {key.value!r} is repeated (see {earlier})")
         first[value] = key
 
 

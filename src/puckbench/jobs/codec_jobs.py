@@ -60,10 +60,7 @@ class CodecJob(Job):
             name = str(coded.record["codec"])
         if not is_codec(name) and "class" not in self.changes:
             code = repr(name) if is_place(name) else "path/to/file.py:Class"
-            raise InputError(
-                f"codec {name!r} is not registered, and data name no code to run: "
-                f"if it is yours, say --codec {code}"
-            )
+            raise InputError(f"codec {name!r} is not registered: name its code with --codec {code}")
         return name
 
     def read_stream(self, path: Path, rate: str | None = None) -> tuple[str, Coded]:

@@ -103,7 +103,9 @@ class Prepare(Job):
         if self.peak is None:
             return {}
         if self.size != 0:
-            raise InputError("peak: of clouds in metres; that of a scaled cloud is its size - 1")
+            raise InputError(
+                "peak: only for clouds in metres; that of a scaled cloud is its size - 1"
+            )
         return {"peak": self.peak}
 
     def _points(self, path: Path) -> MeasuredPoints:

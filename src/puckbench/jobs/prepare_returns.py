@@ -79,7 +79,7 @@ class PrepareReturns(Job):
         measured, true, described = self._read(source)
         points = measured.points()
         if len(points) == 0:
-            raise InputError(f"{source}: holds no return")
+            raise InputError(f"{source}: contains no returns")
         model = {"error_model": self.error_model} if self.error_model else {}
         described = {**names_and_groups(about), **described, **model, **_timing(measured)}
         described |= {"peak": self.peak} if self.peak else {}

@@ -54,14 +54,14 @@ class Recovering(CodecJob):
         name = self.codec_of(coded)
         codec = self.loaded(name)
         if not codec.has_surfaces:
-            raise InputError(f"codec {name} codes points, and no surfaces with primitives")
+            raise InputError(f"codec {name} does not encode surfaces with primitives")
         try:
             surface = codec.decode_mesh(coded.stream)
         except InputError:
             codec.decode(coded.stream)  # a damaged stream ends here, in the decoder's words
             return name, None
         if surface.labels is None:
-            raise InputError(f"codec {name} gives its surface no labels")
+            raise InputError(f"codec {name} decodes a surface without labels")
         return name, surface
 
 

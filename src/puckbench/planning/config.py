@@ -26,7 +26,7 @@ Options = dict[str, Any]
 
 def _different(values: tuple[Any, ...]) -> tuple[Any, ...]:
     if len(set(values)) < len(values):
-        raise ValueError("an entry is named twice")
+        raise ValueError("an entry is repeated")
     return values
 
 

@@ -179,7 +179,7 @@ def _points(results: Path, dataset: str, cloud: str) -> int:
     about = results / "clouds" / dataset / f"{cloud}.json"
     points = read_object(about).get("points") if about.exists() else 0
     if not isinstance(points, int):
-        raise InputError(f"{about}: points is {points!r}, but must be a whole number")
+        raise InputError(f"{about}: points is {points!r}, but must be an integer")
     return points
 
 

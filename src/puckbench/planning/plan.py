@@ -193,7 +193,7 @@ class Plan:
                     METRICS.get(name)
         self.study = _study(config.sensor_study, config.seed) if config.sensor_study else None
         if not self.datasets and self.study is None:
-            raise InputError("the configuration asks for nothing: no data set, no sensor study")
+            raise InputError("the configuration has no data set and no sensor study")
         if config.strict and check_scenes:
             for row in self._rates_left_out():
                 raise InputError(f"{row['file']}: {row['reason']}")
@@ -432,7 +432,7 @@ class Plan:
             )
         if value.size == GRID and value.make != "cloud":
             raise InputError(
-                f"datasets.{name}.size: only captured clouds came on a grid (make: cloud)"
+                f"datasets.{name}.size: a grid is only for captured clouds (make: cloud)"
             )
         seed = self.config.seed if value.seed is None else value.seed
         points = _points(f"datasets.{name}", value)

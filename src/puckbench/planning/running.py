@@ -34,7 +34,7 @@ def hold_results(results: Path) -> None:
         lock = (results / ".lock").open("w")
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError as error:
-        raise InputError(f"{results}: another run is writing there") from error
+        raise InputError(f"{results}: another run is writing to this folder") from error
     except OSError as error:
         raise unreadable(results, error, "not writable") from error
     _held.append(lock)

@@ -83,7 +83,7 @@ def _stored(reference: ReferenceResults) -> Options:
     with naming(f"{reference.name}: the configuration of the study"):
         study = checked(kept)
         for place in study.places():
-            raise InputError(f"names code, which results may not: {place!r}")
+            raise InputError(f"names code, which results must not: {place!r}")
     return {key: value for key, value in study.as_json().items() if key not in _NOT_KEPT}
 
 

@@ -167,7 +167,7 @@ class UserRun:
         for text in (text for paths in paths_by_kind.values() for text in paths):
             if Path(text).is_dir() and results.is_relative_to(Path(text).resolve()):
                 raise InputError(
-                    f"--out {self.results}: lies in {text}, which is read: take another"
+                    f"--out {self.results}: is inside {text}, which is read: name another folder"
                 )
 
     def _check_units(self, paths_by_kind: Mapping[Kind, Iterable[str]]) -> None:
@@ -219,7 +219,7 @@ class UserRun:
             return
         metric = [data for data in datasets.values() if data["size"] == METRIC]
         if not metric:
-            raise InputError("--peak: in m, of clouds in metres alone (--frame metric)")
+            raise InputError("--peak: only for clouds in metres (--frame metric)")
         for data in metric:
             data["peak"] = self.peak
 
