@@ -122,10 +122,11 @@ def serve(modules: Iterable[str]) -> None:
     for name in modules:
         _import(name)
     gc.freeze()
+    run_ends = sys.stdin.fileno()
     with socket.socket(socket.AF_UNIX) as listener:
         listener.bind(_address())
         listener.listen()
-        while sys.stdin.buffer not in wait([listener, sys.stdin.buffer]):
+        while run_ends not in wait([listener, run_ends]):
             client, _ = listener.accept()
             with client, suppress(OSError):
                 _, streams, _, _ = socket.recv_fds(client, 1, 2)
