@@ -149,13 +149,14 @@ def _watch(client: socket.socket, streams: Sequence[int], listener: socket.socke
     """Fork the process of a job, and send its number and its exit status."""
     listener.close()
     connection = Connection(client.detach())
-    job = _FORK.Process(target=_run, args=(connection, streams, *connection.recv()))
-    job.start()
-    for stream in streams:
-        os.close(stream)
-    connection.send(job.pid)
-    job.join()
-    connection.send(job.exitcode)
+    with suppress(OSError, EOFError):  # the client may be gone
+        job = _FORK.Process(target=_run, args=(connection, streams, *connection.recv()))
+        job.start()
+        for stream in streams:
+            os.close(stream)
+        connection.send(job.pid)
+        job.join()
+        connection.send(job.exitcode)
 
 
 def _run(
