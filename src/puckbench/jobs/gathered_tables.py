@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from puckbench.jobs.registry import JOBS, Job
+from puckbench.jobs.tables.results import CLOUD_KEYS, PLAN_TABLES, ROWS, cloud_row, table_of
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 class OfNames(Job):
@@ -30,13 +34,8 @@ class RowsTable(OfNames):
     kind: Literal["metrics", "scan_errors", "recovery"]
 
     def run(self, results: Path, csv: Path, parquet: Path) -> dict[str, Any]:
-        from puckbench.io.tables import write_table
-        from puckbench.jobs.tables import results as result_tables
-
-        make, keys = result_tables.ROWS[self.kind]
-        table = result_tables.table_of(make(self.files(results)), keys)
-        write_table(table, csv, parquet)
-        return {"rows": len(table)}
+        make, keys = ROWS[self.kind]
+        return _write(table_of(make(self.files(results)), keys), csv, parquet)
 
 
 @JOBS.register("clouds_table")
@@ -44,13 +43,8 @@ class CloudsTable(OfNames):
     """Gather the descriptions of the prepared clouds."""
 
     def run(self, results: Path, csv: Path, parquet: Path) -> dict[str, Any]:
-        from puckbench.io.tables import write_table
-        from puckbench.jobs.tables import results as result_tables
-
-        rows = [result_tables.cloud_row(file.parent.name, file) for file in self.files(results)]
-        table = result_tables.table_of(rows, result_tables.CLOUD_KEYS)
-        write_table(table, csv, parquet)
-        return {"rows": len(table)}
+        rows = [cloud_row(file.parent.name, file) for file in self.files(results)]
+        return _write(table_of(rows, CLOUD_KEYS), csv, parquet)
 
 
 @JOBS.register("plan_table")
@@ -61,9 +55,11 @@ class PlanTable(Job):
     rows: tuple[dict[str, str], ...]
 
     def run(self, csv: Path, parquet: Path, results: Path | None = None) -> dict[str, Any]:
-        from puckbench.io.tables import write_table
-        from puckbench.jobs.tables import results as result_tables
+        return _write(PLAN_TABLES[self.table](self.rows), csv, parquet)
 
-        table = result_tables.PLAN_TABLES[self.table](self.rows)
-        write_table(table, csv, parquet)
-        return {"rows": len(table)}
+
+def _write(table: pd.DataFrame, *files: Path) -> dict[str, int]:
+    from puckbench.io.tables import write_table
+
+    write_table(table, *files)
+    return {"rows": len(table)}
