@@ -9,7 +9,7 @@ from difflib import get_close_matches
 from pathlib import Path
 
 NARROWER = ": crop it, or take a coarser rate"
-"""Advice of errors about clouds that are too wide for a rate."""
+"""Advice for clouds that are too wide for a rate."""
 
 
 class InputError(Exception):

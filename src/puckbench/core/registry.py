@@ -67,10 +67,10 @@ class Registry(Generic[T]):
         self._folder = folder
         self._make = make
         self._plugins: dict[tuple[str, str], T] = {}
-        """By the module and the registered name."""
+        """Plug-ins by module and registered name."""
         self._targets: dict[tuple[str, str], Any] = {}
         self._modules: dict[str, str] = {}
-        """Module of each of puckbench's own plug-ins that are imported, by name."""
+        """Modules of our imported plug-ins, by name."""
         self._added: dict[str, str] = {}
 
     def register(self, name: str, **details: Any) -> Callable[[Target], Target]:

@@ -18,7 +18,7 @@ WORK = ("codec", "points", "rates", "repeats", "call_s", "truth")
 """Of what a job returns: its codec, the points of its cloud, rates of its curve, repetitions of
 its timed calls and the seconds of one for each rate, and whether truth was measured."""
 BEGIN = '{"job": '
-"""Begins the last line of the log of a job that finished."""
+"""Beginning of the last line in the log of a finished job."""
 _TAIL_BYTES = 2048
 
 

@@ -33,12 +33,12 @@ MODULES = (
     *("puckbench.primitives", "puckbench.datasets", "puckbench.metrics", "puckbench.codecs"),
     *("puckbench.figures", "puckbench.report", "puckbench.thesis", "puckbench.jobs"),
 )
-"""What a server imports: modules, and packages of puckbench with all their modules."""
+"""Imports of a server: modules, and packages of puckbench with all their modules."""
 LEARNED = ("torch", "constriction", "puckbench.learned")
-"""What a server also imports for learned codecs."""
+"""Further imports for learned codecs."""
 _GPU = "/dev/nvidiactl"
 _SECONDS_TO_END = 5.0
-"""Time that an interrupted job has before it is killed."""
+"""Time between the interrupt of a job and its kill."""
 _INTERRUPTED = 130
 _FORK = get_context("fork")
 _servers: list[Any] = []

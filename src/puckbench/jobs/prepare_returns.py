@@ -24,9 +24,9 @@ from puckbench.lidar.returns import Returns, read_firings, write_firings
 from puckbench.lidar.scan_table import ScanTable
 
 _LONGEST_MARK = 24
-"""Bytes by which a capture or a bag is recognised."""
+"""First bytes of a file that tell a capture or bag."""
 _FEWEST_TURNS = 3
-"""Turns of a recording of which one is whole: the first and the last may be cut."""
+"""Turns of a recording with a whole one: the first and the last may be cut."""
 
 
 @JOBS.register("prepare_returns")

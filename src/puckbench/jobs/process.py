@@ -20,7 +20,7 @@ from puckbench.jobs.registry import JOBS
 TIMEOUT = "PUCKBENCH_TIMEOUT_S"
 """Environment variable: seconds after which a job is ended; empty or 0 for no limit."""
 _OBJECTS_PER_SEARCH = 10_000
-"""New objects after which Python looks for unused ones: imports make many, and leave none."""
+"""Threshold of the garbage collector: imports make many objects and no garbage."""
 
 
 def main(words: Sequence[str]) -> int:

@@ -19,7 +19,7 @@ from puckbench.jobs.curve_files import Coded, read_coded, read_curve, write_rows
 from puckbench.jobs.registry import JOBS
 
 _KEPT = ("codec", "rate", "codec_version", "points_in", "bytes", "bpp")
-"""What a row keeps of the record beside a stream."""
+"""Entries of a stream's record that a row keeps."""
 
 
 class LabelledPoints:

@@ -8,7 +8,7 @@ from typing import Any
 from puckbench.jobs.registry import JOBS, Job
 
 _AFTERWARDS = {"report", "reference"}
-"""Jobs that are no part of a run's own duration."""
+"""Jobs that do not count to the duration of a run."""
 
 
 @JOBS.register("reference")

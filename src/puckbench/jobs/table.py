@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 _DIGITS = 6
-"""Significant digits of a table's numbers: more than any measurement here has."""
+"""Significant digits of a table's numbers; no measurement has more."""
 
 
 @JOBS.register("table")

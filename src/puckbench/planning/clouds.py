@@ -18,7 +18,7 @@ from puckbench.planning.planned_job import PlannedJob, planned
 from puckbench.planning.scene_checks import scan_record
 
 _BYTES_PER_POINT = 1_000
-"""Generous estimate of a job's memory for each point that it handles."""
+"""Estimate of a job's memory for each point."""
 _FOLDERS = {"sample": ("samples", "ply"), "scan": ("scans", "parquet")}
 
 

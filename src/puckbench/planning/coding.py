@@ -30,9 +30,9 @@ from puckbench.planning.planned_job import PlannedJob, planned
 from puckbench.planning.report_contents import shown_rates
 
 _BYTES_PER_PIXEL = 100
-"""Of the six pictures' width times height, one at a time: 305 MB were measured at 1920 pixels."""
+"""Memory of a picture for each of its width times height pixels (measured: 305 MB at 1920)."""
 _MOST_SECONDS = 600
-"""Of one job's coding and decoding, as estimated: a curve that takes longer is cut by rates."""
+"""Limit of the estimated time of one job; longer curves are cut into parts."""
 
 
 @dataclass(frozen=True)

@@ -39,7 +39,7 @@ def _own_keys(cls: type[Model], values: Options) -> Options:
 
 
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$")]
-"""Of a data set, a codec and so on: a part of file names."""
+"""Name of a data set, codec and so on; part of file names."""
 RateName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_]+$")]
 CloudName = Annotated[str, StringConstraints(pattern=r"^[^/]+/[^/]+$")]
 """``dataset/cloud``."""
@@ -48,7 +48,7 @@ FailedName = Annotated[str, StringConstraints(pattern=r"^[^/]+/[^/]+(/[^/]+)?$")
 Seed = Annotated[int, Field(ge=0)]
 Position = tuple[float, float, float]
 Places = Annotated[tuple[str, ...], AfterValidator(_different)]
-"""Of plug-ins: names, ``module:Name`` or ``path/to/file.py:Name``."""
+"""Plug-ins: names, ``module:Name`` or ``path/to/file.py:Name``."""
 
 
 class SceneSource(Model):

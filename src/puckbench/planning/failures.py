@@ -11,7 +11,7 @@ from puckbench.core.yaml_files import yaml_text
 from puckbench.jobs.cost import BEGIN as COST
 
 PREFIX = "puckbench: "
-"""Begins the last line of the log of a job that raised an error."""
+"""Beginning of the last line in the log of a failed job."""
 _MAX_LINES = 10
 _CURVES = ("coded", "metrics", "decoded", "recovery")
 """Folders of logs of jobs on one data set, cloud and codec."""

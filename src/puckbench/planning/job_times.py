@@ -23,9 +23,9 @@ _OF_CURVES = ("encode_curve", "evaluate_curve", "recovery_curve")
 _OF_CLOUDS = ("sample", "scan", "prepare", "evaluate", *_OF_CURVES)
 """Jobs whose work grows with the points of a cloud."""
 _ONE_SIZE = 0.1
-"""Clouds whose numbers of points differ by less, of their median, count as of one size."""
+"""Clouds have one size if their points differ by less than this fraction of the median."""
 _MOST = 1000
-"""Jobs that a line goes through: as many pairs as that squared, halved."""
+"""Maximum number of jobs in a fit, which uses all pairs of them."""
 
 
 @dataclass(frozen=True)

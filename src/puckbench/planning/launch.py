@@ -9,7 +9,7 @@ from puckbench.core.errors import InputError
 
 _PACKAGE = Path(__file__).parents[1]
 _PLACES = (_PACKAGE.parents[1] / "workflow", _PACKAGE / "workflow")
-"""In a repository (also where it is installed as editable), and in a wheel (see setup.py)."""
+"""Folders of the workflow in a repository and in a wheel (see setup.py)."""
 
 TOLD_BY_CALLER = "PUCKBENCH_TOLD_BY_CALLER"
 """Environment variable whose presence says that the caller prints the closing lines."""

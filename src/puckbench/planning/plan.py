@@ -177,7 +177,7 @@ class Plan:
             name: open_scenes(name, value, config.seed) for name, value in config.scenes.items()
         }
         self.left_out: dict[str, dict[str, str]] = {}
-        """Data set -> scenes that cannot be used -> why."""
+        """Reasons by data set and unusable scene."""
         self.datasets = self._datasets()
         self.codecs = {name: codecs.entry(name, config.codec(name)) for name in config.codecs}
         if config.failed:
@@ -490,9 +490,9 @@ def _weights(name: str, changes: Mapping[str, Any]) -> list[Path]:
 
 
 _CAPTURED_POINTS = 1_500_000
-"""Expected of clouds that others captured: most rooms of S3DIS have fewer."""
+"""Expected points of a captured cloud; most rooms of S3DIS have fewer."""
 _RETURNS = 60_000
-"""Points expected of a recording's turn: those of an HDL-32E; a VLP-16 has a third."""
+"""Expected points of a recording's turn (HDL-32E; a VLP-16 has a third)."""
 
 
 def _points(where: str, settings: DataSetConfig) -> int:

@@ -9,7 +9,7 @@ from puckbench.planning.plan import Plan
 from puckbench.report.contents import Contents, Example
 
 FIRST_TABLES = ("summary", "clouds")
-"""Tables of every benchmark, beside those that have an entry in a registry."""
+"""Tables of every benchmark beside the registered ones."""
 
 
 def planned_contents(

@@ -12,17 +12,17 @@ from puckbench.planning.workflow import Workflow
 SAMPLE_S = 0.05
 """Seconds of `machine_sample` on the machine where the numbers below were measured."""
 _START_S = 0.15
-"""Of a job's process, which is forked with its imports."""
+"""Seconds to start the process of a job."""
 _OF_CLOUDS = {"scene": 0.0, "sample": 1.0, "scan": 12.0, "prepare": 12.0, "scan_error": 6.0}
 """Seconds for each million points of jobs that make and measure clouds."""
 _METRICS = {False: 1.0, True: 2.0}
-"""Seconds for each million points of a measurement at one rate, without truth and with it."""
+"""Seconds for a million points of a measurement at one rate, without and with truth."""
 _OTHERS = {"residuals": 2.5, "wall_points": 0.8, "report_page": 10.0, "first_look": 2.0}
-"""Seconds of other jobs, beyond the start of a process."""
+"""Seconds of other jobs."""
 _OTHER_S = 1.0
-"""Of figures and tables."""
+"""Seconds of a figure or table."""
 _COMPILING_S, _COMPILING_CODEC_S = 20.0, 15.0
-"""Seconds of all jobs together that compile loops, and of each codec's, where none are kept."""
+"""Seconds of compiling loops for all jobs, and for each codec."""
 
 
 def job_seconds(bench: Workflow) -> Callable[[str], float]:

@@ -13,7 +13,7 @@ from puckbench.core.files import remove_leftovers, unreadable, unwritable
 
 _held: list[TextIO] = []
 _ROOM = 2**20
-"""Bytes without which no run is begun."""
+"""Free bytes that a run needs to start."""
 _MOST_LEFT_OUT = 50
 
 

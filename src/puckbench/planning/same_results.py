@@ -19,12 +19,12 @@ from puckbench.report.column_labels import is_time
 
 _MEMORY = re.compile(r"(en|de)code_peak_mib(_\w+)?")
 _CLAIM_ABOUT_TIMES = "Times grow with the rate"
-"""Words of the one claim of `claims.csv` that is about them."""
+"""Words of the claim about times in `claims.csv`."""
 _TABLE_FOLDERS = {"tables", "first_look", "metrics", "recovery"}
 _LEFT_OUT = re.compile(
     r"^(logs/.*|report\.html|\.lock|reference\.parquet|(figures|first_look)/fig_6_[589]\.\w+)$"
 )
-"""Logs, the page, reference results and three figures tell times."""
+"""Files with times: logs, report, reference results and three figures."""
 
 
 def differences(folder: Path, reference: Path, finished: bool = True) -> list[str]:

@@ -15,7 +15,7 @@ from puckbench.planning.plan import Plan, StudyPlan
 from puckbench.planning.planned_job import Gathering, PlannedJob, planned
 
 WALL_POINTS = 40_000
-"""Points of each surface and distance that the study's figures of scans are drawn from."""
+"""Points of each surface and distance in figures of scans."""
 
 
 class StudyJobs:

@@ -14,7 +14,7 @@ from puckbench.report.reference_results import ReferenceResults
 
 Options = dict[str, Any]
 _NOT_KEPT = ("results", "codecs", "stand_in", "strict", "sensor_study", "train", "container")
-"""Keys of the study's configuration that say nothing of its clouds and measures."""
+"""Keys of the study's configuration that are not about clouds and measures."""
 
 
 def study_configuration(

@@ -11,7 +11,7 @@ from puckbench.planning.plan import Plan, TrainingPlan
 from puckbench.planning.planned_job import PlannedJob, planned
 
 _BYTES_PER_POINT = 50
-"""Of a training, which keeps nothing of a point but its coordinates."""
+"""Memory of a training for each point: its coordinates."""
 
 
 class TrainingJobs:

@@ -30,21 +30,21 @@ Kind = Literal["clouds", "meshes", "recordings"]
 Options = dict[str, Any]
 
 CONFIG = "config.yaml"
-"""Name of the configuration within the folder of the results."""
+"""File name of the configuration in the results folder."""
 IN_METRES = (".las", ".laz", ".e57", ".bin")
 """Formats of clouds whose unit is the metre."""
 _CUBE = 1024
 _TURNS = 10
-"""Clouds that are taken of recordings, spread over all of their turns."""
+"""Number of turns of recordings, evenly spread."""
 _BUDGET_S = 480.0
-"""Of coding with all rates, as estimated on one core; beyond it codecs get fewer."""
+"""Estimated seconds of all rates on one core above which fewer rates are used."""
 _FEW_RATES = 4
-"""As many as a rate delta needs."""
+"""Number of rates that a rate delta needs."""
 _MEASURING_S = 3.5
-"""Estimate for a million points of measuring a decoded cloud."""
+"""Estimated seconds of measuring a million decoded points."""
 CODECS = ("draco", "gpcc")
 CODECS_OF_RECORDINGS = ("gpcc", "gpcc_predictive", "puck")
-"""What is compared with the first where none is named, and where all files are recordings."""
+"""Default codecs if all files are recordings."""
 _LOADERS: dict[Kind, str] = {
     "clouds": "point_clouds",
     "meshes": "mesh_files",
@@ -55,7 +55,7 @@ _OPTIONS: dict[Kind, tuple[str, ...]] = {
     "meshes": ("up", "metres_per_unit"),
     "recordings": (),
 }
-"""Of the loaders, by what they load."""
+"""Options of the loaders by what they load."""
 _EXAMPLES: dict[str, str] = {"clouds": "object", "meshes": "object", "scans": "noisy"}
 _OWN_CLASS = re.compile(r".+\.py:(?P<file>\w+)|[\w.]+:(?P<module>\w+)")
 NOTHING_THERE = "no cloud, mesh or recording"
@@ -107,7 +107,7 @@ class UserRun:
     timeout_s: float | None = None
     options: Mapping[str, Any] = field(default_factory=dict)
     _reductions: dict[str, str] = field(default_factory=dict, init=False, repr=False)
-    """What is left out though it could be used, and why."""
+    """Reasons for what is left out on purpose."""
 
     def configuration(self) -> Options:
         """Read the files and return the configuration; raise InputError for unusable ones."""

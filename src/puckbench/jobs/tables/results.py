@@ -52,9 +52,9 @@ _FIRST = (
     "recall",
     "label_accuracy",
 )
-"""Columns that come first, in this order, where a table has them; the others follow by name."""
+"""First columns of a table, in this order; the others follow by name."""
 SPREAD = {"q05": 0.05, "q25": 0.25, "q75": 0.75, "q95": 0.95}
-"""Quantiles over clouds that stand beside each median of the summary."""
+"""Quantiles over clouds beside each median of the summary."""
 _STATISTICS = ("elongation_oriented", "duplicates", "spacing_", "density_", "outliers")
 _OF_CLOUDS = ("group", "points", "elongation", "diameter", "scale")
 _OF_SPINS = ("sensor", "turns", "seconds", "firings", "noise_bits", "error_model")
@@ -180,7 +180,7 @@ ROWS = {
     "scan_errors": (scan_error_rows, CLOUD_KEYS),
     "recovery": (recovery_rows, RECOVERY_KEYS),
 }
-"""Tables made of result rows of their own: from files to rows, and the rows' keys."""
+"""Tables of result rows: the function from files to rows, and the keys of a row."""
 
 
 @TABLES.register("summary", title="Medians per data set, codec and rate")
