@@ -334,7 +334,7 @@ def _job(place: str) -> int:
 
 READERS: dict[Callable[[str], int], str | None] = {
     _decode: NOT_REGISTERED,
-    _decode_with_class: "codec 'mine' is not registered.* say --codec path/to/file.py:Class",
+    _decode_with_class: "codec 'mine' is not registered.* with --codec path/to/file.py:Class",
     _decode_to_mesh: NOT_REGISTERED,
     _evaluate: NOT_REGISTERED,
     _recover: NOT_REGISTERED,

@@ -119,7 +119,7 @@ def test_a_codec_of_one_s_own_file_is_named_again_to_decode(
     name, stream = f"{cloud.parent}/own.py:Own", cloud.with_suffix(".bin")
     Encode.given(codec=name, rate="r1").run(cloud, stream)
     back = cloud.with_name("back.ply")
-    assert f"say --codec '{name}'" in _refused(capsys, "decode", stream, back)
+    assert f"name its code with --codec '{name}'" in _refused(capsys, "decode", stream, back)
     assert main(["decode", str(stream), str(back), "--codec", name]) == 0
     assert np.array_equal(read_cloud(back).xyz, read_cloud(cloud).xyz)
     assert main(["evaluate", str(cloud), str(stream), "--json", "--codec", name]) == 0

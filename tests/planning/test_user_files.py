@@ -236,7 +236,7 @@ BAD = {
     "mine/a.npy --codecs puck": ["codec puck: codes the returns of a spinning sensor"],
     "mine/a.npy --peak 30": ["--peak: only for clouds in metres (--frame metric)"],
     "utm.las --peak -1": ["peak", "greater than 0"],
-    "mine --out mine/out": ["--out mine/out: lies in mine"],
+    "mine --out mine/out": ["--out mine/out: is inside mine"],
     "mine/a.npy mine/a.npy": ["a.npy: the file is named twice"],
     "mine/a.npy empty.xyz --strict": ["empty.xyz: the cloud is empty"],
     "none.yaml": ["none.yaml: no such file"],

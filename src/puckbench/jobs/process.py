@@ -8,7 +8,9 @@ import os
 import sys
 import traceback
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from inspect import signature
+from io import UnsupportedOperation
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -32,7 +34,8 @@ def main(words: Sequence[str]) -> int:
         Name of the job, file of its record, and ``key=FILE ...``.
     """
     gc.set_threshold(_OBJECTS_PER_SEARCH)
-    faulthandler.enable()
+    with suppress(UnsupportedOperation):  # standard error may be no file
+        faulthandler.enable()
     if limit_s := float(os.environ.get(TIMEOUT) or 0):
         faulthandler.dump_traceback_later(limit_s, exit=True)
     name, record, *files = words
