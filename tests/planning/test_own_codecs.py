@@ -8,7 +8,7 @@ import yaml
 from puckbench.cli import main
 from puckbench.figures.plot_styles import PlotStyle, read_looks
 from puckbench.figures.style import FigureStyle
-from puckbench.jobs.joined import PlanTable
+from puckbench.jobs.gathered_tables import PlanTable
 from puckbench.planning.workflow import Workflow
 
 ROOT = Path(__file__).parents[2]
