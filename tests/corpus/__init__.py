@@ -1,4 +1,4 @@
-"""Small odd files of every format, each with the points that it holds or the line that refuses it.
+"""Small unusual files of every format, each with the expected points or error message.
 
 ``python -m tests.corpus FOLDER`` writes them all.
 """

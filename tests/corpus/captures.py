@@ -122,12 +122,12 @@ CAPTURES = [
         "mirrored.pcap",
         content(MIRRORED),
         points=BOTH,
-        remark=r"mirrored.pcap: left out packets that repeat one before, byte by byte \(2\)$",
+        warning=r"mirrored.pcap: left out packets that repeat one before, byte by byte \(2\)$",
     ),
     Returns(
         "two_ports.pcap",
         content(PORTS),
-        line=r"two_ports.pcap: data packets of 2 streams "
+        error=r"two_ports.pcap: data packets of 2 streams "
         r"\(192.168.1.201:2368 to 255.255.255.255:2368, 2 packets of VLP-16; "
         r"192.168.1.201:2368 to 255.255.255.255:2369, 1 packet of VLP-16\): choose one by --stream",
     ),
@@ -140,13 +140,13 @@ CAPTURES = [
     Returns(
         "chosen_twice.pcap",
         content(PORTS),
-        line=r"chosen_twice.pcap: data packets of 2 streams, 2 of them '192.168.1.201:2368' \(",
+        error=r"chosen_twice.pcap: data packets of 2 streams, 2 of them '192.168.1.201:2368' \(",
         options={"stream": "192.168.1.201:2368"},
     ),
     Returns(
         "chosen_none.pcap",
         content(PORTS),
-        line=r"chosen_none.pcap: data packets of 2 streams, none of them '192.168.1.20' \(",
+        error=r"chosen_none.pcap: data packets of 2 streams, none of them '192.168.1.20' \(",
         options={"stream": "192.168.1.20"},
     ),
     *(
@@ -160,41 +160,41 @@ CAPTURES = [
         "foreign.pcap",
         content(pcap(FOREIGN, *FRAMES, FOREIGN)),
         points=BOTH,
-        remark=r"foreign.pcap: left out datagrams of 1,206 bytes that no Velodyne sent \(2\)$",
+        warning=r"foreign.pcap: left out datagrams of 1,206 bytes that no Velodyne sent \(2\)$",
     ),
     Returns(
         "damaged.pcap",
         content(pcap(frame(0), DAMAGED, frame(1))),
         points=BOTH,
-        remark=r"damaged.pcap: left out damaged packets \(1\)$",
+        warning=r"damaged.pcap: left out damaged packets \(1\)$",
     ),
     Returns(
         "unknown.pcap",
         content(pcap(*FRAMES, ethernet(ipv4(udp(payload(2, mode=0x12)))))),
         points=BOTH,
-        remark=r"left out packets of unknown sensors or return modes \(1\)$",
+        warning=r"left out packets of unknown sensors or return modes \(1\)$",
     ),
     Returns(
         "unknown_alone.pcap",
         content(pcap(ethernet(ipv4(udp(payload(0, 0x12, 0x7F)))))),
-        line=r"\(1 of product 0x7F and return mode 0x12\): read are recordings of VLP-16",
+        error=r"\(1 of product 0x7F and return mode 0x12\): read are recordings of VLP-16",
     ),
     Returns(
         "hdl64e.pcap",
         content(pcap(ethernet(ipv4(udp(HDL64E))))),
-        line=r"1 datagram of 1,206 bytes to port 2368 \(1 of an HDL-64E\): read are recordings of",
+        error=r"1 datagram of 1,206 bytes to port 2368 \(1 of an HDL-64E\): read are recordings of",
     ),
     Returns(
         "cut_off.pcap",
         content(pcap(*FRAMES, frame(2))[:-7]),
         points=BOTH,
-        remark=r"left out bytes of a last packet that is not whole \(1,257\)$",
+        warning=r"left out bytes of a last packet that is not whole \(1,257\)$",
     ),
     Returns(
         "some_cut.pcap",
         content(pcap(*FRAMES, frame(2), ethernet(ipv4(udp(bytes(2000)))), snap=1300)[:-1]),
         points=[*BOTH, point(2)],
-        remark=r"left out bytes of a last packet that is not whole \(1,315\)$",
+        warning=r"left out bytes of a last packet that is not whole \(1,315\)$",
     ),
     Returns(
         "one_cut.pcapng",
@@ -202,51 +202,51 @@ CAPTURES = [
             section() + interface() + b"".join(map(packet, FRAMES)) + packet(frame(2), kept=99)
         ),
         points=BOTH,
-        remark=r"one_cut.pcapng: left out packets cut by the snap length \(1\)$",
+        warning=r"one_cut.pcapng: left out packets cut by the snap length \(1\)$",
     ),
     Returns(
         "snap_length.pcap",
         content(pcap(*FRAMES, snap=96)),
-        line=r"but 2 packets cut by the snap length \(2 datagrams of 1,206 bytes to port 2368\): "
+        error=r"but 2 packets cut by the snap length \(2 datagrams of 1,206 bytes to port 2368\): "
         r"record whole packets \(tcpdump -s 0\)$",
     ),
     Returns(
         "snap_length.pcapng",
         content(SNAPPED),
-        line=r"but 2 packets cut by the snap length \(1 datagram of 1,206 bytes to port 2368\): ",
+        error=r"but 2 packets cut by the snap length \(1 datagram of 1,206 bytes to port 2368\): ",
     ),
     Returns(
         "ouster.pcap",
         content(OUSTER),
-        line=r"ouster.pcap: no whole data packet of a Velodyne \(1,206 bytes\), but 3 datagrams of "
-        r"6,464 bytes to port 7502, 1 datagram of 48 bytes to port 7503: read are recordings of",
+        error=r"ouster.pcap: no whole data packet of a Velodyne \(1,206 bytes\), but 3 datagrams "
+        r"of 6,464 bytes to port 7502, 1 datagram of 48 bytes to port 7503: read are recordings of",
     ),
     Returns(
         "fragments.pcap",
         content(pcap(*fragments(1480, 5), ethernet(ipv6(bytes(100), kind=44), 0x86DD))),
-        line=r"but 6 fragments of IP packets: fragments are not put together$",
+        error=r"but 6 fragments of IP packets: fragments are not put together$",
     ),
     Returns(
         "arp.pcap",
         content(pcap(ethernet(bytes(28), 0x0806), ethernet(ipv4(bytes(20), protocol=6)))),
-        line=r"but 2 packets of other protocols: ",
+        error=r"but 2 packets of other protocols: ",
     ),
-    Returns("nothing.pcap", content(pcap()), line=r"\(1,206 bytes\), but no packet: "),
+    Returns("nothing.pcap", content(pcap()), error=r"\(1,206 bytes\), but no packet: "),
     Returns(
         "wireless.pcap",
         content(pcap(bytes(100), link=105)),
-        line=r"a capture of link type 105, where one of Ethernet \(1\), .* is expected",
+        error=r"a capture of link type 105, where one of Ethernet \(1\), .* is expected",
     ),
     Returns(
         "notes.xyzw",
         content("nothing of the kind"),
-        line=r"xyzw: not a packet capture \(.pcap, .pcapng\) or ROS bag \(.bag, .db3, .mcap\); "
+        error=r"xyzw: not a packet capture \(.pcap, .pcapng\) or ROS bag \(.bag, .db3, .mcap\); "
         r"clouds and tables go by their suffixes$",
     ),
     Returns(
         "packed.pcap.gz",
         content(b"\x1f\x8b\x08" + bytes(20)),
-        line=r"packed.pcap.gz: not a packet capture .*; packed by gzip: unpack it$",
+        error=r"packed.pcap.gz: not a packet capture .*; packed by gzip: unpack it$",
     ),
 ]
 
@@ -284,7 +284,7 @@ CLOUDS = [
     Cloud(
         f"times_{name}.csv",
         csv(f"x,y,z,laser_id,{name}", LASERS, TICKS),
-        remark=f"times_{name}.csv: times in column {name}: ns$",
+        warning=f"times_{name}.csv: times in column {name}: ns$",
         fields={"timestamp": SECONDS},
     )
     for name in ("t", "time", "timestamp", "time_stamp", "offset_time", "gps_time")
@@ -293,19 +293,19 @@ CLOUDS += [
     Cloud(
         "us.csv",
         csv("x,y,z,laser,t", LASERS, [222 * k for k in range(64)]),
-        remark="us.csv: times in column t: us$",
+        warning="us.csv: times in column t: us$",
         fields={"timestamp": [222 * k / 1e6 for k in range(64)]},
     ),
     Cloud(
         "ns_since_1970.csv",
         csv("x,y,z,laser,t", LASERS, [STAMP * 10**9 + k for k in TICKS]),
-        remark="times in column t: ns$",
+        warning="times in column t: ns$",
         fields={"timestamp": SECONDS},
     ),
     Cloud(
         "ns_in_floats.csv",
         csv("x,y,z,laser,t", LASERS, [float(k) for k in TICKS]),
-        remark="times in column t: ns$",
+        warning="times in column t: ns$",
         fields={"timestamp": SECONDS},
     ),
     Cloud("seconds.csv", csv("x,y,z,laser,t", LASERS, SECONDS), fields={"timestamp": SECONDS}),
@@ -318,7 +318,7 @@ CLOUDS += [
         "no_unit.csv",
         content(NO_UNIT),
         "returns",
-        line="column t has whole numbers whose unit cannot be told: name it, as --time-unit ns$",
+        error="column t has whole numbers whose unit cannot be told: name it, as --time-unit ns$",
     ),
     Case(
         "with_unit.csv",
@@ -336,20 +336,20 @@ CLOUDS += [
         "classes.csv",
         csv("x,y,z,label", [3] * 64),
         "returns",
-        line=r"column label has no lasers: points of laser 3 lie 8\.0 degrees off its cone",
+        error=r"column label has no lasers: points of laser 3 lie 8\.0 degrees off its cone",
     ),
     Case(
         "survey.las",
         las,
         "returns",
-        line=r"survey.las: column laser_id has no lasers: points of laser 0 lie 20\.3 degrees off",
+        error=r"survey.las: column laser_id has no lasers: points of laser 0 lie 20\.3 degrees off",
     ),
     Case(
         "missing_returns.csv",
         content("x,y,z,laser\n3,4,-1.34,0\n0,0,0,1\n,,,2\n"),
         "returns",
         points=[(3, 4, -1.34)],
-        remark=r"missing_returns.csv: left out 2 missing returns$",
+        warning=r"missing_returns.csv: left out 2 missing returns$",
     ),
 ]
 CLOUDS += [
@@ -357,14 +357,14 @@ CLOUDS += [
         "no_stream.csv",
         content(NO_UNIT),
         "returns",
-        line="no_stream.csv: stream '10.0.0.1': only packet captures have streams$",
+        error="no_stream.csv: stream '10.0.0.1': only packet captures have streams$",
         options={"stream": "10.0.0.1"},
     ),
     Case(
         "no_times.pcap",
         content(MIRRORED),
         "returns",
-        line="no_times.pcap: time unit ns: only times of clouds have units$",
+        error="no_times.pcap: time unit ns: only times of clouds have units$",
         options={"time_unit": "ns"},
     ),
 ]

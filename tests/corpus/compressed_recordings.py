@@ -37,8 +37,10 @@ CASES = [
         "zeros.puck",
         lambda path: path.write_bytes(_zeros(8)),
         "turns",
-        line=r"zeros\.puck: \d+ bytes in \d+ bytes: more than they may hold; .* --trusted",
+        error=r"zeros\.puck: \d+ bytes in \d+ bytes: more than they may hold; .* --trusted",
     ),
-    Case("nested.puck", _nested, "turns", line=r"nested\.puck: a compressed recording within"),
-    Case("torn.puck", content(b"PUCK\x01\x03"), "turns", line=r"torn\.puck: the stream is damaged"),
+    Case("nested.puck", _nested, "turns", error=r"nested\.puck: a compressed recording within"),
+    Case(
+        "torn.puck", content(b"PUCK\x01\x03"), "turns", error=r"torn\.puck: the stream is damaged"
+    ),
 ]

@@ -25,13 +25,13 @@ def _described(text: str) -> Callable[[Path], None]:
 
 
 CASES = [
-    Case("scale.ply", _described(f'{{{_OURS}, "scale": "x"}}'), "cloud", line="scale is 'x', but"),
-    Case("offset.ply", _described(f'{{{_OURS}, "offset": [1, 2]}}'), "cloud", line="offset"),
+    Case("scale.ply", _described(f'{{{_OURS}, "scale": "x"}}'), "cloud", error="scale is 'x', but"),
+    Case("offset.ply", _described(f'{{{_OURS}, "offset": [1, 2]}}'), "cloud", error="offset"),
     Case(
         "deep.ply",
         _described('{"size": ' + "[" * 5000),
         "cloud",
         points=[(1, 2, 3)],
-        remark="deep.json beside it is not its description",
+        warning="deep.json beside it is not its description",
     ),
 ]

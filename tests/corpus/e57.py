@@ -64,13 +64,13 @@ CASES = [
         "cloud",
         points=[(1, 2, 3), (11, 2, 4)],
         fields={"scan": [0, 1]},
-        remark="two_scans.e57: fields of no numbers or not of all scans are left out: timeStamp",
+        warning="two_scans.e57: fields of no numbers or not of all scans are left out: timeStamp",
     ),
-    Case("spherical.e57", spherical, "cloud", points=[(2, 0, 0), (0, 2, 0)], remark="1 "),
-    Case("invalid.e57", invalid, "cloud", points=POINTS, remark="1 "),
-    Case("no_pose.e57", no_pose, "cloud", line="no_pose.e57: .*an invalid pose"),
-    Case("no_scan.e57", write_e57, "cloud", line="no_scan.e57: the cloud is empty"),
-    Case("letters.e57", content(b"ASTM-E57"), "cloud", line="not a readable E57 file"),
+    Case("spherical.e57", spherical, "cloud", points=[(2, 0, 0), (0, 2, 0)], warning="1 "),
+    Case("invalid.e57", invalid, "cloud", points=POINTS, warning="1 "),
+    Case("no_pose.e57", no_pose, "cloud", error="no_pose.e57: .*an invalid pose"),
+    Case("no_scan.e57", write_e57, "cloud", error="no_scan.e57: the cloud is empty"),
+    Case("letters.e57", content(b"ASTM-E57"), "cloud", error="not a readable E57 file"),
 ]
 if find_spec("pye57") is None:
     CASES.clear()

@@ -118,15 +118,19 @@ CASES = [
     obj("colours", rows(SQUARE, "v ").replace("\n", " 0.5 0.5 0.5\n") + "f 1 2 3 4\n"),
     obj("byte_order_mark", b"\xef\xbb\xbf" + f"{V_SQUARE}f 1 2 3 4\n".encode()),
     obj("repeated_index", V_SQUARE + "f 1 2 3 3 4\n"),
-    obj("no_such_vertex", V_SQUARE + "f 1 2 5\n", line=r"no_such_vertex.obj: a face refers to a v"),
-    obj("vertex_zero", V_SQUARE + "f 0 1 2\n", line=r"vertex_zero.obj: a face refers to a vertex"),
-    obj("two_corners", V_SQUARE + "f 1 2\n", line=r"two_corners.obj: the mesh has no faces"),
-    obj("not_a_number", f"v 0 0 nan\n{V_SQUARE}f 1 2 3\n", line=r"a face has a vertex that is not"),
+    obj(
+        "no_such_vertex", V_SQUARE + "f 1 2 5\n", error=r"no_such_vertex.obj: a face refers to a v"
+    ),
+    obj("vertex_zero", V_SQUARE + "f 0 1 2\n", error=r"vertex_zero.obj: a face refers to a vertex"),
+    obj("two_corners", V_SQUARE + "f 1 2\n", error=r"two_corners.obj: the mesh has no faces"),
+    obj(
+        "not_a_number", f"v 0 0 nan\n{V_SQUARE}f 1 2 3\n", error=r"a face has a vertex that is not"
+    ),
     obj("unused_nan", f"{V_SQUARE}v nan nan nan\nf 1 2 3 4\n", points=SQUARE),
     obj(
         "lines_beside_faces",
         V_SQUARE + "f 1 2 3 4\nl 1 2\np 1\n",
-        remark=r"lines_beside_faces.obj: left out: 1 polylines, 1 point elements",
+        warning=r"lines_beside_faces.obj: left out: 1 polylines, 1 point elements",
     ),
     # ---- OFF
     *(
@@ -143,19 +147,19 @@ CASES = [
         "many.off",
         content("OFF\n3 1000000000 0\n"),
         "mesh",
-        line=r"many.off: truncated: 0 lines for",
+        error=r"many.off: truncated: 0 lines for",
     ),
     Case(
         "huge_index.off",
         content("OFF\n3 1 0\n" + rows(TRIANGLE) + f"3 0 1 {10**25}\n"),
         "mesh",
-        line=r"huge_index.off: a face refers to a vertex that does not exist",
+        error=r"huge_index.off: a face refers to a vertex that does not exist",
     ),
     Case(
         "homogeneous.off",
         content("4OFF\n3 1 0\n0 0 0 1\n1 0 0 1\n0 1 0 1\n3 0 1 2\n"),
         "mesh",
-        line=r"homogeneous.off: not a readable OFF file",
+        error=r"homogeneous.off: not a readable OFF file",
     ),
     # ---- PLY
     Case(
@@ -183,28 +187,28 @@ CASES = [
         "fractions.ply",
         content(ply(rows(TRIANGLE), "3 0 1.7 2\n", "uchar float")),
         "mesh",
-        line=r"fractions.ply: vertex_indices of the faces are not integers",
+        error=r"fractions.ply: vertex_indices of the faces are not integers",
     ),
     Case(
         "triangle_strips.ply",
         content(ply(rows(TRIANGLE), "3 0 1 2\n").replace("element face", "element tristrips")),
         "mesh",
-        line=r"triangle_strips.ply: its faces are triangle strips",
+        error=r"triangle_strips.ply: its faces are triangle strips",
     ),
     Case(
         "not_a_list.ply",
         content(ply(rows(TRIANGLE), "0\n").replace("list uchar int", "int")),
         "mesh",
-        line=r"not_a_list.ply: vertex_indices of the faces is not a list",
+        error=r"not_a_list.ply: vertex_indices of the faces is not a list",
     ),
     Case(
         "lists_of_places.ply",
         content(ply("1 0 0 0\n" * 3, "3 0 1 2\n").replace("float x", "list uchar float x")),
         "mesh",
-        line=r"lists_of_places.ply: x, y, z of the vertices are not numbers",
+        error=r"lists_of_places.ply: x, y, z of the vertices are not numbers",
     ),
     *(
-        Case(f"many_{name}.ply", content(data), "mesh", line=r"truncated: its header says")
+        Case(f"many_{name}.ply", content(data), "mesh", error=r"truncated: its header says")
         for name, data in {
             "vertices": binary_ply(10**9, 1, FLOATS),
             "faces": binary_ply(3, 10**9, FLOATS + struct.pack("<B3i", 3, 0, 1, 2)),
@@ -215,7 +219,7 @@ CASES = [
         "long_list.ply",
         content(binary_ply(3, 1, FLOATS + b"\xff").replace(b"uchar int", b"int int")),
         "mesh",
-        line=r"long_list.ply: not a readable PLY file",
+        error=r"long_list.ply: not a readable PLY file",
     ),
     # ---- STL
     Case("named_solid.stl", content(stl(b"solid", 1, FACET)), "mesh", points=TRIANGLE, area=0.5),
@@ -224,9 +228,11 @@ CASES = [
         content(stl(b"solid", 1, FACET * 2 + b"end")),
         "mesh",
         points=TRIANGLE,
-        remark=r"longer_than_it_says.stl: left out 53 bytes after its 1 triangles",
+        warning=r"longer_than_it_says.stl: left out 53 bytes after its 1 triangles",
     ),
-    Case("many.stl", content(stl(b"", 10**9, FACET)), "mesh", line=r"many.stl: truncated or not S"),
+    Case(
+        "many.stl", content(stl(b"", 10**9, FACET)), "mesh", error=r"many.stl: truncated or not S"
+    ),
     Case(
         "loop_of_four.stl",
         content(f"solid a\n{LOOP.format(rows(SQUARE, 'vertex '))}endsolid a\n"),
@@ -245,7 +251,7 @@ CASES = [
         "open_loop.stl",
         content(f"solid a\nouter loop\n{rows(TRIANGLE, 'vertex ')}endsolid a\n"),
         "mesh",
-        line=r"open_loop.stl: a vertex lies outside of the loops",
+        error=r"open_loop.stl: a vertex lies outside of the loops",
     ),
     # ---- GLB
     Case("triangle.glb", glb(), "mesh", points=UPRIGHT, area=0.5),
@@ -315,10 +321,13 @@ CASES = [
         ),
         "mesh",
         points=UPRIGHT,
-        remark=r"lines_beside_triangles.glb: left out: 1 primitives without faces",
+        warning=r"lines_beside_triangles.glb: left out: 1 primitives without faces",
     ),
     Case(
-        "lines.glb", glb(meshes=primitive(mode=3)), "mesh", line=r"lines.glb: the mesh has no faces"
+        "lines.glb",
+        glb(meshes=primitive(mode=3)),
+        "mesh",
+        error=r"lines.glb: the mesh has no faces",
     ),
     Case(
         "indices_of_two_bytes.glb",
@@ -354,7 +363,7 @@ CASES = [
             ],
         ),
         "mesh",
-        line=r"index_beyond_its_part.glb: a face refers to a vertex that does not exist",
+        error=r"index_beyond_its_part.glb: a face refers to a vertex that does not exist",
     ),
     Case(
         "sparse.glb",  # its third point is another
@@ -391,34 +400,34 @@ CASES = [
         "draco.glb",
         glb(extensionsRequired=["KHR_draco_mesh_compression"]),
         "mesh",
-        line=r"draco.glb: KHR_draco_mesh_compression is not read",
+        error=r"draco.glb: KHR_draco_mesh_compression is not read",
     ),
     Case(
         "instanced_by_extension.glb",
         glb(nodes=[{"mesh": 0, "extensions": {"EXT_mesh_gpu_instancing": {}}}]),
         "mesh",
-        line=r"instanced_by_extension.glb: EXT_mesh_gpu_instancing is not read",
+        error=r"instanced_by_extension.glb: EXT_mesh_gpu_instancing is not read",
     ),
     Case(
         "buffer_beside.glb",
         glb(buffers=[{"uri": "beside.bin", "byteLength": 36}]),
         "mesh",
-        line=r"buffer_beside.glb: its buffers are not within it",
+        error=r"buffer_beside.glb: its buffers are not within it",
     ),
     Case(
         "second_buffer.glb",
         glb(bufferViews=[{"buffer": 1, "byteLength": 36}]),
         "mesh",
-        line=r"second_buffer.glb: its buffers are not within it",
+        error=r"second_buffer.glb: its buffers are not within it",
     ),
     Case(
         "node_within_itself.glb",
         glb(nodes=[{"mesh": 0, "children": [0]}]),
         "mesh",
-        line=r"node_within_itself.glb: node 0 has two parents",
+        error=r"node_within_itself.glb: node 0 has two parents",
     ),
     *(
-        Case(f"many_{name}.glb", glb(**changes), "mesh", line=rf"many_{name}.glb: ")
+        Case(f"many_{name}.glb", glb(**changes), "mesh", error=rf"many_{name}.glb: ")
         for name, changes in {
             "zeros": {"accessors": [vec3(None, 10**9)]},
             "points": {"accessors": [vec3(0, 10**9)]},
@@ -430,12 +439,12 @@ CASES = [
         "glTF_1.glb",
         content(struct.pack("<4sII", b"glTF", 1, 12)),
         "mesh",
-        line=r"glTF_1.glb: glTF 1 is not read, only glTF 2",
+        error=r"glTF_1.glb: glTF 1 is not read, only glTF 2",
     ),
     Case(
         "nested_json.glb",
         content(struct.pack("<4sIII4s", b"glTF", 2, 100_020, 100_000, b"JSON") + b"[" * 100_000),
         "mesh",
-        line=r"nested_json.glb: not a readable GLB file \(nested too deeply\)",
+        error=r"nested_json.glb: not a readable GLB file \(nested too deeply\)",
     ),
 ]

@@ -77,32 +77,34 @@ CASES = [
     _case(
         "other_size_of_image.pcd",
         _pcd(WIDTH="3"),
-        remark="other_size_of_image.pcd: POINTS says 2 .3 in WIDTH x HEIGHT.",
+        warning="other_size_of_image.pcd: POINTS says 2 .3 in WIDTH x HEIGHT.",
     ),
     _case(
-        "more_than_said.pcd", _pcd(_FLOATS * 2), remark="POINTS says 2 .4 in the data.: the first 2"
+        "more_than_said.pcd",
+        _pcd(_FLOATS * 2),
+        warning="POINTS says 2 .4 in the data.: the first 2",
     ),
     # Images with pixels that have no return
     _case(
         "zeros.pcd",
         _pcd(_FLOATS + bytes(24), **_IMAGE),
-        remark="zeros.pcd: 2 of 4 points are missing returns",
+        warning="zeros.pcd: 2 of 4 points are missing returns",
     ),
     _case(
         "one_zero.pcd",
         _pcd(struct.pack("<12f", 1, 2, 3, 0, 0, 0, 4, 5, 6, 7, 8, 9), **_IMAGE),
         [*TWO, (7, 8, 9)],
-        remark="one_zero.pcd: 1 of 4 points are missing returns",
+        warning="one_zero.pcd: 1 of 4 points are missing returns",
     ),
     _case(
         "nan.pcd",
         _pcd(_FLOATS + struct.pack("<6f", *[_NAN] * 6), **_IMAGE),
-        remark="nan.pcd: 2 of 4 points are missing returns",
+        warning="nan.pcd: 2 of 4 points are missing returns",
     ),
     _case(
         "nan_text.pcd",
         _pcd(b"nan nan nan\n1 2 3\nnan nan nan\n4 5 6\n", "ascii", **_IMAGE),
-        remark="nan_text.pcd: 2 of 4 points are missing returns",
+        warning="nan_text.pcd: 2 of 4 points are missing returns",
     ),
     _case(
         "zeros_kept.pcd",
@@ -116,53 +118,53 @@ CASES = [
         [*TWO, (0, 0, 0), (0, 0, 0)],
     ),
     _case(
-        "all_zeros.pcd", _pcd(bytes(48), **_IMAGE), line="all of its 4 points are missing returns"
+        "all_zeros.pcd", _pcd(bytes(48), **_IMAGE), error="all of its 4 points are missing returns"
     ),
     _case(
         "half_nan.pcd",
         _pcd(struct.pack("<6f", 1, _NAN, 3, 4, 5, 6)),
-        line="1 of 2 points are not finite .*--drop-invalid",
+        error="1 of 2 points are not finite .*--drop-invalid",
     ),
     # Refused
-    _case("empty.pcd", b"", line="not a PCD file"),
-    _case("cut.pcd", _pcd()[:-1], line="has 1 points, but its header says 2"),
-    _case("no_points.pcd", _pcd(b"", WIDTH="0", POINTS="0"), line="header says 0$"),
+    _case("empty.pcd", b"", error="not a PCD file"),
+    _case("cut.pcd", _pcd()[:-1], error="has 1 points, but its header says 2"),
+    _case("no_points.pcd", _pcd(b"", WIDTH="0", POINTS="0"), error="header says 0$"),
     _case(
         "no_fields.pcd",
         _pcd(b"", **_fields("x y z", "4 4 4", "F F F", "0 0 0")),
-        line="the PCD file has no fields",
+        error="the PCD file has no fields",
     ),
     _case(
         "same_name.pcd",
         _pcd(**_fields("x y x", "4 4 4", "F F F", "1 1 1")),
-        line="not a readable PCD header",
+        error="not a readable PCD header",
     ),
     _case(
         "big_count.pcd",
         _pcd(COUNT="1 1 4097"),
-        line="PCD header .4097 values in a field",
+        error="PCD header .4097 values in a field",
     ),
-    _case("negative_count.pcd", _pcd(COUNT="1 1 -1"), line="not a readable PCD header"),
-    _case("fewer_sizes.pcd", _pcd(SIZE="4 4"), line="not a readable PCD header"),
-    _case("huge_size.pcd", _pcd(SIZE="4 4 4000000000"), line="not a readable PCD header"),
-    _case("claims_much.pcd", _pcd(POINTS="1000000000000"), line="header says 1000000000000$"),
+    _case("negative_count.pcd", _pcd(COUNT="1 1 -1"), error="not a readable PCD header"),
+    _case("fewer_sizes.pcd", _pcd(SIZE="4 4"), error="not a readable PCD header"),
+    _case("huge_size.pcd", _pcd(SIZE="4 4 4000000000"), error="not a readable PCD header"),
+    _case("claims_much.pcd", _pcd(POINTS="1000000000000"), error="header says 1000000000000$"),
     _case(
         "compressed_less.pcd",
         _pcd(_packed(_COLUMNS[:300], len(_COLUMNS)), "binary_compressed", **_PADDED),
-        line="damaged compressed points",
+        error="damaged compressed points",
     ),
-    _case("no_number.pcd", _pcd(POINTS="", HEIGHT=""), line="header says 0$"),
-    _case("no_form.pcd", _pcd(form="zipped"), line="PCD data of the form zipped"),
-    _case("damaged_text.pcd", _pcd(b"1 2 3\n4 5 six\n", "ascii"), line="a damaged line"),
+    _case("no_number.pcd", _pcd(POINTS="", HEIGHT=""), error="header says 0$"),
+    _case("no_form.pcd", _pcd(form="zipped"), error="PCD data of the form zipped"),
+    _case("damaged_text.pcd", _pcd(b"1 2 3\n4 5 six\n", "ascii"), error="a damaged line"),
     _case(
         "compressed_cut.pcd",
         _pcd(_packed(_COLUMNS)[:-4], "binary_compressed", **_PADDED),
-        line="damaged compressed points",
+        error="damaged compressed points",
     ),
     _case(
         "compressed_other_size.pcd",
         _pcd(_packed(_COLUMNS, 9), "binary_compressed", **_PADDED),
-        line="has 9 bytes for 2 points",
+        error="has 9 bytes for 2 points",
     ),
     _case(
         "compressed_bomb.pcd",
@@ -172,6 +174,6 @@ CASES = [
             POINTS="200000000",
             WIDTH="200000000",
         ),
-        line="bytes for \\d+ points",
+        error="bytes for \\d+ points",
     ),
 ]

@@ -56,7 +56,7 @@ CASES = [
     _case("types_with_bits.ply", _ply(struct.pack("<6d", *range(1, 7)), kind="float64")),
     _case("int16.ply", _ply(struct.pack("<6h", *range(1, 7)), kind="int16")),
     _case("uint8.ply", _ply(bytes(range(1, 7)), kind="uint8")),
-    _case("cut_shorts.ply", _ply(bytes(11), kind="short"), line="truncated: its header says"),
+    _case("cut_shorts.ply", _ply(bytes(11), kind="short"), error="truncated: its header says"),
     # Headers
     _case("blank_after_ply.ply", _ply().replace(b"ply\n", b"ply \n", 1)),
     _case("blank_after_end.ply", _ply().replace(b"end_header\n", b"end_header \n")),
@@ -82,7 +82,7 @@ CASES = [
     _case(
         "list_of_a_vertex.ply",
         _ply("1 2 3 2 8 9\n4 5 6 0\n", after="property list uchar int rays\n", form="ascii"),
-        remark="list_of_a_vertex.ply: lists of vertices are left out: rays",
+        warning="list_of_a_vertex.ply: lists of vertices are left out: rays",
     ),
     _case(
         "rgb_big_endian.ply",
@@ -102,36 +102,38 @@ CASES = [
         fields={"red_16": [256, 0], "blue_16": [65535, 2]},
     ),
     # Refused
-    _case("empty.ply", b"", line="not a readable PLY file"),
-    _case("no_points.ply", _ply(b"", count=0), line="the cloud is empty"),
+    _case("empty.ply", b"", error="not a readable PLY file"),
+    _case("no_points.ply", _ply(b"", count=0), error="the cloud is empty"),
     _case(
         "mesh.ply",
         _ply(_FLOATS + b"\3" + bytes(12), after=_FACES.format(1)),
-        line="a mesh, not a cloud",
+        error="a mesh, not a cloud",
     ),
     _case(
         "same_name.ply",
         _ply(struct.pack("<8f", *range(8)), after="property float x\n"),
-        line="not a readable PLY file",
+        error="not a readable PLY file",
     ),
-    _case("cut.ply", _ply()[:-1], line="truncated: its header says 2 of vertex"),
-    _case("cut_text.ply", _ply("1 2 3\n4 5", form="ascii"), line="not a readable PLY file"),
-    _case("cut_header.ply", _ply()[:60], line="no header"),
-    _case("claims_much.ply", _ply(count=10**12), line="truncated: its header says 1000000000000"),
+    _case("cut.ply", _ply()[:-1], error="truncated: its header says 2 of vertex"),
+    _case("cut_text.ply", _ply("1 2 3\n4 5", form="ascii"), error="not a readable PLY file"),
+    _case("cut_header.ply", _ply()[:60], error="no header"),
+    _case("claims_much.ply", _ply(count=10**12), error="truncated: its header says 1000000000000"),
     _case(
         "claims_much_text.ply",
         _ply(_TEXT, count=10**12, form="ascii"),
-        line="truncated: its header",
+        error="truncated: its header",
     ),
     _case(
         "claims_much_of_nothing.ply",
         _ply(before="element odd 1000000000\n"),
-        line="not a readable PLY header",
+        error="not a readable PLY header",
     ),
-    _case("negative.ply", _ply(count=-1), line="not a readable PLY header"),
-    _case("count_in_words.ply", _ply(count="two"), line="not a readable PLY header"),
-    _case("unknown_type.ply", _ply(kind="quaternion"), line="not a readable PLY header"),
-    _case("pointer.ply", b"version https://git-lfs.github.com/spec/v1\n", line="a Git-LFS pointer"),
+    _case("negative.ply", _ply(count=-1), error="not a readable PLY header"),
+    _case("count_in_words.ply", _ply(count="two"), error="not a readable PLY header"),
+    _case("unknown_type.ply", _ply(kind="quaternion"), error="not a readable PLY header"),
+    _case(
+        "pointer.ply", b"version https://git-lfs.github.com/spec/v1\n", error="a Git-LFS pointer"
+    ),
     # Compressed
     _case("packed.ply.gz", gzip.compress(_ply())),
     _case("packed.ply.bz2", bz2.compress(_ASCII)),
@@ -141,15 +143,15 @@ CASES = [
     _case(
         "packed_cut.ply.gz",
         gzip.compress(_ply())[:-9],
-        line="packed_cut.ply.gz: damaged compressed file",
+        error="packed_cut.ply.gz: damaged compressed file",
     ),
-    _case("packed_not.ply.gz", _ply(), line="packed_not.ply.gz: damaged compressed file"),
+    _case("packed_not.ply.gz", _ply(), error="packed_not.ply.gz: damaged compressed file"),
     # Missing returns, and what lies beside
     _case(
         "zeros.ply",
         _ply(_ZEROS, count=10),
         [(x, x + 1, x + 2) for x in range(1, 19, 3)],
-        remark="zeros.ply: 4 of 10 points are missing returns .--keep-missing keeps them",
+        warning="zeros.ply: 4 of 10 points are missing returns .--keep-missing keeps them",
     ),
     _case(
         "zeros_kept.ply",
@@ -176,21 +178,21 @@ CASES = [
     _case(
         "foreign_json.ply",
         _beside(_ply(), '{"size": 4, "scale": 9}'),
-        remark="foreign_json.json beside it is not its description",
+        warning="foreign_json.json beside it is not its description",
     ),
     _case(
         "foreign_list.ply",
         _beside(_ply(), "[1, 2]"),
-        remark="foreign_list.json beside it is not its description",
+        warning="foreign_list.json beside it is not its description",
     ),
     _case(
         "broken_json.ply",
         _beside(_ply(), "{"),
-        remark="broken_json.json beside it is not its description",
+        warning="broken_json.json beside it is not its description",
     ),
     _case(
         "other_count.ply",
         _beside(_ply(), _OURS),
-        remark="2 points, but other_count.json beside it describes a file of 10 points: not used",
+        warning="2 points, but other_count.json beside it describes a file of 10 points: not used",
     ),
 ]

@@ -1,4 +1,4 @@
-"""Every file of the corpus gives the right points or the right line."""
+"""Every file of the corpus gives the expected points or error."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ CASES = list(cases())
 
 
 def _read(case: Case, path: Path) -> tuple[Any, Any]:
-    """Points of a file, and what holds its further columns."""
+    """Points of a file, and its further columns."""
     if case.reader == "cloud":
         from puckbench.io.clouds import read_cloud
 
@@ -42,18 +42,18 @@ def _read(case: Case, path: Path) -> tuple[Any, Any]:
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.file)
-def test_file_gives_its_points_or_its_line(
+def test_file_gives_the_expected_points_or_error(
     case: Case, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     path = tmp_path / case.file
     case.write(path)
     with caplog.at_level(logging.WARNING, "puckbench"):
-        if case.line is not None:
+        if case.error is not None:
             with pytest.raises(InputError) as refusal:
                 _read(case, path)
-            line = str(refusal.value)
-            assert re.search(case.line, line), line
-            assert "\n" not in line
+            message = str(refusal.value)
+            assert re.search(case.error, message), message
+            assert "\n" not in message
             return
         points, columns = _read(case, path)
     assert case.points is not None
@@ -63,10 +63,10 @@ def test_file_gives_its_points_or_its_line(
     if case.area is not None:
         assert columns["area"] == pytest.approx(case.area, rel=1e-6)
     lines = [record.getMessage() for record in caplog.records]
-    if case.remark is None:
+    if case.warning is None:
         assert not lines
     else:
-        assert any(re.search(case.remark, line) for line in lines), lines
+        assert any(re.search(case.warning, line) for line in lines), lines
 
 
 def test_names_of_the_corpus_differ() -> None:

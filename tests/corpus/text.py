@@ -12,8 +12,8 @@ _NAMED = "{0}1{0}2{0}3{0}7\n{0}4{0}5{0}6{0}8\n"
 
 CASES = [
     _case("plain.xyz", "1 2 3\n4 5 6\n"),
-    _case("empty.xyz", "", line="empty.xyz: the cloud is empty"),
-    _case("names_alone.csv", "x,y,z\n", line="names_alone.csv: the cloud is empty"),
+    _case("empty.xyz", "", error="empty.xyz: the cloud is empty"),
+    _case("names_alone.csv", "x,y,z\n", error="names_alone.csv: the cloud is empty"),
     # Names and separators
     _case(
         "blank_in_a_name.csv",
@@ -51,18 +51,18 @@ CASES = [
         "numbers_of_columns.csv",
         "0,1,2\n1.5,2,3\n4,5,6\n",
         [(1.5, 2, 3), (4, 5, 6)],
-        remark="numbers_of_columns.csv: its first line numbers the columns, and is no point",
+        warning="numbers_of_columns.csv: its first line numbers the columns, and is no point",
     ),
     _case(
         "numbers_of_columns_and_rows.csv",
         ",0,1,2\n0,1,2,3\n1,4,5,6\n",
-        remark="its first line numbers the columns",
+        warning="its first line numbers the columns",
     ),
     _case("first_point_7_0_1.csv", "7,0,1,2\n4,5.5,6,1\n", [(7, 0, 1), (4, 5.5, 6)]),
     _case(
         "text_with_blanks_tabs.txt",
         "x\ty\tz\twho\n1\t2\t3\tAnn Lee\n4\t5\t6\tBob\n",
-        remark="left out: who",
+        warning="left out: who",
     ),
     _case("aligned_by_tabs.xyz", "1\t\t2\t3\n4\t\t5\t6\n"),
     _case("numbers_between_tabs.xyz", "1 2\t3\n4 5\t6\n"),
@@ -83,13 +83,13 @@ CASES = [
         [(500000.123, 5400000.456, 1), (1, 2, 3)],
     ),
     _case(
-        "not_finite.xyz", "1 2 nan\n4 5 6\n", line="1 of 2 points are not finite .*--drop-invalid"
+        "not_finite.xyz", "1 2 nan\n4 5 6\n", error="1 of 2 points are not finite .*--drop-invalid"
     ),
     _case(
         "not_finite_dropped.xyz",
         "1 2 inf\n1 2 3\n4 5 6\n",
         options={"drop_invalid": True},
-        remark="not_finite_dropped.xyz: 1 of 3 points are not finite: left out",
+        warning="not_finite_dropped.xyz: 1 of 3 points are not finite: left out",
     ),
     # Lines
     _case("crlf.xyz", "1 2 3 \r\n4 5 6 \r\n"),
@@ -105,33 +105,35 @@ CASES = [
     _case(
         "words.csv",
         "x,y,z,who\n1,2,3,Ann\n4,5,6,Bob\n",
-        remark="columns without numbers are left out: who",
+        warning="columns without numbers are left out: who",
     ),
     _case("several_scans.pts", "1\n1 2 3 7\n1\n4 5 6 8\n", fields={"intensity": [7, 8]}),
     _case("long_comments.xyz", "# a comment\n" * 9000 + "1 2 3\n4 5 6\n"),
     # Refused
-    _case("no_count.pts", "9" * 5000 + "\n1 2 3\n", line="not a table of numbers"),
-    _case("two_scans_cut.pts", "1\n1 2 3\n2\n4 5 6\n", line="2 points, but its header says 3"),
-    _case("fewer_points.pts", "3\n1 2 3\n4 5 6\n", line="2 points, but its header says 3"),
-    _case("too_few_names.csv", "x,y,z\n1,2,3,4\n", line="3 names .* for 4 columns"),
-    _case("too_many_names.csv", "x,y,z,w\n1,2,3\n", line="4 names .* for 3 columns"),
-    _case("names_of_r.txt", 'x y z\n"1" 1 2 3\n', line="3 names .* for 4 columns"),
-    _case("too_many_names_in_a_comment.xyz", "# y x z w\n1 2 3\n", line="4 names .* for 3 columns"),
-    _case("twice.csv", "x,y,z,X\n1,2,3,4\n", line="two columns are named x"),
+    _case("no_count.pts", "9" * 5000 + "\n1 2 3\n", error="not a table of numbers"),
+    _case("two_scans_cut.pts", "1\n1 2 3\n2\n4 5 6\n", error="2 points, but its header says 3"),
+    _case("fewer_points.pts", "3\n1 2 3\n4 5 6\n", error="2 points, but its header says 3"),
+    _case("too_few_names.csv", "x,y,z\n1,2,3,4\n", error="3 names .* for 4 columns"),
+    _case("too_many_names.csv", "x,y,z,w\n1,2,3\n", error="4 names .* for 3 columns"),
+    _case("names_of_r.txt", 'x y z\n"1" 1 2 3\n', error="3 names .* for 4 columns"),
+    _case(
+        "too_many_names_in_a_comment.xyz", "# y x z w\n1 2 3\n", error="4 names .* for 3 columns"
+    ),
+    _case("twice.csv", "x,y,z,X\n1,2,3,4\n", error="two columns are named x"),
     _case(
         "grid.asc",
         "ncols 4\nnrows 2\nNODATA_value -9999\n1 2 3 4\n5 6 7 8\n",
-        line="2 names .* for 4 columns",
+        error="2 names .* for 4 columns",
     ),
     _case(
-        "ragged.xyz", "1 2 3\n4 5 6 7\n", line="not a table of numbers .*Expected 3 columns, got 4"
+        "ragged.xyz", "1 2 3\n4 5 6 7\n", error="not a table of numbers .*Expected 3 columns, got 4"
     ),
-    _case("two_columns.xyz", "1 2\n3 4\n", line="not a table of numbers"),
-    _case("word_for_a_number.csv", "x,y,z\n1,2,3\n4,5,six\n", line="column z has 'six'"),
-    _case("word_for_a_number.xyz", "1 2 3\n4 5 six\n", line="not a table of numbers"),
-    _case("no_coordinates.csv", "a,b,c\n1,2,3\n", line="no x, y, z .their columns: a, b, c"),
-    _case("feet.csv", "X [ft],Y [ft],Z [ft]\n1,2,3\n", line="no x, y, z"),
-    _case("binary.xyz", b"1 2 3\n\0\0\0", line="not a text file"),
-    _case("page.xyz", "<!DOCTYPE html>\n<html>1 2 3</html>", line="a page of the web .HTML"),
-    _case("unknown.abc", "1 2 3\n", line="not a point cloud by its name .*.ply, "),
+    _case("two_columns.xyz", "1 2\n3 4\n", error="not a table of numbers"),
+    _case("word_for_a_number.csv", "x,y,z\n1,2,3\n4,5,six\n", error="column z has 'six'"),
+    _case("word_for_a_number.xyz", "1 2 3\n4 5 six\n", error="not a table of numbers"),
+    _case("no_coordinates.csv", "a,b,c\n1,2,3\n", error="no x, y, z .their columns: a, b, c"),
+    _case("feet.csv", "X [ft],Y [ft],Z [ft]\n1,2,3\n", error="no x, y, z"),
+    _case("binary.xyz", b"1 2 3\n\0\0\0", error="not a text file"),
+    _case("page.xyz", "<!DOCTYPE html>\n<html>1 2 3</html>", error="a page of the web .HTML"),
+    _case("unknown.abc", "1 2 3\n", error="not a point cloud by its name .*.ply, "),
 ]
