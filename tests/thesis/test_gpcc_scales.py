@@ -6,7 +6,7 @@ import pytest
 
 from puckbench.core.errors import InputError
 from puckbench.thesis.tables.gpcc_scales import gpcc_scales
-from puckbench.thesis.tables.medians import thesis_medians
+from puckbench.thesis.tables.thesis_medians import thesis_medians
 
 SCALES = {"gpcc": {"r1": 0.5, "r2": 0.75}, "arena": {"r1": 0.5, "r2": 0.75}}
 ROLES = {"gpcc": "gpcc", "gpcc_as_run": "arena"}

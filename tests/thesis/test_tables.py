@@ -11,10 +11,16 @@ from puckbench.core.errors import InputError
 from puckbench.core.seeding import generator
 from puckbench.metrics.table_registry import table_entries, table_entry
 from puckbench.thesis import published
-from puckbench.thesis.residuals.joining import COLUMNS, MOST_ROWS, joined_files
+from puckbench.thesis.residuals.joining import COLUMNS, MAX_ROWS, joined_files
 from puckbench.thesis.tables.incidence_effect import incidence_effect, incidence_table
-from puckbench.thesis.tables.numbers import FAR, MOVED, NEAR, distance_to_normal, thesis_numbers
 from puckbench.thesis.tables.printed_tables import table_4_1, table_4_2, table_5_1
+from puckbench.thesis.tables.thesis_numbers import (
+    DISTANCE,
+    FAR,
+    NEAR,
+    distance_to_normal,
+    thesis_numbers,
+)
 
 HALF_NORMAL = np.sqrt(2 / np.pi)
 THESIS_4_2 = {  # as printed: laser 13 is missing
@@ -103,7 +109,7 @@ def test_distances_in_closed_form() -> None:
     )
     wide = 0.0652 * generator(1, "wide").normal(size=200_000)
     assert distance_to_normal(wide, 0, 0.0138) == pytest.approx(0.0514 * HALF_NORMAL, rel=0.02)
-    with pytest.raises(InputError, match="not empty"):
+    with pytest.raises(InputError, match="nonempty"):
         distance_to_normal(np.zeros(0), 0, 1)
 
 
@@ -122,7 +128,7 @@ def test_the_thesis_s_numbers_stand_beside_ours() -> None:
     assert table.loc[(NEAR, "hdl64e"), "here_m"] == pytest.approx(0.06, rel=0.02)
     assert table.loc[(FAR, "vlp16_fig518"), "thesis_m"] == 0.0163
     assert table.loc[(FAR, "vlp16_fig518"), "here_m"] == pytest.approx(0.016, rel=0.02)
-    assert table.loc[(MOVED, "vlp16_fig518"), "thesis_m"] == 0.0044
+    assert table.loc[(DISTANCE, "vlp16_fig518"), "thesis_m"] == 0.0044
     assert np.isnan(table.loc[(NEAR, "mine"), "thesis_m"])
     assert (FAR, "mine") not in table.index
 
@@ -167,10 +173,10 @@ def test_joined_tables_have_the_names_of_the_configuration(tmp_path: Path) -> No
 
 
 def test_a_long_capture_is_subsampled(tmp_path: Path) -> None:
-    rows = pd.DataFrame(dict.fromkeys(COLUMNS["residuals"], 0), index=range(MOST_ROWS + 1000))
+    rows = pd.DataFrame(dict.fromkeys(COLUMNS["residuals"], 0), index=range(MAX_ROWS + 1000))
     rows.assign(run=np.arange(len(rows))).to_parquet(tmp_path / "long.parquet")
     joined = joined_files([("real", tmp_path / "long.parquet")], "residuals")
-    assert len(joined) == MOST_ROWS
+    assert len(joined) == MAX_ROWS
     assert joined["run"].is_monotonic_increasing
     assert joined["run"].is_unique
 

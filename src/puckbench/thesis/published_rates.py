@@ -1,7 +1,4 @@
-"""Numbers of the thesis's chapter 6, to hold ours against: medians read off its Figure 6.5.
-
-They are in published_rates.yaml. Rates are r1 and on, r1 the smallest bitrate.
-"""
+"""Numbers of the thesis's chapter 6: medians read off its Figure 6.5 (published_rates.yaml)."""
 
 from __future__ import annotations
 
@@ -10,16 +7,16 @@ from importlib.resources import files
 from typing import Any
 
 OBJECTS, ROOMS, CLEAN, NOISY = "objects", "rooms", "clean scans", "noisy scans"
-"""The thesis's data sets by what they are: CAPOD, S3DIS, its scans without and with noise."""
+"""The thesis's data sets: CAPOD, S3DIS, and scans of S3DIS without and with noise."""
 
 _DISTANCES = ("cd_plane", "hausdorff_sq_plane")
 
 
 def median_rows() -> Iterator[dict[str, Any]]:
-    """The medians as rows of a table of results, one for each data set, codec and rate.
+    """Yield the medians as rows of a table of results, one for each data set, codec and rate.
 
-    ``dataset`` is what the set is, ``codec`` what the codec is (see
-    `puckbench.thesis.claims.roles`); ``bpp`` is known of the first and last rate alone.
+    ``dataset`` and ``codec`` are roles (`puckbench.thesis.claims.roles`). Only the first and last
+    rate have a ``bpp``.
     """
     import yaml
 
@@ -30,5 +27,5 @@ def median_rows() -> Iterator[dict[str, Any]]:
             distances = list(zip(*(curves[name] for name in _DISTANCES), strict=True))
             ends = dict(zip((1, len(distances)), curves["bpp"], strict=True))
             for number, values in enumerate(distances, 1):
-                found = {"bpp": ends.get(number), **dict(zip(_DISTANCES, values, strict=True))}
-                yield {**names, "rate": f"r{number}", **found}
+                numbers = {"bpp": ends.get(number), **dict(zip(_DISTANCES, values, strict=True))}
+                yield {**names, "rate": f"r{number}", **numbers}

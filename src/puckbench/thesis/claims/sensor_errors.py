@@ -12,8 +12,8 @@ from puckbench.lidar.residual_table import REAL
 from puckbench.thesis.claims.evidence import Evidence
 from puckbench.thesis.claims.verdicts import Part, untested
 from puckbench.thesis.published import BIN_STDS_M, FAR_M, PRINTED_STD_M, REAL_STD_M
-from puckbench.thesis.tables.numbers import MOVED
 from puckbench.thesis.tables.residual_statistics import ALL
+from puckbench.thesis.tables.thesis_numbers import DISTANCE
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -213,7 +213,7 @@ def _distance(evidence: Evidence, model: str) -> float | None:
     table = evidence.thesis_numbers
     if table is None:
         return None
-    rows = table[(table["quantity"] == MOVED) & (table["model"] == model)]
+    rows = table[(table["quantity"] == DISTANCE) & (table["model"] == model)]
     return float(rows["here_m"].iloc[0]) if len(rows) else None
 
 

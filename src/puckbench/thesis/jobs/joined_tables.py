@@ -8,7 +8,7 @@ from typing import Any, Literal
 from puckbench.jobs.gathered_tables import OfNames
 from puckbench.jobs.registry import JOBS
 
-_MOST_ROWS = 20_000
+_MAX_ROWS = 20_000
 """Rows of a recording that are compared: twenty replicates of each model are drawn on each."""
 _KEPT = ["model", "replicate", "capture", "distance_m", "run", "laser_id", "residual_m"]
 
@@ -44,15 +44,15 @@ class ComparedResiduals(OfNames):
         """Write the recorded residuals and those of the models."""
         from puckbench.io.tables import write_table
         from puckbench.lidar.residual_table import read_residuals
-        from puckbench.thesis.residuals.joining import subsampled
-        from puckbench.thesis.tables.model_comparison import (
+        from puckbench.thesis.residuals.compared import (
             compared_residuals,
             default_models,
             real_walls,
         )
+        from puckbench.thesis.residuals.joining import subsampled
 
         files = self.files(results)
-        tables = [subsampled(read_residuals(path), _MOST_ROWS, str(path)) for path in files]
+        tables = [subsampled(read_residuals(path), _MAX_ROWS, str(path)) for path in files]
         compared = compared_residuals(real_walls(tables), default_models())
         write_table(compared[_KEPT].astype({"residual_m": "float32"}), parquet)
         return {"rows": len(compared)}

@@ -1,4 +1,4 @@
-"""Tables of several models and captures as one, each under the name a configuration gives it."""
+"""Joining the tables of several error models and captures."""
 
 from __future__ import annotations
 
@@ -34,32 +34,39 @@ COLUMNS = {
         "incidence_rad",
     ),
 }
-"""Columns of a table of residuals and of one of points that figures and statistics ask for."""
+"""Columns of joined tables of residuals and of points, which figures and statistics use."""
 
-MOST_ROWS = 500_000
-"""Rows of one table that are kept at most, chosen at random: captures can be of any length."""
+MAX_ROWS = 500_000
+"""Rows of each table that are kept, chosen at random: captures can have any length."""
 
 
 def joined_files(files: Sequence[tuple[str, Path]], kind: str) -> pd.DataFrame:
-    """Parquet tables one after the other, with the columns of a kind of `COLUMNS`.
+    """Concatenate Parquet tables, with the columns of a kind of `COLUMNS`.
 
-    files: the name that stands in column ``model``, and the table. InputError names a table
-    without one of the columns.
+    Parameters
+    ----------
+    files
+        Value of the column ``model``, and path of the table.
+
+    Raises
+    ------
+    InputError
+        A table lacks a column.
     """
-    whole = pd.concat([_part(*file, COLUMNS[kind]) for file in files], ignore_index=True)
-    return whole.astype({"model": "category", "surface": "category"})
+    table = pd.concat([_part(*file, COLUMNS[kind]) for file in files], ignore_index=True)
+    return table.astype({"model": "category", "surface": "category"})
 
 
 def _part(name: str, path: Path, columns: Sequence[str]) -> pd.DataFrame:
     table = pd.read_parquet(path)
     if missing := [column for column in columns if column not in table]:
         raise InputError(f"{path}: no column {missing[0]!r}")
-    kept = subsampled(table, MOST_ROWS, name)
-    return kept.assign(model=name)[list(columns)].astype({"surface": str})
+    rows = subsampled(table, MAX_ROWS, name)
+    return rows.assign(model=name)[list(columns)].astype({"surface": str})
 
 
-def subsampled(table: pd.DataFrame, most: int, name: str) -> pd.DataFrame:
-    """At most `most` rows in their order, chosen at random, the same for the same name."""
-    if len(table) <= most:
+def subsampled(table: pd.DataFrame, max_rows: int, name: str) -> pd.DataFrame:
+    """Return at most `max_rows` rows in their order, chosen at random with a seed from `name`."""
+    if len(table) <= max_rows:
         return table
-    return table.sample(most, random_state=generator(0, "joined", name)).sort_index()
+    return table.sample(max_rows, random_state=generator(0, "joined", name)).sort_index()

@@ -19,15 +19,19 @@ from puckbench.lidar.residual_table import COLUMNS, SURFACES, about_plane, joine
 from puckbench.scenes.calibration import calibration_scene
 
 SWEEP = Sweep(frames_skipped=1)
-"""The 4 s sweep of the thesis's error scans; its last frame is keyed but not scanned."""
+"""The 4 s sweep of the thesis's error scans, without its last frame."""
 
 
 @dataclass(frozen=True)
 class Procedure:
-    """How residuals are measured; the defaults are the thesis's set-up.
+    """Settings of a measurement of residuals, by default the thesis's.
 
-    `keep` bounds the rows of a scan that go into the table, chosen at random; the planes are
-    always fitted to all points.
+    Parameters
+    ----------
+    refit
+        Fit planes to the inliers of RANSAC by least squares.
+    keep
+        Rows of a scan that are kept, chosen at random; planes are fitted to all points.
     """
 
     model: str
@@ -42,10 +46,10 @@ class Procedure:
 def residual_table(
     procedure: Procedure, distances: Sequence[float], runs: int, seed: int
 ) -> pd.DataFrame:
-    """Residuals of `runs` scans at each distance, m; columns as in `COLUMNS`.
+    """Return the residuals of `runs` scans from each distance, in m, with the columns `COLUMNS`.
 
-    A scan depends on the seed, the model's name, its distance and its run (from 1) alone. Raises
-    InputError for a distance that no calibration scene has, an unknown model, or no scan at all.
+    A scan depends only on the seed, the model's name, the distance and the number of the run.
+    Raises InputError for an unknown distance or model, or if there is no scan.
     """
     if not distances or runs < 1:
         raise InputError("residuals need at least one distance and one run")
@@ -59,9 +63,9 @@ def residual_table(
 
 
 def scan_residuals(procedure: Procedure, distance: float, run: int, seed: int) -> pd.DataFrame:
-    """Residuals of one scan, wall before floor, each in the order of firing.
+    """Return the residuals of one scan: those of the wall, then the floor's, in firing order.
 
-    Points belong to the surface that their nominal ray hits, so that no noise is cropped away.
+    Points belong to the surface that their nominal ray hits, so that cropping removes no noise.
     """
     mesh, origin = calibration_scene(distance)
     sensor = load_sensor(procedure.sensor)
@@ -71,17 +75,17 @@ def scan_residuals(procedure: Procedure, distance: float, run: int, seed: int) -
     parts = []
     for surface in SURFACES:
         rng = generator(seed, *names, "plane", surface)
-        rows = _of_surface(returns, mesh, surface, distance)
+        rows = _on_surface(returns, mesh, surface, distance)
         about = about_plane(rows.xyz_noisy, _plane(rows, origin, procedure, rng), origin)
         parts.append(_frame(rows, about, sensor, (procedure.model, surface, distance, run)))
     table = joined(parts)
     return _kept(table, procedure.keep, generator(seed, *names, "keep"))
 
 
-def _of_surface(returns: ScanTable, mesh: Mesh, surface: str, distance: float) -> ScanTable:
+def _on_surface(returns: ScanTable, mesh: Mesh, surface: str, distance: float) -> ScanTable:
     objects = mesh.labels.objects if mesh.labels else ()
-    wanted = [number for number, one in enumerate(objects) if one.semantic == surface]
-    rows = returns.select(np.isin(returns.object_id, wanted))
+    ids = [number for number, each in enumerate(objects) if each.semantic == surface]
+    rows = returns.select(np.isin(returns.object_id, ids))
     if len(rows) < 3:
         raise InputError(f"at {distance:g} m only {len(rows)} rays hit the {surface}")
     return rows
@@ -99,15 +103,15 @@ def _frame(
     rows: ScanTable,
     about: dict[str, Floats],
     sensor: Sensor,
-    what: tuple[str, str, float, int],
+    source: tuple[str, str, float, int],
 ) -> pd.DataFrame:
-    model, surface, distance, run = what
-    first = np.zeros(len(rows), dtype=np.int8)
+    model, surface, distance, run = source
+    codes = np.zeros(len(rows), dtype=np.int8)
     elevations = np.array(sensor.laser_elevation_deg, dtype=np.float32)
     columns: dict[str, Any] = {
-        "model": pd.Categorical.from_codes(first, categories=pd.Index([model])),
+        "model": pd.Categorical.from_codes(codes, categories=pd.Index([model])),
         "surface": pd.Categorical.from_codes(
-            first + SURFACES.index(surface), categories=pd.Index(SURFACES)
+            codes + SURFACES.index(surface), categories=pd.Index(SURFACES)
         ),
         "distance_m": np.full(len(rows), distance, dtype=np.float32),
         "run": np.full(len(rows), run, dtype=np.int16),
@@ -123,5 +127,5 @@ def _frame(
 def _kept(table: pd.DataFrame, keep: int | None, rng: np.random.Generator) -> pd.DataFrame:
     if keep is None or keep >= len(table):
         return table
-    chosen = np.sort(rng.choice(len(table), keep, replace=False))
-    return table.iloc[chosen].reset_index(drop=True)
+    rows = np.sort(rng.choice(len(table), keep, replace=False))
+    return table.iloc[rows].reset_index(drop=True)

@@ -1,4 +1,4 @@
-"""The points of wall and floor scans, in the wall's own frame (thesis Figures 5.2-5.9)."""
+"""Points of virtual scans of a wall and a floor, in the wall's frame (thesis Figures 5.2-5.9)."""
 
 from __future__ import annotations
 
@@ -17,20 +17,19 @@ from puckbench.thesis.residuals.virtual import Procedure
 
 SURFACES = ("wall", "floor", "surroundings")
 COLUMNS = joining.COLUMNS["scans"]
-"""Columns of a table of points: the wall is at y = 0, the floor at z = 0, the sensor at
-y = `distance_m`, z = 1; `range_error_m` is the measured distance less the true one. Wall and floor
-are parts of a room; what else the sensor sees of it is the surface "surroundings"."""
+"""Columns of a table of points. The wall is at y = 0, the floor at z = 0, the sensor at
+y = `distance_m`, z = 1; `range_error_m` is the measured range minus the true one. The surface
+"surroundings" is the remaining part of the room."""
 
 
 def wall_points(
     procedure: Procedure, distances: Sequence[float], seed: int, run: int = 1
 ) -> pd.DataFrame:
-    """Points of the scan that Procedure 1 makes in one run at each distance, m, before it crops.
+    """Return the points of one run of Procedure 1 at each distance, before cropping.
 
-    They are the very ones that its residuals are taken from, but for rays that divergence turns
-    over an edge of wall or floor: here they hit the room around them. `procedure.keep` bounds the
-    points of a surface at a distance. Columns as in `COLUMNS`. Raises InputError for a distance
-    that no calibration scene has, or an unknown model.
+    Residuals are measured on the same points, except that rays which divergence turns past an edge
+    of wall or floor hit the room here. `procedure.keep` limits the points of each surface and
+    distance. Columns: `COLUMNS`. Raises InputError for an unknown distance or model.
     """
     parts = [_scan_points(procedure, distance, run, seed) for distance in distances]
     return pd.concat(parts, ignore_index=True)
@@ -43,18 +42,18 @@ def _scan_points(procedure: Procedure, distance: float, run: int, seed: int) -> 
     model = open_error_model(procedure.model, procedure.options)
     returns = scan(mesh, sensor, procedure.sweep, model, origin, generator(seed, *names, "scan"))
     objects = mesh.labels.objects if mesh.labels else ()
-    surfaces = np.array([one.semantic for one in objects])[returns.object_id]
+    surfaces = np.array([each.semantic for each in objects])[returns.object_id]
     rng, parts = generator(seed, *names, "points"), []
     for surface in SURFACES:
-        rows = returns.select(_some(np.flatnonzero(surfaces == surface), procedure.keep, rng))
+        rows = returns.select(_subsample(np.flatnonzero(surfaces == surface), procedure.keep, rng))
         parts.append(_points(rows, sensor, procedure.model, surface, distance))
     return pd.concat(parts, ignore_index=True)
 
 
-def _some(rows: NDArray[Any], most: int | None, rng: np.random.Generator) -> NDArray[Any]:
-    if most is None or len(rows) <= most:
+def _subsample(rows: NDArray[Any], size: int | None, rng: np.random.Generator) -> NDArray[Any]:
+    if size is None or len(rows) <= size:
         return rows
-    return np.sort(rng.choice(rows, most, replace=False))
+    return np.sort(rng.choice(rows, size, replace=False))
 
 
 def _points(
@@ -64,7 +63,7 @@ def _points(
     x, y, z = rows.xyz_noisy.T
     numbers = {
         "elevation_deg": elevations[rows["laser_id"]],
-        # A sweep looks towards +y, so the scene was turned by half a turn.
+        # A sweep faces +y, so the scene is rotated by half a turn.
         "x_m": -x,
         "y_m": -y,
         "z_m": z,

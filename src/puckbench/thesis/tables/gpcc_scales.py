@@ -1,4 +1,4 @@
-"""What G-PCC's scale, its rounding and its tools do to rate and distortion, cloud by cloud."""
+"""G-PCC's rate and distortion by the scale of its grid, the rounding and the coding tools."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 REFERENCE, AS_RUN = "gpcc", "gpcc_as_run"
-SHARES = {"q25": 0.25, "median": 0.5, "q75": 0.75}
+QUANTILES = {"q25": 0.25, "median": 0.5, "q75": 0.75}
 _MEASURED = ("bpp", "cd_point", "cd_plane", "d1_psnr")
 _COMPARED = {"bits": "bpp", "distortion": "cd_point"}
 
@@ -23,29 +23,27 @@ _COMPARED = {"bits": "bpp", "distortion": "cd_point"}
 def gpcc_scales(
     metrics: pd.DataFrame, *, codecs: Mapping[str, str], scales: Mapping[str, Mapping[str, float]]
 ) -> pd.DataFrame:
-    """G-PCC at each scale of its grid: medians over clouds of rate and distortion, and ratios.
+    """Rate and distortion of G-PCC at each scale of its grid: medians over clouds, and ratios.
 
-    The ratios are of bits and of Chamfer distance (point-to-point) to those of the codec that
-    rounds coordinates and uses the tools of the common test conditions at the same scale, with
-    quartiles over clouds; they are missing where a scale has no reference.
+    The ratios are those of bits and of Chamfer distance (point-to-point) to the codec that rounds
+    coordinates and uses the tools of the common test conditions, at the same scale: medians and
+    quartiles over clouds.
 
     Parameters
     ----------
-    metrics
-        All results of a run.
     codecs
-        Role -> codec, of `REFERENCE` (coordinates rounded, tools of the common test conditions) and
-        `AS_RUN` (truncated, TMC13's defaults).
+        Codecs with the roles `REFERENCE` (rounded coordinates, tools of the common test conditions)
+        and `AS_RUN` (truncated coordinates, TMC13's default tools).
     scales
-        Codec -> rate -> the factor on coordinates; grid units are those of scale 1.
+        Factor on coordinates for each codec and rate; 1 keeps the grid's units.
 
     Returns
     -------
     pd.DataFrame
         One row per data set, codec and scale: ``dataset``, ``codec``, ``role``, ``rate``,
-        ``scale``, ``dyadic`` (a power of two), ``clouds``, medians of ``bpp``, ``cd_point``,
-        ``cd_plane`` and ``d1_psnr``, and ``bits_...`` and ``distortion_...`` with ``median``,
-        ``q25`` and ``q75`` of the ratios.
+        ``scale``, ``dyadic`` (whether the scale is a power of two), ``clouds``, medians of ``bpp``,
+        ``cd_point``, ``cd_plane`` and ``d1_psnr``, and the ratios ``bits_...`` and
+        ``distortion_...`` with the suffixes ``median``, ``q25`` and ``q75``.
 
     Raises
     ------
@@ -63,8 +61,8 @@ def gpcc_scales(
     groups = rows.groupby(["dataset", "codec", "role", "rate", "scale"], sort=False)
     table = groups[list(_MEASURED)].median().assign(clouds=groups["cloud"].nunique())
     for name in _COMPARED:
-        for suffix, share in SHARES.items():
-            table[f"{name}_{suffix}"] = groups[name].quantile(share)
+        for suffix, level in QUANTILES.items():
+            table[f"{name}_{suffix}"] = groups[name].quantile(level)
     table = table.reset_index()
     table.insert(5, "dyadic", [_dyadic(scale) for scale in table["scale"]])
     return table.sort_values(["dataset", "codec", "scale"], ignore_index=True)
@@ -73,17 +71,17 @@ def gpcc_scales(
 def _with_scales(
     metrics: pd.DataFrame, codecs: Mapping[str, str], scales: Mapping[str, Mapping[str, float]]
 ) -> pd.DataFrame:
-    roles = {codec: role for role, codec in codecs.items()}
-    needed = ["dataset", "cloud", "codec", "rate", *_MEASURED]
-    if missing := [name for name in needed if name not in metrics]:
+    role_of = {codec: role for role, codec in codecs.items()}
+    columns = ["dataset", "cloud", "codec", "rate", *_MEASURED]
+    if missing := [name for name in columns if name not in metrics]:
         raise InputError(f"metrics table: no column {missing[0]!r}")
-    rows = metrics[needed][metrics["codec"].isin(scales)]
+    rows = metrics[columns][metrics["codec"].isin(scales)]
     if rows.empty:
         raise InputError(f"metrics table: no results of {', '.join(scales) or 'a G-PCC codec'}")
     pairs = zip(rows["codec"], rows["rate"], strict=True)
     factors = [float(scales[codec].get(rate, np.nan)) for codec, rate in pairs]
-    named = rows["codec"].map(lambda codec: roles.get(codec, "other"))
-    return rows.assign(scale=factors, role=named).dropna(subset=["scale"])
+    roles = rows["codec"].map(lambda codec: role_of.get(codec, "other"))
+    return rows.assign(scale=factors, role=roles).dropna(subset=["scale"])
 
 
 def _dyadic(scale: float) -> bool:

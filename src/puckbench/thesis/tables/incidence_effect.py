@@ -1,4 +1,4 @@
-"""Why noise along the ray cannot widen residuals at large incidence: Figure 5.21 in numbers."""
+"""The effect of the incidence angle on plane residuals (thesis figures 5.15 and 5.21)."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from puckbench.metrics.table_registry import SENSOR, TABLES
 from puckbench.thesis.published import BIN_STDS_M, FAR_M, LARGEST_RAD
-from puckbench.thesis.residuals.spread import incidence_bins
+from puckbench.thesis.residuals.grouped_statistics import incidence_bins
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -20,9 +20,8 @@ BINS = len(BIN_STDS_M)
 def incidence_table(residuals: pd.DataFrame) -> pd.DataFrame:
     """Mean and standard deviation of the plane residuals in ten bins of the angle of incidence.
 
-    From 0 to 1.315 rad, walls and floors nearer than 30 m together (the bins of thesis figure
-    5.15), beside the standard deviations of the thesis's real sensor in the same bins, which grow
-    in the last ones.
+    The bins are those of thesis figure 5.15, from 0 to 1.315 rad, for walls and floors nearer than
+    30 m. The standard deviations of the thesis's real sensor grow in the last bins.
 
     Returns
     -------
@@ -38,21 +37,18 @@ def incidence_table(residuals: pd.DataFrame) -> pd.DataFrame:
 
 @TABLES.register("incidence_effect", title="The effect of incidence", category=SENSOR)
 def incidence_effect(scans: pd.DataFrame, residuals: pd.DataFrame) -> pd.DataFrame:
-    """The effect of thesis figure 5.21 in numbers, per error model and bin of incidence.
+    """Range error and distance from the surface by error model and angle of incidence.
 
-    The standard deviation of the range error along the ray, the root mean square of cos(incidence),
-    their product, which the residual should have (a point e off along its ray is e cos(theta) off
-    the surface, section 5.6), and the standard deviation measured against the true wall or floor
-    and against the fitted plane (from all distances nearer than 30 m; the other columns from the
-    scans at 1 and 5 m). With ``vlp16_incidence`` the range error grows with incidence, the distance
-    to the surface does not.
+    A point with the range error e is e cos(theta) away from the surface (section 5.6, figure 5.21).
+    So the predicted standard deviation is that of the range error times the root mean square of
+    cos(theta). It stands beside the measured ones, from the true surface and from the fitted plane.
+    With ``vlp16_incidence`` the range error grows with the angle, the distance does not. Scans at 1
+    and 5 m; plane residuals from all distances below 30 m.
 
     Parameters
     ----------
     scans
-        Points as `wall_points` makes them.
-    residuals
-        A residual table.
+        Table of `wall_points`.
 
     Returns
     -------
@@ -61,17 +57,17 @@ def incidence_effect(scans: pd.DataFrame, residuals: pd.DataFrame) -> pd.DataFra
         ``predicted_std_m``, ``surface_distance_std_m``, ``plane_residual_std_m``.
     """
     near = scans[(scans["distance_m"] < FAR_M) & scans["surface"].isin(("wall", "floor"))]
-    off = np.where(near["surface"] == "wall", near["y_m"], near["z_m"])
-    squares = np.cos(near["incidence_rad"].astype(float)) ** 2
-    effect = _std(near.assign(residual_m=near["range_error_m"]))
+    distance = np.where(near["surface"] == "wall", near["y_m"], near["z_m"])
+    squared_cos = np.cos(near["incidence_rad"].astype(float)) ** 2
+    effect = _binned(near.assign(residual_m=near["range_error_m"]))
     effect = effect.rename(columns={"std_m": "range_error_std_m"}).drop(columns="mean_m")
-    effect["rms_cos"] = np.sqrt(_std(near.assign(residual_m=squares))["mean_m"])
+    effect["rms_cos"] = np.sqrt(_binned(near.assign(residual_m=squared_cos))["mean_m"])
     effect["predicted_std_m"] = effect["range_error_std_m"] * effect["rms_cos"]
-    effect["surface_distance_std_m"] = _std(near.assign(residual_m=off))["std_m"]
+    effect["surface_distance_std_m"] = _binned(near.assign(residual_m=distance))["std_m"]
     fitted = incidence_table(residuals)[["model", "low_rad", "std_m"]]
-    named = fitted.rename(columns={"std_m": "plane_residual_std_m"})
-    return effect.merge(named, on=["model", "low_rad"], how="left")
+    fitted = fitted.rename(columns={"std_m": "plane_residual_std_m"})
+    return effect.merge(fitted, on=["model", "low_rad"], how="left")
 
 
-def _std(table: pd.DataFrame) -> pd.DataFrame:
+def _binned(table: pd.DataFrame) -> pd.DataFrame:
     return incidence_bins(table, BINS, highest_rad=LARGEST_RAD)

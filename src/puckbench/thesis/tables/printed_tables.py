@@ -1,4 +1,4 @@
-"""Tables 4.1, 4.2 and 5.1 of the thesis, from the data that the code uses."""
+"""Tables 4.1, 4.2 and 5.1 of the thesis, with the values of the code."""
 
 from __future__ import annotations
 
@@ -25,9 +25,7 @@ _MISSING_LASER = 13
     needs=(STUDY,),
 )
 def table_4_1() -> pd.DataFrame:
-    """Specifications of the VLP-16 as the code uses them, beside what the thesis prints.
-
-    They are from the sensor's file (thesis table 4.1).
+    """Specifications of the VLP-16 in the sensor's file, beside those of thesis table 4.1.
 
     Returns
     -------
@@ -46,10 +44,10 @@ def table_4_1() -> pd.DataFrame:
     needs=(STUDY,),
 )
 def table_4_2() -> pd.DataFrame:
-    """Elevation and vertical correction of each laser as the code uses them.
+    """Elevation and vertical correction of each laser in the sensor's file.
 
-    They are from the sensor's file (thesis table 4.2, which leaves out laser 13). Virtual rays all
-    start at the sensor's centre, so the correction belongs to real captures.
+    Thesis table 4.2 leaves out laser 13. Virtual rays start at the sensor's centre, so that the
+    correction applies to captures only.
 
     Returns
     -------
@@ -79,10 +77,10 @@ def table_4_2() -> pd.DataFrame:
     needs=(STUDY,),
 )
 def table_5_1() -> pd.DataFrame:
-    """Parameters of the virtual VLP-16 as the code uses them, beside what the thesis prints.
+    """Parameters of the virtual VLP-16 beside those of thesis table 5.1.
 
-    They are from the sensor's file and the error models ``vlp16`` (column ``here``) and
-    ``vlp16_table51`` (``as_printed``); thesis table 5.1.
+    Column ``here`` has those of the sensor's file and the error model ``vlp16``, ``as_printed``
+    those of ``vlp16_table51``.
 
     Returns
     -------

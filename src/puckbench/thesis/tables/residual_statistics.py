@@ -1,4 +1,4 @@
-"""Statistics of plane residuals per model, surface, distance and laser, with their uncertainty."""
+"""Statistics of plane residuals by model, surface, distance and laser, with their uncertainty."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 KEYS = ("model", "surface", "distance_m", "laser_id")
 ALL = "all"
-"""Stands in a key's column for all of its values together; for the distance, all below `FAR_M`."""
+"""Value of a key for all its values together; for the distance, for those below `FAR_M`."""
 
 _PLACE = ("surface", "distance_m")
 _SURFACES = ("wall", "floor")
@@ -28,12 +28,10 @@ _CONFIDENCE = 0.95
 def residual_statistics(residuals: pd.DataFrame) -> pd.DataFrame:
     """Statistics of the plane residuals (thesis procedure 1), in metres.
 
-    One row per error model or capture ("real"), surface, distance of the sensor from the wall, and
-    laser; "all" stands for all of them together, for the distance all nearer than 30 m.
-    ``mean_half_m`` and ``std_half_m`` are half widths of 95 % intervals of mean and standard
-    deviation, from the scatter of repeated ``scans`` (one surface in one run from one distance):
-    within a scan the returns share the fitted plane and the biases of the lasers, so their
-    ``count`` says little. A row without a repeated scan has none.
+    One row per error model ("real" for captures), surface, distance from the wall, and laser; "all"
+    combines surfaces, lasers, or distances below 30 m. ``mean_half_m`` and ``std_half_m`` are half
+    widths of 95 % intervals of mean and standard deviation. They come from the scatter of repeated
+    ``scans``, since returns of one scan share the fitted plane and the lasers' biases.
 
     Returns
     -------
@@ -46,75 +44,75 @@ def residual_statistics(residuals: pd.DataFrame) -> pd.DataFrame:
     table = residuals.astype({"residual_m": np.float64, "model": str, "surface": str})
     if table.empty:
         raise InputError("statistics need at least one residual")
-    parts = [_grouped(table, chosen) for chosen in _choices()]
+    parts = [_grouped(table, keys) for keys in _key_sets()]
     return _as_text(pd.concat(parts, ignore_index=True))
 
 
-def _choices() -> list[list[str]]:
-    """Every set of keys that tells groups apart; the model always does."""
+def _key_sets() -> list[list[str]]:
+    """Return all subsets of the keys that contain the model."""
     others = KEYS[1:]
     masks = product((True, False), repeat=len(others))
     return [[KEYS[0], *compress(others, mask)] for mask in masks]
 
 
 def _grouped(table: pd.DataFrame, keys: list[str]) -> pd.DataFrame:
-    """Statistics of the groups that `keys` tell apart."""
+    """Return the statistics of the groups with equal keys."""
     rows = table if "distance_m" in keys else table[table["distance_m"] < FAR_M]
     scans = list(dict.fromkeys([*keys, *_PLACE, "run"]))
-    sums = rows.assign(square=rows["residual_m"] ** 2).groupby(scans, sort=False)
-    cells = sums.agg(n=("residual_m", "size"), one=("residual_m", "sum"), two=("square", "sum"))
-    result = _moments(cells.reset_index(), keys)
+    groups = rows.assign(square=rows["residual_m"] ** 2).groupby(scans, sort=False)
+    sums = groups.agg(n=("residual_m", "size"), one=("residual_m", "sum"), two=("square", "sum"))
+    result = _moments(sums.reset_index(), keys)
     result["median_m"] = rows.groupby(keys)["residual_m"].median()
     return result.reset_index()
 
 
-def _moments(cells: pd.DataFrame, keys: list[str]) -> pd.DataFrame:
-    """Moments of the groups from the sums of their scans, and how far repeated scans scatter."""
+def _moments(scans: pd.DataFrame, keys: list[str]) -> pd.DataFrame:
+    """Return the moments of the groups from the sums of their scans (``n``, ``one``, ``two``)."""
     places = list(dict.fromkeys([*keys, *_PLACE]))
-    total = cells.groupby(keys)[["n", "one", "two"]].transform("sum")
+    total = scans.groupby(keys)[["n", "one", "two"]].transform("sum")
     mean = total["one"] / total["n"]
     variance = (total["two"] / total["n"] - mean**2).clip(lower=0)
-    # What each scan adds to the error of mean and variance, to the first order.
-    off_mean = cells["one"] - mean * cells["n"]
-    square = cells["two"] - 2 * mean * cells["one"] + mean**2 * cells["n"]
-    off_variance = square - variance * cells["n"]
-    alike = cells.groupby(places)["n"].transform("size")
-    cells = cells.assign(
-        off_mean=_scatter(off_mean, cells, places),
-        off_variance=_scatter(off_variance, cells, places),
+    # Contributions of each scan to the errors of mean and variance, to the first order.
+    mean_error = scans["one"] - mean * scans["n"]
+    square = scans["two"] - 2 * mean * scans["one"] + mean**2 * scans["n"]
+    variance_error = square - variance * scans["n"]
+    repeats = scans.groupby(places)["n"].transform("size")
+    scans = scans.assign(
+        mean_error_sq=_scatter(mean_error, scans, places),
+        variance_error_sq=_scatter(variance_error, scans, places),
         scans=1,
-        repeats=1 - 1 / alike,
+        freedom=1 - 1 / repeats,
     )
-    columns = ["n", "one", "two", "off_mean", "off_variance", "scans", "repeats"]
-    return _result(cells.groupby(keys)[columns].sum())
+    columns = ["n", "one", "two", "mean_error_sq", "variance_error_sq", "scans", "freedom"]
+    return _result(scans.groupby(keys)[columns].sum())
 
 
-def _scatter(off: pd.Series[float], cells: pd.DataFrame, places: list[str]) -> pd.Series[float]:
-    """Share of each scan in the variance of a sum over scans, repeated ones being alike.
+def _scatter(errors: pd.Series[float], scans: pd.DataFrame, places: list[str]) -> pd.Series[float]:
+    """Return the contribution of each scan to the variance of the sum of `errors`.
 
-    A scan without a repetition counts in full, as if its place had no error of its own.
+    Scans of one place scatter about their mean. A scan that is not repeated scatters about zero.
     """
-    groups = off.groupby([cells[name] for name in places])
-    alike, centre = groups.transform("size"), groups.transform("mean")
-    repeated = alike > 1
-    factor = (alike / (alike - 1).where(repeated)).where(repeated, 1.0)
-    return factor * (off - centre.where(repeated, 0.0)) ** 2
+    groups = errors.groupby([scans[name] for name in places])
+    repeats, centre = groups.transform("size"), groups.transform("mean")
+    repeated = repeats > 1
+    factor = (repeats / (repeats - 1).where(repeated)).where(repeated, 1.0)
+    return factor * (errors - centre.where(repeated, 0.0)) ** 2
 
 
 def _result(sums: pd.DataFrame) -> pd.DataFrame:
     import pandas as pd
 
-    n, one, two, off_mean, off_variance, _, repeats = sums.to_numpy(dtype=np.float64).T
+    n, one, two, mean_error_sq, variance_error_sq, _, freedom = sums.to_numpy(dtype=np.float64).T
     mean = one / n
     with np.errstate(divide="ignore", invalid="ignore"):
         std = np.sqrt((two / n - mean**2).clip(min=0) * n / (n - 1))
-        widen = _student(np.round(repeats)) / n
-        std_half = widen * np.sqrt(off_variance) / (2 * std)
+        factor = _student_quantile(np.round(freedom)) / n
+        std_half = factor * np.sqrt(variance_error_sq) / (2 * std)
     numbers = {
         "count": sums["n"],
         "scans": sums["scans"],
         "mean_m": mean,
-        "mean_half_m": widen * np.sqrt(off_mean),
+        "mean_half_m": factor * np.sqrt(mean_error_sq),
         "std_m": std,
         "std_half_m": std_half,
         "rms_m": np.sqrt(two / n),
@@ -122,21 +120,21 @@ def _result(sums: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(numbers, index=sums.index)
 
 
-def _student(freedom: Floats) -> Floats:
-    """Quantile of Student's t for each number of degrees of freedom; nan for zero."""
+def _student_quantile(freedom: Floats) -> Floats:
+    """Return the two-sided quantile of Student's t for degrees of freedom, (n,); NaN for zero."""
     from scipy.special import stdtrit
 
     return np.asarray(stdtrit(np.where(freedom > 0, freedom, np.nan), (1 + _CONFIDENCE) / 2))
 
 
 def _as_text(table: pd.DataFrame) -> pd.DataFrame:
-    """Keys as text, groups of all after the single ones."""
+    """Return the table with keys as text, `ALL` after the single values."""
     import pandas as pd
 
     orders = {"model": dict.fromkeys(table["model"]), "surface": _SURFACES}
     for name, order in orders.items():
-        known = [*order, *sorted(set(table[name].dropna()) - set(order))]
-        table[name] = pd.Categorical(table[name], categories=known)
+        categories = [*order, *sorted(set(table[name].dropna()) - set(order))]
+        table[name] = pd.Categorical(table[name], categories=categories)
     ordered = table.sort_values(list(KEYS)).astype(dict.fromkeys(orders, object))
     for name in ("distance_m", "laser_id"):
         ordered[name] = [ALL if np.isnan(value) else f"{value:g}" for value in ordered[name]]

@@ -1,4 +1,4 @@
-"""How plane residuals spread: per laser and per incidence angle."""
+"""Statistics of plane residuals by groups: of lasers, and of incidence angles."""
 
 from __future__ import annotations
 
@@ -17,17 +17,16 @@ QUANTILES = {"q05": 0.05, "q25": 0.25, "q50": 0.50, "q75": 0.75, "q95": 0.95}
 PER_LASER = ("model", "surface", "distance_m", "laser_id")
 
 
-def statistics(table: pd.DataFrame, by: Sequence[str] = PER_LASER) -> pd.DataFrame:
-    """Count, mean, standard deviation (n - 1) and quantiles of the residuals, m, per group.
+def grouped_statistics(table: pd.DataFrame, by: Sequence[str] = PER_LASER) -> pd.DataFrame:
+    """Return count, mean, standard deviation (n - 1) and quantiles of the residuals of groups.
 
-    One row per model, surface, distance and laser of a residual table, or per other columns `by`;
-    columns: `by`, ``count``, ``mean_m``, ``std_m``, ``q05_m`` .. ``q95_m``.
+    Columns: `by`, ``count``, ``mean_m``, ``std_m``, and ``q05_m`` to ``q95_m``.
     """
     residuals = table["residual_m"].astype(np.float64)
     groups = residuals.groupby([table[name] for name in by], observed=True)
     result = groups.agg(["count", "mean", "std"])
-    for name, share in QUANTILES.items():
-        result[name] = groups.quantile(share)
+    for name, level in QUANTILES.items():
+        result[name] = groups.quantile(level)
     names = {name: f"{name}_m" for name in ("mean", "std", *QUANTILES)}
     return result.rename(columns=names).reset_index()
 
@@ -39,18 +38,18 @@ def incidence_bins(
     by: Sequence[str] = ("model",),
     highest_rad: float | None = None,
 ) -> pd.DataFrame:
-    """Mean and standard deviation of the residuals in bins of equal width over the incidence.
+    """Return mean and standard deviation of the residuals in bins of the incidence angle.
 
-    The bins go from 0 to `highest_rad` (default: the largest angle of the table), the last one
-    closed. Columns: `by`, ``low_rad``, ``high_rad``, ``count``, ``mean_m``, ``std_m``; an empty
-    bin has no row. Raises InputError for a table without rows or fewer than one bin.
+    The bins have equal widths from 0 to `highest_rad`, by default the largest angle. Empty bins
+    have no row. Columns: `by`, ``low_rad``, ``high_rad``, ``count``, ``mean_m``, ``std_m``. Raises
+    InputError for a table without rows, or fewer than one bin.
     """
     if table.empty or bins < 1:
         raise InputError("incidence bins need at least one residual and one bin")
     angles = table["incidence_rad"].to_numpy(dtype=np.float64)
     highest = float(angles.max()) if highest_rad is None else highest_rad
     within = table.assign(bin=_bins(angles, bins, highest))[angles <= highest]
-    result = statistics(within, (*by, "bin"))
+    result = grouped_statistics(within, (*by, "bin"))
     result.insert(len(by), "low_rad", result["bin"] * (highest / bins))
     result.insert(len(by) + 1, "high_rad", (result["bin"] + 1) * (highest / bins))
     return result[[*by, "low_rad", "high_rad", "count", "mean_m", "std_m"]]

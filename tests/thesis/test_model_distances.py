@@ -5,13 +5,8 @@ import pytest
 from puckbench.core.errors import InputError
 from puckbench.lidar import open_error_model
 from puckbench.lidar.calibration import Settings
-from puckbench.thesis.tables.model_comparison import (
-    compared_residuals,
-    left_out,
-    model_distances,
-    real_walls,
-    verdict,
-)
+from puckbench.thesis.residuals.compared import compared_residuals, real_walls
+from puckbench.thesis.tables.model_distances import leave_one_out, model_distances
 from tests.support.calibration_lookalike import residuals
 
 
@@ -70,24 +65,11 @@ def test_a_models_residuals_on_the_real_rays_shrink_with_the_cosine() -> None:
 
 def test_what_one_device_tells_foretells_another() -> None:
     tables = [capture(3, laser=0.008), capture(4, laser=0.008)]
-    found = left_out(tables, settings=Settings(quantum_m=0.0), replicates=3, resamples=10)
+    found = leave_one_out(tables, settings=Settings(quantum_m=0.0), replicates=3, resamples=10)
     assert set(found["capture"]) == {1, 2}
     for _, rows in found.groupby("capture"):
         distances = rows.set_index("model")["emd_m"]
         assert distances["calibrated"] < distances["vlp16_divergence"] < distances["hdl64e"]
-
-
-def test_the_verdict_names_the_thesis_choice_and_the_nearest() -> None:
-    table = pd.concat(
-        [
-            normal_residuals("real", 0.010),
-            normal_residuals("vlp16_divergence", 0.016),
-            normal_residuals("vlp16_measured", 0.011),
-        ]
-    )
-    text = verdict(model_distances(table, resamples=20))
-    assert "vlp16_divergence spreads wall residuals by 16.0 mm" in text
-    assert "Nearest is vlp16_measured" in text
 
 
 def test_tables_without_walls_of_captures_are_refused() -> None:
@@ -96,6 +78,6 @@ def test_tables_without_walls_of_captures_are_refused() -> None:
     with pytest.raises(InputError, match="has no plane_u_m"):
         real_walls([capture(5).drop(columns="plane_u_m")])
     with pytest.raises(InputError, match="captures of two devices"):
-        left_out([capture(5)])
+        leave_one_out([capture(5)])
     with pytest.raises(InputError, match="no real residuals"):
         model_distances(normal_residuals("vlp16", 0.01))

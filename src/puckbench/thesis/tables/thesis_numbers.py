@@ -1,4 +1,4 @@
-"""The thesis's numbers of chapter 5 beside those of a residual table."""
+"""Numbers of the thesis's chapter 5 beside those of a run."""
 
 from __future__ import annotations
 
@@ -17,18 +17,17 @@ if TYPE_CHECKING:
     import pandas as pd
 
 NEAR, FAR = "std, walls and floors, 1 to 5 m", "std, walls and floors, 30 m"
-MOVED = "earth mover's distance to the real residuals, 1 to 5 m"
+DISTANCE = "earth mover's distance to the real residuals, 1 to 5 m"
 
 
 @TABLES.register("thesis_numbers", title="The thesis's numbers beside this run's", category=SENSOR)
 def thesis_numbers(residuals: pd.DataFrame) -> pd.DataFrame:
-    """The thesis's numbers behind figures 5.18 and 5.19 beside this run's, in metres.
+    """The thesis's numbers of figures 5.18 and 5.19 beside this run's, in metres.
 
-    ``here_half_m`` is the half width of a 95 % interval where there are scans enough for one. The
-    thesis's earth mover's distances are to its real residuals, which are not published; those here
-    are to a normal distribution of their mean and standard deviation (0.0007 and 0.0138 m). The
-    printed spreads of ``vlp16`` and ``vlp16_divergence`` do not follow from the stated 0.014 and
-    0.010 m: see docs/notes/chapter5.md.
+    ``here_half_m`` is the half width of a 95 % interval, if scans were repeated. The thesis's earth
+    mover's distances are to its real residuals, which are not published; ours are to the normal
+    distribution of their mean and standard deviation (0.0007 and 0.0138 m). The thesis's spreads of
+    ``vlp16`` and ``vlp16_divergence`` do not follow from its parameters (docs/notes/chapter5.md).
 
     Returns
     -------
@@ -42,44 +41,44 @@ def thesis_numbers(residuals: pd.DataFrame) -> pd.DataFrame:
     near = residuals[residuals["distance_m"] < published.FAR_M]
     models = list(dict.fromkeys(near["model"].astype(str)))
     rows = [_spread(NEAR, model, published.MODEL_STDS_M, statistics, ALL) for model in models]
-    rows += [_moved(model, near) for model in models]
+    rows += [_distance(model, near) for model in models]
     far = f"{published.FAR_M:g}"
-    there = set(residuals.loc[residuals["distance_m"] >= published.FAR_M, "model"])
+    far_models = set(residuals.loc[residuals["distance_m"] >= published.FAR_M, "model"])
     rows += [
         _spread(FAR, model, published.FAR_STDS_M, statistics, far)
         for model in models
-        if model in there
+        if model in far_models
     ]
     return pd.DataFrame(rows)
 
 
 def distance_to_normal(sample: Floats, mean: float, std: float) -> float:
-    """Earth mover's distance between a sample, (n,), and a normal distribution, in their unit.
+    """Return the earth mover's distance between a sample, (n,), and a normal distribution.
 
-    The mean distance between the sample in order and the distribution's quantiles in the middle
-    of n equal shares: exact up to the width of a share. Raises InputError for an empty sample.
+    It is the mean distance between the sorted sample and the distribution's quantiles at the
+    centres of n intervals of equal probability. Raises InputError for an empty sample.
     """
     from scipy.special import ndtri
 
     if len(sample) == 0:
-        raise InputError("the distance to a normal distribution needs a sample that is not empty")
-    shares = (np.arange(len(sample)) + 0.5) / len(sample)
-    return float(np.abs(np.sort(sample) - (mean + std * ndtri(shares))).mean())
+        raise InputError("the distance to a normal distribution needs a nonempty sample")
+    levels = (np.arange(len(sample)) + 0.5) / len(sample)
+    return float(np.abs(np.sort(sample) - (mean + std * ndtri(levels))).mean())
 
 
 def _spread(
     quantity: str, model: str, thesis: Mapping[str, float], statistics: pd.DataFrame, distance: str
 ) -> dict[str, Any]:
     keys = {"model": model, "surface": ALL, "distance_m": distance, "laser_id": ALL}
-    chosen = np.all([statistics[key] == value for key, value in keys.items()], axis=0)
-    row = statistics[chosen].iloc[0]
+    matches = np.all([statistics[key] == value for key, value in keys.items()], axis=0)
+    row = statistics[matches].iloc[0]
     return _row(quantity, model, _printed(thesis, model), row["std_m"], row["std_half_m"])
 
 
-def _moved(model: str, near: pd.DataFrame) -> dict[str, Any]:
+def _distance(model: str, near: pd.DataFrame) -> dict[str, Any]:
     sample = near.loc[near["model"] == model, "residual_m"].to_numpy(dtype=np.float64)
     here = distance_to_normal(sample, published.REAL_MEAN_M, published.REAL_STD_M)
-    return _row(MOVED, model, _printed(published.MODEL_DISTANCES_M, model), here, None)
+    return _row(DISTANCE, model, _printed(published.MODEL_DISTANCES_M, model), here, None)
 
 
 def _printed(numbers: Mapping[str, float], model: str) -> float | None:

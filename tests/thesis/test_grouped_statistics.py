@@ -3,7 +3,7 @@ import pandas as pd
 import pytest
 
 from puckbench.core.errors import InputError
-from puckbench.thesis.residuals.spread import incidence_bins, statistics
+from puckbench.thesis.residuals.grouped_statistics import grouped_statistics, incidence_bins
 
 
 def small_table() -> pd.DataFrame:
@@ -21,7 +21,7 @@ def small_table() -> pd.DataFrame:
 
 
 def test_statistics_per_laser_by_hand() -> None:
-    floor, wall = statistics(small_table()).to_dict("records")
+    floor, wall = grouped_statistics(small_table()).to_dict("records")
     assert (wall["surface"], wall["laser_id"], wall["count"]) == ("wall", 0, 5)
     assert wall["mean_m"] == 3
     assert wall["std_m"] == pytest.approx(np.sqrt(2.5))

@@ -1,0 +1,142 @@
+"""Residuals of error models on the rays of recorded walls.
+
+A model draws errors on the rays of a capture, and planes are fitted to its points as to the
+measured ones. Geometry and fit are the same, so that only the noise differs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.core.errors import InputError
+from puckbench.core.seeding import generator
+from puckbench.geometry.cloud import Floats
+from puckbench.lidar import load_sensor, open_error_model
+from puckbench.lidar.errors import Draws, ErrorModel, Hits
+from puckbench.lidar.errors.calibrated import Calibrated
+from puckbench.lidar.residual_table import REAL
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+COMPARED = ("hdl64e", "vlp16", "vlp16_divergence", "vlp16_measured")
+"""The compared models; the thesis chose `vlp16_divergence` (section 5.5.3)."""
+WALL_KEYS = ["capture", "distance_m", "run"]
+REPLICATES = 20
+_FRAME_RAD = np.radians(15.0)
+"""Azimuth of a frame of the thesis's sweep, for which a bias is drawn."""
+
+
+def default_models() -> dict[str, ErrorModel]:
+    """Return the models of `COMPARED` with their default parameters."""
+    return {name: open_error_model(name) for name in COMPARED}
+
+
+def real_walls(tables: Sequence[pd.DataFrame]) -> pd.DataFrame:
+    """Join the walls of the captures' residual tables; ``capture`` numbers the captures from 1.
+
+    Raises
+    ------
+    InputError
+        A table has no wall of a capture, or lacks columns that a calibration needs.
+    """
+    import pandas as pd
+
+    from puckbench.lidar.calibration.observations import PLACE
+
+    parts = []
+    for number, table in enumerate(tables, 1):
+        if missing := [name for name in PLACE if name not in table]:
+            raise InputError(f"the residual table has no {', '.join(missing)}: measure it again")
+        walls = table[(table["model"] == REAL) & (table["surface"] == "wall")]
+        if walls.empty:
+            raise InputError(f"residual table {number} has no wall of a capture")
+        parts.append(walls.assign(model=REAL, surface="wall", capture=number, replicate=0))
+    return pd.concat(parts, ignore_index=True)
+
+
+def compared_residuals(
+    walls: pd.DataFrame,
+    models: Mapping[str, ErrorModel],
+    *,
+    replicates: int = REPLICATES,
+    seed: int = 0,
+) -> pd.DataFrame:
+    """Return the residuals of `real_walls` and those of each model on the same rays.
+
+    All are distances from planes fitted by least squares. Each model is drawn `replicates` times; a
+    `Calibrated` model with another device for each capture and replicate.
+    """
+    import pandas as pd
+
+    replicas = [
+        _replica(walls, name, model, replicate, seed)
+        for name, model in models.items()
+        for replicate in range(replicates)
+    ]
+    real = walls.assign(residual_m=_from_planes(walls, walls["residual_m"].to_numpy(float)))
+    return pd.concat([real, *replicas], ignore_index=True)
+
+
+def _replica(
+    walls: pd.DataFrame, name: str, model: ErrorModel, replicate: int, seed: int
+) -> pd.DataFrame:
+    """Return the walls with errors of a model in place of the measured ones."""
+    errors = np.empty(len(walls))
+    for number, rows in enumerate(_rows_of_walls(walls)):
+        wall = walls.iloc[rows]
+        rng = generator(seed, "compared", name, f"wall {number}", f"replicate {replicate}")
+        device = _device(model, replicate, int(wall["capture"].iloc[0]))
+        errors[rows] = _range_errors(wall, device, rng)
+    residuals = -errors * np.cos(walls["incidence_rad"].to_numpy(dtype=np.float64))
+    return walls.assign(model=name, replicate=replicate, residual_m=_from_planes(walls, residuals))
+
+
+def _device(model: ErrorModel, replicate: int, capture: int) -> ErrorModel:
+    if not isinstance(model, Calibrated):
+        return model
+    return model.replaced(file=None, device=1 + 1000 * replicate + capture)
+
+
+def _range_errors(rows: pd.DataFrame, model: ErrorModel, rng: np.random.Generator) -> Floats:
+    """Draw a model's range errors, (n,) m, on the rays of one wall."""
+    import pandas as pd
+
+    sensor = load_sensor("vlp16")
+    azimuth = np.arctan2(rows["plane_u_m"], rows["distance_m"])
+    frame = _ranks(rows["frame"] * 24 + np.floor(azimuth / _FRAME_RAD))
+    laser = rows["laser_id"].to_numpy(dtype=np.int64)
+    group = pd.Series(frame * sensor.lasers + laser)
+    place = (frame, np.asarray(group.groupby(group).cumcount()), laser)
+    shape = (int(frame.max()) + 1, int(place[1].max()) + 1, sensor.lasers)
+    distance, angle = np.full(shape, np.inf), np.full(shape, np.nan)
+    distance[place] = rows["range_m"]
+    angle[place] = rows["incidence_rad"]
+    hits = Hits(distance, np.zeros(shape, dtype=np.uint32), angle)
+    noisy = model.perturb_ranges(hits, sensor, Draws(rng))
+    return np.asarray(noisy[place] - distance[place])
+
+
+def _ranks(values: pd.Series[float]) -> NDArray[np.intp]:
+    """Return the rank of each value among the distinct values, from 0."""
+    return np.unique(values, return_inverse=True)[1]
+
+
+def _rows_of_walls(rows: pd.DataFrame) -> list[NDArray[np.intp]]:
+    wall = np.asarray(rows.groupby(WALL_KEYS).ngroup())
+    return [np.flatnonzero(wall == number) for number in range(int(wall.max()) + 1)]
+
+
+def _from_planes(walls: pd.DataFrame, residuals: Floats) -> Floats:
+    """Return residuals, (n,), from the least-squares plane of each wall."""
+    refitted = residuals.copy()
+    places = walls[["plane_u_m", "plane_v_m"]].to_numpy(dtype=np.float64)
+    for rows in _rows_of_walls(walls):
+        terms = np.column_stack([np.ones(len(rows)), places[rows]])
+        coefficients, *_ = np.linalg.lstsq(terms, residuals[rows], rcond=None)
+        refitted[rows] -= terms @ coefficients
+    return refitted

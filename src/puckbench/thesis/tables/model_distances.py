@@ -1,0 +1,178 @@
+"""Distances between the residual distributions of error models and of recorded walls."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.core.errors import InputError
+from puckbench.core.seeding import generator
+from puckbench.geometry.cloud import Floats
+from puckbench.lidar.errors.calibrated import Calibrated
+from puckbench.lidar.residual_table import REAL
+from puckbench.metrics.table_registry import SENSOR, TABLES
+from puckbench.thesis.figures.model_styles import ordered_models
+from puckbench.thesis.residuals.compared import (
+    REPLICATES,
+    WALL_KEYS,
+    compared_residuals,
+    default_models,
+    real_walls,
+)
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from puckbench.lidar.calibration import Settings
+
+RESAMPLES = 300
+_BIN_M, _REACH_M = 2e-4, 0.5
+_BINS = round(2 * _REACH_M / _BIN_M)
+
+
+@TABLES.register(
+    "model_distances", title="How far error models are from real walls", category=SENSOR
+)
+def model_distances(
+    compared: pd.DataFrame, *, resamples: int = RESAMPLES, seed: int = 0
+) -> pd.DataFrame:
+    """Earth mover's distance of each error model's wall residuals from those of real sensors.
+
+    In metres, with a 95 % interval. A sensor that follows the model exceeds ``chance_m`` with
+    probability 5 %. The figure `model_verdict` shows these numbers.
+
+    Parameters
+    ----------
+    compared
+        Table of `compared_residuals`.
+    resamples
+        Bootstrap samples of the interval. Pairs of wall and laser are resampled, since residuals of
+        one laser on one wall share a bias.
+
+    Returns
+    -------
+    pd.DataFrame
+        One row per model, first the real sensor's with distance 0: ``model``, ``residuals``,
+        ``std_m``, ``emd_m``, ``emd_low_m``, ``emd_high_m`` and ``chance_m``, the 95 % quantile of
+        the distance from one replicate to all.
+
+    Raises
+    ------
+    InputError
+        There are no real residuals.
+    """
+    import pandas as pd
+
+    if not (compared["model"] == REAL).any():
+        raise InputError("the comparison has no real residuals")
+    real = _Blocks.of(compared[compared["model"] == REAL])
+    rows = []
+    for name in ordered_models(compared["model"].astype(str)):
+        residuals = compared[compared["model"] == name]
+        blocks = _Blocks.of(residuals)
+        rng = generator(seed, "model distances", name)
+        samples = [(real.resampled(rng), blocks.resampled(rng)) for _ in range(resamples)]
+        low, high = np.quantile([_distance(a, b) for a, b in samples], [0.025, 0.975])
+        rows.append(
+            {
+                "model": name,
+                "residuals": len(residuals),
+                "std_m": float(residuals["residual_m"].std()),
+                "emd_m": _distance(real.total, blocks.total),
+                "emd_low_m": float(low) if name != REAL else 0.0,
+                "emd_high_m": float(high) if name != REAL else 0.0,
+                "chance_m": _chance(residuals, blocks.total),
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+def leave_one_out(
+    tables: Sequence[pd.DataFrame],
+    *,
+    settings: Settings | None = None,
+    replicates: int = REPLICATES,
+    resamples: int = RESAMPLES,
+    seed: int = 0,
+) -> pd.DataFrame:
+    """Compare each capture with the default models and one calibrated on the other captures.
+
+    Returns
+    -------
+    pd.DataFrame
+        Columns of `model_distances` after ``capture``, the number of the capture that is left out
+        of the calibration of the model ``calibrated``.
+    """
+    import pandas as pd
+
+    from puckbench.lidar.calibration import Settings
+
+    settings = settings or Settings("spot", quantum_m=0.002)
+    parts = []
+    for number, table in enumerate(tables, 1):
+        others = [other for place, other in enumerate(tables, 1) if place != number]
+        if not others:
+            raise InputError("to leave a device out takes captures of two devices")
+        models = {**default_models(), "calibrated": _calibrated(others, settings)}
+        compared = compared_residuals(real_walls([table]), models, replicates=replicates, seed=seed)
+        distances = model_distances(compared, resamples=resamples, seed=seed)
+        distances.insert(0, "capture", number)
+        parts.append(distances)
+    return pd.concat(parts, ignore_index=True)
+
+
+def _calibrated(tables: Sequence[pd.DataFrame], settings: Settings) -> Calibrated:
+    """Return a model of devices of the kind that the tables were measured with."""
+    from puckbench.lidar.calibration import calibrate, model_file
+
+    parameters = dict(model_file(calibrate(tables, settings), [])["parameters"])
+    parameters.pop("bias_m", None)
+    parameters["ranges_m"] = tuple(parameters["ranges_m"])
+    return Calibrated(**parameters)
+
+
+class _Blocks:
+    """Histograms of residuals, (blocks, bins), one for each wall and laser, which are resampled."""
+
+    def __init__(self, counts: Floats) -> None:
+        self.counts = counts
+        self.total = counts.sum(axis=0)
+
+    @classmethod
+    def of(cls, rows: pd.DataFrame) -> _Blocks:
+        block = np.asarray(rows.groupby(["replicate", *WALL_KEYS, "laser_id"]).ngroup())
+        bins = _bins(rows["residual_m"].to_numpy(dtype=np.float64))
+        size = (int(block.max()) + 1, _BINS)
+        counts = np.bincount(block * _BINS + bins, minlength=size[0] * size[1])
+        return cls(counts.reshape(size).astype(np.float64))
+
+    def resampled(self, rng: np.random.Generator) -> Floats:
+        """Return the total histogram of a bootstrap sample of the blocks."""
+        blocks = len(self.counts)
+        weights = np.bincount(rng.integers(blocks, size=blocks), minlength=blocks)
+        return np.asarray(weights @ self.counts)
+
+
+def _bins(residuals: Floats) -> NDArray[np.int64]:
+    numbers = np.floor((residuals + _REACH_M) / _BIN_M).astype(np.int64)
+    return np.clip(numbers, 0, _BINS - 1)
+
+
+def _distance(histogram: Floats, other: Floats) -> float:
+    """Return the earth mover's distance of two histograms, m: the area between their CDFs."""
+    difference = np.cumsum(histogram) / histogram.sum() - np.cumsum(other) / other.sum()
+    return float(np.abs(difference).sum() * _BIN_M)
+
+
+def _chance(rows: pd.DataFrame, total: Floats) -> float:
+    """Return the 95 % quantile of the distances from one replicate to all, m; NaN for one."""
+    residuals = rows["residual_m"].to_numpy(dtype=np.float64)
+    parts = rows.groupby("replicate").indices.values()
+    if len(parts) < 2:
+        return float("nan")
+    histograms = [np.bincount(_bins(residuals[part]), minlength=_BINS) for part in parts]
+    distances = [_distance(histogram.astype(np.float64), total) for histogram in histograms]
+    return float(np.quantile(distances, 0.95))
