@@ -1,11 +1,11 @@
 """Loops compiled by numba, cached on disk until one of their sources changes.
 
-Numba's own cache checks only the file of a function. It would reuse machine code that contains an
-older version of another file's function or constant. Here the folder of the cache is named after
-the contents of the function's file and of all files that it imports.
+Numba's own cache checks only the file of a function, and would reuse machine code that contains an
+older function of another file. Here the folder of the cache is named after the contents of the
+function's file and of all files that it imports.
 
-With ``NUMBA_BOUNDSCHECK=1`` in the environment an index outside its array raises IndexError in any
-compiled loop. Such machine code is about three times slower and has its own cache.
+With ``NUMBA_BOUNDSCHECK=1`` an index outside its array raises IndexError in any compiled loop. Such
+machine code is three times slower and has its own cache.
 """
 
 from __future__ import annotations
@@ -90,8 +90,7 @@ _register("numba:compile", NOTICE)
 def compiled(function: Function, **options: Any) -> Function:
     """Compile a function on its first call; later processes load it from the cache.
 
-    Arithmetic is strict IEEE 754 (no fused or reordered operations) unless numba's `options` say
-    otherwise. The function releases Python's global lock.
+    Arithmetic is strict IEEE 754 unless `options` say otherwise. Python's global lock is released.
     """
     _config.CACHE_LOCATOR_CLASSES = _LOCATORS
     return cast(Function, numba.njit(cache=True, nogil=True, **options)(function))

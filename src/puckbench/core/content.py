@@ -51,18 +51,7 @@ def limit_of(path: Path) -> int:
 
 
 def read_content(path: Path, most: int | None = None) -> bytes:
-    """Read a file, decompressed if its suffix is one of `COMPRESSED`.
-
-    Parameters
-    ----------
-    most
-        Number of bytes to read from the beginning; all by default.
-
-    Raises
-    ------
-    InputError
-        The file cannot be read, is damaged, or has more content than `limit_of` allows.
-    """
+    """Read the first `most` bytes of a file, or all, decompressed by its suffix."""
     if most is None and path.suffix.lower() not in COMPRESSED:
         return read_bytes(path)
     content = io.BytesIO()

@@ -49,7 +49,7 @@ def thread_environment(threads: int) -> dict[str, str]:
 
 
 def allowed_threads() -> int:
-    """Return ``OMP_NUM_THREADS``, by default the number of cores that the process may use."""
+    """Return ``OMP_NUM_THREADS``, by default the cores of the process."""
     limit = os.environ.get("OMP_NUM_THREADS", "").split(",")[0]
     return int(limit) if limit.isdigit() else _cores()
 
@@ -61,7 +61,6 @@ def _cores() -> int:
 
 
 def run_environment(alone: bool) -> dict[str, Any]:
-    """Return the columns of a result row that describe the machine of a timed call."""
     return {
         "cpu": cpu_model(),
         "threads": allowed_threads(),
@@ -99,11 +98,7 @@ def installed_versions(packages: Iterable[str] = PACKAGES) -> dict[str, str]:
 
 
 def source_commit() -> str:
-    """Return the commit of the running sources, with ``-dirty`` if files differ from it.
-
-    Empty if the package does not run from a Git repository. `COMMIT` in the environment comes
-    first.
-    """
+    """Return the commit of the sources, with ``-dirty`` if files differ; empty if unknown."""
     if COMMIT in os.environ:
         return os.environ[COMMIT]
     root = Path(__file__).parents[3]
@@ -136,10 +131,10 @@ def installation() -> dict[str, str]:
 
 
 def loops_folder(sources: Path) -> Path:
-    """Return the folder that keeps the compiled loops of a folder of sources.
+    """Return the folder for the compiled loops of a folder of sources.
 
-    ``NUMBA_CACHE_DIR`` if that is set; else ``__pycache__`` beside the sources; else, if the
-    installation is read-only (a container, another user's), ``puckbench`` in the user's cache.
+    ``NUMBA_CACHE_DIR``, else ``__pycache__`` beside the sources, else, in a read-only installation,
+    ``puckbench`` in the user's cache.
     """
     if folder := os.environ.get("NUMBA_CACHE_DIR"):
         return Path(folder)

@@ -26,11 +26,10 @@ _MOST_LEVELS = 100
 
 @contextmanager
 def written_whole(path: Path) -> Iterator[Path]:
-    """Yield a temporary path beside `path`, which is renamed to `path` if the block succeeds.
+    """Yield a temporary path, which is renamed to `path` if the block succeeds.
 
-    A reader never sees a half-written file, even if the writer is killed. If several processes
-    write one path, on one machine or on several, the last one to end wins. The temporary name keeps
-    the suffix, because some writers choose the format by it.
+    No reader sees a half-written file. If several processes write one path, the last one to end
+    wins. The temporary name keeps the suffix, by which some writers choose the format.
 
     Raises
     ------
@@ -69,10 +68,7 @@ def _is_of(error: OSError, *paths: Path) -> bool:
 
 
 def remove_leftovers(folder: Path) -> int:
-    """Remove temporary files of killed writers in a folder and below, and return their number.
-
-    Files of other machines, whose processes cannot be seen from here, are kept for a day.
-    """
+    """Remove temporary files of killed writers below a folder, and return their number."""
     hidden = [
         Path(place, name)
         for place, _, names in os.walk(folder)
@@ -151,7 +147,6 @@ def object_of(data: bytes, what: str) -> dict[str, Any]:
 
 
 def unique_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """Return a JSON object; raise ValueError if it repeats a key."""
     values: dict[str, Any] = {}
     for name, value in pairs:
         if name in values:
@@ -161,7 +156,7 @@ def unique_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 
 def read_bytes(path: Path) -> bytes:
-    """Read a file; raise InputError if that fails, or if it is a pointer of Git LFS."""
+    """Read a file; raise InputError if that fails."""
     try:
         data = path.read_bytes()
     except OSError as error:

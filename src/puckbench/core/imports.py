@@ -17,13 +17,7 @@ _INSTALLED = {"site-packages", "dist-packages"}
 
 
 def reached_files(*files: Path, is_left_out: Callable[[Path], bool] | None = None) -> set[Path]:
-    """Return Python files (absolute paths) and all files that they import, directly or not.
-
-    Parameters
-    ----------
-    is_left_out
-        Whether an imported file is not followed.
-    """
+    """Return Python files and all that they import, except those left out."""
     reached: set[Path] = set()
     queue = list(files)
     while queue:

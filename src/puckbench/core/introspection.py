@@ -11,14 +11,9 @@ _SECTION = re.compile(r"\n\n[A-Z][\w ]*\n-{3,}\n")
 
 
 def typed_parameters(function: Callable[..., Any], *classes: str) -> dict[str, str]:
-    """Return the parameters that are annotated with one of some classes, and the class of each.
+    """Return the parameters annotated with one of some classes, and the class of each.
 
-    Parameters
-    ----------
-    function
-        Function whose annotations may be strings; they are not evaluated.
-    classes
-        Names of classes without their modules, such as ``DataFrame``.
+    Annotations may be strings and are not evaluated. `classes` are names without modules.
     """
     parameters = signature(function).parameters
     names = {name: _class_name(parameter.annotation) for name, parameter in parameters.items()}

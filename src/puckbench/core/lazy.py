@@ -18,22 +18,21 @@ def lazy(package: str, **modules: tuple[str, ...]) -> PublicNames:
     package
         The ``__name__`` of the package.
     **modules
-        Module of the package, and the names to offer from it. No name may be that of a module.
+        Names to offer by module. No name may be that of a module.
 
     Returns
     -------
     tuple
-        Functions ``__getattr__`` and ``__dir__`` and the list ``__all__`` for the package.
+        ``__getattr__``, ``__dir__`` and ``__all__`` for the package.
 
     Examples
     --------
-    In the ``__init__.py`` of a package, with the same imports again for type checkers::
+    In an ``__init__.py``, with the same imports for type checkers::
 
         if TYPE_CHECKING:
             from package.coder import decode as decode
-            from package.coder import encode as encode
 
-        __getattr__, __dir__, __all__ = lazy(__name__, coder=("decode", "encode"))
+        __getattr__, __dir__, __all__ = lazy(__name__, coder=("decode",))
     """
     module_of = {name: module for module, names in modules.items() for name in names}
 

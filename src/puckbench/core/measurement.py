@@ -37,10 +37,8 @@ class Measured(NamedTuple, Generic[T]):
     seconds, least_s, most_s
         Median, minimum and maximum over the repetitions.
     peak_mib
-        Peak of the resident memory above its size before the call, which excludes memory that
-        earlier calls had freed (glibc only; other libraries may reuse it, which lowers the peak).
-        On Linux, pages of files are not counted: they are mostly code of libraries, which a forked
-        process maps again.
+        Peak of the resident memory above its size before the call, without pages of files (mostly
+        code, on Linux). With glibc, memory that earlier calls had freed does not lower it.
     """
 
     result: T
@@ -50,7 +48,7 @@ class Measured(NamedTuple, Generic[T]):
     most_s: float
 
     def costs(self, what: str) -> dict[str, float]:
-        """Return the columns of a result row that begin with `what` (``encode``)."""
+        """Return columns of a result row that begin with `what` (``encode``)."""
         return {
             f"{what}_s": self.seconds,
             f"{what}_s_min": self.least_s,
@@ -88,7 +86,6 @@ def measured(
 
 
 def _reset_peak() -> float:
-    """Set the kernel's peak of resident memory to the memory in use, and return it in MiB."""
     # glibc keeps freed memory resident; a call that reuses it would seem to need none.
     with suppress(AttributeError):
         ctypes.CDLL(None).malloc_trim(0)

@@ -33,7 +33,7 @@ def parsed(model: type[M], values: Any, what: str) -> M:
     values
         Values by name; lists stand for tuples, integers for floats.
     what
-        What the options are for; errors begin with it.
+        Beginning of errors.
 
     Raises
     ------
@@ -51,7 +51,6 @@ def parsed(model: type[M], values: Any, what: str) -> M:
 
 
 def checked_model(model: type[M], values: Mapping[str, Any]) -> M:
-    """Make a model from a whole configuration; an InputError begins with the key."""
     try:
         return model.model_validate(_immutable(values))
     except ValidationError as error:
@@ -76,7 +75,7 @@ class _Fault:
 
     @classmethod
     def of(cls, error: ValidationError, values: Mapping[str, Any], model: Any) -> _Fault:
-        """Return the deepest fault of a validation; branches of a union are joined by "or"."""
+        """Return the deepest fault of a validation."""
         faults = [(_place(each["loc"], values, each["type"]), each) for each in error.errors()]
         where, first = max(faults, key=lambda item: (len(item[0]), item[1]["type"] != "missing"))
         allowed = dict.fromkeys(_allowed(each) for place, each in faults if place == where)
@@ -104,7 +103,6 @@ class _Fault:
 
 
 def _place(location: tuple[int | str, ...], values: Any, kind: str) -> tuple[str, ...]:
-    """Return the keys of a location, without names of a union's branches."""
     keys: list[str] = []
     for number, part in enumerate(location):
         absent = kind == "missing" and number == len(location) - 1

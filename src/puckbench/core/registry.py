@@ -56,10 +56,9 @@ class Registry(Generic[T]):
     kind
         Noun for one plug-in ("error model").
     folder
-        Name of the packages whose modules register puckbench's own plug-ins ("figures").
+        Packages whose modules register our plug-ins ("figures").
     make
-        Makes the plug-in from its name, the registered class or function, and the keyword arguments
-        of `register`; by default the class or function itself is the plug-in.
+        Makes the plug-in from name, class or function, and arguments of `register`.
     """
 
     def __init__(self, kind: str, folder: str, make: Callable[..., T] | None = None) -> None:
@@ -74,7 +73,7 @@ class Registry(Generic[T]):
         self._added: dict[str, str] = {}
 
     def register(self, name: str, **details: Any) -> Callable[[Target], Target]:
-        """Register the class or function below; InputError if puckbench has one of the name."""
+        """Register the class or function below."""
 
         def registered(target: Target) -> Target:
             module = target.__module__
@@ -113,7 +112,7 @@ class Registry(Generic[T]):
             importlib.import_module(modules[max(beginnings, key=len)])
 
     def add(self, place: str) -> None:
-        """List the plug-in at a trusted place under its ``Name``, which must be free."""
+        """List a plug-in at a trusted place under its ``Name``, which must be free."""
         module, _, name = place.rpartition(":")
         if not module or self._added.get(name, place) != place or name in self._ours:
             fault = "that name is taken" if module else "must be module:Name or file.py:Name"
@@ -128,7 +127,6 @@ class Registry(Generic[T]):
         return places
 
     def names(self) -> list[str]:
-        """Return the names of puckbench's plug-ins, of installed packages' and of those added."""
         return list(dict.fromkeys([*self._ours, *self._installed, *self._added]))
 
     def module_of(self, name: str) -> str:
@@ -140,7 +138,7 @@ class Registry(Generic[T]):
         return self._added.get(name, name)
 
     def get(self, name: str) -> T:
-        """Return the plug-in of a name or of a trusted place; raise InputError if that fails."""
+        """Return the plug-in of a name or at a trusted place."""
         if self._is_ours(name):
             return self._plugins[self._modules[name], name]
         target = load(self._place(name), f"{self.kind} {name}")
@@ -169,7 +167,6 @@ class Registry(Generic[T]):
 
 
 def _modules(folder: str) -> Iterator[str]:
-    """Packages of puckbench of a name, at the top or one level below, and their modules."""
     for path in sorted([_SOURCES / folder, *_SOURCES.glob(f"*/{folder}/")]):
         if path.is_dir():
             package = ".".join(("puckbench", *path.relative_to(_SOURCES).parts))
@@ -178,7 +175,7 @@ def _modules(folder: str) -> Iterator[str]:
 
 
 def load(place: str, purpose: str) -> Any:
-    """Return the object at a trusted place; an InputError begins with its purpose."""
+    """Return the object at a trusted place; an InputError begins with `purpose`."""
     module, _, name = place.rpartition(":")
     if not module:
         raise InputError(f"{purpose}: '{place}' is not of the form module:Name or file.py:Name")
@@ -213,8 +210,8 @@ def _imported(name: str) -> ModuleType:
 def _imported_file(path: Path) -> ModuleType:
     """Import a file in no package, as the documentation of importlib shows.
 
-    Its module has a unique name, since two files may have the same one, and is in `sys.modules`,
-    where pickle and data classes look for the module of a class.
+    The name is unique, since two files may have the same one, and is in `sys.modules`, where pickle
+    looks for the module of a class.
     """
     name = f"{path.stem}_{hashlib.sha256(str(path).encode()).hexdigest()[:8]}"
     if name in sys.modules:

@@ -1,7 +1,7 @@
 """Read YAML 1.2 (its core schema), and write YAML that versions 1.1 and 1.2 read alike.
 
-PyYAML reads YAML 1.1, in which ``03000`` is 1536, ``on`` is true, ``1e3`` is a text and ``12:30``
-is 750. If a mapping repeats a key, it takes the last value.
+In YAML 1.1, which PyYAML reads, ``03000`` is 1536, ``on`` is true, ``1e3`` is a text and ``12:30``
+is 750; the last value of a repeated key counts.
 
 References
 ----------
@@ -48,8 +48,7 @@ class _Loader(_Parser):  # type: ignore[misc]
     yaml_implicit_resolvers: ClassVar[dict[str, Any]] = {}
 
 
-class _Dumper(yaml.SafeDumper):
-    """PyYAML's dumper, which also quotes texts that YAML 1.2 would read as another type."""
+class _Dumper(yaml.SafeDumper): ...
 
 
 for _name, (_pattern, _first) in _CORE_SCHEMA.items():

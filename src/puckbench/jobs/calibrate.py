@@ -10,19 +10,7 @@ from puckbench.jobs.registry import JOBS, Job
 
 @JOBS.register("calibrate")
 class Calibrate(Job):
-    """Estimate the parameters of a range error model from residual tables, one for each device.
-
-    Parameters
-    ----------
-    model
-        Model whose rows to use, if a table has several.
-    cells
-        Unit that shares one bias.
-    parameters
-        Standard deviations to estimate; all by default.
-    quantum_mm
-        Step of the sensor's ranges.
-    """
+    """Estimate the parameters of a range error model from residuals, a table for each device."""
 
     model: str | None = None
     cells: Literal["frame", "spot"] | None = None

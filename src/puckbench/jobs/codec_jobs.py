@@ -17,15 +17,7 @@ from puckbench.jobs.registry import Job
 
 
 class CodecJob(Job):
-    """A job with a codec.
-
-    Parameters
-    ----------
-    codec
-        Name of the codec.
-    changes
-        Its entry in the configuration (class, options, rates).
-    """
+    """A job with a codec; `changes` is its entry in the configuration."""
 
     codec: str | None = None
     changes: dict[str, Any] = Field({})
@@ -35,15 +27,12 @@ class CodecJob(Job):
         yield from codec_plugins(self.codec, self.changes)
 
     def loaded(self, name: str) -> Codec:
-        """Return the codec, loaded once for all streams of the job."""
         if name not in self._loaded:
             self._loaded[name] = ready(open_codec(name, self.changes))
         return self._loaded[name]
 
     def codec_of(self, coded: Coded) -> str:
-        """Return the name of the codec that decodes a stream.
-
-        In this order: the codec of the job, of the stream's first bytes, of the stream's record.
+        """Return the codec that decodes a stream: of the job, the stream's bytes, or its record.
 
         Raises
         ------
@@ -64,22 +53,14 @@ class CodecJob(Job):
         return name
 
     def read_stream(self, path: Path, rate: str | None = None) -> tuple[str, Coded]:
-        """Read a stream, or a rate of a curve, and return the name of its codec with it."""
+        """Read a stream, or a rate of a curve; return its codec and the stream."""
         coded = read_coded(path, rate)
         with naming(path):
             return self.codec_of(coded), coded
 
 
 class TimedJob(CodecJob):
-    """A job with timed calls.
-
-    Parameters
-    ----------
-    repeats
-        Repetitions of each call.
-    alone
-        Whether no other job runs at the same time.
-    """
+    """A job with timed calls, `alone` if no other job runs at the same time."""
 
     repeats: int = 1
     alone: bool = False

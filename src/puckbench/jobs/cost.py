@@ -25,9 +25,8 @@ _TAIL_BYTES = 2048
 def cost_line(name: str, done: Mapping[str, Any]) -> str:
     """Return the cost of a job as a JSON object.
 
-    It has processor and wall-clock time in seconds, peak memory, the work done (`WORK`), the time
-    of the end and the commit of the sources. Child processes are included; the imports of a forked
-    job (`puckbench.jobs.fork_server`) are not.
+    It has processor and wall-clock time (s), peak memory, work done (`WORK`), time of the end, and
+    commit. Child processes count; imports of a forked job do not.
     """
     import resource
 

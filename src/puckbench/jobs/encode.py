@@ -46,7 +46,7 @@ def measured_encoding(
     Parameters
     ----------
     shared
-        Work that the rates share (`Codec.encode_cloud`); its cost counts for every rate.
+        Work that rates share (`Codec.encode_cloud`); its cost counts for each.
     each
         Called with the stream of every repetition.
     """
@@ -103,13 +103,7 @@ class Encode(Encoding):
     frame: CoordinateFrame | None = None
 
     def run(self, cloud: Path, stream: Path, prepared: Path | None = None) -> dict[str, Any]:
-        """Write the stream and its record.
-
-        Parameters
-        ----------
-        prepared
-            File to write the prepared cloud to, which is then encoded in place of `cloud`.
-        """
+        """Write the stream and its record; `prepared` is where to prepare the cloud first."""
         codec = open_codec(self.codec, self.changes)
         codec.parameters_of(self.rate)
         original = self._cloud(codec, cloud, prepared)

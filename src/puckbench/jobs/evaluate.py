@@ -80,8 +80,6 @@ class Evaluating(Decoding):
 
     Parameters
     ----------
-    dataset
-        Name of the data set, for the row.
     peak
         Peak of the PSNRs; by default that of the cloud's description.
     views
@@ -136,8 +134,6 @@ class Evaluating(Decoding):
 
 @JOBS.register("evaluate")
 class Evaluate(Evaluating):
-    """Measure a decoded cloud, a stream, or a rate of a curve."""
-
     rate: str | None = None
 
     def run(
@@ -149,13 +145,7 @@ class Evaluate(Evaluating):
         visible: Path | None = None,
         clean: Path | None = None,
     ) -> dict[str, Any]:
-        """Write the result row, and return it.
-
-        Parameters
-        ----------
-        decoded
-            A decoded cloud, a stream (.bin, or a suffix that no cloud has), or a curve.
-        """
+        """Write the result row of a decoded cloud, stream or curve, and return it."""
         result = self.row(Originals(cloud, truth, visible, clean), self._decoded(decoded))
         if row:
             write_json(row, result)
@@ -181,7 +171,6 @@ class EvaluateCurve(Evaluating):
         visible: Path | None = None,
         clean: Path | None = None,
     ) -> dict[str, Any]:
-        """Write a table with a result row for each rate."""
         originals = Originals(cloud, truth, visible, clean)
         coded, progress = read_curve(curve), Progress("rate")
         results = []

@@ -47,9 +47,8 @@ def prepare(cloud: PointCloud, size: int | str = 1024, neighbours: int = 30) -> 
     Returns
     -------
     PointCloud
-        Its description gains scale and offset to metres, elongation of the axis-aligned and of the
-        oriented box, extent, density and outliers (`puckbench.metrics.density`), diameter, digest
-        and, in metres, the peak of PSNRs.
+        Its description gains scale, offset, elongations, extent, density, outliers, diameter,
+        digest and, in metres, the peak of PSNRs.
     """
     from puckbench.geometry.normals import estimate_normals
     from puckbench.metrics.density import density, density_in_metres
@@ -76,7 +75,6 @@ def prepare(cloud: PointCloud, size: int | str = 1024, neighbours: int = 30) -> 
 
 
 def _scaled(cloud: PointCloud, size: int | str) -> tuple[Scaling, Floats, int]:
-    """Return the scaling to a size, the scaled points (n, 3), and the size in units."""
     if size == GRID:
         scaling = grid_scaling(cloud.xyz, cloud.about)
         return scaling, np.rint(scaling.apply(cloud.xyz)), int(cloud.about["grid"]["size"])

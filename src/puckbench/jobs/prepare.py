@@ -43,13 +43,11 @@ class Prepare(Job):
     clean
         Whether to use the clean coordinates of a scan.
     peak
-        Peak of the PSNRs of a cloud in metres, in m; by default `puckbench.metrics.psnr.PEAK_M`.
+        Peak of the PSNRs of a cloud in metres, in m.
     drop_invalid
         Whether to drop points that are not finite, in place of refusing the cloud.
     keep_missing
         Whether to keep missing returns.
-    bin_columns
-        Columns of a .bin file (`puckbench.io.float32_frames.read_float32_frame`).
     """
 
     crop: Literal["clean", "noisy", "none"] = "clean"
@@ -76,9 +74,7 @@ class Prepare(Job):
         Parameters
         ----------
         source
-            A cloud (`puckbench.io.clouds.SUFFIXES`) or a scan table (.parquet).
-        box
-            JSON file with the ``box`` to crop to, in m.
+            A cloud or a scan table (.parquet).
         about
             Descriptions whose name and group are kept.
         """

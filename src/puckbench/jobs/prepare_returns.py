@@ -40,10 +40,8 @@ class PrepareReturns(Job):
     turns
         First and last turn, counted from 0; by default all of a scan, and the first whole one of a
         recording.
-    error_model
-        Error model of the scan, for tables.
     peak
-        Peak of the PSNRs in m; by default `puckbench.metrics.psnr.PEAK_M`.
+        Peak of the PSNRs in m.
     stream
         Sensor to read in a packet capture of several sensors.
     """
@@ -71,8 +69,6 @@ class PrepareReturns(Job):
             A scan table of whole turns or a table of firings (both .parquet), or a recording.
         truth
             File for the true points of a scan; a recording's own points are written there.
-        about
-            Descriptions whose name and group are kept.
         """
         from puckbench.jobs.preparation import prepare
 
@@ -152,13 +148,7 @@ def is_recording(path: Path) -> bool:
 def _read_returns(
     path: Path, stream: str | None
 ) -> tuple[Returns, tuple[int, int], dict[str, int]]:
-    """Read a table of firings or a recording.
-
-    Returns
-    -------
-    tuple
-        The returns, the first and last turn to use by default, and counts of what was left out.
-    """
+    """Return returns, the first and last turn to use by default, and counts of lost data."""
     from puckbench.lidar.recordings.reading import read_turns
 
     if not is_recording(path):

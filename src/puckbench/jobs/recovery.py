@@ -97,7 +97,6 @@ class RecoveryCurve(Recovering):
 
 
 def _row_of_each_kind(row: dict[str, Any]) -> list[dict[str, Any]]:
-    """Return a row for each kind of primitive; a stream without surface has the kind "all"."""
     kinds = row.pop("kinds") or [{"kind": "all"}]
     return [{**row, **kind} for kind in kinds]
 

@@ -13,15 +13,7 @@ _AFTERWARDS = {"report", "reference"}
 
 @JOBS.register("reference")
 class Reference(Job):
-    """Join the tables of a run with its configuration and machine.
-
-    Parameters
-    ----------
-    contents
-        Contents of the run's report (`puckbench.report.contents.Contents`).
-    bd_rate
-        Options of its table of Bjontegaard deltas.
-    """
+    """Join the tables of a run with its configuration and machine."""
 
     contents: dict[str, Any]
     bd_rate: dict[str, Any]

@@ -19,18 +19,11 @@ class Job(Model):
 
     @classmethod
     def given(cls, **settings: Any) -> Self:
-        """Make a job of settings from the user; raise InputError if they are invalid."""
         return cls.of_record(settings, JOBS.name_of(cls))
 
     @classmethod
     def of_record(cls, record: Any, what: str) -> Self:
-        """Make a job of settings from the command line or a plan, whose plug-ins are trusted.
-
-        Parameters
-        ----------
-        what
-            Beginning of an InputError.
-        """
+        """Make a job of settings whose plug-ins are trusted; `what` begins an InputError."""
         job = parsed(cls, record, what)
         trust(job.plugins())
         return job

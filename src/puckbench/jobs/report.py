@@ -12,15 +12,7 @@ from puckbench.jobs.registry import JOBS, Job
 
 @JOBS.register("report")
 class Report(Job):
-    """Build the report.
-
-    Parameters
-    ----------
-    contents
-        As `puckbench.report.contents.Contents`.
-    code
-        Places of the user's figures and tables in it, which are trusted.
-    """
+    """Build the report; `code` are the places of the user's figures and tables in it."""
 
     contents: dict[str, Any]
     code: tuple[str, ...] = ()
@@ -29,13 +21,7 @@ class Report(Job):
         return self.code
 
     def run(self, page: Path, below: Path | None = None) -> dict[str, Any]:
-        """Write the page.
-
-        Parameters
-        ----------
-        below
-            Folder with copies of all files, each under its own path.
-        """
+        """Write the page; `below` is a folder with copies of all files."""
         from puckbench.jobs.cost import read_costs
         from puckbench.report.build import build_page
         from puckbench.report.contents import Contents

@@ -77,13 +77,7 @@ class Scan(Job):
         return {"returns": rows, "origin": origin, "errors": self.errors}
 
     def check(self, surface: Mesh, described: Sequence[float] | None) -> None:
-        """Raise InputError if the sensor cannot stand or move there.
-
-        Parameters
-        ----------
-        described
-            Position in the description of the scene, m.
-        """
+        """Raise InputError if the sensor cannot stand or move there."""
         self._job(self._named(), surface, described).check()
 
     def _job(
@@ -115,7 +109,6 @@ class _Described(Model):
 
 
 def _described(mesh: Path) -> list[float] | None:
-    """Return the origin in the description beside a mesh."""
     origin = (read_description(mesh) or {}).get("origin")
     position = parsed(_Described, {"origin": origin}, str(sidecar(mesh))).origin
     return None if position is None else list(position)

@@ -30,16 +30,10 @@ class Train(Job):
 
     Parameters
     ----------
-    changes
-        Entry of the codec in the configuration.
-    options
-        Settings of its training.
     start
         Weights to start from: a shipped set's name or a file.
-    every
-        Steps between two checkpoints.
-    validate_every
-        Steps between two validations; 0 for one at the end.
+    every, validate_every
+        Steps between two checkpoints, and between two validations (0: one at the end).
     peak
         Peak of the PSNRs; by default that of the validation's clouds.
     code
@@ -102,7 +96,6 @@ class Train(Job):
             trainer.identity["start"] = sha256(start)
 
     def _resume(self, trainer: BaseTrainer[Any, Any], checkpoint: Path) -> None:
-        """Resume from the checkpoint, if it is of the same training."""
         from puckbench.learned.training.loop import OtherTrainingError
 
         if checkpoint.exists():
@@ -123,7 +116,6 @@ class Train(Job):
         weights: Path,
         validate: Sequence[Path],
     ) -> dict[str, Any]:
-        """Write the weights, and again with the results of their validation."""
         training.export(weights, trainer.model, card)
         if validate:
             card["validation"] = self._measured(training, weights, validate)

@@ -37,7 +37,6 @@ class CloudJobs:
 
     @cached_property
     def of_returns(self) -> list[str]:
-        """Scene sets whose scenes are the returns of real sensors."""
         return [name for name, scenes in self.plan.scenes.items() if of_returns(scenes.scenes)]
 
     def prepared(self, has_returns: bool) -> list[str]:
@@ -58,7 +57,6 @@ class CloudJobs:
         return settings.is_scan and settings.crop != "none" and not settings.is_metric
 
     def true_points(self, dataset: str, cloud: str) -> str:
-        """Return the file of the labelled true points for the points of a cloud."""
         return f"{self.plan.results}/truth/{dataset}/{cloud}.ply"
 
     @cache  # noqa: B019 (one plan lives as long as the process)

@@ -112,7 +112,6 @@ class CodingJobs:
         return [*coded, *self.rows("metrics"), *self.rows("recovery")]
 
     def _seconds(self, codec: str) -> float:
-        """Estimate the time of the timed calls for the largest clouds at one rate."""
         return self.timing.repeats * self.pace(codec).of(self._most_points)
 
     @cached_property
@@ -124,7 +123,7 @@ class CodingJobs:
 
     @cache  # noqa: B019
     def minutes(self, codec: str) -> int:
-        """Estimate the time of a curve's job for the largest clouds, generously."""
+        """Estimate the time of a curve's job, generously."""
         rates = max((len(curve.rates) for curve in self.curves if curve.codec == codec), default=0)
         return 5 + math.ceil(2 * rates * self._seconds(codec) / 60)
 
@@ -185,15 +184,12 @@ class CodingJobs:
 
     @cache  # noqa: B019
     def scan_error(self, dataset: str) -> PlannedJob:
-        """Plan the measurement of a scan as if it were decoded."""
         return planned(Evaluate(dataset=dataset))
 
     def cloud(self, dataset: str, cloud: str) -> dict[str, str]:
-        """Return the files of a prepared cloud: points, description and returns."""
         return self.described({"cloud": f"{self.plan.results}/clouds/{dataset}/{cloud}.ply"})
 
     def described(self, files: Mapping[str, str]) -> dict[str, str]:
-        """Add to files by name the descriptions and returns beside them."""
         beside = {}
         for name, path in ((name, Path(file)) for name, file in files.items()):
             if path.suffix == ".ply":
@@ -219,7 +215,6 @@ class CodingJobs:
         return {"truth": self.clouds.scene_file(dataset, cloud), **points}
 
     def labels(self, dataset: str, cloud: str) -> dict[str, str]:
-        """Return further inputs of a comparison of primitives: labelled points and their scene."""
         return {
             "points": self.clouds.true_points(dataset, cloud),
             "scene": self.clouds.scene_file(dataset, cloud),
@@ -247,7 +242,6 @@ class CodingJobs:
 
     @cache  # noqa: B019
     def memory_mb(self, codec: str) -> int:
-        """Estimate the memory of a curve's job for the largest clouds in MB."""
         views = max((data.settings.views for data in self.plan.datasets.values()), default=0)
         changes = self.plan.config.codec(codec)
         pictures = views**2 * _BYTES_PER_PIXEL // 1_000_000
@@ -268,7 +262,6 @@ class CodingJobs:
         return self.plan.datasets[dataset].frame
 
     def _entry(self, dataset: str, codec: str, rates: tuple[str, ...]) -> dict[str, Any]:
-        """Return the codec's complete entry with some of the rates for a data set."""
         entry = {**self.plan.codecs[codec]}
         table = self.plan.opened[codec].rates_of(self._frame(dataset))
         selected = {rate: table[rate] for rate in rates}

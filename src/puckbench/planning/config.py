@@ -31,7 +31,6 @@ def _different(values: tuple[Any, ...]) -> tuple[Any, ...]:
 
 
 def _own_keys(cls: type[Model], values: Options) -> Options:
-    """Refuse unknown keys of a `stand_in`."""
     names = [name for name in cls.model_fields if name != "stand_in"]
     if unknown := [name for name in values if name not in names]:
         raise ValueError(f"unknown key '{unknown[0]}'{among(unknown[0], names)}")
@@ -175,7 +174,6 @@ class DataSetConfig(Model):
         return self.make == "scan"
 
     def origin_in(self, scene: str) -> Position | None:
-        """Return the configured position of the sensor in a scene."""
         return self.origin.get(scene) if isinstance(self.origin, dict) else self.origin
 
     @property
@@ -217,7 +215,6 @@ class CodecConfig(Model):
     )
 
     def changes(self) -> Options:
-        """Return the entry of the codec (see `puckbench.codecs.registry.entry`)."""
         return self.model_dump(by_alias=True, exclude_unset=True)
 
 
@@ -369,7 +366,6 @@ class ExamplesConfig(Model):
     )
 
     def given(self) -> dict[str, str]:
-        """Return the clouds by kind."""
         clouds: dict[str, str] = self.model_dump(exclude_none=True)
         return clouds
 
@@ -500,7 +496,6 @@ class Config(Model):
             yield from (model.errors for model in self.sensor_study.models.values() if model)
 
     def as_json(self) -> Options:
-        """Return the configuration with its defaults, except for those of codecs."""
         values = self.model_dump(mode="json", by_alias=True, exclude_none=True)
         return {**values, "codecs": {name: self.codec(name) for name in self.codecs}}
 
@@ -556,14 +551,7 @@ def _mappings(values: Any) -> list[Options]:
 
 
 def read_config(path: Path) -> Options:
-    """Read a configuration file (YAML or JSON), unchecked.
-
-    Raises
-    ------
-    InputError
-        The file is missing, is not a mapping, repeats a key, or has a value that YAML 1.1, which
-        Snakemake reads, takes for another.
-    """
+    """Read a configuration file (YAML or JSON), unchecked."""
     return _read(path, alike=True)
 
 

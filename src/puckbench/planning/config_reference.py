@@ -22,7 +22,6 @@ _TABLE = re.compile(r"(<!-- keys: (\w+) -->\n).*?(<!-- end of keys -->)", re.DOT
 
 
 def schema() -> str:
-    """Return the JSON schema of a configuration file."""
     content = {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         **config.Config.model_json_schema(by_alias=True),
@@ -31,7 +30,6 @@ def schema() -> str:
 
 
 def key_table(model: type[BaseModel]) -> str:
-    """Return a Markdown table of the keys of a model: name, default, meaning."""
     rows = [
         f"| `{field.alias or name}` | {_default(field)} | {field.description} |"
         for name, field in model.model_fields.items()
@@ -40,8 +38,6 @@ def key_table(model: type[BaseModel]) -> str:
 
 
 def with_tables(text: str) -> str:
-    """Return a Markdown text with its tables generated anew."""
-
     def table(match: re.Match[str]) -> str:
         return f"{match[1]}{key_table(getattr(config, match[2]))}{match[3]}"
 
@@ -49,7 +45,6 @@ def with_tables(text: str) -> str:
 
 
 def documented(text: str) -> set[str]:
-    """Return the names of the models whose tables a text has."""
     return {match[2] for match in _TABLE.finditer(text)}
 
 

@@ -32,7 +32,6 @@ def code_version(*modules: str) -> str:
 
 
 def covered(*modules: str) -> set[Path]:
-    """Return the files that the fingerprint of modules covers."""
     return reached_files(*_source_files(modules), is_left_out=_is_left_out)
 
 
@@ -53,7 +52,6 @@ def _is_left_out(file: Path) -> bool:
 
 @cache
 def _code_digest(file: Path) -> str:
-    """Return a digest of the code of one file, and of the YAML file beside it."""
     tree = _Code().visit(ast.parse(file.read_bytes()))
     numbers = file.with_suffix(".yaml")
     data = numbers.read_bytes() if numbers.is_file() else b""
@@ -64,15 +62,12 @@ class _Code(ast.NodeTransformer):
     """Removes statements that do nothing, and help texts."""
 
     def visit_Expr(self, node: ast.Expr) -> ast.AST | None:
-        """Remove a docstring or another constant."""
         return None if isinstance(node.value, ast.Constant) else self.generic_visit(node)
 
     def visit_If(self, node: ast.If) -> ast.AST | None:
-        """Remove imports for type checkers."""
         return None if is_for_types(node) else self.generic_visit(node)
 
     def visit_Call(self, node: ast.Call) -> ast.AST:
-        """Remove the help text of an option."""
         if getattr(node.func, "id", "") == "Field":
             node.keywords = [word for word in node.keywords if word.arg != "description"]
         return self.generic_visit(node)

@@ -57,7 +57,6 @@ class JobTime:
     peak_mib: int = 0
 
     def of(self, rates: int, repeats: int) -> float:
-        """Return the seconds for other numbers of rates and of repetitions."""
         share = rates / self.rates if self.rates else 1.0
         return max(0.0, self.seconds + (repeats - self.repeats) * self.call_s) * share
 
@@ -87,8 +86,6 @@ class Estimate:
         Number of jobs that the estimate is from.
     reach
         Points of the planned job divided by those of the largest measured one.
-    exact
-        Whether curves of as many rates were measured.
     """
 
     kind: JobKind
@@ -148,7 +145,6 @@ def read_job_times(run: Path) -> list[JobTime]:
 
 
 def _log_folders(run: Path) -> list[Path]:
-    """Return the folders of logs in a folder and up to two levels below."""
     patterns = ("logs", "*/logs", "*/*/logs")
     return [folder for pattern in patterns for folder in sorted(run.glob(pattern))]
 
@@ -184,7 +180,6 @@ def _points(results: Path, dataset: str, cloud: str) -> int:
 
 
 def estimated(kinds: Iterable[JobKind], times: Iterable[JobTime]) -> list[Estimate]:
-    """Estimate every kind of job from the times of a run."""
     usable = [time for time in times if time.points or time.job not in _OF_CLOUDS]
     return [_estimate(kind, usable) for kind in kinds]
 

@@ -16,7 +16,6 @@ TOLD_BY_CALLER = "PUCKBENCH_TOLD_BY_CALLER"
 
 
 def snakefile() -> Path:
-    """Return the Snakefile; raise InputError if this installation has none."""
     for folder in _PLACES:
         if (folder / "rules").is_dir() and (found := folder / "Snakefile").is_file():
             return found
@@ -26,17 +25,7 @@ def snakefile() -> Path:
 def snakemake_command(
     config: Path, cores: int | None, *more: str, over: Path | None = None
 ) -> list[str]:
-    """Return the words that run the workflow on a configuration file.
-
-    Parameters
-    ----------
-    cores
-        Cores of the run; all by default.
-    more
-        Targets and options of Snakemake.
-    over
-        A configuration file that is merged over the first.
-    """
+    """Return the words that run the workflow on a configuration, and `over` on top of it."""
     words = [sys.executable, "-m", "snakemake", *more]
     words += [] if "--logger" in more else ["--logger", "puckbench"]
     words += ["--snakefile", str(snakefile()), "--cores", "all" if cores is None else str(cores)]

@@ -60,15 +60,7 @@ class ScenePlan:
 
 @dataclass(frozen=True)
 class DataSetPlan:
-    """A data set and its clouds.
-
-    Parameters
-    ----------
-    points
-        Expected points of a cloud, for estimates of resources.
-    has_returns, has_packets
-        Whether its clouds have a sensor's returns, and these are from data packets.
-    """
+    """A data set and its clouds, with an estimate of their points."""
 
     name: str
     scenes: str
@@ -105,17 +97,7 @@ class DataSetPlan:
 
 @dataclass(frozen=True)
 class StudyPlan:
-    """The sensor study (thesis chapter 5).
-
-    Parameters
-    ----------
-    models, captures
-        Error models and recordings by name, with their options.
-    far_m
-        One more distance, or None.
-    rows
-        Residuals of each scan that are kept.
-    """
+    """The sensor study (thesis chapter 5); `rows` are the residuals kept of each scan."""
 
     models: dict[str, tuple[str, dict[str, Any]]]
     captures: dict[str, tuple[str, dict[str, Any]]]
@@ -132,21 +114,12 @@ class StudyPlan:
 
     @property
     def shown_m(self) -> tuple[float, ...]:
-        """Distances whose scans are drawn point by point."""
         return tuple(distance for distance in (1.0, 5.0) if distance in self.distances_m)
 
 
 @dataclass(frozen=True)
 class TrainingPlan:
-    """A training of weights, and its validation, on pairs of data set and cloud.
-
-    Parameters
-    ----------
-    entry
-        Entry of the codec in the configuration.
-    start
-        File of the initial weights.
-    """
+    """A training of weights, and its validation, on pairs of data set and cloud."""
 
     codec: str
     entry: dict[str, Any]
@@ -306,14 +279,12 @@ class Plan:
 
     @cached_property
     def of_surfaces(self) -> frozenset[str]:
-        """Codecs of surfaces with labelled primitives."""
         return frozenset(
             name for name in self.codecs if codecs.codes_surfaces(name, self.config.codec(name))
         )
 
     @cached_property
     def labelled(self) -> frozenset[str]:
-        """Data sets whose scenes have labels of primitives."""
         return frozenset(
             data.name
             for data in self.datasets.values()
@@ -348,7 +319,6 @@ class Plan:
         return tuple(data for name, data in self.datasets.items() if name in names)
 
     def codes(self, codec: str, dataset: str) -> bool:
-        """Return whether a codec is configured for a data set and can encode it."""
         data = self.datasets[dataset]
         return self._is_requested(codec, data) and not self._why_not(codec, data)
 
@@ -395,7 +365,6 @@ class Plan:
         )
 
     def _start(self, start: str | None) -> str | None:
-        """Return the file of an earlier training, or of existing weights."""
         if start in self.trainings:
             return str(self.results / "weights" / f"{start}.safetensors")
         return None if start is None else str(weights_file(start))
@@ -451,7 +420,6 @@ class Plan:
         return self.results / "checks" / f"{dataset}.json"
 
     def _usable(self, name: str, scenes: ScenePlan) -> tuple[str, ...]:
-        """Return the scenes that a data set can use; raise InputError if there are none."""
         if not self._check_scenes:
             return scenes.chosen
         settings, kept = self.config.datasets[name], self._checks(name)

@@ -16,15 +16,7 @@ RECORDS = Path(".snakemake", "records")
 
 
 class PlannedJob(NamedTuple):
-    """What a rule hands to a job.
-
-    Parameters
-    ----------
-    record
-        Settings of the job as JSON.
-    code
-        Fingerprint of the code that does the work.
-    """
+    """What a rule hands to a job: its settings as JSON, and the fingerprint of its code."""
 
     name: str
     record: str
@@ -40,17 +32,7 @@ class PlannedJob(NamedTuple):
 
 
 def planned(record: Job, *modules: str, also: object = "") -> PlannedJob:
-    """Plan a job.
-
-    Parameters
-    ----------
-    record
-        Settings of the job.
-    modules
-        Modules of its plug-ins.
-    also
-        Anything else that the result depends on, such as digests of files.
-    """
+    """Plan a job; `also` is anything else that its result depends on, such as digests of files."""
     code = code_version(type(record).__module__, *modules)
     name = JOBS.name_of(type(record))
     return PlannedJob(

@@ -40,7 +40,6 @@ def planned_contents(
 
 
 def _examples(plan: Plan) -> Iterable[Example]:
-    """Yield the example clouds, with some rates of every codec."""
     for kind, name in plan.config.figures.examples.given().items():
         if name in plan.config.failed:
             continue

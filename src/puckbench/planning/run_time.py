@@ -55,7 +55,7 @@ def _of_curves(bench: Workflow, millions: float) -> dict[str, float]:
 
 
 def machine_sample() -> float:
-    """Measure the seconds of a short work load on one core of this machine."""
+    """Measure a short work load on one core of this machine, in seconds."""
     import numpy as np
 
     values = np.random.default_rng(0).random((100_000, 3))

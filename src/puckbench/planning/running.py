@@ -43,7 +43,6 @@ def hold_results(results: Path) -> None:
 
 
 def check_room(folder: Path) -> None:
-    """Raise InputError if a folder has no space or is not writable."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with TemporaryFile(dir=folder) as probe:
@@ -54,7 +53,6 @@ def check_room(folder: Path) -> None:
 
 
 def left_out_lines(rows: Sequence[Mapping[str, str]]) -> Iterator[str]:
-    """Yield a line for each row of `Plan.left_out_rows`, up to a limit."""
     for row in rows[:_MOST_LEFT_OUT]:
         yield f"left out: {row['file']}: {row['reason']}"
     if len(rows) > _MOST_LEFT_OUT:

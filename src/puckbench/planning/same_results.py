@@ -28,13 +28,7 @@ _LEFT_OUT = re.compile(
 
 
 def differences(folder: Path, reference: Path, finished: bool = True) -> list[str]:
-    """Return a line for each file in which two results folders differ.
-
-    Parameters
-    ----------
-    finished
-        Whether files that `folder` lacks count as differences.
-    """
+    """Return a line for each file in which two results folders differ."""
     names, reference_names = set(compared(folder)), set(compared(reference))
     lines = [f"{name}: only in {folder}" for name in sorted(names - reference_names)]
     if finished:

@@ -39,15 +39,7 @@ def scan_record(settings: DataSetConfig, scene: str, seed: int) -> Scan:
 def scene_faults(
     scenes: SceneSet, names: Iterable[str], settings: DataSetConfig, results_file: Path
 ) -> dict[str, str]:
-    """Return why a data set cannot use some of its scenes, by name.
-
-    Parameters
-    ----------
-    names
-        Names of the scenes. Generated scenes and clouds of published data sets are not checked.
-    results_file
-        File of earlier results.
-    """
+    """Return why a data set cannot use some of its scenes; earlier results are in a file."""
     if settings.make == "cloud" and not read_first(scenes):
         return {}
     states = {
@@ -72,7 +64,6 @@ def scene_faults(
 
 
 def most_points(results_file: Path, scenes: Iterable[str]) -> int | None:
-    """Return the points of the largest cloud that was read, or None."""
     checks = _read_checks(results_file)
     return max(
         (checks[name]["points"] for name in scenes if "points" in checks.get(name, {})),
@@ -121,7 +112,6 @@ def _stats(path: Path) -> Iterator[tuple[str, int, int]]:
 def _found(
     scenes: SceneSet, name: str, settings: DataSetConfig
 ) -> tuple[str | None, dict[str, float]]:
-    """Return the fault of a scene; else its number of points and extent, if it is a cloud."""
     from puckbench.geometry.mesh import check_mesh
 
     try:

@@ -25,15 +25,6 @@ def study_configuration(
 ) -> Options:
     """Return the configuration of a study with the user's codecs in place of its own.
 
-    Parameters
-    ----------
-    reference
-        Results of the study, with its configuration.
-    codecs
-        Names, ``path/to/file.py:Class`` or ``module:Class``.
-    datasets
-        Names of data sets of the study; all by default.
-
     Raises
     ------
     InputError

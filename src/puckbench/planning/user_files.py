@@ -110,7 +110,6 @@ class UserRun:
     """Reasons for what is left out on purpose."""
 
     def configuration(self) -> Options:
-        """Read the files and return the configuration; raise InputError for unusable ones."""
         paths_by_kind = self._sorted_paths()
         self._check_results(paths_by_kind)
         self._check_units(paths_by_kind)
@@ -141,7 +140,6 @@ class UserRun:
     # ---- files
 
     def unused(self) -> dict[str, str]:
-        """Return why paths have no usable file."""
         return {text: _why_unused(text) for text, kinds in self._kinds if not kinds}
 
     @cached_property
@@ -162,7 +160,6 @@ class UserRun:
         return {kind: paths_by_kind[kind] for kind in order if kind in paths_by_kind}
 
     def _check_results(self, paths_by_kind: Mapping[Kind, Iterable[str]]) -> None:
-        """Refuse a results folder among the data, which the next run would read."""
         results = Path(self.results).resolve()
         for text in (text for paths in paths_by_kind.values() for text in paths):
             if Path(text).is_dir() and results.is_relative_to(Path(text).resolve()):
@@ -286,7 +283,6 @@ def _why_unused(text: str) -> str:
 
 
 def _kind(path: Path) -> Kind | None:
-    """Return what a file contains, by its name and first bytes."""
     suffix = plain_suffix(path)
     if path.is_dir() or path.suffix.lower() in recordings.RECORDING_SUFFIXES:
         return "recordings"
@@ -306,7 +302,6 @@ def _frame(scenes: Options) -> CoordinateFrame:
 
 
 def codec_entries(codecs: Sequence[str]) -> dict[str, Options]:
-    """Return names and entries of codecs; raise InputError if one is named twice."""
     entries = dict(map(_codec, codecs))
     if len(entries) < len(codecs):
         raise InputError(f"--codecs: a codec is named twice: {' '.join(codecs)}")
@@ -314,13 +309,7 @@ def codec_entries(codecs: Sequence[str]) -> dict[str, Options]:
 
 
 def check_codecs(plan: Plan, advice: bool = True) -> None:
-    """Raise InputError if a codec codes none of a plan's clouds, or cannot run here.
-
-    Parameters
-    ----------
-    advice
-        Whether to name the option that puts the clouds in another frame.
-    """
+    """Raise InputError if a codec codes none of a plan's clouds, or cannot run here."""
     for name, opened in plan.opened.items():
         if not any(plan.codes(name, data) for data in plan.datasets):
             raise InputError(f"codec {name}: {_why_not(plan, name, advice)}")

@@ -19,18 +19,7 @@ from puckbench.planning.training import TrainingJobs
 
 
 class Workflow:
-    """The plan of the user's configuration, and its jobs by stage.
-
-    Parameters
-    ----------
-    check_scenes
-        Whether to read meshes, and leave out those that cannot be used.
-
-    Raises
-    ------
-    InputError
-        The configuration is invalid, or names something that does not exist.
-    """
+    """The plan of the user's configuration, and its jobs by stage."""
 
     def __init__(self, config: Mapping[str, Any], check_scenes: bool = False) -> None:
         self.config = trusted(config)

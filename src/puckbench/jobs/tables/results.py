@@ -78,7 +78,6 @@ _SUMMARY = (
 
 
 def table_of(rows: Iterable[dict[str, Any]], keys: Sequence[str]) -> pd.DataFrame:
-    """Return a table of rows in their order; raise InputError if none, or two with equal keys."""
     import pandas as pd
 
     table = pd.DataFrame(list(rows))
