@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from puckbench.lidar.returns import Returns
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
 CoordinateFrame = Literal["scaled", "metric"]
 """Coordinates are scaled to a cube of integer grid positions, or metric (metres)."""
 _INTEGER_LIMIT = 2**53

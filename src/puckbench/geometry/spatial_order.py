@@ -6,6 +6,8 @@ a million points in this order is four times faster than in random order.
 
 from __future__ import annotations
 
+from typing import TypeVar
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,6 +17,7 @@ from puckbench.geometry.morton import spread_bits
 
 Rows = NDArray[np.int64]
 Keys = NDArray[np.int64]
+T = TypeVar("T", bound=np.generic)
 
 VOXELS_PER_AXIS = 1 << 16
 KEY_BITS = 48
@@ -47,13 +50,14 @@ def morton_order(points: Floats) -> Rows:
 @compiled
 def morton_keys(points: Floats) -> Keys:
     """Return Morton keys (n,) of points (n, 3) in a cube of 65,536 cells per axis."""
-    lowest, highest = _bounds(points)
+    lowest, highest = bounding_corners(points)
     extent = np.max(highest - lowest)
     return _keys_in_cube(points, lowest, (VOXELS_PER_AXIS - 1) / extent if extent > 0 else 0.0)
 
 
 @compiled
-def _bounds(points: Floats) -> tuple[Floats, Floats]:
+def bounding_corners(points: NDArray[T]) -> tuple[NDArray[T], NDArray[T]]:
+    """Return the lowest and highest coordinates, (3,) each, of points (n, 3), n > 0."""
     lowest, highest = points[0].copy(), points[0].copy()
     for i in range(len(points)):
         for axis in range(3):

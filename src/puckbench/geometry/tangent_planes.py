@@ -5,14 +5,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from puckbench.core.compiling import compiled, compiled_in_place
 from puckbench.core.threads import in_threads
-from puckbench.geometry.cloud import Floats
+from puckbench.geometry.cloud import Floats, Ints
 from puckbench.geometry.moments import MOMENT_COUNT, add_point, fit_plane
 
-Ints = NDArray[np.int64]
 _MIN_VOXELS = 4
 """Smallest number of voxels that a plane is fitted to."""
 _BITS = 21

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from puckbench.core.errors import InputError
 from puckbench.geometry.morton import MOST_BITS, Ints, morton_points
+from puckbench.geometry.spatial_order import bounding_corners
 from puckbench.gpcc import syntax
 from puckbench.gpcc.bits import Reader
 from puckbench.gpcc.contexts import Contexts, initial_contexts
@@ -26,7 +27,7 @@ from puckbench.gpcc.slices import (
     read_slice,
     sensor_state,
 )
-from puckbench.gpcc.tree import Tree, bounds, build_tree, coded_axes
+from puckbench.gpcc.tree import Tree, build_tree, coded_axes
 
 __all__ = [
     "PROFILES",
@@ -140,7 +141,7 @@ def checked_points(points: NDArray[Any]) -> tuple[Ints, Ints]:
     if points.dtype.kind not in "iu" and not (whole == points).all():
         raise InputError("G-PCC: coordinates are no whole numbers: scale and round them first")
     points = whole
-    low, high = bounds(points)
+    low, high = bounding_corners(points)
     if (high - low >= 1 << MOST_BITS).any():
         raise InputError(f"G-PCC: points are more than {MOST_BITS} bits apart")
     return points, low
@@ -248,7 +249,7 @@ class _SlicePoints:
 
 
 def _slice_points(points: Ints, start: Ints, options: GpccOptions, angular: bool) -> _SlicePoints:
-    low, high = bounds(points)
+    low, high = bounding_corners(points)
     x, y, z = (max(int(size).bit_length(), 1) for size in high - low)
     late_z = (
         options.angular_max_node_min_dim_log2_to_split_z,

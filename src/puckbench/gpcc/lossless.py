@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 from puckbench.coding.byte_io import Reader, base_128, signed_128
 from puckbench.core.errors import InputError
 from puckbench.geometry.morton import MOST_BITS, Ints, morton_points
+from puckbench.geometry.spatial_order import bounding_corners
 from puckbench.gpcc import syntax
 from puckbench.gpcc.contexts import initial_contexts
 from puckbench.gpcc.slices import CodedSlice, decode_slice, encode_octree
-from puckbench.gpcc.tree import bounds, build_tree, coded_axes
+from puckbench.gpcc.tree import build_tree, coded_axes
 
 _SPS = syntax.SequenceParameterSet()
 _GPS = syntax.GeometryParameterSet(
@@ -45,7 +46,7 @@ def encode_voxels(voxels: NDArray[Any]) -> bytes:
     voxels = np.ascontiguousarray(voxels, dtype=np.int64)
     if not len(voxels):
         return b""
-    low, high = bounds(voxels)
+    low, high = bounding_corners(voxels)
     x, y, z = (int(size).bit_length() for size in high - low)
     if max(x, y, z) > MOST_BITS or np.abs(low).max() >= 1 << 31:
         raise InputError(f"voxels are more than {MOST_BITS} bits apart, or too far away")

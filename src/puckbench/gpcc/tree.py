@@ -101,17 +101,6 @@ class Tree:
     second_first: Bytes
 
 
-@compiled
-def bounds(points: Ints) -> tuple[Ints, Ints]:
-    """Least and largest coordinates (3,) of points (n, 3), n > 0."""
-    low, high = points[0].copy(), points[0].copy()
-    for i in range(len(points)):
-        for axis in range(3):
-            low[axis] = min(low[axis], points[i, axis])
-            high[axis] = max(high[axis], points[i, axis])
-    return low, high
-
-
 def build_tree(
     points: Ints, corner: Ints, levels: list[int], ordered: bool = False, merged: bool = False
 ) -> Tree:

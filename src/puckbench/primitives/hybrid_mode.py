@@ -20,7 +20,7 @@ from puckbench.core.threads import in_threads
 from puckbench.geometry.bounded_search import nearest_within
 from puckbench.geometry.box_tree import BoxTree, box_tree
 from puckbench.geometry.cloud import Floats
-from puckbench.gpcc.tree import bounds
+from puckbench.geometry.spatial_order import bounding_corners
 from puckbench.primitives import voxel_mode
 from puckbench.primitives.cells import cell_keys, measure_centre_distances
 from puckbench.primitives.displacements import LocalPlanes
@@ -171,7 +171,7 @@ def _nearest_planes(
 
 def _centre_distances(xyz: Floats, grid: VoxelGrid, voxels: Ints) -> Floats:
     distances = np.empty(len(xyz))
-    low, high = bounds(voxels)
+    low, high = bounding_corners(voxels)
     keys = cell_keys(voxels - low)
     measure_centre_distances(xyz, grid.origin, grid.cell_size, keys, (low, high), distances)
     return distances

@@ -8,8 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from puckbench.geometry.cloud import Floats
-from puckbench.scenes.surfaces import Ints
+from puckbench.geometry.cloud import Floats, Ints
 
 Point = tuple[float, float]
 

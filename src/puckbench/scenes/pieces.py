@@ -8,9 +8,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from puckbench.geometry.cloud import Floats
+from puckbench.geometry.cloud import Floats, Ints
 from puckbench.geometry.mesh import Labels, Mesh, Primitive, SceneObject
-from puckbench.scenes.surfaces import Ints, Shape, Surface, freeform, join, primitive
+from puckbench.scenes.surfaces import Shape, Surface, freeform, join, primitive
 
 
 @dataclass(frozen=True)

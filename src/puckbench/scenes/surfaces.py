@@ -7,12 +7,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from puckbench.geometry.cloud import Floats
+from puckbench.geometry.cloud import Floats, Ints
 from puckbench.geometry.mesh import Primitive
-
-Ints = NDArray[np.int64]
 
 
 @dataclass(frozen=True)

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from puckbench.geometry.cloud import Floats
-
-Integers = NDArray[np.int64]
+from puckbench.geometry.cloud import Floats, Ints
 
 _TOLERANCE = 1e-6
 """Share of a fan's area that counts as rounding error."""
 
 
-def concave_faces(vertices: Floats, triangles: Integers, face: Integers, faces: int) -> Integers:
+def concave_faces(vertices: Floats, triangles: Ints, face: Ints, faces: int) -> Ints:
     """Return the faces, ascending, whose fan of triangles does not tile them.
 
     A fan is valid if all its triangles have the orientation of the polygon. ``triangles`` (t, 3)
@@ -37,7 +34,7 @@ def concave_faces(vertices: Floats, triangles: Integers, face: Integers, faces: 
     return np.asarray(face[starts[fails]])
 
 
-def clip_ears(points: Floats) -> Integers:
+def clip_ears(points: Floats) -> Ints:
     """Triangulate a polygon (n, 3); return indices of corners (t, 3).
 
     The corners need not be coplanar; a hole may be joined to the outline by an edge that is passed

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from puckbench.core.errors import InputError, naming
 from puckbench.core.files import read_bytes
-from puckbench.geometry.cloud import Floats
+from puckbench.geometry.cloud import Floats, Ints
 from puckbench.io.damage import reading
-from puckbench.io.meshes.polygons import Integers, Polygons, uniform_polygons
+from puckbench.io.meshes.polygons import Polygons, uniform_polygons
 
 _COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _WIDTHS = {"SCALAR": 1, "VEC3": 3}
@@ -96,9 +96,9 @@ class _Scene:
         if any("uri" in buffer for buffer in self.tree.get("buffers", ())):
             raise InputError("its buffers are not within it: export them into the GLB file")
 
-    def parts(self) -> Iterator[tuple[Floats, Integers]]:
+    def parts(self) -> Iterator[tuple[Floats, Ints]]:
         """Yield vertices (v, 3) and triangles (t, 3) of each primitive in the scene."""
-        cache: dict[int, list[tuple[Floats, Integers]]] = {}
+        cache: dict[int, list[tuple[Floats, Ints]]] = {}
         for mesh, matrix in self._mesh_poses():
             if mesh not in cache:
                 cache[mesh] = list(self._primitives(self.tree["meshes"][mesh]))
@@ -123,7 +123,7 @@ class _Scene:
                 yield node["mesh"], matrix
             stack += [(child, matrix) for child in reversed(node.get("children", []))]
 
-    def _primitives(self, mesh: dict[str, Any]) -> Iterator[tuple[Floats, Integers]]:
+    def _primitives(self, mesh: dict[str, Any]) -> Iterator[tuple[Floats, Ints]]:
         for primitive in mesh["primitives"]:
             mode = primitive.get("mode", _TRIANGLES)
             if mode not in (_TRIANGLES, _STRIP, _FAN):
@@ -193,13 +193,13 @@ def _matrix(node: dict[str, Any]) -> Floats:
     return matrix
 
 
-def _transformed(vertices: Floats, triangles: Integers, matrix: Floats) -> tuple[Floats, Integers]:
+def _transformed(vertices: Floats, triangles: Ints, matrix: Floats) -> tuple[Floats, Ints]:
     """Transform a mesh; a reflection reverses the triangles, so that normals point outwards."""
     transformed = vertices @ matrix[:3, :3].T + matrix[:3, 3]
     return transformed, triangles[:, ::-1] if np.linalg.det(matrix) < 0 else triangles
 
 
-def _triangles(indices: Integers, mode: int) -> Integers:
+def _triangles(indices: Ints, mode: int) -> Ints:
     if mode == _TRIANGLES:
         return indices[: len(indices) // 3 * 3].reshape(-1, 3)
     first = np.arange(max(len(indices) - 2, 0))

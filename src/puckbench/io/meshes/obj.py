@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from puckbench.core.errors import InputError
 from puckbench.core.files import read_bytes
-from puckbench.geometry.cloud import Floats
-from puckbench.io.meshes.polygons import Integers, Polygons
+from puckbench.geometry.cloud import Floats, Ints
+from puckbench.io.meshes.polygons import Polygons
 
 _SKIPPED = {
     b"l": "polylines",
@@ -69,7 +69,7 @@ def _vertices(lines: list[bytes], source: str) -> Floats:
         raise InputError(f"{source}: not a vertex: {_quoted(invalid)}") from error
 
 
-def _corners(lines: list[bytes], source: str) -> Integers:
+def _corners(lines: list[bytes], source: str) -> Ints:
     # One flat list: a list per line takes longer than the parsing.
     tokens = b" ".join(lines).split()
     try:
@@ -79,7 +79,7 @@ def _corners(lines: list[bytes], source: str) -> Integers:
         raise InputError(f"{source}: not a face: {_quoted(invalid)}") from error
 
 
-def _materials(lines: list[bytes], kinds: list[bytes]) -> tuple[tuple[str, ...], Integers]:
+def _materials(lines: list[bytes], kinds: list[bytes]) -> tuple[tuple[str, ...], Ints]:
     """Names of the materials, and the material of each face; -1 before the first."""
     changes = [row for row, kind in enumerate(kinds) if kind == b"usemtl"]
     numbers: dict[bytes, int] = {}
@@ -89,7 +89,7 @@ def _materials(lines: list[bytes], kinds: list[bytes]) -> tuple[tuple[str, ...],
     return tuple(name.decode("utf-8", "replace") for name in numbers), material_id
 
 
-def _absolute(corners: Integers, sizes: Integers, kinds: list[bytes]) -> Integers:
+def _absolute(corners: Ints, sizes: Ints, kinds: list[bytes]) -> Ints:
     """Convert negative indices, which count back from the last vertex before the face."""
     vertex_counts = np.fromiter(accumulate(kind == b"v" for kind in kinds), dtype=np.int64)
     is_face = np.fromiter((kind == b"f" for kind in kinds), dtype=np.bool_)

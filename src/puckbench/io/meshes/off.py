@@ -10,8 +10,8 @@ import numpy as np
 
 from puckbench.core.errors import InputError
 from puckbench.core.files import read_bytes
-from puckbench.geometry.cloud import Floats
-from puckbench.io.meshes.polygons import Integers, Polygons
+from puckbench.geometry.cloud import Floats, Ints
+from puckbench.io.meshes.polygons import Polygons
 
 # OFF, COFF, NOFF, STOFF and their mixtures put the position first; 4OFF and nOFF do not.
 _HEADER = re.compile(rb"(?:ST)?C?N?OFF(?![A-Za-z])", re.IGNORECASE)
@@ -57,7 +57,7 @@ def _vertices(rows: list[bytes], path: Path) -> Floats:
         raise InputError(f"{path}: a vertex is not three numbers") from error
 
 
-def _faces(rows: list[bytes], path: Path) -> tuple[Integers, Integers]:
+def _faces(rows: list[bytes], path: Path) -> tuple[Ints, Ints]:
     corners: list[int] = []
     sizes = np.empty(len(rows), dtype=np.int64)
     for index, row in enumerate(rows):

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.core.errors import InputError
-from puckbench.geometry.cloud import Floats
+from puckbench.geometry.cloud import Floats, Ints
 from puckbench.geometry.mesh import Labels, Primitive, SceneObject
 from puckbench.io.descriptions import read_description, sidecar
-from puckbench.io.meshes.polygons import Integers, Polygons
+from puckbench.io.meshes.polygons import Polygons
 from puckbench.io.ply import CORNER_LISTS, read_elements
 
 _IDS = ("object_id", "primitive_id")
@@ -41,7 +41,7 @@ def _vertices(path: Path, rows: NDArray[Any]) -> Floats:
     return np.stack(axes, axis=1).astype(np.float64)
 
 
-def _face_corners(path: Path, rows: NDArray[Any]) -> tuple[Integers, Integers]:
+def _face_corners(path: Path, rows: NDArray[Any]) -> tuple[Ints, Ints]:
     name = next((name for name in CORNER_LISTS if name in (rows.dtype.names or ())), None)
     if name is None:
         raise InputError(f"{path}: the faces have no vertex_indices")

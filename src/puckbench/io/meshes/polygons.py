@@ -8,11 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.core.errors import InputError
-from puckbench.geometry.cloud import Floats
+from puckbench.geometry.cloud import Floats, Ints
 from puckbench.geometry.mesh import Labels, Mesh
 from puckbench.io.meshes.concave import clip_ears, concave_faces
-
-Integers = NDArray[np.int64]
 
 MAX_CORNERS = 5000
 """Limit for concave faces: ear clipping takes quadratic time."""
@@ -39,21 +37,21 @@ class Polygons:
     """
 
     vertices: Floats
-    corners: Integers
-    sizes: Integers
+    corners: Ints
+    sizes: Ints
     up: str | None = None
     labels: Labels | None = None
     skipped: dict[str, int] = field(default_factory=dict)
     materials: tuple[str, ...] = ()
-    material_id: Integers | None = None
+    material_id: Ints | None = None
 
 
-def uniform_polygons(vertices: Floats, faces: Integers) -> Polygons:
+def uniform_polygons(vertices: Floats, faces: Ints) -> Polygons:
     count, size = faces.shape
     return Polygons(vertices, faces.reshape(-1), np.full(count, size, dtype=np.int64))
 
 
-def triangulate(polygons: Polygons, source: str) -> tuple[Mesh, Integers]:
+def triangulate(polygons: Polygons, source: str) -> tuple[Mesh, Ints]:
     """Triangulate faces as fans around their first corners, concave faces by ear clipping.
 
     Returns the mesh and the face of each triangle (t,), ascending. Raises InputError for concave
@@ -75,7 +73,7 @@ def triangulate(polygons: Polygons, source: str) -> tuple[Mesh, Integers]:
     return Mesh(polygons.vertices, triangles, _select_labels(polygons.labels, face)), face
 
 
-def _check_sizes(sizes: Integers, concave: Integers, source: str) -> None:
+def _check_sizes(sizes: Ints, concave: Ints, source: str) -> None:
     largest = concave[np.argmax(sizes[concave])]
     if sizes[largest] > MAX_CORNERS:
         fault = f"face {largest + 1} is concave and has {sizes[largest]} corners"
@@ -83,8 +81,8 @@ def _check_sizes(sizes: Integers, concave: Integers, source: str) -> None:
 
 
 def _with_ears(
-    polygons: Polygons, starts: Integers, fans: Integers, face: Integers, concave: Integers
-) -> tuple[Integers, Integers]:
+    polygons: Polygons, starts: Ints, fans: Ints, face: Ints, concave: Ints
+) -> tuple[Ints, Ints]:
     parts, owners = [fans[~np.isin(face, concave)]], [face[~np.isin(face, concave)]]
     for number in concave.tolist():
         corners = polygons.corners[starts[number] :][: polygons.sizes[number]]
@@ -101,7 +99,7 @@ def select_triangles(mesh: Mesh, rows: NDArray[np.bool_]) -> Mesh:
     return replace(mesh, triangles=mesh.triangles[rows], labels=labels)
 
 
-def _select_labels(labels: Labels | None, face: Integers) -> Labels | None:
+def _select_labels(labels: Labels | None, face: Ints) -> Labels | None:
     if labels is None:
         return None
     return replace(labels, object_id=labels.object_id[face], primitive_id=labels.primitive_id[face])

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from puckbench.geometry.cloud import Floats
+from puckbench.geometry.cloud import Floats, Ints
 from puckbench.scenes.modeller import Modeller
 from puckbench.scenes.pieces import Item, Piece
-from puckbench.scenes.surfaces import Ints, Surface, freeform, join
+from puckbench.scenes.surfaces import Surface, freeform, join
 
 _FACES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
 
