@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import puckbench
 from puckbench.geometry.cloud import PointCloud
 from puckbench.io.clouds import write_cloud
 from puckbench.jobs import fork_server
@@ -130,6 +131,17 @@ def test_a_forked_job_has_all_of_the_process_that_asked_for_it(
 @pytest.mark.usefixtures("server")
 def test_a_forked_job_finds_what_the_server_imported(job: list[str], tmp_path: Path) -> None:
     assert _run(job, tmp_path)[1]["numpy in the parent"]
+
+
+def test_a_server_imports_all_packages_that_jobs_use() -> None:
+    folder = Path(puckbench.__file__).parent
+    packages = {f"puckbench.{path.parent.name}" for path in folder.glob("*/__init__.py")}
+    others = {"puckbench.cli", "puckbench.core", "puckbench.planning"}
+    assert packages - others == {
+        name
+        for name in (*fork_server.MODULES, *fork_server.LEARNED)
+        if name.startswith("puckbench.")
+    }
 
 
 @pytest.mark.usefixtures("server")

@@ -29,9 +29,10 @@ VARIABLE = "PUCKBENCH_FORK_SERVER"
 MODULES = (
     *("pandas", "pyarrow.parquet", "matplotlib.figure", "matplotlib.backends.backend_agg", "numba"),
     *("scipy.spatial", "pykdtree.kdtree", "open3d", "puckbench.geometry", "puckbench.io"),
-    *("puckbench.lidar", "puckbench.coding", "puckbench.gpcc", "puckbench.puck"),
-    *("puckbench.primitives", "puckbench.datasets", "puckbench.metrics", "puckbench.codecs"),
-    *("puckbench.figures", "puckbench.report", "puckbench.thesis", "puckbench.jobs"),
+    *("puckbench.coding", "puckbench.lidar", "puckbench.scenes", "puckbench.storage"),
+    *("puckbench.gpcc", "puckbench.puck", "puckbench.primitives", "puckbench.datasets"),
+    *("puckbench.metrics", "puckbench.codecs", "puckbench.figures", "puckbench.report"),
+    *("puckbench.thesis", "puckbench.jobs"),
 )
 """Imports of a server: modules, and packages of puckbench with all their modules."""
 LEARNED = ("torch", "constriction", "puckbench.learned")
