@@ -17,7 +17,7 @@ from puckbench.jobs.fork_server import LEARNED, MODULES, start_fork_server
 from puckbench.jobs.process import TIMEOUT
 from puckbench.planning.config import check_config_files
 from puckbench.planning.failures import failed_jobs, failure_lines, write_failures
-from puckbench.planning.launch import TOLD_BY_CALLER
+from puckbench.planning.launch import CALLER_PRINTS_SUMMARY
 from puckbench.planning.planned_job import results_folder
 from puckbench.planning.run_summary import closing_lines
 from puckbench.planning.run_time import (
@@ -136,7 +136,7 @@ onstart:
 
 onsuccess:
     end_bars()
-    if TOLD_BY_CALLER not in os.environ:
+    if CALLER_PRINTS_SUMMARY not in os.environ:
         for line in closing_lines(plan.results, outputs.titles, outputs.anchor, BEGUN):
             print(line, flush=True)
         for line in left_out_lines(plan.left_out_rows()):
@@ -149,7 +149,7 @@ onerror:
     for line in failure_lines(failed):
         print(line, file=sys.stderr, flush=True)
     rest = write_failures(plan.config.failures_file, failed)
-    if rest and TOLD_BY_CALLER not in os.environ:
+    if rest and CALLER_PRINTS_SUMMARY not in os.environ:
         files = shlex.join(map(str, [*workflow.configfiles, rest]))
         line = f"tables and report without them: snakemake --configfile {files} --cores {CORES}"
         print(f"puckbench: {line}", file=sys.stderr, flush=True)

@@ -15,7 +15,7 @@ from typing import Any
 from puckbench.cli.types import integer, metres_per_unit, selected
 from puckbench.core.errors import InputError
 from puckbench.planning.config import read_config, trusted
-from puckbench.planning.launch import TOLD_BY_CALLER, snakemake_command
+from puckbench.planning.launch import CALLER_PRINTS_SUMMARY, snakemake_command
 from puckbench.planning.outputs import OutputJobs
 from puckbench.planning.run_summary import REPORT, closing_lines, summary_rows
 from puckbench.planning.running import left_out_lines
@@ -147,7 +147,7 @@ def _without_failures(path: Path) -> Path | None:
 def _run_workflow(command: Sequence[str], as_json: bool, prints_summary: bool) -> int:
     # With --json, standard output has only the answer.
     output = sys.stderr if as_json else None
-    environment = {**os.environ, **({TOLD_BY_CALLER: "yes"} if prints_summary else {})}
+    environment = {**os.environ, **({CALLER_PRINTS_SUMMARY: "yes"} if prints_summary else {})}
     with subprocess.Popen(command, stdout=output, env=environment) as workflow:
         try:
             return workflow.wait()

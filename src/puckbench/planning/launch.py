@@ -11,8 +11,8 @@ _PACKAGE = Path(__file__).parents[1]
 _PLACES = (_PACKAGE.parents[1] / "workflow", _PACKAGE / "workflow")
 """Folders of the workflow in a repository and in a wheel (see setup.py)."""
 
-TOLD_BY_CALLER = "PUCKBENCH_TOLD_BY_CALLER"
-"""Environment variable whose presence says that the caller prints the closing lines."""
+CALLER_PRINTS_SUMMARY = "PUCKBENCH_CALLER_PRINTS_SUMMARY"
+"""Environment variable that is set if the caller of Snakemake prints the summary."""
 
 
 def snakefile() -> Path:
