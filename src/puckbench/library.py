@@ -1,8 +1,10 @@
-"""puckbench as a library: codecs, shipped or of one's own, measured on clouds in memory."""
+"""Public interface in Python: codecs, clouds, turns of recordings, and metrics."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from puckbench.codecs import registry
@@ -27,29 +29,78 @@ __all__ = [
     "InputError",
     "PointCloud",
     "compare",
+    "measures",
     "open_codec",
     "prepare",
     "read_cloud",
     "read_curve",
+    "turns",
 ]
 
 
 def open_codec(name: str, changes: Mapping[str, Any] | None = None) -> Codec:
-    """A codec of a name, of a user's own class, or of an installed package.
+    """Open a codec by its name, or a user's class.
 
     Parameters
     ----------
     name
-        Of a codec, or ``path/to/file.py:Class``, which is run: not for names from files of data.
+        Name of a codec, or ``path/to/file.py:Class``. The file is run, so the name must not come
+        from data.
     changes
-        As `puckbench.codecs.registry.entry` takes them; ``class`` is run as well.
+        A configuration's entry: ``options``, ``rates``, ``metric_rates``, ``class``.
     """
     trust(codec_plugins(name, changes or {}))
     return registry.open_codec(name, changes)
 
 
+def turns(recording: str | Path, stream: str | None = None) -> Iterator[PointCloud]:
+    """Yield the whole turns of a recording as clouds in the sensor's frame, m, with their returns.
+
+    Parameters
+    ----------
+    recording
+        A packet capture, a ROS bag, or a compressed recording (.puck).
+    stream
+        Address and port of the sensor, if the capture has several streams.
+
+    Raises
+    ------
+    InputError
+        The recording cannot be read, or is not one of a known sensor.
+    """
+    from puckbench.datasets.recordings import decompressed
+    from puckbench.lidar.recordings.reading import read_turns
+
+    path = Path(recording)
+    with decompressed(path) as readable:
+        returns, _ = read_turns(readable, stream=stream, source=path)
+    for turn in returns.turns[1:-1]:  # the first and the last may be incomplete
+        whole = replace(returns, turns=(turn,))
+        yield PointCloud(whole.points(), returns=whole)
+
+
+def measures(
+    original: PointCloud, decoded: PointCloud, peak: float | None = None
+) -> dict[str, float]:
+    """Return the metrics of a decoded cloud: of geometry, and of the returns if both have them.
+
+    Parameters
+    ----------
+    original, decoded
+        Clouds in one frame; without normals of the original there is no D2.
+    peak
+        As for `compare`.
+    """
+    from puckbench.metrics.sensor_metrics import range_errors
+
+    metrics = geometry_metrics(original, decoded.xyz, peak)
+    if original.returns is None or decoded.returns is None:
+        return metrics
+    return metrics | range_errors(original.returns, decoded.returns)
+
+
 def prepare(cloud: PointCloud, size: int | str = 1024, neighbours: int = 30) -> PointCloud:
-    """See `puckbench.jobs.preparation.prepare`: normals, scaling to [0, size - 1]."""
+    """Estimate normals and scale a cloud to [0, size - 1] (`puckbench.jobs.preparation.prepare`)."""
     from puckbench.jobs import preparation
 
     return preparation.prepare(cloud, size, neighbours)
@@ -58,19 +109,19 @@ def prepare(cloud: PointCloud, size: int | str = 1024, neighbours: int = 30) -> 
 def compare(
     cloud: PointCloud, codecs: Iterable[Codec], repeats: int = 1, peak: float | None = None
 ) -> pd.DataFrame:
-    """One row for each codec and rate, with the columns of a run's ``metrics.csv``.
+    """Return a row for each codec and rate, with the columns of a run's ``metrics.csv``.
 
     Parameters
     ----------
     cloud
-        As `prepare` gives it; one without normals has no distances to planes. A scaled cloud from
-        elsewhere says so: ``PointCloud(points, about={"size": 1024})``.
+        A cloud of `prepare`; without normals there is no D2. A cloud that is scaled already is
+        ``PointCloud(points, about={"size": 1024})``.
     codecs
-        As `open_codec` gives them.
+        Codecs of `open_codec`.
     repeats
-        Timed calls, whose median counts.
+        Number of timed calls, of which the median counts.
     peak
-        Of MPEG's PSNRs; by default ``size - 1`` of the cloud, without which they are left out.
+        Peak of MPEG's PSNRs; by default ``size - 1`` of the cloud, else they are left out.
 
     Raises
     ------
