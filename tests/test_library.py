@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import puckbench
+from tests.support.pages import blocks
 from tests.support.spinning import VLP16, pcap, spin
 
 
@@ -31,9 +32,22 @@ def test_a_capture_goes_turn_by_turn_through_a_codec_and_back(capture: Path) -> 
         assert metrics["lossless"] == 1
 
 
+def test_the_loop_of_the_page_prints_bits_and_errors(
+    capture: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(capture.parent)
+    capture.rename("recording.pcap")
+    page = "docs/how-to/use_as_a_library.md"
+    (code,) = (block for block in blocks(page, "python") if "puckbench.turns" in block)
+    exec(code, {})  # noqa: S102 (our own page)
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) >= 2
+    assert all(float(line.split()[0]) > 0 and float(line.split()[1]) == 0 for line in lines)
+
+
 def test_metrics_of_points_need_no_returns(capture: Path) -> None:
     turn = next(puckbench.turns(capture))
-    moved = puckbench.PointCloud(turn.xyz + [0.01, 0, 0])
+    moved = puckbench.PointCloud(turn.xyz + np.array([0.01, 0, 0]))
     metrics = puckbench.measures(turn, moved)
     assert 0 < metrics["d1_rms_m"] <= 0.01
     assert "range_rms_mm" not in metrics

@@ -100,7 +100,7 @@ def measures(
 
 
 def prepare(cloud: PointCloud, size: int | str = 1024, neighbours: int = 30) -> PointCloud:
-    """Estimate normals and scale a cloud to [0, size - 1] (`puckbench.jobs.preparation.prepare`)."""
+    """Estimate normals and scale a cloud: see `puckbench.jobs.preparation.prepare`."""
     from puckbench.jobs import preparation
 
     return preparation.prepare(cloud, size, neighbours)
