@@ -14,7 +14,7 @@ from puckbench.geometry.morton import morton_codes
 from puckbench.primitives.octree_arrays import Ints, Leaves
 
 
-class OctreeLevel(NamedTuple):
+class PlaneOctreeLevel(NamedTuple):
     """Occupied nodes of one level in Morton order."""
 
     cells: Ints  # (n, 3) coordinates at this level
@@ -25,7 +25,7 @@ class OctreeLevel(NamedTuple):
 
 def build_octree(
     xyz: Floats, normals: Floats, weights: Floats, radius: float, depth: int
-) -> list[OctreeLevel]:
+) -> list[PlaneOctreeLevel]:
     """Build all levels, from the root (0) to the cells (`depth`). Lengths are in cells.
 
     radius: of the disc that a sample represents.
@@ -35,19 +35,19 @@ def build_octree(
     order = np.argsort(keys, kind="stable")
     cells, keys = cells[order], keys[order]
     moments = moments_of(xyz[order], weights[order], normals[order], radius)
-    levels: list[OctreeLevel] = []
+    levels: list[PlaneOctreeLevel] = []
     for _ in range(depth + 1):
         starts = np.flatnonzero(np.concatenate([[True], keys[1:] != keys[:-1]]))
         bounds = np.concatenate([starts, [len(cells)]])
         moments = np.add.reduceat(moments, starts, axis=0)
         cells, keys = cells[starts], keys[starts] >> 3
-        levels.append(OctreeLevel(cells, moments, bounds, np.zeros(len(cells), bool)))
+        levels.append(PlaneOctreeLevel(cells, moments, bounds, np.zeros(len(cells), bool)))
         cells = cells >> 1
     return levels[::-1]
 
 
 def prune_octree(
-    levels: list[OctreeLevel],
+    levels: list[PlaneOctreeLevel],
     lmbda: float,
     leaf_bits: float,
     split_bits: float,
@@ -71,7 +71,7 @@ def prune_octree(
         child_costs = costs
 
 
-def collect_leaves(levels: list[OctreeLevel]) -> tuple[Ints, Leaves]:
+def collect_leaves(levels: list[PlaneOctreeLevel]) -> tuple[Ints, Leaves]:
     """Return the leaves' indices (n,) among the nodes of all levels, and the leaves."""
     depth = len(levels) - 1
     corner, side, level_indices = [], [], []

@@ -24,7 +24,7 @@ from puckbench.primitives.manhattan_frame import (
 )
 from puckbench.primitives.occupancy_decision import OccupancyCriterion
 from puckbench.primitives.occupancy_map import code_occupancy_maps
-from puckbench.primitives.octree import OctreeLevel, build_octree, collect_leaves, prune_octree
+from puckbench.primitives.octree import PlaneOctreeLevel, build_octree, collect_leaves, prune_octree
 from puckbench.primitives.octree_arrays import EncoderNodes, Ints
 from puckbench.primitives.preparation import (
     PreparedCloud,
@@ -146,7 +146,7 @@ def encode_surface(cloud: PreparedCloud, mode: SurfaceMode) -> CodedSurface | No
 
 def _code_patches(
     header: SurfaceHeader,
-    levels: list[OctreeLevel],
+    levels: list[PlaneOctreeLevel],
     surface: SurfaceSamples,
     maps: list[UnrolledMap],
     cloud: PreparedCloud,
@@ -238,7 +238,7 @@ def _fit_revolutions(
 
 def _plan_octree(
     surface: SurfaceSamples, settings: PrimitiveSettings, column_side: float
-) -> tuple[SurfaceHeader, list[OctreeLevel]]:
+) -> tuple[SurfaceHeader, list[PlaneOctreeLevel]]:
     """Return the octree's levels, and a header without grid, density and revolutions."""
     shape = np.floor(surface.xyz.max(axis=0)).astype(np.int64) + 1
     depth = (int(shape.max()) - 1).bit_length()
@@ -278,7 +278,9 @@ def _with_placement(
     )
 
 
-def _encoder_nodes(levels: list[OctreeLevel], shape: Ints, limits: MergeLimits) -> EncoderNodes:
+def _encoder_nodes(
+    levels: list[PlaneOctreeLevel], shape: Ints, limits: MergeLimits
+) -> EncoderNodes:
     moments = np.concatenate([level.moments for level in levels])
     leaf_nodes, leaves = collect_leaves(levels)
     regions = np.zeros_like(moments)
