@@ -1,4 +1,4 @@
-"""The thesis's medians per rate beside those of a run (its Figure 6.5, and ours)."""
+"""Medians per rate of the thesis (its Figure 6.5) and of a run."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 _ROWS = (CD_PLANE.within(1e-2, 1e3), HD_PLANE.within(1e-1, 1e4))
 _WIDE, _FAINT = 4.5, 0.35
-"""Width in points and opacity of the thesis's lines, which lie behind ours."""
+"""Width in points and opacity of the thesis's lines."""
 
 
 @FIGURES.register(
@@ -29,11 +29,10 @@ _WIDE, _FAINT = 4.5, 0.35
     category="Findings",
 )
 def draw_beside_thesis(thesis_medians: pd.DataFrame, style: FigureStyle) -> Figure:
-    """Medians per compression rate: wide lines are the thesis's, read off its Figure 6.5, lines
-    with markers this run's.
+    """Medians per compression rate of the thesis's Figure 6.5 (wide lines) and of this run.
 
-    The thesis has one G-PCC, which truncated coordinates. Where data sets are other ones than the
-    thesis's, the shapes of the curves can be compared, not their heights.
+    The thesis has one G-PCC, which truncates coordinates. With other data sets than the thesis's,
+    the curves have comparable shapes, but not heights.
     """
     columns = ("thesis", "here")
     require_rows(thesis_medians, ("dataset", "codec", "rate", "quantity", *columns), "medians")
@@ -62,11 +61,10 @@ def draw_beside_thesis(thesis_medians: pd.DataFrame, style: FigureStyle) -> Figu
 def _draw_panel(
     axes: Axes, rows: pd.DataFrame, rates: list[str], floor: float, style: FigureStyle
 ) -> None:
-    """Both lines of each codec of a data set."""
     for codec in style.ordered_codecs(rows["codec"]):
         own = rows[rows["codec"] == codec].set_index("rate").reindex(rates)
         thesis, here = own["thesis"].to_numpy(dtype=float), own["here"].to_numpy(dtype=float)
-        at = np.arange(len(rates), dtype=float)
+        x = np.arange(len(rates), dtype=float)
         colour = style.of_codec(codec).colour
-        axes.plot(at, thesis, color=colour, linewidth=_WIDE, alpha=_FAINT, solid_capstyle="round")
+        axes.plot(x, thesis, color=colour, linewidth=_WIDE, alpha=_FAINT, solid_capstyle="round")
         panels.draw_over_rates(axes, here, style.of_codec(codec), floor)

@@ -1,4 +1,4 @@
-"""Example clouds: an object, a raw room, and one room in three versions (Figures 6.1 to 6.3)."""
+"""Example clouds: an object, a raw room, and a room in three versions (thesis Figures 6.1-6.3)."""
 
 from __future__ import annotations
 
@@ -32,22 +32,21 @@ _DARKEST = 0.12
     "fig_6_1", title="Example cloud of the object set", category="Clouds", number="6.1"
 )
 def draw_object(example_object: PointCloud, style: FigureStyle) -> Figure:
-    """A cloud of the object set, as it is given to the codecs, in metres (thesis figure 6.1).
+    """An object as the codecs get it, in metres (thesis figure 6.1).
 
-    Colour is the height above the lowest point, brightness the direction of the surface. The view
-    is orthographic: the bar holds for every length that lies parallel to the picture.
+    Colour: height above the lowest point. Brightness: direction of the surface. Orthographic
+    projection; the bar shows the scale in the plane of the picture.
     """
     return _draw({"": _in_metres(example_object)}, style)
 
 
 @FIGURES.register("fig_6_2", title="Example cloud of a raw room", category="Clouds", number="6.2")
 def draw_raw_room(example_raw: PointCloud, style: FigureStyle) -> Figure:
-    """A raw room, as it is given to the codecs, in metres (thesis figure 6.2).
+    """A raw room as the codecs get it, in metres (thesis figure 6.2).
 
-    To open it towards the viewer, the upper fifth and the two near walls are left out of the
-    picture, not of the cloud. Colour is the height above the floor, brightness the direction of
-    the surface. The view is orthographic: the bar holds for every length that lies parallel to the
-    picture.
+    The picture leaves out the upper fifth and the two near walls, to show the inside. Colour:
+    height above the floor. Brightness: direction of the surface. Orthographic projection; the bar
+    shows the scale in the plane of the picture.
     """
     return _draw({"": _opened(_in_metres(example_raw))}, style)
 
@@ -64,12 +63,10 @@ def draw_room_versions(
     example_noisy: PointCloud,
     style: FigureStyle,
 ) -> Figure:
-    """The same room (a) raw, (b) scanned without noise and (c) scanned with noise, in metres
-    (thesis figure 6.3).
+    """One room (a) raw, (b) scanned without noise and (c) scanned with noise (thesis figure 6.3).
 
-    All three have the same view, scale and colours; the upper fifth and the two near walls are
-    left out of the pictures, not of the clouds. White areas inside (b) and (c) lie in the shadow
-    of furniture, where no ray of the sensor arrives.
+    View and colours as in figure 6.2, equal in all panels. White areas in (b) and (c) are hidden
+    from the sensor by furniture.
     """
     versions = {
         "(a) Raw": example_raw,
@@ -81,7 +78,7 @@ def draw_room_versions(
 
 @dataclass(frozen=True)
 class _Frame:
-    """What all panels of a figure share: view, aspect (width / height), and height range."""
+    """View, aspect (width / height) and height range of all panels of a figure."""
 
     view: View
     aspect: float
@@ -94,7 +91,7 @@ def _in_metres(cloud: PointCloud) -> PointCloud:
 
 
 def _opened(room: PointCloud) -> PointCloud:
-    """Take away the ceiling and the two walls nearest the camera, so that one sees inside."""
+    """Remove the ceiling and the two walls nearest to the camera."""
     low, high = np.quantile(room.xyz, [0.001, 0.999], axis=0)
     x, y, z = room.xyz.T
     below = z < low[2] + _CUT_HEIGHT * (high[2] - low[2])
@@ -103,7 +100,6 @@ def _opened(room: PointCloud) -> PointCloud:
 
 
 def _draw(clouds: Mapping[str, PointCloud], style: FigureStyle) -> Figure:
-    """One picture per cloud side by side, a scale bar in each, one colour bar for all."""
     from matplotlib.figure import Figure
 
     width = style.width_in or (COLUMN_WIDTH_IN if len(clouds) == 1 else PAGE_WIDTH_IN)
@@ -122,7 +118,7 @@ def _draw(clouds: Mapping[str, PointCloud], style: FigureStyle) -> Figure:
 
 
 def _frame(clouds: list[Floats]) -> _Frame:
-    """Orthographic view from above that holds the bulk of every cloud, in one scale."""
+    """Return an orthographic view from above that contains 99.9 % of every cloud per axis."""
     from puckbench.geometry.rendering import View
 
     ends = [np.quantile(points, [0.0005, 0.9995], axis=0) for points in clouds]
@@ -141,7 +137,7 @@ def _frame(clouds: list[Floats]) -> _Frame:
 
 
 def _picture(cloud: PointCloud, frame: _Frame, pixels: tuple[int, int]) -> Image:
-    """The points coloured by height, in discs large enough to close the surfaces."""
+    """Render points coloured by height, as discs large enough to close the surfaces."""
     from puckbench.geometry.rendering import render_cloud
 
     span = max(frame.top - frame.floor, 1e-9)
@@ -154,7 +150,7 @@ def _picture(cloud: PointCloud, frame: _Frame, pixels: tuple[int, int]) -> Image
 
 
 def _colour_map() -> Colormap:
-    """Viridis without its darkest end, on which shading could not be seen."""
+    """Return viridis without its darkest end, in which shading is invisible."""
     import matplotlib
     from matplotlib.colors import ListedColormap
 
@@ -162,7 +158,7 @@ def _colour_map() -> Colormap:
 
 
 def _light(cloud: PointCloud, view: View) -> Floats:
-    """Brightness of every point, (n,): by its normal, whose sign does not matter, if it has one."""
+    """Return the brightness of each point, (n,), from its unsigned normal; 1 without normals."""
     if cloud.normals is None:
         return np.ones(len(cloud))
     right, up, forward = view.axes()
@@ -171,7 +167,7 @@ def _light(cloud: PointCloud, view: View) -> Floats:
 
 
 def _show(axes: Axes, picture: Image, frame: _Frame, unit: str) -> None:
-    """A picture without axes, and below it a bar of a round length in the picture's scale."""
+    """Show a picture without axes, and a scale bar below."""
     height, width, _ = picture.shape
     axes.imshow(picture, interpolation="none")
     axes.set_axis_off()
@@ -185,7 +181,7 @@ def _show(axes: Axes, picture: Image, frame: _Frame, unit: str) -> None:
 
 
 def round_length(length: float) -> float:
-    """The largest of 1, 2 and 5 times a power of ten that is at most `length`."""
+    """Return the largest of 1, 2 and 5 times a power of ten that is at most `length`."""
     power = 10.0 ** math.floor(math.log10(length))
     return float(max(step * power for step in (1, 2, 5) if step * power <= length))
 

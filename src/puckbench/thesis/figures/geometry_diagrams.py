@@ -1,4 +1,4 @@
-"""Drawings of geometry: the sweep (thesis Figure 5.1), incidence and residual (Figure 5.21)."""
+"""Diagrams of the sweep (thesis Figure 5.1) and of incidence and residual (Figure 5.21)."""
 
 from __future__ import annotations
 
@@ -32,11 +32,10 @@ _ERROR_M = 0.75
     "fig_5_1", title="The sweep in front of a wall", category="Sensor", number="5.1", needs=(STUDY,)
 )
 def draw_sweep(style: FigureStyle) -> Figure:
-    """The sweep of a single scan from the side (thesis figure 5.1): the sensor, 1 m above the
-    floor, pitches from -60° to +60° in front of a wall 1 to 5 m away.
+    """The sweep of a single scan, seen from the side (thesis figure 5.1).
 
-    Five of the sixteen rays are drawn at three of the pitches; those that pass over the wall end
-    in the open.
+    The sensor, 1 m above the floor, pitches from -60° to +60° in front of a wall at 1 to 5 m. Five
+    of the sixteen rays are drawn at three pitches.
     """
     figure, axes = _canvas(2.6, style)
     sweep = Sweep()
@@ -53,9 +52,10 @@ def draw_sweep(style: FigureStyle) -> Figure:
 
 
 def ray_end(angle: float) -> Floats:
-    """Where a ray of this angle over the horizon (radians) ends, (2,): on wall or floor, or open.
+    """Return where a ray with an angle above the horizon (radians) ends, (2,), in m.
 
-    The sensor stands 1 m above the floor, the wall is 3 m before it and 2.2 m high.
+    Rays end on the wall or the floor; those above the wall have a fixed length. The sensor is 1 m
+    above the floor, and 3 m from the wall, which is 2.2 m high.
     """
     direction = np.array([np.cos(angle), np.sin(angle)])
     start = np.array([0.0, _SENSOR_HEIGHT_M])
@@ -63,12 +63,12 @@ def ray_end(angle: float) -> Floats:
     to_floor = -_SENSOR_HEIGHT_M / direction[1] if direction[1] < -1e-9 else np.inf
     reach = min(to_wall, to_floor)
     end = start + min(reach, 1e6) * direction
-    past = reach == np.inf or end[1] > _WALL_HEIGHT_M
-    return np.asarray(start + _OPEN_RAY_M * direction if past else end)
+    misses = reach == np.inf or end[1] > _WALL_HEIGHT_M
+    return np.asarray(start + _OPEN_RAY_M * direction if misses else end)
 
 
 def _draw_turn(axes: Axes, sweep: Sweep) -> None:
-    """The arc that the sensor's axis sweeps, with an arrow at its end."""
+    """Draw the arc of the sensor's axis, with an arrow at its end."""
     angles = np.radians(np.linspace(sweep.pitch_start_deg, sweep.pitch_end_deg, 60))
     x, z = 0.75 * np.cos(angles), _SENSOR_HEIGHT_M + 0.75 * np.sin(angles)
     axes.plot(x, z, color="black", linewidth=0.9, zorder=3)
@@ -103,11 +103,10 @@ def _signed(angle_deg: float) -> str:
     needs=(STUDY,),
 )
 def draw_incidence_geometry(style: FigureStyle) -> Figure:
-    """Why noise along the ray cannot widen residuals at large incidence (thesis figure 5.21):
-    two samples of a floor with the same range error e.
+    """Two returns from a floor with the same range error e (thesis figure 5.21).
 
-    The plane residual, in red, is d = e cos(incidence), so that of the ray with the larger angle
-    of incidence is the smaller one.
+    The plane residual (red) is d = e cos(theta). It is smaller for the larger angle of incidence
+    theta, so that noise along the ray cannot widen residuals at large angles.
     """
     figure, axes = _canvas(2.1, style)
     axes.plot([-0.9, 4.3], [0, 0], **_SURFACE)
@@ -121,15 +120,12 @@ def draw_incidence_geometry(style: FigureStyle) -> Figure:
 
 
 def residual_of(error_m: float, incidence_rad: float) -> float:
-    """Distance to the plane (metres) of a sample whose range is wrong by `error_m` along the ray.
-
-    That is e cos(theta): the larger the incidence, the smaller the residual (section 5.6).
-    """
+    """Return the plane residual, m, of a return with a range error: e cos(theta) (section 5.6)."""
     return error_m * float(np.cos(incidence_rad))
 
 
 def _draw_sample(axes: Axes, index: int, incidence: float) -> None:
-    """One ray: true sample on the floor, noisy one behind it, residual and incidence angle."""
+    """Draw a ray, its true and its noisy point, the residual and the angle of incidence."""
     hit = np.array([_EYE[0] - _EYE[1] * np.tan(incidence), 0.0])
     along = np.array([-np.sin(incidence), -np.cos(incidence)])
     noisy = hit + _ERROR_M * along
@@ -148,7 +144,7 @@ def _draw_sample(axes: Axes, index: int, incidence: float) -> None:
 
 
 def _draw_angle(axes: Axes, hit: Floats, incidence: float, text: str) -> None:
-    """Arc between the floor's normal and the ray, named."""
+    """Draw the labelled arc between the floor's normal and the ray."""
     angles = np.linspace(0, incidence, 30)
     radius = 0.6
     axes.plot(hit[0] + radius * np.sin(angles), radius * np.cos(angles), "k-", linewidth=0.7)
@@ -156,7 +152,6 @@ def _draw_angle(axes: Axes, hit: Floats, incidence: float, text: str) -> None:
 
 
 def _canvas(height_in: float, style: FigureStyle) -> tuple[Figure, Axes]:
-    """A panel without axes, in one scale both ways."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(style.width_in or COLUMN_WIDTH_IN, height_in))

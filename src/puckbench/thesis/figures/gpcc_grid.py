@@ -1,4 +1,4 @@
-"""G-PCC against the scale of its grid: steps that are no power of two, truncation, contexts."""
+"""G-PCC by the scale of its grid: dyadic scales, truncation and contexts."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _D1 = PlottedMetric("cd_point", "CD, point-to-point", "grid units²", (0.1, 100)
 _ROWS = (BPP.within(0.01, 10), _D1)
 _SCALE = "Scale (small markers: no power of two)"
 _SMALL = 0.55
-"""Size of these markers; hollow ones could not be told from filled ones in all shapes."""
+"""Relative size of these markers; not all shapes can be hollow."""
 _COLUMNS = ("dataset", "codec", "scale", "dyadic")
 _COLOURS = ("#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7", "#332288", "#777777")
 _MARKERS = ("o", "s", "^", "D", "P", "v", "X")
@@ -45,12 +45,11 @@ _MARKERS = ("o", "s", "^", "D", "P", "v", "X")
     category="Findings",
 )
 def draw_scales(gpcc_scales: pd.DataFrame, style: FigureStyle) -> Figure:
-    """G-PCC's bits per point (above) and Chamfer distance, point-to-point (below), medians over
-    clouds, against the factor on coordinates; small markers are factors that are no power of
-    two.
+    """G-PCC's bits per point and Chamfer distance (point-to-point) against the scale of its grid.
 
-    Rounded coordinates get better with every step; truncated ones get worse from 1/2 to 5/8 and
-    stay above what 1/2 has. Not in the thesis.
+    Medians over clouds. Small markers: scales that are not powers of two. With rounded coordinates
+    the distance falls with every scale; with truncated ones it rises from 1/2 to 5/8. Not in the
+    thesis.
     """
     require_rows(gpcc_scales, (*_COLUMNS, "bpp", "cd_point"), "scales")
     datasets = style.ordered_datasets(gpcc_scales["dataset"])
@@ -80,11 +79,10 @@ def draw_scales(gpcc_scales: pd.DataFrame, style: FigureStyle) -> Figure:
     needs=("rounded_and_truncated_gpcc",),
 )
 def draw_rounding(gpcc_scales: pd.DataFrame, style: FigureStyle) -> Figure:
-    """Chamfer distance (point-to-point) of G-PCC with truncated coordinates, as the thesis ran
-    it, over that with coordinates rounded once, at the same scale: medians over clouds, and
-    their quartiles.
+    """Ratio of G-PCC's Chamfer distances (point-to-point) with truncated and rounded coordinates.
 
-    At powers of two up to 1/2 both fall on the same grid; elsewhere truncation moves the cloud.
+    Medians and quartiles over clouds, at the same scale. The thesis truncated coordinates. At
+    powers of two up to 1/2 both grids are the same; at other scales truncation shifts the cloud.
     Not in the thesis.
     """
     label = "CD with truncated over CD with\nrounded coordinates"
@@ -98,12 +96,11 @@ def draw_rounding(gpcc_scales: pd.DataFrame, style: FigureStyle) -> Figure:
     needs=("rounded_and_truncated_gpcc",),
 )
 def draw_contexts(gpcc_scales: pd.DataFrame, style: FigureStyle) -> Figure:
-    """Bits of G-PCC with TMC13's default tools, as the thesis ran it, over those with the tools
-    of MPEG's common test conditions, at the same scale: medians over clouds, and their
-    quartiles.
+    """Ratio of G-PCC's bits with TMC13's default tools and with those of MPEG's test conditions.
 
-    What differs is the use of neighbours beyond the parent node and intra prediction; at scales
-    that are no power of two also the truncation of coordinates. Not in the thesis.
+    Medians and quartiles over clouds, at the same scale. The thesis used the defaults, which lack
+    neighbours beyond the parent node and intra prediction; except at powers of two the truncation
+    of coordinates matters too. Not in the thesis.
     """
     label = "Bits with TMC13's defaults over bits\nwith all contexts of neighbours"
     return _draw_ratio(gpcc_scales, "bits", label, style)
@@ -117,7 +114,7 @@ def _limits(table: pd.DataFrame, metric: PlottedMetric, style: FigureStyle) -> R
 
 
 def _draw_ratio(table: pd.DataFrame, name: str, label: str, style: FigureStyle) -> Figure:
-    """Medians over clouds with quartiles, one line per data set, of the codec as it was run."""
+    """Draw the medians and quartiles of a ratio, one line per data set."""
     from matplotlib.figure import Figure
 
     columns = tuple(f"{name}_{suffix}" for suffix in ("q25", "median", "q75"))
@@ -152,25 +149,32 @@ def _draw(
     line: str,
     label: str = "_none",
 ) -> None:
-    """A line over the scales, its markers small where the scale is no power of two."""
+    """Draw a line over the scales, with small markers at scales that are not powers of two."""
     import matplotlib
 
     order = np.argsort(rows["scale"].to_numpy())
     scale, y = rows["scale"].to_numpy()[order], values.to_numpy(dtype=float)[order]
-    solid = rows["dyadic"].to_numpy(dtype=bool)[order]
+    is_dyadic = rows["dyadic"].to_numpy(dtype=bool)[order]
     axes.plot(
-        scale, y, color=colour, linestyle=line, marker=marker, markevery=_at(solid), label=label
+        scale,
+        y,
+        color=colour,
+        linestyle=line,
+        marker=marker,
+        markevery=_indices(is_dyadic),
+        label=label,
     )
     size = _SMALL * matplotlib.rcParams["lines.markersize"]
-    axes.plot(scale[~solid], y[~solid], linestyle="", marker=marker, color=colour, markersize=size)
+    axes.plot(
+        scale[~is_dyadic], y[~is_dyadic], linestyle="", marker=marker, color=colour, markersize=size
+    )
 
 
-def _at(chosen: NDArray[np.bool_]) -> list[int]:
-    return [int(place) for place in np.flatnonzero(chosen)]
+def _indices(mask: NDArray[np.bool_]) -> list[int]:
+    return [int(index) for index in np.flatnonzero(mask)]
 
 
 def _set_scales(axes: Axes, scales: Floats) -> None:
-    """A logarithmic axis with a tick at each power of two."""
     from matplotlib.ticker import NullLocator
 
     axes.set_xscale("log", base=2)

@@ -1,8 +1,6 @@
 """Scans of a wall and a floor coloured by laser: thesis Figures 5.2 to 5.9, 5.16 and 5.17.
 
-The table has one row per return: model (`REAL` for captures), surface ("wall", "floor", or another
-word for what is cropped), distance_m, laser_id, elevation_deg, and the measured point x_m, y_m, z_m
-with the wall at y = 0, the floor at z = 0, and the sensor at y = distance_m, z = 1.
+They are drawn from tables of `puckbench.thesis.residuals.wall_points`.
 """
 
 from __future__ import annotations
@@ -27,7 +25,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 SAMPLE = 60_000
-"""Points drawn of a scan, chosen with a fixed seed: more would only cover one another."""
+"""Points drawn of a scan; more would cover each other."""
 
 _COLUMNS = ("model", "surface", "distance_m", "laser_id", "elevation_deg", "x_m", "y_m", "z_m")
 _LABELS = {
@@ -44,14 +42,11 @@ _ROOM_VIEW = (40, 110)
     "fig_5_2", title="Full scan at 5 m, by laser", category="Sensor", number="5.2", needs=(at(5),)
 )
 def draw_full_scan(scans: pd.DataFrame, style: FigureStyle) -> Figure:
-    """Everything that the sensor saw in one sweep 5 m from the wall (thesis figure 5.2), from
-    behind the sensor, ceiling and side walls included, which are removed before anything is
-    measured.
+    """All returns of one sweep 5 m from the wall, seen from behind the sensor (thesis figure 5.2).
 
-    Points are coloured by the elevation of their laser; at most 60,000 of a scan are drawn, chosen
-    with a fixed seed, those of the measured part of wall and floor denser than the others. The
-    title says whether the data are a capture (where there is one) or the virtual sensor, whose room
-    is 5 m wide and 2.6 m high.
+    Ceiling and side walls are removed before residuals are measured. Colour: elevation of the
+    laser. At most 60,000 random points, denser on the measured parts of wall and floor. The title
+    tells a capture from the virtual sensor, whose room is 5 m wide and 2.6 m high.
     """
     return _draw_space(_shown(scans, _FAR_M), _ROOM_VIEW, style)
 
@@ -60,9 +55,7 @@ def draw_full_scan(scans: pd.DataFrame, style: FigureStyle) -> Figure:
     "fig_5_3", title="Full scan at 1 m, by laser", category="Sensor", number="5.3", needs=(at(1),)
 )
 def draw_full_near_scan(scans: pd.DataFrame, style: FigureStyle) -> Figure:
-    """Everything that the sensor saw in one sweep 1 m from the wall (thesis figure 5.3), from
-    behind the sensor, ceiling and side walls included, as in figure 5.2.
-    """
+    """All returns of one sweep 1 m from the wall, as in figure 5.2 (thesis figure 5.3)."""
     return _draw_space(_shown(scans, _NEAR_M), _ROOM_VIEW, style)
 
 
@@ -70,10 +63,7 @@ def draw_full_near_scan(scans: pd.DataFrame, style: FigureStyle) -> Figure:
     "fig_5_4", title="Wall at 5 m, by laser", category="Sensor", number="5.4", needs=(at(5),)
 )
 def draw_wall(scans: pd.DataFrame, style: FigureStyle) -> Figure:
-    """The wall 5 m away, from the front (thesis figure 5.4).
-
-    Points as in figure 5.2.
-    """
+    """The wall at 5 m, seen from the front (thesis figure 5.4). Points as in figure 5.2."""
     return _draw_plane(_shown(scans, _FAR_M, "wall"), "x_m", "z_m", True, style)
 
 
@@ -81,10 +71,9 @@ def draw_wall(scans: pd.DataFrame, style: FigureStyle) -> Figure:
     "fig_5_5", title="Floor at 5 m, by laser", category="Sensor", number="5.5", needs=(at(5),)
 )
 def draw_floor(scans: pd.DataFrame, style: FigureStyle) -> Figure:
-    """The floor of the scan 5 m from the wall, from above; the sensor is on the right (thesis
-    figure 5.5).
+    """The floor in front of the wall at 5 m, seen from above (thesis figure 5.5).
 
-    Points as in figure 5.2.
+    The sensor is on the right. Points as in figure 5.2.
     """
     return _draw_plane(_shown(scans, _FAR_M, "floor"), "y_m", "x_m", True, style)
 
@@ -93,10 +82,9 @@ def draw_floor(scans: pd.DataFrame, style: FigureStyle) -> Figure:
     "fig_5_6", title="Wall at 5 m from the side", category="Sensor", number="5.6", needs=(at(5),)
 )
 def draw_wall_side(scans: pd.DataFrame, style: FigureStyle) -> Figure:
-    """The wall 5 m away from the side, its depth stretched (thesis figure 5.6): each laser
-    stands off by its bias.
+    """The wall at 5 m, seen from the side with stretched depth (thesis figure 5.6).
 
-    Points as in figure 5.2.
+    Each laser is offset by its bias. Points as in figure 5.2.
     """
     return _draw_plane(_shown(scans, _FAR_M, "wall"), "y_m", "z_m", False, style)
 
@@ -105,11 +93,7 @@ def draw_wall_side(scans: pd.DataFrame, style: FigureStyle) -> Figure:
     "fig_5_7", title="One laser on the wall", category="Sensor", number="5.7", needs=(at(5),)
 )
 def draw_wall_laser(scans: pd.DataFrame, style: FigureStyle) -> Figure:
-    """What the laser in the middle saw of the wall 5 m away, its depth stretched (thesis figure
-    5.7).
-
-    Points as in figure 5.2.
-    """
+    """The wall at 5 m with stretched depth, returns of the middle laser (thesis figure 5.7)."""
     return _draw_space(_shown(scans, _FAR_M, "wall"), (20, -50), style, one_laser=True)
 
 
@@ -117,10 +101,9 @@ def draw_wall_laser(scans: pd.DataFrame, style: FigureStyle) -> Figure:
     "fig_5_8", title="Floor at 5 m from the side", category="Sensor", number="5.8", needs=(at(5),)
 )
 def draw_floor_side(scans: pd.DataFrame, style: FigureStyle) -> Figure:
-    """The floor of the scan 5 m from the wall from the side, its height stretched; the sensor
-    is on the right (thesis figure 5.8).
+    """The floor in front of the wall at 5 m, from the side, height stretched (thesis figure 5.8).
 
-    Points as in figure 5.2.
+    The sensor is on the right. Points as in figure 5.2.
     """
     return _draw_plane(_shown(scans, _FAR_M, "floor"), "y_m", "z_m", False, style)
 
@@ -129,10 +112,8 @@ def draw_floor_side(scans: pd.DataFrame, style: FigureStyle) -> Figure:
     "fig_5_9", title="One laser on the floor", category="Sensor", number="5.9", needs=(at(5),)
 )
 def draw_floor_laser(scans: pd.DataFrame, style: FigureStyle) -> Figure:
-    """What the laser in the middle saw of the floor of the scan 5 m from the wall, its height
-    stretched (thesis figure 5.9).
-
-    Points as in figure 5.2.
+    """The floor in front of the wall at 5 m with stretched height, returns of the middle laser
+    (thesis figure 5.9).
     """
     return _draw_space(_shown(scans, _FAR_M, "floor"), (20, -50), style, one_laser=True)
 
@@ -145,10 +126,9 @@ def draw_floor_laser(scans: pd.DataFrame, style: FigureStyle) -> Figure:
     needs=(at(5),),
 )
 def draw_wall_models(scans: pd.DataFrame, style: FigureStyle) -> Figure:
-    """The wall 5 m away from the side, its depth stretched, by error model, in one scale
-    (thesis figure 5.16).
+    """The wall at 5 m by error model, from the side, depth stretched (thesis figure 5.16).
 
-    Points as in figure 5.2.
+    All panels have the same scale. Points as in figure 5.2.
     """
     return _draw_models(_part(scans, _FAR_M, "wall"), style)
 
@@ -161,16 +141,16 @@ def draw_wall_models(scans: pd.DataFrame, style: FigureStyle) -> Figure:
     needs=(at(5),),
 )
 def draw_floor_models(scans: pd.DataFrame, style: FigureStyle) -> Figure:
-    """The floor of the scan 5 m from the wall from the side, its height stretched, by error
-    model, in one scale; the sensor is on the right (thesis figure 5.17).
+    """The floor in front of the wall at 5 m by error model, from the side, height stretched
+    (thesis figure 5.17).
 
-    Points as in figure 5.2.
+    All panels have the same scale; the sensor is on the right. Points as in figure 5.2.
     """
     return _draw_models(_part(scans, _FAR_M, "floor"), style)
 
 
 def _part(scans: pd.DataFrame, distance_m: float, surface: str | None) -> pd.DataFrame:
-    """Rows at one distance, of one surface or of all; InputError when there are none."""
+    """Return the rows of a distance and a surface, or raise InputError if there are none."""
     require_rows(scans, _COLUMNS, "scan")
     rows: NDArray[np.bool_] = np.abs(scans["distance_m"].to_numpy(dtype=float) - distance_m) < 0.05
     if surface is not None:
@@ -181,14 +161,14 @@ def _part(scans: pd.DataFrame, distance_m: float, surface: str | None) -> pd.Dat
 
 
 def _shown(scans: pd.DataFrame, distance_m: float, surface: str | None = None) -> pd.DataFrame:
-    """The capture's rows of that kind, or without a capture the virtual sensor's."""
+    """Return a sample of the capture's rows, or of the virtual sensor's if there is no capture."""
     part = _part(scans, distance_m, surface)
     model = compared(part)[0]
     return subsample(part[part["model"] == model], SAMPLE, model)
 
 
 def _middle_laser(scan: pd.DataFrame) -> pd.DataFrame:
-    """Rows of the laser in the middle of those with a return, by elevation."""
+    """Return the rows of the laser with the median elevation."""
     elevations = scan["elevation_deg"].to_numpy(dtype=float)
     lasers = np.unique(elevations)
     rows: NDArray[np.bool_] = elevations == lasers[len(lasers) // 2]
@@ -198,7 +178,7 @@ def _middle_laser(scan: pd.DataFrame) -> pd.DataFrame:
 def _draw_plane(
     scan: pd.DataFrame, across: str, upward: str, equal: bool, style: FigureStyle
 ) -> Figure:
-    """One panel of a scan seen along an axis; equal: in one scale both ways."""
+    """Draw a scan seen along an axis; `equal`: with the same scale on both axes."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(style.width_in or COLUMN_WIDTH_IN, 2.5))
@@ -217,7 +197,7 @@ def _draw_plane(
 def _draw_space(
     scan: pd.DataFrame, view_deg: tuple[float, float], style: FigureStyle, one_laser: bool = False
 ) -> Figure:
-    """A scan in space from an elevation and azimuth: whole in one scale, or one laser stretched."""
+    """Draw a scan in perspective; `one_laser`: only the middle laser, stretched to the axes."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(style.width_in or COLUMN_WIDTH_IN, 2.9))
@@ -226,10 +206,11 @@ def _draw_space(
     if one_laser:
         scan = _middle_laser(scan)
     points = scan[["x_m", "y_m", "z_m"]].to_numpy().T
-    drawn = {"color": colours.to_rgba(scan["elevation_deg"].to_numpy()), "linewidths": 0}
-    axes.scatter(*points, s=1.5 if one_laser else 0.6, depthshade=False, rasterized=True, **drawn)
+    rgba = colours.to_rgba(scan["elevation_deg"].to_numpy())
+    size = 1.5 if one_laser else 0.6
+    axes.scatter(*points, s=size, color=rgba, linewidths=0, depthshade=False, rasterized=True)
     axes.view_init(*view_deg)
-    # Constrained layout does not know of labels in space: zoom keeps them on the page.
+    # Constrained layout ignores labels of 3D axes: zoom keeps them on the page.
     sizes = (1.0, 1.0, 0.8) if one_laser else tuple(np.ptp(points, axis=1).clip(1e-3))
     axes.set_box_aspect(sizes, zoom=0.8 if one_laser else 0.95)
     for axis, size in zip((axes.xaxis, axes.yaxis, axes.zaxis), sizes, strict=True):
@@ -242,11 +223,11 @@ def _draw_space(
 
 
 def _draw_models(part: pd.DataFrame, style: FigureStyle) -> Figure:
-    """The thesis's models side by side (others where none is there), from the side."""
+    """Draw the thesis's models side by side; if none of them is in the table, all models."""
     from matplotlib.figure import Figure
 
-    there = ordered_models(part["model"])
-    models = [model for model in there if model in _MODELS] or there
+    models = ordered_models(part["model"])
+    models = [model for model in models if model in _MODELS] or models
     on_wall = part["surface"].iloc[0] == "wall"
     size = style.width_in or PAGE_WIDTH_IN, 2.4 if on_wall else 1.0 * len(models) + 0.4
     figure = Figure(figsize=size)
@@ -269,7 +250,6 @@ def _draw_models(part: pd.DataFrame, style: FigureStyle) -> Figure:
 def _scatter(
     axes: Axes, scan: pd.DataFrame, across: str, upward: str, colours: ScalarMappable
 ) -> None:
-    """Points as an image, also in PDF files."""
     axes.scatter(
         scan[across],
         scan[upward],
@@ -287,7 +267,6 @@ def _few_ticks(most: int = 4) -> Any:
 
 
 def _laser_colours(scan: pd.DataFrame) -> ScalarMappable:
-    """A colour per laser, by elevation, in a map that everyone can order; blue is low."""
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize
 

@@ -1,4 +1,4 @@
-"""How error models are shown: one title and colour wherever each appears, and their legend."""
+"""Titles and colours of error models, their order, and their legend."""
 
 from __future__ import annotations
 
@@ -20,20 +20,18 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ModelStyle:
-    """An error model's title (legends, ticks, panels) and colour (hex)."""
+    """Title and colour (#rrggbb) of an error model."""
 
     title: str
     colour: str
 
 
-# What stands in tables beside the registered error models, which have their own title and colour.
-# The palette of Okabe and Ito for what the thesis compares, darker hues of Tol's for the others.
-_BESIDE = {
+_UNREGISTERED = {
     REAL: ModelStyle("Real VLP-16", "#D55E00"),
     "vlp16_fig518": ModelStyle("VLP-16, as\u00a05.18", "#88CCEE"),
     "vlp16_divergence_fig518": ModelStyle("Divergence, as\u00a05.18", "#44AA99"),
 }
-# The order is that of the thesis (Figure 5.18), then what goes past it.
+# First the order of thesis Figure 5.18.
 _ORDER = (
     *(REAL, "none", "hdl64e", "vlp16", "vlp16_divergence", "vlp16_incidence", "vlp16_measured"),
     *("calibrated", "surface_normal", "beam_footprint", "distance_table", "vlp16_table51"),
@@ -42,8 +40,8 @@ _ORDER = (
 
 
 def _registered(name: str) -> ModelStyle:
-    if name in _BESIDE:
-        return _BESIDE[name]
+    if name in _UNREGISTERED:
+        return _UNREGISTERED[name]
     model = ERROR_MODELS.get(name)
     return ModelStyle(model.title, model.colour)
 
@@ -54,30 +52,30 @@ _OTHER_COLOURS = ("#44AA99", "#AA4499", "#8C6000", "#BB5566", "#5D4037", "#66CDA
 
 
 def model_style(model: str, style: FigureStyle) -> ModelStyle:
-    """The plot style of an error model; one that has none gets a colour from its name alone.
+    """Return the style of an error model, by default a title and a colour from its name.
 
-    The style's `colours` may name error models too.
+    Colours of the figure style take precedence.
     """
-    known = MODEL_STYLES.get(model)
-    if known is None and model in ERROR_MODELS:
-        known = _registered(model)
-    if known is None or not (known.title and known.colour):
+    found = MODEL_STYLES.get(model)
+    if found is None and model in ERROR_MODELS:
+        found = _registered(model)
+    if found is None or not (found.title and found.colour):
         digest = hashlib.sha256(model.encode()).digest()
         words = model.replace("_", " ")
         title = words[:1].upper() + words[1:]
-        known = ModelStyle(title, _OTHER_COLOURS[digest[0] % len(_OTHER_COLOURS)])
-    return ModelStyle(known.title, style.colours.get(model, known.colour))
+        found = ModelStyle(title, _OTHER_COLOURS[digest[0] % len(_OTHER_COLOURS)])
+    return ModelStyle(found.title, style.colours.get(model, found.colour))
 
 
 def ordered_models(models: Iterable[str]) -> list[str]:
-    """Each model once: the table's order, then by name."""
+    """Return the distinct models in the order of `MODEL_STYLES`, then by name."""
     names = list(MODEL_STYLES)
     rank = {name: place for place, name in enumerate(names)}
     return sorted(set(models), key=lambda model: (rank.get(model, len(names)), model))
 
 
 def add_model_legend(figure: Figure, models: Sequence[str], style: FigureStyle) -> None:
-    """One entry per model above the panel; without a capture one that says so."""
+    """Add a legend of the models; without a capture it also explains the published values."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
@@ -97,6 +95,6 @@ def add_model_legend(figure: Figure, models: Sequence[str], style: FigureStyle) 
 
 
 def source_title(model: str, style: FigureStyle) -> str:
-    """Title that says whether the data are captured or simulated."""
+    """Return the title of a model, marked as virtual unless it is `REAL`."""
     title = model_style(model, style).title
     return title if model == REAL else f"Virtual ({title})"

@@ -1,4 +1,4 @@
-"""Real wall residuals against error models on the same rays: densities, and how far each is off."""
+"""Residuals of recorded walls and of error models on the same rays: densities and distances."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _DISTANCES = ("model", "std_m", "emd_m", "emd_low_m", "emd_high_m", "chance_m")
-_LEAST_REACH_M = 0.04
-# In standard deviations of the real residuals, beyond which a model's density is cut off.
+_MIN_REACH_M = 0.04
 _REACH_SIGMAS = 4.0
+"""Range of the density axis, in standard deviations of the real residuals."""
 _LINES = ("-", "--", "-.", ":")
 
 
@@ -35,12 +35,11 @@ _LINES = ("-", "--", "-.", ":")
 def draw_verdict(
     compared_residuals: pd.DataFrame, model_distances: pd.DataFrame, style: FigureStyle
 ) -> Figure:
-    """Residuals of the walls in captures of real sensors, and of error models drawn on the same
-    rays with planes fitted to them in the same way.
+    """Plane residuals of walls in captures, and of error models drawn on the same rays.
 
-    Below, how far each model's distribution is from the real one: the earth mover's distance with
-    its 95 % interval (walls and lasers drawn with replacement); the grey strip ends where chance
-    alone could have put a sensor that follows the model. The thesis chose beam divergence.
+    Above: densities. Below: earth mover's distance of each model's distribution from the real one,
+    in mm, with its 95 % interval (bootstrap over walls and lasers). A sensor that follows the model
+    exceeds the grey bar with probability 5 %. The thesis chose beam divergence.
     """
     from matplotlib.figure import Figure
 
@@ -60,9 +59,9 @@ def draw_verdict(
 
 
 def _draw_densities(axes: Axes, table: pd.DataFrame, models: list[str], style: FigureStyle) -> None:
-    """The real residuals as an area, each model's as a line of its own colour and dashes."""
+    """Draw the density of the real residuals as an area, and those of the models as lines."""
     real = residuals_of(table, REAL)
-    reach = max(_REACH_SIGMAS * float(real.std()), _LEAST_REACH_M)
+    reach = max(_REACH_SIGMAS * float(real.std()), _MIN_REACH_M)
     plot_style = model_style(REAL, style)
     coords, density = _density(real)
     axes.fill_between(coords * 1e3, density, color=plot_style.colour, alpha=0.35, linewidth=0)
@@ -82,7 +81,7 @@ def _draw_densities(axes: Axes, table: pd.DataFrame, models: list[str], style: F
 
 
 def _draw_distances(axes: Axes, rows: pd.DataFrame, models: list[str], style: FigureStyle) -> None:
-    """One line per model, the first on top, on a logarithmic axis: they are far apart."""
+    """Draw the distances of the models, the first on top, on a logarithmic axis."""
     for place, name in enumerate(models):
         value, low, high, chance = rows.loc[name, list(_DISTANCES[2:])].to_numpy(float) * 1e3
         colour = model_style(name, style).colour
@@ -104,13 +103,12 @@ def _draw_distances(axes: Axes, rows: pd.DataFrame, models: list[str], style: Fi
 
 
 def _limits(rows: pd.DataFrame) -> tuple[float, float]:
-    """Limits, mm, that show every strip's end, with room for the number after the largest."""
+    """Return limits, mm, that include the bars' ends and the largest distance's label."""
     lows = np.concatenate([rows["emd_low_m"].to_numpy(float), rows["chance_m"].to_numpy(float)])
     low = 0.6 * float(np.nanmin(lows)) * 1e3
     return max(low, 1e-3), 2.5 * float(rows["emd_high_m"].max()) * 1e3
 
 
 def _density(residuals: Floats) -> tuple[Floats, Floats]:
-    """Places (m) and density (1/mm)."""
     shape = violin_shape(residuals)
     return np.asarray(shape["coords"]), np.asarray(shape["vals"]) / 1e3

@@ -26,16 +26,12 @@ if TYPE_CHECKING:
     number="6.6",
 )
 def draw_chamfer(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
-    """Chamfer distance, point-to-plane, in squared grid units, against bits per point, both
-    axes logarithmic (thesis figure 6.6).
+    """Chamfer distance (point-to-plane, squared grid units) against bits per point (thesis figure
+    6.6).
 
-    For each data set and codec the results of all clouds and rates are sorted by bpp and parted
-    into ten bins of equal count; a marker is the median bpp and the median value of one bin. With
-    no more than ten different bpp values each has its own marker. The axes are the same in all
-    panels and at least the thesis's (0.01 to 100 bpp, 0.01 to 1,000), widened by whole decades
-    where values fall outside. A hollow marker on the lower edge is a median of zero (lossless).
-    Bits per point count the geometry alone; the thesis's Draco also coded the scans' other
-    attributes.
+    A marker is the median of one of ten bins with equal numbers of results, by bits per point; with
+    few clouds, of one rate. Hollow markers on the lower edge: zero (lossless). Bits are those of
+    the geometry; the thesis's Draco also coded other attributes of the scans.
     """
     return draw_data_sets(metrics, CD_PLANE, style)
 
@@ -47,12 +43,10 @@ def draw_chamfer(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
     number="6.7",
 )
 def draw_hausdorff(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
-    """Squared Hausdorff distance, point-to-plane, in squared grid units, against bits per
-    point, both axes logarithmic (thesis figure 6.7).
+    """Squared Hausdorff distance (point-to-plane, squared grid units) against bits per point
+    (thesis figure 6.7).
 
-    Bins and axes as in figure 6.6, the thesis's vertical axis from 0.1 to 10,000. The thesis calls
-    this quantity the Hausdorff distance; its tool reports the square, and so does this figure. The
-    tables have both.
+    Markers as in figure 6.6. The thesis omits "squared", but its tool reports the square.
     """
     return draw_data_sets(metrics, HD_PLANE, style)
 
@@ -64,12 +58,10 @@ def draw_hausdorff(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
     number="6.8",
 )
 def draw_encoding_time(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
-    """Encoding time in seconds against bits per point, both axes logarithmic (thesis figure
-    6.8).
+    """Encoding time in seconds against bits per point (thesis figure 6.8).
 
-    Bins and axes as in figure 6.6, the thesis's vertical axis from 0.1 to 100 s. Times are medians
-    of repeated calls inside one process; the thesis's are whole processes, their start and the
-    loading of weights included.
+    Markers as in figure 6.6. Times are those of calls inside a process; the thesis's are of whole
+    processes, with their start and the loading of weights.
     """
     return draw_data_sets(metrics, ENCODE_TIME, style)
 
@@ -81,9 +73,5 @@ def draw_encoding_time(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
     number="6.9",
 )
 def draw_decoding_time(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
-    """Decoding time in seconds against bits per point, both axes logarithmic (thesis figure
-    6.9).
-
-    Bins, axes and times as in figure 6.8.
-    """
+    """Decoding time in seconds against bits per point, as in figure 6.8 (thesis figure 6.9)."""
     return draw_data_sets(metrics, DECODE_TIME, style)

@@ -37,16 +37,11 @@ _ROWS = (CD_PLANE.within(1e-2, 1e4), HD_PLANE.within(1e-2, 1e4), ENCODE_TIME, DE
     "fig_6_5", title="Medians per compression rate", category="Results per rate", number="6.5"
 )
 def draw_medians_per_rate(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
-    """Medians over the clouds of a data set at each compression rate (thesis figure 6.5):
-    Chamfer distance and squared Hausdorff distance, both point-to-plane and in squared grid
-    units, and encoding and decoding time in seconds, on logarithmic axes. r1 is the rate
-    with the fewest bits; codecs have different numbers of rates, and a line has a gap where
-    a codec lacks one.
+    """Medians over clouds at each compression rate (thesis figure 6.5).
 
-    The rows' axes are at least the thesis's (0.01 to 10,000 and 0.1 to 100 s), widened by whole
-    decades where values fall outside. A hollow marker on the lower edge is a median of zero
-    (lossless). Other than in the thesis, times leave out the start of a process, and codecs have
-    markers of their own.
+    Chamfer and squared Hausdorff distance (point-to-plane, squared grid units), encoding and
+    decoding time in seconds. r1 has the fewest bits; the numbers of rates differ. Hollow markers on
+    the lower edge: zero (lossless). Unlike the thesis's, times exclude the start of a process.
     """
     columns = tuple(quantity.column for quantity in _ROWS)
     require_rows(metrics, ("dataset", "codec", "rate", *columns), "metrics")
@@ -68,7 +63,7 @@ def draw_medians_per_rate(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
 def _draw_row(
     row: dict[str, Axes], metrics: pd.DataFrame, quantity: PlottedMetric, style: FigureStyle
 ) -> None:
-    """The panels of one metric, by data set, on one y axis."""
+    """Draw the panels of one metric, by data set, with one y axis."""
     medians = medians_per_rate(metrics, quantity.column)
     rates = ordered_rates(set(metrics["rate"]))
     default = style.axis_range(quantity.column, quantity.limits)

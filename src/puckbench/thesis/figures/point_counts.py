@@ -1,4 +1,4 @@
-"""Numbers of points per cloud in each data set: the box plot of thesis Figure 6.4."""
+"""Box plot of the numbers of points per cloud (thesis Figure 6.4)."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _FEW = 12
-"""With so few clouds a box says little: each cloud is drawn too."""
+"""Number of clouds up to which each one is drawn."""
 _MEDIAN: dict[str, Any] = {"color": "#D55E00", "linewidth": 1.2}
 _MEAN: dict[str, Any] = {"marker": "^", "markersize": 3, "mfc": "#009E73", "mec": "#009E73"}
 _CLOUD: dict[str, Any] = {"mfc": "none", "mec": "#777777", "mew": 0.5}
@@ -28,9 +28,8 @@ _CLOUD: dict[str, Any] = {"mfc": "none", "mec": "#777777", "mew": 0.5}
 def draw_point_counts(clouds: pd.DataFrame, style: FigureStyle) -> Figure:
     """Number of points per cloud in each data set (thesis figure 6.4).
 
-    Box: quartiles; whiskers: the furthest cloud within 1.5 times the box's height. Clouds further
-    out are not drawn, as in the thesis. Other than there, n is the number of clouds, the axis
-    starts at zero, and data sets of at most twelve clouds show every cloud as a circle.
+    Box: quartiles. Whiskers: the farthest cloud within 1.5 interquartile ranges; outliers are not
+    drawn. n: number of clouds. Data sets of at most twelve clouds show each as a circle.
     """
     from matplotlib.figure import Figure
 
@@ -57,7 +56,6 @@ def draw_point_counts(clouds: pd.DataFrame, style: FigureStyle) -> Figure:
 
 
 def _key(clouds: bool) -> list[Artist]:
-    """What the marks are."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 SAMPLE = 30_000
-_LEAST_M, _LEAST_BINS_M = 0.1, 0.05
+_MIN_LIMIT_M, _MIN_BINS_LIMIT_M = 0.1, 0.05
 _DISCOUNTED = ("hdl64e", "vlp16_table51")
 _LONG_COLUMN = 5
 _INCIDENCE = "Incidence angle (rad)"
@@ -45,13 +45,11 @@ _INCIDENCE = "Incidence angle (rad)"
     "fig_5_15", title="Plane residuals against incidence", category="Sensor", number="5.15"
 )
 def draw_incidence(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
-    """Plane residuals against the angle of incidence, walls and floors together (thesis figure
-    5.15): at most 30,000 returns of each source, drawn with a fixed seed.
+    """Plane residuals of walls and floors against the angle of incidence (thesis figure 5.15).
 
-    The last panel has their mean and standard deviation in ten bins of equal width from 0 to the
-    largest angle; its bars stand side by side within a bin, and its axis is finer than the
-    thesis's. Without a capture its dashed line and bars are the published standard deviations of
-    the thesis's real sensor in ten bins from 0 to 1.315 rad.
+    At most 30,000 random returns of each sensor. Last panel: mean and standard deviation in ten
+    equal bins from 0 to the largest angle. Without a capture, its dashed line shows the standard
+    deviations of the thesis's real sensor.
     """
     check_residuals(residuals, "incidence_rad")
     rows = near(residuals)
@@ -74,19 +72,18 @@ def draw_incidence(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
     number="5.20",
 )
 def draw_incidence_of_models(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
-    """Plane residuals against the angle of incidence for the real sensor, where a capture gives
-    them, and per error model (thesis figure 5.20): at most 30,000 returns of each, drawn
-    with a fixed seed.
+    """Plane residuals of captures and error models against the angle of incidence (thesis figure
+    5.20).
 
-    The black lines, which the thesis does not have, are one standard deviation either side of the
-    mean in ten bins. As in the thesis, models discounted before as too wide for a VLP-16 (HDL-64E,
-    and Table 5.1 as printed) are left out.
+    At most 30,000 random returns of each model. Black lines: one standard deviation around the mean
+    in ten bins. As in the thesis, models that are too wide for a VLP-16 are left out (HDL-64E, and
+    Table 5.1 as printed).
     """
     check_residuals(residuals, "incidence_rad")
     rows = near(residuals)
     models = ordered_models(rows["model"])
-    kept = [model for model in models if model not in _DISCOUNTED]
-    samples = _samples(rows, kept or models)
+    shown = [model for model in models if model not in _DISCOUNTED]
+    samples = _samples(rows, shown or models)
     columns = 1 if len(samples) <= _LONG_COLUMN else 2
     figure, panels = panel_grid(len(samples), columns, 1.1, style)
     for axes, (model, (incidence, values)) in zip(panels, samples.items(), strict=True):
@@ -104,7 +101,7 @@ Sample = tuple[Floats, Floats]
 
 
 def _samples(rows: pd.DataFrame, models: Sequence[str]) -> dict[str, Sample]:
-    """Incidence and residuals of at most `SAMPLE` rows of each model."""
+    """Return incidence and residuals of at most `SAMPLE` rows of each model."""
     parts = {model: subsample(rows[rows["model"] == model], SAMPLE, model) for model in models}
     return {
         model: (
@@ -116,29 +113,29 @@ def _samples(rows: pd.DataFrame, models: Sequence[str]) -> dict[str, Sample]:
 
 
 def _scatter(axes: Axes, sample: Sample, colour: str) -> None:
-    """Points as an image, also in PDF files: 30,000 of them would be slow to show."""
+    # Rasterised, since PDF viewers draw 30,000 points slowly.
     axes.scatter(*sample, s=0.8, color=colour, alpha=0.5, linewidths=0, rasterized=True)
 
 
 def _draw_bins(axes: Axes, samples: dict[str, Sample], style: FigureStyle) -> None:
-    """Means with bars of one standard deviation; without a capture the published ones too."""
+    """Draw means with bars of one standard deviation, and without a capture published ones."""
     bars = {model: binned_moments(*sample) for model, sample in samples.items()}
     if REAL not in bars:
         bars = {REAL: _published(), **bars}
     widest = max(float(centres[-1]) for centres, _, _ in bars.values())
     for index, (model, (centres, means, stds)) in enumerate(bars.items()):
         line = "--" if model not in samples else "-"
-        beside = (index - (len(bars) - 1) / 2) * 0.015 * widest
+        shift = (index - (len(bars) - 1) / 2) * 0.015 * widest
         colour = model_style(model, style).colour
-        axes.errorbar(centres + beside, means, stds, color=colour, linestyle=line, capsize=1.5)
+        axes.errorbar(centres + shift, means, stds, color=colour, linestyle=line, capsize=1.5)
     ends = [mean + side * std for _, mean, std in bars.values() for side in (-1, 1)]
-    limit = symmetric_limit(np.nan_to_num(np.concatenate(ends)), _LEAST_BINS_M)
+    limit = symmetric_limit(np.nan_to_num(np.concatenate(ends)), _MIN_BINS_LIMIT_M)
     axes.set_ylim(-limit, limit)
     axes.set_title("Mean and standard deviation in 10 bins", pad=3)
 
 
 def _published() -> tuple[Floats, Floats, Floats]:
-    """The thesis's ten bins, as `binned_moments` gives them; the mean is that of all points."""
+    """Return the thesis's bins in the form of `binned_moments`, with the mean of all points."""
     stds = np.array(BIN_STDS_M)
     centres = (np.arange(len(stds)) + 0.5) * LARGEST_RAD / len(stds)
     return centres, np.full(len(stds), PRINTED_MEAN_M), stds
@@ -147,8 +144,10 @@ def _published() -> tuple[Floats, Floats, Floats]:
 def _finish(
     figure: Figure, panels: list[Axes], samples: dict[str, Sample], columns: int, style: FigureStyle
 ) -> None:
-    """One range for all panels, and labels for all."""
-    limit = symmetric_limit(np.concatenate([values for _, values in samples.values()]), _LEAST_M)
+    """Set the same range and labels on all panels."""
+    limit = symmetric_limit(
+        np.concatenate([values for _, values in samples.values()]), _MIN_LIMIT_M
+    )
     for axes in panels:
         axes.set_ylim(-limit, limit)
     largest = max(float(incidence.max()) for incidence, _ in samples.values())

@@ -1,7 +1,6 @@
-"""The table of plane residuals that chapter 5's figures are drawn from, and parts of it.
+"""Parts of the residual table, from which the figures of chapter 5 are drawn.
 
-One row per return: model (`REAL` for captures), surface ("wall" or "floor"), distance_m, run,
-laser_id, elevation_deg, residual_m (signed) and incidence_rad.
+Its columns are those of `puckbench.thesis.residuals.joining.COLUMNS`.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ _VIRTUAL = ("vlp16_divergence", "vlp16")
 
 
 def check_residuals(table: pd.DataFrame, *columns: str) -> None:
-    """InputError unless the table has rows and finite numbers in residual_m and `columns`."""
+    """Raise InputError unless the table has rows, with finite numbers in `columns`."""
     require_rows(table, ("model", "surface", "distance_m", "residual_m", *columns), "residual")
     for name in ("distance_m", "residual_m", *columns):
         if table[name].dtype.kind not in "fiu":
@@ -35,18 +34,17 @@ def check_residuals(table: pd.DataFrame, *columns: str) -> None:
 
 
 def near(table: pd.DataFrame, surface: str | None = None) -> pd.DataFrame:
-    """Rows nearer than `FAR_M`, of one surface or of both; InputError when there are none."""
+    """Return the rows below `FAR_M`, of one or all surfaces; InputError if there are none."""
     rows = table["distance_m"] < FAR_M
     if surface is not None:
         rows &= table["surface"] == surface
     if not rows.any():
-        what = surface or "surface"
-        raise InputError(f"residual table: no {what} nearer than {FAR_M:g} m")
+        raise InputError(f"residual table: no {surface or 'surface'} nearer than {FAR_M:g} m")
     return table[rows]
 
 
 def far(table: pd.DataFrame) -> pd.DataFrame:
-    """Rows at `FAR_M` or beyond; InputError when there are none."""
+    """Return the rows from `FAR_M` on; InputError if there are none."""
     rows = table["distance_m"] >= FAR_M
     if not rows.any():
         raise InputError(f"residual table: no surface at {FAR_M:g} m or farther")
@@ -54,18 +52,18 @@ def far(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def compared(table: pd.DataFrame) -> list[str]:
-    """What chapter 5's figures of real data show: the captures, and one virtual sensor beside.
+    """Return `REAL`, if the table has captures, and the model that is compared with them.
 
-    The virtual one is the model that the thesis chose, else `vlp16`, else the table's first.
+    That is the model that the thesis chose, else `vlp16`, else the first one.
     """
-    virtual = [model for model in ordered_models(table["model"]) if model != REAL]
-    chosen = next((model for model in _VIRTUAL if model in virtual), None)
-    beside = [chosen] if chosen else virtual[:1]
-    return [REAL, *beside] if (table["model"] == REAL).any() else beside
+    models = [model for model in ordered_models(table["model"]) if model != REAL]
+    preferred = [model for model in _VIRTUAL if model in models]
+    virtual = (preferred or models)[:1]
+    return [REAL, *virtual] if (table["model"] == REAL).any() else virtual
 
 
 def subsample(table: pd.DataFrame, size: int, name: str) -> pd.DataFrame:
-    """At most `size` rows, drawn without replacement; the same table gives the same rows."""
+    """Return at most `size` rows, chosen at random with a seed from `name`."""
     if len(table) <= size:
         return table
     rows = generator(0, "figure", name).choice(len(table), size, replace=False)
@@ -73,14 +71,14 @@ def subsample(table: pd.DataFrame, size: int, name: str) -> pd.DataFrame:
 
 
 def residuals_of(table: pd.DataFrame, model: str) -> Floats:
-    """Residuals of one model, (n,) metres."""
+    """Return the residuals of a model, (n,), in m."""
     return np.asarray(table.loc[table["model"] == model, "residual_m"], dtype=np.float64)
 
 
 def binned_moments(x: Floats, y: Floats, bins: int = 10) -> tuple[Floats, Floats, Floats]:
-    """Centres, means and standard deviations of y in bins of equal width from 0 to max(x).
+    """Return centres, means and standard deviations of y in equal bins from 0 to max(x).
 
-    x, y: (n,) arrays, x not negative. A bin with fewer than two values has none (nan).
+    x, y: (n,) arrays, x >= 0. Bins with fewer than two values have NaN.
     """
     edges = np.linspace(0, x.max() or 1.0, bins + 1)
     bin_of = np.clip(np.digitize(x, edges) - 1, 0, bins - 1)

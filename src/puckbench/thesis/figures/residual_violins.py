@@ -1,4 +1,4 @@
-"""Violins of real and virtual plane residuals: thesis Figures 5.10 to 5.14, 5.18 and 5.19."""
+"""Violin plots of plane residuals: thesis Figures 5.10 to 5.14, 5.18 and 5.19."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 SAMPLE = 100_000
-_LEAST_M, _LEAST_MODELS_M = 0.15, 0.3
+_MIN_LIMIT_M, _MIN_MODELS_LIMIT_M = 0.15, 0.3
 _SURFACES = ("wall", "floor")
 RESIDUAL = "Plane residual (m)"
 
@@ -40,14 +40,12 @@ RESIDUAL = "Plane residual (m)"
     "fig_5_10", title="Plane residuals of walls and floors", category="Sensor", number="5.10"
 )
 def draw_surfaces(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
-    """Signed distances of the returns from the plane fitted to them (plane residuals, in
-    metres), of all wall and of all floor scans nearer than 30 m (thesis figure 5.10).
+    """Plane residuals of walls and of floors nearer than 30 m, in metres (thesis figure 5.10).
 
-    The virtual sensor beside the real one has the error model that the thesis chose (beam
-    divergence) where the table has it. Without a capture the dashed lines are the published
-    standard deviation of the thesis's real sensor, 0.014 m, and the legend says so. A violin is a
-    density with its mean and its extremes; all are equally wide. The axis spans 0.15 m either way
-    and is widened by steps of 5 cm where residuals fall outside.
+    A plane residual is the signed distance of a return from the plane fitted to its surface. The
+    virtual sensor has the error model that the thesis chose (beam divergence). Without a capture,
+    dashed lines show the standard deviation of the thesis's real sensor, 0.014 m. Violins: density,
+    mean and extremes, all of equal width.
     """
     check_residuals(residuals)
     rows = near(residuals)
@@ -60,10 +58,9 @@ def draw_surfaces(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
     "fig_5_11", title="Plane residuals of the wall per distance", category="Sensor", number="5.11"
 )
 def draw_wall_distances(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
-    """Plane residuals of the wall per distance of the sensor from it, in metres (thesis figure
-    5.11).
+    """Plane residuals of the wall by its distance from the sensor (thesis figure 5.11).
 
-    Violins as in figure 5.10.
+    In metres; violins as in figure 5.10.
     """
     return _draw_distances(residuals, "wall", style)
 
@@ -72,10 +69,9 @@ def draw_wall_distances(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
     "fig_5_12", title="Plane residuals of the floor per distance", category="Sensor", number="5.12"
 )
 def draw_floor_distances(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
-    """Plane residuals of the floor per distance of the sensor from the wall, in metres (thesis
-    figure 5.12).
+    """Plane residuals of the floor by the sensor's distance from the wall (thesis figure 5.12).
 
-    Violins as in figure 5.10.
+    In metres; violins as in figure 5.10.
     """
     return _draw_distances(residuals, "floor", style)
 
@@ -84,10 +80,9 @@ def draw_floor_distances(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
     "fig_5_13", title="Plane residuals of the floor per laser", category="Sensor", number="5.13"
 )
 def draw_floor_lasers(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
-    """Plane residuals of the floor per laser, by the laser's elevation (thesis figure 5.13), of
-    all distances below 30 m.
+    """Plane residuals of the floor by laser, from all distances below 30 m (thesis figure 5.13).
 
-    Violins as in figure 5.10.
+    In metres; violins as in figure 5.10.
     """
     return _draw_lasers(residuals, "floor", style)
 
@@ -96,10 +91,10 @@ def draw_floor_lasers(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
     "fig_5_14", title="Plane residuals of the wall per laser", category="Sensor", number="5.14"
 )
 def draw_wall_lasers(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
-    """Plane residuals of the wall per laser, by the laser's elevation (thesis figure 5.14; its
-    caption says floor), of all distances below 30 m.
+    """Plane residuals of the wall by laser, from all distances below 30 m (thesis figure 5.14,
+    whose caption says floor).
 
-    Violins as in figure 5.10.
+    In metres; violins as in figure 5.10.
     """
     return _draw_lasers(residuals, "wall", style)
 
@@ -108,15 +103,13 @@ def draw_wall_lasers(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
     "fig_5_18", title="Plane residuals of the error models", category="Sensor", number="5.18"
 )
 def draw_models(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
-    """Plane residuals of the real sensor, where a capture gives them, and of every error model
-    (thesis figure 5.18): walls and floors nearer than 30 m together, at most 100,000
-    residuals of each, drawn with a fixed seed.
+    """Plane residuals of captures and of every error model, in metres (thesis figure 5.18).
 
-    Mean and standard deviation in metres stand below. The axis spans 0.3 m either way and is
-    widened by steps of 5 cm where residuals fall outside.
+    Walls and floors nearer than 30 m, at most 100,000 random residuals of each model. Below: mean
+    and standard deviation.
     """
     check_residuals(residuals)
-    return _draw_models(near(residuals), _LEAST_MODELS_M, style)
+    return _draw_models(near(residuals), _MIN_MODELS_LIMIT_M, style)
 
 
 @FIGURES.register(
@@ -131,17 +124,17 @@ def draw_models(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
     ),
 )
 def draw_far_divergence(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
-    """Plane residuals at 30 m without and with the divergence of the beam (thesis figure 5.19),
-    at most 100,000 of each, drawn with a fixed seed; mean and standard deviation in metres
-    stand below.
+    """Plane residuals at 30 m without and with beam divergence, in metres (thesis figure 5.19).
+
+    At most 100,000 random residuals of each. Below: mean and standard deviation.
     """
     check_residuals(residuals)
     rows = far(residuals)
-    wanted = ("vlp16", "vlp16_divergence")
-    for model in wanted:
+    models = ("vlp16", "vlp16_divergence")
+    for model in models:
         if not (rows["model"] == model).any():
             raise InputError(f"residual table: no row of the model {model!r} at 30 m")
-    return _draw_models(rows[rows["model"].isin(wanted)], _LEAST_M, style)
+    return _draw_models(rows[rows["model"].isin(models)], _MIN_LIMIT_M, style)
 
 
 def _draw_distances(residuals: pd.DataFrame, surface: str, style: FigureStyle) -> Figure:
@@ -159,28 +152,28 @@ def _draw_lasers(residuals: pd.DataFrame, surface: str, style: FigureStyle) -> F
 
 
 def _grouped(rows: pd.DataFrame, keys: pd.Series[float]) -> dict[str, pd.DataFrame]:
-    """Parts of a table by rising key, under the key as text."""
+    """Return parts of a table by ascending key, named by the key."""
     return {f"{key:g}".replace("-", "\u2212"): part for key, part in rows.groupby(keys)}
 
 
 def _draw_groups(
     groups: Mapping[str, pd.DataFrame], label: str, surface: str, style: FigureStyle
 ) -> Figure:
-    """Per group the real sensor's violin and, beside it, the virtual one's; titled by surface."""
+    """Draw violins of the real and the virtual sensor side by side for each group."""
     import pandas as pd
 
     models = compared(pd.concat(groups.values()))
     figure, axes = _panel(len(groups) * len(models), style)
     width = 0.8 / len(models)
-    drawn: list[Floats] = []
+    all_values: list[Floats] = []
     for place, part in enumerate(groups.values()):
-        parts = {model: residuals_of(part, model) for model in models}
-        there = {model: values for model, values in parts.items() if len(values)}
-        for index, (model, values) in enumerate(there.items()):
-            at = place + (index - (len(there) - 1) / 2) * width
-            draw_violin(axes, at, values, model_style(model, style).colour, 0.9 * width)
-        drawn += there.values()
-    _set_axes(axes, list(groups), symmetric_limit(np.concatenate(drawn), _LEAST_M))
+        samples = {model: residuals_of(part, model) for model in models}
+        samples = {model: values for model, values in samples.items() if len(values)}
+        for index, (model, values) in enumerate(samples.items()):
+            x = place + (index - (len(samples) - 1) / 2) * width
+            draw_violin(axes, x, values, model_style(model, style).colour, 0.9 * width)
+        all_values += samples.values()
+    _set_axes(axes, list(groups), symmetric_limit(np.concatenate(all_values), _MIN_LIMIT_M))
     axes.set_xlabel(label)
     axes.set_title(surface.capitalize(), pad=3)
     if REAL not in models:
@@ -190,14 +183,13 @@ def _draw_groups(
 
 
 def _show_published(axes: Axes, style: FigureStyle) -> None:
-    """Without a capture: the published standard deviation of the thesis's real sensor."""
     colour = model_style(REAL, style).colour
     for side in (-PRINTED_STD_M, PRINTED_STD_M):
         axes.axhline(side, color=colour, linestyle="--", linewidth=0.8)
 
 
-def _draw_models(rows: pd.DataFrame, least_m: float, style: FigureStyle) -> Figure:
-    """One violin per model, with its mean and standard deviation under the widest range."""
+def _draw_models(rows: pd.DataFrame, min_limit_m: float, style: FigureStyle) -> Figure:
+    """Draw a violin for each model, with its mean and standard deviation below."""
     models = ordered_models(rows["model"])
     figure, axes = _panel(2 * len(models), style)
     samples = {
@@ -206,24 +198,23 @@ def _draw_models(rows: pd.DataFrame, least_m: float, style: FigureStyle) -> Figu
     }
     for place, (model, values) in enumerate(samples.items()):
         draw_violin(axes, place, values, model_style(model, style).colour, 0.7)
-    limit = symmetric_limit(np.concatenate(list(samples.values())), least_m)
-    room_in = (figure.get_size_inches()[0] - 0.6) / len(models)
-    titles = [wrapped(model_style(model, style).title, room_in, style) for model in models]
+    limit = symmetric_limit(np.concatenate(list(samples.values())), min_limit_m)
+    width_in = (figure.get_size_inches()[0] - 0.6) / len(models)
+    titles = [wrapped(model_style(model, style).title, width_in, style) for model in models]
     _set_axes(axes, titles, limit)
     for place, values in enumerate(samples.values()):
         _write_moments(axes, place, values, limit)
     return figure
 
 
-def _write_moments(axes: Axes, at: float, values: Floats, limit: float) -> None:
-    """Mean and standard deviation in a strip of their own below the violins."""
+def _write_moments(axes: Axes, x: float, values: Floats, limit: float) -> None:
     axes.set_ylim(-1.32 * limit, limit)
     axes.axhline(-limit, color="black", linewidth=0.4)
-    axes.text(at, -1.16 * limit, moments_text(values), ha="center", va="center", fontsize="small")
+    axes.text(x, -1.16 * limit, moments_text(values), ha="center", va="center", fontsize="small")
 
 
 def _panel(violins: int, style: FigureStyle) -> tuple[Figure, Axes]:
-    """Figure of one panel: as wide as a column for a few violins, else as the page."""
+    """Return a figure with one panel, as wide as a column or, for many violins, the page."""
     from matplotlib.figure import Figure
 
     width = style.width_in or (COLUMN_WIDTH_IN if violins <= 10 else PAGE_WIDTH_IN)

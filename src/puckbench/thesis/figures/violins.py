@@ -1,4 +1,4 @@
-"""Violins of residuals: smoothed density, extremes and mean, on an axis that holds them all."""
+"""Violin plots of residuals: density, extremes and mean."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _FEWEST_BINS, _MOST_BINS = 128, 4096
 
 
 def draw_violin(axes: Axes, at: float, residuals: Floats, colour: str, width: float) -> None:
-    """One violin centred on x = `at`: its widest place is `width` wide, whatever the count."""
+    """Draw a violin at x = `at`, whose largest width is `width`."""
     bodies = axes.violin([violin_shape(residuals)], [at], widths=width, showmeans=True)
     parts: dict[str, Any] = dict(bodies)
     for body in parts.pop("bodies"):
@@ -27,10 +27,10 @@ def draw_violin(axes: Axes, at: float, residuals: Floats, colour: str, width: fl
 
 
 def violin_shape(residuals: Floats) -> dict[str, Any]:
-    """Density of (n,) residuals with their mean, median and extremes, for `Axes.violin`.
+    """Return density, mean, median and extremes of residuals, (n,), for `Axes.violin`.
 
-    A Gaussian kernel of Scott's width over a fine histogram: the same curve as a sum of kernels
-    over the points, at a cost that hardly grows with their number.
+    The density is a fine histogram smoothed by a Gaussian kernel of Scott's width, which is close
+    to a kernel density estimate and fast for many residuals.
     """
     low, high, std = float(residuals.min()), float(residuals.max()), float(residuals.std())
     shape: dict[str, Any] = {
@@ -46,7 +46,7 @@ def violin_shape(residuals: Floats) -> dict[str, Any]:
 
 
 def _density(residuals: Floats, bandwidth: float) -> tuple[Floats, Floats]:
-    """Bin centres and smoothed density (1/m); bins are a quarter of the kernel where they may."""
+    """Return bin centres (m) and smoothed density (1/m)."""
     low, high = float(residuals.min()), float(residuals.max())
     bins = int(np.clip(4 * (high - low) / bandwidth, _FEWEST_BINS, _MOST_BINS))
     density, edges = np.histogram(residuals, bins, (low, high), density=True)
@@ -57,16 +57,16 @@ def _density(residuals: Floats, bandwidth: float) -> tuple[Floats, Floats]:
     return (edges[1:] + edges[:-1]) / 2, np.asarray(smooth, dtype=np.float64)
 
 
-def symmetric_limit(residuals: Floats, least_m: float) -> float:
-    """The y axis's limit: `least_m`, widened by steps of 5 cm until it holds every residual."""
+def symmetric_limit(residuals: Floats, min_m: float) -> float:
+    """Return the limit of the y axis: at least `min_m`, in steps of 5 cm above."""
     largest = float(np.abs(residuals).max(initial=0.0))
-    if largest <= least_m:
-        return least_m
+    if largest <= min_m:
+        return min_m
     return math.ceil(largest / _STEP_M) * _STEP_M
 
 
 def moments_text(residuals: Floats) -> str:
-    """Mean and standard deviation to the millimetre, in metres, as under the thesis's violins."""
+    """Return mean and standard deviation in m, to three decimals."""
     mean, std = residuals.mean() + 0.0, residuals.std()
     return f"$\\mu$ = {_zero_unsigned(mean)}\n$\\sigma$ = {std:.3f}"
 
