@@ -1,9 +1,11 @@
-"""Context mixing: a bit's probability from several adaptive estimates, in integer arithmetic.
+"""Context mixing: the probability of a bit from several estimates, in integer arithmetic.
 
-An outside estimate (a network's, a table's) and the estimates of adaptive contexts are mixed in the
-logistic domain by weights that are learnt while coding. There may be several sets of weights, each
-selected by another property of the bit; their mixtures are averaged and then corrected by adaptive
-tables of how often a bit was 1 at that mixture (secondary estimation).
+Estimates are logits. Some, the experts, are given by the caller (from a network, a table or a
+predictor); the others are adaptive probabilities of contexts, each a counter. A set of weights, of
+which a row is selected for each bit, adds the estimates; the mixtures of all sets are averaged.
+Correction tables then learn how often a bit was 1 at each mixture (secondary estimation), and
+weights and counters learn from the coded bit. All of it is exact, so that every machine decodes the
+same bits.
 
 References
 ----------
@@ -12,6 +14,8 @@ Mahoney 2005, "Adaptive weighing of context models for lossless data compression
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -26,177 +30,231 @@ from puckbench.coding.binary_coder import (
     learning_rates,
     logistic_tables,
 )
-from puckbench.core.compiling import compiled_in_place, inlined
+from puckbench.coding.integers import dot
+from puckbench.coding.intrinsics import Lanes, add_scaled, lanes_for
+from puckbench.core.compiling import inlined
 
 Ints = NDArray[np.int64]
-Slots = NDArray[np.int32]
-Counters = Slots | NDArray[np.uint32]
-Numbers = NDArray[np.signedinteger[Any]]
-"""Of 32 or 64 bits."""
+Words = NDArray[np.int32]
+Counters = NDArray[np.int32] | NDArray[np.uint32]
+Integers = NDArray[np.integer[Any]]
 FINE_BITS = 22
 """Adaptive probabilities are in units of 2**-22."""
 SEEN_BITS = 9
-"""Lowest bits of a context's state, below its probability: number of bits seen so far."""
+"""Lowest bits of a counter, below its probability: the number of bits seen so far."""
 CERTAIN = (1 << FINE_BITS) - 1
+"""The probability 1 of a counter."""
 BUCKETS = 33
+"""Entries of a correction table, at equal distances of the mixture."""
 BIAS = 77
 """Constant input of every mixture, in units of the logistic domain."""
-_TABLES = 2
-"""Most correction tables, selected as the first sets of weights are."""
 
 
-class MixerSettings(NamedTuple):
-    """How a mixer begins and learns.
+@dataclass(frozen=True)
+class MixerOptions:
+    """Sizes of a mixer, and how it learns.
 
     Parameters
     ----------
-    estimate, context
-        Initial weights of the outside estimate and of each context's estimate.
-    learning_rate
-        Of the weights.
+    experts, contexts
+        Number of experts and of contexts of a bit.
+    counters
+        Number of adaptive probabilities, of all contexts.
+    rows
+        Number of rows of weights, of all sets.
+    weights
+        Initial weight of each expert, then of each context.
+    learning_rate, final_learning_rate
+        Of the weights, at the first bit and after many.
     memory
-        Of a context's adaptive probability, in bits; at most `SLOWEST`.
+        Bits after which a counter adapts no more slowly; at most `SLOWEST`.
+    sets
+        Number of sets of weights.
+    tables
+        Number of sets (1 or 2), of the first ones, that have a correction table for each row.
     """
 
-    estimate: float
-    context: float
+    experts: int
+    contexts: int
+    counters: int
+    rows: int
+    weights: Sequence[float]
     learning_rate: int
+    final_learning_rate: int
     memory: int
+    sets: int = 1
+    tables: int = 1
+
+
+class MixerSizes(NamedTuple):
+    """Sizes of a mixer as lengths of tuples, which are constants for the compiler."""
+
+    experts: Lanes
+    contexts: Lanes
+    sets: Lanes
+    tables: Lanes
+    lanes: Lanes
 
 
 class Mixer(NamedTuple):
-    """State of a coder that mixes contexts.
-
-    bits: the arithmetic coder. contexts: (contexts,) probability of a 1 and number of bits seen of
-    each. weights: (rows, inputs), the rows of all sets. corrected: (rows, buckets), probability of
-    a 1 by the mixture's bucket. stretch, squash, rates: tables of `binary_coder`. at: (contexts of
-    a bit,), the contexts of the next bit; rows: (sets,), its weights' rows; inputs, mixtures:
-    workspace. learning_rate, memory: see `MixerSettings`.
-    """
-
-    bits: BitCoder
-    contexts: Slots
-    weights: Ints
-    corrected: Ints
-    stretch: Ints
-    squash: Ints
-    rates: Ints
-    at: Ints
-    rows: Ints
-    inputs: Ints
-    mixtures: Ints
-    learning_rate: int
-    memory: int
-
-
-def mixer(
-    bits: BitCoder, contexts: int, inputs: int, rows: int, sets: int, settings: MixerSettings
-) -> Mixer:
-    """A coder in its initial state.
+    """State of a mixer. For each bit the caller sets the experts' `inputs`, `contexts` and `rows`.
 
     Parameters
     ----------
     bits
-        Writes or reads the stream.
-    contexts
-        Number of contexts in all.
+        The arithmetic coder.
+    counters
+        (counters,), the probability of a 1 and the number of bits seen.
+    weights
+        (rows * lanes,), of the experts, the contexts and the bias, then zeros.
+    corrections
+        (rows, buckets), the probability of a 1 by the bucket of the mixture.
     inputs
-        Number of contexts of one bit.
+        (lanes,), logits of the experts and of the contexts, and the bias.
+    contexts
+        (contexts,), the counter of each context of the next bit.
     rows
-        Number of rows of weights in all sets together.
-    sets
-        Number of sets of weights.
-    settings
-        Initial weights, learning rate and memory.
+        (sets,), the row of weights of each set for the next bit.
+    mixtures
+        (sets,), the logit of each set.
+    stretch, squash, rates
+        Tables of `binary_coder`.
+    learning
+        Learning rate at first, in the end and now, and the number of coded bits.
+    memory
+        As in `MixerOptions`.
+    sizes
+        As in `MixerOptions`; `lanes`: numbers of a row of weights.
     """
+
+    bits: BitCoder
+    counters: NDArray[np.uint32]
+    weights: Words
+    corrections: Words
+    inputs: Words
+    contexts: Ints
+    rows: Ints
+    mixtures: Ints
+    stretch: NDArray[np.int16]
+    squash: NDArray[np.uint16]
+    rates: Words
+    learning: Ints
+    memory: int
+    sizes: MixerSizes
+
+
+def new_mixer(bits: BitCoder, options: MixerOptions) -> Mixer:
+    """Return a mixer in its initial state, which codes with `bits`."""
+    inputs = options.experts + options.contexts
+    lanes = lanes_for(inputs + 1)
+    weights = np.zeros((options.rows, len(lanes)), np.int32)
+    weights[:, :inputs] = [round(weight * ONE) for weight in options.weights]
+    first_inputs = np.zeros(len(lanes), np.int32)
+    first_inputs[inputs] = BIAS
     stretch, squash = logistic_tables()
-    weights = np.full((rows, inputs + 2), round(settings.context * ONE), np.int64)
-    weights[:, 0], weights[:, -1] = round(settings.estimate * ONE), 0
+    rate, final_rate = options.learning_rate, options.final_learning_rate
+    sizes = MixerSizes(
+        (0,) * options.experts,
+        (0,) * options.contexts,
+        (0,) * options.sets,
+        (0,) * options.tables,
+        lanes,
+    )
     return Mixer(
         bits,
-        new_counters(contexts),
-        weights,
-        new_corrections(rows),
-        stretch,
-        squash,
-        learning_rates(),
-        np.zeros(inputs, np.int64),
-        np.zeros(sets, np.int64),
-        np.zeros(inputs + 2, np.int64),
-        np.zeros(sets, np.int64),
-        settings.learning_rate,
-        settings.memory,
+        new_counters(options.counters).view(np.uint32),
+        weights.ravel(),
+        new_corrections(options.rows),
+        first_inputs,
+        np.zeros(options.contexts, np.int64),
+        np.zeros(options.sets, np.int64),
+        np.zeros(options.sets, np.int64),
+        stretch.astype(np.int16),
+        squash.astype(np.uint16),
+        learning_rates().astype(np.int32),
+        np.array([rate, final_rate, rate, 0], np.int64),
+        options.memory,
+        sizes,
     )
 
 
-def new_counters(count: int) -> Slots:
-    """Adaptive probabilities (count,) of 1 / 2, of no bit seen yet."""
+def new_counters(count: int) -> NDArray[np.int32]:
+    """Return counters (count,) of probability 1 / 2 that have seen no bit."""
     return np.full(count, 1 << FINE_BITS + SEEN_BITS - 1, np.int32)
 
 
-def new_corrections(rows: int) -> Ints:
-    """Tables (rows, buckets) that correct nothing: a mixture's own probability in each bucket."""
+def new_corrections(rows: int) -> Words:
+    """Return correction tables (rows, buckets) that keep the probability of every mixture."""
     _, squash = logistic_tables()
     steps = np.minimum(np.arange(BUCKETS) * 128, 2 * ENDS - 1)
-    return np.tile(squash[steps] << FINE_BITS - 16, (rows, 1))
-
-
-@compiled_in_place
-def code_mixed(mixer: Mixer, bit: int, guess: int) -> int:
-    """Code a bit by an outside estimate (a logit) and the mixer's `at` and `rows`; returns it."""
-    inputs, sets = mixer.inputs, len(mixer.rows)
-    _gather(mixer, guess)
-    total = 0
-    for number in range(sets):
-        total += _mix(mixer, number)
-    level = min(max(total // sets, -ENDS), ENDS - 1) + ENDS
-    bucket, share, tables = level >> 7, level & 127, min(sets, _TABLES)
-    # Half of it is the mixture, half its corrections: 2 or 4 times the mean, to be shifted.
-    final = tables * mixer.squash[level]
-    for number in range(tables):
-        final += seen_at(mixer.corrected, mixer.rows[number], bucket, share)
-    bit = code(mixer.bits, bit, min(max(final >> tables, LEAST), ONE - LEAST))
-    for number in range(tables):
-        correct(mixer.corrected, mixer.rows[number], bucket, share, bit * CERTAIN)
-    for number in range(sets):
-        row = mixer.rows[number]
-        error = (bit * ONE - mixer.squash[mixer.mixtures[number] + ENDS]) * mixer.learning_rate
-        for place in range(len(inputs)):
-            mixer.weights[row, place] += (inputs[place] * error + (1 << 17)) >> 18
-    for place in range(len(mixer.at)):
-        learn_bit(mixer.contexts, mixer.at[place], bit * CERTAIN, mixer.rates, mixer.memory)
-    return bit
-
-
-@compiled_in_place
-def _gather(mixer: Mixer, guess: int) -> None:
-    inputs, last = mixer.inputs, len(mixer.at) + 1
-    inputs[0], inputs[last] = guess, BIAS
-    for place in range(len(mixer.at)):
-        inputs[place + 1] = logit_of(mixer.contexts, mixer.at[place], mixer.stretch)
-
-
-@compiled_in_place
-def _mix(mixer: Mixer, number: int) -> int:
-    """The logit that a set of weights makes of the inputs."""
-    row, mixed = mixer.rows[number], 0
-    for place in range(len(mixer.inputs)):
-        mixed += mixer.weights[row, place] * mixer.inputs[place]
-    mixer.mixtures[number] = min(max(mixed >> 16, -ENDS), ENDS - 1)
-    return int(mixer.mixtures[number])
+    return np.tile((squash[steps] << FINE_BITS - 16).astype(np.int32), (rows, 1))
 
 
 @inlined
-def logit_of(counters: Counters, counter: int, stretch: Numbers) -> int:
-    """The logit of an adaptive probability."""
+def code_bit(mixer: Mixer, bit: int, node: int, row: int) -> int:
+    """Code a bit with the mixer's experts, contexts and rows; return it.
+
+    Parameters
+    ----------
+    mixer
+        The mixer.
+    bit
+        The bit; a reader ignores it.
+    node, row
+        Added to each of the `contexts`, and to each of the `rows`.
+    """
+    sizes, inputs, weights = mixer.sizes, mixer.inputs, mixer.weights
+    experts, sets, width = len(sizes.experts), len(sizes.sets), len(sizes.lanes)
+    tables = len(sizes.tables)
+    for k in range(len(sizes.contexts)):
+        counter = mixer.contexts[k] + node
+        inputs[experts + k] = logit_of(mixer.counters, counter, mixer.stretch)
+    total = 0
+    for k in range(sets):
+        mixed = dot(weights, (mixer.rows[k] + row) * width, inputs, 0, sizes.lanes) >> 16
+        mixed = min(max(mixed, -ENDS), ENDS - 1)
+        mixer.mixtures[k] = mixed
+        total += mixed
+    level = total // sets + ENDS
+    bucket, share = level >> 7, level & 127
+    # Half is the mixture, half its corrections: a sum of 2 or 4 probabilities.
+    probability = tables * int(mixer.squash[np.uint64(level)])
+    for k in range(tables):
+        probability += corrected(mixer.corrections, mixer.rows[k] + row, bucket, share)
+    bit = code(mixer.bits, bit, min(max(probability >> tables, LEAST), ONE - LEAST))
+    for k in range(tables):
+        learn_correction(mixer.corrections, mixer.rows[k] + row, bucket, share, bit * CERTAIN)
+    rate = _learning_rate(mixer.learning)
+    for k in range(sets):
+        error = (bit * ONE - int(mixer.squash[np.uint64(mixer.mixtures[k] + ENDS)])) * rate
+        add_scaled(weights, (mixer.rows[k] + row) * width, inputs, error, 18, sizes.lanes)
+    for k in range(len(sizes.contexts)):
+        counter = mixer.contexts[k] + node
+        learn_bit(mixer.counters, counter, bit * CERTAIN, mixer.rates, mixer.memory)
+    return bit
+
+
+@inlined
+def _learning_rate(learning: Ints) -> int:
+    """The learning rate of the next bit, which falls every eight bits."""
+    coded = learning[3]
+    if coded & 7 == 0:
+        learning[2] = learning[1] + ((learning[0] - learning[1]) * 256) // (256 + (coded >> 3))
+    learning[3] = coded + 1
+    return int(learning[2])
+
+
+@inlined
+def logit_of(counters: Counters, counter: int, stretch: Integers) -> int:
+    """Return the logit of a counter's probability."""
     state = np.int64(counters[np.uint64(counter)])
     return int(stretch[np.uint64(state >> SEEN_BITS + FINE_BITS - 12)])
 
 
 @inlined
-def learn_bit(counters: Counters, counter: int, target: int, rates: Numbers, memory: int) -> None:
-    """Move an adaptive probability towards a coded bit; target: the bit times `CERTAIN`."""
-    place = np.uint64(counter)  # not counted from the end: numba need not ask whether it is
+def learn_bit(counters: Counters, counter: int, target: int, rates: Integers, memory: int) -> None:
+    """Move a counter's probability towards a coded bit; `target` is the bit times `CERTAIN`."""
+    place = np.uint64(counter)  # numba would look whether a signed index is below 0
     state = np.int64(counters[place])
     seen = state & ((1 << SEEN_BITS) - 1)
     step = ((target - (state >> SEEN_BITS)) * rates[np.uint64(seen)]) >> 16
@@ -204,18 +262,18 @@ def learn_bit(counters: Counters, counter: int, target: int, rates: Numbers, mem
 
 
 @inlined
-def seen_at(corrected: Numbers, row: int, bucket: int, share: int) -> int:
-    """How often a bit was 1 at a mixture between two buckets; share: of the second, in 1 / 128."""
+def corrected(corrections: Integers, row: int, bucket: int, share: int) -> int:
+    """Return the probability of a 1 between two buckets; `share`: of the second, in 1 / 128."""
     place = np.uint64(row), np.uint64(bucket)
     after = np.uint64(row), np.uint64(bucket + 1)
-    left, right = corrected[place], corrected[after]
+    left, right = corrections[place], corrections[after]
     return int((left * (128 - share) + right * share) >> 13)
 
 
 @inlined
-def correct(corrected: Numbers, row: int, bucket: int, share: int, target: int) -> None:
-    """Let the buckets of `seen_at` learn from a coded bit; target: the bit times `CERTAIN`."""
+def learn_correction(corrections: Integers, row: int, bucket: int, share: int, target: int) -> None:
+    """Move two buckets towards a coded bit; `target` is the bit times `CERTAIN`."""
     place = np.uint64(row), np.uint64(bucket)
     after = np.uint64(row), np.uint64(bucket + 1)
-    corrected[place] += ((target - corrected[place]) * (128 - share)) >> 14
-    corrected[after] += ((target - corrected[after]) * share) >> 14
+    corrections[place] += ((target - corrections[place]) * (128 - share)) >> 14
+    corrections[after] += ((target - corrections[after]) * share) >> 14

@@ -24,7 +24,7 @@ from puckbench.coding.binary_coder import (
     read_to_its_end,
     written,
 )
-from puckbench.coding.context_mixing import Mixer, MixerSettings, code_mixed, mixer
+from puckbench.coding.context_mixing import Mixer, MixerOptions, code_bit, new_mixer
 from puckbench.core.compiling import compiled_in_place
 from puckbench.core.errors import InputError
 from puckbench.learned.entropy_bottleneck import FrequencyTable
@@ -39,7 +39,6 @@ _DECISIONS = 12
 """Binary decisions of a value: zero, sign, magnitudes 1 to 4 and beyond, of either sign."""
 _SIZES = (16 * 8, 20 * 5, 15 * 8, 4096, 64 * 6, 256 * 6, 64 * 8)
 """Numbers of contexts of the seven kinds, see `_find_contexts`."""
-_MIXER = MixerSettings(estimate=0.4, context=0.15, learning_rate=20, memory=SLOWEST)
 _MAX_VALUE_BYTES = 80
 """Bytes of a value: all its decisions, each at most log2(65,536 / 32) bits."""
 
@@ -143,9 +142,18 @@ def decode_with_contexts(data: bytes, neighbours: NeighbourTable, prior: Prior) 
 def _code(bits: BitCoder, values: Ints, neighbours: NeighbourTable, prior: Prior) -> None:
     decisions = _DECISIONS * values.shape[1]
     starts = np.cumsum((0, *(decisions * size for size in _SIZES)))
-    mixed = mixer(bits, int(starts[-1]), len(_SIZES), decisions, 1, _MIXER)
+    options = MixerOptions(
+        experts=1,
+        contexts=len(_SIZES),
+        counters=int(starts[-1]),
+        rows=decisions,
+        weights=(0.4, *(0.15 for _ in _SIZES)),
+        learning_rate=20,
+        final_learning_rate=20,
+        memory=SLOWEST,
+    )
     around = _Neighbourhood(*(np.zeros(n, np.int64) for n in (3, OFFSETS, OFFSETS, 2, len(_SIZES))))
-    _code_values(mixed, values, neighbours, _concatenated(prior), around, starts)
+    _code_values(new_mixer(bits, options), values, neighbours, _concatenated(prior), around, starts)
 
 
 def _concatenated(prior: Prior) -> _Tables:
@@ -307,8 +315,9 @@ def _code_decision(
     mixer: Mixer, around: _Neighbourhood, starts: Ints, decision: int, yes: int, no: int, bit: int
 ) -> int:
     """Code a decision whose two outcomes have these frequencies in the tables."""
-    for place in range(len(mixer.at)):
-        mixer.at[place] = starts[place] + decision * _SIZES[place] + around.contexts[place]
+    for place in range(len(_SIZES)):
+        mixer.contexts[place] = starts[place] + decision * _SIZES[place] + around.contexts[place]
     probability = min((yes << 12) // (yes + no), 4095) if yes + no > 0 else 2048
     mixer.rows[0] = decision
-    return code_mixed(mixer, int(bit), mixer.stretch[probability])
+    mixer.inputs[0] = mixer.stretch[probability]
+    return code_bit(mixer, int(bit), 0, 0)

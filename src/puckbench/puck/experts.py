@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.coding.binary_coder import UNIT
+from puckbench.coding.context_mixing import Ints, Words
+from puckbench.coding.intrinsics import Lanes
 from puckbench.core.compiling import inlined
-from puckbench.puck.mixing import Ints, Many, Words
 
 FINE = 16
 """Means and errors are in units of 1 / FINE."""
@@ -43,7 +44,7 @@ class Experts(NamedTuple):
     scales: Words  # (experts, situations), mean absolute errors in 1 / (256 FINE)
     distribution: NDArray[np.int16]  # tables
     logits: NDArray[np.int16]
-    every: Many  # a tuple whose length is known to the compiler
+    every: Lanes  # a tuple whose length is known to the compiler
 
 
 def new_experts(scales: Words, count: int) -> Experts:

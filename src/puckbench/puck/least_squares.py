@@ -10,10 +10,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from puckbench.coding.context_mixing import Ints, Words
 from puckbench.coding.integers import dot
-from puckbench.coding.intrinsics import decay_and_add, lanes_for
+from puckbench.coding.intrinsics import Lanes, decay_and_add, lanes_for
 from puckbench.core.compiling import inlined
-from puckbench.puck.mixing import Ints, Many, Words
 
 FRACTION = 16
 """Coefficients are in units of 2**-FRACTION."""
@@ -29,8 +29,8 @@ class LeastSquares(NamedTuple):
     products: Words  # (predictors * features * lanes,), sums of products of two features
     targets: Ints  # (predictors, lanes), weighted sums of a feature times the target
     coefficients: Words  # (predictors * lanes,)
-    every: Many  # tuples whose lengths (features, lanes) are known to the compiler
-    lanes: Many
+    every: Lanes  # tuples whose lengths (features, lanes) are known to the compiler
+    lanes: Lanes
 
 
 def new_least_squares(predictors: int, features: int) -> LeastSquares:

@@ -9,11 +9,17 @@ from __future__ import annotations
 import numpy as np
 
 from puckbench.coding.binary_coder import LEAST, ONE, code
-from puckbench.coding.context_mixing import CERTAIN, FINE_BITS, SEEN_BITS, learn_bit
+from puckbench.coding.context_mixing import (
+    CERTAIN,
+    FINE_BITS,
+    SEEN_BITS,
+    Mixer,
+    code_bit,
+    learn_bit,
+)
 from puckbench.coding.integers import leading_zeros
 from puckbench.core.compiling import inlined
 from puckbench.puck.experts import FINE, Experts, narrow, write_logits
-from puckbench.puck.mixing import Mixer, code_bit
 
 FARTHEST = (1 << 16) - 1
 """The largest range of a packet."""
@@ -94,7 +100,7 @@ def code_unmixed_bit(mixer: Mixer, counter: int, bit: int) -> int:
     state = np.int64(mixer.counters[np.uint64(counter)])
     share = int(state >> SEEN_BITS + FINE_BITS - 16)
     bit = code(mixer.bits, bit, min(max(share, LEAST), ONE - LEAST))
-    learn_bit(mixer.counters, counter, bit * CERTAIN, mixer.rates, mixer.pace[2])
+    learn_bit(mixer.counters, counter, bit * CERTAIN, mixer.rates, mixer.memory)
     return bit
 
 

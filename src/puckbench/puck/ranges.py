@@ -19,6 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from puckbench.coding.binary_coder import BitCoder, exhausted
+from puckbench.coding.context_mixing import Ints, Mixer, MixerOptions, Words, code_bit, new_mixer
 from puckbench.core.compiling import compiled_in_place, inlined
 from puckbench.puck.experts import (
     FINE,
@@ -34,7 +35,6 @@ from puckbench.puck.least_squares import (
     predicted,
     solve,
 )
-from puckbench.puck.mixing import Ints, Mixer, Words, code_bit, new_mixer
 from puckbench.puck.numbers import (
     FARTHEST,
     NODES,
@@ -116,10 +116,16 @@ def new_range_model(
     first_weights = [*_EXPERT_WEIGHTS[: size.experts], *_CONTEXT_WEIGHTS[: size.contexts]]
     zeros = np.zeros(lasers, np.int64)
     return RangeModel(
-        new_mixer(bits, 0, size.mask_contexts, int(mask_sizes.sum()), 64 + lasers,
-                  min(size.sets, 2), (24, 5, 160), _MASK_WEIGHTS[: size.mask_contexts]),
-        new_mixer(bits, size.experts, size.contexts, int(sizes.sum()),
-                  NODES * (1 + _LEVELS + 4), size.sets, (24, 4, 160), first_weights),
+        new_mixer(bits, MixerOptions(
+            experts=0, contexts=size.mask_contexts, counters=int(mask_sizes.sum()),
+            rows=64 + lasers, weights=_MASK_WEIGHTS[: size.mask_contexts], learning_rate=24,
+            final_learning_rate=5, memory=160, sets=min(size.sets, 2),
+        )),
+        new_mixer(bits, MixerOptions(
+            experts=size.experts, contexts=size.contexts, counters=int(sizes.sum()),
+            rows=NODES * (1 + _LEVELS + 4), weights=first_weights, learning_rate=24,
+            final_learning_rate=4, memory=160, sets=size.sets,
+        )),
         np.cumsum(sizes) - sizes,
         np.cumsum(mask_sizes) - mask_sizes,
         new_experts(_first_scales(size.experts), size.experts),
@@ -203,7 +209,7 @@ def _code_mask(
         then_level = min(halves(then[t, laser]) >> 1, 16)
         if laser > 0:
             then_below = _is(then, t, laser - 1)
-    at, count = mask.at, len(mask.contexts)
+    at, count = mask.contexts, len(mask.sizes.contexts)
     neighbours = (
         (((history * 2 + _is(ranges, c - 4, laser)) * 3 + below) * 2 + below1) * 2 + below_two
     ) * 2
@@ -220,7 +226,7 @@ def _code_mask(
         )
         at[5] = starts[5] + (laser * 16 + min(model.gap[laser], 15)) * 4 + west * 2 + (below & 1)
     mask.rows[0] = ((west * 3 + below) * 3 + then_here) * 2 + west2
-    if len(mask.sets) > 1:
+    if len(mask.sizes.sets) > 1:
         mask.rows[1] = 64 + laser
     exists = code_bit(mask, 1 if source[c, laser] > 0 else 0, 0, 0)
     model.gap[laser] = model.gap[laser] + 1 if exists == west else 0
@@ -466,11 +472,11 @@ def _write_contexts(
         lower = _level(image.ranges[c, laser - 1], centre, unit)
     if laser + 1 < image.ranges.shape[1]:
         upper = _level(image.ranges[c - 1, laser + 1], centre, unit)
-    m.at[0] = starts[0] + (lower * 10 + upper) * NODES
-    m.at[1] = starts[1] + situation * NODES
-    m.at[2] = starts[2] + (then * 9 + level_of(base - centre, unit)) * NODES
+    m.contexts[0] = starts[0] + (lower * 10 + upper) * NODES
+    m.contexts[1] = starts[1] + situation * NODES
+    m.contexts[2] = starts[2] + (then * 9 + level_of(base - centre, unit)) * NODES
     m.rows[0] = 0
-    if len(m.contexts) > 3:
+    if len(m.sizes.contexts) > 3:
         _write_more_contexts(model, image, before, c, laser, t, centre, unit, then)
         m.rows[1] = (1 + (situation >> 2)) * NODES
         m.rows[2] = (1 + _LEVELS + (situation & 3)) * NODES
@@ -487,7 +493,7 @@ def _write_more_contexts(
     model: RangeModel, image: RangeContext, before: RangeContext, c: int, laser: int, t: int,
     centre: int, unit: int, then: int,
 ) -> None:  # fmt: skip
-    at, starts, means = model.value.at, model.starts, model.experts.means
+    at, starts, means = model.value.contexts, model.starts, model.experts.means
     east, back = 9, 9
     if t > 0:
         east = _level(before.ranges[t + 1, laser], centre, unit)

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from puckbench.coding.binary_coder import BitCoder, exhausted
+from puckbench.coding.context_mixing import Ints, Mixer, MixerOptions, Words, code_bit, new_mixer
 from puckbench.core.compiling import compiled_in_place, inlined
 from puckbench.puck.experts import FINE, Experts, begin, learn, narrow, new_experts, write_logits
 from puckbench.puck.least_squares import (
@@ -21,7 +22,6 @@ from puckbench.puck.least_squares import (
     predicted,
     solve,
 )
-from puckbench.puck.mixing import Ints, Mixer, Words, code_bit, new_mixer
 from puckbench.puck.numbers import halves
 from puckbench.puck.ranges import PAD
 
@@ -68,9 +68,15 @@ def new_reflectivity_model(bits: BitCoder, lasers: int, lean: bool = False) -> R
     usual = (1 << level // 2) * (2 + level % 2) * 128
     experts, contexts, sets = (0, _LEAN_CONTEXTS, 1) if lean else (_EXPERTS, _CONTEXTS, 2)
     return ReflectivityModel(
-        new_mixer(bits, 0, 3, lasers * 32 + lasers * 16 + 1024, 16, 1, (14, 3, 160), [0.4] * 3),
-        new_mixer(bits, experts, contexts, int(sizes.sum()), _TREE + 9 * _LEVELS, sets,
-                  (14, 2, 160), [0.3 if lean else 0.2] * (experts + contexts)),
+        new_mixer(bits, MixerOptions(
+            experts=0, contexts=3, counters=lasers * 32 + lasers * 16 + 1024, rows=16,
+            weights=[0.4] * 3, learning_rate=14, final_learning_rate=3, memory=160,
+        )),
+        new_mixer(bits, MixerOptions(
+            experts=experts, contexts=contexts, counters=int(sizes.sum()),
+            rows=_TREE + 9 * _LEVELS, weights=[0.3 if lean else 0.2] * (experts + contexts),
+            learning_rate=14, final_learning_rate=2, memory=160, sets=sets,
+        )),
         np.cumsum(sizes) - sizes,
         new_experts(np.tile(usual, (_EXPERTS, 1)).astype(np.int32), _EXPERTS),
         new_least_squares(1, _FEATURES),
@@ -115,9 +121,9 @@ def _code_same(
     west = 1 if turn.ranges[c - 1, laser] > 0 else 0
     history = model.was_same[laser] & 7
     lasers = turn.values.shape[1]
-    same.at[0] = laser * 32 + history * 4 + returned * 2 + west
-    same.at[1] = lasers * 32 + laser * 16 + history * 2 + returned
-    same.at[2] = lasers * 48 + (guess & 255) * 2 + returned
+    same.contexts[0] = laser * 32 + history * 4 + returned * 2 + west
+    same.contexts[1] = lasers * 32 + laser * 16 + history * 2 + returned
+    same.contexts[2] = lasers * 48 + (guess & 255) * 2 + returned
     same.rows[0] = history * 2 + returned
     bit = code_bit(same, 1 if turn.values[c, laser] == guess - 1 else 0, 0, 0)
     model.was_same[laser] = model.was_same[laser] << 1 & 7 | bit
@@ -135,8 +141,8 @@ def _code_byte(
     if t > 0 and turn.then_ranges[t, laser] > 0:
         then = int(turn.then[t, laser]) + 1
     returned = 1 if turn.ranges[c, laser] > 0 else 0
-    if len(mixer.contexts) < _CONTEXTS:
-        at = mixer.at
+    if len(mixer.sizes.contexts) < _CONTEXTS:
+        at = mixer.contexts
         at[0] = starts[0] + (laser * 2 + returned) * _TREE
         at[1] = starts[1] + west * _TREE
         at[2] = starts[2] + then * _TREE
@@ -153,7 +159,7 @@ def _code_byte(
     level = min(max(halves(model.error[laser]) - 4, 0), _LEVELS - 1)
     begin(model.experts, level)
     change = _change(turn, c, laser)
-    at = mixer.at
+    at = mixer.contexts
     at[0] = starts[0] + (laser * 2 + returned) * _TREE
     at[1] = starts[1] + west * _TREE
     at[2] = starts[2] + then * _TREE

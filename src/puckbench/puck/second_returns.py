@@ -10,9 +10,9 @@ from typing import NamedTuple
 import numpy as np
 
 from puckbench.coding.binary_coder import BitCoder, exhausted
+from puckbench.coding.context_mixing import Ints, Mixer, MixerOptions, Words, code_bit, new_mixer
 from puckbench.core.compiling import compiled_in_place, inlined
 from puckbench.puck.experts import FINE, Experts, begin, learn, new_experts
-from puckbench.puck.mixing import Ints, Mixer, Words, code_bit, new_mixer
 from puckbench.puck.numbers import FARTHEST, NODES, code_number, halves
 from puckbench.puck.ranges import PAD
 
@@ -31,11 +31,21 @@ class SecondReturnModel(NamedTuple):
 
 
 def new_second_return_model(bits: BitCoder, lasers: int, step: int) -> SecondReturnModel:
-    same = new_mixer(bits, 0, 3, 1024 + lasers * 8 + 640, _SAME_ROWS, 1, (14, 3, 160), [0.4] * 3)
-    value = new_mixer(bits, 4, 2, 65 * NODES, NODES, 1, (16, 4, 160), [0.3] * 4 + [0.2] * 2)
+    same = MixerOptions(
+        experts=0, contexts=3, counters=1024 + lasers * 8 + 640, rows=_SAME_ROWS,
+        weights=[0.4] * 3, learning_rate=14, final_learning_rate=3, memory=160,
+    )  # fmt: skip
+    value = MixerOptions(
+        experts=4, contexts=2, counters=65 * NODES, rows=NODES, weights=[0.3] * 4 + [0.2] * 2,
+        learning_rate=16, final_learning_rate=4, memory=160,
+    )  # fmt: skip
     scales = np.full((4, 1), _FIRST_SCALE, np.int32)
     return SecondReturnModel(
-        same, value, new_experts(scales, len(scales)), np.zeros(lasers, np.int64), step
+        new_mixer(bits, same),
+        new_mixer(bits, value),
+        new_experts(scales, len(scales)),
+        np.zeros(lasers, np.int64),
+        step,
     )
 
 
@@ -91,9 +101,9 @@ def _code_same(
     jump = min(halves(abs(first[c, laser] - first[c - 1, laser])), 31)
     same, lasers = model.same, ranges.shape[1]
     around = (west * 2 + below) * 2 + above
-    same.at[0] = (around * 8 + past) * 2 + returned
-    same.at[1] = 1024 + laser * 8 + returned * 4 + west
-    same.at[2] = 1024 + lasers * 8 + (jump * 2 + returned) * 2 + below
+    same.contexts[0] = (around * 8 + past) * 2 + returned
+    same.contexts[1] = 1024 + laser * 8 + returned * 4 + west
+    same.contexts[2] = 1024 + lasers * 8 + (jump * 2 + returned) * 2 + below
     same.rows[0] = returned * 4 + min(west, 1) * 2 + below
     return code_bit(same, is_same, 0, 0)
 
@@ -117,7 +127,7 @@ def _code_other(
     known = (
         int(means[1] > 0) + 2 * int(means[2] > 0) + 4 * int(means[3] > 0) + 8 * int(means[0] > 0)
     )
-    m.at[0], m.at[1], m.rows[0] = 0, (1 + known) * NODES, 0
+    m.contexts[0], m.contexts[1], m.rows[0] = 0, (1 + known) * NODES, 0
     centre = 1
     found = code_number(m, model.experts, number, centre, max(16 // step, 1), step)
     if found > 0:

@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from puckbench.coding.binary_coder import ONE, BitCoder, code, exhausted
+from puckbench.coding.context_mixing import Ints, Mixer, MixerOptions, code_bit, new_mixer
 from puckbench.core.compiling import compiled_in_place, inlined
-from puckbench.puck.mixing import Ints, Mixer, code_bit, new_mixer
 
 _CONTEXTS = 5
 _NODES = 64
@@ -32,7 +32,11 @@ class SequenceModel(NamedTuple):
 
 def new_sequence_model(bits: BitCoder, modulus: int) -> SequenceModel:
     counters = _NODES * (16 + 81 + 9 * 16 + 81 + 243)
-    mixer = new_mixer(bits, 0, _CONTEXTS, counters, _NODES, 1, (14, 3, 160), [0.3] * _CONTEXTS)
+    options = MixerOptions(
+        experts=0, contexts=_CONTEXTS, counters=counters, rows=_NODES, weights=[0.3] * _CONTEXTS,
+        learning_rate=14, final_learning_rate=3, memory=160,
+    )  # fmt: skip
+    mixer = new_mixer(bits, options)
     return SequenceModel(mixer, np.zeros(10, np.int64), np.zeros(4, np.int64), modulus)
 
 
@@ -108,7 +112,7 @@ def _decide(model: SequenceModel, node: int, bit: int) -> int:
 
 @inlined
 def _write_contexts(model: SequenceModel) -> None:
-    recent, at = model.recent, model.mixer.at
+    recent, at = model.recent, model.mixer.contexts
     fraction = ((model.motion[0] + (1 << _FINE - 1)) & ((1 << _FINE) - 1)) >> _FINE - 4
     last, last2 = min(max(recent[0], -4), 4) + 4, min(max(recent[1], -4), 4) + 4
     at[0] = fraction * _NODES

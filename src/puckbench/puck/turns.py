@@ -20,9 +20,9 @@ from puckbench.coding.binary_coder import (
     written,
 )
 from puckbench.coding.byte_io import Reader, base_128
+from puckbench.coding.context_mixing import Ints, Mixer, Words
 from puckbench.core.errors import InputError
 from puckbench.lidar.turns import CENTIDEGREES, Layout, Turn, check_turn
-from puckbench.puck.mixing import Ints, Mixer, Words
 from puckbench.puck.options import EFFORTS, MAX_STEP, CodingOptions
 from puckbench.puck.ranges import (
     MODEL_SIZES,

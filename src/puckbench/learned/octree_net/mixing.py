@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.coding.binary_coder import BitCoder, bit_reader, bit_writer
-from puckbench.coding.context_mixing import Mixer, MixerSettings, code_mixed, mixer
+from puckbench.coding.context_mixing import Mixer, MixerOptions, code_bit, new_mixer
 from puckbench.coding.integers import bit_count
 from puckbench.core.compiling import compiled_in_place
 from puckbench.learned.octree_net.causal_neighbourhood import (
@@ -62,8 +62,18 @@ _ROWS = (_BIT_KINDS, 2 * _FACE_COUNTS, _BIT_PLACES * _STATES)
 """Sets of weights: by the kind of bit, by the numbers of cells at the child's faces, and by the
 states of these cells."""
 _BY_FACE_COUNTS, _BY_CELLS = _ROWS[0], _ROWS[0] + _ROWS[1]
-_MIXER = MixerSettings(estimate=0.6, context=0.05, learning_rate=5, memory=50)
-"""Statistics adapt fast, since noise changes with the distance."""
+_MIXER = MixerOptions(
+    experts=1,
+    contexts=len(_SIZES),
+    counters=_CONTEXTS,
+    rows=sum(_ROWS),
+    weights=(0.6, *(0.05 for _ in _SIZES)),
+    learning_rate=5,
+    final_learning_rate=5,
+    memory=50,  # few bits, since noise changes with the distance
+    sets=len(_ROWS),
+    tables=2,
+)
 _MAX_VOXEL_BYTES = 11
 """Bytes of the eight bits of a voxel, each at most log2(65,536 / 32) bits."""
 _CHILDREN = np.array([EVEN, ODD])
@@ -80,7 +90,7 @@ def reader(stream: bytes) -> Mixer:
 
 
 def _new_mixer(bits: BitCoder) -> Mixer:
-    return mixer(bits, _CONTEXTS, len(_SIZES), sum(_ROWS), len(_ROWS), _MIXER)
+    return new_mixer(bits, _MIXER)
 
 
 def code_symbols(
@@ -134,11 +144,12 @@ def _code_symbols(
             kind, place = (2 * group + half) * _TREE_NODES + node, half * 4 + bit
             logit_step = half * _PROBABILITY_STEPS + min(max((logit + 1536) >> 7, 0), 24)
             _find_contexts(mixer, cells, starts, child, place, logit_step, occupied, unknown)
-            mixer.at[0] += kind * 64 + around[0]
-            mixer.at[1] += (kind * 16 + first) * 7 + around[1]
-            mixer.at[10] += int(level.orientations[row]) * _STATES
+            mixer.contexts[0] += kind * 64 + around[0]
+            mixer.contexts[1] += (kind * 16 + first) * 7 + around[1]
+            mixer.contexts[10] += int(level.orientations[row]) * _STATES
             mixer.rows[0] = kind
-            bit_value = code_mixed(mixer, symbol >> (3 - bit) & 1, logit)
+            mixer.inputs[0] = logit
+            bit_value = code_bit(mixer, symbol >> (3 - bit) & 1, 0, 0)
             own |= bit_value << child
             occupied |= bit_value << cells.own[child]
             node = 2 * node + 1 + bit_value
@@ -197,16 +208,16 @@ def _find_contexts(
     )
     near, at = faces * 4 + open_faces, place * _STATES + beyond
     numbers = (near * 8 + min(ring, 7)) * 8 + min(open_ring, 7)
-    mixer.at[0], mixer.at[1] = starts[0], starts[1]
-    mixer.at[2] = starts[2] + at * 8 + inside
-    mixer.at[3] = starts[3] + (half * _FACE_COUNTS * 64 + numbers) * 4 + min(corners, 3)
-    mixer.at[4] = starts[4] + at * _STATES + second
-    mixer.at[5] = starts[5] + ((place * 16 + min(far, 15)) * _FACE_COUNTS + near) * 4 + joined
-    mixer.at[6] = starts[6] + (at * _STATES + edges) * 8 + inside
-    mixer.at[7] = starts[7] + at * 729 + across
-    mixer.at[8] = starts[8] + (logit_step * _STATES + beyond) * _STATES + second
-    mixer.at[9] = starts[9] + place * 8 + inside
-    mixer.at[10] = starts[10] + place * 27 * _STATES + second
+    mixer.contexts[0], mixer.contexts[1] = starts[0], starts[1]
+    mixer.contexts[2] = starts[2] + at * 8 + inside
+    mixer.contexts[3] = starts[3] + (half * _FACE_COUNTS * 64 + numbers) * 4 + min(corners, 3)
+    mixer.contexts[4] = starts[4] + at * _STATES + second
+    mixer.contexts[5] = starts[5] + ((place * 16 + min(far, 15)) * _FACE_COUNTS + near) * 4 + joined
+    mixer.contexts[6] = starts[6] + (at * _STATES + edges) * 8 + inside
+    mixer.contexts[7] = starts[7] + at * 729 + across
+    mixer.contexts[8] = starts[8] + (logit_step * _STATES + beyond) * _STATES + second
+    mixer.contexts[9] = starts[9] + place * 8 + inside
+    mixer.contexts[10] = starts[10] + place * 27 * _STATES + second
     mixer.rows[1], mixer.rows[2] = _BY_FACE_COUNTS + half * _FACE_COUNTS + near, _BY_CELLS + at
 
 
