@@ -13,7 +13,7 @@ import pytest
 from puckbench.core.errors import InputError
 from puckbench.core.files import read_json, sha256
 from puckbench.datasets.fetch import fetch_data, fetch_source
-from puckbench.datasets.sources import SOURCES, Source
+from puckbench.datasets.sources import SOURCES, PackageSource
 
 FILES = {
     "package/captures/a.json": b'{"spatialEntities": []}',
@@ -34,7 +34,7 @@ def packed(path: Path) -> Path:
 
 
 @pytest.fixture
-def source(tmp_path: Path) -> Source:
+def source(tmp_path: Path) -> PackageSource:
     """A source that copies a package made here."""
     package = packed(tmp_path / "rooms-1.0.tgz")
 
@@ -48,7 +48,7 @@ def source(tmp_path: Path) -> Source:
 
 
 def test_what_is_wanted_lies_there_with_licence_credits_and_hashes(
-    source: Source, tmp_path: Path
+    source: PackageSource, tmp_path: Path
 ) -> None:
     folder = tmp_path / "data" / "rooms"
     assert fetch_source(source, folder) == ""
@@ -61,29 +61,31 @@ def test_what_is_wanted_lies_there_with_licence_credits_and_hashes(
 
 
 def test_a_pinned_package_of_another_hash_is_refused_and_leaves_nothing(
-    source: Source, tmp_path: Path
+    source: PackageSource, tmp_path: Path
 ) -> None:
     folder = tmp_path / "data" / "rooms"
-    with pytest.raises(InputError, match=r"rooms-1\.0\.tgz has the SHA-256 .*not the known 00"):
+    with pytest.raises(InputError, match=r"rooms-1\.0\.tgz has the SHA-256 .*not the expected 00"):
         fetch_source(replace(source, hashes={"rooms-1.0.tgz": "00"}), folder)
     assert list(folder.parent.iterdir()) == []
 
 
 def test_an_unknown_version_of_an_unpinned_package_is_a_warning(
-    source: Source, tmp_path: Path
+    source: PackageSource, tmp_path: Path
 ) -> None:
     warning = fetch_source(replace(source, hashes={}, pinned=False), tmp_path / "data" / "rooms")
-    assert "not a version known here" in warning
+    assert "belongs to no known version" in warning
 
 
-def test_a_package_without_the_wanted_files_is_an_error(source: Source, tmp_path: Path) -> None:
+def test_a_package_without_the_wanted_files_is_an_error(
+    source: PackageSource, tmp_path: Path
+) -> None:
     other = replace(source, wanted=re.compile(r"nothing"))
-    with pytest.raises(InputError, match="nothing in it looks like nothing"):
+    with pytest.raises(InputError, match="no member matches nothing"):
         fetch_source(other, tmp_path / "data" / "rooms")
 
 
 def test_what_is_intact_is_left_alone_and_what_is_not_is_fetched_again(
-    source: Source, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    source: PackageSource, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(SOURCES, "captured_rooms", source)
     root, names = tmp_path / "data", ["captured_rooms"]
@@ -103,7 +105,7 @@ def test_what_is_intact_is_left_alone_and_what_is_not_is_fetched_again(
 
 
 def test_one_that_fails_does_not_keep_the_others(
-    source: Source, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    source: PackageSource, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(SOURCES, "captured_rooms", source)
     monkeypatch.setenv("PATH", str(tmp_path / "empty"))

@@ -70,7 +70,7 @@ def test_files_of_one_name_have_different_names() -> None:
         ("mine/north", None),
         (["mine/b.npy", "mine/../mine/b.npy"], r"b\.npy: the file is named twice"),
         ([], "no point clouds named"),
-        ({"a b": "mine/b.npy"}, "'a b' is no name"),
+        ({"a b": "mine/b.npy"}, "'a b' is not a valid file name"),
     ],
 )
 def test_what_cannot_be_listed_is_named(path: Any, fault: str | None) -> None:

@@ -81,7 +81,7 @@ def known(server: tuple[str, Path], monkeypatch: pytest.MonkeyPatch) -> dict[str
     for name, content in served.items():
         (folder / name).write_bytes(content)
     found = {"repositories": {"one": "."}, "files": files, "order": "02 00 01"}
-    download = partial(published_weights.download, host=host, known=found)
+    download = partial(published_weights.download, host=host, published=found)
     monkeypatch.setitem(
         SOURCES, "pcgc_weights", replace(SOURCES["pcgc_weights"], download=download)
     )
@@ -115,7 +115,7 @@ def test_one_command_brings_the_published_codecs(
 @pytest.mark.parametrize(
     ("served", "content", "fault"),
     [
-        ("c8_a1_32000.pth", b"other", r"c8_a1_32000\.pth has the SHA-256 .*, not the known"),
+        ("c8_a1_32000.pth", b"other", r"c8_a1_32000\.pth has the SHA-256 .*, not the expected"),
         ("ckpt.index", b"other", r"a0\.75b3\.npz: not a TensorFlow checkpoint"),
         ("LICENSE", None, "LICENSE cannot be fetched .*option `weights`"),
     ],
@@ -143,14 +143,14 @@ def test_a_checkpoint_without_a_known_hash_is_known_by_its_name_in_git(
     known["files"] = {"a3.5b3.npz": known["files"]["a3.5b3.npz"]}
     assert published_weights.download(tmp_path, server[0], known).is_file()
     (server[1] / "ckpt.data").write_bytes(bytes(100))
-    with pytest.raises(published_weights.InputError, match="other contents than are known"):
+    with pytest.raises(published_weights.InputError, match="differs from the published one"):
         published_weights.download(tmp_path, server[0], known)
 
 
 def test_the_weights_of_reno_come_alike(
     server: tuple[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    table = published_weights.table("reno_weights")
+    table = published_weights.published_files("reno_weights")
     assert all(len(about["sha256"]) == 64 for about in table["files"].values())
     assert {Path(name).stem for name in table["files"]} == {*RENO_SETS, "LICENSE-RENO"}
     for about in table["files"].values():
@@ -161,7 +161,7 @@ def test_the_weights_of_reno_come_alike(
     table["repositories"] = {"reno": "."}
     source = SOURCES["reno_weights"]
     assert isinstance(source.download, partial)
-    download = partial(source.download, host=server[0], known=table)
+    download = partial(source.download, host=server[0], published=table)
     monkeypatch.setitem(SOURCES, "reno_weights", replace(source, download=download))
     monkeypatch.chdir(tmp_path)
     assert main(["data", "reno_weights"]) == 0
@@ -173,10 +173,10 @@ def test_the_weights_of_reno_come_alike(
 
 
 def test_the_real_table_has_every_rate_and_licence() -> None:
-    files = published_weights.table()["files"]
+    files = published_weights.published_files()["files"]
     wanted = {f"a{rate}b3.npz" for rate in RATES["pcgcv1"]}
     wanted |= {f"c8_a{rate}_32000.pth" for rate in RATES["pcgcv2"]}
     assert set(files) == wanted | {"LICENSE-PCGCv1", "LICENSE-PCGCv2"}
-    assert len(bytes.fromhex(published_weights.table()["order"])) == 222
+    assert len(bytes.fromhex(published_weights.published_files()["order"])) == 222
     assert {name for name, about in files.items() if "sha256" not in about} == {"a3.5b3.npz"}
     assert published_weights._git_name(b"") == "e69de29bb2d1d6434b8b29ae775ad8c2e48c5391"

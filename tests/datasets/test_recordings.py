@@ -67,7 +67,7 @@ def test_a_start_can_be_left_out(folder: Path) -> None:
 def test_what_is_missing_is_told(folder: Path, tmp_path: Path) -> None:
     for path, why in (
         (tmp_path / "none", "no such file or folder"),
-        (tmp_path, "no recording there"),
+        (tmp_path, "no recordings"),
         (folder / "notes.txt", "notes.txt"),
     ):
         with pytest.raises(InputError, match=why):
@@ -320,7 +320,7 @@ def test_a_part_of_a_turn_is_prepared_with_a_remark(
     assert capsys.readouterr().err.splitlines() == [remark]
     assert main(["prepare", str(path), str(tmp_path / "a.ply"), "--turns", "0"]) == 0
     assert not capsys.readouterr().err
-    with pytest.raises(InputError, match=r"no whole turn among the turns .*, 1, which are cut"):
+    with pytest.raises(InputError, match=r"no whole turn in the recording: of 1 turns"):
         open_scene_set("recordings", {"path": str(path)}).load("short")
 
 

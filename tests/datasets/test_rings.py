@@ -227,7 +227,7 @@ def test_sweeps_are_clouds_of_their_points_unless_returns_are_wanted(tmp_path: P
     assert scene.about["missing_returns"] in (missing, missing - 1)  # one may be that of nan
     assert scene.about["dropped_points"] == scene.about["missing_returns"] + 1
     assert len(scene.cloud) == len(rows) - scene.about["dropped_points"]
-    with pytest.raises(InputError, match=r"bin: not 32 rings in order"):
+    with pytest.raises(InputError, match=r"bin: points are not in the order of 32 rings"):
         of_nuscenes(tmp_path, rows)
 
 
@@ -245,12 +245,12 @@ def test_firings_without_return_are_left_out_wherever_the_car_was(tmp_path: Path
 
 
 def test_sweeps_that_cannot_be_read_are_named(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"no such folder .nuScenes should lie there"):
+    with pytest.raises(InputError, match=r"no such folder .expected nuScenes"):
         NuScenes(path=str(tmp_path / "none")).names()
     with pytest.raises(InputError, match=r"no sweeps .samples/LIDAR_TOP"):
         NuScenes(path=str(tmp_path)).names()
     rows = as_nuscenes(hdl32(40))
-    with pytest.raises(InputError, match=r"bin: not 32 rings in order"):
+    with pytest.raises(InputError, match=r"bin: points are not in the order of 32 rings"):
         of_nuscenes(tmp_path, rows[[1, 0, *range(2, len(rows))]])
     put(tmp_path / "samples" / "LIDAR_TOP" / "n015-2018__LIDAR_TOP__1532402927.pcd.bin", b"\0" * 30)
     sweeps = NuScenes(path=str(tmp_path))

@@ -64,7 +64,7 @@ def test_a_damaged_alignment_is_named(scans: Path) -> None:
 
 
 def test_a_resolution_that_is_not_there_is_told(scans: Path) -> None:
-    with pytest.raises(InputError, match=r"_vh_clean\.ply there .*scan-net"):
+    with pytest.raises(InputError, match=r"_vh_clean\.ply .*scan-net"):
         ScanNet(path=str(scans), full=True).names()
 
 

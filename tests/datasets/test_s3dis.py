@@ -172,5 +172,5 @@ def test_missing_files_of_a_room_are_named(tree: Path) -> None:
     with pytest.raises(InputError, match=r"hallway_2/Annotations: no annotations"):
         S3DIS(path=str(tree), labels=True).load("Area_6_hallway_2")
     (tree / "Area_6" / "copyRoom_1" / "other.txt").write_text("")
-    with pytest.raises(InputError, match=r"no copyRoom_1\.txt there, but 2 other texts"):
+    with pytest.raises(InputError, match=r"no copyRoom_1\.txt, but 2 other text files"):
         S3DIS(path=str(tree)).load("Area_6_copyRoom_1")

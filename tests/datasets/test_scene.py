@@ -109,7 +109,7 @@ def test_a_set_that_is_not_there_tells_what_to_put_there(
     tmp_path: Path, loader: str, exists: bool
 ) -> None:
     folder = tmp_path if exists else tmp_path / "data"
-    with pytest.raises(InputError, match=r"should lie there, .* in it"):
+    with pytest.raises(InputError, match=r"expected .*, with"):
         open_scene_set(loader, {"path": str(folder)}).names()
 
 

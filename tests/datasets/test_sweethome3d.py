@@ -143,7 +143,7 @@ def test_semantic_classes_of_real_titles(title: str, expected: str | None) -> No
 )
 def test_a_damaged_description_is_named(tmp_path: Path, old: str, new: str) -> None:
     write_catalogue(tmp_path / "Test.sh3f", PROPERTIES.replace(old, new))
-    with pytest.raises(InputError, match=r"Test\.sh3f: model [12] is not described"):
+    with pytest.raises(InputError, match=r"Test\.sh3f: model [12] lacks a property"):
         SweetHome3D(path=str(tmp_path)).names()
 
 

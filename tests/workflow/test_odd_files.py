@@ -99,7 +99,7 @@ def test_a_folder_of_bad_files_alone_is_one_line(
     words = [str(folder), "--codecs", "draco", "--out", str(tmp_path / "out")]
     assert main(["run", *words, *(["--strict"] if strict else [])]) == 2
     lines = capsys.readouterr().err.splitlines()
-    (line,) = [line for line in lines if "looked at" not in line and "leads to" not in line]
+    (line,) = [line for line in lines if "looked at" not in line and "links to" not in line]
     assert line.startswith("puckbench: datasets.clouds: scene ")
     assert "more that cannot be used" in line
     assert not (tmp_path / "out" / "config.yaml").exists()

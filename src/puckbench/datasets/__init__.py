@@ -1,11 +1,10 @@
-"""Data sets, generated and on disk: one file each.
+"""Data sets, generated or on disk: one file each.
 
-A new one is one file here (or anywhere, named ``path/to/file.py:Class``) with one class that is
-registered above it; where each scene is a mesh file below a folder, it needs only::
+To add one, register a class in a file here or elsewhere (``path/to/file.py:Class``). A set of mesh
+files below a folder needs only::
 
-    @LOADERS.register("mine")
-    class Mine(MeshFolderSet):
-        provenance = Provenance("CC-BY 4.0", "me", "my meshes should lie there")
+    @LOADERS.register("mine") class Mine(MeshFolderSet):
+        provenance = Provenance("CC-BY 4.0", "me", "expected my meshes (.obj)")
 
         def _listed(self, folder: Path) -> Mapping[str, Path]:
             return {path.stem: path for path in sorted(folder.glob("*.obj"))}

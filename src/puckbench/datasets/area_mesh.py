@@ -1,4 +1,4 @@
-"""The semantic mesh of an area of 2D-3D-S: its frame, its labels, and its part near a room."""
+"""The semantic mesh of an area of 2D-3D-S: frame, labels, and the part near a room."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _TOLERANCE_M = 0.1
 
 
 def in_frame_of_s3dis(points: Floats, area: str) -> Floats:
-    """Points (n, 3) of an area ("1", ..., "5b"), z up, in the frame that S3DIS has it in."""
+    """Transform points (n, 3) of an area ("1", ..., "5b"), z up, to the frame of S3DIS."""
     if area != "5b":
         return points
     x, y, z = points.T
@@ -42,11 +42,11 @@ class AreaMesh:
     Parameters
     ----------
     mesh
-        Of t triangles, m, z up.
+        t triangles, m, z up.
     materials
         Names, which contain class and room.
     material_id
-        (t,) int64 index into `materials`, -1 for none.
+        Index into `materials`, (t,); -1 for none.
     """
 
     mesh: Mesh
@@ -54,9 +54,9 @@ class AreaMesh:
     material_id: NDArray[np.int64]
 
     def share_inside(self, room: str, box: Floats) -> float:
-        """Share of a room's triangles whose centroid lies in a box (2, 3), m.
+        """Return the share of a room's triangles whose centroid is in a box (2, 3), m.
 
-        For a room without labelled triangles: 1 when any triangle lies there, else 0.
+        For a room without labelled triangles: 1 if the box contains any triangle, else 0.
         """
         low, high = box[0] - _TOLERANCE_M, box[1] + _TOLERANCE_M
         inside = ((self._middles >= low) & (self._middles <= high)).all(axis=1)
@@ -65,7 +65,7 @@ class AreaMesh:
         return float(inside[own].mean() if own.any() else inside.any())
 
     def near(self, box: Floats, margin: float) -> Mesh:
-        """The labelled triangles that reach to within `margin` of `box` (2, 3)."""
+        """Return the labelled triangles within `margin` of `box` (2, 3)."""
         low, high = self._extent
         rows = ((high >= box[0] - margin) & (low <= box[1] + margin)).all(axis=1)
         rows &= self.mesh.areas() > 0
@@ -84,7 +84,7 @@ class AreaMesh:
 
 
 def read_area_mesh(path: Path, area: str) -> AreaMesh:
-    """Read ``semantic.obj``; the area read last is cached, for the next of its rooms."""
+    """Read ``semantic.obj``; the last area is cached for its other rooms."""
     if not path.is_file():
         raise InputError(f"{path}: no such file")
     return _read(path, area, path.stat().st_mtime_ns)
@@ -98,7 +98,7 @@ def _read(path: Path, area: str, _modified_ns: int) -> AreaMesh:
 
     polygons = read_obj(path)
     if polygons.material_id is None:
-        raise InputError(f"{path}: its faces have no materials, which name object and room")
+        raise InputError(f"{path}: faces need materials, which name object and room")
     mesh, face = triangulate(polygons, str(path))
     check_mesh(mesh, str(path))
     vertices = in_frame_of_s3dis(y_up_to_z_up(mesh.vertices), area)
@@ -106,19 +106,19 @@ def _read(path: Path, area: str, _modified_ns: int) -> AreaMesh:
 
 
 def class_of(material: str) -> str:
-    """Semantic class that a material stands for; "unknown" where its name has another form."""
+    """Return the semantic class of a material, or "unknown"."""
     match = _MATERIAL.fullmatch(material)
     return match[1] if match else UNKNOWN
 
 
 def room_of(material: str) -> str | None:
-    """Room that a material stands for, such as "office_6"."""
+    """Return the room of a material, such as "office_6"."""
     match = _MATERIAL.fullmatch(material)
     return match[2] if match else None
 
 
 def _labels(materials: tuple[str, ...], material_id: NDArray[np.int64]) -> Labels:
-    """Labels in which every material is an object and every surface is freeform."""
+    """Return labels in which every material is an object."""
     used, object_id = np.unique(material_id, return_inverse=True)
     names = [materials[number] if number >= 0 else UNKNOWN for number in used]
     objects = (SceneObject(name, class_of(name)) for name in names)

@@ -1,4 +1,4 @@
-"""What the data sets share: options as a model, scenes by name, and files below one folder."""
+"""Base classes of data sets: options as a model, scenes by name, files below a folder."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ T = TypeVar("T")
 
 
 class DataSet(Model):
-    """A data set as a frozen model, whose fields are the options that a configuration may give.
+    """A data set: a frozen model whose fields are its options.
 
-    Its methods are those of `puckbench.datasets.scene.SceneSet`. The text below a field describes
+    Its methods are those of `puckbench.datasets.scene.SceneSet`. The text below a field documents
     the option.
     """
 
@@ -34,10 +34,9 @@ class DataSet(Model):
 
 
 class GeneratedSet(DataSet):
-    """A data set that puckbench generates, from nothing but a seed."""
+    """A data set that puckbench generates from a seed."""
 
     def files(self, name: str) -> list[Path]:
-        """No files: the scene is generated."""
         return []
 
     def _about(self, **more: Any) -> dict[str, Any]:
@@ -46,15 +45,15 @@ class GeneratedSet(DataSet):
 
 @dataclass(frozen=True)
 class Provenance:
-    """Under which licence a data set comes, whom to credit, and what its folder should hold.
+    """Licence and source of a data set.
 
     Parameters
     ----------
     licence, credit
-        Noted with every scene.
+        Recorded with every scene.
     expected
-        A clause that errors show when the folder or its content is missing: what should lie there,
-        and who gives it ("KITTI should lie there, with ... in it; registration at ...").
+        End of messages about missing files: what the folder should contain and where to get it
+        ("expected KITTI, with ...; registration at ...").
     """
 
     licence: str
@@ -63,7 +62,7 @@ class Provenance:
 
 
 class FolderSet(DataSet, ABC):
-    """A data set of one file (or folder) per scene, below one folder."""
+    """A data set with a file or folder for each scene below one folder."""
 
     provenance: ClassVar[Provenance]
 
@@ -72,14 +71,12 @@ class FolderSet(DataSet, ABC):
 
     @abstractmethod
     def _listed(self, folder: Path) -> Mapping[str, Path]:
-        """Scene names and their files, in order, without reading any file."""
+        """Return scene names and files, in order, without reading files."""
 
     def names(self) -> list[str]:
-        """Names of the scenes; lists folders, reads no scene."""
         return list(self._table)
 
     def files(self, name: str) -> list[Path]:
-        """The scene's file."""
         return [self._file(name)]
 
     @cached_property
@@ -87,40 +84,40 @@ class FolderSet(DataSet, ABC):
         return self._listed(existing_folder(self.path, self.provenance.expected))
 
     def _file(self, name: str) -> Path:
-        return found(self._table, name, self.path)
+        return look_up(self._table, name, self.path)
 
     def _whole(self) -> Self:
-        """The same data set with all of its scenes, whatever the options choose."""
+        """Return the data set with all scenes, without options."""
         return type(self)(path=self.path)
 
     def _missing(self, what: str) -> InputError:
-        return InputError(f"{self.path}: no {what} there ({self.provenance.expected})")
+        return InputError(f"{self.path}: no {what} ({self.provenance.expected})")
 
     def _about(self, source: str, **more: Any) -> dict[str, Any]:
-        """The description beside a scene: source, licence, credit and what reading it found."""
+        """Return the description of a scene: source, licence, credit, and the reader's report."""
         terms = self.provenance
         return {"source": source, "licence": terms.licence, "credit": terms.credit, **more}
 
 
 class MeshFolderSet(FolderSet):
-    """A data set of one mesh file per scene, below one folder."""
+    """A data set with a mesh file for each scene below one folder."""
 
     of_clouds: ClassVar[bool] = False
 
     @abstractmethod
     def _group(self, path: Path) -> str:
-        """The class, room type or building that a file belongs to."""
+        """Return the class, room type or building of a file."""
 
     def _source(self, path: Path) -> str:
-        """What the description calls the file."""
+        """Return the name of a file in the description."""
         return path.name
 
     def _read(self, path: Path) -> tuple[Mesh, dict[str, Any]]:
-        """The mesh in metres with z up, and what the description says of the file."""
+        """Return the mesh in metres with z up, and the reader's report."""
         return read_mesh_report(path, up="z")
 
     def load(self, name: str) -> Scene:
-        """Read the mesh; `about` has what the reader found and skipped."""
+        """Read the mesh; the scene's `about` has the reader's report."""
         path = self._file(name)
         mesh, details = self._read(path)
         about = self._about(self._source(path), **details)
@@ -128,12 +125,12 @@ class MeshFolderSet(FolderSet):
 
 
 def freeform_labels(object_id: NDArray[np.int32], objects: Iterable[SceneObject]) -> Labels:
-    """Labels of measured surfaces, which are made of no primitives.
+    """Return labels of measured surfaces, which have no primitives.
 
     Parameters
     ----------
     object_id
-        (t,) index into `objects` for each triangle.
+        Index into `objects` of each triangle, (t,).
     objects
         The objects.
     """
@@ -142,56 +139,58 @@ def freeform_labels(object_id: NDArray[np.int32], objects: Iterable[SceneObject]
 
 
 def numbered_objects(classes: Iterable[str]) -> tuple[SceneObject, ...]:
-    """An object for each semantic class in order, named chair_1, chair_2, table_1, ..."""
-    seen: Counter[str] = Counter()
+    """Return an object for each class, named chair_1, chair_2, table_1, ..."""
+    counts: Counter[str] = Counter()
     objects = []
     for name in classes:
-        seen[name] += 1
-        objects.append(SceneObject(f"{name}_{seen[name]}", name))
+        counts[name] += 1
+        objects.append(SceneObject(f"{name}_{counts[name]}", name))
     return tuple(objects)
 
 
 def existing_folder(path: str, expected: str) -> Path:
-    """The folder at a path; InputError says what should lie there when it is missing."""
+    """Return a folder; InputError, with what is expected in it, if it is missing."""
     folder = Path(path)
     if not folder.is_dir():
         raise InputError(f"{path}: no such folder ({expected})")
     return folder
 
 
-def found(table: Mapping[str, T], name: str, where: str) -> T:
-    """The entry of a scene; InputError names the data set and some of its scenes."""
+def look_up(table: Mapping[str, T], name: str, where: str) -> T:
+    """Return the entry of a scene; InputError, with examples of scenes, if there is none."""
     if name not in table:
-        some = ", ".join(list(table)[:5])
-        raise InputError(f"{where}: no scene '{name}' (it has {len(table)}: {some}, ...)")
+        examples = ", ".join(list(table)[:5])
+        raise InputError(f"{where}: no scene '{name}' (it has {len(table)}: {examples}, ...)")
     return table[name]
 
 
-def chosen(option: str, wanted: tuple[str, ...] | int | None, known: list[str]) -> list[str]:
-    """The part of the known names that an option asks for.
+def select_names(
+    option: str, requested: tuple[str, ...] | int | None, available: list[str]
+) -> list[str]:
+    """Return the available names that an option selects.
 
     Parameters
     ----------
     option
-        Name of the option, which begins errors.
-    wanted
-        Names, or how many of the first; None for all.
-    known
-        The names that there are.
+        Name of the option, for errors.
+    requested
+        Names, or a number of names from the first; None for all.
+    available
+        All names.
 
     Raises
     ------
     InputError
-        A name is unknown, there are none, or fewer than asked for.
+        A name is unknown, or the selection is empty or larger than the available names.
     """
-    if wanted is None:
-        return known
-    if isinstance(wanted, int):
-        if not 1 <= wanted <= len(known):
-            raise InputError(f"{option}: {wanted} is not from 1 to {len(known)}")
-        return known[:wanted]
-    unknown = [name for name in wanted if name not in known]
-    if unknown or not wanted:
-        what = f"unknown name '{unknown[0]}'" if unknown else "no names"
-        raise InputError(f"{option}: {what}{among(unknown[0] if unknown else '', known)}")
-    return list(wanted)
+    if requested is None:
+        return available
+    if isinstance(requested, int):
+        if not 1 <= requested <= len(available):
+            raise InputError(f"{option}: {requested} is not from 1 to {len(available)}")
+        return available[:requested]
+    unknown = [name for name in requested if name not in available]
+    if unknown or not requested:
+        fault = f"unknown name '{unknown[0]}'" if unknown else "no names"
+        raise InputError(f"{option}: {fault}{among(unknown[0] if unknown else '', available)}")
+    return list(requested)

@@ -1,10 +1,10 @@
-"""Calibration scenes that puckbench generates: a wall and a floor at a distance."""
+"""Generated calibration scenes: a wall and a floor."""
 
 from __future__ import annotations
 
 from typing import ClassVar
 
-from puckbench.datasets.base import GeneratedSet, chosen
+from puckbench.datasets.base import GeneratedSet, select_names
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene
 from puckbench.scenes.calibration import CALIBRATIONS, calibration_origin, make_calibration
@@ -21,10 +21,9 @@ class Calibration(GeneratedSet):
     """Names to keep (wall_floor_1m, ...); all by default."""
 
     def names(self) -> list[str]:
-        """Names of the scenes kept."""
-        return sorted(chosen("scenes", self.scenes, list(CALIBRATIONS)))
+        return sorted(select_names("scenes", self.scenes, list(CALIBRATIONS)))
 
     def load(self, name: str) -> Scene:
-        """Generate the scene, with the sensor's place."""
+        """Generate the scene, with the position of the sensor."""
         mesh, origin = make_calibration(name), calibration_origin(name)
         return Scene(name, "calibration", mesh=mesh, origin=origin, about=self._about())

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from puckbench.core.errors import InputError
 from puckbench.core.files import read_bytes
-from puckbench.datasets.base import MeshFolderSet, Provenance, chosen
+from puckbench.datasets.base import MeshFolderSet, Provenance, select_names
 from puckbench.datasets.published_counts import Count
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import safe_name
@@ -23,14 +23,14 @@ _CLASSES, _OBJECTS = 15, 180
 
 @LOADERS.register("capod")
 class Capod(MeshFolderSet):
-    """The objects of a CAPOD folder: ``CAPOD.cla`` and ``class<k>/m<N>.obj``.
+    """Objects ``class<k>/m<N>.obj`` listed in ``CAPOD.cla``.
 
-    Scenes are called m001 to m180 and grouped by class. The objects have no unit: one is taken
-    for a metre.
+    Scenes are named m001 to m180 and grouped by class. The objects have no unit; it is assumed to
+    be 1 m.
     """
 
     provenance = Provenance(
-        "CC-BY 3.0", _CREDIT, "CAPOD should lie there, with CAPOD.cla and class1, class2, ... in it"
+        "CC-BY 3.0", _CREDIT, "expected CAPOD, with CAPOD.cla, class1, class2, ..."
     )
 
     classes: tuple[str, ...] | None = None
@@ -41,7 +41,7 @@ class Capod(MeshFolderSet):
         return _read_classes(Path(self.path) / "CAPOD.cla")
 
     def _listed(self, folder: Path) -> Mapping[str, Path]:
-        kept = chosen("classes", self.classes, list(self._objects_of))
+        kept = select_names("classes", self.classes, list(self._objects_of))
         table = {
             f"m{number:03d}": folder / f"class{index}" / f"m{number}.obj"
             for index, (name, numbers) in enumerate(self._objects_of.items(), start=1)
@@ -52,7 +52,6 @@ class Capod(MeshFolderSet):
         return dict(sorted(table.items()))
 
     def counts(self) -> list[Count]:
-        """Objects and classes that there are beside those of the paper."""
         numbers = self._objects_of.values()
         return [
             Count("classes", len(self._objects_of), _CLASSES),
@@ -68,19 +67,19 @@ class Capod(MeshFolderSet):
 
 
 def _read_classes(path: Path) -> dict[str, list[int]]:
-    """Class names with their objects' numbers, from a Princeton shape benchmark ``.cla`` file."""
+    """Return class names with object numbers from a ``.cla`` file (Princeton shape benchmark)."""
     tokens = read_bytes(path).decode("latin-1").split()
     try:
-        announced, rest = (int(tokens[2]), int(tokens[3])), iter(tokens[4:])
+        announced, remaining = (int(tokens[2]), int(tokens[3])), iter(tokens[4:])
         classes = {}
-        for name in rest:
-            next(rest)  # the parent class, always 0
-            classes[name] = [int(next(rest)) for _ in range(int(next(rest)))]
+        for name in remaining:
+            next(remaining)  # the parent class, always 0
+            classes[name] = [int(next(remaining)) for _ in range(int(next(remaining)))]
     except (IndexError, ValueError, StopIteration, RuntimeError) as error:
         raise InputError(f"{path}: not a readable classification (.cla) file") from error
-    held = (len(classes), sum(map(len, classes.values())))
-    if tokens[:2] != ["PSB", "1"] or held != announced:
-        raise InputError(f"{path}: says {announced} classes and objects, but lists {held}")
+    listed = (len(classes), sum(map(len, classes.values())))
+    if tokens[:2] != ["PSB", "1"] or listed != announced:
+        raise InputError(f"{path}: announces {announced} classes and objects, but lists {listed}")
     return classes
 
 
@@ -89,5 +88,5 @@ def _check_complete(folder: Path, paths: list[Path]) -> None:
     if missing:
         raise InputError(
             f"{folder}: CAPOD is incomplete: {len(missing)} of {len(paths)} objects are missing, "
-            f"the first is {missing[0]}"
+            f"such as {missing[0]}"
         )

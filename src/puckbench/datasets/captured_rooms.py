@@ -1,4 +1,4 @@
-"""Real rooms captured by a headset: one mesh, and the planes and boxes that it found there."""
+"""Rooms captured by a headset: a mesh, with detected planes and boxes."""
 
 from __future__ import annotations
 
@@ -36,17 +36,16 @@ _PARALLEL = 0.7
 
 @LOADERS.register("captured_rooms")
 class CapturedRooms(FolderSet):
-    """Scene captures as JSON (the npm package @iwer/sem has five), in metres, turned to z up.
+    """Scene captures as JSON (five in the npm package @iwer/sem), in metres, rotated to z up.
 
-    Every triangle is labelled with the smallest entity that it belongs to: a plane patch (wall,
-    door, ...) within 5 cm that it is parallel to, else a box (table, sofa, ...) around it, else a
-    patch within 15 cm, else "clutter". The surface is measured, not made of primitives: all of it
-    is "freeform".
+    Every triangle is labelled with the smallest entity that it belongs to: a parallel plane patch
+    (wall, door, ...) within 5 cm, else a box (table, sofa, ...) around it, else a patch within 15
+    cm, else "clutter". All surfaces are measured, hence "freeform".
     """
 
     of_clouds: ClassVar[bool] = False
     provenance = Provenance(
-        "MIT", "Meta Platforms, npm package @iwer/sem", "captured rooms (.json) should lie there"
+        "MIT", "Meta Platforms, npm package @iwer/sem", "expected captured rooms (.json)"
     )
 
     def load(self, name: str) -> Scene:
@@ -54,26 +53,26 @@ class CapturedRooms(FolderSet):
         return read_capture(self._file(name), name)
 
     def _listed(self, folder: Path) -> Mapping[str, Path]:
-        paths = sorted(path for path in folder.glob("*.json") if is_capture(path))
+        paths = sorted(path for path in folder.glob("*.json") if is_captured_room(path))
         if not paths:
             raise self._missing("captured rooms (.json with spatialEntities)")
         return dict(sorted(zip(unique_names(path.stem for path in paths), paths, strict=True)))
 
 
 def read_capture(path: Path, name: str | None = None) -> Scene:
-    """Read one captured room, in metres with z up.
+    """Read a captured room, in metres with z up.
 
     Parameters
     ----------
     path
         JSON file of a scene capture.
     name
-        Name of the scene; by default that of the file.
+        Name of the scene, by default that of the file.
 
     Raises
     ------
     InputError
-        The file is no scene capture, or damaged.
+        The file is not a scene capture, or damaged.
     """
     entities = _entities(path)
     try:
@@ -95,10 +94,10 @@ def read_capture(path: Path, name: str | None = None) -> Scene:
 
 
 @dataclass(frozen=True)
-class _Placed:
-    """An entity's frame (rotation (3, 3), position (3,)) and its extent (low, high) in it.
+class _PlacedEntity:
+    """Frame of an entity (rotation (3, 3), position (3,)) and its extent (low, high) in the frame.
 
-    The plane of a flat entity has the frame's y axis as its normal.
+    The y axis of a flat entity is its normal.
     """
 
     semantic: str
@@ -120,8 +119,8 @@ class _Placed:
         return np.asarray(inside)
 
 
-def is_capture(path: Path) -> bool:
-    """Whether a file is a captured room, by its first lines; one that cannot be read is none."""
+def is_captured_room(path: Path) -> bool:
+    """Return whether a file is a captured room, from its first bytes; False if unreadable."""
     try:
         with path.open("rb") as stream:
             return b'"spatialEntities"' in stream.read(1 << 16)
@@ -138,7 +137,7 @@ def _entities(path: Path) -> list[Entity]:
 
 
 def _room_mesh(entities: list[Entity], path: Path) -> Mesh:
-    """The largest mesh of the capture in its world frame (y up)."""
+    """Return the largest mesh of the capture in world coordinates (y up)."""
     holders = [entity for entity in entities if "triangleMesh_META" in entity]
     if not holders:
         raise InputError(f"{path}: the captured room has no mesh")
@@ -150,27 +149,27 @@ def _room_mesh(entities: list[Entity], path: Path) -> Mesh:
     return Mesh(local.astype(np.float64) @ rotation.T + position, triangles.astype(np.int64))
 
 
-def _placed_entities(entities: list[Entity]) -> list[_Placed]:
-    """Boxes and plane patches; a patch is left out where boxes have its label (table tops)."""
+def _placed_entities(entities: list[Entity]) -> list[_PlacedEntity]:
+    """Return boxes, and plane patches with other labels than the boxes' (table tops)."""
     boxes = [_box(entity) for entity in entities if "bounded3D_META" in entity]
     boxed = {box.semantic for box in boxes}
     flats = [_patch(entity) for entity in entities if "bounded2D_META" in entity]
     return boxes + [flat for flat in flats if flat.semantic not in boxed]
 
 
-def _box(entity: Entity) -> _Placed:
+def _box(entity: Entity) -> _PlacedEntity:
     bounds = entity["bounded3D_META"]
     low = np.array([bounds["offset"][axis] for axis in "xyz"])
     extent = np.array([bounds["extent"][side] for side in ("width", "height", "depth")])
-    return _Placed(_semantic(entity), *_frame(entity), low, low + extent, flat=False)
+    return _PlacedEntity(_semantic(entity), *_frame(entity), low, low + extent, flat=False)
 
 
-def _patch(entity: Entity) -> _Placed:
+def _patch(entity: Entity) -> _PlacedEntity:
     offset, extent = entity["bounded2D_META"]["offset"], entity["bounded2D_META"]["extent"]
     # The patch is given in its own x, y plane, which is the x, -z plane of the entity's frame.
     low = np.array([offset["x"], 0.0, -offset["y"] - extent["height"]])
     high = np.array([offset["x"] + extent["width"], 0.0, -offset["y"]])
-    return _Placed(_semantic(entity), *_frame(entity), low, high, flat=True)
+    return _PlacedEntity(_semantic(entity), *_frame(entity), low, high, flat=True)
 
 
 def _semantic(entity: Entity) -> str:
@@ -179,7 +178,7 @@ def _semantic(entity: Entity) -> str:
 
 
 def _frame(entity: Entity) -> tuple[Floats, Floats]:
-    """Rotation (3, 3) and position (3,) of an entity, from its unit quaternion."""
+    """Return rotation (3, 3) and position (3,) of an entity from its unit quaternion."""
     place = entity["locatable_META"]
     x, y, z, w = (float(place["orientation"][axis]) for axis in "xyzw")
     rotation = np.array(
@@ -192,7 +191,7 @@ def _frame(entity: Entity) -> tuple[Floats, Floats]:
     return rotation, np.array([float(place["position"][axis]) for axis in "xyz"])
 
 
-def _labels(mesh: Mesh, placed: list[_Placed]) -> Labels:
+def _labels(mesh: Mesh, placed: list[_PlacedEntity]) -> Labels:
     points, normals = mesh.corners().mean(axis=1), mesh.normals()
     clutter = len(placed)
     owner = np.full(len(points), clutter, dtype=np.int32)

@@ -1,4 +1,4 @@
-"""A generated building of 272 rooms in six areas, named and counted as those of S3DIS."""
+"""A generated building with the areas, room types and room numbers of S3DIS: 272 rooms."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import ClassVar
 
 from pydantic import PositiveFloat, PositiveInt
 
-from puckbench.datasets.base import GeneratedSet, chosen, found
+from puckbench.datasets.base import GeneratedSet, look_up, select_names
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene
 from puckbench.scenes.building import AREAS, room_types
@@ -15,9 +15,9 @@ from puckbench.scenes.rooms import make_room, origin, room_box
 
 @LOADERS.register("embedded_areas")
 class EmbeddedAreas(GeneratedSet):
-    """Furnished rooms that stand in for those of S3DIS, each different, grouped by type.
+    """Generated furnished rooms in place of those of S3DIS, each different, grouped by type.
 
-    Scenes are called Area_1_office_1.
+    Scenes are named Area_1_office_1.
     """
 
     of_clouds: ClassVar[bool] = False
@@ -31,13 +31,12 @@ class EmbeddedAreas(GeneratedSet):
     """Factor on the number of triangles around curved parts."""
 
     def names(self) -> list[str]:
-        """Area, type and number of every room kept."""
-        kept = chosen("areas", self.areas, list(AREAS))
+        kept = select_names("areas", self.areas, list(AREAS))
         return sorted(name for area in kept for name in _rooms_of(area)[: self.rooms])
 
     def load(self, name: str) -> Scene:
-        """Generate the room; its box lies between its walls, floor and ceiling."""
-        kind = found(room_types(), name, "the generated building")
+        """Generate the room; its box is bounded by walls, floor and ceiling."""
+        kind = look_up(room_types(), name, "the generated building")
         mesh = make_room(name, self.seed, self.detail)
         about = self._about(seed=self.seed, detail=self.detail)
         place, box = origin(name, self.seed), room_box(name, self.seed)

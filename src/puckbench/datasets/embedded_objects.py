@@ -1,4 +1,4 @@
-"""Objects of many classes that puckbench generates, in the spirit of CAPOD."""
+"""Generated objects of many classes, similar to CAPOD."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import ClassVar
 
 from pydantic import PositiveFloat
 
-from puckbench.datasets.base import GeneratedSet, chosen
+from puckbench.datasets.base import GeneratedSet, select_names
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene
 from puckbench.scenes.objects import CLASSES, MEMBERS, make_object
@@ -14,9 +14,9 @@ from puckbench.scenes.objects import CLASSES, MEMBERS, make_object
 
 @LOADERS.register("embedded_objects")
 class EmbeddedObjects(GeneratedSet):
-    """Objects of 15 classes (airplane, ..., vase), 12 members each, grouped by class.
+    """Objects of 15 classes (airplane, ..., vase) with 12 members each, grouped by class.
 
-    Scenes are called chair_03; their longest side is 1.
+    Scenes are named chair_03. The longest side is 1 m.
     """
 
     of_clouds: ClassVar[bool] = False
@@ -32,13 +32,11 @@ class EmbeddedObjects(GeneratedSet):
     """Factor on the number of triangles around curved parts."""
 
     def names(self) -> list[str]:
-        """Class and number of every object kept."""
-        classes = chosen("classes", self.classes, list(CLASSES))
-        numbers = chosen("members", self.members, [f"{k:02d}" for k in range(1, MEMBERS + 1)])
+        classes = select_names("classes", self.classes, list(CLASSES))
+        numbers = select_names("members", self.members, [f"{k:02d}" for k in range(1, MEMBERS + 1)])
         return sorted(f"{name}_{number}" for name in classes for number in numbers)
 
     def load(self, name: str) -> Scene:
-        """Generate the object."""
         mesh = make_object(name, self.seed, self.detail)
         about = self._about(seed=self.seed, detail=self.detail)
         return Scene(name, name.rpartition("_")[0], mesh=mesh, about=about)

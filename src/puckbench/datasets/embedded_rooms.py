@@ -1,4 +1,4 @@
-"""Furnished rooms that puckbench generates."""
+"""Generated furnished rooms."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import ClassVar
 
 from pydantic import PositiveFloat
 
-from puckbench.datasets.base import GeneratedSet, chosen
+from puckbench.datasets.base import GeneratedSet, select_names
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene
 from puckbench.datasets.sweethome3d import SweetHome3D
@@ -35,15 +35,14 @@ class EmbeddedRooms(GeneratedSet):
     generated ones."""
 
     def names(self) -> list[str]:
-        """Names of the rooms kept."""
-        return sorted(chosen("rooms", self.rooms, list(ROOMS)))
+        return sorted(select_names("rooms", self.rooms, list(ROOMS)))
 
     def files(self, name: str) -> list[Path]:
-        """The catalogues, where real furniture is used."""
+        """Return the catalogues, if real furniture is used."""
         return self._catalogues.catalogues() if self._catalogues else []
 
     def load(self, name: str) -> Scene:
-        """Generate the room; its box lies between its walls, floor and ceiling."""
+        """Generate the room; its box is bounded by walls, floor and ceiling."""
         credit = {"credit": self._catalogues.credit()} if self._catalogues else {}
         return Scene(
             name,

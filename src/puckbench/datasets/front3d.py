@@ -1,4 +1,4 @@
-"""3D-FRONT's designed rooms (Fu 2021), furnished with the models of 3D-FUTURE."""
+"""3D-FRONT: designed rooms (Fu 2021) with furniture from 3D-FUTURE."""
 
 from __future__ import annotations
 
@@ -7,19 +7,19 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from puckbench.core.errors import InputError
-from puckbench.datasets.base import DataSet, chosen, existing_folder, found
-from puckbench.datasets.front3d_house import Room, build_room, read_rooms
+from puckbench.datasets.base import DataSet, existing_folder, look_up, select_names
+from puckbench.datasets.front3d_house import HouseRoom, build_room, read_rooms
 from puckbench.datasets.published_counts import Count
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene, safe_name, unique_names
 
 _HOUSES = 6813
 _EXPECTED = (
-    "3D-FRONT's houses (<id>.json) should lie there; Alibaba gives them on request, "
+    "expected 3D-FRONT's houses (<id>.json), available from Alibaba on request, "
     "tianchi.aliyun.com, data sets 3D-FRONT and 3D-FUTURE"
 )
 _EXPECTED_MODELS = (
-    "3D-FUTURE's models, <id>/raw_model.obj, should lie there; Alibaba gives them on request, "
+    "expected 3D-FUTURE's models (<id>/raw_model.obj), available from Alibaba on request, "
     "tianchi.aliyun.com, data set 3D-FUTURE"
 )
 _CREDIT = (
@@ -32,10 +32,10 @@ _CREDIT = (
 class Front3D(DataSet):
     """Rooms of the houses ``<id>.json``, with furniture ``<model>/raw_model.obj``.
 
-    Rooms are listed inside the houses: the whole set has 6,813, so naming some saves minutes.
-    Scenes are called <house>_LivingRoom-1234 and grouped by room type. In metres; y is up, and
-    turned to z. Walls, floors and furniture are labelled objects. Furniture without ``valid: true``
-    has no model and is left out, counted in `about`, as are models whose file is missing.
+    Listing rooms reads the houses; the data set has 6,813, so selecting some saves minutes. Scenes
+    are named <house>_LivingRoom-1234 and grouped by room type. Units are metres; y up is rotated to
+    z up. Walls, floors and furniture are labelled objects. Furniture without ``valid: true``, or
+    with a missing model file, is left out and counted in `about`.
     """
 
     of_clouds: ClassVar[bool] = False
@@ -47,17 +47,17 @@ class Front3D(DataSet):
     """Names of houses, or the number of houses from the first on; all by default."""
 
     def names(self) -> list[str]:
-        """House and room of every room that has a surface."""
+        """Return house and room of every room with a surface."""
         return sorted(self._table)
 
     def files(self, name: str) -> list[Path]:
-        """The house, and the models of the room's furniture."""
-        house, room = found(self._table, name, self.path)
+        """Return the house and the models of the room's furniture."""
+        house, room = look_up(self._table, name, self.path)
         return [house, *(path for path in room.models(Path(self.models)) if path.is_file())]
 
     def load(self, name: str) -> Scene:
-        """Put walls, floors and furniture in their places."""
-        house, room = found(self._table, name, self.path)
+        """Assemble walls, floors and furniture."""
+        house, room = look_up(self._table, name, self.path)
         folder = existing_folder(self.models, _EXPECTED_MODELS)
         mesh, box, left_out = build_room(room, folder, f"{house}: {room.name}")
         about: dict[str, Any] = {
@@ -70,7 +70,6 @@ class Front3D(DataSet):
         return Scene(name, safe_name(room.kind).lower(), mesh=mesh, box=box, about=about)
 
     def counts(self) -> list[Count]:
-        """Houses."""
         return [Count("houses", len(self._houses), _HOUSES)]
 
     @cached_property
@@ -78,14 +77,14 @@ class Front3D(DataSet):
         folder = existing_folder(self.path, _EXPECTED)
         paths = sorted(path for path in folder.glob("*.json") if not path.name.startswith("."))
         if not paths:
-            raise InputError(f"{self.path}: no houses (.json) there ({_EXPECTED})")
+            raise InputError(f"{self.path}: no houses (.json) ({_EXPECTED})")
         return {path.stem: path for path in paths}
 
     @cached_property
-    def _table(self) -> dict[str, tuple[Path, Room]]:
-        wanted = chosen("houses", self.houses, list(self._houses))
-        rooms = [(self._houses[h], room) for h in wanted for room in read_rooms(self._houses[h])]
+    def _table(self) -> dict[str, tuple[Path, HouseRoom]]:
+        requested = select_names("houses", self.houses, list(self._houses))
+        rooms = [(self._houses[h], room) for h in requested for room in read_rooms(self._houses[h])]
         if not rooms:
-            raise InputError(f"{self.path}: no rooms in the houses chosen")
+            raise InputError(f"{self.path}: no rooms in the selected houses")
         names = unique_names(f"{house.stem}_{room.name}" for house, room in rooms)
         return dict(zip(names, rooms, strict=True))

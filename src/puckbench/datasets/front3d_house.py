@@ -1,4 +1,4 @@
-"""Reading a house of 3D-FRONT: the furniture and surfaces of its rooms, with their poses."""
+"""Read a house of 3D-FRONT: surfaces, furniture and poses of its rooms."""
 
 from __future__ import annotations
 
@@ -20,38 +20,38 @@ from puckbench.geometry.mesh import Mesh, check_mesh
 from puckbench.io.meshes import read_mesh_report
 from puckbench.io.meshes.reading import y_up_to_z_up
 
-Surface = tuple[Floats, NDArray[np.int64]]
+MeshArrays = tuple[Floats, NDArray[np.int64]]
 """Vertices (v, 3), y up, and triangles (t, 3)."""
 
 
 @dataclass(frozen=True)
 class _Pose:
-    """Where a child of a room stands: position (3,), quaternion x, y, z, w, and scale (3,)."""
+    """Pose of a child of a room: position (3,), quaternion x, y, z, w, and scale (3,)."""
 
     position: Floats
     quaternion: Floats
     scale: Floats
 
     def apply(self, points: Floats) -> Floats:
-        """Points (n, 3) of a model in the house, y up: scaled, turned, moved."""
+        """Transform points (n, 3) of a model to the house, y up: scale, rotate, translate."""
         return np.asarray((points * self.scale) @ _rotation(self.quaternion).T + self.position)
 
 
 @dataclass(frozen=True)
-class _Placed:
-    """One child of a room: its semantic class and pose, and its model or its own surface.
+class _PlacedItem:
+    """A child of a room: semantic class, pose, and model or surface.
 
-    model: id of a 3D-FUTURE model, None for surfaces of the house itself.
+    model: id of a 3D-FUTURE model; None for surfaces of the house.
     """
 
     semantic: str
     pose: _Pose
     model: str | None = None
-    surface: Surface | None = None
+    surface: MeshArrays | None = None
 
 
 @dataclass(frozen=True)
-class Room:
+class HouseRoom:
     """A room of a house.
 
     Parameters
@@ -59,24 +59,24 @@ class Room:
     name, kind
         Such as LivingRoom-1234 and LivingRoom.
     items
-        Its surfaces and furniture.
+        Surfaces and furniture.
     left_out
         Number of items without a surface, by reason.
     """
 
     name: str
     kind: str
-    items: tuple[_Placed, ...]
+    items: tuple[_PlacedItem, ...]
     left_out: dict[str, int]
 
     def models(self, folder: Path) -> list[Path]:
-        """Files of the models that the room's furniture has, each once."""
+        """Return the model files of the room's furniture, each once."""
         ids = dict.fromkeys(item.model for item in self.items if item.model is not None)
         return [_model_file(folder, model) for model in ids]
 
 
-def read_rooms(path: Path) -> list[Room]:
-    """The rooms of a house file that have any surface; InputError when it is damaged."""
+def read_rooms(path: Path) -> list[HouseRoom]:
+    """Return the rooms of a house file that have a surface; InputError if it is damaged."""
     house = read_json(path)
     try:
         parts = {part["uid"]: part for part in house["mesh"]}
@@ -87,34 +87,36 @@ def read_rooms(path: Path) -> list[Room]:
     return [room for room in rooms if room.items]
 
 
-def build_room(room: Room, folder: Path, what: str) -> tuple[Mesh, Floats | None, dict[str, int]]:
-    """Put the surfaces and the furniture of a room in their places.
+def build_room(
+    room: HouseRoom, folder: Path, what: str
+) -> tuple[Mesh, Floats | None, dict[str, int]]:
+    """Assemble the surfaces and the furniture of a room.
 
     Parameters
     ----------
     room
-        One of `read_rooms`.
+        From `read_rooms`.
     folder
         Folder of the furniture's models.
     what
-        Names the room in errors.
+        Name of the room in errors.
 
     Returns
     -------
     mesh
         Labelled, in metres with z up.
     box
-        (2, 3) lowest and highest corner of the room's own surfaces; None where there are none.
+        Lowest and highest corner of the room's surfaces, (2, 3), or None.
     left_out
         Number of items without a surface, by reason.
 
     Raises
     ------
     InputError
-        Nothing of the room has a surface.
+        The room has no surface.
     """
     left_out = Counter(room.left_out)
-    placed: list[tuple[_Placed, Floats, NDArray[np.int64]]] = []
+    placed: list[tuple[_PlacedItem, Floats, NDArray[np.int64]]] = []
     for item in room.items:
         surface = item.surface if item.model is None else _model_of(item.model, folder)
         if surface is None:
@@ -130,27 +132,27 @@ def build_room(room: Room, folder: Path, what: str) -> tuple[Mesh, Floats | None
     return mesh, box, dict(left_out)
 
 
-def _room(room: Any, parts: dict[str, Any], furniture: dict[str, Any]) -> Room:
+def _room(room: Any, parts: dict[str, Any], furniture: dict[str, Any]) -> HouseRoom:
     left_out: Counter[str] = Counter()
     items = tuple(_items(room["children"], parts, furniture, left_out))
-    return Room(str(room["instanceid"]), str(room["type"]), items, dict(left_out))
+    return HouseRoom(str(room["instanceid"]), str(room["type"]), items, dict(left_out))
 
 
 def _items(
     children: Any, parts: dict[str, Any], furniture: dict[str, Any], left_out: Counter[str]
-) -> Iterator[_Placed]:
+) -> Iterator[_PlacedItem]:
     for child in children:
         ref, pose = child["ref"], _pose(child)
         item = furniture.get(ref)
         if ref in parts:
-            yield _Placed(str(parts[ref]["type"]), pose, surface=_own_surface(parts[ref]))
+            yield _PlacedItem(str(parts[ref]["type"]), pose, surface=_own_surface(parts[ref]))
         elif item is None:
             left_out["unknown_ref"] += 1
         elif item.get("valid") is not True:
             left_out["furniture_not_valid"] += 1
         else:
             semantic = str(item.get("category") or item.get("title") or "furniture")
-            yield _Placed(semantic, pose, model=str(item["jid"]))
+            yield _PlacedItem(semantic, pose, model=str(item["jid"]))
 
 
 def _pose(child: Any) -> _Pose:
@@ -163,13 +165,13 @@ def _pose(child: Any) -> _Pose:
     return _Pose(position, turn, scale)
 
 
-def _own_surface(part: Any) -> Surface:
+def _own_surface(part: Any) -> MeshArrays:
     vertices = np.array(part["xyz"], dtype=np.float64).reshape(-1, 3)
     return vertices, np.array(part["faces"], dtype=np.int64).reshape(-1, 3)
 
 
-def _model_of(model: str, folder: Path) -> Surface | None:
-    """The surface of a model; None where its file is missing."""
+def _model_of(model: str, folder: Path) -> MeshArrays | None:
+    """Return the surface of a model, or None if its file is missing."""
     path = _model_file(folder, model)
     return _read_model(path) if path.is_file() else None
 
@@ -179,20 +181,20 @@ def _model_file(folder: Path, model: str) -> Path:
 
 
 @lru_cache(maxsize=64)
-def _read_model(path: Path) -> Surface:
+def _read_model(path: Path) -> MeshArrays:
     mesh, _ = read_mesh_report(path, up="z")  # left as it is: the whole room is turned
     return mesh.vertices, mesh.triangles
 
 
 def _rotation(quaternion: Floats) -> Floats:
-    """Rotation matrix (3, 3) of a quaternion x, y, z, w of any length."""
+    """Return the rotation matrix (3, 3) of a quaternion x, y, z, w of any length."""
     x, y, z, w = (quaternion / np.linalg.norm(quaternion)).tolist()
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     return np.asarray(np.eye(3) + 2 * w * cross + 2 * cross @ cross)
 
 
-def _joined(placed: list[tuple[_Placed, Floats, NDArray[np.int64]]]) -> Mesh:
-    """One mesh, each item an object of its semantic class, all surfaces freeform."""
+def _joined(placed: list[tuple[_PlacedItem, Floats, NDArray[np.int64]]]) -> Mesh:
+    """Return one mesh in which each item is an object and all surfaces are freeform."""
     starts = np.cumsum([0, *(len(points) for _, points, _ in placed)])
     triangles = [faces + start for (_, _, faces), start in zip(placed, starts, strict=False)]
     sizes = [len(faces) for _, _, faces in placed]

@@ -1,11 +1,11 @@
-"""KITTI (Geiger 2012): frames of a real HDL-64E on a car, as binary float32 clouds.
+"""KITTI (Geiger 2012): frames of an HDL-64E on a car, as binary float32 clouds.
 
 References
 ----------
-A. Geiger and others, "Vision meets Robotics: The KITTI Dataset", IJRR 2013, section III, and the
-raw data's development kit, readme.txt: float32 x (forward), y (left), z (up) and reflectance, "row-
-aligned". Frames show the rest: rings follow each other from the highest laser down, each from
-azimuth 0 on, and azimuths are steps of 0.09 degrees beyond each laser's own angle.
+A. Geiger et al., "Vision meets Robotics: The KITTI Dataset", IJRR 2013, section III, and the
+development kit's readme.txt: float32 x (forward), y (left), z (up) and reflectance, "row-aligned".
+The files show that rings follow each other from the highest laser down, each from azimuth 0, and
+that azimuths are multiples of 0.09 degrees plus an offset of the laser.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from pydantic import PositiveInt
 
 from puckbench.core.errors import InputError, naming
 from puckbench.core.files import read_bytes
-from puckbench.datasets.base import FolderSet, Provenance, chosen
+from puckbench.datasets.base import FolderSet, Provenance, select_names
 from puckbench.datasets.published_counts import Count
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene, safe_name
@@ -44,23 +44,23 @@ _PUBLISHED = {
     "05": 2761, "06": 1101, "07": 1101, "08": 4071, "09": 1591, "10": 1201,
 }  # fmt: skip
 _EXPECTED = (
-    "KITTI should lie there, with training/velodyne, sequences/00/velodyne or "
-    "<date>/<drive>/velodyne_points/data in it; registration at cvlibs.net/datasets/kitti"
+    "expected KITTI, with training/velodyne, sequences/00/velodyne or "
+    "<date>/<drive>/velodyne_points/data; registration at cvlibs.net/datasets/kitti"
 )
 _COLUMNS = 4
 _RINGS = 64
 _STEP_DEG = 0.09
-"""Of the sensor's rotary encoder; firings are two steps apart, sometimes one."""
+"""Resolution of the rotary encoder; firings are two steps apart, sometimes one."""
 
 
 @LOADERS.register("kitti")
 class Kitti(FolderSet):
     """Frames ``<n>.bin`` of float32 x, y, z, intensity, in metres, z up, the sensor at the origin.
 
-    The folder is that of the object benchmark, the odometry or the raw drives. Scenes are called
-    training_000000 and grouped by part. Intensity is left out. With `returns` a frame is the turn
-    that its sensor measured: every point as laser, step of the encoder and range in steps of 2 mm,
-    from which points follow to about a millimetre. Then x is right and y forward.
+    The folder is the object benchmark, the odometry or the raw drives. Scenes are named
+    training_000000 and grouped by part. Intensity is ignored. With `returns`, a frame is the
+    sensor's turn, recovered from its points: laser, encoder step and range in steps of 2 mm, which
+    reproduce the points to about 1 mm; x is then right and y forward.
     """
 
     of_clouds: ClassVar[bool] = True
@@ -81,16 +81,15 @@ class Kitti(FolderSet):
 
     @property
     def of_returns(self) -> bool:
-        """Whether scenes are a sensor's returns."""
         return self.returns
 
     def load(self, name: str) -> Scene:
-        """Read the frame; `about` has the numbers of points that were left out."""
+        """Read the frame; `about` has the numbers of dropped points."""
         path = self._file(name)
         data = read_bytes(path)
         check_column_count(path, data, _COLUMNS)
-        every = float32_rows(data, _COLUMNS, path)[:, :3].astype(np.float64)
-        cloud = without_invalid(PointCloud(every, about={"dropped_points": 0}), path)
+        points = float32_rows(data, _COLUMNS, path)[:, :3].astype(np.float64)
+        cloud = without_invalid(PointCloud(points, about={"dropped_points": 0}), path)
         if not (self.keep_missing or self.returns):
             cloud = without_missing(cloud, missing_returns(cloud.xyz), path)
         xyz, part = cloud.xyz, _part_of(name)
@@ -98,24 +97,24 @@ class Kitti(FolderSet):
         about = self._about(f"KITTI {part}/{path.name}", **cloud.about)
         if self.returns:
             with naming(path):
-                found = _recovered(xyz)
-            about |= {"sensor": found.returns.sensor, **found.about()}
-            return Scene(name, part, returns=found.returns, about=about)
+                recovered = _recovered(xyz)
+            about |= {"sensor": recovered.returns.sensor, **recovered.about()}
+            return Scene(name, part, returns=recovered.returns, about=about)
         scene = replace(cloud, about=about)
         return Scene(name, part, cloud=scene, origin=(0.0, 0.0, 0.0), about=about)
 
     def counts(self) -> list[Count]:
-        """Frames of each part whose number is published."""
-        held = [_part_of(name) for name in self._whole().names()]
-        parts = [part for part in sorted(set(held)) if part in _PUBLISHED]
-        return [Count(part, held.count(part), _PUBLISHED[part]) for part in parts]
+        """Return the frames of each part with a published number."""
+        scene_parts = [_part_of(name) for name in self._whole().names()]
+        parts = [part for part in sorted(set(scene_parts)) if part in _PUBLISHED]
+        return [Count(part, scene_parts.count(part), _PUBLISHED[part]) for part in parts]
 
     def _listed(self, folder: Path) -> Mapping[str, Path]:
         places = (path for layout in _LAYOUTS for path in sorted(folder.glob(layout)))
         folders = {_part(path): path for path in places}
         table = {
             f"{part}_{frame[:-4]}": folders[part] / frame
-            for part in sorted(chosen("parts", self.parts, list(folders)) if folders else [])
+            for part in sorted(select_names("parts", self.parts, list(folders)) if folders else [])
             for frame in _frames(folders[part])[:: self.every]
         }
         if not table:
@@ -124,7 +123,7 @@ class Kitti(FolderSet):
 
 
 def _recovered(xyz: Floats) -> RecoveredReturns:
-    """The returns of a frame's points (n, 3), x forward and y left."""
+    """Return the returns of a frame's points (n, 3), x forward and y left."""
     from puckbench.lidar.recordings.rings import recovered_returns, split_rings
 
     turned = np.column_stack([-xyz[:, 1], xyz[:, 0], xyz[:, 2]])
@@ -138,7 +137,7 @@ def _recovered(xyz: Floats) -> RecoveredReturns:
 
 
 def _part(folder: Path) -> str:
-    """The split, sequence or drive that a folder of frames belongs to."""
+    """Return the split, sequence or drive of a folder of frames."""
     return safe_name((folder if folder.name == "velodyne" else folder.parent).parent.name)
 
 

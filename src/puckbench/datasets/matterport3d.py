@@ -6,14 +6,14 @@ from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
 
-from puckbench.datasets.base import MeshFolderSet, Provenance, chosen, existing_folder
+from puckbench.datasets.base import MeshFolderSet, Provenance, existing_folder, select_names
 from puckbench.datasets.published_counts import Count
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import safe_name
 
 _EXPECTED = (
-    "Matterport3D should lie there, with <building>/region_segmentations/region0.ply and so on in "
-    "it, its archives unpacked; its authors give it after a signed agreement, "
+    "expected Matterport3D, unpacked, with <building>/region_segmentations/region0.ply, ...; "
+    "available from its authors after a signed agreement, "
     "niessner.github.io/Matterport"
 )
 _BUILDINGS = 90
@@ -21,11 +21,10 @@ _BUILDINGS = 90
 
 @LOADERS.register("matterport3d")
 class Matterport3D(MeshFolderSet):
-    """Regions (rooms) as ``<building>/region_segmentations/region<k>.ply``, in metres, z up.
+    """Regions (rooms) ``<building>/region_segmentations/region<k>.ply``, in metres, z up.
 
-    The folder is the one that holds the buildings (``v1/scans``). Scenes are called
-    <building>_region0 and grouped by building. Archives that unpack into a second folder of the
-    building's name are found as well.
+    The folder contains the buildings (``v1/scans``), whose archives may be unpacked into a second
+    folder of the building's name. Scenes are named <building>_region0 and grouped by building.
     """
 
     provenance = Provenance(
@@ -38,7 +37,6 @@ class Matterport3D(MeshFolderSet):
     """Names of buildings to keep; all by default."""
 
     def counts(self) -> list[Count]:
-        """Buildings with any region."""
         return [Count("buildings", len(self._regions), _BUILDINGS)]
 
     @cached_property
@@ -56,7 +54,7 @@ class Matterport3D(MeshFolderSet):
     def _listed(self, folder: Path) -> Mapping[str, Path]:
         table = {
             safe_name(f"{building}_{region}"): path
-            for building in chosen("buildings", self.buildings, list(self._regions))
+            for building in select_names("buildings", self.buildings, list(self._regions))
             for region, path in self._regions[building].items()
         }
         return dict(sorted(table.items()))

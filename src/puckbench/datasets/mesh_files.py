@@ -1,4 +1,4 @@
-"""A user's own meshes, wherever their files lie."""
+"""A user's meshes, as files, folders or patterns."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import ClassVar, Literal
 
 from puckbench.core.content import plain_suffix
-from puckbench.datasets.captured_rooms import is_capture, read_capture
+from puckbench.datasets.captured_rooms import is_captured_room, read_capture
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene
 from puckbench.datasets.user_files import FileSet
@@ -27,7 +27,7 @@ class MeshFiles(FileSet):
     """The axis that points up, where the file format does not say."""
 
     def load(self, name: str) -> Scene:
-        """Read the mesh, in metres with z up; `about` has what the reader found and skipped."""
+        """Read the mesh, in metres with z up; `about` has the reader's report."""
         path = self._file(name)
         if path.suffix.lower() == ".json":
             return read_capture(path, name)
@@ -41,4 +41,4 @@ class MeshFiles(FileSet):
         suffix = plain_suffix(path)
         if suffix == ".ply":
             return has_faces(path)
-        return suffix != ".json" or is_capture(path)
+        return suffix != ".json" or is_captured_room(path)

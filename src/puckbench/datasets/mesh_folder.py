@@ -1,4 +1,4 @@
-"""Any folder of meshes as a set of scenes."""
+"""A folder of meshes."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from puckbench.core.errors import naming
 from puckbench.datasets.base import MeshFolderSet, Provenance
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import safe_name, unique_names
-from puckbench.datasets.units import Units, check_units, unit_of
+from puckbench.datasets.units import Units, check_units, metres_per_unit_of
 from puckbench.geometry.mesh import Mesh, scaled_mesh
 from puckbench.io.descriptions import sidecar
 from puckbench.io.meshes import SUFFIXES, read_mesh_report, warn_of_skipped
@@ -18,9 +18,9 @@ from puckbench.io.meshes import SUFFIXES, read_mesh_report, warn_of_skipped
 
 @LOADERS.register("mesh_folder")
 class MeshFolder(MeshFolderSet):
-    """The OBJ, OFF, PLY, STL and GLB files of a folder, grouped by sub-folder."""
+    """OBJ, OFF, PLY, STL and GLB files of a folder, grouped by subfolder."""
 
-    provenance = Provenance("", "", f"a folder of meshes should lie there: {', '.join(SUFFIXES)}")
+    provenance = Provenance("", "", f"expected meshes: {', '.join(SUFFIXES)}")
 
     recursive: bool = True
     """Whether to look into sub-folders."""
@@ -34,14 +34,14 @@ class MeshFolder(MeshFolderSet):
     """Credit noted with every scene."""
 
     def files(self, name: str) -> list[Path]:
-        """The mesh file and, for a PLY of our own, the JSON beside it."""
+        """Return the mesh file and, for a PLY of puckbench, its JSON."""
         path = self._file(name)
         beside = [sidecar(path)] if path.suffix.lower() == ".ply" else []
         return [path, *(extra for extra in beside if extra.exists())]
 
     def _listed(self, folder: Path) -> Mapping[str, Path]:
-        every = folder.rglob("*") if self.recursive else folder.glob("*")
-        paths = sorted(path for path in every if _is_mesh(path))
+        paths_below = folder.rglob("*") if self.recursive else folder.glob("*")
+        paths = sorted(path for path in paths_below if _is_mesh(path))
         if not paths:
             raise self._missing("mesh files")
         with naming("metres_per_unit"):
@@ -52,7 +52,7 @@ class MeshFolder(MeshFolderSet):
     def _read(self, path: Path) -> tuple[Mesh, dict[str, Any]]:
         mesh, report = read_mesh_report(path, self.up)
         warn_of_skipped(path, report["skipped"])
-        scaled = scaled_mesh(mesh, unit_of(path, self.metres_per_unit))
+        scaled = scaled_mesh(mesh, metres_per_unit_of(path, self.metres_per_unit))
         return scaled, {"licence": self.licence, "credit": self.credit, **report}
 
     def _group(self, path: Path) -> str:

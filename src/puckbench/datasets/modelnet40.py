@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 from puckbench.core.errors import InputError
 from puckbench.core.files import unreadable
-from puckbench.datasets.base import MeshFolderSet, Provenance, chosen
+from puckbench.datasets.base import MeshFolderSet, Provenance, select_names
 from puckbench.datasets.published_counts import Count
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import safe_name, unique_names
@@ -17,17 +17,17 @@ from puckbench.geometry.mesh import Mesh
 _PUBLISHED = {"train": 9843, "test": 2468}
 _CLASSES = 40
 _EXPECTED = (
-    "ModelNet40 should lie there, with airplane/train, ..., xbox/test in it; Princeton gives it "
-    "for academic use, modelnet.cs.princeton.edu"
+    "expected ModelNet40, with airplane/train, ..., xbox/test; available for academic use, "
+    "modelnet.cs.princeton.edu"
 )
 
 
 @LOADERS.register("modelnet40")
 class ModelNet40(MeshFolderSet):
-    """The models of a ModelNet folder: ``<class>/{train,test}/<class>_0001.off``.
+    """Models ``<class>/{train,test}/<class>_0001.off``.
 
-    Scenes are called chair_0001 and grouped by class. The models have no unit: one is taken for a
-    metre. Z is up.
+    Scenes are named chair_0001 and grouped by class. The models have no unit; it is assumed to be 1
+    m. Z is up.
     """
 
     provenance = Provenance(
@@ -42,10 +42,9 @@ class ModelNet40(MeshFolderSet):
     """The split to keep; both by default."""
 
     def counts(self) -> list[Count]:
-        """Classes, and models of each split."""
-        every = self._whole()._table.values()
-        splits = [path.parent.name for path in every]
-        classes = Count("classes", len({path.parent.parent for path in every}), _CLASSES)
+        paths = self._whole()._table.values()
+        splits = [path.parent.name for path in paths]
+        classes = Count("classes", len({path.parent.parent for path in paths}), _CLASSES)
         models = [Count(name, splits.count(name), number) for name, number in _PUBLISHED.items()]
         return [classes, *models]
 
@@ -57,7 +56,7 @@ class ModelNet40(MeshFolderSet):
         splits = list(_PUBLISHED) if self.split is None else [self.split]
         models = [
             path
-            for name in sorted(chosen("classes", self.classes, classes))
+            for name in sorted(select_names("classes", self.classes, classes))
             for split in splits
             for path in sorted((folder / name / split).glob("*.off"))
             if not path.name.startswith(".")
@@ -78,7 +77,7 @@ class ModelNet40(MeshFolderSet):
 
 
 def _is_glued(path: Path) -> bool:
-    """Whether the counts follow the header without a space, as in ``OFF3514 3546 0``."""
+    """Return whether the counts follow the header without a space: ``OFF3514 3546 0``."""
     try:
         with path.open("rb") as stream:
             return stream.read(4)[3:].isdigit()

@@ -1,11 +1,11 @@
-"""nuScenes (Caesar 2020): sweeps of a real HDL-32E on a car, with the ring of each point.
+"""nuScenes (Caesar 2020): sweeps of an HDL-32E on a car, with the ring of each point.
 
 References
 ----------
-H. Caesar and others, "nuScenes: A multimodal dataset for autonomous driving", CVPR 2020 (20 Hz, 32
-beams, motion compensation). The development kit, `LidarPointCloud.from_file`: float32 x, y, z,
-intensity and ring index; its images of the sensors' frames: x right, y forward, z up. That all
-firings are there, those without return at the sensor's place, is what sweeps show.
+H. Caesar et al., "nuScenes: A multimodal dataset for autonomous driving", CVPR 2020 (20 Hz, 32
+beams, motion compensation). Development kit, `LidarPointCloud.from_file`: float32 x (right), y
+(forward), z (up), intensity and ring. The files show that they contain all firings, those without
+return at the sensor's position.
 """
 
 from __future__ import annotations
@@ -31,8 +31,7 @@ if TYPE_CHECKING:
     from puckbench.lidar.recordings.rings import RecoveredReturns
 
 _EXPECTED = (
-    "nuScenes should lie there, with samples/LIDAR_TOP or sweeps/LIDAR_TOP in it; registration at "
-    "nuscenes.org"
+    "expected nuScenes, with samples/LIDAR_TOP or sweeps/LIDAR_TOP; registration at nuscenes.org"
 )
 _SUFFIX = ".pcd.bin"
 _NUMBERS, _RINGS = 5, 32
@@ -42,10 +41,10 @@ _NUMBERS, _RINGS = 5, 32
 class NuScenes(FolderSet):
     """Sweeps ``<log>__LIDAR_TOP__<time>.pcd.bin``, in metres, the sensor at the origin.
 
-    Scenes are called samples_<log>_<time> and grouped by log. With `returns` a sweep is the turn
-    that its sensor measured, by the rings of the file: the correction of the car's motion is
-    undone, as firings without a return tell it. Points follow to some millimetres from laser,
-    azimuth and range in steps of 2 mm.
+    Scenes are named samples_<log>_<time> and grouped by log. With `returns`, a sweep is the
+    sensor's turn, recovered from the rings: the motion compensation is undone by means of the
+    firings without return. Laser, azimuth and range in steps of 2 mm reproduce the points to some
+    millimetres.
     """
 
     of_clouds: ClassVar[bool] = True
@@ -66,11 +65,10 @@ class NuScenes(FolderSet):
 
     @property
     def of_returns(self) -> bool:
-        """Whether scenes are a sensor's returns."""
         return self.returns
 
     def load(self, name: str) -> Scene:
-        """Read the sweep; `about` has the numbers of points that were left out."""
+        """Read the sweep; `about` has the numbers of dropped points."""
         path = self._file(name)
         data = read_bytes(path)
         check_column_count(path, data, _NUMBERS)
@@ -79,9 +77,9 @@ class NuScenes(FolderSet):
         about = self._about(f"nuScenes {self.part}/{path.name}")
         if self.returns:
             with naming(path):
-                found = _recovered(table)
-            about |= {"sensor": found.returns.sensor, **found.about()}
-            return Scene(name, log, returns=found.returns, about=about)
+                recovered = _recovered(table)
+            about |= {"sensor": recovered.returns.sensor, **recovered.about()}
+            return Scene(name, log, returns=recovered.returns, about=about)
         cloud = PointCloud(table[:, :3], about={**about, "dropped_points": 0})
         if not self.keep_missing:
             missing = missing_firings(cloud.xyz, table[:, 4])
@@ -92,26 +90,25 @@ class NuScenes(FolderSet):
         return Scene(name, log, cloud=cloud, origin=(0.0, 0.0, 0.0), about=about)
 
     def _listed(self, folder: Path) -> Mapping[str, Path]:
-        held = sorted((folder / self.part / "LIDAR_TOP").glob(f"*{_SUFFIX}"))
-        files = [path for path in held if not path.name.startswith(".")][:: self.every]
+        paths = sorted((folder / self.part / "LIDAR_TOP").glob(f"*{_SUFFIX}"))
+        files = [path for path in paths if not path.name.startswith(".")][:: self.every]
         if not files:
             raise self._missing(f"sweeps ({self.part}/LIDAR_TOP/*{_SUFFIX})")
         return {f"{self.part}_{_name(path)}": path for path in files}
 
 
 def _name(path: Path) -> str:
-    """Log and time of a sweep's file."""
     return safe_name(path.name.removesuffix(_SUFFIX).replace("__LIDAR_TOP__", "_"))
 
 
 def _recovered(table: Floats) -> RecoveredReturns:
-    """The returns of a file's rows (n, 5)."""
+    """Return the returns of a file's rows (n, 5)."""
     from puckbench.lidar.recordings.rings import recovered_firings
 
     rings = table[:, 4]
     whole = len(rings) > 0 and len(rings) % _RINGS == 0 and bool(np.isfinite(table).all())
     if not whole or (rings.reshape(-1, _RINGS) != np.arange(_RINGS)).any():
         raise InputError(
-            f"not {_RINGS} rings in order again and again, from which returns can be recovered"
+            f"points are not in the order of {_RINGS} rings, from which returns can be recovered"
         )
     return recovered_firings(table[:, :3].reshape(-1, _RINGS, 3), "HDL-32E")

@@ -1,4 +1,4 @@
-"""A user's own point clouds, of every format that is read."""
+"""A user's point clouds, as files, folders or patterns."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from puckbench.io.ply import has_faces
 class PointClouds(FileSet):
     """Clouds in PLY, PCD, LAS, LAZ, E57, text (XYZ, CSV, TXT, ASC, PTS), NumPy and KITTI files.
 
-    Colours, intensity and all other values of the points are kept in the cloud's PLY. All files are
-    read before a run: what cannot be used is left out and named.
+    Colours, intensity and all other attributes are kept. All files are read before a run; invalid
+    ones are left out and reported.
     """
 
     of_clouds: ClassVar[bool] = True
@@ -37,7 +37,7 @@ class PointClouds(FileSet):
     default as their values tell."""
 
     def load(self, name: str) -> Scene:
-        """Read the cloud, in metres; `about` has the number of points that were left out."""
+        """Read the cloud, in metres; `about` has the number of dropped points."""
         path = self._file(name)
         unit = self._unit(path)  # one that is named counts more than that of the file
         options = (self.keep_missing, self.drop_invalid, self.bin_columns)

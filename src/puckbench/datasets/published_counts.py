@@ -1,4 +1,4 @@
-"""Counts of what is there of a data set beside the counts that its authors published."""
+"""Compare the counts of a data set on disk with published counts."""
 
 from __future__ import annotations
 
@@ -8,21 +8,21 @@ from typing import Protocol, runtime_checkable
 
 @dataclass(frozen=True)
 class Count:
-    """One count: what is counted, the number there is, and the number published."""
+    """A count: what is counted, the number on disk, and the published number."""
 
     what: str
     held: int
     published: int
 
     def line(self) -> str:
-        """The count in words; what differs says so."""
+        """Return the count in words, with a remark if it differs."""
         verdict = "" if self.held == self.published else ", which differs"
         return f"{self.held} of {self.published} published{verdict}"
 
 
 @runtime_checkable
 class Counted(Protocol):
-    """A scene set whose counts can be checked."""
+    """A data set with published counts."""
 
     def counts(self) -> list[Count]:
-        """Counts of the whole data set, whatever the options choose of it."""
+        """Return counts of the whole data set, whatever its options select."""

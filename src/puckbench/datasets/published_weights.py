@@ -1,6 +1,7 @@
-"""The weights of PCGCv1's, PCGCv2's and RENO's authors, from public repositories at fixed commits.
+"""Weights published by the authors of PCGCv1, PCGCv2 and RENO, at fixed commits of their
+repositories.
 
-What is fetched from where, with its hashes, is in published_weights.yaml and reno_weights.yaml.
+published_weights.yaml and reno_weights.yaml list the files with their hashes.
 """
 
 from __future__ import annotations
@@ -25,28 +26,28 @@ PCGC, RENO = "pcgc_weights", "reno_weights"
 _TABLES = {PCGC: "published_weights.yaml", RENO: "reno_weights.yaml"}
 
 
-def table(name: str = PCGC) -> dict[str, Any]:
-    """Repositories, files and the order of variables, as the set's YAML has them."""
+def published_files(name: str = PCGC) -> dict[str, Any]:
+    """Return the repositories, files and order of variables of a set, from its YAML file."""
     import yaml
 
     text = Path(__file__).with_name(_TABLES[name]).read_text(encoding="utf-8")
-    found: dict[str, Any] = yaml.safe_load(text)
-    return found
+    content: dict[str, Any] = yaml.safe_load(text)
+    return content
 
 
 def download(
-    folder: Path, host: str = HOST, known: Mapping[str, Any] | None = None, name: str = PCGC
+    folder: Path, host: str = HOST, published: Mapping[str, Any] | None = None, name: str = PCGC
 ) -> Path:
-    """Fetch the weights and their licences into one package, every file with its known hash.
+    """Download the weights and their licences into one package, and check all hashes.
 
     Parameters
     ----------
     folder
-        Where the package is put.
+        Folder of the package.
     host
-        Beginning of all addresses.
-    known
-        As `table`, which is the default.
+        Start of all addresses.
+    published
+        By default from `published_files`.
     name
         Of the set.
 
@@ -58,13 +59,15 @@ def download(
     Raises
     ------
     InputError
-        There is no network, or a file is not the known one.
+        There is no network, or a hash differs.
     """
-    known = known or table(name)
+    published = published or published_files(name)
     package = folder / f"{name}.tar"
     with tarfile.open(package, "w") as archive:
-        for file, about in known["files"].items():
-            content = _file(file, about, partial(_fetched, host, known["repositories"]), known)
+        for file, entry in published["files"].items():
+            content = _file(
+                file, entry, partial(_fetch, host, published["repositories"]), published
+            )
             member = tarfile.TarInfo(file)
             member.size = len(content)
             archive.addfile(member, io.BytesIO(content))
@@ -72,20 +75,20 @@ def download(
 
 
 def _file(
-    name: str, about: Mapping[str, Any], fetched: Callable[[str], bytes], known: Mapping[str, Any]
+    name: str, entry: Mapping[str, Any], fetch: Callable[[str], bytes], published: Mapping[str, Any]
 ) -> bytes:
-    """One file to keep; InputError when it has not the known hash."""
-    parts = [fetched(place) for place in about["from"]]
-    if "git" in about and [_git_name(part) for part in parts] != about["git"]:
-        raise InputError(f"{name}: the repository has other contents than are known here")
-    content = parts[0] if len(parts) == 1 else _archive(name, parts, known["order"])
-    held = hashlib.sha256(content).hexdigest()
-    if held != about.get("sha256", held):
-        raise InputError(f"{name} has the SHA-256 {held}, not the known {about['sha256']}")
+    """Return the content of a file; InputError if its hash differs."""
+    parts = [fetch(place) for place in entry["from"]]
+    if "git" in entry and [_git_name(part) for part in parts] != entry["git"]:
+        raise InputError(f"{name}: the repository's content differs from the published one")
+    content = parts[0] if len(parts) == 1 else _archive(name, parts, published["order"])
+    digest = hashlib.sha256(content).hexdigest()
+    if digest != entry.get("sha256", digest):
+        raise InputError(f"{name} has the SHA-256 {digest}, not the expected {entry['sha256']}")
     return content
 
 
-def _fetched(host: str, repositories: Mapping[str, str], place: str) -> bytes:
+def _fetch(host: str, repositories: Mapping[str, str], place: str) -> bytes:
     from urllib.error import URLError
     from urllib.request import urlopen
 
@@ -96,18 +99,18 @@ def _fetched(host: str, repositories: Mapping[str, str], place: str) -> bytes:
             content: bytes = answer.read(_MAX_BYTES)
     except (URLError, OSError) as error:
         reason = getattr(error, "reason", error)
-        otherwise = "without a network, name a folder of weights in the codec's option `weights`"
-        raise InputError(f"{address} cannot be fetched ({reason}); {otherwise}") from error
+        alternative = "without a network, set the codec's option `weights` to a folder of weights"
+        raise InputError(f"{address} cannot be fetched ({reason}); {alternative}") from error
     return content
 
 
 def _git_name(content: bytes) -> str:
-    """The name that git has for a file of this content."""
+    """Return git's object name of a file."""
     return hashlib.sha1(b"blob %d\0" % len(content) + content, usedforsecurity=False).hexdigest()
 
 
 def _archive(name: str, checkpoint: Sequence[bytes], order: str) -> bytes:
-    """The variables of a checkpoint (index, data) as a NumPy archive."""
+    """Return the variables of a checkpoint (index, data) as a NumPy archive."""
     import numpy as np
 
     from puckbench.io.tensorflow_checkpoints import read_variables
@@ -115,16 +118,15 @@ def _archive(name: str, checkpoint: Sequence[bytes], order: str) -> bytes:
     with naming(name):
         variables = read_variables(*checkpoint)
     names = sorted(name for name in variables if not name.startswith(_OPTIMISER))
-    places = bytes.fromhex(order)
-    if len(names) != len(places):
-        raise InputError(f"{name}: {len(names)} variables, not {len(places)}")
+    order_of_variables = bytes.fromhex(order)
+    if len(names) != len(order_of_variables):
+        raise InputError(f"{name}: {len(names)} variables, not {len(order_of_variables)}")
     archive = io.BytesIO()
-    np.savez(archive, **{names[place]: variables[names[place]] for place in places})  # type: ignore[arg-type]
+    np.savez(archive, **{names[place]: variables[names[place]] for place in order_of_variables})  # type: ignore[arg-type]
     return archive.getvalue()
 
 
 def credits_of_reno(_: Path) -> str:
-    """Whose the weights of RENO are."""
     return (
         "# Weights of RENO\n\n"
         "KITTIDetection.pt, SemanticKITTI.pt, Ford.pt: RENO (You, Chen, Ding, Asif, Ma 2025), "
@@ -133,7 +135,6 @@ def credits_of_reno(_: Path) -> str:
 
 
 def credits_of(_: Path) -> str:
-    """Whose the weights of PCGCv1 and PCGCv2 are."""
     return (
         "# Weights of PCGCv1 and PCGCv2\n\n"
         "* a*.npz: PCGCv1 (Wang, Zhu, Liu, Ma 2021), github.com/NJUVISION/PCGCv1, Apache License "

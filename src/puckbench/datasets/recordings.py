@@ -1,10 +1,8 @@
-"""Turns of recordings of real spinning LiDARs, in the sensor's own frame and numbers."""
+"""Turns of recordings of real spinning LiDARs, as returns in the sensor's frame."""
 
 from __future__ import annotations
 
 import glob
-import os
-from collections import Counter
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
@@ -17,10 +15,15 @@ from pydantic import Field, PositiveInt
 
 from puckbench.core.errors import InputError
 from puckbench.core.files import unreadable
-from puckbench.datasets.base import DataSet, found
+from puckbench.datasets.base import DataSet, look_up
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene, safe_name
-from puckbench.datasets.user_files import distinct, is_file_or_lost, scene_names
+from puckbench.datasets.user_files import (
+    is_file_or_lost,
+    refuse_repeated,
+    scene_names,
+    without_duplicates,
+)
 
 if TYPE_CHECKING:
     from puckbench.lidar.returns import Returns
@@ -28,17 +31,17 @@ if TYPE_CHECKING:
 COMPRESSED = ".puck"
 RECORDING_SUFFIXES = (".pcap", ".pcapng", ".bag", ".db3", ".mcap", COMPRESSED)
 _MOST_KEPT = 1 << 28
-"""Ranges of recordings that a process keeps for their next turns, at most."""
+"""Largest size of cached recordings, bytes of ranges."""
 
 
 @LOADERS.register("recordings")
 class Recordings(DataSet):
     """Turns of recordings: packet captures (.pcap, .pcapng) and ROS bags (.bag, .db3, .mcap).
 
-    Of the VLP-16, the Puck Hi-Res or the HDL-32E, with one or two returns of each beam, also
-    compressed (.puck). Only whole turns are taken. Scenes are named after the file and the first
-    turn (drive_0012); a recording that cannot be used is left out and named. Damaged and repeated
-    packets are left out and counted.
+    Sensors: VLP-16, Puck Hi-Res and HDL-32E with one or two returns per beam; also compressed
+    (.puck). Only whole turns are used. Scenes are named after file and first turn (drive_0012).
+    Unusable recordings are left out and reported; damaged and repeated packets are left out and
+    counted.
     """
 
     of_clouds: ClassVar[bool] = True
@@ -60,73 +63,66 @@ class Recordings(DataSet):
     ``192.168.1.201:2368 to 255.255.255.255:2368`` (sender, receiver)."""
 
     def names(self) -> list[str]:
-        """Names of the clouds, `unusable` recordings first; reads the packets of all recordings."""
+        """Return the names of the clouds, `unusable` recordings first; reads all recordings."""
         return list(self._clouds)
 
     @property
     def unusable(self) -> list[str]:
-        """Names of recordings that have no cloud; `load` tells why."""
+        """Names of recordings without a cloud; `load` raises the reason."""
         return [name for name, (_, first) in self._clouds.items() if first is None]
 
     def files(self, name: str) -> list[Path]:
-        """The recording that a cloud is taken from."""
         return [self._place(name)[0]]
 
     def options_of(self, name: str) -> dict[str, Any]:
-        """Options of a set of this cloud's recording alone."""
+        """Return options of a data set of this cloud's recording only."""
         path, first = self._place(name)
-        whole = name if first is None else name.rpartition("_")[0]
-        return {**self.model_dump(exclude_defaults=True), "path": {whole: str(path)}}
+        scene_name = name if first is None else name.rpartition("_")[0]
+        return {**self.model_dump(exclude_defaults=True), "path": {scene_name: str(path)}}
 
     def load(self, name: str) -> Scene:
-        """The returns of a cloud's turns; reads its recording alone.
-
-        `about` has the counts of what was left out, where there is any.
-        """
+        """Return the returns of a cloud's turns; `about` has the counts of what was left out."""
         path, first = self._place(name)
-        whole, left_out = _read(path, self.start_s, self.stream)
+        recording, left_out = _read(path, self.start_s, self.stream)
         if first is None:
-            raise InputError(f"{path}: {self._no_turns(whole)}")
-        if first not in self._firsts(whole):
-            found(self._clouds, name, str(self.path))
-        about = {"source": path.name, "first_turn": first, "sensor": whole.sensor, **left_out}
-        chosen = replace(whole, turns=whole.turns[first : first + self.turns])
-        return Scene(name, safe_name(path.stem), returns=chosen, about=about)
+            raise InputError(f"{path}: {self._no_turns(recording)}")
+        if first not in self._firsts(recording):
+            look_up(self._clouds, name, str(self.path))
+        about = {"source": path.name, "first_turn": first, "sensor": recording.sensor, **left_out}
+        cloud_returns = replace(recording, turns=recording.turns[first : first + self.turns])
+        return Scene(name, safe_name(path.stem), returns=cloud_returns, about=about)
 
     def _place(self, name: str) -> tuple[Path, int | None]:
-        """Recording and first turn of a cloud; None where the name is a recording's."""
+        """Return recording and first turn of a cloud; no turn if the name is a recording's."""
         recording, _, number = name.rpartition("_")
         if recording in self._recordings and number.isdecimal() and f"{int(number):04d}" == number:
             return self._recordings[recording], int(number)
         if name in self._recordings:
             return self._recordings[name], None
-        return found(self._clouds, name, str(self.path))
+        return look_up(self._clouds, name, str(self.path))
 
     def _firsts(self, whole: Returns) -> range:
-        """First turns of the clouds of a recording; turn 0 and the last may be cut off."""
+        """Return the first turns of the clouds; the first and the last turn may be incomplete."""
         return range(1, len(whole.turns) - self.turns, self.turns * self.every)
 
     def _no_turns(self, whole: Returns) -> str:
-        wanted = "no whole turn" if self.turns == 1 else f"not {self.turns} whole turns"
+        lacking = "no whole turn" if self.turns == 1 else f"not {self.turns} whole turns"
         turns = len(whole.turns)
-        cut = "which are cut" if turns < 3 else "of which the first and the last are cut"
-        return f"{wanted} among the turns of the recording, {turns}, {cut}"
+        return f"{lacking} in the recording: of {turns} turns the first and the last are cut off"
 
     @cached_property
     def _recordings(self) -> Mapping[str, Path]:
-        """Recordings by name, without reading any."""
+        """Recordings by name, unread."""
         if isinstance(self.path, dict):
             return {name: Path(text) for name, text in self.path.items()}
-        given = (self.path,) if isinstance(self.path, str) else self.path
-        paths = [path for text in given for path in recordings_at(text)]
-        twice = [path for path, count in Counter(map(os.path.realpath, paths)).items() if count > 1]
-        if twice:
-            raise InputError(f"{Path(twice[0]).name}: the recording is named twice")
+        texts = (self.path,) if isinstance(self.path, str) else self.path
+        paths = [path for text in texts for path in recordings_at(text)]
+        refuse_repeated(paths, "recording")
         return dict(zip(scene_names(paths), paths, strict=True))
 
     @cached_property
     def _clouds(self) -> Mapping[str, tuple[Path, int | None]]:
-        """Recording and first turn of each cloud, and the recordings that have none."""
+        """Recording and first turn of each cloud, and the recordings without a cloud."""
         table: dict[str, tuple[Path, int | None]] = {}
         faulty: dict[str, tuple[Path, int | None]] = {}
         for name, path in self._recordings.items():
@@ -141,28 +137,27 @@ class Recordings(DataSet):
 
 
 def recordings_at(text: str) -> list[Path]:
-    """The recordings that a path, a folder or a pattern stands for.
+    """Return the recordings of a path, folder or pattern.
 
-    The folder of a ROS 2 bag is one recording. A compressed recording beside the one that it was
-    made of is no other one.
+    The folder of a ROS 2 bag is one recording. A compressed recording is ignored if its original is
+    in the same folder.
     """
     path = Path(text)
     if path.is_dir() and not is_bag_folder(path):
-        inside = distinct(_below(path))
-        if not inside:
-            raise InputError(f"{text}: no recording there ({', '.join(RECORDING_SUFFIXES)})")
-        return inside
+        paths = without_duplicates(_below(path))
+        if not paths:
+            raise InputError(f"{text}: no recordings ({', '.join(RECORDING_SUFFIXES)})")
+        return paths
     if path.exists():
         return [path]
     matches = map(Path, glob.glob(text, recursive=True))  # noqa: PTH207 (any pattern)
-    inside = distinct(one for one in matches if is_bag_folder(one) or _is_recording(one))
-    if not inside:
-        raise InputError(f"{text}: no such file or folder (recordings should lie there)")
-    return inside
+    paths = without_duplicates(one for one in matches if is_bag_folder(one) or _is_recording(one))
+    if not paths:
+        raise InputError(f"{text}: no such file or folder (expected recordings)")
+    return paths
 
 
 def is_bag_folder(path: Path) -> bool:
-    """Whether a path is the folder of a ROS 2 bag, which is one recording."""
     return (path / "metadata.yaml").is_file()
 
 
@@ -175,12 +170,12 @@ def _below(folder: Path) -> Iterator[Path]:
 
 
 def _is_recording(path: Path) -> bool:
-    known = path.suffix.lower() in RECORDING_SUFFIXES and not path.name.startswith(".")
-    return known and is_file_or_lost(path)
+    has_suffix = path.suffix.lower() in RECORDING_SUFFIXES and not path.name.startswith(".")
+    return has_suffix and is_file_or_lost(path)
 
 
 def _is_copy(path: Path) -> bool:
-    """Whether a compressed recording lies beside the one that it was made of."""
+    """Return whether a compressed recording is next to its original."""
     others = (path.with_suffix(suffix) for suffix in RECORDING_SUFFIXES if suffix != COMPRESSED)
     return path.suffix.lower() == COMPRESSED and any(other.exists() for other in others)
 
@@ -227,7 +222,9 @@ _kept: dict[tuple[Path, float, str | None, _State], tuple[Returns, dict[str, int
 
 
 def _read(path: Path, start_s: float, stream: str | None) -> tuple[Returns, dict[str, int]]:
-    """The turns of a recording and what was left out; read once while it fits and is the same."""
+    """Return the turns of a recording and the counts of what was left out, from a cache if
+    unchanged.
+    """
     from puckbench.lidar.recordings.reading import read_turns
 
     key = (path, start_s, stream, _state(path))
@@ -242,7 +239,7 @@ def _read(path: Path, start_s: float, stream: str | None) -> tuple[Returns, dict
 
 
 def _state(path: Path) -> _State:
-    """Names, sizes and times of a recording's files; none where it is missing."""
+    """Return names, sizes and times of a recording's files."""
     files = sorted(path.iterdir()) if path.is_dir() else [path]
     stats = ((one.name, one.stat()) for one in files if one.exists())
     return tuple((name, stat.st_size, stat.st_mtime_ns) for name, stat in stats)

@@ -1,4 +1,4 @@
-"""The registry of data sets, and how to open one from a configuration."""
+"""The registry of data sets."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from puckbench.core.registry import Registry
 from puckbench.datasets.scene import SceneSet
 
 LOADERS: Registry[type[SceneSet]] = Registry("loader", "datasets")
-"""Classes that read or generate data sets, by the name that the configuration's `loader` gives."""
+"""Classes that read or generate data sets, by the configuration's `loader`."""
 
 
 def open_scene_set(loader: str, options: Mapping[str, Any], seed: int = 0) -> SceneSet:
@@ -23,17 +23,17 @@ def open_scene_set(loader: str, options: Mapping[str, Any], seed: int = 0) -> Sc
     Parameters
     ----------
     loader
-        A name of `LOADERS`, ``module:Class`` or ``path/to/file.py:Class``. A class is a pydantic
-        model (`puckbench.core.models.Model`) or a frozen data class.
+        A name of `LOADERS`, ``module:Class`` or ``path/to/file.py:Class``: a pydantic model
+        (`puckbench.core.models.Model`) or a frozen data class.
     options
-        Values of the class's fields; lists stand for tuples.
+        Values of the class's fields.
     seed
-        Value of the field ``seed``, where the class has one and the options do not give it.
+        Value of the field ``seed``, if the class has it and `options` does not.
 
     Raises
     ------
     InputError
-        The loader or an option is unknown, or an option is missing or not allowed.
+        The loader or an option is unknown, missing or invalid.
     """
     loader_class = LOADERS.get(loader)
     model = options_model(loader_class, f"loader {loader}")
@@ -43,7 +43,9 @@ def open_scene_set(loader: str, options: Mapping[str, Any], seed: int = 0) -> Sc
 
 
 def options_model(loader_class: type, what: str) -> type[pydantic.BaseModel]:
-    """The options of a loader as a pydantic model: itself, or one with a data class's fields."""
+    """Return the options of a loader as a pydantic model: the class itself, or a data class's
+    fields.
+    """
     if issubclass(loader_class, pydantic.BaseModel):
         return loader_class
     if not is_dataclass(loader_class):

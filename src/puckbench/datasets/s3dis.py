@@ -1,4 +1,4 @@
-"""S3DIS, Stanford's 3D indoor scenes (Armeni 2016): rooms as coloured clouds, with their damage."""
+"""S3DIS, Stanford's large-scale indoor scenes (Armeni 2016): rooms as coloured clouds."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from puckbench.core.errors import InputError
-from puckbench.datasets.base import FolderSet, Provenance, chosen
+from puckbench.datasets.base import FolderSet, Provenance, select_names
 from puckbench.datasets.published_counts import Count
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene, safe_name
@@ -24,14 +24,14 @@ CLASSES = (
 _ROOMS = {"Area_1": 44, "Area_2": 40, "Area_3": 23, "Area_4": 49, "Area_5": 68, "Area_6": 48}
 _COPY = re.compile(r" \(\d+\)$")
 _NUMBER = re.compile(r"_\d+$")
-_EXPECTED = "S3DIS should lie there, with Area_1, ..., Area_6 in it"
+_EXPECTED = "expected S3DIS, with Area_1, ..., Area_6"
 
 
 @LOADERS.register("s3dis")
 class S3DIS(FolderSet):
-    """Rooms in the layout of S3DIS: ``Area_<n>/<room>/<room>.txt`` and ``Annotations/*.txt``.
+    """Rooms ``Area_<n>/<room>/<room>.txt`` with ``Annotations/*.txt``.
 
-    Scenes are called Area_1_office_1 and grouped by room type (office).
+    Scenes are named Area_1_office_1 and grouped by room type (office).
     """
 
     of_clouds: ClassVar[bool] = True
@@ -48,7 +48,7 @@ class S3DIS(FolderSet):
     `CLASSES`); otherwise they come from the room's file, without labels."""
 
     def files(self, name: str) -> list[Path]:
-        """The room's file, or with labels those of its annotations."""
+        """Return the room's file or, with `labels`, those of its annotations."""
         folder = self._file(name)
         return _annotations(folder)[0] if self.labels else [_room_file(folder)]
 
@@ -60,7 +60,7 @@ class S3DIS(FolderSet):
         return Scene(name, room_type(folder.name), cloud=cloud, box=box, about=cloud.about)
 
     def counts(self) -> list[Count]:
-        """Rooms of each area; 272 in all."""
+        """Return the rooms of each area; 272 in all."""
         areas = [room.parent.name for room in self._whole()._table.values()]
         return [Count(area, areas.count(area), rooms) for area, rooms in _ROOMS.items()]
 
@@ -68,7 +68,7 @@ class S3DIS(FolderSet):
         areas = {path.name: path for path in sorted(folder.glob("Area_*")) if path.is_dir()}
         if not areas:
             raise self._missing("Area_<n> folders")
-        kept = sorted(chosen("areas", self.areas, list(areas)))
+        kept = sorted(select_names("areas", self.areas, list(areas)))
         rooms = [room for area in kept for room in areas[area].iterdir() if _is_room(room)]
         if not rooms:
             raise InputError(f"{self.path}: no rooms in {', '.join(kept)}")
@@ -99,7 +99,7 @@ class S3DIS(FolderSet):
         )
 
     def _about_room(self, folder: Path, texts: Mapping[Path, TextCloud]) -> dict[str, Any]:
-        """Source, release and the lines that were repaired or dropped, by file."""
+        """Return source, release, and repaired and dropped lines by file."""
         area = folder.parent.name
         return self._about(
             f"S3DIS {area}/{folder.name}",
@@ -110,7 +110,7 @@ class S3DIS(FolderSet):
 
 
 def room_type(room: str) -> str:
-    """Type of a room of S3DIS and 2D-3D-S: "office" of "office_12"."""
+    """Return the type of a room of S3DIS or 2D-3D-S: "office" for "office_12"."""
     return _NUMBER.sub("", room)
 
 
@@ -123,23 +123,23 @@ def _texts(folder: Path) -> list[Path]:
 
 
 def _room_file(folder: Path) -> Path:
-    """The room's own file; the only text there when it is misnamed (Area_6/copyRoom_1)."""
+    """Return the room's file; if misnamed (Area_6/copyRoom_1), the only text file."""
     named, texts = folder / f"{folder.name}.txt", _texts(folder)
     if named in texts:
         return named
     if len(texts) != 1:
-        raise InputError(f"{folder}: no {named.name} there, but {len(texts)} other texts")
+        raise InputError(f"{folder}: no {named.name}, but {len(texts)} other text files")
     return texts[0]
 
 
 def _annotations(folder: Path) -> tuple[list[Path], list[Path]]:
-    """Annotation files to read, and copies ("wall_3 (1).txt") to leave out."""
+    """Return annotation files, and copies ("wall_3 (1).txt") to leave out."""
     texts = _texts(folder / "Annotations")
     names = {path.stem for path in texts}
     copies = [p for p in texts if _COPY.search(p.stem) and _COPY.sub("", p.stem) in names]
     kept = [path for path in texts if path not in copies]
     if not kept:
-        raise InputError(f"{folder / 'Annotations'}: no annotations there")
+        raise InputError(f"{folder / 'Annotations'}: no annotations")
     return kept, copies
 
 

@@ -1,4 +1,4 @@
-"""Positions of the cameras of 2D-3D-S: one listed position per room, or the cameras' poses."""
+"""Scanner positions in 2D-3D-S: one listed position per room, or the cameras' poses."""
 
 from __future__ import annotations
 
@@ -18,24 +18,24 @@ _FOLDERS = ("data/pose", "pano/pose")
 
 
 def listed_file(folder: Path, area: str) -> Path:
-    """The list of an area ("1", ..., "5a") in the thesis's folder of positions."""
+    """Return the list of an area ("1", ..., "5a") in the thesis's folder of positions."""
     return folder / f"locations_pruned{area}.json"
 
 
 def listed_positions(path: Path, area: str) -> dict[str, Position]:
-    """Position of the scanner by room, from a list ``{"office_6_1": [x, y, z], ...}``.
+    """Return the scanner position of each room from a list ``{"office_6_1": [x, y, z], ...}``.
 
     Parameters
     ----------
     path
-        JSON file of positions in metres. The last number of a key is the area.
+        JSON file, metres; the last number of a key is the area.
     area
-        "1", ..., "5a", "5b" (both have 5 in the keys), "6".
+        "1", ..., "5a", "5b" (5 in the keys), "6".
 
     Raises
     ------
     InputError
-        The file is no such list, or of another area.
+        The file is not such a list, or is of another area.
     """
     content = read_json(path)
     if not isinstance(content, dict) or not content:
@@ -50,9 +50,7 @@ def listed_positions(path: Path, area: str) -> dict[str, Position]:
 
 
 def pose_files(area_folder: Path) -> dict[str, list[Path]]:
-    """Pose files by room, one for each tripod position (the first of its frames by name).
-
-    They are listed, not read: an area has about ten thousand.
+    """Return pose files by room, one for each tripod position, without reading them.
 
     Raises
     ------
@@ -68,13 +66,13 @@ def pose_files(area_folder: Path) -> dict[str, list[Path]]:
         if rooms:
             return {room: list(tripods.values()) for room, tripods in rooms.items()}
     raise InputError(
-        f"{area_folder / _FOLDERS[0]}: no camera_*_pose.json there, which tell where a scanner "
-        "can stand (2D-3D-S has them; or give a folder of positions)"
+        f"{area_folder / _FOLDERS[0]}: no camera_*_pose.json, which give the scanner positions "
+        "(expected those of 2D-3D-S; or set the option positions)"
     )
 
 
 def camera_position(path: Path) -> Position:
-    """Camera position of a pose file, m; files of older releases hold a list of poses."""
+    """Return the camera position of a pose file, m; older releases have a list of poses."""
     content = read_json(path)
     pose = content[0] if isinstance(content, list) and content else content
     if not isinstance(pose, dict) or "camera_location" not in pose:
@@ -83,7 +81,6 @@ def camera_position(path: Path) -> Position:
 
 
 def _position(value: Any, what: str) -> Position:
-    """Three finite numbers."""
     numbers = value if isinstance(value, list) else []
     good = [x for x in numbers if isinstance(x, int | float) and math.isfinite(x)]
     if len(numbers) != 3 or len(good) != 3:

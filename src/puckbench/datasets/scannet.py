@@ -23,19 +23,18 @@ _CREDIT = (
     'A. Dai et al., "ScanNet: Richly-annotated 3D Reconstructions of Indoor Scenes", CVPR 2017'
 )
 _EXPECTED = (
-    "ScanNet's scans should lie there, with scene0000_00/scene0000_00_vh_clean_2.ply and so on in "
-    "it; its authors give them after a signed agreement, www.scan-net.org"
+    "expected ScanNet's scans, with scene0000_00/scene0000_00_vh_clean_2.ply, ...; available from "
+    "its authors after a signed agreement, www.scan-net.org"
 )
 _PUBLISHED = 1513
 
 
 @LOADERS.register("scannet")
 class ScanNet(MeshFolderSet):
-    """Rooms as ``scene0000_00/scene0000_00_vh_clean_2.ply``, in metres, z up.
+    """Rooms ``scene0000_00/scene0000_00_vh_clean_2.ply``, in metres, z up.
 
-    The folder is that of the scans (its parent, with the sub-folder ``scans``, will do). Scenes are
-    named as their scans and grouped by the ``sceneType`` of the scan's ``.txt``, "unknown" where
-    there is none (the hidden test has none).
+    The folder contains the scans, or ``scans`` with them. Scenes are named after their scans and
+    grouped by the ``sceneType`` of the scan's ``.txt``, or "unknown" (hidden test set).
     """
 
     provenance = Provenance("ScanNet's terms of use, not redistributable", _CREDIT, _EXPECTED)
@@ -46,13 +45,12 @@ class ScanNet(MeshFolderSet):
     """Whether to turn the room by ``axisAlignment`` of its ``.txt``, walls along the axes."""
 
     def files(self, name: str) -> list[Path]:
-        """The mesh and, where there is one, the description of the scan."""
+        """Return the mesh and the scan's description, if any."""
         mesh = self._file(name)
-        described = _description_file(mesh)
-        return [mesh, described] if described.is_file() else [mesh]
+        description = _description_file(mesh)
+        return [mesh, description] if description.is_file() else [mesh]
 
     def counts(self) -> list[Count]:
-        """Scans of the public part."""
         return [Count("scans", len(self.names()), _PUBLISHED)]
 
     def _listed(self, folder: Path) -> Mapping[str, Path]:
@@ -84,7 +82,7 @@ def _description_file(mesh: Path) -> Path:
 
 
 def _description(mesh: Path) -> dict[str, str]:
-    """Lines ``key = value`` of the text beside a mesh; none where there is no text."""
+    """Return the ``key = value`` lines of the text file of a mesh, if any."""
     path = _description_file(mesh)
     if not path.is_file():
         return {}
@@ -94,12 +92,12 @@ def _description(mesh: Path) -> dict[str, str]:
 
 
 def _alignment(mesh: Path) -> Floats | None:
-    """The 4x4 matrix ``axisAlignment``, row by row; None where the text has none."""
-    described = _description(mesh)
-    if "axisAlignment" not in described:
+    """Return the 4x4 matrix ``axisAlignment``, or None."""
+    description = _description(mesh)
+    if "axisAlignment" not in description:
         return None
     try:
-        pose = np.array([float(number) for number in described["axisAlignment"].split()])
+        pose = np.array([float(number) for number in description["axisAlignment"].split()])
         return pose.reshape(4, 4)
     except ValueError as error:
         what = f"{_description_file(mesh)}: axisAlignment is not a matrix of 16 numbers"

@@ -1,4 +1,4 @@
-"""A scene (a mesh, a cloud or a sensor's returns, and their source) and what data sets offer."""
+"""Scenes (a mesh, a cloud or a sensor's returns, with source), and the interface of data sets."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Scene:
-    """One scene, in metres with z up: a mesh, a cloud, or a real sensor's returns.
+    """A scene, in metres with z up: a mesh, a cloud, or the returns of a real sensor.
 
     Parameters
     ----------
     name
-        Safe as a file name and unique in its data set.
+        Valid as a file name and unique in its data set.
     group
-        Its class, room type or area.
+        Class, room type or area.
     mesh, cloud, returns
-        Exactly one of them is given.
+        Exactly one of them.
     origin
-        (x, y, z) where a sensor may stand, if known.
+        Possible sensor position (x, y, z), if known.
     box
-        (2, 3) lowest and highest corner of the room, to crop to; None for the bounds of the mesh.
+        Lowest and highest corner of the room for cropping, (2, 3); None for the bounds of the mesh.
     about
-        Source, licence, credit, and counts of what was repaired or skipped.
+        Source, licence, credit, and the reader's report.
     """
 
     name: str
@@ -50,61 +50,57 @@ class Scene:
 
 
 class SceneSet(Protocol):
-    """What a data set offers; its constructor takes the options of the configuration by name.
+    """Interface of data sets; the constructor takes the configuration's options by name.
 
-    A data set whose meshes name the geometric primitive of each triangle in their labels says so by
-    a class variable ``primitives = True``; one of clouds, or of meshes, alone by ``of_clouds``, and
-    one whose clouds are a sensor's returns by ``of_returns`` as well, and by ``of_packets`` where
-    these are those of data packets; ``read_first`` has its clouds read before a run. A method
-    ``options_of(name)`` may give the options of a set of one scene, so that it is not made again
-    when others come and go.
+    Optional class variables: ``primitives = True`` if the meshes' labels have the geometric
+    primitive of each triangle; ``of_clouds``, whether scenes are clouds or meshes; ``of_returns``,
+    whether clouds are a sensor's returns; ``of_packets``, whether these are data packets of a
+    recording; ``read_first``, whether clouds are read before a run. An optional method
+    ``options_of(name)`` returns the options of a set with one scene, so that its jobs do not depend
+    on other scenes.
     """
 
     def __init__(self, **options: Any) -> None: ...
 
     def names(self) -> list[str]:
-        """Names of the scenes, sorted; InputError tells what is missing and where it should lie."""
+        """Return the names of the scenes, sorted; InputError if files are missing."""
 
     def files(self, name: str) -> list[Path]:
-        """Files that the scene is read from; none for generated scenes."""
+        """Return the files of a scene; none for generated scenes."""
 
     def load(self, name: str) -> Scene:
-        """The scene; InputError when it is unknown or its files are damaged."""
+        """Return a scene; InputError if it is unknown or damaged."""
 
 
 def has_primitives(scenes: SceneSet) -> bool:
-    """Whether the labels of a data set's meshes name the geometric primitives of the triangles."""
     return bool(getattr(scenes, "primitives", False))
 
 
 def of_clouds(scenes: SceneSet) -> bool | None:
-    """Whether the scenes of a data set are clouds, not meshes; None where it does not say."""
-    found: bool | None = getattr(scenes, "of_clouds", None)
-    return found
+    """Return whether the scenes are clouds, not meshes; None if not declared."""
+    declared: bool | None = getattr(scenes, "of_clouds", None)
+    return declared
 
 
 def of_returns(scenes: SceneSet) -> bool:
-    """Whether the scenes of a data set are a real sensor's returns."""
     return bool(getattr(scenes, "of_returns", False))
 
 
 def of_packets(scenes: SceneSet) -> bool:
-    """Whether the returns of a data set's scenes are those of a recording's data packets."""
     return bool(getattr(scenes, "of_packets", False))
 
 
 def read_first(scenes: SceneSet) -> bool:
-    """Whether the clouds of a data set are read before a run, to leave out those not usable."""
     return bool(getattr(scenes, "read_first", False))
 
 
 def safe_name(text: str) -> str:
-    """The text with underscores for all that is not safe in a file name."""
+    """Replace characters that are unsafe in file names by underscores."""
     return re.sub(r"[^A-Za-z0-9_.-]+", "_", text).strip("._") or "unnamed"
 
 
 def unique_names(texts: Iterable[str]) -> list[str]:
-    """The texts as distinct file names, whatever the case: one that is taken gets a number."""
+    """Return file names that differ, also without regard to case: repeated ones get a number."""
     taken: set[str] = set()
     names = []
     for text in texts:

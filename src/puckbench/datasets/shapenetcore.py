@@ -10,7 +10,7 @@ from typing import Any
 
 import yaml
 
-from puckbench.datasets.base import MeshFolderSet, Provenance, chosen
+from puckbench.datasets.base import MeshFolderSet, Provenance, select_names
 from puckbench.datasets.published_counts import Count
 from puckbench.datasets.registry import LOADERS
 from puckbench.geometry.mesh import Mesh
@@ -25,18 +25,18 @@ _EMPTY = {
     "04090263/4a32519f44dc84aabafe26e2eb69ebf4",
 }
 _EXPECTED = (
-    "ShapeNetCore, version 1 or 2, should lie there, with 02691156, ..., 04554684 in it; ShapeNet "
-    "gives it under its own terms after registration at shapenet.org"
+    "expected ShapeNetCore, version 1 or 2, with 02691156, ..., 04554684; available under "
+    "ShapeNet's terms after registration at shapenet.org"
 )
 
 
 @LOADERS.register("shapenetcore")
 class ShapeNetCore(MeshFolderSet):
-    """Models as ``<synset>/<id>/model.obj`` or ``<synset>/<id>/models/model_normalized.obj``.
+    """Models ``<synset>/<id>/model.obj`` or ``<synset>/<id>/models/model_normalized.obj``.
 
-    Scenes are called chair_<id> and grouped by class. The models are normalised, without a unit:
-    one is taken for a metre. Y is up, and turned to z. Models whose file is missing, as some of
-    the releases are, are left out.
+    Scenes are named chair_<id> and grouped by class. The models are normalised and have no unit; it
+    is assumed to be 1 m. Y up is rotated to z up. Models without a file, which the releases have,
+    are left out.
     """
 
     provenance = Provenance(
@@ -49,7 +49,7 @@ class ShapeNetCore(MeshFolderSet):
     """Names of classes to keep (airplane, ..., washer); all by default."""
 
     def counts(self) -> list[Count]:
-        """Classes; of models only the rough number is published."""
+        """Return the classes; only an approximate number of models is published."""
         groups = {self._group(path) for path in self._whole()._table.values()}
         return [Count("classes", len(groups), _CLASSES)]
 
@@ -59,7 +59,7 @@ class ShapeNetCore(MeshFolderSet):
             raise self._missing("synsets such as 02691156")
         table = {
             f"{group}_{model.name}": path
-            for group in chosen("classes", self.classes, list(synsets))
+            for group in select_names("classes", self.classes, list(synsets))
             for model in synsets[group].iterdir()
             if (path := _model_file(model)) is not None
         }
@@ -93,7 +93,7 @@ def _class_of(synset: Path) -> str:
 
 
 def _model_file(folder: Path) -> Path | None:
-    """The model of a folder of either version; None where the release has none."""
+    """Return the model of a folder of either version, or None."""
     if f"{folder.parent.name}/{folder.name}" in _EMPTY:
         return None
     return next((folder / name for name in _FILES if (folder / name).is_file()), None)

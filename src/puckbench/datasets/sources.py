@@ -1,4 +1,4 @@
-"""Sources of the free data sets: packages of npm and Debian, their hashes and credits."""
+"""Sources of the free data sets: packages of npm and Debian, with hashes and credits."""
 
 from __future__ import annotations
 
@@ -22,27 +22,27 @@ _FAULT_LINE = re.compile(r"^(?:E:|npm (?:ERR!|error))\s*(.*\S)", re.MULTILINE)
 
 
 @dataclass(frozen=True)
-class Source:
-    """A package of a package manager and the part of it that is a data set.
+class PackageSource:
+    """A data set in a package of a package manager.
 
     Parameters
     ----------
     package
-        Its name, with the version where that is fixed.
+        Name, with the version if fixed.
     download
-        Puts the package into a folder and returns its path.
+        Downloads the package into a folder and returns its path.
     unpack
         Opens a package as a tar archive.
     wanted
-        Pattern of the members to take.
+        Pattern of the members to extract.
     hashes
-        SHA-256 of the package by its file name; None where the download checks each file.
+        SHA-256 of the package by file name; None if `download` checks each file.
     pinned
-        Whether a package of another hash is refused; else it is a warning.
+        Whether another hash is an error instead of a warning.
     credits
-        Makes the text of the credits from the folder with the unpacked files.
+        Returns the text of the credits from the folder of extracted files.
     by_default
-        Whether it is fetched where no names are given.
+        Whether it is fetched if no names are given.
     """
 
     package: str
@@ -82,19 +82,19 @@ def _open_deb(package: Path) -> tarfile.TarFile:
 
 
 def _run(program: str, arguments: list[str], folder: Path, purpose: str) -> bytes:
-    """Standard output of a program; InputError when it is missing or fails."""
+    """Return a program's standard output; InputError if it is missing or fails."""
     if shutil.which(program) is None:
         raise InputError(f"{program} is needed to {purpose} and is not installed")
     command = [program, *arguments]
     try:
-        done = subprocess.run(
+        process = subprocess.run(
             command, cwd=folder, capture_output=True, timeout=_TIMEOUT_S, check=False
         )
     except subprocess.TimeoutExpired as error:
         raise InputError(f"{' '.join(command)}: no end after {_TIMEOUT_S} s") from error
-    if done.returncode != 0:
-        raise InputError(f"{' '.join(command)} failed: {_fault(done.stderr)}")
-    return done.stdout
+    if process.returncode != 0:
+        raise InputError(f"{' '.join(command)} failed: {_fault(process.stderr)}")
+    return process.stdout
 
 
 def _fault(stderr: bytes) -> str:
@@ -104,10 +104,10 @@ def _fault(stderr: bytes) -> str:
 
 
 def _only(folder: Path, pattern: str) -> Path:
-    found = sorted(folder.glob(pattern))
-    if len(found) != 1:
-        raise InputError(f"{folder}: expected one {pattern} after the download, got {len(found)}")
-    return found[0]
+    paths = sorted(folder.glob(pattern))
+    if len(paths) != 1:
+        raise InputError(f"{folder}: expected one {pattern} after the download, got {len(paths)}")
+    return paths[0]
 
 
 def _room_credits(folder: Path) -> str:
@@ -131,7 +131,7 @@ def _furniture_credits(folder: Path) -> str:
 
 
 SOURCES = {
-    "captured_rooms": Source(
+    "captured_rooms": PackageSource(
         package="@iwer/sem@2.4.0",
         download=_npm_pack("@iwer/sem@2.4.0"),
         unpack=_open_npm,
@@ -142,7 +142,7 @@ SOURCES = {
         pinned=True,
         credits=_room_credits,
     ),
-    "sweethome3d": Source(
+    "sweethome3d": PackageSource(
         package="sweethome3d-furniture",
         download=_apt_download("sweethome3d-furniture"),
         unpack=_open_deb,
@@ -158,7 +158,7 @@ SOURCES = {
         pinned=False,
         credits=_furniture_credits,
     ),
-    "pcgc_weights": Source(
+    "pcgc_weights": PackageSource(
         package="pcgc_weights",
         download=published_weights.download,
         unpack=tarfile.open,
@@ -168,7 +168,7 @@ SOURCES = {
         credits=published_weights.credits_of,
         by_default=False,
     ),
-    "reno_weights": Source(
+    "reno_weights": PackageSource(
         package="reno_weights",
         download=partial(published_weights.download, name=published_weights.RENO),
         unpack=tarfile.open,

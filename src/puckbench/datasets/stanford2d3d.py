@@ -1,4 +1,4 @@
-"""2D-3D-S, Stanford's meshes of the areas of S3DIS (Armeni 2017): rooms to scan, as the thesis."""
+"""2D-3D-S, Stanford's meshes of the areas of S3DIS (Armeni 2017): rooms that the thesis scans."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pydantic import NonNegativeFloat
 
 from puckbench.core.errors import InputError
 from puckbench.datasets.area_mesh import AreaMesh, in_frame_of_s3dis, read_area_mesh
-from puckbench.datasets.base import DataSet, chosen, existing_folder, found
+from puckbench.datasets.base import DataSet, existing_folder, look_up, select_names
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.s3dis import S3DIS, room_type
 from puckbench.datasets.scanner_positions import (
@@ -32,17 +32,17 @@ _CREDIT = (
     "arXiv:1702.01105, 2017"
 )
 _EXPECTED_MESHES = (
-    "2D-3D-S should lie there, with area_1, ..., area_6 in it; Stanford gives it under its own "
-    "licence, ask with the form that the project alexsax/2D-3D-Semantics on GitHub names"
+    "expected 2D-3D-S, with area_1, ..., area_6; available under Stanford's licence by the form "
+    "linked from the project alexsax/2D-3D-Semantics on GitHub"
 )
 _EXPECTED_CLOUDS = (
-    "S3DIS should lie there, version 1.2, not the aligned one, with Area_1, ..., Area_6 in it; "
-    "Stanford gives it under its own licence, ask with the form of the S3DIS project, "
+    "expected S3DIS, version 1.2, not the aligned one, with Area_1, ..., Area_6; available under "
+    "Stanford's licence by the form of the S3DIS project, "
     "buildingparser.stanford.edu"
 )
 _EXPECTED_POSITIONS = (
-    "the folder s3dis_locations of the thesis's repository branislavjenco/thesis-code on GitHub "
-    "should lie there; without the option 'positions' the cameras' poses of 2D-3D-S are used"
+    "expected the folder s3dis_locations of the thesis's repository branislavjenco/thesis-code on "
+    "GitHub; without the option 'positions' the camera poses of 2D-3D-S are used"
 )
 # Less of a room's own triangles in its box, or a scanner farther from it, means that mesh and box
 # have different frames.
@@ -52,7 +52,7 @@ _FARTHEST_M = 10.0
 
 @dataclass(frozen=True)
 class _Room:
-    """A room of an area: where its mesh is, and the files that tell where a scanner can stand."""
+    """A room of an area, with its mesh and the files of its scanner positions."""
 
     area: str
     room: str
@@ -61,7 +61,7 @@ class _Room:
 
     @property
     def in_s3dis(self) -> str:
-        """Its name among the scenes of S3DIS, which has one Area_5."""
+        """Name of the room in S3DIS, which has one Area_5."""
         return f"Area_{self.area[0]}_{self.room}"
 
 
@@ -69,8 +69,8 @@ class _Room:
 class Stanford2D3D(DataSet):
     """Rooms in the meshes of 2D-3D-S (``area_<n>/3d/semantic.obj``), each with a scanner position.
 
-    Scenes are called area_1_office_1 and grouped by room type. A room that lies in both 5a and 5b
-    is two scenes with one box, as in the thesis.
+    Scenes are named area_1_office_1 and grouped by room type. A room in both 5a and 5b is two
+    scenes with one box, as in the thesis.
     """
 
     of_clouds: ClassVar[bool] = False
@@ -88,17 +88,17 @@ class Stanford2D3D(DataSet):
     doors."""
 
     def names(self) -> list[str]:
-        """Area and room of every room that has a scanner position; reads no mesh and no cloud."""
+        """Return area and room of every room with a scanner position."""
         return sorted(self._table)
 
     def files(self, name: str) -> list[Path]:
-        """The area's mesh, the room's cloud, and the list of positions or the room's poses."""
-        room = found(self._table, name, self.path)
+        """Return area mesh, room cloud, and list of positions or poses of the room."""
+        room = look_up(self._table, name, self.path)
         return [room.mesh, *self._clouds.files(room.in_s3dis), *room.places]
 
     def load(self, name: str) -> Scene:
-        """Read the area's mesh and cut out what lies near the room."""
-        room = found(self._table, name, self.path)
+        """Read the area's mesh and return the part near the room."""
+        room = look_up(self._table, name, self.path)
         box = self._clouds.load(room.in_s3dis).box
         if box is None:
             raise ValueError(f"{room.in_s3dis} has no box")
@@ -119,7 +119,7 @@ class Stanford2D3D(DataSet):
         return Scene(name, room_type(room.room), mesh=mesh, origin=(x, y, z), box=box, about=about)
 
     def _origin(self, room: _Room, box: Floats) -> Floats:
-        """The room's position nearest the middle of its box, in the frame of S3DIS."""
+        """Return the position nearest to the centre of the room's box, in the frame of S3DIS."""
         if self.positions is None:
             places = [camera_position(path) for path in room.places]
         else:
@@ -149,21 +149,21 @@ class Stanford2D3D(DataSet):
     @cached_property
     def _table(self) -> dict[str, _Room]:
         rooms = [room for area in self._areas() for room in self._rooms(area)]
-        known = set(self._clouds.names())
-        missing = [room.in_s3dis for room in rooms if room.in_s3dis not in known]
+        scenes = set(self._clouds.names())
+        missing = [room.in_s3dis for room in rooms if room.in_s3dis not in scenes]
         if missing:
             raise InputError(
-                f"{self.s3dis}: {len(missing)} of {len(rooms)} rooms are missing, the first is "
+                f"{self.s3dis}: {len(missing)} of {len(rooms)} rooms are missing, such as "
                 f"{missing[0]} ({_EXPECTED_CLOUDS})"
             )
         return {f"area_{room.area}_{room.room}": room for room in rooms}
 
     def _areas(self) -> list[str]:
         root = existing_folder(self.path, _EXPECTED_MESHES)
-        there = [name for name in AREAS if (root / name).is_dir()]
-        kept = there if self.areas is None else chosen("areas", self.areas, list(AREAS))
+        present = [name for name in AREAS if (root / name).is_dir()]
+        kept = present if self.areas is None else select_names("areas", self.areas, list(AREAS))
         if not kept:
-            raise InputError(f"{root}: no areas there ({_EXPECTED_MESHES})")
+            raise InputError(f"{root}: no areas ({_EXPECTED_MESHES})")
         for name in kept:
             if not _mesh_file(root, name).is_file():
                 raise InputError(f"{_mesh_file(root, name)}: no such file ({_EXPECTED_MESHES})")
@@ -187,5 +187,5 @@ def _mesh_file(root: Path, area: str) -> Path:
 
 
 def _outside(point: Floats, box: Floats) -> float:
-    """Distance of a point (3,) from a box (2, 3), 0 inside."""
+    """Return the distance of a point (3,) from a box (2, 3), 0 inside."""
     return float(np.linalg.norm(point - np.clip(point, box[0], box[1])))

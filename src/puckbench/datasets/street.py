@@ -1,4 +1,4 @@
-"""Streets that puckbench generates."""
+"""Generated streets."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import ClassVar
 
 from pydantic import Field, PositiveInt
 
-from puckbench.datasets.base import GeneratedSet, found
+from puckbench.datasets.base import GeneratedSet, look_up
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene
 from puckbench.scenes.street.layout import free_way, make_street, street_origin
@@ -16,8 +16,8 @@ from puckbench.scenes.street.layout import free_way, make_street, street_origin
 class Street(GeneratedSet):
     """Streets with houses, trees, parked cars and a free lane along x.
 
-    Scenes are named street_1, street_2, ... ``free_way_m`` of `about` is the range of x, from the
-    scene's origin, that a sensor can be driven along.
+    Scenes are named street_1, street_2, ... `about` has ``free_way_m``, the range of x, relative to
+    the scene's origin, along which a sensor can move.
     """
 
     of_clouds: ClassVar[bool] = False
@@ -31,12 +31,11 @@ class Street(GeneratedSet):
     """Length of a street between the cross streets at its ends."""
 
     def names(self) -> list[str]:
-        """Names of the streets."""
         return sorted(f"street_{number}" for number in range(1, self.streets + 1))
 
     def load(self, name: str) -> Scene:
-        """Generate the street, with a place for a sensor over the middle of a lane."""
-        name = found({one: one for one in self.names()}, name, "the generated streets")
+        """Generate the street, with a sensor position above the middle of a lane."""
+        name = look_up({street: street for street in self.names()}, name, "the generated streets")
         way = list(free_way(self.length_m))
         return Scene(
             name,

@@ -1,4 +1,4 @@
-"""Sweet Home 3D's furniture: 820 real models in five catalogues, as Debian packages them."""
+"""Sweet Home 3D's furniture: 820 models in five catalogues, as packaged by Debian."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from puckbench.core.errors import InputError
-from puckbench.datasets.base import DataSet, chosen, found, freeform_labels
+from puckbench.datasets.base import DataSet, freeform_labels, look_up, select_names
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene, safe_name, unique_names
 from puckbench.geometry.cloud import Floats
@@ -30,19 +30,19 @@ _ESCAPE = re.compile(r"\\u([0-9A-Fa-f]{4})")
 
 
 @dataclass(frozen=True)
-class Model:
-    """A catalogue's entry for one model.
+class CatalogueModel:
+    """A model in a catalogue.
 
     Parameters
     ----------
     name, title, semantic, category, creator, licence
-        As the catalogue gives them, but `semantic`, the class by the title.
+        From the catalogue, except `semantic`, the class derived from the title.
     archive, member
-        The catalogue's file, and the model's file in it.
+        Catalogue, and the model's file in it.
     size
         Width, depth and height (x, y, z), m.
     rotation
-        (3, 3) of the model in its own frame (y up), before it is scaled to its size.
+        Of the model in its frame (y up) before scaling, (3, 3).
     """
 
     name: str
@@ -59,10 +59,10 @@ class Model:
 
 @LOADERS.register("sweethome3d")
 class SweetHome3D(DataSet):
-    """Models of the ``.sh3f`` catalogues, brought to the sizes that these give.
+    """Models of the ``.sh3f`` catalogues, scaled to the catalogued sizes.
 
-    Scenes are called scopia-chair2 (catalogue and model) and grouped by semantic class. A model
-    stands on z = 0, its middle at x = y = 0, its front towards -y.
+    Scenes are named scopia-chair2 (catalogue and model) and grouped by semantic class. A model
+    stands on z = 0, centred at x = y = 0, facing -y.
     """
 
     of_clouds: ClassVar[bool] = False
@@ -73,15 +73,13 @@ class SweetHome3D(DataSet):
     """Semantic classes to keep (chair, table, sofa, bookcase, ...); all models by default."""
 
     def names(self) -> list[str]:
-        """Catalogue and model, for every model of the classes kept."""
         return sorted(self._table)
 
     def files(self, name: str) -> list[Path]:
-        """The catalogue that holds the model."""
         return [self.model(name).archive]
 
     def load(self, name: str) -> Scene:
-        """Read the model; `about` has its creator, licence and the scale factors per axis."""
+        """Read the model; `about` has creator, licence and scale factors per axis."""
         model = self.model(name)
         raw, report = _read_model(model)
         mesh, factors = _to_size(raw, model)
@@ -96,56 +94,54 @@ class SweetHome3D(DataSet):
         }
         return Scene(name, model.semantic, mesh=_labelled(mesh, model), about=about)
 
-    def model(self, name: str) -> Model:
-        """The catalogue's entry; InputError when there is none of that name."""
-        return found(self._table, name, str(self.path))
+    def model(self, name: str) -> CatalogueModel:
+        return look_up(self._table, name, str(self.path))
 
     def of_class(self, semantic: str) -> list[str]:
-        """Names of the models of a semantic class, for furnishing generated rooms."""
+        """Return the names of the models of a semantic class."""
         return sorted(name for name, model in self._table.items() if model.semantic == semantic)
 
     def furniture(self, per_class: int = 8, most_triangles: int = 20_000) -> dict[str, list[Mesh]]:
-        """Meshes by semantic class, for furnishing generated rooms (`scenes.rooms.make_room`).
+        """Return meshes by semantic class for furnishing rooms
+        (`puckbench.scenes.rooms.make_room`).
 
-        The classes are those of `FURNITURE`, or the set's own. Of each come the first `per_class`
-        models, in the order of their names, that have at most `most_triangles` triangles.
+        Each class (of `classes` or `FURNITURE`) has the first `per_class` models, by name, with at
+        most `most_triangles` triangles.
         """
-        found = {}
+        meshes_by_class = {}
         for semantic in self.classes or FURNITURE:
             scenes = map(self.load, self.of_class(semantic))
             meshes = (scene.mesh for scene in scenes if scene.mesh is not None)
             small = (mesh for mesh in meshes if len(mesh.triangles) <= most_triangles)
-            found[semantic] = list(islice(small, per_class))
-        return found
+            meshes_by_class[semantic] = list(islice(small, per_class))
+        return meshes_by_class
 
     def catalogues(self) -> list[Path]:
-        """The ``.sh3f`` files; InputError when there are none."""
+        """Return the ``.sh3f`` files; InputError if there are none."""
         for inside in _INSIDE:
             paths = sorted((Path(self.path) / inside).glob("*.sh3f"))
             if paths:
                 return paths
         raise InputError(
-            f"{self.path}: no .sh3f catalogues there (Debian's sweethome3d-furniture has them)"
+            f"{self.path}: no .sh3f catalogues (expected Debian's sweethome3d-furniture)"
         )
 
     def credit(self) -> str:
-        """Who made the models, for scenes furnished with them."""
         creators = {model.creator for model in self._table.values() if model.creator}
         return f"models of Sweet Home 3D by {', '.join(sorted(creators))}"
 
     @cached_property
-    def _table(self) -> dict[str, Model]:
+    def _table(self) -> dict[str, CatalogueModel]:
         models = [model for path in self.catalogues() for model in _read_catalogue(path)]
         names = unique_names(model.name for model in models)
         known = sorted({model.semantic for model in models})
-        kept = chosen("classes", self.classes, known)
+        kept = select_names("classes", self.classes, known)
         return {
             name: model for name, model in zip(names, models, strict=True) if model.semantic in kept
         }
 
 
-def _read_catalogue(path: Path) -> Iterator[Model]:
-    """The models of one catalogue."""
+def _read_catalogue(path: Path) -> Iterator[CatalogueModel]:
     properties = _read_properties(path)
     licence = " ".join(properties.get("license", "").split())
     items: dict[str, dict[str, str]] = {}
@@ -157,14 +153,14 @@ def _read_catalogue(path: Path) -> Iterator[Model]:
         try:
             yield _model(path, item, licence)
         except (KeyError, ValueError) as error:
-            raise InputError(f"{path}: model {number} is not described ({error!r})") from error
+            raise InputError(f"{path}: model {number} lacks a property ({error!r})") from error
 
 
-def _model(path: Path, item: Mapping[str, str], licence: str) -> Model:
+def _model(path: Path, item: Mapping[str, str], licence: str) -> CatalogueModel:
     title, category = item["name"], item["category"]
     width, depth, height = (float(item[side]) / 100 for side in ("width", "depth", "height"))
     rotation = np.array(item.get("modelRotation", "1 0 0 0 1 0 0 0 1").split(), dtype=np.float64)
-    return Model(
+    return CatalogueModel(
         name=f"{path.stem.lower()}-{item['id'].rpartition('#')[2]}",
         title=title,
         semantic=semantic_class(title) or safe_name(category.lower()),
@@ -179,7 +175,7 @@ def _model(path: Path, item: Mapping[str, str], licence: str) -> Model:
 
 
 def _read_properties(path: Path) -> dict[str, str]:
-    """Keys and values of a catalogue's properties file (latin-1, with Java's escapes)."""
+    """Return keys and values of a properties file (latin-1, with Java's escapes)."""
     raw = _member(path, _PROPERTIES).decode("latin-1")
     text = _ESCAPE.sub(lambda code: chr(int(code[1], 16)), raw)
     lines = (line.strip() for line in text.splitlines())
@@ -196,7 +192,7 @@ def _member(path: Path, name: str) -> bytes:
 
 
 def semantic_class(title: str) -> str | None:
-    """Semantic class of a model by its English name; None where no class is in it."""
+    """Return the semantic class of an English title, or None."""
     words = title.lower()
     table = _class_words()
     if any(f"{word} " in f"{words} " and not words.endswith(word) for word in table["not"]):
@@ -216,16 +212,16 @@ def _class_words() -> dict[str, Any]:
     return table
 
 
-def _read_model(model: Model) -> tuple[Mesh, dict[str, Any]]:
-    """The model in its own frame and unit, y up."""
+def _read_model(model: CatalogueModel) -> tuple[Mesh, dict[str, Any]]:
+    """Return the model in its own frame and unit, y up."""
     from puckbench.io.meshes.obj import parse_obj
 
     what = f"{model.archive}/{model.member}"
     return mesh_from_polygons(parse_obj(_member(model.archive, model.member), what), what, "obj")
 
 
-def _to_size(mesh: Mesh, model: Model) -> tuple[Mesh, list[float]]:
-    """Rotate, turn to z up, bring the box to the catalogue's size and stand it at the origin."""
+def _to_size(mesh: Mesh, model: CatalogueModel) -> tuple[Mesh, list[float]]:
+    """Rotate to z up, scale to the catalogued size and move to the origin."""
     turned = Mesh(y_up_to_z_up(mesh.vertices @ model.rotation.T), mesh.triangles)
     low, high = turned.bounds()
     extent = high - low
@@ -236,7 +232,7 @@ def _to_size(mesh: Mesh, model: Model) -> tuple[Mesh, list[float]]:
     return sized, [round(float(factor), 9) for factor in factors]
 
 
-def _labelled(mesh: Mesh, model: Model) -> Mesh:
+def _labelled(mesh: Mesh, model: CatalogueModel) -> Mesh:
     first = np.zeros(len(mesh.triangles), dtype=np.int32)
     labels = freeform_labels(first, [SceneObject(model.name, model.semantic)])
     return Mesh(mesh.vertices, mesh.triangles, labels)

@@ -1,4 +1,4 @@
-"""The unit of a user's own files: one for all of them, or one for each."""
+"""Units of a user's files: one for all, or one for each."""
 
 from __future__ import annotations
 
@@ -10,24 +10,24 @@ from pydantic import PositiveFloat
 from puckbench.core.errors import InputError, closest
 
 Units = PositiveFloat | dict[str, PositiveFloat]
-"""Metres per unit: of all files, or of those that a table names; the others are in metres."""
+"""Metres per unit: of all files, or of named ones; others are in metres."""
 
 
 def is_named(path: Path, name: str) -> bool:
-    """Whether a name stands for a file: its path, or as much of the path's end as it has."""
+    """Return whether a name is the end of a file's path."""
     parts = Path(name).parts
     return bool(parts) and path.parts[-len(parts) :] == parts
 
 
-def unit_of(path: Path, units: float | Mapping[str, float]) -> float:
-    """Metres per unit of a file; of a table, the first entry for it."""
+def metres_per_unit_of(path: Path, units: float | Mapping[str, float]) -> float:
+    """Return the metres per unit of a file, from the first matching entry."""
     if not isinstance(units, Mapping):
         return units
     return next((unit for name, unit in units.items() if is_named(path, name)), 1.0)
 
 
 def check_units(units: float | Mapping[str, float], paths: Iterable[Path]) -> None:
-    """Raise InputError where a table names a file that is not among `paths`."""
+    """Raise InputError if a table names a file that is not in `paths`."""
     files = list(paths)
     for name in units if isinstance(units, Mapping) else ():
         if not any(is_named(path, name) for path in files):

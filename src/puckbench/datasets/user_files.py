@@ -1,4 +1,4 @@
-"""Sets of files that a user names: paths, folders and patterns, and names for their scenes."""
+"""Data sets of files named by a user: paths, folders and patterns."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from typing import Any, ClassVar
 
 from puckbench.core.content import plain_name, plain_suffix
 from puckbench.core.errors import InputError, naming
-from puckbench.datasets.base import DataSet, found
+from puckbench.datasets.base import DataSet, look_up
 from puckbench.datasets.scene import safe_name, unique_names
-from puckbench.datasets.units import Units, check_units, unit_of
+from puckbench.datasets.units import Units, check_units, metres_per_unit_of
 
 _LOG = logging.getLogger(__name__)
 
 
 class FileSet(DataSet):
-    """A data set of one file for each scene, wherever the files lie.
+    """A data set with one file for each scene.
 
-    Scenes are called after their files, with folders and suffixes where files of the same name need
-    them, and grouped by folder.
+    Scenes are named after their files, with folders and suffixes if names are equal, and grouped by
+    folder.
     """
 
     suffixes: ClassVar[tuple[str, ...]]
@@ -42,15 +42,13 @@ class FileSet(DataSet):
     """Credit noted with every scene."""
 
     def names(self) -> list[str]:
-        """Names of the scenes; lists folders, reads no scene."""
         return list(self._table)
 
     def files(self, name: str) -> list[Path]:
-        """The scene's file."""
         return [self._file(name)]
 
     def options_of(self, name: str) -> dict[str, Any]:
-        """Options of a set of this scene alone, which do not change with the other scenes."""
+        """Return options of a data set of this scene only."""
         path = self._file(name)
         options = self.model_dump(exclude_defaults=True) | {"path": {name: str(path)}}
         if "metres_per_unit" in options:
@@ -59,16 +57,16 @@ class FileSet(DataSet):
 
     @abstractmethod
     def _takes(self, path: Path) -> bool:
-        """Whether a file in a folder is one of the scenes, by what it begins with."""
+        """Return whether a file in a folder is a scene, from its first bytes."""
 
     def _file(self, name: str) -> Path:
-        return found(self._table, name, self.what)
+        return look_up(self._table, name, self.what)
 
     def _group(self, path: Path) -> str:
         return safe_name(path.resolve().parent.name)
 
     def _unit(self, path: Path) -> float:
-        return unit_of(path, self.metres_per_unit)
+        return metres_per_unit_of(path, self.metres_per_unit)
 
     def _about(self, path: Path) -> dict[str, object]:
         unit = self._unit(path)
@@ -85,66 +83,71 @@ class FileSet(DataSet):
 
     def _listed(self) -> Mapping[str, Path]:
         if isinstance(self.path, dict):
-            return {name: self._chosen(name, text) for name, text in self.path.items()}
-        given = (self.path,) if isinstance(self.path, str) else self.path
-        paths = [path for one in given for path in self._named(one)]
+            return {name: self._named_file(name, text) for name, text in self.path.items()}
+        texts = (self.path,) if isinstance(self.path, str) else self.path
+        paths = [path for text in texts for path in self._files_at(text)]
         if not paths:
             raise InputError(f"path: no {self.what} named")
-        twice = [path for path, count in Counter(map(os.path.realpath, paths)).items() if count > 1]
-        if twice:
-            raise InputError(f"{Path(twice[0]).name}: the file is named twice")
+        refuse_repeated(paths, "file")
         return dict(sorted(zip(scene_names(paths), paths, strict=True)))
 
-    def _chosen(self, name: str, text: str) -> Path:
-        """The file of a name that the user gave it."""
+    def _named_file(self, name: str, text: str) -> Path:
+        """Return the file of a name chosen by the user."""
         if safe_name(name) != name:
-            raise InputError(f"path: {name!r} is no name for a file ({safe_name(name)!r} is one)")
+            raise InputError(f"path: {name!r} is not a valid file name; use {safe_name(name)!r}")
         path = Path(text)
         if not path.is_file():
             raise InputError(f"{text}: no such file")
         return path
 
-    def _named(self, text: str) -> list[Path]:
-        """The files that a path or pattern stands for."""
-        path, known = Path(text), ", ".join(self.suffixes)
+    def _files_at(self, text: str) -> list[Path]:
+        """Return the files of a path, folder or pattern."""
+        path, suffixes = Path(text), ", ".join(self.suffixes)
         if path.is_dir():
-            inside = distinct(one for one in path.rglob("*") if self._is_of_set(one))
-            if not inside:
-                raise InputError(f"{text}: no {self.what} there ({known})")
-            return inside
+            paths = without_duplicates(file for file in path.rglob("*") if self._is_of_set(file))
+            if not paths:
+                raise InputError(f"{text}: no {self.what} ({suffixes})")
+            return paths
         if path.exists():
             if plain_suffix(path) not in self.suffixes:
-                raise InputError(f"{text}: not one of the {self.what} by its name ({known})")
+                raise InputError(f"{text}: not one of the {self.what}: expected {suffixes}")
             return [path]
         matches = map(Path, glob.glob(text, recursive=True))  # noqa: PTH207 (any pattern)
-        inside = distinct(one for one in matches if self._is_of_set(one))
-        if not inside:
+        paths = without_duplicates(file for file in matches if self._is_of_set(file))
+        if not paths:
             raise InputError(f"{text}: no such file")
-        return inside
+        return paths
 
     def _is_of_set(self, path: Path) -> bool:
         is_known = plain_suffix(path) in self.suffixes and not path.name.startswith(".")
         return is_known and is_file_or_lost(path) and self._takes(path)
 
 
+def refuse_repeated(paths: Iterable[Path], what: str) -> None:
+    """Raise InputError if a file is named twice, also through links."""
+    counts = Counter(map(os.path.realpath, paths))
+    if repeated := [path for path, count in counts.items() if count > 1]:
+        raise InputError(f"{Path(repeated[0]).name}: the {what} is named twice")
+
+
 def is_file_or_lost(path: Path) -> bool:
-    """Whether a path is a file, or a link to one that is gone, which no run should overlook."""
+    """Return whether a path is a file or a broken link, which a run should report."""
     return path.is_file() or (path.is_symlink() and not path.exists())
 
 
-def distinct(paths: Iterable[Path]) -> list[Path]:
-    """The paths in order, without links to files that are among them."""
+def without_duplicates(paths: Iterable[Path]) -> list[Path]:
+    """Return the paths in order, without links to other paths."""
     files: dict[str, Path] = {}
     for path in sorted(paths, key=lambda path: (path.is_symlink(), path)):
         place = os.path.realpath(path)
         if place in files:
-            _LOG.warning("%s: leads to %s, which is there too: left out", path, files[place])
+            _LOG.warning("%s: left out, because it links to %s", path, files[place])
         files.setdefault(place, path)
     return sorted(files.values())
 
 
 def scene_names(paths: Iterable[Path]) -> list[str]:
-    """Names for files: their stems; where two are alike, with folders or suffixes before them."""
+    """Return names of files: their stems, with folders or suffixes if stems are equal."""
     listed = list(paths)
     plain = {path: plain_name(path) for path in listed}
     stems = Counter(safe_name(plain[path].stem).lower() for path in listed)

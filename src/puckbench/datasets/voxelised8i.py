@@ -12,7 +12,7 @@ from pydantic import PositiveFloat, PositiveInt
 
 from puckbench.core.errors import InputError
 from puckbench.core.files import read_bytes
-from puckbench.datasets.base import FolderSet, Provenance, chosen
+from puckbench.datasets.base import FolderSet, Provenance, select_names
 from puckbench.datasets.published_counts import Count
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene, unique_names
@@ -31,8 +31,8 @@ _CREDIT = (
     "ISO/IEC JTC1/SC29 WG11 M40059 / WG1 M74006, Geneva, 2017"
 )
 _EXPECTED = (
-    "8iVFB v2 should lie there, with longdress/Ply/longdress_vox10_1051.ply and so on in it; JPEG "
-    "Pleno gives it under 8i's licence, jpeg.org/plenodb"
+    "expected 8iVFB v2, with longdress/Ply/longdress_vox10_1051.ply, ...; available from JPEG "
+    "Pleno under 8i's licence, jpeg.org/plenodb"
 )
 
 
@@ -40,8 +40,8 @@ _EXPECTED = (
 class Voxelised8i(FolderSet):
     """Frames ``<sequence>_vox<bits>_<frame>.ply`` anywhere below a folder.
 
-    Scenes are named as their files and grouped by sequence. Colours are kept. Y is up, and turned
-    to z. Coordinates that are not on the grid are an InputError.
+    Scenes are named after their files and grouped by sequence. Colours are kept. Y up is rotated to
+    z up. Coordinates off the grid are an InputError.
     """
 
     of_clouds: ClassVar[bool] = True
@@ -59,7 +59,7 @@ class Voxelised8i(FolderSet):
     over the number of voxels of a side."""
 
     def load(self, name: str) -> Scene:
-        """Read the frame, in metres; `about` has the grid and how many voxels stood twice."""
+        """Read the frame, in metres; `about` has the grid and the number of duplicate voxels."""
         path = self._file(name)
         bits = _bits(name)
         voxels, doubles = _distinct(_on_grid(read_cloud(path, keep_missing=True), bits, path))
@@ -78,9 +78,9 @@ class Voxelised8i(FolderSet):
         return Scene(name, _sequence(name), cloud=cloud, about=about)
 
     def counts(self) -> list[Count]:
-        """Frames of the four sequences of 8iVFB v2."""
-        held = [_sequence(name) for name in self._whole().names()]
-        return [Count(sequence, held.count(sequence), _FRAMES) for sequence in _SEQUENCES]
+        """Return the frames of the four sequences of 8iVFB v2."""
+        sequences = [_sequence(name) for name in self._whole().names()]
+        return [Count(sequence, sequences.count(sequence), _FRAMES) for sequence in _SEQUENCES]
 
     def _metres_per_voxel(self, path: Path, bits: int) -> float:
         scale = _SCALE.search(read_bytes(path)[:_HEADER_BYTES])
@@ -95,10 +95,10 @@ class Voxelised8i(FolderSet):
             raise self._missing("frames *_vox<bits>_<frame>.ply")
         names = unique_names(path.stem for path in paths)
         frames = dict(sorted(zip(names, paths, strict=True)))
-        known = sorted(set(map(_sequence, frames)))
+        available = sorted(set(map(_sequence, frames)))
         kept = [
             name
-            for sequence in chosen("sequences", self.sequences, known)
+            for sequence in select_names("sequences", self.sequences, available)
             for name in [name for name in frames if _sequence(name) == sequence][:: self.every]
         ]
         return {name: frames[name] for name in kept}
@@ -115,7 +115,7 @@ def _bits(name: str) -> int:
 
 
 def _on_grid(cloud: PointCloud, bits: int, path: Path) -> PointCloud:
-    """The cloud; InputError unless its coordinates are whole numbers from 0 to 2^bits - 1."""
+    """Return the cloud; InputError unless coordinates are integers from 0 to 2^bits - 1."""
     off = _off_grid(cloud.xyz, 2**bits - 1)
     if off:
         raise InputError(f"{path}: {off} of {len(cloud)} points are not on the grid of {bits} bits")
@@ -128,6 +128,6 @@ def _off_grid(points: Floats, highest: int) -> int:
 
 
 def _distinct(cloud: PointCloud) -> tuple[PointCloud, int]:
-    """The first point of every voxel, in the file's order, and how many others there were."""
+    """Return the first point of every voxel, in order, and the number of other points."""
     _, first = np.unique(cloud.xyz, axis=0, return_index=True)
     return cloud.select(np.sort(first)), len(cloud) - len(first)

@@ -1,4 +1,4 @@
-"""Reading clouds of text lines ``x y z r g b``, with the damage found in S3DIS."""
+"""Read text clouds of lines ``x y z r g b``, with the damage that occurs in S3DIS."""
 
 from __future__ import annotations
 
@@ -36,9 +36,9 @@ class TextCloud:
     colours
         (n, 3) uint8.
     repaired
-        Number of lines with foreign bytes that could be read.
+        Number of lines with foreign bytes that were repaired.
     dropped
-        Number of lines that could not be read.
+        Number of unreadable lines.
     """
 
     xyz: Floats
@@ -48,16 +48,16 @@ class TextCloud:
 
 
 def read_xyzrgb(path: Path) -> TextCloud:
-    """Read a text cloud, with damaged lines repaired or dropped.
+    """Read a text cloud; damaged lines are repaired or dropped.
 
-    A byte that is part of no number and no white space is damage: within a number it is read as 0,
-    between numbers as a space, whichever gives the line its six numbers. Lines that still do not
-    have six numbers, with colours from 0 to 255, are dropped and counted.
+    Foreign bytes are those that occur in neither numbers nor white space. Within a number they are
+    read as 0, between numbers as a space, whichever gives six numbers. Lines without six numbers,
+    or with colours outside 0 to 255, are dropped.
 
     Raises
     ------
     InputError
-        The file has no line of six numbers.
+        No line has six numbers.
     """
     data, repaired, dropped = _mended(read_bytes(path))
     rows = _parsed(data)
@@ -73,7 +73,7 @@ def read_xyzrgb(path: Path) -> TextCloud:
 
 
 def _mended(data: bytes) -> tuple[bytes, int, int]:
-    """The text without foreign bytes, the count of lines repaired, and that of lines dropped."""
+    """Return the text without foreign bytes, and the numbers of repaired and of dropped lines."""
     if not data.translate(None, _ALLOWED):
         return data, 0, 0
     pieces, done, repaired, dropped = [], 0, 0, 0
@@ -90,14 +90,14 @@ def _mended(data: bytes) -> tuple[bytes, int, int]:
 
 
 def _complete_lines(data: bytes) -> tuple[Floats, int]:
-    """The numbers (n, 6) of the lines that are six numbers, and the count of the others."""
+    """Return the numbers (n, 6) of lines with six numbers, and the number of other lines."""
     lines = [line for line in data.splitlines() if line.strip()]
     kept = [[float(number) for number in line.split()] for line in lines if _is_row(line)]
     return np.array(kept, dtype=np.float64).reshape(-1, _COLUMNS), len(lines) - len(kept)
 
 
 def _parsed(data: bytes) -> Floats | None:
-    """The numbers (n, 6), nan where a line has fewer; None when some text is not a number."""
+    """Return the numbers (n, 6), nan for missing ones; None if some text is not a number."""
     import pandas as pd
 
     if not data.strip():
@@ -111,14 +111,14 @@ def _parsed(data: bytes) -> Floats | None:
 
 
 def _fitting(rows: Floats) -> NDArray[np.bool_]:
-    """Where a row (n, 6) is finite and its colours are from 0 to 255."""
+    """Return which rows (n, 6) are finite with colours from 0 to 255."""
     colours = rows[:, 3:]
     in_range = (colours >= 0) & (colours <= 255)
     return np.asarray(np.isfinite(rows).all(axis=1) & in_range.all(axis=1))
 
 
 def _readings(line: bytes) -> Iterator[bytes]:
-    """Possible contents of a damaged line: foreign bytes as zeros first, as spaces last."""
+    """Yield readings of a damaged line: foreign bytes as zeros first, as spaces last."""
     parts = _FOREIGN.split(line)  # good, foreign, good, ...
     good, foreign = parts[::2], parts[1::2]
     if len(foreign) > _MOST_RUNS:
@@ -129,8 +129,10 @@ def _readings(line: bytes) -> Iterator[bytes]:
         else (b" ",)
         for before, run, after in zip(good, foreign, good[1:], strict=False)
     ]
-    for chosen in product(*choices):
-        yield b"".join(part for pair in zip(good, (*chosen, b""), strict=True) for part in pair)
+    for replacements in product(*choices):
+        yield b"".join(
+            part for pair in zip(good, (*replacements, b""), strict=True) for part in pair
+        )
 
 
 def _ends_in_number(text: bytes) -> bool:

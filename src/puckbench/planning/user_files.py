@@ -290,7 +290,9 @@ def _kind(path: Path) -> Kind | None:
         return "meshes" if has_faces(path) else "clouds"
     if suffix in clouds.SUFFIXES:
         return "clouds"
-    is_mesh = suffix in meshes.SUFFIXES or (suffix == ".json" and captured_rooms.is_capture(path))
+    is_mesh = suffix in meshes.SUFFIXES or (
+        suffix == ".json" and captured_rooms.is_captured_room(path)
+    )
     return "meshes" if is_mesh else None
 
 
