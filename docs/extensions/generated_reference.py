@@ -11,7 +11,7 @@ import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from html import escape
 from importlib.resources import files
-from inspect import cleandoc
+from inspect import cleandoc, get_annotations
 from pathlib import Path
 from typing import Any
 
@@ -272,9 +272,11 @@ def _options(model: Any, others: tuple[Any, ...] = ()) -> list[tuple[str, str, s
             name: ("required" if field.is_required() else field.get_default(), field.description)
             for name, field in model.model_fields.items()
         }
-    meant = _parameters(kind for kind in model.__mro__ if kind is model or kind not in others)
+    kinds = [kind for kind in model.__mro__ if kind is model or kind not in others]
+    meant = _parameters(kinds)
+    declared = {name for kind in kinds for name in get_annotations(kind)}
     return [
-        (name, _value(default), about or meant.get(name, ""))
+        (name, _value(default), _one_line(about if name in declared else "") or meant.get(name, ""))
         for name, (default, about) in shown.items()
     ]
 
@@ -295,9 +297,13 @@ def _parameters(kinds: Iterable[type]) -> dict[str, str]:
             "Parameters\n----------\n"
         )
         for names, text in re.findall(r"^(\S.*)\n((?: +.*\n?)+)", section, re.MULTILINE):
-            words = " ".join(text.split()).replace("``", "`").rstrip(".")
+            words = _one_line(text).rstrip(".")
             meant |= dict.fromkeys(names.split(", "), words[:1].lower() + words[1:])
     return meant
+
+
+def _one_line(text: str | None) -> str:
+    return " ".join((text or "").split()).replace("``", "`")
 
 
 def _default(field: "dataclasses.Field[Any]") -> Any:

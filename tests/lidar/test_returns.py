@@ -194,7 +194,7 @@ def test_heights_and_delays_are_the_sensors() -> None:
     beams = Beams.of(load_sensor("vlp16"))
     assert beams.heights_mm[0] == 11.2
     assert beams.delays[1] == pytest.approx(2.304 / 55.296)
-    virtual = Beams.of(load_sensor("vlp16"), "together", is_virtual=True)
+    virtual = Beams.of(load_sensor("vlp16"), "simultaneous", is_virtual=True)
     assert set(virtual.heights_mm) == set(virtual.delays) == {0.0}
     assert not virtual.clockwise
 

@@ -1,4 +1,4 @@
-"""The virtual sensor: rotating LiDARs as data, sweeps, ray casting, error models, scan tables."""
+"""Rotating LiDARs: sensors, virtual scans with error models, and recordings of real sensors."""
 
 from puckbench.lidar.errors import ErrorModel, error_model_names, open_error_model
 from puckbench.lidar.placement import free_origin

@@ -1,4 +1,4 @@
-"""Scans and recordings in the formats of other tools, by the suffix of the file to write."""
+"""Export of scans and recordings to formats of other tools, by the suffix of the file."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from puckbench.lidar.scan_table import ScanTable, read_scan
 Source = ScanTable | RecordedReturns
 Columns = dict[str, NDArray[Any]]
 
-# What takes any columns of points; the other formats take a virtual scan.
+# These formats take any columns of points; the others take virtual scans only.
 _POINTS: dict[str, Callable[[Path, Mapping[str, NDArray[Any]]], None]] = {
     ".ply": write_ply,
     ".pcd": write_pcd,
@@ -43,16 +43,23 @@ _OF_RECORDINGS = (
 
 
 def read_source(path: Path) -> Source:
-    """A scan table or a table of returns; InputError when the file is neither."""
+    """Read a scan table or a table of returns; raises InputError for other files."""
     is_capture = RecordedReturns.schema.metadata_key.encode() in parquet_metadata(path)
     return read_returns(path) if is_capture else read_scan(path)
 
 
 def export(path: Path, source: Source, clean: bool = False) -> dict[str, Any]:
-    """Write `source` in the format of `path`'s suffix, whole or not at all; what was written.
+    """Write a table in the format of the path's suffix, and return what commands print.
 
-    Measured coordinates, or the true ones when `clean`; BlenSor's format has both. Raises
-    InputError for an unknown suffix, no rows, or a recording where only a scan will do.
+    Parameters
+    ----------
+    clean
+        Write true coordinates instead of measured ones; BlenSor's format (.evd) has both.
+
+    Raises
+    ------
+    InputError
+        The suffix is unknown, there are no rows, or the format takes scans only.
     """
     suffix = path.suffix.lower()
     if suffix not in FORMATS:
@@ -73,9 +80,7 @@ def export(path: Path, source: Source, clean: bool = False) -> dict[str, Any]:
 
 
 def _scan_columns(table: ScanTable, clean: bool) -> Columns:
-    """Measured (or, when `clean`, true) points of a scan, in world coordinates."""
     suffix = "" if clean else "_noisy"
     measured = {name: table[name + suffix] for name in ("x", "y", "z", "distance")}
-    known = {name: table[name] for name in _OF_SCANS}
-    rest = {"reflectivity"} & set(table.columns)
-    return {**measured, **known, **{name: table[name] for name in rest}}
+    optional = {"reflectivity"} & set(table.columns)
+    return {**measured, **{name: table[name] for name in (*_OF_SCANS, *optional)}}

@@ -1,6 +1,6 @@
-"""Compiled inner loops of a scan: ray directions, exact distances, rows of returns.
+"""Compiled loops of a scan: ray directions, exact distances, rows of returns.
 
-Arrays of rays have the shape (frames, steps, lasers); their flat order is the order of the table.
+Rays are ordered by frames, steps and lasers, also in flat arrays (n,) and in the scan table.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from puckbench.core.compiling import compiled
 from puckbench.geometry.cloud import Floats
 
-# Below this cosine between ray and normal the distance to the plane is less certain than Embree's.
+# Below this cosine between ray and normal, Embree's distance is more accurate than the plane's.
 _LEAST_COSINE = 1e-9
 
 
@@ -21,19 +21,9 @@ _LEAST_COSINE = 1e-9
 def fill_planes(
     vertices: Floats, triangles: NDArray[np.int64], origin: Floats, planes: Floats
 ) -> None:
-    """Compute the plane of each triangle.
+    """Fill `planes` (t, 4) with unit normals, and distances from `origin` along them.
 
-    Parameters
-    ----------
-    vertices
-        (v, 3) metres.
-    triangles
-        (t, 3) indices into `vertices`.
-    origin
-        (3,) the scan's origin.
-    planes
-        (t, 4), filled: unit normal, and distance of the plane from `origin` along it. The normal
-        of a triangle without area is zero.
+    The normal of a triangle without area is zero.
     """
     for t in range(len(triangles)):
         a, b, c = vertices[triangles[t, 0]], vertices[triangles[t, 1]], vertices[triangles[t, 2]]
@@ -55,18 +45,16 @@ def fill_directions(
     directions: Floats,
     rays: NDArray[np.float32],
 ) -> None:
-    """Turn yaw and pitch of rays into directions in the world.
+    """Convert yaw and pitch of rays into directions in the world.
 
     Parameters
     ----------
     yaw, pitch
-        Sines and cosines of the angles, each (frames, steps, lasers).
+        Sines and cosines of the angles, (frames, steps, lasers) each.
     rotations
-        (frames, steps, 3, 3), from the sensor's frame to the world's.
-    directions
-        (n, 3), filled with unit vectors, in double precision.
-    rays
-        (n, 6), the last three columns filled with the same, as Embree takes them.
+        (frames, steps, 3, 3), from the sensor to the world.
+    directions, rays
+        (n, 3) and the last three columns of (n, 6), for Embree, which are filled.
     """
     frames, steps, lasers = yaw[0].shape
     ray = 0
@@ -95,27 +83,20 @@ def fill_distances(
     distances: Floats,
     cosines: Floats,
 ) -> None:
-    """Compute exact distances along the rays from the planes of the triangles that were hit.
-
-    A miss, or a hit outside `limits`, gets the distance inf and the cosine nan. Of a ray that
-    grazes its plane the distance remains Embree's.
+    """Compute exact distances along rays from the planes of the triangles that they hit.
 
     Parameters
     ----------
-    directions
-        (n, 3) unit vectors.
-    nearest
-        (n,) Embree's distances, metres; inf for a miss.
-    triangles
-        (n,) the triangles that were hit.
-    planes
-        (t, 4) unit normals and distances from the scan's origin, of `fill_planes`.
+    nearest, triangles
+        (n,), Embree's distances (inf for a miss) and triangles. A ray parallel to its plane keeps
+        Embree's distance.
     starts
-        (steps, 3) where the rays of each step start, from that origin.
+        (steps, 3), origins of rays relative to that of `planes`.
     limits
-        Shortest and longest distance that the sensor measures, metres.
+        Shortest and longest range of the sensor; a hit outside is a miss.
     distances, cosines
-        (n,), filled: distance to the plane, and cosine of the angle of incidence.
+        (n,), filled with the distance and the cosine of the incidence angle; inf and nan for a
+        miss.
     """
     per_step = len(directions) // len(starts)
     for ray in range(len(directions)):
@@ -141,25 +122,10 @@ def fill_rays(
     start: int,
     out: tuple[Any, ...],
 ) -> int:
-    """Write frame, laser, timestamp, yaw and pitch of the rays that returned.
+    """Write the columns frame, laser, timestamp, yaw and pitch of rays that returned.
 
-    Parameters
-    ----------
-    rows
-        (frames, steps, lasers), which rays returned.
-    nominal
-        Timestamp, yaw and pitch of each ray, in the same shape.
-    first_frame
-        Number of the first of these frames.
-    start
-        Row of the columns at which writing begins.
-    out
-        The five columns, filled.
-
-    Returns
-    -------
-    int
-        The row after the last that was written.
+    rows: (frames, steps, lasers), which rays returned. nominal: timestamp, yaw and pitch of all
+    rays. start: first row to write. Returns the row after the last one written.
     """
     frame, laser, timestamp, yaw, pitch = out
     row = start
@@ -185,22 +151,9 @@ def fill_points(
     start: int,
     out: tuple[Any, ...],
 ) -> None:
-    """Write distance and coordinates of the rays that returned.
+    """Write the columns distance, x, y and z of rays that returned.
 
-    Parameters
-    ----------
-    rows
-        (n,) which rays returned.
-    origins
-        (steps, 3) where the rays of each step start, in the world.
-    directions
-        (n, 3) unit vectors.
-    distances
-        (n,) metres.
-    start
-        Row of the columns at which writing begins.
-    out
-        The columns distance, x, y and z, filled.
+    rows: (n,), which rays returned. origins: (steps, 3), in the world. start: first row to write.
     """
     distance, x, y, z = out
     per_step = len(rows) // len(origins)
@@ -223,20 +176,10 @@ def fill_surface(
     start: int,
     out: tuple[Any, ...],
 ) -> None:
-    """Write which surface the returned rays hit, with normals turned to the sensor.
+    """Write the columns incidence, triangle, object, primitive, nx, ny and nz (to the sensor).
 
-    Parameters
-    ----------
-    rows
-        (n,) which rays returned.
-    hits
-        Directions (n, 3), triangles (n,) and incidence (n,) of all rays.
-    surface
-        Planes (t, 4), object and primitive of each triangle.
-    start
-        Row of the columns at which writing begins.
-    out
-        The columns incidence, triangle, object, primitive, nx, ny and nz, filled.
+    hits: directions (n, 3), triangles and incidence (n,) of all rays. surface: planes (t, 4),
+    object and primitive of each triangle. start: first row to write.
     """
     incidence, triangle, object_id, primitive_id, nx, ny, nz = out
     row = start
@@ -258,20 +201,18 @@ def fill_surface(
 def fill_echoes(
     apart: Floats, gap: float, choice: int, distance: Floats, middle: NDArray[np.int64]
 ) -> None:
-    """Find the echo that returns from each beam: its mean distance, and the ray nearest to that.
+    """Find the echo that returns from each beam, and the ray nearest to its mean distance.
 
     Parameters
     ----------
     apart
-        (beams, rays) distances of the rays of each beam, metres; inf for a miss.
+        (beams, rays), distances of the rays of each beam, m; inf for a miss.
     gap
-        Rays no farther than this from the next in range share an echo, metres.
+        Successive distances that differ by at most this, m, belong to one echo.
     choice
-        0 for the first echo, 1 for that of most rays, 2 for the last, 3 for all rays together.
-    distance
-        (beams,), filled; inf for a beam without a hit.
-    middle
-        (beams,), filled with the number of the ray nearest to that distance.
+        0: the first echo, 1: that of most rays, 2: the last, 3: all rays are one echo.
+    distance, middle
+        (beams,), filled with the echo's mean distance (inf for none) and with that ray's number.
     """
     beams, rays = apart.shape
     for beam in range(beams):

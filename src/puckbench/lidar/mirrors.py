@@ -1,4 +1,4 @@
-"""Mirrors as BlenSor has them: what is seen in one returns along the ray that was fired."""
+"""Mirrors as in BlenSor: an object seen in a mirror is measured along the fired ray."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from puckbench.geometry.cloud import Floats
 from puckbench.lidar.errors.model import Hits
 from puckbench.lidar.raycast import Cast, RayCaster
 
-# A path is followed over this many mirrors.
-_MIRRORS_IN_A_PATH = 8
-# A reflected ray starts so far along it, m, lest the mirror itself be hit in float32.
+_MOST_MIRRORS = 8
+"""A path with more reflections is lost."""
 _OFF_THE_MIRROR = 1e-4
+"""Distance, m, at which a reflected ray starts, so that float32 does not hit the mirror again."""
 
 
 @dataclass(frozen=True)
 class _Paths:
-    """Paths that end on a mirror: their rays' indices, last directions, ends, lengths, mirrors."""
+    """Paths that end on a mirror: ray indices, last directions, ends, lengths, triangles."""
 
     rays: NDArray[np.int64]
     directions: Floats
@@ -40,18 +40,24 @@ class _Paths:
 def follow_mirrors(
     caster: RayCaster, cast: Cast, mirrors: NDArray[np.bool_], farthest: float
 ) -> Cast:
-    """`cast` with what is seen in mirrors, at the length of the whole path.
+    """Replace hits on mirrors by what is seen in them, at the length of the whole path.
 
-    The direction stays that of the ray that was fired, so what is seen lies behind the mirror; a
-    ray that meets nothing but mirrors hits nothing. mirrors: which triangles are one, (t,).
-    farthest: greatest length of a path, m.
+    The direction remains that of the fired ray, so that the point lies behind the mirror. A ray
+    that only meets mirrors is a miss.
+
+    Parameters
+    ----------
+    mirrors
+        (t,), which triangles are mirrors.
+    farthest
+        Longest path, m.
     """
     shape = cast.hits.distance.shape
     distance, triangle = cast.hits.distance.ravel().copy(), cast.hits.triangle.ravel().copy()
     incidence = cast.hits.incidence.ravel().copy()
     paths = _paths_to_mirrors(caster, cast, mirrors)
     distance[paths.rays], incidence[paths.rays] = np.inf, np.nan
-    for _ in range(_MIRRORS_IN_A_PATH):
+    for _ in range(_MOST_MIRRORS):
         if not len(paths.rays):
             break
         paths, angles = _reflected(caster, paths)
@@ -61,13 +67,13 @@ def follow_mirrors(
         distance[rays], triangle[rays] = paths.lengths[seen], paths.triangles[seen]
         incidence[rays] = angles[seen]
         paths = paths.select(again)
-    found = Hits(
+    hits = Hits(
         distance.reshape(shape),
         triangle.reshape(shape),
         incidence.reshape(shape),
         caster.surfaces,
     )
-    return Cast(cast.directions, cast.origins, found)
+    return Cast(cast.directions, cast.origins, hits)
 
 
 def _paths_to_mirrors(caster: RayCaster, cast: Cast, mirrors: NDArray[np.bool_]) -> _Paths:
@@ -81,7 +87,7 @@ def _paths_to_mirrors(caster: RayCaster, cast: Cast, mirrors: NDArray[np.bool_])
 
 
 def _reflected(caster: RayCaster, paths: _Paths) -> tuple[_Paths, Floats]:
-    """The paths up to what they meet next, length inf for nothing, and the incidence there."""
+    """Extend paths to their next hit (length inf for a miss); return them and the incidence."""
     normals = caster.planes[paths.triangles, :3]
     across = (paths.directions * normals).sum(axis=1, keepdims=True)
     turned = paths.directions - 2 * across * normals

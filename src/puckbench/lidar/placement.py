@@ -1,9 +1,8 @@
-"""Where a sensor can stand or move in a scene: in free space, within it, and not walled in.
+"""Checks whether a sensor can stand or move in a scene, and search for a place where it can.
 
-From outside of a convex scene less than half of all directions meet it, and from inside a closed
-one all do. So a sensor is taken to be outside where no more than half of them do; only in a notch
-of the scene (a courtyard) can more of them. A scene that is open by nature (a yard, a wall alone)
-is scanned by saying that the place is meant.
+A sensor counts as outside if at most half of all directions meet the scene: from outside of a
+convex scene fewer than half do, from inside a closed one all. (More can only in a notch such as a
+courtyard.) Open scenes, such as a single wall, have to be scanned with the option ``--anywhere``.
 """
 
 from __future__ import annotations
@@ -17,28 +16,25 @@ from puckbench.geometry.mesh import Mesh, check_mesh
 from puckbench.lidar.raycast import RayCaster
 
 INSIDE = 0.5
-"""More than this share of all directions meets the scene that a sensor stands in."""
+"""A sensor is inside a scene if more than this share of all directions meets it."""
 
-# A sensor that is nearer to a surface touches it: it would see one side or the other by chance.
+# A closer sensor touches the surface, of which rounding errors decide which side it sees.
 _LEAST_CLEARANCE_M = 1e-3
-# What encloses a sensor more tightly than this is no room to scan but an object that it is in.
+# If all surfaces are closer, the sensor is inside an object.
 _LEAST_REACH_M = 1.0
 _DIRECTIONS = 256
 _IF_MEANT = "(--anywhere scans from there all the same)"
 
 
 def check_untouched(caster: RayCaster, places: Floats) -> None:
-    """InputError where a place, (n, 3) from the caster's origin, touches the mesh."""
+    """Raise InputError if a place, (n, 3) relative to the caster's origin, touches the mesh."""
     touching = caster.clearances(places) < _LEAST_CLEARANCE_M
     if touching.any():
         raise InputError(f"the sensor at {_world(caster, places[touching][0])} touches the mesh")
 
 
 def check_free(caster: RayCaster, times: Floats, places: Floats) -> None:
-    """InputError unless a sensor's way, as `Sweep.way` has it, begins in the scene's free space.
-
-    And stays there: it goes through no surface.
-    """
+    """Raise InputError unless a sensor's way (`Sweep.way`) starts in free space and stays there."""
     where = f"the sensor at {_world(caster, places[0])}"
     distances, triangles = seen_around(caster, places[0])
     share = np.isfinite(distances).mean()
@@ -55,10 +51,7 @@ def check_free(caster: RayCaster, times: Floats, places: Floats) -> None:
 
 
 def seen_around(caster: RayCaster, place: Floats) -> tuple[Floats, NDArray[np.uint32]]:
-    """Distances and triangles that rays evenly spread over the sphere meet, (256,) each.
-
-    A ray without a hit has distance inf.
-    """
+    """Return distances (inf for a miss) and triangles of rays in 256 uniform directions."""
     turns = np.arange(_DIRECTIONS) * np.pi * (3 - np.sqrt(5))
     z = 1 - (2 * np.arange(_DIRECTIONS) + 1) / _DIRECTIONS
     around = np.sqrt(1 - z**2)
@@ -67,7 +60,7 @@ def seen_around(caster: RayCaster, place: Floats) -> tuple[Floats, NDArray[np.ui
 
 
 def _one_object(caster: RayCaster, triangles: NDArray[np.uint32]) -> str | None:
-    """The object that all of the triangles belong to, in a scene that has others."""
+    """Return the object to which all triangles belong, if the scene has others."""
     if caster.surfaces is None or len(np.unique(caster.surfaces.object_id)) < 2:
         return None
     seen = np.unique(caster.surfaces.object_id[triangles])
@@ -75,7 +68,6 @@ def _one_object(caster: RayCaster, triangles: NDArray[np.uint32]) -> str | None:
 
 
 def _check_way(caster: RayCaster, times: Floats, places: Floats) -> None:
-    """InputError where a straight part of a sensor's way goes through a surface."""
     steps = np.diff(places, axis=0)
     lengths = np.linalg.norm(steps, axis=1)
     moved = np.flatnonzero(lengths)
@@ -95,27 +87,25 @@ def _world(caster: RayCaster, place: Floats) -> list[float]:
 
 
 _GRID = 100
-# Distances to all spots would take seconds in a big scene; the first few hundred mostly do.
+# Mostly the first few hundred spots suffice; distances to all would take seconds in a big scene.
 _AT_A_TIME = 256
 
 
 def free_origin(
     mesh: Mesh, height: float = 1.3, clearance: float = 0.3, inside: float = INSIDE
 ) -> Floats:
-    """Find the free spot nearest to the middle of the floor plan, (3,), m.
-
-    Spots are tried on a grid of at least 5 cm.
+    """Return the free spot (3,), m, nearest to the middle of the floor plan, on a grid.
 
     Parameters
     ----------
     mesh
-        The scene, metres, z up.
+        The scene, m, z up.
     height
-        Of the spot above the floor, m.
+        Height of the spot above the floor, m.
     clearance
-        No surface is nearer to it than this, m.
+        Least distance from any surface, m.
     inside
-        More than this share of rays in all directions meet the scene, and one straight down does.
+        More than this share of all directions must meet the scene, straight down in any case.
 
     Raises
     ------
@@ -140,7 +130,7 @@ def free_origin(
 
 
 def _grid(size: Floats) -> Floats:
-    """Places over the floor plan relative to its middle, nearest first, (n, 3) with z = 0."""
+    """Return places (n, 3) over the floor plan relative to its middle, nearest first, z = 0."""
     spacing = max(0.05, float(size[:2].max()) / _GRID)
     x, y = (np.arange(-(n := int(side / 2 / spacing)), n + 1) * spacing for side in size[:2])
     places = np.stack(np.meshgrid(x, y, [0.0], indexing="ij"), axis=-1).reshape(-1, 3)
@@ -148,9 +138,9 @@ def _grid(size: Floats) -> Floats:
 
 
 def _floor(caster: RayCaster, places: Floats, size: Floats) -> float:
-    """Height of the floor: above it end nine of ten rays straight down from mid height.
+    """Return the height above which nine of ten rays straight down from mid height end.
 
-    Not the lowest vertex: a floor can have a thickness, and a captured room stray points below.
+    The lowest vertex would not do: floors have a thickness, and captured rooms stray points.
     """
     levels = -_below(caster, places)
     levels = levels[np.isfinite(levels)]
@@ -158,5 +148,5 @@ def _floor(caster: RayCaster, places: Floats, size: Floats) -> float:
 
 
 def _below(caster: RayCaster, places: Floats) -> Floats:
-    """Distance from each place straight down to a surface, inf where there is none, (n,)."""
+    """Return the distance straight down to a surface, (n,), inf for none."""
     return caster.met(places, np.tile([0.0, 0.0, -1.0], (len(places), 1)))[0]

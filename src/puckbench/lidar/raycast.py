@@ -1,8 +1,7 @@
-"""Casting rays at a mesh: Embree (through Open3D) finds the triangle, float64 the exact distance.
+"""Ray casting: Embree (by Open3D) finds the triangle, and its plane the distance in float64.
 
-Embree works in float32, good to some 1e-6 of the coordinates. So the mesh is moved until the
-sensor stands at the origin, and the distance is computed again in float64 from the plane of the
-triangle that was hit.
+Embree works in float32, with a relative error of about 1e-6 of the coordinates. Therefore the mesh
+is moved so that the sensor is at the origin, and the distance is recomputed in float64.
 """
 
 from __future__ import annotations
@@ -22,10 +21,7 @@ from puckbench.lidar.trajectory import Poses
 
 @dataclass(frozen=True)
 class Cast:
-    """Rays that were cast: their unit directions in the world, (n, 3), and what they hit.
-
-    origins: where the rays of each azimuth step start in the world, (steps, 3).
-    """
+    """Unit directions of rays (n, 3) and origins of each azimuth step (steps, 3), in the world."""
 
     directions: Floats
     origins: Floats
@@ -33,10 +29,10 @@ class Cast:
 
 
 class RayCaster:
-    """A mesh seen from a sensor at `origin` (3,), or near it.
+    """A mesh around a sensor at or near `origin` (3,).
 
-    planes: of each triangle the unit normal and the distance of its plane from `origin`, (t, 4).
-    object_id, primitive_id: of each triangle, (t,); -1 where the mesh has no labels.
+    planes: (t, 4), unit normal of each triangle and distance of its plane from `origin`.
+    object_id, primitive_id: (t,), -1 if the mesh has no labels.
     """
 
     def __init__(self, mesh: Mesh, origin: Floats, threads: int = 0) -> None:
@@ -58,9 +54,9 @@ class RayCaster:
         )
 
     def cast(self, rays: Rays, poses: Poses, limits: tuple[float, float]) -> Cast:
-        """Cast the rays of some frames; poses of their steps, positions from `origin`.
+        """Cast the rays of frames, with poses relative to `origin`.
 
-        limits: least and greatest range, m; a hit outside them counts as a miss.
+        limits: shortest and longest range, m; a hit outside is a miss.
         """
         from puckbench.lidar.kernels import fill_directions
 
@@ -76,16 +72,16 @@ class RayCaster:
         return Cast(directions, self.origin + starts, hits)
 
     def clearances(self, places: Floats) -> Floats:
-        """Distance to the nearest point of the mesh from places (n, 3) relative to `origin`, m."""
+        """Return the distance, m, to the mesh from places (n, 3) relative to `origin`."""
         import open3d as o3d
 
         queries = o3d.core.Tensor.from_numpy(places.astype(np.float32))
         return np.asarray(self.scene.compute_distance(queries).numpy(), dtype=np.float64)
 
     def met(self, starts: Floats, directions: Floats) -> tuple[Floats, NDArray[np.uint32]]:
-        """Distance, in float32 accuracy, and triangle that rays meet, (n,); inf for a miss.
+        """Return distances (n,), of float32 accuracy, and triangles of rays; inf for a miss.
 
-        starts: (n, 3), relative to `origin`. directions: (n, 3) unit vectors.
+        starts: (n, 3), relative to `origin`. directions: (n, 3), unit vectors.
         """
         answer = self._nearest(np.column_stack([starts, directions]).astype(np.float32))
         return answer["t_hit"].numpy().astype(np.float64), answer["primitive_ids"].numpy()
@@ -98,10 +94,10 @@ class RayCaster:
         shape: tuple[int, ...],
         limits: tuple[float, float],
     ) -> Hits:
-        """What rays hit, in the given shape of their array.
+        """Return the hits of rays, reshaped to `shape`.
 
-        directions: (n, 3). single: starts and directions for Embree, (n, 6). starts: those of each
-        step's rays from `origin`, (steps, 3), or of each ray. limits: as for `cast`.
+        directions: (n, 3). single: (n, 6), origins and directions for Embree. starts: (steps, 3) or
+        (n, 3), origins relative to `origin`. limits: as in `cast`.
         """
         from puckbench.lidar.kernels import fill_distances
 
@@ -134,7 +130,8 @@ def _planes(mesh: Mesh, origin: Floats) -> Floats:
 
 
 def _sine_cosine(angles: Floats) -> tuple[Floats, Floats]:
-    """Sine and cosine in the shape of `angles`, worked out once where it is a broadcast."""
+    # Each value of a broadcast array is computed once.
     index = tuple(slice(None) if stride else slice(1) for stride in angles.strides)
-    few = angles[index]
-    return np.broadcast_to(np.sin(few), angles.shape), np.broadcast_to(np.cos(few), angles.shape)
+    values = angles[index]
+    sine, cosine = np.sin(values), np.cos(values)
+    return np.broadcast_to(sine, angles.shape), np.broadcast_to(cosine, angles.shape)

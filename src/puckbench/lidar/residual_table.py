@@ -1,6 +1,6 @@
-"""Tables of plane residuals: one row per return of a virtual scan or of a recording.
+"""Tables of plane residuals, with a row for each return of a virtual scan or a recording.
 
-A residual is the signed distance of a measured point from the plane fitted to its surface (thesis
+A residual is the signed distance of a measured point from the plane fitted to its surface (thesis,
 section 5.1.2, Procedure 1).
 """
 
@@ -22,10 +22,10 @@ if TYPE_CHECKING:
     import pandas as pd
 
 REAL = "real"
-"""The model of a recording's residuals, which stand in a table beside those of error models."""
+"""Value of the column `model` for recordings."""
 
 SURFACES = ("wall", "floor")
-"""What a virtual scan measures; a recording may have more."""
+"""Surfaces of a virtual scan; a recording may have others."""
 
 COLUMNS = (
     "model",
@@ -43,15 +43,14 @@ COLUMNS = (
 )
 """Columns of a residual table; `residual_m` is positive on the sensor's side of the plane.
 
-`range_m` is the distance from the sensor to the measured point, `frame` the frame of the scan (the
-turn of a recording); `plane_u_m`, `plane_v_m` are those of `plane_coordinates`. These four came
-later: an older table, which figures still take, has none.
+`range_m` is the distance from the sensor to the measured point, `frame` the frame of a scan or the
+turn of a recording; `plane_u_m` and `plane_v_m` are those of `plane_coordinates`.
 """
-_LATER = ("range_m", "frame", "plane_u_m", "plane_v_m")
+_OPTIONAL = ("range_m", "frame", "plane_u_m", "plane_v_m")
 
 
 def joined(tables: Sequence[pd.DataFrame]) -> pd.DataFrame:
-    """Residual tables one after the other, models and surfaces still categories."""
+    """Concatenate residual tables, keeping models and surfaces as categories."""
     import pandas as pd
     from pandas.api.types import union_categoricals
 
@@ -68,9 +67,9 @@ def write_residuals(path: Path, table: pd.DataFrame) -> None:
 
 
 def read_residuals(path: Path) -> pd.DataFrame:
-    """Read a residual table; InputError when it is missing or another file.
+    """Read a residual table; raises InputError for a missing or other file.
 
-    The columns of a table written before `range_m` and those after it were there are fewer.
+    Old tables lack `range_m` and the columns after it.
     """
     import pandas as pd
 
@@ -82,22 +81,15 @@ def read_residuals(path: Path) -> pd.DataFrame:
     except (OSError, ValueError, LookupError, TypeError, AttributeError) as error:
         raise InputError(f"{path}: not a Parquet table ({error})") from error
     missing = [name for name in COLUMNS if name not in table]
-    if needed := [name for name in missing if name not in _LATER]:
+    if needed := [name for name in missing if name not in _OPTIONAL]:
         raise InputError(f"{path}: not a residual table, without {', '.join(needed)}")
     return table[[name for name in COLUMNS if name not in missing]]
 
 
 def about_plane(points: Floats, plane: Plane, origin: Floats) -> dict[str, Floats]:
-    """Columns of a residual table for measured points and the plane fitted to them.
+    """Return columns of a residual table for measured points (n, 3) and the plane fitted to them.
 
-    Parameters
-    ----------
-    points
-        (n, 3), m.
-    plane
-        Its normal points to the sensor's side.
-    origin
-        (3,), where the sensor stands, m.
+    The normal of the plane points to the sensor's side; origin: (3,), position of the sensor, m.
     """
     u, v = plane_coordinates(points, plane, origin).T
     values = {
@@ -110,13 +102,13 @@ def about_plane(points: Floats, plane: Plane, origin: Floats) -> dict[str, Float
 
 
 def plane_coordinates(points: Floats, plane: Plane, origin: Floats) -> Floats:
-    """Coordinates of points (n, 3) within a plane, m, (n, 2), from the sensor's foot on it.
+    """Return coordinates (n, 2), m, of points within a plane, from the projection of the sensor.
 
-    The first axis is level, the second goes up the plane's slope. Another plane near this one is at
-    a distance of ``a + b u + c v`` from it: that is how a calibration takes the fit back.
+    The first axis u is horizontal, the second v goes up the slope. The distance of a nearby plane
+    is ``a + b u + c v``, by which a calibration undoes the fit.
     """
     level = np.cross([0.0, 0.0, 1.0], plane.normal)
-    # Any axis will do on a level plane.
+    # On a horizontal plane any axis is horizontal.
     level = np.array([1.0, 0.0, 0.0]) if np.linalg.norm(level) < 1e-3 else level
     first = level - (level @ plane.normal) * plane.normal
     first /= np.linalg.norm(first)

@@ -1,7 +1,7 @@
-"""Returns of a spinning sensor, real or virtual, in its own numbers and frame.
+"""Returns of a spinning sensor, real or virtual, in its raw numbers and its own frame.
 
-One type for recordings and virtual scans: turns as images of firing columns and lasers, and where
-the lasers point. On disk it is a Parquet file with a row for each firing.
+Recordings and virtual scans share this type: turns as images of firing columns by lasers, and the
+geometry of the beams. On disk it is a Parquet file with a row for each firing.
 """
 
 from __future__ import annotations
@@ -28,34 +28,34 @@ from puckbench.lidar.sensor import Sensor
 from puckbench.lidar.turns import CENTIDEGREES, Layout, Turn, check_turn, clock_steps
 
 USUAL_QUANTUM_M = 0.002
-"""Step of Velodyne's ranges, for sensors that state none."""
-_GREATEST_RISE = 100
-"""Of the azimuth from block to block, in 0.01 degrees; a greater one shows missing blocks."""
+"""Velodyne's range quantum, the default for sensors that state none."""
+_LARGEST_INCREASE = 100
+"""A larger increase of the azimuth between blocks, in 0.01 degrees, means missing blocks."""
 
 _HOUR_US = 3.6e9
 
-Firing = Literal["own_moment", "together"]
+Firing = Literal["sequential", "simultaneous"]
 
 
 @dataclass(frozen=True)
 class Beams:
-    """Where a sensor's lasers point, and when they fire.
+    """Where the lasers of a sensor point, and when they fire; tuples have an item for each laser.
 
     Parameters
     ----------
     elevations_deg
-        (lasers,) of each laser, by its id.
+        Elevations by laser id.
     heights_mm
-        (lasers,) above the sensor's origin (Velodyne's vertical corrections).
+        Heights above the sensor's origin (Velodyne's vertical corrections).
     delays
-        (lasers,) from 0 to below 1: the share of a column's time after which each laser fires.
+        Times of firing as a fraction of a column's time, from 0 to below 1.
     clockwise
-        Whether the sensor turns clockwise seen from above, as real ones do; azimuths always count
-        in the direction in which it turns, from forward (y).
+        Whether the sensor rotates clockwise seen from above, as real ones do. Azimuths count in
+        the direction of rotation, from forward (y).
     azimuths_deg
-        (lasers,) by which each laser is turned against the column, in that direction; empty: 0.
+        Azimuths relative to that of the column; empty: all 0.
     sideways_mm
-        (lasers,) by which each beam passes the axis, in that direction; empty: 0.
+        Distances at which beams pass the axis, in the direction of rotation; empty: all 0.
     """
 
     elevations_deg: tuple[float, ...]
@@ -66,22 +66,16 @@ class Beams:
     sideways_mm: tuple[float, ...] = ()
 
     @classmethod
-    def of(cls, sensor: Sensor, firing: Firing = "own_moment", is_virtual: bool = False) -> Self:
-        """The beams of a sensor.
+    def of(cls, sensor: Sensor, firing: Firing = "sequential", is_virtual: bool = False) -> Self:
+        """Return the beams of a sensor.
 
-        Parameters
-        ----------
-        sensor
-            The sensor.
-        firing
-            Whether its lasers fire one after the other, as real ones do, or together, as BlenSor's.
-        is_virtual
-            All rays start at the sensor's origin, and it turns counter-clockwise.
+        firing: lasers fire one after the other, as real ones do, or all at once, as in BlenSor.
+        is_virtual: all rays start at the sensor's origin, and it rotates counter-clockwise.
         """
         lasers = sensor.lasers
         heights = None if is_virtual else sensor.vertical_correction_mm
         delays = (0.0,) * lasers
-        if firing == "own_moment":
+        if firing == "sequential":
             sequence = sensor.firing_sequence_us or np.inf
             delays = tuple(float(time / sequence) for time in sensor.firing_times_us)
         return cls(
@@ -90,7 +84,6 @@ class Beams:
 
     @property
     def lasers(self) -> int:
-        """Number of lasers."""
         return len(self.elevations_deg)
 
 
@@ -108,7 +101,7 @@ FIRING_COLUMNS: ColumnSpecs = {
 
 @dataclass(frozen=True)
 class FiringTable(ReturnTable):
-    """Firings, with or without return, in the order of turns, columns, lasers and kinds."""
+    """Firings with and without return, in the order of turns, columns, lasers and kinds."""
 
     schema = TableSchema("table of firings", "puckbench_firings", FIRING_COLUMNS)
 
@@ -119,21 +112,19 @@ class Returns:
 
     Parameters
     ----------
-    beams
-        Where the lasers point.
-    layout
-        How firings make an image.
+    beams, layout
+        Geometry of the beams, and the layout of all turns.
     turns
-        Of that layout, in the order of time.
+        In the order of time.
     quantum_m
-        Step of the ranges.
+        Unit of the ranges, m.
     sensor
-        Its name, for people.
+        Name of the sensor.
 
     Raises
     ------
     InputError
-        A turn's arrays have not the layout's shapes, or beams and lasers differ in number.
+        The arrays of a turn do not have the layout's shapes, or the numbers of lasers differ.
     """
 
     beams: Beams
@@ -146,32 +137,28 @@ class Returns:
         if self.beams.lasers != self.layout.lasers:
             raise InputError(f"{self.beams.lasers} beams for {self.layout.lasers} lasers")
         more = (self.beams.azimuths_deg, self.beams.sideways_mm)
-        if any(len(one) not in (0, self.layout.lasers) for one in more):
+        if any(len(values) not in (0, self.layout.lasers) for values in more):
             raise InputError("azimuths or offsets of other lasers than the layout's")
         for turn in self.turns:
             check_turn(turn, self.layout)
 
     def __len__(self) -> int:
-        """Number of returns; two equal ones of a beam count once."""
+        """Return the number of returns; two equal returns of a beam count once."""
         return sum(int(np.count_nonzero(_returned(turn))) for turn in self.turns)
 
     @property
     def firings(self) -> int:
-        """Number of firings, with or without return."""
+        """Number of firings, with and without return."""
         return sum(turn.ranges[0].size for turn in self.turns)
 
     def points(self, distances: Sequence[Floats] | None = None) -> Floats:
-        """Points (n, 3) in m, in the order of turns, columns, lasers and kinds.
+        """Return points (n, 3) in m, in the order of turns, columns, lasers and kinds.
 
-        Parameters
-        ----------
-        distances
-            In place of each turn's ranges, in their shape, m.
+        distances: to be used instead of the turns' ranges, m, in their shapes.
 
         References
         ----------
-        VLP-16 User Manual 63-9243 Rev. E, section 9.2: x = R cos(w) sin(a), y = R cos(w) cos(a),
-        z = R sin(w) + the laser's vertical correction.
+        VLP-16 User Manual 63-9243 Rev. E, section 9.2.
         """
         if distances is None:
             distances = [turn.ranges.astype(np.float64) * self.quantum_m for turn in self.turns]
@@ -201,15 +188,15 @@ class Returns:
         )
 
     def azimuths(self, turn: Turn) -> Floats:
-        """Azimuth of each firing of a turn, (columns, lasers), in rad, in the turning direction.
+        """Return the azimuth of each firing of a turn, (columns, lasers), rad.
 
-        A block's azimuth is that of its first firing; those after it lie between it and the next
-        block's, in proportion to the time.
+        A block has the azimuth of its first firing; azimuths of the other firings are interpolated
+        in time between this block and the next.
         """
         blocks = turn.azimuths.astype(np.float64)
         rise = np.mod(np.diff(blocks), CENTIDEGREES)
         rise = np.concatenate([rise, rise[-1:] if len(rise) else [0.0]])
-        usual = rise <= _GREATEST_RISE
+        usual = rise <= _LARGEST_INCREASE
         rise = np.where(usual, rise, np.median(rise[usual]) if usual.any() else 0.0)
         per_block = self.layout.columns_per_block
         share = (np.arange(per_block)[:, None] + np.asarray(self.beams.delays)) / per_block
@@ -220,10 +207,10 @@ class Returns:
 
     @property
     def columns_per_turn(self) -> int:
-        """Firing columns of a whole turn, from how the azimuth rises between blocks."""
+        """Firing columns of a whole turn, from the increase of the azimuth between blocks."""
         rises = [np.mod(np.diff(turn.azimuths.astype(int)), CENTIDEGREES) for turn in self.turns]
-        every = np.concatenate(rises) if rises else np.zeros(0, int)
-        rising = every[every > 0]
+        increases = np.concatenate(rises) if rises else np.zeros(0, int)
+        rising = increases[increases > 0]
         if not len(rising):
             return 1
         median = float(np.median(rising))
@@ -231,36 +218,35 @@ class Returns:
         return max(round(CENTIDEGREES * self.layout.columns_per_block / float(usual.mean())), 1)
 
     def split(self) -> Iterator[Returns]:
-        """Each turn as returns of its own."""
+        """Yield the returns of each turn."""
         for turn in self.turns:
             yield replace(self, turns=(turn,))
 
     @property
     def seconds(self) -> float | None:
-        """How long the turns took by the sensor's clock; None where they have no times.
+        """Duration of the turns by the sensor's clock; None without times.
 
-        From the earliest packet to the latest, whatever their order; the time of one packet is
-        that of the others on average. The clock starts again every hour.
+        It includes the mean duration of a packet after the last one. The clock restarts hourly.
         """
         times = [turn.times for turn in self.turns if turn.times is not None]
-        every = np.concatenate(times).astype(np.float64) if times else np.zeros(0)
-        if len(every) < 2:
+        clock = np.concatenate(times).astype(np.float64) if times else np.zeros(0)
+        if len(clock) < 2:
             return None
-        steps = clock_steps(every, _HOUR_US)
+        steps = clock_steps(clock, _HOUR_US)
         span = float(np.ptp(np.concatenate([[0.0], np.cumsum(steps)])))
-        return span * len(every) / len(steps) * 1e-6 or None
+        return span * len(clock) / len(steps) * 1e-6 or None
 
 
 def _returned(turn: Turn) -> NDArray[np.bool_]:
-    """Which pixels (kinds, columns, lasers) are returns, repeated ones left out."""
-    found = turn.ranges > 0
-    if len(found) > 1:
-        found[1:] &= turn.ranges[1:] != turn.ranges[:1]
-    return found
+    """Return which pixels (kinds, columns, lasers) are returns that do not repeat another."""
+    is_return = turn.ranges > 0
+    if len(is_return) > 1:
+        is_return[1:] &= turn.ranges[1:] != turn.ranges[:1]
+    return is_return
 
 
 def write_firings(path: Path, returns: Returns) -> None:
-    """Write returns as a Parquet file, whole or not at all."""
+    """Write returns as a Parquet file."""
     layout = returns.layout
     parts = [_rows(number, turn, layout) for number, turn in enumerate(returns.turns)]
     columns = {
@@ -277,7 +263,6 @@ def write_firings(path: Path, returns: Returns) -> None:
 
 
 def _rows(number: int, turn: Turn, layout: Layout) -> dict[str, NDArray[Any]]:
-    """The rows of a turn: kinds change fastest, then lasers, then columns."""
     kinds, columns, lasers = turn.ranges.shape
     shape = (columns, lasers, kinds)
     block = np.arange(columns) // layout.columns_per_block
@@ -321,12 +306,12 @@ def read_firings(path: Path) -> Returns:
 
 
 def returns_file(cloud: Path) -> Path:
-    """Where the returns of a cloud lie."""
+    """Return the path of the returns of a cloud."""
     return cloud.with_suffix(".parquet")
 
 
 def with_returns(cloud: PointCloud, path: Path) -> PointCloud:
-    """A cloud that was read from a file, with the returns beside it, where there are any."""
+    """Return a cloud with the returns that lie beside its file, if there are any."""
     beside = returns_file(path)
     return replace(cloud, returns=read_firings(beside)) if beside.exists() else cloud
 

@@ -20,39 +20,37 @@ _QUANTUM_UNIT_M = 1e-7
 _MOST_NAME_BYTES = 255
 _DAMAGED = "the stream is damaged or truncated"
 _USES: tuple[tuple[Firing, bool], ...] = (
-    ("own_moment", False),
-    ("together", True),
-    ("own_moment", True),
+    ("sequential", False),
+    ("simultaneous", True),
+    ("sequential", True),
 )
-"""How a shipped sensor is used: real, virtual as BlenSor has it, virtual with firing times."""
+"""Uses of a shipped sensor: real, virtual as in BlenSor, virtual with firing times."""
 
 
 def encode_layout(layout: Layout) -> bytes:
-    """The layout as bytes."""
     sizes = [layout.columns_per_block, layout.blocks_per_time, layout.kinds, layout.lasers]
     return bytes([*sizes, *_paired(layout.order)])
 
 
 def decode_layout(body: bytes) -> tuple[Layout, bytes]:
-    """The layout of bytes, and what follows it; InputError when they are damaged."""
+    """Return a layout and the bytes after it; raises InputError for damaged bytes."""
     reader = Reader(body)
     *sizes, lasers = reader.take(4)
     try:
-        return Layout(_taken(reader, lasers), *sizes), reader.rest()
+        return Layout(_read_order(reader, lasers), *sizes), reader.rest()
     except ValueError as error:
         raise InputError(f"the stream is damaged ({error})") from error
 
 
 def _paired(order: tuple[int, ...]) -> tuple[int, ...]:
-    """Up to 16 lasers by two in a byte."""
+    # Up to 16 laser ids take half a byte each.
     if len(order) > 16:
         return order
     even = (*order, 0)[: -(-len(order) // 2) * 2]
     return tuple(even[k] | even[k + 1] << 4 for k in range(0, len(even), 2))
 
 
-def _taken(reader: Reader, lasers: int) -> tuple[int, ...]:
-    """The inverse of `_paired`."""
+def _read_order(reader: Reader, lasers: int) -> tuple[int, ...]:
     if lasers > 16:
         return tuple(reader.take(lasers))
     pairs = reader.take(-(-lasers // 2))
@@ -61,7 +59,7 @@ def _taken(reader: Reader, lasers: int) -> tuple[int, ...]:
 
 @cache
 def _shipped() -> dict[tuple[Beams, str], tuple[str, int]]:
-    """Name of the shipped sensor and how it is used, by its beams and title."""
+    """Return names and uses of the shipped sensors by their beams and titles."""
     return {
         (_beams(name, use), load_sensor(name).name): (name, use)
         for name in sensor_names()
@@ -75,21 +73,21 @@ def _beams(name: str, use: int) -> Beams:
 
 
 def encode_beams(returns: Returns) -> bytes:
-    """The quantum and the beams: a name and a check of the angles, or all of them."""
+    """Return the range quantum and the beams: a sensor's name and checksum, or all angles."""
     quantum = base_128(round(returns.quantum_m / _QUANTUM_UNIT_M))
-    known = _shipped().get((returns.beams, returns.sensor))
+    shipped = _shipped().get((returns.beams, returns.sensor))
     angles = _angles(returns.beams)
-    if known:
-        name, use = known
-        check = zlib.crc32(angles).to_bytes(4, "little")
-        return quantum + bytes([use + 1, len(name)]) + name.encode() + check
+    if shipped:
+        name, use = shipped
+        checksum = zlib.crc32(angles).to_bytes(4, "little")
+        return quantum + bytes([use + 1, len(name)]) + name.encode() + checksum
     title = returns.sensor.encode()[:_MOST_NAME_BYTES]
     head = bytes([0, len(title)]) + title + bytes([returns.beams.clockwise])
     return quantum + head + angles
 
 
 def _angles(beams: Beams) -> bytes:
-    """Three numbers of each laser; five where any is turned, or passes the axis."""
+    """Return three numbers for each laser; five if some have azimuths or pass the axis."""
     rows = [beams.elevations_deg, beams.heights_mm, beams.delays]
     if beams.azimuths_deg or beams.sideways_mm:
         none = (0.0,) * beams.lasers
@@ -98,7 +96,7 @@ def _angles(beams: Beams) -> bytes:
 
 
 def decode_beams(body: bytes, layout: Layout) -> Returns:
-    """Returns without turns, with the beams of `encode_beams`."""
+    """Return the beams and quantum of `encode_beams` as returns without turns."""
     reader = Reader(body)
     quantum = reader.number() * _QUANTUM_UNIT_M
     use, length = reader.take(2)
@@ -111,10 +109,10 @@ def decode_beams(body: bytes, layout: Layout) -> Returns:
             raise InputError(f"the stream was made with other laser angles of the sensor {name}")
         return Returns(beams, layout, (), quantum, sensor)
     clockwise = reader.take(1)[0] == 1
-    kept = reader.rest()
-    if len(kept) not in (24 * layout.lasers, 40 * layout.lasers):
+    angle_bytes = reader.rest()
+    if len(angle_bytes) not in (24 * layout.lasers, 40 * layout.lasers):
         raise InputError(_DAMAGED)
-    angles = np.frombuffer(kept, "<f8").reshape(-1, layout.lasers)
+    angles = np.frombuffer(angle_bytes, "<f8").reshape(-1, layout.lasers)
     if not np.isfinite(angles).all() or not quantum > 0:
         raise InputError(_DAMAGED)
     elevations, heights, delays, *more = (tuple(row.tolist()) for row in angles)

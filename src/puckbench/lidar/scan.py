@@ -1,4 +1,4 @@
-"""A virtual scan: a sensor sweeps a scene, with the errors of a model."""
+"""Virtual scans: a sensor sweeps over a mesh, with the errors of a model."""
 
 from __future__ import annotations
 
@@ -27,20 +27,25 @@ from puckbench.lidar.sweep import Rays, Sweep
 __all__ = ["ScanJob", "ScanTable", "read_scan", "scan", "write_scan"]
 
 Progress = Callable[[int, int], None]
-"""Called with the numbers of frames that are done and to be done."""
+"""Called with the number of frames that are done and of all frames."""
 
-# Rays worked on at a time: enough for the ray caster's threads, little enough to stay in cache.
+# Rays that are cast at a time: enough for the ray caster's threads, few enough to stay in cache.
 _RAYS_AT_A_TIME = 1 << 16
-# Rows of a portion of a streamed scan, and so of a row group of its file: some 140 MB.
+# Rows of a portion of a streamed scan, and thus of a row group of its file: some 140 MB.
 _RAYS_IN_A_PORTION = 1 << 20
 
 
 @dataclass(frozen=True)
 class ScanJob:
-    """What is scanned, by what, with which errors, from where: a mesh (metres, z up), origin (3,).
+    """A mesh (m, z up), a sensor at origin (3,), its sweep and its error model.
 
-    anywhere: false refuses a sensor outside the scene, inside of an object, or that moves through
-    a surface. The rows do not depend on `threads` (0: all).
+    Parameters
+    ----------
+    anywhere
+        If false, a sensor is refused that is outside of the scene or inside an object, or that
+        moves through a surface.
+    threads
+        0: all. Results do not depend on it.
     """
 
     mesh: Mesh
@@ -53,7 +58,6 @@ class ScanJob:
 
     @property
     def rays(self) -> int:
-        """How many rays are fired."""
         return self.sweep.frames * self.sweep.steps(self.sensor) * self.sensor.lasers
 
     def table(
@@ -62,7 +66,7 @@ class ScanJob:
         progress: Progress | None = None,
         rays_at_a_time: int = _RAYS_AT_A_TIME,
     ) -> ScanTable:
-        """All rows, see `scan`."""
+        """Return the scan, see `scan`."""
         scanner = self._scanner(rng)
         table = scanner.table(range(self.sweep.frames), rays_at_a_time, progress)
         if len(table) == 0:
@@ -75,10 +79,10 @@ class ScanJob:
         progress: Progress | None = None,
         rays_in_a_portion: int = _RAYS_IN_A_PORTION,
     ) -> Iterator[ScanTable]:
-        """The rows of `table`, some frames at a time, for a scan that is too long for the memory.
+        """Yield the rows of `table` in portions, for scans that are too long for the memory.
 
-        `rays_in_a_portion` bounds the rows of a table (at least one frame). Raises as `scan` does;
-        that no ray returned shows at the end.
+        A portion is at least a frame, otherwise at most `rays_in_a_portion` rows. Raises as `scan`
+        does; if no ray returned, after the last frame.
         """
         scanner, rows = self._scanner(rng), 0
         at_a_time = rays_in_a_portion // scanner.rays_per_frame
@@ -91,7 +95,7 @@ class ScanJob:
             raise scanner.no_return()
 
     def check(self) -> None:
-        """Raise InputError where nothing can be scanned, or the sensor cannot stand or move so."""
+        """Raise InputError if the mesh is empty or the sensor cannot stand or move there."""
         self._caster()
 
     def _scanner(self, rng: np.random.Generator) -> _Scanner:
@@ -116,34 +120,29 @@ def scan(
     rng: np.random.Generator,
     progress: Progress | None = None,
 ) -> ScanTable:
-    """Scan a mesh by a virtual sensor that sweeps over it.
+    """Scan a mesh with a virtual sensor.
 
-    A row is one nominal ray. Its clean values are the truth about that ray: where it meets the
-    surface, on what, at what angle. Its noisy values are what the sensor measured. A model that
-    fires another ray than the nominal one (beam divergence) measures along that other ray, and the
-    nominal ray is cast as well, so that the truth stays at hand; here we differ from BlenSor, whose
-    clean values are jittered too. Then a row needs both: the fired ray must return and the nominal
-    one must hit something in range. A missed ray has no row and no noise.
-
-    The rows come in the order of firing (frame, azimuth step, laser id).
+    A row of the table is a nominal ray that returned, in the order of firing (frame, azimuth step,
+    laser). Its clean values are the true intersection of the ray with the surface, its noisy values
+    what the sensor measured. If the error model fires another ray (beam divergence), the sensor
+    measures along that ray, while the clean values remain those of the nominal ray (in BlenSor they
+    are jittered too); a row then needs a hit within range on both rays.
 
     Parameters
     ----------
     mesh
-        The scene, metres, z up.
-    model
-        The sensor's errors.
+        The scene, m, z up.
     origin
-        (3,), where the sensor stands or its trajectory counts from, m.
+        (3,), position of the sensor or origin of its trajectory, m.
     rng
-        Source of the errors' random streams.
+        Source of the random streams of errors.
     progress
-        Called with (frames done, frames) as work goes on.
+        Called with the number of frames that are done and of all frames.
 
     Raises
     ------
     InputError
-        For a mesh without faces, an origin that is no point or touches the mesh, or no return.
+        The mesh has no faces, the origin is invalid or touches the mesh, or no ray returned.
 
     References
     ----------
@@ -154,8 +153,6 @@ def scan(
 
 @dataclass(frozen=True)
 class _Scanner:
-    """A scan in progress: what fires, at what, with which errors."""
-
     caster: RayCaster
     sensor: Sensor
     sweep: Sweep
@@ -168,16 +165,13 @@ class _Scanner:
 
     @cached_property
     def about(self) -> dict[str, Any]:
-        """How the scan is made."""
         return _about(self.sensor, self.sweep, self.model, self.caster.origin)
 
     def no_return(self) -> InputError:
-        """The error of a scan without a row."""
         place = self.caster.origin.tolist()
         return InputError(f"no ray returned to a sensor at {place}: is it inside the scene?")
 
     def table(self, frames: range, rays_at_a_time: int, progress: Progress | None) -> ScanTable:
-        """The returns of the given frames."""
         columns = empty_columns(ScanTable.schema, len(frames) * self.rays_per_frame)
         rows = 0
         for portion in _portions(frames, rays_at_a_time // self.rays_per_frame):
@@ -187,7 +181,7 @@ class _Scanner:
         return ScanTable({name: column[:rows] for name, column in columns.items()}, self.about)
 
     def add_returns(self, frames: range, columns: dict[str, NDArray[Any]], row: int) -> int:
-        """Scan the given frames and write their returns from `row` on; the row after the last."""
+        """Scan frames and write their returns from `row` on; return the row after the last."""
         nominal = self.sweep.rays(self.sensor, frames)
         fired = self.model.perturb_rays(nominal, self.sensor, self.draws)
         truth = self._cast(nominal, frames)
@@ -212,7 +206,6 @@ class _Scanner:
 
     @cached_property
     def mirrors(self) -> NDArray[np.bool_] | None:
-        """Which triangles the model takes for mirrors, if any."""
         return mirrors_of(self.model, self.caster.surfaces)
 
     @property
@@ -248,7 +241,7 @@ class _Scanner:
 
 
 def _lift(along: Floats, origins: Floats, columns: dict[str, NDArray[Any]]) -> None:
-    """Move measured points along their normals, and measure their distance from `origins`."""
+    """Move measured points along their normals, and update their distances from `origins`."""
     squared = np.zeros(len(along))
     for place, axis in zip(origins.T, "xyz", strict=True):
         points = columns[f"{axis}_noisy"]
@@ -279,6 +272,6 @@ def _about(sensor: Sensor, sweep: Sweep, model: ErrorModel, origin: Floats) -> d
         "errors": described(model),
         "origin": origin.tolist(),
     }
-    # As it comes back from a file: lists for tuples.
+    # With lists for tuples, as a file returns it.
     as_read: dict[str, Any] = json.loads(json.dumps(about))
     return as_read

@@ -1,4 +1,4 @@
-"""Returns of a virtual scan, in the numbers that the sensor itself would report."""
+"""Conversion of a virtual scan into the raw numbers that its sensor would report."""
 
 from __future__ import annotations
 
@@ -21,16 +21,14 @@ _MOST_QUANTA = 0xFFFF
 
 @dataclass(frozen=True)
 class ScanReturns:
-    """Returns of a scan, and the rows of the scan that they come from.
+    """Returns of a scan, and the rows of the scan table that they come from.
 
     Parameters
     ----------
-    returns
-        The returns.
-    rows
-        (n,) rows of the scan table, in the order of ``returns.points()``.
+    returns, rows
+        The returns, and their rows (n,) in the order of ``returns.points()``.
     still_at
-        Position (3,) of a sensor that stays level and in its place, m; None for a moving one.
+        Position (3,) of a level sensor at rest, m; None for a moving sensor.
     """
 
     returns: Returns
@@ -39,22 +37,22 @@ class ScanReturns:
 
 
 def returns_of_scan(table: ScanTable, clean: bool = False) -> ScanReturns:
-    """The returns of a scan whose frames are whole turns.
+    """Return the returns of a scan in which each frame is a whole turn.
 
-    Ranges are rounded to the sensor's quantum, azimuths of columns to 0.01 degrees; a return whose
-    range is 0 then, or does not fit 16 bits, is left out.
+    Ranges are rounded to the sensor's quantum, and azimuths of columns to 0.01 degrees. Returns
+    whose range becomes 0 or exceeds 16 bits are left out.
 
     Parameters
     ----------
     table
         The scan.
     clean
-        Take its true ranges in place of the measured ones.
+        Use true ranges instead of measured ones.
 
     Raises
     ------
     InputError
-        A frame of the scan is no turn.
+        A frame of the scan is not a whole turn.
     """
     sensor = parsed(Sensor, table.about.get("sensor"), "the scan's sensor")
     sweep = parsed(Sweep, table.about.get("sweep"), "the scan's sweep")
@@ -64,7 +62,7 @@ def returns_of_scan(table: ScanTable, clean: bool = False) -> ScanReturns:
             f"the scan has {sweep.frames_per_second:g} frames a second, and the sensor turns "
             f"{hertz:g} times: returns are taken of frames that are whole turns"
         )
-    firing: Firing = "own_moment" if sweep.timing == "firing" else "together"
+    firing: Firing = "sequential" if sweep.timing == "firing" else "simultaneous"
     beams = Beams.of(sensor, firing, is_virtual=True)
     quantum = sensor.range_quantum_mm / 1000 if sensor.range_quantum_mm else USUAL_QUANTUM_M
     quanta = np.rint(table["distance" if clean else "distance_noisy"] / quantum)
@@ -73,7 +71,7 @@ def returns_of_scan(table: ScanTable, clean: bool = False) -> ScanReturns:
     column = np.rint(np.degrees(table["yaw"][rows]) / step - np.asarray(beams.delays)[laser])
     images = np.zeros((sweep.frames, 1, sweep.steps(sensor), sensor.lasers), np.uint16)
     images[table["frame"][rows], 0, column.astype(np.intp), laser] = quanta[rows]
-    order = tuple(int(one) for one in np.argsort(sensor.laser_elevation_deg, kind="stable"))
+    order = tuple(int(laser) for laser in np.argsort(sensor.laser_elevation_deg, kind="stable"))
     azimuths = np.rint(np.arange(images.shape[2]) * step * 100) % CENTIDEGREES
     seconds = sweep.timestamps(sensor, range(sweep.frames))
     turns = tuple(
@@ -84,9 +82,10 @@ def returns_of_scan(table: ScanTable, clean: bool = False) -> ScanReturns:
     return ScanReturns(Returns(beams, Layout(order), turns, quantum, sensor.name), rows, still_at)
 
 
-def true_points(table: ScanTable, found: ScanReturns) -> Floats:
-    """The true points (n, 3) that returns stand for, in the sensor's frame, in m."""
-    yaw, pitch = (table[name][found.rows] for name in ("yaw", "pitch"))
-    level = table["distance"][found.rows] * np.cos(pitch)
-    height = table["distance"][found.rows] * np.sin(pitch)
+def true_points(table: ScanTable, scan_returns: ScanReturns) -> Floats:
+    """Return the true points (n, 3) of returns, in the sensor's frame, m."""
+    rows = scan_returns.rows
+    yaw, pitch = table["yaw"][rows], table["pitch"][rows]
+    level = table["distance"][rows] * np.cos(pitch)
+    height = table["distance"][rows] * np.sin(pitch)
     return np.column_stack([-level * np.sin(yaw), level * np.cos(yaw), height])

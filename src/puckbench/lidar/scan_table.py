@@ -1,4 +1,4 @@
-"""The scan table: one row per return, clean and noisy values of the same rays; Parquet on disk."""
+"""Tables of virtual scans: a row for each return, with true and measured values of its ray."""
 
 from __future__ import annotations
 
@@ -45,9 +45,7 @@ COLUMNS: ColumnSpecs = {
 }
 
 
-class _About(Model, extra="ignore"):
-    """What the metadata of a scan must be, where they have it."""
-
+class _ScanMetadata(Model, extra="ignore"):
     sensor: Mapping[str, Any] = {}
     sweep: Mapping[str, Any] = {}
     origin: tuple[float, float, float] | None = None
@@ -62,37 +60,35 @@ class ScanTable(ReturnTable):
 
     @property
     def xyz_noisy(self) -> Floats:
-        """Measured points in world coordinates, m, (n, 3)."""
+        """Measured points (n, 3) in the world, m."""
         return self.vectors("x_noisy", "y_noisy", "z_noisy")
 
     @property
     def normals(self) -> Floats:
-        """True unit normals at the true points, turned to the sensor, (n, 3)."""
+        """Unit normals (n, 3) at the true points, towards the sensor."""
         return self.vectors("nx", "ny", "nz")
 
     @property
     def object_id(self) -> NDArray[np.int32]:
-        """Object at the true point, (n,), -1 without labels."""
         return self.columns["object_id"]
 
     @property
     def primitive_id(self) -> NDArray[np.int32]:
-        """Geometric primitive at the true point, (n,), -1 without labels."""
         return self.columns["primitive_id"]
 
 
 def write_scan(path: Path, table: ScanTable) -> None:
-    """Write a Parquet file as `write_return_table` does."""
+    """Write a scan table as Parquet."""
     write_return_table(path, table)
 
 
 def write_scan_portions(path: Path, portions: Iterator[ScanTable]) -> int:
-    """Write a scan that comes in portions; the number of its rows, see `write_portions`."""
+    """Write a scan that comes in portions as Parquet; return the number of rows."""
     return write_portions(path, portions)
 
 
 def read_scan(path: Path) -> ScanTable:
-    """Read a scan table; InputError when it is missing, damaged or lacks a column."""
+    """Read a scan table; raises InputError if it is missing, damaged or lacks a column."""
     table = read_return_table(path, ScanTable)
-    parsed(_About, table.about, f"{path}: its metadata")
+    parsed(_ScanMetadata, table.about, f"{path}: its metadata")
     return table

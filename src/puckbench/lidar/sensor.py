@@ -1,4 +1,4 @@
-"""Rotating LiDAR sensors as data: one cited YAML file each, read into a frozen model."""
+"""Descriptions of rotating LiDARs: a YAML file with sources for each sensor."""
 
 from __future__ import annotations
 
@@ -13,46 +13,34 @@ from puckbench.core.models import Model, parsed
 from puckbench.core.yaml_files import read_yaml
 
 _SENSORS = Path(__file__).parent / "sensors"
-# Data sheets round the azimuth step (0.1 degrees for the VLP-16's 0.0995, 0.09 for 0.0864).
+# Data sheets round the azimuth step (0.1 for 0.0995 degrees of the VLP-16, 0.09 for 0.0864).
 _STEP_TOLERANCE = 0.05
 
 
 class Sensor(Model):
-    """A rotating LiDAR; a tuple has one entry per laser id.
-
-    Parameters
-    ----------
-    rotation_hz, azimuth_step_deg
-        Rate and step of the rotation, unless a sweep gives others.
-    divergence_horizontal_deg, divergence_vertical_deg
-        Full widths of the beam.
-    firing_interval_us, firing_offsets_us
-        Time from laser to laser within a firing sequence, or, for lasers that do not fire one after
-        the other, the time of each from the start of the sequence.
-    accuracy_m
-        The typical one that the manufacturer states, either way; no error model uses it.
-
-    References
-    ----------
-    Thesis, Tables 4.1 and 4.2.
-    """
+    """A rotating LiDAR; tuples have an item for each laser id (thesis, Tables 4.1 and 4.2)."""
 
     name: str
     laser_elevation_deg: tuple[float, ...]
     rotation_hz: PositiveFloat
+    """Rotation rate and azimuth step are defaults for sweeps."""
     azimuth_step_deg: PositiveFloat
     max_range_m: PositiveFloat
     min_range_m: NonNegativeFloat = 0.0
     divergence_horizontal_deg: NonNegativeFloat = 0.0
     divergence_vertical_deg: NonNegativeFloat = 0.0
+    """Divergences are full widths of the beam."""
     vertical_correction_mm: tuple[float, ...] | None = None
     range_quantum_mm: PositiveFloat | None = None
     firing_sequence_us: PositiveFloat | None = None
     firing_interval_us: PositiveFloat | None = None
+    """Time between lasers that fire one after the other in a sequence."""
     firing_offsets_us: tuple[float, ...] | None = None
+    """Otherwise, the time of each laser from the start of the sequence."""
     wavelength_nm: PositiveFloat | None = None
     pulse_ns: PositiveFloat | None = None
     accuracy_m: PositiveFloat | None = None
+    """Typical accuracy (plus or minus) that the manufacturer states; no error model uses it."""
     manufacturer: str | None = None
 
     @model_validator(mode="after")
@@ -77,7 +65,6 @@ class Sensor(Model):
         return repr(self)
 
     def _check_firing(self) -> None:
-        """InputError when firing times and azimuth step contradict each other."""
         sequence, offsets = self.firing_sequence_us, self._firing_offsets()
         if sequence is None:
             if offsets is not None:
@@ -107,7 +94,7 @@ class Sensor(Model):
 
     @property
     def firing_times_us(self) -> tuple[float, ...]:
-        """When each laser fires after the start of a firing sequence; InputError if unknown."""
+        """Firing times from the start of a sequence; raises InputError if they are unknown."""
         offsets = self._firing_offsets()
         if offsets is None:
             raise InputError(f"sensor {self.name} does not state when its lasers fire")
@@ -115,30 +102,28 @@ class Sensor(Model):
 
     @property
     def lasers(self) -> int:
-        """Number of lasers."""
         return len(self.laser_elevation_deg)
 
 
 def sensor_names() -> list[str]:
-    """Names of the sensors that are shipped."""
     return sorted(path.stem for path in _SENSORS.glob("*.yaml"))
 
 
 def load_sensor(name_or_path: str | Path) -> Sensor:
-    """Load a shipped sensor by name, or a user's own from a YAML file.
+    """Load a shipped sensor by name, or another one from a YAML file.
 
     Raises
     ------
     InputError
-        For an unknown name, an unreadable file or a wrong entry.
+        The name is unknown, or the file is unreadable or has a wrong entry.
     """
     path = Path(name_or_path)
     if path.suffix not in {".yaml", ".yml"}:
         path = _SENSORS / f"{name_or_path}.yaml"
         name = str(name_or_path)
         if name not in sensor_names():
-            known = among(name, [*sensor_names(), "or a .yaml file"])
-            raise InputError(f"unknown sensor {name!r}{known}")
+            choices = among(name, [*sensor_names(), "or a .yaml file"])
+            raise InputError(f"unknown sensor {name!r}{choices}")
     options = read_yaml(path)
     if not isinstance(options, Mapping):
         raise InputError(f"{path}: expected names and values of a sensor")

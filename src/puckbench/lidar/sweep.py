@@ -1,10 +1,10 @@
-"""The sweep of a scan: frames of rays while the sensor turns and its pitch eases from end to end.
+"""Sweeps: the rotation and the motion of a virtual sensor during a scan.
 
-Conventions, those of BlenSor with its camera's axes named for a level sensor: x right, y forward,
-z up; the sensor turns about z, counter-clockwise seen from above, starting forward; pitch turns
-it about x, upwards positive. All lasers of an azimuth step fire together; one pose per frame.
-Two options go past BlenSor: `timing="firing"` gives each laser its own moment, and a trajectory
-gives each azimuth step its own pose.
+Conventions are those of BlenSor. The axes are x right, y forward, z up. The sensor rotates about z,
+counter-clockwise seen from above, from forward; pitch rotates it about x, upwards positive. All
+lasers of an azimuth step fire at the same time, and a frame has one pose. Two options go beyond
+BlenSor: with ``timing="firing"`` each laser has its own firing time, and with a trajectory each
+azimuth step has its own pose.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any, Literal, Self
 
 import numpy as np
-from pydantic import NonNegativeInt, PositiveFloat, model_validator
+from pydantic import ConfigDict, NonNegativeInt, PositiveFloat, model_validator
 
 from puckbench.core.errors import InputError, among
 from puckbench.core.models import Model, parsed
@@ -24,19 +24,18 @@ from puckbench.geometry.cloud import Floats
 from puckbench.lidar.sensor import Sensor
 from puckbench.lidar.trajectory import Poses, Trajectory, read_rows, trajectory_from_rows
 
-# Blender puts the handles of an automatic Bezier key at the length of the interval over this
-# number (blenkernel/intern/curve.c, calchandleNurb_intern; in use up to 2.79, on which BlenSor is
-# built), and levels them at the first and the last key (fcurve.c, calchandles_fcurve).
+# Blender up to 2.79, on which BlenSor is built, places the handles of an automatic Bezier key at
+# the length of the interval over this number (blenkernel/intern/curve.c, calchandleNurb_intern),
+# level at the first and the last key (fcurve.c, calchandles_fcurve).
 _HANDLE_DIVISOR = 2.5614
 
 
 @dataclass(frozen=True)
 class Rays:
-    """Angles in the sensor's frame that rays are fired at, rad, shape (frames, steps, lasers).
+    """Angles of rays in the sensor's frame, (frames, steps, lasers), rad; may be broadcast views.
 
-    The arrays may be broadcast views. `placed_as_fired` says where a return of these rays is put:
-    along the fired ray, or (false) along the nominal one, as a real sensor must, which knows no
-    other.
+    placed_as_fired: whether the point of a return lies on this ray, or on the nominal ray, the only
+    one that a real sensor knows.
     """
 
     yaw: Floats
@@ -45,31 +44,33 @@ class Rays:
 
 
 class Sweep(Model):
-    """A sweep as the thesis ran it (section 5.2): 4 s at 120 frames per second, pitch -60..60 deg.
+    """A sweep; the defaults are those of the thesis, section 5.2."""
 
-    None means the sensor's own value. `frames_skipped` frames at the end are keyed but not
-    scanned (the room scans of the thesis leave out the last one).
-
-    timing: ``"step"``, BlenSor's convention: all lasers of an azimuth step fire together.
-    ``"firing"``: a laser fires at its own time within a step and points where the sensor has
-    turned to by then, and a step is what the sensor turns in a firing sequence. A frame has whole
-    steps only, so the last part of one before the next frame is not fired in.
-
-    trajectory: poses instead of the pitch, rows as `trajectory.trajectory_from_rows` takes them; t
-    is the time since the sweep's start, and positions count from the scan's origin. Each azimuth
-    step has its own pose (rolling shutter). One row alone is a fixed pose.
-    """
+    model_config = ConfigDict(use_attribute_docstrings=True)
 
     frames_per_second: PositiveFloat = 120.0
     duration_s: PositiveFloat = 4.0
     pitch_start_deg: float = -60.0
+    """Pitch in the first frame."""
     pitch_end_deg: float = 60.0
+    """Pitch in the last frame, to which it changes with Blender's easing."""
     rotation_hz: PositiveFloat | None = None
+    """Rotations per second; none: the sensor's."""
     azimuth_step_deg: PositiveFloat | None = None
+    """Azimuth between firings; none: the sensor's."""
     max_range_m: PositiveFloat | None = None
+    """Longest range; none: the sensor's."""
     frames_skipped: NonNegativeInt = 0
+    """Frames at the end that are not scanned, though the pitch counts them; room scans of the
+    thesis omit the last frame."""
     timing: Literal["step", "firing"] = "step"
+    """``step``: all lasers of an azimuth step fire at the same time, as in BlenSor. ``firing``: a
+    laser fires at its own time, at the azimuth of that time, and a step is the rotation during a
+    firing sequence; a frame has whole steps only."""
     trajectory: tuple[tuple[float, ...], ...] | None = None
+    """Poses instead of the pitch, in rows of `trajectory.trajectory_from_rows`: times from the
+    start of the sweep, positions from the scan's origin. Each azimuth step has its own pose
+    (rolling shutter). A single row is a fixed pose."""
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
@@ -83,7 +84,6 @@ class Sweep(Model):
         return self
 
     def _check_trajectory(self) -> None:
-        """InputError for a trajectory that is none, or that ends before the sweep does."""
         if self._trajectory is None or len(self._trajectory.times) == 1:
             return
         start, end = self._trajectory.times[[0, -1]]
@@ -99,7 +99,6 @@ class Sweep(Model):
 
     @property
     def frames(self) -> int:
-        """Number of frames that are scanned."""
         return self._keyed_frames - self.frames_skipped
 
     @property
@@ -107,7 +106,7 @@ class Sweep(Model):
         return round(self.duration_s * self.frames_per_second)
 
     def pitch_rad(self) -> Floats:
-        """Pitch of the sensor in each frame, (frames,): keyed in the first and the last frame."""
+        """Return the pitch of the sensor in each frame, (frames,)."""
         return self._pitch(range(self.frames))
 
     def _pitch(self, frames: range) -> Floats:
@@ -116,14 +115,11 @@ class Sweep(Model):
         return np.radians(self.pitch_start_deg + span * ease(time))
 
     def rotations(self) -> Floats:
-        """Rotation of each frame from the sensor's frame to the world, (frames, 3, 3)."""
+        """Return the rotation from the sensor to the world in each frame, (frames, 3, 3)."""
         return self._rotations(range(self.frames))
 
     def poses(self, sensor: Sensor, frames: range) -> Poses:
-        """Poses of the sensor at each step of the given frames, their shape (frames, steps).
-
-        Positions count from the scan's origin.
-        """
+        """Return poses at each step, (frames, steps), relative to the scan's origin."""
         shape = (len(frames), self.steps(sensor))
         if self._trajectory is not None:
             return self._trajectory.at(self.timestamps(sensor, frames))
@@ -132,13 +128,13 @@ class Sweep(Model):
 
     @property
     def is_level_and_still(self) -> bool:
-        """Whether the sensor stays at the scan's origin, its axes along the world's."""
+        """Whether the sensor stays at the scan's origin, with axes parallel to the world's."""
         return self._trajectory is None and self.pitch_start_deg == 0 and self.pitch_end_deg == 0
 
     def way(self) -> tuple[Floats, Floats]:
-        """Times (n,), s, and places (n, 3), m, between which the sensor moves in straight lines.
+        """Return times (n,), s, and positions (n, 3), m, between which the sensor moves linearly.
 
-        Places count from the scan's origin; there is one where the sensor stays.
+        Positions are relative to the scan's origin; a sensor at rest has one.
         """
         if self._trajectory is None:
             return np.zeros(1), np.zeros((1, 3))
@@ -159,7 +155,7 @@ class Sweep(Model):
         return rotations
 
     def steps(self, sensor: Sensor) -> int:
-        """Azimuth steps in a frame: the whole ones that its share of a turn has room for."""
+        """Return the number of whole azimuth steps in a frame."""
         steps = self._degrees_per_frame(sensor) / self.step_deg(sensor)
         count = int(steps * (1 + 1e-9))
         if count < 1:
@@ -169,7 +165,7 @@ class Sweep(Model):
         return count
 
     def rays(self, sensor: Sensor, frames: range) -> Rays:
-        """Nominal rays of the given frames; azimuth runs on from frame to frame."""
+        """Return the nominal rays of frames; azimuths continue from frame to frame."""
         starts = np.asarray(frames) * self._degrees_per_frame(sensor)
         steps = np.arange(self.steps(sensor)) * self.step_deg(sensor)
         degrees = (starts[:, None] + steps)[:, :, None]
@@ -181,26 +177,21 @@ class Sweep(Model):
         return Rays(np.broadcast_to(yaw, shape), np.broadcast_to(pitch, shape))
 
     def timestamps(self, sensor: Sensor, frames: range) -> Floats:
-        """Seconds since the sweep's start at which each step of the given frames begins.
-
-        Shape (frames, steps).
-        """
+        """Return the start of each step, (frames, steps), in s since the start of the sweep."""
         second_per_step = self.step_deg(sensor) / (360.0 * self.turning_hz(sensor))
         within = np.arange(self.steps(sensor)) * second_per_step
         return np.asarray(np.asarray(frames)[:, None] / self.frames_per_second + within)
 
     def firing_times(self, sensor: Sensor, frames: range) -> Floats:
-        """Seconds since the sweep's start at which each ray is fired, (frames, steps, lasers)."""
+        """Return firing times, (frames, steps, lasers), in s since the start of the sweep."""
         steps = self.timestamps(sensor, frames)[:, :, None]
         fired = steps + _delays(sensor) if self.timing == "firing" else steps
         return np.broadcast_to(fired, (*steps.shape[:2], sensor.lasers))
 
     def turning_hz(self, sensor: Sensor) -> float:
-        """Turns in a second."""
         return sensor.rotation_hz if self.rotation_hz is None else self.rotation_hz
 
     def step_deg(self, sensor: Sensor) -> float:
-        """Azimuth from step to step."""
         if self.timing == "firing":
             return 360.0 * self.turning_hz(sensor) * _sequence_s(sensor)
         return sensor.azimuth_step_deg if self.azimuth_step_deg is None else self.azimuth_step_deg
@@ -210,7 +201,6 @@ class Sweep(Model):
 
 
 def _delays(sensor: Sensor) -> Floats:
-    """Seconds after the start of a firing sequence at which each laser fires, (lasers,)."""
     return np.array(sensor.firing_times_us) * 1e-6
 
 
@@ -220,8 +210,8 @@ def _sequence_s(sensor: Sensor) -> float:
     return sensor.firing_sequence_us * 1e-6
 
 
-# `thesis_room`: the room scans as run, with BlenSor's own defaults instead of the VLP-16's.
-# `spin`: one turn at a fixed level pose, in one frame.
+# `thesis_room`: the room scans of the thesis, with BlenSor's defaults instead of the VLP-16's.
+# `spin`: one turn of a level sensor at rest, in one frame.
 SWEEPS: dict[str, dict[str, Any]] = {
     "thesis": {},
     "thesis_room": {
@@ -247,15 +237,14 @@ def open_sweep(settings: str | Mapping[str, Any] = "thesis") -> Sweep:
     Parameters
     ----------
     settings
-        A name, or values of a `Sweep`; ``preset`` names the preset of the others (default:
+        Name of a preset, or values of a `Sweep` with ``preset`` for the others (default:
         ``thesis``), as in ``{"preset": "thesis_room", "duration_s": 1.0}``. A ``trajectory`` is
-        rows of poses or the path of a file with them; without a ``duration_s`` the sweep lasts as
-        long as its trajectory.
+        rows of poses or the path of a file; without a ``duration_s`` it determines the duration.
 
     Raises
     ------
     InputError
-        For an unknown name or a wrong value.
+        The name is unknown, or a value is wrong.
     """
     options: dict[str, Any] = {"preset": settings} if isinstance(settings, str) else dict(settings)
     name = options.pop("preset", "thesis")
@@ -269,18 +258,16 @@ def open_sweep(settings: str | Mapping[str, Any] = "thesis") -> Sweep:
 
 
 def _duration(rows: Any) -> dict[str, float]:
-    """The time of a trajectory's last row, where it has one that is no fixed pose's."""
     if isinstance(rows, (list, tuple)) and len(rows) > 1 and isinstance(rows[-1], (list, tuple)):
         return {"duration_s": rows[-1][0]} if rows[-1] else {}
     return {}
 
 
 def ease(time: Floats) -> Floats:
-    """Blender's default Bezier interpolation from 0 to 1 (slow in, slow out) at `time` in [0, 1].
+    """Interpolate from 0 to 1 at `time` in [0, 1] by Blender's default Bezier curve (ease in, out).
 
-    The curve has the control points (0, 0), (h, 0), (1 - h, 1), (1, 1) with h = 1 / 2.5614; its
-    parameter at a time is found by Newton's method: the slope of time over the parameter stays
-    within 0.91 and 1.18.
+    Its control points are (0, 0), (h, 0), (1 - h, 1), (1, 1) with h = 1 / 2.5614. Newton's method
+    finds the parameter at a time; its slope is between 0.91 and 1.18.
     """
     h = 1 / _HANDLE_DIVISOR
     s = np.array(time, dtype=np.float64)

@@ -1,4 +1,4 @@
-"""Where a moving sensor is: poses over time, interpolated for each azimuth step."""
+"""Trajectories of moving sensors: poses over time and their interpolation."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _FORM = "needs rows of t, x, y, z, yaw, pitch, roll or of t, x, y, z, qw, qx, qy
 
 @dataclass(frozen=True)
 class Poses:
-    """Poses of the sensor: rotations to the world (..., 3, 3) and positions (..., 3), m."""
+    """Rotations from the sensor to the world (..., 3, 3), and positions (..., 3), m."""
 
     rotations: Floats
     positions: Floats
@@ -31,9 +31,9 @@ class Poses:
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """Poses at rising times: times (n,) s, positions (n, 3) m, unit quaternions (n, 4) wxyz.
+    """Increasing times (n,), s, positions (n, 3), m, and unit quaternions wxyz (n, 4).
 
-    The quaternions take the sensor's frame (x right, y forward, z up) to the world's.
+    Quaternions rotate from the sensor's frame (x right, y forward, z up) to the world.
     """
 
     times: Floats
@@ -41,7 +41,7 @@ class Trajectory:
     quaternions: Floats
 
     def at(self, times: Floats) -> Poses:
-        """Poses at `times`: positions linear, rotations by slerp; the end poses hold beyond."""
+        """Interpolate positions linearly and rotations by slerp; constant beyond both ends."""
         if len(self.times) == 1:
             first = np.zeros(times.shape, dtype=np.intp)
             return Poses(_matrices(self.quaternions[first]), self.positions[first])
@@ -54,11 +54,15 @@ class Trajectory:
 
 
 def trajectory_from_rows(rows: Sequence[Row]) -> Trajectory:
-    """A trajectory from rows of t, x, y, z and yaw, pitch, roll (degrees) or a quaternion wxyz.
+    """Return the trajectory of rows t, x, y, z and yaw, pitch, roll (degrees) or a quaternion wxyz.
 
-    Yaw turns about z, counter-clockwise seen from above, pitch about x, upwards positive, roll
-    about y, right side down positive; in the sensor's frame they follow each other in this order.
-    Raises InputError (one line) for rows of another length, times that do not rise, no rotation.
+    Rotations are applied in this order in the sensor's frame: yaw about z, counter-clockwise seen
+    from above; pitch about x, upwards positive; roll about y, right side down positive.
+
+    Raises
+    ------
+    InputError
+        Rows have another length, times do not increase, or a quaternion is not of length 1.
     """
     lengths = {len(row) for row in rows}
     if lengths not in ({_ANGLES}, {_QUATERNION}):
@@ -74,9 +78,9 @@ def trajectory_from_rows(rows: Sequence[Row]) -> Trajectory:
 
 
 def read_rows(path: Path) -> tuple[Row, ...]:
-    """Rows of a trajectory from a CSV file (a heading is skipped) or a YAML list of lists.
+    """Read the rows of a trajectory from a CSV file or a YAML list of lists.
 
-    Raises InputError (one line) that names the file, and the line or the pose at fault.
+    A heading of a CSV file is skipped. Raises InputError for an invalid row.
     """
     if path.suffix.lower() == ".csv":
         return _checked(_csv_rows(path), path)
@@ -87,7 +91,7 @@ def read_rows(path: Path) -> tuple[Row, ...]:
 
 
 def _csv_rows(path: Path) -> Iterator[tuple[str, Sequence[Any]]]:
-    """The rows of a CSV file after its heading, if it has one, each with the place of it."""
+    """Yield the position and the values of each row, without a heading."""
     reader = csv.reader(read_bytes(path).decode("utf-8-sig", errors="replace").splitlines())
     try:
         for number, row in enumerate(reader):
@@ -98,22 +102,22 @@ def _csv_rows(path: Path) -> Iterator[tuple[str, Sequence[Any]]]:
 
 
 def _checked(rows: Iterable[tuple[str, Sequence[Any]]], path: Path) -> tuple[Row, ...]:
-    """The numbers of rows that have a place each; all of one length, at rising times."""
-    found: list[Row] = []
+    """Return rows of numbers of equal length at increasing times; raise InputError otherwise."""
+    poses: list[Row] = []
     for place, row in rows:
         if not all(map(_is_number, row)):
             raise InputError(f"{path}: {place} is not a row of numbers")
         values = tuple(map(float, row))
         if not np.isfinite(values).all():
             raise InputError(f"{path}: {place} has a number that is not finite")
-        if len(values) not in ({len(found[0])} if found else (_ANGLES, _QUATERNION)):
+        if len(values) not in ({len(poses[0])} if poses else (_ANGLES, _QUATERNION)):
             raise InputError(f"{path}: {place} has {len(values)} numbers: it {_FORM}")
-        if found and values[0] <= found[-1][0]:
+        if poses and values[0] <= poses[-1][0]:
             raise InputError(f"{path}: {place} is not later than the one before it")
-        found.append(values)
-    if not found:
+        poses.append(values)
+    if not poses:
         raise InputError(f"{path}: has no poses")
-    return tuple(found)
+    return tuple(poses)
 
 
 def _is_number(value: Any) -> bool:
@@ -127,20 +131,20 @@ def _is_number(value: Any) -> bool:
 
 
 def _quaternions(degrees: Floats) -> Floats:
-    """Quaternions (n, 4) wxyz of yaw about z, then pitch about x, then roll about y, (n, 3)."""
+    """Return quaternions wxyz (n, 4) of yaw, pitch and roll (n, 3)."""
     from scipy.spatial.transform import Rotation
 
     turns = Rotation.from_euler("ZXY", np.radians(degrees))
     return np.asarray(turns.as_quat(scalar_first=True))
 
 
-# scipy's Slerp and as_matrix differ from these two by some 1e-15, and so would all moving scans.
+# scipy's Slerp and as_matrix differ from these two by some 1e-15, which would change moving scans.
 def _slerp(one: Floats, other: Floats, share: Floats) -> Floats:
-    """Unit quaternions at `share` of the shorter arc from `one` to `other`, (..., 4)."""
+    """Return unit quaternions (..., 4) at `share` of the shorter arc from `one` to `other`."""
     cosine = (one * other).sum(axis=-1, keepdims=True)
     other = np.where(cosine < 0, -other, other)
     arc = np.arccos(np.clip(np.abs(cosine), 0, 1))
-    # Below this arc the straight line is off by less than its square, and 0 / 0 is near.
+    # For such a small arc the error of linear interpolation is below its square.
     near = arc < 1e-6
     sine = np.sin(np.where(near, 1.0, arc))
     first = np.where(near, 1 - share, np.sin((1 - share) * arc) / sine)
@@ -150,7 +154,6 @@ def _slerp(one: Floats, other: Floats, share: Floats) -> Floats:
 
 
 def _matrices(quaternions: Floats) -> Floats:
-    """Rotation matrices (..., 3, 3) of unit quaternions (..., 4)."""
     w, x, y, z = np.moveaxis(quaternions, -1, 0)
     rows = [
         [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],

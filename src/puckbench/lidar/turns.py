@@ -1,4 +1,4 @@
-"""A turn of a spinning sensor as an image of its own numbers, and the layouts of such images."""
+"""Turns (revolutions) of a spinning sensor as images of its raw numbers."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ from puckbench.geometry.cloud import Floats
 CENTIDEGREES = 36000
 MAX_LASERS = 128
 MAX_COLUMNS = 1 << 14
-"""Columns of a turn, at most: the slowest Puck has 3,617."""
+"""Limit of the columns of a turn; the slowest Puck has 3,617."""
 MAX_PIXELS = 1 << 20
 
 
 @dataclass(frozen=True)
 class Layout:
-    """How a sensor's firings make an image.
+    """How the firings of a sensor form an image.
 
     Parameters
     ----------
     order
-        Laser ids from the lowest elevation to the highest; a permutation.
+        Laser ids from the lowest elevation to the highest.
     columns_per_block
-        Columns that share an azimuth; two of a VLP-16.
+        Columns with a common azimuth, such as two of a VLP-16.
     blocks_per_time
-        Blocks that share a time: those of a packet.
+        Blocks with a common time, those of a packet.
     kinds
-        2 where each beam was asked for two returns.
+        2 in dual return mode, otherwise 1.
     """
 
     order: tuple[int, ...]
@@ -49,23 +49,28 @@ class Layout:
 
     @property
     def lasers(self) -> int:
-        """Number of lasers."""
         return len(self.order)
 
     @property
     def max_blocks(self) -> int:
-        """Blocks of a turn, at most."""
         columns = min(MAX_COLUMNS, MAX_PIXELS // self.lasers)
         return max(columns // self.columns_per_block, 1)
 
 
 @dataclass(frozen=True)
 class Turn:
-    """The returns of a turn as an image of the sensor's own numbers.
+    """The firings of one revolution, lasers in the order of their ids.
 
-    ranges: (kinds, columns, lasers) uint16, in quanta (2 mm of a Velodyne), 0 for no return.
-    azimuths: (blocks,) uint16, in 0.01 degrees. times: (ceil(blocks / blocks_per_time),) uint32, in
-    microseconds, or None. reflectivities: as ranges, uint8, or None.
+    Parameters
+    ----------
+    ranges
+        (kinds, columns, lasers), in quanta (2 mm for Velodyne), 0 for no return.
+    azimuths
+        (blocks,), 0.01 degrees.
+    times
+        (ceil(blocks / blocks_per_time),), microseconds.
+    reflectivities
+        In the shape of `ranges`.
     """
 
     ranges: NDArray[np.uint16]
@@ -75,32 +80,29 @@ class Turn:
 
     @property
     def returns(self) -> int:
-        """Number of returns of the first kind."""
+        """Number of returns, without second ones."""
         return int(np.count_nonzero(self.ranges[0]))
 
 
 def check_turn(turn: Turn, layout: Layout) -> None:
-    """Raise InputError unless the turn's arrays have the layout's shapes."""
+    """Raise InputError unless the arrays of a turn have the layout's shapes."""
     blocks = len(turn.azimuths)
     shape = (layout.kinds, blocks * layout.columns_per_block, layout.lasers)
-    wanted: list[tuple[str, Any, tuple[int, ...], str]] = [
+    arrays: list[tuple[str, Any, tuple[int, ...], str]] = [
         ("ranges", turn.ranges, shape, "uint16"),
         ("azimuths", turn.azimuths, (blocks,), "uint16"),
         ("times", turn.times, (-(-blocks // layout.blocks_per_time),), "uint32"),
         ("reflectivities", turn.reflectivities, shape, "uint8"),
     ]
-    for name, values, expected, kind in wanted:
+    for name, values, expected, kind in arrays:
         if values is not None and (values.shape != expected or values.dtype != kind):
-            found = f"{values.dtype} {values.shape}"
-            raise InputError(f"{name} of a turn are {found}, not {kind} {expected}")
+            actual = f"{values.dtype} {values.shape}"
+            raise InputError(f"{name} of a turn are {actual}, not {kind} {expected}")
     if not 0 < blocks <= layout.max_blocks:
         raise InputError(f"a turn of {blocks} blocks (1 to {layout.max_blocks})")
 
 
 def clock_steps(times: Floats, hour: float) -> Floats:
-    """Steps (n - 1,) between times (n,) of a clock that starts again every hour, each the nearest.
-
-    hour: in the unit of the times.
-    """
+    """Return the smallest steps (n - 1,) between times (n,) of a clock that restarts every hour."""
     steps: Floats = np.mod(np.diff(times) + hour / 2, hour) - hour / 2
     return steps

@@ -1,6 +1,6 @@
-"""Error models of the virtual sensor: one file with one registered class each.
+"""Error models of virtual sensors: a file with a registered class for each.
 
-Any of them can be followed by a receiver (attenuation, raydrop, minimum range, range quantum).
+Any of them can be combined with a receiver (attenuation, raydrop, minimum range, range quantum).
 """
 
 from puckbench.lidar.errors.model import Draws, ErrorModel, Hits, described

@@ -1,4 +1,4 @@
-"""The width of a laser's beam, as an error model's parameters or else the sensor give it."""
+"""Base class of error models that depend on the width of a laser's beam."""
 
 from __future__ import annotations
 
@@ -9,19 +9,15 @@ from puckbench.lidar.sensor import Sensor
 
 
 class BeamOfWidth(Vlp16):
-    """A model as `Vlp16` that knows the width of the laser's beam.
-
-    Parameters
-    ----------
-    yaw_width_deg, pitch_width_deg
-        Full widths of the beam, degrees; None for the sensor's divergence.
-    """
+    """`Vlp16` with widths of the beam."""
 
     yaw_width_deg: NonNegativeFloat | None = None
+    """Full width of the beam; none: the sensor's divergence."""
     pitch_width_deg: NonNegativeFloat | None = None
+    """Full width of the beam; none: the sensor's divergence."""
 
     def beam_widths_deg(self, sensor: Sensor) -> tuple[float, float]:
-        """Full widths of the beam in yaw and pitch, degrees."""
+        """Return the full widths of the beam in yaw and pitch."""
         yaw, pitch = self.yaw_width_deg, self.pitch_width_deg
         return (
             sensor.divergence_horizontal_deg if yaw is None else yaw,

@@ -1,4 +1,4 @@
-"""A beam with a footprint: several rays over its cross-section, and one return made of them."""
+"""Beams with a footprint: several rays over the cross-section are combined to one return."""
 
 from __future__ import annotations
 
@@ -23,32 +23,26 @@ _Return = Literal["first", "strongest", "last", "mean"]
 
 @ERROR_MODELS.register("beam_footprint")
 class BeamFootprint(BeamOfWidth):
-    """As `Vlp16`, for the return of a beam that is an ellipse of the sensor's divergence.
+    """Apply `Vlp16` to the return of a beam with the sensor's divergence.
 
-    Rays of equal energy lie over the ellipse in a sunflower pattern, turned at random about the
-    axis of each beam. Near hits are one echo, at the mean of its ranges (a mixed pixel). The return
-    is placed along the nominal ray.
-
-    Parameters
-    ----------
-    sub_rays
-        Rays of a beam.
-    returns
-        Which echo returns: the ``first``, the ``strongest`` (of most rays; the first of equals),
-        the ``last``, or the ``mean`` of everything hit.
-    merged_within_m
-        Hits no farther than this from the next in range are one echo; by default half the length
-        of a pulse of 6 ns, the VLP-16's.
+    Rays of equal energy cover the elliptical cross-section in a sunflower pattern, with a random
+    rotation for each beam. Hits at similar ranges form an echo at their mean range (a mixed pixel).
+    The point lies on the nominal ray.
     """
 
     title, colour = "Beam footprint", "#999933"
 
     sub_rays: PositiveInt = 9
+    """Number of rays of a beam."""
     returns: _Return = "strongest"
+    """Which echo is the return: the ``first``, the ``strongest`` (of most rays; the first of
+    equals), the ``last``, or the ``mean`` of all hits."""
     merged_within_m: NonNegativeFloat = 0.9
+    """Successive ranges that differ by at most this form an echo; the default is half the length of
+    a 6 ns pulse, that of the VLP-16."""
 
     def perturb_rays(self, rays: Rays, sensor: Sensor, draws: Draws) -> Rays:
-        """The rays of each beam, one beam's after another's: (frames, steps, lasers * sub_rays)."""
+        """Return the rays of all beams, beam by beam: (frames, steps, lasers * sub_rays)."""
         turn = draws.running("footprint").random(rays.yaw.shape)[..., None] * (2 * np.pi)
         order = np.arange(self.sub_rays)
         radius = np.sqrt((order + 0.5) / self.sub_rays)
@@ -60,7 +54,7 @@ class BeamFootprint(BeamOfWidth):
         return Rays(yaw.reshape(shape), pitch.reshape(shape), placed_as_fired=False)
 
     def merge_hits(self, hits: Hits, sensor: Sensor) -> Hits:
-        """The echo that returns from each beam, with the triangle and incidence in its middle."""
+        """Return the echo of each beam, with the triangle and incidence of its middle ray."""
         from puckbench.lidar.kernels import fill_echoes
 
         shape = (*hits.distance.shape[:2], sensor.lasers)
@@ -71,13 +65,12 @@ class BeamFootprint(BeamOfWidth):
         )
         return Hits(
             distance.reshape(shape),
-            _taken(hits.triangle, middle).reshape(shape),
-            _taken(hits.incidence, middle).reshape(shape),
+            _of_middle_ray(hits.triangle, middle).reshape(shape),
+            _of_middle_ray(hits.incidence, middle).reshape(shape),
             hits.surfaces,
         )
 
 
-def _taken(values: NDArray[T], middle: NDArray[np.int64]) -> NDArray[T]:
-    """Of each beam's values the one of its middle ray, (beams,)."""
+def _of_middle_ray(values: NDArray[T], middle: NDArray[np.int64]) -> NDArray[T]:
     beams = values.reshape(len(middle), -1)
     return np.asarray(beams[np.arange(len(middle)), middle])

@@ -1,4 +1,4 @@
-"""Range noise as it was calibrated: a parameter file of `puckbench calibrate`, or the values."""
+"""Range noise with parameters of `puckbench calibrate`, from a file or given directly."""
 
 from __future__ import annotations
 
@@ -26,51 +26,43 @@ _NOT_IN_FILES = {"file", "device"}
 
 @ERROR_MODELS.register("calibrated")
 class Calibrated(ErrorModel):
-    """Range noise as `puckbench calibrate` estimated it from plane residuals.
+    """Range noise as `puckbench calibrate` estimates it from plane residuals.
 
-    ``d + range_mean_m + laser bias + scan bias + frame bias + ray noise``. The standard deviation
-    of a ray's noise is ``ray_sigma_m + ray_incidence_m theta^2 + ray_range d`` with the incidence
-    theta (rad) and the distance d (m), taken no further than they were calibrated. All sigmas are
-    standard deviations, for Laplace noise too.
-
-    Parameters
-    ----------
-    file
-        A model file, or the name of one that is shipped; its parameters hold where none is given.
-    device
-        Whose laser biases: 0 for the measured device's, `bias_m`; n > 0 for those of the n-th
-        other device, drawn from ``N(0, laser_sigma_m)`` and the same in every scan; None for the
-        measured device's where they are known, and otherwise another device's in every scan.
-    bias_m
-        Of the measured device, metres, one per laser id, about their mean.
-    laser_sigma_m, scan_sigma_m, frame_sigma_m
-        Of a laser's bias from device to device, and of those redrawn for every scan and laser,
-        and for every frame and laser, metres.
-    ray_sigma_m, ray_incidence_m, ray_range
-        Of the ray's noise: metres, metres per rad^2, metres per metre.
-    range_mean_m
-        The mean over the lasers, metres.
-    ray_distribution
-        ``"gaussian"`` or ``"laplace"``.
-    most_incidence_rad, ranges_m
-        How far the calibration went: greatest incidence, shortest and longest range.
+    A measured range is ``d + range_mean_m + laser bias + scan bias + frame bias + ray noise``. The
+    standard deviation of the ray noise is ``ray_sigma_m + ray_incidence_m theta^2 + ray_range d``
+    for the incidence theta (rad) and the distance d (m), both limited to the calibrated domain.
     """
 
     title, colour = "Calibrated", "#332288"
 
     file: str | None = None
+    """A model file, or the name of a shipped one; other parameters take precedence."""
     device: NonNegativeInt | None = None
+    """Device whose laser biases are used: 0 is the measured one (`bias_m`), n > 0 another one with
+    biases from ``N(0, laser_sigma_m)`` that are the same in every scan; none is the measured one,
+    or if `bias_m` is unknown, another one in every scan."""
     bias_m: tuple[float, ...] | None = None
+    """Biases of the measured device by laser id, relative to their mean."""
     laser_sigma_m: NonNegativeFloat = 0.0
+    """Standard deviation of the biases of a device's lasers."""
     scan_sigma_m: NonNegativeFloat = 0.0
+    """Standard deviation of the bias that each laser has in a scan."""
     frame_sigma_m: NonNegativeFloat = 0.0
+    """Standard deviation of the bias that each laser has in a frame."""
     ray_sigma_m: NonNegativeFloat
+    """Coefficient of the ray noise, m."""
     ray_incidence_m: float = 0.0
+    """Coefficient of the ray noise, m per rad^2."""
     ray_range: float = 0.0
+    """Coefficient of the ray noise, m per m."""
     range_mean_m: float = 0.0
+    """Mean error of all lasers."""
     ray_distribution: Distribution = "gaussian"
+    """``gaussian`` or ``laplace``, both with the standard deviation of the ray noise."""
     most_incidence_rad: NonNegativeFloat | None = None
+    """Largest incidence of the calibrated domain."""
     ranges_m: tuple[float, ...] | None = None
+    """Shortest and longest range of the calibrated domain."""
 
     @model_validator(mode="before")
     @classmethod
@@ -95,7 +87,6 @@ class Calibrated(ErrorModel):
         return self
 
     def perturb_ranges(self, hits: Hits, sensor: Sensor, draws: Draws) -> Floats:
-        """True distance plus the biases of its laser plus the noise of its ray."""
         noisy = standard_noise(draws.running("ray"), hits.distance.shape, self.ray_distribution)
         is_laplace = self.ray_distribution == "laplace"
         noisy *= self._ray_sigma(hits) * (np.sqrt(0.5) if is_laplace else 1.0)
@@ -104,7 +95,7 @@ class Calibrated(ErrorModel):
         return noisy
 
     def _ray_sigma(self, hits: Hits) -> Floats:
-        """Standard deviation of each ray's noise, m, finite for a miss too."""
+        """Return the standard deviation of each ray's noise, m, finite for a miss too."""
         low, high = self.ranges_m or (0.0, np.inf)
         angle = np.minimum(np.nan_to_num(hits.incidence), self.most_incidence_rad or np.pi / 2)
         far = np.clip(np.where(np.isfinite(hits.distance), hits.distance, low), low, high)
@@ -112,7 +103,7 @@ class Calibrated(ErrorModel):
         return np.maximum(sigma + self.ray_range * far, 0.0)
 
     def _bias(self, frames: int, sensor: Sensor, draws: Draws) -> Floats:
-        """Bias of each laser in each frame, m, (frames, lasers)."""
+        """Return the bias of each laser in each frame, (frames, lasers), m."""
         lasers = sensor.lasers
         fixed = self._device(lasers, draws)
         fixed += draws.fixed("scan").standard_normal(lasers) * self.scan_sigma_m
@@ -120,7 +111,6 @@ class Calibrated(ErrorModel):
         return np.asarray(fixed + frame * self.frame_sigma_m)
 
     def _device(self, lasers: int, draws: Draws) -> Floats:
-        """The lasers' own biases, m, (lasers,), of the device that is asked for."""
         another = self.device is not None and self.device > 0
         stream = generator(self.device or 0, "device") if another else draws.fixed("device")
         biases = stream.standard_normal(lasers) * self.laser_sigma_m
@@ -132,28 +122,17 @@ class Calibrated(ErrorModel):
 
 
 def shipped_calibration(name: str) -> Path:
-    """The path of a model file that is shipped.
-
-    Parameters
-    ----------
-    name
-        Of the file, without its ending, such as ``vlp16_measured``.
-    """
+    """Return the path of a shipped model file, such as ``vlp16_measured``."""
     return _SHIPPED / f"{name}.yaml"
 
 
 def read_parameters(file: str) -> dict[str, Any]:
-    """Read the parameters in a model file, those that it has, as `Calibrated` takes them.
-
-    Parameters
-    ----------
-    file
-        Path of a YAML file, or the name of a file that is shipped.
+    """Read the parameters of `Calibrated` from a model file (YAML), or a shipped one by name.
 
     Raises
     ------
     InputError
-        The file is missing or no model file; one line that names it.
+        The file is missing or not a model file.
     """
     path = Path(file)
     path = path if path.suffix in {".yaml", ".yml"} else shipped_calibration(file)

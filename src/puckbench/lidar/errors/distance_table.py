@@ -1,4 +1,4 @@
-"""Range noise that depends on the distance: BlenSor's error model of time-of-flight cameras."""
+"""Range noise that depends on the distance, as in BlenSor's model of time-of-flight cameras."""
 
 from __future__ import annotations
 
@@ -17,23 +17,18 @@ from puckbench.lidar.sensor import Sensor
 
 @ERROR_MODELS.register("distance_table")
 class DistanceTable(ErrorModel):
-    """Range noise whose mean and sigma depend on the distance, as BlenSor has for time of flight.
+    """Range noise with mean and sigma that depend on the true distance.
 
-    ``d + N(mu(d), sigma(d))``, both interpolated linearly over the true distance; before the first
-    and after the last row their values hold.
-
-    Parameters
-    ----------
-    table
-        Rows of distance, mu and sigma, metres, by rising distance.
-    distribution
-        ``"gaussian"`` or ``"laplace"``.
+    A measured range is ``d + N(mu(d), sigma(d))``. Both are interpolated linearly and constant
+    beyond the table.
     """
 
     title, colour = "Distance table", "#661100"
 
     table: tuple[tuple[float, ...], ...]
+    """Rows of distance, mu and sigma, m, by increasing distance."""
     distribution: Distribution = "gaussian"
+    """``gaussian`` or ``laplace``, whose b is sigma."""
 
     @model_validator(mode="after")
     def _of_rising_distances(self) -> Self:
@@ -49,7 +44,6 @@ class DistanceTable(ErrorModel):
         return self
 
     def perturb_ranges(self, hits: Hits, sensor: Sensor, draws: Draws) -> Floats:
-        """True distance plus the noise of its ray."""
         distance, mean, scale = np.transpose(self.table)
         noisy = standard_noise(draws.running("ray"), hits.distance.shape, self.distribution)
         noisy *= np.interp(hits.distance, distance, scale)

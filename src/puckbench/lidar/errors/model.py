@@ -1,8 +1,7 @@
-"""What an error model is: hooks around the ray cast, and where its random numbers come from.
+"""Base class of error models: hooks before and after ray casting, and their random streams.
 
-Most models need one of two hooks, `perturb_rays` before the cast and `perturb_ranges` after it. Two
-more are there for a model that fires several rays per laser (`merge_hits`), and for one whose noise
-is not along the ray (`lift_points`).
+Most models implement `perturb_rays` (before casting) or `perturb_ranges` (after it). `merge_hits`
+is for models with several rays per laser, `lift_points` for noise that is not along the ray.
 """
 
 from __future__ import annotations
@@ -14,6 +13,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import ConfigDict
 
 from puckbench.core.models import Model
 from puckbench.geometry.cloud import Floats
@@ -24,52 +24,31 @@ from puckbench.lidar.sweep import Rays
 
 @dataclass(frozen=True)
 class Surfaces:
-    """What the triangles of a labelled mesh belong to.
-
-    Parameters
-    ----------
-    object_id
-        (t,) index of each triangle's object in `objects`, or -1.
-    objects
-        The labelled objects of the scene.
-    """
+    """Objects of a labelled mesh; object_id: (t,), index of each triangle's object, or -1."""
 
     object_id: NDArray[np.int32]
     objects: tuple[SceneObject, ...]
 
     def values(self, by_name: Mapping[str, float], default: float) -> Floats:
-        """A number for each triangle, by the name of its object, or else by its semantic class.
-
-        Parameters
-        ----------
-        by_name
-            Name of an object, or semantic class -> number.
-        default
-            The number of all other triangles.
-
-        Returns
-        -------
-        Floats
-            (t,) numbers.
-        """
-        each = [by_name.get(one.name, by_name.get(one.semantic, default)) for one in self.objects]
-        return np.array([*each, default])[self.object_id]
+        """Return a number for each triangle, (t,), by name or else semantic class of its object."""
+        numbers = [by_name.get(x.name, by_name.get(x.semantic, default)) for x in self.objects]
+        return np.array([*numbers, default])[self.object_id]
 
 
 @dataclass(frozen=True)
 class Hits:
-    """What the fired rays of some frames hit; arrays of shape (frames, steps, rays of a step).
+    """What the rays of some frames hit, (frames, steps, rays of a step) each.
 
     Parameters
     ----------
     distance
         Metres; inf for a ray without a hit in the sensor's range.
     triangle
-        Index into the mesh's triangles, undefined without a hit.
+        Triangle of the mesh; undefined without a hit.
     incidence
-        Angle between ray and surface normal, radians in [0, pi/2]; nan without a hit.
+        Angle between ray and surface normal, rad, in [0, pi/2]; nan without a hit.
     surfaces
-        What the triangles belong to; None where the mesh has no labels.
+        None for a mesh without labels.
     """
 
     distance: Floats
@@ -79,16 +58,11 @@ class Hits:
 
 
 class Draws:
-    """Random streams of one scan, by name.
+    """Named random streams of one scan, with a key that is drawn from its generator.
 
-    A scan is worked on a few frames at a time. A stream goes on from one call of a hook to the
-    next, so the numbers do not depend on how many frames that is, provided that a hook draws from
-    each stream for one purpose only and a fixed number per ray or per frame.
-
-    Parameters
-    ----------
-    rng
-        The scan's generator, from which the key of its streams is drawn.
+    A scan processes a few frames at a time. A stream continues from one call of a hook to the next,
+    so that results do not depend on that number of frames, provided that a hook uses each stream
+    for one purpose and draws a fixed number per ray or per frame.
     """
 
     def __init__(self, rng: np.random.Generator) -> None:
@@ -96,116 +70,64 @@ class Draws:
         self._running: dict[str, np.random.Generator] = {}
 
     def running(self, name: str) -> np.random.Generator:
-        """The stream `name`, where the last call left it."""
+        """Return a stream in the state after the last call."""
         if name not in self._running:
             self._running[name] = self.fixed(name)
         return self._running[name]
 
     def fixed(self, name: str) -> np.random.Generator:
-        """The stream `name` from its start: the same numbers at every call."""
+        """Return a stream in its initial state, with the same numbers at every call."""
         digest = hashlib.sha256(name.encode()).digest()[:16]
         words = np.frombuffer(digest, dtype="<u4").tolist()
         return np.random.Generator(np.random.PCG64(np.random.SeedSequence(self._key + words)))
 
 
 class ErrorModel(Model):
-    """The errors of a sensor: its parameters, with units in their names, and hooks around the cast.
+    """Errors of a sensor: parameters with units in their names, and hooks, which do nothing here.
 
-    Without hooks of its own a model has no errors. The hooks are called for some frames at a time,
-    in order, and must be pure functions of their arguments. They draw for every ray, hit or not, so
-    that what one ray meets changes no other.
+    Hooks are called for successive groups of frames, and must be pure functions of their arguments.
+    They must draw random numbers for every ray, hit or not, so that rays do not affect each other.
     """
 
+    model_config = ConfigDict(use_attribute_docstrings=True)
+
     title: ClassVar[str] = ""
-    """Name of the model in figures; without one its registered name."""
+    """Name of the model in figures; the default is its registered name."""
     colour: ClassVar[str] = ""
-    """Colour of the model in figures, hexadecimal; without one it is drawn from its name."""
+    """Colour of the model in figures, hexadecimal; the default derives from its name."""
     variant_of: ClassVar[type[ErrorModel] | None] = None
-    """The model of which this one is a set of parameters, under whose name results describe it."""
+    """Model of which this one is a set of parameters, and whose name is stored in results."""
 
     def perturb_rays(self, rays: Rays, sensor: Sensor, draws: Draws) -> Rays:
-        """Give the rays that are really fired; `rays` itself when they are the nominal ones.
+        """Return the rays that are fired instead of the nominal `rays` (frames, steps, lasers).
 
-        Parameters
-        ----------
-        rays
-            The nominal rays: yaw and pitch, (frames, steps, lasers), radians.
-        sensor
-            The virtual sensor, for its divergence and number of lasers.
-        draws
-            The scan's random streams.
-
-        Returns
-        -------
-        Rays
-            As many rays, or (of a model with `merge_hits`) k for each, one laser's after another's:
-            (frames, steps, lasers * k).
+        A model with `merge_hits` may fire k rays for each, laser by laser: (frames, steps,
+        lasers * k). Return `rays` itself to fire the nominal ones.
         """
         return rays
 
     def merge_hits(self, hits: Hits, sensor: Sensor) -> Hits:
-        """Give one hit per laser from those of all rays fired.
-
-        Parameters
-        ----------
-        hits
-            Of all fired rays, (frames, steps, lasers * k).
-        sensor
-            The virtual sensor.
-
-        Returns
-        -------
-        Hits
-            (frames, steps, lasers).
-        """
+        """Combine the hits of all fired rays (frames, steps, lasers * k) to one for each laser."""
         return hits
 
     def perturb_ranges(self, hits: Hits, sensor: Sensor, draws: Draws) -> Floats:
-        """Give the measured distances.
+        """Return the measured distances, m, in the shape of the true ones, ``hits.distance``.
 
-        A distance that is not finite is no return: a miss stays one, and a model can take returns
-        away (attenuation, raydrop).
-
-        Parameters
-        ----------
-        hits
-            One per laser, with the true distances.
-        sensor
-            The virtual sensor.
-        draws
-            The scan's random streams.
-
-        Returns
-        -------
-        Floats
-            Metres, in the shape of ``hits.distance``.
+        A distance that is not finite is not a return: a miss remains a miss, and a model can remove
+        returns (attenuation, raydrop).
         """
         return hits.distance
 
     def lift_points(self, hits: Hits, sensor: Sensor, draws: Draws) -> Floats | None:
-        """Give how far measured points move along the true normal, or None for not at all.
+        """Return by how much measured points move along the true normal, m, or None for 0.
 
-        The points are those of `perturb_ranges`; their measured distance becomes that from the
-        sensor after the move.
-
-        Parameters
-        ----------
-        hits
-            One per laser, with the true distances.
-        sensor
-            The virtual sensor.
-        draws
-            The scan's random streams.
-
-        Returns
-        -------
-        Floats or None
-            Metres towards the sensor, in the shape of ``hits.distance``; finite for a miss too.
+        The points are those of `perturb_ranges`, and their distances are updated. Values count
+        towards the sensor, have the shape of ``hits.distance``, and are finite for a miss too.
         """
         return None
 
     def described(self) -> dict[str, Any]:
-        """The model's name and parameters, as they stand beside a result."""
+        """Return the model's name and parameters, as they are stored with results."""
         kind = vars(type(self)).get("variant_of") or type(self)
         return {"model": kind.__name__, **self.model_dump()}
 
@@ -214,5 +136,5 @@ class ErrorModel(Model):
 
 
 def described(model: ErrorModel) -> dict[str, Any]:
-    """A model's name and parameters, and its receiver's if it has one."""
+    """Return the name and parameters of a model and of its receiver."""
     return model.described()

@@ -1,4 +1,4 @@
-"""Shapes of range noise: Gaussian and Laplace, each in units of its scale parameter."""
+"""Gaussian and Laplace noise in units of their scale parameters."""
 
 from __future__ import annotations
 
@@ -20,23 +20,9 @@ _DRAW: dict[str, Callable[[np.random.Generator, tuple[int, ...]], Floats]] = {
 def standard_noise(
     stream: np.random.Generator, shape: tuple[int, ...], distribution: Distribution
 ) -> Floats:
-    """Draw noise with mean 0 and scale 1.
+    """Draw independent numbers with mean 0 and scale 1.
 
-    The scale is sigma of a Gaussian and b of a Laplace distribution, whose standard deviation is
-    b times the root of two, since BlenSor reads one parameter as either.
-
-    Parameters
-    ----------
-    stream
-        The generator that is drawn from.
-    shape
-        Of the array that is returned.
-    distribution
-        ``"gaussian"`` or ``"laplace"``.
-
-    Returns
-    -------
-    Floats
-        Independent numbers of the given shape.
+    The scale is sigma of a Gaussian and b of a Laplace distribution (standard deviation sqrt(2) b),
+    as in BlenSor, which has one parameter for both.
     """
     return _DRAW[distribution](stream, shape)

@@ -1,7 +1,6 @@
-"""What becomes of a return at the receiver: lost when dark, at random or near; ranges in steps.
+"""Effects of the receiver: attenuation, raydrop, minimum range, range quantum and mirrors.
 
-These effects go on top of any error model: they are applied, in the order of the fields, to the
-distances that the model measured.
+They are applied to the distances that an error model measured.
 """
 
 from __future__ import annotations
@@ -10,7 +9,7 @@ from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, NonNegativeFloat, PositiveFloat
+from pydantic import ConfigDict, Field, NonNegativeFloat, PositiveFloat
 
 from puckbench.core.errors import InputError
 from puckbench.core.models import Model
@@ -21,37 +20,21 @@ from puckbench.lidar.sweep import Rays
 
 
 class Receiver(Model):
-    """The losses of a receiver and its steps of the range; the defaults lose nothing within 140 m.
+    """A receiver; with the defaults no return within 140 m is lost.
 
-    Attenuation, as BlenSor has it in code (equation 5.3 of the thesis misprints it): a return at a
-    true distance d of `attenuation_from_m` or more needs a diffuse reflectivity of at least
-    ``attenuation_limit + attenuation_slope_per_m * (d - attenuation_from_m)``; nearer ones always
-    return. Raydrop: a return is lost with the probability ``raydrop + raydrop_incidence * (1 - cos
-    theta) + raydrop_per_m * d``, at most 1, theta being the incidence angle.
-
-    Parameters
-    ----------
-    reflectivity
-        By the name or else the semantic class of an object, from 0 to 1.
-    default_reflectivity
-        Of all other objects.
-    attenuation_from_m, attenuation_limit, attenuation_slope_per_m
-        As in the formula above.
-    raydrop, raydrop_incidence, raydrop_per_m
-        As in the formula above.
-    min_range_m
-        Nearer measured distances are lost.
-    range_quantum_mm
-        Measured distances are multiples of it; None for any distance.
-    mirrors
-        Names or semantic classes of objects that reflect like a mirror, as in BlenSor: an object
-        in the mirror is measured along the fired ray, at the length of the path; the mirror itself
-        never returns. The true values of such a row are those of the mirror. Glass is opaque, as
-        in BlenSor.
+    Attenuation (as in BlenSor's code; equation 5.3 of the thesis has a misprint): at a true
+    distance d from `attenuation_from_m` on, a return needs a diffuse reflectivity of at least
+    ``attenuation_limit + attenuation_slope_per_m * (d - attenuation_from_m)``. Raydrop: a return at
+    incidence theta is lost with the probability ``raydrop + raydrop_incidence * (1 - cos theta) +
+    raydrop_per_m * d``.
     """
 
+    model_config = ConfigDict(use_attribute_docstrings=True)
+
     reflectivity: dict[str, Annotated[float, Field(ge=0, le=1)]] = Field(default={})
+    """Reflectivities from 0 to 1 by name, or else by semantic class of an object."""
     default_reflectivity: NonNegativeFloat = 1.0
+    """Reflectivity of all other objects."""
     attenuation_from_m: NonNegativeFloat = 50.0
     attenuation_limit: NonNegativeFloat = 0.1
     attenuation_slope_per_m: NonNegativeFloat = 0.01
@@ -59,25 +42,16 @@ class Receiver(Model):
     raydrop_incidence: NonNegativeFloat = 0.0
     raydrop_per_m: NonNegativeFloat = 0.0
     min_range_m: NonNegativeFloat = 0.0
+    """Shorter measured distances are lost."""
     range_quantum_mm: PositiveFloat | None = None
+    """Measured distances are rounded to multiples of it."""
     mirrors: tuple[str, ...] = ()
+    """Names or semantic classes of mirrors. As in BlenSor, an object in a mirror is measured along
+    the fired ray at the length of the path, the true values are those of the mirror, and glass is
+    opaque."""
 
     def received(self, measured: Floats, hits: Hits, draws: Draws) -> Floats:
-        """Let measured distances through.
-
-        Parameters
-        ----------
-        measured
-            Metres, in the shape of ``hits.distance``.
-        hits
-            What the rays really met.
-        draws
-            The scan's random streams.
-
-        Returns
-        -------
-        Floats
-            Metres, in steps of the range quantum; inf where a return is lost.
+        """Return measured distances rounded to the range quantum, inf for a lost return.
 
         Raises
         ------
@@ -98,77 +72,52 @@ class Receiver(Model):
         return np.asarray(far & (self._reflectivity(hits, far) < needed))
 
     def _reflectivity(self, hits: Hits, where: NDArray[np.bool_]) -> Floats:
-        """Reflectivity at the hits, in their shape; undefined but `where`."""
+        """Return the reflectivity at hits, undefined except at `where`."""
         if not self.reflectivity:
             return np.full(hits.distance.shape, self.default_reflectivity)
         if hits.surfaces is None:
             raise InputError("reflectivity is given by object, but the mesh has no labels")
-        each = hits.surfaces.values(self.reflectivity, self.default_reflectivity)
-        return each[np.where(where, hits.triangle, 0)]
+        by_triangle = hits.surfaces.values(self.reflectivity, self.default_reflectivity)
+        return by_triangle[np.where(where, hits.triangle, 0)]
 
     def _dropped(self, hits: Hits, draws: Draws) -> NDArray[np.bool_]:
         if not (self.raydrop or self.raydrop_incidence or self.raydrop_per_m):
             return np.zeros(hits.distance.shape, dtype=np.bool_)
-        chance = self.raydrop + self.raydrop_incidence * (1 - np.cos(hits.incidence))
-        chance += self.raydrop_per_m * np.where(np.isfinite(hits.distance), hits.distance, 0)
-        return np.asarray(draws.running("raydrop").random(hits.distance.shape) < chance)
+        probability = self.raydrop + self.raydrop_incidence * (1 - np.cos(hits.incidence))
+        probability += self.raydrop_per_m * np.where(np.isfinite(hits.distance), hits.distance, 0)
+        return np.asarray(draws.running("raydrop").random(hits.distance.shape) < probability)
 
 
 class Received(ErrorModel):
-    """An error model whose returns go through a receiver.
-
-    Parameters
-    ----------
-    model
-        Of the rays and ranges.
-    receiver
-        What the returns go through.
-    """
+    """An error model combined with a receiver."""
 
     model: ErrorModel
     receiver: Receiver
 
     def perturb_rays(self, rays: Rays, sensor: Sensor, draws: Draws) -> Rays:
-        """The model's rays."""
         return self.model.perturb_rays(rays, sensor, draws)
 
     def merge_hits(self, hits: Hits, sensor: Sensor) -> Hits:
-        """The model's hits."""
         return self.model.merge_hits(hits, sensor)
 
     def perturb_ranges(self, hits: Hits, sensor: Sensor, draws: Draws) -> Floats:
-        """The model's distances as the receiver lets them through."""
         measured = self.model.perturb_ranges(hits, sensor, draws)
         return self.receiver.received(measured, hits, draws)
 
     def lift_points(self, hits: Hits, sensor: Sensor, draws: Draws) -> Floats | None:
-        """The model's displacements along the normal."""
         return self.model.lift_points(hits, sensor, draws)
 
     def described(self) -> dict[str, Any]:
-        """The model's description with the receiver's parameters."""
         return {**self.model.described(), "receiver": self.receiver.model_dump()}
 
 
 def mirrors_of(model: ErrorModel, surfaces: Surfaces | None) -> NDArray[np.bool_] | None:
-    """Find the triangles that are mirrors to a model's receiver.
-
-    Parameters
-    ----------
-    model
-        Any error model, with a receiver or without.
-    surfaces
-        What the triangles belong to; None for a mesh without labels.
-
-    Returns
-    -------
-    NDArray of bool or None
-        (t,); None when the receiver knows no mirrors.
+    """Return which triangles, (t,), are mirrors of a model's receiver; None without mirrors.
 
     Raises
     ------
     InputError
-        The receiver knows mirrors, but the mesh has no labels.
+        The receiver has mirrors, but the mesh has no labels.
     """
     names = model.receiver.mirrors if isinstance(model, Received) else ()
     if not names:

@@ -1,4 +1,4 @@
-"""The error models by name, and opening them by name and options."""
+"""Registry of error models."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ ERROR_MODELS: Registry[type[ErrorModel]] = Registry("error model", "errors")
 
 
 def error_model_names() -> list[str]:
-    """Names of our error models and of those of installed packages."""
+    """Return the names of all error models, those of installed packages included."""
     return ERROR_MODELS.names()
 
 
 def open_error_model(name: str, options: Mapping[str, Any] | None = None) -> ErrorModel:
-    """Open an error model with some of its parameters replaced.
+    """Open an error model.
 
     Parameters
     ----------
     name
         A registered name, ``module:Class`` or ``path/to/file.py:Class``.
     options
-        Parameters by name; ``receiver``, for any model, has those of a `Receiver`.
+        Parameters that differ from the defaults; ``receiver`` has those of a `Receiver`.
 
     Raises
     ------
     InputError
-        For an unknown model or option, or a wrong value.
+        The model or an option is unknown, or a value is wrong.
     """
     kind = ERROR_MODELS.get(name)
     if not (isinstance(kind, type) and issubclass(kind, ErrorModel)):
@@ -47,5 +47,5 @@ def open_error_model(name: str, options: Mapping[str, Any] | None = None) -> Err
 
 
 def module_of_model(model: ErrorModel) -> str:
-    """Dotted name of the module that a model is defined in, its receiver left aside."""
+    """Return the name of the module that defines a model, without its receiver."""
     return type(model.model if isinstance(model, Received) else model).__module__

@@ -1,4 +1,4 @@
-"""Noise along the normal of the surface, which the thesis proposed and did not try."""
+"""Noise along the normal of the surface, which the thesis proposes but does not test."""
 
 from __future__ import annotations
 
@@ -14,19 +14,11 @@ from puckbench.lidar.sensor import Sensor
 
 @ERROR_MODELS.register("surface_normal")
 class SurfaceNormal(Vlp16):
-    """A measured point is off its surface by noise along the true normal, not along the ray.
+    """Measured points are displaced by noise along the true normal of the surface.
 
-    So plane residuals have the sigma `normal_sigma_m` at any incidence, as the real wall and floor
-    have (0.014 m), where noise along the ray makes them shrink with the cosine. The noise along
-    the ray of `Vlp16` can be added; it is off here. The thesis proposes this model and does not
-    try it.
-
-    Parameters
-    ----------
-    normal_sigma_m
-        Scale of the noise along the normal, metres.
-    normal_distribution
-        ``"gaussian"`` or ``"laplace"``.
+    Plane residuals then have the scale `normal_sigma_m` at any incidence, like those of the real
+    wall and floor (0.014 m), while those of noise along the ray decrease with its cosine. The
+    noise of `Vlp16` along the ray can be added; its default is 0 here.
     """
 
     title, colour = "Surface normal", "#882255"
@@ -34,9 +26,10 @@ class SurfaceNormal(Vlp16):
     bias_sigma_m: NonNegativeFloat = 0.0
     ray_sigma_m: NonNegativeFloat = 0.0
     normal_sigma_m: NonNegativeFloat = 0.014
+    """Scale of the noise along the normal."""
     normal_distribution: Distribution = "gaussian"
+    """``gaussian`` or ``laplace``, whose b is `normal_sigma_m`."""
 
     def lift_points(self, hits: Hits, sensor: Sensor, draws: Draws) -> Floats:
-        """Noise along the normal, m."""
         stream, shape = draws.running("normal"), hits.distance.shape
         return standard_noise(stream, shape, self.normal_distribution) * self.normal_sigma_m

@@ -1,4 +1,4 @@
-"""Error models that are others with parameters of their own."""
+"""Error models that are other models with different parameters."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from puckbench.lidar.errors.vlp16 import Vlp16
 
 @ERROR_MODELS.register("vlp16_table51")
 class Vlp16Table51(Vlp16):
-    """As `Vlp16`, with the numbers of Table 5.1, against the thesis's section 5.4 and its code."""
+    """`Vlp16` with the sigmas of the thesis's Table 5.1, which differ from section 5.4."""
 
     title, colour, variant_of = "VLP-16, Table\u00a05.1", "#6699CC", Vlp16
 
@@ -21,7 +21,7 @@ class Vlp16Table51(Vlp16):
 
 @ERROR_MODELS.register("hdl64e")
 class Hdl64e(Vlp16):
-    """As `Vlp16`, with BlenSor's defaults, which are those of the HDL-64E."""
+    """`Vlp16` with BlenSor's defaults, which are those of the HDL-64E."""
 
     title, colour, variant_of = "HDL-64E", "#CC79A7", Vlp16
 
@@ -30,7 +30,7 @@ class Hdl64e(Vlp16):
 
 @ERROR_MODELS.register("thesis_room")
 class ThesisRoom(Vlp16):
-    """The errors of the thesis's room scans as run, with the ray sigma of BlenSor's scan_range."""
+    """Errors of the thesis's room scans, with the ray sigma of BlenSor's ``scan_range``."""
 
     title, colour, variant_of = "Thesis, rooms", "#117733", Vlp16
 
@@ -39,7 +39,7 @@ class ThesisRoom(Vlp16):
 
 @ERROR_MODELS.register("vlp16_measured")
 class Vlp16Measured(Calibrated):
-    """As `Calibrated`, with the parameters of two real sensors (vlp16_measured.yaml)."""
+    """`Calibrated` with the parameters of two real sensors (vlp16_measured.yaml)."""
 
     title, colour, variant_of = "Measured", "#56B4E9", Calibrated
 

@@ -1,4 +1,4 @@
-"""Range noise of the VLP-16: a bias per laser and noise per ray (thesis equation 5.4)."""
+"""Range noise of the VLP-16: a bias per laser and noise per ray (thesis, equation 5.4)."""
 
 from __future__ import annotations
 
@@ -16,36 +16,30 @@ from puckbench.lidar.sensor import Sensor
 
 @ERROR_MODELS.register("vlp16")
 class Vlp16(ErrorModel):
-    """Each range has a bias of its laser and noise of its ray (thesis equation 5.4).
+    """Each range has the bias of its laser and noise of its ray (thesis, equation 5.4).
 
-    ``d + bias[laser] + N(ray_mean_m, ray_sigma_m)`` with ``bias ~ N(0, bias_sigma_m)``. The
-    default sigmas are those of the thesis's section 5.4 and its code; Table 5.1 prints others.
-
-    Parameters
-    ----------
-    bias_sigma_m, ray_sigma_m
-        Scales of the bias and of the ray's noise, metres.
-    bias_redrawn
-        ``"frame"``: at the start of every frame, as BlenSor's range scan does, which makes the
-        streaks of Figures 5.6-5.9. ``"scan"``: kept for the whole scan.
-    bias_distribution, ray_distribution
-        ``"gaussian"``, or ``"laplace"``, whose b is then the sigma given; BlenSor offers Laplace
-        for the bias only.
-    ray_mean_m
-        Mean of the ray's noise, metres.
+    A measured range is ``d + bias[laser] + N(ray_mean_m, ray_sigma_m)`` with
+    ``bias ~ N(0, bias_sigma_m)``. The default sigmas are those of the thesis, section 5.4, and of
+    its code; its Table 5.1 has others.
     """
 
     title, colour = "VLP-16", "#0072B2"
 
     bias_sigma_m: NonNegativeFloat = 0.014
+    """Scale of a laser's bias."""
     ray_sigma_m: NonNegativeFloat = 0.010
+    """Scale of a ray's noise."""
     bias_redrawn: Literal["frame", "scan"] = "frame"
+    """``frame``: biases are drawn for every frame, as in BlenSor, which causes the streaks of
+    Figures 5.6-5.9. ``scan``: they are constant in a scan."""
     bias_distribution: Distribution = "gaussian"
+    """``gaussian`` or ``laplace``, whose b is the sigma; BlenSor offers it for the bias only."""
     ray_distribution: Distribution = "gaussian"
+    """``gaussian`` or ``laplace``, whose b is the sigma; BlenSor offers it for the bias only."""
     ray_mean_m: float = 0.0
+    """Mean of a ray's noise."""
 
     def perturb_ranges(self, hits: Hits, sensor: Sensor, draws: Draws) -> Floats:
-        """True distance plus the bias of its laser plus the noise of its ray."""
         noisy = standard_noise(draws.running("ray"), hits.distance.shape, self.ray_distribution)
         noisy *= self.ray_scale(hits)
         noisy += self.ray_mean_m + self._bias(len(hits.distance), sensor, draws)[:, None, :]
@@ -53,11 +47,11 @@ class Vlp16(ErrorModel):
         return noisy
 
     def ray_scale(self, hits: Hits) -> Floats | float:
-        """Scale of each ray's noise, m, finite for a miss too; one number for all rays here."""
+        """Return the scale of each ray's noise, m, finite for a miss too, or one for all rays."""
         return self.ray_sigma_m
 
     def _bias(self, frames: int, sensor: Sensor, draws: Draws) -> Floats:
-        """Bias of each laser in each frame, (frames, lasers)."""
+        """Return the bias of each laser in each frame, (frames, lasers)."""
         if self.bias_redrawn == "scan":
             lasers = (sensor.lasers,)
             bias = standard_noise(draws.fixed("bias"), lasers, self.bias_distribution)

@@ -1,4 +1,4 @@
-"""Range noise of the VLP-16 with beam divergence: the error model that the thesis chose (5.5.3)."""
+"""Range noise of the VLP-16 with beam divergence, the error model that the thesis chose."""
 
 from __future__ import annotations
 
@@ -16,26 +16,20 @@ from puckbench.lidar.sweep import Rays
 
 @ERROR_MODELS.register("vlp16_divergence")
 class Vlp16Divergence(BeamOfWidth):
-    """As `Vlp16`, and each ray is first turned at random within the beam (thesis section 5.5.3).
+    """`Vlp16` with rays in random directions within the beam (thesis, section 5.5.3).
 
-    Yaw and pitch change by uniform numbers within half the beam's width. The reported yaw and
-    pitch stay nominal.
-
-    Parameters
-    ----------
-    returns_along
-        ``"fired"`` puts a noisy point on the ray that was fired, as BlenSor does and the thesis
-        ran. Such a point leaves its surface by range noise alone, so that divergence cannot widen
-        plane residuals, whatever the distance. ``"nominal"`` puts the measured distance on the
-        nominal ray, as a real sensor does, which knows no other direction.
+    Yaw and pitch change by up to half of the beam's widths, uniformly distributed. The reported
+    angles are the nominal ones.
     """
 
     title, colour = "Beam divergence", "#009E73"
 
     returns_along: Literal["fired", "nominal"] = "fired"
+    """``fired``: a measured point lies on the fired ray, as in BlenSor and the thesis; its distance
+    from the surface is range noise only, so that divergence does not change plane residuals.
+    ``nominal``: it lies on the nominal ray, the only one that a real sensor knows."""
 
     def perturb_rays(self, rays: Rays, sensor: Sensor, draws: Draws) -> Rays:
-        """Rays turned within the beam."""
         yaw_width, pitch_width = self.beam_widths_deg(sensor)
         yaw = rays.yaw + _uniform("beam yaw", yaw_width, rays.yaw.shape, draws)
         pitch = rays.pitch + _uniform("beam pitch", pitch_width, rays.pitch.shape, draws)
@@ -43,5 +37,4 @@ class Vlp16Divergence(BeamOfWidth):
 
 
 def _uniform(stream: str, width_deg: float, shape: tuple[int, ...], draws: Draws) -> Floats:
-    """Angles within half of `width_deg` to either side of zero, rad."""
     return np.asarray((draws.running(stream).random(shape) - 0.5) * np.radians(width_deg))

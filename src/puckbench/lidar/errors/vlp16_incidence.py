@@ -1,4 +1,4 @@
-"""Range noise of the VLP-16 that grows with the incidence angle (thesis section 5.5.4)."""
+"""Range noise of the VLP-16 that increases with the incidence angle (thesis, section 5.5.4)."""
 
 from __future__ import annotations
 
@@ -13,24 +13,19 @@ from puckbench.lidar.errors.vlp16 import Vlp16
 
 @ERROR_MODELS.register("vlp16_incidence")
 class Vlp16Incidence(Vlp16):
-    """As `Vlp16`, and the noise of a ray grows with the angle of incidence (thesis section 5.5.4).
+    """`Vlp16` with ray noise that increases with the incidence angle (thesis, section 5.5.4).
 
-    The sigma of a ray is ``ray_sigma_m + (incidence_factor * theta)^2`` metres, theta being the
-    angle between ray and surface normal in radians: 0 adds nothing, 45 degrees 6.2 mm, 60 degrees
-    11.0 mm and a grazing ray 24.7 mm.
-
-    Parameters
-    ----------
-    incidence_factor
-        Root of metres per radian.
+    The scale of a ray's noise is ``ray_sigma_m + (incidence_factor * theta)^2`` for the incidence
+    theta in rad. The default factor, in sqrt(m) / rad, adds 6.2 mm at 45 degrees, 11.0 mm at 60
+    degrees and 24.7 mm for a grazing ray.
     """
 
     title, colour = "Incidence", "#E69F00"
 
     incidence_factor: NonNegativeFloat = 0.1
+    """Square root of the added noise per rad, sqrt(m) / rad."""
 
     def ray_scale(self, hits: Hits) -> Floats | float:
-        """Sigma of each ray, m, in the shape of ``hits.distance``."""
         scale = hits.incidence * self.incidence_factor
         scale *= scale
         scale += self.ray_sigma_m
