@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from puckbench.coding.binary_coder import (
-    UNIT,
+    LOGIT_UNIT,
     BitCoder,
     bit_reader,
     bit_writer,
@@ -70,7 +70,7 @@ def test_bits_come_back(experts: int, contexts: int, sets: int, tables: int) -> 
         OPTIONS, experts=experts, contexts=contexts, sets=sets, tables=tables,
         weights=(0.3,) * (experts + contexts),
     )  # fmt: skip
-    logits = np.random.default_rng(2).integers(-8 * UNIT, 8 * UNIT, COUNT)
+    logits = np.random.default_rng(2).integers(-8 * LOGIT_UNIT, 8 * LOGIT_UNIT, COUNT)
     bits = _drawn(BY_CONTEXT)
     coder = bit_reader(_encoded(bits, logits, CONTEXTS, options))
     np.testing.assert_array_equal(_decoded(coder, logits, CONTEXTS, options), bits)
@@ -86,13 +86,13 @@ def test_contexts_learn_their_probabilities(tables: int) -> None:
 
 def test_an_expert_that_knows_the_probabilities_is_believed() -> None:
     probabilities = np.random.default_rng(3).uniform(0.02, 0.98, COUNT)
-    logits = np.rint(UNIT * np.log(probabilities / (1 - probabilities))).astype(np.int64)
+    logits = np.rint(LOGIT_UNIT * np.log(probabilities / (1 - probabilities))).astype(np.int64)
     size = 8 * len(_encoded(_drawn(probabilities), logits, CONTEXTS, OPTIONS))
     assert size < 1.03 * _entropy(probabilities)
 
 
 def test_an_expert_that_is_wrong_is_turned_round() -> None:
     probabilities = np.random.default_rng(3).uniform(0.02, 0.98, COUNT)
-    logits = np.rint(-UNIT * np.log(probabilities / (1 - probabilities))).astype(np.int64)
+    logits = np.rint(-LOGIT_UNIT * np.log(probabilities / (1 - probabilities))).astype(np.int64)
     size = 8 * len(_encoded(_drawn(probabilities), logits, CONTEXTS, OPTIONS))
     assert size < 1.06 * _entropy(probabilities)

@@ -25,10 +25,11 @@ def _blocks(readme: Path) -> str:
 
 @pytest.mark.parametrize("readme", READMES, ids=_name)
 def test_the_python_blocks_run_one_after_the_other(readme: Path, tmp_path: Path) -> None:
-    program = _blocks(readme)
-    assert program
+    program = tmp_path / "program.py"  # numba keeps compiled loops beside a file
+    program.write_text(_blocks(readme))
+    assert program.read_text()
     done = subprocess.run(
-        [sys.executable, "-W", "error", "-c", program],
+        [sys.executable, "-W", "error", program],
         capture_output=True,
         text=True,
         check=False,

@@ -1,1 +1,52 @@
-"""What codecs share: binary arithmetic coding, context mixing, numbers and bytes of a stream."""
+"""Entropy coding and stream formats that several codecs use.
+
+`bit_writer`, `bit_reader` and `code` are a binary arithmetic coder, `new_mixer` and `code_bit` a
+context mixer on top of it; both work in integers, so that every machine decodes alike, and their
+coding functions are called from compiled loops. `Framing`, `Reader` and the LEB128 functions write
+and read the bytes of a stream. Damaged streams raise `puckbench.core.errors.InputError`.
+"""
+
+from typing import TYPE_CHECKING
+
+from puckbench.core.lazy import lazy
+
+if TYPE_CHECKING:
+    from puckbench.coding.binary_coder import BitCoder as BitCoder
+    from puckbench.coding.binary_coder import bit_reader as bit_reader
+    from puckbench.coding.binary_coder import bit_writer as bit_writer
+    from puckbench.coding.binary_coder import code as code
+    from puckbench.coding.binary_coder import code_gamma as code_gamma
+    from puckbench.coding.binary_coder import exhausted as exhausted
+    from puckbench.coding.binary_coder import read_to_its_end as read_to_its_end
+    from puckbench.coding.binary_coder import written as written
+    from puckbench.coding.byte_io import Reader as Reader
+    from puckbench.coding.byte_io import base_128 as base_128
+    from puckbench.coding.byte_io import signed_128 as signed_128
+    from puckbench.coding.context_mixing import Mixer as Mixer
+    from puckbench.coding.context_mixing import MixerOptions as MixerOptions
+    from puckbench.coding.context_mixing import code_bit as code_bit
+    from puckbench.coding.context_mixing import new_mixer as new_mixer
+    from puckbench.coding.framing import Framing as Framing
+    from puckbench.coding.varints import packed_signed as packed_signed
+    from puckbench.coding.varints import unpacked_signed as unpacked_signed
+    from puckbench.coding.zstandard import compressed as compressed
+    from puckbench.coding.zstandard import decompressed as decompressed
+
+__getattr__, __dir__, __all__ = lazy(
+    __name__,
+    binary_coder=(
+        "BitCoder",
+        "bit_reader",
+        "bit_writer",
+        "code",
+        "code_gamma",
+        "exhausted",
+        "read_to_its_end",
+        "written",
+    ),
+    byte_io=("Reader", "base_128", "signed_128"),
+    context_mixing=("Mixer", "MixerOptions", "code_bit", "new_mixer"),
+    framing=("Framing",),
+    varints=("packed_signed", "unpacked_signed"),
+    zstandard=("compressed", "decompressed"),
+)

@@ -1,4 +1,4 @@
-"""Parts of a stream: variable-length integers (base 128, as LEB128) and runs of bytes."""
+"""Parts of a stream: variable-length integers (LEB128) and runs of bytes."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ _LONGEST_NUMBER = 5
 
 
 def base_128(number: int) -> bytes:
-    """Code a number of at least 0: seven bits a byte, lowest first; the top bit: more follow."""
+    """Encode a number of at least 0 as unsigned LEB128: seven bits per byte, the lowest first."""
     groups = [number & 127]
     while number := number >> 7:
         groups.append(number & 127)
@@ -16,29 +16,29 @@ def base_128(number: int) -> bytes:
 
 
 def signed_128(number: int) -> bytes:
-    """Code any whole number as `base_128` (zigzag): 2 n, or -2 n - 1 below zero."""
+    """Encode an integer n by zigzag and LEB128: 2 n, or -2 n - 1 if it is negative."""
     return base_128(2 * number if number >= 0 else -2 * number - 1)
 
 
 class Reader:
-    """Reads the parts of a stream one after the other."""
+    """Reads the parts of a stream, one after the other."""
 
     def __init__(self, body: bytes) -> None:
         self.body, self.at = body, 0
 
     def take(self, size: int) -> bytes:
-        """The next `size` bytes; InputError when there are fewer."""
+        """Return the next `size` bytes; InputError if there are fewer."""
         self.at += size
         if self.at > len(self.body):
             raise InputError("the stream is truncated")
         return self.body[self.at - size : self.at]
 
     def rest(self) -> bytes:
-        """All bytes that are left."""
+        """Return all remaining bytes."""
         return self.take(len(self.body) - self.at)
 
     def number(self, longest: int = _LONGEST_NUMBER) -> int:
-        """A number of `base_128`; InputError when it has more than `longest` bytes."""
+        """Read a number written by `base_128`; InputError if it has more than `longest` bytes."""
         number = 0
         for k in range(longest):
             byte = self.take(1)[0]
@@ -48,6 +48,6 @@ class Reader:
         raise InputError("the stream is damaged (a number)")
 
     def signed(self, longest: int = _LONGEST_NUMBER) -> int:
-        """A number of `signed_128`."""
-        twice = self.number(longest)
-        return -(twice + 1 >> 1) if twice & 1 else twice >> 1
+        """Read a number written by `signed_128`."""
+        zigzag = self.number(longest)
+        return -(zigzag + 1 >> 1) if zigzag & 1 else zigzag >> 1

@@ -22,8 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.coding.binary_coder import (
-    ENDS,
-    LEAST,
+    LOGIT_LIMIT,
+    MIN_PROBABILITY,
     ONE,
     BitCoder,
     code,
@@ -38,11 +38,11 @@ Ints = NDArray[np.int64]
 Words = NDArray[np.int32]
 Counters = NDArray[np.int32] | NDArray[np.uint32]
 Integers = NDArray[np.integer[Any]]
-FINE_BITS = 22
+PROBABILITY_BITS = 22
 """Adaptive probabilities are in units of 2**-22."""
-SEEN_BITS = 9
+COUNT_BITS = 9
 """Lowest bits of a counter, below its probability: the number of bits seen so far."""
-CERTAIN = (1 << FINE_BITS) - 1
+CERTAINTY = (1 << PROBABILITY_BITS) - 1
 """The probability 1 of a counter."""
 BUCKETS = 33
 """Entries of a correction table, at equal distances of the mixture."""
@@ -67,7 +67,7 @@ class MixerOptions:
     learning_rate, final_learning_rate
         Of the weights, at the first bit and after many.
     memory
-        Bits after which a counter adapts no more slowly; at most `SLOWEST`.
+        Bits after which a counter adapts no more slowly; at most `MAX_MEMORY`.
     sets
         Number of sets of weights.
     tables
@@ -180,14 +180,14 @@ def new_mixer(bits: BitCoder, options: MixerOptions) -> Mixer:
 
 def new_counters(count: int) -> NDArray[np.int32]:
     """Return counters (count,) of probability 1 / 2 that have seen no bit."""
-    return np.full(count, 1 << FINE_BITS + SEEN_BITS - 1, np.int32)
+    return np.full(count, 1 << PROBABILITY_BITS + COUNT_BITS - 1, np.int32)
 
 
 def new_corrections(rows: int) -> Words:
     """Return correction tables (rows, buckets) that keep the probability of every mixture."""
     _, squash = logistic_tables()
-    steps = np.minimum(np.arange(BUCKETS) * 128, 2 * ENDS - 1)
-    return np.tile((squash[steps] << FINE_BITS - 16).astype(np.int32), (rows, 1))
+    steps = np.minimum(np.arange(BUCKETS) * 128, 2 * LOGIT_LIMIT - 1)
+    return np.tile((squash[steps] << PROBABILITY_BITS - 16).astype(np.int32), (rows, 1))
 
 
 @inlined
@@ -212,25 +212,27 @@ def code_bit(mixer: Mixer, bit: int, node: int, row: int) -> int:
     total = 0
     for k in range(sets):
         mixed = dot(weights, (mixer.rows[k] + row) * width, inputs, 0, sizes.lanes) >> 16
-        mixed = min(max(mixed, -ENDS), ENDS - 1)
+        mixed = min(max(mixed, -LOGIT_LIMIT), LOGIT_LIMIT - 1)
         mixer.mixtures[k] = mixed
         total += mixed
-    level = total // sets + ENDS
+    level = total // sets + LOGIT_LIMIT
     bucket, share = level >> 7, level & 127
     # Half is the mixture, half its corrections: a sum of 2 or 4 probabilities.
     probability = tables * int(mixer.squash[np.uint64(level)])
     for k in range(tables):
         probability += corrected(mixer.corrections, mixer.rows[k] + row, bucket, share)
-    bit = code(mixer.bits, bit, min(max(probability >> tables, LEAST), ONE - LEAST))
+    bit = code(
+        mixer.bits, bit, min(max(probability >> tables, MIN_PROBABILITY), ONE - MIN_PROBABILITY)
+    )
     for k in range(tables):
-        learn_correction(mixer.corrections, mixer.rows[k] + row, bucket, share, bit * CERTAIN)
+        learn_correction(mixer.corrections, mixer.rows[k] + row, bucket, share, bit * CERTAINTY)
     rate = _learning_rate(mixer.learning)
     for k in range(sets):
-        error = (bit * ONE - int(mixer.squash[np.uint64(mixer.mixtures[k] + ENDS)])) * rate
+        error = (bit * ONE - int(mixer.squash[np.uint64(mixer.mixtures[k] + LOGIT_LIMIT)])) * rate
         add_scaled(weights, (mixer.rows[k] + row) * width, inputs, error, 18, sizes.lanes)
     for k in range(len(sizes.contexts)):
         counter = mixer.contexts[k] + node
-        learn_bit(mixer.counters, counter, bit * CERTAIN, mixer.rates, mixer.memory)
+        learn_bit(mixer.counters, counter, bit * CERTAINTY, mixer.rates, mixer.memory)
     return bit
 
 
@@ -248,17 +250,17 @@ def _learning_rate(learning: Ints) -> int:
 def logit_of(counters: Counters, counter: int, stretch: Integers) -> int:
     """Return the logit of a counter's probability."""
     state = np.int64(counters[np.uint64(counter)])
-    return int(stretch[np.uint64(state >> SEEN_BITS + FINE_BITS - 12)])
+    return int(stretch[np.uint64(state >> COUNT_BITS + PROBABILITY_BITS - 12)])
 
 
 @inlined
 def learn_bit(counters: Counters, counter: int, target: int, rates: Integers, memory: int) -> None:
-    """Move a counter's probability towards a coded bit; `target` is the bit times `CERTAIN`."""
+    """Move a counter's probability towards a coded bit; `target` is the bit times `CERTAINTY`."""
     place = np.uint64(counter)  # numba would look whether a signed index is below 0
     state = np.int64(counters[place])
-    seen = state & ((1 << SEEN_BITS) - 1)
-    step = ((target - (state >> SEEN_BITS)) * rates[np.uint64(seen)]) >> 16
-    counters[place] = state + (step << SEEN_BITS) + (1 if seen < memory else 0)
+    seen = state & ((1 << COUNT_BITS) - 1)
+    step = ((target - (state >> COUNT_BITS)) * rates[np.uint64(seen)]) >> 16
+    counters[place] = state + (step << COUNT_BITS) + (1 if seen < memory else 0)
 
 
 @inlined
@@ -272,7 +274,7 @@ def corrected(corrections: Integers, row: int, bucket: int, share: int) -> int:
 
 @inlined
 def learn_correction(corrections: Integers, row: int, bucket: int, share: int, target: int) -> None:
-    """Move two buckets towards a coded bit; `target` is the bit times `CERTAIN`."""
+    """Move two buckets towards a coded bit; `target` is the bit times `CERTAINTY`."""
     place = np.uint64(row), np.uint64(bucket)
     after = np.uint64(row), np.uint64(bucket + 1)
     corrections[place] += ((target - corrections[place]) * (128 - share)) >> 14

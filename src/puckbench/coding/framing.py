@@ -1,4 +1,4 @@
-"""The frame of a stream: magic and version of its codec, and a check of all that follows."""
+"""The start of a stream: magic number, version and checksum."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ _CHECK = struct.Struct("<I")
 
 @dataclass(frozen=True)
 class Framing:
-    """Magic, version, a header of few bytes that the codec chooses, CRC-32 of the body, body.
+    """The layout of a stream: magic number, version, header, CRC-32 of the body, body.
 
     Parameters
     ----------
     magic
-        Four bytes that no other codec's streams begin with.
+        Four bytes with which no stream of another codec begins.
     version
-        Of the stream's format, one byte.
+        Version of the format, one byte.
     title
-        What the codec is called in messages.
+        Name of the codec in messages.
     header
-        Bytes between version and check, which the check does not cover.
+        Number of bytes of the header, which the CRC does not cover.
     """
 
     magic: bytes
@@ -37,16 +37,16 @@ class Framing:
         return self.magic + bytes([self.version])
 
     def framed(self, body: bytes, header: bytes = b"") -> bytes:
-        """The stream of a body."""
+        """Return a stream with this body and header."""
         return self._start + header + _CHECK.pack(zlib.crc32(body)) + body
 
     def unframed(self, stream: bytes) -> tuple[bytes, bytes]:
-        """Header and body of a stream.
+        """Return header and body of a stream.
 
         Raises
         ------
         InputError
-            The stream is another codec's or another version's, damaged or truncated.
+            If the stream is damaged or truncated, or of another codec or version.
         """
         start, end = len(self._start), len(self._start) + self.header + _CHECK.size
         if len(stream) < end:

@@ -1,12 +1,14 @@
-"""Shifting of clouds that lie far from the origin, which no single precision would hold.
+"""Shift of clouds that are far from the origin, for codecs in single precision.
 
-Surveyed coordinates (UTM) have millions of metres where a cloud spans some hundred. Such a cloud is
-shifted by whole numbers before it is coded, which loses nothing, and its stream begins with
+Surveyed coordinates (UTM) are millions of metres from the origin, although a cloud spans some
+hundred metres. Such a cloud is shifted by integers, which is exact, before it is coded. Its stream
+is
 
     4 bytes  "PBSH"
-    the shift of each axis, a signed base-128 number
+    the shift along each axis, a signed LEB128 number
+    the stream of the codec
 
-and goes on with the codec's own stream. All other streams are the codec's own from the first byte.
+Other streams have no such header.
 """
 
 from __future__ import annotations
@@ -21,26 +23,32 @@ from puckbench.geometry.cloud import Floats, bounds
 
 MAGIC = b"PBSH"
 _FAR = 64
-"""Coordinates are far beyond this multiple of the cloud's extent: single precision then has steps
-of more than a 2^18th of the extent, an eighth of a thousandth of the finest grid in use."""
+"""A cloud is far away if its largest coordinate exceeds this multiple of its extent.
+
+Single precision then resolves less than 2^-18 of the extent.
+"""
 _FINE = 1 << 20
-"""Coordinates are far for a step beyond this multiple of it: an eighth of a step is what single
-precision then tells apart. Of a cloud that is wider, errors of 2 mm at 10 km remain."""
+"""With the step of a grid, a cloud is also far away if its largest coordinate exceeds this multiple
+of the step: single precision then resolves less than an eighth of a step."""
 _LONGEST = 150
-"""Bytes of a shift, at most: every double's whole part has fewer."""
+"""Maximum bytes of a shift; the integer part of any double has fewer."""
 
 
 class Shifted(NamedTuple):
-    """A codec's own stream, and by how much (3,) what it decodes to is to be shifted."""
-
-    stream: bytes
-    shift: Floats | None
+    stream: bytes  # of the codec
+    shift: Floats | None  # (3,), to be added to the decoded points
 
 
 def shift_of(points: Floats, step: float | None = None) -> Floats | None:
-    """Whole numbers (3,) to be subtracted from points (n, 3) that are far away; else None.
+    """Return the integers (3,) to subtract from points (n, 3); None if they are not far away.
 
-    step: that of a codec in single precision, for which they may be far at a lesser distance.
+    Parameters
+    ----------
+    points
+        (n, 3) coordinates.
+    step
+        Step of the codec's grid, if it works in single precision: the points then also count as far
+        away if single precision cannot resolve an eighth of a step.
     """
     ends = bounds(points)
     with np.errstate(over="ignore"):
@@ -53,12 +61,12 @@ def shift_of(points: Floats, step: float | None = None) -> Floats | None:
 
 
 def shifted(stream: bytes, shift: Floats) -> bytes:
-    """The stream of a cloud from which `shift` (3,) was subtracted."""
+    """Return the stream of a cloud from which `shift` (3,) was subtracted."""
     return MAGIC + b"".join(signed_128(int(axis)) for axis in shift) + stream
 
 
 def unshifted(stream: bytes) -> Shifted:
-    """A codec's own stream and the shift of its cloud; InputError when that is damaged."""
+    """Separate the header from the codec's stream; InputError if the header is damaged."""
     if not stream.startswith(MAGIC):
         return Shifted(stream, None)
     reader = Reader(stream[len(MAGIC) :])
@@ -70,9 +78,9 @@ def unshifted(stream: bytes) -> Shifted:
 
 
 def moved(points: Floats, shift: Floats) -> Floats:
-    """Points (m, 3) at the place of the input; InputError where doubles cannot hold them."""
+    """Add the shift (3,) to points (m, 3); InputError if a result is not finite."""
     with np.errstate(over="ignore"):
-        found: Floats = points + shift
-    if not np.isfinite(found).all():
+        result: Floats = points + shift
+    if not np.isfinite(result).all():
         raise InputError("the stream is damaged (its shift)")
-    return found
+    return result

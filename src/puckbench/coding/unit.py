@@ -1,12 +1,10 @@
-"""The unit of a stream whose coder knows steps of a grid alone.
+"""Header with the length of a grid step, for codecs of clouds on an integer grid.
 
-A codec made for clouds on a grid can be given clouds in metres where it is told how long a step is.
-Its stream then begins with
+A cloud in metres is divided by the length of a step before it is coded. Its stream is
 
     4 bytes  "PBUN"
     8 bytes  the length of a step, a little-endian double
-
-and goes on with the codec's own stream.
+    the stream of the codec
 """
 
 from __future__ import annotations
@@ -24,19 +22,17 @@ _UNIT = struct.Struct("<d")
 
 
 class InUnits(NamedTuple):
-    """A codec's own stream, and the length of a step; None where coordinates are the input's."""
-
-    stream: bytes
-    unit: float | None
+    stream: bytes  # of the codec
+    unit: float | None  # length of a step; None without a header
 
 
 def with_unit(stream: bytes, unit: float) -> bytes:
-    """The stream of a cloud whose coordinates were divided by `unit`."""
+    """Return the stream of a cloud whose coordinates were divided by `unit`."""
     return MAGIC + _UNIT.pack(unit) + stream
 
 
 def without_unit(stream: bytes) -> InUnits:
-    """A codec's own stream and its unit; InputError when that is damaged."""
+    """Separate the header from the codec's stream; InputError if the header is damaged."""
     if not stream.startswith(MAGIC):
         return InUnits(stream, None)
     start = len(MAGIC) + _UNIT.size
@@ -49,9 +45,9 @@ def without_unit(stream: bytes) -> InUnits:
 
 
 def multiplied(points: Floats, unit: float) -> Floats:
-    """Points (m, 3) of steps as lengths; InputError where doubles cannot hold them."""
+    """Convert points (m, 3) from steps to lengths; InputError if a result is not finite."""
     with np.errstate(over="ignore"):
-        found: Floats = points * unit
-    if not np.isfinite(found).all():
+        result: Floats = points * unit
+    if not np.isfinite(result).all():
         raise InputError("the stream is damaged (its unit)")
-    return found
+    return result

@@ -1,4 +1,4 @@
-"""Arrays of variable-length integers: those of `byte_io`, many at a time."""
+"""Arrays of variable-length integers, in the format of `byte_io`."""
 
 from __future__ import annotations
 
@@ -9,23 +9,23 @@ from puckbench.core.errors import InputError
 
 _LONGEST = 5
 _PORTION = 1 << 20
-"""Numbers that are unpacked at a time, which bounds the memory beside them."""
+"""Numbers unpacked at a time, which limits the memory for intermediate arrays."""
 Numbers = NDArray[np.int64]
 
 
 def packed_signed(numbers: Numbers) -> bytes:
-    """Code numbers (n,) of at most 34 bits and a sign, each as `byte_io.signed_128`."""
+    """Encode numbers (n,) of at most 34 bits and a sign, each as by `byte_io.signed_128`."""
     zigzag = np.where(numbers >= 0, 2 * numbers, -2 * numbers - 1)
     groups = zigzag[:, None] >> np.arange(0, 7 * _LONGEST, 7)
-    is_there = groups > 0
-    is_there[:, 0] = True
+    present = groups > 0
+    present[:, 0] = True
     groups &= 127
-    groups[:, :-1] |= is_there[:, 1:] * 128
-    return groups[is_there].astype(np.uint8).tobytes()
+    groups[:, :-1] |= present[:, 1:] * 128
+    return groups[present].astype(np.uint8).tobytes()
 
 
 def unpacked_signed(data: bytes, count: int) -> Numbers:
-    """The `count` numbers that bytes hold, and nothing else; InputError when they do not."""
+    """Decode `count` numbers; InputError if the bytes hold more, fewer or damaged ones."""
     groups = np.frombuffer(data, np.uint8)
     ends = np.flatnonzero(groups < 128)
     if len(ends) != count or (count and ends[-1] != len(groups) - 1) or (not count and data):
@@ -40,7 +40,7 @@ def unpacked_signed(data: bytes, count: int) -> Numbers:
 
 
 def _numbers(groups: NDArray[np.uint8], ends: Numbers) -> Numbers:
-    """The numbers of groups of seven bits, of which the last ones stand at `ends`."""
+    """Return numbers from groups of seven bits; `ends` are the indices of their last groups."""
     lengths = np.diff(ends, prepend=-1)
     if lengths.max(initial=0) > _LONGEST:
         raise InputError("the stream is damaged (its numbers)")

@@ -1,4 +1,4 @@
-"""Zstandard, by Python's own library or its backport, and bounds of what streams unpack to."""
+"""Zstandard compression, with a limit of the decompressed size."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ else:
     from backports import zstd
 
 _WINDOW_LOG = 27
-"""Of the longest matches: the most that decoders take unless they are told more."""
+"""Window size (log2) of long-distance matches: the maximum that decoders accept by default."""
 
 
 def compressed(data: bytes, level: int = 19, long: bool = False) -> bytes:
-    """One frame of Zstandard.
+    """Return one Zstandard frame.
 
     Parameters
     ----------
     data
         Any bytes.
     level
-        1 to 22.
+        Compression level, 1 to 22.
     long
-        Find matches as far back as 128 MiB, as ``zstd --long``.
+        Find matches up to 128 MiB back, as ``zstd --long`` does.
     """
     options: dict[int, int] = {zstd.CompressionParameter.compression_level: level}
     if long:
@@ -35,7 +35,7 @@ def compressed(data: bytes, level: int = 19, long: bool = False) -> bytes:
 
 
 def decompressed(stream: bytes, most: int) -> bytes:
-    """The bytes of a frame; InputError when it is damaged, or holds more than `most`."""
+    """Decompress a frame; InputError if it is damaged or holds more than `most` bytes."""
     options: dict[int, int] = {zstd.DecompressionParameter.window_log_max: _WINDOW_LOG}
     decoder = zstd.ZstdDecompressor(options=options)
     try:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.coding.binary_coder import (
-    SLOWEST,
+    MAX_MEMORY,
     BitCoder,
     bit_reader,
     bit_writer,
@@ -150,7 +150,7 @@ def _code(bits: BitCoder, values: Ints, neighbours: NeighbourTable, prior: Prior
         weights=(0.4, *(0.15 for _ in _SIZES)),
         learning_rate=20,
         final_learning_rate=20,
-        memory=SLOWEST,
+        memory=MAX_MEMORY,
     )
     around = _Neighbourhood(*(np.zeros(n, np.int64) for n in (3, OFFSETS, OFFSETS, 2, len(_SIZES))))
     _code_values(new_mixer(bits, options), values, neighbours, _concatenated(prior), around, starts)

@@ -14,9 +14,9 @@ from typing import NamedTuple
 import numpy as np
 
 from puckbench.coding.binary_coder import (
-    ENDS,
+    LOGIT_LIMIT,
+    MAX_MEMORY,
     ONE,
-    SLOWEST,
     WRITING,
     BitCoder,
     bit_reader,
@@ -78,7 +78,7 @@ def code_bit(coder: ContextCoder, bit: int, mixer: int, contexts: tuple[int, int
     b_logit = stretch[coder.probabilities[b] >> 4]
     c_logit = stretch[coder.probabilities[c] >> 4]
     mixed = (weights[0] * a_logit + weights[1] * b_logit + weights[2] * c_logit) >> 16
-    probability = coder.squash[min(max(mixed, -ENDS), ENDS - 1) + ENDS]
+    probability = coder.squash[min(max(mixed, -LOGIT_LIMIT), LOGIT_LIMIT - 1) + LOGIT_LIMIT]
     bit = code(coder.bits, bit, probability)
     error = (bit * ONE - probability) * _LEARNING_RATE
     weights[0] += (a_logit * error + (1 << 17)) >> 18
@@ -94,7 +94,7 @@ def code_bit(coder: ContextCoder, bit: int, mixer: int, contexts: tuple[int, int
 def _update(coder: ContextCoder, context: int, bit: int) -> None:
     count, probabilities = coder.counts[context], coder.probabilities
     probabilities[context] += ((bit * 65535 - probabilities[context]) * coder.rates[count]) >> 16
-    if count < SLOWEST:
+    if count < MAX_MEMORY:
         coder.counts[context] = count + 1
 
 

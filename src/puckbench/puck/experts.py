@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.coding.binary_coder import UNIT
+from puckbench.coding.binary_coder import LOGIT_UNIT
 from puckbench.coding.context_mixing import Ints, Words
 from puckbench.coding.intrinsics import Lanes
 from puckbench.core.compiling import inlined
@@ -60,7 +60,7 @@ def _tables() -> tuple[NDArray[np.int16], NDArray[np.int16]]:
     gaussian = np.array([0.5 + 0.5 * erf(error / sqrt(pi)) for error in errors])
     logistic = 1 / (1 + np.exp(-errors / 2))
     distribution = np.rint((0.95 * gaussian + 0.05 * logistic) * _ONE)
-    logarithm = np.rint(UNIT * np.log(np.arange(_ONE + 1) + 2.0))
+    logarithm = np.rint(LOGIT_UNIT * np.log(np.arange(_ONE + 1) + 2.0))
     return distribution.astype(np.int16), logarithm.astype(np.int16)
 
 

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from puckbench.coding.binary_coder import LEAST, ONE, code
+from puckbench.coding.binary_coder import MIN_PROBABILITY, ONE, code
 from puckbench.coding.context_mixing import (
-    CERTAIN,
-    FINE_BITS,
-    SEEN_BITS,
+    CERTAINTY,
+    COUNT_BITS,
+    PROBABILITY_BITS,
     Mixer,
     code_bit,
     learn_bit,
@@ -98,9 +98,9 @@ def _decide(
 @inlined
 def code_unmixed_bit(mixer: Mixer, counter: int, bit: int) -> int:
     state = np.int64(mixer.counters[np.uint64(counter)])
-    share = int(state >> SEEN_BITS + FINE_BITS - 16)
-    bit = code(mixer.bits, bit, min(max(share, LEAST), ONE - LEAST))
-    learn_bit(mixer.counters, counter, bit * CERTAIN, mixer.rates, mixer.memory)
+    share = int(state >> COUNT_BITS + PROBABILITY_BITS - 16)
+    bit = code(mixer.bits, bit, min(max(share, MIN_PROBABILITY), ONE - MIN_PROBABILITY))
+    learn_bit(mixer.counters, counter, bit * CERTAINTY, mixer.rates, mixer.memory)
     return bit
 
 
