@@ -1,7 +1,6 @@
 """The checklist of the thesis's figures and tables: which are made, and how to make the others.
 
-The state of a file follows from the times of the files that it depends on, in seconds even for the
-largest configuration. Only Snakemake sees that code or parameters have changed since.
+States follow from the times of files. Only Snakemake sees changed code and parameters.
 """
 
 from __future__ import annotations
@@ -33,9 +32,9 @@ class Item:
     Parameters
     ----------
     state
-        One of done, stale, missing, impossible and unplanned.
+        done, stale, missing, impossible or unplanned.
     note
-        The file if it is done, else the command that makes it or the reason why there is none.
+        Its file, the command that makes it, or the reason why there is none.
     """
 
     title: str
@@ -54,7 +53,7 @@ class Reproduction:
     Parameters
     ----------
     changes
-        Values of top-level keys that replace those of the file (`--config` of Snakemake).
+        Values that replace top-level keys of the file (`--config` of Snakemake).
     """
 
     path: Path
@@ -64,7 +63,7 @@ class Reproduction:
 
     @cached_property
     def config(self) -> Config:
-        """The checked configuration; raises InputError if it cannot be read or is invalid."""
+        """The checked configuration; raises InputError if invalid."""
         for path in (self.path, self.snakefile):
             if not path.is_file():
                 raise InputError(f"{path}: no such file (run this in puckbench's folder)")
@@ -72,7 +71,7 @@ class Reproduction:
 
     @cached_property
     def absent(self) -> dict[str, str]:
-        """Scene sets without their data, with what to put where."""
+        """Scene sets without data, with what to put where."""
         faults = {}
         for name, value in self.config.scenes.items():
             try:
@@ -83,12 +82,10 @@ class Reproduction:
 
     @cached_property
     def bench(self) -> Workflow:
-        """The planned benchmark; raises InputError if something does not exist."""
         return Workflow({**read_config(self.path), **self.changes})
 
     @property
     def results(self) -> Path:
-        """Folder of all results."""
         return Path(self.config.results)
 
     @cached_property
@@ -98,7 +95,7 @@ class Reproduction:
     def command(self, *targets: str) -> list[str]:
         """Return the words of the Snakemake command that makes some targets.
 
-        The targets come first, since the last two options take all words that follow.
+        The targets come first, since the last options take all words that follow.
         """
         words = ["snakemake", *targets, "--cores", str(self.cores), "--configfile", str(self.path)]
         settings = [f"{key}={str(value).lower()}" for key, value in self.changes.items()]
@@ -110,7 +107,7 @@ class Reproduction:
         Parameters
         ----------
         pending
-            Files that Snakemake would make; by default the state follows from the files' times.
+            Files that Snakemake would make; by default file times decide.
         """
         tables = {n: f"Table {e.number}" for n, e in table_entries().items() if e.number}
         figures = {n: f"Figure {e.number}" for n, e in figure_entries().items() if e.number}
@@ -127,10 +124,7 @@ class Reproduction:
         return Item(title, name, state, note)
 
     def _item_without_data(self, title: str, name: str) -> Item:
-        """Return an item's state where data are missing, so that there is no plan.
-
-        It is done if its file exists, also if another run made it.
-        """
+        """Return the state without a plan; a file of any earlier run is done."""
         absent = [scenes for scenes in self._scenes_of(name) if scenes in self.absent]
         file, chapter_5_file = (_file(name, root) for root in (self.results, _CHAPTER_5_RESULTS))
         files = [file] if absent else [file, chapter_5_file]
@@ -144,7 +138,7 @@ class Reproduction:
         return Item(title, name, "missing", shlex.join(chapter_5.command(str(chapter_5_file))))
 
     def _scenes_of(self, name: str) -> list[str]:
-        """Scene sets that a figure is made from; tables of chapter 5 need none."""
+        """Scene sets that a figure is made from; none for tables."""
         inputs = figure_entry(name).inputs if name in FIGURES else ()
         datasets, examples = self.config.datasets, self.config.figures.examples.given()
         kinds = [each.removeprefix("example_") for each in inputs]
@@ -164,7 +158,6 @@ class Reproduction:
 
     @property
     def _inputs(self) -> dict[str, Inputs]:
-        """Input files of the figures and of the tables of the sensor study."""
         return {**self.bench.outputs.study_tables, **self.bench.outputs.figures}
 
     def _is_fresh(self, path: Path, output_time: float) -> bool:
@@ -179,7 +172,6 @@ class Reproduction:
         return rows.is_complete and newest <= path.stat().st_mtime
 
     def progress(self) -> dict[str, tuple[int, int]]:
-        """Return by stage how many files exist and how many are planned."""
         return {
             name: (len(stage.existing), len(stage.planned))
             for name, stage in self.stages.items()

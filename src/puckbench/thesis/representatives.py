@@ -36,11 +36,11 @@ _CLASSES: dict[str, tuple[type[Codec], ...]] = {
 
 
 def dataset_roles(plan: Plan) -> dict[str, str]:
-    """Return the role of each data set that is like one of the thesis's.
+    """Return the roles of the data sets.
 
-    A scan is clean where its error model is ``none``, else noisy. Recorded clouds are rooms.
-    Sampled clouds are rooms too where another data set scans the same scenes, else objects.
-    Clouds in metres have no role.
+    Scans are clean if their error model is ``none``, else noisy. Recorded clouds are rooms, and so
+    are samples of scenes that another data set scans; other samples are objects. Clouds in metres
+    have no role.
     """
     sources = {name: _source(plan.scenes[data.scenes]) for name, data in plan.datasets.items()}
     scaled = {
@@ -65,11 +65,11 @@ def _dataset_role(settings: DataSetConfig, is_scanned: bool) -> str:
 
 
 def codec_role(codec: Codec) -> str:
-    """Return which of the thesis's codecs a codec is; empty if it is none of them.
+    """Return which of the thesis's codecs a codec represents; empty if none.
 
-    G-PCC means its octree alone: without a sensor, and without the options of spinning sensors.
-    The thesis ran it on truncated coordinates (`GPCC_AS_RUN`); rounded to the nearest, it is
-    `GPCC`. A codec that changes another one (`Codec.based_on`) has no role.
+    G-PCC is its octree without a sensor or options for spinning sensors: with truncated coordinates
+    `GPCC_AS_RUN`, as the thesis ran it, else `GPCC`. Codecs that change another one
+    (`Codec.based_on`) represent none.
     """
     if codec.based_on or (isinstance(codec, Draco) and codec.options.method == "sequential"):
         return ""
@@ -81,7 +81,6 @@ def codec_role(codec: Codec) -> str:
 
 
 def codec_roles(plan: Plan) -> dict[str, str]:
-    """Return for each role the first codec of a plan that has it."""
     return _first({name: codec_role(codec) for name, codec in plan.opened.items()})
 
 
@@ -92,7 +91,6 @@ def stand_in_roles(plan: Plan) -> dict[str, str]:
 
 
 def _first(roles: Mapping[str, str]) -> dict[str, str]:
-    """Return for each role the first name that has it; some names have none."""
     names: dict[str, str] = {}
     for name, role in roles.items():
         if role:
@@ -101,7 +99,7 @@ def _first(roles: Mapping[str, str]) -> dict[str, str]:
 
 
 def grid_scales(plan: Plan) -> dict[str, dict[str, float]]:
-    """Return the scale of each rate of each G-PCC codec that codes a data set with a role."""
+    """Return the scales of the G-PCC codecs that code a data set with a role, by rate."""
     return {
         name: {rate: float(values["scale"]) for rate, values in codec.rates.items()}
         for name, codec in plan.opened.items()

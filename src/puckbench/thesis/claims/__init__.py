@@ -1,1 +1,1 @@
-"""The thesis's claims, tested one by one on what a run has measured: see docs/notes/claims.md."""
+"""The thesis's claims and their tests (docs/notes/claims.md)."""

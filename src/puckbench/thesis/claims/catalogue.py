@@ -1,6 +1,6 @@
-"""The claims of the thesis, each with the function that tests it.
+"""The claims of the thesis.
 
-To add a claim, write a function from an `Evidence` to the parts of the claim, with the rule in its
+To add one, write a function from an `Evidence` to the claim's parts, with the rule in its
 docstring, and add an entry to `CLAIMS`.
 """
 

@@ -31,11 +31,10 @@ MORE_DUPLICATES = 0.05
 
 
 def draco_shifted_by_duplicates(evidence: Evidence) -> list[Part]:
-    """Claim 12: Draco's curve lies at more bits on scans because it keeps duplicate points.
+    """Test claim 12.
 
-    The curve is shifted if Draco's median bits per point at the first rate are more than `TWICE`
-    those on objects, on every set of scans; in the thesis they are 175 times as many. Duplicates
-    explain the shift if the share of points with a duplicate at that rate is higher on scans by
+    On scans Draco's median bits per point at the first rate are more than `TWICE` those on objects
+    (in the thesis 175 times), and the share of points with a duplicate is higher by
     `MORE_DUPLICATES`.
     """
     if DRACO not in evidence.codecs:
@@ -62,10 +61,10 @@ def draco_shifted_by_duplicates(evidence: Evidence) -> list[Part]:
 
 
 def elongation_has_no_effect(evidence: Evidence) -> list[Part]:
-    """Claim 13: the elongation of a room has no visible effect.
+    """Test claim 13.
 
-    The absolute value of Spearman's correlation of elongation and CD, median over the rates, is
-    below `VISIBLE` for each codec of the thesis, on each set of at least `MIN_ROOMS` rooms.
+    For each codec, on each set of at least `MIN_ROOMS` rooms, the absolute value of Spearman's
+    correlation of elongation and CD, median over the rates, is below `VISIBLE`.
     """
     table = evidence.metrics
     rooms = [
@@ -89,10 +88,10 @@ def elongation_has_no_effect(evidence: Evidence) -> list[Part]:
 
 
 def scans_have_alike_counts(evidence: Evidence) -> list[Part]:
-    """Claim 14: scans have a narrower spread of point counts than raw rooms, and a higher median.
+    """Test claim 14.
 
-    The interquartile range of each set of scans is below that of the recorded rooms, its median
-    above. Sampled rooms do not count, since their number of points is a setting.
+    The interquartile range of scans is below that of recorded rooms, the median above. Sampled
+    rooms do not count, since their number of points is a setting.
     """
     table = evidence.clouds
     counts = {} if table is None else dict(iter(table.groupby("dataset")["points"]))
@@ -131,10 +130,7 @@ def _has_enough_rooms(table: pd.DataFrame | None, dataset: str) -> bool:
 
 
 def _correlation(rows: pd.DataFrame) -> float:
-    """Return Spearman's correlation of elongation and CD, median over the rates.
-
-    It is 0 if one of them is constant at every rate.
-    """
+    """Return Spearman's correlation, median over the rates; 0 if a variable is constant."""
     correlations = [
         float(part[["elongation", "cd_plane"]].rank().corr().to_numpy(dtype=float)[0, 1])
         for _, part in rows.groupby("rate")
@@ -144,10 +140,7 @@ def _correlation(rows: pd.DataFrame) -> float:
 
 
 def _duplicates(evidence: Evidence, dataset: str) -> float:
-    """Return the share of duplicates among Draco's points at its first rate, median over clouds.
-
-    It is NaN if the results have no counts.
-    """
+    """Return the median share of duplicates in Draco's clouds at its first rate, or NaN."""
     table = evidence.metrics
     if table is None or not {"points_b", "points_out"} <= set(table):
         return float("nan")

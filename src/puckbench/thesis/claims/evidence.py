@@ -1,4 +1,4 @@
-"""Evidence for the claims: the tables of a run, and the roles of its data sets and codecs."""
+"""Evidence for the claims."""
 
 from __future__ import annotations
 
@@ -36,14 +36,10 @@ class Evidence:
 
     Parameters
     ----------
-    metrics, clouds, residual_statistics, thesis_numbers, incidence_effect
-        Tables of a run, as in ``results/tables``; None for a missing one.
     datasets
-        Role of each data set, one of `roles.DATASETS`.
-    codecs
-        Codec of the run for each role.
-    stand_ins
-        Codec that is based on the codec of a role, for each role.
+        Role of each data set.
+    codecs, stand_ins
+        For each role the codec that has it, and the codec that is based on the thesis's.
     of_medians
         Whether the rows of `metrics` are medians over an unknown number of clouds.
     """
@@ -59,16 +55,16 @@ class Evidence:
     of_medians: bool = False
 
     def with_stand_ins(self) -> Evidence:
-        """Return evidence in which stand-ins take the roles that no codec has."""
+        """Return evidence in which stand-ins have the roles of absent codecs."""
         return replace(self, codecs={**self.stand_ins, **self.codecs})
 
     def stand_in(self, role: str) -> str:
-        """Return the title of the stand-in that has a role; empty if there is none."""
+        """Return the title of the stand-in in a role, if there is one."""
         codec = self.codecs.get(role)
         return codec_style(codec).title if codec and codec == self.stand_ins.get(role) else ""
 
     def with_role(self, *roles: str) -> list[str]:
-        """Return the data sets with results that have one of some roles."""
+        """Return the measured data sets with one of some roles."""
         return [
             name
             for name, role in self.datasets.items()
@@ -81,10 +77,9 @@ class Evidence:
 
     @cached_property
     def medians(self) -> pd.DataFrame:
-        """Medians over clouds by data set, codec and rate.
+        """Medians over clouds.
 
-        Columns: ``dataset``, ``codec`` (its role), ``rate``, ``number`` (position of the rate) and
-        `MEASURED`, with NaN for missing values.
+        Columns: ``dataset``, ``codec`` (role), ``rate``, ``number`` (of the rate) and `MEASURED`.
         """
         import pandas as pd
 
@@ -101,7 +96,7 @@ class Evidence:
         return medians.assign(number=medians["rate"].map(places))
 
     def clouds_of(self, datasets: Iterable[str], *codecs: str) -> int:
-        """Count the clouds that all of some codecs, given by their roles, have coded."""
+        """Count the clouds that all codecs (roles) have coded."""
         if self.metrics is None:
             return 0
         rows = self.metrics[self.metrics["dataset"].isin(list(datasets))]
@@ -113,9 +108,9 @@ class Evidence:
         return self.of_medians or self.clouds_of(datasets, *codecs) >= MIN_CLOUDS
 
     def calls(self, codec: str) -> int:
-        """Return the least number of valid timed calls of a codec for a rate and data set.
+        """Return the least number of valid timed calls for a rate and data set.
 
-        Calls are valid if they were repeated `MIN_REPEATS` times or ran alone on the machine.
+        Calls are valid if repeated `MIN_REPEATS` times or alone on the machine.
         """
         if self.metrics is None:
             return 0
@@ -129,10 +124,7 @@ class Evidence:
         return int(valid.groupby([rows["dataset"], rows["rate"]]).sum().min())
 
     def rates(self, dataset: str, codec: str, column: str) -> Floats:
-        """Return the medians of a column of `MEASURED`, (n,), from the first to the last rate.
-
-        The codec is given by its role. Rates without a value are left out.
-        """
+        """Return the medians of a column, (n,), by rate; rates without a value are left out."""
         rows = self.medians
         rows = rows[(rows["dataset"] == dataset) & (rows["codec"] == codec)]
         return rows.sort_values("number")[column].dropna().to_numpy(dtype=float)
@@ -140,15 +132,13 @@ class Evidence:
     def at_equal_rate(self, dataset: str, tested: str, base: str, column: str) -> pd.DataFrame:
         """Return the ratios of one codec's medians to another's at equal bits per point.
 
-        The codecs are given by their roles. Values of `base` are interpolated linearly in the
-        logarithms of bits and value, never extrapolated.
+        Values of `base` are interpolated linearly in the logarithms of bits and value.
 
         Returns
         -------
         pd.DataFrame
             Columns ``bpp`` (ascending) and ``ratio``. It is empty if a curve has fewer than
-            `MIN_RATES` rates, or fewer than `MIN_COMMON_RATES` of `tested` lie in the range of
-            `base`.
+            `MIN_RATES` rates, or fewer than `MIN_COMMON_RATES` of `tested` in the range of `base`.
         """
         import pandas as pd
 
@@ -164,7 +154,6 @@ class Evidence:
         return pd.DataFrame({"bpp": curve["bpp"], "ratio": curve[column] / np.exp(base_logs)})
 
     def _curve(self, dataset: str, codec: str, column: str) -> pd.DataFrame:
-        """Return the positive medians of bpp and a column, by ascending bpp."""
         rows = self.medians
         rows = rows[(rows["dataset"] == dataset) & (rows["codec"] == codec)]
         rows = rows[["bpp", column]].dropna()

@@ -60,11 +60,11 @@ TIME_NEEDS = (
 
 
 def improves_and_levels_off(evidence: Evidence) -> list[Part]:
-    """Claim 6: CD improves with the rate for all codecs, and all but Draco level off.
+    """Test claim 6.
 
-    A codec improves if its median CD is lower at the last rate than at the first on every data set.
-    It levels off if CD falls by less than `TWICE` over the upper half of the rates on every data
-    set; Draco does not if CD falls by at least as much on every data set.
+    A codec improves if its median CD is lower at the last rate than at the first, on every data
+    set. It levels off if CD falls by less than `TWICE` over the upper half of the rates, on every
+    data set. Draco does not level off if CD falls by more, on every data set.
     """
     parts = []
     for codec in (*CLASSICAL, *LEARNED):
@@ -85,17 +85,17 @@ def improves_and_levels_off(evidence: Evidence) -> list[Part]:
 
 
 def learned_match_at_low_rates(evidence: Evidence) -> list[Part]:
-    """Claim 7: at low rates the learned codecs match or beat the classical ones.
+    """Test claim 7.
 
     A learned codec matches a classical one if the ratio of their CDs at equal bits per point has a
-    median of at most `ONE_DB` over the lower half of its rates, on every data set. Only rates in
-    the other codec's range count. A codec of ours that is based on an absent one stands in for it.
+    median of at most `ONE_DB` over the lower half of its rates, on every data set. A codec that is
+    based on an absent one stands in for it.
     """
     return _comparisons(evidence, "cd_plane", "matches", _lower_half, lambda ratio: ratio <= ONE_DB)
 
 
 def gpcc_wins_at_high_rates(evidence: Evidence) -> list[Part]:
-    """Claim 11: G-PCC beats the learned codecs once the bitrate rises.
+    """Test claim 11.
 
     At the learned codec's highest rate in G-PCC's range its CD is above G-PCC's at equal bits per
     point, on every data set. Stand-ins as for claim 7.
@@ -106,11 +106,11 @@ def gpcc_wins_at_high_rates(evidence: Evidence) -> list[Part]:
 
 
 def learned_lag_in_hausdorff(evidence: Evidence) -> list[Part]:
-    """Claim 8: in the Hausdorff distance the learned codecs lag, more so on scans.
+    """Test claim 8.
 
     A codec lags if the ratio of its squared distance to G-PCC's at equal bits per point has a
-    median over the rates above 1 on every data set. It lags more on scans if the least ratio on
-    scans is above the greatest on objects. Stand-ins as for claim 7.
+    median above 1 on every data set; more on scans if the least ratio there is above the greatest
+    on objects. Stand-ins as for claim 7.
     """
     evidence = evidence.with_stand_ins()
     column, bases = "hausdorff_sq_plane", (GPCC_AS_RUN, GPCC)
@@ -138,11 +138,11 @@ def learned_lag_in_hausdorff(evidence: Evidence) -> list[Part]:
 
 
 def time_grows(evidence: Evidence) -> list[Part]:
-    """Claim 9: times grow with the rate for Draco, G-PCC and PCGCv1, hardly for PCGCv2, G-PCC most.
+    """Test claim 9.
 
-    Growth is the time at the last rate over the time at the first, median over encoding, decoding
-    and data sets. "Hardly" means at most `MUCH_LESS_AFFECTED`. A codec needs `MIN_CALLS` valid
-    calls for each rate and data set (`Evidence.calls`).
+    Growth is the time at the last rate over that at the first, median over encoding, decoding and
+    data sets. PCGCv2's is at most `MUCH_LESS_AFFECTED`, the others' are above, G-PCC's is the
+    greatest. A codec needs `MIN_CALLS` valid calls.
     """
     parts, growths, samples = [], {}, []
     for codec in (DRACO, GPCC_AS_RUN, GPCC, PCGCV1, PCGCV2):
@@ -171,11 +171,10 @@ def time_grows(evidence: Evidence) -> list[Part]:
 
 
 def alike_on_all_data(evidence: Evidence) -> list[Part]:
-    """Claim 10: CD behaves alike on S3DIS, its scans and CAPOD.
+    """Test claim 10.
 
-    A codec behaves alike if the ratio of the greatest to the least median CD of the data sets at a
-    rate has a median over the rates below `TWICE`. The data sets must include scans and another
-    kind.
+    The ratio of the greatest to the least median CD of the data sets has a median over the rates
+    below `TWICE`. There must be scans and another kind of data set.
     """
     measured_datasets = evidence.measured_datasets & set(evidence.datasets)
     kinds = {evidence.datasets[name] for name in measured_datasets}
@@ -198,7 +197,6 @@ def alike_on_all_data(evidence: Evidence) -> list[Part]:
 
 
 def _untested(evidence: Evidence, codec: str) -> Part:
-    """Return a part that lacks the codec or enough of its results."""
     if codec not in evidence.codecs:
         return untested(CODEC_NEEDS[codec])
     return untested(f"{MIN_RATES} rates and {MIN_CLOUDS} clouds or more of {TITLES[codec]}")
@@ -207,7 +205,6 @@ def _untested(evidence: Evidence, codec: str) -> Part:
 def _sample(
     evidence: Evidence, datasets: Iterable[str], codecs: Sequence[str], rates: Iterable[int] = ()
 ) -> str:
-    """Return the numbers of clouds and of rates that codecs were measured on."""
     if evidence.of_medians:
         return ""
     counts = list(rates) or [
@@ -220,7 +217,7 @@ def _sample(
 
 
 def _curves(evidence: Evidence, codec: str, column: str) -> list[Floats]:
-    """Return the medians by rate for each data set with enough rates, if clouds suffice."""
+    """Return the medians by rate of each data set; none if rates or clouds are too few."""
     if codec not in evidence.codecs or not evidence.has_enough_clouds(evidence.datasets, codec):
         return []
     curves = [evidence.rates(name, codec, column) for name in evidence.datasets]
@@ -228,7 +225,7 @@ def _curves(evidence: Evidence, codec: str, column: str) -> list[Floats]:
 
 
 def _time_ratios(evidence: Evidence, codec: str) -> list[float]:
-    """Return times at the last rate over those at the first, by call and data set."""
+    """Return times at the last rate over those at the first."""
     curves = [
         curve for column in ("encode_s", "decode_s") for curve in _curves(evidence, codec, column)
     ]
@@ -243,10 +240,7 @@ def _comparisons(
     holds: Callable[[float], bool],
     bases: Sequence[str] = CLASSICAL,
 ) -> list[Part]:
-    """Return a part for each learned codec and each base.
-
-    It holds if `holds` is true of the `summary` of the ratios of every data set.
-    """
+    """Return a part for each learned codec and base: whether all data sets' ratios hold."""
     evidence, parts = evidence.with_stand_ins(), []
     for codec in LEARNED:
         for base in bases:
@@ -269,7 +263,7 @@ def _comparisons(
 def _ratios(
     evidence: Evidence, codec: str, base: str, column: str, datasets: Sequence[str]
 ) -> dict[str, Floats]:
-    """Return the ratios at equal bits per point by data set; none if there are too few clouds."""
+    """Return the ratios at equal bits per point by data set; none if clouds are too few."""
     tables = {name: evidence.at_equal_rate(name, codec, base, column) for name in datasets}
     ratios = {
         name: table["ratio"].to_numpy(dtype=float) for name, table in tables.items() if len(table)

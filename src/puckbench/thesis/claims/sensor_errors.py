@@ -36,10 +36,10 @@ STUDY = "the sensor study (sensor_study)"
 
 
 def real_spread(evidence: Evidence) -> list[Part]:
-    """Claim 1: real residuals have mean 0.00 and std 0.014 m, walls and floors alike.
+    """Test claim 1.
 
-    On each kind of surface in captures, mean and standard deviation are equal to these numbers
-    when rounded as the thesis prints them.
+    Mean and standard deviation of captures' residuals, on walls and on floors, round to the values
+    that the thesis prints.
     """
     if not len(_row(evidence, REAL)):
         return [untested(CAPTURES)]
@@ -58,11 +58,11 @@ def real_spread(evidence: Evidence) -> list[Part]:
 
 
 def default_noise_too_wide(evidence: Evidence) -> list[Part]:
-    """Claim 2: the HDL-64E's noise is far too wide for a VLP-16.
+    """Test claim 2.
 
-    The standard deviation of its residuals is more than `FAR_TOO_WIDE` times the real sensor's (of
-    captures, else 0.0138 m), and its earth mover's distance to the real distribution is greater
-    than that of the model `vlp16`.
+    The standard deviation of its residuals is more than `FAR_TOO_WIDE` times the real one (of
+    captures, else 0.0138 m), and their earth mover's distance to the real distribution is greater
+    than that of `vlp16`.
     """
     wide, real = _std(evidence, "hdl64e"), _std(evidence, REAL) or REAL_STD_M
     if wide is None:
@@ -80,10 +80,10 @@ def default_noise_too_wide(evidence: Evidence) -> list[Part]:
 
 
 def divergence_is_negligible(evidence: Evidence) -> list[Part]:
-    """Claim 3: beam divergence changes next to nothing, at 5 m and at 30 m.
+    """Test claim 3.
 
-    The residuals' standard deviations with and without it differ by at most `ALMOST_NO_DIFFERENCE`,
-    or by less than their 95 % intervals, combined in quadrature.
+    The standard deviations with and without divergence differ by at most `ALMOST_NO_DIFFERENCE`, or
+    by less than their 95 % intervals, combined in quadrature.
     """
     parts = []
     for distance in ("5", f"{FAR_M:g}"):
@@ -105,11 +105,11 @@ def divergence_is_negligible(evidence: Evidence) -> list[Part]:
 
 
 def incidence_not_modelled(evidence: Evidence) -> list[Part]:
-    """Claim 4: a variance that rises with incidence does not raise the residuals as a real floor.
+    """Test claim 4.
 
-    From the first to the last bin of incidence the range error of the model `vlp16_incidence`
-    rises, but the logarithm of its distance to the true surface rises by less than half as much as
-    that of the real residuals (0.0118 to 0.0246 m, Figure 5.15).
+    From the first to the last bin of incidence the range error of `vlp16_incidence` rises, but the
+    logarithm of its distance to the true surface rises by less than half as much as that of the
+    real residuals (Figure 5.15).
     """
     table = evidence.incidence_effect
     rows = None if table is None else table[table["model"] == "vlp16_incidence"]
@@ -132,12 +132,11 @@ def incidence_not_modelled(evidence: Evidence) -> list[Part]:
 
 
 def no_dependence_on_distance_or_laser(evidence: Evidence) -> list[Part]:
-    """Claim 5: the noise depends neither on the distance from 1 to 5 m nor on the laser.
+    """Test claim 5.
 
-    On walls and on floors, the ratio of a group's standard deviation to the groups' median lies
-    between 1 / `FLAT` and `FLAT`, where the groups are distances or lasers with at least
-    `MIN_RESIDUALS`. This is tested on the model `vlp16_divergence`, which the thesis chose, and on
-    the lasers of captures, whose planes at different distances are different planes.
+    The standard deviations at all distances, and of all lasers, are within a factor of `FLAT` of
+    their median, on walls and on floors. This is tested on `vlp16_divergence`, which the thesis
+    chose, and on the lasers of captures, in which each distance is another plane.
     """
     model = "vlp16_divergence"
     parts = [
@@ -170,7 +169,7 @@ def _flatness(evidence: Evidence, model: str, key: str) -> list[Part]:
 
 
 def _groups(evidence: Evidence, model: str, surface: str, key: str) -> pd.DataFrame:
-    """Return the statistics for each value of one key, over all values of the other."""
+    """Return the statistics by one key, over all values of the other."""
     other = "laser_id" if key == "distance_m" else "distance_m"
     rows = _rows(evidence, model, **{"surface": surface, other: ALL})
     if rows.empty:
@@ -194,7 +193,7 @@ def _rows(evidence: Evidence, model: str, **keys: str) -> pd.DataFrame:
 
 
 def _row(evidence: Evidence, model: str, **keys: str) -> pd.DataFrame:
-    """Return the row of these keys, over all values of the other keys; empty if there is none."""
+    """Return the row of some keys, over all values of the others; empty if there is none."""
     return _rows(evidence, model, **{"surface": ALL, "distance_m": ALL, "laser_id": ALL, **keys})
 
 

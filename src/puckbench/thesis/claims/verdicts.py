@@ -1,4 +1,4 @@
-"""The parts of a claim, and the verdict that follows from them."""
+"""Parts of claims and verdicts."""
 
 from __future__ import annotations
 
@@ -33,16 +33,15 @@ class Part:
 
 
 def untested(need: str) -> Part:
-    """Return a part that the run cannot test for lack of `need`."""
+    """Return a part that cannot be tested for lack of `need`."""
     return Part("", None, need)
 
 
 def verdict(parts: Sequence[Part]) -> str:
-    """Return the verdict on a claim.
+    """Return the verdict on a claim, with the titles of stand-ins.
 
     It is `HOLDS` if all parts were tested and hold, `FAILS` if no tested part holds, `UNTESTED`
-    with the needs if no part was tested, else `IN_PART`. Stand-ins for the thesis's codecs are
-    named.
+    with the needs if no part was tested, else `IN_PART`.
     """
     tested = [part.holds for part in parts if part.holds is not None]
     if not tested:
@@ -62,12 +61,10 @@ def _stand_ins_text(parts: Sequence[Part]) -> str:
 
 
 def needs_text(parts: Sequence[Part]) -> str:
-    """Return the needs of the untested parts, each once."""
     return "; ".join(dict.fromkeys(part.measured for part in parts if part.holds is None))
 
 
 def results_text(parts: Sequence[Part]) -> str:
-    """Return for each tested part whether it holds, the measured values and the sample."""
     return "; ".join(
         f"{part.statement}: {'yes' if part.holds else 'no'} ({part.measured})"
         f"{f' [{part.sample}]' if part.sample else ''}"

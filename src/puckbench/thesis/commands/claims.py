@@ -1,4 +1,4 @@
-"""`puckbench claims`: the thesis's claims and the verdicts of a run on them, for a terminal."""
+"""`puckbench claims`: show the verdicts of a run on the thesis's claims."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     "claims", arguments=arguments, help="show the verdicts of a run on the thesis's claims"
 )
 def run(options: argparse.Namespace) -> dict[str, Any]:
-    """Read the table of claims; return its rows, for a terminal as text by their numbers."""
+    """Return the rows of the table, for a terminal as text by number."""
     from puckbench.io.tables import read_table
 
     path = options.results
@@ -42,7 +42,6 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def _lines(row: dict[str, str]) -> Iterator[str]:
-    """Lines of a claim's row, as wide as a terminal."""
     yield from _wrapped("", f"{row['claim']} ({row.get('section', '')})")
     yield from _wrapped("    ", row["verdict"].upper() if row["here"] else row["verdict"])
     for part in filter(None, row["here"].split("; ")):

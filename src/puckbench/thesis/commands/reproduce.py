@@ -1,4 +1,4 @@
-"""`puckbench reproduce`: the state of the thesis's figures and tables, and how to make them."""
+"""`puckbench reproduce`: list the thesis's figures and tables."""
 
 from __future__ import annotations
 
@@ -49,7 +49,6 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     help="list the thesis's figures and tables, and how to make those that are missing",
 )
 def run(options: argparse.Namespace) -> dict[str, Any]:
-    """Return the checklist, or with --estimate the core-hours of a whole run."""
     from puckbench.thesis.checklist import Reproduction
 
     changes = {"stand_in": True} if options.stand_in else {}
@@ -72,7 +71,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def _pending(reproduction: Reproduction) -> list[tuple[str, str]]:
-    """Return file and rule of all that Snakemake would make; raise InputError if it fails."""
+    """Return file and rule of all that Snakemake would make."""
     words = [sys.executable, "-m", *reproduction.command("--summary")]
     words += ["--snakefile", str(reproduction.snakefile)]
     process = subprocess.run(words, capture_output=True, text=True, check=False)
@@ -84,7 +83,7 @@ def _pending(reproduction: Reproduction) -> list[tuple[str, str]]:
 
 
 def _jobs_by_rule(pending: list[tuple[str, str]], results: Path) -> dict[str, int]:
-    """Count jobs by rule; the files of one job have the same name below their folders."""
+    """Count jobs by rule; files of one job have one name below their folders."""
     names = {
         (rule, Path(file).relative_to(results).with_suffix("").parts[1:]) for file, rule in pending
     }
@@ -92,7 +91,6 @@ def _jobs_by_rule(pending: list[tuple[str, str]], results: Path) -> dict[str, in
 
 
 def _estimated(reproduction: Reproduction, run_folder: Path) -> dict[str, Any]:
-    """Return core-hours by job and codec, with the measurements that they rest on."""
     from puckbench.planning.job_times import estimated, read_job_times
     from puckbench.planning.stages import job_kinds
 
@@ -141,6 +139,6 @@ def _line(group: list[Estimate]) -> str:
 
 
 def _sample(measured: list[Estimate]) -> int:
-    """Count the measured jobs that the estimates of a codec rest on."""
+    """Count the jobs that the estimates of a codec rest on."""
     kinds = {(each.kind.truth, each.kind.rates): each.measured for each in measured}
     return sum(kinds.values())

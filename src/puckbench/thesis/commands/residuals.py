@@ -1,4 +1,4 @@
-"""`puckbench residuals`: plane residuals of virtual scans (thesis Procedure 1) or of a capture."""
+"""`puckbench residuals`: plane residuals of virtual scans or of a capture."""
 
 from __future__ import annotations
 
@@ -51,7 +51,6 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     help="scan a wall and a floor: distances of the points from fitted planes",
 )
 def run(options: argparse.Namespace) -> dict[str, Any]:
-    """Write the residual table; return statistics of the residuals."""
     from puckbench.jobs.capture_residuals import CaptureResiduals
     from puckbench.thesis.jobs.residuals import Residuals
 
@@ -64,7 +63,6 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def _lines(summary: dict[str, Any]) -> dict[str, Any]:
-    """Return one line for each number, each plane, and each rejected plane."""
     lines = {name: value for name, value in summary.items() if not isinstance(value, (dict, list))}
     start, end = summary["still_s"]
     lines["still"] = f"{start:.3f} to {end:.3f} s"

@@ -1,4 +1,4 @@
-"""`puckbench wall`: points of virtual scans of a wall and a floor (thesis Figures 5.2-5.9)."""
+"""`puckbench wall`: points of virtual scans of a wall and a floor."""
 
 from __future__ import annotations
 
@@ -34,7 +34,6 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     "wall", arguments=arguments, help="scan a wall and a floor: the points, in the wall's frame"
 )
 def run(options: argparse.Namespace) -> dict[str, Any]:
-    """Scan and write the points."""
     from puckbench.thesis.jobs.wall_points import WallPoints
 
     settings = selected(options, "model", "model_options", "seed", "keep", "distances")

@@ -1,1 +1,1 @@
-"""Figures of the thesis, and figures that set its numbers beside ours."""
+"""Figures of the thesis and of its comparison with a run."""

@@ -1,4 +1,4 @@
-"""Medians per rate of the thesis (its Figure 6.5) and of a run."""
+"""Medians per rate beside those of thesis Figure 6.5."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ _WIDE, _FAINT = 4.5, 0.35
     category="Findings",
 )
 def draw_beside_thesis(thesis_medians: pd.DataFrame, style: FigureStyle) -> Figure:
-    """Medians per compression rate of the thesis's Figure 6.5 (wide lines) and of this run.
+    """Medians per compression rate of thesis figure 6.5 (wide lines) and of this run.
 
-    The thesis has one G-PCC, which truncates coordinates. With other data sets than the thesis's,
-    the curves have comparable shapes, but not heights.
+    The thesis's G-PCC truncates coordinates. Curves of other data sets than the thesis's differ in
+    height, not in shape.
     """
     columns = ("thesis", "here")
     require_rows(thesis_medians, ("dataset", "codec", "rate", "quantity", *columns), "medians")

@@ -1,4 +1,4 @@
-"""Distortion against the elongation of the cloud (thesis section 6.1.6)."""
+"""Distortion against the elongation of clouds (thesis section 6.1.6)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Example clouds: an object, a raw room, and a room in three versions (thesis Figures 6.1-6.3)."""
+"""Example clouds (thesis Figures 6.1 to 6.3)."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def draw_object(example_object: PointCloud, style: FigureStyle) -> Figure:
     """An object as the codecs get it, in metres (thesis figure 6.1).
 
     Colour: height above the lowest point. Brightness: direction of the surface. Orthographic
-    projection; the bar shows the scale in the plane of the picture.
+    projection; the bar shows the scale.
     """
     return _draw({"": _in_metres(example_object)}, style)
 
@@ -44,9 +44,8 @@ def draw_object(example_object: PointCloud, style: FigureStyle) -> Figure:
 def draw_raw_room(example_raw: PointCloud, style: FigureStyle) -> Figure:
     """A raw room as the codecs get it, in metres (thesis figure 6.2).
 
-    The picture leaves out the upper fifth and the two near walls, to show the inside. Colour:
-    height above the floor. Brightness: direction of the surface. Orthographic projection; the bar
-    shows the scale in the plane of the picture.
+    The upper fifth and the two near walls are left out, to show the inside. Colours and scale as in
+    figure 6.1.
     """
     return _draw({"": _opened(_in_metres(example_raw))}, style)
 
@@ -65,8 +64,7 @@ def draw_room_versions(
 ) -> Figure:
     """One room (a) raw, (b) scanned without noise and (c) scanned with noise (thesis figure 6.3).
 
-    View and colours as in figure 6.2, equal in all panels. White areas in (b) and (c) are hidden
-    from the sensor by furniture.
+    View and colours as in figure 6.2. White areas in (b) and (c) are hidden from the sensor.
     """
     versions = {
         "(a) Raw": example_raw,
@@ -78,8 +76,6 @@ def draw_room_versions(
 
 @dataclass(frozen=True)
 class _Frame:
-    """View, aspect (width / height) and height range of all panels of a figure."""
-
     view: View
     aspect: float
     floor: float
@@ -118,7 +114,7 @@ def _draw(clouds: Mapping[str, PointCloud], style: FigureStyle) -> Figure:
 
 
 def _frame(clouds: list[Floats]) -> _Frame:
-    """Return an orthographic view from above that contains 99.9 % of every cloud per axis."""
+    """Return an orthographic view of 99.9 % of every cloud along each axis."""
     from puckbench.geometry.rendering import View
 
     ends = [np.quantile(points, [0.0005, 0.9995], axis=0) for points in clouds]
@@ -137,7 +133,6 @@ def _frame(clouds: list[Floats]) -> _Frame:
 
 
 def _picture(cloud: PointCloud, frame: _Frame, pixels: tuple[int, int]) -> Image:
-    """Render points coloured by height, as discs large enough to close the surfaces."""
     from puckbench.geometry.rendering import render_cloud
 
     span = max(frame.top - frame.floor, 1e-9)
@@ -158,7 +153,7 @@ def _colour_map() -> Colormap:
 
 
 def _light(cloud: PointCloud, view: View) -> Floats:
-    """Return the brightness of each point, (n,), from its unsigned normal; 1 without normals."""
+    """Return the brightness of each point, (n,), from its unsigned normal."""
     if cloud.normals is None:
         return np.ones(len(cloud))
     right, up, forward = view.axes()
@@ -167,7 +162,6 @@ def _light(cloud: PointCloud, view: View) -> Floats:
 
 
 def _show(axes: Axes, picture: Image, frame: _Frame, unit: str) -> None:
-    """Show a picture without axes, and a scale bar below."""
     height, width, _ = picture.shape
     axes.imshow(picture, interpolation="none")
     axes.set_axis_off()

@@ -1,4 +1,4 @@
-"""Diagrams of the sweep (thesis Figure 5.1) and of incidence and residual (Figure 5.21)."""
+"""Diagrams of the sweep (thesis Figure 5.1) and of the plane residual (Figure 5.21)."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ _ERROR_M = 0.75
 def draw_sweep(style: FigureStyle) -> Figure:
     """The sweep of a single scan, seen from the side (thesis figure 5.1).
 
-    The sensor, 1 m above the floor, pitches from -60° to +60° in front of a wall at 1 to 5 m. Five
-    of the sixteen rays are drawn at three pitches.
+    The sensor pitches from -60° to +60°, 1 m above the floor and 1 to 5 m from a wall. Five of the
+    sixteen rays are drawn at three pitches.
     """
     figure, axes = _canvas(2.6, style)
     sweep = Sweep()
@@ -52,11 +52,7 @@ def draw_sweep(style: FigureStyle) -> Figure:
 
 
 def ray_end(angle: float) -> Floats:
-    """Return where a ray with an angle above the horizon (radians) ends, (2,), in m.
-
-    Rays end on the wall or the floor; those above the wall have a fixed length. The sensor is 1 m
-    above the floor, and 3 m from the wall, which is 2.2 m high.
-    """
+    """Return where a ray with an angle above the horizon (radians) ends, (2,), in m."""
     direction = np.array([np.cos(angle), np.sin(angle)])
     start = np.array([0.0, _SENSOR_HEIGHT_M])
     to_wall = _WALL_M / direction[0] if direction[0] > 1e-9 else np.inf
@@ -68,7 +64,6 @@ def ray_end(angle: float) -> Floats:
 
 
 def _draw_turn(axes: Axes, sweep: Sweep) -> None:
-    """Draw the arc of the sensor's axis, with an arrow at its end."""
     angles = np.radians(np.linspace(sweep.pitch_start_deg, sweep.pitch_end_deg, 60))
     x, z = 0.75 * np.cos(angles), _SENSOR_HEIGHT_M + 0.75 * np.sin(angles)
     axes.plot(x, z, color="black", linewidth=0.9, zorder=3)
@@ -105,8 +100,8 @@ def _signed(angle_deg: float) -> str:
 def draw_incidence_geometry(style: FigureStyle) -> Figure:
     """Two returns from a floor with the same range error e (thesis figure 5.21).
 
-    The plane residual (red) is d = e cos(theta). It is smaller for the larger angle of incidence
-    theta, so that noise along the ray cannot widen residuals at large angles.
+    The plane residual (red) is d = e cos(theta), so that noise along the ray cannot widen residuals
+    at large angles of incidence theta.
     """
     figure, axes = _canvas(2.1, style)
     axes.plot([-0.9, 4.3], [0, 0], **_SURFACE)
@@ -120,12 +115,10 @@ def draw_incidence_geometry(style: FigureStyle) -> Figure:
 
 
 def residual_of(error_m: float, incidence_rad: float) -> float:
-    """Return the plane residual, m, of a return with a range error: e cos(theta) (section 5.6)."""
     return error_m * float(np.cos(incidence_rad))
 
 
 def _draw_sample(axes: Axes, index: int, incidence: float) -> None:
-    """Draw a ray, its true and its noisy point, the residual and the angle of incidence."""
     hit = np.array([_EYE[0] - _EYE[1] * np.tan(incidence), 0.0])
     along = np.array([-np.sin(incidence), -np.cos(incidence)])
     noisy = hit + _ERROR_M * along
@@ -144,7 +137,6 @@ def _draw_sample(axes: Axes, index: int, incidence: float) -> None:
 
 
 def _draw_angle(axes: Axes, hit: Floats, incidence: float, text: str) -> None:
-    """Draw the labelled arc between the floor's normal and the ray."""
     angles = np.linspace(0, incidence, 30)
     radius = 0.6
     axes.plot(hit[0] + radius * np.sin(angles), radius * np.cos(angles), "k-", linewidth=0.7)

@@ -1,4 +1,4 @@
-"""G-PCC by the scale of its grid: dyadic scales, truncation and contexts."""
+"""G-PCC by the scale of its grid."""
 
 from __future__ import annotations
 
@@ -47,9 +47,8 @@ _MARKERS = ("o", "s", "^", "D", "P", "v", "X")
 def draw_scales(gpcc_scales: pd.DataFrame, style: FigureStyle) -> Figure:
     """G-PCC's bits per point and Chamfer distance (point-to-point) against the scale of its grid.
 
-    Medians over clouds. Small markers: scales that are not powers of two. With rounded coordinates
-    the distance falls with every scale; with truncated ones it rises from 1/2 to 5/8. Not in the
-    thesis.
+    Medians over clouds; small markers: scales that are not powers of two. With truncated
+    coordinates the distance rises from 1/2 to 5/8. Not in the thesis.
     """
     require_rows(gpcc_scales, (*_COLUMNS, "bpp", "cd_point"), "scales")
     datasets = style.ordered_datasets(gpcc_scales["dataset"])
@@ -81,9 +80,8 @@ def draw_scales(gpcc_scales: pd.DataFrame, style: FigureStyle) -> Figure:
 def draw_rounding(gpcc_scales: pd.DataFrame, style: FigureStyle) -> Figure:
     """Ratio of G-PCC's Chamfer distances (point-to-point) with truncated and rounded coordinates.
 
-    Medians and quartiles over clouds, at the same scale. The thesis truncated coordinates. At
-    powers of two up to 1/2 both grids are the same; at other scales truncation shifts the cloud.
-    Not in the thesis.
+    Medians and quartiles over clouds, at the same scale. Truncation, as in the thesis, shifts the
+    cloud except at powers of two up to 1/2. Not in the thesis.
     """
     label = "CD with truncated over CD with\nrounded coordinates"
     return _draw_ratio(gpcc_scales, "distortion", label, style)
@@ -98,9 +96,9 @@ def draw_rounding(gpcc_scales: pd.DataFrame, style: FigureStyle) -> Figure:
 def draw_contexts(gpcc_scales: pd.DataFrame, style: FigureStyle) -> Figure:
     """Ratio of G-PCC's bits with TMC13's default tools and with those of MPEG's test conditions.
 
-    Medians and quartiles over clouds, at the same scale. The thesis used the defaults, which lack
-    neighbours beyond the parent node and intra prediction; except at powers of two the truncation
-    of coordinates matters too. Not in the thesis.
+    Medians and quartiles over clouds, at the same scale. The defaults, as in the thesis, lack
+    neighbours beyond the parent node and intra prediction. Except at powers of two, truncated
+    coordinates matter too. Not in the thesis.
     """
     label = "Bits with TMC13's defaults over bits\nwith all contexts of neighbours"
     return _draw_ratio(gpcc_scales, "bits", label, style)
@@ -114,7 +112,6 @@ def _limits(table: pd.DataFrame, metric: PlottedMetric, style: FigureStyle) -> R
 
 
 def _draw_ratio(table: pd.DataFrame, name: str, label: str, style: FigureStyle) -> Figure:
-    """Draw the medians and quartiles of a ratio, one line per data set."""
     from matplotlib.figure import Figure
 
     columns = tuple(f"{name}_{suffix}" for suffix in ("q25", "median", "q75"))
@@ -149,7 +146,6 @@ def _draw(
     line: str,
     label: str = "_none",
 ) -> None:
-    """Draw a line over the scales, with small markers at scales that are not powers of two."""
     import matplotlib
 
     order = np.argsort(rows["scale"].to_numpy())

@@ -1,7 +1,4 @@
-"""Scans of a wall and a floor coloured by laser: thesis Figures 5.2 to 5.9, 5.16 and 5.17.
-
-They are drawn from tables of `puckbench.thesis.residuals.wall_points`.
-"""
+"""Scans of a wall and a floor coloured by laser: thesis Figures 5.2 to 5.9, 5.16 and 5.17."""
 
 from __future__ import annotations
 
@@ -44,9 +41,8 @@ _ROOM_VIEW = (40, 110)
 def draw_full_scan(scans: pd.DataFrame, style: FigureStyle) -> Figure:
     """All returns of one sweep 5 m from the wall, seen from behind the sensor (thesis figure 5.2).
 
-    Ceiling and side walls are removed before residuals are measured. Colour: elevation of the
-    laser. At most 60,000 random points, denser on the measured parts of wall and floor. The title
-    tells a capture from the virtual sensor, whose room is 5 m wide and 2.6 m high.
+    Colour: elevation of the laser. At most 60,000 random points, denser on wall and floor. The
+    virtual room is 5 m wide and 2.6 m high.
     """
     return _draw_space(_shown(scans, _FAR_M), _ROOM_VIEW, style)
 
@@ -71,9 +67,8 @@ def draw_wall(scans: pd.DataFrame, style: FigureStyle) -> Figure:
     "fig_5_5", title="Floor at 5 m, by laser", category="Sensor", number="5.5", needs=(at(5),)
 )
 def draw_floor(scans: pd.DataFrame, style: FigureStyle) -> Figure:
-    """The floor in front of the wall at 5 m, seen from above (thesis figure 5.5).
-
-    The sensor is on the right. Points as in figure 5.2.
+    """The floor in front of the wall at 5 m, from above, the sensor on the right (thesis figure
+    5.5). Points as in figure 5.2.
     """
     return _draw_plane(_shown(scans, _FAR_M, "floor"), "y_m", "x_m", True, style)
 
@@ -82,7 +77,7 @@ def draw_floor(scans: pd.DataFrame, style: FigureStyle) -> Figure:
     "fig_5_6", title="Wall at 5 m from the side", category="Sensor", number="5.6", needs=(at(5),)
 )
 def draw_wall_side(scans: pd.DataFrame, style: FigureStyle) -> Figure:
-    """The wall at 5 m, seen from the side with stretched depth (thesis figure 5.6).
+    """The wall at 5 m from the side, depth stretched (thesis figure 5.6).
 
     Each laser is offset by its bias. Points as in figure 5.2.
     """
@@ -101,9 +96,8 @@ def draw_wall_laser(scans: pd.DataFrame, style: FigureStyle) -> Figure:
     "fig_5_8", title="Floor at 5 m from the side", category="Sensor", number="5.8", needs=(at(5),)
 )
 def draw_floor_side(scans: pd.DataFrame, style: FigureStyle) -> Figure:
-    """The floor in front of the wall at 5 m, from the side, height stretched (thesis figure 5.8).
-
-    The sensor is on the right. Points as in figure 5.2.
+    """The floor in front of the wall at 5 m, from the side, the sensor on the right, height
+    stretched (thesis figure 5.8). Points as in figure 5.2.
     """
     return _draw_plane(_shown(scans, _FAR_M, "floor"), "y_m", "z_m", False, style)
 
@@ -126,9 +120,8 @@ def draw_floor_laser(scans: pd.DataFrame, style: FigureStyle) -> Figure:
     needs=(at(5),),
 )
 def draw_wall_models(scans: pd.DataFrame, style: FigureStyle) -> Figure:
-    """The wall at 5 m by error model, from the side, depth stretched (thesis figure 5.16).
-
-    All panels have the same scale. Points as in figure 5.2.
+    """The wall at 5 m by error model, from the side, depth stretched, all in one scale (thesis
+    figure 5.16). Points as in figure 5.2.
     """
     return _draw_models(_part(scans, _FAR_M, "wall"), style)
 
@@ -141,16 +134,13 @@ def draw_wall_models(scans: pd.DataFrame, style: FigureStyle) -> Figure:
     needs=(at(5),),
 )
 def draw_floor_models(scans: pd.DataFrame, style: FigureStyle) -> Figure:
-    """The floor in front of the wall at 5 m by error model, from the side, height stretched
-    (thesis figure 5.17).
-
-    All panels have the same scale; the sensor is on the right. Points as in figure 5.2.
+    """The floor in front of the wall at 5 m by error model, from the side, height stretched, all in
+    one scale (thesis figure 5.17). Points as in figure 5.2.
     """
     return _draw_models(_part(scans, _FAR_M, "floor"), style)
 
 
 def _part(scans: pd.DataFrame, distance_m: float, surface: str | None) -> pd.DataFrame:
-    """Return the rows of a distance and a surface, or raise InputError if there are none."""
     require_rows(scans, _COLUMNS, "scan")
     rows: NDArray[np.bool_] = np.abs(scans["distance_m"].to_numpy(dtype=float) - distance_m) < 0.05
     if surface is not None:
@@ -161,14 +151,13 @@ def _part(scans: pd.DataFrame, distance_m: float, surface: str | None) -> pd.Dat
 
 
 def _shown(scans: pd.DataFrame, distance_m: float, surface: str | None = None) -> pd.DataFrame:
-    """Return a sample of the capture's rows, or of the virtual sensor's if there is no capture."""
+    """Return a sample of the capture's rows, or without a capture of the virtual sensor's."""
     part = _part(scans, distance_m, surface)
     model = compared(part)[0]
     return subsample(part[part["model"] == model], SAMPLE, model)
 
 
 def _middle_laser(scan: pd.DataFrame) -> pd.DataFrame:
-    """Return the rows of the laser with the median elevation."""
     elevations = scan["elevation_deg"].to_numpy(dtype=float)
     lasers = np.unique(elevations)
     rows: NDArray[np.bool_] = elevations == lasers[len(lasers) // 2]
@@ -178,7 +167,6 @@ def _middle_laser(scan: pd.DataFrame) -> pd.DataFrame:
 def _draw_plane(
     scan: pd.DataFrame, across: str, upward: str, equal: bool, style: FigureStyle
 ) -> Figure:
-    """Draw a scan seen along an axis; `equal`: with the same scale on both axes."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(style.width_in or COLUMN_WIDTH_IN, 2.5))
@@ -197,7 +185,6 @@ def _draw_plane(
 def _draw_space(
     scan: pd.DataFrame, view_deg: tuple[float, float], style: FigureStyle, one_laser: bool = False
 ) -> Figure:
-    """Draw a scan in perspective; `one_laser`: only the middle laser, stretched to the axes."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(style.width_in or COLUMN_WIDTH_IN, 2.9))
@@ -223,7 +210,7 @@ def _draw_space(
 
 
 def _draw_models(part: pd.DataFrame, style: FigureStyle) -> Figure:
-    """Draw the thesis's models side by side; if none of them is in the table, all models."""
+    """Draw the thesis's models side by side, or all models if it has none of them."""
     from matplotlib.figure import Figure
 
     models = ordered_models(part["model"])

@@ -1,4 +1,4 @@
-"""Titles and colours of error models, their order, and their legend."""
+"""Titles, colours, order and legend of error models."""
 
 from __future__ import annotations
 
@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ModelStyle:
-    """Title and colour (#rrggbb) of an error model."""
-
     title: str
     colour: str
 
@@ -52,10 +50,7 @@ _OTHER_COLOURS = ("#44AA99", "#AA4499", "#8C6000", "#BB5566", "#5D4037", "#66CDA
 
 
 def model_style(model: str, style: FigureStyle) -> ModelStyle:
-    """Return the style of an error model, by default a title and a colour from its name.
-
-    Colours of the figure style take precedence.
-    """
+    """Return the style of an error model, with a default title and colour from its name."""
     found = MODEL_STYLES.get(model)
     if found is None and model in ERROR_MODELS:
         found = _registered(model)
@@ -68,14 +63,13 @@ def model_style(model: str, style: FigureStyle) -> ModelStyle:
 
 
 def ordered_models(models: Iterable[str]) -> list[str]:
-    """Return the distinct models in the order of `MODEL_STYLES`, then by name."""
     names = list(MODEL_STYLES)
     rank = {name: place for place, name in enumerate(names)}
     return sorted(set(models), key=lambda model: (rank.get(model, len(names)), model))
 
 
 def add_model_legend(figure: Figure, models: Sequence[str], style: FigureStyle) -> None:
-    """Add a legend of the models; without a capture it also explains the published values."""
+    """Add a legend of the models, and without a capture of the published values."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
@@ -95,6 +89,5 @@ def add_model_legend(figure: Figure, models: Sequence[str], style: FigureStyle) 
 
 
 def source_title(model: str, style: FigureStyle) -> str:
-    """Return the title of a model, marked as virtual unless it is `REAL`."""
     title = model_style(model, style).title
     return title if model == REAL else f"Virtual ({title})"

@@ -1,4 +1,4 @@
-"""Residuals of recorded walls and of error models on the same rays: densities and distances."""
+"""Residuals of recorded walls and of error models on the same rays."""
 
 from __future__ import annotations
 
@@ -37,9 +37,8 @@ def draw_verdict(
 ) -> Figure:
     """Plane residuals of walls in captures, and of error models drawn on the same rays.
 
-    Above: densities. Below: earth mover's distance of each model's distribution from the real one,
-    in mm, with its 95 % interval (bootstrap over walls and lasers). A sensor that follows the model
-    exceeds the grey bar with probability 5 %. The thesis chose beam divergence.
+    Above: densities. Below: earth mover's distance of each model from the real sensor, in mm, with
+    its 95 % interval. A sensor that follows the model exceeds the grey bar with probability 5 %.
     """
     from matplotlib.figure import Figure
 
@@ -59,7 +58,6 @@ def draw_verdict(
 
 
 def _draw_densities(axes: Axes, table: pd.DataFrame, models: list[str], style: FigureStyle) -> None:
-    """Draw the density of the real residuals as an area, and those of the models as lines."""
     real = residuals_of(table, REAL)
     reach = max(_REACH_SIGMAS * float(real.std()), _MIN_REACH_M)
     plot_style = model_style(REAL, style)
@@ -81,7 +79,6 @@ def _draw_densities(axes: Axes, table: pd.DataFrame, models: list[str], style: F
 
 
 def _draw_distances(axes: Axes, rows: pd.DataFrame, models: list[str], style: FigureStyle) -> None:
-    """Draw the distances of the models, the first on top, on a logarithmic axis."""
     for place, name in enumerate(models):
         value, low, high, chance = rows.loc[name, list(_DISTANCES[2:])].to_numpy(float) * 1e3
         colour = model_style(name, style).colour
@@ -103,7 +100,6 @@ def _draw_distances(axes: Axes, rows: pd.DataFrame, models: list[str], style: Fi
 
 
 def _limits(rows: pd.DataFrame) -> tuple[float, float]:
-    """Return limits, mm, that include the bars' ends and the largest distance's label."""
     lows = np.concatenate([rows["emd_low_m"].to_numpy(float), rows["chance_m"].to_numpy(float)])
     low = 0.6 * float(np.nanmin(lows)) * 1e3
     return max(low, 1e-3), 2.5 * float(rows["emd_high_m"].max()) * 1e3

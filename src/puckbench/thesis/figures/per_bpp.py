@@ -1,4 +1,4 @@
-"""Metrics against bits per point, one panel per data set (thesis Figures 6.6 to 6.9)."""
+"""Metrics against bits per point (thesis Figures 6.6 to 6.9)."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ def draw_chamfer(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
     """Chamfer distance (point-to-plane, squared grid units) against bits per point (thesis figure
     6.6).
 
-    A marker is the median of one of ten bins with equal numbers of results, by bits per point; with
-    few clouds, of one rate. Hollow markers on the lower edge: zero (lossless). Bits are those of
-    the geometry; the thesis's Draco also coded other attributes of the scans.
+    Markers: medians of ten bins with equal numbers of results, or with few clouds of each rate;
+    hollow on the lower edge: zero (lossless). Bits code the geometry; the thesis's Draco also coded
+    other attributes of scans.
     """
     return draw_data_sets(metrics, CD_PLANE, style)
 
@@ -60,8 +60,7 @@ def draw_hausdorff(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
 def draw_encoding_time(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
     """Encoding time in seconds against bits per point (thesis figure 6.8).
 
-    Markers as in figure 6.6. Times are those of calls inside a process; the thesis's are of whole
-    processes, with their start and the loading of weights.
+    Markers as in figure 6.6. Unlike the thesis's, times exclude the start of a process.
     """
     return draw_data_sets(metrics, ENCODE_TIME, style)
 

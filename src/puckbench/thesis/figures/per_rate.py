@@ -1,4 +1,4 @@
-"""Medians per compression rate: the grid of metrics and data sets of thesis Figure 6.5."""
+"""Medians per compression rate (thesis Figure 6.5)."""
 
 from __future__ import annotations
 
@@ -37,11 +37,11 @@ _ROWS = (CD_PLANE.within(1e-2, 1e4), HD_PLANE.within(1e-2, 1e4), ENCODE_TIME, DE
     "fig_6_5", title="Medians per compression rate", category="Results per rate", number="6.5"
 )
 def draw_medians_per_rate(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
-    """Medians over clouds at each compression rate (thesis figure 6.5).
+    """Medians over clouds at each compression rate, from the fewest bits (thesis figure 6.5).
 
     Chamfer and squared Hausdorff distance (point-to-plane, squared grid units), encoding and
-    decoding time in seconds. r1 has the fewest bits; the numbers of rates differ. Hollow markers on
-    the lower edge: zero (lossless). Unlike the thesis's, times exclude the start of a process.
+    decoding time in seconds. Hollow on the lower edge: zero (lossless). Unlike the thesis's, times
+    exclude the start of a process.
     """
     columns = tuple(quantity.column for quantity in _ROWS)
     require_rows(metrics, ("dataset", "codec", "rate", *columns), "metrics")
@@ -63,7 +63,6 @@ def draw_medians_per_rate(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
 def _draw_row(
     row: dict[str, Axes], metrics: pd.DataFrame, quantity: PlottedMetric, style: FigureStyle
 ) -> None:
-    """Draw the panels of one metric, by data set, with one y axis."""
     medians = medians_per_rate(metrics, quantity.column)
     rates = ordered_rates(set(metrics["rate"]))
     default = style.axis_range(quantity.column, quantity.limits)

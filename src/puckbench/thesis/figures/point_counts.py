@@ -28,8 +28,8 @@ _CLOUD: dict[str, Any] = {"mfc": "none", "mec": "#777777", "mew": 0.5}
 def draw_point_counts(clouds: pd.DataFrame, style: FigureStyle) -> Figure:
     """Number of points per cloud in each data set (thesis figure 6.4).
 
-    Box: quartiles. Whiskers: the farthest cloud within 1.5 interquartile ranges; outliers are not
-    drawn. n: number of clouds. Data sets of at most twelve clouds show each as a circle.
+    Box: quartiles. Whiskers: farthest cloud within 1.5 interquartile ranges; outliers are not
+    drawn. n: clouds. Circles: clouds of small data sets.
     """
     from matplotlib.figure import Figure
 

@@ -1,4 +1,4 @@
-"""Plane residuals against the incidence angle: thesis Figures 5.15 and 5.20."""
+"""Plane residuals against the incidence angle (thesis Figures 5.15 and 5.20)."""
 
 from __future__ import annotations
 
@@ -47,9 +47,8 @@ _INCIDENCE = "Incidence angle (rad)"
 def draw_incidence(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
     """Plane residuals of walls and floors against the angle of incidence (thesis figure 5.15).
 
-    At most 30,000 random returns of each sensor. Last panel: mean and standard deviation in ten
-    equal bins from 0 to the largest angle. Without a capture, its dashed line shows the standard
-    deviations of the thesis's real sensor.
+    At most 30,000 random returns. Last panel: mean and standard deviation in ten bins; without a
+    capture, dashed: those of the thesis's real sensor.
     """
     check_residuals(residuals, "incidence_rad")
     rows = near(residuals)
@@ -72,12 +71,10 @@ def draw_incidence(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
     number="5.20",
 )
 def draw_incidence_of_models(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
-    """Plane residuals of captures and error models against the angle of incidence (thesis figure
-    5.20).
+    """Plane residuals against the angle of incidence by error model (thesis figure 5.20).
 
-    At most 30,000 random returns of each model. Black lines: one standard deviation around the mean
-    in ten bins. As in the thesis, models that are too wide for a VLP-16 are left out (HDL-64E, and
-    Table 5.1 as printed).
+    At most 30,000 random returns each. Black lines: one standard deviation around the mean in ten
+    bins. As in the thesis, models that are too wide are left out (HDL-64E, Table 5.1 as printed).
     """
     check_residuals(residuals, "incidence_rad")
     rows = near(residuals)
@@ -101,7 +98,6 @@ Sample = tuple[Floats, Floats]
 
 
 def _samples(rows: pd.DataFrame, models: Sequence[str]) -> dict[str, Sample]:
-    """Return incidence and residuals of at most `SAMPLE` rows of each model."""
     parts = {model: subsample(rows[rows["model"] == model], SAMPLE, model) for model in models}
     return {
         model: (
@@ -118,7 +114,6 @@ def _scatter(axes: Axes, sample: Sample, colour: str) -> None:
 
 
 def _draw_bins(axes: Axes, samples: dict[str, Sample], style: FigureStyle) -> None:
-    """Draw means with bars of one standard deviation, and without a capture published ones."""
     bars = {model: binned_moments(*sample) for model, sample in samples.items()}
     if REAL not in bars:
         bars = {REAL: _published(), **bars}
@@ -135,7 +130,7 @@ def _draw_bins(axes: Axes, samples: dict[str, Sample], style: FigureStyle) -> No
 
 
 def _published() -> tuple[Floats, Floats, Floats]:
-    """Return the thesis's bins in the form of `binned_moments`, with the mean of all points."""
+    """Return the thesis's bins in the form of `binned_moments`."""
     stds = np.array(BIN_STDS_M)
     centres = (np.arange(len(stds)) + 0.5) * LARGEST_RAD / len(stds)
     return centres, np.full(len(stds), PRINTED_MEAN_M), stds
@@ -144,7 +139,6 @@ def _published() -> tuple[Floats, Floats, Floats]:
 def _finish(
     figure: Figure, panels: list[Axes], samples: dict[str, Sample], columns: int, style: FigureStyle
 ) -> None:
-    """Set the same range and labels on all panels."""
     limit = symmetric_limit(
         np.concatenate([values for _, values in samples.values()]), _MIN_LIMIT_M
     )

@@ -1,7 +1,4 @@
-"""Parts of the residual table, from which the figures of chapter 5 are drawn.
-
-Its columns are those of `puckbench.thesis.residuals.joining.COLUMNS`.
-"""
+"""Parts of the residual table, for the figures of chapter 5."""
 
 from __future__ import annotations
 
@@ -24,7 +21,7 @@ _VIRTUAL = ("vlp16_divergence", "vlp16")
 
 
 def check_residuals(table: pd.DataFrame, *columns: str) -> None:
-    """Raise InputError unless the table has rows, with finite numbers in `columns`."""
+    """Raise InputError unless the table has rows and finite numbers."""
     require_rows(table, ("model", "surface", "distance_m", "residual_m", *columns), "residual")
     for name in ("distance_m", "residual_m", *columns):
         if table[name].dtype.kind not in "fiu":
@@ -34,7 +31,7 @@ def check_residuals(table: pd.DataFrame, *columns: str) -> None:
 
 
 def near(table: pd.DataFrame, surface: str | None = None) -> pd.DataFrame:
-    """Return the rows below `FAR_M`, of one or all surfaces; InputError if there are none."""
+    """Return the rows below `FAR_M`; raise InputError if there are none."""
     rows = table["distance_m"] < FAR_M
     if surface is not None:
         rows &= table["surface"] == surface
@@ -44,7 +41,7 @@ def near(table: pd.DataFrame, surface: str | None = None) -> pd.DataFrame:
 
 
 def far(table: pd.DataFrame) -> pd.DataFrame:
-    """Return the rows from `FAR_M` on; InputError if there are none."""
+    """Return the rows from `FAR_M` on; raise InputError if there are none."""
     rows = table["distance_m"] >= FAR_M
     if not rows.any():
         raise InputError(f"residual table: no surface at {FAR_M:g} m or farther")
@@ -52,9 +49,9 @@ def far(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def compared(table: pd.DataFrame) -> list[str]:
-    """Return `REAL`, if the table has captures, and the model that is compared with them.
+    """Return `REAL`, if there are captures, and the model that is compared with them.
 
-    That is the model that the thesis chose, else `vlp16`, else the first one.
+    It is the model that the thesis chose, else `vlp16`, else the first one.
     """
     models = [model for model in ordered_models(table["model"]) if model != REAL]
     preferred = [model for model in _VIRTUAL if model in models]
@@ -71,14 +68,13 @@ def subsample(table: pd.DataFrame, size: int, name: str) -> pd.DataFrame:
 
 
 def residuals_of(table: pd.DataFrame, model: str) -> Floats:
-    """Return the residuals of a model, (n,), in m."""
     return np.asarray(table.loc[table["model"] == model, "residual_m"], dtype=np.float64)
 
 
 def binned_moments(x: Floats, y: Floats, bins: int = 10) -> tuple[Floats, Floats, Floats]:
     """Return centres, means and standard deviations of y in equal bins from 0 to max(x).
 
-    x, y: (n,) arrays, x >= 0. Bins with fewer than two values have NaN.
+    Bins with fewer than two values have NaN.
     """
     edges = np.linspace(0, x.max() or 1.0, bins + 1)
     bin_of = np.clip(np.digitize(x, edges) - 1, 0, bins - 1)

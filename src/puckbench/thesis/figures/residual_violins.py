@@ -1,4 +1,4 @@
-"""Violin plots of plane residuals: thesis Figures 5.10 to 5.14, 5.18 and 5.19."""
+"""Violin plots of plane residuals (thesis Figures 5.10 to 5.14, 5.18 and 5.19)."""
 
 from __future__ import annotations
 
@@ -43,9 +43,8 @@ def draw_surfaces(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
     """Plane residuals of walls and of floors nearer than 30 m, in metres (thesis figure 5.10).
 
     A plane residual is the signed distance of a return from the plane fitted to its surface. The
-    virtual sensor has the error model that the thesis chose (beam divergence). Without a capture,
-    dashed lines show the standard deviation of the thesis's real sensor, 0.014 m. Violins: density,
-    mean and extremes, all of equal width.
+    virtual sensor has beam divergence, if available. Violins: density, mean and extremes. Without a
+    capture, dashed: standard deviation of the thesis's real sensor.
     """
     check_residuals(residuals)
     rows = near(residuals)
@@ -152,14 +151,12 @@ def _draw_lasers(residuals: pd.DataFrame, surface: str, style: FigureStyle) -> F
 
 
 def _grouped(rows: pd.DataFrame, keys: pd.Series[float]) -> dict[str, pd.DataFrame]:
-    """Return parts of a table by ascending key, named by the key."""
     return {f"{key:g}".replace("-", "\u2212"): part for key, part in rows.groupby(keys)}
 
 
 def _draw_groups(
     groups: Mapping[str, pd.DataFrame], label: str, surface: str, style: FigureStyle
 ) -> Figure:
-    """Draw violins of the real and the virtual sensor side by side for each group."""
     import pandas as pd
 
     models = compared(pd.concat(groups.values()))
@@ -189,7 +186,6 @@ def _show_published(axes: Axes, style: FigureStyle) -> None:
 
 
 def _draw_models(rows: pd.DataFrame, min_limit_m: float, style: FigureStyle) -> Figure:
-    """Draw a violin for each model, with its mean and standard deviation below."""
     models = ordered_models(rows["model"])
     figure, axes = _panel(2 * len(models), style)
     samples = {
@@ -214,7 +210,6 @@ def _write_moments(axes: Axes, x: float, values: Floats, limit: float) -> None:
 
 
 def _panel(violins: int, style: FigureStyle) -> tuple[Figure, Axes]:
-    """Return a figure with one panel, as wide as a column or, for many violins, the page."""
     from matplotlib.figure import Figure
 
     width = style.width_in or (COLUMN_WIDTH_IN if violins <= 10 else PAGE_WIDTH_IN)

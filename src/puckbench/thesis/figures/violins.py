@@ -17,7 +17,6 @@ _FEWEST_BINS, _MOST_BINS = 128, 4096
 
 
 def draw_violin(axes: Axes, at: float, residuals: Floats, colour: str, width: float) -> None:
-    """Draw a violin at x = `at`, whose largest width is `width`."""
     bodies = axes.violin([violin_shape(residuals)], [at], widths=width, showmeans=True)
     parts: dict[str, Any] = dict(bodies)
     for body in parts.pop("bodies"):
@@ -29,8 +28,7 @@ def draw_violin(axes: Axes, at: float, residuals: Floats, colour: str, width: fl
 def violin_shape(residuals: Floats) -> dict[str, Any]:
     """Return density, mean, median and extremes of residuals, (n,), for `Axes.violin`.
 
-    The density is a fine histogram smoothed by a Gaussian kernel of Scott's width, which is close
-    to a kernel density estimate and fast for many residuals.
+    The density is a histogram smoothed by a Gaussian kernel of Scott's width.
     """
     low, high, std = float(residuals.min()), float(residuals.max()), float(residuals.std())
     shape: dict[str, Any] = {
@@ -66,7 +64,6 @@ def symmetric_limit(residuals: Floats, min_m: float) -> float:
 
 
 def moments_text(residuals: Floats) -> str:
-    """Return mean and standard deviation in m, to three decimals."""
     mean, std = residuals.mean() + 0.0, residuals.std()
     return f"$\\mu$ = {_zero_unsigned(mean)}\n$\\sigma$ = {std:.3f}"
 

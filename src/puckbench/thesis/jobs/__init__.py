@@ -1,1 +1,1 @@
-"""Jobs of the sensor study: residuals and points of walls and floors (thesis chapter 5)."""
+"""Jobs of the sensor study (thesis chapter 5)."""

@@ -1,4 +1,4 @@
-"""Residuals and points of several error models and recordings in one table (Parquet)."""
+"""Joining tables of error models and recordings (Parquet)."""
 
 from __future__ import annotations
 
@@ -27,7 +27,6 @@ class JoinedTable(OfNames):
     models: tuple[str, ...]
 
     def run(self, results: Path, parquet: Path) -> dict[str, Any]:
-        """Write the table."""
         from puckbench.io.tables import write_table
         from puckbench.thesis.residuals.joining import joined_files
 
@@ -41,7 +40,6 @@ class ComparedResiduals(OfNames):
     """Draw residuals of error models on the rays of recorded walls."""
 
     def run(self, results: Path, parquet: Path) -> dict[str, Any]:
-        """Write the recorded residuals and those of the models."""
         from puckbench.io.tables import write_table
         from puckbench.lidar.residual_table import read_residuals
         from puckbench.thesis.residuals.compared import (

@@ -1,4 +1,4 @@
-"""Plane residuals of virtual scans of a wall and a floor (thesis section 5.1.2, Procedure 1)."""
+"""Plane residuals of virtual scans (thesis section 5.1.2, Procedure 1)."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from puckbench.jobs.registry import JOBS, Job
 
 
 class WallScanJob(Job):
-    """A job that scans a wall and a floor with an error model.
+    """Scan a wall and a floor with an error model.
 
     Parameters
     ----------
     distances
-        From the sensor to the wall, in metres; one scene for each.
+        Between sensor and wall, in metres.
     keep
         Rows of each scan that are kept, chosen at random; by default all.
     """
@@ -34,7 +34,7 @@ class WallScanJob(Job):
 
 @JOBS.register("residuals")
 class Residuals(WallScanJob):
-    """Scan, fit planes, and measure the distances of the points from them.
+    """Measure the distances of points from planes fitted to them.
 
     Parameters
     ----------
@@ -48,7 +48,6 @@ class Residuals(WallScanJob):
     refit: bool = False
 
     def run(self, table: Path) -> dict[str, Any]:
-        """Write the residual table (Parquet)."""
         from puckbench.lidar.residual_table import write_residuals
         from puckbench.thesis.residuals.virtual import Procedure, residual_table
 

@@ -1,4 +1,4 @@
-"""Points of virtual scans of a wall and a floor, in the wall's frame (thesis Figures 5.2-5.9)."""
+"""Points of virtual scans, in the wall's frame (thesis Figures 5.2-5.9)."""
 
 from __future__ import annotations
 
@@ -16,7 +16,6 @@ class WallPoints(WallScanJob):
     distances: tuple[float, ...] = (1.0, 5.0)
 
     def run(self, table: Path) -> dict[str, Any]:
-        """Write the table of points (Parquet)."""
         from puckbench.io.tables import write_table
         from puckbench.thesis.residuals.virtual import Procedure
         from puckbench.thesis.residuals.wall_points import wall_points

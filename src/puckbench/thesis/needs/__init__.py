@@ -1,1 +1,1 @@
-"""What the thesis's tables and figures need of a plan."""
+"""Needs of the thesis's tables and figures."""

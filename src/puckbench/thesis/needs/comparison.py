@@ -1,4 +1,4 @@
-"""What the thesis's tables and figures need of a plan, and the options that they take from it."""
+"""Needs and options of tables and figures that compare a run with the thesis."""
 
 from __future__ import annotations
 
@@ -15,10 +15,7 @@ from puckbench.thesis.representatives import (
 
 @NEEDS.register("claims")
 def claims_options(plan: Plan) -> Options | None:
-    """Return which data sets and codecs represent the thesis's.
-
-    A plan without a sensor study needs a data set that represents one.
-    """
+    """Return roles; a plan without a sensor study needs a data set with a role."""
     datasets = dataset_roles(plan)
     if plan.datasets and not datasets and plan.study is None:
         return None
@@ -27,7 +24,7 @@ def claims_options(plan: Plan) -> Options | None:
 
 @NEEDS.register("gpcc_scales")
 def gpcc_scales_options(plan: Plan) -> Options | None:
-    """Return which codecs represent G-PCC, and the scales of all that code such a data set."""
+    """Return the codecs that represent G-PCC, and scales."""
     scales = grid_scales(plan)
     codecs = {role: name for role, name in codec_roles(plan).items() if role in (GPCC, GPCC_AS_RUN)}
     return {"codecs": codecs, "scales": scales} if scales else None
@@ -35,7 +32,7 @@ def gpcc_scales_options(plan: Plan) -> Options | None:
 
 @NEEDS.register("thesis_medians")
 def thesis_medians_options(plan: Plan) -> Options | None:
-    """Return which data sets and codecs represent the thesis's, if a rate has a name of its own."""
+    """Return roles, if a rate has a name of the thesis's."""
     datasets, codecs = dataset_roles(plan), codec_roles(plan)
     has_rates = any(plan.codecs[name]["rates"].keys() & RATES for name in codecs.values())
     return {"datasets": datasets, "codecs": codecs} if datasets and has_rates else None

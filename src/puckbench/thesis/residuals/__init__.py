@@ -1,1 +1,1 @@
-"""The residual study of thesis chapter 5: virtual walls and floors, statistics, comparisons."""
+"""Residuals of virtual scans and of error models (thesis chapter 5)."""

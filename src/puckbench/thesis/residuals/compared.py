@@ -1,7 +1,6 @@
 """Residuals of error models on the rays of recorded walls.
 
-A model draws errors on the rays of a capture, and planes are fitted to its points as to the
-measured ones. Geometry and fit are the same, so that only the noise differs.
+Rays and plane fits are those of the captures, so that only the noise differs.
 """
 
 from __future__ import annotations
@@ -32,12 +31,11 @@ _FRAME_RAD = np.radians(15.0)
 
 
 def default_models() -> dict[str, ErrorModel]:
-    """Return the models of `COMPARED` with their default parameters."""
     return {name: open_error_model(name) for name in COMPARED}
 
 
 def real_walls(tables: Sequence[pd.DataFrame]) -> pd.DataFrame:
-    """Join the walls of the captures' residual tables; ``capture`` numbers the captures from 1.
+    """Join the walls of the captures' residual tables; ``capture`` counts from 1.
 
     Raises
     ------
@@ -68,8 +66,8 @@ def compared_residuals(
 ) -> pd.DataFrame:
     """Return the residuals of `real_walls` and those of each model on the same rays.
 
-    All are distances from planes fitted by least squares. Each model is drawn `replicates` times; a
-    `Calibrated` model with another device for each capture and replicate.
+    Planes are fitted by least squares. A `Calibrated` model draws another device for each capture
+    and replicate.
     """
     import pandas as pd
 
@@ -85,7 +83,7 @@ def compared_residuals(
 def _replica(
     walls: pd.DataFrame, name: str, model: ErrorModel, replicate: int, seed: int
 ) -> pd.DataFrame:
-    """Return the walls with errors of a model in place of the measured ones."""
+    """Return the walls with errors of a model."""
     errors = np.empty(len(walls))
     for number, rows in enumerate(_rows_of_walls(walls)):
         wall = walls.iloc[rows]
@@ -122,7 +120,6 @@ def _range_errors(rows: pd.DataFrame, model: ErrorModel, rng: np.random.Generato
 
 
 def _ranks(values: pd.Series[float]) -> NDArray[np.intp]:
-    """Return the rank of each value among the distinct values, from 0."""
     return np.unique(values, return_inverse=True)[1]
 
 

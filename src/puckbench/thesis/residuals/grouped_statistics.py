@@ -1,4 +1,4 @@
-"""Statistics of plane residuals by groups: of lasers, and of incidence angles."""
+"""Statistics of groups of plane residuals."""
 
 from __future__ import annotations
 
@@ -38,11 +38,10 @@ def incidence_bins(
     by: Sequence[str] = ("model",),
     highest_rad: float | None = None,
 ) -> pd.DataFrame:
-    """Return mean and standard deviation of the residuals in bins of the incidence angle.
+    """Return mean and standard deviation of the residuals in equal bins of incidence.
 
-    The bins have equal widths from 0 to `highest_rad`, by default the largest angle. Empty bins
-    have no row. Columns: `by`, ``low_rad``, ``high_rad``, ``count``, ``mean_m``, ``std_m``. Raises
-    InputError for a table without rows, or fewer than one bin.
+    The bins go from 0 to `highest_rad`, by default the largest angle. Columns: `by`, ``low_rad``,
+    ``high_rad``, ``count``, ``mean_m``, ``std_m``. Raises InputError without rows or bins.
     """
     if table.empty or bins < 1:
         raise InputError("incidence bins need at least one residual and one bin")

@@ -1,4 +1,4 @@
-"""Joining the tables of several error models and captures."""
+"""Joining tables of error models and captures."""
 
 from __future__ import annotations
 

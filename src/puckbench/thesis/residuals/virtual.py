@@ -1,4 +1,4 @@
-"""Plane residuals of virtual scans of a wall and a floor (thesis section 5.1.2, Procedure 1)."""
+"""Plane residuals of virtual scans (thesis section 5.1.2, Procedure 1)."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ SWEEP = Sweep(frames_skipped=1)
 
 @dataclass(frozen=True)
 class Procedure:
-    """Settings of a measurement of residuals, by default the thesis's.
+    """Settings, by default the thesis's.
 
     Parameters
     ----------
     refit
         Fit planes to the inliers of RANSAC by least squares.
     keep
-        Rows of a scan that are kept, chosen at random; planes are fitted to all points.
+        Rows of a scan that are kept, chosen at random.
     """
 
     model: str
@@ -46,9 +46,8 @@ class Procedure:
 def residual_table(
     procedure: Procedure, distances: Sequence[float], runs: int, seed: int
 ) -> pd.DataFrame:
-    """Return the residuals of `runs` scans from each distance, in m, with the columns `COLUMNS`.
+    """Return the residuals of `runs` scans from each distance, in m; columns: `COLUMNS`.
 
-    A scan depends only on the seed, the model's name, the distance and the number of the run.
     Raises InputError for an unknown distance or model, or if there is no scan.
     """
     if not distances or runs < 1:
@@ -63,7 +62,7 @@ def residual_table(
 
 
 def scan_residuals(procedure: Procedure, distance: float, run: int, seed: int) -> pd.DataFrame:
-    """Return the residuals of one scan: those of the wall, then the floor's, in firing order.
+    """Return the residuals of one scan, first the wall's, in firing order.
 
     Points belong to the surface that their nominal ray hits, so that cropping removes no noise.
     """

@@ -1,4 +1,4 @@
-"""Points of virtual scans of a wall and a floor, in the wall's frame (thesis Figures 5.2-5.9)."""
+"""Points of virtual scans, in the wall's frame (thesis Figures 5.2-5.9)."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ def wall_points(
 ) -> pd.DataFrame:
     """Return the points of one run of Procedure 1 at each distance, before cropping.
 
-    Residuals are measured on the same points, except that rays which divergence turns past an edge
-    of wall or floor hit the room here. `procedure.keep` limits the points of each surface and
-    distance. Columns: `COLUMNS`. Raises InputError for an unknown distance or model.
+    They are those of the residuals, except for rays that divergence turns past an edge of wall or
+    floor. `procedure.keep` limits the points of each surface. Columns: `COLUMNS`. Raises InputError
+    for an unknown distance or model.
     """
     parts = [_scan_points(procedure, distance, run, seed) for distance in distances]
     return pd.concat(parts, ignore_index=True)

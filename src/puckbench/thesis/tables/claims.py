@@ -1,4 +1,4 @@
-"""The table of the thesis's claims with the verdicts of a run."""
+"""The verdicts of a run on the thesis's claims."""
 
 from __future__ import annotations
 
@@ -34,21 +34,19 @@ def claims(
 ) -> pd.DataFrame:
     """The 14 claims of the thesis, with the verdicts of this run and what was measured.
 
-    ``not_tested`` lists what this run lacks; ``thesis`` has the thesis's numbers, and
-    ``thesis_verdict`` the verdict of the same rule on its medians. docs/notes/claims.md states the
-    rules.
+    ``thesis_verdict`` is the verdict on the thesis's medians. docs/notes/claims.md has the rules.
 
     Parameters
     ----------
     datasets, codecs, stand_ins
-        Roles as in `puckbench.thesis.claims.evidence.Evidence`.
+        As in `Evidence`.
 
     Returns
     -------
     pd.DataFrame
-        ``number``, ``section``, ``claim``, ``verdict``, ``here`` (the tested parts, our numbers and
-        sample sizes), ``not_tested``, ``thesis``, ``thesis_verdict``, ``figure`` (names of our
-        figures) and ``thesis_figure``.
+        ``number``, ``section``, ``claim``, ``verdict``, ``here`` (tested parts, numbers and sample
+        sizes), ``not_tested`` (needs), ``thesis`` (its numbers), ``thesis_verdict``, ``figure``
+        (ours), ``thesis_figure``.
     """
     import pandas as pd
 
@@ -68,7 +66,7 @@ def claims(
 
 
 def thesis_evidence() -> Evidence:
-    """Return the medians of the thesis's Figure 6.5 as if they were the results of a run."""
+    """Return the medians of thesis Figure 6.5 in the form of a run's results."""
     import pandas as pd
 
     table = pd.DataFrame(list(median_rows())).astype({"bpp": float})

@@ -1,4 +1,4 @@
-"""G-PCC's rate and distortion by the scale of its grid, the rounding and the coding tools."""
+"""G-PCC's rate and distortion by the scale of its grid."""
 
 from __future__ import annotations
 
@@ -25,25 +25,23 @@ def gpcc_scales(
 ) -> pd.DataFrame:
     """Rate and distortion of G-PCC at each scale of its grid: medians over clouds, and ratios.
 
-    The ratios are those of bits and of Chamfer distance (point-to-point) to the codec that rounds
-    coordinates and uses the tools of the common test conditions, at the same scale: medians and
-    quartiles over clouds.
+    The ratios of bits and of Chamfer distance (point-to-point), with quartiles over clouds, are to
+    the codec with rounded coordinates and the tools of the common test conditions, at the same
+    scale.
 
     Parameters
     ----------
     codecs
-        Codecs with the roles `REFERENCE` (rounded coordinates, tools of the common test conditions)
-        and `AS_RUN` (truncated coordinates, TMC13's default tools).
+        Codecs with the roles `REFERENCE` and `AS_RUN` (truncated coordinates, default tools).
     scales
-        Factor on coordinates for each codec and rate; 1 keeps the grid's units.
+        Factor on coordinates for each codec and rate.
 
     Returns
     -------
     pd.DataFrame
         One row per data set, codec and scale: ``dataset``, ``codec``, ``role``, ``rate``,
-        ``scale``, ``dyadic`` (whether the scale is a power of two), ``clouds``, medians of ``bpp``,
-        ``cd_point``, ``cd_plane`` and ``d1_psnr``, and the ratios ``bits_...`` and
-        ``distortion_...`` with the suffixes ``median``, ``q25`` and ``q75``.
+        ``scale``, ``dyadic`` (power of two), ``clouds``, medians of ``bpp``, ``cd_point``,
+        ``cd_plane`` and ``d1_psnr``, and the ratios ``bits_...`` and ``distortion_...``.
 
     Raises
     ------

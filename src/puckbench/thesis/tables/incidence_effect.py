@@ -1,4 +1,4 @@
-"""The effect of the incidence angle on plane residuals (thesis figures 5.15 and 5.21)."""
+"""The effect of incidence on plane residuals (thesis figures 5.15 and 5.21)."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ BINS = len(BIN_STDS_M)
 def incidence_table(residuals: pd.DataFrame) -> pd.DataFrame:
     """Mean and standard deviation of the plane residuals in ten bins of the angle of incidence.
 
-    The bins are those of thesis figure 5.15, from 0 to 1.315 rad, for walls and floors nearer than
-    30 m. The standard deviations of the thesis's real sensor grow in the last bins.
+    The bins are those of thesis figure 5.15, beside the standard deviations of its real sensor.
+    Walls and floors nearer than 30 m.
 
     Returns
     -------
@@ -39,11 +39,9 @@ def incidence_table(residuals: pd.DataFrame) -> pd.DataFrame:
 def incidence_effect(scans: pd.DataFrame, residuals: pd.DataFrame) -> pd.DataFrame:
     """Range error and distance from the surface by error model and angle of incidence.
 
-    A point with the range error e is e cos(theta) away from the surface (section 5.6, figure 5.21).
-    So the predicted standard deviation is that of the range error times the root mean square of
-    cos(theta). It stands beside the measured ones, from the true surface and from the fitted plane.
-    With ``vlp16_incidence`` the range error grows with the angle, the distance does not. Scans at 1
-    and 5 m; plane residuals from all distances below 30 m.
+    A point with the range error e is e cos(theta) away from the surface (section 5.6). The
+    predicted standard deviation stands beside the measured ones, from the true surface (scans at 1
+    and 5 m) and from the fitted plane (all distances below 30 m).
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Distances between the residual distributions of error models and of recorded walls."""
+"""Distances between the residuals of error models and of recorded walls."""
 
 from __future__ import annotations
 
@@ -42,22 +42,21 @@ def model_distances(
     """Earth mover's distance of each error model's wall residuals from those of real sensors.
 
     In metres, with a 95 % interval. A sensor that follows the model exceeds ``chance_m`` with
-    probability 5 %. The figure `model_verdict` shows these numbers.
+    probability 5 %.
 
     Parameters
     ----------
     compared
         Table of `compared_residuals`.
     resamples
-        Bootstrap samples of the interval. Pairs of wall and laser are resampled, since residuals of
-        one laser on one wall share a bias.
+        Bootstrap samples, over walls and lasers since residuals of one laser on one wall share a
+        bias.
 
     Returns
     -------
     pd.DataFrame
-        One row per model, first the real sensor's with distance 0: ``model``, ``residuals``,
-        ``std_m``, ``emd_m``, ``emd_low_m``, ``emd_high_m`` and ``chance_m``, the 95 % quantile of
-        the distance from one replicate to all.
+        One row per model: ``model``, ``residuals``, ``std_m``, ``emd_m``, ``emd_low_m``,
+        ``emd_high_m``, ``chance_m``.
 
     Raises
     ------
@@ -103,8 +102,7 @@ def leave_one_out(
     Returns
     -------
     pd.DataFrame
-        Columns of `model_distances` after ``capture``, the number of the capture that is left out
-        of the calibration of the model ``calibrated``.
+        Columns of `model_distances` after ``capture``, the number of the capture.
     """
     import pandas as pd
 
@@ -125,7 +123,6 @@ def leave_one_out(
 
 
 def _calibrated(tables: Sequence[pd.DataFrame], settings: Settings) -> Calibrated:
-    """Return a model of devices of the kind that the tables were measured with."""
     from puckbench.lidar.calibration import calibrate, model_file
 
     parameters = dict(model_file(calibrate(tables, settings), [])["parameters"])
@@ -135,7 +132,7 @@ def _calibrated(tables: Sequence[pd.DataFrame], settings: Settings) -> Calibrate
 
 
 class _Blocks:
-    """Histograms of residuals, (blocks, bins), one for each wall and laser, which are resampled."""
+    """Histograms of residuals, (blocks, bins), one for each wall and laser."""
 
     def __init__(self, counts: Floats) -> None:
         self.counts = counts
@@ -150,7 +147,7 @@ class _Blocks:
         return cls(counts.reshape(size).astype(np.float64))
 
     def resampled(self, rng: np.random.Generator) -> Floats:
-        """Return the total histogram of a bootstrap sample of the blocks."""
+        """Return the sum of as many blocks, drawn with replacement."""
         blocks = len(self.counts)
         weights = np.bincount(rng.integers(blocks, size=blocks), minlength=blocks)
         return np.asarray(weights @ self.counts)
@@ -162,13 +159,13 @@ def _bins(residuals: Floats) -> NDArray[np.int64]:
 
 
 def _distance(histogram: Floats, other: Floats) -> float:
-    """Return the earth mover's distance of two histograms, m: the area between their CDFs."""
+    """Return the earth mover's distance of two histograms, in m."""
     difference = np.cumsum(histogram) / histogram.sum() - np.cumsum(other) / other.sum()
     return float(np.abs(difference).sum() * _BIN_M)
 
 
 def _chance(rows: pd.DataFrame, total: Floats) -> float:
-    """Return the 95 % quantile of the distances from one replicate to all, m; NaN for one."""
+    """Return the 95 % quantile of the distances from one replicate to all, or NaN."""
     residuals = rows["residual_m"].to_numpy(dtype=np.float64)
     parts = rows.groupby("replicate").indices.values()
     if len(parts) < 2:

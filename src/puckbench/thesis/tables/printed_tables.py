@@ -1,4 +1,4 @@
-"""Tables 4.1, 4.2 and 5.1 of the thesis, with the values of the code."""
+"""Tables 4.1, 4.2 and 5.1 of the thesis beside the values of the code."""
 
 from __future__ import annotations
 
@@ -46,8 +46,7 @@ def table_4_1() -> pd.DataFrame:
 def table_4_2() -> pd.DataFrame:
     """Elevation and vertical correction of each laser in the sensor's file.
 
-    Thesis table 4.2 leaves out laser 13. Virtual rays start at the sensor's centre, so that the
-    correction applies to captures only.
+    Thesis table 4.2 leaves out laser 13. The correction applies to captures only.
 
     Returns
     -------
@@ -79,8 +78,7 @@ def table_4_2() -> pd.DataFrame:
 def table_5_1() -> pd.DataFrame:
     """Parameters of the virtual VLP-16 beside those of thesis table 5.1.
 
-    Column ``here`` has those of the sensor's file and the error model ``vlp16``, ``as_printed``
-    those of ``vlp16_table51``.
+    ``here`` has those of the error model ``vlp16``, ``as_printed`` those of ``vlp16_table51``.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Statistics of plane residuals by model, surface, distance and laser, with their uncertainty."""
+"""Statistics of plane residuals, with their uncertainty."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ def residual_statistics(residuals: pd.DataFrame) -> pd.DataFrame:
     """Statistics of the plane residuals (thesis procedure 1), in metres.
 
     One row per error model ("real" for captures), surface, distance from the wall, and laser; "all"
-    combines surfaces, lasers, or distances below 30 m. ``mean_half_m`` and ``std_half_m`` are half
-    widths of 95 % intervals of mean and standard deviation. They come from the scatter of repeated
-    ``scans``, since returns of one scan share the fitted plane and the lasers' biases.
+    combines surfaces, lasers, or distances below 30 m. 95 % intervals have the half widths
+    ``mean_half_m`` and ``std_half_m``. They follow from repeated ``scans``, since returns of one
+    scan share a plane and the lasers' biases.
 
     Returns
     -------
@@ -56,7 +56,6 @@ def _key_sets() -> list[list[str]]:
 
 
 def _grouped(table: pd.DataFrame, keys: list[str]) -> pd.DataFrame:
-    """Return the statistics of the groups with equal keys."""
     rows = table if "distance_m" in keys else table[table["distance_m"] < FAR_M]
     scans = list(dict.fromkeys([*keys, *_PLACE, "run"]))
     groups = rows.assign(square=rows["residual_m"] ** 2).groupby(scans, sort=False)
@@ -67,7 +66,6 @@ def _grouped(table: pd.DataFrame, keys: list[str]) -> pd.DataFrame:
 
 
 def _moments(scans: pd.DataFrame, keys: list[str]) -> pd.DataFrame:
-    """Return the moments of the groups from the sums of their scans (``n``, ``one``, ``two``)."""
     places = list(dict.fromkeys([*keys, *_PLACE]))
     total = scans.groupby(keys)[["n", "one", "two"]].transform("sum")
     mean = total["one"] / total["n"]
@@ -121,14 +119,13 @@ def _result(sums: pd.DataFrame) -> pd.DataFrame:
 
 
 def _student_quantile(freedom: Floats) -> Floats:
-    """Return the two-sided quantile of Student's t for degrees of freedom, (n,); NaN for zero."""
+    """Return the two-sided quantile of Student's t; NaN for 0 degrees of freedom."""
     from scipy.special import stdtrit
 
     return np.asarray(stdtrit(np.where(freedom > 0, freedom, np.nan), (1 + _CONFIDENCE) / 2))
 
 
 def _as_text(table: pd.DataFrame) -> pd.DataFrame:
-    """Return the table with keys as text, `ALL` after the single values."""
     import pandas as pd
 
     orders = {"model": dict.fromkeys(table["model"]), "surface": _SURFACES}

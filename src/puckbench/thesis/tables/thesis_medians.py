@@ -1,4 +1,4 @@
-"""Medians of the thesis's Figure 6.5 beside those of a run."""
+"""Medians of thesis Figure 6.5 beside those of a run."""
 
 from __future__ import annotations
 
@@ -25,21 +25,21 @@ QUANTITIES = ("cd_plane", "hausdorff_sq_plane")
 def thesis_medians(
     metrics: pd.DataFrame, *, datasets: Mapping[str, str], codecs: Mapping[str, str]
 ) -> pd.DataFrame:
-    """Medians over clouds by rate, read off the thesis's Figure 6.5, beside those of this run.
+    """Medians over clouds by rate, read off thesis figure 6.5, beside those of this run.
 
-    Point-to-plane distances, in squared grid units. The thesis's values are accurate to about 5 %.
-    Its G-PCC truncates coordinates; a G-PCC that rounds them is compared with the same values.
+    Point-to-plane distances, in squared grid units. The thesis's values are accurate to about 5 %;
+    its G-PCC truncates coordinates.
 
     Parameters
     ----------
     datasets, codecs
-        Roles as in `puckbench.thesis.claims.evidence.Evidence`.
+        As in `Evidence`.
 
     Returns
     -------
     pd.DataFrame
-        One row per data set, codec, rate and quantity that both have: ``dataset``, ``kind`` (role
-        of the data set), ``codec``, ``rate``, ``quantity`` (`QUANTITIES`), ``thesis``, ``here``.
+        ``dataset``, ``kind`` (its role), ``codec``, ``rate``, ``quantity`` (`QUANTITIES`),
+        ``thesis``, ``here``.
     """
     import pandas as pd
 

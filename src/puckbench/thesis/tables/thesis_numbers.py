@@ -1,4 +1,4 @@
-"""Numbers of the thesis's chapter 5 beside those of a run."""
+"""Numbers of thesis chapter 5 beside those of a run."""
 
 from __future__ import annotations
 
@@ -24,16 +24,15 @@ DISTANCE = "earth mover's distance to the real residuals, 1 to 5 m"
 def thesis_numbers(residuals: pd.DataFrame) -> pd.DataFrame:
     """The thesis's numbers of figures 5.18 and 5.19 beside this run's, in metres.
 
-    ``here_half_m`` is the half width of a 95 % interval, if scans were repeated. The thesis's earth
-    mover's distances are to its real residuals, which are not published; ours are to the normal
-    distribution of their mean and standard deviation (0.0007 and 0.0138 m). The thesis's spreads of
-    ``vlp16`` and ``vlp16_divergence`` do not follow from its parameters (docs/notes/chapter5.md).
+    ``here_half_m`` is the half width of a 95 % interval. The thesis's earth mover's distances are
+    to its real residuals, ours to the normal distribution of their mean and standard deviation. The
+    thesis's spreads of ``vlp16`` and ``vlp16_divergence`` do not follow from its parameters
+    (docs/notes/chapter5.md).
 
     Returns
     -------
     pd.DataFrame
-        One row per quantity and error model: ``quantity``, ``model``, ``thesis_m``, ``here_m``,
-        ``here_half_m``.
+        ``quantity``, ``model``, ``thesis_m``, ``here_m``, ``here_half_m``.
     """
     import pandas as pd
 
@@ -55,8 +54,8 @@ def thesis_numbers(residuals: pd.DataFrame) -> pd.DataFrame:
 def distance_to_normal(sample: Floats, mean: float, std: float) -> float:
     """Return the earth mover's distance between a sample, (n,), and a normal distribution.
 
-    It is the mean distance between the sorted sample and the distribution's quantiles at the
-    centres of n intervals of equal probability. Raises InputError for an empty sample.
+    It is the mean distance of the sorted sample from quantiles of the distribution. Raises
+    InputError for an empty sample.
     """
     from scipy.special import ndtri
 
