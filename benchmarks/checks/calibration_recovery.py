@@ -23,7 +23,7 @@ import numpy as np
 
 from puckbench.core.files import write_json
 from puckbench.core.seeding import generator
-from puckbench.lidar.calibration import Calibration, Estimate, Settings, calibrate
+from puckbench.lidar.calibration import Calibration, CalibrationOptions, Estimate, calibrate
 from puckbench.thesis.residuals.virtual import SWEEP, Procedure, residual_table
 
 # The parameters of hidden models: `device` has a bias of every kind, as real sensors seem to;
@@ -60,7 +60,7 @@ def repeated(hidden: str, repetition: int, step_deg: float) -> tuple[Calibration
     truth["bias_m"] = (rng.standard_normal(LASERS) * truth["laser_sigma_m"]).tolist()
     procedure = Procedure("calibrated", truth, sweep=SWEEP.replaced(azimuth_step_deg=step_deg))
     table = residual_table(procedure, DISTANCES, 1, seed=repetition)
-    return calibrate([table], Settings()), truth
+    return calibrate([table], CalibrationOptions()), truth
 
 
 def held(found: Calibration, truth: dict[str, Any]) -> Counter[str]:

@@ -12,7 +12,7 @@ from puckbench.cli import main
 from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats
 from puckbench.lidar import open_error_model
-from puckbench.lidar.calibration import Settings, calibrate, write_calibration
+from puckbench.lidar.calibration import CalibrationOptions, calibrate, write_calibration
 from puckbench.lidar.calibration.likelihood import RestrictedLikelihood, Sigmas
 from puckbench.lidar.calibration.observations import Observations, observations
 from puckbench.lidar.residual_table import write_residuals
@@ -103,7 +103,7 @@ def test_what_is_left_of_the_range_errors_beside_the_planes_is_what_was_put_in()
 
 def test_ray_sigma_alone_is_the_pooled_standard_deviation_within_cells() -> None:
     table = residuals(3, laser=0.01, ray=(0.007, 0.0, 0.0), planes=False)
-    found = calibrate([table], Settings(parameters=("laser_sigma_m", "frame_sigma_m")))
+    found = calibrate([table], CalibrationOptions(parameters=("laser_sigma_m", "frame_sigma_m")))
     error = -table["residual_m"] / np.cos(table["incidence_rad"])
     within = error.groupby([table["distance_m"], table["laser_id"], table["frame"]]).var()
     # Three of each wall's freedoms are the plane's.
@@ -150,7 +150,7 @@ def test_a_mean_of_all_biases_is_found_and_is_no_lasers_own() -> None:
 def test_the_interval_of_a_rays_sigma_is_that_of_a_samples_deviation(frames: int) -> None:
     """Whose standard error is the deviation over the root of twice the degrees of freedom."""
     table = residuals(3, frames=frames, planes=False)
-    found = calibrate([table], Settings(parameters=("ray_sigma_m",)))
+    found = calibrate([table], CalibrationOptions(parameters=("ray_sigma_m",)))
     sigma = found.sigmas["ray_sigma_m"]
     freedom = len(table) - 3 * len(DISTANCES) - 1
     error = found.shape.widening * sigma.value / np.sqrt(2 * freedom)
@@ -160,7 +160,8 @@ def test_the_interval_of_a_rays_sigma_is_that_of_a_samples_deviation(frames: int
 def test_the_interval_of_the_lasers_sigma_is_that_of_sixteen_known_numbers() -> None:
     """By the profile of a normal sample's likelihood: it is not symmetric."""
     found = calibrate(
-        [residuals(2, laser=0.01, ray=(0.0005, 0, 0))], Settings(parameters=("laser_sigma_m",))
+        [residuals(2, laser=0.01, ray=(0.0005, 0, 0))],
+        CalibrationOptions(parameters=("laser_sigma_m",)),
     )
     hidden = 0.01 * np.random.default_rng(2).standard_normal(16)
     sigma = found.sigmas["laser_sigma_m"]
@@ -185,7 +186,7 @@ def test_lasers_far_apart_and_hardly_any_noise_are_calibrated(seed: int) -> None
 def test_the_interval_of_one_sigma_follows_the_others_that_are_fitted_to_it() -> None:
     """That of a one-way analysis of variance, of four scans of each laser."""
     table = residuals(2, laser=0.006, scan=0.01, ray=(0.0005, 0, 0), planes=False)
-    found = calibrate([table], Settings(parameters=("laser_sigma_m", "scan_sigma_m")))
+    found = calibrate([table], CalibrationOptions(parameters=("laser_sigma_m", "scan_sigma_m")))
     error = -table["residual_m"] / np.cos(table["incidence_rad"])
     means = error.groupby([table["laser_id"], table["distance_m"]]).mean().unstack().to_numpy()
     of_lasers = means.mean(axis=1)
@@ -244,7 +245,9 @@ def test_the_quantum_is_taken_off_the_rays_variance() -> None:
     table["residual_m"] = -(stepped - true_range) * np.cos(table["incidence_rad"])
     free = ("ray_sigma_m",)
     with_steps, without = (
-        calibrate([table], Settings(parameters=free, quantum_m=quantum)).sigmas["ray_sigma_m"]
+        calibrate([table], CalibrationOptions(parameters=free, quantum_m=quantum)).sigmas[
+            "ray_sigma_m"
+        ]
         for quantum in (0.004, 0.0)
     )
     assert with_steps.value == pytest.approx(0.0012, rel=0.05)
@@ -278,7 +281,7 @@ def test_spots_keep_the_walls_unevenness_from_the_rays() -> None:
     for turn in turns:
         error = uneven + 0.004 * rng.standard_normal(len(table))
         turn["residual_m"] = turn["residual_m"] - error * np.cos(turn["incidence_rad"])
-    found = calibrate([pd.concat(turns, ignore_index=True)], Settings(cells="spot"))
+    found = calibrate([pd.concat(turns, ignore_index=True)], CalibrationOptions(cells="spot"))
     # The 12 spots of a ring are the same in each turn: their first noise belongs to the wall too.
     wall = np.hypot(0.007, 0.004)
     assert found.sigmas["ray_sigma_m"].value == pytest.approx(0.004, rel=0.05)
@@ -337,16 +340,16 @@ def test_tables_that_cannot_tell_are_refused(change, fault: str) -> None:  # typ
 def test_one_ray_does_not_tell_a_plane() -> None:
     one_ray = residuals(13).iloc[[0] * 200]
     with pytest.raises(InputError, match="do not tell the planes from the biases"):
-        calibrate([one_ray], Settings(parameters=("ray_sigma_m",)))
+        calibrate([one_ray], CalibrationOptions(parameters=("ray_sigma_m",)))
 
 
 def test_bad_settings_are_refused() -> None:
     with pytest.raises(InputError, match="unknown parameter 'wobble'"):
-        calibrate([residuals(14)], Settings(parameters=("wobble",)))
+        calibrate([residuals(14)], CalibrationOptions(parameters=("wobble",)))
     with pytest.raises(InputError, match="cells are 'ring'"):
-        Settings(cells="ring")
+        CalibrationOptions(cells="ring")
     with pytest.raises(InputError, match=r"quantum_m is -0\.001, but must be at least 0"):
-        Settings(quantum_m=-0.001)
+        CalibrationOptions(quantum_m=-0.001)
     with pytest.raises(InputError, match="at least one residual table"):
         calibrate([])
 

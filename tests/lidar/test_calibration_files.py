@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from puckbench import __version__
-from puckbench.lidar.calibration.calibrating import Calibration, Domain, Settings
+from puckbench.lidar.calibration.calibrating import Calibration, CalibrationOptions, Domain
 from puckbench.lidar.calibration.files import model_file, settings_for
 from puckbench.lidar.calibration.fitting import Estimate
 from puckbench.lidar.calibration.likelihood import NAMES
@@ -25,7 +25,7 @@ FOUND = Calibration(
     biases=(Estimate(0.005, 0.004, 0.006), Estimate(-0.005, -0.006, -0.004)),
     mean=Estimate(0.002, 0.001, 0.003),
     shape=RayShape("laplace", 12.34, 5.678),
-    settings=Settings(quantum_m=0.002),
+    settings=CalibrationOptions(quantum_m=0.002),
     laser_ids=(1, 3),
     domain=Domain(0.7, (1.0, 9.5)),
     counts={"lasers": 2},
@@ -99,7 +99,7 @@ def test_without_a_sigma_of_lasers_one_that_was_not_seen_has_no_bias() -> None:
 
 
 def test_what_spots_share_is_the_walls_unevenness_and_no_error_of_the_sensor() -> None:
-    spots = replace(FOUND, settings=Settings(cells="spot"))
+    spots = replace(FOUND, settings=CalibrationOptions(cells="spot"))
     content = model_file(spots, [])
     assert FRAMES not in {**content["parameters"], **content["intervals_95"]}
     assert content["intervals_95"]["unevenness_of_the_walls_m"] == [0.002, 0.003, 0.004123]
@@ -111,14 +111,14 @@ def test_what_spots_share_is_the_walls_unevenness_and_no_error_of_the_sensor() -
 @pytest.mark.parametrize(
     ("model", "given", "expected"),
     [
-        ("vlp16", {}, Settings("frame", NAMES, 0.0)),
-        (REAL, {}, Settings("spot", NAMES, 0.002)),
-        (REAL, {"quantum_mm": 0.0}, Settings("spot", NAMES, 0.0)),
-        ("vlp16", {"quantum_mm": 5.0}, Settings("frame", NAMES, 0.005)),
-        (REAL, {"cells": "frame", "parameters": [RAY]}, Settings("frame", (RAY,), 0.002)),
+        ("vlp16", {}, CalibrationOptions("frame", NAMES, 0.0)),
+        (REAL, {}, CalibrationOptions("spot", NAMES, 0.002)),
+        (REAL, {"quantum_mm": 0.0}, CalibrationOptions("spot", NAMES, 0.0)),
+        ("vlp16", {"quantum_mm": 5.0}, CalibrationOptions("frame", NAMES, 0.005)),
+        (REAL, {"cells": "frame", "parameters": [RAY]}, CalibrationOptions("frame", (RAY,), 0.002)),
     ],
 )
 def test_recordings_are_read_by_spots_and_steps_of_two_millimetres(
-    model: str, given: dict[str, Any], expected: Settings
+    model: str, given: dict[str, Any], expected: CalibrationOptions
 ) -> None:
     assert settings_for(model, **given) == expected

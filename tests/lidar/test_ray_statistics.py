@@ -5,7 +5,7 @@ from scipy.stats import chi2
 from puckbench.geometry.cloud import Floats
 from puckbench.geometry.ransac import Plane
 from puckbench.lidar.recordings import RecordedReturns
-from puckbench.lidar.walls.detection import Surface
+from puckbench.lidar.walls.detection import DetectedPlane
 from puckbench.lidar.walls.statistics import (
     LaserBias,
     PlaneStatistics,
@@ -153,7 +153,9 @@ DEVIATION = np.where(np.arange(105) % 2, 0.005, -0.005) + np.repeat([0.01, -0.02
 def seen(some: slice, noise_m: float | None) -> PlaneStatistics:
     """Some of these returns as a plane's, with so much noise of single rays."""
     laser, deviation = LASER[some], DEVIATION[some]
-    surface = Surface("wall", Plane(np.array([0.0, -1.0, 0.0]), -2.5), np.arange(105)[some], 3, 1)
+    surface = DetectedPlane(
+        "wall", Plane(np.array([0.0, -1.0, 0.0]), -2.5), np.arange(105)[some], 3, 1
+    )
     rows = RecordedReturns({"laser_id": laser, "distance": np.full(len(laser), 2.5)})
     noise = None if noise_m is None else RayNoise(0.9, noise_m, 1)
     bias = laser_bias(deviation, laser)

@@ -9,9 +9,9 @@ from puckbench.core.models import parsed
 from puckbench.geometry.mesh import Mesh
 from puckbench.lidar.recordings import RecordedReturns
 from puckbench.lidar.walls.detection import (
+    DetectedPlane,
     PlaneSearch,
     Rejected,
-    Surface,
     find_surfaces,
     incidence,
     kind_of,
@@ -25,7 +25,7 @@ SEARCH = PlaneSearch()
 
 def found(
     table: RecordedReturns, search: PlaneSearch = SEARCH, seed: int = 0
-) -> tuple[list[Surface], list[Rejected]]:
+) -> tuple[list[DetectedPlane], list[Rejected]]:
     return find_surfaces(table, search, np.random.default_rng(seed))
 
 

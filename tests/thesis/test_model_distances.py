@@ -4,7 +4,7 @@ import pytest
 
 from puckbench.core.errors import InputError
 from puckbench.lidar import open_error_model
-from puckbench.lidar.calibration import Settings
+from puckbench.lidar.calibration import CalibrationOptions
 from puckbench.thesis.residuals.compared import compared_residuals, real_walls
 from puckbench.thesis.tables.model_distances import leave_one_out, model_distances
 from tests.support.calibration_lookalike import residuals
@@ -65,7 +65,9 @@ def test_a_models_residuals_on_the_real_rays_shrink_with_the_cosine() -> None:
 
 def test_what_one_device_tells_foretells_another() -> None:
     tables = [capture(3, laser=0.008), capture(4, laser=0.008)]
-    found = leave_one_out(tables, settings=Settings(quantum_m=0.0), replicates=3, resamples=10)
+    found = leave_one_out(
+        tables, settings=CalibrationOptions(quantum_m=0.0), replicates=3, resamples=10
+    )
     assert set(found["capture"]) == {1, 2}
     for _, rows in found.groupby("capture"):
         distances = rows.set_index("model")["emd_m"]

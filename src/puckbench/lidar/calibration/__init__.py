@@ -6,14 +6,14 @@ The model and its estimate are explained in docs/explanation/sensor.md.
 model `calibrated` draws from.
 """
 
-from puckbench.lidar.calibration.calibrating import Calibration, Settings, calibrate
+from puckbench.lidar.calibration.calibrating import Calibration, CalibrationOptions, calibrate
 from puckbench.lidar.calibration.files import model_file, write_calibration
 from puckbench.lidar.calibration.fitting import Estimate
 
 __all__ = [
     "Calibration",
+    "CalibrationOptions",
     "Estimate",
-    "Settings",
     "calibrate",
     "model_file",
     "write_calibration",

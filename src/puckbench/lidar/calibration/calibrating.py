@@ -24,7 +24,7 @@ FRAME, SPOT = "frame", "spot"
 
 
 @dataclass(frozen=True)
-class Settings:
+class CalibrationOptions:
     """How residuals are read.
 
     Parameters
@@ -103,13 +103,15 @@ class Calibration:
     biases: tuple[Estimate, ...]
     mean: Estimate | None
     shape: RayShape
-    settings: Settings
+    settings: CalibrationOptions
     laser_ids: tuple[int, ...]
     domain: Domain
     counts: dict[str, int] = field(default_factory=dict)
 
 
-def calibrate(tables: Sequence[pd.DataFrame], settings: Settings | None = None) -> Calibration:
+def calibrate(
+    tables: Sequence[pd.DataFrame], settings: CalibrationOptions | None = None
+) -> Calibration:
     """Estimate the parameters of range errors by restricted maximum likelihood.
 
     Parameters
@@ -122,14 +124,14 @@ def calibrate(tables: Sequence[pd.DataFrame], settings: Settings | None = None) 
     Raises
     ------
     InputError
-        The tables do not determine the parameters; see `observations` and `Settings`.
+        The tables do not determine the parameters; see `observations` and `CalibrationOptions`.
 
     References
     ----------
     H. D. Patterson and R. Thompson, "Recovery of inter-block information when block sizes are
     unequal", Biometrika 58 (1971).
     """
-    settings = settings or Settings()
+    settings = settings or CalibrationOptions()
     seen = observations(tables, cells=settings.cells)
     likelihood = RestrictedLikelihood(seen, settings.quantum_m)
     free = free_parameters(seen, settings.parameters)

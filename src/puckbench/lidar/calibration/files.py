@@ -16,7 +16,7 @@ from puckbench import __version__
 from puckbench.core.errors import InputError
 from puckbench.core.files import sha256, write_bytes
 from puckbench.core.yaml_files import yaml_text
-from puckbench.lidar.calibration.calibrating import FRAME, SPOT, Calibration, Settings
+from puckbench.lidar.calibration.calibrating import FRAME, SPOT, Calibration, CalibrationOptions
 from puckbench.lidar.calibration.fitting import Estimate
 from puckbench.lidar.calibration.likelihood import NAMES
 from puckbench.lidar.errors.calibrated import FORMAT
@@ -63,22 +63,22 @@ def settings_for(
     cells: str | None = None,
     parameters: Sequence[str] | None = None,
     quantum_mm: float | None = None,
-) -> Settings:
-    """Settings for the residuals of a model: spots and steps of 2 mm for those of recordings.
+) -> CalibrationOptions:
+    """Options for the residuals of a model: spots and steps of 2 mm for those of recordings.
 
     Parameters
     ----------
     model
         The model's name in the tables; `REAL` for recordings.
     cells, parameters
-        As in `Settings`; None for what the model asks for.
+        As in `CalibrationOptions`; None for what the model asks for.
     quantum_mm
         Steps of the ranges, millimetres; None for what the model asks for.
     """
     real = model == REAL
     quantum_m = (_RECORDING_QUANTUM_M if real else 0.0) if quantum_mm is None else quantum_mm / 1000
     default = SPOT if real else FRAME
-    return Settings(cells or default, tuple(parameters or NAMES), quantum_m)
+    return CalibrationOptions(cells or default, tuple(parameters or NAMES), quantum_m)
 
 
 # A micrometre is far below the resolution of any sensor's ranges.

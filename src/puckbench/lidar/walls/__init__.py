@@ -1,1 +1,1 @@
-"""Walls, floors and ceilings in a recording of a real sensor, and the range noise on them."""
+"""Walls, floors and ceilings in recordings of real sensors, and the range noise on them."""

@@ -1,10 +1,9 @@
-"""Walls, floors and ceilings in a recording of a sensor that stands still.
+"""Detection of walls, floors and ceilings in a recording of a sensor at rest.
 
-Planes are looked for in the sensor's range image: a pixel is on a plane when nearly all of its
-returns are, and a plane is one connected patch of pixels. So a plane through points that have
-nothing in common falls apart, and the edges of a patch, with their mixed returns, are cut off by
-whole pixels. Returns that graze a plane do not support it: the rings of the level lasers would make
-a floor at the height of the sensor.
+A plane is a connected patch of pixels of the range image; a pixel is on a plane if nearly all of
+its returns are. Thus planes through unrelated points fall apart, and the edges of a patch, with
+their mixed returns, are removed as whole pixels. Returns at grazing incidence do not support a
+plane, since the rings of horizontal lasers would form a floor at the height of the sensor.
 """
 
 from __future__ import annotations
@@ -30,7 +29,7 @@ WALL, FLOOR, CEILING, OBLIQUE = "wall", "floor", "ceiling", "oblique"
 _FIT_ROUNDS = 10
 _SAMPLES, _SAMPLE_SPAN_RAD = 384, math.radians(30)
 _MOST_SCORED, _PLANES_AT_A_TIME = 4096, 32
-# Returns within this many thresholds of a patch belong to no other plane.
+# Returns within this number of thresholds of a patch are not used for other planes.
 _TAKEN_THRESHOLDS = 3
 
 
@@ -90,10 +89,10 @@ class PlaneSearch(Model):
 
 
 @dataclass(frozen=True)
-class Surface:
-    """A plane of a recording, its normal towards the sensor, and the rows (n,) that count.
+class DetectedPlane:
+    """A plane with its normal towards the sensor, and rows (n,) of the returns on it.
 
-    width_m and height_m are the extents of these rows on the plane: level, and across.
+    width_m, height_m: horizontal extent of these returns, and the extent perpendicular to it.
     """
 
     kind: str
@@ -104,35 +103,28 @@ class Surface:
 
     @property
     def distance_m(self) -> float:
-        """Distance of the plane from the sensor."""
         return -self.plane.offset
 
 
 @dataclass(frozen=True)
 class Rejected:
-    """A plane that was found and not taken, and why."""
+    """A plane that was rejected, and the reason."""
 
-    surface: Surface
+    surface: DetectedPlane
     reason: str
 
 
 def find_surfaces(
     table: RecordedReturns, search: PlaneSearch, rng: np.random.Generator
-) -> tuple[list[Surface], list[Rejected]]:
-    """Find the planes of a recording by RANSAC, one after the other.
+) -> tuple[list[DetectedPlane], list[Rejected]]:
+    """Find planes by RANSAC; return those accepted, largest first, and those rejected.
 
-    The returns of a patch are taken out before the next plane is looked for, whether the patch is
-    accepted or not. The same generator finds the same planes.
-
-    Returns
-    -------
-    tuple
-        The surfaces accepted, those with the most returns first, and those rejected.
+    The returns of a patch, accepted or not, are removed before the next plane is searched.
     """
     least = least_returns(table, search)
     view = _View(table.xyz, table["azimuth"], RangeImage.of(table), search, least)
     free = np.ones(len(table), dtype=bool)
-    taken: list[Surface] = []
+    taken: list[DetectedPlane] = []
     rejected: list[Rejected] = []
     for _ in range(search.most_planes):
         plane = view.candidate(free, rng)
@@ -153,20 +145,20 @@ def find_surfaces(
 
 def surface_of(
     table: RecordedReturns, rows: NDArray[np.intp], start: Plane, kind: str, search: PlaneSearch
-) -> Surface:
-    """The robust plane of some returns (at least three, or none count), and which of them count."""
+) -> DetectedPlane:
+    """Fit a plane to returns robustly, and select those on it; none if there are fewer than 3."""
     part = table.select(rows)
     if len(rows) < 3:
-        return Surface(kind, start.facing(np.zeros(3)), rows[:0], 0.0, 0.0)
+        return DetectedPlane(kind, start.facing(np.zeros(3)), rows[:0], 0.0, 0.0)
     plane, near = robust_plane(part.xyz, start, sigmas=search.inlier_sigmas)
     plane = plane.facing(np.zeros(3))
     counts = near & (np.cos(incidence(part, plane)) >= search.least_cosine)
     counts &= _of_full_lasers(part["laser_id"], counts, search.least_laser_share)
-    return Surface(kind, plane, rows[counts], *_extents(part.xyz[counts], plane))
+    return DetectedPlane(kind, plane, rows[counts], *_extents(part.xyz[counts], plane))
 
 
-def fault_of(table: RecordedReturns, surface: Surface, search: PlaneSearch) -> str | None:
-    """Why a surface is not taken, or None."""
+def fault_of(table: RecordedReturns, surface: DetectedPlane, search: PlaneSearch) -> str | None:
+    """Return why a plane is rejected, or None."""
     returns = len(surface.rows)
     lasers = len(np.unique(table["laser_id"][surface.rows]))
     noise = robust_std(surface.plane.distances(table.xyz[surface.rows])) if returns else 0.0
@@ -178,16 +170,16 @@ def fault_of(table: RecordedReturns, surface: Surface, search: PlaneSearch) -> s
         (surface.height_m < search.least_height_m, f"{surface.height_m:.2f} m across"),
         (noise > search.most_noise_m, f"rough, robust standard deviation {1e3 * noise:.1f} mm"),
     )
-    return next((text for found, text in faults if found), None)
+    return next((text for is_fault, text in faults if is_fault), None)
 
 
 def least_returns(table: RecordedReturns, search: PlaneSearch) -> int:
-    """Returns that a plane must have in all turns of a recording together."""
+    """Return how many returns a plane must have in all turns together."""
     return search.least_returns * len(np.unique(table["turn"]))
 
 
 def incidence(table: RecordedReturns, plane: Plane) -> Floats:
-    """Angle between each return's nominal ray and the plane's normal, rad, (n,)."""
+    """Return the angle between each nominal ray and the plane's normal, (n,), rad."""
     azimuth, elevation = table["azimuth"], table["elevation"]
     level = np.cos(elevation)
     rays = [level * np.sin(azimuth), level * np.cos(azimuth), np.sin(elevation)]
@@ -196,7 +188,7 @@ def incidence(table: RecordedReturns, plane: Plane) -> Floats:
 
 
 def kind_of(plane: Plane, search: PlaneSearch) -> str:
-    """Wall, floor or ceiling by the plane's normal; one in between is oblique."""
+    """Classify a plane by its normal as wall, floor, ceiling or oblique."""
     up = np.array(search.up) / np.linalg.norm(search.up)
     rise = float(plane.facing(np.zeros(3)).normal @ up)
     tilt = math.radians(search.tilt_deg)
@@ -209,7 +201,7 @@ def kind_of(plane: Plane, search: PlaneSearch) -> str:
 
 @dataclass(frozen=True)
 class _View:
-    """Points (n, 3), azimuths (n,) and range image of a recording; what is sought there."""
+    """Points (n, 3), azimuths (n,) and range image of a recording, and limits of the search."""
 
     points: Floats
     azimuth: Floats
@@ -218,7 +210,7 @@ class _View:
     least: int
 
     def near(self, plane: Plane, thresholds: float = 1.0) -> Mask:
-        """Returns within a number of thresholds of a plane that they do not graze."""
+        """Return which returns are near a plane and not at grazing incidence."""
         close = np.abs(plane.distances(self.points)) < thresholds * self.search.threshold_m
         # The cosine of the incidence is the plane's distance over the point's.
         steep = np.linalg.norm(self.points, axis=1) * self.search.least_cosine <= abs(plane.offset)
@@ -226,10 +218,7 @@ class _View:
         return near
 
     def candidate(self, free: Mask, rng: np.random.Generator) -> Plane | None:
-        """The best supported plane through three free returns that were fired close together.
-
-        None when no plane has enough support.
-        """
+        """Return the best supported plane through three nearby free returns, or None."""
         rows = np.flatnonzero(free)
         if len(rows) < self.least:
             return None
@@ -242,9 +231,9 @@ class _View:
         return Plane(normals[best], float(offsets[best]))
 
     def grown(self, plane: Plane, free: Mask) -> tuple[Plane, Mask]:
-        """A plane refitted to its largest patch of free returns until both stay, and the patch.
+        """Refit a plane to its largest patch of free returns until both converge; return both.
 
-        Each laser is allowed its bias, or those with the greatest would lose their pixels.
+        Biases of lasers are subtracted; otherwise lasers with large ones would lose pixels.
         """
         patch = np.zeros(self.image.shape, dtype=bool)
         bias = np.zeros(len(patch))
@@ -263,7 +252,7 @@ class _View:
         return plane, patch
 
     def _bias(self, plane: Plane, rows: Mask) -> Floats:
-        """Median distance of each laser's returns from a plane, as far as the threshold at most."""
+        """Return each laser's median distance from a plane, clipped to the threshold."""
         chosen = rows & self.near(plane, 2)
         distances = plane.distances(self.points[chosen])
         lasers = self.image.laser_rank[chosen]
@@ -272,10 +261,7 @@ class _View:
         return np.clip(medians, -self.search.threshold_m, self.search.threshold_m)
 
     def _samples(self, rows: NDArray[np.intp], rng: np.random.Generator) -> tuple[Floats, Floats]:
-        """Upright and level planes through three of the rows within a span of azimuth.
-
-        Normals (k, 3) and offsets (k,).
-        """
+        """Return normals (k, 3) and offsets of vertical and horizontal planes through samples."""
         order = rows[np.argsort(self.azimuth[rows], kind="stable")]
         span = max(3, int(len(order) * _SAMPLE_SPAN_RAD / math.tau))
         first = rng.integers(len(order), size=_SAMPLES)
@@ -290,7 +276,6 @@ class _View:
         return normals[usable], np.sum(normals * a, axis=1)[usable]
 
     def _support(self, points: Floats, normals: Floats, offsets: Floats) -> NDArray[np.intp]:
-        """How many of the points support each plane, (k,)."""
         counts = np.zeros(len(normals), dtype=np.intp)
         steep = np.linalg.norm(points, axis=1) * self.search.least_cosine
         for at in range(0, len(normals), _PLANES_AT_A_TIME):
@@ -302,7 +287,6 @@ class _View:
 
 
 def _of_full_lasers(laser: NDArray[np.int16], rows: Mask, share: float) -> Mask:
-    """Returns of lasers that have at least a share of the median laser's among the given rows."""
     returns = np.bincount(laser[rows], minlength=int(laser.max()) + 1)
     usual = np.median(returns[returns > 0]) if rows.any() else 0.0
     full: Mask = (returns >= share * usual)[laser]

@@ -1,4 +1,4 @@
-"""The range image of a sensor that stands still: a pixel is one laser in one degree of azimuth."""
+"""Range images of a sensor at rest: a pixel is one laser in one degree of azimuth."""
 
 from __future__ import annotations
 
@@ -19,40 +19,37 @@ COLUMNS = 360
 
 @dataclass(frozen=True)
 class RangeImage:
-    """The pixel of each return (n,), and the image's shape."""
+    """Pixel of each return (n,), and shape of the image."""
 
     pixel: NDArray[np.intp]
     shape: tuple[int, int]
 
     @classmethod
     def of(cls, table: RecordedReturns) -> RangeImage:
-        """The image of a recording's returns."""
         levels, rank = np.unique(table["elevation"], return_inverse=True)
         column = (table["azimuth"] * (COLUMNS / math.tau)).astype(np.intp) % COLUMNS
         return cls(rank * COLUMNS + column, (len(levels), COLUMNS))
 
     @property
     def laser_rank(self) -> NDArray[np.intp]:
-        """The row of the image that each return is in, (n,)."""
+        """Row of the image for each return, (n,)."""
         return self.pixel // self.shape[1]
 
     def counts(self, rows: Mask) -> Floats:
-        """Number of the given returns in each pixel."""
         size = self.shape[0] * self.shape[1]
         counts: Floats = np.bincount(self.pixel[rows], minlength=size).astype(np.float64)
         return counts.reshape(self.shape)
 
     def rows(self, pixels: Mask) -> Mask:
-        """The returns of the given pixels."""
         chosen: Mask = pixels.ravel()[self.pixel]
         return chosen
 
 
 def largest_patch(pixels: Mask, returns: Floats) -> Mask:
-    """The connected patch of pixels with the most returns; a gap of up to two pixels is bridged."""
+    """Return the connected patch with the most returns; gaps of up to two pixels are bridged."""
     from scipy import ndimage
 
-    # The seam of the image is put where the fewest pixels are, so that it cuts no patch.
+    # The seam of the image is moved to the column with the fewest pixels, to not cut a patch.
     seam = int(np.argmin(pixels.sum(axis=0)))
     labels, count = ndimage.label(widened(np.roll(pixels, -seam, axis=1)))
     labels = np.roll(labels, seam, axis=1) * pixels
@@ -62,7 +59,7 @@ def largest_patch(pixels: Mask, returns: Floats) -> Mask:
 
 
 def widened(pixels: Mask) -> Mask:
-    """The pixels and the eight neighbours of each."""
+    """Return the pixels and their eight neighbours."""
     beside = pixels | np.roll(pixels, 1, axis=1) | np.roll(pixels, -1, axis=1)
     padded = np.pad(beside, ((1, 1), (0, 0)))
     wide: Mask = padded[:-2] | padded[1:-1] | padded[2:]
@@ -70,6 +67,6 @@ def widened(pixels: Mask) -> Mask:
 
 
 def without_ends(pixels: Mask) -> Mask:
-    """The pixels between two others of the same laser: where a surface ends, returns are mixed."""
+    """Return pixels with neighbours on both sides in their row; returns at ends are mixed."""
     inner: Mask = pixels & np.roll(pixels, 1, axis=1) & np.roll(pixels, -1, axis=1)
     return inner

@@ -1,8 +1,7 @@
-"""Plane residuals of a recording: Procedure 1 of the thesis (section 5.1.2) on what is there.
+"""Plane residuals of a recording (thesis, section 5.1.2, Procedure 1).
 
-The interval in which the sensor stood still, its planes, and the signed distances of the returns
-to them, as the residuals of virtual scans have them, with the statistics that only repeated turns
-of a real sensor give.
+The recording is cropped to an interval in which the sensor was at rest; residuals are the signed
+distances of returns from the planes found there, as for virtual scans.
 """
 
 from __future__ import annotations
@@ -29,9 +28,9 @@ from puckbench.lidar.recordings.returns import BOTH
 from puckbench.lidar.recordings.times import TimeUnit
 from puckbench.lidar.residual_table import COLUMNS, REAL, SURFACES, about_plane
 from puckbench.lidar.walls.detection import (
+    DetectedPlane,
     PlaneSearch,
     Rejected,
-    Surface,
     find_surfaces,
     incidence,
     kind_of,
@@ -41,9 +40,9 @@ from puckbench.lidar.walls.stillness import SHIFT_M, Still, still_rows
 
 
 class Crop(Model):
-    """A plane chosen by hand: what it is, and the box (two corners, m, sensor's frame) to crop to.
+    """A plane chosen by hand: two corners of a box, m, in the sensor's frame.
 
-    The box should leave out the surface's edges, where returns are mixed.
+    The box should not contain the edges of the surface, where returns are mixed.
     """
 
     surface: Literal["wall", "floor", "ceiling"]
@@ -58,7 +57,6 @@ class Crop(Model):
         return self
 
     def rows(self, points: Floats) -> NDArray[np.intp]:
-        """Indices of the points (n, 3) in the box."""
         low, high = np.array(self.box)
         return np.flatnonzero(np.all((points >= low) & (points <= high), axis=1))
 
@@ -109,44 +107,36 @@ class RecordingOptions(Model):
 
 
 def recording_options(given: Mapping[str, Any]) -> RecordingOptions:
-    """Options as JSON or YAML has them; InputError for an unknown one or a wrong value."""
+    """Parse options from JSON or YAML; raises InputError for an unknown name or a wrong value."""
     return parsed(RecordingOptions, given, "capture options")
 
 
-# Of a plane chosen by hand; one that is found has the limits of `PlaneSearch`.
+# For planes chosen by hand; others have the limits of `PlaneSearch`.
 _LEAST_RETURNS = 50
 
 
 @dataclass(frozen=True)
 class RecordedPlanes:
-    """The returns of a recording that count, where it stood still, and the planes in it.
-
-    still: None when the interval was given.
-    """
+    """Returns of the interval at rest (still: None if it was given), and the planes in it."""
 
     table: RecordedReturns
     still: Still | None
-    surfaces: list[Surface]
+    surfaces: list[DetectedPlane]
     rejected: list[Rejected]
 
 
 def recorded_planes(
     path: Path, options: RecordingOptions, source: Path | None = None
 ) -> RecordedPlanes:
-    """Read a recording, choose its still interval, and find its planes (or crop to those given).
+    """Read a recording, crop it to an interval at rest, and find its planes.
 
-    Of a dual recording only the beams with a single return count: the others straddle an edge.
-    Messages name the file `source`, where `path` is a temporary copy of it.
+    In dual return mode only beams with a single return are used: the others hit an edge. `source`
+    is the file to name in messages, if `path` is a temporary copy of it.
 
     Raises
     ------
     InputError
-        One line that names the file, for a recording that cannot be read, whose sensor never stands
-        still, or that has no plane.
-
-    References
-    ----------
-    Procedure 1 of the thesis, section 5.1.2.
+        The recording cannot be read, the sensor is never at rest, or there is no plane.
     """
     sensor = load_sensor(options.sensor) if options.sensor else None
     start, end = options.still_s or (0.0, math.inf)
@@ -163,10 +153,10 @@ def recorded_planes(
 
 
 def recording_residuals(planes: RecordedPlanes) -> pd.DataFrame:
-    """Residual table of a recording, columns as `residuals.COLUMNS`.
+    """Return the residual table of a recording.
 
-    The model is `REAL`; distance_m is the plane's distance from the sensor, rounded to 1 cm; run
-    is the number of the plane from 1; frame is the turn of the sensor; range_m is as measured.
+    The model is `REAL`, distance_m the plane's distance from the sensor, rounded to 1 cm, run the
+    number of the plane from 1, and frame the turn.
     """
     parts = [
         _rows_of(planes.table.select(surface.rows), surface, number)
@@ -181,23 +171,21 @@ def recording_residuals(planes: RecordedPlanes) -> pd.DataFrame:
 
 def _planes(
     table: RecordedReturns, options: RecordingOptions
-) -> tuple[list[Surface], list[Rejected]]:
-    """The planes chosen by hand, or those found; InputError when there are none."""
+) -> tuple[list[DetectedPlane], list[Rejected]]:
     if options.planes:
         chosen = [
             _cropped(table, crop, options.search, number)
             for number, crop in enumerate(options.planes, 1)
         ]
         return chosen, []
-    # The planes found do not depend on a run's seed: what is real is not drawn at random.
+    # Planes of real data must not depend on the seed of a run.
     surfaces, rejected = find_surfaces(table, options.search, generator(0, "capture", "planes"))
     if not surfaces:
         raise InputError(f"no plane of a wall, floor or ceiling {_why(rejected)}")
     return surfaces, rejected
 
 
-def _cropped(table: RecordedReturns, crop: Crop, search: PlaneSearch, number: int) -> Surface:
-    """The plane of the returns in a box, fitted as those that are found."""
+def _cropped(table: RecordedReturns, crop: Crop, search: PlaneSearch, number: int) -> DetectedPlane:
     rows, what = crop.rows(table.xyz), f"plane {number} ({crop.surface})"
     if len(rows) < _LEAST_RETURNS:
         least = f"where at least {_LEAST_RETURNS} are needed"
@@ -222,7 +210,7 @@ def _why(rejected: list[Rejected]) -> str:
     return f"(the largest of {len(rejected)} not taken: {place}, {most.reason})"
 
 
-def _rows_of(rows: RecordedReturns, surface: Surface, number: int) -> pd.DataFrame:
+def _rows_of(rows: RecordedReturns, surface: DetectedPlane, number: int) -> pd.DataFrame:
     about = about_plane(rows.xyz, surface.plane, np.zeros(3))
     columns = {
         **about,

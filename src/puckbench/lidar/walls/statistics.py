@@ -1,8 +1,8 @@
-"""Noise of single rays and biases of single lasers, from what a sensor that stands still measures.
+"""Noise of rays and biases of lasers, from recordings of a sensor at rest.
 
-A deviation is what a measured range is longer than that of the plane, along the ray. A laser's bias
-on a plane is its mean deviation there; the noise of a ray is how the deviations of one laser in one
-direction spread from turn to turn, whatever its bias and whatever the wall's shape.
+A deviation is the measured range minus that of the plane along the ray. The bias of a laser on a
+plane is its mean deviation. Ray noise is the spread between turns of the deviations of one laser in
+one direction, which does not depend on the bias or the shape of the wall.
 """
 
 from __future__ import annotations
@@ -18,22 +18,22 @@ from numpy.typing import NDArray
 
 from puckbench.geometry.cloud import Floats
 from puckbench.lidar.recordings import RecordedReturns
-from puckbench.lidar.walls.detection import WALL, Surface, incidence
+from puckbench.lidar.walls.detection import WALL, DetectedPlane, incidence
 from puckbench.lidar.walls.residuals import RecordedPlanes
 
 LEAST_TURNS = 3
-"""Turns that a direction must return in, for its spread to count."""
+"""A direction needs returns in this number of turns."""
 
 _LEAST_RETURNS, _LEAST_COMMON_LASERS = 20, 6
 
 
 @dataclass(frozen=True)
 class RayNoise:
-    """Spread of deviations over the turns, per laser and bin of azimuth.
+    """Spread of deviations between turns, by laser and bin of azimuth.
 
-    median_std_m: the median of the bins' standard deviations (n - 1). Of few turns it comes out
-    too small: by 17 % with three, 11 % with four, 4 % with ten, for Gaussian noise.
-    sigma_m: all bins' variances pooled by their degrees of freedom, which has no such bias.
+    median_std_m: median of the bins' standard deviations (n - 1), which for Gaussian noise is too
+    small by 17 % with three turns, 11 % with four and 4 % with ten. sigma_m: from the pooled
+    variances, without this bias.
     """
 
     median_std_m: float
@@ -43,10 +43,10 @@ class RayNoise:
 
 @dataclass(frozen=True)
 class LaserBias:
-    """Mean deviation of each laser (l,) on one plane, m, and its number of returns.
+    """Mean deviation of each laser on a plane, m, and its number of returns.
 
-    The plane was fitted to the same returns, so that a bias that all lasers share, or that grows
-    evenly with their elevation, has gone into the plane.
+    The plane was fitted to the same returns: it absorbs a bias that is common to all lasers or
+    linear in their elevation.
     """
 
     lasers: NDArray[np.intp]
@@ -55,16 +55,15 @@ class LaserBias:
 
     @property
     def std_m(self) -> float | None:
-        """Standard deviation (n - 1) over the lasers; None for fewer than two."""
         return float(np.std(self.mean_m, ddof=1)) if len(self.lasers) > 1 else None
 
 
 @dataclass(frozen=True)
 class Repeatability:
-    """How far the lasers' biases on one plane are those on another, over all pairs of planes.
+    """Agreement of the lasers' biases on different planes, over all pairs of planes.
 
-    correlation: mean of the pairs' correlations. shared_std_m: standard deviation of the part of
-    the bias that a laser keeps from plane to plane (the root of the mean covariance; 0 for none).
+    correlation: mean correlation. shared_std_m: standard deviation of the part of a laser's bias
+    that is common to all planes (root of the mean covariance).
     """
 
     pairs: int
@@ -73,10 +72,7 @@ class Repeatability:
 
 
 def range_deviation(residual: Floats, incidence: Floats) -> Floats:
-    """Range minus that of the plane, m, of residuals positive on the sensor's side, (n,).
-
-    incidence: angle between ray and normal, rad, below a right angle.
-    """
+    """Return the range minus that of the plane, m; residuals are positive at the sensor."""
     return np.asarray(-residual / np.cos(incidence))
 
 
@@ -88,9 +84,9 @@ def ray_noise(
     step_rad: float,
     least_turns: int = LEAST_TURNS,
 ) -> RayNoise | None:
-    """Spread of `deviation` (n,) over turns in bins of one laser and `step_rad` of azimuth.
+    """Return the spread of deviations (n,) between turns, in bins of laser and azimuth.
 
-    None when no bin has returns of `least_turns` turns, or the step is not known (nan).
+    None if no bin has returns in `least_turns` turns, or the step is unknown (nan).
     """
     if len(deviation) == 0 or np.isnan(step_rad):
         return None
@@ -109,7 +105,7 @@ def ray_noise(
 
 
 def laser_bias(deviation: Floats, laser: NDArray[Any]) -> LaserBias:
-    """Mean deviation of each laser with at least 20 returns on the plane."""
+    """Return the mean deviation of each laser with at least 20 returns."""
     counts = np.bincount(laser)
     lasers = np.flatnonzero(counts >= _LEAST_RETURNS)
     sums = np.bincount(laser, deviation)
@@ -117,7 +113,7 @@ def laser_bias(deviation: Floats, laser: NDArray[Any]) -> LaserBias:
 
 
 def repeatability(biases: Sequence[LaserBias]) -> Repeatability | None:
-    """How far biases repeat from plane to plane; None without two that share six lasers."""
+    """Return the agreement of biases; None without two planes that share six lasers."""
     correlations, covariances = [], []
     for one, other in combinations(biases, 2):
         _, first, second = np.intersect1d(one.lasers, other.lasers, return_indices=True)
@@ -132,7 +128,7 @@ def repeatability(biases: Sequence[LaserBias]) -> Repeatability | None:
 
 
 def azimuth_step(table: RecordedReturns) -> float:
-    """The usual azimuth between two firings of a laser, rad; nan when no laser fired twice."""
+    """Return the median azimuth between two firings of a laser, rad; nan if unknown."""
     order = np.lexsort((table["azimuth"], table["laser_id"], table["turn"]))
     laser, turn = table["laser_id"][order], table["turn"][order]
     steps = np.diff(table["azimuth"][order])
@@ -141,16 +137,15 @@ def azimuth_step(table: RecordedReturns) -> float:
 
 
 def _turns_in(group: NDArray[np.intp], turn: NDArray[Any]) -> NDArray[np.intp]:
-    """Number of different turns in each group."""
     pairs = np.unique(np.column_stack([group, turn]), axis=0)
     return np.bincount(pairs[:, 0])
 
 
 @dataclass(frozen=True)
 class PlaneStatistics:
-    """A surface of a recording with its rows' residuals (n,) and deviations along the ray (n,)."""
+    """A plane with residuals (n,) and deviations along the ray (n,) of its returns."""
 
-    surface: Surface
+    surface: DetectedPlane
     rows: RecordedReturns
     residual: Floats
     deviation: Floats
@@ -159,7 +154,7 @@ class PlaneStatistics:
 
     @property
     def unevenness_m(self) -> float | None:
-        """What spreads the deviations besides biases and rays: the shape of the wall."""
+        """Spread of the deviations beyond biases and ray noise: the shape of the wall."""
         if self.noise is None or len(self.bias.lasers) == 0:
             return None
         means = np.zeros(int(self.rows["laser_id"].max()) + 1)
@@ -169,7 +164,6 @@ class PlaneStatistics:
         return math.sqrt(max(float(np.var(rest)) - self.noise.sigma_m**2, 0.0))
 
     def described(self) -> dict[str, Any]:
-        """The statistics by name, for JSON; biases in m by laser."""
         biases = zip(self.bias.lasers.tolist(), self.bias.mean_m.tolist(), strict=True)
         return {
             "surface": self.surface.kind,
@@ -187,16 +181,15 @@ class PlaneStatistics:
 
 
 def plane_statistics(planes: RecordedPlanes) -> list[PlaneStatistics]:
-    """Statistics of each plane of a recording."""
     step = azimuth_step(planes.table)
     return [_statistics(planes.table, surface, step) for surface in planes.surfaces]
 
 
 def recording_summary(planes: RecordedPlanes) -> dict[str, Any]:
-    """What the recording is, its statistics, its planes, and those not taken, for JSON.
+    """Return statistics of a recording and its planes for JSON.
 
     ray_noise is that of all planes together, laser_bias_std_m the root of the mean variance of the
-    walls' biases; the rest is that of `RayNoise`, `LaserBias`, `Repeatability` and `Rejected`.
+    walls' biases.
     """
     step, parts = azimuth_step(planes.table), plane_statistics(planes)
     walls = [part.bias for part in parts if part.surface.kind == WALL]
@@ -216,7 +209,7 @@ def recording_summary(planes: RecordedPlanes) -> dict[str, Any]:
     }
 
 
-def _statistics(table: RecordedReturns, surface: Surface, step: float) -> PlaneStatistics:
+def _statistics(table: RecordedReturns, surface: DetectedPlane, step: float) -> PlaneStatistics:
     rows = table.select(surface.rows)
     residual = surface.plane.distances(rows.xyz)
     deviation = range_deviation(residual, incidence(rows, surface.plane))
@@ -226,7 +219,7 @@ def _statistics(table: RecordedReturns, surface: Surface, step: float) -> PlaneS
 
 
 def _noise_of_all(parts: Sequence[PlaneStatistics], step: float) -> RayNoise | None:
-    """Ray noise over all planes; a laser counts anew on each, where its bias may differ."""
+    # A laser has a bin of its own on each plane, where its bias may differ.
     lasers = [part.rows["laser_id"] + 1000 * place for place, part in enumerate(parts)]
     azimuth, turn = (
         np.concatenate([part.rows[name] for part in parts]) for name in ("azimuth", "turn")
@@ -248,6 +241,6 @@ def _about(planes: RecordedPlanes) -> dict[str, Any]:
     }
 
 
-def _rejected(surface: Surface, reason: str) -> dict[str, Any]:
+def _rejected(surface: DetectedPlane, reason: str) -> dict[str, Any]:
     where = {"surface": surface.kind, "distance_m": surface.distance_m, "rows": len(surface.rows)}
     return {**where, "reason": reason}

@@ -1,4 +1,4 @@
-"""When the sensor of a recording stood still: successive turns that measure the same distances."""
+"""Intervals in which a sensor was at rest: successive turns measure the same distances."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from puckbench.geometry.cloud import Floats
 from puckbench.lidar.recordings import RecordedReturns
 
 SHIFT_M = 0.003
-"""Turns whose distances differ by less than this repeat each other."""
+"""Limit of the difference between turns of a sensor at rest."""
 
 # Neighbours on a surface, between which distances are interpolated: the step of a VLP-16 is 0.1 to
 # 0.4 degrees; at a greater change of distance there is an edge.
@@ -25,7 +25,7 @@ _LASER_STRIDE = 7.0
 
 @dataclass(frozen=True)
 class Still:
-    """Turns `first` to `last`, whose distances are within `shift_m` of the first one's."""
+    """Turns `first` to `last`, whose distances differ by at most `shift_m` from the first one's."""
 
     first: int
     last: int
@@ -33,14 +33,13 @@ class Still:
 
     @property
     def turns(self) -> int:
-        """Number of turns."""
         return self.last - self.first + 1
 
 
 def still_rows(table: RecordedReturns, limit_m: float = SHIFT_M) -> tuple[RecordedReturns, Still]:
-    """The longest interval of at least two turns that repeat its first one, and its rows.
+    """Return the rows and turns of the longest interval of at least two turns at rest.
 
-    Raises InputError when no turn repeats the one before it.
+    Raises InputError if there is none.
     """
     turns = _turns(table)
     if len(turns) < 2:
@@ -63,12 +62,11 @@ def still_rows(table: RecordedReturns, limit_m: float = SHIFT_M) -> tuple[Record
 
 
 def turn_shift(reference: RecordedReturns, other: RecordedReturns) -> float:
-    """How far distances of one turn are from another's, m; infinite when too few compare.
+    """Return by how much distances of two turns differ, m; infinite if too few can be compared.
 
-    Each return of `other` is compared with the same laser's distances of `reference`, interpolated
-    to its azimuth, where these are on one surface. The medians of sectors of 10 degrees average the
-    noise away; their third quartile of size sees a sensor that moved, and not one that a person
-    walked past.
+    A return of `other` is compared with distances of the same laser in `reference`, interpolated to
+    its azimuth on the same surface. Medians in sectors of 10 degrees average out the noise, and the
+    third quartile of their absolute values detects a moving sensor, but not a passing person.
     """
     change, azimuth = _changes(reference, other)
     sector = np.floor(azimuth * (_SECTORS / math.tau)).astype(np.intp) % _SECTORS
@@ -80,14 +78,13 @@ def turn_shift(reference: RecordedReturns, other: RecordedReturns) -> float:
 
 
 def _turns(table: RecordedReturns) -> dict[int, NDArray[np.intp]]:
-    """The rows of each turn, the turns in order."""
     order = np.argsort(table["turn"], kind="stable")
     numbers, starts = np.unique(table["turn"][order], return_index=True)
     return dict(zip(numbers.tolist(), np.split(order, starts[1:]), strict=True))
 
 
 def _changes(reference: RecordedReturns, other: RecordedReturns) -> tuple[Floats, Floats]:
-    """Changes of distance from the reference, and azimuths of the returns that compare."""
+    """Return changes of distance and azimuths of the returns that can be compared."""
     places, wanted = _places(reference), _places(other)
     order = np.argsort(places, kind="stable")
     places, distance = places[order], reference["distance"][order]

@@ -26,7 +26,7 @@ from puckbench.thesis.residuals.compared import (
 if TYPE_CHECKING:
     import pandas as pd
 
-    from puckbench.lidar.calibration import Settings
+    from puckbench.lidar.calibration import CalibrationOptions
 
 RESAMPLES = 300
 _BIN_M, _REACH_M = 2e-4, 0.5
@@ -92,7 +92,7 @@ def model_distances(
 def leave_one_out(
     tables: Sequence[pd.DataFrame],
     *,
-    settings: Settings | None = None,
+    settings: CalibrationOptions | None = None,
     replicates: int = REPLICATES,
     resamples: int = RESAMPLES,
     seed: int = 0,
@@ -106,9 +106,9 @@ def leave_one_out(
     """
     import pandas as pd
 
-    from puckbench.lidar.calibration import Settings
+    from puckbench.lidar.calibration import CalibrationOptions
 
-    settings = settings or Settings("spot", quantum_m=0.002)
+    settings = settings or CalibrationOptions("spot", quantum_m=0.002)
     parts = []
     for number, table in enumerate(tables, 1):
         others = [other for place, other in enumerate(tables, 1) if place != number]
@@ -122,7 +122,7 @@ def leave_one_out(
     return pd.concat(parts, ignore_index=True)
 
 
-def _calibrated(tables: Sequence[pd.DataFrame], settings: Settings) -> Calibrated:
+def _calibrated(tables: Sequence[pd.DataFrame], settings: CalibrationOptions) -> Calibrated:
     from puckbench.lidar.calibration import calibrate, model_file
 
     parameters = dict(model_file(calibrate(tables, settings), [])["parameters"])
