@@ -1,4 +1,4 @@
-"""What a run says at its end: a small table of its results, and where everything lies."""
+"""The summary that a run prints at its end: a table of results, and the places of its files."""
 
 from __future__ import annotations
 
@@ -40,16 +40,16 @@ _PLACES = {"report": REPORT, "tables": "tables", "figures": "figures"}
 
 
 def closing_lines(results: Path, style: FigureStyle, anchor: str, since: float) -> Iterator[str]:
-    """The lines; none where the run made no table of medians.
+    """Yield the lines of the summary; none if the run made no table of medians.
 
     Parameters
     ----------
     style
         Titles of data sets and codecs.
     anchor
-        The codec that BD-rates are against.
+        Codec that BD-rates compare with.
     since
-        Time stamp of the run's beginning.
+        Time stamp of the start of the run.
     """
     summary = results / "tables" / "summary.csv"
     if not summary.exists() or summary.stat().st_mtime < since:
@@ -72,7 +72,7 @@ def closing_lines(results: Path, style: FigureStyle, anchor: str, since: float) 
 
 
 def summary_rows(results: Path, style: FigureStyle, anchor: str) -> list[dict[str, Any]]:
-    """A row for each data set and codec: titles, ranges of medians, BD-rate, most seconds."""
+    """Return a row for each data set and codec: titles, ranges of medians, BD-rate, time."""
     medians = _rows(results / "tables" / "summary.csv")
     deltas = {
         (row["dataset"], row["codec"]): row
@@ -87,13 +87,13 @@ def summary_rows(results: Path, style: FigureStyle, anchor: str) -> list[dict[st
 
 
 def _delta(row: Row | None) -> dict[str, Any]:
-    """A BD-rate as a number, None where it is not worth its print, and in words."""
+    """Return a BD-rate as text, and as a number if it is meaningful."""
     value = float(row["bd_rate_percent"]) if row is not None and has_delta(row) else None
     return {"bd_rate_percent": value, "bd_rate": "" if row is None else delta_text(row)}
 
 
 def _remarks(rows: Sequence[Mapping[str, Any]]) -> Iterator[str]:
-    """The peaks of the PSNRs, and which rates have none."""
+    """Yield the peaks of the PSNRs, and the lossless rates."""
     peaks = {row["dataset"]: f"{row['peak']:g}{row['unit']}" for row in rows if row["peak"]}
     if peaks:
         yield f"Peak of the PSNRs: {', '.join(' '.join(item) for item in peaks.items())}."
@@ -138,7 +138,7 @@ def _odd_results(results: Path) -> Iterator[str]:
 
 
 def _row(medians: Sequence[Row], style: FigureStyle) -> dict[str, Any]:
-    """What the medians of one codec on one data set say, but its BD-rate."""
+    """Summarise the medians of one codec on one data set, without its BD-rate."""
     first = medians[0]
     ranges = {name: _range(medians, name) for name in ("bpp", "d1_rms_m", "d1_psnr")}
     return {
@@ -154,13 +154,12 @@ def _row(medians: Sequence[Row], style: FigureStyle) -> dict[str, Any]:
 
 
 def _range(rows: Sequence[Row], column: str) -> list[float] | None:
-    """Least and greatest value of a column; None where it has none."""
+    """Return the least and the greatest value of a column, or None."""
     found = [float(row[column]) for row in rows if row.get(column)]
     return [min(found), max(found)] if found else None
 
 
 def _cells(row: Mapping[str, Any]) -> dict[str, str]:
-    """The row in words for a terminal."""
     forms = {"bpp": "{:.2g}", "d1_rms_m": "{:.2g}", "d1_psnr": "{:.0f}"}
     ranges = {
         name: " to ".join(form.format(end) for end in row[name] or ())
@@ -177,7 +176,7 @@ def _cells(row: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _aligned(rows: Sequence[Sequence[str]]) -> Iterator[str]:
-    """Columns of equal width: words to the left, numbers to the right."""
+    """Yield lines of columns of equal width: texts left-aligned, numbers right-aligned."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     for row in rows:
         cells = zip(row, widths, strict=True)
