@@ -1,4 +1,4 @@
-"""Calibration: from tables of plane residuals to the parameters of a range error model."""
+"""Calibration: estimation of the parameters of range errors from tables of plane residuals."""
 
 from __future__ import annotations
 
@@ -25,26 +25,20 @@ FRAME, SPOT = "frame", "spot"
 
 @dataclass(frozen=True)
 class CalibrationOptions:
-    """How residuals are read.
+    """How residuals are interpreted.
 
     Parameters
     ----------
     cells
-        What shares a bias besides the laser and the scan. ``"frame"``: one laser in one frame, as
-        virtual scans draw it. ``"spot"``: one laser in one direction, for the recordings of a
-        sensor that stands still. Then `frame_sigma_m` is the unevenness of the walls, the planes
-        follow the means of the rings alone (the shape of a wall along a ring must not pass for an
-        error of the sensor), and the lasers' mean bias, which moves a wall as a whole, is taken to
-        be zero.
+        Groups of returns with a common bias. ``"frame"``: one laser in one frame, as in virtual
+        scans. ``"spot"``: one laser in one direction, for recordings of a sensor at rest; then
+        `frame_sigma_m` is the unevenness of the walls, planes follow only the means of rings (the
+        shape of a wall along a ring is no error of the sensor), and the mean bias of the lasers,
+        which moves a wall as a whole, is assumed to be zero.
     parameters
         Names of the `Sigmas` to estimate; the others are zero.
     quantum_m
-        Steps of the ranges, metres: 0.002 for a VLP-16, 0 for virtual scans without a receiver.
-
-    Raises
-    ------
-    InputError
-        Cells of another kind, or steps below zero.
+        Range quantum, m: 0.002 for a VLP-16, 0 for virtual scans without a receiver.
     """
 
     cells: str = FRAME
@@ -60,15 +54,7 @@ class CalibrationOptions:
 
 @dataclass(frozen=True)
 class Domain:
-    """The range of what the residuals cover.
-
-    Parameters
-    ----------
-    most_incidence_rad
-        Greatest angle of incidence.
-    ranges_m
-        Shortest and longest range.
-    """
+    """Largest incidence, and shortest and longest range of the residuals."""
 
     most_incidence_rad: float
     ranges_m: tuple[float, float]
@@ -76,25 +62,18 @@ class Domain:
 
 @dataclass(frozen=True)
 class Calibration:
-    """Estimated parameters of the range errors, each with its 95 % interval.
+    """Estimated parameters of range errors with 95 % intervals.
 
     Parameters
     ----------
     sigmas
-        By name (`Sigmas`), those that were estimated.
+        Estimated `Sigmas` by name.
     biases
-        Of each laser less the mean of all, metres, in the order of `laser_ids`; none for several
-        devices.
+        Biases of the lasers `laser_ids` relative to their mean, m; empty for several devices.
     mean
-        Of the lasers' biases, metres; None where the planes hide it.
+        Mean bias, m; None if the planes absorb it.
     shape
-        Of the rays' noise.
-    settings
-        How the residuals were read.
-    laser_ids
-        Of the lasers that have residuals.
-    domain
-        Incidence and ranges of the residuals.
+        Distribution of the ray noise.
     counts
         Numbers of devices, lasers, surfaces, rings, cells and residuals.
     """
@@ -117,9 +96,9 @@ def calibrate(
     Parameters
     ----------
     tables
-        Plane residuals, one table per device; columns as `observations` needs them.
+        Plane residuals, a table for each device.
     settings
-        How they are read; the defaults are those for virtual scans.
+        The defaults are for virtual scans.
 
     Raises
     ------
