@@ -1,4 +1,4 @@
-"""How often a thin cloud's grid is halved, on planes whose density is known."""
+"""Grid levels: coarsening of sparse clouds, on planes of known density."""
 
 from pathlib import Path
 from typing import Any
@@ -29,9 +29,9 @@ def _plane(step: int = 1, side: int = 128) -> np.ndarray:
     return np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
 
 
-@pytest.mark.parametrize(("step", "halved"), [(1, 0), (2, 1), (4, 2), (8, 3)])
-def test_a_grid_is_halved_until_a_surface_is_dense_on_it(step: int, halved: int) -> None:
-    assert octaves_of_points(_plane(step) - 1000, 4) == halved
+@pytest.mark.parametrize(("step", "octaves"), [(1, 0), (2, 1), (4, 2), (8, 3)])
+def test_a_grid_is_coarsened_until_a_surface_is_dense_on_it(step: int, octaves: int) -> None:
+    assert octaves_of_points(_plane(step) - 1000, 4) == octaves
     assert octaves_of_points(_plane(step), 1) == 0
 
 
@@ -51,11 +51,11 @@ def test_every_second_voxel_at_random_leaves_half_the_children() -> None:
     [np.zeros((1, 3)), np.arange(300.0).reshape(-1, 1) * [8, 0, 0], _plane(64)],
     ids=["one point", "a thin line", "few points"],
 )
-def test_what_is_never_dense_is_left_as_it_is(points: np.ndarray) -> None:
+def test_clouds_that_are_never_dense_keep_their_grid(points: np.ndarray) -> None:
     assert octaves_of_points(points, 3) == 0
 
 
-def test_clouds_too_wide_for_keys_are_left_as_they_are() -> None:
+def test_clouds_too_wide_for_keys_keep_their_grid() -> None:
     assert octaves_of_points(np.vstack([_plane(2), [[2.0**21, 0, 0]]]), 3) == 0
 
 
@@ -64,7 +64,7 @@ def test_keys_and_points_agree() -> None:
     assert octaves_to_density(keys, 4) == octaves_of_points(_plane(4), 4) == 2
 
 
-def test_networks_learn_from_each_grid_that_is_asked_for_once() -> None:
+def test_training_uses_each_dense_grid_once() -> None:
     kept = _plane()[np.random.default_rng(0).random(128**2) < 0.5]
     grids = on_dense_grids(kept, (1.8, 2.4, 3.7))
     assert [len(grid) for grid in grids] == [len(kept), len(np.unique(np.rint(kept / 2), axis=0))]
@@ -78,7 +78,7 @@ def _published(name: str, weights: Path, rates: dict[str, Any] | None = None) ->
 
 
 @pytest.mark.parametrize("name", ["pcgcv1_plus", "pcgcv2_plus"])
-def test_thin_clouds_are_coded_on_a_coarser_grid_except_as_published(
+def test_sparse_clouds_are_coded_on_a_coarser_grid_except_as_published(
     name: str, tmp_path: Path
 ) -> None:
     save_tiny(name, tmp_path / "tiny.safetensors")
@@ -98,7 +98,9 @@ def test_thin_clouds_are_coded_on_a_coarser_grid_except_as_published(
 @pytest.mark.parametrize(
     ("offset", "side"), [(0.5, 2**0.5), (-1, 1), (1.26, 2**1.25), (99, 2**20), (2000, 2**20)]
 )
-def test_grids_lie_between_halvings(name: str, offset: float, side: float, tmp_path: Path) -> None:
+def test_grid_levels_are_quarter_octaves(
+    name: str, offset: float, side: float, tmp_path: Path
+) -> None:
     save_tiny(name, tmp_path / "tiny.safetensors")
     rate = {**RATES[name]["r2"], "mean_occupied_children": 2, "grid_level_offset": offset}
     codec = open_codec(
@@ -121,13 +123,15 @@ def test_coordinates_are_truncated_as_published(name: str, tmp_path: Path) -> No
     assert rounded.encode(points + 0.9, "r2") != rounded.encode(points, "r2")
 
 
-def test_a_stream_says_whether_families_are_kept(tmp_path: Path) -> None:
+def test_a_stream_says_whether_each_parent_keeps_a_child(tmp_path: Path) -> None:
     save_tiny("pcgcv2_plus", tmp_path / "tiny.safetensors")
     codec = open_codec("pcgcv2_plus", changes("pcgcv2_plus", tmp_path))
     published = _published("pcgcv2_plus", tmp_path)
     points = _plane(4)
-    families, losing = (codec.decode(each.encode(points, "r2")) for each in (codec, published))
-    coarse = [len(np.unique(found // 4, axis=0)) for found in (families, losing)]
+    with_children, without = (
+        codec.decode(each.encode(points, "r2")) for each in (codec, published)
+    )
+    coarse = [len(np.unique(found // 4, axis=0)) for found in (with_children, without)]
     assert coarse[0] > coarse[1]
 
 
@@ -140,7 +144,7 @@ def test_a_side_doubles_in_four_steps() -> None:
         assert np.abs(back - points).max() <= 2 ** (quarter_octaves / 4) / 2 + 1e-9
 
 
-def test_impossible_halvings_are_refused() -> None:
+def test_impossible_grid_levels_are_refused() -> None:
     from puckbench.learned.pcgcv2.stream import CodedBlock, Pcgcv2Stream, read_stream, write_coded
 
     coded = Pcgcv2Stream(

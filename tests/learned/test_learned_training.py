@@ -68,8 +68,8 @@ def test_clouds_in_metres_are_no_training_data(
     metric = cloud.with_name("metric.ply")
     write_cloud(metric, PointCloud(_plane() / 100, about={"size": 0}))
     assert _train(metric, codec, 2) == 2
-    told = capsys.readouterr().err.splitlines()[-1]
-    assert "metric.ply: the cloud is in metres: prepare it first (puckbench prepare)" in told
+    messages = capsys.readouterr().err.splitlines()[-1]
+    assert "metric.ply: the cloud is in metres: prepare it first (puckbench prepare)" in messages
     write_cloud(metric, PointCloud(_plane() / 100), describe=False)
     metric.with_suffix(".json").unlink(missing_ok=True)
     assert _train(metric, codec, 2) == 2
@@ -136,9 +136,9 @@ def test_measuring_on_the_way_changes_nothing(
     state = load_weights(cloud.with_name("set.safetensors")).model.state_dict()
     cloud.with_name("set.pt").unlink()
     assert _train(cloud, "pcgcv2_plus", 2, "--validate", str(cloud), "--validate-every", "1") == 0
-    told = capsys.readouterr().err
-    assert "step 1, r4: bpp" in told
-    assert "no d1_psnr without --peak" in told
+    messages = capsys.readouterr().err
+    assert "step 1, r4: bpp" in messages
+    assert "no d1_psnr without --peak" in messages
     assert "d1_psnr" not in read_json(cloud.with_name("set.json"))["validation"]["rates"]["r1"]
     again = load_weights(cloud.with_name("set.safetensors")).model.state_dict()
     assert all(torch.equal(again[name], value) for name, value in state.items())

@@ -1,4 +1,4 @@
-"""The learned octree coder with random weights: what must hold whatever the weights are."""
+"""The sparse octree net with random weights: properties that hold for all weights."""
 
 import struct
 import subprocess
@@ -87,7 +87,7 @@ Step = tuple[list[np.ndarray], np.ndarray]
 
 
 class IntegerNetwork:
-    """The network again, in NumPy's 64-bit integers, with neighbours found by looking them up."""
+    """The network in 64-bit integers of NumPy, with a dictionary of neighbours."""
 
     def __init__(self, model: OctreeNet) -> None:
         self.values = {
@@ -153,7 +153,7 @@ class IntegerNetwork:
 
 
 def _coded_frequencies(model: OctreeNet, keys: np.ndarray) -> list[np.ndarray]:
-    """What the network says of each run of symbols."""
+    """Frequencies that the network predicts for each run of symbols."""
     runs = []
 
     def noted(*run: Any) -> None:
@@ -190,7 +190,7 @@ def test_threads_change_neither_bytes_nor_voxels() -> None:
         assert np.array_equal(OctreeNetCoder(model, threads).decode(parts[0]), KEYS)
 
 
-def test_the_training_counts_what_the_network_says_to_the_coder() -> None:
+def test_training_counts_the_bits_that_the_network_predicts() -> None:
     model = octree_network()
     runs, levels = _coded_frequencies(model, KEYS), OctreeNetCoder(model, 1).encode(KEYS).levels
     sets = [KEYS]
@@ -209,7 +209,7 @@ def test_the_training_counts_what_the_network_says_to_the_coder() -> None:
     assert said == pytest.approx(bits, rel=0.01)
 
 
-def test_the_cloud_teaches_what_the_network_does_not_know() -> None:
+def test_contexts_learn_the_statistics_of_a_cloud() -> None:
     model = octree_network()
     part = OctreeNetCoder(model, 1).encode(KEYS)
     with thread_pool(1) as pool:
@@ -274,7 +274,7 @@ def test_a_stream_decodes_in_a_fresh_process(codec: Codec, folder: Path, tmp_pat
     assert np.array_equal(np.load(tmp_path / "a.npy"), decoded)
 
 
-def test_what_lacks_is_said(tmp_path: Path) -> None:
+def test_missing_weights_are_named(tmp_path: Path) -> None:
     options = {"options": {"weights": str(tmp_path)}}
     assert "has no weights" in open_codec("sparse_octree_net", options).available().why
 
@@ -339,7 +339,9 @@ def _coded(codec: Codec) -> OctreeNetStream:
         ({"symbols": b"\0" * 4000}, "damaged"),
     ],
 )
-def test_a_stream_that_lies_is_refused(codec: Codec, change: dict, fault: str) -> None:
+def test_a_stream_with_impossible_numbers_is_refused(
+    codec: Codec, change: dict, fault: str
+) -> None:
     coded = _coded(codec)
     lying = replace(coded, parts=(replace(coded.parts[0], **change),))
     with pytest.raises(InputError, match=fault):

@@ -122,7 +122,7 @@ def test_cells_around_a_voxel_are_its_neighbours_children() -> None:
             assert (level.unknown[row] >> cell & 1) == (parent in unknown and not inside)
 
 
-def test_cells_of_a_child_are_where_they_are_said_to_be() -> None:
+def test_cells_of_a_child_have_their_distances() -> None:
     def place(cell: int) -> np.ndarray:
         return np.array([cell & 3, cell >> 2 & 3, cell >> 4])
 

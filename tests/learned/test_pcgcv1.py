@@ -1,4 +1,4 @@
-"""PCGCv1 with tiny networks of random weights: what must hold whatever the weights are."""
+"""PCGCv1 with tiny networks of random weights: properties that hold for all weights."""
 
 import zlib
 from dataclasses import replace
@@ -113,7 +113,7 @@ def test_empty_parts_of_a_cube_need_not_be_computed(where: tuple[int, int, int])
 
 
 @pytest.mark.parametrize("where", [(5, 9, 13), (2, 6, 10), (15, 0, 8)])
-def test_blocks_that_are_not_wanted_need_not_be_computed(where: tuple[int, int, int]) -> None:
+def test_blocks_outside_the_mask_need_not_be_computed(where: tuple[int, int, int]) -> None:
     model = network1(TINY1.model_copy(update={"cube_size": 64, "blocks": 3}))
     with torch.no_grad():
         for layer in model.g_s.parameters():
@@ -124,8 +124,8 @@ def test_blocks_that_are_not_wanted_need_not_be_computed(where: tuple[int, int, 
     found = CpuTransforms(model).synthesise(latent.astype(np.int32), 1, blocks).reshape(64, 64, 64)
     with torch.no_grad():
         exact = model.g_s(torch.from_numpy(latent)[None].float() / model.gain(1))[0, 0].numpy()
-    wanted = tuple(slice(4 * k, 4 * k + 4) for k in where)
-    np.testing.assert_allclose(found[wanted], exact[wanted], rtol=1e-4, atol=1e-4)
+    target = tuple(slice(4 * k, 4 * k + 4) for k in where)
+    np.testing.assert_allclose(found[target], exact[target], rtol=1e-4, atol=1e-4)
     assert np.isneginf(found).any()
 
 

@@ -1,4 +1,4 @@
-"""PCGCv2 with a tiny network of random weights: what must hold whatever the weights are."""
+"""PCGCv2 with a tiny network of random weights: properties that hold for all weights."""
 
 import json
 import subprocess
@@ -81,8 +81,10 @@ def test_fused_layers_give_what_the_modules_give() -> None:
     with thread_pool(2) as pool, torch.no_grad():
         found = analyse(model, KEYS, pool)
         sets, child_maps = pyramid(KEYS, SCALES)
-        sites = [neighbourhood_of(voxels.neighbours, voxel_kernel_map(), pool) for voxels in sets]
-        latent = model.g_a(sites, child_maps, torch.ones(len(KEYS), 1, 1))[:, 0]
+        neighbourhoods = [
+            neighbourhood_of(voxels.neighbours, voxel_kernel_map(), pool) for voxels in sets
+        ]
+        latent = model.g_a(neighbourhoods, child_maps, torch.ones(len(KEYS), 1, 1))[:, 0]
         np.testing.assert_allclose(found.y, latent.numpy(), rtol=1e-4, atol=1e-5)
         decoded = synthesise(model, found.y, found.coarse, found.counts, pool)
         features, parents = torch.from_numpy(found.y), sets[SCALES]
@@ -267,7 +269,7 @@ def test_clouds_that_span_too_much_are_refused(codec: Codec) -> None:
         ({"options": {"weights": "."}, "rates": ["r1"]}, "no weights for r1"),
     ],
 )
-def test_what_is_lacking_is_said(
+def test_missing_weights_are_named(
     changes: dict, fault: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)

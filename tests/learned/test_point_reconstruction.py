@@ -56,12 +56,12 @@ def test_one_point_for_each_voxel_is_the_voxel() -> None:
 
 def test_four_points_of_a_flat_surface_stand_half_a_voxel_apart() -> None:
     middle = FLAT[(FLAT[:, :2] > 0).all(axis=1) & (FLAT[:, :2] < 7).all(axis=1)]
-    wanted = {
+    expected_points = {
         (x + u, y + v, 3.0) for x, y, _ in middle for u in (-0.25, 0.25) for v in (-0.25, 0.25)
     }
     points = reconstructed_points(lossless_blocks(FLAT), 4 * 256)
     assert len(points) == 4 * 64
-    assert wanted <= {tuple(point) for point in points.tolist()}
+    assert expected_points <= {tuple(point) for point in points.tolist()}
 
 
 @pytest.mark.parametrize("number", range(1, 10))
@@ -114,8 +114,8 @@ def test_unconfident_voxels_have_about_as_many(voxels: np.ndarray, parts: int, s
     blocks = lossless_blocks(np.unique(voxels, axis=0))
     logits = np.random.default_rng(seed).normal(-1, 3, blocks.kept.shape).astype(np.float32)
     points = reconstructed_points(sibling_blocks(blocks.positions, logits, blocks.kept), parts)
-    wanted = blocks.kept.sum() * parts / 256
-    assert wanted - 1 <= len(points) <= wanted + len(blocks.positions)
+    expected_points = blocks.kept.sum() * parts / 256
+    assert expected_points - 1 <= len(points) <= expected_points + len(blocks.positions)
     apart = np.abs(points[:, None] - (2 * blocks.positions + 0.5)).max(axis=2).min(axis=1)
     assert apart.max() < 3  # a voxel aside, as much for the slope, the expected place, being off
 
@@ -170,7 +170,7 @@ def test_blocks_with_more_expected_voxels_have_more_points() -> None:
     assert counts[0] / counts[1] == pytest.approx(0.6225 / 0.31, rel=0.1)
 
 
-def test_whatever_a_network_says_there_are_finite_points() -> None:
+def test_any_logits_give_finite_points() -> None:
     blocks = lossless_blocks(FLAT)
     for wild in (np.nan, np.inf, -np.inf, 1e30, -1e30):
         logits = np.full(blocks.kept.shape, wild, dtype=np.float32)
@@ -189,7 +189,7 @@ def test_blocks_that_keep_nothing_are_left_out() -> None:
     assert both.voxels().tolist() == [[7, 8, 11], [0, 1, 0]]
 
 
-def test_the_number_of_points_is_told_in_parts_and_bounded() -> None:
+def test_points_per_voxel_are_bounded_256ths() -> None:
     assert points_per_voxel(150, 100, 1) == 384
     assert points_per_voxel(90, 100, 1) == 256
     assert points_per_voxel(5000, 100, 1) == 9 * 256

@@ -107,7 +107,7 @@ def test_the_network_is_the_authors(folder: Path) -> None:
     target = reference.network(voxels, prior[parent] + child, "target_resnet")
     first = occupancy % 16
     emphasised = target + reference.state["pred_head_s1_emb.weight"][first.astype(int)]
-    wanted = [reference.head(target, "pred_head_s0"), reference.head(emphasised, "pred_head_s1")]
+    expected = [reference.head(target, "pred_head_s0"), reference.head(emphasised, "pred_head_s1")]
 
     weights = load_weights(folder / "KITTIDetection.pt")
     sets, child_maps = pyramid(fine, 1)
@@ -116,7 +116,7 @@ def test_the_network_is_the_authors(folder: Path) -> None:
         features = target_features(weights, features, child_maps[0].slots, sets[0].neighbours, pool)
         found = [predicted(weights, 0, features, pool)]
         found.append(predicted(weights, 1, features, pool, first))
-    for probabilities, cumulative in zip(wanted, found, strict=True):
+    for probabilities, cumulative in zip(expected, found, strict=True):
         exact = np.concatenate([np.zeros((len(fine), 1)), probabilities.cumsum(1).numpy()], axis=1)
         assert np.abs(exact * 65520 + np.arange(17) - cumulative).max() < 1.5
         assert (np.diff(cumulative, axis=1) > 0).all()
@@ -168,8 +168,8 @@ def _cumulative(logits: np.ndarray) -> np.ndarray:
 def test_frequencies_are_rounded_as_the_authors_round_them() -> None:
     logits = np.random.default_rng(0).normal(size=(200, 16)).astype(np.float32) * 3
     shares = torch.from_numpy(logits).softmax(-1).cumsum(-1)
-    wanted = (shares * (2**16 - 16)).round().to(torch.int64).numpy() + np.arange(1, 17)
-    difference = wanted - _cumulative(logits)[:, 1:]
+    expected = (shares * (2**16 - 16)).round().to(torch.int64).numpy() + np.arange(1, 17)
+    difference = expected - _cumulative(logits)[:, 1:]
     assert np.abs(difference).max() <= 1
     assert np.abs(difference).mean() < 0.01
 
@@ -216,8 +216,8 @@ def test_points_are_those_of_gpcc(codec: Codec, rate: str, folder: Path) -> None
     points = np.random.default_rng(2).normal(size=(700, 3)) * [40, 30, 2]
     ours = _with_rate(folder, length)
     gpcc = open_codec("gpcc", {"metric_rates": {"r1": {"step_m": length}}})
-    found, wanted = (one.decode(one.encode(points, "r1")) for one in (ours, gpcc))
-    np.testing.assert_allclose(_sorted(found), _sorted(wanted), atol=1e-9)
+    found, expected = (one.decode(one.encode(points, "r1")) for one in (ours, gpcc))
+    np.testing.assert_allclose(_sorted(found), _sorted(expected), atol=1e-9)
     assert list(codec.metric_rates) == [f"{1 << n}mm" for n in range(9, 1, -1)]
     assert not codec.rates
 
@@ -244,7 +244,7 @@ def test_clouds_beyond_the_authors_grid_come_back(codec: Codec, points: list[lis
     assert np.abs(_sorted(found) - _sorted(cloud)).max() <= 0.004 + 1e-9
 
 
-def test_what_its_numbers_do_not_hold_is_refused(codec: Codec, folder: Path) -> None:
+def test_values_that_the_stream_cannot_hold_are_refused(codec: Codec, folder: Path) -> None:
     with pytest.raises(InputError, match="spans more than 20 bits at posQ 8"):
         codec.encode(np.array([[0.0, 0, 0], [9000, 0, 0]]), "8mm")
     with pytest.raises(InputError, match=r"posQ 4097 is not a number in half precision"):

@@ -76,10 +76,10 @@ def load_weights(where: str | Path, device: DeviceName = "cpu") -> Pcgcv1Weights
     )
     with naming(path):
         hyper_synthesis = IntegerHyperSynthesis(weights.model.h_s)
-    rest = (weights.lmbdas, weights.tables, weights.digest, weights.card)
+    metadata = (weights.lmbdas, weights.tables, weights.digest, weights.card)
     model = weights.model
     network = CpuTransforms(model) if device == "cpu" else DeviceTransforms(placed(model, device))
-    return Pcgcv1Weights(model.shape, network, hyper_synthesis, *rest)
+    return Pcgcv1Weights(model.shape, network, hyper_synthesis, *metadata)
 
 
 def save_weights(
