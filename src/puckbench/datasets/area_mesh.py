@@ -1,4 +1,4 @@
-"""The semantic mesh of an area of 2D-3D-S: frame, labels, and the part near a room."""
+"""Semantic meshes of the areas of 2D-3D-S, in the frame of S3DIS."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _TOLERANCE_M = 0.1
 
 
 def in_frame_of_s3dis(points: Floats, area: str) -> Floats:
-    """Transform points (n, 3) of an area ("1", ..., "5b"), z up, to the frame of S3DIS."""
+    """Transform points (n, 3) with z up of an area ("1", ..., "5b") to the frame of S3DIS."""
     if area != "5b":
         return points
     x, y, z = points.T
@@ -37,16 +37,10 @@ def in_frame_of_s3dis(points: Floats, area: str) -> Floats:
 
 @dataclass(frozen=True)
 class AreaMesh:
-    """Triangles of an area in the frame of S3DIS, with their materials.
+    """A mesh of an area in the frame of S3DIS, in metres with z up.
 
-    Parameters
-    ----------
-    mesh
-        t triangles, m, z up.
-    materials
-        Names, which contain class and room.
-    material_id
-        Index into `materials`, (t,); -1 for none.
+    `materials` are names with class and room; `material_id` (t,) is the index of each triangle's
+    material, or -1.
     """
 
     mesh: Mesh
@@ -54,9 +48,9 @@ class AreaMesh:
     material_id: NDArray[np.int64]
 
     def share_inside(self, room: str, box: Floats) -> float:
-        """Return the share of a room's triangles whose centroid is in a box (2, 3), m.
+        """Return the share of a room's triangles whose centroid is in a box (2, 3).
 
-        For a room without labelled triangles: 1 if the box contains any triangle, else 0.
+        If no triangle has the room's label, return 1 if the box contains any centroid, else 0.
         """
         low, high = box[0] - _TOLERANCE_M, box[1] + _TOLERANCE_M
         inside = ((self._middles >= low) & (self._middles <= high)).all(axis=1)
@@ -106,7 +100,6 @@ def _read(path: Path, area: str, _modified_ns: int) -> AreaMesh:
 
 
 def class_of(material: str) -> str:
-    """Return the semantic class of a material, or "unknown"."""
     match = _MATERIAL.fullmatch(material)
     return match[1] if match else UNKNOWN
 
@@ -118,7 +111,7 @@ def room_of(material: str) -> str | None:
 
 
 def _labels(materials: tuple[str, ...], material_id: NDArray[np.int64]) -> Labels:
-    """Return labels in which every material is an object."""
+    """Make every material an object."""
     used, object_id = np.unique(material_id, return_inverse=True)
     names = [materials[number] if number >= 0 else UNKNOWN for number in used]
     objects = (SceneObject(name, class_of(name)) for name in names)

@@ -1,4 +1,4 @@
-"""Base classes of data sets: options as a model, scenes by name, files below a folder."""
+"""Base classes of data sets."""
 
 from __future__ import annotations
 
@@ -24,18 +24,15 @@ T = TypeVar("T")
 
 
 class DataSet(Model):
-    """A data set: a frozen model whose fields are its options.
+    """A data set with the methods of `puckbench.datasets.scene.SceneSet`.
 
-    Its methods are those of `puckbench.datasets.scene.SceneSet`. The text below a field documents
-    the option.
+    Its fields are its options, documented by the text below each field.
     """
 
     model_config = ConfigDict(use_attribute_docstrings=True)
 
 
 class GeneratedSet(DataSet):
-    """A data set that puckbench generates from a seed."""
-
     def files(self, name: str) -> list[Path]:
         return []
 
@@ -47,13 +44,7 @@ class GeneratedSet(DataSet):
 class Provenance:
     """Licence and source of a data set.
 
-    Parameters
-    ----------
-    licence, credit
-        Recorded with every scene.
-    expected
-        End of messages about missing files: what the folder should contain and where to get it
-        ("expected KITTI, with ...; registration at ...").
+    `expected` ends messages about missing files ("expected KITTI, with ...; registration at ...").
     """
 
     licence: str
@@ -62,7 +53,7 @@ class Provenance:
 
 
 class FolderSet(DataSet, ABC):
-    """A data set with a file or folder for each scene below one folder."""
+    """A data set with a file or folder for each scene."""
 
     provenance: ClassVar[Provenance]
 
@@ -71,7 +62,7 @@ class FolderSet(DataSet, ABC):
 
     @abstractmethod
     def _listed(self, folder: Path) -> Mapping[str, Path]:
-        """Return scene names and files, in order, without reading files."""
+        """Return the file of each scene, in order, without reading it."""
 
     def names(self) -> list[str]:
         return list(self._table)
@@ -94,14 +85,11 @@ class FolderSet(DataSet, ABC):
         return InputError(f"{self.path}: no {what} ({self.provenance.expected})")
 
     def _about(self, source: str, **more: Any) -> dict[str, Any]:
-        """Return the description of a scene: source, licence, credit, and the reader's report."""
         terms = self.provenance
         return {"source": source, "licence": terms.licence, "credit": terms.credit, **more}
 
 
 class MeshFolderSet(FolderSet):
-    """A data set with a mesh file for each scene below one folder."""
-
     of_clouds: ClassVar[bool] = False
 
     @abstractmethod
@@ -109,7 +97,6 @@ class MeshFolderSet(FolderSet):
         """Return the class, room type or building of a file."""
 
     def _source(self, path: Path) -> str:
-        """Return the name of a file in the description."""
         return path.name
 
     def _read(self, path: Path) -> tuple[Mesh, dict[str, Any]]:
@@ -117,7 +104,6 @@ class MeshFolderSet(FolderSet):
         return read_mesh_report(path, up="z")
 
     def load(self, name: str) -> Scene:
-        """Read the mesh; the scene's `about` has the reader's report."""
         path = self._file(name)
         mesh, details = self._read(path)
         about = self._about(self._source(path), **details)
@@ -125,14 +111,9 @@ class MeshFolderSet(FolderSet):
 
 
 def freeform_labels(object_id: NDArray[np.int32], objects: Iterable[SceneObject]) -> Labels:
-    """Return labels of measured surfaces, which have no primitives.
+    """Label measured surfaces, which have no primitives.
 
-    Parameters
-    ----------
-    object_id
-        Index into `objects` of each triangle, (t,).
-    objects
-        The objects.
+    `object_id` (t,) is the index of each triangle's object.
     """
     none = np.zeros(len(object_id), dtype=np.int32)
     return Labels(object_id, none, tuple(objects), (Primitive("freeform", {}),))
@@ -149,7 +130,7 @@ def numbered_objects(classes: Iterable[str]) -> tuple[SceneObject, ...]:
 
 
 def existing_folder(path: str, expected: str) -> Path:
-    """Return a folder; InputError, with what is expected in it, if it is missing."""
+    """Return a folder, or raise InputError with the `expected` content if it is missing."""
     folder = Path(path)
     if not folder.is_dir():
         raise InputError(f"{path}: no such folder ({expected})")
@@ -157,7 +138,7 @@ def existing_folder(path: str, expected: str) -> Path:
 
 
 def look_up(table: Mapping[str, T], name: str, where: str) -> T:
-    """Return the entry of a scene; InputError, with examples of scenes, if there is none."""
+    """Return the entry of a scene, or raise InputError with examples of names."""
     if name not in table:
         examples = ", ".join(list(table)[:5])
         raise InputError(f"{where}: no scene '{name}' (it has {len(table)}: {examples}, ...)")
@@ -167,21 +148,10 @@ def look_up(table: Mapping[str, T], name: str, where: str) -> T:
 def select_names(
     option: str, requested: tuple[str, ...] | int | None, available: list[str]
 ) -> list[str]:
-    """Return the available names that an option selects.
+    """Return the names that an option selects: listed names, a number from the first, or all
+    (None).
 
-    Parameters
-    ----------
-    option
-        Name of the option, for errors.
-    requested
-        Names, or a number of names from the first; None for all.
-    available
-        All names.
-
-    Raises
-    ------
-    InputError
-        A name is unknown, or the selection is empty or larger than the available names.
+    Raises InputError, which begins with `option`, for unknown names and invalid numbers.
     """
     if requested is None:
         return available

@@ -24,6 +24,5 @@ class Calibration(GeneratedSet):
         return sorted(select_names("scenes", self.scenes, list(CALIBRATIONS)))
 
     def load(self, name: str) -> Scene:
-        """Generate the scene, with the position of the sensor."""
         mesh, origin = make_calibration(name), calibration_origin(name)
         return Scene(name, "calibration", mesh=mesh, origin=origin, about=self._about())

@@ -49,7 +49,6 @@ class CapturedRooms(FolderSet):
     )
 
     def load(self, name: str) -> Scene:
-        """Read the room's mesh and label its triangles."""
         return read_capture(self._file(name), name)
 
     def _listed(self, folder: Path) -> Mapping[str, Path]:
@@ -60,20 +59,7 @@ class CapturedRooms(FolderSet):
 
 
 def read_capture(path: Path, name: str | None = None) -> Scene:
-    """Read a captured room, in metres with z up.
-
-    Parameters
-    ----------
-    path
-        JSON file of a scene capture.
-    name
-        Name of the scene, by default that of the file.
-
-    Raises
-    ------
-    InputError
-        The file is not a scene capture, or damaged.
-    """
+    """Read a captured room (JSON) in metres with z up; raise InputError if it is damaged."""
     entities = _entities(path)
     try:
         mesh = _room_mesh(entities, path)
@@ -95,7 +81,7 @@ def read_capture(path: Path, name: str | None = None) -> Scene:
 
 @dataclass(frozen=True)
 class _PlacedEntity:
-    """Frame of an entity (rotation (3, 3), position (3,)) and its extent (low, high) in the frame.
+    """Rotation (3, 3) and position (3,) of an entity, and its extent in its frame.
 
     The y axis of a flat entity is its normal.
     """
@@ -120,7 +106,7 @@ class _PlacedEntity:
 
 
 def is_captured_room(path: Path) -> bool:
-    """Return whether a file is a captured room, from its first bytes; False if unreadable."""
+    """Return whether the first bytes of a file are those of a captured room."""
     try:
         with path.open("rb") as stream:
             return b'"spatialEntities"' in stream.read(1 << 16)
@@ -137,7 +123,7 @@ def _entities(path: Path) -> list[Entity]:
 
 
 def _room_mesh(entities: list[Entity], path: Path) -> Mesh:
-    """Return the largest mesh of the capture in world coordinates (y up)."""
+    """Return the largest mesh of the capture, with y up."""
     holders = [entity for entity in entities if "triangleMesh_META" in entity]
     if not holders:
         raise InputError(f"{path}: the captured room has no mesh")
@@ -150,7 +136,7 @@ def _room_mesh(entities: list[Entity], path: Path) -> Mesh:
 
 
 def _placed_entities(entities: list[Entity]) -> list[_PlacedEntity]:
-    """Return boxes, and plane patches with other labels than the boxes' (table tops)."""
+    """Return all boxes, and the plane patches whose labels no box has."""
     boxes = [_box(entity) for entity in entities if "bounded3D_META" in entity]
     boxed = {box.semantic for box in boxes}
     flats = [_patch(entity) for entity in entities if "bounded2D_META" in entity]
@@ -178,7 +164,7 @@ def _semantic(entity: Entity) -> str:
 
 
 def _frame(entity: Entity) -> tuple[Floats, Floats]:
-    """Return rotation (3, 3) and position (3,) of an entity from its unit quaternion."""
+    """Return rotation (3, 3) and position (3,) of an entity."""
     place = entity["locatable_META"]
     x, y, z, w = (float(place["orientation"][axis]) for axis in "xyzw")
     rotation = np.array(

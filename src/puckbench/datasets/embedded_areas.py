@@ -35,7 +35,6 @@ class EmbeddedAreas(GeneratedSet):
         return sorted(name for area in kept for name in _rooms_of(area)[: self.rooms])
 
     def load(self, name: str) -> Scene:
-        """Generate the room; its box is bounded by walls, floor and ceiling."""
         kind = look_up(room_types(), name, "the generated building")
         mesh = make_room(name, self.seed, self.detail)
         about = self._about(seed=self.seed, detail=self.detail)

@@ -42,7 +42,6 @@ class EmbeddedRooms(GeneratedSet):
         return self._catalogues.catalogues() if self._catalogues else []
 
     def load(self, name: str) -> Scene:
-        """Generate the room; its box is bounded by walls, floor and ceiling."""
         credit = {"credit": self._catalogues.credit()} if self._catalogues else {}
         return Scene(
             name,

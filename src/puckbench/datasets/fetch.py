@@ -20,14 +20,8 @@ _CREDITS = "CREDITS.md"
 class FetchResult:
     """Result of a download.
 
-    Parameters
-    ----------
-    name, folder
-        Of the data set.
-    status
-        "fetched", "present" (files are unchanged since they were fetched) or "failed".
-    message
-        Reason or warning; may be empty.
+    `status` is "fetched", "present" (unchanged since an earlier download) or "failed"; `message`
+    has the reason or a warning.
     """
 
     name: str
@@ -39,20 +33,8 @@ class FetchResult:
 def fetch_data(root: Path, names: Iterable[str] = ()) -> list[FetchResult]:
     """Download free data sets into folders of their names.
 
-    Intact folders are kept, incomplete ones are fetched again. A failure does not stop the other
-    downloads.
-
-    Parameters
-    ----------
-    root
-        Parent of the folders.
-    names
-        Names in `SOURCES`; by default those with ``by_default``.
-
-    Raises
-    ------
-    InputError
-        A name is unknown.
+    Unchanged folders are kept. A failure does not stop the other downloads. By default, all sources
+    with ``by_default`` are fetched. Raises InputError for an unknown name.
     """
     requested = list(names) or [name for name, source in SOURCES.items() if source.by_default]
     unknown = [name for name in requested if name not in SOURCES]
@@ -71,7 +53,7 @@ def _fetch_or_fail(name: str, folder: Path) -> FetchResult:
 
 
 def fetch_source(source: PackageSource, folder: Path) -> str:
-    """Download one package's files into `folder`; return a warning or an empty text."""
+    """Download the files of a package into `folder`; return a warning or an empty text."""
     workspace = folder.with_name(f".fetching-{folder.name}")
     shutil.rmtree(workspace, ignore_errors=True)  # left there by a run that was killed
     workspace.mkdir(parents=True)
@@ -90,7 +72,6 @@ def fetch_source(source: PackageSource, folder: Path) -> str:
 
 
 def _is_intact(folder: Path) -> bool:
-    """Return whether all recorded files are unchanged."""
     try:
         files = read_json(folder / _RECORD)["files"]
         return all(sha256(folder / name) == noted for name, noted in files.items())
@@ -112,7 +93,7 @@ def _check_hash(source: PackageSource, package: Path) -> str:
 
 
 def _unpack(source: PackageSource, package: Path, folder: Path) -> None:
-    """Write the wanted files of the package into one flat folder."""
+    """Extract the files that match ``source.wanted`` into one flat folder."""
     with source.unpack(package) as archive:
         members = [m for m in archive if m.isfile() and source.wanted.fullmatch(m.name)]
         for member in members:

@@ -47,16 +47,14 @@ class Front3D(DataSet):
     """Names of houses, or the number of houses from the first on; all by default."""
 
     def names(self) -> list[str]:
-        """Return house and room of every room with a surface."""
         return sorted(self._table)
 
     def files(self, name: str) -> list[Path]:
-        """Return the house and the models of the room's furniture."""
+        """Return the files of the house and of the room's furniture."""
         house, room = look_up(self._table, name, self.path)
         return [house, *(path for path in room.models(Path(self.models)) if path.is_file())]
 
     def load(self, name: str) -> Scene:
-        """Assemble walls, floors and furniture."""
         house, room = look_up(self._table, name, self.path)
         folder = existing_folder(self.models, _EXPECTED_MODELS)
         mesh, box, left_out = build_room(room, folder, f"{house}: {room.name}")

@@ -1,4 +1,4 @@
-"""Read a house of 3D-FRONT: surfaces, furniture and poses of its rooms."""
+"""Read surfaces, furniture and poses of the rooms of a house of 3D-FRONT."""
 
 from __future__ import annotations
 
@@ -26,23 +26,20 @@ MeshArrays = tuple[Floats, NDArray[np.int64]]
 
 @dataclass(frozen=True)
 class _Pose:
-    """Pose of a child of a room: position (3,), quaternion x, y, z, w, and scale (3,)."""
+    """Position (3,), quaternion (x, y, z, w) and scale (3,) of an item in a house."""
 
     position: Floats
     quaternion: Floats
     scale: Floats
 
     def apply(self, points: Floats) -> Floats:
-        """Transform points (n, 3) of a model to the house, y up: scale, rotate, translate."""
+        """Transform points (n, 3) from the model to the house, y up."""
         return np.asarray((points * self.scale) @ _rotation(self.quaternion).T + self.position)
 
 
 @dataclass(frozen=True)
 class _PlacedItem:
-    """A child of a room: semantic class, pose, and model or surface.
-
-    model: id of a 3D-FUTURE model; None for surfaces of the house.
-    """
+    """A surface of the house, or furniture with the id of a 3D-FUTURE model."""
 
     semantic: str
     pose: _Pose
@@ -52,17 +49,7 @@ class _PlacedItem:
 
 @dataclass(frozen=True)
 class HouseRoom:
-    """A room of a house.
-
-    Parameters
-    ----------
-    name, kind
-        Such as LivingRoom-1234 and LivingRoom.
-    items
-        Surfaces and furniture.
-    left_out
-        Number of items without a surface, by reason.
-    """
+    """A room with its items; `left_out` counts items without a surface by reason."""
 
     name: str
     kind: str
@@ -70,13 +57,12 @@ class HouseRoom:
     left_out: dict[str, int]
 
     def models(self, folder: Path) -> list[Path]:
-        """Return the model files of the room's furniture, each once."""
         ids = dict.fromkeys(item.model for item in self.items if item.model is not None)
         return [_model_file(folder, model) for model in ids]
 
 
 def read_rooms(path: Path) -> list[HouseRoom]:
-    """Return the rooms of a house file that have a surface; InputError if it is damaged."""
+    """Return the rooms of a house file that have a surface."""
     house = read_json(path)
     try:
         parts = {part["uid"]: part for part in house["mesh"]}
@@ -90,30 +76,16 @@ def read_rooms(path: Path) -> list[HouseRoom]:
 def build_room(
     room: HouseRoom, folder: Path, what: str
 ) -> tuple[Mesh, Floats | None, dict[str, int]]:
-    """Assemble the surfaces and the furniture of a room.
-
-    Parameters
-    ----------
-    room
-        From `read_rooms`.
-    folder
-        Folder of the furniture's models.
-    what
-        Name of the room in errors.
+    """Assemble a room; raise InputError, naming `what`, if it has no surface.
 
     Returns
     -------
     mesh
         Labelled, in metres with z up.
     box
-        Lowest and highest corner of the room's surfaces, (2, 3), or None.
+        Lowest and highest corner of the house's surfaces, (2, 3), or None.
     left_out
         Number of items without a surface, by reason.
-
-    Raises
-    ------
-    InputError
-        The room has no surface.
     """
     left_out = Counter(room.left_out)
     placed: list[tuple[_PlacedItem, Floats, NDArray[np.int64]]] = []
@@ -171,7 +143,6 @@ def _own_surface(part: Any) -> MeshArrays:
 
 
 def _model_of(model: str, folder: Path) -> MeshArrays | None:
-    """Return the surface of a model, or None if its file is missing."""
     path = _model_file(folder, model)
     return _read_model(path) if path.is_file() else None
 
@@ -194,7 +165,7 @@ def _rotation(quaternion: Floats) -> Floats:
 
 
 def _joined(placed: list[tuple[_PlacedItem, Floats, NDArray[np.int64]]]) -> Mesh:
-    """Return one mesh in which each item is an object and all surfaces are freeform."""
+    """Return one mesh in which each item is an object."""
     starts = np.cumsum([0, *(len(points) for _, points, _ in placed)])
     triangles = [faces + start for (_, _, faces), start in zip(placed, starts, strict=False)]
     sizes = [len(faces) for _, _, faces in placed]

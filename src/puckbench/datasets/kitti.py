@@ -4,8 +4,8 @@ References
 ----------
 A. Geiger et al., "Vision meets Robotics: The KITTI Dataset", IJRR 2013, section III, and the
 development kit's readme.txt: float32 x (forward), y (left), z (up) and reflectance, "row-aligned".
-The files show that rings follow each other from the highest laser down, each from azimuth 0, and
-that azimuths are multiples of 0.09 degrees plus an offset of the laser.
+In the files, rings follow each other from the highest laser down, each from azimuth 0; azimuths
+are multiples of 0.09 degrees plus an offset of the laser.
 """
 
 from __future__ import annotations
@@ -84,7 +84,6 @@ class Kitti(FolderSet):
         return self.returns
 
     def load(self, name: str) -> Scene:
-        """Read the frame; `about` has the numbers of dropped points."""
         path = self._file(name)
         data = read_bytes(path)
         check_column_count(path, data, _COLUMNS)
@@ -104,7 +103,6 @@ class Kitti(FolderSet):
         return Scene(name, part, cloud=scene, origin=(0.0, 0.0, 0.0), about=about)
 
     def counts(self) -> list[Count]:
-        """Return the frames of each part with a published number."""
         scene_parts = [_part_of(name) for name in self._whole().names()]
         parts = [part for part in sorted(set(scene_parts)) if part in _PUBLISHED]
         return [Count(part, scene_parts.count(part), _PUBLISHED[part]) for part in parts]
@@ -123,7 +121,7 @@ class Kitti(FolderSet):
 
 
 def _recovered(xyz: Floats) -> RecoveredReturns:
-    """Return the returns of a frame's points (n, 3), x forward and y left."""
+    """Recover the returns of points (n, 3) with x forward and y left."""
     from puckbench.lidar.recordings.rings import recovered_returns, split_rings
 
     turned = np.column_stack([-xyz[:, 1], xyz[:, 0], xyz[:, 2]])

@@ -27,7 +27,6 @@ class MeshFiles(FileSet):
     """The axis that points up, where the file format does not say."""
 
     def load(self, name: str) -> Scene:
-        """Read the mesh, in metres with z up; `about` has the reader's report."""
         path = self._file(name)
         if path.suffix.lower() == ".json":
             return read_capture(path, name)

@@ -4,8 +4,8 @@ References
 ----------
 H. Caesar et al., "nuScenes: A multimodal dataset for autonomous driving", CVPR 2020 (20 Hz, 32
 beams, motion compensation). Development kit, `LidarPointCloud.from_file`: float32 x (right), y
-(forward), z (up), intensity and ring. The files show that they contain all firings, those without
-return at the sensor's position.
+(forward), z (up), intensity and ring. The files contain all firings; those without return have
+the sensor's position.
 """
 
 from __future__ import annotations
@@ -68,7 +68,6 @@ class NuScenes(FolderSet):
         return self.returns
 
     def load(self, name: str) -> Scene:
-        """Read the sweep; `about` has the numbers of dropped points."""
         path = self._file(name)
         data = read_bytes(path)
         check_column_count(path, data, _NUMBERS)
@@ -102,7 +101,7 @@ def _name(path: Path) -> str:
 
 
 def _recovered(table: Floats) -> RecoveredReturns:
-    """Return the returns of a file's rows (n, 5)."""
+    """Recover the returns of a file's rows (n, 5)."""
     from puckbench.lidar.recordings.rings import recovered_firings
 
     rings = table[:, 4]

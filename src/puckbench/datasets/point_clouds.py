@@ -37,7 +37,6 @@ class PointClouds(FileSet):
     default as their values tell."""
 
     def load(self, name: str) -> Scene:
-        """Read the cloud, in metres; `about` has the number of dropped points."""
         path = self._file(name)
         unit = self._unit(path)  # one that is named counts more than that of the file
         options = (self.keep_missing, self.drop_invalid, self.bin_columns)

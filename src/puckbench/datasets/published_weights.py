@@ -1,7 +1,6 @@
-"""Weights published by the authors of PCGCv1, PCGCv2 and RENO, at fixed commits of their
-repositories.
+"""Download the weights that the authors of PCGCv1, PCGCv2 and RENO published.
 
-published_weights.yaml and reno_weights.yaml list the files with their hashes.
+published_weights.yaml and reno_weights.yaml list the files at fixed commits, with their hashes.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ _TABLES = {PCGC: "published_weights.yaml", RENO: "reno_weights.yaml"}
 
 
 def published_files(name: str = PCGC) -> dict[str, Any]:
-    """Return the repositories, files and order of variables of a set, from its YAML file."""
+    """Read the repositories, files and order of variables of a set of weights."""
     import yaml
 
     text = Path(__file__).with_name(_TABLES[name]).read_text(encoding="utf-8")
@@ -38,28 +37,9 @@ def published_files(name: str = PCGC) -> dict[str, Any]:
 def download(
     folder: Path, host: str = HOST, published: Mapping[str, Any] | None = None, name: str = PCGC
 ) -> Path:
-    """Download the weights and their licences into one package, and check all hashes.
+    """Download weights and their licences into a tar archive, the same at every download.
 
-    Parameters
-    ----------
-    folder
-        Folder of the package.
-    host
-        Start of all addresses.
-    published
-        By default from `published_files`.
-    name
-        Of the set.
-
-    Returns
-    -------
-    Path
-        A tar archive, the same at every download.
-
-    Raises
-    ------
-    InputError
-        There is no network, or a hash differs.
+    Addresses start with `host`. Raises InputError without a network, or if a hash differs.
     """
     published = published or published_files(name)
     package = folder / f"{name}.tar"
@@ -77,7 +57,7 @@ def download(
 def _file(
     name: str, entry: Mapping[str, Any], fetch: Callable[[str], bytes], published: Mapping[str, Any]
 ) -> bytes:
-    """Return the content of a file; InputError if its hash differs."""
+    """Fetch a file and check its hash."""
     parts = [fetch(place) for place in entry["from"]]
     if "git" in entry and [_git_name(part) for part in parts] != entry["git"]:
         raise InputError(f"{name}: the repository's content differs from the published one")
@@ -105,12 +85,12 @@ def _fetch(host: str, repositories: Mapping[str, str], place: str) -> bytes:
 
 
 def _git_name(content: bytes) -> str:
-    """Return git's object name of a file."""
+    """Return the object name that git gives a file."""
     return hashlib.sha1(b"blob %d\0" % len(content) + content, usedforsecurity=False).hexdigest()
 
 
 def _archive(name: str, checkpoint: Sequence[bytes], order: str) -> bytes:
-    """Return the variables of a checkpoint (index, data) as a NumPy archive."""
+    """Convert a checkpoint (index, data) to a NumPy archive."""
     import numpy as np
 
     from puckbench.io.tensorflow_checkpoints import read_variables

@@ -63,7 +63,7 @@ class Recordings(DataSet):
     ``192.168.1.201:2368 to 255.255.255.255:2368`` (sender, receiver)."""
 
     def names(self) -> list[str]:
-        """Return the names of the clouds, `unusable` recordings first; reads all recordings."""
+        """Read all recordings; return the names of `unusable` ones, then those of the clouds."""
         return list(self._clouds)
 
     @property
@@ -75,13 +75,12 @@ class Recordings(DataSet):
         return [self._place(name)[0]]
 
     def options_of(self, name: str) -> dict[str, Any]:
-        """Return options of a data set of this cloud's recording only."""
+        """Return options of a data set with this cloud's recording only."""
         path, first = self._place(name)
         scene_name = name if first is None else name.rpartition("_")[0]
         return {**self.model_dump(exclude_defaults=True), "path": {scene_name: str(path)}}
 
     def load(self, name: str) -> Scene:
-        """Return the returns of a cloud's turns; `about` has the counts of what was left out."""
         path, first = self._place(name)
         recording, left_out = _read(path, self.start_s, self.stream)
         if first is None:
@@ -93,7 +92,7 @@ class Recordings(DataSet):
         return Scene(name, safe_name(path.stem), returns=cloud_returns, about=about)
 
     def _place(self, name: str) -> tuple[Path, int | None]:
-        """Return recording and first turn of a cloud; no turn if the name is a recording's."""
+        """Return recording and first turn of a cloud; no turn for the name of a recording."""
         recording, _, number = name.rpartition("_")
         if recording in self._recordings and number.isdecimal() and f"{int(number):04d}" == number:
             return self._recordings[recording], int(number)
@@ -102,7 +101,9 @@ class Recordings(DataSet):
         return look_up(self._clouds, name, str(self.path))
 
     def _firsts(self, whole: Returns) -> range:
-        """Return the first turns of the clouds; the first and the last turn may be incomplete."""
+        """Return the first turns of the clouds, without the first and last turn, which may be
+        incomplete.
+        """
         return range(1, len(whole.turns) - self.turns, self.turns * self.every)
 
     def _no_turns(self, whole: Returns) -> str:
@@ -112,7 +113,6 @@ class Recordings(DataSet):
 
     @cached_property
     def _recordings(self) -> Mapping[str, Path]:
-        """Recordings by name, unread."""
         if isinstance(self.path, dict):
             return {name: Path(text) for name, text in self.path.items()}
         texts = (self.path,) if isinstance(self.path, str) else self.path
@@ -122,7 +122,7 @@ class Recordings(DataSet):
 
     @cached_property
     def _clouds(self) -> Mapping[str, tuple[Path, int | None]]:
-        """Recording and first turn of each cloud, and the recordings without a cloud."""
+        """Recording and first turn of each cloud; no turn for recordings without clouds."""
         table: dict[str, tuple[Path, int | None]] = {}
         faulty: dict[str, tuple[Path, int | None]] = {}
         for name, path in self._recordings.items():
@@ -175,21 +175,16 @@ def _is_recording(path: Path) -> bool:
 
 
 def _is_copy(path: Path) -> bool:
-    """Return whether a compressed recording is next to its original."""
     others = (path.with_suffix(suffix) for suffix in RECORDING_SUFFIXES if suffix != COMPRESSED)
     return path.suffix.lower() == COMPRESSED and any(other.exists() for other in others)
 
 
 @contextmanager
 def decompressed(path: Path) -> Iterator[Path]:
-    """Yield a recording that can be read: a temporary copy if `path` is compressed, else `path`.
+    """Yield the path of a recording, or of a temporary copy if the recording is compressed.
 
-    A file is compressed if it begins as streams of `puckbench.puck` do, whatever its name.
-
-    Raises
-    ------
-    InputError
-        The compressed recording is damaged, or holds another compressed recording.
+    Compression is detected by the first bytes. Raises InputError if the compressed recording is
+    damaged or contains another.
     """
     if not _is_compressed(path):
         yield path
@@ -222,9 +217,7 @@ _kept: dict[tuple[Path, float, str | None, _State], tuple[Returns, dict[str, int
 
 
 def _read(path: Path, start_s: float, stream: str | None) -> tuple[Returns, dict[str, int]]:
-    """Return the turns of a recording and the counts of what was left out, from a cache if
-    unchanged.
-    """
+    """Return the turns and counts of lost data of a recording; cache them until it changes."""
     from puckbench.lidar.recordings.reading import read_turns
 
     key = (path, start_s, stream, _state(path))
@@ -239,7 +232,7 @@ def _read(path: Path, start_s: float, stream: str | None) -> tuple[Returns, dict
 
 
 def _state(path: Path) -> _State:
-    """Return names, sizes and times of a recording's files."""
+    """Return names, sizes and modification times of a recording's files."""
     files = sorted(path.iterdir()) if path.is_dir() else [path]
     stats = ((one.name, one.stat()) for one in files if one.exists())
     return tuple((name, stat.st_size, stat.st_mtime_ns) for name, stat in stats)

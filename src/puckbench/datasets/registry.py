@@ -20,20 +20,10 @@ LOADERS: Registry[type[SceneSet]] = Registry("loader", "datasets")
 def open_scene_set(loader: str, options: Mapping[str, Any], seed: int = 0) -> SceneSet:
     """Open a data set.
 
-    Parameters
-    ----------
-    loader
-        A name of `LOADERS`, ``module:Class`` or ``path/to/file.py:Class``: a pydantic model
-        (`puckbench.core.models.Model`) or a frozen data class.
-    options
-        Values of the class's fields.
-    seed
-        Value of the field ``seed``, if the class has it and `options` does not.
-
-    Raises
-    ------
-    InputError
-        The loader or an option is unknown, missing or invalid.
+    `loader` is a name in `LOADERS`, ``module:Class`` or ``path/to/file.py:Class``; the class is a
+    pydantic model (`puckbench.core.models.Model`) or a frozen data class. Its field ``seed`` is set
+    to `seed` unless `options` has one. Raises InputError for an unknown loader or an invalid
+    option.
     """
     loader_class = LOADERS.get(loader)
     model = options_model(loader_class, f"loader {loader}")
@@ -43,9 +33,7 @@ def open_scene_set(loader: str, options: Mapping[str, Any], seed: int = 0) -> Sc
 
 
 def options_model(loader_class: type, what: str) -> type[pydantic.BaseModel]:
-    """Return the options of a loader as a pydantic model: the class itself, or a data class's
-    fields.
-    """
+    """Return the options of a loader as a pydantic model."""
     if issubclass(loader_class, pydantic.BaseModel):
         return loader_class
     if not is_dataclass(loader_class):

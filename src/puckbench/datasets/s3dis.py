@@ -48,19 +48,17 @@ class S3DIS(FolderSet):
     `CLASSES`); otherwise they come from the room's file, without labels."""
 
     def files(self, name: str) -> list[Path]:
-        """Return the room's file or, with `labels`, those of its annotations."""
+        """Return the room's file or, with `labels`, its annotations."""
         folder = self._file(name)
         return _annotations(folder)[0] if self.labels else [_room_file(folder)]
 
     def load(self, name: str) -> Scene:
-        """Read the room; `about` has the lines that were repaired or dropped."""
         folder = self._file(name)
         cloud = self._labelled_cloud(folder) if self.labels else self._plain_cloud(folder)
         box = np.stack([cloud.xyz.min(axis=0), cloud.xyz.max(axis=0)])
         return Scene(name, room_type(folder.name), cloud=cloud, box=box, about=cloud.about)
 
     def counts(self) -> list[Count]:
-        """Return the rooms of each area; 272 in all."""
         areas = [room.parent.name for room in self._whole()._table.values()]
         return [Count(area, areas.count(area), rooms) for area, rooms in _ROOMS.items()]
 
@@ -99,7 +97,6 @@ class S3DIS(FolderSet):
         )
 
     def _about_room(self, folder: Path, texts: Mapping[Path, TextCloud]) -> dict[str, Any]:
-        """Return source, release, and repaired and dropped lines by file."""
         area = folder.parent.name
         return self._about(
             f"S3DIS {area}/{folder.name}",
@@ -133,7 +130,7 @@ def _room_file(folder: Path) -> Path:
 
 
 def _annotations(folder: Path) -> tuple[list[Path], list[Path]]:
-    """Return annotation files, and copies ("wall_3 (1).txt") to leave out."""
+    """Return the annotations, and copies ("wall_3 (1).txt") to leave out."""
     texts = _texts(folder / "Annotations")
     names = {path.stem for path in texts}
     copies = [p for p in texts if _COPY.search(p.stem) and _COPY.sub("", p.stem) in names]

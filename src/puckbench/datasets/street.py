@@ -34,7 +34,6 @@ class Street(GeneratedSet):
         return sorted(f"street_{number}" for number in range(1, self.streets + 1))
 
     def load(self, name: str) -> Scene:
-        """Generate the street, with a sensor position above the middle of a lane."""
         name = look_up({street: street for street in self.names()}, name, "the generated streets")
         way = list(free_way(self.length_m))
         return Scene(

@@ -33,16 +33,8 @@ _ESCAPE = re.compile(r"\\u([0-9A-Fa-f]{4})")
 class CatalogueModel:
     """A model in a catalogue.
 
-    Parameters
-    ----------
-    name, title, semantic, category, creator, licence
-        From the catalogue, except `semantic`, the class derived from the title.
-    archive, member
-        Catalogue, and the model's file in it.
-    size
-        Width, depth and height (x, y, z), m.
-    rotation
-        Of the model in its frame (y up) before scaling, (3, 3).
+    `semantic` is the class derived from `title`; `size` is width, depth and height in m; `rotation`
+    (3, 3) turns the model (y up) before it is scaled.
     """
 
     name: str
@@ -79,7 +71,6 @@ class SweetHome3D(DataSet):
         return [self.model(name).archive]
 
     def load(self, name: str) -> Scene:
-        """Read the model; `about` has creator, licence and scale factors per axis."""
         model = self.model(name)
         raw, report = _read_model(model)
         mesh, factors = _to_size(raw, model)
@@ -98,15 +89,13 @@ class SweetHome3D(DataSet):
         return look_up(self._table, name, str(self.path))
 
     def of_class(self, semantic: str) -> list[str]:
-        """Return the names of the models of a semantic class."""
         return sorted(name for name, model in self._table.items() if model.semantic == semantic)
 
     def furniture(self, per_class: int = 8, most_triangles: int = 20_000) -> dict[str, list[Mesh]]:
-        """Return meshes by semantic class for furnishing rooms
-        (`puckbench.scenes.rooms.make_room`).
+        """Return the first `per_class` models of each class with at most `most_triangles`
+        triangles.
 
-        Each class (of `classes` or `FURNITURE`) has the first `per_class` models, by name, with at
-        most `most_triangles` triangles.
+        They furnish rooms (`puckbench.scenes.rooms.make_room`).
         """
         meshes_by_class = {}
         for semantic in self.classes or FURNITURE:
@@ -117,7 +106,6 @@ class SweetHome3D(DataSet):
         return meshes_by_class
 
     def catalogues(self) -> list[Path]:
-        """Return the ``.sh3f`` files; InputError if there are none."""
         for inside in _INSIDE:
             paths = sorted((Path(self.path) / inside).glob("*.sh3f"))
             if paths:
@@ -175,7 +163,7 @@ def _model(path: Path, item: Mapping[str, str], licence: str) -> CatalogueModel:
 
 
 def _read_properties(path: Path) -> dict[str, str]:
-    """Return keys and values of a properties file (latin-1, with Java's escapes)."""
+    """Read a properties file (latin-1, with Java's escapes)."""
     raw = _member(path, _PROPERTIES).decode("latin-1")
     text = _ESCAPE.sub(lambda code: chr(int(code[1], 16)), raw)
     lines = (line.strip() for line in text.splitlines())
@@ -213,7 +201,7 @@ def _class_words() -> dict[str, Any]:
 
 
 def _read_model(model: CatalogueModel) -> tuple[Mesh, dict[str, Any]]:
-    """Return the model in its own frame and unit, y up."""
+    """Return the unscaled model, y up."""
     from puckbench.io.meshes.obj import parse_obj
 
     what = f"{model.archive}/{model.member}"
@@ -221,7 +209,7 @@ def _read_model(model: CatalogueModel) -> tuple[Mesh, dict[str, Any]]:
 
 
 def _to_size(mesh: Mesh, model: CatalogueModel) -> tuple[Mesh, list[float]]:
-    """Rotate to z up, scale to the catalogued size and move to the origin."""
+    """Rotate to z up, scale to the catalogued size, and move to the origin."""
     turned = Mesh(y_up_to_z_up(mesh.vertices @ model.rotation.T), mesh.triangles)
     low, high = turned.bounds()
     extent = high - low

@@ -1,4 +1,4 @@
-"""Units of a user's files: one for all, or one for each."""
+"""Length units of a user's files."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ Units = PositiveFloat | dict[str, PositiveFloat]
 
 
 def is_named(path: Path, name: str) -> bool:
-    """Return whether a name is the end of a file's path."""
+    """Return whether a path ends with a name."""
     parts = Path(name).parts
     return bool(parts) and path.parts[-len(parts) :] == parts
 
 
 def metres_per_unit_of(path: Path, units: float | Mapping[str, float]) -> float:
-    """Return the metres per unit of a file, from the first matching entry."""
+    """Return the metres per unit of a file, by the first matching name."""
     if not isinstance(units, Mapping):
         return units
     return next((unit for name, unit in units.items() if is_named(path, name)), 1.0)

@@ -1,4 +1,4 @@
-"""Data sets of files named by a user: paths, folders and patterns."""
+"""Data sets of the user's files."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class FileSet(DataSet):
         return [self._file(name)]
 
     def options_of(self, name: str) -> dict[str, Any]:
-        """Return options of a data set of this scene only."""
+        """Return options of a data set with this scene only."""
         path = self._file(name)
         options = self.model_dump(exclude_defaults=True) | {"path": {name: str(path)}}
         if "metres_per_unit" in options:
@@ -92,7 +92,6 @@ class FileSet(DataSet):
         return dict(sorted(zip(scene_names(paths), paths, strict=True)))
 
     def _named_file(self, name: str, text: str) -> Path:
-        """Return the file of a name chosen by the user."""
         if safe_name(name) != name:
             raise InputError(f"path: {name!r} is not a valid file name; use {safe_name(name)!r}")
         path = Path(text)
@@ -101,7 +100,6 @@ class FileSet(DataSet):
         return path
 
     def _files_at(self, text: str) -> list[Path]:
-        """Return the files of a path, folder or pattern."""
         path, suffixes = Path(text), ", ".join(self.suffixes)
         if path.is_dir():
             paths = without_duplicates(file for file in path.rglob("*") if self._is_of_set(file))
@@ -131,7 +129,7 @@ def refuse_repeated(paths: Iterable[Path], what: str) -> None:
 
 
 def is_file_or_lost(path: Path) -> bool:
-    """Return whether a path is a file or a broken link, which a run should report."""
+    """Return whether a path is a file or a broken link."""
     return path.is_file() or (path.is_symlink() and not path.exists())
 
 
@@ -147,7 +145,7 @@ def without_duplicates(paths: Iterable[Path]) -> list[Path]:
 
 
 def scene_names(paths: Iterable[Path]) -> list[str]:
-    """Return names of files: their stems, with folders or suffixes if stems are equal."""
+    """Return the files' stems, with folders or suffixes where stems are equal."""
     listed = list(paths)
     plain = {path: plain_name(path) for path in listed}
     stems = Counter(safe_name(plain[path].stem).lower() for path in listed)

@@ -59,7 +59,6 @@ class Voxelised8i(FolderSet):
     over the number of voxels of a side."""
 
     def load(self, name: str) -> Scene:
-        """Read the frame, in metres; `about` has the grid and the number of duplicate voxels."""
         path = self._file(name)
         bits = _bits(name)
         voxels, doubles = _distinct(_on_grid(read_cloud(path, keep_missing=True), bits, path))
@@ -78,7 +77,6 @@ class Voxelised8i(FolderSet):
         return Scene(name, _sequence(name), cloud=cloud, about=about)
 
     def counts(self) -> list[Count]:
-        """Return the frames of the four sequences of 8iVFB v2."""
         sequences = [_sequence(name) for name in self._whole().names()]
         return [Count(sequence, sequences.count(sequence), _FRAMES) for sequence in _SEQUENCES]
 
@@ -115,7 +113,7 @@ def _bits(name: str) -> int:
 
 
 def _on_grid(cloud: PointCloud, bits: int, path: Path) -> PointCloud:
-    """Return the cloud; InputError unless coordinates are integers from 0 to 2^bits - 1."""
+    """Return the cloud; raise InputError unless coordinates are integers from 0 to 2^bits - 1."""
     off = _off_grid(cloud.xyz, 2**bits - 1)
     if off:
         raise InputError(f"{path}: {off} of {len(cloud)} points are not on the grid of {bits} bits")
@@ -128,6 +126,6 @@ def _off_grid(points: Floats, highest: int) -> int:
 
 
 def _distinct(cloud: PointCloud) -> tuple[PointCloud, int]:
-    """Return the first point of every voxel, in order, and the number of other points."""
+    """Return the first point of each voxel, and the number of other points."""
     _, first = np.unique(cloud.xyz, axis=0, return_index=True)
     return cloud.select(np.sort(first)), len(cloud) - len(first)

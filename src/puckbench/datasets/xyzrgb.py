@@ -27,19 +27,7 @@ _MOST_RUNS = 8
 
 @dataclass(frozen=True)
 class TextCloud:
-    """Points and colours of a text file, and its damage.
-
-    Parameters
-    ----------
-    xyz
-        (n, 3) float64.
-    colours
-        (n, 3) uint8.
-    repaired
-        Number of lines with foreign bytes that were repaired.
-    dropped
-        Number of unreadable lines.
-    """
+    """Points (n, 3) and colours (n, 3) of a text file, and its repaired and dropped lines."""
 
     xyz: Floats
     colours: NDArray[np.uint8]
@@ -48,16 +36,11 @@ class TextCloud:
 
 
 def read_xyzrgb(path: Path) -> TextCloud:
-    """Read a text cloud; damaged lines are repaired or dropped.
+    """Read a text cloud; repair or drop damaged lines.
 
-    Foreign bytes are those that occur in neither numbers nor white space. Within a number they are
-    read as 0, between numbers as a space, whichever gives six numbers. Lines without six numbers,
-    or with colours outside 0 to 255, are dropped.
-
-    Raises
-    ------
-    InputError
-        No line has six numbers.
+    Foreign bytes, which occur in neither numbers nor white space, are read as 0 within a number or
+    as a space between numbers, whichever gives six numbers. Lines without six numbers, or with
+    colours outside 0 to 255, are dropped. Raises InputError if no line is left.
     """
     data, repaired, dropped = _mended(read_bytes(path))
     rows = _parsed(data)
@@ -73,7 +56,7 @@ def read_xyzrgb(path: Path) -> TextCloud:
 
 
 def _mended(data: bytes) -> tuple[bytes, int, int]:
-    """Return the text without foreign bytes, and the numbers of repaired and of dropped lines."""
+    """Return the text without foreign bytes, and the numbers of repaired and dropped lines."""
     if not data.translate(None, _ALLOWED):
         return data, 0, 0
     pieces, done, repaired, dropped = [], 0, 0, 0
@@ -90,14 +73,14 @@ def _mended(data: bytes) -> tuple[bytes, int, int]:
 
 
 def _complete_lines(data: bytes) -> tuple[Floats, int]:
-    """Return the numbers (n, 6) of lines with six numbers, and the number of other lines."""
+    """Return the lines of six numbers as (n, 6), and the number of other lines."""
     lines = [line for line in data.splitlines() if line.strip()]
     kept = [[float(number) for number in line.split()] for line in lines if _is_row(line)]
     return np.array(kept, dtype=np.float64).reshape(-1, _COLUMNS), len(lines) - len(kept)
 
 
 def _parsed(data: bytes) -> Floats | None:
-    """Return the numbers (n, 6), nan for missing ones; None if some text is not a number."""
+    """Return the numbers (n, 6), NaN for missing ones, or None if a text is not a number."""
     import pandas as pd
 
     if not data.strip():
