@@ -1,10 +1,8 @@
-"""G-PCC geometry (ISO/IEC 23090-9:2023): octree and predictive coding, compatible with TMC13.
+"""G-PCC geometry (ISO/IEC 23090-9:2023), compatible with TMC13: octree and predictive coding.
 
-Streams, syntax elements and coding tools have the names of the standard and of its reference
-software, TMC13 release-v14.0. `encode_geometry` and `encode_predictive_geometry` make a stream of
-integer points, `decode_geometry` decodes both kinds. `encode_voxels` codes a set of voxels with the
-same octree, but without the standard's headers. Damaged streams and points that cannot be coded
-raise `puckbench.core.errors.InputError`.
+Streams, syntax elements and coding tools are named as in the standard and in its reference
+software, TMC13 release-v14.0. `decode_geometry` decodes both kinds of stream. Damaged streams and
+points that cannot be coded raise `puckbench.core.errors.InputError`.
 """
 
 from typing import TYPE_CHECKING

@@ -1,12 +1,9 @@
-"""Angular mode: contexts from the directions that a spinning sensor measures in.
+"""Angular mode: contexts from the directions in which a spinning sensor measures.
 
-A laser of the sensor has one elevation, and fires at regular azimuths. So the node's laser tells
-in which half of the node along z its points are likely to be, and the azimuth of the same laser's
-last return tells it along x or y (`determineContextAngleForPlanar`, `findLaser`
-and `AzimuthalPhiZi` of TMC13).
-
-Elevations are tangents in 2^-18, heights are in eighths of the coding unit, azimuths in 2^-20
-radians; numbers that the reference cuts to 32 bits are cut here, too.
+The elevation of a node's laser predicts the occupied half along z; the last azimuth of that laser
+predicts the half along x or y (`determineContextAngleForPlanar`, `findLaser`, `AzimuthalPhiZi` in
+TMC13). Elevations are tangents in units of 2^-18, heights are in eighths of a coding unit, azimuths
+in units of 2^-20 radians. Numbers are truncated to 32 bits where TMC13 does so.
 """
 
 from __future__ import annotations
@@ -26,21 +23,21 @@ Ints = NDArray[np.int64]
 Bytes = NDArray[np.uint8]
 
 NO_LASER = 255
-"""The laser of a node that is too large for one."""
+"""Laser of a node that is too large to be assigned to one laser."""
 FARTHEST = 1 << 22
-"""Coordinates of the sensor from a slice's origin, at most: beyond, the reference overflows."""
+"""Largest coordinate of the sensor relative to a slice's origin; TMC13 overflows beyond it."""
 
 _NO_AZIMUTH = -(1 << 31)
 _LARGEST_GAP = 128 << 18
 
 
 class Angular(NamedTuple):
-    """The sensor as a slice sees it, and where its lasers were last.
+    """A sensor relative to a slice, and the last azimuth of each laser.
 
-    origin: (3,) the sensor from the slice's origin, along the coded axes. elevation, height: (n,)
-    of the lasers. least_gap: between successive elevations. step, steps: (n,) azimuth from one
-    shot of a laser to the next, and its inverse in 2^-30. azimuth: (n,) of each laser's last
-    return. fault: (1,) not 0 once a stream named a laser that does not exist.
+    origin: (3,) position relative to the slice's origin, along the coded axes.
+    least_gap: smallest difference of successive elevations.
+    step, steps: azimuth between two shots, and its inverse in units of 2^-30.
+    fault: (1,) nonzero after a stream has named a laser that does not exist.
     """
 
     origin: Ints
@@ -54,10 +51,7 @@ class Angular(NamedTuple):
 
 
 class PlaneAngles(NamedTuple):
-    """Contexts of a node's planes along x, y, z by the sensor's angles; -1 where they say nothing.
-
-    laser: of the node, for its children.
-    """
+    """Contexts of a node's planes along x, y, z (-1: none), and the node's laser."""
 
     x: int
     y: int
@@ -66,19 +60,9 @@ class PlaneAngles(NamedTuple):
 
 
 def angular_state(elevation: Ints, height: Ints, turns: Ints, origin: Ints) -> Angular:
-    """The state at the start of a slice.
+    """Return the state at the start of a slice; InputError if the sensor is unusable.
 
-    Parameters
-    ----------
-    elevation, height, turns
-        (n,) of each laser: tangent, height, and how often it fires in a turn.
-    origin
-        (3,) the sensor from the slice's origin, along the coded axes.
-
-    Raises
-    ------
-    InputError
-        For a sensor that is too far away, or a laser that does not fire.
+    turns: (n,) shots per turn of each laser.
     """
     if np.abs(origin).max() > FARTHEST:
         raise InputError(f"G-PCC: the sensor is more than {FARTHEST} units away from a slice")
@@ -99,14 +83,14 @@ def angular_state(elevation: Ints, height: Ints, turns: Ints, origin: Ints) -> A
 
 @inlined
 def tangent_of(height: int, root: int) -> int:
-    """Tangent of the elevation of a height in half units, at the distance of an inverse root."""
+    """Return the elevation tangent of a height in half units; `root` is the inverse distance."""
     product = height * root
     return int32(product >> 15 if product >= 0 else -(-product >> 15))
 
 
 @inlined
 def corrected_elevation(angular: Angular, laser: int, root: int) -> int:
-    """Tangent of a laser's elevation as the origin of the sensor sees it at a distance."""
+    """Return a laser's tangent, corrected for its height at the inverse distance `root`."""
     product = angular.height[laser] * root
     shift = -(product >> 17) if product >= 0 else -product >> 17
     return int32(angular.elevation[laser] + shift)
@@ -114,7 +98,7 @@ def corrected_elevation(angular: Angular, laser: int, root: int) -> int:
 
 @inlined
 def _nearest_laser(elevation: Ints, tangent: int) -> int:
-    """The laser next to a tangent, by bisection as in the reference: at least two lasers."""
+    """Bisect as TMC13 does; at least two lasers are required."""
     first, count = 1, len(elevation) - 2
     while count > 0:
         half = count >> 1
@@ -129,7 +113,7 @@ def _nearest_laser(elevation: Ints, tangent: int) -> int:
 
 @kernel
 def laser_of(elevation: Ints, x: int, y: int, z: int) -> int:
-    """The laser that sees a point at (x, y, z) from the sensor."""
+    """Return the laser nearest to a point (x, y, z) relative to the sensor."""
     if len(elevation) == 1:
         return 0
     x, y = x << 8, y << 8
@@ -138,7 +122,7 @@ def laser_of(elevation: Ints, x: int, y: int, z: int) -> int:
 
 @inlined
 def predicted_azimuth(angular: Angular, laser: int, azimuth: int) -> int:
-    """The azimuth next to the given one at which a laser fires, counted from its last return."""
+    """Return the azimuth of the laser's shot nearest to `azimuth`."""
     last = angular.azimuth[laser]
     if last == _NO_AZIMUTH:
         return azimuth
@@ -148,9 +132,9 @@ def predicted_azimuth(angular: Angular, laser: int, azimuth: int) -> int:
 
 @inlined
 def azimuth_ctx(left: int, right: int, contrast: int) -> int:
-    """Context of two candidate azimuths by their differences from the predicted one.
+    """Return the context of two candidates by their differences from the predicted azimuth.
 
-    contrast: log2 of how many times one has to be as far away as the other to be unlikely.
+    contrast: log2 of the ratio from which on the farther candidate is unlikely.
     """
     context = 2 if (left >= 0) == (right >= 0) else 0
     left, right = abs(left), abs(right)
@@ -162,7 +146,7 @@ def azimuth_ctx(left: int, right: int, contrast: int) -> int:
 
 @inlined
 def elevation_ctx(difference: int, half_height: int) -> int:
-    """Context of a node's half by how far a laser is above its middle, and the half's height."""
+    """Return the context by the laser's elevation above the middle of a node."""
     context = 0 if difference >= 0 else 1
     if int32(difference - half_height) >= 0 or int32(difference + half_height) < 0:
         context += 2
@@ -173,7 +157,7 @@ def elevation_ctx(difference: int, half_height: int) -> int:
 def node_corner(
     angular: Angular, morton: int, node_size_log2: tuple[int, int, int]
 ) -> tuple[int, int, int]:
-    """The least corner of a node, from the sensor."""
+    """Return the lowest corner of a node relative to the sensor."""
     return (
         (compact_bits(morton >> 2) << node_size_log2[0]) - angular.origin[0],
         (compact_bits(morton >> 1) << node_size_log2[1]) - angular.origin[1],
@@ -185,7 +169,7 @@ def node_corner(
 def plane_angles(
     angular: Angular, morton: int, node_size_log2: tuple[int, int, int], laser: int
 ) -> PlaneAngles:
-    """Contexts of the planes of the node of code `morton`; laser: of its parent."""
+    """Return the contexts of a node's planes; `laser` is that of its parent."""
     size_x, size_y, size_z = node_size_log2
     x, y, z = node_corner(angular, morton, node_size_log2)
     middle_x, middle_y = x + (1 << size_x >> 1), y + (1 << size_y >> 1)
@@ -217,9 +201,10 @@ def plane_angles(
 
 @inlined
 def angular_eligible_axes(angles: PlaneAngles, eligible_axes: int, axes: int) -> int:
-    """The axes (1 x, 2 y, 4 z) whose planes are coded, of those split (4 x, 2 y, 1 z).
+    """Return the axes (1 x, 2 y, 4 z) whose planes are coded.
 
-    eligible_axes: those that would be coded without a sensor.
+    eligible_axes: result without a sensor.
+    axes: axes that the node splits (4 x, 2 y, 1 z).
     """
     found = eligible_axes & 4
     found |= integer(angles.x >= 0) | integer(angles.y >= 0) << 1 | integer(angles.z >= 0) << 2

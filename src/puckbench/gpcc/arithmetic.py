@@ -1,9 +1,9 @@
 """Adaptive binary arithmetic coding of G-PCC (ISO/IEC 23090-9), in both directions.
 
-A kernel written with `step`, `code_bit` and `code_bypass` encodes with an `Encoder` and decodes
-with a `Decoder`: each function takes the bit to code (a decoder ignores it) and returns the bit
-coded or read. Probabilities are those of a zero, in 16 bits, as in the Schroedinger coder
-(`schroarith`) that TMC13 uses.
+A kernel that calls `step`, `code_bit` and `code_bypass` encodes with an `Encoder` and decodes with
+a `Decoder`: each function takes the bit to encode (ignored by a decoder) and returns the coded bit.
+Probabilities are 16-bit probabilities of a zero, as in the Schroedinger coder (`schroarith`) of
+TMC13.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ State = tuple[int, int, int, int]
 
 HALF = 0x8000
 PADDING = 8
-"""Bytes that the decoder may have read beyond what it needed."""
+"""Bytes that a decoder may read beyond the end of its stream."""
 
 _FALLS = ADAPTATION.astype(np.int64)
 _RISES = ADAPTATION[::-1].astype(np.int64)
@@ -32,17 +32,18 @@ _DOUBLINGS = np.array([15 - (32 * max(i, 1)).bit_length() for i in range(512)], 
 
 
 class Encoder(NamedTuple):
-    """Arithmetic encoder: state (low, range, bits in low above 16, bytes written) and output."""
+    """Arithmetic encoder; its state is low, range, bits in low above 16, and bytes written."""
 
     state: NDArray[np.int64]
     data: Bytes
 
 
 class Decoder(NamedTuple):
-    """Arithmetic decoder: state (code, range, bits in code beyond 16, bytes read) and input.
+    """Arithmetic decoder.
 
-    state[4:]: number of bytes of the stream; whether bypass bits have a stream of their own, the
-    next one's index. bypass: those bits, one a byte.
+    state: code, range, bits in code beyond 16, bytes read, bytes of the stream, whether bypass bits
+        are separate, index of the next one.
+    bypass: separate bypass bits, one per byte.
     """
 
     state: NDArray[np.int64]
@@ -51,13 +52,12 @@ class Decoder(NamedTuple):
 
 
 def encoder(capacity: int) -> Encoder:
-    """A new encoder with room for `capacity` bytes."""
     state = np.array([0, 0xFFFF, 0, 0], dtype=np.int64)
     return Encoder(state, np.empty(capacity, dtype=np.uint8))
 
 
 def enlarged(coder: Encoder, more: int) -> Encoder:
-    """The encoder with room for at least `more` further bytes."""
+    """Return the encoder with space for at least `more` further bytes."""
     used = int(coder.state[3])
     if len(coder.data) - used >= more:
         return coder
@@ -67,7 +67,7 @@ def enlarged(coder: Encoder, more: int) -> Encoder:
 
 
 def decoder(data: Bytes, bypass: Bytes | None = None) -> Decoder:
-    """A decoder at the start of `data`; `bypass`: the bits of a bypass stream, one a byte."""
+    """Return a decoder; `bypass` holds the bits of a separate bypass stream, one per byte."""
     padded = np.concatenate([data, np.full(4, 0xFF, dtype=np.uint8)])
     first = int(padded[0]) << 8 | int(padded[1])
     separate = bypass is not None
@@ -77,28 +77,27 @@ def decoder(data: Bytes, bypass: Bytes | None = None) -> Decoder:
 
 
 def consumed(coder: Decoder) -> int:
-    """Bytes that the symbols decoded so far took."""
+    """Return the number of bytes that the decoded symbols occupy."""
     return int(coder.state[3] - coder.state[2] // 8)
 
 
 def finish(coder: Encoder) -> bytes:
-    """Flush the encoder; all bytes."""
+    """Flush the encoder and return all bytes."""
     _flush(coder)
     return coder.data[: coder.state[3]].tobytes()
 
 
 def step(coder: Any, state: State, probability: int, bit: int) -> tuple[int, State, int]:
-    """Code one bit: the bit, the new state and the new probability."""
+    """Code one bit; return the bit, the new state and the new probability."""
     raise NotImplementedError("compiled only")
 
 
 def bypass_step(coder: Any, state: State, bit: int) -> tuple[int, State]:
-    """Code one bit without a context."""
     raise NotImplementedError("compiled only")
 
 
 def exhausted(coder: Any) -> bool:
-    """Whether a decoder has read further than its stream can have symbols."""
+    """Return whether a decoder has read beyond the end of its stream."""
     raise NotImplementedError("compiled only")
 
 
@@ -187,7 +186,7 @@ def _decode_bypass(coder: Any, state: Any, bit: Any) -> tuple[int, State]:
 
 @kernel
 def _emit(data: Bytes, state: State) -> State:
-    """Move 32 finished bits from low to the output, with the carry into what is there."""
+    """Move 32 finished bits from low to the output and propagate the carry."""
     low, span, count, place = state
     count -= 32
     word = low >> (16 + count)
@@ -210,7 +209,7 @@ def _carry(data: Bytes, place: int) -> None:
 
 @kernel
 def _next_word(data: Bytes, place: int) -> int:
-    """Four bytes, big endian; past the end they are 0xFF."""
+    """Return four bytes in big-endian order; bytes past the end are 0xFF."""
     word = 0
     for k in range(4):
         byte = integer(data[place + k]) if place + k < len(data) else 0xFF
@@ -220,7 +219,7 @@ def _next_word(data: Bytes, place: int) -> int:
 
 @entry
 def _flush(coder: Encoder) -> None:
-    """Write what is left in low: the reference's own rule, which fixes the last bytes."""
+    """Write the remaining bits of low by the rule of TMC13."""
     low, span, count, place = load(coder)
     while count >= 8:
         count -= 8
@@ -245,20 +244,18 @@ def _flush(coder: Encoder) -> None:
 
 @inlined
 def load(coder: Any) -> State:
-    """The coder's state, to be held in registers over several steps."""
+    """Return the state, so that several steps can keep it in registers."""
     state = coder.state
     return state[0], state[1], state[2], state[3]
 
 
 @inlined
 def save(coder: Any, state: State) -> None:
-    """Put back a state that `load` gave and steps changed."""
     coder.state[0], coder.state[1], coder.state[2], coder.state[3] = state
 
 
 @kernel
 def code_bit(coder: Any, probabilities: NDArray[np.uint16], context: int, bit: int) -> int:
-    """Code one bit with an adaptive context."""
     coded, state, probability = step(coder, load(coder), integer(probabilities[context]), bit)
     probabilities[context] = probability
     save(coder, state)
@@ -267,7 +264,6 @@ def code_bit(coder: Any, probabilities: NDArray[np.uint16], context: int, bit: i
 
 @kernel
 def code_bypass(coder: Any, bit: int) -> int:
-    """Code one bit without a context."""
     coded, state = bypass_step(coder, load(coder), bit)
     save(coder, state)
     return coded
@@ -277,7 +273,7 @@ def code_bypass(coder: Any, bit: int) -> int:
 def code_exp_golomb(
     coder: Any, contexts: NDArray[np.uint16], prefix: int, value: int, order: int = 0
 ) -> int:
-    """Code a number by Exp-Golomb of an order; at most 24 prefix bits are read."""
+    """Code a number in Exp-Golomb code with at most 24 prefix bits."""
     base = 0
     while order < 24 and code_bit(coder, contexts, prefix, integer(value - base >= 1 << order)):
         base += 1 << order
@@ -289,7 +285,7 @@ def code_exp_golomb(
 
 
 def restart(coder: Decoder) -> None:
-    """Begin the next entropy stream, which follows the present one's last byte."""
+    """Start the entropy stream that follows the last byte of the current one."""
     place = min(consumed(coder), int(coder.state[4]))
     first = int(coder.data[place]) << 8 | int(coder.data[place + 1])
     coder.state[:4] = first, 0xFFFF, 0, place + 2

@@ -1,8 +1,7 @@
-"""Points sorted by azimuth, radius and slope; those equal in all three in the reference's order.
+"""Sorting of points by azimuth, radius and slope, with ties in the order of TMC13.
 
-The reference software sorts with ``std::sort``, which is not stable. So that trees are the same as
-its trees, this is the introsort of the GNU C++ library: quicksort by the median of three, then
-insertion sort.
+TMC13 sorts with ``std::sort``, which is not stable. This module repeats the introsort of the GNU
+C++ library, so that the trees are equal.
 """
 
 from __future__ import annotations
@@ -22,9 +21,9 @@ _DEEPEST = 128
 
 
 def azimuth_order(around: Ints, precision: float) -> Ints:
-    """Rows (n,) of points (n, 3) given from the axis, by azimuth.
+    """Return the rows (n,) that sort points (n, 3) relative to the axis.
 
-    precision: steps of the azimuth in a radian; within one, radius and slope order. 0: no steps.
+    precision: steps of the azimuth per radian; 0 for exact azimuths.
     """
     keys = np.empty((len(around), 3))
     _fill_keys(around, precision, keys)
@@ -50,9 +49,9 @@ def _fill_keys(around: Ints, precision: float, keys: Keys) -> None:
 
 @entry
 def _sort(rows: Ints, keys: Keys, stack: Ints) -> bool:
-    """Sort rows by their keys; False where quicksort is not fast, which leaves them in any order.
+    """Sort rows; return False if quicksort needs too many partitions.
 
-    stack: (d, 3) parts to sort, with how often each may still be parted.
+    stack: (d, 3) ranges, and the number of further partitions allowed for each.
     """
     depth, limit = 1, 0
     while len(rows) >> limit > 1:
@@ -85,7 +84,7 @@ def _is_before(keys: Keys, a: int, b: int) -> bool:
 
 @inlined
 def _parted(rows: Ints, keys: Keys, first: int, end: int) -> int:
-    """Put rows before those that are after the median of three; the first of the latter."""
+    """Partition rows by the median of three; return the start of the upper part."""
     chosen = _median(rows, keys, first + 1, first + (end - first) // 2, end - 1)
     rows[first], rows[chosen] = rows[chosen], rows[first]
     pivot = integer(rows[first])
@@ -104,7 +103,6 @@ def _parted(rows: Ints, keys: Keys, first: int, end: int) -> int:
 
 @inlined
 def _median(rows: Ints, keys: Keys, a: int, b: int, c: int) -> int:
-    """Which of three places holds the middle row."""
     if _is_before(keys, rows[a], rows[b]):
         if _is_before(keys, rows[b], rows[c]):
             return b
@@ -116,7 +114,6 @@ def _median(rows: Ints, keys: Keys, a: int, b: int, c: int) -> int:
 
 @inlined
 def _insert(rows: Ints, keys: Keys, place: int) -> None:
-    """Move a row to its place among those before it."""
     row = integer(rows[place])
     while place > 0 and _is_before(keys, row, rows[place - 1]):
         rows[place] = rows[place - 1]

@@ -1,8 +1,7 @@
-"""Reading and writing of syntax elements bit by bit, with one description for both directions.
+"""Bitwise reading and writing of syntax elements.
 
-`Writer` and `Reader` have the same methods; each moves one syntax element, an attribute of a
-record, to or from the bits. The syntax of a structure is one function over either of them, with
-the standard's descriptors u(n), ue(v) and se(v).
+One function describes the syntax of a structure for both `Reader` and `Writer`, with the standard's
+descriptors u(n), ue(v) and se(v). Each call moves one attribute of a record.
 """
 
 from __future__ import annotations
@@ -17,40 +16,39 @@ _TRUNCATED = "G-PCC stream: a parameter set or header is truncated"
 
 
 class SyntaxElements(ABC):
-    """Moves syntax elements between a record and bits; n is a number of bits."""
+    """Common interface of `Reader` and `Writer`; n is a number of bits."""
 
     writing: bool
 
     @abstractmethod
     def bits(self, n: int, value: int) -> int:
-        """`n` bits, the highest first: `value` written, or what is read."""
+        """Code `value` in `n` bits, highest first."""
 
     @abstractmethod
     def align(self) -> None:
-        """Go on to the next whole byte."""
+        """Advance to the next whole byte."""
 
     def u(self, record: Any, name: str, n: int) -> None:
-        """Unsigned number of `n` bits."""
+        """Code an unsigned number."""
         setattr(record, name, self.bits(n, int(getattr(record, name))))
 
     def flag(self, record: Any, name: str) -> None:
-        """One bit."""
         self.u(record, name, 1)
 
     def ue(self, record: Any, name: str) -> None:
-        """Unsigned Exp-Golomb number."""
+        """Code an unsigned Exp-Golomb number."""
         setattr(record, name, self.exp_golomb(int(getattr(record, name))))
 
     def se(self, record: Any, name: str) -> None:
-        """Signed Exp-Golomb number."""
+        """Code a signed Exp-Golomb number."""
         setattr(record, name, self.signed(int(getattr(record, name))))
 
     def u3(self, record: Any, name: str, n: int) -> None:
-        """Three unsigned numbers of `n` bits: x, y, z."""
+        """Code three unsigned numbers: x, y, z."""
         setattr(record, name, tuple(self.bits(n, int(v)) for v in getattr(record, name)))
 
     def s3(self, record: Any, name: str, n: int) -> None:
-        """Three numbers of `n` bits, each with its sign after it: x, y, z."""
+        """Code x, y, z as magnitudes of `n` bits, each followed by its sign."""
         values = []
         for value in getattr(record, name):
             magnitude = self.bits(n, abs(int(value)))
@@ -58,12 +56,12 @@ class SyntaxElements(ABC):
         setattr(record, name, tuple(values))
 
     def signed(self, value: int) -> int:
-        """Exp-Golomb code of order 0 of a signed number: 0, 1, -1, 2 and so on."""
+        """Code a signed number in Exp-Golomb code of order 0: 0, 1, -1, 2 and so on."""
         code = self.exp_golomb(2 * abs(value) - (value > 0))
         return (code + 1) // 2 if code & 1 else -(code // 2)
 
     def exp_golomb(self, value: int) -> int:
-        """Exp-Golomb code of order 0 of an unsigned number."""
+        """Code an unsigned number in Exp-Golomb code of order 0."""
         length = (value + 1).bit_length() - 1
         zeros = 0
         while not self.bits(1, zeros == length):
@@ -74,32 +72,28 @@ class SyntaxElements(ABC):
 
 
 class Writer(SyntaxElements):
-    """Collects bits."""
-
     writing = True
 
     def __init__(self) -> None:
         self._bits: list[int] = []
 
     def bits(self, n: int, value: int) -> int:
-        """Write `value` in `n` bits; ValueError when it has more."""
         if value >> n:
             raise ValueError(f"{value} does not fit in {n} bits")
         self._bits.extend(int(value) >> k & 1 for k in range(n - 1, -1, -1))
         return value
 
     def align(self) -> None:
-        """Fill the last byte with zeros."""
         self._bits.extend([0] * (-len(self._bits) % 8))
 
     def bytes(self) -> bytes:
-        """All that was written, filled to whole bytes."""
+        """Return all bits, padded with zeros to whole bytes."""
         self.align()
         return int("1" + "".join(map(str, self._bits)), 2).to_bytes(len(self._bits) // 8 + 1)[1:]
 
 
 class Reader(SyntaxElements):
-    """Gives bits; InputError past the end."""
+    """Reads syntax elements; InputError past the end."""
 
     writing = False
 
@@ -108,7 +102,6 @@ class Reader(SyntaxElements):
         self._place = 0
 
     def bits(self, n: int, value: int = 0) -> int:
-        """Read `n` bits."""
         del value
         end = self._place + n
         if end > 8 * len(self._data):
@@ -119,14 +112,13 @@ class Reader(SyntaxElements):
         return word >> (8 * last - end) & ((1 << n) - 1)
 
     def align(self) -> None:
-        """Go on to the next whole byte."""
         self._place = -(-self._place // 8) * 8
 
     def skip(self, n: int) -> None:
-        """Pass over `n` bytes."""
+        """Skip `n` bytes."""
         self.bits(8 * n)
 
     @property
     def position(self) -> int:
-        """Bytes read, the present one included."""
+        """Number of bytes read, including the current one."""
         return -(-self._place // 8)

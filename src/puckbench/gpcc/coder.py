@@ -1,4 +1,4 @@
-"""G-PCC bitstreams: integer points with their scale and origin to a stream, and back."""
+"""Encoding of integer points, scale and origin as a G-PCC bitstream, and decoding."""
 
 from __future__ import annotations
 
@@ -38,14 +38,14 @@ __all__ = [
 ]
 
 MAX_POINTS = 1 << 24
-"""Points of a stream, at most: as many as one slice can signal, so that memory is bounded."""
+"""Maximum number of points of a stream and of a slice; it limits the memory needed."""
 MAX_LEVELS = 1 << 14
-"""Octree levels of all slices of a stream, at most: each begins anew, however few points it has."""
+"""Maximum number of octree levels over all slices of a stream; it limits the time needed."""
 _LEVELS_OF_TREES = 2
-"""What a slice of prediction trees counts for among them."""
+"""Number of levels that a slice of prediction trees counts as."""
 MAX_TREE_SLICES = MAX_LEVELS // _LEVELS_OF_TREES
 MAX_PARAMETER_BYTES = 1 << 16
-"""Bytes of a stream's parameter sets and tile inventories, at most: they are read bit by bit."""
+"""Maximum number of bytes of parameter sets and tile inventories, which are read bit by bit."""
 
 _MAX_ORIGIN = 1 << 31
 _MAX_DENOMINATOR = 1 << 16
@@ -65,10 +65,10 @@ _AXIS_ORDERS = (
 
 @dataclass(frozen=True)
 class DecodedGeometry:
-    """What a stream holds.
+    """Geometry of a stream.
 
-    points: (m, 3) int64, as coded; their positions are (points * global_scale + origin) / scale.
-    metres: seq_unit_is_metres_flag; else the unit is the application's.
+    points: (m, 3) int64; their positions are (points * global_scale + origin) / scale.
+    metres: seq_unit_is_metres_flag; if False, the application defines the unit.
     """
 
     points: Ints
@@ -78,7 +78,7 @@ class DecodedGeometry:
     metres: bool = False
 
     def positions(self) -> NDArray[np.float64]:
-        """Positions (m, 3) in the cloud's coordinates, bit for bit those of TMC13."""
+        """Return positions (m, 3) in the cloud's coordinates, bit for bit those of TMC13."""
         step = self.scale.denominator / self.scale.numerator
         corner = np.array(self.origin, dtype=np.float64) * step
         positions = self.points.astype(np.float64)
@@ -95,24 +95,21 @@ def encode_geometry(
     origin: Sequence[int] | Ints = (0, 0, 0),
     sensor: SensorDescription | None = None,
 ) -> bytes:
-    """Code points as a stream that TMC13 decodes.
+    """Encode points as an octree stream that TMC13 decodes.
 
     Parameters
     ----------
     points
         (n, 3) integers, n > 0.
-    options
-        Coding tools.
     scale, origin
-        (points + origin) / scale are the positions that a decoder gives.
+        A decoder returns the positions (points + origin) / scale.
     sensor
-        That measured the points, in the coordinates of points + origin; with it, the octree is
-        coded in angular mode.
+        Sensor in the coordinates of points + origin; it switches angular mode on.
 
     Raises
     ------
     InputError
-        For an empty cloud, for points more than 21 bits apart, or for a sensor far away.
+        If there are no points, they span more than 21 bits, or the sensor is too far away.
     """
     points, low = checked_points(points)
     corner = tuple(int(a) + int(b) for a, b in zip(low, origin, strict=True))
@@ -131,7 +128,7 @@ def encode_geometry(
 
 
 def checked_points(points: NDArray[Any]) -> tuple[Ints, Ints]:
-    """Points (n, 3) as int64, and their least coordinates; InputError where they can't be coded."""
+    """Return points (n, 3) as int64 and their minimum; InputError if they cannot be coded."""
     points = np.asarray(points)
     if points.ndim != 2 or points.shape[1] != 3:
         raise InputError(f"G-PCC: expected points of shape (n, 3), got {points.shape}")
@@ -150,7 +147,6 @@ def checked_points(points: NDArray[Any]) -> tuple[Ints, Ints]:
 def stream_of(
     sps: syntax.SequenceParameterSet, gps: syntax.GeometryParameterSet, units: Iterable[bytes]
 ) -> bytes:
-    """A stream: its parameter sets, then geometry data units."""
     payloads = [
         (syntax.SEQUENCE_PARAMETER_SET, syntax.written(syntax.sequence_parameter_set, sps)),
         (syntax.GEOMETRY_PARAMETER_SET, syntax.written(syntax.geometry_parameter_set, gps)),
@@ -162,7 +158,7 @@ def stream_of(
 def sequence_parameter_set(
     origin: tuple[int, ...], scale: Fraction | float
 ) -> syntax.SequenceParameterSet:
-    """Origin and scale of a stream; InputError where it cannot hold them."""
+    """Return origin and scale as a parameter set; InputError if they are too large."""
     scale = Fraction(scale).limit_denominator(_MAX_DENOMINATOR)
     if max(map(abs, origin)) >= _MAX_ORIGIN or not 0 < scale.numerator < _MAX_ORIGIN:
         raise InputError("G-PCC: the origin or the scale is too large for a stream")
@@ -176,7 +172,7 @@ def sequence_parameter_set(
 
 
 def bits_of(value: int) -> int:
-    """Bits of a number; one for 0."""
+    """Return the number of bits of `value`, at least 1."""
     return max(value.bit_length(), 1)
 
 
@@ -208,10 +204,7 @@ def _geometry_parameter_set(options: GpccOptions) -> syntax.GeometryParameterSet
 def _partition(
     points: Ints, start: Ints, options: GpccOptions, angular: bool
 ) -> Iterator[_SlicePoints]:
-    """Parts of the cloud of at most slice_max_points, halved along their longest side.
-
-    start: (3,) origin of the sequence.
-    """
+    """Bisect points along their longest side into slices of at most slice_max_points."""
     fits = len(points) <= options.slice_max_points
     if fits or options.merge_duplicates:
         slice_points = _slice_points(points, start, options, angular)
@@ -226,7 +219,7 @@ def _partition(
 
 
 def split_position(sorted_values: NDArray[Any]) -> int:
-    """About the middle of sorted values, not between equal ones, so that these stay together."""
+    """Return an index near the middle of sorted values that keeps equal values together."""
     middle = len(sorted_values) // 2
     starts = np.searchsorted(sorted_values, sorted_values[middle], side="left")
     ends = np.searchsorted(sorted_values, sorted_values[middle], side="right")
@@ -237,14 +230,11 @@ def split_position(sorted_values: NDArray[Any]) -> int:
 
 @dataclass(frozen=True)
 class _SlicePoints:
-    """Points of a slice: their least coordinates, the axes that each level splits, the octree."""
-
     corner: tuple[int, int, int]
     axes: list[int]
     tree: Tree
 
     def coded_points(self, options: GpccOptions) -> int:
-        """How many points the slice will hold."""
         return len(self.tree.keys) if options.merge_duplicates else int(self.tree.counts.sum())
 
 
@@ -286,17 +276,12 @@ def _data_unit(
 
 
 def decode_geometry(stream: bytes) -> DecodedGeometry:
-    """Decode a stream of one frame; attributes are skipped.
-
-    Returns
-    -------
-    DecodedGeometry
-        Points in decoding order, with scale and origin.
+    """Decode the geometry of a stream of one frame; points are in decoding order.
 
     Raises
     ------
     InputError
-        If the stream is not G-PCC, is damaged, or uses tools that are not supported.
+        If the stream is not G-PCC, is damaged, or uses unsupported tools.
     """
     contents = _StreamReader()
     for payload_type, payload in syntax.payloads(stream):
@@ -305,7 +290,7 @@ def decode_geometry(stream: bytes) -> DecodedGeometry:
 
 
 class _StreamReader:
-    """What was read of a stream so far: parameter sets by id, and points by slice."""
+    """Collects the parameter sets of a stream by id, and the points of its slices."""
 
     def __init__(self) -> None:
         self._sps: dict[int, syntax.SequenceParameterSet] = {}
@@ -318,7 +303,6 @@ class _StreamReader:
         self._points = self._levels = self._parameter_bytes = 0
 
     def take(self, payload_type: int, payload: bytes) -> None:
-        """Read one payload."""
         if payload_type in _PARAMETERS:
             self._parameter_bytes += len(payload)
             if self._parameter_bytes > MAX_PARAMETER_BYTES:
@@ -372,7 +356,7 @@ class _StreamReader:
         self._frame = frame
 
     def geometry(self) -> DecodedGeometry:
-        """All that was read; InputError when there is no slice."""
+        """Return the geometry; InputError if there was no slice."""
         sps = self._active
         if sps is None:
             raise InputError("G-PCC stream: no geometry")
@@ -405,7 +389,7 @@ def _origin(sps: syntax.SequenceParameterSet) -> tuple[int, int, int]:
 
 
 def _global_scale(sps: syntax.SequenceParameterSet) -> Fraction:
-    """(2^bits + refinement) / 2^bits * 2^log2."""
+    """Return (2^bits + refinement) / 2^bits * 2^log2."""
     bits = sps.seq_global_scale_refinement_num_bits
     if max(bits, sps.seq_global_scale_factor_log2) > 30:
         raise InputError("G-PCC stream: the scale is too large")

@@ -1,4 +1,4 @@
-"""How the kernels of G-PCC are compiled."""
+"""Decorators that compile the kernels of G-PCC."""
 
 from __future__ import annotations
 
@@ -17,25 +17,27 @@ _KERNEL: dict[str, Any] = {**_OPTIONS, **compiling.IN_PLACE}
 _INTERNAL = {**_KERNEL, "no_cpython_wrapper": True}
 
 integer = cast(Callable[[Any], int], np.int64)
-"""Makes a 64-bit integer of a narrower one or of a truth value; in kernels, wherever a number is
-not certain to be one already, since unsigned and signed numbers together would become floats."""
+"""Convert a narrower integer or a truth value to a 64-bit integer.
+
+Kernels need it because unsigned and signed integers together would become floats.
+"""
 
 
 def compiled(function: Function) -> Function:
-    """Compile a function that makes arrays, on its first call; later processes load it."""
+    """Compile a function that creates arrays; the compiled code is cached."""
     return compiling.compiled(function, **_OPTIONS)
 
 
 def entry(function: Function) -> Function:
-    """Compile a kernel that Python calls: it makes no array, but works on those it is given."""
+    """Compile a kernel that Python calls and that creates no arrays."""
     return compiling.compiled(function, **_KERNEL)
 
 
 def kernel(function: Function) -> Function:
-    """Compile a kernel that only others call."""
+    """Compile a kernel that only other kernels call."""
     return compiling.compiled(function, **_INTERNAL)
 
 
 def part(function: Function) -> Function:
-    """Make a kernel part of the one that calls it: for one that is called at a single place."""
+    """Inline a kernel into its only caller."""
     return compiling.compiled(function, inline="always", **_INTERNAL)
