@@ -1,6 +1,5 @@
-"""The checklist of the thesis's figures and tables: which are made, and how to make the others.
-
-States follow from the times of files. Only Snakemake sees changed code and parameters.
+"""Checklist of the thesis's figures and tables, with their states and the commands that
+make them.
 """
 
 from __future__ import annotations
@@ -27,14 +26,9 @@ _CHAPTER_5, _CHAPTER_5_RESULTS = "config/chapter5.yaml", Path("results/chapter5"
 
 @dataclass(frozen=True)
 class Item:
-    """A figure or table of the thesis.
+    """A figure or table, which is done, stale, missing, impossible or unplanned.
 
-    Parameters
-    ----------
-    state
-        done, stale, missing, impossible or unplanned.
-    note
-        Its file, the command that makes it, or the reason why there is none.
+    `note` is its file, the command that makes it, or the reason why there is none.
     """
 
     title: str
@@ -48,12 +42,8 @@ class Item:
 
 @dataclass(frozen=True)
 class Reproduction:
-    """A configuration file, and how Snakemake is called for it.
-
-    Parameters
-    ----------
-    changes
-        Values that replace top-level keys of the file (`--config` of Snakemake).
+    """A configuration file, and the options of Snakemake; `changes` replaces top-level keys of the
+    file.
     """
 
     path: Path
@@ -63,7 +53,7 @@ class Reproduction:
 
     @cached_property
     def config(self) -> Config:
-        """The checked configuration; raises InputError if invalid."""
+        """The validated configuration; raises InputError if it is invalid."""
         for path in (self.path, self.snakefile):
             if not path.is_file():
                 raise InputError(f"{path}: no such file (run this in puckbench's folder)")
@@ -71,7 +61,7 @@ class Reproduction:
 
     @cached_property
     def absent(self) -> dict[str, str]:
-        """Scene sets without data, with what to put where."""
+        """Scene sets without data, each with the reason."""
         faults = {}
         for name, value in self.config.scenes.items():
             try:
@@ -93,9 +83,8 @@ class Reproduction:
         return stages_of(self.bench)
 
     def command(self, *targets: str) -> list[str]:
-        """Return the words of the Snakemake command that makes some targets.
-
-        The targets come first, since the last options take all words that follow.
+        """Return the words of a Snakemake command, targets first, since an option takes all words
+        after it.
         """
         words = ["snakemake", *targets, "--cores", str(self.cores), "--configfile", str(self.path)]
         settings = [f"{key}={str(value).lower()}" for key, value in self.changes.items()]
@@ -104,10 +93,8 @@ class Reproduction:
     def items(self, pending: Collection[str] | None = None) -> list[Item]:
         """Return every figure and table of the thesis with its state.
 
-        Parameters
-        ----------
-        pending
-            Files that Snakemake would make; by default file times decide.
+        `pending` lists the files that Snakemake would make. By default file times decide, which do
+        not show changes of code or parameters.
         """
         tables = {n: f"Table {e.number}" for n, e in table_entries().items() if e.number}
         figures = {n: f"Figure {e.number}" for n, e in figure_entries().items() if e.number}
@@ -124,7 +111,7 @@ class Reproduction:
         return Item(title, name, state, note)
 
     def _item_without_data(self, title: str, name: str) -> Item:
-        """Return the state without a plan; a file of any earlier run is done."""
+        """Return the state without a plan: a file of any earlier run is done."""
         absent = [scenes for scenes in self._scenes_of(name) if scenes in self.absent]
         file, chapter_5_file = (_file(name, root) for root in (self.results, _CHAPTER_5_RESULTS))
         files = [file] if absent else [file, chapter_5_file]
@@ -138,7 +125,7 @@ class Reproduction:
         return Item(title, name, "missing", shlex.join(chapter_5.command(str(chapter_5_file))))
 
     def _scenes_of(self, name: str) -> list[str]:
-        """Scene sets that a figure is made from; none for tables."""
+        """Return the scene sets that a figure is made from; none for tables."""
         inputs = figure_entry(name).inputs if name in FIGURES else ()
         datasets, examples = self.config.datasets, self.config.figures.examples.given()
         kinds = [each.removeprefix("example_") for each in inputs]
@@ -161,7 +148,7 @@ class Reproduction:
         return {**self.bench.outputs.study_tables, **self.bench.outputs.figures}
 
     def _is_fresh(self, path: Path, output_time: float) -> bool:
-        """Whether an input exists, is older than its output, and is itself newer than its rows."""
+        """Return whether an input exists, is older than its output and is newer than its rows."""
         if not path.exists() or path.stat().st_mtime > output_time:
             return False
         stage = {"metrics": "metrics", "clouds": "about"}.get(path.stem)

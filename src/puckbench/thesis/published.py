@@ -1,7 +1,7 @@
-"""Numbers of the thesis's chapter 5.
+"""Numbers of the thesis's chapter 5, from its text, its figures, and the pictures and notebooks of
+its author's repository (branislavjenco/thesis-code).
 
-They are printed in its text and figures, or come from the pictures and notebooks of its author's
-repository (branislavjenco/thesis-code). Of the real residuals only these moments are published.
+Of the real residuals only these moments are published.
 """
 
 from __future__ import annotations

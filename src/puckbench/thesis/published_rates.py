@@ -13,10 +13,9 @@ _DISTANCES = ("cd_plane", "hausdorff_sq_plane")
 
 
 def median_rows() -> Iterator[dict[str, Any]]:
-    """Yield the medians as rows of a table of results, one for each data set, codec and rate.
+    """Yield the medians as result rows by roles of ``dataset`` and ``codec``, and by rate.
 
-    ``dataset`` and ``codec`` are roles (`puckbench.thesis.claims.roles`). Only the first and last
-    rate have a ``bpp``.
+    Only the first and last rate have a ``bpp``.
     """
     import yaml
 

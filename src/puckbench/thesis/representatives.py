@@ -36,11 +36,10 @@ _CLASSES: dict[str, tuple[type[Codec], ...]] = {
 
 
 def dataset_roles(plan: Plan) -> dict[str, str]:
-    """Return the roles of the data sets.
+    """Return the roles of the data sets, except clouds in metres.
 
     Scans are clean if their error model is ``none``, else noisy. Recorded clouds are rooms, and so
-    are samples of scenes that another data set scans; other samples are objects. Clouds in metres
-    have no role.
+    are samples of scenes that another data set scans; other samples are objects.
     """
     sources = {name: _source(plan.scenes[data.scenes]) for name, data in plan.datasets.items()}
     scaled = {
@@ -67,9 +66,8 @@ def _dataset_role(settings: DataSetConfig, is_scanned: bool) -> str:
 def codec_role(codec: Codec) -> str:
     """Return which of the thesis's codecs a codec represents; empty if none.
 
-    G-PCC is its octree without a sensor or options for spinning sensors: with truncated coordinates
-    `GPCC_AS_RUN`, as the thesis ran it, else `GPCC`. Codecs that change another one
-    (`Codec.based_on`) represent none.
+    G-PCC's octree, without a sensor or options for spinning sensors, represents `GPCC_AS_RUN` with
+    truncated coordinates, else `GPCC`. Codecs based on another one represent none.
     """
     if codec.based_on or (isinstance(codec, Draco) and codec.options.method == "sequential"):
         return ""
@@ -85,7 +83,7 @@ def codec_roles(plan: Plan) -> dict[str, str]:
 
 
 def stand_in_roles(plan: Plan) -> dict[str, str]:
-    """Return for each role the first codec that is based on the codec of this role."""
+    """Return for each role the first codec that is based on the codec with this role."""
     bases = {name: codec.based_on for name, codec in plan.opened.items()}
     return _first({name: codec_role(open_codec(base)) for name, base in bases.items() if base})
 
@@ -99,7 +97,7 @@ def _first(roles: Mapping[str, str]) -> dict[str, str]:
 
 
 def grid_scales(plan: Plan) -> dict[str, dict[str, float]]:
-    """Return the scales of the G-PCC codecs that code a data set with a role, by rate."""
+    """Return the scales by rate of the G-PCC codecs that code a data set with a role."""
     return {
         name: {rate: float(values["scale"]) for rate, values in codec.rates.items()}
         for name, codec in plan.opened.items()

@@ -1,7 +1,7 @@
 """The claims of the thesis.
 
-To add one, write a function from an `Evidence` to the claim's parts, with the rule in its
-docstring, and add an entry to `CLAIMS`.
+A claim consists of a function from an `Evidence` to parts, with the rule in its docstring, and an
+entry in `CLAIMS`.
 """
 
 from __future__ import annotations
@@ -16,17 +16,7 @@ from puckbench.thesis.claims.verdicts import Part
 
 @dataclass(frozen=True)
 class Claim:
-    """One claim of the thesis.
-
-    Parameters
-    ----------
-    thesis
-        The thesis's numbers.
-    figures
-        Names of our figures that show the claim.
-    thesis_figure
-        Number of the thesis's figure.
-    """
+    """A claim of the thesis, its numbers, and the names of this package's figures that show it."""
 
     words: str
     section: str

@@ -31,11 +31,8 @@ MORE_DUPLICATES = 0.05
 
 
 def draco_shifted_by_duplicates(evidence: Evidence) -> list[Part]:
-    """Test claim 12.
-
-    On scans Draco's median bits per point at the first rate are more than `TWICE` those on objects
-    (in the thesis 175 times), and the share of points with a duplicate is higher by
-    `MORE_DUPLICATES`.
+    """Test claim 12: Draco's median bits per point at the first rate are more than `TWICE` as many
+    on scans as on objects, and the share of duplicate points is greater by `MORE_DUPLICATES`.
     """
     if DRACO not in evidence.codecs:
         return [untested(CODEC_NEEDS[DRACO])]
@@ -61,10 +58,8 @@ def draco_shifted_by_duplicates(evidence: Evidence) -> list[Part]:
 
 
 def elongation_has_no_effect(evidence: Evidence) -> list[Part]:
-    """Test claim 13.
-
-    For each codec, on each set of at least `MIN_ROOMS` rooms, the absolute value of Spearman's
-    correlation of elongation and CD, median over the rates, is below `VISIBLE`.
+    """Test claim 13: the median over rates of Spearman's correlation of elongation and CD is below
+    `VISIBLE` in absolute value, for each codec on each set of at least `MIN_ROOMS` rooms.
     """
     table = evidence.metrics
     rooms = [
@@ -88,10 +83,8 @@ def elongation_has_no_effect(evidence: Evidence) -> list[Part]:
 
 
 def scans_have_alike_counts(evidence: Evidence) -> list[Part]:
-    """Test claim 14.
-
-    The interquartile range of scans is below that of recorded rooms, the median above. Sampled
-    rooms do not count, since their number of points is a setting.
+    """Test claim 14: the interquartile range of scans is below that of recorded rooms, the median
+    above.
     """
     table = evidence.clouds
     counts = {} if table is None else dict(iter(table.groupby("dataset")["points"]))
@@ -130,7 +123,7 @@ def _has_enough_rooms(table: pd.DataFrame | None, dataset: str) -> bool:
 
 
 def _correlation(rows: pd.DataFrame) -> float:
-    """Return Spearman's correlation, median over the rates; 0 if a variable is constant."""
+    """Return the median over rates of Spearman's correlation, 0 for a constant variable."""
     correlations = [
         float(part[["elongation", "cd_plane"]].rank().corr().to_numpy(dtype=float)[0, 1])
         for _, part in rows.groupby("rate")

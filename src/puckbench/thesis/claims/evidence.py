@@ -34,14 +34,8 @@ call. A call that ran alone on the machine counts by itself."""
 class Evidence:
     """Tables of a run, and the roles of its data sets and codecs.
 
-    Parameters
-    ----------
-    datasets
-        Role of each data set.
-    codecs, stand_ins
-        For each role the codec that has it, and the codec that is based on the thesis's.
-    of_medians
-        Whether the rows of `metrics` are medians over an unknown number of clouds.
+    `datasets` maps names to roles; `codecs` and `stand_ins` map roles to names. `of_medians` says
+    that `metrics` holds medians over an unknown number of clouds.
     """
 
     metrics: pd.DataFrame | None = None
@@ -55,16 +49,16 @@ class Evidence:
     of_medians: bool = False
 
     def with_stand_ins(self) -> Evidence:
-        """Return evidence in which stand-ins have the roles of absent codecs."""
+        """Return a copy in which stand-ins have the roles of absent codecs."""
         return replace(self, codecs={**self.stand_ins, **self.codecs})
 
     def stand_in(self, role: str) -> str:
-        """Return the title of the stand-in in a role, if there is one."""
+        """Return the title of the stand-in in a role, or an empty text."""
         codec = self.codecs.get(role)
         return codec_style(codec).title if codec and codec == self.stand_ins.get(role) else ""
 
     def with_role(self, *roles: str) -> list[str]:
-        """Return the measured data sets with one of some roles."""
+        """Return the measured data sets that have one of the roles."""
         return [
             name
             for name, role in self.datasets.items()
@@ -77,9 +71,8 @@ class Evidence:
 
     @cached_property
     def medians(self) -> pd.DataFrame:
-        """Medians over clouds.
-
-        Columns: ``dataset``, ``codec`` (role), ``rate``, ``number`` (of the rate) and `MEASURED`.
+        """Medians over clouds by ``dataset``, ``codec`` (role), ``rate`` and ``number`` (of the
+        rate).
         """
         import pandas as pd
 
@@ -108,9 +101,9 @@ class Evidence:
         return self.of_medians or self.clouds_of(datasets, *codecs) >= MIN_CLOUDS
 
     def calls(self, codec: str) -> int:
-        """Return the least number of valid timed calls for a rate and data set.
+        """Return the least number of timed calls of any rate and data set.
 
-        Calls are valid if repeated `MIN_REPEATS` times or alone on the machine.
+        A call counts if it was repeated `MIN_REPEATS` times or ran alone on the machine.
         """
         if self.metrics is None:
             return 0
@@ -124,21 +117,17 @@ class Evidence:
         return int(valid.groupby([rows["dataset"], rows["rate"]]).sum().min())
 
     def rates(self, dataset: str, codec: str, column: str) -> Floats:
-        """Return the medians of a column, (n,), by rate; rates without a value are left out."""
+        """Return the medians (n,) of a column by rate, without missing values."""
         rows = self.medians
         rows = rows[(rows["dataset"] == dataset) & (rows["codec"] == codec)]
         return rows.sort_values("number")[column].dropna().to_numpy(dtype=float)
 
     def at_equal_rate(self, dataset: str, tested: str, base: str, column: str) -> pd.DataFrame:
-        """Return the ratios of one codec's medians to another's at equal bits per point.
+        """Return the ``ratio`` of one codec's medians to another's by ``bpp``, ascending.
 
-        Values of `base` are interpolated linearly in the logarithms of bits and value.
-
-        Returns
-        -------
-        pd.DataFrame
-            Columns ``bpp`` (ascending) and ``ratio``. It is empty if a curve has fewer than
-            `MIN_RATES` rates, or fewer than `MIN_COMMON_RATES` of `tested` in the range of `base`.
+        Values of `base` are interpolated linearly in the logarithms of bits and value. The table is
+        empty if a curve has fewer than `MIN_RATES` rates, or fewer than `MIN_COMMON_RATES` of
+        `tested` are in the range of `base`.
         """
         import pandas as pd
 

@@ -60,11 +60,10 @@ TIME_NEEDS = (
 
 
 def improves_and_levels_off(evidence: Evidence) -> list[Part]:
-    """Test claim 6.
+    """Test claim 6 on every data set.
 
-    A codec improves if its median CD is lower at the last rate than at the first, on every data
-    set. It levels off if CD falls by less than `TWICE` over the upper half of the rates, on every
-    data set. Draco does not level off if CD falls by more, on every data set.
+    A codec improves if its median CD is lower at the last rate than at the first. It levels off if
+    CD falls by less than `TWICE` over the upper half of the rates; for Draco CD must fall by more.
     """
     parts = []
     for codec in (*CLASSICAL, *LEARNED):
@@ -85,20 +84,15 @@ def improves_and_levels_off(evidence: Evidence) -> list[Part]:
 
 
 def learned_match_at_low_rates(evidence: Evidence) -> list[Part]:
-    """Test claim 7.
-
-    A learned codec matches a classical one if the ratio of their CDs at equal bits per point has a
-    median of at most `ONE_DB` over the lower half of its rates, on every data set. A codec that is
-    based on an absent one stands in for it.
+    """Test claim 7: on every data set the ratio of a learned codec's CD to a classical one's at
+    equal bits per point has a median of at most `ONE_DB` over the lower half of its rates.
     """
     return _comparisons(evidence, "cd_plane", "matches", _lower_half, lambda ratio: ratio <= ONE_DB)
 
 
 def gpcc_wins_at_high_rates(evidence: Evidence) -> list[Part]:
-    """Test claim 11.
-
-    At the learned codec's highest rate in G-PCC's range its CD is above G-PCC's at equal bits per
-    point, on every data set. Stand-ins as for claim 7.
+    """Test claim 11: on every data set a learned codec's CD at its highest rate in G-PCC's range is
+    above G-PCC's at equal bits per point.
     """
     return _comparisons(
         evidence, "cd_plane", "loses to", _last, lambda ratio: ratio > 1, (GPCC_AS_RUN, GPCC)
@@ -106,11 +100,10 @@ def gpcc_wins_at_high_rates(evidence: Evidence) -> list[Part]:
 
 
 def learned_lag_in_hausdorff(evidence: Evidence) -> list[Part]:
-    """Test claim 8.
+    """Test claim 8: on every data set the ratio of a codec's squared distance to G-PCC's at equal
+    bits per point has a median above 1.
 
-    A codec lags if the ratio of its squared distance to G-PCC's at equal bits per point has a
-    median above 1 on every data set; more on scans if the least ratio there is above the greatest
-    on objects. Stand-ins as for claim 7.
+    The lag is greater on scans if the least ratio there is above the greatest on objects.
     """
     evidence = evidence.with_stand_ins()
     column, bases = "hausdorff_sq_plane", (GPCC_AS_RUN, GPCC)
@@ -141,7 +134,7 @@ def time_grows(evidence: Evidence) -> list[Part]:
     """Test claim 9.
 
     Growth is the time at the last rate over that at the first, median over encoding, decoding and
-    data sets. PCGCv2's is at most `MUCH_LESS_AFFECTED`, the others' are above, G-PCC's is the
+    data sets. PCGCv2's is at most `MUCH_LESS_AFFECTED`, the others' are above, and G-PCC's is the
     greatest. A codec needs `MIN_CALLS` valid calls.
     """
     parts, growths, samples = [], {}, []
@@ -171,10 +164,10 @@ def time_grows(evidence: Evidence) -> list[Part]:
 
 
 def alike_on_all_data(evidence: Evidence) -> list[Part]:
-    """Test claim 10.
+    """Test claim 10: the ratio of the greatest to the least median CD of the data sets has a median
+    over the rates below `TWICE`.
 
-    The ratio of the greatest to the least median CD of the data sets has a median over the rates
-    below `TWICE`. There must be scans and another kind of data set.
+    The run needs scans and another kind of data set.
     """
     measured_datasets = evidence.measured_datasets & set(evidence.datasets)
     kinds = {evidence.datasets[name] for name in measured_datasets}
@@ -240,7 +233,9 @@ def _comparisons(
     holds: Callable[[float], bool],
     bases: Sequence[str] = CLASSICAL,
 ) -> list[Part]:
-    """Return a part for each learned codec and base: whether all data sets' ratios hold."""
+    """Return a part for each learned codec and base, which holds if the ratios of all
+    data sets do.
+    """
     evidence, parts = evidence.with_stand_ins(), []
     for codec in LEARNED:
         for base in bases:

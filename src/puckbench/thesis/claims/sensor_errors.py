@@ -36,10 +36,8 @@ STUDY = "the sensor study (sensor_study)"
 
 
 def real_spread(evidence: Evidence) -> list[Part]:
-    """Test claim 1.
-
-    Mean and standard deviation of captures' residuals, on walls and on floors, round to the values
-    that the thesis prints.
+    """Test claim 1: mean and standard deviation of captures' residuals, on walls and on floors,
+    round to the values that the thesis prints.
     """
     if not len(_row(evidence, REAL)):
         return [untested(CAPTURES)]
@@ -58,11 +56,9 @@ def real_spread(evidence: Evidence) -> list[Part]:
 
 
 def default_noise_too_wide(evidence: Evidence) -> list[Part]:
-    """Test claim 2.
-
-    The standard deviation of its residuals is more than `FAR_TOO_WIDE` times the real one (of
-    captures, else 0.0138 m), and their earth mover's distance to the real distribution is greater
-    than that of `vlp16`.
+    """Test claim 2: the standard deviation of residuals of ``hdl64e`` is more than `FAR_TOO_WIDE`
+    times the real one (of captures, else 0.0138 m), and their earth mover's distance to the real
+    distribution is greater than that of ``vlp16``.
     """
     wide, real = _std(evidence, "hdl64e"), _std(evidence, REAL) or REAL_STD_M
     if wide is None:
@@ -80,10 +76,8 @@ def default_noise_too_wide(evidence: Evidence) -> list[Part]:
 
 
 def divergence_is_negligible(evidence: Evidence) -> list[Part]:
-    """Test claim 3.
-
-    The standard deviations with and without divergence differ by at most `ALMOST_NO_DIFFERENCE`, or
-    by less than their 95 % intervals, combined in quadrature.
+    """Test claim 3: the standard deviations with and without divergence differ by at most
+    `ALMOST_NO_DIFFERENCE`, or by less than their 95 % intervals, combined in quadrature.
     """
     parts = []
     for distance in ("5", f"{FAR_M:g}"):
@@ -105,11 +99,9 @@ def divergence_is_negligible(evidence: Evidence) -> list[Part]:
 
 
 def incidence_not_modelled(evidence: Evidence) -> list[Part]:
-    """Test claim 4.
-
-    From the first to the last bin of incidence the range error of `vlp16_incidence` rises, but the
-    logarithm of its distance to the true surface rises by less than half as much as that of the
-    real residuals (Figure 5.15).
+    """Test claim 4: from the first to the last bin of incidence the range error of
+    `vlp16_incidence` rises, but the logarithm of its distance to the true surface rises less than
+    half as much as that of the real residuals (Figure 5.15).
     """
     table = evidence.incidence_effect
     rows = None if table is None else table[table["model"] == "vlp16_incidence"]
@@ -132,11 +124,11 @@ def incidence_not_modelled(evidence: Evidence) -> list[Part]:
 
 
 def no_dependence_on_distance_or_laser(evidence: Evidence) -> list[Part]:
-    """Test claim 5.
+    """Test claim 5: the standard deviations of all distances, and of all lasers, are within a
+    factor `FLAT` of their median, on walls and on floors.
 
-    The standard deviations at all distances, and of all lasers, are within a factor of `FLAT` of
-    their median, on walls and on floors. This is tested on `vlp16_divergence`, which the thesis
-    chose, and on the lasers of captures, in which each distance is another plane.
+    The test uses `vlp16_divergence`, which the thesis chose, and the lasers of captures, in which
+    each distance is another plane.
     """
     model = "vlp16_divergence"
     parts = [
@@ -193,7 +185,7 @@ def _rows(evidence: Evidence, model: str, **keys: str) -> pd.DataFrame:
 
 
 def _row(evidence: Evidence, model: str, **keys: str) -> pd.DataFrame:
-    """Return the row of some keys, over all values of the others; empty if there is none."""
+    """Return the row of some keys, over all values of the others, or no row."""
     return _rows(evidence, model, **{"surface": ALL, "distance_m": ALL, "laser_id": ALL, **keys})
 
 
@@ -208,7 +200,7 @@ def _std(evidence: Evidence, model: str) -> float | None:
 
 
 def _distance(evidence: Evidence, model: str) -> float | None:
-    """Return the earth mover's distance of a model to the thesis's real residuals, in m."""
+    """Return the earth mover's distance (m) of a model to the thesis's real residuals."""
     table = evidence.thesis_numbers
     if table is None:
         return None

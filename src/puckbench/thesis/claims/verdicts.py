@@ -11,18 +11,10 @@ UNTESTED = "not tested: needs "
 
 @dataclass(frozen=True)
 class Part:
-    """One statement of a claim, with the result of its test.
+    """A statement of a claim, with the result of its test.
 
-    Parameters
-    ----------
-    holds
-        None if the run cannot test the statement.
-    measured
-        The measured values, or what an untested statement needs.
-    stand_in
-        Title of the measured codec if it stands in for the thesis's.
-    sample
-        Size of the sample, such as "7 clouds, 8 rates".
+    `holds` is None if the run cannot test the statement; `measured` then says what a test needs.
+    `stand_in` is the title of a codec that stands in for the thesis's.
     """
 
     statement: str
@@ -33,15 +25,14 @@ class Part:
 
 
 def untested(need: str) -> Part:
-    """Return a part that cannot be tested for lack of `need`."""
     return Part("", None, need)
 
 
 def verdict(parts: Sequence[Part]) -> str:
     """Return the verdict on a claim, with the titles of stand-ins.
 
-    It is `HOLDS` if all parts were tested and hold, `FAILS` if no tested part holds, `UNTESTED`
-    with the needs if no part was tested, else `IN_PART`.
+    It is `HOLDS` if all parts hold, `FAILS` if no tested part holds, `UNTESTED` with the needs if
+    no part was tested, else `IN_PART`.
     """
     tested = [part.holds for part in parts if part.holds is not None]
     if not tested:

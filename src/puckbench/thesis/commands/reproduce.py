@@ -71,7 +71,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def _pending(reproduction: Reproduction) -> list[tuple[str, str]]:
-    """Return file and rule of all that Snakemake would make."""
+    """Return each file that Snakemake would make, with its rule."""
     words = [sys.executable, "-m", *reproduction.command("--summary")]
     words += ["--snakefile", str(reproduction.snakefile)]
     process = subprocess.run(words, capture_output=True, text=True, check=False)
@@ -83,7 +83,7 @@ def _pending(reproduction: Reproduction) -> list[tuple[str, str]]:
 
 
 def _jobs_by_rule(pending: list[tuple[str, str]], results: Path) -> dict[str, int]:
-    """Count jobs by rule; files of one job have one name below their folders."""
+    """Count jobs by rule; a job's files differ only in their folder and suffix."""
     names = {
         (rule, Path(file).relative_to(results).with_suffix("").parts[1:]) for file, rule in pending
     }
@@ -139,6 +139,6 @@ def _line(group: list[Estimate]) -> str:
 
 
 def _sample(measured: list[Estimate]) -> int:
-    """Count the jobs that the estimates of a codec rest on."""
+    """Return the number of measured jobs behind a codec's estimates."""
     kinds = {(each.kind.truth, each.kind.rates): each.measured for each in measured}
     return sum(kinds.values())

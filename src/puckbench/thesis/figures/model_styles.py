@@ -69,7 +69,7 @@ def ordered_models(models: Iterable[str]) -> list[str]:
 
 
 def add_model_legend(figure: Figure, models: Sequence[str], style: FigureStyle) -> None:
-    """Add a legend of the models, and without a capture of the published values."""
+    """Add a legend of the models and, without a capture, of the published values."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 

@@ -51,7 +51,7 @@ def far(table: pd.DataFrame) -> pd.DataFrame:
 def compared(table: pd.DataFrame) -> list[str]:
     """Return `REAL`, if there are captures, and the model that is compared with them.
 
-    It is the model that the thesis chose, else `vlp16`, else the first one.
+    This is the thesis's choice, else `vlp16`, else the first model.
     """
     models = [model for model in ordered_models(table["model"]) if model != REAL]
     preferred = [model for model in _VIRTUAL if model in models]
@@ -74,7 +74,7 @@ def residuals_of(table: pd.DataFrame, model: str) -> Floats:
 def binned_moments(x: Floats, y: Floats, bins: int = 10) -> tuple[Floats, Floats, Floats]:
     """Return centres, means and standard deviations of y in equal bins from 0 to max(x).
 
-    Bins with fewer than two values have NaN.
+    A bin with one value or none gives NaN.
     """
     edges = np.linspace(0, x.max() or 1.0, bins + 1)
     bin_of = np.clip(np.digitize(x, edges) - 1, 0, bins - 1)

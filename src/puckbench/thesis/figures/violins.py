@@ -26,7 +26,7 @@ def draw_violin(axes: Axes, at: float, residuals: Floats, colour: str, width: fl
 
 
 def violin_shape(residuals: Floats) -> dict[str, Any]:
-    """Return density, mean, median and extremes of residuals, (n,), for `Axes.violin`.
+    """Return density, mean, median and extremes of residuals (n,) for `Axes.violin`.
 
     The density is a histogram smoothed by a Gaussian kernel of Scott's width.
     """
@@ -56,7 +56,7 @@ def _density(residuals: Floats, bandwidth: float) -> tuple[Floats, Floats]:
 
 
 def symmetric_limit(residuals: Floats, min_m: float) -> float:
-    """Return the limit of the y axis: at least `min_m`, in steps of 5 cm above."""
+    """Return the limit of the y axis: `min_m` or the largest residual, rounded up to 5 cm."""
     largest = float(np.abs(residuals).max(initial=0.0))
     if largest <= min_m:
         return min_m

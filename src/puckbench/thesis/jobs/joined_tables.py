@@ -15,13 +15,7 @@ _KEPT = ["model", "replicate", "capture", "distance_m", "run", "laser_id", "resi
 
 @JOBS.register("joined_table")
 class JoinedTable(OfNames):
-    """Join tables.
-
-    Parameters
-    ----------
-    models
-        Value of the column ``model`` for each table.
-    """
+    """Join tables; `models` has the value of the column ``model`` for each."""
 
     kind: Literal["residuals", "scans"]
     models: tuple[str, ...]

@@ -12,14 +12,9 @@ from puckbench.jobs.registry import JOBS, Job
 
 
 class WallScanJob(Job):
-    """Scan a wall and a floor with an error model.
+    """Scan a wall and a floor with an error model from `distances`, in m.
 
-    Parameters
-    ----------
-    distances
-        Between sensor and wall, in metres.
-    keep
-        Rows of each scan that are kept, chosen at random; by default all.
+    `keep` is the number of rows of each scan that are kept, chosen at random; by default all.
     """
 
     model: str = "vlp16"
@@ -34,14 +29,9 @@ class WallScanJob(Job):
 
 @JOBS.register("residuals")
 class Residuals(WallScanJob):
-    """Measure the distances of points from planes fitted to them.
+    """Measure distances of points from fitted planes in `runs` scans from each distance.
 
-    Parameters
-    ----------
-    runs
-        Scans from each distance.
-    refit
-        Fit planes to the inliers of RANSAC by least squares.
+    `refit` fits planes to the inliers of RANSAC by least squares.
     """
 
     runs: int = Field(3, ge=1)

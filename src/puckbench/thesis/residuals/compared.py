@@ -1,7 +1,4 @@
-"""Residuals of error models on the rays of recorded walls.
-
-Rays and plane fits are those of the captures, so that only the noise differs.
-"""
+"""Residuals of error models on the rays of recorded walls, so that only the noise differs."""
 
 from __future__ import annotations
 
@@ -40,7 +37,7 @@ def real_walls(tables: Sequence[pd.DataFrame]) -> pd.DataFrame:
     Raises
     ------
     InputError
-        A table has no wall of a capture, or lacks columns that a calibration needs.
+        A table has no wall, or lacks columns that a calibration needs.
     """
     import pandas as pd
 
@@ -83,7 +80,6 @@ def compared_residuals(
 def _replica(
     walls: pd.DataFrame, name: str, model: ErrorModel, replicate: int, seed: int
 ) -> pd.DataFrame:
-    """Return the walls with errors of a model."""
     errors = np.empty(len(walls))
     for number, rows in enumerate(_rows_of_walls(walls)):
         wall = walls.iloc[rows]
@@ -101,7 +97,7 @@ def _device(model: ErrorModel, replicate: int, capture: int) -> ErrorModel:
 
 
 def _range_errors(rows: pd.DataFrame, model: ErrorModel, rng: np.random.Generator) -> Floats:
-    """Draw a model's range errors, (n,) m, on the rays of one wall."""
+    """Draw a model's range errors (n,), in m, on the rays of one wall."""
     import pandas as pd
 
     sensor = load_sensor("vlp16")
@@ -129,7 +125,7 @@ def _rows_of_walls(rows: pd.DataFrame) -> list[NDArray[np.intp]]:
 
 
 def _from_planes(walls: pd.DataFrame, residuals: Floats) -> Floats:
-    """Return residuals, (n,), from the least-squares plane of each wall."""
+    """Return residuals (n,) from the least-squares plane of each wall."""
     refitted = residuals.copy()
     places = walls[["plane_u_m", "plane_v_m"]].to_numpy(dtype=np.float64)
     for rows in _rows_of_walls(walls):

@@ -18,9 +18,8 @@ PER_LASER = ("model", "surface", "distance_m", "laser_id")
 
 
 def grouped_statistics(table: pd.DataFrame, by: Sequence[str] = PER_LASER) -> pd.DataFrame:
-    """Return count, mean, standard deviation (n - 1) and quantiles of the residuals of groups.
-
-    Columns: `by`, ``count``, ``mean_m``, ``std_m``, and ``q05_m`` to ``q95_m``.
+    """Return ``count``, ``mean_m``, ``std_m`` (n - 1) and quantiles (``q05_m`` to ``q95_m``) of the
+    residuals of groups.
     """
     residuals = table["residual_m"].astype(np.float64)
     groups = residuals.groupby([table[name] for name in by], observed=True)

@@ -43,15 +43,7 @@ MAX_ROWS = 500_000
 def joined_files(files: Sequence[tuple[str, Path]], kind: str) -> pd.DataFrame:
     """Concatenate Parquet tables, with the columns of a kind of `COLUMNS`.
 
-    Parameters
-    ----------
-    files
-        Value of the column ``model``, and path of the table.
-
-    Raises
-    ------
-    InputError
-        A table lacks a column.
+    `files` are values of the column ``model`` and paths. Raises InputError if a column is missing.
     """
     table = pd.concat([_part(*file, COLUMNS[kind]) for file in files], ignore_index=True)
     return table.astype({"model": "category", "surface": "category"})
@@ -66,7 +58,7 @@ def _part(name: str, path: Path, columns: Sequence[str]) -> pd.DataFrame:
 
 
 def subsampled(table: pd.DataFrame, max_rows: int, name: str) -> pd.DataFrame:
-    """Return at most `max_rows` rows in their order, chosen at random with a seed from `name`."""
+    """Return at most `max_rows` random rows in their order; `name` determines the seed."""
     if len(table) <= max_rows:
         return table
     return table.sample(max_rows, random_state=generator(0, "joined", name)).sort_index()

@@ -26,12 +26,8 @@ SWEEP = Sweep(frames_skipped=1)
 class Procedure:
     """Settings, by default the thesis's.
 
-    Parameters
-    ----------
-    refit
-        Fit planes to the inliers of RANSAC by least squares.
-    keep
-        Rows of a scan that are kept, chosen at random.
+    `refit` fits planes to the inliers of RANSAC by least squares. `keep` is the number of rows of a
+    scan that are kept, chosen at random.
     """
 
     model: str
@@ -46,9 +42,9 @@ class Procedure:
 def residual_table(
     procedure: Procedure, distances: Sequence[float], runs: int, seed: int
 ) -> pd.DataFrame:
-    """Return the residuals of `runs` scans from each distance, in m; columns: `COLUMNS`.
+    """Return the residuals, in m, of `runs` scans from each distance; columns: `COLUMNS`.
 
-    Raises InputError for an unknown distance or model, or if there is no scan.
+    Raises InputError for an unknown distance or model, or without a scan.
     """
     if not distances or runs < 1:
         raise InputError("residuals need at least one distance and one run")
@@ -62,7 +58,7 @@ def residual_table(
 
 
 def scan_residuals(procedure: Procedure, distance: float, run: int, seed: int) -> pd.DataFrame:
-    """Return the residuals of one scan, first the wall's, in firing order.
+    """Return the residuals of one scan in firing order, those of the wall first.
 
     Points belong to the surface that their nominal ray hits, so that cropping removes no noise.
     """

@@ -27,9 +27,8 @@ def wall_points(
 ) -> pd.DataFrame:
     """Return the points of one run of Procedure 1 at each distance, before cropping.
 
-    They are those of the residuals, except for rays that divergence turns past an edge of wall or
-    floor. `procedure.keep` limits the points of each surface. Columns: `COLUMNS`. Raises InputError
-    for an unknown distance or model.
+    `procedure.keep` limits the points of each surface. Columns: `COLUMNS`. Raises InputError for an
+    unknown distance or model.
     """
     parts = [_scan_points(procedure, distance, run, seed) for distance in distances]
     return pd.concat(parts, ignore_index=True)

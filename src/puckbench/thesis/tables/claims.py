@@ -44,9 +44,9 @@ def claims(
     Returns
     -------
     pd.DataFrame
-        ``number``, ``section``, ``claim``, ``verdict``, ``here`` (tested parts, numbers and sample
-        sizes), ``not_tested`` (needs), ``thesis`` (its numbers), ``thesis_verdict``, ``figure``
-        (ours), ``thesis_figure``.
+        ``number``, ``section``, ``claim``, ``verdict``, ``here`` (tested parts, numbers, sample
+        sizes), ``not_tested`` (needs), ``thesis`` (its numbers), ``thesis_verdict``, ``figure``,
+        ``thesis_figure``.
     """
     import pandas as pd
 
@@ -66,7 +66,7 @@ def claims(
 
 
 def thesis_evidence() -> Evidence:
-    """Return the medians of thesis Figure 6.5 in the form of a run's results."""
+    """Return the medians of thesis Figure 6.5 as a run's results."""
     import pandas as pd
 
     table = pd.DataFrame(list(median_rows())).astype({"bpp": float})

@@ -39,9 +39,9 @@ def gpcc_scales(
     Returns
     -------
     pd.DataFrame
-        One row per data set, codec and scale: ``dataset``, ``codec``, ``role``, ``rate``,
-        ``scale``, ``dyadic`` (power of two), ``clouds``, medians of ``bpp``, ``cd_point``,
-        ``cd_plane`` and ``d1_psnr``, and the ratios ``bits_...`` and ``distortion_...``.
+        A row per data set, codec and scale, with medians of ``bpp``, ``cd_point``, ``cd_plane`` and
+        ``d1_psnr``, and the ratios ``bits_...`` and ``distortion_...``; ``dyadic`` marks powers of
+        two.
 
     Raises
     ------

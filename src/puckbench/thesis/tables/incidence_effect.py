@@ -22,12 +22,6 @@ def incidence_table(residuals: pd.DataFrame) -> pd.DataFrame:
 
     The bins are those of thesis figure 5.15, beside the standard deviations of its real sensor.
     Walls and floors nearer than 30 m.
-
-    Returns
-    -------
-    pd.DataFrame
-        ``model``, ``low_rad``, ``high_rad``, ``count``, ``mean_m``, ``std_m``,
-        ``thesis_real_std_m``.
     """
     near = residuals[residuals["distance_m"] < FAR_M]
     table = incidence_bins(near, BINS, highest_rad=LARGEST_RAD)
@@ -47,12 +41,6 @@ def incidence_effect(scans: pd.DataFrame, residuals: pd.DataFrame) -> pd.DataFra
     ----------
     scans
         Table of `wall_points`.
-
-    Returns
-    -------
-    pd.DataFrame
-        ``model``, ``low_rad``, ``high_rad``, ``count``, ``range_error_std_m``, ``rms_cos``,
-        ``predicted_std_m``, ``surface_distance_std_m``, ``plane_residual_std_m``.
     """
     near = scans[(scans["distance_m"] < FAR_M) & scans["surface"].isin(("wall", "floor"))]
     distance = np.where(near["surface"] == "wall", near["y_m"], near["z_m"])

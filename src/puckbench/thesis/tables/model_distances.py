@@ -49,14 +49,14 @@ def model_distances(
     compared
         Table of `compared_residuals`.
     resamples
-        Bootstrap samples, over walls and lasers since residuals of one laser on one wall share a
+        Bootstrap samples of walls and lasers, since residuals of one laser on one wall share a
         bias.
 
     Returns
     -------
     pd.DataFrame
-        One row per model: ``model``, ``residuals``, ``std_m``, ``emd_m``, ``emd_low_m``,
-        ``emd_high_m``, ``chance_m``.
+        ``model``, ``residuals`` (count), ``std_m``, ``emd_m``, ``emd_low_m``, ``emd_high_m``,
+        ``chance_m``.
 
     Raises
     ------
@@ -99,10 +99,7 @@ def leave_one_out(
 ) -> pd.DataFrame:
     """Compare each capture with the default models and one calibrated on the other captures.
 
-    Returns
-    -------
-    pd.DataFrame
-        Columns of `model_distances` after ``capture``, the number of the capture.
+    Columns: ``capture`` (its number) and those of `model_distances`.
     """
     import pandas as pd
 
@@ -147,7 +144,7 @@ class _Blocks:
         return cls(counts.reshape(size).astype(np.float64))
 
     def resampled(self, rng: np.random.Generator) -> Floats:
-        """Return the sum of as many blocks, drawn with replacement."""
+        """Return the sum of blocks drawn with replacement."""
         blocks = len(self.counts)
         weights = np.bincount(rng.integers(blocks, size=blocks), minlength=blocks)
         return np.asarray(weights @ self.counts)

@@ -25,13 +25,7 @@ _MISSING_LASER = 13
     needs=(STUDY,),
 )
 def table_4_1() -> pd.DataFrame:
-    """Specifications of the VLP-16 in the sensor's file, beside those of thesis table 4.1.
-
-    Returns
-    -------
-    pd.DataFrame
-        ``quantity``, ``thesis``, ``here``, ``note``.
-    """
+    """Specifications of the VLP-16 in the sensor's file, beside those of thesis table 4.1."""
     sensor = load_sensor("vlp16")
     return _rows(*_light(sensor), *_angles(sensor), *_range(sensor))
 
@@ -47,11 +41,6 @@ def table_4_2() -> pd.DataFrame:
     """Elevation and vertical correction of each laser in the sensor's file.
 
     Thesis table 4.2 leaves out laser 13. The correction applies to captures only.
-
-    Returns
-    -------
-    pd.DataFrame
-        ``laser_id``, ``elevation_deg``, ``vertical_correction_mm``, ``note``.
     """
     import pandas as pd
 
@@ -79,11 +68,6 @@ def table_5_1() -> pd.DataFrame:
     """Parameters of the virtual VLP-16 beside those of thesis table 5.1.
 
     ``here`` has those of the error model ``vlp16``, ``as_printed`` those of ``vlp16_table51``.
-
-    Returns
-    -------
-    pd.DataFrame
-        ``quantity``, ``thesis``, ``here``, ``as_printed``, ``note``.
     """
     import pandas as pd
 

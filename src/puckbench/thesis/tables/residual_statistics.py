@@ -32,12 +32,6 @@ def residual_statistics(residuals: pd.DataFrame) -> pd.DataFrame:
     combines surfaces, lasers, or distances below 30 m. 95 % intervals have the half widths
     ``mean_half_m`` and ``std_half_m``. They follow from repeated ``scans``, since returns of one
     scan share a plane and the lasers' biases.
-
-    Returns
-    -------
-    pd.DataFrame
-        `KEYS` as text, ``count``, ``scans``, ``mean_m``, ``mean_half_m``, ``std_m`` (n - 1),
-        ``std_half_m``, ``rms_m``, ``median_m``.
     """
     import pandas as pd
 
@@ -88,7 +82,7 @@ def _moments(scans: pd.DataFrame, keys: list[str]) -> pd.DataFrame:
 def _scatter(errors: pd.Series[float], scans: pd.DataFrame, places: list[str]) -> pd.Series[float]:
     """Return the contribution of each scan to the variance of the sum of `errors`.
 
-    Scans of one place scatter about their mean. A scan that is not repeated scatters about zero.
+    Scans of one place scatter about their mean; a single scan scatters about zero.
     """
     groups = errors.groupby([scans[name] for name in places])
     repeats, centre = groups.transform("size"), groups.transform("mean")

@@ -28,11 +28,6 @@ def thesis_numbers(residuals: pd.DataFrame) -> pd.DataFrame:
     to its real residuals, ours to the normal distribution of their mean and standard deviation. The
     thesis's spreads of ``vlp16`` and ``vlp16_divergence`` do not follow from its parameters
     (docs/notes/chapter5.md).
-
-    Returns
-    -------
-    pd.DataFrame
-        ``quantity``, ``model``, ``thesis_m``, ``here_m``, ``here_half_m``.
     """
     import pandas as pd
 
@@ -52,9 +47,9 @@ def thesis_numbers(residuals: pd.DataFrame) -> pd.DataFrame:
 
 
 def distance_to_normal(sample: Floats, mean: float, std: float) -> float:
-    """Return the earth mover's distance between a sample, (n,), and a normal distribution.
+    """Return the earth mover's distance between a sample (n,) and a normal distribution.
 
-    It is the mean distance of the sorted sample from quantiles of the distribution. Raises
+    This is the mean distance of the sorted sample from the distribution's quantiles. Raises
     InputError for an empty sample.
     """
     from scipy.special import ndtri
