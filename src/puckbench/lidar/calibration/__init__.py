@@ -1,9 +1,6 @@
-"""Calibration of the range error model from plane residuals, real or virtual.
+"""Estimation of the parameters of range errors from residuals of planes, measured or simulated.
 
-The model and its estimate are explained in docs/explanation/sensor.md.
-
-`calibrate` estimates by maximum likelihood, `write_calibration` makes of it a file that the error
-model `calibrated` draws from.
+docs/explanation/sensor.md explains the model and its estimation.
 """
 
 from puckbench.lidar.calibration.calibrating import Calibration, CalibrationOptions, calibrate

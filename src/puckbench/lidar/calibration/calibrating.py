@@ -25,16 +25,15 @@ FRAME, SPOT = "frame", "spot"
 
 @dataclass(frozen=True)
 class CalibrationOptions:
-    """How residuals are interpreted.
+    """Interpretation of the residuals.
 
     Parameters
     ----------
     cells
         Groups of returns with a common bias. ``"frame"``: one laser in one frame, as in virtual
         scans. ``"spot"``: one laser in one direction, for recordings of a sensor at rest; then
-        `frame_sigma_m` is the unevenness of the walls, planes follow only the means of rings (the
-        shape of a wall along a ring is no error of the sensor), and the mean bias of the lasers,
-        which moves a wall as a whole, is assumed to be zero.
+        `frame_sigma_m` is the unevenness of the walls, planes follow only the means of rings, and
+        the mean bias of the lasers is assumed to be zero.
     parameters
         Names of the `Sigmas` to estimate; the others are zero.
     quantum_m
@@ -54,7 +53,7 @@ class CalibrationOptions:
 
 @dataclass(frozen=True)
 class Domain:
-    """Largest incidence, and shortest and longest range of the residuals."""
+    """Largest incidence angle, and shortest and longest range, of the residuals."""
 
     most_incidence_rad: float
     ranges_m: tuple[float, float]
@@ -66,16 +65,10 @@ class Calibration:
 
     Parameters
     ----------
-    sigmas
-        Estimated `Sigmas` by name.
     biases
         Biases of the lasers `laser_ids` relative to their mean, m; empty for several devices.
     mean
         Mean bias, m; None if the planes absorb it.
-    shape
-        Distribution of the ray noise.
-    counts
-        Numbers of devices, lasers, surfaces, rings, cells and residuals.
     """
 
     sigmas: dict[str, Estimate]
@@ -91,24 +84,14 @@ class Calibration:
 def calibrate(
     tables: Sequence[pd.DataFrame], settings: CalibrationOptions | None = None
 ) -> Calibration:
-    """Estimate the parameters of range errors by restricted maximum likelihood.
+    """Estimate the parameters of range errors from one table of residuals per device.
 
-    Parameters
-    ----------
-    tables
-        Plane residuals, a table for each device.
-    settings
-        The defaults are for virtual scans.
-
-    Raises
-    ------
-    InputError
-        The tables do not determine the parameters; see `observations` and `CalibrationOptions`.
+    Raises InputError if the tables do not determine the parameters.
 
     References
     ----------
     H. D. Patterson and R. Thompson, "Recovery of inter-block information when block sizes are
-    unequal", Biometrika 58 (1971).
+    unequal", Biometrika 58 (1971): restricted maximum likelihood.
     """
     settings = settings or CalibrationOptions()
     seen = observations(tables, cells=settings.cells)
@@ -131,7 +114,7 @@ def calibrate(
 
 
 def _with_lasers(best: Sigmas, found: dict[str, Estimate]) -> Sigmas:
-    """`best`, with the upper end of its interval for a lasers' sigma that was estimated as zero."""
+    """Replace a laser sigma that was estimated as zero by the upper end of its interval."""
     lasers = found.get("laser_sigma_m")
     if lasers is None or lasers.value > 1e-6:
         return best
@@ -141,7 +124,7 @@ def _with_lasers(best: Sigmas, found: dict[str, Estimate]) -> Sigmas:
 def _biases(
     likelihood: RestrictedLikelihood, best: Sigmas
 ) -> tuple[Estimate, tuple[Estimate, ...]]:
-    """The lasers' mean bias, and what each is off it."""
+    """Return the mean bias of the lasers and the difference of each laser from it."""
     values, covariance = likelihood.biases(best)
     lasers = len(values)
     rows = np.vstack([np.full(lasers, 1 / lasers), np.eye(lasers) - 1 / lasers])

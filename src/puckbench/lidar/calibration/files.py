@@ -1,7 +1,6 @@
-"""The files of a calibration: the residual tables that it reads and the model file that it writes.
+"""Files of a calibration: the residual tables that it reads and the model file that it writes.
 
-The error model `calibrated` draws from a model file. The same tables give the same bytes: numbers
-are rounded, and there is no date in it.
+Model files contain rounded numbers and no date, so that equal tables give equal bytes.
 """
 
 from __future__ import annotations
@@ -27,24 +26,10 @@ _RECORDING_QUANTUM_M = 0.002
 
 
 def read_tables(paths: Sequence[Path], model: str | None) -> tuple[list[pd.DataFrame], str]:
-    """Read the rows of one model in each of some residual tables.
+    """Read the rows of one error model from residual tables, and return them and the model's name.
 
-    Parameters
-    ----------
-    paths
-        Of the tables.
-    model
-        Whose rows; None for the only model that there is.
-
-    Returns
-    -------
-    tables, model
-        A table for each path, and the model's name.
-
-    Raises
-    ------
-    InputError
-        A table has no such rows, or several models and none is chosen.
+    The model None stands for the only one in the tables. Raises InputError if there are several, or
+    a table has no rows of the model.
     """
     tables = [read_residuals(path) for path in paths]
     models = sorted({str(name) for table in tables for name in table["model"].unique()})
@@ -64,16 +49,9 @@ def settings_for(
     parameters: Sequence[str] | None = None,
     quantum_mm: float | None = None,
 ) -> CalibrationOptions:
-    """Options for the residuals of a model: spots and steps of 2 mm for those of recordings.
+    """Return the calibration options for a model; None stands for the model's default.
 
-    Parameters
-    ----------
-    model
-        The model's name in the tables; `REAL` for recordings.
-    cells, parameters
-        As in `CalibrationOptions`; None for what the model asks for.
-    quantum_mm
-        Steps of the ranges, millimetres; None for what the model asks for.
+    The defaults for recordings (`REAL`) are spots and a range quantum of 2 mm.
     """
     real = model == REAL
     quantum_m = (_RECORDING_QUANTUM_M if real else 0.0) if quantum_mm is None else quantum_mm / 1000
@@ -86,15 +64,7 @@ _DIGITS = 6
 
 
 def model_file(found: Calibration, sources: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """The content of a model file: parameters, 95 % intervals, and provenance.
-
-    Parameters
-    ----------
-    found
-        The calibration.
-    sources
-        Name and hash of each table, as `described_table` gives them.
-    """
+    """Return the content of a model file; `sources` come from `described_table`."""
     return {
         "format": FORMAT,
         "parameters": _parameters(found),
@@ -115,29 +85,13 @@ def model_file(found: Calibration, sources: Sequence[Mapping[str, Any]]) -> dict
 
 
 def write_calibration(path: Path, found: Calibration, tables: Sequence[Path]) -> dict[str, Any]:
-    """Write the model file of a calibration.
-
-    Parameters
-    ----------
-    path
-        Of the file, YAML.
-    found
-        The calibration.
-    tables
-        Paths of the residual tables that it was estimated from, for the provenance.
-
-    Returns
-    -------
-    dict
-        The content of the file.
-    """
+    """Write the model file of a calibration from `tables` as YAML, and return its content."""
     content = model_file(found, [described_table(table) for table in tables])
     write_bytes(path, yaml_text(content).encode())
     return content
 
 
 def described_table(path: Path) -> dict[str, str]:
-    """A table's name and hash."""
     return {"file": path.name, "sha256": sha256(path)}
 
 
@@ -174,7 +128,7 @@ def _intervals(found: Calibration) -> dict[str, Any]:
 
 
 def _by_laser(found: Calibration) -> list[Estimate]:
-    """The bias of every laser up to the last that was seen; one that was not may have any."""
+    """Return a bias for each laser id; without returns of a laser it is 0, within two sigmas."""
     reach = 2 * found.sigmas["laser_sigma_m"].value if "laser_sigma_m" in found.sigmas else 0.0
     seen = dict(zip(found.laser_ids, found.biases, strict=True))
     unseen = Estimate(0.0, -reach, reach)

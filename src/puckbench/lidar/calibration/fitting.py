@@ -1,4 +1,4 @@
-"""Maximum-likelihood sigmas of a range error model, with 95 % intervals."""
+"""Maximum-likelihood estimates of the sigmas of range errors, with 95 % intervals."""
 
 from __future__ import annotations
 
@@ -35,15 +35,7 @@ _SEARCHES, _NO_GAIN = 10, 1e-3
 
 @dataclass(frozen=True)
 class Estimate:
-    """A value and its 95 % interval, in one unit.
-
-    Parameters
-    ----------
-    value
-        The estimate.
-    low, high
-        The ends of the interval.
-    """
+    """A value and the ends of its 95 % interval, in the same unit."""
 
     value: float
     low: float
@@ -51,21 +43,10 @@ class Estimate:
 
 
 def free_parameters(seen: Observations, wanted: Sequence[str] = NAMES) -> tuple[str, ...]:
-    """Choose the parameters that the observations can determine.
+    """Return which of the requested parameters the observations can determine.
 
-    The sigma of a scan's bias, for example, needs two scans of a laser.
-
-    Parameters
-    ----------
-    seen
-        The observations.
-    wanted
-        Names of parameters (`Sigmas`).
-
-    Raises
-    ------
-    InputError
-        A name is no parameter, or incidence and range cannot be told apart.
+    The sigma of a scan's bias, for example, needs two scans of a laser. Raises InputError for an
+    unknown name, or if incidence and range are collinear.
     """
     for name in wanted:
         if name not in NAMES:
@@ -83,7 +64,7 @@ def free_parameters(seen: Observations, wanted: Sequence[str] = NAMES) -> tuple[
 
 
 def _check_features(seen: Observations, chosen: Sequence[int]) -> None:
-    """InputError when incidence and range go together, or do not change at all."""
+    """Raise InputError if incidence and range are collinear or constant."""
     features = seen.features[:, chosen]
     if np.linalg.cond(features / np.linalg.norm(features, axis=0)) > _MOST_CONDITION:
         raise InputError(
@@ -94,22 +75,11 @@ def _check_features(seen: Observations, chosen: Sequence[int]) -> None:
 def fit(
     likelihood: RestrictedLikelihood, free: Sequence[str], start: Sigmas | None = None
 ) -> Sigmas:
-    """Maximise the restricted likelihood.
+    """Maximise the restricted likelihood over the sigmas named in `free`.
 
-    Parameters
-    ----------
-    likelihood
-        Of the observations.
-    free
-        Names of the sigmas that are estimated.
-    start
-        Where the search begins, and the values of all other sigmas; None for zero and, where the
-        search begins, the spread within cells.
-
-    Raises
-    ------
-    InputError
-        The residuals do not separate the planes from the biases.
+    The search begins at `start`, which also holds the other sigmas; by default these are zero, and
+    the search begins at the spread within cells. Raises InputError if the residuals do not separate
+    the planes from the biases.
     """
     first = start or _start(likelihood, free)
     if not free:
@@ -139,7 +109,7 @@ def fit(
 def _searched(
     above: Deviance, start: Floats, units: Floats, bounds: Sequence[tuple[float | None, None]]
 ) -> Floats:
-    """The least of a function that a search from `start` finds, in such units of its variables."""
+    """Return the minimum that a search from `start` finds, with variables scaled by `units`."""
     from scipy import optimize
 
     minimize: Any = optimize.minimize  # its stubs know no pairs as bounds
@@ -156,28 +126,12 @@ def _searched(
 def intervals(
     likelihood: RestrictedLikelihood, free: Sequence[str], best: Sigmas, widening: float = 1.0
 ) -> dict[str, Estimate]:
-    """95 % intervals of the estimated sigmas.
+    """Return 95 % intervals of the estimated sigmas: m, m per rad^2, and m per m.
 
-    They come from the curvature of the likelihood (observed Fisher information); for a bias's sigma
-    that is known to no better than 10 % from its profile instead, which is not symmetric and ends
-    at zero.
-
-    Parameters
-    ----------
-    likelihood
-        Of the observations.
-    free
-        Names of the sigmas that were estimated.
-    best
-        The sigmas of the greatest likelihood.
-    widening
-        Factor on the standard errors of the rays' sigmas, for noise that is not Gaussian
-        (`RayShape.widening`).
-
-    Returns
-    -------
-    dict of str to Estimate
-        By name; metres, metres per rad^2 and metres per metre.
+    They come from the curvature of the likelihood (observed Fisher information). If the standard
+    error of a bias's sigma exceeds 10 % of it, its interval comes from the likelihood profile,
+    which is not symmetric and ends at zero. `widening` is a factor on the standard errors of ray
+    noise that is not Gaussian (`RayShape.widening`).
     """
     deviance = _in_millimetres(likelihood, free, best)
     centre = _values(best, free)
@@ -193,7 +147,7 @@ def intervals(
 
 
 def interval(value: float, error: float) -> Estimate:
-    """A value with the 95 % interval of a normal distribution with this standard error."""
+    """Return the 95 % interval of a normal distribution with the standard error `error`."""
     value, reach = float(value), _NORMAL_95 * float(error)
     return Estimate(value, value - reach, value + reach)
 
@@ -216,7 +170,7 @@ def _sigmas(values: Floats, free: Sequence[str], base: Sigmas) -> Sigmas:
 
 
 def _start(likelihood: RestrictedLikelihood, free: Sequence[str]) -> Sigmas:
-    """The spread of the errors within cells, for every kind of noise."""
+    """Return the spread of the errors within cells as the initial value of the sigmas."""
     seen = likelihood.seen
     count = np.diff(seen.groups)
     within = np.repeat(np.add.reduceat(seen.error, seen.groups[:-1]) / count, count)
@@ -225,7 +179,7 @@ def _start(likelihood: RestrictedLikelihood, free: Sequence[str]) -> Sigmas:
 
 
 def _standard_errors(deviance: Deviance, centre: Floats, free: Sequence[str]) -> Floats:
-    """Standard errors from the curvature of the deviance; nan for a sigma of zero."""
+    """Return standard errors from the curvature of the deviance; nan for a sigma of zero."""
     inner = [i for i, name in enumerate(free) if name not in BIASES or centre[i] > 1e-3]
     steps = np.array([_step(deviance, centre, i) for i in inner])
     curvature = _curvature(deviance, centre, inner, steps)
@@ -235,7 +189,7 @@ def _standard_errors(deviance: Deviance, centre: Floats, free: Sequence[str]) ->
 
 
 def _step(deviance: Deviance, centre: Floats, index: int) -> float:
-    """A step that raises the deviance by about one."""
+    """Return a step of one variable that raises the deviance by about one."""
     step, lowest = 0.01 * max(abs(float(centre[index])), 0.1), deviance(centre)
     for _ in range(4):
         aside = centre.copy()
@@ -248,7 +202,7 @@ def _step(deviance: Deviance, centre: Floats, index: int) -> float:
 
 
 def _curvature(deviance: Deviance, centre: Floats, inner: Sequence[int], steps: Floats) -> Floats:
-    """Second differences of the deviance, in units of the steps."""
+    """Return second differences of the deviance in units of the steps."""
     result = np.empty((len(inner), len(inner)))
 
     def at(*moves: tuple[int, float]) -> float:
@@ -270,7 +224,7 @@ def _curvature(deviance: Deviance, centre: Floats, inner: Sequence[int], steps: 
 def _profile(
     likelihood: RestrictedLikelihood, free: Sequence[str], best: Sigmas, name: str
 ) -> Estimate:
-    """Where the likelihood with `name` held, the others fitted to it, is lower by the bound."""
+    """Return the interval of one bias's sigma, from the profile over those of the other biases."""
     from scipy.optimize import brentq
 
     # The rays' sigma is known thousands of times better: it can stay.

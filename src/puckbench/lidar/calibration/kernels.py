@@ -1,7 +1,7 @@
-"""Compiled loops of the likelihood: normal equations of all returns, the cells' biases left out.
+"""Compiled loops of the likelihood: normal equations from which biases are eliminated.
 
-The design of one return has five columns that are not zero: (b0, b1, b2) of its surface's plane, 1
-of its laser and 1 of its laser in its scan; the last two are alike for a whole group.
+A return's row of the design matrix has five entries that are not zero: the basis (b0, b1, b2) of
+its plane, 1 for its laser, and 1 for its laser in its scan.
 """
 
 from __future__ import annotations
@@ -26,7 +26,10 @@ def group_sums(
     least: tuple[float, float],
     sums: Floats,
 ) -> None:
-    """Sum what the normal equations need over the returns of each group.
+    """Fill `sums` (g, 16) with the contributions of each group's returns to the normal equations.
+
+    With weight w = 1 / variance, basis b and error z these are w, w b (3), w b b (6), w z, w z b
+    (3), w z z and the log variances.
 
     Parameters
     ----------
@@ -35,12 +38,9 @@ def group_sums(
     values
         Errors (n,), basis (n, 3) and features (n, 3) of the returns.
     sigma
-        Coefficients of the features, whose sum is a ray's sigma, metres.
+        Coefficients of the features in a ray's sigma, m.
     least
-        The least sigma that a ray may have, and the variance that is added to its square.
-    sums
-        (g, 16), filled: w, w b (3), w b b (6), w z, w z b (3), w z z and the log variances, with
-        the weight w = 1 / variance, the basis b and the error z.
+        Lower limit of a ray's sigma, and the variance that is added to its square.
     """
     errors, basis, features = values
     for group in range(len(groups) - 1):
@@ -77,26 +77,12 @@ def absorb_cells(
     matrix: Floats,
     right: Floats,
 ) -> tuple[float, float]:
-    """Add ``X' V^-1 X`` to `matrix` and ``X' V^-1 z`` to `right`, the biases of cells left out.
+    """Add ``X' V^-1 X`` to `matrix` (p, p) and ``X' V^-1 z`` to `right` (p,).
 
-    V is the covariance of the errors z: the rays' variances on the diagonal, and `variance` between
-    all returns of a cell. It is inverted by the formula of Sherman and Morrison.
-
-    Parameters
-    ----------
-    codes
-        (g,) cell, surface, and the columns of laser and of laser in scan, of each group.
-    sums
-        (g, 16) of `group_sums`.
-    variance
-        Of a cell's bias, m^2.
-    matrix, right
-        (p, p) and (p,), added to.
-
-    Returns
-    -------
-    float, float
-        What the cells take from ``z' V^-1 z``, and what they add to ``log |V|``.
+    The covariance V of the errors z has the rays' variances on its diagonal, and `variance`, that
+    of a cell's bias, m^2, between all returns of a cell; the formula of Sherman and Morrison
+    inverts it. `codes` are each group's cell, surface, and columns of laser and of laser in scan.
+    Returns the decrease of ``z' V^-1 z`` and the increase of ``log |V|`` due to the cells.
     """
     cell, surface, laser, scan = codes
     taken, added, first = 0.0, 0.0, 0
@@ -147,7 +133,7 @@ def _take_cell(
     matrix: Floats,
     right: Floats,
 ) -> None:
-    """Take a cell's bias out: a matrix of rank one over the columns that the cell has."""
+    """Subtract the matrix of rank one that eliminates a cell's bias."""
     shrunk, weight, product = about
     width = 3 * (last - first) + 2
     columns, outer = np.empty(width, dtype=np.int64), np.empty(width)
@@ -166,23 +152,10 @@ def _take_cell(
 
 @compiled
 def absorb_scans(core: int, variance: float, matrix: Floats, right: Floats) -> tuple[float, float]:
-    """Eliminate the biases of lasers in scans from the normal equations.
+    """Eliminate the biases of lasers in scans, columns `core` and following, from the equations.
 
-    They meet no other of their kind in the equations, so that each leaves by a division.
-
-    Parameters
-    ----------
-    core
-        Number of the columns that remain; those of lasers in scans follow.
-    variance
-        Of the bias of a laser in a scan, m^2.
-    matrix, right
-        (p, p) and (p,), changed in place.
-
-    Returns
-    -------
-    float, float
-        As of `absorb_cells`.
+    No equation contains two of these biases, so that each is eliminated by a division. `variance`
+    is that of a bias, m^2. Returns the same terms as `absorb_cells`.
     """
     taken, added = 0.0, 0.0
     for scan in range(core, len(matrix)):
@@ -200,21 +173,9 @@ def absorb_scans(core: int, variance: float, matrix: Floats, right: Floats) -> t
 
 @compiled
 def solved(matrix: Floats, right: Floats) -> tuple[float, float]:
-    """Determinant and quadratic form of a positive definite matrix, by Cholesky's decomposition.
+    """Return ``log |A|`` and ``b' A^-1 b`` for a matrix A, or nan if it is not positive definite.
 
-    Threads of a linear algebra library cost more than they give for a hundred rows.
-
-    Parameters
-    ----------
-    matrix
-        (p, p) A, symmetric.
-    right
-        (p,) b.
-
-    Returns
-    -------
-    float, float
-        ``log |A|`` and ``b' A^-1 b``; nan for a matrix that is not positive definite.
+    For a hundred rows, this Cholesky decomposition is faster than a library with threads.
     """
     size = len(matrix)
     lower, y = np.zeros((size, size)), np.zeros(size)

@@ -1,11 +1,9 @@
-"""The restricted likelihood of a range error model: what the fitted planes took is integrated out.
+"""Restricted likelihood of range errors: plane parameters are integrated out.
 
-The model: ``error = mean + laser bias + scan bias + frame bias + ray noise``, each bias normal with
-a sigma of its own and drawn per laser of a device, per laser and scan, per laser and frame; the
-ray's sigma is ``ray + incidence * theta^2 + range * r``. The three parameters of every plane and
-the mean are integrated over a flat prior (Patterson and Thompson 1971), which for a linear model is
-the same as to project them out of the data: estimates of the sigmas do not shrink by what the
-planes followed of the noise.
+The model is ``error = mean + laser bias + scan bias + frame bias + ray noise``. Biases are normal,
+each with its own sigma, and are drawn per laser of a device, per laser and scan, and per laser and
+frame. The parameters of the planes and the mean have a flat prior (Patterson and Thompson 1971), so
+that fitting planes to the noise does not bias the sigmas.
 """
 
 from __future__ import annotations
@@ -32,19 +30,17 @@ _LEAST_SIGMA_M = 1e-6
 
 @dataclass(frozen=True)
 class Sigmas:
-    """The parameters that are estimated.
+    """Parameters of range errors.
 
-    The sigma of a ray's noise is ``ray_sigma_m + ray_incidence_m * theta^2 + ray_range * r`` with
-    the incidence theta and the range r.
+    The standard deviation of ray noise at incidence theta and range r is ``ray_sigma_m +
+    ray_incidence_m * theta^2 + ray_range * r``.
 
     Parameters
     ----------
     laser_sigma_m
-        Of a laser's bias, from device to device, metres.
+        Standard deviation of a laser's bias from device to device, m.
     scan_sigma_m, frame_sigma_m
-        Of the biases of a laser that are redrawn for every scan and for every frame, metres.
-    ray_sigma_m, ray_incidence_m, ray_range
-        Of a ray's noise: metres, metres per rad^2, metres per metre.
+        Standard deviations of biases that are drawn for every scan and for every frame, m.
     """
 
     laser_sigma_m: float = 0.0
@@ -67,17 +63,7 @@ BIASES, RAYS = NAMES[:3], NAMES[3:]
 
 @dataclass(frozen=True)
 class Equations:
-    """Normal equations, and the terms of the likelihood that are not in them.
-
-    Parameters
-    ----------
-    matrix, right
-        (p, p) and (p,).
-    squares
-        ``z' V^-1 z`` of the errors z with their covariance V.
-    log_determinant
-        ``log |V|``.
-    """
+    """Normal equations for errors z of covariance V, and their ``z' V^-1 z`` and ``log |V|``."""
 
     matrix: Floats
     right: Floats
@@ -87,15 +73,10 @@ class Equations:
 
 @dataclass(frozen=True)
 class RestrictedLikelihood:
-    """The restricted likelihood of observations.
+    """Restricted likelihood of observations.
 
-    Parameters
-    ----------
-    seen
-        The observations.
-    quantum_m
-        Steps of the measured ranges, metres, whose rounding adds ``quantum^2 / 12`` to the variance
-        of a ray (Sheppard): it matters for a ray's sigma below about the quantum.
+    Rounding of ranges to multiples of `quantum_m` adds ``quantum_m^2 / 12`` to the variance of a
+    ray (Sheppard's correction).
     """
 
     seen: Observations
@@ -103,12 +84,9 @@ class RestrictedLikelihood:
     _kept: dict[tuple[float, float, float], Floats] = field(default_factory=dict, repr=False)
 
     def deviance(self, sigmas: Sigmas) -> float:
-        """Minus twice the restricted log-likelihood, up to a constant.
+        """Return minus twice the restricted log-likelihood, up to a constant.
 
-        Raises
-        ------
-        InputError
-            The residuals do not separate the planes from the biases.
+        Raises InputError if the residuals do not separate the planes from the biases.
         """
         found = self._mixed(sigmas)
         determinant, explained = solved(found.matrix, found.right)
@@ -117,15 +95,10 @@ class RestrictedLikelihood:
         return found.log_determinant + determinant + found.squares - explained
 
     def biases(self, sigmas: Sigmas) -> tuple[Floats, Floats]:
-        """Predict the biases of the lasers, given the sigmas and the residuals.
+        """Return the best linear unbiased prediction of the lasers' biases, m, and its covariance.
 
-        This is the best linear unbiased prediction: what the residuals cannot determine, such as a
-        trend over one wall that its plane could have followed, is zero.
-
-        Returns
-        -------
-        biases, covariance
-            (lasers,) metres, their mean included, and (lasers, lasers) m^2.
+        The biases include their mean. A part that the residuals do not determine is predicted as
+        zero.
         """
         found, planes = self._mixed(sigmas), 3 * self.seen.surfaces
         covariance = np.linalg.inv(found.matrix)
@@ -133,12 +106,12 @@ class RestrictedLikelihood:
         return parts @ (covariance @ found.right), parts @ covariance @ parts.T
 
     def variances(self, sigmas: Sigmas) -> Floats:
-        """Variance of each ray's noise, (n,) m^2, with that of the quantum."""
+        """Return the variance of each ray's noise and of rounding, (n,), m^2."""
         scale = np.maximum(self.seen.features @ np.array(sigmas.ray), _LEAST_SIGMA_M)
         return np.asarray(scale**2 + self.quantum_m**2 / 12)
 
     def _sums(self, ray: tuple[float, float, float]) -> Floats:
-        """Sums of each group; the last ones are kept, for most searches leave the rays alone."""
+        """Return the sums of each group, cached since most steps of a search change biases only."""
         if ray not in self._kept:
             seen, least = self.seen, (_LEAST_SIGMA_M, self.quantum_m**2 / 12)
             sums = np.empty((len(seen.surface), WIDTH))
@@ -148,10 +121,7 @@ class RestrictedLikelihood:
         return self._kept[ray]
 
     def _mixed(self, sigmas: Sigmas) -> Equations:
-        """Henderson's equations of planes, mean and lasers, the latter in units of their sigma.
-
-        So the lasers' prior is the unit matrix; a part that there is not has no row.
-        """
+        """Return Henderson's mixed model equations of planes, mean and scaled lasers."""
         found = self._absorbed(sigmas)
         rows = self._in_parts(found.matrix, sigmas)
         matrix = self._in_parts(rows.T, sigmas)
@@ -162,7 +132,7 @@ class RestrictedLikelihood:
         return Equations(matrix, right, found.squares, found.log_determinant)
 
     def _in_parts(self, rows: Floats, sigmas: Sigmas) -> Floats:
-        """Rows of planes and lasers as rows of planes, mean (if any) and lasers' units (if any)."""
+        """Map rows of planes and lasers to rows of planes, mean, and lasers in units of sigma."""
         planes = 3 * self.seen.surfaces
         lasers = rows[planes:]
         mean = lasers.sum(axis=0)[None, :] if self.seen.tells_mean else lasers[:0]
@@ -170,7 +140,7 @@ class RestrictedLikelihood:
         return np.vstack([rows[:planes], mean, drawn])
 
     def _absorbed(self, sigmas: Sigmas) -> Equations:
-        """Normal equations of planes and lasers, the biases of cells and of scans left out."""
+        """Return normal equations of planes and lasers, without the biases of cells and scans."""
         seen, sums = self.seen, self._sums(sigmas.ray)
         lasers = 3 * seen.surfaces
         core = lasers + len(seen.laser_ids)

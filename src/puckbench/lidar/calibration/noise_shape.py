@@ -1,7 +1,7 @@
-"""The shape of the rays' noise: Gaussian or Laplace, and how heavy its tails are.
+"""Distribution of ray noise, Gaussian or Laplace, and its kurtosis.
 
-Two returns of one laser that follow each other on one surface share bias and plane, so that their
-difference is one of two rays' noises alone.
+Successive returns of a laser on a surface share bias and plane, so that only the noise of two rays
+remains in their difference.
 """
 
 from __future__ import annotations
@@ -19,16 +19,9 @@ _ROOT = np.sqrt(2.0)
 
 @dataclass(frozen=True)
 class RayShape:
-    """The shape of the rays' noise.
+    """Distribution of ray noise, the logarithm of its likelihood ratio, and its kurtosis.
 
-    Parameters
-    ----------
-    distribution
-        ``"gaussian"`` or ``"laplace"``, whichever makes the differences of neighbours more likely.
-    laplace_over_gaussian
-        Logarithm of the ratio of their likelihoods.
-    kurtosis
-        Of a ray's noise: 3 for Gaussian noise and 6 for Laplace noise.
+    The distribution is ``"gaussian"`` (kurtosis 3) or ``"laplace"`` (kurtosis 6).
     """
 
     distribution: str
@@ -37,30 +30,16 @@ class RayShape:
 
     @property
     def widening(self) -> float:
-        """The factor by which the standard errors of a sigma exceed those of Gaussian noise.
+        """Factor by which standard errors of a sigma exceed those under Gaussian noise.
 
-        The score of a scale is ``e^2 - 1``, whose variance is the kurtosis less one, 2 for Gaussian
-        noise: so Gaussian likelihood serves any noise, with this factor in its intervals (White
-        1982).
+        The score of a scale is ``e^2 - 1``, whose variance is the kurtosis minus one, and 2 for
+        Gaussian noise (White 1982).
         """
         return float(np.sqrt(max(self.kurtosis - 1, 0.5) / 2))
 
 
 def ray_shape(likelihood: RestrictedLikelihood, sigmas: Sigmas) -> RayShape:
-    """Tell the shape of the rays' noise from differences of neighbouring returns.
-
-    Parameters
-    ----------
-    likelihood
-        Of the observations.
-    sigmas
-        The estimates, which give the scale of each ray's noise.
-
-    Returns
-    -------
-    RayShape
-        Gaussian where there are fewer than 30 pairs of neighbours.
-    """
+    """Estimate the distribution of ray noise; Gaussian with fewer than 30 pairs of neighbours."""
     pairs = _standard_differences(likelihood, sigmas)
     if len(pairs) < 30:
         return RayShape("gaussian", 0.0, 3.0)
@@ -71,7 +50,7 @@ def ray_shape(likelihood: RestrictedLikelihood, sigmas: Sigmas) -> RayShape:
 
 
 def _standard_differences(likelihood: RestrictedLikelihood, sigmas: Sigmas) -> Floats:
-    """Differences of pairs of following returns of one group, in units of one ray's sigma."""
+    """Return differences of successive returns of a group, in units of a ray's sigma."""
     seen = likelihood.seen
     group = np.repeat(np.arange(len(seen.surface)), np.diff(seen.groups))
     first = np.flatnonzero((np.arange(len(seen)) - seen.groups[group]) % 2 == 0)
@@ -87,6 +66,6 @@ def _log_gaussian(difference: Floats) -> Floats:
 
 
 def _log_laplace(difference: Floats) -> Floats:
-    """Of the difference of two Laplace noises: ``(1 + |d| / b) exp(-|d| / b) / (4 b)``."""
+    """Log of ``(1 + |d| / b) exp(-|d| / b) / (4 b)``, for a difference d of Laplace noises."""
     scaled = np.abs(difference) * _ROOT
     return np.asarray(np.log1p(scaled) - scaled + np.log(_ROOT / 4))

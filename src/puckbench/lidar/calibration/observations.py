@@ -1,10 +1,10 @@
-"""Range errors from residual tables: one row per return, grouped as biases are drawn.
+"""Range errors from residual tables, one row per return.
 
-The residual, the range and the place on the plane give the measured point, and so the ray. A return
-beyond where its ray meets the fitted plane has that excess for a range error, up to how far the
-fitted plane is from the true one. A plane at the distance h with the normal n meets the ray d at
-the range r with ``1 / r = n d / h``, which is linear in d: so, along the ray, a plane near the
-fitted one is off it by ``r^2 d`` times three unknowns.
+The residual, the range and the coordinates on the plane give the measured point, and so the ray.
+The range error is the distance from the ray's intersection with the fitted plane to this point. A
+plane at distance h with normal n meets a ray d at the range r with ``1 / r = n d / h``. Since this
+is linear in d, a small error of the fitted plane changes the range by ``r^2 d`` times three unknown
+numbers.
 """
 
 from __future__ import annotations
@@ -39,27 +39,25 @@ Codes = NDArray[np.int64]
 class Observations:
     """Range errors up to an unknown plane per surface; rows sorted by cell, then by surface.
 
-    A cell is one laser in one frame (or on one spot) of one scan. A group is what one cell measured
-    of one surface. Lasers of different devices have different codes.
+    A cell is one laser in one frame (or spot) of one scan. A group is the part of a cell on one
+    surface. Lasers of different devices have different codes.
 
     Parameters
     ----------
     error
-        (n,) metres.
+        (n,) m.
     basis
         (n, 3) coefficients of the surface's plane.
     features
-        (n, 3) what a ray's sigma depends on: 1, incidence squared (rad^2) and range (m).
+        (n, 3) 1, squared incidence (rad^2) and range (m), on which a ray's sigma depends.
     groups
         (g + 1,) first row of each group, and the end.
     surface, laser, scan, cell
         (g,) codes from 0; `scan` is one laser in one scan.
     laser_ids
-        (lasers,) ids of the lasers, in the order of their codes.
-    devices
-        Number of devices.
+        Ids of the lasers in the order of their codes.
     tells_mean
-        Whether the lasers' mean bias can be separated from the planes at all.
+        Whether the mean bias of the lasers can be separated from the planes.
     """
 
     error: Floats
@@ -79,36 +77,24 @@ class Observations:
 
     @property
     def surfaces(self) -> int:
-        """How many planes were fitted."""
         return int(self.surface.max()) + 1
 
     @property
     def scans(self) -> int:
-        """How many pairs of a laser and a scan there are."""
+        """Number of pairs of a laser and a scan."""
         return int(self.scan.max()) + 1
 
     @property
     def cells(self) -> int:
-        """How many cells there are."""
         return int(self.cell.max()) + 1
 
 
 def observations(tables: Sequence[pd.DataFrame], *, cells: str = "frame") -> Observations:
-    """Range errors from residual tables.
+    """Return range errors from residual tables, one per device.
 
-    Parameters
-    ----------
-    tables
-        One per device, with the columns `NEEDED` and `PLACE`.
-    cells
-        ``"frame"``, or ``"spot"`` for the recordings of a sensor that stands still, where one laser
-        meets the same spot in one direction in every turn.
-
-    Raises
-    ------
-    InputError
-        No table, a column that is missing (an older table) or not finite, incidences or ranges that
-        cannot be, or too few rows.
+    `cells` is ``"frame"``, or ``"spot"`` for a sensor at rest, whose laser meets the same spot in
+    every turn. Raises InputError if a column is missing or has impossible values, or if there are
+    too few rows.
     """
     if not tables:
         raise InputError("a calibration needs at least one residual table")
@@ -139,10 +125,9 @@ def _check(table: pd.DataFrame) -> None:
 
 
 def _along_rays(rows: pd.DataFrame) -> pd.DataFrame:
-    """`rows` with the range error beyond each plane, where the ray meets it, and the ray.
+    """Add the columns `_FOUND` for planes that are fitted again by least squares.
 
-    The planes are fitted anew by least squares: about a plane that RANSAC left askew, what is of
-    second order would show.
+    A tilt of the plane that RANSAC fitted would have an effect of second order.
     """
     height = _heights(rows)
     values = rows[["plane_u_m", "plane_v_m", "residual_m"]].to_numpy(dtype=np.float64)
@@ -156,10 +141,10 @@ def _along_rays(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def _heights(rows: pd.DataFrame) -> Floats:
-    """Distance from the sensor to the fitted plane, m, (n,).
+    """Return the distance from the sensor to each fitted plane, m, (n,).
 
-    One number per plane: the ranges of a recording are not from the sensor's origin (vertical
-    correction) and do not agree on it to better than some millimetres.
+    The median over a plane is used since recorded ranges do not start at the sensor's origin
+    (vertical correction) and disagree by some millimetres.
     """
     names = ["range_m", "plane_u_m", "plane_v_m", "residual_m"]
     far, u, v, residual = rows[names].to_numpy(dtype=np.float64).T
@@ -169,7 +154,7 @@ def _heights(rows: pd.DataFrame) -> Floats:
 
 
 def _beyond_plane(points: Floats) -> Floats:
-    """The columns `_FOUND` of the points of one plane, (n, 3), from the sensor, normal last."""
+    """Return the columns `_FOUND` of a plane's points (n, 3); z is along the normal."""
     terms = np.column_stack([np.ones(len(points)), points[:, :2]])
     (offset, *slopes), *_ = np.linalg.lstsq(terms, points[:, 2], rcond=None)
     normal = np.array([-slopes[0], -slopes[1], 1.0])
@@ -213,13 +198,13 @@ def _grouped(rows: pd.DataFrame, cells: str) -> Observations:
 
 
 def _of_rings(basis: Floats, coded: pd.DataFrame) -> Floats:
-    """The mean of `basis` (n, 3) over each ring, what one laser saw of one surface."""
+    """Return the mean of `basis` (n, 3) over the returns of each laser on each surface."""
     rings = [coded["surface"].to_numpy(), coded["laser"].to_numpy()]
     return pd.DataFrame(basis).groupby(rings).transform("mean").to_numpy()
 
 
 def _spot(rows: pd.DataFrame) -> Codes:
-    """Number of the azimuth bin about the sensor that a point on its surface falls into."""
+    """Return the azimuth bin of each point on its surface."""
     azimuth = np.arctan2(rows["plane_u_m"], rows["height"])
     return np.asarray(np.floor(azimuth / SPOT_RAD), dtype=np.int64)
 

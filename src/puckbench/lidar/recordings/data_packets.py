@@ -50,7 +50,7 @@ class PayloadKind(IntEnum):
 def payload_kinds(payloads: NDArray[np.uint8]) -> NDArray[np.int8]:
     """Return the `PayloadKind` of payloads (p, 1206).
 
-    If at most half of its blocks have Velodyne's flag, a payload is FOREIGN.
+    A payload is FOREIGN if at most half of its blocks have Velodyne's flag.
     """
     packets = np.ascontiguousarray(payloads).view(PACKET)[:, 0]
     flags = (packets["blocks"]["flag"] == FLAG).sum(axis=1)
@@ -65,24 +65,10 @@ def payload_kinds(payloads: NDArray[np.uint8]) -> NDArray[np.int8]:
 def packets_of_capture(capture: Capture, name: str | None = None) -> PacketLog:
     """Return the undamaged data packets of one stream of a capture.
 
-    Parameters
-    ----------
-    capture
-        The datagrams.
-    name
-        Name of the stream, ``sender:port to receiver:port``, or its beginning; None if only one
-        stream has data packets.
-
-    Returns
-    -------
-    PacketLog
-        `about` counts packets outside of the stream as `other_packets`, and what is left out of it
-        (`LEFT_OUT`).
-
-    Raises
-    ------
-    InputError
-        There is no undamaged data packet, or the name does not determine one stream.
+    A stream is named ``sender:port to receiver:port``, or by the beginning of this; None is the
+    only stream with data packets. `about` counts what is left out of the stream (`LEFT_OUT`) and
+    other packets. Raises InputError if no data packet is undamaged, or the name does not determine
+    one stream.
     """
     sized = [datagram for datagram in capture.datagrams if datagram.length == PACKET_BYTES]
     payloads = joined([datagram.payload for datagram in sized], [], {}).payloads
@@ -100,15 +86,10 @@ def packets_of_capture(capture: Capture, name: str | None = None) -> PacketLog:
 def whole_packets(
     payloads: Sequence[bytes], received: Sequence[float], about: dict[str, Any]
 ) -> PacketLog:
-    """Return the distinct undamaged packets among payloads of 1,206 bytes.
+    """Return the distinct undamaged packets among payloads of 1,206 bytes, and count the others.
 
-    The others are counted in `about`. Two packets of a sensor differ at least in their times, so
-    equal ones are repetitions.
-
-    Raises
-    ------
-    InputError
-        There are payloads, but all are damaged or unknown.
+    Different packets of a sensor have different times, so equal ones are repetitions. Raises
+    InputError if all payloads are damaged or unknown.
     """
     first: dict[bytes, float] = {}
     for payload, time in zip(payloads, received, strict=True):

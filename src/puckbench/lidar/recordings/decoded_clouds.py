@@ -51,19 +51,8 @@ def read_points(
     nominal elevation. Turn and kind of return are 0. Points that are not finite, or at the origin,
     are left out and counted as missing returns.
 
-    Parameters
-    ----------
-    path
-        The cloud.
-    sensor
-        The default is the VLP-16.
-    time_unit
-        Unit of the times; None to infer it.
-
-    Raises
-    ------
-    InputError
-        The file is damaged or empty, lacks one of these columns, or is not of this sensor.
+    The default sensor is the VLP-16, and the time unit is inferred. Raises InputError if the file
+    is damaged or empty, lacks a column, or is from another sensor.
     """
     device = sensor or load_sensor("vlp16")
     columns, counts = _without_missing(path, _READERS[path.suffix.lower()](path))

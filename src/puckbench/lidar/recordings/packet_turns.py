@@ -1,11 +1,7 @@
 """Conversion between data packets of Velodyne's spinning sensors and turns, in both directions.
 
-Packets of the VLP-16, the Puck Hi-Res and the HDL-32E have the same size: 12 blocks of a flag, an
-azimuth and 32 returns, then the time, the return mode and the product.
-
-References
-----------
-VLP-16 User Manual 63-9243 Rev. E, chapter 9; HDL-32E User Manual 63-9113 Rev. M, appendix C.
+The packets of the VLP-16, the Puck Hi-Res and the HDL-32E have the same format (VLP-16 User Manual
+63-9243 Rev. E, chapter 9; HDL-32E User Manual 63-9113 Rev. M, appendix C).
 """
 
 from __future__ import annotations
@@ -59,7 +55,7 @@ class PacketKind:
 
 @cache
 def packet_kind(product: int, mode: int) -> PacketKind:
-    """Return the kind of packets; raises InputError for an unknown product or mode."""
+    """Return the kind of packets; raise InputError for an unknown product or mode."""
     if product not in SENSORS:
         name = PRODUCTS.get(product, "an unknown sensor")
         raise InputError(
@@ -139,10 +135,9 @@ def turn_of(kind: PacketKind, payloads: Payloads) -> Turn:
 
 
 def is_whole(payloads: Payloads) -> NDArray[np.bool_]:
-    """Return which packets (p, 1206) are undamaged, as far as their blocks show.
+    """Return which packets (p, 1206) have valid flags and azimuths.
 
-    Each block must have its flag and an azimuth below 360 degrees, and both blocks of a dual return
-    the same azimuth.
+    The two blocks of a dual return must have the same azimuth.
     """
     packets = _viewed(payloads)
     flags, azimuth = packets["blocks"]["flag"], packets["blocks"]["azimuth"]
@@ -155,11 +150,8 @@ def is_whole(payloads: Payloads) -> NDArray[np.bool_]:
 def returns_of_packets(payloads: Payloads) -> Returns:
     """Return the returns of packets (p, 1206); the first and the last turn may be incomplete.
 
-    Raises
-    ------
-    InputError
-        There is no packet, a packet is damaged (see `is_whole`), a sensor is unknown, or there are
-        several sensors or return modes.
+    Raises InputError if there is no packet, a packet is damaged, a sensor is unknown, or there are
+    several sensors or return modes.
     """
     if len(payloads) == 0:
         raise InputError("no data packets")
@@ -176,10 +168,7 @@ def returns_of_packets(payloads: Payloads) -> Returns:
 def packets_of(kind: PacketKind, turn: Turn) -> Payloads:
     """Return the packets from which `turn_of` made a turn.
 
-    Raises
-    ------
-    InputError
-        The turn has no times, no reflectivities, or a last packet with too few blocks.
+    Raises InputError if the turn has no times, no reflectivities, or an incomplete packet.
     """
     layout = kind.layout
     if turn.times is None or turn.reflectivities is None:

@@ -2,11 +2,8 @@
 
 A packet has 12 blocks: a flag, the azimuth of the first firing in 0.01 degrees, and 32 returns (two
 firings of 16 lasers) of distance in 2 mm and reflectivity. It ends with the time of its first
-firing in microseconds past the hour, the return mode and the product.
-
-References
-----------
-VLP-16 User Manual 63-9243 Rev. E, chapter 9.
+firing in microseconds past the hour, the return mode and the product (VLP-16 User Manual 63-9243
+Rev. E, chapter 9).
 """
 
 from __future__ import annotations
@@ -31,7 +28,7 @@ PACKET_BYTES = 1206
 class PacketLog:
     """Payloads (p, 1206) and their reception times (p,), s since 1970, in the recorded order.
 
-    about: format of the recording, and counts of what was left out.
+    `about` has the format of the recording and counts of what was left out.
     """
 
     payloads: NDArray[np.uint8]
@@ -87,23 +84,15 @@ _LARGEST_INCREASE = 100
 
 
 def decode_packets(payloads: NDArray[np.uint8], sensor: Sensor | None = None) -> RecordedReturns:
-    """Decode data packets into a table with a row for each return.
+    """Decode data packets (p, 1206), in the order of arrival, into a row for each return.
 
     The azimuth of a firing is interpolated between its block and the next. With range R, elevation
     w and azimuth a, x = R cos(w) sin(a), y = R cos(w) cos(a), z = R sin(w) + the laser's vertical
-    correction. Two equal returns of a beam are one row.
+    correction. Two equal returns of a beam are one row. The default sensor is the one that the
+    packets name.
 
-    Parameters
-    ----------
-    payloads
-        (p, 1206), in the order of arrival.
-    sensor
-        None for the VLP-16 or Puck Hi-Res that the packets name.
-
-    Raises
-    ------
-    InputError
-        There is no packet, a packet is damaged or of another sensor, or return modes are mixed.
+    Raises InputError if there is no packet, a packet is damaged or of another sensor, or return
+    modes are mixed.
     """
     packets = np.ascontiguousarray(payloads).view(PACKET)[:, 0]
     mode = _checked_mode(packets)
@@ -130,7 +119,7 @@ def decode_packets(payloads: NDArray[np.uint8], sensor: Sensor | None = None) ->
 
 
 def with_points(columns: dict[str, NDArray[Any]], sensor: Sensor) -> dict[str, NDArray[Any]]:
-    """Add the columns elevation, x, y, z, which follow from laser_id, azimuth and distance."""
+    """Add the columns elevation, x, y and z."""
     laser = columns["laser_id"]
     elevation = np.radians(sensor.laser_elevation_deg)[laser]
     level = columns["distance"] * np.cos(elevation)
@@ -188,7 +177,7 @@ def _azimuths(
 ) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
     """Return turn and azimuth (0.01 degrees) of each firing, (p, sequences, 16).
 
-    share: time between two lasers over that between two firing sequences.
+    `share` is the time between two lasers over that between two firing sequences.
     """
     azimuth = packets["blocks"]["azimuth"][:, :: 2 if _dual(mode) else 1].astype(np.int32)
     wraps = np.diff(azimuth.ravel(), prepend=azimuth[0, 0]) < -CENTIDEGREES // 2
@@ -215,8 +204,8 @@ def _by_firing(returns: NDArray[Any], mode: int) -> NDArray[Any]:
 def _kinds(distance: NDArray[np.uint16], mode: int) -> NDArray[np.int16]:
     """Return the kind of each return, in the shape of `distance`; -1 for a repeated return.
 
-    Blocks of a dual packet are pairs of the last return and the strongest (if that is the last,
-    the second strongest).
+    Blocks of a dual packet are pairs of the last return and the strongest (if that is the last, the
+    second strongest).
     """
     kinds = np.full(distance.shape, LAST if MODES[mode] == "last" else STRONGEST, dtype=np.int16)
     if _dual(mode):

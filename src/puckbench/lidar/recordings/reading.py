@@ -65,7 +65,7 @@ def read_recording(
     start_s, end_s
         Interval to read, in seconds after the first packet or point.
     stream, source
-        As in `read_packets`.
+        See `read_packets`.
     time_unit
         Unit of a cloud's times; None to infer it.
 
@@ -104,19 +104,10 @@ def read_recording(
 def read_turns(
     path: Path, start_s: float = 0.0, stream: str | None = None, source: Path | None = None
 ) -> tuple[Returns, dict[str, int]]:
-    """Read the turns of a recording, and counts above 0 of what was left out (`LEFT_OUT`).
+    """Read the turns of a recording after `start_s` seconds; count what is left out (`LEFT_OUT`).
 
-    Parameters
-    ----------
-    path, stream, source
-        As in `read_packets`.
-    start_s
-        Seconds to skip at the start.
-
-    Raises
-    ------
-    InputError
-        The recording does not contain turns of one known sensor and return mode.
+    The other parameters are those of `read_packets`. Raises InputError if the recording does not
+    contain turns of one known sensor and return mode.
     """
     with naming(source or path):
         log = _interval(read_packets(path, stream, source), start_s, math.inf)
@@ -125,15 +116,12 @@ def read_turns(
 
 
 def read_packets(path: Path, stream: str | None = None, source: Path | None = None) -> PacketLog:
-    """Read the undamaged data packets of a recording, and log what was left out.
+    """Read the undamaged data packets of a packet capture or a ROS bag, and log what was left out.
 
     Parameters
     ----------
-    path
-        A packet capture or a ROS bag, which is recognised by its first bytes.
     stream
-        Which stream of a packet capture to read, such as ``192.168.1.201:2368``; None if there is
-        only one.
+        Stream of a packet capture, such as ``192.168.1.201:2368``; None for the only one.
     source
         File to name in messages and in `about`, if `path` is a temporary copy of it.
     """

@@ -39,10 +39,9 @@ class RecordedReturns(ReturnTable):
 
 
 def write_returns(path: Path, table: RecordedReturns) -> None:
-    """Write a table as Parquet."""
     write_return_table(path, table)
 
 
 def read_returns(path: Path) -> RecordedReturns:
-    """Read what `write_returns` wrote; raises InputError for a missing or other file."""
+    """Read a table that `write_returns` wrote; raise InputError for another or a missing file."""
     return read_return_table(path, RecordedReturns)

@@ -1,15 +1,14 @@
 """Recovery of a sensor's returns from frames of points, as data sets provide them.
 
-The points of one laser form a ring. The beam of a laser has an elevation, a height and a distance
-at which it passes the sensor's axis, and an angle relative to the rotary encoder, whose steps all
-lasers share. These four numbers are fitted to the ring, so that a point reduces to the step of the
-encoder and the range. Points that were moved by more than rounding do not fit. If firings without a
-return show how the motion of a car was corrected, the correction is undone first.
+The points of one laser form a ring. Four numbers of the laser's beam are fitted to it: elevation,
+height, distance from the sensor's axis, and angle relative to the rotary encoder, whose steps all
+lasers share. A point then is a step of the encoder and a range. Points that were moved by more than
+rounding do not fit. If firings without a return show the correction for a car's motion, it is
+undone first.
 
 References
 ----------
-Velodyne HDL-64E S2 User's Manual 63-HDL64ES2, Appendix F (calibration of a laser: vertical and
-rotational correction, vertical and horizontal offset).
+Velodyne HDL-64E S2 User's Manual 63-HDL64ES2, Appendix F (calibration of a laser).
 """
 
 from __future__ import annotations
@@ -58,7 +57,7 @@ class RecoveredReturns:
     xyz: Floats
 
     def about(self) -> dict[str, float]:
-        """Return the number of points without a return, and distances of the others, mm."""
+        """Return the number of points without a return, and by how much the others moved, mm."""
         moved = np.linalg.norm(self.returns.points() - self.xyz[self.rows], axis=1)
         return {
             "points_left_out": len(self.xyz) - len(self.rows),
@@ -69,7 +68,7 @@ class RecoveredReturns:
 
 @dataclass(frozen=True)
 class _Beam:
-    """Tangent of a laser's elevation, its height and its distance from the axis, m."""
+    """Tangent of a laser's elevation, its height, and its distance from the axis, m."""
 
     tangent: float
     height: float
@@ -77,10 +76,7 @@ class _Beam:
 
 
 def split_rings(azimuths: Floats) -> list[NDArray[np.intp]]:
-    """Return the rows of each ring of a frame whose points are sorted by ring.
-
-    azimuths: (n,), rad from 0, increasing within a ring.
-    """
+    """Return the rows of each ring, from azimuths (n,) that increase only within a ring."""
     ends = np.flatnonzero(np.diff(azimuths) < -np.pi) + 1
     return list(np.split(np.arange(len(azimuths)), ends))
 
@@ -90,6 +86,8 @@ def recovered_returns(
 ) -> RecoveredReturns:
     """Recover returns from the points of a frame, and fit the beams of the lasers.
 
+    Raises InputError if a ring has too few points, or its points fit no laser.
+
     Parameters
     ----------
     xyz
@@ -98,13 +96,6 @@ def recovered_returns(
         Rows of each laser's points.
     step_deg
         Step of the rotary encoder, in whole hundredths of a degree.
-    sensor
-        Name of the sensor.
-
-    Raises
-    ------
-    InputError
-        A ring has too few points, or the points of one fit no laser.
     """
     level = np.hypot(xyz[:, 0], xyz[:, 1])
     azimuth = np.mod(np.arctan2(-xyz[:, 0], xyz[:, 1]), 2 * np.pi)
@@ -132,20 +123,10 @@ def recovered_returns(
 def recovered_firings(xyz: Floats, sensor: str) -> RecoveredReturns:
     """Recover returns from a frame with all firings of a sensor that rotates clockwise.
 
-    If the motion of the car was corrected, firings without a return (range 0) lie where the sensor
-    was at that time. This determines the motion, which is undone.
-
-    Parameters
-    ----------
-    xyz
-        (columns, lasers, 3), m, in the sensor's frame (x right, y forward) at the end of the turn.
-    sensor
-        Name of the sensor.
-
-    Raises
-    ------
-    InputError
-        A laser has too few returns.
+    Points (columns, lasers, 3), m, are in the sensor's frame (x right, y forward) at the end of the
+    turn. If the motion of the car was corrected, firings without a return (range 0) lie where the
+    sensor was at that time; the motion that they determine is undone. Raises InputError if a laser
+    has too few returns.
     """
     columns, lasers = xyz.shape[:2]
     left = 1 - np.arange(columns) / max(columns - 1, 1)
@@ -191,8 +172,8 @@ def _without_turning(
 ) -> tuple[Floats, list[_Beam]]:
     """Return points without the sensor's pitch and roll, and the beams of its lasers.
 
-    A least squares fit of elevation angles determines both: the height of a point is that on its
-    laser's cone plus that of a small rotation, which is proportional to the remaining time.
+    The height of a point is that on its laser's cone plus that of a small rotation, which is
+    proportional to the remaining time. A least squares fit determines both.
     """
     columns, lasers = np.nonzero(whole)
     points = xyz[columns, lasers]
@@ -231,8 +212,8 @@ def _fitted_cone(level: Floats, z: Floats) -> tuple[float, float]:
 def _fitted_offset(level: Floats, azimuth: Floats, step: float) -> tuple[float, float]:
     """Return a beam's distance from the axis, and its phase: its angle modulo the encoder's step.
 
-    The distance is that for which the phases of all points agree best (their circular mean is the
-    longest), searched on successively finer grids.
+    At this distance the circular mean of all points' phases is longest; successively finer grids
+    are searched.
     """
     best, width = 0.0, _MOST_SIDEWAYS_M
     turns = azimuth / step

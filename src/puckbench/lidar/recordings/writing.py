@@ -40,8 +40,8 @@ _REFLECTIVITY = 100
 def write_pcap(path: Path, table: ScanTable, noisy: bool = True) -> dict[str, int]:
     """Write a scan of a VLP-16 as a packet capture; return the numbers of packets and returns.
 
-    Distances are rounded to 2 mm and azimuths to 0.01 degrees. Packets are in the sensor's frame:
-    they do not contain the poses of the sweep. Raises InputError for scans of other sensors.
+    Distances are rounded to 2 mm and azimuths to 0.01 degrees. Points are in the sensor's frame:
+    the file does not contain the poses of the sweep. Raises InputError for scans of other sensors.
     """
     log = scan_packets(table, noisy)
     write_bytes(path, pcap_bytes(log))
@@ -73,9 +73,9 @@ def scan_packets(table: ScanTable, noisy: bool = True) -> PacketLog:
 def pack_blocks(
     azimuth: NDArray[np.int64], returns: NDArray[Any], seconds: Floats, mode: int = STRONGEST_MODE
 ) -> PacketLog:
-    """Pack blocks: azimuths (b,) in 0.01 degrees, returns (b, 2, 16), times (b,) in s.
+    """Pack azimuths (b,) in 0.01 degrees, returns (b, 2, 16) and times (b,) in s into packets.
 
-    The last packet is filled up with blocks without returns.
+    Blocks without returns complete the last packet.
     """
     if MODES.get(mode) is None:
         raise ValueError(f"no return mode 0x{mode:02X}")

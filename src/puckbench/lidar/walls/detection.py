@@ -1,9 +1,9 @@
 """Detection of walls, floors and ceilings in a recording of a sensor at rest.
 
 A plane is a connected patch of pixels of the range image; a pixel is on a plane if nearly all of
-its returns are. Thus planes through unrelated points fall apart, and the edges of a patch, with
-their mixed returns, are removed as whole pixels. Returns at grazing incidence do not support a
-plane, since the rings of horizontal lasers would form a floor at the height of the sensor.
+its returns are. Thus planes through unrelated points fall apart, and mixed returns at the edges are
+removed as whole pixels. Returns at grazing incidence are not used, since the rings of horizontal
+lasers would form a floor at the height of the sensor.
 """
 
 from __future__ import annotations
@@ -84,7 +84,6 @@ class PlaneSearch(Model):
 
     @property
     def least_cosine(self) -> float:
-        """Cosine of the greatest incidence that counts."""
         return math.cos(math.radians(self.most_incidence_deg))
 
 
@@ -92,7 +91,7 @@ class PlaneSearch(Model):
 class DetectedPlane:
     """A plane with its normal towards the sensor, and rows (n,) of the returns on it.
 
-    width_m, height_m: horizontal extent of these returns, and the extent perpendicular to it.
+    `width_m` is the horizontal extent of these returns, `height_m` the extent perpendicular to it.
     """
 
     kind: str
@@ -117,10 +116,7 @@ class Rejected:
 def find_surfaces(
     table: RecordedReturns, search: PlaneSearch, rng: np.random.Generator
 ) -> tuple[list[DetectedPlane], list[Rejected]]:
-    """Find planes by RANSAC; return those accepted, largest first, and those rejected.
-
-    The returns of a patch, accepted or not, are removed before the next plane is searched.
-    """
+    """Find planes by RANSAC; return accepted planes, largest first, and rejected ones."""
     least = least_returns(table, search)
     view = _View(table.xyz, table["azimuth"], RangeImage.of(table), search, least)
     free = np.ones(len(table), dtype=bool)
@@ -146,7 +142,7 @@ def find_surfaces(
 def surface_of(
     table: RecordedReturns, rows: NDArray[np.intp], start: Plane, kind: str, search: PlaneSearch
 ) -> DetectedPlane:
-    """Fit a plane to returns robustly, and select those on it; none if there are fewer than 3."""
+    """Fit a plane robustly, and select the returns on it; none if there are fewer than 3."""
     part = table.select(rows)
     if len(rows) < 3:
         return DetectedPlane(kind, start.facing(np.zeros(3)), rows[:0], 0.0, 0.0)
@@ -158,7 +154,7 @@ def surface_of(
 
 
 def fault_of(table: RecordedReturns, surface: DetectedPlane, search: PlaneSearch) -> str | None:
-    """Return why a plane is rejected, or None."""
+    """Return the reason to reject a plane, or None."""
     returns = len(surface.rows)
     lasers = len(np.unique(table["laser_id"][surface.rows]))
     noise = robust_std(surface.plane.distances(table.xyz[surface.rows])) if returns else 0.0
@@ -174,7 +170,7 @@ def fault_of(table: RecordedReturns, surface: DetectedPlane, search: PlaneSearch
 
 
 def least_returns(table: RecordedReturns, search: PlaneSearch) -> int:
-    """Return how many returns a plane must have in all turns together."""
+    """Return the number of returns that a plane must have in all turns together."""
     return search.least_returns * len(np.unique(table["turn"]))
 
 
@@ -188,7 +184,6 @@ def incidence(table: RecordedReturns, plane: Plane) -> Floats:
 
 
 def kind_of(plane: Plane, search: PlaneSearch) -> str:
-    """Classify a plane by its normal as wall, floor, ceiling or oblique."""
     up = np.array(search.up) / np.linalg.norm(search.up)
     rise = float(plane.facing(np.zeros(3)).normal @ up)
     tilt = math.radians(search.tilt_deg)
@@ -201,7 +196,7 @@ def kind_of(plane: Plane, search: PlaneSearch) -> str:
 
 @dataclass(frozen=True)
 class _View:
-    """Points (n, 3), azimuths (n,) and range image of a recording, and limits of the search."""
+    """Points, azimuths and range image of a recording, and limits of the search."""
 
     points: Floats
     azimuth: Floats
@@ -210,7 +205,7 @@ class _View:
     least: int
 
     def near(self, plane: Plane, thresholds: float = 1.0) -> Mask:
-        """Return which returns are near a plane and not at grazing incidence."""
+        """Select the returns that are near a plane and not at grazing incidence."""
         close = np.abs(plane.distances(self.points)) < thresholds * self.search.threshold_m
         # The cosine of the incidence is the plane's distance over the point's.
         steep = np.linalg.norm(self.points, axis=1) * self.search.least_cosine <= abs(plane.offset)
@@ -218,7 +213,7 @@ class _View:
         return near
 
     def candidate(self, free: Mask, rng: np.random.Generator) -> Plane | None:
-        """Return the best supported plane through three nearby free returns, or None."""
+        """Return the plane through three nearby free returns with the most support, or None."""
         rows = np.flatnonzero(free)
         if len(rows) < self.least:
             return None
@@ -231,9 +226,9 @@ class _View:
         return Plane(normals[best], float(offsets[best]))
 
     def grown(self, plane: Plane, free: Mask) -> tuple[Plane, Mask]:
-        """Refit a plane to its largest patch of free returns until both converge; return both.
+        """Alternate between the plane and its largest patch of free returns until both converge.
 
-        Biases of lasers are subtracted; otherwise lasers with large ones would lose pixels.
+        Biases of lasers are subtracted; otherwise lasers with large biases would lose pixels.
         """
         patch = np.zeros(self.image.shape, dtype=bool)
         bias = np.zeros(len(patch))

@@ -67,6 +67,6 @@ def widened(pixels: Mask) -> Mask:
 
 
 def without_ends(pixels: Mask) -> Mask:
-    """Return pixels with neighbours on both sides in their row; returns at ends are mixed."""
+    """Remove the pixels at the ends of runs in a row, whose returns are mixed."""
     inner: Mask = pixels & np.roll(pixels, 1, axis=1) & np.roll(pixels, -1, axis=1)
     return inner

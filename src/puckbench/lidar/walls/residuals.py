@@ -1,7 +1,6 @@
 """Plane residuals of a recording (thesis, section 5.1.2, Procedure 1).
 
-The recording is cropped to an interval in which the sensor was at rest; residuals are the signed
-distances of returns from the planes found there, as for virtual scans.
+Residuals are signed distances of returns from the planes that a sensor at rest sees.
 """
 
 from __future__ import annotations
@@ -40,9 +39,9 @@ from puckbench.lidar.walls.stillness import SHIFT_M, Still, still_rows
 
 
 class Crop(Model):
-    """A plane chosen by hand: two corners of a box, m, in the sensor's frame.
+    """A plane selected by a box in the sensor's frame: two corners, m.
 
-    The box should not contain the edges of the surface, where returns are mixed.
+    The box should exclude the edges of the surface, where returns are mixed.
     """
 
     surface: Literal["wall", "floor", "ceiling"]
@@ -107,7 +106,7 @@ class RecordingOptions(Model):
 
 
 def recording_options(given: Mapping[str, Any]) -> RecordingOptions:
-    """Parse options from JSON or YAML; raises InputError for an unknown name or a wrong value."""
+    """Parse options from JSON or YAML."""
     return parsed(RecordingOptions, given, "capture options")
 
 
@@ -117,7 +116,7 @@ _LEAST_RETURNS = 50
 
 @dataclass(frozen=True)
 class RecordedPlanes:
-    """Returns of the interval at rest (still: None if it was given), and the planes in it."""
+    """Returns of the interval at rest (`still`: None if it was an option), and the planes in it."""
 
     table: RecordedReturns
     still: Still | None
@@ -130,13 +129,9 @@ def recorded_planes(
 ) -> RecordedPlanes:
     """Read a recording, crop it to an interval at rest, and find its planes.
 
-    In dual return mode only beams with a single return are used: the others hit an edge. `source`
-    is the file to name in messages, if `path` is a temporary copy of it.
-
-    Raises
-    ------
-    InputError
-        The recording cannot be read, the sensor is never at rest, or there is no plane.
+    In dual return mode only beams with a single return are used, since the others hit an edge.
+    Messages name `source` in place of a temporary copy `path`. Raises InputError if the recording
+    cannot be read, the sensor is never at rest, or there is no plane.
     """
     sensor = load_sensor(options.sensor) if options.sensor else None
     start, end = options.still_s or (0.0, math.inf)
@@ -155,8 +150,8 @@ def recorded_planes(
 def recording_residuals(planes: RecordedPlanes) -> pd.DataFrame:
     """Return the residual table of a recording.
 
-    The model is `REAL`, distance_m the plane's distance from the sensor, rounded to 1 cm, run the
-    number of the plane from 1, and frame the turn.
+    The model is `REAL`, `distance_m` the distance of the plane from the sensor, rounded to 1 cm,
+    `run` the number of the plane from 1, and `frame` the turn.
     """
     parts = [
         _rows_of(planes.table.select(surface.rows), surface, number)

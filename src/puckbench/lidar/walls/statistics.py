@@ -1,8 +1,8 @@
-"""Noise of rays and biases of lasers, from recordings of a sensor at rest.
+"""Ray noise and laser biases in recordings of a sensor at rest.
 
 A deviation is the measured range minus that of the plane along the ray. The bias of a laser on a
 plane is its mean deviation. Ray noise is the spread between turns of the deviations of one laser in
-one direction, which does not depend on the bias or the shape of the wall.
+one direction, and so independent of its bias and of the shape of the wall.
 """
 
 from __future__ import annotations
@@ -29,11 +29,10 @@ _LEAST_RETURNS, _LEAST_COMMON_LASERS = 20, 6
 
 @dataclass(frozen=True)
 class RayNoise:
-    """Spread of deviations between turns, by laser and bin of azimuth.
+    """Spread of deviations between turns, by laser and azimuth bin.
 
-    median_std_m: median of the bins' standard deviations (n - 1), which for Gaussian noise is too
-    small by 17 % with three turns, 11 % with four and 4 % with ten. sigma_m: from the pooled
-    variances, without this bias.
+    `median_std_m`, the median of the bins' standard deviations, is too small for Gaussian noise by
+    17 % with three turns and 4 % with ten; `sigma_m`, from pooled variances, is not.
     """
 
     median_std_m: float
@@ -45,8 +44,8 @@ class RayNoise:
 class LaserBias:
     """Mean deviation of each laser on a plane, m, and its number of returns.
 
-    The plane was fitted to the same returns: it absorbs a bias that is common to all lasers or
-    linear in their elevation.
+    The plane, fitted to the same returns, absorbs a bias that is common to all lasers or linear in
+    their elevation.
     """
 
     lasers: NDArray[np.intp]
@@ -60,10 +59,10 @@ class LaserBias:
 
 @dataclass(frozen=True)
 class Repeatability:
-    """Agreement of the lasers' biases on different planes, over all pairs of planes.
+    """Agreement of the lasers' biases on pairs of planes.
 
-    correlation: mean correlation. shared_std_m: standard deviation of the part of a laser's bias
-    that is common to all planes (root of the mean covariance).
+    `correlation` is the mean over the pairs; `shared_std_m`, the root of the mean covariance, is
+    the standard deviation of the bias that all planes share.
     """
 
     pairs: int
@@ -72,7 +71,7 @@ class Repeatability:
 
 
 def range_deviation(residual: Floats, incidence: Floats) -> Floats:
-    """Return the range minus that of the plane, m; residuals are positive at the sensor."""
+    """Return the range minus that of the plane, m; residuals are positive towards the sensor."""
     return np.asarray(-residual / np.cos(incidence))
 
 
@@ -86,7 +85,7 @@ def ray_noise(
 ) -> RayNoise | None:
     """Return the spread of deviations (n,) between turns, in bins of laser and azimuth.
 
-    None if no bin has returns in `least_turns` turns, or the step is unknown (nan).
+    Returns None if no bin has returns in `least_turns` turns, or the step is unknown (nan).
     """
     if len(deviation) == 0 or np.isnan(step_rad):
         return None
@@ -143,7 +142,7 @@ def _turns_in(group: NDArray[np.intp], turn: NDArray[Any]) -> NDArray[np.intp]:
 
 @dataclass(frozen=True)
 class PlaneStatistics:
-    """A plane with residuals (n,) and deviations along the ray (n,) of its returns."""
+    """A plane with its returns (n,), their residuals, and their deviations along the ray."""
 
     surface: DetectedPlane
     rows: RecordedReturns
@@ -154,7 +153,7 @@ class PlaneStatistics:
 
     @property
     def unevenness_m(self) -> float | None:
-        """Spread of the deviations beyond biases and ray noise: the shape of the wall."""
+        """Spread of the deviations beyond biases and ray noise, due to the shape of the wall."""
         if self.noise is None or len(self.bias.lasers) == 0:
             return None
         means = np.zeros(int(self.rows["laser_id"].max()) + 1)
@@ -188,8 +187,7 @@ def plane_statistics(planes: RecordedPlanes) -> list[PlaneStatistics]:
 def recording_summary(planes: RecordedPlanes) -> dict[str, Any]:
     """Return statistics of a recording and its planes for JSON.
 
-    ray_noise is that of all planes together, laser_bias_std_m the root of the mean variance of the
-    walls' biases.
+    `ray_noise` is that of all planes together, `laser_bias_std_m` the root mean square over walls.
     """
     step, parts = azimuth_step(planes.table), plane_statistics(planes)
     walls = [part.bias for part in parts if part.surface.kind == WALL]

@@ -25,7 +25,7 @@ _LASER_STRIDE = 7.0
 
 @dataclass(frozen=True)
 class Still:
-    """Turns `first` to `last`, whose distances differ by at most `shift_m` from the first one's."""
+    """Turns `first` to `last`, and the largest difference of distances from the first, m."""
 
     first: int
     last: int
@@ -37,10 +37,7 @@ class Still:
 
 
 def still_rows(table: RecordedReturns, limit_m: float = SHIFT_M) -> tuple[RecordedReturns, Still]:
-    """Return the rows and turns of the longest interval of at least two turns at rest.
-
-    Raises InputError if there is none.
-    """
+    """Return the longest interval of at least two turns at rest; raise InputError without one."""
     turns = _turns(table)
     if len(turns) < 2:
         raise InputError("a recording of one turn does not show whether the sensor stood still")
@@ -62,11 +59,11 @@ def still_rows(table: RecordedReturns, limit_m: float = SHIFT_M) -> tuple[Record
 
 
 def turn_shift(reference: RecordedReturns, other: RecordedReturns) -> float:
-    """Return by how much distances of two turns differ, m; infinite if too few can be compared.
+    """Return the difference of distances between two turns, m; infinite with too few returns.
 
-    A return of `other` is compared with distances of the same laser in `reference`, interpolated to
-    its azimuth on the same surface. Medians in sectors of 10 degrees average out the noise, and the
-    third quartile of their absolute values detects a moving sensor, but not a passing person.
+    A return of `other` is compared with the same laser's distance in `reference`, interpolated to
+    its azimuth. Medians in sectors of 10 degrees average out noise; the third quartile of their
+    absolute values detects a moving sensor, but not a passing person.
     """
     change, azimuth = _changes(reference, other)
     sector = np.floor(azimuth * (_SECTORS / math.tau)).astype(np.intp) % _SECTORS
@@ -84,7 +81,7 @@ def _turns(table: RecordedReturns) -> dict[int, NDArray[np.intp]]:
 
 
 def _changes(reference: RecordedReturns, other: RecordedReturns) -> tuple[Floats, Floats]:
-    """Return changes of distance and azimuths of the returns that can be compared."""
+    """Return changes of distance, and azimuths, of the returns that can be compared."""
     places, wanted = _places(reference), _places(other)
     order = np.argsort(places, kind="stable")
     places, distance = places[order], reference["distance"][order]
