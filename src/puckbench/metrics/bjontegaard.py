@@ -1,9 +1,7 @@
-"""Bjontegaard deltas: mean differences of two rate-distortion curves in rate and in quality.
+"""Bjontegaard deltas of rate-distortion curves (G. Bjontegaard, VCEG-M33, 2001).
 
-G. Bjontegaard, "Calculation of average PSNR differences between RD-curves", VCEG-M33, 2001. As in
-the common test conditions of JVET and MPEG, log rate is interpolated by a piecewise cubic Hermite
-polynomial (PCHIP) instead of the third-order polynomial of 2001. Curves are not extrapolated.
-Quality is a metric in dB; higher is better.
+As in the common test conditions of JVET and MPEG, the log rate is interpolated by a piecewise cubic
+Hermite polynomial (PCHIP), without extrapolation.
 """
 
 from __future__ import annotations
@@ -37,7 +35,7 @@ class RateDistortionCurve:
     quality
         dB, (k,).
     dropped
-        Number of measured points left out because a cheaper one is at least as good.
+        Number of dominated points that were left out.
     """
 
     log_rate: Floats
@@ -47,15 +45,14 @@ class RateDistortionCurve:
 
 @dataclass(frozen=True)
 class BjontegaardDelta:
-    """Bjontegaard deltas of a tested curve against an anchor curve.
+    """Bjontegaard deltas of a curve against an anchor curve.
 
     Parameters
     ----------
     log_ratio
-        Mean of ln(rate / anchor rate) at equal quality over the common range; None if that range is
-        below `MIN_OVERLAP`.
+        Mean of ln(rate / anchor rate) at equal quality, or None.
     quality_db
-        Mean difference in quality at equal rate; None likewise.
+        Mean difference in quality at equal rate, or None.
     rate_status, quality_status
         `COMPARED`, or the reason for None.
     overlap
@@ -75,16 +72,8 @@ class BjontegaardDelta:
 
 
 def rate_distortion_curve(rates: Floats, qualities: Floats) -> RateDistortionCurve:
-    """Return the curve through measured points, without missing values and dominated points.
-
-    A point is dominated if a cheaper one has at least its quality.
-
-    Parameters
-    ----------
-    rates
-        Positive, (k,).
-    qualities
-        dB, (k,).
+    """Return the curve through points (k,) of positive rates and qualities in dB, without missing
+    values and points that a cheaper point equals in quality.
     """
     is_finite = np.isfinite(rates) & np.isfinite(qualities)
     rates, qualities = rates[is_finite], qualities[is_finite]
@@ -113,7 +102,7 @@ def bjontegaard_delta(anchor: RateDistortionCurve, tested: RateDistortionCurve) 
 def _difference(
     anchor: tuple[Floats, Floats], tested: tuple[Floats, Floats]
 ) -> tuple[float | None, str, float]:
-    """Return the mean of y (tested minus anchor) over common x, its status, and the overlap."""
+    """Return the mean of y (tested minus anchor) over the common x, its status, and the overlap."""
     low, high = _common(anchor[0], tested[0])
     overlap = max(0.0, high - low) / float(min(np.ptp(anchor[0]), np.ptp(tested[0])))
     if overlap == 0:

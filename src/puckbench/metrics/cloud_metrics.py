@@ -1,5 +1,3 @@
-"""All metrics of a decoded cloud, as a result row has them."""
-
 from __future__ import annotations
 
 import math
@@ -17,20 +15,19 @@ def geometry_metrics(
     decoded: Floats | DistinctPoints,
     peak: float | None = None,
 ) -> dict[str, float]:
-    """Return all geometry metrics in the reference's units, as PSNRs and in metres.
+    """Return all geometry metrics in the reference's units, as PSNRs and in metres (D1 and D2 also
+    in mm²).
 
-    For clouds in metres D1 and D2 are also given in mm². Errors that rounding explains are set to 0
-    and marked by the entry ``lossless`` (`puckbench.metrics.lossless`).
+    Errors that rounding explains are set to 0 and marked by the entry ``lossless``.
 
     Parameters
     ----------
     reference
-        The original cloud; without normals there is no D2.
-    decoded : (m, 3)
-        Decoded points in the reference's frame.
+        The original cloud; D2 needs its normals.
+    decoded
+        (m, 3), in the reference's frame.
     peak
-        Peak of D1 and D2 PSNR in the reference's units, by default that of the cloud. PSNRs are
-        left out if the peak is unknown or the error is 0.
+        Peak of the D1 and D2 PSNRs in the reference's units, by default `PointCloud.peak`.
     """
     from puckbench.metrics.geometry import ReferenceCloud, distortion
     from puckbench.metrics.lossless import without_rounding
@@ -54,16 +51,8 @@ def geometry_metrics(
 def picture_metrics(
     reference: PointCloud, decoded: PointCloud, pixels: int, geometry: Mapping[str, float]
 ) -> dict[str, float]:
-    """Return metrics of rendered views and, if both clouds have colours, of colour.
-
-    Parameters
-    ----------
-    reference, decoded
-        The clouds, in one frame.
-    pixels
-        Width of a rendered view; 0 for no views.
-    geometry
-        Result of `geometry_metrics`, for the joint metric of geometry and colour.
+    """Return metrics of views of `pixels` width (none for 0) and, if both clouds have colours, of
+    colour, with the joint metric of colour and the `geometry_metrics`.
     """
     values: dict[str, float] = {}
     if pixels:

@@ -1,5 +1,3 @@
-"""Colour metrics: PSNR of luma and chroma, and a joint metric of geometry and colour."""
-
 from __future__ import annotations
 
 import math
@@ -32,26 +30,15 @@ def yuv(colours: np.ndarray) -> Floats:
 
 
 def colour_distortion(reference: PointCloud, decoded: PointCloud) -> dict[str, float]:
-    """Return colour errors between nearest neighbours, the larger of both directions.
+    """Return the colour errors between nearest neighbours in the worse direction.
 
-    Points with equal coordinates are merged and their colours averaged, as are the colours of
-    equidistant neighbours.
-
-    Parameters
-    ----------
-    reference, decoded
-        Clouds with colours.
+    The colours of points with equal coordinates, and of equidistant neighbours, are averaged.
 
     Returns
     -------
     dict
-        ``y_mse``, ``u_mse``, ``v_mse``; ``y_psnr``, ``u_psnr``, ``v_psnr`` (dB, peak 1, infinite
-        without error); ``luminance_l2`` (`luminance_distance`).
-
-    Raises
-    ------
-    InputError
-        A cloud has no colours.
+        ``y_mse``, ``u_mse``, ``v_mse``; ``y_psnr``, ``u_psnr``, ``v_psnr`` (dB, peak 1);
+        ``luminance_l2`` (`luminance_distance`).
     """
     a, a_colours = _merged(reference, "reference cloud")
     b, b_colours = _merged(decoded, "decoded cloud")
@@ -71,12 +58,10 @@ def luminance_distance(a: Floats, b: Floats) -> float:
 
 
 def joint_quality(distortion: Mapping[str, float], colour: Mapping[str, float]) -> float:
-    """Return the joint metric of geometry (``cd_plane``) and colour (``luminance_l2``); lower is
-    better.
+    """Return PCC Arena's joint metric of ``cd_plane`` and ``luminance_l2``; lower is better.
 
-    This is PCC Arena's form of the metric of Viola et al., without PCC Arena's integer division,
-    which makes its colour term 0. The Chamfer distance has squared units of the cloud, so that
-    values of clouds of different scales cannot be compared.
+    The Chamfer distance is in squared units, so values of clouds of different scales cannot be
+    compared. PCC Arena's integer division, which makes the colour term 0, is corrected.
 
     References
     ----------

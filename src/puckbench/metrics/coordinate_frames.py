@@ -1,5 +1,3 @@
-"""Select table rows by the coordinate frame of their clouds: scaled to a cube, or in metres."""
-
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
@@ -15,7 +13,7 @@ FRAME = "frame"
 
 
 def rows_in_frame(table: pd.DataFrame, frame: CoordinateFrame) -> pd.DataFrame:
-    """Return the rows of clouds in a frame; clouds of a table without `FRAME` are scaled."""
+    """Return the rows of clouds in a frame; without the column `FRAME` all clouds are scaled."""
     if FRAME not in table:
         return table if frame == "scaled" else table.iloc[:0]
     rows = table[(table[FRAME] == "metric") == (frame == "metric")]

@@ -1,5 +1,3 @@
-"""Point spacing, density and outliers of a cloud."""
-
 from __future__ import annotations
 
 import numpy as np
@@ -15,33 +13,22 @@ OUTLIER_DEVIATIONS = 2.0
 
 
 def density(points: Floats) -> dict[str, float]:
-    """Return spacing, density and outliers of a cloud.
+    """Return spacing, density and outliers of a cloud (n, 3), in its unit.
 
-    Of clouds with more than 100,000 distinct points a fixed random sample of 100,000 is queried.
-
-    Parameters
-    ----------
-    points
-        (n, 3), in any unit.
+    At most 100,000 distinct points, a fixed random sample, are queried for their k = 16 neighbours.
 
     Returns
     -------
     dict
-        In the unit of the points. A cloud of a single distinct point has ``duplicates`` only.
+        Only ``duplicates`` if all points coincide.
 
-        * ``duplicates``: share of points at the coordinates of another point; the other values
-          count each position once.
+        * ``duplicates``: share of points that repeat the position of another point, which the other
+          values ignore.
         * ``spacing_median``, ``spacing_q05``, ``spacing_q95``: distance to the nearest neighbour.
         * ``density_median``, ``density_q05``, ``density_q95``: points per area, k / (pi r^2), where
-          r is the distance of the k-th neighbour, k = 16, on a surface assumed flat.
+          r is the distance of the k-th neighbour.
         * ``outliers``: share of points whose mean distance to the k neighbours exceeds the mean
-          over all points by two standard deviations, as in the statistical outlier removal of PCL
-          and Open3D (Rusu et al. 2008). Uneven sampling also causes outliers.
-
-    Raises
-    ------
-    InputError
-        There are no points, or some are not finite.
+          over all points by two standard deviations (Rusu et al. 2008).
     """
     check_points(points, "density")
     points = np.ascontiguousarray(points, dtype=np.float64)
@@ -59,9 +46,7 @@ def density(points: Floats) -> dict[str, float]:
 
 
 def _neighbour_distances(points: Floats) -> Floats:
-    """Return distances (m, k) to the k nearest neighbours of at most `QUERIES` points, nearest
-    first.
-    """
+    """Return distances (m, k), nearest first, of at most `QUERIES` points."""
     from pykdtree.kdtree import KDTree
 
     rows = np.arange(len(points))
@@ -82,8 +67,8 @@ def _shares(name: str, values: Floats) -> dict[str, float]:
 
 
 def density_in_metres(values: dict[str, float], scale: float) -> dict[str, float]:
-    """Convert values of `density` with `scale` units per metre; names get ``_m`` or, per square
-    metre, ``_m2``.
+    """Convert `density` with `scale` units per metre; names get ``_m``, or ``_m2`` per square
+    metre.
     """
     converted = {}
     for name, value in values.items():

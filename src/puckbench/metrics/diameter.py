@@ -1,5 +1,3 @@
-"""Diameter of a point set, the peak of PCC Arena's PSNR of the Chamfer distance."""
-
 from __future__ import annotations
 
 import numpy as np
@@ -15,21 +13,10 @@ ROUNDING = 1e-12
 
 
 def diameter(points: Floats) -> float:
-    """Return the largest distance between two points of a cloud, exactly; 0 for one point.
+    """Return the largest distance between two points of a cloud (n, 3), exactly.
 
-    A pair of distant points gives a lower bound. Points too close to their centre for a longer pair
-    are discarded; the others are compared in blocks of neighbouring points with bounding boxes. A
-    convex hull would need special cases for collinear and coplanar points.
-
-    Parameters
-    ----------
-    points
-        (n, 3), in any unit.
-
-    Raises
-    ------
-    InputError
-        There are no points, or some are not finite.
+    The distance of a far pair excludes points near the centre; the remaining points are compared in
+    blocks with bounding boxes.
     """
     check_points(points, "diameter")
     points = np.ascontiguousarray(points, dtype=np.float64)
@@ -46,9 +33,7 @@ def _distances(points: Floats, centre: Floats) -> Floats:
 
 
 def _far_pair(points: Floats) -> tuple[Floats, float]:
-    """Return centre and length of a long pair: step to the farthest point until the distance stops
-    growing.
-    """
+    """Step to the farthest point until the distance stops growing; return centre and length."""
     point, centre, length = points[0], points[0], -1.0
     while True:
         distances = _distances(points, point)
@@ -61,9 +46,7 @@ def _far_pair(points: Floats) -> tuple[Floats, float]:
 
 @compiled
 def _largest_squared(points: Floats, largest: float) -> float:
-    """Return the larger of `largest` and the largest squared distance among points in spatial
-    order.
-    """
+    """Return `largest` or, if larger, the largest squared distance among spatially sorted points."""
     boxes = _boxes(points)
     for i in range(len(boxes)):
         for j in range(i + 1):
@@ -74,7 +57,6 @@ def _largest_squared(points: Floats, largest: float) -> float:
 
 @compiled
 def _boxes(points: Floats) -> Floats:
-    """Return the bounding box of each block of points, (blocks, 2, 3)."""
     boxes = np.empty((-(-len(points) // BLOCK), 2, 3))
     for i in range(len(boxes)):
         for axis in range(3):
@@ -94,9 +76,7 @@ def _box_squared(boxes: Floats, i: int, j: int) -> float:
 
 @compiled
 def _cap_squared(points: Floats, boxes: Floats, i: int, j: int) -> float:
-    """Return a tighter bound: exact extent along the line between the box centres, half diagonals
-    across.
-    """
+    """Return a tighter bound from the exact extent along the line between the box centres."""
     x = boxes[i, 0, 0] + boxes[i, 1, 0] - boxes[j, 0, 0] - boxes[j, 1, 0]
     y = boxes[i, 0, 1] + boxes[i, 1, 1] - boxes[j, 0, 1] - boxes[j, 1, 1]
     z = boxes[i, 0, 2] + boxes[i, 1, 2] - boxes[j, 0, 2] - boxes[j, 1, 2]

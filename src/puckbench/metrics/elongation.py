@@ -1,5 +1,3 @@
-"""Elongation of a cloud: shortest over longest side of its bounding box."""
-
 from __future__ import annotations
 
 import numpy as np
@@ -8,39 +6,18 @@ from puckbench.geometry.cloud import Floats, check_points
 
 
 def elongation(points: Floats) -> float:
-    """Return the elongation of the axis-aligned bounding box (thesis section 6.1), 0 for one point.
-
-    Parameters
-    ----------
-    points
-        (n, 3), in any unit.
-
-    Raises
-    ------
-    InputError
-        There are no points, or some are not finite.
+    """Return the shortest over the longest side of a cloud's axis-aligned bounding box (thesis
+    section 6.1), 0 for one point.
     """
     check_points(points, "elongation")
     return _ratio(np.ptp(points, axis=0))
 
 
 def oriented_elongation(points: Floats) -> float:
-    """Return the elongation of the box along the principal axes of the convex hull's vertices.
+    """Return the elongation of Open3D's oriented bounding box, which the thesis used.
 
-    This is Open3D's oriented bounding box, with which the thesis's values were measured. It is not
-    the box of least volume: it tilts if two principal axes have similar lengths or if hull vertices
-    cluster, so that a box of 8 x 4 x 2 filled at random has 0.29 instead of 0.25. A flat cloud has
-    0.
-
-    Parameters
-    ----------
-    points
-        (n, 3), in any unit.
-
-    Raises
-    ------
-    InputError
-        There are no points, or some are not finite.
+    The box follows the principal axes of the convex hull's vertices, so its volume is not minimal.
+    A flat cloud has elongation 0.
     """
     from scipy.spatial import ConvexHull, QhullError
 

@@ -1,7 +1,7 @@
 """D1 and D2, Chamfer and Hausdorff distances between an original and a decoded cloud.
 
-Thesis section 2.4, equations 2.3 to 2.6. Duplicate points, missing normals and equidistant
-neighbours, which the equations leave open, are treated as in MPEG's pc_error.
+Thesis section 2.4, equations 2.3 to 2.6, with MPEG's pc_error as the reference for duplicate
+points, missing normals and equidistant neighbours.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from puckbench.metrics.lossless import rounding
 
 @dataclass(frozen=True)
 class SquaredErrors:
-    """Squared errors of the points of a reference (A) and a decoded cloud (B), in squared units.
+    """Squared errors of the points of a reference (A) and a decoded cloud (B).
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ class SquaredErrors:
     ab_point, ba_point
         Point to point, (n,) from A to B and (m,) from B to A.
     ab_plane, ba_plane
-        Point to plane, likewise; None if the reference has no normals.
+        Point to plane; None if the reference has no normals.
     """
 
     decoded: Floats
@@ -44,20 +44,7 @@ class SquaredErrors:
 
 
 class DistinctPoints:
-    """The distinct points of a cloud with a search index, to be shared by several comparisons.
-
-    Parameters
-    ----------
-    points
-        (n, 3).
-    what
-        Name of the cloud in error messages.
-
-    Raises
-    ------
-    InputError
-        There are no points, or some are not finite.
-    """
+    """The distinct points of a cloud (n, 3) with a search index, shared by several comparisons."""
 
     def __init__(self, points: Floats, what: str = "decoded cloud") -> None:
         check_points(points, what)
@@ -70,19 +57,7 @@ class DistinctPoints:
 
 
 class ReferenceCloud:
-    """A reference cloud (A) with its search index and checked normals, to be shared by several
-    comparisons.
-
-    Parameters
-    ----------
-    cloud
-        The original cloud; D2 needs its normals.
-
-    Raises
-    ------
-    InputError
-        The cloud is empty or has values that are not finite.
-    """
+    """A reference cloud with its search index and checked normals, shared by several comparisons."""
 
     def __init__(self, cloud: PointCloud) -> None:
         self.cloud = cloud
@@ -97,7 +72,7 @@ class ReferenceCloud:
 
     @cached_property
     def diameter(self) -> float:
-        """Diameter in the cloud's unit, from its description or measured."""
+        """Diameter in the cloud's unit, from its description or computed."""
         return float(self.cloud.about.get("diameter") or diameter(self.cloud.xyz))
 
     @cached_property
@@ -112,18 +87,15 @@ def distortion(
     """Return D1, D2, Chamfer and Hausdorff distances of a decoded cloud, as MPEG's pc_error
     computes them.
 
-    Duplicate points count once; the first one's normal is kept. Decoded points get their normals
-    from the reference (`transfer_normals`). Point to plane is the error vector to the nearest
-    neighbour projected onto that neighbour's normal. Equidistant neighbours are averaged.
-
-    Arithmetic is in double precision. pc_error reads coordinates in single precision: results agree
-    to 1e-6 if coordinates are exact in single precision, else to about 1e-5.
+    Duplicate points count once, with the normal of the first. Decoded points get their normals from
+    the reference (`transfer_normals`). Point-to-plane errors are projected onto the nearest
+    neighbour's normal and averaged over equidistant neighbours. Results agree with pc_error, which
+    reads single precision, to about 1e-5.
 
     Parameters
     ----------
     reference
-        The original cloud (A); a `ReferenceCloud` saves time when several clouds are compared with
-        it.
+        The original cloud (A); pass a `ReferenceCloud` to several comparisons.
     decoded
         The decoded cloud (B), (m, 3), in the frame of A.
 
@@ -144,10 +116,6 @@ def distortion(
     ------
     InputError
         A cloud is empty or has values that are not finite.
-
-    References
-    ----------
-    Thesis section 2.4; ISO/IEC JTC1/SC29/WG11, mpeg-pcc-dmetric (pc_error).
     """
     return summarise_errors(squared_errors(reference, decoded))
 
@@ -174,7 +142,7 @@ def squared_errors(
 
 
 def summarise_errors(errors: SquaredErrors) -> dict[str, float]:
-    """Return the metrics of `distortion` from the squared errors of the points."""
+    """Return the metrics of `distortion` from the squared errors."""
     values = _summary(errors.ab_point, errors.ba_point, "point", "d1_mse")
     if errors.ab_plane is not None and errors.ba_plane is not None:
         values |= _summary(errors.ab_plane, errors.ba_plane, "plane", "d2_mse")
@@ -208,20 +176,10 @@ def _checked_normals(reference: PointCloud) -> Floats:
 
 
 def transfer_normals(normals: Floats, size: int, ab: Neighbours, ba: Neighbours) -> Floats:
-    """Return normals (size, 3) of B from those of A, by the rule of MPEG's pc_error.
+    """Return normals (size, 3) of B from those of A (n, 3), by the rule of MPEG's pc_error.
 
     A point of B gets the mean, not normalised, of the normals of the points of A whose nearest
-    neighbour it is, equidistant neighbours included; if there are none, the mean of the normals of
-    its own nearest neighbours in A.
-
-    Parameters
-    ----------
-    normals
-        Of A, (n, 3).
-    size
-        Number of points of B.
-    ab, ba
-        Nearest neighbours of the points of A in B, and of B in A.
+    neighbours (`ab`) include it; without such points, that of its nearest neighbours in A (`ba`).
     """
     sums, counts = _sums_of_takers(normals, size, ab.starts, ab.exact, ab.index)
     _add_own_nearest(normals, ba.starts, ba.exact, ba.index, sums, counts)
@@ -258,7 +216,7 @@ def _add_own_nearest(
 def _projected(
     queries: Floats, points: Floats, normals: Floats, starts: Rows, index: Rows
 ) -> Floats:
-    """Return squared errors along the neighbours' normals, (m,), averaged over equidistant
+    """Return squared errors (m,) along the neighbours' normals, averaged over equidistant
     neighbours.
     """
     squared = np.zeros(len(queries))

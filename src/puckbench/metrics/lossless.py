@@ -1,4 +1,4 @@
-"""Detect lossless decoded clouds, whose errors come from the rounding of coordinates only."""
+"""Detection of lossless clouds, whose only errors come from rounding of coordinates."""
 
 from __future__ import annotations
 
@@ -29,28 +29,20 @@ _COUNTS = ("points_a", "points_b")
 
 
 def rounding(cloud: PointCloud) -> float:
-    """Return the largest error, in the cloud's unit, that the rounding of coordinates can cause."""
+    """Return the largest error, in the cloud's unit, that rounding of coordinates can cause."""
     limit = _ROUNDING * float(np.abs(bounds(cloud.xyz)).max())
     return limit if cloud.frame == "scaled" else min(limit, _MOST)
 
 
 def without_rounding(errors: Mapping[str, float], limit: float) -> dict[str, float]:
-    """Set all errors to 0 if none exceeds a limit, and add the entry `LOSSLESS`.
-
-    Parameters
-    ----------
-    errors
-        From `puckbench.metrics.geometry.distortion`.
-    limit
-        From `rounding`.
-    """
+    """Set the errors of `distortion` to 0 if none exceeds `limit`, and add the entry `LOSSLESS`."""
     is_lossless = errors["hausdorff_point"] <= limit
     kept = {k: 0.0 if is_lossless and k not in _COUNTS else v for k, v in errors.items()}
     return {**kept, LOSSLESS: is_lossless}
 
 
 def lossless_rows(metrics: pd.DataFrame) -> NDArray[np.bool_]:
-    """Return which result rows (n,) are lossless; rows of older runs are judged by their errors."""
+    """Return the mask (n,) of lossless result rows; without the column `LOSSLESS`, by their errors."""
     flags = metrics.get(LOSSLESS)
     by_error = np.zeros(len(metrics), bool)
     if {"hausdorff_point", "diameter"} <= set(metrics):
@@ -63,10 +55,8 @@ def lossless_rows(metrics: pd.DataFrame) -> NDArray[np.bool_]:
 
 
 def with_lossless_best(metrics: pd.DataFrame) -> pd.DataFrame:
-    """Give lossless clouds a PSNR above all others, so that quantiles over clouds include them.
-
-    The value is finite because quantiles interpolate; `without_lossless` removes quantiles that are
-    lossless.
+    """Give lossless clouds a finite PSNR above all others, to include them in quantiles over
+    clouds.
     """
     psnrs = [name for name in map(str, metrics) if "_psnr" in name and is_shape_metric(name)]
     rows = lossless_rows(metrics)
@@ -80,5 +70,5 @@ def without_lossless(quantiles: pd.DataFrame) -> pd.DataFrame:
 
 
 def is_shape_metric(column: str) -> bool:
-    """Return whether a column compares the decoded points with the coded ones."""
+    """Return whether a column compares the decoded cloud with the coded one."""
     return column.startswith(_OF_THE_SHAPE)

@@ -37,12 +37,7 @@ def further_metrics(
     reference, decoded
         The original and the decoded cloud.
     columns
-        Names of columns that the result row already has.
-
-    Raises
-    ------
-    InputError
-        A metric is unknown, or returns a column that exists already.
+        Existing columns, which raise an InputError if a metric returns them.
     """
     results: dict[str, float] = {}
     for name in names:

@@ -1,4 +1,4 @@
-"""Peaks of D1 and D2 PSNR in tables of results. PSNRs of different peaks must not be compared."""
+"""Peaks of D1 and D2 PSNRs in tables of results; PSNRs with different peaks are not comparable."""
 
 from __future__ import annotations
 
@@ -25,9 +25,7 @@ _ALIKE = 1.001
 
 
 def with_peaks(metrics: pd.DataFrame) -> pd.DataFrame:
-    """Add the column `PEAK` to results of older runs, derived from the errors and PSNRs of each
-    cloud.
-    """
+    """Add the column `PEAK`, computed from errors and PSNRs, to results of older runs."""
     if PEAK in metrics or not {"d1_mse", "d1_psnr"} <= set(metrics):
         return metrics
     peaks = np.sqrt(metrics["d1_mse"].astype(float) * 10 ** (metrics["d1_psnr"] / 10) / 3)
@@ -36,20 +34,7 @@ def with_peaks(metrics: pd.DataFrame) -> pd.DataFrame:
 
 
 def check_peaks(metrics: pd.DataFrame, columns: Iterable[str]) -> None:
-    """Raise if PSNRs of one cloud have several peaks.
-
-    Parameters
-    ----------
-    metrics
-        Result rows; without the column `PEAK` nothing is checked.
-    columns
-        Metrics to be compared; only `WITH_PEAK` depend on the peak.
-
-    Raises
-    ------
-    InputError
-        The message names the cloud and its peaks.
-    """
+    """Raise an InputError if `columns` hold PSNRs of one cloud with several peaks."""
     if PEAK not in metrics or not set(WITH_PEAK) & set(columns):
         return
     for (dataset, cloud), part in metrics.groupby(["dataset", "cloud"])[PEAK]:
@@ -61,10 +46,7 @@ def check_peaks(metrics: pd.DataFrame, columns: Iterable[str]) -> None:
 
 
 def without_mixed_peaks(metrics: pd.DataFrame) -> pd.DataFrame:
-    """Remove, with a warning, the PSNRs of data sets whose clouds have several peaks.
-
-    A median over such PSNRs would depend on the peaks rather than on the errors.
-    """
+    """Remove, with a warning, the PSNRs of data sets whose clouds have several peaks."""
     if PEAK not in metrics:
         return metrics
     of_sets = metrics.groupby("dataset")[PEAK]
@@ -80,7 +62,7 @@ def without_mixed_peaks(metrics: pd.DataFrame) -> pd.DataFrame:
 
 
 def peaks_of_datasets(metrics: pd.DataFrame) -> dict[str, str]:
-    """Return the peak of each data set in words, such as "30 m", for data sets with PSNRs."""
+    """Return the peak of each data set with PSNRs as text, such as "30 m"."""
     table = with_peaks(metrics)
     if PEAK not in table:
         return {}
@@ -92,6 +74,6 @@ def peaks_of_datasets(metrics: pd.DataFrame) -> dict[str, str]:
 
 
 def peak_phrase(metrics: pd.DataFrame) -> str:
-    """Return the peaks of result rows, such as "peak 1023 or 30 m"; empty without PSNRs."""
+    """Return the peaks as text, such as "peak 1023 or 30 m"; empty without PSNRs."""
     several = dict.fromkeys(peaks_of_datasets(metrics).values())
     return f"peak {' or '.join(several)}" if several else ""

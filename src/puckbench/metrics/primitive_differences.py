@@ -1,5 +1,3 @@
-"""Distances from points to geometric primitives, and differences between primitives of one kind."""
-
 from __future__ import annotations
 
 from collections.abc import Callable
@@ -14,26 +12,19 @@ Parameters = dict[str, Any]
 
 
 def distances_to_primitive(primitive: Primitive, points: Floats) -> Floats:
-    """Return distances (n,) of points (n, 3) to an unbounded plane, cylinder, sphere or cone."""
+    """Return the distances (n,) of points (n, 3) to an unbounded plane, cylinder, sphere or cone."""
     return np.abs(_DISTANCES[primitive.kind](primitive.parameters, points))
 
 
 def parameter_differences(true: Primitive, decoded: Primitive, centre: Floats) -> dict[str, float]:
     """Return the differences between the parameters of two primitives of one kind.
 
-    Parameters
-    ----------
-    true, decoded
-        The primitives.
-    centre
-        Point on the true primitive, (3,), where planes and cylinder axes are compared.
-
     Returns
     -------
     dict
-        Those that the kind has: ``angle_deg`` between normals or axes; ``position_m``, the distance
-        of planes or axes at `centre`, of sphere centres or of cone apexes; ``radius_m`` and
-        ``half_angle_deg``, absolute differences.
+        ``angle_deg`` between normals or axes; ``position_m``, the distance of planes or axes at
+        `centre` (3,), a point on the true primitive, or of sphere centres or cone apexes;
+        ``radius_m`` and ``half_angle_deg``. Kinds without a parameter lack its key.
     """
     return _DIFFERENCES[true.kind](true.parameters, decoded.parameters, centre)
 
@@ -53,7 +44,7 @@ def _to_cylinder(cylinder: Parameters, points: Floats) -> Floats:
 
 
 def _to_cone(cone: Parameters, points: Floats) -> Floats:
-    """Signed distance to the nappe along the axis; distance to the apex for points behind it."""
+    """Return signed distances to a half cone; for points behind its apex, distances to the apex."""
     along, across = _along_and_across(cone["apex"], cone["axis"], points)
     cosine, sine = np.cos(cone["half_angle"]), np.sin(cone["half_angle"])
     past = along * cosine + across * sine < 0
@@ -61,14 +52,13 @@ def _to_cone(cone: Parameters, points: Floats) -> Floats:
 
 
 def _along_and_across(place: Any, axis: Any, points: Floats) -> tuple[Floats, Floats]:
-    """Return coordinates of points along an axis and distances from it."""
     offset = points - np.asarray(place)
     along = offset @ np.asarray(axis)
     return along, np.linalg.norm(offset - along[:, None] * np.asarray(axis), axis=1)
 
 
 def _angle_deg(a: Any, b: Any) -> float:
-    """Return the angle between two unit vectors of either sign, accurate for small angles."""
+    """Return the angle between unit vectors of either sign, accurate for small angles."""
     across = float(np.linalg.norm(np.cross(a, b)))
     return float(np.degrees(np.arctan2(across, abs(float(np.dot(a, b))))))
 

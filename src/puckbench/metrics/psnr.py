@@ -1,5 +1,3 @@
-"""Peak signal-to-noise ratios. The peak is always an argument."""
-
 from __future__ import annotations
 
 import math
@@ -11,48 +9,25 @@ LiDAR. Papers on KITTI use 59.70 m."""
 
 
 def psnr(mse: float, peak: float, factor: float = 1.0) -> float:
-    """Return ``10 log10(factor * peak^2 / mse)`` in dB: infinite for mse = 0, minus infinity for
-    peak = 0.
-    """
+    """Return ``10 log10(factor * peak^2 / mse)`` in dB, infinite if mse is 0."""
     if mse == 0:
         return math.inf
     return 10 * math.log10(factor * peak**2 / mse) if peak else -math.inf
 
 
 def cd_psnr(values: Mapping[str, float], diameter: float) -> dict[str, float]:
-    """Return PCC Arena's PSNR of the Chamfer distances, whose peak is the diameter of the
-    reference.
-
-    Parameters
-    ----------
-    values
-        From `puckbench.metrics.geometry.distortion`.
-    diameter
-        Of the reference cloud, in its unit.
-
-    Returns
-    -------
-    dict
-        ``cd_psnr_point`` and, if measured, ``cd_psnr_plane``, dB.
+    """Return PCC Arena's PSNRs of the Chamfer distances in `values` of `distortion`, in dB:
+    ``cd_psnr_point`` and ``cd_psnr_plane``, whose peak is the reference's diameter.
     """
     kinds = [kind for kind in ("point", "plane") if f"cd_{kind}" in values]
     return {f"cd_psnr_{kind}": psnr(values[f"cd_{kind}"], diameter) for kind in kinds}
 
 
 def mpeg_psnr(values: Mapping[str, float], peak: float) -> dict[str, float]:
-    """Return MPEG's D1 and D2 PSNR, with the factor 3 of pc_error.
+    """Return MPEG's PSNRs of `values` of `distortion`, in dB: ``d1_psnr`` and ``d2_psnr``, with
+    pc_error's factor of 3.
 
-    Parameters
-    ----------
-    values
-        From `puckbench.metrics.geometry.distortion`.
-    peak
-        Largest coordinate: 1023 for clouds of 10 bits.
-
-    Returns
-    -------
-    dict
-        ``d1_psnr`` and, if measured, ``d2_psnr``, dB.
+    The peak of MPEG's clouds is the largest coordinate, such as 1023 for 10 bits.
     """
     kinds = [kind for kind in ("d1", "d2") if f"{kind}_mse" in values]
     return {f"{kind}_psnr": psnr(values[f"{kind}_mse"], peak, factor=3) for kind in kinds}

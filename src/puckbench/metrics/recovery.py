@@ -1,6 +1,4 @@
-"""Recovery of geometric primitives: primitives of a decoded surface against the labels of the
-scene.
-"""
+"""Recovery of geometric primitives, measured against the labels of a scene."""
 
 from __future__ import annotations
 
@@ -34,7 +32,7 @@ ALL = "all"
 
 @dataclass(frozen=True)
 class Segmentation:
-    """The primitive of each of n points: `numbers` (n,) index `primitives`."""
+    """A primitive for each of n points: `numbers` (n,) are indices into `primitives`."""
 
     numbers: Ints
     primitives: Sequence[Primitive]
@@ -45,10 +43,8 @@ class Segmentation:
 
 
 def decoded_in_metres(surface: Mesh, cloud: PointCloud) -> Segmentation:
-    """Return `decoded_segmentation`, in metres, of a surface decoded in the frame of `cloud`.
-
-    The points of `cloud` lie on the true surface; its description has scale and offset of the
-    frame.
+    """Return `decoded_segmentation`, in metres, of a surface decoded in the frame of `cloud`, whose
+    points lie on the true surface.
     """
     scale, offset = cloud.about.get("scale", 1.0), cloud.about.get("offset", (0.0, 0.0, 0.0))
     placed = labelled_mesh_in_metres(surface, scale, np.asarray(offset))
@@ -59,8 +55,7 @@ def decoded_in_metres(surface: Mesh, cloud: PointCloud) -> Segmentation:
 def decoded_segmentation(mesh: Mesh, labels: Labels, points: Floats) -> Segmentation:
     """Assign each of `points` (n, 3) to the closest object of a decoded surface.
 
-    An object is one piece of surface, which a codec may code as several primitives; it is
-    represented by the primitive of largest area.
+    A codec may split an object into several primitives; the largest by area represents it.
     """
     triangles = closest_surface_points(mesh, points).triangles
     primitive_ids = _largest_primitives(mesh.areas(), labels)
@@ -78,22 +73,21 @@ def _largest_primitives(areas: Floats, labels: Labels) -> Ints:
 
 
 def recovery(true: Segmentation, decoded: Segmentation, points: Floats) -> list[dict[str, Any]]:
-    """Compare decoded with true primitives of `points` (n, 3), in metres, for each kind and for
-    all.
+    """Compare decoded with true primitives of `points` (n, 3), in metres, for each kind and for all
+    kinds.
 
     Two primitives match if they are of one kind and the intersection of their points exceeds half
-    of the union (`MIN_OVERLAP`), so that each has one match at most. Primitives with fewer than
-    `MIN_SHARE` of the points, freeform surfaces, and decoded primitives that lie mostly on
-    freeform surfaces do not count.
+    of the union. Primitives with fewer than `MIN_SHARE` of the points, freeform surfaces, and
+    decoded primitives that lie mostly on freeform surfaces do not count.
 
     Returns
     -------
     list of dict
         ``kind`` ("all" first); ``true``, ``found`` (decoded) and ``matched``, numbers of
         primitives; ``precision`` = matched / found; ``recall`` = matched / true;
-        ``label_accuracy``: share of the points on true primitives that lie on the match. Medians
+        ``label_accuracy``, share of the points on true primitives that lie on the match. Medians
         over matches: ``residual_m``, root mean square distance of a true primitive's points to the
-        match, and the keys of `parameter_differences`. Undefined values are left out.
+        match, and the keys of `parameter_differences`.
     """
     table = _Overlaps.of(true, decoded)
     pairs = [_pair(true, decoded, points, *pair) for pair in table.matches]
@@ -103,10 +97,8 @@ def recovery(true: Segmentation, decoded: Segmentation, points: Floats) -> list[
 
 @dataclass(frozen=True)
 class _Overlaps:
-    """Numbers of points on true and decoded primitives, and their matches.
-
-    matches: indices of true and decoded primitives that match. points_on_match: points of each true
-    primitive on its match.
+    """Numbers of points on true and decoded primitives, indices of the matches, and numbers of
+    points of each true primitive on its match.
     """
 
     true_sizes: Ints

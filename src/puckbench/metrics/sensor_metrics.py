@@ -1,5 +1,3 @@
-"""Metrics of a sensor's returns: range errors, entropy of noise, speed relative to the sensor."""
-
 from __future__ import annotations
 
 from collections.abc import Mapping
@@ -16,12 +14,7 @@ if TYPE_CHECKING:
 
 
 def range_errors(original: Returns, decoded: Returns) -> dict[str, float]:
-    """Return range errors of firings, and numbers of lost and added returns.
-
-    Parameters
-    ----------
-    original, decoded
-        Returns of the same firings.
+    """Return range errors between returns of the same firings.
 
     Returns
     -------
@@ -60,23 +53,11 @@ def range_errors(original: Returns, decoded: Returns) -> dict[str, float]:
 
 
 def range_errors_of_points(original: Floats, decoded: Floats) -> dict[str, float]:
-    """Return range errors of codecs that decode points: against the nearest decoded point.
+    """Return the `range_errors` of decoded points (m, 3), in metres from the sensor.
 
     The range error of a return is the offset to its nearest decoded point along the ray. If k
     returns share a nearest point that was decoded m times, k - m returns are lost or m - k are
     added.
-
-    Parameters
-    ----------
-    original
-        Points of the returns, (n, 3), m, with the sensor at the origin.
-    decoded
-        (m, 3), in any order.
-
-    Returns
-    -------
-    dict
-        The keys of `range_errors`.
     """
     from pykdtree.kdtree import KDTree
 
@@ -95,22 +76,11 @@ def range_errors_of_points(original: Floats, decoded: Floats) -> dict[str, float
 
 
 def entropy_bits(noise: Floats, groups: NDArray[np.integer], step: float) -> float:
-    """Return the entropy, in bits, of noise quantised to steps: a lower bound for lossless coding.
+    """Return the entropy, in bits, of noise (n,) quantised to steps: a lower bound for lossless
+    coding.
 
-    Parameters
-    ----------
-    noise
-        (n,), in the unit of `step`.
-    groups
-        (n,), numbers from 0. The mean of each group (laser in a turn) is subtracted, since a codec
-        can learn it.
-    step
-        Quantisation step.
-
-    References
-    ----------
-    G. A. Miller, "Note on the bias of information estimates", 1955: the correction adds (number of
-    values - 1) / 2n nats.
+    The mean of each group (n,), a laser in a turn, is subtracted, since a codec can learn it. The
+    estimate has the bias correction of Miller 1955.
     """
     means = np.bincount(groups, noise) / np.maximum(np.bincount(groups), 1)
     counts = np.unique(np.rint((noise - means[groups]) / step), return_counts=True)[1]
@@ -127,16 +97,15 @@ def real_time_metrics(about: Mapping[str, Any], row: Mapping[str, Any]) -> dict[
     Parameters
     ----------
     about
-        Description of the coded cloud with ``turns`` and ``seconds``; the result is empty without
-        them.
+        Description of the coded cloud; the result is empty if it lacks ``turns`` or ``seconds``.
     row
         Result row with ``bytes``, ``encode_s`` and ``decode_s``.
 
     Returns
     -------
     dict
-        ``mbit_per_s``; ``encode_ms_per_turn``; ``encode_real_time``, the duration of the turns over
-        the encoding time; the same for decoding.
+        ``mbit_per_s``; ``encode_ms_per_turn``; ``encode_real_time``, duration of the turns over
+        encoding time; the same for decoding.
     """
     turns, seconds = about.get("turns"), about.get("seconds")
     if not turns or not seconds:

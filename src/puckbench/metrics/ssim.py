@@ -1,5 +1,3 @@
-"""Structural similarity index (SSIM) of two images."""
-
 from __future__ import annotations
 
 import numpy as np
@@ -13,22 +11,7 @@ _K1, _K2 = 0.01, 0.03
 
 
 def ssim(a: Floats, b: Floats, peak: float = 255.0) -> float:
-    """Return the mean structural similarity of two images, 1 if they are equal.
-
-    As in the paper: Gaussian window of 11 x 11 pixels with a standard deviation of 1.5, at
-    positions where it lies inside the image; K1 = 0.01, K2 = 0.03; no downsampling.
-
-    Parameters
-    ----------
-    a, b
-        Images, (h, w).
-    peak
-        Largest possible pixel value.
-
-    Raises
-    ------
-    InputError
-        The images differ in size or are smaller than the window.
+    """Return the mean structural similarity of two images (h, w), without downsampling.
 
     References
     ----------

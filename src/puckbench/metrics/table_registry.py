@@ -3,14 +3,14 @@
 A table is a function with its registration above it. Its docstring up to the first section is the
 caption::
 
-    @TABLES.register("machines", title="Machines and versions") def machines(metrics: pd.DataFrame)
-    -> pd.DataFrame:
+    @TABLES.register("machines", title="Machines and versions")
+    def machines(metrics: pd.DataFrame) -> pd.DataFrame:
         \"\"\"Machines on which times were measured.\"\"\"
 
 Parameters annotated as DataFrame are inputs: "metrics" (all results), "clouds", "residuals" and
 "scans" (measurements of all error models), "compared" (real walls and error models on the same
 rays), or the name of another table. An input with a default is passed only if the run has it. Other
-parameters are options. Planning imports these modules, so pandas is imported in functions.
+parameters are options. Planning imports these modules, so functions import pandas.
 """
 
 from __future__ import annotations
@@ -43,18 +43,18 @@ class TableEntry:
     Parameters
     ----------
     name
-        Of its files and its job.
+        Name of its files and its job.
     make
         Function from inputs and options, passed by keyword, to a DataFrame.
     title, category
         Heading and group in the report.
     number
-        Number of the table in a publication; empty for others.
+        Number of the table in a publication, or empty.
     needs
-        Conditions that a plan must meet besides the inputs, by name (`puckbench.planning.needs`).
-        They also give the options of `make`.
+        Conditions of a plan besides the inputs (`puckbench.planning.needs`), which also give the
+        options of `make`.
     gathered
-        Whether the workflow collects it from files of many jobs instead of from tables.
+        Whether the workflow collects the table from files of many jobs.
     """
 
     name: str
@@ -74,13 +74,12 @@ class TableEntry:
 
     @property
     def optional(self) -> tuple[str, ...]:
-        """Names of input tables that are used if a run has them."""
+        """Names of optional input tables."""
         may_lack = optional_parameters(self.make)
         return tuple(name for name in typed_parameters(self.make, "DataFrame") if name in may_lack)
 
     @property
     def caption(self) -> str:
-        """Caption in reStructuredText."""
         return caption_of(self.make)
 
 
@@ -88,7 +87,7 @@ TABLES: Registry[TableEntry] = Registry("table", "tables", make=TableEntry)
 
 
 def table_entry(name: str) -> TableEntry:
-    """Return the table of a name or ``path/to/file.py:function``; InputError if there is none."""
+    """Return the table of a name or ``path/to/file.py:function``; InputError if none exists."""
     return TABLES.get(name)
 
 

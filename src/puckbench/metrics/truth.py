@@ -27,11 +27,11 @@ class Truth:
     Parameters
     ----------
     reference
-        The coded cloud; its description has the frame.
+        The coded cloud.
     surface
         The true surface: a mesh in metres, or points in the reference's frame.
     seen
-        Points of the true surface that the coded points stand for; by default sampled on the mesh.
+        Visible points of the true surface; by default sampled on the mesh.
     clean
         The clean scan of the same rays, instead of `seen`.
     """
@@ -76,14 +76,13 @@ def truth_distortion(
 
     * A to B: from the visible points to the decoded cloud, as in
       `puckbench.metrics.geometry.distortion`.
-    * B to A: from each decoded point to the closest point of the mesh and, to plane, along the
-      normal of its triangle; without a mesh, to the visible points.
+    * B to A: from each decoded point to the closest point of the mesh and, to plane, along its
+      normal; without a mesh, to the visible points.
 
     Parameters
     ----------
     visible
-        Points, with true normals, on the part of the surface that the sensor saw. Surface that no
-        ray reached does not count as an error.
+        Points, with true normals, on the part of the surface that the sensor saw.
     mesh
         The true surface in the cloud's frame (`puckbench.geometry.closest.mesh_in_frame`), or None.
     decoded
@@ -92,12 +91,7 @@ def truth_distortion(
     Returns
     -------
     dict
-        The keys of `distortion` with the prefix ``truth_``; ``ab`` is from truth to decoded.
-
-    Raises
-    ------
-    InputError
-        As `distortion`.
+        The keys of `distortion` with the prefix ``truth_``.
     """
     errors = squared_errors(visible, decoded)
     return _to_truth(errors, mesh)
@@ -108,18 +102,11 @@ def scan_distortion(
     mesh: Mesh | SearchableMesh | None,
     decoded: Floats | DistinctPoints,
 ) -> dict[str, float]:
-    """Return `truth_distortion` of a scan and, with the prefix ``clean_``, `distortion` to its
-    clean scan.
+    """Return `truth_distortion` of a decoded scan and, with the prefix ``clean_``, its `distortion`
+    against the clean scan.
 
-    Distances from truth to decoded (``ab``) are equal in both. In the other direction decoded
-    points are compared with the surface, or with the points of the clean scan.
-
-    Parameters
-    ----------
-    clean
-        Intersections of the scan's rays with the surface, (n, 3), with true normals.
-    mesh, decoded
-        As in `truth_distortion`.
+    `clean` holds the intersections (n, 3) of the scan's rays with the surface, with true normals.
+    The distances to decoded points (``ab``) are equal in both.
     """
     errors = squared_errors(clean, decoded)
     to_points = {f"clean_{key}": value for key, value in summarise_errors(errors).items()}

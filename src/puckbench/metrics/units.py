@@ -1,5 +1,3 @@
-"""Convert distortions from squared units of a cloud to metres."""
-
 from __future__ import annotations
 
 import math
@@ -7,19 +5,8 @@ from collections.abc import Mapping
 
 
 def distortion_in_metres(values: Mapping[str, float], scale: float) -> dict[str, float]:
-    """Return root mean square errors and Hausdorff distances in metres.
-
-    Parameters
-    ----------
-    values
-        From `puckbench.metrics.geometry.distortion`, with or without a prefix.
-    scale
-        Units of the cloud per metre.
-
-    Returns
-    -------
-    dict
-        ``d1_rms_m`` from ``d1_mse``, ``hausdorff_point_m`` from ``hausdorff_point``, and so on.
+    """Return root mean square errors and Hausdorff distances in metres, from `distortion` with
+    `scale` units per metre: ``d1_rms_m`` from ``d1_mse``, for example.
     """
     roots = {
         name.removesuffix("_mse") + "_rms_m": math.sqrt(value) / scale

@@ -1,8 +1,6 @@
-"""Metrics of rendered views: PSNR and SSIM of six images of a cloud along the axes, as in PCC
-Arena.
+"""Metrics of six rendered views of a cloud along the axes, as in PCC Arena.
 
-PCC Arena renders in a window of Open3D. This renderer draws discs with a depth buffer, needs no
-display and gives the same pixels on every machine.
+Discs with a depth buffer give the same pixels on every machine and need no display.
 """
 
 from __future__ import annotations
@@ -29,11 +27,10 @@ _LUMA = np.array([0.2126, 0.7152, 0.0722])
 def view_metrics(
     reference: PointCloud, decoded: PointCloud, pixels: int = PIXELS, radius: int | None = None
 ) -> dict[str, float]:
-    """Return PSNR and SSIM of six rendered views of a decoded cloud against those of its reference.
+    """Return PSNR and SSIM of six views of a decoded cloud against those of its reference.
 
-    If both clouds have colours, the images show luma (BT.709), else depth from the near side of the
-    reference's bounding box. As in PCC Arena the background counts, so only codecs on one cloud can
-    be compared.
+    The images show luma (BT.709) if both clouds have colours, else depth from the near side of the
+    reference's bounding box. The background counts, so only codecs on one cloud can be compared.
 
     Parameters
     ----------
@@ -47,13 +44,8 @@ def view_metrics(
     Returns
     -------
     dict
-        ``view_psnr``, dB, over the pixels of all images with a peak of 255, infinite if they are
-        equal; ``view_ssim``, mean over the images; ``view_pixels``; ``view_radius``.
-
-    Raises
-    ------
-    InputError
-        A cloud is empty, or images are smaller than SSIM's window.
+        ``view_psnr``, dB, over the pixels of all images with a peak of 255; ``view_ssim``, mean
+        over the images; ``view_pixels``; ``view_radius``.
     """
     check_points(decoded.xyz, "decoded cloud")
     if pixels < WINDOW:
@@ -77,21 +69,10 @@ def view_metrics(
 def view(
     cloud: PointCloud, axis: int, bounds: Floats, pixels: int, radius: int, coloured: bool
 ) -> Image:
-    """Render a grey image (pixels, pixels) of a cloud along an axis.
+    """Render a grey image (pixels, pixels) of a cloud along an axis: 0 to 5 from +x, -x, +y, -y,
+    +z, -z.
 
-    Parameters
-    ----------
-    cloud
-        The cloud.
-    axis
-        0 to 5: seen from +x, -x, +y, -y, +z, -z.
-    bounds
-        Corners of the box to show, (2, 3); its longest side fills the image except for margins of 2
-        %.
-    pixels, radius
-        As in `view_metrics`.
-    coloured
-        Show luma instead of depth.
+    The longest side of `bounds` (2, 3) fills the image except for margins of 2 %.
     """
     direction = np.array(_AXES[axis], dtype=np.float64)
     centre, extent = bounds.mean(axis=0), float(np.ptp(bounds, axis=0).max()) or 1.0
@@ -106,10 +87,8 @@ def view(
 
 
 def closing_radius(points: Floats, pixels: int) -> int:
-    """Return a disc radius in pixels that closes most gaps between the points of a surface.
-
-    It is twice the median nearest-neighbour distance, since gaps of a random sample exceed that
-    distance, and at least 1.
+    """Return a disc radius in pixels that closes most gaps between the points of a surface: twice
+    the median nearest-neighbour distance, at least 1.
     """
     from puckbench.metrics.density import density
 

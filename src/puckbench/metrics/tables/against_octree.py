@@ -1,5 +1,3 @@
-"""The table ``against_octree``: bits of every codec against those of G-PCC's octree coder."""
-
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
@@ -40,16 +38,6 @@ def against_octree(metrics: pd.DataFrame) -> pd.DataFrame:
     of a rate that returns as many points as it was given, with at most the error of rounding to the
     grid; its anchor is ``gpcc_lossless``, which keeps duplicate points, if the run has it. Empty:
     no rate reaches the error. ``coarsest_mm`` and ``finest_mm``: range of the errors of all rates.
-
-    Parameters
-    ----------
-    metrics
-        All results of a run; scaled clouds are ignored.
-
-    Raises
-    ------
-    InputError
-        No cloud is in metres.
     """
     import pandas as pd
 
@@ -96,15 +84,7 @@ def _bits(curve: pd.DataFrame) -> list[float]:
 
 
 def bits_without_loss(curve: pd.DataFrame, grid_mm: float) -> float:
-    """Return the fewest bits on a grid among the rates that keep every point; nan if there is none.
-
-    Parameters
-    ----------
-    curve
-        Result rows (``bpp``, ``error_mm``, ``points_in``, ``points_out``) of a codec and a cloud.
-    grid_mm
-        Step of the grid.
-    """
+    """Return the fewest bits of a codec's rates on a grid that keep every point of a cloud, or nan."""
     complete = curve[curve["points_out"] == curve["points_in"]]
     return bits_on_grid(complete["bpp"], complete["error_mm"], grid_mm)
 

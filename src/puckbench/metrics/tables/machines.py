@@ -1,5 +1,3 @@
-"""The table ``machines``: run environments in which times were measured."""
-
 from __future__ import annotations
 
 from typing import TYPE_CHECKING

@@ -1,5 +1,3 @@
-"""The table ``noise_bits``: bits that the sensor's noise costs, from scans of the same rays."""
-
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
@@ -32,17 +30,6 @@ def noise_bits(metrics: pd.DataFrame, clouds: pd.DataFrame) -> pd.DataFrame:
     ``at_5_mm``: at a D1 root mean square error of 5 mm, interpolated linearly between rates in log
     bits and log error. ``added_...``: difference to the error model with the least noise.
     ``models``: number of error models of the rays.
-
-    Parameters
-    ----------
-    metrics, clouds
-        All results and clouds of a run. Scaled clouds, recordings (no ``noise_bits``) and rays with
-        a single error model are ignored.
-
-    Raises
-    ------
-    InputError
-        No rays were scanned under several error models.
     """
     import pandas as pd
 
@@ -76,9 +63,7 @@ def _bits(curve: pd.DataFrame) -> dict[str, Any]:
 
 
 def _scans_of_several_models(clouds: pd.DataFrame) -> pd.DataFrame:
-    """Return clouds whose rays were scanned under several error models, with a number for equal
-    rays.
-    """
+    """Select clouds whose rays were scanned under several error models, and number equal rays."""
     if not {*_CLOUD, "sensor", "error_model", "noise_bits"} <= set(clouds):
         raise InputError("clouds table: no cloud has an entropy of noise (column noise_bits)")
     noisy = clouds.dropna(subset=["noise_bits"])

@@ -1,5 +1,3 @@
-"""Tables of Bjontegaard deltas against an anchor codec, for each cloud and for each data set."""
-
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -45,29 +43,16 @@ def bd_rate_clouds(
 
     Parameters
     ----------
-    metrics
-        All results of a run.
-    anchor
-        Codec that the others are compared with.
     qualities
-        Metrics to compare, as columns of the results. A column that ends in ``_psnr`` is in dB; any
-        other is a squared distance d with the quality -10 log10 d.
+        Columns of the results to compare: in dB if they end in ``_psnr``, else squared distances d
+        with the quality -10 log10 d.
 
     Returns
     -------
     pd.DataFrame
-        A row for each data set, metric, codec and cloud: ``dataset``, ``metric``, ``codec``,
-        ``anchor``, ``cloud``, ``bd_rate_percent``, ``bd_rate_status``, ``bd_quality_db``,
-        ``bd_quality_status``, ``shared_range`` (see
-        `puckbench.metrics.bjontegaard.BjontegaardDelta`), ``points`` and ``anchor_points`` of the
-        curves, ``dropped``, ``anchor_dropped``, ``lossless`` and ``anchor_lossless`` (numbers of
-        rates left out), ``log_ratio``.
-
-    Raises
-    ------
-    InputError
-        The anchor or a column is not in the table, there is no other codec, or PSNRs of a cloud
-        have several peaks.
+        ``shared_range`` is `BjontegaardDelta.overlap`; ``points``, ``dropped`` and ``lossless``,
+        with ``anchor_`` also for the anchor, count the points of a curve, dominated points and
+        lossless rates.
     """
     import pandas as pd
 
@@ -101,28 +86,17 @@ def bd_rate(
     Clouds whose curves have less than half of the shorter range in common, and lossless rates, are
     counted but not averaged.
 
-    Parameters
-    ----------
-    metrics, anchor, qualities
-        As in `bd_rate_clouds`.
-    resamples, seed
-        Of the bootstrap.
-
     Returns
     -------
     pd.DataFrame
-        A row for each data set, metric and codec. ``clouds`` have results of both codecs;
-        ``compared`` of them have a BD-rate, while ``no_common_range``, ``little_overlap`` and
-        ``too_few_points`` have not.
+        ``clouds`` have results of both codecs; ``compared`` of them have a BD-rate, unlike
+        ``no_common_range``, ``little_overlap`` and ``too_few_points``.
 
         * ``bd_rate_percent``: from the mean log rate ratio of the clouds, so that swapping codec
-          and anchor inverts it; ``..._arithmetic``: mean of the percentages; ``..._median``,
-          ``..._q25``, ``..._q75``, ``..._least``, ``..._most``: over clouds.
+          and anchor inverts it; ``..._arithmetic``: mean of the percentages.
         * ``bd_quality_db``: mean over ``quality_compared`` clouds with a common range of rates.
-        * ``..._low``, ``..._high``: 95 % percentile bootstrap interval of these means over clouds;
-          missing below three clouds and too narrow for few.
-        * ``shared_range``: median; ``dropped``, ``anchor_dropped``, ``lossless``,
-          ``anchor_lossless``: sums.
+        * ``..._low``, ``..._high``: bootstrap interval, missing below three clouds.
+        * ``shared_range``: median; ``dropped``, ``lossless``: sums.
     """
     import pandas as pd
 
@@ -143,10 +117,8 @@ def log_ratios(metrics: pd.DataFrame, anchor: str, tested: str, quality: str) ->
 
 
 def is_below_zero(differences: Floats, seed: int = 0) -> bool:
-    """Return whether paired differences (n,) are significantly negative: the 95 % interval of their
-    mean.
-
-    With too few values for a bootstrap, all must be negative.
+    """Return whether the 95 % interval of the mean of paired differences (n,) is negative; if there
+    are too few for a bootstrap, whether all are negative.
     """
     rng = generator(seed, "paired differences")
     high = bootstrap_interval(differences, RESAMPLES, rng)[1]
@@ -193,7 +165,7 @@ def _quality(metrics: pd.DataFrame, column: str) -> Floats:
 
 
 def _against(part: pd.DataFrame, anchor: str) -> list[dict[str, Any]]:
-    """Return a row for each other codec on one cloud; none if the anchor has no result there."""
+    """Return a row for each other codec on one cloud; none without a result of the anchor."""
     curves = {str(codec): _curve(rows) for codec, rows in part.groupby("codec", sort=False)}
     if anchor not in curves:
         return []
@@ -280,9 +252,7 @@ def _percent(log_ratio: float) -> float:
 def bootstrap_interval(
     values: Floats, resamples: int, rng: np.random.Generator
 ) -> tuple[float, float]:
-    """Return the 95 % percentile bootstrap interval of the mean of `values` (n,); nan below three
-    values.
-    """
+    """Return the 95 % percentile bootstrap interval of the mean of `values` (n,), or nan for n < 3."""
     if len(values) < MIN_CLOUDS:
         return np.nan, np.nan
     drawn = rng.integers(0, len(values), (resamples, len(values)))

@@ -1,5 +1,3 @@
-"""The table ``rates``: bytes, errors and times of every codec at every rate."""
-
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
@@ -22,11 +20,6 @@ def rates(metrics: pd.DataFrame) -> pd.DataFrame:
     empty for clouds that were not read from files. ``rms_mm``, ``largest_mm``: root mean square
     and largest distance, in mm, of the worse direction of D1 (decoded points to the nearest coded
     ones, and back). ``encode_s``, ``decode_s``: sums over the clouds.
-
-    Parameters
-    ----------
-    metrics
-        All results of a run.
     """
     import pandas as pd
 

@@ -1,5 +1,3 @@
-"""The table ``storage``: size, error and speed of every codec on a sensor's data."""
-
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
@@ -46,16 +44,6 @@ def storage(metrics: pd.DataFrame) -> pd.DataFrame:
     milliseconds per turn, and speed relative to the sensor on one thread (2: twice as fast as the
     sensor turns). ``bits_at_5_mm``: bits per return at a D1 root mean square error of 5 mm,
     interpolated linearly between rates in log bits and log error; empty if no rates enclose it.
-
-    Parameters
-    ----------
-    metrics
-        All results of a run; scaled clouds are ignored.
-
-    Raises
-    ------
-    InputError
-        No cloud is in metres.
     """
     import pandas as pd
 
@@ -101,17 +89,13 @@ def _kept(error_mm: float) -> str:
 
 
 def rounding_mm(grid_mm: float) -> float:
-    """Return the root mean square error of rounding x, y and z to a grid, half a step, with
-    tolerance.
-    """
+    """Return the root mean square error, with tolerance, of points rounded to a grid."""
     return _ROUNDING * grid_mm / 2
 
 
 def bits_at_error(bits: pd.Series[float], error_mm: pd.Series[float], at_mm: float) -> float:
-    """Return the bits at an error, interpolated in log bits and log error; nan outside the rates'
-    errors.
-
-    Lossless rates are ignored.
+    """Return the bits at an error, interpolated between lossy rates in log bits and log error, or
+    nan.
     """
     error, rate = error_mm.to_numpy(float), bits.to_numpy(float)
     lossy = error > 0
