@@ -50,11 +50,11 @@ class BjontegaardDelta:
     Parameters
     ----------
     log_ratio
-        Mean of ln(rate / anchor rate) at equal quality, or None.
+        Mean of ln(rate / anchor rate) at equal quality.
     quality_db
-        Mean difference in quality at equal rate, or None.
+        Mean difference in quality at equal rate.
     rate_status, quality_status
-        `COMPARED`, or the reason for None.
+        `COMPARED`, or why the delta is None.
     overlap
         Common range of quality as a share of the shorter curve's range.
     """

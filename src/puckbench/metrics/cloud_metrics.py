@@ -15,19 +15,11 @@ def geometry_metrics(
     decoded: Floats | DistinctPoints,
     peak: float | None = None,
 ) -> dict[str, float]:
-    """Return all geometry metrics in the reference's units, as PSNRs and in metres (D1 and D2 also
-    in mm²).
+    """Return all geometry metrics in the reference's units, as PSNRs and in metres.
 
-    Errors that rounding explains are set to 0 and marked by the entry ``lossless``.
-
-    Parameters
-    ----------
-    reference
-        The original cloud; D2 needs its normals.
-    decoded
-        (m, 3), in the reference's frame.
-    peak
-        Peak of the D1 and D2 PSNRs in the reference's units, by default `PointCloud.peak`.
+    Errors that rounding explains are set to 0 and marked by the entry ``lossless``. The peak of the
+    D1 and D2 PSNRs is in the reference's units, by default `PointCloud.peak`. D2 needs the
+    reference's normals.
     """
     from puckbench.metrics.geometry import ReferenceCloud, distortion
     from puckbench.metrics.lossless import without_rounding
@@ -52,7 +44,7 @@ def picture_metrics(
     reference: PointCloud, decoded: PointCloud, pixels: int, geometry: Mapping[str, float]
 ) -> dict[str, float]:
     """Return metrics of views of `pixels` width (none for 0) and, if both clouds have colours, of
-    colour, with the joint metric of colour and the `geometry_metrics`.
+    colour.
     """
     values: dict[str, float] = {}
     if pixels:

@@ -58,15 +58,11 @@ def luminance_distance(a: Floats, b: Floats) -> float:
 
 
 def joint_quality(distortion: Mapping[str, float], colour: Mapping[str, float]) -> float:
-    """Return PCC Arena's joint metric of ``cd_plane`` and ``luminance_l2``; lower is better.
+    """Return the joint metric of ``cd_plane`` and ``luminance_l2`` (Viola, Subramanyam and Cesar
+    2020), lower is better, in PCC Arena's form without its integer division.
 
-    The Chamfer distance is in squared units, so values of clouds of different scales cannot be
-    compared. PCC Arena's integer division, which makes the colour term 0, is corrected.
-
-    References
-    ----------
-    Viola, Subramanyam and Cesar 2020, "A color-based objective quality metric for point cloud
-    contents".
+    Values of clouds of different scales cannot be compared, since the Chamfer distance is in
+    squared units.
     """
     if "cd_plane" not in distortion:
         return math.nan

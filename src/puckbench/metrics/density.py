@@ -20,13 +20,10 @@ def density(points: Floats) -> dict[str, float]:
     Returns
     -------
     dict
-        Only ``duplicates`` if all points coincide.
-
-        * ``duplicates``: share of points that repeat the position of another point, which the other
-          values ignore.
+        * ``duplicates``: share of points that repeat the position of another point.
         * ``spacing_median``, ``spacing_q05``, ``spacing_q95``: distance to the nearest neighbour.
-        * ``density_median``, ``density_q05``, ``density_q95``: points per area, k / (pi r^2), where
-          r is the distance of the k-th neighbour.
+        * ``density_median``, ``density_q05``, ``density_q95``: k / (pi r^2), where r is the
+          distance of the k-th neighbour.
         * ``outliers``: share of points whose mean distance to the k neighbours exceeds the mean
           over all points by two standard deviations (Rusu et al. 2008).
     """
@@ -46,7 +43,6 @@ def density(points: Floats) -> dict[str, float]:
 
 
 def _neighbour_distances(points: Floats) -> Floats:
-    """Return distances (m, k), nearest first, of at most `QUERIES` points."""
     from pykdtree.kdtree import KDTree
 
     rows = np.arange(len(points))

@@ -15,8 +15,8 @@ ROUNDING = 1e-12
 def diameter(points: Floats) -> float:
     """Return the largest distance between two points of a cloud (n, 3), exactly.
 
-    The distance of a far pair excludes points near the centre; the remaining points are compared in
-    blocks with bounding boxes.
+    The length of a far pair excludes points near the centre; bounding boxes exclude most other
+    pairs.
     """
     check_points(points, "diameter")
     points = np.ascontiguousarray(points, dtype=np.float64)
@@ -46,7 +46,9 @@ def _far_pair(points: Floats) -> tuple[Floats, float]:
 
 @compiled
 def _largest_squared(points: Floats, largest: float) -> float:
-    """Return `largest` or, if larger, the largest squared distance among spatially sorted points."""
+    """Return `largest` or, if larger, the largest squared distance between spatially sorted
+    points.
+    """
     boxes = _boxes(points)
     for i in range(len(boxes)):
         for j in range(i + 1):

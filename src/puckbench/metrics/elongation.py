@@ -14,10 +14,8 @@ def elongation(points: Floats) -> float:
 
 
 def oriented_elongation(points: Floats) -> float:
-    """Return the elongation of Open3D's oriented bounding box, which the thesis used.
-
-    The box follows the principal axes of the convex hull's vertices, so its volume is not minimal.
-    A flat cloud has elongation 0.
+    """Return the elongation of Open3D's oriented bounding box, which the thesis used: its axes are
+    the principal axes of the convex hull's vertices.
     """
     from scipy.spatial import ConvexHull, QhullError
 

@@ -1,7 +1,6 @@
-"""D1 and D2, Chamfer and Hausdorff distances between an original and a decoded cloud.
+"""D1 and D2, Chamfer and Hausdorff distances (thesis section 2.4, equations 2.3 to 2.6).
 
-Thesis section 2.4, equations 2.3 to 2.6, with MPEG's pc_error as the reference for duplicate
-points, missing normals and equidistant neighbours.
+Duplicate points, missing normals and equidistant neighbours are treated as in MPEG's pc_error.
 """
 
 from __future__ import annotations
@@ -24,16 +23,8 @@ from puckbench.metrics.lossless import rounding
 
 @dataclass(frozen=True)
 class SquaredErrors:
-    """Squared errors of the points of a reference (A) and a decoded cloud (B).
-
-    Parameters
-    ----------
-    decoded
-        Distinct points of B, (m, 3).
-    ab_point, ba_point
-        Point to point, (n,) from A to B and (m,) from B to A.
-    ab_plane, ba_plane
-        Point to plane; None if the reference has no normals.
+    """Squared errors to point and to plane, (n,) from the reference (A) to the decoded cloud (B)
+    and (m,) back, and the distinct points (m, 3) of B.
     """
 
     decoded: Floats
@@ -57,7 +48,9 @@ class DistinctPoints:
 
 
 class ReferenceCloud:
-    """A reference cloud with its search index and checked normals, shared by several comparisons."""
+    """A reference cloud with its search index and checked normals, shared by several
+    comparisons.
+    """
 
     def __init__(self, cloud: PointCloud) -> None:
         self.cloud = cloud
@@ -89,13 +82,12 @@ def distortion(
 
     Duplicate points count once, with the normal of the first. Decoded points get their normals from
     the reference (`transfer_normals`). Point-to-plane errors are projected onto the nearest
-    neighbour's normal and averaged over equidistant neighbours. Results agree with pc_error, which
-    reads single precision, to about 1e-5.
+    neighbour's normal and averaged over equidistant neighbours.
 
     Parameters
     ----------
     reference
-        The original cloud (A); pass a `ReferenceCloud` to several comparisons.
+        The original cloud (A), a `ReferenceCloud` for several comparisons.
     decoded
         The decoded cloud (B), (m, 3), in the frame of A.
 
@@ -111,11 +103,6 @@ def distortion(
         * The same point to plane (eq. 2.6), if the reference has normals: ``_plane`` for ``_point``
           and ``d2_mse`` for ``d1_mse``.
         * ``points_a``, ``points_b``: numbers of distinct points.
-
-    Raises
-    ------
-    InputError
-        A cloud is empty or has values that are not finite.
     """
     return summarise_errors(squared_errors(reference, decoded))
 
@@ -142,7 +129,6 @@ def squared_errors(
 
 
 def summarise_errors(errors: SquaredErrors) -> dict[str, float]:
-    """Return the metrics of `distortion` from the squared errors."""
     values = _summary(errors.ab_point, errors.ba_point, "point", "d1_mse")
     if errors.ab_plane is not None and errors.ba_plane is not None:
         values |= _summary(errors.ab_plane, errors.ba_plane, "plane", "d2_mse")
@@ -179,7 +165,7 @@ def transfer_normals(normals: Floats, size: int, ab: Neighbours, ba: Neighbours)
     """Return normals (size, 3) of B from those of A (n, 3), by the rule of MPEG's pc_error.
 
     A point of B gets the mean, not normalised, of the normals of the points of A whose nearest
-    neighbours (`ab`) include it; without such points, that of its nearest neighbours in A (`ba`).
+    neighbour it is, else of its nearest neighbours in A.
     """
     sums, counts = _sums_of_takers(normals, size, ab.starts, ab.exact, ab.index)
     _add_own_nearest(normals, ba.starts, ba.exact, ba.index, sums, counts)

@@ -42,7 +42,9 @@ def without_rounding(errors: Mapping[str, float], limit: float) -> dict[str, flo
 
 
 def lossless_rows(metrics: pd.DataFrame) -> NDArray[np.bool_]:
-    """Return the mask (n,) of lossless result rows; without the column `LOSSLESS`, by their errors."""
+    """Return the mask (n,) of lossless result rows; rows without `LOSSLESS` are judged by their
+    errors.
+    """
     flags = metrics.get(LOSSLESS)
     by_error = np.zeros(len(metrics), bool)
     if {"hausdorff_point", "diameter"} <= set(metrics):
@@ -64,7 +66,7 @@ def with_lossless_best(metrics: pd.DataFrame) -> pd.DataFrame:
 
 
 def without_lossless(quantiles: pd.DataFrame) -> pd.DataFrame:
-    """Remove lossless values from quantiles of the rows of `with_lossless_best`."""
+    """Remove lossless values from quantiles of `with_lossless_best`."""
     psnrs = [name for name in map(str, quantiles) if "_psnr" in name]
     return quantiles.assign(**{n: quantiles[n].mask(quantiles[n] > MOST_DB) for n in psnrs})
 

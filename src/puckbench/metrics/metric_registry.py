@@ -28,16 +28,8 @@ METRICS: Registry[Metric] = Registry("metric", "further_metrics")
 def further_metrics(
     names: Iterable[str], reference: PointCloud, decoded: PointCloud, columns: Collection[str]
 ) -> dict[str, float]:
-    """Return the values of optional metrics.
-
-    Parameters
-    ----------
-    names
-        Registered names, or ``path/to/file.py:function``.
-    reference, decoded
-        The original and the decoded cloud.
-    columns
-        Existing columns, which raise an InputError if a metric returns them.
+    """Return the values of optional metrics, named by registration or ``path/to/file.py:function``;
+    InputError if one returns an entry of `columns`.
     """
     results: dict[str, float] = {}
     for name in names:

@@ -12,7 +12,7 @@ Parameters = dict[str, Any]
 
 
 def distances_to_primitive(primitive: Primitive, points: Floats) -> Floats:
-    """Return the distances (n,) of points (n, 3) to an unbounded plane, cylinder, sphere or cone."""
+    """Return distances (n,) of points (n, 3) to an unbounded plane, cylinder, sphere or cone."""
     return np.abs(_DISTANCES[primitive.kind](primitive.parameters, points))
 
 
@@ -22,9 +22,8 @@ def parameter_differences(true: Primitive, decoded: Primitive, centre: Floats) -
     Returns
     -------
     dict
-        ``angle_deg`` between normals or axes; ``position_m``, the distance of planes or axes at
-        `centre` (3,), a point on the true primitive, or of sphere centres or cone apexes;
-        ``radius_m`` and ``half_angle_deg``. Kinds without a parameter lack its key.
+        ``angle_deg`` between normals or axes; ``position_m`` of planes or axes at `centre` (3,), of
+        sphere centres or of cone apexes; ``radius_m``; ``half_angle_deg``.
     """
     return _DIFFERENCES[true.kind](true.parameters, decoded.parameters, centre)
 

@@ -1,5 +1,3 @@
-"""Recovery of geometric primitives, measured against the labels of a scene."""
-
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -53,9 +51,8 @@ def decoded_in_metres(surface: Mesh, cloud: PointCloud) -> Segmentation:
 
 
 def decoded_segmentation(mesh: Mesh, labels: Labels, points: Floats) -> Segmentation:
-    """Assign each of `points` (n, 3) to the closest object of a decoded surface.
-
-    A codec may split an object into several primitives; the largest by area represents it.
+    """Assign each of `points` (n, 3) to the closest object of a decoded surface, represented by its
+    largest primitive.
     """
     triangles = closest_surface_points(mesh, points).triangles
     primitive_ids = _largest_primitives(mesh.areas(), labels)
@@ -77,17 +74,16 @@ def recovery(true: Segmentation, decoded: Segmentation, points: Floats) -> list[
     kinds.
 
     Two primitives match if they are of one kind and the intersection of their points exceeds half
-    of the union. Primitives with fewer than `MIN_SHARE` of the points, freeform surfaces, and
-    decoded primitives that lie mostly on freeform surfaces do not count.
+    of the union. Primitives with fewer than `MIN_SHARE` of the points and primitives on freeform
+    surfaces do not count.
 
     Returns
     -------
     list of dict
         ``kind`` ("all" first); ``true``, ``found`` (decoded) and ``matched``, numbers of
-        primitives; ``precision`` = matched / found; ``recall`` = matched / true;
-        ``label_accuracy``, share of the points on true primitives that lie on the match. Medians
-        over matches: ``residual_m``, root mean square distance of a true primitive's points to the
-        match, and the keys of `parameter_differences`.
+        primitives; ``precision``; ``recall``; ``label_accuracy``, share of the points on true
+        primitives that lie on the match. Medians over matches: ``residual_m``, root mean square
+        distance of a true primitive's points to the match, and `parameter_differences`.
     """
     table = _Overlaps.of(true, decoded)
     pairs = [_pair(true, decoded, points, *pair) for pair in table.matches]

@@ -14,18 +14,8 @@ if TYPE_CHECKING:
 
 
 def range_errors(original: Returns, decoded: Returns) -> dict[str, float]:
-    """Return range errors between returns of the same firings.
-
-    Returns
-    -------
-    dict
-        ``range_rms_mm`` and ``range_max_mm`` over firings with a return in both; ``returns_lost``;
-        ``returns_added``.
-
-    Raises
-    ------
-    InputError
-        The numbers of turns, columns or lasers differ.
+    """Return range errors in mm over firings with a return in both scans, and numbers of lost and
+    added returns; InputError unless both have the same firings.
     """
     pairs = list(zip(original.turns, decoded.turns, strict=False))
     if len(original.turns) != len(decoded.turns) or any(
@@ -56,8 +46,7 @@ def range_errors_of_points(original: Floats, decoded: Floats) -> dict[str, float
     """Return the `range_errors` of decoded points (m, 3), in metres from the sensor.
 
     The range error of a return is the offset to its nearest decoded point along the ray. If k
-    returns share a nearest point that was decoded m times, k - m returns are lost or m - k are
-    added.
+    returns share a point that was decoded m times, k - m returns are lost or m - k are added.
     """
     from pykdtree.kdtree import KDTree
 
@@ -76,11 +65,10 @@ def range_errors_of_points(original: Floats, decoded: Floats) -> dict[str, float
 
 
 def entropy_bits(noise: Floats, groups: NDArray[np.integer], step: float) -> float:
-    """Return the entropy, in bits, of noise (n,) quantised to steps: a lower bound for lossless
-    coding.
+    """Return the entropy, in bits, of noise (n,) quantised to steps, with Miller's bias correction
+    (1955): a lower bound for lossless coding.
 
-    The mean of each group (n,), a laser in a turn, is subtracted, since a codec can learn it. The
-    estimate has the bias correction of Miller 1955.
+    The mean of each group (n,), a laser in a turn, is subtracted, since a codec can learn it.
     """
     means = np.bincount(groups, noise) / np.maximum(np.bincount(groups), 1)
     counts = np.unique(np.rint((noise - means[groups]) / step), return_counts=True)[1]
@@ -94,18 +82,8 @@ def entropy_bits(noise: Floats, groups: NDArray[np.integer], step: float) -> flo
 def real_time_metrics(about: Mapping[str, Any], row: Mapping[str, Any]) -> dict[str, float]:
     """Return the bitrate at the sensor's speed and the coding speed in turns of the sensor.
 
-    Parameters
-    ----------
-    about
-        Description of the coded cloud; the result is empty if it lacks ``turns`` or ``seconds``.
-    row
-        Result row with ``bytes``, ``encode_s`` and ``decode_s``.
-
-    Returns
-    -------
-    dict
-        ``mbit_per_s``; ``encode_ms_per_turn``; ``encode_real_time``, duration of the turns over
-        encoding time; the same for decoding.
+    ``encode_real_time`` and ``decode_real_time`` are the duration of the turns over the coding
+    time. The result is empty if the description `about` lacks ``turns`` or ``seconds``.
     """
     turns, seconds = about.get("turns"), about.get("seconds")
     if not turns or not seconds:

@@ -11,12 +11,8 @@ _K1, _K2 = 0.01, 0.03
 
 
 def ssim(a: Floats, b: Floats, peak: float = 255.0) -> float:
-    """Return the mean structural similarity of two images (h, w), without downsampling.
-
-    References
-    ----------
-    Wang, Bovik, Sheikh and Simoncelli 2004, "Image quality assessment: from error visibility to
-    structural similarity".
+    """Return the mean structural similarity of two images (h, w), without downsampling (Wang,
+    Bovik, Sheikh and Simoncelli 2004).
     """
     if a.shape != b.shape or min(a.shape) < WINDOW:
         raise InputError(
@@ -33,7 +29,6 @@ def ssim(a: Floats, b: Floats, peak: float = 255.0) -> float:
 
 
 def _smoothed(values: Floats) -> Floats:
-    """Return weighted means over the window, (h - 10, w - 10)."""
     from scipy.ndimage import correlate1d
 
     half = WINDOW // 2

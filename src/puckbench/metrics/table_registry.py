@@ -42,12 +42,8 @@ class TableEntry:
 
     Parameters
     ----------
-    name
-        Name of its files and its job.
     make
         Function from inputs and options, passed by keyword, to a DataFrame.
-    title, category
-        Heading and group in the report.
     number
         Number of the table in a publication, or empty.
     needs
@@ -67,14 +63,12 @@ class TableEntry:
 
     @property
     def inputs(self) -> tuple[str, ...]:
-        """Names of required input tables."""
         return tuple(
             name for name in typed_parameters(self.make, "DataFrame") if name not in self.optional
         )
 
     @property
     def optional(self) -> tuple[str, ...]:
-        """Names of optional input tables."""
         may_lack = optional_parameters(self.make)
         return tuple(name for name in typed_parameters(self.make, "DataFrame") if name in may_lack)
 

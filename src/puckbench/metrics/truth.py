@@ -1,5 +1,3 @@
-"""Distortion of decoded clouds against the true surface instead of its noisy scan."""
-
 from __future__ import annotations
 
 from dataclasses import replace
@@ -26,12 +24,10 @@ class Truth:
 
     Parameters
     ----------
-    reference
-        The coded cloud.
     surface
-        The true surface: a mesh in metres, or points in the reference's frame.
+        A mesh in metres, or points in the reference's frame.
     seen
-        Visible points of the true surface; by default sampled on the mesh.
+        Visible points of the surface; by default sampled on the mesh.
     clean
         The clean scan of the same rays, instead of `seen`.
     """
@@ -72,26 +68,15 @@ def truth_distortion(
     mesh: Mesh | SearchableMesh | None,
     decoded: Floats | DistinctPoints,
 ) -> dict[str, float]:
-    """Return the distortion of a decoded cloud (B) against the true surface (A).
+    """Return `distortion`, with the prefix ``truth_``, of a decoded cloud (B) against the true
+    surface (A).
 
-    * A to B: from the visible points to the decoded cloud, as in
-      `puckbench.metrics.geometry.distortion`.
+    * A to B: from `visible`, points with true normals on the part of the surface that the sensor
+      saw, to the decoded cloud.
     * B to A: from each decoded point to the closest point of the mesh and, to plane, along its
       normal; without a mesh, to the visible points.
 
-    Parameters
-    ----------
-    visible
-        Points, with true normals, on the part of the surface that the sensor saw.
-    mesh
-        The true surface in the cloud's frame (`puckbench.geometry.closest.mesh_in_frame`), or None.
-    decoded
-        (m, 3), in the cloud's frame.
-
-    Returns
-    -------
-    dict
-        The keys of `distortion` with the prefix ``truth_``.
+    All arguments are in the cloud's frame.
     """
     errors = squared_errors(visible, decoded)
     return _to_truth(errors, mesh)
@@ -103,10 +88,8 @@ def scan_distortion(
     decoded: Floats | DistinctPoints,
 ) -> dict[str, float]:
     """Return `truth_distortion` of a decoded scan and, with the prefix ``clean_``, its `distortion`
-    against the clean scan.
-
-    `clean` holds the intersections (n, 3) of the scan's rays with the surface, with true normals.
-    The distances to decoded points (``ab``) are equal in both.
+    against the clean scan: the intersections (n, 3) of its rays with the surface, with true
+    normals.
     """
     errors = squared_errors(clean, decoded)
     to_points = {f"clean_{key}": value for key, value in summarise_errors(errors).items()}
@@ -123,7 +106,6 @@ def _to_truth(errors: SquaredErrors, mesh: Mesh | SearchableMesh | None) -> dict
 
 
 def _to_mesh(errors: SquaredErrors, mesh: Mesh | SearchableMesh) -> SquaredErrors:
-    """Replace the errors from decoded to truth by those to the mesh."""
     surface = closest_surface_points(mesh, errors.decoded)
     offset = errors.decoded - surface.xyz
     along_normal = np.einsum("ij,ij->i", offset, surface.normals)

@@ -27,25 +27,11 @@ _LUMA = np.array([0.2126, 0.7152, 0.0722])
 def view_metrics(
     reference: PointCloud, decoded: PointCloud, pixels: int = PIXELS, radius: int | None = None
 ) -> dict[str, float]:
-    """Return PSNR and SSIM of six views of a decoded cloud against those of its reference.
+    """Return PSNR (dB) and SSIM of six views of a decoded cloud against those of its reference.
 
-    The images show luma (BT.709) if both clouds have colours, else depth from the near side of the
-    reference's bounding box. The background counts, so only codecs on one cloud can be compared.
-
-    Parameters
-    ----------
-    reference, decoded
-        The clouds, in one frame.
-    pixels
-        Width and height of an image.
-    radius
-        Radius of the discs, pixels; None for `closing_radius` of the reference.
-
-    Returns
-    -------
-    dict
-        ``view_psnr``, dB, over the pixels of all images with a peak of 255; ``view_ssim``, mean
-        over the images; ``view_pixels``; ``view_radius``.
+    Images (pixels, pixels) of discs with a radius in pixels, by default `closing_radius`, show luma
+    (BT.709) if both clouds have colours, else depth from the near side of the reference's bounding
+    box. The background counts, so only codecs on one cloud can be compared.
     """
     check_points(decoded.xyz, "decoded cloud")
     if pixels < WINDOW:

@@ -84,7 +84,7 @@ def _bits(curve: pd.DataFrame) -> list[float]:
 
 
 def bits_without_loss(curve: pd.DataFrame, grid_mm: float) -> float:
-    """Return the fewest bits of a codec's rates on a grid that keep every point of a cloud, or nan."""
+    """Return the fewest bits on a grid among the rates that keep every point of a cloud, or nan."""
     complete = curve[curve["points_out"] == curve["points_in"]]
     return bits_on_grid(complete["bpp"], complete["error_mm"], grid_mm)
 

@@ -44,15 +44,14 @@ def bd_rate_clouds(
     Parameters
     ----------
     qualities
-        Columns of the results to compare: in dB if they end in ``_psnr``, else squared distances d
-        with the quality -10 log10 d.
+        Columns of the results: in dB if they end in ``_psnr``, else squared distances d with the
+        quality -10 log10 d.
 
     Returns
     -------
     pd.DataFrame
-        ``shared_range`` is `BjontegaardDelta.overlap`; ``points``, ``dropped`` and ``lossless``,
-        with ``anchor_`` also for the anchor, count the points of a curve, dominated points and
-        lossless rates.
+        ``shared_range`` is `BjontegaardDelta.overlap`; ``points``, ``dropped`` and ``lossless``
+        count points of a curve, dominated points and lossless rates.
     """
     import pandas as pd
 
@@ -89,14 +88,9 @@ def bd_rate(
     Returns
     -------
     pd.DataFrame
-        ``clouds`` have results of both codecs; ``compared`` of them have a BD-rate, unlike
-        ``no_common_range``, ``little_overlap`` and ``too_few_points``.
-
-        * ``bd_rate_percent``: from the mean log rate ratio of the clouds, so that swapping codec
-          and anchor inverts it; ``..._arithmetic``: mean of the percentages.
-        * ``bd_quality_db``: mean over ``quality_compared`` clouds with a common range of rates.
-        * ``..._low``, ``..._high``: bootstrap interval, missing below three clouds.
-        * ``shared_range``: median; ``dropped``, ``lossless``: sums.
+        ``bd_rate_percent`` comes from the mean log rate ratio of the ``compared`` clouds, so that
+        swapping codec and anchor inverts it; ``..._arithmetic`` is the mean of the percentages.
+        ``shared_range`` is a median; ``dropped`` and ``lossless`` are sums.
     """
     import pandas as pd
 
@@ -165,7 +159,6 @@ def _quality(metrics: pd.DataFrame, column: str) -> Floats:
 
 
 def _against(part: pd.DataFrame, anchor: str) -> list[dict[str, Any]]:
-    """Return a row for each other codec on one cloud; none without a result of the anchor."""
     curves = {str(codec): _curve(rows) for codec, rows in part.groupby("codec", sort=False)}
     if anchor not in curves:
         return []
@@ -177,7 +170,6 @@ def _against(part: pd.DataFrame, anchor: str) -> list[dict[str, Any]]:
 
 
 def _curve(rows: pd.DataFrame) -> tuple[RateDistortionCurve, int]:
-    """Return a codec's curve on a cloud and the number of its lossless rates."""
     result = rate_distortion_curve(rows["bpp"].to_numpy(float), rows["quality"].to_numpy(float))
     return result, int(rows[LOSSLESS].sum())
 
@@ -252,7 +244,7 @@ def _percent(log_ratio: float) -> float:
 def bootstrap_interval(
     values: Floats, resamples: int, rng: np.random.Generator
 ) -> tuple[float, float]:
-    """Return the 95 % percentile bootstrap interval of the mean of `values` (n,), or nan for n < 3."""
+    """Return the 95 % percentile bootstrap interval of the mean of `values` (n,); nan for n < 3."""
     if len(values) < MIN_CLOUDS:
         return np.nan, np.nan
     drawn = rng.integers(0, len(values), (resamples, len(values)))
