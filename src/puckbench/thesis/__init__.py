@@ -1,1 +1,1 @@
-"""The thesis: its claims, its published numbers, its residual study and its figures."""
+"""Claims, published numbers, residual study and figures of the thesis."""

@@ -1,5 +1,5 @@
-"""Checklist of the thesis's figures and tables, with their states and the commands that
-make them.
+"""Checklist of the thesis's figures and tables: the state of each, and the command that
+makes it.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ _CHAPTER_5, _CHAPTER_5_RESULTS = "config/chapter5.yaml", Path("results/chapter5"
 
 @dataclass(frozen=True)
 class Item:
-    """A figure or table, which is done, stale, missing, impossible or unplanned.
+    """A figure or table with its state: done, stale, missing, impossible or unplanned.
 
-    `note` is its file, the command that makes it, or the reason why there is none.
+    `note` is its file, the command that makes it, or the reason for its absence.
     """
 
     title: str
@@ -42,9 +42,7 @@ class Item:
 
 @dataclass(frozen=True)
 class Reproduction:
-    """A configuration file, and the options of Snakemake; `changes` replaces top-level keys of the
-    file.
-    """
+    """A configuration file, and the options with which Snakemake runs it."""
 
     path: Path
     snakefile: Path
@@ -53,7 +51,6 @@ class Reproduction:
 
     @cached_property
     def config(self) -> Config:
-        """The validated configuration; raises InputError if it is invalid."""
         for path in (self.path, self.snakefile):
             if not path.is_file():
                 raise InputError(f"{path}: no such file (run this in puckbench's folder)")
@@ -83,9 +80,7 @@ class Reproduction:
         return stages_of(self.bench)
 
     def command(self, *targets: str) -> list[str]:
-        """Return the words of a Snakemake command, targets first, since an option takes all words
-        after it.
-        """
+        """Return a Snakemake command, targets first, since an option takes all words after it."""
         words = ["snakemake", *targets, "--cores", str(self.cores), "--configfile", str(self.path)]
         settings = [f"{key}={str(value).lower()}" for key, value in self.changes.items()]
         return [*words, *(["--config", *settings] if settings else [])]
@@ -93,8 +88,7 @@ class Reproduction:
     def items(self, pending: Collection[str] | None = None) -> list[Item]:
         """Return every figure and table of the thesis with its state.
 
-        `pending` lists the files that Snakemake would make. By default file times decide, which do
-        not show changes of code or parameters.
+        `pending` lists the files that Snakemake would make; by default file times decide.
         """
         tables = {n: f"Table {e.number}" for n, e in table_entries().items() if e.number}
         figures = {n: f"Figure {e.number}" for n, e in figure_entries().items() if e.number}
@@ -125,7 +119,6 @@ class Reproduction:
         return Item(title, name, "missing", shlex.join(chapter_5.command(str(chapter_5_file))))
 
     def _scenes_of(self, name: str) -> list[str]:
-        """Return the scene sets that a figure is made from; none for tables."""
         inputs = figure_entry(name).inputs if name in FIGURES else ()
         datasets, examples = self.config.datasets, self.config.figures.examples.given()
         kinds = [each.removeprefix("example_") for each in inputs]

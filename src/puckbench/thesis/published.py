@@ -1,7 +1,5 @@
-"""Numbers of the thesis's chapter 5, from its text, its figures, and the pictures and notebooks of
-its author's repository (branislavjenco/thesis-code).
-
-Of the real residuals only these moments are published.
+"""Numbers of thesis chapter 5, printed or from its author's repository
+(branislavjenco/thesis-code).
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Numbers of the thesis's chapter 6: medians read off its Figure 6.5 (published_rates.yaml)."""
+"""Medians of thesis chapter 6, read off its Figure 6.5 (published_rates.yaml)."""
 
 from __future__ import annotations
 
@@ -13,9 +13,8 @@ _DISTANCES = ("cd_plane", "hausdorff_sq_plane")
 
 
 def median_rows() -> Iterator[dict[str, Any]]:
-    """Yield the medians as result rows by roles of ``dataset`` and ``codec``, and by rate.
-
-    Only the first and last rate have a ``bpp``.
+    """Yield the medians as result rows by role of data set and codec, and by rate; only the first
+    and last rate have a ``bpp``.
     """
     import yaml
 

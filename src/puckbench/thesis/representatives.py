@@ -38,8 +38,8 @@ _CLASSES: dict[str, tuple[type[Codec], ...]] = {
 def dataset_roles(plan: Plan) -> dict[str, str]:
     """Return the roles of the data sets, except clouds in metres.
 
-    Scans are clean if their error model is ``none``, else noisy. Recorded clouds are rooms, and so
-    are samples of scenes that another data set scans; other samples are objects.
+    Scans are clean without an error model, else noisy. Recorded clouds and samples of scanned
+    scenes are rooms; other samples are objects.
     """
     sources = {name: _source(plan.scenes[data.scenes]) for name, data in plan.datasets.items()}
     scaled = {
@@ -64,10 +64,9 @@ def _dataset_role(settings: DataSetConfig, is_scanned: bool) -> str:
 
 
 def codec_role(codec: Codec) -> str:
-    """Return which of the thesis's codecs a codec represents; empty if none.
+    """Return which of the thesis's codecs a codec represents, or an empty text.
 
-    G-PCC's octree, without a sensor or options for spinning sensors, represents `GPCC_AS_RUN` with
-    truncated coordinates, else `GPCC`. Codecs based on another one represent none.
+    G-PCC's plain octree represents `GPCC_AS_RUN` with truncated coordinates, else `GPCC`.
     """
     if codec.based_on or (isinstance(codec, Draco) and codec.options.method == "sequential"):
         return ""

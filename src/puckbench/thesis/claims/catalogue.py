@@ -1,8 +1,4 @@
-"""The claims of the thesis.
-
-A claim consists of a function from an `Evidence` to parts, with the rule in its docstring, and an
-entry in `CLAIMS`.
-"""
+"""The claims of the thesis; their rules are in docs/notes/claims.md."""
 
 from __future__ import annotations
 
@@ -16,7 +12,7 @@ from puckbench.thesis.claims.verdicts import Part
 
 @dataclass(frozen=True)
 class Claim:
-    """A claim of the thesis, its numbers, and the names of this package's figures that show it."""
+    """A claim, the thesis's numbers, and the figures of a run that show it."""
 
     words: str
     section: str

@@ -31,8 +31,8 @@ MORE_DUPLICATES = 0.05
 
 
 def draco_shifted_by_duplicates(evidence: Evidence) -> list[Part]:
-    """Test claim 12: Draco's median bits per point at the first rate are more than `TWICE` as many
-    on scans as on objects, and the share of duplicate points is greater by `MORE_DUPLICATES`.
+    """Test claim 12: at Draco's first rate scans need more than `TWICE` the bits per point of
+    objects and have more duplicate points.
     """
     if DRACO not in evidence.codecs:
         return [untested(CODEC_NEEDS[DRACO])]
@@ -58,8 +58,8 @@ def draco_shifted_by_duplicates(evidence: Evidence) -> list[Part]:
 
 
 def elongation_has_no_effect(evidence: Evidence) -> list[Part]:
-    """Test claim 13: the median over rates of Spearman's correlation of elongation and CD is below
-    `VISIBLE` in absolute value, for each codec on each set of at least `MIN_ROOMS` rooms.
+    """Test claim 13: for each codec the rank correlation of elongation and CD is below
+    `VISIBLE`.
     """
     table = evidence.metrics
     rooms = [
@@ -133,7 +133,6 @@ def _correlation(rows: pd.DataFrame) -> float:
 
 
 def _duplicates(evidence: Evidence, dataset: str) -> float:
-    """Return the median share of duplicates in Draco's clouds at its first rate, or NaN."""
     table = evidence.metrics
     if table is None or not {"points_b", "points_out"} <= set(table):
         return float("nan")

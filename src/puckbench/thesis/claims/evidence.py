@@ -1,5 +1,3 @@
-"""Evidence for the claims."""
-
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
@@ -34,8 +32,7 @@ call. A call that ran alone on the machine counts by itself."""
 class Evidence:
     """Tables of a run, and the roles of its data sets and codecs.
 
-    `datasets` maps names to roles; `codecs` and `stand_ins` map roles to names. `of_medians` says
-    that `metrics` holds medians over an unknown number of clouds.
+    `datasets` maps names to roles; `codecs` and `stand_ins` map roles to names.
     """
 
     metrics: pd.DataFrame | None = None
@@ -49,16 +46,13 @@ class Evidence:
     of_medians: bool = False
 
     def with_stand_ins(self) -> Evidence:
-        """Return a copy in which stand-ins have the roles of absent codecs."""
         return replace(self, codecs={**self.stand_ins, **self.codecs})
 
     def stand_in(self, role: str) -> str:
-        """Return the title of the stand-in in a role, or an empty text."""
         codec = self.codecs.get(role)
         return codec_style(codec).title if codec and codec == self.stand_ins.get(role) else ""
 
     def with_role(self, *roles: str) -> list[str]:
-        """Return the measured data sets that have one of the roles."""
         return [
             name
             for name, role in self.datasets.items()
@@ -89,7 +83,6 @@ class Evidence:
         return medians.assign(number=medians["rate"].map(places))
 
     def clouds_of(self, datasets: Iterable[str], *codecs: str) -> int:
-        """Count the clouds that all codecs (roles) have coded."""
         if self.metrics is None:
             return 0
         rows = self.metrics[self.metrics["dataset"].isin(list(datasets))]
@@ -101,9 +94,8 @@ class Evidence:
         return self.of_medians or self.clouds_of(datasets, *codecs) >= MIN_CLOUDS
 
     def calls(self, codec: str) -> int:
-        """Return the least number of timed calls of any rate and data set.
-
-        A call counts if it was repeated `MIN_REPEATS` times or ran alone on the machine.
+        """Return the least number of timed calls of any rate and data set, either repeated
+        `MIN_REPEATS` times or alone on the machine.
         """
         if self.metrics is None:
             return 0
@@ -126,8 +118,7 @@ class Evidence:
         """Return the ``ratio`` of one codec's medians to another's by ``bpp``, ascending.
 
         Values of `base` are interpolated linearly in the logarithms of bits and value. The table is
-        empty if a curve has fewer than `MIN_RATES` rates, or fewer than `MIN_COMMON_RATES` of
-        `tested` are in the range of `base`.
+        empty with fewer than `MIN_RATES` rates of a curve or `MIN_COMMON_RATES` common rates.
         """
         import pandas as pd
 

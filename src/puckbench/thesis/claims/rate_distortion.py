@@ -60,10 +60,8 @@ TIME_NEEDS = (
 
 
 def improves_and_levels_off(evidence: Evidence) -> list[Part]:
-    """Test claim 6 on every data set.
-
-    A codec improves if its median CD is lower at the last rate than at the first. It levels off if
-    CD falls by less than `TWICE` over the upper half of the rates; for Draco CD must fall by more.
+    """Test claim 6: CD is lower at the last rate than at the first, and for all codecs but Draco it
+    falls by less than `TWICE` over the upper half of the rates.
     """
     parts = []
     for codec in (*CLASSICAL, *LEARNED):
@@ -84,15 +82,15 @@ def improves_and_levels_off(evidence: Evidence) -> list[Part]:
 
 
 def learned_match_at_low_rates(evidence: Evidence) -> list[Part]:
-    """Test claim 7: on every data set the ratio of a learned codec's CD to a classical one's at
-    equal bits per point has a median of at most `ONE_DB` over the lower half of its rates.
+    """Test claim 7: over the lower half of a learned codec's rates, the median ratio of its CD to a
+    classical codec's at equal bits is at most `ONE_DB`.
     """
     return _comparisons(evidence, "cd_plane", "matches", _lower_half, lambda ratio: ratio <= ONE_DB)
 
 
 def gpcc_wins_at_high_rates(evidence: Evidence) -> list[Part]:
-    """Test claim 11: on every data set a learned codec's CD at its highest rate in G-PCC's range is
-    above G-PCC's at equal bits per point.
+    """Test claim 11: a learned codec's CD at its highest rate in G-PCC's range is above G-PCC's at
+    equal bits.
     """
     return _comparisons(
         evidence, "cd_plane", "loses to", _last, lambda ratio: ratio > 1, (GPCC_AS_RUN, GPCC)
@@ -100,10 +98,8 @@ def gpcc_wins_at_high_rates(evidence: Evidence) -> list[Part]:
 
 
 def learned_lag_in_hausdorff(evidence: Evidence) -> list[Part]:
-    """Test claim 8: on every data set the ratio of a codec's squared distance to G-PCC's at equal
-    bits per point has a median above 1.
-
-    The lag is greater on scans if the least ratio there is above the greatest on objects.
+    """Test claim 8: the median ratio of a codec's squared Hausdorff distance to G-PCC's at equal
+    bits is above 1, and greater on scans than on objects.
     """
     evidence = evidence.with_stand_ins()
     column, bases = "hausdorff_sq_plane", (GPCC_AS_RUN, GPCC)
@@ -131,11 +127,8 @@ def learned_lag_in_hausdorff(evidence: Evidence) -> list[Part]:
 
 
 def time_grows(evidence: Evidence) -> list[Part]:
-    """Test claim 9.
-
-    Growth is the time at the last rate over that at the first, median over encoding, decoding and
-    data sets. PCGCv2's is at most `MUCH_LESS_AFFECTED`, the others' are above, and G-PCC's is the
-    greatest. A codec needs `MIN_CALLS` valid calls.
+    """Test claim 9: the ratio of times at the last and first rate is at most `MUCH_LESS_AFFECTED`
+    for PCGCv2, above it for the others, and greatest for G-PCC.
     """
     parts, growths, samples = [], {}, []
     for codec in (DRACO, GPCC_AS_RUN, GPCC, PCGCV1, PCGCV2):
@@ -166,8 +159,6 @@ def time_grows(evidence: Evidence) -> list[Part]:
 def alike_on_all_data(evidence: Evidence) -> list[Part]:
     """Test claim 10: the ratio of the greatest to the least median CD of the data sets has a median
     over the rates below `TWICE`.
-
-    The run needs scans and another kind of data set.
     """
     measured_datasets = evidence.measured_datasets & set(evidence.datasets)
     kinds = {evidence.datasets[name] for name in measured_datasets}
@@ -210,7 +201,6 @@ def _sample(
 
 
 def _curves(evidence: Evidence, codec: str, column: str) -> list[Floats]:
-    """Return the medians by rate of each data set; none if rates or clouds are too few."""
     if codec not in evidence.codecs or not evidence.has_enough_clouds(evidence.datasets, codec):
         return []
     curves = [evidence.rates(name, codec, column) for name in evidence.datasets]
@@ -218,7 +208,6 @@ def _curves(evidence: Evidence, codec: str, column: str) -> list[Floats]:
 
 
 def _time_ratios(evidence: Evidence, codec: str) -> list[float]:
-    """Return times at the last rate over those at the first."""
     curves = [
         curve for column in ("encode_s", "decode_s") for curve in _curves(evidence, codec, column)
     ]
@@ -258,7 +247,6 @@ def _comparisons(
 def _ratios(
     evidence: Evidence, codec: str, base: str, column: str, datasets: Sequence[str]
 ) -> dict[str, Floats]:
-    """Return the ratios at equal bits per point by data set; none if clouds are too few."""
     tables = {name: evidence.at_equal_rate(name, codec, base, column) for name in datasets}
     ratios = {
         name: table["ratio"].to_numpy(dtype=float) for name, table in tables.items() if len(table)

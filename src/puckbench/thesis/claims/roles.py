@@ -1,4 +1,4 @@
-"""Roles: the data sets and codecs of the thesis, which those of a run can represent."""
+"""Roles of the thesis's data sets and codecs, which those of a run can have."""
 
 from __future__ import annotations
 

@@ -36,8 +36,8 @@ STUDY = "the sensor study (sensor_study)"
 
 
 def real_spread(evidence: Evidence) -> list[Part]:
-    """Test claim 1: mean and standard deviation of captures' residuals, on walls and on floors,
-    round to the values that the thesis prints.
+    """Test claim 1: mean and standard deviation of captures' residuals round to the
+    printed values.
     """
     if not len(_row(evidence, REAL)):
         return [untested(CAPTURES)]
@@ -56,9 +56,8 @@ def real_spread(evidence: Evidence) -> list[Part]:
 
 
 def default_noise_too_wide(evidence: Evidence) -> list[Part]:
-    """Test claim 2: the standard deviation of residuals of ``hdl64e`` is more than `FAR_TOO_WIDE`
-    times the real one (of captures, else 0.0138 m), and their earth mover's distance to the real
-    distribution is greater than that of ``vlp16``.
+    """Test claim 2: residuals of ``hdl64e`` have more than `FAR_TOO_WIDE` times the real standard
+    deviation, and a greater distance to the real distribution than those of ``vlp16``.
     """
     wide, real = _std(evidence, "hdl64e"), _std(evidence, REAL) or REAL_STD_M
     if wide is None:
@@ -77,7 +76,7 @@ def default_noise_too_wide(evidence: Evidence) -> list[Part]:
 
 def divergence_is_negligible(evidence: Evidence) -> list[Part]:
     """Test claim 3: the standard deviations with and without divergence differ by at most
-    `ALMOST_NO_DIFFERENCE`, or by less than their 95 % intervals, combined in quadrature.
+    `ALMOST_NO_DIFFERENCE` or less than their 95 % intervals.
     """
     parts = []
     for distance in ("5", f"{FAR_M:g}"):
@@ -99,9 +98,8 @@ def divergence_is_negligible(evidence: Evidence) -> list[Part]:
 
 
 def incidence_not_modelled(evidence: Evidence) -> list[Part]:
-    """Test claim 4: from the first to the last bin of incidence the range error of
-    `vlp16_incidence` rises, but the logarithm of its distance to the true surface rises less than
-    half as much as that of the real residuals (Figure 5.15).
+    """Test claim 4: the range error of ``vlp16_incidence`` rises with incidence, but the logarithm
+    of its distance to the true surface less than half as much as in Figure 5.15.
     """
     table = evidence.incidence_effect
     rows = None if table is None else table[table["model"] == "vlp16_incidence"]
@@ -125,10 +123,9 @@ def incidence_not_modelled(evidence: Evidence) -> list[Part]:
 
 def no_dependence_on_distance_or_laser(evidence: Evidence) -> list[Part]:
     """Test claim 5: the standard deviations of all distances, and of all lasers, are within a
-    factor `FLAT` of their median, on walls and on floors.
+    factor `FLAT` of their median.
 
-    The test uses `vlp16_divergence`, which the thesis chose, and the lasers of captures, in which
-    each distance is another plane.
+    In captures each distance is another plane, so that only lasers are compared.
     """
     model = "vlp16_divergence"
     parts = [
@@ -143,7 +140,6 @@ def no_dependence_on_distance_or_laser(evidence: Evidence) -> list[Part]:
 
 
 def _flatness(evidence: Evidence, model: str, key: str) -> list[Part]:
-    """Return a part for each kind of surface with at least two groups."""
     parts = []
     title = {"distance_m": "distance", "laser_id": "laser"}[key]
     for surface in ("wall", "floor"):
@@ -161,7 +157,6 @@ def _flatness(evidence: Evidence, model: str, key: str) -> list[Part]:
 
 
 def _groups(evidence: Evidence, model: str, surface: str, key: str) -> pd.DataFrame:
-    """Return the statistics by one key, over all values of the other."""
     other = "laser_id" if key == "distance_m" else "distance_m"
     rows = _rows(evidence, model, **{"surface": surface, other: ALL})
     if rows.empty:
@@ -185,7 +180,6 @@ def _rows(evidence: Evidence, model: str, **keys: str) -> pd.DataFrame:
 
 
 def _row(evidence: Evidence, model: str, **keys: str) -> pd.DataFrame:
-    """Return the row of some keys, over all values of the others, or no row."""
     return _rows(evidence, model, **{"surface": ALL, "distance_m": ALL, "laser_id": ALL, **keys})
 
 

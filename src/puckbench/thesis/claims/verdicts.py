@@ -14,7 +14,6 @@ class Part:
     """A statement of a claim, with the result of its test.
 
     `holds` is None if the run cannot test the statement; `measured` then says what a test needs.
-    `stand_in` is the title of a codec that stands in for the thesis's.
     """
 
     statement: str
@@ -29,10 +28,8 @@ def untested(need: str) -> Part:
 
 
 def verdict(parts: Sequence[Part]) -> str:
-    """Return the verdict on a claim, with the titles of stand-ins.
-
-    It is `HOLDS` if all parts hold, `FAILS` if no tested part holds, `UNTESTED` with the needs if
-    no part was tested, else `IN_PART`.
+    """Return the verdict on a claim, with the needs of an untested one and the titles
+    of stand-ins.
     """
     tested = [part.holds for part in parts if part.holds is not None]
     if not tested:

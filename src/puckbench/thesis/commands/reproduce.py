@@ -71,7 +71,6 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def _pending(reproduction: Reproduction) -> list[tuple[str, str]]:
-    """Return each file that Snakemake would make, with its rule."""
     words = [sys.executable, "-m", *reproduction.command("--summary")]
     words += ["--snakefile", str(reproduction.snakefile)]
     process = subprocess.run(words, capture_output=True, text=True, check=False)
@@ -139,6 +138,5 @@ def _line(group: list[Estimate]) -> str:
 
 
 def _sample(measured: list[Estimate]) -> int:
-    """Return the number of measured jobs behind a codec's estimates."""
     kinds = {(each.kind.truth, each.kind.rates): each.measured for each in measured}
     return sum(kinds.values())

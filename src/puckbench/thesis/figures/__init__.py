@@ -1,1 +1,0 @@
-"""Figures of the thesis and of its comparison with a run."""

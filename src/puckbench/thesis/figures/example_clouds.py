@@ -87,7 +87,6 @@ def _in_metres(cloud: PointCloud) -> PointCloud:
 
 
 def _opened(room: PointCloud) -> PointCloud:
-    """Remove the ceiling and the two walls nearest to the camera."""
     low, high = np.quantile(room.xyz, [0.001, 0.999], axis=0)
     x, y, z = room.xyz.T
     below = z < low[2] + _CUT_HEIGHT * (high[2] - low[2])
@@ -114,7 +113,6 @@ def _draw(clouds: Mapping[str, PointCloud], style: FigureStyle) -> Figure:
 
 
 def _frame(clouds: list[Floats]) -> _Frame:
-    """Return an orthographic view of 99.9 % of every cloud along each axis."""
     from puckbench.geometry.rendering import View
 
     ends = [np.quantile(points, [0.0005, 0.9995], axis=0) for points in clouds]
@@ -153,7 +151,7 @@ def _colour_map() -> Colormap:
 
 
 def _light(cloud: PointCloud, view: View) -> Floats:
-    """Return the brightness of each point, (n,), from its unsigned normal."""
+    """Return the brightness (n,) of the points from their unsigned normals."""
     if cloud.normals is None:
         return np.ones(len(cloud))
     right, up, forward = view.axes()
@@ -175,7 +173,7 @@ def _show(axes: Axes, picture: Image, frame: _Frame, unit: str) -> None:
 
 
 def round_length(length: float) -> float:
-    """Return the largest of 1, 2 and 5 times a power of ten that is at most `length`."""
+    """Return the largest length of 1, 2 or 5 times a power of ten up to `length`."""
     power = 10.0 ** math.floor(math.log10(length))
     return float(max(step * power for step in (1, 2, 5) if step * power <= length))
 

@@ -1,4 +1,4 @@
-"""Scans of a wall and a floor coloured by laser: thesis Figures 5.2 to 5.9, 5.16 and 5.17."""
+"""Scans of a wall and a floor coloured by laser (thesis Figures 5.2 to 5.9, 5.16 and 5.17)."""
 
 from __future__ import annotations
 
@@ -210,7 +210,6 @@ def _draw_space(
 
 
 def _draw_models(part: pd.DataFrame, style: FigureStyle) -> Figure:
-    """Draw the thesis's models side by side, or all models if it has none of them."""
     from matplotlib.figure import Figure
 
     models = ordered_models(part["model"])

@@ -50,7 +50,6 @@ _OTHER_COLOURS = ("#44AA99", "#AA4499", "#8C6000", "#BB5566", "#5D4037", "#66CDA
 
 
 def model_style(model: str, style: FigureStyle) -> ModelStyle:
-    """Return the style of an error model, with a default title and colour from its name."""
     found = MODEL_STYLES.get(model)
     if found is None and model in ERROR_MODELS:
         found = _registered(model)

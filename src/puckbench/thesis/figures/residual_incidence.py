@@ -130,7 +130,6 @@ def _draw_bins(axes: Axes, samples: dict[str, Sample], style: FigureStyle) -> No
 
 
 def _published() -> tuple[Floats, Floats, Floats]:
-    """Return the thesis's bins in the form of `binned_moments`."""
     stds = np.array(BIN_STDS_M)
     centres = (np.arange(len(stds)) + 0.5) * LARGEST_RAD / len(stds)
     return centres, np.full(len(stds), PRINTED_MEAN_M), stds

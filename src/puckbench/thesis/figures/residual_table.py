@@ -31,7 +31,6 @@ def check_residuals(table: pd.DataFrame, *columns: str) -> None:
 
 
 def near(table: pd.DataFrame, surface: str | None = None) -> pd.DataFrame:
-    """Return the rows below `FAR_M`; raise InputError if there are none."""
     rows = table["distance_m"] < FAR_M
     if surface is not None:
         rows &= table["surface"] == surface
@@ -41,7 +40,6 @@ def near(table: pd.DataFrame, surface: str | None = None) -> pd.DataFrame:
 
 
 def far(table: pd.DataFrame) -> pd.DataFrame:
-    """Return the rows from `FAR_M` on; raise InputError if there are none."""
     rows = table["distance_m"] >= FAR_M
     if not rows.any():
         raise InputError(f"residual table: no surface at {FAR_M:g} m or farther")
@@ -49,9 +47,8 @@ def far(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def compared(table: pd.DataFrame) -> list[str]:
-    """Return `REAL`, if there are captures, and the model that is compared with them.
-
-    This is the thesis's choice, else `vlp16`, else the first model.
+    """Return `REAL`, if there are captures, and the model for comparison: the thesis's choice, else
+    `vlp16`, else the first.
     """
     models = [model for model in ordered_models(table["model"]) if model != REAL]
     preferred = [model for model in _VIRTUAL if model in models]
@@ -72,10 +69,7 @@ def residuals_of(table: pd.DataFrame, model: str) -> Floats:
 
 
 def binned_moments(x: Floats, y: Floats, bins: int = 10) -> tuple[Floats, Floats, Floats]:
-    """Return centres, means and standard deviations of y in equal bins from 0 to max(x).
-
-    A bin with one value or none gives NaN.
-    """
+    """Return centres, means and standard deviations of y in equal bins from 0 to max(x)."""
     edges = np.linspace(0, x.max() or 1.0, bins + 1)
     bin_of = np.clip(np.digitize(x, edges) - 1, 0, bins - 1)
     parts = [y[bin_of == index] for index in range(bins)]

@@ -1,5 +1,3 @@
-"""Violin plots of residuals: density, extremes and mean."""
-
 from __future__ import annotations
 
 import math
@@ -26,9 +24,8 @@ def draw_violin(axes: Axes, at: float, residuals: Floats, colour: str, width: fl
 
 
 def violin_shape(residuals: Floats) -> dict[str, Any]:
-    """Return density, mean, median and extremes of residuals (n,) for `Axes.violin`.
-
-    The density is a histogram smoothed by a Gaussian kernel of Scott's width.
+    """Return the statistics of residuals (n,) for `Axes.violin`, with a density smoothed by a
+    Gaussian kernel of Scott's width.
     """
     low, high, std = float(residuals.min()), float(residuals.max()), float(residuals.std())
     shape: dict[str, Any] = {
@@ -44,7 +41,6 @@ def violin_shape(residuals: Floats) -> dict[str, Any]:
 
 
 def _density(residuals: Floats, bandwidth: float) -> tuple[Floats, Floats]:
-    """Return bin centres (m) and smoothed density (1/m)."""
     low, high = float(residuals.min()), float(residuals.max())
     bins = int(np.clip(4 * (high - low) / bandwidth, _FEWEST_BINS, _MOST_BINS))
     density, edges = np.histogram(residuals, bins, (low, high), density=True)

@@ -1,1 +1,0 @@
-"""Jobs of the sensor study (thesis chapter 5)."""

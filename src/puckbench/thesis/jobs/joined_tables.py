@@ -1,5 +1,3 @@
-"""Joining tables of error models and recordings (Parquet)."""
-
 from __future__ import annotations
 
 from pathlib import Path

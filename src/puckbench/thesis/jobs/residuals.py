@@ -12,9 +12,8 @@ from puckbench.jobs.registry import JOBS, Job
 
 
 class WallScanJob(Job):
-    """Scan a wall and a floor with an error model from `distances`, in m.
-
-    `keep` is the number of rows of each scan that are kept, chosen at random; by default all.
+    """Scan a wall and a floor with an error model from `distances` (m), and keep at most `keep`
+    random rows of each scan.
     """
 
     model: str = "vlp16"
@@ -29,10 +28,7 @@ class WallScanJob(Job):
 
 @JOBS.register("residuals")
 class Residuals(WallScanJob):
-    """Measure distances of points from fitted planes in `runs` scans from each distance.
-
-    `refit` fits planes to the inliers of RANSAC by least squares.
-    """
+    """Measure plane residuals in `runs` scans from each distance; `refit` as in `Procedure`."""
 
     runs: int = Field(3, ge=1)
     refit: bool = False

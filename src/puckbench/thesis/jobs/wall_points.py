@@ -1,5 +1,3 @@
-"""Points of virtual scans, in the wall's frame (thesis Figures 5.2-5.9)."""
-
 from __future__ import annotations
 
 from pathlib import Path
@@ -11,8 +9,6 @@ from puckbench.thesis.jobs.residuals import WallScanJob
 
 @JOBS.register("wall_points")
 class WallPoints(WallScanJob):
-    """Scan a wall and a floor and keep the points."""
-
     distances: tuple[float, ...] = (1.0, 5.0)
 
     def run(self, table: Path) -> dict[str, Any]:

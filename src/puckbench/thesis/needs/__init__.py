@@ -1,1 +1,0 @@
-"""Needs of the thesis's tables and figures."""

@@ -1,4 +1,4 @@
-"""Needs and options of tables and figures that compare a run with the thesis."""
+"""Options of tables and figures that compare a run with the thesis, and their conditions."""
 
 from __future__ import annotations
 
@@ -24,7 +24,6 @@ def claims_options(plan: Plan) -> Options | None:
 
 @NEEDS.register("gpcc_scales")
 def gpcc_scales_options(plan: Plan) -> Options | None:
-    """Return the codecs that represent G-PCC, and scales."""
     scales = grid_scales(plan)
     codecs = {role: name for role, name in codec_roles(plan).items() if role in (GPCC, GPCC_AS_RUN)}
     return {"codecs": codecs, "scales": scales} if scales else None

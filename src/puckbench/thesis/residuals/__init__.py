@@ -1,1 +1,0 @@
-"""Residuals of virtual scans and of error models (thesis chapter 5)."""

@@ -34,10 +34,7 @@ def default_models() -> dict[str, ErrorModel]:
 def real_walls(tables: Sequence[pd.DataFrame]) -> pd.DataFrame:
     """Join the walls of the captures' residual tables; ``capture`` counts from 1.
 
-    Raises
-    ------
-    InputError
-        A table has no wall, or lacks columns that a calibration needs.
+    Raises InputError without walls or columns for a calibration.
     """
     import pandas as pd
 
@@ -61,10 +58,10 @@ def compared_residuals(
     replicates: int = REPLICATES,
     seed: int = 0,
 ) -> pd.DataFrame:
-    """Return the residuals of `real_walls` and those of each model on the same rays.
+    """Return the residuals of `real_walls` and of each model on the same rays, from least-squares
+    planes.
 
-    Planes are fitted by least squares. A `Calibrated` model draws another device for each capture
-    and replicate.
+    A `Calibrated` model draws another device for each capture and replicate.
     """
     import pandas as pd
 

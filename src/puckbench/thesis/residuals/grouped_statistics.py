@@ -1,5 +1,3 @@
-"""Statistics of groups of plane residuals."""
-
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -39,8 +37,8 @@ def incidence_bins(
 ) -> pd.DataFrame:
     """Return mean and standard deviation of the residuals in equal bins of incidence.
 
-    The bins go from 0 to `highest_rad`, by default the largest angle. Columns: `by`, ``low_rad``,
-    ``high_rad``, ``count``, ``mean_m``, ``std_m``. Raises InputError without rows or bins.
+    The bins go from 0 to `highest_rad`, by default the largest angle. Raises InputError without
+    rows or bins.
     """
     if table.empty or bins < 1:
         raise InputError("incidence bins need at least one residual and one bin")

@@ -41,9 +41,10 @@ MAX_ROWS = 500_000
 
 
 def joined_files(files: Sequence[tuple[str, Path]], kind: str) -> pd.DataFrame:
-    """Concatenate Parquet tables, with the columns of a kind of `COLUMNS`.
+    """Concatenate Parquet tables with the columns of a kind of `COLUMNS`; `files` are models and
+    paths.
 
-    `files` are values of the column ``model`` and paths. Raises InputError if a column is missing.
+    Raises InputError if a column is missing.
     """
     table = pd.concat([_part(*file, COLUMNS[kind]) for file in files], ignore_index=True)
     return table.astype({"model": "category", "surface": "category"})

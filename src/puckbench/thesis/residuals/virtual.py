@@ -26,8 +26,7 @@ SWEEP = Sweep(frames_skipped=1)
 class Procedure:
     """Settings, by default the thesis's.
 
-    `refit` fits planes to the inliers of RANSAC by least squares. `keep` is the number of rows of a
-    scan that are kept, chosen at random.
+    `refit` fits planes to RANSAC's inliers by least squares; `keep` limits the rows of a scan.
     """
 
     model: str
@@ -42,7 +41,7 @@ class Procedure:
 def residual_table(
     procedure: Procedure, distances: Sequence[float], runs: int, seed: int
 ) -> pd.DataFrame:
-    """Return the residuals, in m, of `runs` scans from each distance; columns: `COLUMNS`.
+    """Return the residuals (m) of `runs` scans from each distance, in the columns `COLUMNS`.
 
     Raises InputError for an unknown distance or model, or without a scan.
     """

@@ -25,10 +25,9 @@ y = `distance_m`, z = 1; `range_error_m` is the measured range minus the true on
 def wall_points(
     procedure: Procedure, distances: Sequence[float], seed: int, run: int = 1
 ) -> pd.DataFrame:
-    """Return the points of one run of Procedure 1 at each distance, before cropping.
+    """Return the points (`COLUMNS`) of one run of Procedure 1 at each distance, before cropping.
 
-    `procedure.keep` limits the points of each surface. Columns: `COLUMNS`. Raises InputError for an
-    unknown distance or model.
+    Raises InputError for an unknown distance or model.
     """
     parts = [_scan_points(procedure, distance, run, seed) for distance in distances]
     return pd.concat(parts, ignore_index=True)

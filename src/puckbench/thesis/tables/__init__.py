@@ -1,1 +1,0 @@
-"""Tables of the thesis and of its comparison with a run."""

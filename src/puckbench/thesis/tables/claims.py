@@ -40,13 +40,6 @@ def claims(
     ----------
     datasets, codecs, stand_ins
         As in `Evidence`.
-
-    Returns
-    -------
-    pd.DataFrame
-        ``number``, ``section``, ``claim``, ``verdict``, ``here`` (tested parts, numbers, sample
-        sizes), ``not_tested`` (needs), ``thesis`` (its numbers), ``thesis_verdict``, ``figure``,
-        ``thesis_figure``.
     """
     import pandas as pd
 

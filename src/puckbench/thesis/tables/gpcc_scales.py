@@ -36,13 +36,6 @@ def gpcc_scales(
     scales
         Factor on coordinates for each codec and rate.
 
-    Returns
-    -------
-    pd.DataFrame
-        A row per data set, codec and scale, with medians of ``bpp``, ``cd_point``, ``cd_plane`` and
-        ``d1_psnr``, and the ratios ``bits_...`` and ``distortion_...``; ``dyadic`` marks powers of
-        two.
-
     Raises
     ------
     InputError

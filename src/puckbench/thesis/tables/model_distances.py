@@ -52,12 +52,6 @@ def model_distances(
         Bootstrap samples of walls and lasers, since residuals of one laser on one wall share a
         bias.
 
-    Returns
-    -------
-    pd.DataFrame
-        ``model``, ``residuals`` (count), ``std_m``, ``emd_m``, ``emd_low_m``, ``emd_high_m``,
-        ``chance_m``.
-
     Raises
     ------
     InputError
@@ -97,10 +91,7 @@ def leave_one_out(
     resamples: int = RESAMPLES,
     seed: int = 0,
 ) -> pd.DataFrame:
-    """Compare each capture with the default models and one calibrated on the other captures.
-
-    Columns: ``capture`` (its number) and those of `model_distances`.
-    """
+    """Compare each capture with the default models and one calibrated on the other captures."""
     import pandas as pd
 
     from puckbench.lidar.calibration import CalibrationOptions
@@ -144,7 +135,6 @@ class _Blocks:
         return cls(counts.reshape(size).astype(np.float64))
 
     def resampled(self, rng: np.random.Generator) -> Floats:
-        """Return the sum of blocks drawn with replacement."""
         blocks = len(self.counts)
         weights = np.bincount(rng.integers(blocks, size=blocks), minlength=blocks)
         return np.asarray(weights @ self.counts)
@@ -156,7 +146,6 @@ def _bins(residuals: Floats) -> NDArray[np.int64]:
 
 
 def _distance(histogram: Floats, other: Floats) -> float:
-    """Return the earth mover's distance of two histograms, in m."""
     difference = np.cumsum(histogram) / histogram.sum() - np.cumsum(other) / other.sum()
     return float(np.abs(difference).sum() * _BIN_M)
 

@@ -43,7 +43,6 @@ def residual_statistics(residuals: pd.DataFrame) -> pd.DataFrame:
 
 
 def _key_sets() -> list[list[str]]:
-    """Return all subsets of the keys that contain the model."""
     others = KEYS[1:]
     masks = product((True, False), repeat=len(others))
     return [[KEYS[0], *compress(others, mask)] for mask in masks]
@@ -113,7 +112,6 @@ def _result(sums: pd.DataFrame) -> pd.DataFrame:
 
 
 def _student_quantile(freedom: Floats) -> Floats:
-    """Return the two-sided quantile of Student's t; NaN for 0 degrees of freedom."""
     from scipy.special import stdtrit
 
     return np.asarray(stdtrit(np.where(freedom > 0, freedom, np.nan), (1 + _CONFIDENCE) / 2))

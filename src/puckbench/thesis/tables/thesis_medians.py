@@ -34,12 +34,6 @@ def thesis_medians(
     ----------
     datasets, codecs
         As in `Evidence`.
-
-    Returns
-    -------
-    pd.DataFrame
-        ``dataset``, ``kind`` (its role), ``codec``, ``rate``, ``quantity`` (`QUANTITIES`),
-        ``thesis``, ``here``.
     """
     import pandas as pd
 
