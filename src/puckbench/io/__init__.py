@@ -1,1 +1,1 @@
-"""File formats, each in one place: clouds, meshes, recordings, tables."""
+"""File formats of clouds, meshes, recordings and tables."""

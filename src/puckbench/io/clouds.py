@@ -49,7 +49,6 @@ def cloud_bytes(cloud: PointCloud) -> bytes:
 
 
 def read_archived_cloud(archive: Path, name: str) -> PointCloud:
-    """Read a cloud that is a member of an archive."""
     members = read_archive(archive)
     if name not in members:
         raise InputError(f"{archive}: has no member {name}")
@@ -128,7 +127,7 @@ def read_unchecked_cloud(
     bin_columns: str | None = None,
     convert: bool = True,
 ) -> PointCloud:
-    """Read a cloud that may be empty or not finite; `convert` gives LAS coordinates in metres."""
+    """Read a cloud that may be empty or not finite; `convert` LAS coordinates to metres."""
     columns = _read_columns(path, bin_columns, convert)
     with naming(path):
         cloud = cloud_from_columns(columns)
@@ -147,7 +146,7 @@ def read_unchecked_cloud(
 
 
 def without_missing(cloud: PointCloud, missing: NDArray[np.bool_], path: Path) -> PointCloud:
-    """Remove missing returns (n,), with a warning and a count in the description."""
+    """Remove missing returns (n,) with a warning, and count them in the description."""
     if len(cloud) and missing.all():
         raise InputError(f"{path}: all of its {len(cloud)} points are missing returns")
     reason = "are missing returns (--keep-missing keeps them)"
@@ -157,7 +156,7 @@ def without_missing(cloud: PointCloud, missing: NDArray[np.bool_], path: Path) -
 
 
 def without_invalid(cloud: PointCloud, path: Path) -> PointCloud:
-    """Remove points that are not finite, with a warning and a count in the description."""
+    """Remove points that are not finite with a warning, and count them in the description."""
     invalid = np.asarray(~np.isfinite(cloud.xyz).all(axis=1))
     return _without(cloud, invalid, path, "are not finite")
 

@@ -1,4 +1,4 @@
-"""Parser errors caused by damaged files, turned into one-line messages."""
+"""Conversion of parser errors to one-line messages."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _NEEDS_NAME = (AssertionError, AttributeError, LookupError, TypeError)
 
 @contextmanager
 def reading(kind: str, *errors: type[Exception]) -> Iterator[None]:
-    """Turn exceptions of these types into an InputError: not a readable ``kind``, and why."""
+    """Convert exceptions of these types to an InputError: not a readable ``kind``, and why."""
     try:
         yield
     except errors as error:

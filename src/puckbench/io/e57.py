@@ -27,14 +27,12 @@ _MAX_LIST_LENGTH = 120
 def read_e57(path: Path) -> Columns:
     """Read the points of all scans, transformed by the scans' poses.
 
-    Invalid points are NaN; several scans are numbered in the column ``scan``. Raises InputError if
-    pye57 is not installed.
+    Invalid points are NaN; several scans are numbered in the column ``scan``.
     """
     return parse_isolated(parse_e57, path, "E57 file").columns
 
 
 def parse_e57(path: Path) -> ParsedFile:
-    """Read a file as `read_e57` does, in the calling process."""
     try:
         from pye57 import E57
         from pye57.libe57 import E57Exception
@@ -96,7 +94,7 @@ def _scan(file: Any, number: int) -> Columns:
 
 
 def _numeric_fields(file: Any, number: int) -> Columns:
-    """The numeric fields of a scan, read as doubles (exact for integers up to 2^53)."""
+    """Return the numeric fields of a scan as doubles, exact for integers up to 2^53."""
     from pye57.libe57 import SourceDestBuffer, VectorSourceDestBuffer
 
     vector, types = file.get_header(number).points, _numpy_types()

@@ -19,7 +19,7 @@ _WHITE = 255.0
 
 
 def write_evd(path: Path, table: ReturnTable) -> None:
-    """Write all returns in one block; a row has 11 numbers, a colour (white) and an object or 0."""
+    """Write returns as one block of rows of 11 numbers, a white colour, and an object or 0."""
     rows = np.empty(len(table), dtype=_ROW)
     for place, name in enumerate(_NUMBERS):
         rows["numbers"][:, place] = table[name]

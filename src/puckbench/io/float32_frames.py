@@ -1,7 +1,7 @@
-"""LiDAR frames as bare float32 values (.bin), as in KITTI and nuScenes.
+"""LiDAR frames as float32 values without a header (.bin), as in KITTI and nuScenes.
 
-These files do not say how many values a point has. Values of one column resemble each other most;
-so the number of columns is the lag at which values differ least.
+The number of values per point is not stored. Because values of one column resemble each other, it
+is estimated as the lag at which values differ least.
 """
 
 from __future__ import annotations
@@ -37,9 +37,9 @@ _MAX_COORDINATE_M, _MIN_COORDINATE_M = 1e5, 1e-20
 def read_float32_frame(path: Path, columns: str | None = None) -> Columns:
     """Read a frame: x, y, z and often intensity, ring and time.
 
-    `columns` is the number of values of a point (3 to 6), or their names
-    (``x,y,z,intensity,time``); by default it is estimated from the values. Raises InputError if the
-    file is missing, truncated, ambiguous, or holds no coordinates of a LiDAR.
+    `columns` is the number of values of a point (3 to 6) or their names (``x,y,z,intensity,time``);
+    by default it is estimated. Raises InputError if the file is truncated or ambiguous, or if the
+    coordinates cannot be those of a LiDAR.
     """
     data = read_content(path)
     if not data:
@@ -54,7 +54,6 @@ def read_float32_frame(path: Path, columns: str | None = None) -> Columns:
 
 
 def float32_rows(data: bytes, count: int, path: Path) -> Rows:
-    """Return the values in rows of `count`; InputError if the last row is incomplete."""
     size = 4 * count
     if len(data) % size:
         raise InputError(f"{path}: truncated: {len(data)} bytes are not whole points of {size}")
@@ -62,7 +61,7 @@ def float32_rows(data: bytes, count: int, path: Path) -> Rows:
 
 
 def detect_column_count(values: NDArray[Any]) -> int | None:
-    """Return the number of columns of values (n,) stored row by row; None if unclear.
+    """Return the number of columns of values (n,) that are stored row by row, or None if unclear.
 
     It is the lag with the smallest mean rank difference, if that is clearly smallest.
     """
@@ -98,7 +97,7 @@ def _detected_layout(data: bytes, path: Path) -> tuple[str, ...]:
 
 
 def _candidate_counts(values: Rows, size: int) -> list[int]:
-    """Numbers of columns that divide the file: likely ones, else possible ones, else the first."""
+    """Return likely numbers of columns that divide the file, else possible ones, else the first."""
     rows = {count: values.reshape(-1, count) for count in _LAYOUTS if size % (4 * count) == 0}
     possible = [count for count in rows if _are_coordinates(rows[count])]
     likely = [count for count in possible if _is_likely(rows[count])]

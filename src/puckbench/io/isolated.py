@@ -1,8 +1,7 @@
-"""Parsers of other packages run in a worker process, with limits of memory and time.
+"""Parsers of other packages in a worker process with limits of memory and time.
 
-A damaged file may crash such a parser or make it take all memory. The worker parses file after
-file, and is replaced after a crash or timeout. Results return through a pipe as arrays and JSON,
-never as pickled objects. On macOS only the time is limited.
+A damaged file may crash a parser or make it use all memory. The worker is replaced after a crash or
+timeout, and returns no pickled objects. On macOS only the time is limited.
 """
 
 from __future__ import annotations
@@ -43,7 +42,7 @@ _ENVIRONMENT = {"OPENBLAS_NUM_THREADS": "1", "MALLOC_ARENA_MAX": "2"}
 
 @dataclass(frozen=True)
 class ParsedFile:
-    """Result of a parser: arrays by name, and values that JSON can represent."""
+    """Arrays by name, and values that JSON can represent."""
 
     columns: dict[str, NDArray[Any]]
     about: dict[str, Any] = field(default_factory=dict)
@@ -56,11 +55,11 @@ def parse_isolated(
     options: Mapping[str, Any] | None = None,
     side_files: Sequence[Path] = (),
 ) -> ParsedFile:
-    """Run ``parse(path, **options)`` in the worker process, within limits of the file's size.
+    """Run ``parse(path, **options)`` in the worker process, within `parser_limits`.
 
     `kind` names the file in messages ("LAS file"); the size of `side_files` counts too. Warnings of
     ``puckbench`` loggers are logged in this process. Raises InputError if `parse` does, crashes, or
-    exceeds `parser_limits`.
+    exceeds a limit.
     """
     size = _size(path) + sum(file.stat().st_size for file in side_files if file.is_file())
     memory, seconds = parser_limits(size)

@@ -1,7 +1,7 @@
-"""LAS files (ASPRS) and their compressed form LAZ, by laspy and lazrs.
+"""LAS and LAZ files (ASPRS), by laspy and lazrs.
 
-Written files have the laser in the user data, the frame in the point source id, and the
-timestamp in the GPS time.
+Written files have the laser in the user data, the frame in the point source id, and the timestamp
+in the GPS time.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ _COLUMN_NAMES = {
 
 
 def write_las(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
-    """Write a LAS or, by the suffix, LAZ file, with coordinates in steps of 0.1 mm."""
+    """Write a LAS or LAZ file with coordinates in steps of 0.1 mm."""
     import laspy
 
     content = BytesIO()
@@ -55,17 +55,17 @@ def write_las(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
 
 
 def read_las(path: Path) -> dict[str, NDArray[Any]]:
-    """Read the columns that `write_las` takes, in metres."""
+    """Read the columns of `write_las`, in metres."""
     columns = parse_isolated(parse_las, path, "LAS file").columns
     names = {**{axis: axis for axis in _AXES}, **_COLUMN_NAMES}
     return {names[name]: part for name, part in columns.items() if name in names}
 
 
 def read_las_points(path: Path, convert: bool = True) -> dict[str, NDArray[Any]]:
-    """Read ``x``, ``y``, ``z`` and all dimensions with values other than 0.
+    """Read ``x``, ``y``, ``z`` and all dimensions that are not 0 everywhere.
 
-    `convert` gives metres by the file's coordinate reference system. Raises InputError if the file
-    is missing or damaged, or in degrees.
+    `convert` gives metres by the file's coordinate reference system. Raises InputError for
+    coordinates in degrees.
     """
     columns = parse_isolated(parse_las, path, "LAS file", {"convert": convert}).columns
     return {name: part for name, part in columns.items() if name in _AXES or np.count_nonzero(part)}
@@ -86,7 +86,6 @@ def parse_las(path: Path, convert: bool = True) -> ParsedFile:
 
 
 def _metres_per_unit(header: Any, path: Path) -> tuple[float, float, float] | None:
-    """Lengths of the units of x, y and z; None for metres."""
     from pyproj.exceptions import CRSError
 
     try:

@@ -1,4 +1,4 @@
-"""Check of the header of a LAS or LAZ file (ASPRS LAS 1.0 to 1.5) against the file's size."""
+"""Check of LAS and LAZ headers (ASPRS LAS 1.0 to 1.5) against the file's size."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _MAX_COMPRESSION = 1000
 
 @dataclass(frozen=True)
 class _Header:
-    """Offsets and sizes in bytes; offsets are 0 for absent parts."""
+    """Offsets and sizes in bytes; absent parts have the offset 0."""
 
     length: int
     begin: int
@@ -43,9 +43,9 @@ class _Header:
 
 
 def check_las_header(path: Path) -> None:
-    """Raise InputError if the parts that the header lists do not fit in the file.
+    """Raise InputError if the parts in the header do not fit in the file.
 
-    Log a warning about points beyond the header's number of points.
+    Points beyond the header's number of points cause a warning.
     """
     size = path.stat().st_size
     with naming(path), reading("LAS file", ValueError), path.open("rb") as stream:

@@ -46,9 +46,9 @@ _log = logging.getLogger(__name__)
 
 
 def read_npy(path: Path) -> Columns:
-    """Read points from an array (n, 3 or more), an array of named fields, or an archive of these.
+    """Read points from an array (n, 3 or more), an array with named fields, or an archive of these.
 
-    The pixels of a range image, a floating-point array (rows, columns, 3 or more), are points.
+    A floating-point array (rows, columns, 3 or more) is a range image, whose pixels are points.
     """
     data = read_content(path)
     with naming(path):
@@ -103,7 +103,6 @@ def _named_columns(name: str, values: NDArray[Any]) -> Columns:
 
 
 def _read_archive(data: bytes, path: Path) -> Columns:
-    """Columns of the arrays of points, and of the other arrays with a row for each point."""
     contents = _archive_members(data, limit_of(path))
     point_arrays = _point_arrays(contents)
     if not point_arrays:

@@ -1,4 +1,4 @@
-"""Parquet files: their metadata, and the memory that reading them takes."""
+"""Memory that Parquet files need, and their metadata."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _VALUE_BYTES = 8
 
 
 def check_parquet_memory(path: Path) -> None:
-    """Raise InputError if a file's values take more memory than `parser_limits` allows.
+    """Raise InputError if a file's values exceed the memory of `parser_limits`.
 
     A small file can hold a huge number of equal values.
     """

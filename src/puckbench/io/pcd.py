@@ -1,6 +1,6 @@
 """PCD files of the Point Cloud Library.
 
-pypcd4 is not used: it accepts truncated files, and runs out of memory on damaged headers.
+pypcd4 accepts truncated files, and runs out of memory on damaged headers.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ _ROW = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("label", "<u4"), ("t
 
 
 def write_pcd(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
-    """Write x, y, z in single precision, the laser as ``label`` (PCL's PointXYZL), timestamp."""
+    """Write x, y, z in single precision, laser (as PCL's ``label``) and timestamp."""
     rows = np.empty(len(columns["x"]), dtype=_ROW)
     for name in _ROW.names or ():
         rows[name] = columns["laser_id" if name == "label" else name]
@@ -52,19 +52,18 @@ def write_pcd(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
 
 
 def read_pcd(path: Path) -> dict[str, NDArray[Any]]:
-    """Read the fields of a PCD file, (n,) or (n, values) each, by name."""
+    """Read the fields (n,) or (n, values) by name."""
     with naming(path):
         return parse_pcd(read_content(path), str(path))
 
 
 def is_organised(path: Path) -> bool:
-    """Whether a PCD file is an image, with several rows of pixels."""
+    """Return whether a PCD file is an image, with several rows of pixels."""
     height = re.search(rb"(?m)^HEIGHT[ \t]+(\d+)", read_content(path, _MAX_HEADER_BYTES))
     return height is not None and int(height[1]) > 1
 
 
 def parse_pcd(data: bytes, source: str = "PCD file") -> dict[str, NDArray[Any]]:
-    """Read the fields of a PCD file's bytes."""
     head = re.match(rb"(?:[^\n]*\n){0,40}?DATA[ \t]+(\w+)[^\n]*\n", data[:_MAX_HEADER_BYTES])
     if head is None:
         raise InputError("not a PCD file")
@@ -121,7 +120,6 @@ def _ascii_rows(body: bytes, kind: np.dtype[Any]) -> NDArray[Any]:
 
 
 def _compressed_rows(body: bytes, kind: np.dtype[Any], points: int) -> NDArray[Any]:
-    """Rows of the compressed form: two sizes, then the fields one after the other."""
     import lzf
 
     packed, size = (int.from_bytes(body[at : at + 4], "little") for at in (0, 4))

@@ -1,4 +1,4 @@
-"""PLY files, ASCII or binary: elements of meshes and clouds, and columns of points."""
+"""PLY files, ASCII or binary."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class _Element:
 
 @dataclass(frozen=True)
 class _Header:
-    """A header: its size in bytes and its lines without comments.
+    """A header of `size` bytes; `lines` are without comments.
 
     ``is_plain``: plyfile reads the header unchanged. ``is_text``: the data are ASCII.
     """
@@ -53,7 +53,6 @@ class _Header:
 
 
 def read_elements(path: Path) -> Any:
-    """Read the elements by name, each with its rows as ``data``."""
     head = read_content(path, _MAX_HEADER_BYTES)
     header = _header(head, path)
     if plain_name(path) == path and header.is_plain:
@@ -128,7 +127,7 @@ def _check_size(header: _Header, size: int, path: Path) -> None:
 
 
 def has_faces(path: Path) -> bool:
-    """Return whether a PLY header has faces; False without a valid header."""
+    """Return whether a file has a valid PLY header with faces."""
     try:
         elements = _header(read_content(path, _MAX_HEADER_BYTES), path).elements
     except InputError:
@@ -156,7 +155,7 @@ def write_ply(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
 
 
 def write_vertices(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
-    """Write as `write_ply` does, but not atomically."""
+    """Write as `write_ply`, but not atomically."""
     from plyfile import PlyData, PlyElement
 
     kinds = [(name, part.dtype) for name, part in columns.items()]

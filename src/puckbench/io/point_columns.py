@@ -1,4 +1,4 @@
-"""Conversion of named columns, as file formats have them, to point clouds and back."""
+"""Conversion of the named columns of file formats to point clouds and back."""
 
 from __future__ import annotations
 
@@ -37,10 +37,10 @@ _EXACT_INTEGERS = 2**53
 
 
 def cloud_from_columns(columns: Mapping[str, NDArray[Any]]) -> PointCloud:
-    """Make a cloud of columns (n,) by their names in PLY, PCD, LAS and E57 files, in any case.
+    """Make a cloud of columns (n,) with the names of PLY, PCD, LAS and E57 files, in any case.
 
-    Columns that are neither coordinates, normals, colours nor labels become fields. Raises
-    InputError without x, y, z.
+    Columns other than coordinates, normals, colours and labels become fields. Raises InputError
+    without x, y, z.
     """
     remaining = {name: _native(np.asarray(values)) for name, values in columns.items()}
     xyz = _pop_triple(remaining, _XYZ)
@@ -75,8 +75,8 @@ def cloud_from_columns(columns: Mapping[str, NDArray[Any]]) -> PointCloud:
 def default_columns(rows: NDArray[Any]) -> Columns:
     """Name the columns of an array (n, 3 or more) by convention.
 
-    The fourth of four is the intensity; six end in colours if these are integers from 0 to 255,
-    else in normals; seven have intensity and colours in either order. Others are numbered.
+    The fourth of four is the intensity. Six end in colours if these are integers from 0 to 255,
+    else in normals. Seven have intensity and colours in either order. Others are numbered.
     """
     names = ["x", "y", "z"]
     colours, normals = ["red", "green", "blue"], ["nx", "ny", "nz"]
@@ -94,7 +94,7 @@ def default_columns(rows: NDArray[Any]) -> Columns:
 
 
 def ply_columns(fields: Mapping[str, NDArray[Any]]) -> Columns:
-    """Convert numeric fields, without loss, to types and names that PLY has.
+    """Convert numeric fields without loss to types and names of PLY.
 
     64-bit integers get the smallest type that holds them, or are split in two.
     """
@@ -133,7 +133,6 @@ def _native(values: NDArray[Any]) -> NDArray[Any]:
 
 
 def _normalised(name: str) -> str:
-    """Column name in lower case, without comment signs and the unit metre."""
     return re.sub(r"\s*[\[(]m[\])]$", "", name.lower().strip().lstrip("/#").strip())
 
 
@@ -142,7 +141,7 @@ def has_coordinates(names: Iterable[str]) -> bool:
 
 
 def coarse_step(columns: Mapping[str, NDArray[Any]]) -> float | None:
-    """Return the spacing of single-precision coordinates if too coarse for the extent."""
+    """Return the spacing of single-precision coordinates if it is too coarse for the extent."""
     parts = [columns[name] for name in _first_triple(columns, _XYZ)]
     if not parts or any(_native(part).dtype != np.float32 or not len(part) for part in parts):
         return None
@@ -157,7 +156,6 @@ def coarse_step(columns: Mapping[str, NDArray[Any]]) -> float | None:
 
 
 def _first_triple(names: Iterable[str], triples: Iterable[tuple[str, ...]]) -> list[str]:
-    """The columns of the first triple that is complete, as the file spells them."""
     spelling = {_normalised(name): name for name in names}
     for axes in triples:
         if all(axis in spelling for axis in axes):
@@ -177,7 +175,7 @@ def _pop_triple(columns: Columns, triples: Iterable[tuple[str, ...]]) -> NDArray
 
 
 def _pop_packed_colours(columns: Columns) -> NDArray[np.uint8] | None:
-    """Colours (n, 3) from the lowest 24 bits of a number, as in PCD files."""
+    """Return colours (n, 3) from the lowest 24 bits of a number, as in PCD files."""
     for name in _PACKED_COLOURS:
         if name in columns and columns[name].dtype.itemsize == 4:
             bits = np.ascontiguousarray(columns.pop(name)).view(np.uint32)
@@ -187,7 +185,7 @@ def _pop_packed_colours(columns: Columns) -> NDArray[np.uint8] | None:
 
 
 def _eight_bits(colours: NDArray[Any]) -> tuple[NDArray[np.uint8], bool]:
-    """Colours (n, 3) as integers from 0 to 255, and whether the conversion is exact."""
+    """Return colours (n, 3) as integers from 0 to 255, and whether the conversion is exact."""
     if colours.dtype.kind == "f":
         high = np.nan_to_num(colours).max(initial=0)
         scaled = np.clip(np.nan_to_num(colours * (_MAX_COLOUR if high <= 1 else 1)), 0, _MAX_COLOUR)
@@ -218,7 +216,7 @@ def _labels(columns: Columns) -> NDArray[np.int32] | None:
 
 
 def _are_colours(values: NDArray[Any]) -> bool:
-    """Whether values (n, 3) are integers from 0 to 255 and not all 0 or 1."""
+    """Return whether values are integers from 0 to 255 and not all 0 or 1."""
     if not len(values) or not np.isfinite(values).all():
         return False
     whole = (values == np.rint(values)).all()

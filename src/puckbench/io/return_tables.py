@@ -1,4 +1,4 @@
-"""Tables of LiDAR returns with declared columns, stored as Parquet files with units.
+"""Tables of LiDAR returns, stored as Parquet files with units.
 
 A subclass of `ReturnTable` declares its columns in a `TableSchema`.
 """
@@ -25,8 +25,6 @@ ColumnSpecs = dict[str, tuple[str, str, str]]
 
 @dataclass(frozen=True)
 class TableSchema:
-    """Title, metadata key in the Parquet file, and columns of a kind of table."""
-
     name: str
     metadata_key: str
     columns: ColumnSpecs
@@ -34,7 +32,7 @@ class TableSchema:
 
 @dataclass(frozen=True)
 class ReturnTable:
-    """Columns (n,) by name, and a description of how the returns were made."""
+    """Columns (n,) by name, and a description of the returns."""
 
     schema: ClassVar[TableSchema]
 
@@ -53,11 +51,10 @@ class ReturnTable:
         return self.vectors("x", "y", "z")
 
     def vectors(self, *names: str) -> Floats:
-        """Return some columns as an array, (n, number of names)."""
+        """Return columns as an array (n, number of names)."""
         return np.column_stack([self.columns[name] for name in names])
 
     def select(self, rows: NDArray[Any]) -> Self:
-        """Return the rows of a mask, indices or slice."""
         return replace(self, columns={name: part[rows] for name, part in self.columns.items()})
 
 
@@ -69,7 +66,7 @@ def empty_columns(schema: TableSchema, rows: int) -> dict[str, NDArray[Any]]:
 
 
 def write_return_table(path: Path, table: ReturnTable) -> None:
-    """Write a Parquet file with the unit and description of each column in its metadata."""
+    """Write a Parquet file with the unit and description of each column."""
     from pyarrow import parquet
 
     with written_whole(path) as temporary:
@@ -77,9 +74,9 @@ def write_return_table(path: Path, table: ReturnTable) -> None:
 
 
 def write_portions(path: Path, portions: Iterator[ReturnTable]) -> int:
-    """Write a table portion by portion, each a row group; return the number of rows.
+    """Write a table in portions, one row group each; return the number of rows.
 
-    Only one portion is in memory at a time. The file has the first one's description.
+    The file has the description of the first portion.
     """
     from pyarrow import parquet
 
@@ -100,7 +97,6 @@ def write_portions(path: Path, portions: Iterator[ReturnTable]) -> int:
 
 
 def read_return_table(path: Path, kind: type[T]) -> T:
-    """Read a table of a given kind; InputError if it is missing, damaged or lacks a column."""
     import pyarrow as pa
     from pyarrow import parquet
 
@@ -125,7 +121,6 @@ def read_return_table(path: Path, kind: type[T]) -> T:
 
 
 def _arrow_table(table: ReturnTable, schema: Any = None) -> Any:
-    """Convert a table; without a `schema` its description is in the metadata."""
     import pyarrow as pa
 
     if schema is None:

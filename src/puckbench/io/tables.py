@@ -1,4 +1,4 @@
-"""Tables of results as CSV and Parquet."""
+"""CSV and Parquet tables of results."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _DAMAGE = (ValueError, NotImplementedError, LookupError, TypeError, AttributeErr
 
 
 def read_table(path: Path) -> pd.DataFrame:
-    """Read a CSV or Parquet file; InputError if it is missing, damaged or has no rows."""
+    """Read a CSV or Parquet file; raise InputError if it has no rows."""
     try:
         with naming(path), reading("table", *_DAMAGE):
             table = _read(path)
@@ -28,7 +28,6 @@ def read_table(path: Path) -> pd.DataFrame:
 
 
 def write_table(table: pd.DataFrame, *paths: Path) -> None:
-    """Write a table to each path, as Parquet or CSV by the suffix."""
     for path in paths:
         with written_whole(path) as temporary:
             if path.suffix == ".parquet":

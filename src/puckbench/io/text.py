@@ -41,7 +41,7 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class _Header:
-    """Lines before the points: titles, comments, and whether one has the number of points (PTS)."""
+    """Lines before the points: titles, comments, and whether one is the number of points (PTS)."""
 
     titles: Sequence[str]
     comments: Sequence[str]
@@ -53,7 +53,6 @@ def read_text(path: Path) -> Columns:
     """Read the numeric columns of a text file, named by a line before the points or by convention.
 
     Values are separated by commas, semicolons, tabs or spaces, and may have a decimal comma.
-    Comments and point counts (PTS) are skipped.
     """
     data = read_content(path)
     with naming(path):
@@ -66,7 +65,7 @@ def read_csv(path: Path) -> Columns:
 
 
 def write_csv(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
-    """Write columns with a line of names, and the fewest digits that preserve each number."""
+    """Write columns below their names, with the fewest digits that preserve each number."""
     import pyarrow as pa
     from pyarrow import csv
 
@@ -144,7 +143,7 @@ def _separator(line: str) -> str:
 
 
 def _is_one_value(words: Sequence[str]) -> bool:
-    """Whether words between two tabs are one value: a number, or a text without numbers."""
+    """Return whether words between two tabs are one value: a number, or a text without numbers."""
     return len(words) == 1 or (bool(words) and not any(map(_NUMBER.fullmatch, words)))
 
 
@@ -172,7 +171,6 @@ def _parsed(data: bytes, separator: str) -> list[NDArray[Any]]:
 
 
 def _names(header: _Header, separator: str, columns: Sequence[NDArray[Any]]) -> list[str]:
-    """Names of the columns, from the titles or else the comments; empty without any."""
     lines = header.titles or list(filter(_has_names, header.comments[-_MAX_COMMENTS:]))
     candidates = [names for line in lines if (names := _matching_names(line, separator, columns))]
     if lines and not candidates:
@@ -191,7 +189,7 @@ def _has_names(comment: str) -> bool:
 
 
 def _matching_names(line: str, separator: str, columns: Sequence[NDArray[Any]]) -> list[str]:
-    """The names in a line, with any separator, if there is one for each column."""
+    """Return the names in a line if each column has one."""
     splits = [_split(line, each) for each in (separator, *_SEPARATORS)]
     matching = [
         names
@@ -224,7 +222,7 @@ def _with_default_names(
 
 
 def _without_pandas_header(columns: list[NDArray[Any]]) -> list[NDArray[Any]]:
-    """Remove the numbers that pandas writes for unnamed columns, 0, 1, 2, ..., and its index."""
+    """Remove the column numbers and the index that pandas writes."""
     first = [float(each[0]) for each in columns]
     has_index = bool(np.isnan(first[0])) and len(columns) > _MIN_NUMBERS
     if first[has_index:] != [*map(float, range(len(columns) - has_index))]:

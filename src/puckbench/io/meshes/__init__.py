@@ -1,4 +1,4 @@
-"""Mesh files: reads OBJ, OFF, PLY, STL and GLB, writes PLY with labels."""
+"""Mesh files: OBJ, OFF, PLY, STL and GLB."""
 
 from puckbench.io.meshes.reading import SUFFIXES, read_mesh, read_mesh_report, warn_of_skipped
 from puckbench.io.meshes.writing import write_mesh

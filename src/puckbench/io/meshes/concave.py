@@ -11,10 +11,10 @@ _TOLERANCE = 1e-6
 
 
 def concave_faces(vertices: Floats, triangles: Ints, face: Ints, faces: int) -> Ints:
-    """Return the faces, ascending, whose fan of triangles does not tile them.
+    """Return the faces that their fans of triangles do not tile, ascending.
 
-    A fan is valid if all its triangles have the orientation of the polygon. ``triangles`` (t, 3)
-    are the fans, ``face`` (t,), ascending, the face of each triangle.
+    A fan tiles a face if all triangles have the polygon's orientation. `face` (t,), ascending, is
+    the face of each of the `triangles` (t, 3).
     """
     of_polygon = np.flatnonzero(np.bincount(face, minlength=faces)[face] > 1)
     if not len(of_polygon):
@@ -35,10 +35,9 @@ def concave_faces(vertices: Floats, triangles: Ints, face: Ints, faces: int) -> 
 
 
 def clip_ears(points: Floats) -> Ints:
-    """Triangulate a polygon (n, 3); return indices of corners (t, 3).
+    """Triangulate a polygon (n, 3); return corner indices (t, 3).
 
-    The corners need not be coplanar; a hole may be joined to the outline by an edge that is passed
-    twice.
+    The corners need not be coplanar. An edge that is passed twice may join a hole to the outline.
     """
     from mapbox_earcut import triangulate_float64
 
@@ -48,7 +47,7 @@ def clip_ears(points: Floats) -> Ints:
 
 
 def _on_best_plane(points: Floats) -> Floats:
-    """Coordinates (n, 2) on the plane with the polygon's Newell normal, counter-clockwise."""
+    """Project points (n, 3) to (n, 2) along the polygon's Newell normal, counter-clockwise."""
     centred = points - points[0]
     areas = np.cross(centred[1:-1], centred[2:])
     normal, sizes = areas.sum(axis=0), np.linalg.norm(areas, axis=1)

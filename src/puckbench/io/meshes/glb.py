@@ -1,4 +1,4 @@
-"""Reads GLB scenes (binary glTF 2.0, Khronos Group 2021) as one mesh."""
+"""GLB scenes (binary glTF 2.0, Khronos Group 2021) as one mesh."""
 
 from __future__ import annotations
 
@@ -86,7 +86,6 @@ class _Scene:
         self._bytes_left = max(_MIN_BYTES, _BYTES_PER_BYTE * len(binary))
 
     def check(self) -> None:
-        """Raise InputError if triangles are in another file, or need an unsupported extension."""
         required = self.tree.get("extensionsRequired", ())
         of_nodes = (name for node in self._nodes for name in node.get("extensions", ()))
         instancing = [name for name in of_nodes if name == "EXT_mesh_gpu_instancing"]
@@ -97,7 +96,6 @@ class _Scene:
             raise InputError("its buffers are not within it: export them into the GLB file")
 
     def parts(self) -> Iterator[tuple[Floats, Ints]]:
-        """Yield vertices (v, 3) and triangles (t, 3) of each primitive in the scene."""
         cache: dict[int, list[tuple[Floats, Ints]]] = {}
         for mesh, matrix in self._mesh_poses():
             if mesh not in cache:
@@ -161,7 +159,7 @@ class _Scene:
             raise InputError("its scene is too large for a file of this size")
 
     def _rows(self, source: dict[str, Any], component: str, shape: tuple[int, ...]) -> NDArray[Any]:
-        """An array in a buffer view; ValueError or TypeError if it exceeds the view."""
+        """Return an array of a buffer view; ValueError or TypeError if it exceeds the view."""
         view = self.tree["bufferViews"][source["bufferView"]]
         if view.get("buffer", 0) != 0:
             raise InputError("its buffers are not within it")
@@ -174,7 +172,6 @@ class _Scene:
 
 
 def _roots(nodes: list[dict[str, Any]]) -> list[int]:
-    """Nodes without a parent: the roots of a file without a scene."""
     children = {child for node in nodes for child in node.get("children", ())}
     return [number for number in range(len(nodes)) if number not in children]
 
@@ -194,7 +191,7 @@ def _matrix(node: dict[str, Any]) -> Floats:
 
 
 def _transformed(vertices: Floats, triangles: Ints, matrix: Floats) -> tuple[Floats, Ints]:
-    """Transform a mesh; a reflection reverses the triangles, so that normals point outwards."""
+    """Transform a mesh; reverse the triangles of a reflection, so that normals point outwards."""
     transformed = vertices @ matrix[:3, :3].T + matrix[:3, 3]
     return transformed, triangles[:, ::-1] if np.linalg.det(matrix) < 0 else triangles
 

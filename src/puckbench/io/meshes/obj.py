@@ -1,4 +1,4 @@
-"""Reads Wavefront OBJ meshes, with polygons of any size and relative indices."""
+"""Wavefront OBJ meshes, with polygons of any size and relative indices."""
 
 from __future__ import annotations
 
@@ -25,12 +25,11 @@ _SKIPPED = {
 
 
 def read_obj(path: Path) -> Polygons:
-    """Read vertices, faces and material names; count polylines, points and curves as skipped."""
+    """Read vertices, faces and materials; count polylines, points and curves as skipped."""
     return parse_obj(read_bytes(path), str(path))
 
 
 def parse_obj(data: bytes, source: str) -> Polygons:
-    """Parse the bytes of an OBJ file; `source` names them in errors."""
     lines = _lines(data)
     kinds = [line.partition(b" ")[0] for line in lines]
     faces = [
@@ -80,7 +79,7 @@ def _corners(lines: list[bytes], source: str) -> Ints:
 
 
 def _materials(lines: list[bytes], kinds: list[bytes]) -> tuple[tuple[str, ...], Ints]:
-    """Names of the materials, and the material of each face; -1 before the first."""
+    """Return the names of the materials, and the material of each face or -1."""
     changes = [row for row, kind in enumerate(kinds) if kind == b"usemtl"]
     numbers: dict[bytes, int] = {}
     ids = [numbers.setdefault(lines[row][6:].strip(), len(numbers)) for row in changes]

@@ -1,4 +1,4 @@
-"""Reads OFF meshes, also those of ModelNet40, whose header and counts are not separated."""
+"""OFF meshes."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ _HEADER = re.compile(rb"(?:ST)?C?N?OFF(?![A-Za-z])", re.IGNORECASE)
 
 
 def read_off(path: Path) -> Polygons:
-    """Read an ASCII OFF file, without colours and normals.
+    """Read an ASCII OFF file without its colours and normals.
 
-    The header may be missing, or on the line of the counts with or without a space.
+    The header may be missing or on the line of the counts, without a space in ModelNet40.
     """
     counts, rows = _counts_and_rows(read_bytes(path), path)
     vertices, faces = counts

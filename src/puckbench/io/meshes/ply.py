@@ -1,4 +1,4 @@
-"""Reads PLY meshes, and the labels of meshes that puckbench wrote."""
+"""PLY meshes, with labels if puckbench wrote them."""
 
 from __future__ import annotations
 
@@ -19,7 +19,6 @@ _IDS = ("object_id", "primitive_id")
 
 
 def read_ply(path: Path) -> Polygons:
-    """Read polygons, and labels if the file has a description."""
     elements = read_elements(path)
     names = {element.name for element in elements}
     if "tristrips" in names and "face" not in names:

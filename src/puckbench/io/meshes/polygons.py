@@ -1,4 +1,4 @@
-"""Polygon meshes and their triangulation."""
+"""Triangulation of polygon meshes."""
 
 from __future__ import annotations
 
@@ -22,8 +22,6 @@ class Polygons:
 
     Parameters
     ----------
-    vertices
-        (v, 3) float64.
     corners
         Vertex indices, face after face, (sum of sizes,).
     sizes
@@ -31,7 +29,7 @@ class Polygons:
     up
         The up axis, if the format defines it.
     skipped
-        Counts of elements that the reader skipped, by name.
+        Number of elements that the reader skipped, by name.
     material_id
         Index into ``materials`` of each face, (f,), -1 for none.
     """
@@ -55,7 +53,7 @@ def triangulate(polygons: Polygons, source: str) -> tuple[Mesh, Ints]:
     """Triangulate faces as fans around their first corners, concave faces by ear clipping.
 
     Returns the mesh and the face of each triangle (t,), ascending. Raises InputError for concave
-    faces of more than `MAX_CORNERS` corners.
+    faces with more than `MAX_CORNERS` corners.
     """
     corners = polygons.corners
     if len(corners) and (corners.min() < 0 or corners.max() >= len(polygons.vertices)):

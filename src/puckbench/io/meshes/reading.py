@@ -1,4 +1,4 @@
-"""Reads meshes of all supported formats as triangles with z up."""
+"""Meshes of all supported formats, as triangles with z up."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def read_mesh(path: Path, up: str = "z") -> Mesh:
     """Read a mesh file and rotate it to z up.
 
     `up` is the up axis of the file (y or z), unless its format defines it. Raises InputError if the
-    file is missing, damaged, without faces, without area, or not finite.
+    mesh is damaged, empty, without area, or not finite.
     """
     mesh, report = read_mesh_report(path, up)
     warn_of_skipped(path, report["skipped"])
@@ -51,11 +51,11 @@ def warn_of_skipped(path: Path, skipped: Mapping[str, int]) -> None:
 
 
 def read_mesh_report(path: Path, up: str = "z") -> tuple[Mesh, dict[str, Any]]:
-    """Read a mesh as `read_mesh` does, with a report of counts.
+    """Read a mesh as `read_mesh` does, with a report.
 
-    The report has ``format``, ``faces``, ``polygons`` (faces of more than three corners),
-    ``triangles`` (of the returned mesh), ``zero_area`` (triangles removed from unlabelled meshes)
-    and ``skipped`` (other skipped elements by name).
+    It has ``format``, ``faces``, ``polygons`` (faces of more than three corners), ``triangles`` (of
+    the returned mesh), ``zero_area`` (triangles removed from unlabelled meshes) and ``skipped``
+    (other elements by name).
     """
     if up not in ("y", "z"):
         raise InputError(f"up: {up!r} is not an axis that can point up (allowed: y, z)")
@@ -93,7 +93,7 @@ def _without_unused_vertices(mesh: Mesh) -> Mesh:
 
 
 def _has_no_area(mesh: Mesh) -> NDArray[np.bool_]:
-    """Mask (t,) of triangles whose area is 0 within rounding errors of their longest edge."""
+    """Return which triangles have no area within rounding errors of their longest edge, (t,)."""
     corners = mesh.corners()
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
     return np.asarray(mesh.areas() <= 1e-12 * longest**2)

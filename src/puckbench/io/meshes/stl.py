@@ -1,4 +1,4 @@
-"""Reads STL meshes, binary and ASCII."""
+"""STL meshes, binary and ASCII."""
 
 from __future__ import annotations
 
@@ -19,7 +19,6 @@ _PARTS = re.compile(rb"\bvertex\s+(\S+)\s+(\S+)\s+(\S+)|\b(endloop)\b", re.IGNOR
 
 
 def read_stl(path: Path) -> Polygons:
-    """Read an STL file; faces share no vertices."""
     data = read_bytes(path)
     return _ascii(data, path) if _is_ascii(data) else _binary(data, path)
 
@@ -30,7 +29,7 @@ def _is_ascii(data: bytes) -> bool:
 
 
 def _ascii(data: bytes, path: Path) -> Polygons:
-    """Polygons of the loops, which have more than three corners in some files."""
+    """Parse loops, which have more than three corners in some files."""
     if b"endsolid" not in data.lower():
         raise InputError(f"{path}: truncated: the solid has no end")
     parts = _PARTS.findall(data)

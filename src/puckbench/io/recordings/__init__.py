@@ -1,1 +1,1 @@
-"""Recordings of sensor data: packet captures and ROS bags, read as payloads."""
+"""Payloads of packet captures and ROS bags."""

@@ -1,6 +1,6 @@
 """Link-layer packets of pcap and pcapng files (IETF drafts opsawg-pcap and opsawg-pcapng).
 
-dpkt is not used: it ignores the interfaces of pcapng files, and stops at some blocks.
+dpkt ignores the interfaces of pcapng files, and stops at some blocks.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _RESOLUTION, _OFFSET = 9, 14
 
 
 class CapturedPacket(NamedTuple):
-    """Position of a packet in a file, original length, and time of reception, s since 1970."""
+    """Position of a packet in a file, its original length, and its time in s since 1970."""
 
     link: int
     received: float
@@ -35,8 +35,6 @@ class CapturedPacket(NamedTuple):
 
 
 class Interface(NamedTuple):
-    """Interface of a pcapng section, with ticks per second and the offset of its clock."""
-
     link: int
     snap_length: int
     ticks: int
@@ -44,7 +42,7 @@ class Interface(NamedTuple):
 
 
 class CapturedPackets:
-    """Iterable of the packets in a file's bytes.
+    """Iterable of the packets in a file.
 
     After iteration, `end` is the end of the last complete record or block, `links` are the link
     types, and `unreadable` is the number of inconsistent packet blocks.
@@ -92,7 +90,7 @@ class CapturedPackets:
                 yield packet._replace(received=received)
 
     def _block(self, order: str) -> tuple[str, int, int, int] | None:
-        """Byte order, type, start and end of the next block's body; None if truncated."""
+        """Return byte order, type, start and end of the next block's body; None if truncated."""
         data, at = self._data, self.end
         if at + _MIN_BLOCK_BYTES > len(data):
             return None
@@ -109,13 +107,12 @@ class CapturedPackets:
 
 
 def is_packet_capture(data: bytes) -> bool:
-    """Return whether bytes begin as a pcap or pcapng file."""
     is_section = data.startswith(_SECTION_START) and data[8:12] in _SECTION_ORDERS
     return is_section or pcap_layout(data) is not None
 
 
 def pcap_layout(data: bytes) -> tuple[str, int, int] | None:
-    """Return byte order, ticks per second and record header size of a pcap file; else None."""
+    """Return byte order, ticks per second and record header size of a pcap file, or None."""
     if len(data) < _PCAP_HEADER:
         return None
     for order in "<>":

@@ -1,4 +1,4 @@
-"""UDP datagrams of packet captures (.pcap and .pcapng, as tcpdump and Wireshark write them)."""
+"""UDP datagrams of packet captures (.pcap, .pcapng)."""
 
 from __future__ import annotations
 
@@ -30,8 +30,6 @@ _MAX_LISTED = 4
 
 
 class Stream(NamedTuple):
-    """Addresses and ports of a sender and a receiver."""
-
     sender: str
     sender_port: int
     receiver: str
@@ -42,7 +40,7 @@ class Stream(NamedTuple):
 
 
 class Datagram(NamedTuple):
-    """A UDP datagram; ``length`` is that of the payload sent, ``received`` s since 1970."""
+    """A UDP datagram; ``length`` is that of the sent payload, ``received`` is in s since 1970."""
 
     stream: Stream
     payload: bytes
@@ -52,18 +50,10 @@ class Datagram(NamedTuple):
 
 @dataclass(frozen=True)
 class Capture:
-    """The complete UDP datagrams of a packet capture, and counts of its other content.
+    """Complete UDP datagrams of a packet capture, and counts of its other content.
 
-    Parameters
-    ----------
-    cut
-        Number of packets that the snap length cut.
-    cut_sizes
-        Number of cut datagrams by (length in bytes, port).
-    others
-        Number of packets of other protocols.
-    bytes_cut_off
-        Size of an incomplete last packet.
+    `cut` packets are truncated by the snap length (`cut_sizes`: by length in bytes and port);
+    `others` have other protocols. `bytes_cut_off` is the size of an incomplete last packet.
     """
 
     datagrams: list[Datagram]
@@ -87,10 +77,7 @@ class Capture:
 
 
 def read_datagrams(data: bytes) -> Capture:
-    """Read the complete UDP datagrams over IPv4 and IPv6 from a capture file's bytes.
-
-    Raises InputError if the file is not a packet capture, or all its link layers are unknown.
-    """
+    """Read the complete UDP datagrams; raise InputError if all link layers are unknown."""
     if not is_packet_capture(data):
         raise InputError("not a packet capture (.pcap, .pcapng)")
     packets, datagrams = CapturedPackets(data), list[Datagram]()
@@ -116,7 +103,7 @@ def read_datagrams(data: bytes) -> Capture:
 
 
 def udp_datagram(content: bytes, link: int = _ETHERNET) -> Datagram | None:
-    """Return the UDP datagram of a packet; None for other protocols and fragments."""
+    """Return the UDP datagram of a packet, or None for fragments and other protocols."""
     packet = _ip_packet(content, link)
     return None if packet is None else _datagram(content, packet)
 

@@ -40,24 +40,22 @@ _DAMAGE = (
 
 @dataclass(frozen=True)
 class Messages:
-    """The messages of a topic in recorded order, and the format of the bag."""
-
     topic: str
     messages: list[Any]
     format: str
 
 
 def bag_format(start: bytes) -> str | None:
-    """Return the suffix of the kind of bag that begins with these bytes; None for other files."""
+    """Return the suffix of the kind of bag that starts with these bytes, or None."""
     return next((suffix for magic, suffix in _MAGICS.items() if start.startswith(magic)), None)
 
 
 def read_messages(path: Path, kind: str, definitions: Mapping[str, str]) -> Messages:
     """Read the messages of the only topic of a type, such as ``velodyne_msgs/msg/VelodyneScan``.
 
-    `definitions` are ROS definitions of the type and its parts that are not standard types; those
-    in the bag are not trusted, as they would be compiled. Raises InputError if the file is damaged,
-    or does not have exactly one topic of the type.
+    `definitions` define the type and its parts; definitions in the bag are not used, because they
+    would be compiled. Raises InputError if the file is damaged, or does not have exactly one topic
+    of the type.
     """
     from rosbags.serde import SerdeError
 
@@ -76,9 +74,9 @@ def read_messages(path: Path, kind: str, definitions: Mapping[str, str]) -> Mess
 
 
 def parse_bag(path: Path, kind: str, folder: str) -> ParsedFile:
-    """Read the messages of the only topic of a type as bytes, in the calling process.
+    """Read the messages of the only topic of a type in the calling process.
 
-    The columns are ``data``, all messages in order, and ``sizes``. `folder` is for copies.
+    The columns are ``data``, the bytes of all messages, and ``sizes``.
     """
     import apsw
     from rosbags.rosbag1 import ReaderError as Error1
@@ -156,7 +154,7 @@ def _storage(file: Path, folder: Path, kind: str) -> Iterator[tuple[Topics, Stor
 
 
 def _check_chunks(reader: Any) -> None:
-    """Raise ValueError for an index of overlapping chunks, which would be read again and again."""
+    """Raise ValueError if chunks overlap, which would be read repeatedly."""
     if hasattr(reader, "chunks"):
         ranges = [(start, chunk.datapos + chunk.datasize) for start, chunk in reader.chunks.items()]
         count = len(reader.chunk_infos)

@@ -1,4 +1,4 @@
-"""ROS 2 bags in SQLite (.db3); their schema is not trusted."""
+"""ROS 2 bags in SQLite (.db3), whose schema is not trusted."""
 
 from __future__ import annotations
 
@@ -26,8 +26,7 @@ def sqlite_storage(path: Path, folder: Path, kind: str) -> Iterator[tuple[Topics
     """Open a database; yield the topics' types, and topic and bytes of each message of type `kind`.
 
     A database with side files (write-ahead log, journal) is copied to `folder`, because reading
-    changes them. Raises apsw.Error if the database is damaged, or reading it takes more steps than
-    its size allows.
+    changes them. Raises apsw.Error if the database is damaged or reading takes too many steps.
     """
     with closing(_connection(path, folder)) as database:
         _check_tables(database)
