@@ -1,9 +1,9 @@
-"""Angular mode: contexts from the directions in which a spinning sensor measures.
+"""Angular mode: contexts from the lasers of a spinning sensor.
 
-The elevation of a node's laser predicts the occupied half along z; the last azimuth of that laser
-predicts the half along x or y (`determineContextAngleForPlanar`, `findLaser`, `AzimuthalPhiZi` in
-TMC13). Elevations are tangents in units of 2^-18, heights are in eighths of a coding unit, azimuths
-in units of 2^-20 radians. Numbers are truncated to 32 bits where TMC13 does so.
+A laser's elevation predicts the occupied half of a node along z, its last azimuth the half along x
+or y (`determineContextAngleForPlanar`, `findLaser`, `AzimuthalPhiZi` in TMC13). Elevations are
+tangents in units of 2^-18, heights eighths of a coding unit, azimuths units of 2^-20 radians.
+Numbers are truncated to 32 bits as in TMC13.
 """
 
 from __future__ import annotations
@@ -34,8 +34,6 @@ _LARGEST_GAP = 128 << 18
 class Angular(NamedTuple):
     """A sensor relative to a slice, and the last azimuth of each laser.
 
-    origin: (3,) position relative to the slice's origin, along the coded axes.
-    least_gap: smallest difference of successive elevations.
     step, steps: azimuth between two shots, and its inverse in units of 2^-30.
     fault: (1,) nonzero after a stream has named a laser that does not exist.
     """
@@ -113,7 +111,6 @@ def _nearest_laser(elevation: Ints, tangent: int) -> int:
 
 @kernel
 def laser_of(elevation: Ints, x: int, y: int, z: int) -> int:
-    """Return the laser nearest to a point (x, y, z) relative to the sensor."""
     if len(elevation) == 1:
         return 0
     x, y = x << 8, y << 8
@@ -132,10 +129,7 @@ def predicted_azimuth(angular: Angular, laser: int, azimuth: int) -> int:
 
 @inlined
 def azimuth_ctx(left: int, right: int, contrast: int) -> int:
-    """Return the context of two candidates by their differences from the predicted azimuth.
-
-    contrast: log2 of the ratio from which on the farther candidate is unlikely.
-    """
+    """Return the context of two candidates by their differences from the predicted azimuth."""
     context = 2 if (left >= 0) == (right >= 0) else 0
     left, right = abs(left), abs(right)
     if left > right:
@@ -201,11 +195,7 @@ def plane_angles(
 
 @inlined
 def angular_eligible_axes(angles: PlaneAngles, eligible_axes: int, axes: int) -> int:
-    """Return the axes (1 x, 2 y, 4 z) whose planes are coded.
-
-    eligible_axes: result without a sensor.
-    axes: axes that the node splits (4 x, 2 y, 1 z).
-    """
+    """Return the axes (1 x, 2 y, 4 z) whose planes are coded, out of those split (4 x, 2 y, 1 z)."""
     found = eligible_axes & 4
     found |= integer(angles.x >= 0) | integer(angles.y >= 0) << 1 | integer(angles.z >= 0) << 2
     return found & ((axes >> 2 & 1) | (axes & 2) | (axes & 1) << 2)

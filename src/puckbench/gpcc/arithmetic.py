@@ -1,9 +1,8 @@
 """Adaptive binary arithmetic coding of G-PCC (ISO/IEC 23090-9), in both directions.
 
-A kernel that calls `step`, `code_bit` and `code_bypass` encodes with an `Encoder` and decodes with
-a `Decoder`: each function takes the bit to encode (ignored by a decoder) and returns the coded bit.
-Probabilities are 16-bit probabilities of a zero, as in the Schroedinger coder (`schroarith`) of
-TMC13.
+Coding functions encode with an `Encoder` and decode with a `Decoder`: each takes the bit to encode
+(ignored by a decoder) and returns the coded bit. Probabilities are 16-bit probabilities of a zero,
+as in the Schroedinger coder (`schroarith`) of TMC13.
 """
 
 from __future__ import annotations
@@ -67,7 +66,7 @@ def enlarged(coder: Encoder, more: int) -> Encoder:
 
 
 def decoder(data: Bytes, bypass: Bytes | None = None) -> Decoder:
-    """Return a decoder; `bypass` holds the bits of a separate bypass stream, one per byte."""
+    """Return a decoder; `bypass` holds separate bypass bits, one per byte."""
     padded = np.concatenate([data, np.full(4, 0xFF, dtype=np.uint8)])
     first = int(padded[0]) << 8 | int(padded[1])
     separate = bypass is not None

@@ -1,7 +1,6 @@
 """Sorting of points by azimuth, radius and slope, with ties in the order of TMC13.
 
-TMC13 sorts with ``std::sort``, which is not stable. This module repeats the introsort of the GNU
-C++ library, so that the trees are equal.
+TMC13 uses the unstable ``std::sort``; this module repeats the introsort of the GNU C++ library.
 """
 
 from __future__ import annotations

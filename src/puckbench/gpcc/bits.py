@@ -44,11 +44,11 @@ class SyntaxElements(ABC):
         setattr(record, name, self.signed(int(getattr(record, name))))
 
     def u3(self, record: Any, name: str, n: int) -> None:
-        """Code three unsigned numbers: x, y, z."""
+        """Code three unsigned numbers."""
         setattr(record, name, tuple(self.bits(n, int(v)) for v in getattr(record, name)))
 
     def s3(self, record: Any, name: str, n: int) -> None:
-        """Code x, y, z as magnitudes of `n` bits, each followed by its sign."""
+        """Code three magnitudes of `n` bits, each followed by its sign."""
         values = []
         for value in getattr(record, name):
             magnitude = self.bits(n, abs(int(value)))
@@ -56,7 +56,7 @@ class SyntaxElements(ABC):
         setattr(record, name, tuple(values))
 
     def signed(self, value: int) -> int:
-        """Code a signed number in Exp-Golomb code of order 0: 0, 1, -1, 2 and so on."""
+        """Code a number in the order 0, 1, -1, 2 and so on."""
         code = self.exp_golomb(2 * abs(value) - (value > 0))
         return (code + 1) // 2 if code & 1 else -(code // 2)
 

@@ -1,4 +1,4 @@
-"""Encoding of integer points, scale and origin as a G-PCC bitstream, and decoding."""
+"""G-PCC bitstreams of integer points with their scale and origin."""
 
 from __future__ import annotations
 
@@ -276,7 +276,7 @@ def _data_unit(
 
 
 def decode_geometry(stream: bytes) -> DecodedGeometry:
-    """Decode the geometry of a stream of one frame; points are in decoding order.
+    """Decode a stream of one frame, with points in decoding order.
 
     Raises
     ------
@@ -356,7 +356,6 @@ class _StreamReader:
         self._frame = frame
 
     def geometry(self) -> DecodedGeometry:
-        """Return the geometry; InputError if there was no slice."""
         sps = self._active
         if sps is None:
             raise InputError("G-PCC stream: no geometry")

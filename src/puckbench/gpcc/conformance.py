@@ -1,8 +1,8 @@
-"""Conformance streams of G-PCC geometry, and what any decoder makes of them.
+"""Tests of G-PCC decoders with conformance streams of geometry.
 
-The streams are TMC13's (release-v14.0), of generated scenes; `vectors/manifest.json` has the
-options that each was made with, and the SHA-256 of its points: little-endian float64, sorted by x,
-y, z. A manifest is a mapping of names, or a list of streams with their `name`.
+TMC13 (release-v14.0) made the streams. `vectors/manifest.json` holds the options of each stream and
+the SHA-256 of its points: little-endian float64, sorted by x, y, z. A manifest is a mapping of
+names, or a list of streams with their `name`.
 """
 
 from __future__ import annotations
@@ -26,17 +26,14 @@ from puckbench.io.clouds import read_cloud
 
 FOLDER = Path(__file__).parent / "vectors"
 SECONDS = 60
-"""Time that a program may take for a stream."""
+"""Time limit for a program per stream."""
 
 Decode = Callable[[bytes], Floats]
 
 
 @dataclass(frozen=True)
 class ConformanceStream:
-    """A stream, what it tests, and what it decodes to.
-
-    tools: `octree` or `trees`, after `angular` where a sensor is described.
-    """
+    """A stream, the TMC13 options that made it, and the digest of its points."""
 
     name: str
     path: Path
@@ -46,14 +43,14 @@ class ConformanceStream:
 
     @property
     def tools(self) -> str:
-        """The kind of geometry coding."""
+        """`octree` or `trees`, preceded by `angular` if the stream describes a sensor."""
         kind = "trees" if "--geomTreeType=1" in self.options else "octree"
         return f"angular {kind}" if "--angularEnabled=1" in self.options else kind
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """What a decoder made of a stream: `decoded`, `refused`, or `failed`, and why."""
+    """Result of a decoder for a stream: `decoded`, `refused` or `failed`, and the reason."""
 
     stream: ConformanceStream
     outcome: str
@@ -61,11 +58,11 @@ class Verdict:
 
 
 class CrashError(Exception):
-    """A program ended by a signal, or did not end."""
+    """A program that a signal ended, or that exceeded the time limit."""
 
 
 def conformance_streams(folder: Path = FOLDER) -> list[ConformanceStream]:
-    """The streams of a folder with a manifest; InputError where there is none."""
+    """Return the streams of a folder; InputError if it has no manifest."""
     manifest = read_json(folder / "manifest.json")
     try:
         if isinstance(manifest, list):
@@ -87,13 +84,13 @@ def _stream(folder: Path, name: str, about: dict[str, Any]) -> ConformanceStream
 
 
 def digest(points: Floats) -> str:
-    """SHA-256 of points (n, 3), whatever their order."""
+    """Return the SHA-256 of points (n, 3), independent of their order."""
     ordered = points[np.lexsort(points.T[::-1])] + 0.0  # no negative zeros
     return hashlib.sha256(ordered.astype("<f8").tobytes()).hexdigest()
 
 
 def verdicts(decode: Decode, streams: Sequence[ConformanceStream]) -> Iterator[Verdict]:
-    """What a decoder makes of each stream, one after the other."""
+    """Decode each stream and yield its verdict."""
     for stream in streams:
         try:
             points = decode(read_bytes(stream.path))
@@ -112,19 +109,19 @@ def verdicts(decode: Decode, streams: Sequence[ConformanceStream]) -> Iterator[V
 
 
 def program_decoder(words: str) -> Decode:
-    """A decoder that is a program.
+    """Return a decoder that runs a program.
 
     Parameters
     ----------
     words
-        A command with ``{stream}`` and ``{points}`` for the file to read and the cloud file (.ply)
-        to write; or the name or path of a program with the options of TMC13's ``tmc3``.
+        Command with ``{stream}`` for the input file and ``{points}`` for the output (.ply), or a
+        program with the options of TMC13's ``tmc3``.
 
     Raises
     ------
     InputError
-        There is no such program. The decoder raises it where the program ends with a status other
-        than 0 or writes no points, and `CrashError` where a signal ends it.
+        If there is no such program. The decoder raises it if the program fails, and `CrashError` if
+        a signal ends it.
     """
     if "{stream}" not in words:
         words = f"{shlex.quote(words)} --mode=1 --compressedStreamPath={{stream}}"

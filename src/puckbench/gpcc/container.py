@@ -1,10 +1,10 @@
-"""Container of a G-PCC stream: a magic number, and the input grid, which G-PCC cannot signal.
+"""Container of a G-PCC stream: a magic number and the input grid, which G-PCC cannot signal.
 
     4 bytes  "PBGP"
     1 byte   0: the stream follows; 1: unit and offset (4 float64, little-endian), then the stream
 
-A bare stream, as TMC13 writes it, begins with a sequence parameter set: payload type 0 and a length
-in four bytes.
+A bare stream, as TMC13 writes it, starts with a sequence parameter set: payload type 0 and a length
+of four bytes.
 """
 
 from __future__ import annotations
@@ -22,8 +22,6 @@ _GRID = struct.Struct("<4d")
 
 
 class Unwrapped(NamedTuple):
-    """A bare G-PCC stream and the input grid of its coordinates."""
-
     stream: bytes
     grid: InputGrid
 
@@ -36,7 +34,7 @@ def wrap(stream: bytes, grid: InputGrid) -> bytes:
 
 
 def unwrap(data: bytes) -> Unwrapped:
-    """Read a container, or a bare stream; InputError if it is damaged."""
+    """Read a container or a bare stream; InputError if it is damaged."""
     if not data.startswith(MAGIC):
         if not data.startswith(b"\0\0\0"):
             raise InputError("not a G-PCC stream")

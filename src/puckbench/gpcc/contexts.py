@@ -1,4 +1,4 @@
-"""Contexts of octree geometry (`GeometryOctreeContexts` of TMC13): adaptive bit models and maps."""
+"""Adaptive contexts of octree geometry (`GeometryOctreeContexts` of TMC13)."""
 
 from __future__ import annotations
 
@@ -35,17 +35,12 @@ _COUNT = 124
 
 
 class Contexts(NamedTuple):
-    """State of all contexts of a slice.
-
-    probabilities: (124,) uint16 probability of a zero. ctx_idx_maps: from neighbourhoods to
-    contexts of occupancy bits, flat.
-    """
+    """Probabilities of a zero, and maps from neighbourhoods to occupancy contexts."""
 
     probabilities: NDArray[np.uint16]
     ctx_idx_maps: NDArray[np.uint8]
 
 
 def initial_contexts() -> Contexts:
-    """The contexts at the start of a slice."""
     probabilities = np.full(_COUNT, HALF, dtype=np.uint16)
     return Contexts(probabilities, np.full(CTX_MAP_COUNT * CTX_MAP_SIZE, 127, dtype=np.uint8))

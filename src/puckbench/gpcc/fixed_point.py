@@ -1,6 +1,6 @@
-"""Inverse square root and arc tangent in integers, bit for bit those of G-PCC's angular mode.
+"""Integer inverse square root and arc tangent, bit for bit those of G-PCC's angular mode.
 
-See `irsqrt` and `iatan2` of TMC13. Angles are in 2^-20 radians.
+See `irsqrt` and `iatan2` in TMC13. Angles are in units of 2^-20 radians.
 """
 
 from __future__ import annotations
@@ -54,13 +54,13 @@ _ARC_SINES = np.rint(np.arcsin(np.minimum(np.arange(364), 362) / 512) * 2**20).a
 
 @inlined
 def int32(number: int) -> int:
-    """A number as the reference keeps it, in 32 bits with a sign: predictions may leave them."""
+    """Wrap a number to 32 bits with sign, as TMC13 stores it."""
     return ((number & 0xFFFFFFFF) ^ 0x80000000) - 0x80000000
 
 
 @inlined
 def inverse_square_root(number: int) -> int:
-    """2^40 / sqrt(number) for a number below 2^63; 0 for 0."""
+    """Return 2^40 / sqrt(number) for a number below 2^63; 0 for 0."""
     if number <= 0:
         return 0
     pairs: int = 16 - (65 - leading_zeros(number) >> 1)  # of bits up to 31 or 32 bits
@@ -75,7 +75,7 @@ def inverse_square_root(number: int) -> int:
 
 @inlined
 def _arc_tangent(y: int, x: int) -> int:
-    """Angle of (x, y) for 0 <= y <= x."""
+    """Return the angle of (x, y) for 0 <= y <= x."""
     sine = y * inverse_square_root(x * x + y * y) >> 20
     index = sine >> 11
     rest = sine & 0x7FF
@@ -86,7 +86,7 @@ def _arc_tangent(y: int, x: int) -> int:
 
 @kernel
 def arc_tangent(y: int, x: int) -> int:
-    """Angle of (x, y), each below 2^30, in (-pi, pi]; 0 for the origin."""
+    """Return the angle of (x, y), each below 2^30, in (-pi, pi]; 0 for the origin."""
     x_size, y_size = abs(x), abs(y)
     angle = _arc_tangent(min(x_size, y_size), max(x_size, y_size))
     if y_size > x_size:

@@ -13,13 +13,13 @@ from puckbench.geometry.cloud import Floats, bounds
 Rounding = Literal["nearest", "truncate"]
 ROUNDINGS: tuple[Rounding, ...] = ("nearest", "truncate")
 MOST_BITS = 21
-"""Maximum bits of a coordinate: the largest bounding box of the profiles' default level."""
+"""Maximum number of bits of a coordinate: the bounding box of the profiles' default level."""
 _FARTHEST = 2.0**30
-"""Coordinates beyond this do not fit in the sequence origin of a stream."""
+"""Larger coordinates do not fit into the sequence origin of a stream."""
 
 
 class InputGrid(NamedTuple):
-    """The grid of the input coordinates: its step and the position of its origin."""
+    """Step and origin of the grid of the input coordinates."""
 
     unit: float = 1.0
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -29,14 +29,14 @@ DEFAULT_GRID = InputGrid()
 
 
 class Quantised(NamedTuple):
-    """Positions (n, 3) int64 of at least 0, and the origin (3,) int64 to add to them."""
+    """Non-negative positions (n, 3), and the origin (3,) to add to them."""
 
     positions: NDArray[np.int64]
     origin: NDArray[np.int64]
 
 
 def input_grid(points: Floats, unit: float, scale: float) -> InputGrid:
-    """Return the grid for a cloud; its origin moves only if the cloud is too far from zero."""
+    """Return the grid of a cloud; its origin is nonzero only if the cloud is too far from zero."""
     ends = bounds(points)
     if np.abs(ends).max() < _FARTHEST * unit / max(scale, 1.0):
         return InputGrid(unit)
@@ -50,19 +50,13 @@ def quantise(
     scale: float = 1.0,
     rounding: Rounding = "nearest",
 ) -> Quantised:
-    """Quantise points to a grid with the step ``grid.unit / scale``.
+    """Quantise points (n, 3) to a grid with the step ``grid.unit / scale``.
 
     Parameters
     ----------
-    points
-        (n, 3) coordinates.
-    grid
-        Grid of the input.
-    scale
-        Steps of the quantised grid per step of the input grid.
     rounding
-        ``nearest`` rounds once. ``truncate`` does what TMC13 does with floating-point files: it
-        truncates to the input grid, then rounds in single precision.
+        ``nearest`` rounds once. ``truncate`` repeats TMC13 for floating-point files: truncate to
+        the input grid, then round in single precision.
 
     Raises
     ------
@@ -82,7 +76,7 @@ def quantise(
 
 
 def _rounded(units: Floats, scale: float, rounding: Rounding) -> NDArray[np.int64]:
-    """Halves are rounded away from zero, as by C's ``round``."""
+    """Round halves away from zero, as C's ``round`` does."""
     if rounding == "nearest":
         scaled = units * scale
     else:
@@ -92,10 +86,7 @@ def _rounded(units: Floats, scale: float, rounding: Rounding) -> NDArray[np.int6
 
 
 def input_coordinates(units: Floats, grid: InputGrid) -> Floats:
-    """Convert points (m, 3) from steps of the input grid to input coordinates.
-
-    Raises InputError if the results are not finite.
-    """
+    """Convert points (m, 3) from grid steps to coordinates; InputError if they are not finite."""
     if grid == DEFAULT_GRID:
         return units
     with np.errstate(over="ignore", invalid="ignore"):

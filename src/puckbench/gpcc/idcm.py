@@ -1,4 +1,4 @@
-"""Inferred direct coding mode (IDCM): the one or two points of an isolated node as coordinates.
+"""Inferred direct coding mode (IDCM): coordinates of the one or two points of a node.
 
 See `isDirectModeEligible` and `encodePointPosition` in TMC13's geometry_octree.
 """
@@ -47,12 +47,7 @@ _ALL_AXES = 0xFFFFFFFF
 
 
 class IdcmNode(NamedTuple):
-    """A node whose points are coded directly.
-
-    morton: code. node_size_log2: along x, y, z. unique_points: geom_unique_points_flag.
-    joint_2pt_idcm: whether the common leading bits of two points are coded once. planar_mode,
-    plane_pos_bits: axes whose plane is known, and the planes.
-    """
+    """A node coded by IDCM; planar mode has coded the planes of the axes in `planar_mode`."""
 
     morton: int
     node_size_log2: tuple[int, int, int]
@@ -63,7 +58,7 @@ class IdcmNode(NamedTuple):
 
 
 def idcm_enable_mask(mode: int, planar_enabled: bool, rate_minus1: int) -> int:
-    """Which of 32 successive eligible nodes may be coded directly: a bit each."""
+    """Return which of 32 successive eligible nodes may use IDCM, as bits."""
     if mode == 0:
         return 0
     if mode != 1 or not planar_enabled:
@@ -80,10 +75,10 @@ def idcm_enable_mask(mode: int, planar_enabled: bool, rate_minus1: int) -> int:
 def is_idcm_eligible(
     mode: int, size_log2: int, neigh_pattern: int, sibling_count: int, child_count: int
 ) -> bool:
-    """Whether a node's children may be coded directly.
+    """Return whether a node's children may use IDCM.
 
-    size_log2: of the node's longest side. neigh_pattern: its occupied face neighbours.
-    sibling_count: nodes in its parent, itself included. child_count: its own.
+    sibling_count: nodes of the same parent, including this one.
+    child_count: children of the node.
     """
     if mode == 0 or size_log2 < 2:
         return False
@@ -96,7 +91,7 @@ def is_idcm_eligible(
 
 @inlined
 def can_be_direct(unique_points: bool, leaves: int, points: int) -> bool:
-    """Whether the encoder can code a node of `leaves` distinct among `points` points directly."""
+    """Return whether the encoder codes a node of `points` points at `leaves` positions by IDCM."""
     if points > _MAX_EQUAL_POINTS:
         return False
     if leaves == 1 and points > 1 and not unique_points:
@@ -116,10 +111,10 @@ def code_direct_positions(
     coded: Ints,
     bits_left: Ints,
 ) -> tuple[int, int]:
-    """Code the points of a node; the numbers of distinct ones, and of all.
+    """Code the points of a node; return the numbers of distinct points and of all points.
 
-    angular: in angular mode. given: (2, 3) the `leaves` distinct of `points` points to code,
-    relative to the node. coded: (2, 3) those points as coded. bits_left: (3,) scratch.
+    given: (2, 3) distinct points to encode, relative to the node.
+    coded: (2, 3) receives the coded points.
     """
     pair = code_bit(coder, contexts.probabilities, CTX_NUM_IDCM_POINTS_GT1, integer(leaves == 2))
     dup_point_cnt = 0
@@ -139,7 +134,7 @@ def code_direct_positions(
 
 @inlined
 def _code_axis(coder: Any, given: Ints, bits_left: Ints, coded: Ints, i: int, axis: int) -> None:
-    """Code the bits left of a point's coordinate."""
+    """Code the remaining bits of a point's coordinate."""
     for k in range(bits_left[axis] - 1, -1, -1):
         bit = code_bypass(coder, given[i, axis] >> k & 1)
         coded[i, axis] = coded[i, axis] << 1 | bit
@@ -147,7 +142,6 @@ def _code_axis(coder: Any, given: Ints, bits_left: Ints, coded: Ints, i: int, ax
 
 @kernel
 def _code_dup_point_cnt(coder: Any, contexts: Contexts, dup_point_cnt: int) -> int:
-    """Code how many further points coincide with the one point."""
     probabilities = contexts.probabilities
     if not code_bit(coder, probabilities, CTX_DUP_POINT_CNT_GT0, integer(dup_point_cnt > 0)):
         return 0
@@ -158,7 +152,7 @@ def _code_dup_point_cnt(coder: Any, contexts: Contexts, dup_point_cnt: int) -> i
 
 @inlined
 def _start_from_planes(node: IdcmNode, coded: Ints, bits_left: Ints) -> None:
-    """Begin both points with the bits that the planar mode gives; set how many are left."""
+    """Set the bits that planar mode has coded, and the number of remaining bits."""
     for axis in range(3):
         known = node.node_size_log2[axis] > 0 and node.planar_mode >> axis & 1 != 0
         bits_left[axis] = node.node_size_log2[axis] - integer(known)
@@ -171,7 +165,7 @@ def _start_from_planes(node: IdcmNode, coded: Ints, bits_left: Ints) -> None:
 def _code_same_bits(
     coder: Any, contexts: Contexts, given: Ints, bits_left: Ints, coded: Ints
 ) -> None:
-    """Code two ordered points' bits along each axis up to the first that differs."""
+    """Code the common leading bits of two ordered points along each axis, and the next bit."""
     equal = True
     for axis in range(3):
         same = _code_same_bits_of_axis(coder, contexts, given, bits_left, coded, axis, equal)
@@ -188,9 +182,9 @@ def _code_same_bits_of_axis(
     axis: int,
     equal: bool,
 ) -> bool:
-    """Code two points' bits along an axis up to the first that differs; False if one does.
+    """Code common leading bits along an axis; return whether all bits are equal.
 
-    equal: whether the points are equal along the axes before, so that they are ordered on this one.
+    equal: whether the points are equal along the previous axes, so that this axis orders them.
     """
     same = integer(1)
     ctx = 0
@@ -227,10 +221,7 @@ def _code_by_angles(
     coded: Ints,
     bits_left: Ints,
 ) -> None:
-    """Code one or two points: along x or y as they are, else with contexts of the sensor's angles.
-
-    Sets `angular.fault` if a laser that the stream names does not exist.
-    """
+    """Code x or y without contexts, and the other coordinates with angular contexts."""
     x, y, z = node_corner(angular, node.morton, node.node_size_log2)
     direct = integer(abs(x) <= abs(y))
     if pair and node.joint_2pt_idcm:
@@ -271,7 +262,7 @@ def _code_by_angles(
 
 @inlined
 def _middle(coded: Ints, bits_left: Ints, axis: int) -> int:
-    """The middle of what is left for the first point along an axis, relative to the node."""
+    """Return the middle of the first point's remaining interval, relative to the node."""
     left: int = bits_left[axis]
     middle: int = (coded[0, axis] << left) + (1 << left >> 1)
     return middle
@@ -279,7 +270,7 @@ def _middle(coded: Ints, bits_left: Ints, axis: int) -> int:
 
 @inlined
 def _code_theta_res(coder: Any, contexts: Contexts, residual: int) -> int:
-    """Code how many lasers another is above the expected one."""
+    """Code the difference between a point's laser and the node's laser."""
     probabilities = contexts.probabilities
     size = abs(residual)
     if not code_bit(coder, probabilities, CTX_THETA_RES, integer(size > 0)):
@@ -307,10 +298,7 @@ def _code_azimuth(
     bits_left: Ints,
     i: int,
 ) -> int:
-    """Code a point's coordinate along x or y; what it is from the sensor.
-
-    corner: of the node along `axis`, and other: the point's other coordinate, from the sensor.
-    """
+    """Code a point's x or y; return it relative to the sensor, as are `corner` and `other`."""
     left = bits_left[axis]
     place: int = corner + (coded[i, axis] << left)
     azimuth = arc_tangent(place, other) if axis else arc_tangent(other, place)
@@ -345,10 +333,7 @@ def _code_elevation(
     bits_left: Ints,
     i: int,
 ) -> None:
-    """Code a point's coordinate along z.
-
-    place: the point's x and y, and the node's z, from the sensor.
-    """
+    """Code a point's z; `place` is its x and y and the node's z, relative to the sensor."""
     x, y, z = place
     left = bits_left[2]
     z += coded[i, 2] << left
@@ -374,9 +359,9 @@ def _code_elevation(
 def local_points(
     leaves: Ints, node_size_log2: tuple[int, int, int], local: Ints, ordered: bool
 ) -> None:
-    """Split the codes of one or two leaves into coordinates within their node, into `local`.
+    """Write the coordinates of one or two leaves, relative to their node, to `local`.
 
-    ordered: put the lexicographically smaller point first.
+    ordered: whether to sort the two points lexicographically.
     """
     for i in range(len(leaves)):
         for axis in range(3):
@@ -397,10 +382,10 @@ def local_points(
 def order_by_angles(
     node: IdcmNode, angular: Angular, axes: int, second_first: bool, local: Ints
 ) -> None:
-    """Put the two points of a node in order: along the axis that is coded as it is, if joined.
+    """Order two points by the axis that is coded without contexts, if they are coded jointly.
 
-    Else, and where they are equal there, they stay as the cloud has them, within a child. axes:
-    those that the node splits. second_first: whether the cloud has the second of `local` first.
+    Otherwise, points in the same child keep the order of the cloud.
+    second_first: whether the second of `local` comes first in the cloud.
     """
     one_child = True
     for axis in range(3):
@@ -420,7 +405,7 @@ def order_by_angles(
 
 @inlined
 def leaf_code(node: int, node_size_log2: tuple[int, int, int], local: Ints) -> int:
-    """Morton code of the leaf at `local` (3,) within the node of code `node`."""
+    """Return the Morton code of the leaf at `local` (3,) within a node."""
     code = 0
     for axis in range(3):
         whole = compact_bits(node >> (2 - axis)) << node_size_log2[axis] | local[axis]

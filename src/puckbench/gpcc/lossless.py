@@ -1,7 +1,7 @@
-"""Lossless coding of voxels with few header bytes, for codecs that code features on them.
+"""Lossless coding of voxels with a short header, for codecs that code features on voxels.
 
-Octree and entropy coding are G-PCC's; the header is our own: least coordinates, number of voxels
-and bits of the sides of their box, in base-128 numbers.
+Octree and entropy coding are those of G-PCC. The header holds the minimum corner, the number of
+voxels and the bits of the box's sides as base-128 numbers.
 """
 
 from __future__ import annotations
@@ -31,17 +31,12 @@ _AXES = np.arange(3)
 
 
 def encode_voxels(voxels: NDArray[Any]) -> bytes:
-    """Code a set of voxels.
-
-    Parameters
-    ----------
-    voxels
-        (n, 3) integers of any sign; equal ones are kept once.
+    """Encode voxels (n, 3), integers of any sign; duplicates are merged.
 
     Raises
     ------
     InputError
-        If they are more than 21 bits apart or more than 16,777,216.
+        If voxels span more than 21 bits or there are more than 16,777,216.
     """
     voxels = np.ascontiguousarray(voxels, dtype=np.int64)
     if not len(voxels):
@@ -59,7 +54,7 @@ def encode_voxels(voxels: NDArray[Any]) -> bytes:
 
 
 def decode_voxels(stream: bytes, most: int = _MAX_VOXELS) -> Ints:
-    """Voxels (m, 3) int64 in the order of the octree's leaves; InputError for more than `most`."""
+    """Decode voxels (m, 3) in octree order; InputError if there are more than `most`."""
     if not stream:
         return np.empty((0, 3), dtype=np.int64)
     reader = Reader(stream)
@@ -74,7 +69,6 @@ def decode_voxels(stream: bytes, most: int = _MAX_VOXELS) -> Ints:
 
 
 def _header(bits: tuple[int, int, int]) -> syntax.GeometryHeader:
-    """A slice's header with the splits of a box; one level at least."""
     x, y, z = bits
     axes = coded_axes((max(x, 1), y, z) if max(bits) == 0 else bits, qtbt=True)
     return syntax.GeometryHeader(tree_depth_minus1=len(axes) - 1, tree_lvl_coded_axis_list=axes)
