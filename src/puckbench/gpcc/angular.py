@@ -195,7 +195,7 @@ def plane_angles(
 
 @inlined
 def angular_eligible_axes(angles: PlaneAngles, eligible_axes: int, axes: int) -> int:
-    """Return the axes (1 x, 2 y, 4 z) whose planes are coded, out of those split (4 x, 2 y, 1 z)."""
+    """Return the axes (1 x, 2 y, 4 z) whose planes are coded, of those split (4 x, 2 y, 1 z)."""
     found = eligible_axes & 4
     found |= integer(angles.x >= 0) | integer(angles.y >= 0) << 1 | integer(angles.z >= 0) << 2
     return found & ((axes >> 2 & 1) | (axes & 2) | (axes & 1) << 2)

@@ -1,8 +1,8 @@
-"""Neighbourhood of a node: occupied face neighbours and their children, from an atlas.
+"""Occupied face neighbours of a node and their children, looked up in an atlas.
 
-The atlas covers a cube of 2**neighbour_avail_boundary_log2 nodes a side around the node being
-coded; neighbours outside it do not count. Without an atlas only siblings do (TMC13's
-`makeGeometryNeighPattern`, `MortonMap3D`, `predictGeometryOccupancyIntra`).
+The atlas covers a cube of 2**neighbour_avail_boundary_log2 nodes per side around the coded node;
+neighbours outside the cube count as empty. Without an atlas only siblings count. In TMC13:
+`makeGeometryNeighPattern`, `MortonMap3D`, `predictGeometryOccupancyIntra`.
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ _ALL_CELLS = 0x00330033
 
 
 def _grid_placement(axes: int, offsets: tuple[int, int, int]) -> tuple[int, int]:
-    """Cells of the parent `offsets` parents away that are in the grid; how far to move them."""
+    """Return the cells of a neighbouring parent that lie in the grid, and their shift."""
     cut, shift = _ALL_CELLS, 0
     for axis, offset in enumerate(offsets):
         split = axes >> (2 - axis) & 1
@@ -107,9 +107,9 @@ _GRID_SHIFT = np.ascontiguousarray(_GRID_PLACING[..., 1])
 
 
 class OccupancyAtlas(NamedTuple):
-    """Occupancy of the parents in the present cube, and of the nodes coded in it, by Morton code.
+    """Occupancies in the current cube, by Morton code: of parents, and of coded nodes.
 
-    side: log2 of the cube's side in nodes; 0 without an atlas.
+    side: log2 of the nodes per side; 0 without an atlas.
     """
 
     parents: Bytes
@@ -118,7 +118,6 @@ class OccupancyAtlas(NamedTuple):
 
 
 def empty_atlas(boundary: int) -> OccupancyAtlas:
-    """An empty atlas for cubes of 2**boundary nodes a side."""
     size = 1 << 3 * boundary if boundary else 1
     return OccupancyAtlas(np.zeros(size, dtype=np.uint8), np.zeros(size, dtype=np.uint8), boundary)
 
@@ -127,10 +126,9 @@ def empty_atlas(boundary: int) -> OccupancyAtlas:
 def update_atlas(
     atlas: OccupancyAtlas, morton: Ints, occupancy: Bytes, axes: int, previous: int, first: int
 ) -> int:
-    """Replace the atlas's cube by that of parent `first`; the index where the next cube begins.
+    """Move the atlas to the cube of parent `first`; return the index where the next cube starts.
 
-    The cube that is left holds the parents from `previous` to `first`. axes: those that the parents
-    split.
+    previous: first parent of the old cube.
     """
     inside = (1 << 3 * atlas.side) - 1
     for i in range(previous, first):
@@ -152,7 +150,7 @@ def update_atlas(
 def _adjacent_occupancy(
     atlas: OccupancyAtlas, axes: int, address: int, axis: int, towards: int
 ) -> int:
-    """Occupancy of the parent next to `address` along an axis; 0 outside the cube."""
+    """Return the occupancy of the next parent along an axis; 0 outside the cube."""
     bits = _AXIS[axis]
     levels = atlas.side - ((axes >> (2 - axis)) & 1)
     own = address & bits
@@ -169,9 +167,9 @@ def _adjacent_occupancy(
 
 @kernel
 def face_neighbours(atlas: OccupancyAtlas, axes: int, base: int, occupancy: int) -> int:
-    """Which children of a parent have an occupied face neighbour: a byte for each bit of a pattern.
+    """Return which children of a parent have occupied face neighbours, one byte per pattern bit.
 
-    base: code of the parent's first child. axes: those that the parent splits.
+    base: code of the parent's first child.
     """
     address = parent_code(base & ((1 << 3 * atlas.side) - 1), axes)
     faces = 0
@@ -192,7 +190,7 @@ def face_neighbours(atlas: OccupancyAtlas, axes: int, base: int, occupancy: int)
 
 @inlined
 def neigh_pattern_of(faces: int, child: int) -> int:
-    """Neighbour pattern of one child."""
+    """Return the neighbour pattern of one child."""
     neigh_pattern = 0
     for k in range(6):
         neigh_pattern |= (faces >> (8 * k + child) & 1) << k
@@ -205,9 +203,9 @@ def refine_by_adjacent_children(
 ) -> tuple[int, int, int, int, int]:
     """Refine a neighbour pattern by the children of the three neighbours coded before.
 
-    axes: those that the node splits. Returns the pattern; the node's children with more than 0, and
-    with more than 1, occupied neighbours outside it (adjacencyGt0, adjacencyGt1); those with an
-    unoccupied one (adjacencyUnocc); the occupancies of the neighbours x-1, y-1, z-1, a byte each.
+    Returns the pattern, the node's children with more than 0 and with more than 1 occupied
+    neighbours outside it (adjacencyGt0, adjacencyGt1), those with an unoccupied one
+    (adjacencyUnocc), and one byte each for the occupancies of the neighbours x-1, y-1, z-1.
     """
     inside = (1 << 3 * atlas.side) - 1
     address = node & inside
@@ -233,9 +231,9 @@ def refine_by_adjacent_children(
 
 @kernel
 def neighbour_grid(atlas: OccupancyAtlas, axes: int, base: int) -> int:
-    """Occupancy of the 4 x 4 x 4 nodes around a parent's children, as bits of a word.
+    """Return the occupancy of the 4 x 4 x 4 nodes around a parent's children as a word.
 
-    The cell of (x, y, z), each 0..3, is bit 16 x + 4 y + z; the children are at 1 and 2.
+    Bit 16 x + 4 y + z is cell (x, y, z); the children have coordinates 1 and 2.
     """
     inside = (1 << 3 * atlas.side) - 1
     address = parent_code(base & inside, axes)
@@ -258,7 +256,7 @@ def neighbour_grid(atlas: OccupancyAtlas, axes: int, base: int) -> int:
 
 @inlined
 def _moved(address: int, within: int, bits: int, place: int) -> int:
-    """The bits of one axis moved by place - 1; -1 when that leaves the cube."""
+    """Move the bits of one axis by place - 1; -1 outside the cube."""
     own = address & bits
     if place == 1:
         return own
@@ -269,7 +267,7 @@ def _moved(address: int, within: int, bits: int, place: int) -> int:
 
 @kernel
 def predict_occupancy(grid: int, child: int) -> tuple[int, int]:
-    """Intra prediction: children whose occupancy is predicted, and those predicted occupied."""
+    """Return the children with predicted occupancy, and those predicted to be occupied."""
     neighbourhood = (grid >> _CHILD_CELL[child]) & _AROUND
     threshold = 4 if bit_count(neighbourhood) < 14 else 5
     is_predicted, prediction = 0, 0

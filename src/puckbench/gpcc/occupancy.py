@@ -1,7 +1,7 @@
-"""Occupancy of a node: eight bits, each with the context that its neighbourhood selects.
+"""Bitwise coding of a node's occupancy (`encodeOccupancyBitwise` of TMC13).
 
-Bitwise occupancy coding (`encodeOccupancyBitwise` of TMC13): the bits go through 18 maps of
-context indices that adapt to what was coded (`CtxMapOctreeOccupancy`).
+Each of the eight bits has a context selected by 18 adaptive maps of context indices
+(`CtxMapOctreeOccupancy`).
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from puckbench.gpcc.tables import (
 
 
 class OccupancyNeighbourhood(NamedTuple):
-    """What the contexts of a node's occupancy depend on.
+    """Neighbourhood that selects the contexts of a node's occupancy.
 
-    neighbours_known: 1 if neighbours outside the parent are known, else 0. neigh_pattern: occupied
-    face neighbours. adjacency_gt0, adjacency_gt1, adjacency_unocc: children with more than 0, more
-    than 1 occupied, and with an unoccupied neighbour outside the node. is_predicted, prediction:
-    children whose occupancy is predicted, and those predicted occupied.
+    neighbours_known: whether neighbours outside the parent are known.
+    neigh_pattern: occupied face neighbours.
+    adjacency_gt0, adjacency_gt1, adjacency_unocc: see `neighbours.refine_by_adjacent_children`.
+    is_predicted, prediction: see `neighbours.predict_occupancy`.
     """
 
     neighbours_known: int
@@ -41,10 +41,10 @@ class OccupancyNeighbourhood(NamedTuple):
 
 
 class PlanarMasks(NamedTuple):
-    """What planar modes say about a node.
+    """Information from planar modes about a node.
 
-    mask_planar_x, mask_planar_y, mask_planar_z: children known to be empty because the others'
-    plane is known. planar_possible: axes (1 x, 2 y, 4 z) not known to have both planes occupied.
+    mask_planar_x, mask_planar_y, mask_planar_z: children outside the occupied plane.
+    planar_possible: axes (1 x, 2 y, 4 z) on which both planes need not be occupied.
     """
 
     mask_planar_x: int
@@ -55,7 +55,6 @@ class PlanarMasks(NamedTuple):
 
 @inlined
 def no_child_masked(masks: PlanarMasks) -> bool:
-    """Whether no child is known to be empty because of planar modes."""
     return masks.mask_planar_x | masks.mask_planar_y | masks.mask_planar_z == 0
 
 
@@ -67,7 +66,6 @@ def code_occupancy(
     masks: PlanarMasks,
     occupancy: int,
 ) -> int:
-    """Code the occupancy of a node: a bit for each child."""
     if masks.mask_planar_x and masks.mask_planar_y and masks.mask_planar_z:
         return 1 << _known_child(masks)
     if neighbourhood.neigh_pattern == 0:
@@ -86,7 +84,7 @@ def code_occupancy(
 
 @kernel
 def _pair_of_children(masks: PlanarMasks) -> int:
-    """The two children left by two known planes if both are occupied; 0 without two planes."""
+    """Return the two children that two coded planes imply; 0 without two planes."""
     child = _known_child(masks)
     if masks.mask_planar_x and masks.mask_planar_y:
         return 3 << child
@@ -99,7 +97,7 @@ def _pair_of_children(masks: PlanarMasks) -> int:
 
 @kernel
 def _known_child(masks: PlanarMasks) -> int:
-    """The lowest child that is in every known plane."""
+    """Return the lowest child that lies in every coded plane."""
     return (
         (masks.mask_planar_x & 1) << 2 | (masks.mask_planar_y & 1) << 1 | (masks.mask_planar_z & 1)
     )
@@ -107,7 +105,7 @@ def _known_child(masks: PlanarMasks) -> int:
 
 @kernel
 def _code_single_child(coder: Any, masks: PlanarMasks, occupancy: int) -> int:
-    """Code the index of the only child, without the axes whose plane is known."""
+    """Code the index of the only child along the axes without a coded plane."""
     child = _known_child(masks)
     if masks.mask_planar_z == 0:
         child |= code_bypass(coder, integer(occupancy & 0xAA != 0))
@@ -120,7 +118,7 @@ def _code_single_child(coder: Any, masks: PlanarMasks, occupancy: int) -> int:
 
 @inlined
 def _ctx_map_of(neighbourhood: OccupancyNeighbourhood, i: int, child: int, predict: bool) -> int:
-    """Index of the context map of the i-th coded bit, that of `child`."""
+    """Return the index of the context map of the i-th coded bit."""
     adjacent = (neighbourhood.adjacency_unocc >> child & 1) + 2 * (
         (neighbourhood.adjacency_gt0 >> child & 1) + (neighbourhood.adjacency_gt1 >> child & 1)
     )
@@ -139,7 +137,7 @@ def _ctx_map_of(neighbourhood: OccupancyNeighbourhood, i: int, child: int, predi
 def _code_with_ctx_map(
     coder: Any, contexts: Contexts, state: Any, entry_index: int, bit: int
 ) -> tuple[int, Any]:
-    """Code one bit with the context that a map entry gives, and adapt the entry."""
+    """Code one bit with the context of a map entry, and adapt the entry."""
     entry = integer(contexts.ctx_idx_maps[entry_index])
     context = CTX_OCCUPANCY + (entry >> 3)
     bit, state, probability = step(coder, state, integer(contexts.probabilities[context]), bit)
@@ -156,9 +154,9 @@ def _code_with_ctx_map(
 def _code_bits(
     coder: Any, contexts: Contexts, neighbourhood: OccupancyNeighbourhood, occupancy: int
 ) -> int:
-    """Code eight bits, except those that must be ones.
+    """Code the bits that are not implied.
 
-    Some child is occupied; two are where there is no neighbour (a single child is coded otherwise).
+    At least one child is occupied, and at least two if the node has no neighbour.
     """
     no_neighbour = neighbourhood.neigh_pattern == 0
     most_zeros = 6 if no_neighbour else 7
@@ -191,7 +189,7 @@ def _code_masked_bits(
     masks: PlanarMasks,
     occupancy: int,
 ) -> int:
-    """Code the bits of the children that planar modes leave open."""
+    """Code the bits of the children that planar modes do not exclude."""
     no_neighbour = neighbourhood.neigh_pattern == 0
     masked = masks.mask_planar_x | masks.mask_planar_y | masks.mask_planar_z
     zeros = masked
@@ -220,7 +218,7 @@ def _code_masked_bits(
 
 @kernel
 def _must_be_one(masks: PlanarMasks, zeros: int, child: int, no_neighbour: bool) -> bool:
-    """Whether the children known to be empty imply that this one is occupied."""
+    """Return whether the empty children imply that this child is occupied."""
     if POPCOUNT[zeros] >= (6 if no_neighbour else 7):
         return True
     for axis in range(3):

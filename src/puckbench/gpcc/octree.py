@@ -1,8 +1,8 @@
-"""One level of the geometry octree: planar modes, direct positions or occupancy of every node.
+"""One level of the geometry octree: planar modes, and IDCM points or occupancy of every node.
 
-Nodes are coded in breadth-first order, as TMC13's `GeometryOctreeEncoder` and
-`GeometryOctreeDecoder` do. The same kernel encodes, given an `Encoder` and a `Source`, and decodes,
-given a `Decoder` and None.
+Nodes are coded in breadth-first order, as in TMC13's `GeometryOctreeEncoder` and
+`GeometryOctreeDecoder`. The kernel encodes with an `Encoder` and a `Source`, and decodes with a
+`Decoder` and None.
 """
 
 from __future__ import annotations
@@ -71,15 +71,12 @@ TOO_MANY_POINTS = -2
 
 
 class Level(NamedTuple):
-    """What is the same for all nodes of a level.
+    """Properties common to all nodes of a level.
 
     coded_axes, coded_axes_prev_level: axes (4 x, 2 y, 1 z) that this level and the one above split.
-    node_size_log2: along x, y, z. root: whether this is the root's level. last: whether the
-    children are leaves. adjacent_child_ctx: adjacent_child_contextualization_enabled_flag.
-    intra_pred: whether nodes are smaller than intra_pred_max_node_size. unique_points:
-    geom_unique_points_flag. idcm_mode: inferred_direct_coding_mode. joint_2pt_idcm:
-    joint_2pt_idcm_enabled_flag. idcm_enable_mask: nodes that may use direct coding, from the lowest
-    bit.
+    last: whether the children are leaves.
+    intra_pred: whether nodes are smaller than intra_pred_max_node_size.
+    idcm_enable_mask: eligible nodes that may use IDCM, from the lowest bit.
     """
 
     coded_axes: int
@@ -96,11 +93,11 @@ class Level(NamedTuple):
 
 
 class Nodes(NamedTuple):
-    """Nodes (n,) that have children.
+    """Nodes (n,) with children.
 
-    morton: codes. occupancy: a bit for each child. idcm_eligible: children that may be coded
-    directly, a bit each. first_child: in an encoder, index of the first child among all nodes of
-    its level. laser: in angular mode, the one that sees the node.
+    idcm_eligible: children that may use IDCM, as bits.
+    first_child: in an encoder, index of the first child within its level.
+    laser: nearest laser in angular mode.
     """
 
     morton: Ints
@@ -111,12 +108,12 @@ class Nodes(NamedTuple):
 
 
 class Source(NamedTuple):
-    """A level of the octree that an encoder codes.
+    """A level of the octree to encode.
 
-    occupancy, first_child: of all nodes of the level. first_leaf: index of each node's first leaf,
-    and the number of leaves. leaves: codes of all leaves, where points are coded directly. counts:
-    points at each leaf, unless merged. second_first: in angular mode, a flag for each leaf that is
-    the first of two alone in a node: whether its point comes after the other's.
+    first_leaf: index of each node's first leaf, and the number of leaves.
+    leaves: Morton codes of all leaves, for IDCM.
+    counts: points at each leaf, unless merged.
+    second_first: see `tree.Tree`.
     """
 
     occupancy: Bytes
@@ -128,11 +125,12 @@ class Source(NamedTuple):
 
 
 class SliceState(NamedTuple):
-    """State that lasts over the levels of a slice.
+    """State that persists over the levels of a slice.
 
-    atlas, planar: state of the contexts. leaves: codes of decoded points. counters: points decoded
-    and allowed; nodes kept at this level, and their children; idcm_enable_mask. given, coded:
-    (2, 3), left: (3,), scratch of direct coding.
+    leaves: codes of decoded points.
+    counters: points decoded and allowed; nodes kept in this level, and their children;
+        idcm_enable_mask.
+    given, coded, left: scratch of IDCM.
     """
 
     atlas: OccupancyAtlas
@@ -145,13 +143,7 @@ class SliceState(NamedTuple):
 
 
 class ParentNode(NamedTuple):
-    """A parent as its children see it.
-
-    first_child_code: Morton code of its first child. sibling_occupancy: its occupancy. faces:
-    occupied face neighbours of its children. grid: occupied nodes around the children.
-    idcm_eligible: children that may be coded directly. first_child: in an encoder, index of its
-    first child among all nodes of the level. laser: in angular mode, the one that sees it.
-    """
+    """A parent of the nodes to code; `faces` and `grid` describe its children's neighbours."""
 
     first_child_code: int
     sibling_occupancy: int
@@ -173,14 +165,9 @@ def code_level(
     state: SliceState,
     angular: Angular | None,
 ) -> int:
-    """Code the children of `parents`; those that have children themselves are written to `nodes`.
+    """Code the children of `parents`, and write those that have children to `nodes`.
 
-    `source` is None in a decoder, `angular` without a sensor.
-
-    Returns
-    -------
-    int
-        Number of nodes written, or EXHAUSTED or TOO_MANY_POINTS for a damaged stream.
+    Returns the number of nodes written, or EXHAUSTED or TOO_MANY_POINTS for a damaged stream.
     """
     atlas, axes, count = state.atlas, level.coded_axes_prev_level, len(parents.morton)
     state.counters[2:4] = 0
@@ -220,7 +207,7 @@ def _code_children(
     state: SliceState,
     angular: Angular | None,
 ) -> int:
-    """Code the children of one parent; 0, or the negative fault of a damaged stream."""
+    """Code the children of one parent; return 0 or the negative fault of a damaged stream."""
     index, counters = parent.first_child, state.counters
     for child in range(8):
         if parent.sibling_occupancy >> child & 1 == 0:
@@ -262,7 +249,6 @@ def _code_children(
 
 @inlined
 def _is_damaged(coder: Any, angular: Angular | None) -> bool:
-    """Whether a decoder has read too far, or of a laser that does not exist."""
     if angular is not None:
         return exhausted(coder) or angular.fault[0] != 0
     return exhausted(coder)
@@ -280,7 +266,7 @@ def _code_node(
     child: int,
     index: int,
 ) -> tuple[int, int, int]:
-    """Code one node: occupancy (0: points coded directly), refined neighbour pattern and laser."""
+    """Code one node; return its occupancy (0 with IDCM), refined neighbour pattern and laser."""
     morton = parent.first_child_code | child
     neigh_pattern = neigh_pattern_of(parent.faces, child)
     gt0, gt1, unocc, adjacent_occupancies = 0, 0, 0, 0
@@ -333,7 +319,7 @@ def _code_node(
 def _planar_masks(
     axes: int, planar_mode: int, plane_pos_bits: int, planar_possible: int
 ) -> PlanarMasks:
-    """Children masked by planar modes; along an axis that is not split only the lower exist."""
+    """Return the masks of planar modes; an axis that is not split has only its lower plane."""
     planar_mode |= ((axes >> 2 & 1) | (axes & 2) | (axes & 1) << 2) ^ 7
     return PlanarMasks(
         planar_mask(planar_mode, plane_pos_bits, 0),
@@ -376,7 +362,7 @@ def _code_direct_positions(
     planar_mode: int,
     plane_pos_bits: int,
 ) -> bool:
-    """Code whether a node's points are coded directly (IDCM) and, if so, code them."""
+    """Code whether a node uses IDCM and, if so, its points."""
     leaves, points, start, end = 0, 0, 0, 0
     if source is not None:
         start, end = integer(source.first_leaf[index]), integer(source.first_leaf[index + 1])
@@ -417,7 +403,6 @@ def _code_direct_positions(
 
 @kernel
 def _points(source: Source, start: int, end: int) -> int:
-    """Number of points at the leaves from `start` to `end`."""
     points = 0
     for leaf in range(start, end):
         points += source.counts[leaf]
@@ -435,7 +420,7 @@ def _code_leaf_point_counts(
     occupancy: int,
     index: int,
 ) -> None:
-    """Code the number of points of each leaf of a node of the last level; decoders append them."""
+    """Code the number of points of each leaf of a node in the last level."""
     base = first_child_code(morton, level.coded_axes)
     leaf = integer(source.first_child[index]) if source is not None else 0
     for child in range(8):
@@ -457,7 +442,7 @@ def _code_leaf_point_counts(
 
 @inlined
 def _append_points(state: SliceState, morton: int, points: int) -> None:
-    """Append decoded points at a leaf, as far as more are allowed."""
+    """Append decoded points at a leaf, up to the allowed number."""
     done = state.counters[0]
     for i in range(done, min(done + points, state.counters[1])):
         state.leaves[i] = morton

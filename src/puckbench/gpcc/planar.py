@@ -1,7 +1,7 @@
-"""Planar coding mode: whether the occupied children lie in one of the two planes of an axis.
+"""Planar coding mode: whether all occupied children lie in one of the two planes of an axis.
 
-It is tried only along axes where planes have been frequent lately, and where nodes are sparse
-(`OctreePlanarState`, `OctreePlanarBuffer` of TMC13).
+It is used along axes with frequent planes, where nodes are sparse (`OctreePlanarState`,
+`OctreePlanarBuffer` of TMC13).
 """
 
 from __future__ import annotations
@@ -35,10 +35,10 @@ _ADJACENT_PLANES_CTX = np.array([0, 1, 2, 0], dtype=np.int64)
 class PlanarState(NamedTuple):
     """Adaptive rates of planar modes, and the buffer of the last planar nodes.
 
-    enabled: geom_planar_mode_enabled_flag. buffered: not planar_buffer_disabled_flag. rates: of
-    planes along x, y, z, and the local density of nodes. thresholds: rates from which the most,
-    second and least frequent axis are tried. position, plane_index: (3, rows) for each axis and
-    position along it, where the last planar node was across it, and its plane.
+    rates: of planes along x, y, z, and the local density of nodes.
+    thresholds: minimum rates of the most, second and least frequent axis.
+    position, plane_index: (3, rows) for each axis and position along it, position and plane of the
+        last planar node.
     """
 
     enabled: bool
@@ -52,7 +52,7 @@ class PlanarState(NamedTuple):
 def planar_state(
     enabled: bool, buffered: bool, depth: int, thresholds: tuple[int, int, int]
 ) -> PlanarState:
-    """The state at the start of a slice, an octree of `depth` levels."""
+    """Return the state at the start of a slice with an octree of `depth` levels."""
     rows = min(_ROWS, 1 << depth) if enabled and buffered else 1
     return PlanarState(
         enabled,
@@ -65,7 +65,6 @@ def planar_state(
 
 
 def reset_planar_buffer(state: PlanarState, rows: int) -> None:
-    """Empty the buffer's first rows: those of a level with as many positions along an axis."""
     state.position[:, :rows] = 0
     state.plane_index[:, :rows] = _NO_NODE
 
@@ -82,7 +81,7 @@ def update_planar_rates(state: PlanarState, occupancy: int) -> None:
 
 @inlined
 def planar_eligible_axes(state: PlanarState, axes: int) -> int:
-    """The axes (1 x, 2 y, 4 z) to try, of those split (4 x, 2 y, 1 z)."""
+    """Return the eligible axes (1 x, 2 y, 4 z) of those split (4 x, 2 y, 1 z)."""
     rates = state.rates
     if rates[3] >= _MAX_DENSITY:
         return 0
@@ -99,7 +98,7 @@ def planar_eligible_axes(state: PlanarState, axes: int) -> int:
 
 @kernel
 def planar_mode_of(occupancy: int) -> tuple[int, int]:
-    """Axes (1 x, 2 y, 4 z) with one occupied plane; those of them where it is the upper."""
+    """Return the axes (1 x, 2 y, 4 z) with one occupied plane, and those where it is the upper one."""
     planar_mode, plane_pos_bits = 0, 0
     for axis in range(3):
         high = occupancy & UPPER[axis] != 0
@@ -112,18 +111,18 @@ def planar_mode_of(occupancy: int) -> tuple[int, int]:
 
 @inlined
 def planar_mask(planar_mode: int, plane_pos_bits: int, axis: int) -> int:
-    """Children known to be empty because the occupied plane of an axis is known."""
+    """Return the children outside the occupied plane of an axis."""
     if planar_mode >> axis & 1 == 0:
         return 0
     return integer(UPPER[axis] ^ 0xFF if plane_pos_bits >> axis & 1 else UPPER[axis])
 
 
 class PlanarNode(NamedTuple):
-    """What the contexts of planar modes depend on.
+    """Neighbourhood that selects the contexts of planar modes.
 
-    morton, child: code, and index in the parent. sibling_occupancy: of the parent. neigh_pattern:
-    occupied face neighbours. adjacent_occupancies: of the neighbours x-1, y-1, z-1, a byte each;
-    known with adjacent-child contexts only. angles: contexts by the sensor's angles, or -1.
+    adjacent_occupancies: of the neighbours x-1, y-1, z-1, one byte each; known only with
+        adjacent-child contexts.
+    angles: angular contexts, or -1.
     """
 
     morton: int
@@ -176,7 +175,7 @@ def _code_planar_mode(
     planar_mode: int,
     plane_pos_bits: int,
 ) -> int:
-    """Code whether a node is planar along an axis, and the plane; -1 if it is not."""
+    """Code whether a node is planar along an axis, and its plane; return -1 if it is not."""
     row, position, far_ctx, last_plane = 0, 0, 0, -1
     if state.buffered:
         row = compact_bits(node.morton >> (2 - axis)) & (_ROWS - 1)
@@ -207,7 +206,7 @@ def _code_planar_mode(
 
 @inlined
 def _adjacent_planes_ctx(node: PlanarNode, axis: int) -> int:
-    """Context by which of the planes next to a node's two are occupied."""
+    """Return the context by the occupancy of the planes next to the node's planes."""
     before, after = BEFORE[axis], AFTER[axis]
     if node.adjacent_known:
         low = node.adjacent_occupancies >> (8 * axis) & UPPER[axis] != 0
