@@ -44,7 +44,7 @@ class PlanarMasks(NamedTuple):
     """Information from planar modes about a node.
 
     mask_planar_x, mask_planar_y, mask_planar_z: children outside the occupied plane.
-    planar_possible: axes (1 x, 2 y, 4 z) on which both planes need not be occupied.
+    planar_possible: axes (1 x, 2 y, 4 z) along which the node may be planar.
     """
 
     mask_planar_x: int

@@ -98,7 +98,7 @@ def planar_eligible_axes(state: PlanarState, axes: int) -> int:
 
 @kernel
 def planar_mode_of(occupancy: int) -> tuple[int, int]:
-    """Return the axes (1 x, 2 y, 4 z) with one occupied plane, and those where it is the upper one."""
+    """Return the axes (1 x, 2 y, 4 z) with one occupied plane, and those with the upper one."""
     planar_mode, plane_pos_bits = 0, 0
     for axis in range(3):
         high = occupancy & UPPER[axis] != 0

@@ -1,8 +1,8 @@
-"""Nearest positions among a growing set: a forest of k-d trees whose sizes are powers of two.
+"""Nearest positions in a growing set: a forest of k-d trees whose sizes are powers of two.
 
-An added position is joined with all trees smaller than the first size that is free to a tree of
-that size (Bentley's logarithmic method). Of equally near positions the first that are met count, so
-trees are built and searched in the order of the library that the reference software uses.
+An added position is merged with all smaller trees into the first free size (Bentley's logarithmic
+method). Ties go to the position visited first, so trees are built and searched in the order of the
+library that TMC13 uses.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ Int32s = NDArray[np.int32]
 NEIGHBOURS = 3
 _LEAF = 10
 _LEAF_LOG2 = 3
-"""Trees of 2^3 positions are single leaves, and those of 2^4 are not."""
+"""Trees of up to 2^3 positions are single leaves; those of 2^4 are split."""
 _DEEPEST = 1024
 _FAR = (1 << 62) - 1
 
@@ -29,13 +29,15 @@ _FAR = (1 << 62) - 1
 class Search(NamedTuple):
     """The forest.
 
-    positions: (n, 3) as they were added. owners: (n,) number that each was added with. rows: of the
-    positions of all trees; that of 2^k begins at 2^k. values: of those rows along the axis that is
-    cut, while a tree is built. nodes: (2 n, 5) of all trees; that of 2^k
-    begins at 2^(k + 1): axis, or -1 for a leaf; highest of the lower, lowest of the upper half, or
-    first and last row of a leaf; two children. boxes: (trees, 2, 3) around each tree's positions.
-    counters: positions so far. stack: nodes to build or to search, with what they need.
-    nearest, distances: (3,) rows and squared distances of what a search has found.
+    owners: (n,) number added with each position.
+    rows: of the positions of all trees; the tree of size 2^k starts at 2^k.
+    values: scratch, coordinates of rows along the split axis.
+    nodes: (2 n, 5) of all trees; the tree of size 2^k starts at 2^(k + 1). An inner node holds
+        axis, maximum of the lower half, minimum of the upper half, and two children; a leaf holds
+        -1, first and last row.
+    boxes: (trees, 2, 3) bounding boxes.
+    stack: scratch, nodes to build or search.
+    nearest, distances: (3,) rows and squared distances of the result.
     """
 
     positions: Int32s
@@ -51,7 +53,6 @@ class Search(NamedTuple):
 
 
 def empty_search(most: int) -> Search:
-    """A forest without positions, with room for `most`."""
     trees = max(most, 1).bit_length()
     return Search(
         np.empty((most, 3), dtype=np.int32),
@@ -69,7 +70,6 @@ def empty_search(most: int) -> Search:
 
 @kernel
 def add_position(search: Search, owner: int, x: int, y: int, z: int) -> None:
-    """Add a position with the number of its owner."""
     row = search.counters[0]
     search.positions[row, 0] = x
     search.positions[row, 1] = y
@@ -91,7 +91,7 @@ def add_position(search: Search, owner: int, x: int, y: int, z: int) -> None:
 
 @kernel
 def _build(search: Search, tree: int) -> None:
-    """Build a tree of the rows that are at its place; small ones are searched without."""
+    """Build the tree of the rows at its place; small trees are searched without nodes."""
     if tree <= _LEAF_LOG2:
         return
     start, size, box = 1 << tree, 1 << tree, search.boxes[tree]
@@ -140,7 +140,6 @@ def _make_leaf(search: Search, node: int, first: int, end: int) -> None:
 
 @inlined
 def _find_box(search: Search, first: int, end: int, box: Ints) -> None:
-    """Least and greatest coordinates of some rows."""
     row = search.rows[first]
     ax, ay, az = _position(search, row)
     bx, by, bz = ax, ay, az
@@ -176,16 +175,15 @@ def _least(values: Int32s, first: int, end: int) -> int:
 
 @inlined
 def _take_values(search: Search, first: int, end: int, axis: int) -> None:
-    """Put coordinates of some rows side by side."""
     for k in range(first, end):
         search.values[k] = search.positions[search.rows[k], axis]
 
 
 @inlined
 def _split(search: Search, first: int, end: int, frame: Ints) -> tuple[int, int, int]:
-    """Axis, place of the cut, and the first row above it; rows are put on their side.
+    """Sort rows to the sides of a cut that halves the box's longest side.
 
-    frame: its entries from 3 on are the box. The cut halves the box's longest side.
+    Returns axis, cut, and first row above it; `frame` holds the box from entry 3 on.
     """
     longest = max(frame[6] - frame[3], frame[7] - frame[4], frame[8] - frame[5])
     axis, spread, low, high, taken = 0, -1, 0, 0, 0
@@ -213,7 +211,7 @@ def _split(search: Search, first: int, end: int, frame: Ints) -> tuple[int, int,
 
 @inlined
 def _parted(search: Search, left: int, first: int, end: int, cut: int) -> int:
-    """Put rows from `left` on that are less than `cut` before the others; the first of these."""
+    """Move rows with values below `cut` to the front; return the first of the other rows."""
     rows, values, right = search.rows, search.values, end - 1
     while True:
         while left <= right and values[left] < cut:
@@ -230,7 +228,7 @@ def _parted(search: Search, left: int, first: int, end: int, cut: int) -> int:
 
 @kernel
 def nearest(search: Search, x: int, y: int, z: int) -> int:
-    """Find the nearest positions; how many there are in `search.nearest`, 3 at most."""
+    """Write the nearest positions, at most 3, to `search.nearest`, and return their number."""
     found, count = 0, search.counters[0]
     search.distances[NEIGHBOURS - 1] = _FAR
     tree = 0
@@ -245,7 +243,7 @@ def nearest(search: Search, x: int, y: int, z: int) -> int:
 
 @inlined
 def _search_tree(search: Search, tree: int, found: int, at: tuple[int, int, int]) -> int:
-    """Search one tree, the nearer half of every node first; how many are found now."""
+    """Search one tree, nearer halves first; return the new number of results."""
     stack, box = search.stack, search.boxes[tree]
     stack[0, 0] = 2 << tree
     stack[0, 1] = 0
@@ -285,7 +283,7 @@ def _search_tree(search: Search, tree: int, found: int, at: tuple[int, int, int]
 
 @inlined
 def _search_leaf(search: Search, first: int, end: int, found: int, at: tuple[int, int, int]) -> int:
-    """Search the rows of a leaf, or of a small tree; how many are found now."""
+    """Search the rows of a leaf or small tree; return the new number of results."""
     worst = search.distances[NEIGHBOURS - 1]
     for k in range(first, end):
         row = integer(search.rows[k])
@@ -302,7 +300,7 @@ def _search_leaf(search: Search, first: int, end: int, found: int, at: tuple[int
 
 @inlined
 def _keep(search: Search, found: int, row: int, distance: int) -> None:
-    """Put a row among the nearest, after those that are as near."""
+    """Insert a row into the results, after those at the same distance."""
     place = min(found, NEIGHBOURS - 1)
     while place > 0 and search.distances[place - 1] > distance:
         search.distances[place] = search.distances[place - 1]

@@ -1,8 +1,8 @@
-"""Prediction trees of an encoder: the order of a slice's points, and each one's parent.
+"""Prediction trees of an encoder: the order of a slice's points, and the parent of each.
 
-With a sensor each laser's points are a chain, and the first points of chains hang on each other.
-Without, the parent of a point is the one whose predictions come nearest. Orders and trees are those
-of the reference software.
+With a sensor, the points of each laser form a chain, and the first points of the chains are linked.
+Without one, a point's parent is the node whose predictions are nearest. Orders and trees are those
+of TMC13.
 """
 
 from __future__ import annotations
@@ -23,14 +23,15 @@ Order = Literal["given", "morton", "azimuth", "radius"]
 
 MOST_CHILDREN = 3
 ROOT, DUPLICATE = -1, -2
-"""In place of a parent: a tree's root; a point that coincides with the one before."""
+"""Values instead of a parent: root of a tree, or duplicate of the previous point."""
 
 
 class PredictionTree(NamedTuple):
-    """Nodes (n,), one for each point, in the order of coding's input.
+    """Nodes (n,), one for each point, in the order of the points.
 
-    parents: row of the parent, or ROOT or DUPLICATE. children: (n, 3) rows, of which the first
-    `num_children` count. copies: how many points after this one coincide with it.
+    parents: row of the parent, ROOT or DUPLICATE.
+    children: (n, 3) rows; the first `num_children` are valid.
+    copies: number of following duplicates.
     """
 
     parents: Int32s
@@ -40,10 +41,10 @@ class PredictionTree(NamedTuple):
 
 
 def ordered(points: Int32s, order: Order, centre: tuple[int, int, int], precision: float) -> Ints:
-    """Rows (n,) of points (n, 3) in the order in which one tree is built.
+    """Return the rows (n,) of points (n, 3) in the order in which a tree is built.
 
-    centre: what azimuth and radius are around. precision: steps of the azimuth in a radian; within
-    one, the radius orders. 0: no steps.
+    centre: origin of azimuth and radius.
+    precision: steps of the azimuth per radian, 0 for exact azimuths; ties are sorted by radius.
     """
     if order == "given":
         return np.arange(len(points))
@@ -59,7 +60,6 @@ def ordered(points: Int32s, order: Order, centre: tuple[int, int, int], precisio
 
 
 def empty_tree(points: int) -> PredictionTree:
-    """Room for the nodes of a number of points, none of which has a child yet."""
     return PredictionTree(
         np.full(points, ROOT, dtype=np.int32),
         np.empty((points, MOST_CHILDREN), dtype=np.int32),
@@ -69,9 +69,9 @@ def empty_tree(points: int) -> PredictionTree:
 
 
 def angular_tree(points: Int32s, around: Sphere, positions: Int32s, most: int) -> PredictionTree:
-    """Trees of a sensor's points (n, 3) from the slice's origin, of at most `most` points each.
+    """Build trees of at most `most` points each from a sensor's points (n, 3).
 
-    `positions` (n, 3) become the points' spherical coordinates.
+    Writes the points' spherical coordinates to `positions` (n, 3).
     """
     tree = empty_tree(len(points))
     for start in range(0, len(points), most):
@@ -90,7 +90,9 @@ def _chain(
     node: int,
     end: int,
 ) -> None:
-    """lasers: (2, n) first and last node of each laser so far. node, end: of the tree."""
+    """Build one tree from row `node` to `end`; `lasers` (2, n) holds each laser's first and last
+    node.
+    """
     ox, oy, oz = around.origin
     while node < end:
         found = spherical(
@@ -120,7 +122,7 @@ def _chain(
 
 
 def nearest_tree(points: Int32s, most: int) -> PredictionTree:
-    """Trees of points (n, 3) without a sensor, of at most `most` points each."""
+    """Build trees of at most `most` points each from points (n, 3) without a sensor."""
     tree = empty_tree(len(points))
     for start in range(0, len(points), most):
         end = min(start + most, len(points))
@@ -130,7 +132,6 @@ def nearest_tree(points: Int32s, most: int) -> PredictionTree:
 
 @entry
 def _grow(points: Int32s, tree: PredictionTree, search: Search, node: int, end: int) -> None:
-    """Find the parents of points from row `node` to `end`."""
     while node < end:
         _find_copies(points, tree, node, end)
         x, y, z = integer(points[node, 0]), integer(points[node, 1]), integer(points[node, 2])
@@ -145,7 +146,7 @@ def _grow(points: Int32s, tree: PredictionTree, search: Search, node: int, end: 
 
 @kernel
 def _add_predictions(points: Int32s, tree: PredictionTree, search: Search, node: int) -> None:
-    """Add where children of a node are predicted: there, on a line, on a parallelogram."""
+    """Add the predictions for children of a node: its point, a line, a parallelogram."""
     x, y, z = integer(points[node, 0]), integer(points[node, 1]), integer(points[node, 2])
     add_position(search, node, x, y, z)
     parent = integer(tree.parents[node])
@@ -161,7 +162,7 @@ def _add_predictions(points: Int32s, tree: PredictionTree, search: Search, node:
 
 @kernel
 def _find_copies(points: Int32s, tree: PredictionTree, node: int, end: int) -> None:
-    """Count the points after a node's, and before `end`, that coincide with it, and mark them."""
+    """Count and mark the duplicates that follow a node's point."""
     k = node + 1
     while (
         k < end
@@ -176,7 +177,6 @@ def _find_copies(points: Int32s, tree: PredictionTree, node: int, end: int) -> N
 
 @kernel
 def _hang(tree: PredictionTree, node: int, parent: int) -> None:
-    """Make a node the next child of another, which has fewer than MOST_CHILDREN."""
     tree.parents[node] = parent
     tree.children[parent, tree.num_children[parent]] = node
     tree.num_children[parent] += 1

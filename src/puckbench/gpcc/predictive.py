@@ -1,9 +1,8 @@
 """Syntax and decoding of prediction trees, the geometry of `geom_tree_type` 1.
 
-Every point is a node of a tree, depth first; it is predicted from up to three of its ancestors and
-corrected by a residual. In angular coding that happens in spherical coordinates, and a second
-residual corrects what they become in x, y, z. Functions ``code_...`` write the number that they are
-given with an `Encoder`, and read it with a `Decoder`; either way they return it. In TMC13:
+The points are nodes of trees in depth-first order; each is predicted from up to three ancestors and
+corrected by a residual. Angular coding predicts in spherical coordinates, and a second residual
+corrects x, y, z. Functions ``code_...`` encode or decode a number and return it. In TMC13:
 `PredGeomEncoder`, `PredGeomDecoder`.
 """
 
@@ -33,7 +32,7 @@ EXHAUSTED, TOO_MANY_POINTS, DAMAGED = -1, -2, -3
 """Faults of a stream."""
 
 NONE, DELTA, LINEAR2, LINEAR3 = 0, 1, 2, 3
-"""Predictions: nothing, the parent, a line through two ancestors, a parallelogram of three."""
+"""Predictions: none, the parent, a line through two ancestors, a parallelogram of three."""
 
 # Indices into probabilities; a comment gives the number where there are several.
 CTX_NUM_CHILDREN = integer(0)  # 3
@@ -60,14 +59,15 @@ CTX_NUM_BITS = integer(65)  # 5 x 3 axes x 31
 _COUNT = 65 + 5 * 3 * 31 + (1 << 7)
 
 MOST_QP = 223
-"""Quantisation parameter, at most: its step has 31 bits."""
+"""Maximum quantisation parameter; its step has 31 bits."""
 _LONGEST_PREFIX = 30
 
 
 class Tools(NamedTuple):
     """Coding tools of a slice, named as in its parameter set and header.
 
-    slice_qp: of the slice's first nodes. qp_interval: nodes from one QP offset to the next.
+    slice_qp: initial QP of the slice.
+    qp_interval: nodes between QP offsets.
     """
 
     unique_points: bool
@@ -84,10 +84,9 @@ class Tools(NamedTuple):
 
 
 class Nodes(NamedTuple):
-    """Nodes in the order of coding: points (n, 3), their spherical coordinates, their parents.
+    """Nodes in coding order; spherical coordinates are empty without angular coding.
 
-    stack: (n,) parents of nodes that are still to come. Without angular coding there are no
-    spherical coordinates.
+    stack: (n,) parents of pending nodes.
     """
 
     points: NDArray[np.int32]
@@ -97,13 +96,11 @@ class Nodes(NamedTuple):
 
 
 def initial_probabilities() -> Probabilities:
-    """The contexts at the start of a slice."""
     return np.full(_COUNT, HALF, dtype=np.uint16)
 
 
 @kernel
 def code_num_dup_points(coder: Any, contexts: Probabilities, count: int) -> int:
-    """Code how many further points coincide with a node's."""
     if not code_bit(coder, contexts, CTX_NUM_DUP_POINTS_GT0, integer(count > 0)):
         return 0
     return 1 + code_exp_golomb(coder, contexts, CTX_NUM_DUP_POINTS, count - 1)
@@ -111,7 +108,7 @@ def code_num_dup_points(coder: Any, contexts: Probabilities, count: int) -> int:
 
 @inlined
 def code_num_children(coder: Any, contexts: Probabilities, count: int) -> int:
-    """Code a number of children, 0 to 3; one is the shortest, then none, then three."""
+    """Code a number of children, 0 to 3; codes lengthen in the order 1, 0, 2 or 3."""
     value = count ^ 1
     if not code_bit(coder, contexts, CTX_NUM_CHILDREN, integer(value > 0)):
         return 1
@@ -122,14 +119,13 @@ def code_num_children(coder: Any, contexts: Probabilities, count: int) -> int:
 
 @inlined
 def code_pred_mode(coder: Any, contexts: Probabilities, mode: int) -> int:
-    """Code which prediction is used."""
     high = code_bit(coder, contexts, CTX_PRED_MODE, mode >> 1)
     return high << 1 | code_bit(coder, contexts, CTX_PRED_MODE + 1 + high, mode & 1)
 
 
 @kernel
 def code_phi_multiplier(coder: Any, contexts: Probabilities, multiplier: int) -> int:
-    """Code how many steps of a turn are added to the predicted azimuth."""
+    """Code the number of azimuth steps added to the prediction."""
     if not code_bit(coder, contexts, CTX_PHI_GT, integer(multiplier != 0)):
         return 0
     value = abs(multiplier) - 1
@@ -154,10 +150,10 @@ def _code_phi_rest(coder: Any, contexts: Probabilities, value: int) -> int:
 
 @kernel
 def code_qp_offset(coder: Any, contexts: Probabilities, offset: int) -> int:
-    """Code by how much the QP of the next nodes differs from the slice's.
+    """Code the difference of the next nodes' QP from the slice's.
 
-    The reference's encoder writes the sign before the magnitude, its decoder reads it after; ours
-    writes no offset but 0.
+    TMC13's encoder writes the sign before the magnitude, its decoder reads it after; our encoder
+    writes only 0.
     """
     if not code_bit(coder, contexts, CTX_QP_OFFSET_ABS_GT0, integer(offset != 0)):
         return 0
@@ -169,7 +165,6 @@ def code_qp_offset(coder: Any, contexts: Probabilities, offset: int) -> int:
 def code_residual(
     coder: Any, contexts: Probabilities, tools: Tools, mode: int, residual: Three
 ) -> Three:
-    """Code the residual of a prediction."""
     first, bits = _code_component(coder, contexts, tools, 0, 0, residual[0], mode != 0)
     group = 0 if tools.angular else min(4, (bits + 1) >> 1)
     second, _ = _code_component(coder, contexts, tools, 1, group, residual[1], True)
@@ -189,7 +184,7 @@ def _code_component(
     value: int,
     signed: bool,
 ) -> tuple[int, int]:
-    """Code one component of a residual; also its number of bits, in which contexts differ."""
+    """Code one component of a residual; also return its number of bits, which selects contexts."""
     if not code_bit(coder, contexts, CTX_RES_GT0 + axis, integer(value != 0)):
         return 0, 0
     magnitude = abs(value) - 1
@@ -208,7 +203,7 @@ def _code_component(
 def code_num_bits(
     coder: Any, contexts: Probabilities, width: int, group: int, magnitude: int
 ) -> int:
-    """Code the number of bits of a magnitude, itself in `width` bits, the highest first."""
+    """Code the number of bits of a magnitude as a number of `width` bits, highest first."""
     bits = 0
     while magnitude >> bits > 0:
         bits += 1
@@ -221,7 +216,7 @@ def code_num_bits(
 
 @inlined
 def code_residual2(coder: Any, contexts: Probabilities, residual: Three) -> Three:
-    """Code the residual in x, y, z of a point predicted in spherical coordinates."""
+    """Code the x, y, z residual of angular coding."""
     return (
         _code_component2(coder, contexts, 0, residual[0]),
         _code_component2(coder, contexts, 1, residual[1]),
@@ -241,7 +236,7 @@ def _code_component2(coder: Any, contexts: Probabilities, axis: int, value: int)
 
 @kernel
 def _code_long(coder: Any, contexts: Probabilities, axis: int, value: int) -> int:
-    """Exp-Golomb code of order 0 with contexts for prefix and suffix."""
+    """Code a number in Exp-Golomb code of order 0 with contexts for prefix and suffix."""
     prefix, suffix = CTX_EG2_PREFIX + 5 * axis, CTX_EG2_SUFFIX + 4 * axis
     order, base = 0, 0
     while order < _LONGEST_PREFIX and code_bit(
@@ -256,13 +251,13 @@ def _code_long(coder: Any, contexts: Probabilities, axis: int, value: int) -> in
 
 @inlined
 def scaled(value: int, qp: int) -> int:
-    """A quantised number times the step of a QP, which is (1 + (QP mod 8) / 8) 2^(QP div 8)."""
+    """Multiply a quantised number by the step of a QP, (1 + (QP mod 8) / 8) 2^(QP div 8)."""
     return int32((value * ((8 + (qp & 7)) << (qp >> 3)) + 4) >> 3)
 
 
 @inlined
 def ancestors(parents: NDArray[np.int32], node: int) -> Three:
-    """Parent, grandparent and great-grandparent of a node; -1 where there is none."""
+    """Return parent, grandparent and great-grandparent of a node, or -1."""
     first = integer(parents[node])
     second = integer(parents[first]) if first >= 0 else -1
     third = integer(parents[second]) if second >= 0 else -1
@@ -271,7 +266,7 @@ def ancestors(parents: NDArray[np.int32], node: int) -> Three:
 
 @inlined
 def predicted(positions: NDArray[np.int32], before: Three, mode: int, tools: Tools) -> Three:
-    """A prediction from ancestors, which have to be there for the mode."""
+    """Return the prediction of a mode, whose ancestors must exist."""
     a, b, c = before
     if mode == NONE:
         if not tools.angular:
@@ -301,7 +296,7 @@ def predicted(positions: NDArray[np.int32], before: Three, mode: int, tools: Too
 
 @entry
 def decode_trees(coder: Any, contexts: Probabilities, tools: Tools, nodes: Nodes) -> int:
-    """Decode all trees of a slice into `nodes`; the number of points, or a negative fault."""
+    """Decode all trees of a slice into `nodes`; return the number of points or a negative fault."""
     done = 0
     while True:
         done = _decode_tree(coder, contexts, tools, nodes, done)
@@ -311,7 +306,7 @@ def decode_trees(coder: Any, contexts: Probabilities, tools: Tools, nodes: Nodes
 
 @inlined
 def _decode_tree(coder: Any, contexts: Probabilities, tools: Tools, nodes: Nodes, done: int) -> int:
-    """Decode a tree that begins with point number `done`; the number of points after it."""
+    """Decode a tree that starts with point `done`; return the number of points decoded."""
     count, pending = len(nodes.parents), 1
     if done >= count:
         return TOO_MANY_POINTS
@@ -349,7 +344,7 @@ def _decode_tree(coder: Any, contexts: Probabilities, tools: Tools, nodes: Nodes
 def _decode_position(
     coder: Any, contexts: Probabilities, tools: Tools, nodes: Nodes, node: int, qp: int
 ) -> bool:
-    """Decode a node's mode, residuals and position; False where these cannot be."""
+    """Decode mode, residuals and position of a node; return False if they are invalid."""
     mode = code_pred_mode(coder, contexts, 0)
     before = ancestors(nodes.parents, node)
     if mode > 0 and before[mode - 1] < 0:
@@ -384,7 +379,6 @@ def _decode_position(
 
 @kernel
 def _repeat(nodes: Nodes, angular: bool, node: int, copies: int) -> None:
-    """Write a node's point as often again as it has duplicates."""
     for k in range(node + 1, node + 1 + copies):
         for axis in range(3):
             nodes.points[k, axis] = nodes.points[node, axis]

@@ -84,24 +84,21 @@ def encode_predictive_geometry(
     origin: Sequence[int] | Ints = (0, 0, 0),
     sensor: SensorDescription | None = None,
 ) -> bytes:
-    """Code points as a stream of prediction trees that TMC13 decodes.
+    """Encode points as a stream of prediction trees that TMC13 decodes.
 
     Parameters
     ----------
     points
         (n, 3) integers, n > 0.
-    options
-        Coding tools.
-    sensor
-        That measured the points, in the coordinates of points + origin; with it, points are coded
-        in its spherical coordinates.
     scale, origin
-        (points + origin) / scale are the positions that a decoder gives.
+        A decoder returns the positions (points + origin) / scale.
+    sensor
+        Sensor in the coordinates of points + origin; it switches angular coding on.
 
     Raises
     ------
     InputError
-        For an empty cloud, points more than 21 bits apart, or a sensor too far away.
+        If there are no points, they span more than 21 bits, or the sensor is too far away.
     """
     points, low = checked_points(points)
     if options.merge_duplicates:
@@ -122,7 +119,7 @@ def encode_predictive_geometry(
 
 
 def _centre(sensor: SensorDescription | None, corner: tuple[int, ...]) -> Three:
-    """What azimuth and radius are around, from the sequence's origin."""
+    """Return the origin of azimuth and radius relative to the sequence's origin."""
     x, y, z = (a - b for a, b in zip(sensor.position if sensor else (0, 0, 0), corner, strict=True))
     if sensor and max(map(abs, (x, y, z))) >= 1 << (MOST_BITS + 1):
         raise InputError(f"G-PCC: the sensor is more than {MOST_BITS} bits away from its points")
@@ -158,7 +155,7 @@ def _geometry_parameter_set(
 
 
 def _partition(points: NDArray[np.int32], most: int) -> Iterator[NDArray[np.int32]]:
-    """Parts of the cloud of at most `most` points, halved along their longest side."""
+    """Bisect points along their longest side into parts of at most `most` points."""
     if len(points) <= most:
         yield points
         return
@@ -179,7 +176,7 @@ def _data_unit(
     gps: syntax.GeometryParameterSet,
     centre: Three,
 ) -> bytes:
-    """A slice of points given from the sequence's origin."""
+    """Encode a slice of points relative to the sequence's origin."""
     x, y, z = points.min(axis=0).tolist()
     points = _sorted(points, options, centre) - np.array((x, y, z), dtype=np.int32)
     interval = options.slice_qp_interval_log2
@@ -197,7 +194,6 @@ def _data_unit(
 def _sorted(
     points: NDArray[np.int32], options: PredictiveOptions, centre: Three
 ) -> NDArray[np.int32]:
-    """The points of each tree in their order."""
     most = options.tree_max_points
     parts = [points[start : start + most] for start in range(0, len(points), most)]
     order, precision = options.order, options.azimuth_sort_precision
@@ -210,7 +206,7 @@ def _coded(
     gps: syntax.GeometryParameterSet,
     most: int,
 ) -> bytes:
-    """Entropy-coded trees; the bits of residuals and the least radius are set in the header."""
+    """Encode trees; set residual bits and minimum radius in the header."""
     tools = tools_of(header, gps, _AXES, header.slice_geom_origin_xyz)
     positions = np.empty_like(points) if tools.angular else points
     if tools.angular:
@@ -230,7 +226,7 @@ def _coded(
 
 
 def _residual_bits(points: NDArray[np.int32], tools: Tools) -> Three:
-    """Bits of the number of bits of residuals, as the reference software gives them."""
+    """Return the bits of the number of bits of residuals, as TMC13 does."""
     sides = [max(int(side).bit_length(), 1) for side in points.max(axis=0)]
     if tools.angular:
         return _angular_residual_bits(sides, tools)
@@ -256,10 +252,9 @@ def _angular_residual_bits(sides: list[int], tools: Tools) -> Three:
 
 
 def _divided(value: int, shift: int) -> int:
-    """A number divided by 2^shift, rounded."""
     return (value + ((1 << shift) >> 1)) >> shift
 
 
 def _ceil_log2(value: int) -> int:
-    """Bits that numbers below `value` have; 32 for 0, as in the reference software."""
+    """Return the number of bits of `value` - 1; 32 for 0, as TMC13 does."""
     return (value - 1).bit_length() if value else 32

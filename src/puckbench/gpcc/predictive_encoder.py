@@ -1,6 +1,6 @@
-"""Encoding of prediction trees: each node has the prediction of the least estimated cost.
+"""Encoding of prediction trees: each node uses the prediction with the lowest estimated cost.
 
-Estimates are the reference software's, in single precision, so that the choices are the same.
+Estimates have the single precision of TMC13, so that the decisions are equal.
 """
 
 from __future__ import annotations
@@ -44,11 +44,12 @@ from puckbench.gpcc.spherical import azimuth_of_arc, cartesian, halved_away
 from puckbench.gpcc.syntax import Three
 
 DONE, FULL, UNREPRESENTABLE = 0, 1, 2
-"""How a call of `encode_trees` ends: all is coded; there is no room for more bytes; a residual does
-not fit into the bits that the slice's header gives it."""
+"""Results of `encode_trees`: all trees are coded; the output buffer is full; a residual does not
+fit into the bits given in the slice header.
+"""
 
 NODE_BYTES = 600
-"""Bytes of a node, at most: some 500 bits, of at most a byte each."""
+"""Maximum number of bytes of a node: about 500 bits of at most one byte each."""
 
 _COSTS = (-np.log2(np.maximum(np.arange(129), 1) / 128.0)).astype(np.float32)
 _MOST_COST = np.float32(np.finfo(np.float32).max)
@@ -56,11 +57,12 @@ _RECIPROCALS = np.rint((1 << 20) * 8 / np.arange(8, 16)).astype(np.int64)
 
 
 class Given(NamedTuple):
-    """What is coded, by node: the tree; points (n, 3) from the slice's origin; the positions that
-    are predicted, which are these points, or with a sensor their spherical coordinates.
+    """Data to encode.
 
-    Both become what a decoder will have. stack: (n,) nodes to come. progress: (4,) next root, nodes
-    on the stack, nodes until the next QP offset, and nodes coded.
+    points: (n, 3) relative to the slice's origin; replaced by the decoder's points.
+    positions: (n, 3) predicted coordinates, `points` or spherical; replaced likewise.
+    stack: (n,) pending nodes.
+    progress: (4,) next root, size of the stack, nodes until the next QP offset, coded nodes.
     """
 
     tree: PredictionTree
@@ -71,7 +73,7 @@ class Given(NamedTuple):
 
 
 class Choice(NamedTuple):
-    """A prediction: its mode, steps of the azimuth, position, and quantised residual."""
+    """A prediction: mode, azimuth steps, predicted position, and quantised residual."""
 
     mode: int
     steps: int
@@ -81,7 +83,7 @@ class Choice(NamedTuple):
 
 @entry
 def encode_trees(coder: Any, contexts: Probabilities, tools: Tools, given: Given) -> int:
-    """Code all trees, or go on where the last call ended; see DONE."""
+    """Encode all trees, or continue after FULL; return DONE, FULL or UNREPRESENTABLE."""
     progress, parents = given.progress, given.tree.parents
     while True:
         fault = _encode_tree(coder, contexts, tools, given)
@@ -102,7 +104,7 @@ def encode_trees(coder: Any, contexts: Probabilities, tools: Tools, given: Given
 
 @inlined
 def _encode_tree(coder: Any, contexts: Probabilities, tools: Tools, given: Given) -> int:
-    """Code the nodes that are on the stack, and what hangs on them."""
+    """Encode the nodes on the stack and their descendants."""
     tree, progress = given.tree, given.progress
     while progress[1]:
         if coder.state[3] + NODE_BYTES > len(coder.data):
@@ -130,7 +132,7 @@ def _encode_tree(coder: Any, contexts: Probabilities, tools: Tools, given: Given
 def _encode_position(
     coder: Any, contexts: Probabilities, tools: Tools, given: Given, node: int
 ) -> bool:
-    """Code mode and residuals of a node; False where no residual can be coded."""
+    """Encode mode and residuals of a node; return False if no residual fits."""
     fits, choice = _decided(contexts, tools, given, node)
     if not fits:
         return False
@@ -151,7 +153,7 @@ def _encode_position(
 def _encode_place(
     coder: Any, contexts: Probabilities, tools: Tools, given: Given, node: int, choice: Choice
 ) -> None:
-    """Code the second residual of a node, and set the positions that a decoder will have."""
+    """Encode the second residual of a node, and set the decoder's positions."""
     around, positions = tools.sphere, given.positions
     if tools.azimuth_scaling:
         radius = choice.prediction[0] + choice.residual[0]
@@ -181,13 +183,13 @@ def _encode_place(
 
 @entry
 def quantised(value: int, qp: int) -> int:
-    """A residual in steps of a QP, to the nearest."""
+    """Divide a residual by the step of a QP, and round."""
     return integer((value * (_RECIPROCALS[qp & 7] >> (qp >> 3)) + (1 << 19)) >> 20)
 
 
 @inlined
 def _decided(contexts: Probabilities, tools: Tools, given: Given, node: int) -> tuple[bool, Choice]:
-    """The prediction of a node that is estimated to cost least, and whether it can be coded."""
+    """Return whether a prediction fits, and the one with the lowest estimated cost."""
     before = ancestors(given.tree.parents, node)
     best = _predict(tools, given, node, before, NONE)
     fits = _is_representable(tools, best.residual)
@@ -243,14 +245,14 @@ def _is_representable(tools: Tools, residual: Three) -> bool:
 
 @inlined
 def _bit_cost(contexts: Probabilities, context: int, bit: int) -> Any:
-    """Bits that coding a bit would take now, nearly."""
+    """Return the approximate cost of a bit."""
     zero = max(1, integer(contexts[context]) >> 9)
     return _COSTS[128 - zero if bit else zero]
 
 
 @inlined
 def _cost(contexts: Probabilities, tools: Tools, choice: Choice) -> Any:
-    """Bits that a choice takes, nearly."""
+    """Return the approximate number of bits of a choice."""
     mode, residual = choice.mode, choice.residual
     bits = _bit_cost(contexts, CTX_PRED_MODE, mode >> 1)
     bits += _bit_cost(contexts, CTX_PRED_MODE + 1 + (mode >> 1), mode & 1)
@@ -282,7 +284,7 @@ def _cost(contexts: Probabilities, tools: Tools, choice: Choice) -> Any:
 
 @inlined
 def _with_steps(contexts: Probabilities, steps: int, bits: Any) -> Any:
-    """`bits`, and those that steps of the azimuth take."""
+    """Add the approximate bits of azimuth steps."""
     bits += _bit_cost(contexts, CTX_PHI_GT, integer(steps != 0))
     if steps == 0:
         return bits

@@ -1,4 +1,4 @@
-"""Slices of predictive geometry: prediction trees of a geometry data unit."""
+"""Prediction trees of geometry data units."""
 
 from __future__ import annotations
 
@@ -36,14 +36,10 @@ def decode_trees(
     axes: Three,
     origin: Three,
 ) -> Ints:
-    """Points (n, 3) of a slice; `contexts` is left as the slice ends with it.
+    """Decode the points (n, 3) of a slice and update `contexts`; InputError if it is damaged.
 
-    axes: which coded axis is x, y, z. origin: of the slice, in x, y, z.
-
-    Raises
-    ------
-    InputError
-        The slice is damaged, or says of the sensor what cannot be.
+    axes: coded axis of each of x, y, z.
+    origin: of the slice, in x, y, z.
     """
     tools = tools_of(coded.header, gps, axes, origin)
     nodes = empty_nodes(coded.points, angular=tools.angular)
@@ -64,7 +60,7 @@ def decode_trees(
 def tools_of(
     header: GeometryHeader, gps: GeometryParameterSet, axes: Three, origin: Three
 ) -> Tools:
-    """The coding tools that a parameter set and a header name; InputError if they cannot be."""
+    """Return the tools of a parameter set and header; InputError if they are invalid."""
     multiplier = gps.geom_qp_multiplier_log2
     slice_qp = (gps.geom_base_qp + header.geom_slice_qp_offset) << multiplier
     if not 0 <= slice_qp <= predictive.MOST_QP:
@@ -87,7 +83,6 @@ def tools_of(
 
 
 def empty_nodes(points: int, *, angular: bool) -> Nodes:
-    """Room for the nodes of a slice with a number of points."""
     return Nodes(
         np.empty((points, 3), dtype=np.int32),
         np.empty((points if angular else 0, 3), dtype=np.int32),
@@ -103,10 +98,10 @@ def encode_trees(
     tools: Tools,
     contexts: Probabilities,
 ) -> bytes | None:
-    """The arithmetic-coded part of a data unit; None where a residual does not fit into its bits.
+    """Return the arithmetic-coded part of a data unit, or None if a residual does not fit.
 
-    points: (n, 3) from the slice's origin. positions: (n, 3) what is predicted, `points` or their
-    spherical coordinates. Both become what a decoder will have.
+    positions: (n, 3) predicted coordinates, `points` or spherical. Both arrays are replaced by
+        those of the decoder.
     """
     stack = np.empty(len(points) + 2, dtype=np.int32)
     given = Given(tree, points, positions, stack, np.zeros(4, dtype=np.int64))
