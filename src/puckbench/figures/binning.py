@@ -1,4 +1,4 @@
-"""Medians of a metric for each rate (thesis figure 6.5) and against bits per point (6.6 to 6.9)."""
+"""Medians of a metric by rate (thesis figure 6.5) and by bits per point (6.6 to 6.9)."""
 
 from __future__ import annotations
 
@@ -16,20 +16,9 @@ BINS = 10
 
 
 def equal_count_medians(x: Floats, y: Floats, bins: int = BINS) -> tuple[Floats, Floats]:
-    """Return medians of x and y in bins of x with equal numbers of values.
+    """Return medians of x and y in at most `bins` bins of x with equal numbers of values.
 
-    Parameters
-    ----------
-    x, y
-        (n,); pairs with a nan are ignored.
-    bins
-        Largest number of bins. Edges are quantiles of x (``pandas.qcut``); with at most this number
-        of distinct values, each value is a bin.
-
-    Returns
-    -------
-    x, y
-        (m,), by increasing x.
+    The edges are quantiles of x. Pairs with a nan are ignored.
     """
     import pandas as pd
 
@@ -44,10 +33,10 @@ def equal_count_medians(x: Floats, y: Floats, bins: int = BINS) -> tuple[Floats,
 
 
 def medians_against(rows: pd.DataFrame, x: str, y: str) -> tuple[Floats, Floats]:
-    """Return medians of two columns of one codec on one data set, (m,) each, by increasing x.
+    """Return medians of two columns of one codec on one data set, by increasing x.
 
-    With at least `BINS` clouds the bins are the thesis's, of equal counts. With fewer clouds such
-    bins would mix rates of different clouds, so there is a median for each rate.
+    With fewer than `BINS` clouds there is a median for each rate, since bins would mix different
+    rates.
     """
     if rows["cloud"].nunique() >= BINS:
         return equal_count_medians(rows[x].to_numpy(float), rows[y].to_numpy(float))
@@ -56,9 +45,7 @@ def medians_against(rows: pd.DataFrame, x: str, y: str) -> tuple[Floats, Floats]
 
 
 def medians_per_rate(table: pd.DataFrame, column: str) -> pd.DataFrame:
-    """Return medians of a column by ``dataset``, ``codec`` and ``rate``; missing values are
-    ignored.
-    """
+    """Return medians of a column by ``dataset``, ``codec`` and ``rate``, without missing values."""
     present = table.dropna(subset=[column])
     medians = present.groupby(["dataset", "codec", "rate"], observed=True)[column].median()
     return medians.reset_index()

@@ -99,9 +99,8 @@ def draw_bits_against_octree(
 
 
 def compared_datasets(metrics: pd.DataFrame, clouds: pd.DataFrame) -> set[str]:
-    """Return data sets coded by the octree coder and another codec.
-
-    Of data sets whose clouds differ in the error model only, the first is returned.
+    """Return data sets coded by the octree coder and another codec, but one of those that differ
+    only in the error model.
     """
     other_rows = metrics[metrics["codec"] != OCTREE]
     datasets = set(metrics[metrics["codec"] == OCTREE]["dataset"]) & set(other_rows["dataset"])
@@ -112,7 +111,6 @@ def compared_datasets(metrics: pd.DataFrame, clouds: pd.DataFrame) -> set[str]:
 
 
 def _draw_codecs(axes: Axes, rows: pd.DataFrame, style: FigureStyle) -> set[str]:
-    """Draw the codecs of one panel and return those with a visible value."""
     octree = rows[rows["codec"] == OCTREE]
     complete = rows[rows["codec"] == COMPLETE_OCTREE]
     shown_codecs: set[str] = set()
@@ -139,19 +137,10 @@ def _draw_codecs(axes: Axes, rows: pd.DataFrame, style: FigureStyle) -> set[str]
 def shares(
     rows: pd.DataFrame, octree: pd.DataFrame, complete: pd.DataFrame
 ) -> tuple[Floats, Floats]:
-    """Return bits of a codec in percent of the octree coder's, as medians over common clouds.
+    """Return bits of a codec in percent of the octree coder's, at errors from 0.5 to 50 mm and on
+    lossless grids.
 
-    Parameters
-    ----------
-    rows, octree, complete
-        Result rows (``cloud``, ``bpp``, ``error_mm``, ``points_in``, ``points_out``) of one data
-        set: of the codec, of the octree coder, and of the octree coder that keeps duplicate points,
-        if any.
-
-    Returns
-    -------
-    Floats, Floats
-        At errors from 0.5 to 50 mm, and on the grids; nan outside the rates of either codec.
+    `complete` has the rows of the octree coder that keeps duplicate points.
     """
     anchors = dict(iter(octree.groupby("cloud")))
     lossless = {**anchors, **dict(iter(complete.groupby("cloud")))}

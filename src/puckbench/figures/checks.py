@@ -13,13 +13,7 @@ if TYPE_CHECKING:
 
 
 def require_rows(table: pd.DataFrame, columns: tuple[str, ...], what: str) -> None:
-    """Check that a table has rows, and columns with at least one value.
-
-    Raises
-    ------
-    InputError
-        There is no row, a column is missing, or a column has no value.
-    """
+    """Raise InputError unless a table has rows and columns with at least one value."""
     missing = [name for name in columns if name not in table.columns]
     if missing:
         raise InputError(f"{what} table: no column {missing[0]!r}")
@@ -31,13 +25,7 @@ def require_rows(table: pd.DataFrame, columns: tuple[str, ...], what: str) -> No
 
 
 def require_numbers(table: pd.DataFrame, columns: tuple[str, ...], what: str) -> None:
-    """Check that columns hold zero or numbers that a logarithmic axis can show.
-
-    Raises
-    ------
-    InputError
-        A value is not a number, negative or infinite.
-    """
+    """Raise InputError unless columns hold zero or numbers that a logarithmic axis can show."""
     for name in columns:
         if table[name].dtype.kind not in "fiu":
             raise InputError(f"{what} table: column {name!r} has values that are not numbers")

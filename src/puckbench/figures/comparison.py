@@ -1,4 +1,4 @@
-"""Curves of a run's codecs next to those of reference results, which are grey."""
+"""Curves of a run's codecs beside those of reference results, which are grey."""
 
 from __future__ import annotations
 
@@ -39,22 +39,11 @@ def draw_comparison(
     study: str,
     style: FigureStyle,
 ) -> Figure:
-    """Draw medians over the clouds: a row of panels for each data set, a column for each metric.
+    """Draw medians over the clouds, with a row of panels for each data set and a column for each
+    metric of `qualities`.
 
-    Lossless rates are hollow markers at the edge: above all PSNRs, below all errors.
-
-    Parameters
-    ----------
-    metrics
-        Result rows of the run's codecs.
-    reference
-        Reference results on the same clouds.
-    qualities
-        Metrics of the vertical axes; PSNRs are linear, others logarithmic.
-    study
-        Name of the reference results in the legend.
-    style
-        Titles and order of data sets; colours of the run's codecs.
+    Lossless rates are hollow markers above all PSNRs or below all errors. `study` names the
+    reference in the legend.
     """
     from matplotlib.figure import Figure
 

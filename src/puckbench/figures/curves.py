@@ -1,4 +1,4 @@
-"""Rate-distortion curves: medians over clouds against bits per point, on logarithmic axes."""
+"""Rate-distortion curves on logarithmic axes: medians over clouds against bits per point."""
 
 from __future__ import annotations
 
@@ -38,12 +38,8 @@ Lines = dict[str, tuple[Floats, Floats]]
 
 
 def check_curve_columns(metrics: pd.DataFrame, metric: PlottedMetric) -> None:
-    """Check that a table of results has the columns of a rate-distortion curve.
-
-    Raises
-    ------
-    InputError
-        A column is missing or empty, or has values that a logarithmic axis cannot show.
+    """Raise InputError unless a table has the columns of a curve, with values for a logarithmic
+    axis.
     """
     columns = (BPP.column, metric.column)
     require_rows(metrics, ("dataset", "cloud", "codec", "rate", *columns), "metrics")
@@ -55,7 +51,7 @@ def check_curve_columns(metrics: pd.DataFrame, metric: PlottedMetric) -> None:
 def binned_curves(
     metrics: pd.DataFrame, metric: PlottedMetric, style: FigureStyle
 ) -> dict[str, Lines]:
-    """Return, for each data set and codec, medians of bits per point and of a metric."""
+    """Return medians of bits per point and of a metric for each data set and codec."""
     curves: dict[str, Lines] = {name: {} for name in style.ordered_datasets(metrics["dataset"])}
     for dataset, lines in curves.items():
         rows = metrics[metrics["dataset"] == dataset].dropna(subset=[BPP.column, metric.column])
@@ -72,7 +68,6 @@ def codecs_of(curves: Iterable[Lines], style: FigureStyle) -> list[str]:
 def draw_curves(
     axes: Axes, lines: Lines, x_limits: Range, y_limits: Range, style: FigureStyle
 ) -> None:
-    """Draw the lines of one panel on logarithmic axes, or the text "no values"."""
     set_log(axes, "x", x_limits)
     set_log(axes, "y", y_limits)
     for codec, (bpp, values) in lines.items():
@@ -95,20 +90,14 @@ def draw_data_sets(
 
     Parameters
     ----------
-    metrics
-        Result rows.
-    metric
-        Vertical axis.
-    style
-        Ranges, colours, titles and orders.
     bits
         Label of the horizontal axis.
     panel_in
-        Height of a panel, inches; by default depends on the number of panels in a row.
+        Height of a panel, inches.
     fitted
-        As in `shared_limits`.
+        Fit the limits to the values if the style has no range.
     scans
-        Data set -> value of the uncoded scans, drawn as a dashed line.
+        Value of the uncoded scans by data set, drawn as a dashed line.
     """
     check_curve_columns(metrics, metric)
     curves = binned_curves(metrics, metric, style)
@@ -138,20 +127,10 @@ def shared_limits(
     default: Range | None = None,
     fitted: bool = False,
 ) -> Range:
-    """Return the limits of an axis shared by all panels.
+    """Return the limits of an axis shared by all panels: the range of `style` or, if it has none,
+    `default` or that of the metric.
 
-    Parameters
-    ----------
-    curves
-        Lines of each panel.
-    metric
-        `BPP` for the horizontal axis, else the metric of the vertical axis.
-    style
-        Its ranges take precedence.
-    default
-        Range if the style has none; None for that of the metric.
-    fitted
-        Fit the limits to the values if the style has no range.
+    `fitted` fits the limits to the values if the style has no range.
     """
     which = 0 if metric is BPP else 1
     arrays = [line[which] for lines in curves for line in lines.values()]

@@ -1,5 +1,3 @@
-"""Draw figures from input files into figure files."""
-
 from __future__ import annotations
 
 import io
@@ -27,23 +25,10 @@ _NO_METADATA: dict[str, dict[str, Any]] = {
 def draw_files(
     name: str, inputs: Mapping[str, Path], outputs: Sequence[Path], style: FigureStyle
 ) -> None:
-    """Draw a registered figure.
+    """Draw a registered figure, or that of ``path/to/file.py:function``, into .pdf or .png files.
 
-    Parameters
-    ----------
-    name
-        Of the figure, or ``path/to/file.py:function``.
-    inputs
-        Input name -> file: CSV or Parquet for a table, PLY for a cloud.
-    outputs
-        Paths that end in .pdf or .png.
-    style
-        Of the figure.
-
-    Raises
-    ------
-    InputError
-        An input is missing, unreadable or empty.
+    `inputs` are CSV or Parquet files of tables and PLY files of clouds. Raises InputError if an
+    input is missing, unreadable or empty.
     """
     entry = figure_entry(name)
     if missing := [needed for needed in entry.inputs if needed not in inputs]:
@@ -84,10 +69,7 @@ def lay_out(figure: Figure) -> None:
 def save_figure(figure: Figure, path: Path) -> None:
     """Write a figure as .pdf or .png, within the style's context.
 
-    Raises
-    ------
-    InputError
-        The suffix is another one, or the file cannot be written.
+    Raises InputError for another suffix or if writing fails.
     """
     metadata = _metadata(path)
     content = io.BytesIO()  # at a full disk matplotlib would report follow-up errors of its own

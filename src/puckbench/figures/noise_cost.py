@@ -73,7 +73,6 @@ def draw_noise_cost(metrics: pd.DataFrame, clouds: pd.DataFrame, style: FigureSt
 
 
 def _markers(models: list[str]) -> dict[str, dict[str, Any]]:
-    """Return the marker of each error model, from dark to light with increasing noise."""
     from matplotlib import colormaps
 
     colours = colormaps["viridis"](np.linspace(0, 0.92, len(models)))
@@ -90,7 +89,6 @@ def _markers(models: list[str]) -> dict[str, dict[str, Any]]:
 
 
 def _lines(bits: pd.DataFrame, column: str, models: list[str], style: FigureStyle) -> list[Line]:
-    """Return the codecs that have a value, by their median over the error models."""
     table = bits.pivot_table(
         index="codec", columns="error_model", values=column, aggfunc="median"
     ).reindex(columns=models)

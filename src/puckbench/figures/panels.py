@@ -31,23 +31,10 @@ _MOST_NAMES, _MOST_NUMBERS = 36, 60
 def panel_grid(
     panels: int, columns: int, height_in: float, style: FigureStyle, sharey: Sharing = "all"
 ) -> tuple[Figure, list[Axes]]:
-    """Create a figure of panels with shared axes.
+    """Create a figure of panels with shared axes, with `columns` panels of `height_in` inches in a
+    row.
 
-    Parameters
-    ----------
-    panels, columns
-        Numbers of all panels and of panels in a row.
-    height_in
-        Height of a panel with its labels, inches.
-    style
-        Gives the width, by default a text column for one panel in a row, else the page.
-    sharey
-        Whether all panels, or those of a row, share the vertical axis.
-
-    Returns
-    -------
-    Figure, list of Axes
-        The figure and its panels, row by row.
+    Panels are returned row by row.
     """
     from matplotlib.figure import Figure
 
@@ -67,7 +54,7 @@ def figure_width(columns: int, style: FigureStyle) -> float:
 
 
 def panels_abreast(panels: int) -> int:
-    """Return the number of panels in a row: four panels are two by two, as in the thesis."""
+    """Return the number of panels in a row: two for four panels, as in the thesis."""
     return {1: 1, 2: 2, 3: 3, 4: 2, 5: 3, 6: 3}.get(panels, 4)
 
 
@@ -85,7 +72,7 @@ def log_limits(values: Floats, default: Range) -> Range:
 
 
 def fitted_limits(values: Floats, default: Range) -> Range:
-    """Return limits slightly beyond the positive values; `default` if there are none."""
+    """Return limits slightly beyond the positive values, or `default` without any."""
     positive = values[np.isfinite(values) & (values > 0)]
     if len(positive) == 0:
         return default
@@ -93,10 +80,7 @@ def fitted_limits(values: Floats, default: Range) -> Range:
 
 
 def draw_line(axes: Axes, x: Floats, y: Floats, plot_style: PlotStyle, floor: float) -> None:
-    """Draw one codec's line; zeros (lossless) are hollow markers at the lower limit `floor`.
-
-    Markers are not clipped by the frame.
-    """
+    """Draw one codec's line; zeros (lossless) are hollow markers at the lower limit `floor`."""
     clipped = np.maximum(y, floor)
     style: dict[str, Any] = {
         "color": plot_style.colour,
@@ -129,7 +113,7 @@ def lossless_handle() -> Line2D:
 
 
 def draw_over_rates(axes: Axes, y: Floats, plot_style: PlotStyle, floor: float) -> None:
-    """Draw one codec's values (rates,), one position for each rate; nan leaves a gap."""
+    """Draw one codec's values (rates,) at one position for each rate; nan leaves a gap."""
     present = np.flatnonzero(np.isfinite(y))
     if len(present):
         positions = np.arange(present[0], present[-1] + 1)
@@ -137,17 +121,7 @@ def draw_over_rates(axes: Axes, y: Floats, plot_style: PlotStyle, floor: float) 
 
 
 def label_rates(panels: Sequence[Axes], rates: Sequence[str], abreast: int) -> None:
-    """Label the rates below the panels: r1, r2, ... or, if space is short, 1, 2, ...
-
-    Parameters
-    ----------
-    panels
-        Panels with one position for each rate.
-    rates
-        Names in order.
-    abreast
-        Number of panels in a row.
-    """
+    """Label the rates r1, r2, ... or, if space is short, 1, 2, ..."""
     density = len(rates) * abreast
     names = rates if density <= _MOST_NAMES else [rate.removeprefix("r") for rate in rates]
     step = math.ceil(density / _MOST_NUMBERS)
@@ -157,10 +131,7 @@ def label_rates(panels: Sequence[Axes], rates: Sequence[str], abreast: int) -> N
 
 
 def set_log(axes: Axes, axis: Literal["x", "y"], limits: Range, minor: bool = True) -> None:
-    """Make an axis logarithmic, with ticks at decades, or at 1, 2 and 5 on short axes.
-
-    `minor` adds grid lines within decades; small panels are clearer without.
-    """
+    """Make an axis logarithmic, with ticks at decades, or at 1, 2 and 5 on short axes."""
     from matplotlib.ticker import LogLocator, NullFormatter, NullLocator, StrMethodFormatter
 
     line = axes.xaxis if axis == "x" else axes.yaxis
@@ -177,19 +148,16 @@ def set_log(axes: Axes, axis: Literal["x", "y"], limits: Range, minor: bool = Tr
 
 
 def wrapped(text: str, width_in: float, style: FigureStyle) -> str:
-    """Break a text into lines of about `width_in` inches."""
     character_in = 0.56 * style.font_size / 72
     return textwrap.fill(text, max(6, int(width_in / character_in)), break_long_words=False)
 
 
 def set_title(axes: Axes, text: str, columns: int, style: FigureStyle) -> None:
-    """Set a panel's title, wrapped to the width of one of `columns` panels."""
     width_in = (figure_width(columns, style) - 0.5) / columns
     axes.set_title(wrapped(text, width_in, style), pad=3)
 
 
 def label_outer(panels: Sequence[Axes], columns: int, x: str, y: str) -> None:
-    """Label the horizontal axes of the last row and the vertical axes of the first column."""
     for axes in panels[::columns]:
         axes.set_ylabel(y)
     for column in range(min(columns, len(panels))):
@@ -202,7 +170,6 @@ def label_outer(panels: Sequence[Axes], columns: int, x: str, y: str) -> None:
 def add_legend(
     figure: Figure, codecs: Sequence[str], style: FigureStyle, extra_handles: Sequence[Artist] = ()
 ) -> None:
-    """Add a legend of codecs, then of `extra_handles`, above all panels."""
     handles = [*codec_handles(codecs, style), *extra_handles]
     widest_in = max(len(str(h.get_label())) for h in handles) * 0.58 * style.font_size / 72 + 0.5
     add_rows_legend(figure, handles, int(figure.get_size_inches()[0] / widest_in))
@@ -220,18 +187,8 @@ def codec_handles(codecs: Sequence[str], style: FigureStyle) -> list[Line2D]:
 def add_rows_legend(
     figure: Figure, handles: Sequence[Artist], most_abreast: int, **options: Any
 ) -> None:
-    """Add a legend above all panels, to be read row by row, in rows of similar length.
-
-    Parameters
-    ----------
-    figure
-        The figure.
-    handles
-        In reading order.
-    most_abreast
-        Largest number of entries in a row.
-    **options
-        Of matplotlib's ``Figure.legend``.
+    """Add a legend above all panels that reads row by row, with at most `most_abreast` entries in a
+    row.
     """
     rows = math.ceil(len(handles) / max(1, most_abreast))
     abreast = math.ceil(len(handles) / rows)

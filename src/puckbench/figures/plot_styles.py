@@ -1,4 +1,4 @@
-"""Plot styles of codecs: title, colour and marker, the same in every figure."""
+"""Plot styles of codecs, the same in every figure."""
 
 from __future__ import annotations
 
@@ -13,8 +13,6 @@ from puckbench.codecs.registry import codec_class, is_codec
 
 @dataclass(frozen=True)
 class PlotStyle:
-    """Plot style of a codec: legend title, hexadecimal colour, and matplotlib marker and line."""
-
     title: str
     colour: str
     marker: str
@@ -27,12 +25,11 @@ _OTHER_LINES: tuple[Line, ...] = (":", "--", "-.")
 
 
 def codec_style(codec: str) -> PlotStyle:
-    """Return the plot style of a codec by its name, which is the same in every figure."""
     return class_style(codec, _registered(codec))
 
 
 def class_style(name: str, codec: type[CodecFacts] | None) -> PlotStyle:
-    """Return the plot style that a codec's class has; what it lacks is derived from the name."""
+    """Return the plot style of a codec's class; its name determines missing parts."""
     derived = _style_from_name(name)
     if codec is None:
         return derived
@@ -45,7 +42,7 @@ def class_style(name: str, codec: type[CodecFacts] | None) -> PlotStyle:
 
 
 def read_looks(folder: Path) -> dict[str, dict[str, str]]:
-    """Return `looks_layer` of the table ``codecs`` in a run's folder of tables, if it is there."""
+    """Return `looks_layer` of the table ``codecs`` in a run's folder of tables, or no options."""
     from puckbench.io.tables import read_table
 
     path = folder / "codecs.parquet"
@@ -56,7 +53,7 @@ def read_looks(folder: Path) -> dict[str, dict[str, str]]:
 
 
 def looks_layer(rows: Iterable[Mapping[str, str]]) -> dict[str, dict[str, str]]:
-    """Return the options of `FigureStyle` that show codecs as rows of the table ``codecs`` say."""
+    """Return options of `FigureStyle` with the plot styles in rows of the table ``codecs``."""
     keys = {"title": "codec_titles", "colour": "colours", "marker": "markers", "line": "lines"}
     rows = list(rows)
     layer = {option: {row["codec"]: row[key] for row in rows} for key, option in keys.items()}
@@ -84,6 +81,5 @@ def _style_from_name(codec: str) -> PlotStyle:
 
 
 def dataset_title(dataset: str) -> str:
-    """Return the default title of a data set: its name in words."""
     words = dataset.replace("_", " ")
     return words[:1].upper() + words[1:]

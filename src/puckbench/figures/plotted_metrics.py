@@ -9,16 +9,9 @@ from puckbench.figures.style import Range
 
 @dataclass(frozen=True)
 class PlottedMetric:
-    """A column of the results and its axis.
+    """A column of the results with its axis.
 
-    Parameters
-    ----------
-    column
-        Of the table.
-    words, unit
-        Of the axis label. The grid unit of a scaled cloud is 1/1023 of its longest side.
-    limits
-        Axis range in the thesis.
+    The grid unit of a scaled cloud is 1/1023 of its longest side.
     """
 
     column: str
@@ -32,11 +25,9 @@ class PlottedMetric:
 
     @property
     def short_label(self) -> str:
-        """Axis label on two lines, for small panels."""
         return f"{self.words}\n({self.unit})"
 
     def within(self, low: float, high: float) -> PlottedMetric:
-        """Return the metric with another axis range."""
         return replace(self, limits=(low, high))
 
 

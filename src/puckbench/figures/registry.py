@@ -27,7 +27,6 @@ SPINS = "spins"
 
 
 def at(distance_m: float) -> str:
-    """Return the requirement that the sensor study has scans from a distance."""
     return f"{distance_m:g} m"
 
 
@@ -37,19 +36,16 @@ class FigureEntry:
 
     Parameters
     ----------
-    name
-        Of its files and its job.
     draw
         Function from inputs and ``style``, passed by keyword, to a matplotlib Figure.
     title, category
         Heading and group in the report.
     number
-        Number of the figure in a publication, by which figures are ordered; empty for others.
+        Number in a publication, by which figures are ordered; may be empty.
     needs
-        Conditions that a plan must meet besides the inputs: as for a table, or `at` a distance, or
-        the name of an error model of the sensor study.
+        Further conditions of a plan: as for a table, or `at` a distance, or an error model.
     frame
-        Coordinate frame of the clouds whose results are drawn.
+        Coordinate frame of the drawn clouds.
     """
 
     name: str
@@ -62,7 +58,6 @@ class FigureEntry:
 
     @property
     def kinds(self) -> Mapping[str, str]:
-        """Inputs by name: DataFrame or PointCloud."""
         return typed_parameters(self.draw, "DataFrame", "PointCloud")
 
     @property
@@ -71,12 +66,11 @@ class FigureEntry:
 
     @property
     def sort_key(self) -> list[float]:
-        """Parts of the number: 5.2 comes before 5.10, figures without a number last."""
+        """Parts of the number, since 5.2 comes before 5.10."""
         return [float(part) for part in self.number.split(".")] if self.number else [math.inf]
 
     @property
     def caption(self) -> str:
-        """Caption in reStructuredText."""
         return caption_of(self.draw)
 
 
@@ -89,6 +83,6 @@ def figure_entry(name: str) -> FigureEntry:
 
 
 def figure_entries() -> dict[str, FigureEntry]:
-    """Return all figures by name: first those with a number, then the others."""
+    """Return all figures by name, those with a number first."""
     entries = {name: FIGURES.get(name) for name in FIGURES.names()}
     return dict(sorted(entries.items(), key=lambda item: item[1].sort_key))

@@ -61,7 +61,7 @@ def draw_spread(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
 
 
 def _extremes(metrics: pd.DataFrame) -> Floats:
-    """Return the ends of all whiskers and the values that are drawn as points."""
+    """Return the ends of all whiskers and the values drawn as points."""
     groups = metrics.groupby(["dataset", "codec", "rate"])["cd_plane"]
     drawn_as_points = metrics.loc[groups.transform("size") < _FEWEST_IN_A_BOX, "cd_plane"]
     whisker_ends = groups.quantile(np.array([_QUANTILES[0], _QUANTILES[-1]]))
@@ -87,7 +87,6 @@ def _draw_panel(
 
 
 def _draw_boxes(axes: Axes, quantiles: pd.DataFrame, colour: str) -> None:
-    """Draw boxes of five quantiles (rates, 5) at the positions of the index."""
     keys = ("whislo", "q1", "med", "q3", "whishi")
     boxes: list[dict[str, Any]] = [
         dict(zip(keys, row, strict=True)) for row in quantiles.itertuples(index=False)

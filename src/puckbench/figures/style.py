@@ -1,5 +1,3 @@
-"""The style of all figures: fonts, sizes, colours, titles, axis ranges."""
-
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
@@ -24,28 +22,20 @@ Size = Annotated[float, Field(gt=0)]
 
 
 class FigureStyle(Model):
-    """Style options, which a configuration may change.
+    """Style of all figures, which a configuration may change.
 
     Parameters
     ----------
     font_size
-        Axis labels, points; tick labels are one point smaller.
+        Of axis labels, points; tick labels are one point smaller.
     width_in
-        Inches; None for one or two columns, as the figure chooses.
-    dpi
-        Resolution of PNG files and of images in PDF files.
+        Inches; by default one or two columns, as the figure chooses.
     line_width, marker_size
         Points.
-    colours
-        Codec or error model -> matplotlib colour.
-    markers, lines
-        Codec -> matplotlib marker and line style.
-    codec_titles, dataset_titles
-        Name -> title.
     datasets
-        Order of the panels; unnamed data sets follow.
+        Order of the panels; other data sets follow.
     axis_ranges
-        Table column -> (low, high). An axis is widened by whole decades if data lie outside.
+        (low, high) by table column, widened by whole decades if data lie outside.
     """
 
     font_size: Size = 7.5
@@ -93,9 +83,9 @@ class FigureStyle(Model):
 
     @classmethod
     def from_config(cls, *options: Mapping[str, Any]) -> FigureStyle:
-        """Merge configuration mappings, later ones over earlier ones and nested ones key by key.
+        """Merge configuration mappings, nested ones key by key; later ones take precedence.
 
-        InputError for an unknown key or an invalid value.
+        Raises InputError for an unknown key or an invalid value.
         """
         merged: dict[str, Any] = {}
         for key, value in (item for mapping in options for item in mapping.items()):
@@ -114,14 +104,12 @@ class FigureStyle(Model):
         )
 
     def axis_range(self, column: str, default: Range) -> Range:
-        """Return the minimal range of a column's axis."""
         return self.axis_ranges.get(column, default)
 
     def title(self, dataset: str) -> str:
         return self.dataset_titles.get(dataset, dataset_title(dataset))
 
     def ordered_codecs(self, codecs: Iterable[str]) -> list[str]:
-        """Return distinct codecs in the order of the legend."""
         return sorted(set(codecs), key=codec_rank)
 
     def ordered_datasets(self, datasets: Iterable[str]) -> list[str]:
@@ -132,9 +120,8 @@ class FigureStyle(Model):
 
     @contextmanager
     def context(self) -> Iterator[None]:
-        """Apply matplotlib's defaults and this style while drawing and saving.
-
-        A user's matplotlibrc is ignored, so that equal tables give equal bytes on every machine.
+        """Apply matplotlib's defaults and this style, but no matplotlibrc, while drawing and
+        saving.
         """
         import matplotlib.style
 

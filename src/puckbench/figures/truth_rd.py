@@ -99,20 +99,11 @@ def draw_truth_hausdorff(
 def draw_references(
     metrics: pd.DataFrame, scan_errors: pd.DataFrame, metric: PlottedMetric, style: FigureStyle
 ) -> Figure:
-    """Draw a row of panels for each data set, a column for each reference.
+    """Draw a row of panels for each data set, a column for each reference, but none for a clean
+    scan that equals the scan.
 
-    The panel of a clean scan that equals the scan is left out.
-
-    Parameters
-    ----------
-    metrics
-        Result rows.
-    scan_errors
-        Distances of the uncoded scans to the clean scans and to the true surface.
-    metric
-        Distance to the scan; the others are in the columns ``clean_...`` and ``truth_...``.
-    style
-        Of the figure.
+    `metric` is the distance to the scan; the others are in the columns ``clean_...`` and
+    ``truth_...``.
     """
     references = [replace(metric, column=f"{prefix}{metric.column}") for prefix in _REFERENCES]
     for reference in references:
@@ -160,7 +151,6 @@ def _draw_scan_line(axes: Axes, value: float | None, floor: float) -> None:
 
 
 def _add_legend(figure: Figure, panels: list[Axes], codecs: list[str], style: FigureStyle) -> None:
-    """Draw the legend in the first panel that was left out, else above all panels."""
     scan_line = scan_handle()
     empty_panel = next((axes for axes in panels if not axes.axison), None)
     if empty_panel is None or len(codecs) > _MOST_IN_A_PANEL:
