@@ -1,7 +1,6 @@
 """Binary arithmetic coder in 32-bit integer arithmetic, which every machine decodes alike.
 
-One function, `code`, serves both directions: with a writer it encodes the bit, with a reader it
-ignores the bit and returns the decoded one.
+`code` encodes the bit with a writer; with a reader it ignores the bit and returns the decoded one.
 """
 
 from __future__ import annotations
@@ -34,27 +33,24 @@ LOW, HIGH, CODE, POSITION, WRITING = range(5)
 
 
 class BitCoder(NamedTuple):
-    """State of a coder."""
-
     registers: NDArray[np.int64]  # (5,)
     buffer: NDArray[np.uint8]  # (n,), the bytes of the stream
 
 
 def bit_writer(most_bytes: int) -> BitCoder:
-    """Return an encoder of at most `most_bytes` bytes."""
     registers = np.array([0, _TOP, 0, 0, 1], np.int64)
     return BitCoder(registers, np.empty(most_bytes, np.uint8))
 
 
 def bit_reader(stream: bytes) -> BitCoder:
-    """Return a decoder of a stream; beyond its end it reads zeros."""
+    """Return a decoder of a stream, which reads zeros beyond its end."""
     start = stream[:_TAIL].ljust(_TAIL, b"\0")
     registers = np.array([0, _TOP, int.from_bytes(start, "big"), _TAIL, 0], np.int64)
     return BitCoder(registers, np.frombuffer(stream, np.uint8).copy())
 
 
 def written(coder: BitCoder) -> bytes:
-    """Flush a writer and return its bytes, without trailing zeros (at most `PAST_THE_END`)."""
+    """Flush a writer and return its bytes without trailing zeros (at most `PAST_THE_END`)."""
     registers = coder.registers
     tail = (int(registers[LOW]) + (1 << 24) - 1) >> 24 << 24
     if tail > registers[HIGH]:
@@ -79,10 +75,8 @@ def exhausted(coder: BitCoder) -> bool:
 
 @cache
 def logistic_tables() -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return the tables ``stretch`` (4096,) and ``squash`` (2 LOGIT_LIMIT,).
-
-    ``stretch`` gives the logit of a probability in 1 / 4096; ``squash`` gives the probability, in
-    1 / ONE, of a logit plus LOGIT_LIMIT.
+    """Return the tables ``stretch`` (4096,), logits of probabilities in 1 / 4096, and ``squash`` (2
+    LOGIT_LIMIT,), probabilities in 1 / ONE of logits plus LOGIT_LIMIT.
     """
     probabilities = (np.arange(4096) + 0.5) / 4096
     stretch = np.rint(LOGIT_UNIT * np.log(probabilities / (1 - probabilities))).astype(np.int64)
@@ -95,7 +89,7 @@ def logistic_tables() -> tuple[NDArray[np.int64], NDArray[np.int64]]:
 
 
 def learning_rates() -> NDArray[np.int64]:
-    """Return the adaptation rate (MAX_MEMORY + 1,), in 1 / ONE, by the number of bits seen."""
+    """Return the adaptation rate (MAX_MEMORY + 1,), in 1 / ONE, by the number of coded bits."""
     return np.rint(ONE / (np.arange(MAX_MEMORY + 1) + 1.6)).astype(np.int64)
 
 

@@ -1,5 +1,3 @@
-"""Parts of a stream: variable-length integers (LEB128) and runs of bytes."""
-
 from __future__ import annotations
 
 from puckbench.core.errors import InputError
@@ -8,7 +6,7 @@ _LONGEST_NUMBER = 5
 
 
 def base_128(number: int) -> bytes:
-    """Encode a number of at least 0 as unsigned LEB128: seven bits per byte, the lowest first."""
+    """Encode a non-negative number as unsigned LEB128: seven bits per byte, the lowest first."""
     groups = [number & 127]
     while number := number >> 7:
         groups.append(number & 127)
@@ -16,12 +14,12 @@ def base_128(number: int) -> bytes:
 
 
 def signed_128(number: int) -> bytes:
-    """Encode an integer n by zigzag and LEB128: 2 n, or -2 n - 1 if it is negative."""
+    """Encode an integer n as LEB128 of 2 n, or of -2 n - 1 if it is negative (zigzag)."""
     return base_128(2 * number if number >= 0 else -2 * number - 1)
 
 
 class Reader:
-    """Reads the parts of a stream, one after the other."""
+    """Sequential reader of a stream's parts."""
 
     def __init__(self, body: bytes) -> None:
         self.body, self.at = body, 0
@@ -34,7 +32,6 @@ class Reader:
         return self.body[self.at - size : self.at]
 
     def rest(self) -> bytes:
-        """Return all remaining bytes."""
         return self.take(len(self.body) - self.at)
 
     def number(self, longest: int = _LONGEST_NUMBER) -> int:
@@ -48,6 +45,5 @@ class Reader:
         raise InputError("the stream is damaged (a number)")
 
     def signed(self, longest: int = _LONGEST_NUMBER) -> int:
-        """Read a number written by `signed_128`."""
         zigzag = self.number(longest)
         return -(zigzag + 1 >> 1) if zigzag & 1 else zigzag >> 1

@@ -1,11 +1,9 @@
 """Context mixing: the probability of a bit from several estimates, in integer arithmetic.
 
-Estimates are logits. Some, the experts, are given by the caller (from a network, a table or a
-predictor); the others are adaptive probabilities of contexts, each a counter. A set of weights, of
-which a row is selected for each bit, adds the estimates; the mixtures of all sets are averaged.
-Correction tables then learn how often a bit was 1 at each mixture (secondary estimation), and
-weights and counters learn from the coded bit. All of it is exact, so that every machine decodes the
-same bits.
+Estimates are logits: of experts, which the caller computes, and of contexts, which are adaptive
+counters. Each set of weights adds the estimates with the row that the caller selects; the mixtures
+of all sets are averaged. Correction tables learn the frequency of ones for each mixture (secondary
+estimation). Weights and counters learn from the coded bit.
 
 References
 ----------
@@ -56,22 +54,16 @@ class MixerOptions:
 
     Parameters
     ----------
-    experts, contexts
-        Number of experts and of contexts of a bit.
     counters
         Number of adaptive probabilities, of all contexts.
     rows
         Number of rows of weights, of all sets.
     weights
         Initial weight of each expert, then of each context.
-    learning_rate, final_learning_rate
-        Of the weights, at the first bit and after many.
     memory
-        Bits after which a counter adapts no more slowly; at most `MAX_MEMORY`.
-    sets
-        Number of sets of weights.
+        Number of bits after which a counter's rate is constant; at most `MAX_MEMORY`.
     tables
-        Number of sets (1 or 2), of the first ones, that have a correction table for each row.
+        Number of sets (1 or 2), from the first, with a correction table for each row.
     """
 
     experts: int
@@ -101,10 +93,8 @@ class Mixer(NamedTuple):
 
     Parameters
     ----------
-    bits
-        The arithmetic coder.
     counters
-        (counters,), the probability of a 1 and the number of bits seen.
+        (counters,), the probability of a 1 and the number of coded bits.
     weights
         (rows * lanes,), of the experts, the contexts and the bias, then zeros.
     corrections
@@ -112,19 +102,13 @@ class Mixer(NamedTuple):
     inputs
         (lanes,), logits of the experts and of the contexts, and the bias.
     contexts
-        (contexts,), the counter of each context of the next bit.
+        (contexts,), the counter of each context.
     rows
-        (sets,), the row of weights of each set for the next bit.
+        (sets,), the row of weights of each set.
     mixtures
         (sets,), the logit of each set.
-    stretch, squash, rates
-        Tables of `binary_coder`.
     learning
-        Learning rate at first, in the end and now, and the number of coded bits.
-    memory
-        As in `MixerOptions`.
-    sizes
-        As in `MixerOptions`; `lanes`: numbers of a row of weights.
+        Initial, final and current learning rate, and the number of coded bits.
     """
 
     bits: BitCoder
@@ -144,7 +128,6 @@ class Mixer(NamedTuple):
 
 
 def new_mixer(bits: BitCoder, options: MixerOptions) -> Mixer:
-    """Return a mixer in its initial state, which codes with `bits`."""
     inputs = options.experts + options.contexts
     lanes = lanes_for(inputs + 1)
     weights = np.zeros((options.rows, len(lanes)), np.int32)
@@ -179,7 +162,7 @@ def new_mixer(bits: BitCoder, options: MixerOptions) -> Mixer:
 
 
 def new_counters(count: int) -> NDArray[np.int32]:
-    """Return counters (count,) of probability 1 / 2 that have seen no bit."""
+    """Return counters (count,) of probability 1 / 2."""
     return np.full(count, 1 << PROBABILITY_BITS + COUNT_BITS - 1, np.int32)
 
 
@@ -192,16 +175,9 @@ def new_corrections(rows: int) -> Words:
 
 @inlined
 def code_bit(mixer: Mixer, bit: int, node: int, row: int) -> int:
-    """Code a bit with the mixer's experts, contexts and rows; return it.
+    """Code a bit, which a reader ignores, and return it.
 
-    Parameters
-    ----------
-    mixer
-        The mixer.
-    bit
-        The bit; a reader ignores it.
-    node, row
-        Added to each of the `contexts`, and to each of the `rows`.
+    `node` is added to each of the mixer's `contexts`, `row` to each of its `rows`.
     """
     sizes, inputs, weights = mixer.sizes, mixer.inputs, mixer.weights
     experts, sets, width = len(sizes.experts), len(sizes.sets), len(sizes.lanes)
@@ -238,7 +214,7 @@ def code_bit(mixer: Mixer, bit: int, node: int, row: int) -> int:
 
 @inlined
 def _learning_rate(learning: Ints) -> int:
-    """The learning rate of the next bit, which falls every eight bits."""
+    """Return the learning rate of the next bit, which falls every eight bits."""
     coded = learning[3]
     if coded & 7 == 0:
         learning[2] = learning[1] + ((learning[0] - learning[1]) * 256) // (256 + (coded >> 3))
@@ -248,7 +224,6 @@ def _learning_rate(learning: Ints) -> int:
 
 @inlined
 def logit_of(counters: Counters, counter: int, stretch: Integers) -> int:
-    """Return the logit of a counter's probability."""
     state = np.int64(counters[np.uint64(counter)])
     return int(stretch[np.uint64(state >> COUNT_BITS + PROBABILITY_BITS - 12)])
 

@@ -1,5 +1,3 @@
-"""The start of a stream: magic number, version and checksum."""
-
 from __future__ import annotations
 
 import struct
@@ -18,7 +16,7 @@ class Framing:
     Parameters
     ----------
     magic
-        Four bytes with which no stream of another codec begins.
+        Four bytes that identify the codec.
     version
         Version of the format, one byte.
     title
@@ -37,16 +35,11 @@ class Framing:
         return self.magic + bytes([self.version])
 
     def framed(self, body: bytes, header: bytes = b"") -> bytes:
-        """Return a stream with this body and header."""
         return self._start + header + _CHECK.pack(zlib.crc32(body)) + body
 
     def unframed(self, stream: bytes) -> tuple[bytes, bytes]:
-        """Return header and body of a stream.
-
-        Raises
-        ------
-        InputError
-            If the stream is damaged or truncated, or of another codec or version.
+        """Return header and body of a stream; InputError for damaged streams, other codecs and
+        other versions.
         """
         start, end = len(self._start), len(self._start) + self.header + _CHECK.size
         if len(stream) < end:

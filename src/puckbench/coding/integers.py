@@ -1,5 +1,3 @@
-"""Functions of integers and of short integer vectors, for compiled loops."""
-
 from __future__ import annotations
 
 import numpy as np
@@ -10,10 +8,8 @@ from puckbench.core.compiling import inlined
 
 @inlined
 def bit_count(word: int) -> int:
-    """Return the number of set bits of a 64-bit word.
-
-    The bits are added in groups of two, four and eight; LLVM replaces this pattern by a single
-    instruction where the processor has one.
+    """Return the number of set bits of a 64-bit word, by a pattern that LLVM replaces by a single
+    instruction where possible.
     """
     pairs = word - ((word >> 1) & 0x5555555555555555)
     fours = (pairs & 0x3333333333333333) + ((pairs >> 2) & 0x3333333333333333)

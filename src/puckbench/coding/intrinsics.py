@@ -12,9 +12,9 @@ function                codec                           time saved
 ``add_fused_products``  ``reno``                        88 %
 ======================  ==============================  ==========
 
-Each has a plain loop (``..._loop``) with the same results on every machine. Numba compiles the loop
-instead if this version of llvmlite cannot write the vector code, or if indices are checked
-(``NUMBA_BOUNDSCHECK=1``). Arrays are flat and contiguous, and do not overlap.
+Each has a plain loop (``..._loop``) with the same results. Numba compiles the loop if this version
+of llvmlite cannot write the vector code, or if indices are checked (``NUMBA_BOUNDSCHECK=1``).
+Arrays are flat and contiguous, and do not overlap.
 """
 
 from __future__ import annotations
@@ -95,8 +95,8 @@ def add_fused_products_loop(
 def fused_multiply_add(a: np.float32, b: np.float32, c: np.float32) -> np.float32:
     """Return a * b + c, rounded once (IEEE 754's fusedMultiplyAdd).
 
-    The sum in double precision is rounded to odd, so that rounding it to single precision gives the
-    correct result (Boldo and Melquiond 2008, "Emulation of FMA and correctly rounded sums").
+    The double precision sum is rounded to odd, so that rounding it to single precision is correct
+    (Boldo and Melquiond 2008, "Emulation of FMA and correctly rounded sums").
     """
     product = np.float64(a) * np.float64(b)  # exact
     total = product + np.float64(c)
@@ -115,8 +115,6 @@ Write = Callable[[Any, Any, Any, Any], Any]
 
 
 def _or_loop(write: Write, loop: Callable[..., None]) -> Write:
-    """Return `write`, replaced by the plain loop where it cannot be used."""
-
     def code(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         if _config.BOUNDSCHECK or not _can_be_written(write, context, signature):
             return context.compile_internal(builder, loop, signature, values)
@@ -127,7 +125,7 @@ def _or_loop(write: Write, loop: Callable[..., None]) -> Write:
 
 
 def _can_be_written(write: Write, context: Any, signature: Any) -> bool:
-    """Try to write the code into a module of its own, which a failure leaves unfinished."""
+    """Try to write the code into a separate module, which a failure leaves unfinished."""
     kinds = [context.get_value_type(kind) for kind in signature.args]
     function = ir.Function(ir.Module(), ir.FunctionType(ir.VoidType(), kinds), "trial")
     builder = ir.IRBuilder(function.append_basic_block())
@@ -139,12 +137,11 @@ def _can_be_written(write: Write, context: Any, signature: Any) -> bool:
 
 
 def _data(context: Any, builder: Any, kind: Any, array: Any) -> Any:
-    """Pointer to the first number of an array."""
     return context.make_array(kind)(context, builder, array).data
 
 
 def _parts(builder: Any, data: Any, first: Any, count: int) -> list[Any]:
-    """Pointers to the parts, of LANES integers each, of a vector that begins at `first`."""
+    """Return pointers to the parts, of LANES integers each, of a vector that begins at `first`."""
     start = builder.gep(data, [first])
     return [
         builder.bitcast(builder.gep(start, [_LONG(part)]), _WORDS.as_pointer())
@@ -153,7 +150,6 @@ def _parts(builder: Any, data: Any, first: Any, count: int) -> list[Any]:
 
 
 def _spread(builder: Any, number: Any, kind: Any) -> Any:
-    """A vector of equal numbers."""
     single = builder.insert_element(kind(ir.Undefined), number, _WORD(0))
     mask = ir.Constant(ir.VectorType(_WORD, kind.count), [0] * kind.count)
     return builder.shuffle_vector(single, kind(ir.Undefined), mask)
@@ -212,7 +208,7 @@ def _decay_and_add(
 
 
 class _Products:
-    """Writes products of features and a matrix, whose sums stay in registers."""
+    """Writer of products of features and a matrix, whose sums stay in registers."""
 
     def __init__(self, context: Any, builder: Any, kinds: Any, values: Any, fused: bool) -> None:
         self.builder, self.fused = builder, fused
@@ -225,7 +221,7 @@ class _Products:
         self.row = ir.VectorType(ir.FloatType(), self.wider)
 
     def write(self) -> None:
-        """Write a loop over blocks of pairs, and a loop over the pairs that remain."""
+        """Write a loop over blocks of pairs, and a loop over the remaining pairs."""
         builder, block = self.builder, self.number(_BLOCK)
         blocks = builder.sdiv(self.pairs, block)
         with cgutils.for_range(builder, blocks) as loop:
@@ -235,7 +231,6 @@ class _Products:
             self.block(builder.add(done, loop.index), 1)
 
     def block(self, first: Any, count: int) -> None:
-        """Write the products of `count` pairs from the `first` on."""
         builder = self.builder
         pairs = [builder.add(first, self.number(i)) for i in range(count)]
         targets = [
@@ -255,7 +250,6 @@ class _Products:
             builder.store(builder.load(total), target, align=_BYTES)
 
     def add(self, total: Any, source: Any, weights: Any) -> None:
-        """Write the addition of one feature times a row of weights."""
         builder = self.builder
         feature = builder.load(builder.gep(self.read, [source]))
         factors, old = _spread(builder, feature, self.row), builder.load(total)
@@ -275,7 +269,6 @@ class _Products:
         return ir.Constant(self.size, value)
 
     def start(self, rows: Any, pair: Any, width: int) -> Any:
-        """Where the row of a pair begins in an array of features."""
         row = self.builder.load(self.builder.gep(rows, [pair]))
         return self.builder.mul(row, self.number(width))
 

@@ -1,5 +1,3 @@
-"""Limit of the number of points or pixels in a stream, by its length."""
-
 from __future__ import annotations
 
 _MANY, _MANY_PER_BYTE = 1 << 24, 4

@@ -1,14 +1,11 @@
 """Shift of clouds that are far from the origin, for codecs in single precision.
 
-Surveyed coordinates (UTM) are millions of metres from the origin, although a cloud spans some
-hundred metres. Such a cloud is shifted by integers, which is exact, before it is coded. Its stream
-is
+Surveyed coordinates (UTM) are millions of metres from the origin. Such a cloud is shifted by
+integers, which is exact. Its stream is
 
     4 bytes  "PBSH"
     the shift along each axis, a signed LEB128 number
     the stream of the codec
-
-Other streams have no such header.
 """
 
 from __future__ import annotations
@@ -40,15 +37,10 @@ class Shifted(NamedTuple):
 
 
 def shift_of(points: Floats, step: float | None = None) -> Floats | None:
-    """Return the integers (3,) to subtract from points (n, 3); None if they are not far away.
+    """Return the integers (3,) to subtract from points (n, 3), or None.
 
-    Parameters
-    ----------
-    points
-        (n, 3) coordinates.
-    step
-        Step of the codec's grid, if it works in single precision: the points then also count as far
-        away if single precision cannot resolve an eighth of a step.
+    With the `step` of a codec's grid, points are also shifted if single precision cannot resolve an
+    eighth of a step.
     """
     ends = bounds(points)
     with np.errstate(over="ignore"):

@@ -1,6 +1,6 @@
 """Header with the length of a grid step, for codecs of clouds on an integer grid.
 
-A cloud in metres is divided by the length of a step before it is coded. Its stream is
+A cloud in metres is divided by this length. Its stream is
 
     4 bytes  "PBUN"
     8 bytes  the length of a step, a little-endian double
@@ -45,7 +45,7 @@ def without_unit(stream: bytes) -> InUnits:
 
 
 def multiplied(points: Floats, unit: float) -> Floats:
-    """Convert points (m, 3) from steps to lengths; InputError if a result is not finite."""
+    """Multiply points (m, 3) by `unit`; InputError if a result is not finite."""
     with np.errstate(over="ignore"):
         result: Floats = points * unit
     if not np.isfinite(result).all():

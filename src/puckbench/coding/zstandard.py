@@ -1,5 +1,3 @@
-"""Zstandard compression, with a limit of the decompressed size."""
-
 from __future__ import annotations
 
 import sys
@@ -16,17 +14,7 @@ _WINDOW_LOG = 27
 
 
 def compressed(data: bytes, level: int = 19, long: bool = False) -> bytes:
-    """Return one Zstandard frame.
-
-    Parameters
-    ----------
-    data
-        Any bytes.
-    level
-        Compression level, 1 to 22.
-    long
-        Find matches up to 128 MiB back, as ``zstd --long`` does.
-    """
+    """Return one Zstandard frame; `long` finds matches up to 128 MiB back, as ``zstd --long``."""
     options: dict[int, int] = {zstd.CompressionParameter.compression_level: level}
     if long:
         options[zstd.CompressionParameter.enable_long_distance_matching] = 1

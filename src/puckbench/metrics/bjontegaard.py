@@ -26,16 +26,8 @@ _ROUNDING = 1e-12
 
 @dataclass(frozen=True)
 class RateDistortionCurve:
-    """Rate-distortion points of a codec on one cloud, strictly increasing in rate and quality.
-
-    Parameters
-    ----------
-    log_rate
-        Natural logarithm of the rate, (k,).
-    quality
-        dB, (k,).
-    dropped
-        Number of dominated points that were left out.
+    """Rate-distortion points (k,), strictly increasing in ln(rate) and quality (dB), and the number
+    of dominated points that were left out.
     """
 
     log_rate: Floats
@@ -53,8 +45,6 @@ class BjontegaardDelta:
         Mean of ln(rate / anchor rate) at equal quality.
     quality_db
         Mean difference in quality at equal rate.
-    rate_status, quality_status
-        `COMPARED`, or why the delta is None.
     overlap
         Common range of quality as a share of the shorter curve's range.
     """
@@ -72,8 +62,8 @@ class BjontegaardDelta:
 
 
 def rate_distortion_curve(rates: Floats, qualities: Floats) -> RateDistortionCurve:
-    """Return the curve through points (k,) of positive rates and qualities in dB, without missing
-    values and points that a cheaper point equals in quality.
+    """Return the curve of points (k,) without missing values and dominated points, which a cheaper
+    point equals in quality.
     """
     is_finite = np.isfinite(rates) & np.isfinite(qualities)
     rates, qualities = rates[is_finite], qualities[is_finite]

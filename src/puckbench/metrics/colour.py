@@ -60,9 +60,6 @@ def luminance_distance(a: Floats, b: Floats) -> float:
 def joint_quality(distortion: Mapping[str, float], colour: Mapping[str, float]) -> float:
     """Return the joint metric of ``cd_plane`` and ``luminance_l2`` (Viola, Subramanyam and Cesar
     2020), lower is better, in PCC Arena's form without its integer division.
-
-    Values of clouds of different scales cannot be compared, since the Chamfer distance is in
-    squared units.
     """
     if "cd_plane" not in distortion:
         return math.nan

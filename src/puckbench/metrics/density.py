@@ -13,9 +13,8 @@ OUTLIER_DEVIATIONS = 2.0
 
 
 def density(points: Floats) -> dict[str, float]:
-    """Return spacing, density and outliers of a cloud (n, 3), in its unit.
-
-    At most 100,000 distinct points, a fixed random sample, are queried for their k = 16 neighbours.
+    """Return spacing, density and outliers of a cloud (n, 3), from the k = 16 neighbours of at most
+    100,000 distinct points.
 
     Returns
     -------

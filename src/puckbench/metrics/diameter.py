@@ -13,11 +13,7 @@ ROUNDING = 1e-12
 
 
 def diameter(points: Floats) -> float:
-    """Return the largest distance between two points of a cloud (n, 3), exactly.
-
-    The length of a far pair excludes points near the centre; bounding boxes exclude most other
-    pairs.
-    """
+    """Return the largest distance between two points of a cloud (n, 3), exactly."""
     check_points(points, "diameter")
     points = np.ascontiguousarray(points, dtype=np.float64)
     centre, length = _far_pair(points)

@@ -72,5 +72,4 @@ def without_lossless(quantiles: pd.DataFrame) -> pd.DataFrame:
 
 
 def is_shape_metric(column: str) -> bool:
-    """Return whether a column compares the decoded cloud with the coded one."""
     return column.startswith(_OF_THE_SHAPE)

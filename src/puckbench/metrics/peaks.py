@@ -1,5 +1,3 @@
-"""Peaks of D1 and D2 PSNRs in tables of results; PSNRs with different peaks are not comparable."""
-
 from __future__ import annotations
 
 import logging

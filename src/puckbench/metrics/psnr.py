@@ -26,8 +26,6 @@ def cd_psnr(values: Mapping[str, float], diameter: float) -> dict[str, float]:
 def mpeg_psnr(values: Mapping[str, float], peak: float) -> dict[str, float]:
     """Return MPEG's PSNRs of `values` of `distortion`, in dB: ``d1_psnr`` and ``d2_psnr``, with
     pc_error's factor of 3.
-
-    The peak of MPEG's clouds is the largest coordinate, such as 1023 for 10 bits.
     """
     kinds = [kind for kind in ("d1", "d2") if f"{kind}_mse" in values]
     return {f"{kind}_psnr": psnr(values[f"{kind}_mse"], peak, factor=3) for kind in kinds}

@@ -74,8 +74,8 @@ def recovery(true: Segmentation, decoded: Segmentation, points: Floats) -> list[
     kinds.
 
     Two primitives match if they are of one kind and the intersection of their points exceeds half
-    of the union. Primitives with fewer than `MIN_SHARE` of the points and primitives on freeform
-    surfaces do not count.
+    of the union. Primitives with fewer than `MIN_SHARE` of the points, freeform surfaces and
+    decoded primitives on them do not count.
 
     Returns
     -------

@@ -80,10 +80,8 @@ def entropy_bits(noise: Floats, groups: NDArray[np.integer], step: float) -> flo
 
 
 def real_time_metrics(about: Mapping[str, Any], row: Mapping[str, Any]) -> dict[str, float]:
-    """Return the bitrate at the sensor's speed and the coding speed in turns of the sensor.
-
-    ``encode_real_time`` and ``decode_real_time`` are the duration of the turns over the coding
-    time. The result is empty if the description `about` lacks ``turns`` or ``seconds``.
+    """Return the bitrate at the sensor's speed and the coding speed in turns of the sensor, or
+    nothing if the description `about` lacks ``turns`` or ``seconds``.
     """
     turns, seconds = about.get("turns"), about.get("seconds")
     if not turns or not seconds:

@@ -47,8 +47,7 @@ class TableEntry:
     number
         Number of the table in a publication, or empty.
     needs
-        Conditions of a plan besides the inputs (`puckbench.planning.needs`), which also give the
-        options of `make`.
+        Conditions of a plan besides the inputs (`puckbench.planning.needs`).
     gathered
         Whether the workflow collects the table from files of many jobs.
     """

@@ -20,16 +20,11 @@ from puckbench.metrics.units import distortion_in_metres
 
 
 class Truth:
-    """The true surface of a cloud with its search indices, shared by all decoded clouds.
+    """The true surface of a cloud, with search indices, shared by all decoded clouds: a mesh in
+    metres or points in the reference's frame.
 
-    Parameters
-    ----------
-    surface
-        A mesh in metres, or points in the reference's frame.
-    seen
-        Visible points of the surface; by default sampled on the mesh.
-    clean
-        The clean scan of the same rays, instead of `seen`.
+    `seen` are its visible points, by default sampled on the mesh; `clean` is the clean scan of the
+    same rays, instead of `seen`.
     """
 
     def __init__(

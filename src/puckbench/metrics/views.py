@@ -1,7 +1,4 @@
-"""Metrics of six rendered views of a cloud along the axes, as in PCC Arena.
-
-Discs with a depth buffer give the same pixels on every machine and need no display.
-"""
+"""Metrics of six rendered views of a cloud along the axes, as in PCC Arena."""
 
 from __future__ import annotations
 
@@ -29,9 +26,9 @@ def view_metrics(
 ) -> dict[str, float]:
     """Return PSNR (dB) and SSIM of six views of a decoded cloud against those of its reference.
 
-    Images (pixels, pixels) of discs with a radius in pixels, by default `closing_radius`, show luma
-    (BT.709) if both clouds have colours, else depth from the near side of the reference's bounding
-    box. The background counts, so only codecs on one cloud can be compared.
+    The views, of discs with `closing_radius` by default, show luma (BT.709) if both clouds have
+    colours, else depth from the near side of the reference's bounding box. The background counts,
+    so only codecs on one cloud can be compared.
     """
     check_points(decoded.xyz, "decoded cloud")
     if pixels < WINDOW:

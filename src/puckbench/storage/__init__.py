@@ -1,4 +1,3 @@
-"""Formats in which points and returns are stored today, as the codecs of that name code them.
-
-LAZ, differences between successive points, data packets and range images.
+"""Codecs in the formats in which points and returns are stored today: LAZ, differences between
+successive points, data packets and range images.
 """

@@ -1,4 +1,6 @@
-"""LAZ, the compressed form of LAS 1.2 (point format 0), by laspy and lazrs: geometry alone."""
+"""The geometry of points as LAZ, the compressed form of LAS 1.2 (point format 0), by laspy and
+lazrs.
+"""
 
 from __future__ import annotations
 
@@ -29,12 +31,8 @@ _CHUNKS_AT, _CHUNKS = struct.Struct("<q"), struct.Struct("<II")
 
 
 def encode_laz(points: Floats, step: float) -> bytes:
-    """Encode points (n, 3) in m, rounded to a step, in their order.
-
-    Raises
-    ------
-    InputError
-        The points reach beyond 31 bits, or are more than a stream of their length may hold.
+    """Encode points (n, 3) in m, rounded to a step, in their order; InputError for coordinates
+    beyond 31 bits.
     """
     import laspy
 
@@ -59,14 +57,8 @@ def _las(points: Floats, step: float) -> Any:
 
 
 def decode_laz(stream: bytes) -> Floats:
-    """Decode the points (n, 3) of a stream of `encode_laz`.
-
-    Other headers are refused: `puckbench.io.las` reads files of other programs.
-
-    Raises
-    ------
-    InputError
-        The stream is damaged, or not one of `encode_laz`.
+    """Decode the points (n, 3) of a stream of `encode_laz`; InputError for damaged and other LAZ
+    streams, which `puckbench.io.las` reads.
     """
     import lazrs
 
@@ -88,9 +80,8 @@ def decode_laz(stream: bytes) -> Floats:
 
 
 def _checked_header(stream: bytes, begin: int, vlr: bytes) -> tuple[int, Floats]:
-    """Return the number of points and the scales (3,) of a header that `_las` makes.
-
-    The points begin at byte `begin`, after the record `vlr` of their compression.
+    """Return the number of points and the scales (3,) of a header that `_las` makes, with the
+    points at byte `begin` after the compression record `vlr`.
     """
     if len(stream) < begin + _CHUNKS_AT.size:
         raise InputError("the stream is truncated")
@@ -107,7 +98,7 @@ def _checked_header(stream: bytes, begin: int, vlr: bytes) -> tuple[int, Floats]
 
 
 def _check_chunks(stream: bytes, begin: int, chunks: int) -> None:
-    """Refuse a table with a wrong number of chunks: lazrs would allocate memory for them."""
+    """Refuse a wrong number of chunks, for which lazrs would allocate memory."""
     (at,) = _CHUNKS_AT.unpack_from(stream, begin)
     if not begin < at <= len(stream) - _CHUNKS.size or _CHUNKS.unpack_from(stream, at)[1] != chunks:
         raise InputError("the stream is damaged (its table of chunks)")

@@ -1,9 +1,7 @@
-"""The sensor's data packets, as archives of captures store them.
+"""The sensor's data packets, as archives of captures store them. A body is:
 
-A body is:
-
-    the number of turns, and the number of packets of each, base 128
-    the packets, 1,206 bytes each, compressed
+the number of turns, and the number of packets of each, base 128
+the packets, 1,206 bytes each, compressed
 """
 
 from __future__ import annotations
@@ -33,12 +31,8 @@ and those of a stream of 1 MB take some seconds."""
 
 
 def encode_packets(returns: Returns, compress: Callable[[bytes], bytes]) -> bytes:
-    """Encode returns as data packets, with 0 for times and reflectivities that they lack.
-
-    Raises
-    ------
-    InputError
-        They are not the returns of whole packets of a VLP-16, Puck Hi-Res or HDL-32E.
+    """Encode returns as data packets, with 0 for missing times and reflectivities; InputError
+    unless they fill packets of a VLP-16, Puck Hi-Res or HDL-32E.
     """
     kind = check_whole_packets(returns)
     parts = [packets_of(kind, _completed(turn, kind)) for turn in returns.turns]
@@ -49,9 +43,9 @@ def encode_packets(returns: Returns, compress: Callable[[bytes], bytes]) -> byte
 
 
 def decode_packets(body: bytes, decompress: Callable[[bytes, int], bytes]) -> Returns:
-    """Decode the returns of a body; InputError where it is damaged.
+    """Decode the returns of a body; InputError if it is damaged.
 
-    decompress: takes the compressed packets and the number of bytes that they have at most.
+    `decompress` takes the compressed packets and the maximum number of bytes.
     """
     reader = Reader(body)
     turns = reader.number()
@@ -67,7 +61,7 @@ def decode_packets(body: bytes, decompress: Callable[[bytes, int], bytes]) -> Re
 
 
 def check_whole_packets(returns: Returns) -> PacketKind:
-    """Return the kind of packets that hold returns; InputError where there is none."""
+    """Return the kind of packets that hold returns; InputError if none does."""
     kind = _kind(returns)
     if any(len(turn.azimuths) % kind.layout.blocks_per_time for turn in returns.turns):
         raise InputError("a turn is not of whole data packets")
@@ -75,7 +69,7 @@ def check_whole_packets(returns: Returns) -> PacketKind:
 
 
 def _check_packets(count: int, packed: bytes) -> None:
-    """Refuse an implausible number of packets: each has its own azimuth."""
+    """Refuse an implausible number of packets: each has a different azimuth."""
     few = _FEW_PACKETS + len(packed) // 2
     if count > min(few, _MANY_PACKETS + len(packed) // _BYTES_PER_PACKET):
         raise InputError(

@@ -1,7 +1,7 @@
 """Differences between successive points, as variable-length integers compressed by Zstandard.
 
-This is the scheme of Cloudini, by which the ROS community stores ``PointCloud2`` messages; code and
-stream are ours. A body is:
+This is the scheme of Cloudini for ROS messages ``PointCloud2``, in another stream format. A body
+is:
 
     float64  the step, m
     the number of points, base 128
@@ -26,21 +26,8 @@ _MAX_BYTES_PER_POINT = 15
 
 
 def encode_differences(points: Floats, step: float, level: int) -> bytes:
-    """Encode points (n, 3), rounded to a step, in their order.
-
-    Parameters
-    ----------
-    points
-        (n, 3) coordinates, m.
-    step
-        Of the grid, m.
-    level
-        Of Zstandard, 1 to 22.
-
-    Raises
-    ------
-    InputError
-        The points reach beyond 31 bits, or are more than a body of their length may hold.
+    """Encode points (n, 3) in m, rounded to a step, in their order, with a Zstandard level of 1 to
+    22; InputError for coordinates beyond 31 bits.
     """
     steps = in_steps(points, step)
     differences = np.diff(steps, axis=0, prepend=np.zeros((1, 3), np.int64))
@@ -50,7 +37,7 @@ def encode_differences(points: Floats, step: float, level: int) -> bytes:
 
 
 def decode_differences(body: bytes) -> Floats:
-    """Decode the points (n, 3) of a body; InputError where it is damaged."""
+    """Decode the points (n, 3) of a body; InputError if it is damaged."""
     reader = Reader(body)
     (step,) = _STEP.unpack(reader.take(_STEP.size))
     count = reader.number()

@@ -1,8 +1,7 @@
 """Turns of a spinning sensor as range images: a row for each laser, a column for each firing.
 
-Rows are ordered from the highest laser down. Pixels have 16 bits and count steps of the range; 0
-says that no return came. Times and reflectivities are left out. A body has these parts, each with
-its length in front, base 128:
+Rows are ordered from the highest laser down. Pixels have 16 bits and count steps of the range, from
+1; 0 means no return. A body has these parts, each after its length, base 128:
 
     the layout (`lidar.returns_header`)
     the beams and the quantum (`lidar.returns_header`)
@@ -40,7 +39,7 @@ _FEW_PIXELS = 1 << 20
 def encode_range_images(returns: Returns, quanta: int, encode_image: EncodeImage) -> bytes:
     """Encode returns with ranges in steps of a number of quanta.
 
-    Where a beam has two returns, a pixel of the second image is 0 where both are equal.
+    A pixel of the second image is 0 if both returns of the beam are equal.
     """
     layout, turns = returns.layout, returns.turns
     quanta = min(quanta, _MAX_QUANTA)
@@ -59,7 +58,7 @@ def encode_range_images(returns: Returns, quanta: int, encode_image: EncodeImage
 
 
 def decode_range_images(body: bytes, decode_image: DecodeImage) -> Returns:
-    """Decode the returns of a body; InputError where it is damaged."""
+    """Decode the returns of a body; InputError if it is damaged."""
     reader = Reader(body)
     layout = decode_layout(_part(reader))[0]
     bare = decode_beams(_part(reader), layout)
@@ -108,7 +107,7 @@ def _images(turn: Turn, layout: Layout, quanta: int) -> list[Image]:
 
 
 def _swapped(image: Image, first: Image) -> Image:
-    """Exchange 0 and the pixel of the first image in the second one; this is its own inverse."""
+    """Exchange 0 and the first image's pixel in the second image; this is its own inverse."""
     return np.where(image == first, 0, np.where(image == 0, first, image)).astype(np.uint16)
 
 

@@ -1,5 +1,3 @@
-"""Points in integer multiples of a step, and the number of points that a stream may hold."""
-
 from __future__ import annotations
 
 import numpy as np
@@ -23,10 +21,7 @@ def in_steps(points: Floats, step: float) -> NDArray[np.int64]:
 
 
 def check_points_of(count: int, stream: bytes) -> None:
-    """Refuse an implausible number of points before memory is allocated for them.
-
-    Encoders call this too, so that they write nothing that a decoder refuses.
-    """
+    """Refuse an implausible number of points, in encoders and before a decoder allocates memory."""
     few = _FEW_POINTS + _POINTS_PER_BYTE * len(stream)
     if not 0 < count <= min(few, most_points(len(stream))):
         raise InputError(f"{count} points in {len(stream)} bytes: more than a stream may hold")
