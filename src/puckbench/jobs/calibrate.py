@@ -10,7 +10,7 @@ from puckbench.jobs.registry import JOBS, Job
 
 @JOBS.register("calibrate")
 class Calibrate(Job):
-    """Estimate the parameters of a range error model from residuals, a table for each device."""
+    """Estimate the parameters of a range error model from residual tables, one for each device."""
 
     model: str | None = None
     cells: Literal["frame", "spot"] | None = None
@@ -18,7 +18,6 @@ class Calibrate(Job):
     quantum_mm: float | None = None
 
     def run(self, residuals: tuple[Path, ...], model: Path) -> dict[str, Any]:
-        """Write the model (YAML): estimates and their confidence intervals."""
         from puckbench.lidar.calibration import calibrate, write_calibration
         from puckbench.lidar.calibration.files import read_tables, settings_for
 

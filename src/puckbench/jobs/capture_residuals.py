@@ -13,12 +13,11 @@ from puckbench.jobs.registry import JOBS, Job
 
 @JOBS.register("capture_residuals")
 class CaptureResiduals(Job):
-    """Find walls, floor and ceiling in a recording, and measure the noise on them."""
+    """Find walls, floor and ceiling in a recording, and measure the range noise on them."""
 
     options: dict[str, Any] = Field({})
 
     def run(self, capture: Path, table: Path) -> dict[str, Any]:
-        """Write the residual table (Parquet), and return statistics of each plane."""
         from puckbench.lidar.residual_table import REAL, write_residuals
         from puckbench.lidar.walls.residuals import (
             recorded_planes,

@@ -32,12 +32,9 @@ class CodecJob(Job):
         return self._loaded[name]
 
     def codec_of(self, coded: Coded) -> str:
-        """Return the codec that decodes a stream: of the job, the stream's bytes, or its record.
+        """Return the codec's name from the job, else from the stream's bytes, else from its record.
 
-        Raises
-        ------
-        InputError
-            None of these names a codec, or the record names one that is not registered.
+        Raises InputError if none names a codec, or the record names one that is not registered.
         """
         if self.codec:
             return self.codec
@@ -53,14 +50,14 @@ class CodecJob(Job):
         return name
 
     def read_stream(self, path: Path, rate: str | None = None) -> tuple[str, Coded]:
-        """Read a stream, or a rate of a curve; return its codec and the stream."""
+        """Return a stream, or a rate of a curve, and its codec."""
         coded = read_coded(path, rate)
         with naming(path):
             return self.codec_of(coded), coded
 
 
 class TimedJob(CodecJob):
-    """A job with timed calls, `alone` if no other job runs at the same time."""
+    """A job with timed calls; `alone`: no other job runs at the same time."""
 
     repeats: int = 1
     alone: bool = False
@@ -76,7 +73,7 @@ class TimedJob(CodecJob):
 
 
 def ready(codec: Codec) -> Codec:
-    """Load weights and compiled loops of a codec; raise InputError if it cannot run here."""
+    """Load weights and compiled loops; raise InputError if the codec cannot run here."""
     ok, why = codec.available()
     if not ok:
         raise InputError(f"codec {codec.name} cannot run here: {why}")

@@ -1,4 +1,4 @@
-"""The cost of a job: the last line of its log, from which other runs are estimated."""
+"""The cost of a job, the last line of its log; other runs are estimated from it."""
 
 from __future__ import annotations
 
@@ -23,10 +23,9 @@ _TAIL_BYTES = 2048
 
 
 def cost_line(name: str, done: Mapping[str, Any]) -> str:
-    """Return the cost of a job as a JSON object.
+    """Return the cost of a job as JSON.
 
-    It has processor and wall-clock time (s), peak memory, work done (`WORK`), time of the end, and
-    commit. Child processes count; imports of a forked job do not.
+    Child processes count; imports of a forked job do not.
     """
     import resource
 
@@ -82,7 +81,7 @@ class _Cost(Model, extra="ignore"):
 
 
 def read_cost(log: Path) -> dict[str, Any] | None:
-    """Return the cost at the end of a log; None if the job failed or has not ended."""
+    """Return the cost at the end of a log; None if the job failed or is not finished."""
     with log.open("rb") as stream:
         stream.seek(0, 2)
         stream.seek(max(0, stream.tell() - _TAIL_BYTES))
@@ -95,7 +94,6 @@ def read_cost(log: Path) -> dict[str, Any] | None:
 
 
 def read_costs(logs: Path) -> Iterator[dict[str, Any]]:
-    """Yield the costs of all finished jobs in a folder of logs."""
     for log in sorted(logs.rglob("*.log")):
         if cost := read_cost(log):
             yield cost

@@ -1,4 +1,4 @@
-"""Files of a rate-distortion curve: streams with their records, and result rows."""
+"""Files of rate-distortion curves: streams with their records, and result rows."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Coded(NamedTuple):
 
 
 def write_curve(path: Path, coded: Mapping[str, Coded]) -> None:
-    """Write the streams of a curve and their records, by rate, as one stored zip archive.
+    """Write streams and their records, by rate, as one zip archive without compression.
 
     The members of rate r1 are ``r1.bin`` and ``r1.json``.
     """
@@ -39,7 +39,7 @@ def write_curve(path: Path, coded: Mapping[str, Coded]) -> None:
 
 
 def read_curve(path: Path) -> dict[str, Coded]:
-    """Read the streams of a curve by rate; raise InputError for another kind of file."""
+    """Read the streams by rate; raise InputError for another kind of file."""
     members = read_archive(path)
     rates = [PurePosixPath(name).stem for name in members if name.endswith(STREAM)]
     if not rates:
@@ -69,13 +69,7 @@ def _checked(record: dict[str, Any], what: str) -> dict[str, Any]:
 
 
 def read_coded(path: Path, rate: str | None = None) -> Coded:
-    """Read a stream file with the record beside it, or a rate of a curve.
-
-    Raises
-    ------
-    InputError
-        The file cannot be read, or the curve does not have the rate.
-    """
+    """Read a stream file and the record beside it, or a rate of a curve."""
     if path.suffix.lower() != SUFFIX:
         beside = record_file(path)
         record = read_object(beside) if beside.exists() else {}
@@ -94,7 +88,6 @@ def record_file(stream: Path) -> Path:
 
 
 def write_rows(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
-    """Write rows as a Parquet file with a column for every key."""
     import pyarrow as pa
     from pyarrow import parquet
 

@@ -1,4 +1,4 @@
-"""Decoding of streams to points or surfaces."""
+"""Decoding of streams."""
 
 from __future__ import annotations
 
@@ -19,17 +19,14 @@ from puckbench.jobs.registry import JOBS
 
 
 class Decoded(NamedTuple):
-    """A decoded cloud and the record of its stream."""
-
     cloud: PointCloud
     record: dict[str, Any]
 
 
 class Decoding(TimedJob):
-    """A job that decodes streams; without a codec, the streams tell theirs."""
+    """A job that decodes streams, with the codecs of the streams by default."""
 
     def decoded(self, coded: Coded) -> Decoded:
-        """Decode a stream and measure the time."""
         name = self.codec_of(coded)
         codec = self.loaded(name)
         with noting(f"rate {coded.record.get('rate', '?')}"):
@@ -83,7 +80,6 @@ class DecodeShown(Decoding):
     rates: tuple[str, ...]
 
     def run(self, curve: Path, clouds: Path) -> dict[str, Any]:
-        """Write an archive of decoded clouds, PLY files named after their rates."""
         coded = read_curve(curve)
         members = {}
         with naming(curve):

@@ -1,4 +1,4 @@
-"""Encoding of a cloud at one rate, or at all rates of a curve."""
+"""Encoding of a cloud at one or all rates."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from puckbench.lidar.returns import with_returns
 def to_code(
     codec: Codec, path: Path, frame: CoordinateFrame | None = None, rate: str | None = None
 ) -> PointCloud:
-    """Read a cloud for a codec, with its returns if the codec takes those."""
+    """Read a cloud, with its returns if the codec takes them."""
     cloud = read_cloud(path)
     with naming(path):
         codec.check_frame(frame or cloud.frame, rate)
@@ -43,12 +43,8 @@ def measured_encoding(
 ) -> Measured[bytes]:
     """Encode a cloud and measure the time.
 
-    Parameters
-    ----------
-    shared
-        Work that rates share (`Codec.encode_cloud`); its cost counts for each.
-    each
-        Called with the stream of every repetition.
+    The cost of `shared` work (`Codec.encode_cloud`) counts for each rate. `each` is called with the
+    stream of every repetition.
     """
     if shared is None:
         return measured(lambda: codec.encode_cloud(cloud, rate), repeats, codec.cost, each)
@@ -71,7 +67,7 @@ class Encoding(TimedJob):
         shared: SharedWork | None = None,
         again: bool = False,
     ) -> Coded:
-        """Encode a cloud with a loaded codec, timed; again: once more, to compare the streams."""
+        """Encode and time a cloud; `again` encodes it once more to compare the streams."""
         with noting(f"rate {rate}"):
             streams: set[bytes] = set()
             timed = measured_encoding(codec, cloud, rate, self.repeats, shared, streams.add)
@@ -103,7 +99,7 @@ class Encode(Encoding):
     frame: CoordinateFrame | None = None
 
     def run(self, cloud: Path, stream: Path, prepared: Path | None = None) -> dict[str, Any]:
-        """Write the stream and its record; `prepared` is where to prepare the cloud first."""
+        """Write the stream and its record, after preparing the cloud in the file `prepared`."""
         codec = open_codec(self.codec, self.changes)
         codec.parameters_of(self.rate)
         original = self._cloud(codec, cloud, prepared)

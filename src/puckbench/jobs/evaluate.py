@@ -1,4 +1,4 @@
-"""Measurement of decoded clouds: one result row for each."""
+"""Measurement of decoded clouds, one result row for each."""
 
 from __future__ import annotations
 
@@ -38,18 +38,11 @@ _KEPT = (
 
 
 class Originals:
-    """The clouds and surfaces that decoded clouds are compared with, read once.
+    """Originals that decoded clouds are compared with, read once.
 
-    Parameters
-    ----------
-    cloud
-        The encoded cloud.
-    truth
-        The true surface: a mesh or captured room in metres, or a cloud in the frame of `cloud`.
-    visible
-        True points for the points of `cloud`.
-    clean
-        Clean scan of the same rays, in place of `visible`.
+    `truth` is the true surface: a mesh or captured room in metres, or a cloud in the frame of
+    `cloud`. `visible` has the true points for the points of `cloud`, `clean` the clean scan of the
+    same rays.
     """
 
     def __init__(
@@ -78,14 +71,8 @@ class Originals:
 class Evaluating(Decoding):
     """A job that compares decoded clouds with the encoded cloud and the true surface.
 
-    Parameters
-    ----------
-    peak
-        Peak of the PSNRs; by default that of the cloud's description.
-    views
-        Width of the six pictures to compare, in pixels; 0 for none.
-    metrics
-        Further metrics.
+    `peak` is the peak of the PSNRs, by default that of the cloud's description. `views` is the
+    width of six rendered views in pixels, 0 for none.
     """
 
     dataset: str | None = None
@@ -145,7 +132,6 @@ class Evaluate(Evaluating):
         visible: Path | None = None,
         clean: Path | None = None,
     ) -> dict[str, Any]:
-        """Write the result row of a decoded cloud, stream or curve, and return it."""
         result = self.row(Originals(cloud, truth, visible, clean), self._decoded(decoded))
         if row:
             write_json(row, result)
@@ -160,7 +146,7 @@ class Evaluate(Evaluating):
 
 @JOBS.register("evaluate_curve")
 class EvaluateCurve(Evaluating):
-    """Measure all streams of a curve, in one process."""
+    """Measure all streams of a curve in one process."""
 
     def run(
         self,

@@ -1,13 +1,12 @@
-"""A process that has imported what jobs need, and forks the jobs of a run on one machine.
+"""A process that imports the packages that jobs need, and forks the jobs of a run.
 
-Importing NumPy, Numba, pandas, Matplotlib, Open3D and PyTorch takes a job 0.4 to 2.5 s. The
-*server* imports them once. A *client*, the process that Snakemake starts for a job, hands it its
-words, environment, folder and output streams, and waits for the exit status of the forked *job*.
+The imports (NumPy, Numba, PyTorch and others) take a job 0.4 to 2.5 s; the *server* makes them
+once. A *client*, the process that Snakemake starts for a job, sends arguments, environment, folder
+and output streams to the server, and waits for the exit status of the forked *job*.
 
-The client runs the job itself if it finds no server: on another node, in a container, with another
-number of threads, or with ``PUCKBENCH_FORK_SERVER=off``. It also does so once if the forked job was
-killed. The job ends with its client, and the server with the run. Only the user can open the
-socket. A forked job has umask, limits, niceness and affinity of the run.
+The client runs the job itself without a server (on another node, in a container, with another
+number of threads, or with ``PUCKBENCH_FORK_SERVER=off``), or if the forked job was killed. Only the
+user can open the socket.
 """
 
 from __future__ import annotations
@@ -49,13 +48,8 @@ _servers: list[Any] = []
 def start_fork_server(threads: int, modules: Iterable[str] = MODULES) -> None:
     """Start a server for the jobs of this process's children; it ends with this process.
 
-    It is not started on systems other than Linux, nor with a GPU, whose driver does not survive a
-    fork.
-
-    Parameters
-    ----------
-    threads
-        Threads that the libraries of the jobs may use; they read it when they are imported.
+    It needs Linux, and no GPU, whose driver does not survive a fork. `threads` is the number of
+    threads that the imported libraries may use.
     """
     import subprocess
     import tempfile
@@ -78,7 +72,7 @@ def start_fork_server(threads: int, modules: Iterable[str] = MODULES) -> None:
 
 
 def _address() -> str:
-    """Return the socket for jobs of this Python with this number of threads."""
+    """Return the socket of this Python and number of threads."""
     import hashlib
 
     names = [os.environ.get(name) for name in ("OMP_NUM_THREADS", "PYTHONPATH")]
@@ -87,7 +81,7 @@ def _address() -> str:
 
 
 def run_forked(words: Sequence[str]) -> int | None:
-    """Let the server run a job, and return its exit status; None if this process must run it."""
+    """Let the server run a job; return its exit status, or None if this process must run it."""
     if VARIABLE not in os.environ:
         return None
     signal.signal(signal.SIGTERM, signal.default_int_handler)
@@ -138,7 +132,7 @@ def serve(modules: Iterable[str]) -> None:
 
 
 def _import(name: str) -> None:
-    """Import a module, or a package of puckbench with its modules; jobs report errors."""
+    """Import a module, or a package of puckbench with its modules; ignore errors."""
     with suppress(Exception):
         folders = getattr(importlib.import_module(name), "__path__", ())
         if name.startswith("puckbench."):
@@ -147,7 +141,7 @@ def _import(name: str) -> None:
 
 
 def _watch(client: socket.socket, streams: Sequence[int], listener: socket.socket) -> None:
-    """Fork the process of a job, and send its number and its exit status."""
+    """Fork a job, and send its process number and its exit status."""
     listener.close()
     connection = Connection(client.detach())
     with suppress(OSError, EOFError):  # the client may be gone
@@ -167,7 +161,7 @@ def _run(
     folder: str,
     environment: dict[str, str],
 ) -> None:
-    """Be the process of a job."""
+    """Run a job in the forked process."""
     import fcntl
 
     from puckbench.jobs.process import leave, main

@@ -13,13 +13,7 @@ if TYPE_CHECKING:
 
 
 class OfNames(Job):
-    """A job that reads files of many others.
-
-    Parameters
-    ----------
-    names
-        Paths below the results folder.
-    """
+    """A job that reads files by their names below the results folder."""
 
     names: tuple[str, ...] = ()
 
@@ -49,7 +43,7 @@ class CloudsTable(OfNames):
 
 @JOBS.register("plan_table")
 class PlanTable(Job):
-    """Write a table whose rows a plan has: ``left_out`` or ``codecs``."""
+    """Write a table of a plan: ``left_out`` or ``codecs``."""
 
     table: str
     rows: tuple[dict[str, str], ...]

@@ -11,7 +11,7 @@ from puckbench.jobs.registry import JOBS, Job
 
 @JOBS.register("join_streams")
 class JoinStreams(Job):
-    """Join the archives of the parts of a curve."""
+    """Join the archives of a curve's parts."""
 
     def run(self, parts: tuple[Path, ...], curve: Path) -> dict[str, Any]:
         coded = {rate: one for part in parts for rate, one in read_curve(part).items()}
@@ -21,7 +21,7 @@ class JoinStreams(Job):
 
 @JOBS.register("join_rows")
 class JoinRows(Job):
-    """Join the result rows of the parts of a curve."""
+    """Join the result rows of a curve's parts."""
 
     def run(self, parts: tuple[Path, ...], rows: Path) -> dict[str, Any]:
         results = read_rows(parts)

@@ -15,13 +15,13 @@ from puckbench.metrics.psnr import PEAK_M
 
 @dataclass(frozen=True)
 class MeasuredPoints:
-    """Measured points and, row by row, the true points of the surface."""
+    """Measured points and the true points of the surface, row by row."""
 
     cloud: PointCloud
     clean: PointCloud
 
     def cropped(self, box: Floats, on: str = "clean") -> MeasuredPoints:
-        """Return the rows whose clean (or noisy) coordinates lie in a box (2, 3)."""
+        """Return the rows with clean (or noisy) coordinates in a box (2, 3)."""
         cloud = self.clean if on == "clean" else self.cloud
         rows = inside_box(cloud.xyz, box)
         return MeasuredPoints(self.cloud.select(rows), self.clean.select(rows))
@@ -34,21 +34,12 @@ class MeasuredPoints:
 
 
 def prepare(cloud: PointCloud, size: int | str = 1024, neighbours: int = 30) -> PointCloud:
-    """Estimate normals of a cloud in metres, and scale it to [0, size - 1].
+    """Estimate normals of a cloud in metres, and scale it to [0, size - 1] (thesis section 6.1).
 
-    Normals are estimated in the scaled frame, as in the thesis.
-
-    Parameters
-    ----------
-    size
-        0 for a cloud in metres, which is only shifted by whole metres if its coordinates are
-        large (`origin_shift`); `GRID` for voxels on their own grid.
-
-    Returns
-    -------
-    PointCloud
-        Its description gains scale, offset, elongations, extent, density, outliers, diameter,
-        digest and, in metres, the peak of PSNRs.
+    Normals are estimated in the scaled frame. With `size` 0 the cloud stays in metres, shifted if
+    its coordinates are large (`origin_shift`); `GRID` keeps the grid of voxels. The description
+    gains scale, offset, elongations, extent, density, outliers, diameter, digest and, in metres,
+    the peak of PSNRs.
     """
     from puckbench.geometry.normals import estimate_normals
     from puckbench.metrics.density import density, density_in_metres

@@ -35,19 +35,17 @@ class Prepare(Job):
     Parameters
     ----------
     crop
-        Coordinates of a scan that decide what lies in the box.
+        Coordinates of a scan by which points lie in the box.
     box
         Two corners in m, in place of the box in a file.
     size
-        Size of the cube; 0 for metres, ``grid`` for voxels on their own grid.
+        Size of the cube; 0 for metres, ``grid`` for voxels on their grid.
     clean
         Whether to use the clean coordinates of a scan.
     peak
         Peak of the PSNRs of a cloud in metres, in m.
     drop_invalid
-        Whether to drop points that are not finite, in place of refusing the cloud.
-    keep_missing
-        Whether to keep missing returns.
+        Whether to drop points that are not finite, in place of an error.
     """
 
     crop: Literal["clean", "noisy", "none"] = "clean"
@@ -71,12 +69,8 @@ class Prepare(Job):
     ) -> dict[str, Any]:
         """Write the prepared cloud, and true points in the same frame.
 
-        Parameters
-        ----------
-        source
-            A cloud or a scan table (.parquet).
-        about
-            Descriptions whose name and group are kept.
+        `source` is a cloud or a scan table (.parquet). Name and group are kept from the
+        descriptions `about`.
         """
         from puckbench.jobs.preparation import prepare
 
@@ -122,7 +116,6 @@ class Prepare(Job):
         return MeasuredPoints(cloud, clean=cloud)
 
     def _corners(self, path: Path | None) -> Floats | None:
-        """Return the box (2, 3) to crop to, minimum first."""
         if self.box is not None:
             return np.sort(np.asarray(self.box, dtype=np.float64).reshape(2, 3), axis=0)
         if path is None:

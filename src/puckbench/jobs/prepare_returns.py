@@ -31,15 +31,14 @@ _FEWEST_TURNS = 3
 
 @JOBS.register("prepare_returns")
 class PrepareReturns(Job):
-    """Turn a scan or recording into a cloud in metres with normals, in the frame of the sensor.
+    """Convert a scan or recording to a cloud in metres with normals, in the frame of the sensor.
 
     Parameters
     ----------
     clean
         Whether to use the true ranges of a scan.
     turns
-        First and last turn, counted from 0; by default all of a scan, and the first whole one of a
-        recording.
+        First and last turn, from 0; by default all of a scan, or a recording's first whole turn.
     peak
         Peak of the PSNRs in m.
     stream
@@ -61,14 +60,10 @@ class PrepareReturns(Job):
         truth: Path | None = None,
         about: tuple[Path, ...] = (),
     ) -> dict[str, Any]:
-        """Write the cloud, its returns and, if requested, the true points.
+        """Write the cloud, its returns and, for `truth`, the true points.
 
-        Parameters
-        ----------
-        source
-            A scan table of whole turns or a table of firings (both .parquet), or a recording.
-        truth
-            File for the true points of a scan; a recording's own points are written there.
+        `source` is a recording, or a Parquet table of whole turns of a scan or of firings. The
+        `truth` of a recording is its points.
         """
         from puckbench.jobs.preparation import prepare
 
@@ -136,7 +131,7 @@ class PrepareReturns(Job):
 
 
 def is_recording(path: Path) -> bool:
-    """Return whether a file is a recording, by its name, else by its first bytes."""
+    """Return whether a file is a recording, by its name or its first bytes."""
     if path.is_dir() or path.suffix.lower() in RECORDING_SUFFIXES:
         return True
     if plain_suffix(path) in (".parquet", *SUFFIXES, *meshes.SUFFIXES) or not path.exists():
@@ -148,7 +143,6 @@ def is_recording(path: Path) -> bool:
 def _read_returns(
     path: Path, stream: str | None
 ) -> tuple[Returns, tuple[int, int], dict[str, int]]:
-    """Return returns, the first and last turn to use by default, and counts of lost data."""
     from puckbench.lidar.recordings.reading import read_turns
 
     if not is_recording(path):

@@ -1,4 +1,4 @@
-"""The process of one job. Its last line of output is its cost (`puckbench.jobs.cost`)."""
+"""The process of one job, whose last line of output is its cost (`puckbench.jobs.cost`)."""
 
 from __future__ import annotations
 
@@ -26,7 +26,6 @@ _OBJECTS_PER_SEARCH = 10_000
 
 
 def main(words: Sequence[str]) -> int:
-    """Run a job by name, record and ``key=FILE ...``, and return its exit status."""
     gc.set_threshold(_OBJECTS_PER_SEARCH)
     with suppress(UnsupportedOperation):  # standard error may be no file
         faulthandler.enable()
@@ -61,7 +60,7 @@ def run_job(name: str, record: Any, files: Mapping[str, Sequence[Path]]) -> None
 
 
 def _files(name: str, words: Sequence[str]) -> dict[str, list[Path]]:
-    """Return files by key: ``key=FILE`` begins a key, and further files follow it."""
+    """Return files by key from ``key=FILE`` and further files of the key."""
     parameters = signature(JOBS.get(name).run).parameters
     takes_any = any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters.values())
     files: dict[str, list[Path]] = {}
@@ -75,7 +74,7 @@ def _files(name: str, words: Sequence[str]) -> dict[str, list[Path]]:
 
 
 def leave(status: int) -> NoReturn:
-    """End the process without freeing memory, which takes Python 0.2 to 0.5 s."""
+    """End the process without freeing memory, which takes 0.2 to 0.5 s."""
     try:
         sys.stdout.flush()
         sys.stderr.flush()

@@ -23,7 +23,7 @@ _KEPT = ("codec", "rate", "codec_version", "points_in", "bytes", "bpp")
 
 
 class LabelledPoints:
-    """True points with the labels of primitives, and these primitives of a scene in metres."""
+    """True points with labels of primitives, and the primitives of a scene in metres."""
 
     def __init__(self, points: Path, scene: Path) -> None:
         self.cloud, self.labels = read_cloud(points), _scene_labels(scene)
@@ -31,12 +31,10 @@ class LabelledPoints:
 
 
 class Recovering(CodecJob):
-    """A job that compares primitives of decoded surfaces with those of the scene."""
-
     dataset: str | None = None
 
     def recovered(self, originals: LabelledPoints, name: str, coded: Coded) -> dict[str, Any]:
-        """Return the result row of a stream; ``kinds`` is empty if it has no surface."""
+        """Return the result row of a stream; ``kinds`` is empty without a surface."""
         codec, surface = self._decoded_surface(coded)
         record = coded.record
         kinds = [] if surface is None else _kinds(originals.cloud, originals.labels, surface)
@@ -50,7 +48,6 @@ class Recovering(CodecJob):
         }
 
     def _decoded_surface(self, coded: Coded) -> tuple[str, Mesh | None]:
-        """Return the codec's name and the surface; None if the stream has only points."""
         name = self.codec_of(coded)
         codec = self.loaded(name)
         if not codec.has_surfaces:
@@ -87,7 +84,6 @@ class RecoveryCurve(Recovering):
     """Compare the primitives of all streams of a curve."""
 
     def run(self, curve: Path, points: Path, scene: Path, rows: Path) -> dict[str, Any]:
-        """Write a table with a row for each rate and kind of primitive."""
         labelled, coded = LabelledPoints(points, scene), read_curve(curve)
         with naming(curve):
             streams = [self.recovered(labelled, points.stem, one) for one in coded.values()]

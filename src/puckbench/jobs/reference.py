@@ -1,4 +1,4 @@
-"""Reference results: the tables of a finished run in one file."""
+"""Reference results: the tables of a finished run in one file (.parquet)."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Reference(Job):
     def run(
         self, metrics: Path, clouds: Path, out: Path, scan_errors: Path | None = None
     ) -> dict[str, Any]:
-        """Write the file (.parquet, named after the study), without times of a busy machine."""
+        """Write the file, without times if other work disturbed them."""
         from puckbench.io.tables import read_table
         from puckbench.jobs.cost import read_costs
         from puckbench.report.contents import Contents

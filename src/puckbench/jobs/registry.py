@@ -1,4 +1,4 @@
-"""The jobs: records of settings with one method, `Job.run`.
+"""The jobs: settings with one method, `Job.run`.
 
 ``python -m puckbench.jobs NAME RECORD.json key=FILE ...`` runs one as a process. The record comes
 from the plan, the files from the rule.
@@ -15,26 +15,23 @@ from puckbench.core.registry import Registry, trust
 
 
 class Job(Model):
-    """The settings of one unit of work."""
-
     @classmethod
     def given(cls, **settings: Any) -> Self:
         return cls.of_record(settings, JOBS.name_of(cls))
 
     @classmethod
     def of_record(cls, record: Any, what: str) -> Self:
-        """Make a job of settings whose plug-ins are trusted; `what` begins an InputError."""
+        """Make a job from its settings, whose plug-ins are trusted; `what` begins an InputError."""
         job = parsed(cls, record, what)
         trust(job.plugins())
         return job
 
     def plugins(self) -> Iterable[str | None]:
-        """Return the plug-ins that the settings name."""
         return ()
 
     @abstractmethod
     def run(self, *args: Any, **files: Any) -> dict[str, Any]:
-        """Read the inputs, write the outputs whole or not at all, and return what to print."""
+        """Read the inputs, write all outputs or none, and return what to print."""
 
 
 JOBS: Registry[type[Job]] = Registry("job", "jobs")

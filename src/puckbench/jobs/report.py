@@ -12,7 +12,7 @@ from puckbench.jobs.registry import JOBS, Job
 
 @JOBS.register("report")
 class Report(Job):
-    """Build the report; `code` are the places of the user's figures and tables in it."""
+    """Build the report; `code` has the places of the user's figures and tables."""
 
     contents: dict[str, Any]
     code: tuple[str, ...] = ()

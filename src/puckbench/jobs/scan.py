@@ -61,7 +61,6 @@ class Scan(Job):
         return (self.errors,)
 
     def run(self, mesh: Path, table: Path) -> dict[str, Any]:
-        """Write the scan table (Parquet)."""
         named = self._named()  # unknown names are told before a large mesh is read
         surface = read_surface(mesh, self.metres_per_unit)
         warn_of_implausible_extent(mesh, surface.bounds())
@@ -77,7 +76,6 @@ class Scan(Job):
         return {"returns": rows, "origin": origin, "errors": self.errors}
 
     def check(self, surface: Mesh, described: Sequence[float] | None) -> None:
-        """Raise InputError if the sensor cannot stand or move there."""
         self._job(self._named(), surface, described).check()
 
     def _job(

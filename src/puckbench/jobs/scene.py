@@ -1,4 +1,4 @@
-"""One scene of a scene set: a labelled mesh, a cloud in metres (z up), or a sensor's returns."""
+"""A scene: a labelled mesh, a cloud in metres (z up), or a sensor's returns."""
 
 from __future__ import annotations
 
@@ -28,7 +28,6 @@ class WriteScene(Job):
         return (self.loader,)
 
     def run(self, scene: Path) -> dict[str, Any]:
-        """Write the scene (PLY, or Parquet of returns) and its description."""
         loaded = open_scene_set(self.loader, self.options, self.seed).load(self.name)
         about = description(loaded)
         if loaded.mesh is not None:
@@ -47,7 +46,6 @@ class WriteScene(Job):
 
 
 def description(scene: Scene) -> dict[str, Any]:
-    """Return what is described of a scene: name, group, sensor position, box, credits."""
     box = scene.mesh.bounds() if scene.box is None and scene.mesh else scene.box
     return {
         **scene.about,

@@ -15,7 +15,7 @@ from puckbench.io.ply import has_faces
 
 
 def read_surface(path: Path, metres_per_unit: float = 1.0) -> Mesh:
-    """Read a mesh file, or the mesh of a captured room (.json), in metres."""
+    """Read a mesh file or captured room (.json) in metres."""
     mesh = read_capture(path).mesh if path.suffix == ".json" else read_mesh(path)
     if mesh is None:
         raise InputError(f"{path}: has no mesh")
@@ -23,7 +23,7 @@ def read_surface(path: Path, metres_per_unit: float = 1.0) -> Mesh:
 
 
 def read_truth(path: Path) -> Mesh | PointCloud:
-    """Read a surface, or a cloud (a PLY file without faces is a cloud)."""
+    """Read a surface, or a cloud (a PLY file without faces)."""
     suffix = plain_suffix(path)
     if suffix in SUFFIXES and not (suffix == ".ply" and has_faces(path)):
         return read_cloud(path)

@@ -31,13 +31,7 @@ class Table(Job):
         return (self.table,)
 
     def run(self, out: tuple[Path, ...], **inputs: Path) -> dict[str, Any]:
-        """Write the table (.csv, .parquet).
-
-        Parameters
-        ----------
-        inputs
-            File (CSV or Parquet) of each input by name; unused ones are ignored.
-        """
+        """Write the table (.csv, .parquet) from the input files, by name."""
         from puckbench.io.tables import read_table, write_table
 
         entry = table_entry(self.table)

@@ -31,13 +31,13 @@ class Train(Job):
     Parameters
     ----------
     start
-        Weights to start from: a shipped set's name or a file.
+        Initial weights: a shipped set's name or a file.
     every, validate_every
-        Steps between two checkpoints, and between two validations (0: one at the end).
+        Steps between two checkpoints and two validations (0: one at the end).
     peak
         Peak of the PSNRs; by default that of the validation's clouds.
     code
-        Fingerprint of the code, with which a checkpoint of other code is discarded, not refused.
+        Fingerprint of the code; a checkpoint of other code is discarded instead of refused.
     """
 
     codec: str

@@ -1,4 +1,4 @@
-"""Losses of a training: a row for each step, printed and written as CSV."""
+"""Losses of a training, printed and written as CSV with a row for each step."""
 
 from __future__ import annotations
 
@@ -19,8 +19,6 @@ _SECONDS_BETWEEN_LINES = 20.0
 
 
 class TrainingLog:
-    """Records the losses of training steps; prints and writes them at intervals."""
-
     def __init__(self, trainer: BaseTrainer[Any, Any], path: Path, every: int) -> None:
         self.trainer, self.path, self.every = trainer, path, every
         self._start = time.perf_counter() - self.seconds
@@ -28,7 +26,7 @@ class TrainingLog:
 
     @property
     def seconds(self) -> float:
-        """Time of all steps so far, including earlier runs."""
+        """Time of all steps, including earlier runs."""
         rows = self.trainer.curve
         return rows[-1]["seconds"] if rows else 0.0
 

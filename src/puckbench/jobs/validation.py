@@ -20,18 +20,15 @@ def validated(
 ) -> dict[str, Measures]:
     """Return for each rate the means over clouds.
 
-    Returns
-    -------
-    dict
-        ``bpp``: bits per input point; ``d1_mse``, ``cd_point``: mean squared distance, maximum and
-        mean of the two directions; ``d1_psnr``: PSNR of d1_mse in dB.
+    ``bpp`` is in bits per input point; ``d1_mse`` and ``cd_point`` are the maximum and mean of the
+    two directions' mean squared distances; ``d1_psnr`` is in dB.
     """
     codec.load()
     return {rate: _means(codec, clouds, rate, peak) for rate in codec.rates}
 
 
 def peak_of(clouds: Sequence[PointCloud]) -> float | None:
-    """Return the peak of PSNRs that all clouds share, or None."""
+    """Return the peak of PSNRs, or None if the clouds have several."""
     (first, *others) = {cloud.peak for cloud in clouds}
     return None if others else first
 
@@ -59,7 +56,7 @@ def _measured(codec: Codec, cloud: PointCloud, rate: str) -> Measures:
 
 
 def faults(rates: Mapping[str, Mapping[str, Any]]) -> list[str]:
-    """Return where bits do not grow, or distortion does not fall, from a rate to the next."""
+    """Return the rates where bits do not grow or distortion does not fall."""
     wrong = []
     for (low, before), (high, after) in pairwise(rates.items()):
         if after["bpp"] <= before["bpp"]:

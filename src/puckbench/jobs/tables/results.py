@@ -1,4 +1,4 @@
-"""Tables of results: a row for each data set, cloud, codec and rate; a row for each cloud."""
+"""Tables of results."""
 
 from __future__ import annotations
 
