@@ -90,8 +90,9 @@ def _chain(
     node: int,
     end: int,
 ) -> None:
-    """Build one tree from row `node` to `end`; `lasers` (2, n) holds each laser's first and last
-    node.
+    """Build one tree from row `node` to `end`.
+
+    lasers: (2, n) first and last node of each laser.
     """
     ox, oy, oz = around.origin
     while node < end:

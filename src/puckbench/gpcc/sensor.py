@@ -1,4 +1,4 @@
-"""The sensor as angular coding describes it: lasers, steps of a turn, position."""
+"""Description of a sensor for angular coding."""
 
 from __future__ import annotations
 
@@ -18,28 +18,26 @@ _THETA_ONE = 1 << 18
 _Z_ONE = 1 << 3
 _MOST = 1 << 30
 _RAISED_MM = 50
-"""Steps in which the sensor's position is raised to where its upper beams cross the axis."""
+"""Rounding step for the height at which the upper beams cross the sensor's axis."""
 
 
 @dataclass(frozen=True)
 class SensorDescription:
-    """A rotating sensor in the units and the frame of the points that it measured.
+    """A rotating sensor in the units and coordinates of its points.
 
     Parameters
     ----------
     tan_elevation
-        Tangent of each laser's elevation; in syntax structures lasers go upwards.
+        Tangent of each laser's elevation, in any order.
     height
-        Where each laser's beam crosses the axis of rotation, above the sensor's position.
+        Height above `position` at which each laser's beam crosses the axis of rotation.
     steps_per_turn
-        How often each laser fires in a turn.
-    position
-        Of the sensor, in the coordinates of the points.
+        Shots of each laser per turn.
 
     Raises
     ------
     InputError
-        Without lasers, with more than a stream can name, or with numbers that it cannot hold.
+        If there are no lasers, more than `MAX_LASERS`, or values beyond the range of a stream.
     """
 
     tan_elevation: tuple[float, ...]
@@ -60,10 +58,9 @@ class SensorDescription:
             raise InputError("G-PCC: the sensor's lasers do not fit into a stream")
 
     def lasers(self) -> list[Laser]:
-        """The lasers of a geometry parameter set, upwards.
+        """Return the lasers of a geometry parameter set, by increasing elevation.
 
-        A laser's z is minus its height: the reference software subtracts it from the height that
-        elevation and radius give.
+        TMC13 subtracts z, so it is the negative height.
         """
         pairs = sorted(zip(self.tan_elevation, self.height, strict=True))
         return [
@@ -72,7 +69,9 @@ class SensorDescription:
         ]
 
     def syntax_elements(self, origin: tuple[int, ...]) -> dict[str, Any]:
-        """What a geometry parameter set says of the sensor; `origin`: that of the sequence."""
+        """Return the sensor's elements of a geometry parameter set; `origin` is that of the
+        sequence.
+        """
         x, y, z = (own - zero for own, zero in zip(self.position, origin, strict=True))
         return {
             "geom_angular_mode_enabled_flag": 1,
@@ -85,15 +84,10 @@ class SensorDescription:
 def describe_sensor(
     beams: Beams, unit_m: float, steps_per_turn: int, position: tuple[int, int, int] = (0, 0, 0)
 ) -> SensorDescription:
-    """A sensor's description for points in steps of `unit_m` metres.
+    """Describe a sensor for points in steps of `unit_m` metres.
 
-    Parameters
-    ----------
-    beams
-        Where its lasers point.
-    unit_m, steps_per_turn, position
-        As of `SensorDescription`. Where beams cross the axis far from the sensor's origin, as those
-        of an HDL-64E do, its position is there: a node's laser is found by its angle from it.
+    If the upper beams cross the axis far from the sensor's origin, as those of an HDL-64E do, the
+    position moves there, because a node's laser is determined by its angle from the position.
     """
     height = np.asarray(beams.heights_mm)
     upper = np.argsort(beams.elevations_deg)[len(height) // 2 :]
@@ -108,5 +102,5 @@ def describe_sensor(
 
 
 def _rounded(value: float) -> int:
-    """Halves go away from zero, as in C's ``round``."""
+    """Round halves away from zero, as C's ``round`` does."""
     return int(math.copysign(math.floor(abs(value) + 0.5), value))

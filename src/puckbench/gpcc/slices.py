@@ -1,7 +1,7 @@
-"""Slices: octree geometry of a geometry data unit, encoded and decoded.
+"""Slices of octree geometry, encoded as geometry data units.
 
-A geometry data unit is a header, the arithmetic-coded octree, and a footer with the number of
-points (in TMC13: `GeometryBrickHeader`, `GeometryBrickFooter`).
+A data unit consists of a header, the arithmetic-coded octree, and a footer with the number of
+points (`GeometryBrickHeader`, `GeometryBrickFooter` in TMC13).
 """
 
 from __future__ import annotations
@@ -53,8 +53,6 @@ _NODE_BYTES, _DIRECT_BYTES, _LASER_BYTES, _LEAVES_BYTES = 16, 128, 64, 256
 
 @dataclass(frozen=True)
 class CodedSlice:
-    """A geometry data unit taken apart: header, arithmetic-coded data, number of points."""
-
     header: GeometryHeader
     data: bytes
     points: int
@@ -67,16 +65,12 @@ def encode_slice(
     gps: GeometryParameterSet,
     sensor: angular.Angular | None = None,
 ) -> bytes:
-    """A geometry data unit with the points of an octree, split as the header says.
-
-    sensor: in angular mode, as the slice sees it.
-    """
+    """Encode an octree as a geometry data unit; `sensor` switches angular mode on."""
     points = len(tree.keys) if gps.geom_unique_points_flag else int(tree.counts.sum())
     return data_unit(CodedSlice(header, encode_octree(tree, header, gps, sensor), points), sps, gps)
 
 
 def data_unit(coded: CodedSlice, sps: SequenceParameterSet, gps: GeometryParameterSet) -> bytes:
-    """A geometry data unit of its parts."""
     footer = GeometryFooter(geom_num_points_minus1=coded.points - 1)
     return written(geometry_header, coded.header, sps, gps) + coded.data + footer_bytes(footer)
 
@@ -87,7 +81,7 @@ def encode_octree(
     gps: GeometryParameterSet,
     sensor: angular.Angular | None = None,
 ) -> bytes:
-    """The arithmetic-coded part of a geometry data unit; sensor: in angular mode."""
+    """Return the arithmetic-coded part of a geometry data unit."""
     coder = encoder(64)
     contexts = initial_contexts()
     state = _initial_state(gps, len(tree.levels), 0)
@@ -106,7 +100,7 @@ def encode_octree(
 
 
 def read_slice(payload: bytes, sps: SequenceParameterSet, gps: GeometryParameterSet) -> CodedSlice:
-    """Take a geometry data unit apart; InputError if it cannot be a slice."""
+    """Split a geometry data unit into its parts; InputError if it is invalid."""
     reader = Reader(payload)
     header = GeometryHeader()
     geometry_header(reader, header, sps, gps)
@@ -131,10 +125,7 @@ def decode_slice(
     contexts: Contexts,
     sensor: angular.Angular | None = None,
 ) -> Ints:
-    """Morton codes (n,) of a slice's points; `contexts` is left as the slice ends with it.
-
-    sensor: in angular mode, as the slice sees it.
-    """
+    """Decode the Morton codes (n,) of a slice's points and update `contexts`."""
     header = coded.header
     streams = header.geom_stream_cnt_minus1
     depth = len(header.tree_lvl_coded_axis_list)
@@ -162,7 +153,6 @@ def decode_slice(
 
 
 def slice_decoder(coded: CodedSlice, sps: SequenceParameterSet) -> Decoder:
-    """A decoder at the start of a slice's entropy-coded data."""
     data = np.frombuffer(coded.data, dtype=np.uint8)
     if not sps.bypass_stream_enabled_flag:
         return decoder(data)
@@ -172,10 +162,10 @@ def slice_decoder(coded: CodedSlice, sps: SequenceParameterSet) -> Decoder:
 
 
 def _demultiplexed(data: Bytes) -> tuple[Bytes, Bytes]:
-    """The arithmetic-coded bytes of a chunked bypass stream, and the bypass bits, one a byte.
+    """Split a chunked stream into arithmetic-coded bytes, and bypass bits, one per byte.
 
-    A chunk of up to 256 bytes has the number of its arithmetic-coded bytes, these bytes, and from
-    its end backwards the bypass bits; three bits say how many of the last ones are padding.
+    A chunk of up to 256 bytes holds the number of its arithmetic-coded bytes, these bytes, and from
+    its end backwards the bypass bits; three bits hold the number of padding bits.
     """
     coded, bits = [np.empty(0, np.uint8)], [np.empty(0, np.uint8)]
     for start in range(0, len(data), _BYPASS_CHUNK):
@@ -190,7 +180,7 @@ def _demultiplexed(data: Bytes) -> tuple[Bytes, Bytes]:
 
 
 def _next_stream(coder: Decoder, lasting: list[NDArray[Any]], saved: list[NDArray[Any]]) -> None:
-    """Go on with the next entropy stream, from the state saved for it."""
+    """Start the next entropy stream with the saved state."""
     restart(coder)
     for array, before in zip(lasting, saved, strict=True):
         np.copyto(array, before)
@@ -221,7 +211,6 @@ def _max_node_bytes(level: octree.Level, sensor: angular.Angular | None) -> int:
 
 
 def _sources(tree: Tree, header: GeometryHeader, gps: GeometryParameterSet) -> list[octree.Source]:
-    """What each level is coded from."""
     starts = [np.empty(0, dtype=np.int32)] * len(tree.levels)
     leaves: Ints = np.empty(0, dtype=np.int64)
     if gps.inferred_direct_coding_mode:
@@ -236,7 +225,6 @@ def _sources(tree: Tree, header: GeometryHeader, gps: GeometryParameterSet) -> l
 
 
 def _levels(header: GeometryHeader, gps: GeometryParameterSet) -> list[octree.Level]:
-    """What is the same for all nodes of each level of a slice's octree."""
     axes = header.tree_lvl_coded_axis_list
     enable_mask = idcm.idcm_enable_mask(
         gps.inferred_direct_coding_mode,
@@ -277,10 +265,7 @@ def _level(
 
 
 def _initial_state(gps: GeometryParameterSet, depth: int, max_points: int) -> octree.SliceState:
-    """The state at the start of a slice, an octree of `depth` levels.
-
-    max_points: how many decoded points there may be; 0 in an encoder.
-    """
+    """Return the state at the start of a slice; `max_points` is 0 in an encoder."""
     minus1 = gps.neighbour_avail_boundary_log2_minus1
     thresholds = (
         gps.geom_planar_threshold0,
@@ -307,9 +292,10 @@ def _initial_state(gps: GeometryParameterSet, depth: int, max_points: int) -> oc
 def sensor_state(
     header: GeometryHeader, gps: GeometryParameterSet, axes: Three, origin: Three
 ) -> angular.Angular | None:
-    """The sensor as a slice sees it at its start; None without angular mode.
+    """Return the sensor relative to a slice, or None without angular mode.
 
-    axes: which coded axis is x, y, z. origin: of the slice, in x, y, z.
+    axes: coded axis of each of x, y, z.
+    origin: of the slice, in x, y, z.
     """
     if not gps.geom_angular_mode_enabled_flag:
         return None
@@ -322,10 +308,7 @@ def sensor_state(
 def sensor_position(
     header: GeometryHeader, gps: GeometryParameterSet, axes: Three, origin: Three
 ) -> Three:
-    """The sensor's position from the slice's origin, along the coded axes.
-
-    axes: which coded axis is x, y, z. origin: of the slice, in x, y, z.
-    """
+    """Return the sensor's position relative to the slice's origin, along the coded axes."""
     x, y, z = header.gdu_angular_origin_xyz
     if not gps.geom_slice_angular_origin_present_flag:
         x, y, z = (a - b for a, b in zip(gps.gps_angular_origin_xyz, origin, strict=True))
@@ -334,7 +317,7 @@ def sensor_position(
 
 
 def _root_parent() -> octree.Nodes:
-    """A parent whose only child, the first, is the root."""
+    """Return a parent whose only child is the root."""
     return octree.Nodes(
         np.zeros(1, dtype=np.int64),
         np.ones(1, dtype=np.uint8),
@@ -345,7 +328,6 @@ def _root_parent() -> octree.Nodes:
 
 
 def _empty_nodes(count: int, *, encoding: bool) -> octree.Nodes:
-    """Room for `count` nodes."""
     return octree.Nodes(
         np.empty(count, dtype=np.int64),
         np.empty(count, dtype=np.uint8),

@@ -1,7 +1,7 @@
-"""Spherical coordinates of a sensor's points: radius, azimuth and laser, in integers alone.
+"""Integer spherical coordinates of a sensor's points: radius, azimuth and laser.
 
-Angular coding predicts in these coordinates and goes from them to x, y, z by fixed-point sines,
-the same on every machine. An azimuth of 2^azimuth_log2 is a whole turn.
+Angular coding predicts in these coordinates and converts them to x, y, z by fixed-point sines. A
+turn has 2^azimuth_log2 steps of azimuth.
 """
 
 from __future__ import annotations
@@ -28,10 +28,11 @@ _MOST_AZIMUTH_LOG2, _MOST_RADIUS_LOG2 = 30, 30
 
 
 class Sphere(NamedTuple):
-    """How spherical coordinates of a slice become x, y, z.
+    """Parameters of the spherical coordinates of a slice.
 
-    radius_log2: a step of the radius has 2^this coding units. azimuth_log2: a turn has 2^this
-    steps. theta, z: (n,) of each laser. origin: the sensor from the slice's origin, by coded axes.
+    radius_log2: log2 of the coding units per radius step.
+    theta, z: (n,) of each laser.
+    origin: sensor relative to the slice's origin, along the coded axes.
     """
 
     radius_log2: int
@@ -42,15 +43,7 @@ class Sphere(NamedTuple):
 
 
 def sphere(gps: GeometryParameterSet, origin: Three) -> Sphere:
-    """The sensor of a parameter set.
-
-    origin: the sensor's position from the slice's origin, axes in the coding order.
-
-    Raises
-    ------
-    InputError
-        The steps of radius or azimuth are too small or too large to compute with.
-    """
+    """Return the parameters of a stream; InputError if its radius or azimuth steps are unsupported."""
     azimuth_log2 = gps.geom_angular_azimuth_scale_log2_minus11 + 12
     radius_log2 = gps.geom_angular_radius_inv_scale_log2
     if azimuth_log2 > _MOST_AZIMUTH_LOG2 or radius_log2 > _MOST_RADIUS_LOG2:
@@ -62,14 +55,14 @@ def sphere(gps: GeometryParameterSet, origin: Three) -> Sphere:
 
 @inlined
 def halved_away(value: int, shift: int) -> int:
-    """Division by 2^shift, rounded, halves away from zero."""
+    """Divide by 2^shift and round halves away from zero."""
     half = (1 << shift) >> 1
     return (value + half) >> shift if value >= 0 else -((half - value) >> shift)
 
 
 @kernel
 def sine(azimuth: int, azimuth_log2: int) -> int:
-    """Sine in 2^-24 of an azimuth, interpolated; beyond half a turn it is held there."""
+    """Return the interpolated sine of an azimuth in units of 2^-24, clamped to half a turn."""
     half = 1 << (azimuth_log2 - 1)
     within = min(abs(azimuth), half)
     if within > half >> 1:
@@ -80,7 +73,7 @@ def sine(azimuth: int, azimuth_log2: int) -> int:
 
 @kernel
 def cosine(azimuth: int, azimuth_log2: int) -> int:
-    """Cosine in 2^-24 of an azimuth, likewise."""
+    """Return the cosine as `sine` does."""
     half = 1 << (azimuth_log2 - 1)
     within = min(abs(azimuth), half)
     quarter = half >> 1
@@ -91,7 +84,7 @@ def cosine(azimuth: int, azimuth_log2: int) -> int:
 
 @kernel
 def _quarter_sine(azimuth: int, azimuth_log2: int) -> int:
-    """Sine of an azimuth of 0 to a quarter of a turn."""
+    """Return the sine of an azimuth between 0 and a quarter turn."""
     shift = azimuth_log2 - _SINE_STEPS_LOG2
     index = azimuth >> shift
     rest = azimuth - (index << shift)
@@ -101,7 +94,7 @@ def _quarter_sine(azimuth: int, azimuth_log2: int) -> int:
 
 @inlined
 def cartesian(around: Sphere, radius: int, azimuth: int, laser: int) -> Three:
-    """Coordinates x, y, z from the sensor."""
+    """Return x, y, z relative to the sensor."""
     r = int32(radius << around.radius_log2)
     height = halved_away((around.theta[laser] * r) << 2, _THETA_LOG2 - _Z_LOG2)
     return (
@@ -113,10 +106,10 @@ def cartesian(around: Sphere, radius: int, azimuth: int, laser: int) -> Three:
 
 @kernel
 def azimuth_of_arc(arc: int, radius: int, azimuth_log2: int) -> int:
-    """The angle of an arc on a circle, both in steps: the arc is in eighths of the radius's.
+    """Return the angle, in steps, of an arc in eighths of a radius step.
 
-    The reciprocal is that of the reference software, 48/17 - 32/17 r and one step of Newton's
-    method. Shifts are taken modulo 64, as processors do.
+    The reciprocal is that of TMC13: 48/17 - 32/17 r and one step of Newton's method. Shifts are
+    modulo 64, as on processors.
     """
     r = int32(radius << 3)
     if r == 0:
@@ -132,7 +125,7 @@ def azimuth_of_arc(arc: int, radius: int, azimuth_log2: int) -> int:
 
 @kernel
 def _bit_length(value: int) -> int:
-    """Bits of a number; 64 for a negative one."""
+    """Return the number of bits; 64 for negative values."""
     if value < 0:
         return 64
     length = 0
@@ -143,8 +136,9 @@ def _bit_length(value: int) -> int:
 
 @kernel
 def spherical(around: Sphere, x: int, y: int, z: int) -> Three:
-    """Radius, azimuth and laser of a point given from the sensor, from which `cartesian` comes
-    closest to it: the best of two steps either way. No radius is negative.
+    """Return radius, azimuth and laser of a point relative to the sensor.
+
+    Of two steps either way, those are chosen from which `cartesian` is nearest to the point.
     """
     distance = _rounded(math.hypot(x, y))
     laser = _nearest_laser(around, distance, z)
@@ -178,14 +172,14 @@ def _nearest_laser(around: Sphere, distance: int, z: int) -> int:
 
 @kernel
 def _off(around: Sphere, radius: int, azimuth: int, laser: int, x: int, y: int, z: int) -> int:
-    """Distance along the axes between a point and where its spherical coordinates are."""
+    """Return the Manhattan distance of a point from its spherical coordinates."""
     a, b, c = cartesian(around, radius, azimuth, laser)
     return abs(a - x) + abs(b - y) + abs(c - z)
 
 
 @inlined
 def _rounded(value: float) -> int:
-    """Halves go away from zero."""
+    """Round halves away from zero."""
     whole = math.floor(abs(value))
     if abs(value) - whole >= 0.5:
         whole += 1

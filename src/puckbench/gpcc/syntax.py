@@ -1,8 +1,7 @@
-"""High-level syntax of G-PCC geometry: parameter sets, tile inventory, data unit, encapsulation.
+"""High-level syntax of G-PCC geometry: parameter sets, tile inventory, data units, encapsulation.
 
-Names and order of the syntax elements are those of TMC13 (`hls.h`, `io_hls.cpp`), the reference
-software of ISO/IEC 23090-9; type-length-value encapsulation is that standard's Annex B. Points lie
-in the coding axis order; x, y, z below are in the order of the file.
+Names and order of the syntax elements are those of TMC13 (`hls.h`, `io_hls.cpp`); encapsulation is
+Annex B of ISO/IEC 23090-9. Points are in the coding axis order, x, y, z in the order of the file.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ _LAST_PAYLOAD_TYPE = 9
 OCTREE, PREDICTIVE = 0, 1
 """Values of geom_tree_type."""
 MAX_LASERS = 1024
-"""Lasers of a sensor, at most."""
+"""Maximum number of lasers of a sensor."""
 
 _TLV = struct.Struct(">BI")
 _POINT_COUNT_BYTES = 3
@@ -37,8 +36,6 @@ _NOTHING: Three = (0, 0, 0)
 
 @dataclass
 class SequenceParameterSet:
-    """Sequence parameter set: origin, unit and scale of the points, entropy coding."""
-
     main_profile_compatibility_flag: int = 0
     reserved_profile_compatibility_21bits: int = 0
     slice_reordering_constraint_flag: int = 0
@@ -69,8 +66,9 @@ class SequenceParameterSet:
 class Laser:
     """A laser of the sensor that angular coding describes.
 
-    theta: tangent of its elevation, in 2^-18. z: minus its height above the sensor's origin, in
-    eighths of the coding unit. num_phi_per_turn: how often it fires in a turn (octree only).
+    theta: tangent of the elevation, in units of 2^-18.
+    z: negative height above the sensor's origin, in eighths of a coding unit.
+    num_phi_per_turn: shots per turn (octree only).
     """
 
     theta: int = 0
@@ -80,10 +78,7 @@ class Laser:
 
 @dataclass
 class GeometryParameterSet:
-    """Geometry parameter set: the coding tools in use.
-
-    gps_angular_origin_xyz: the sensor's position from the sequence's origin, in coding units.
-    """
+    """Coding tools; gps_angular_origin_xyz is relative to the sequence's origin, in coding units."""
 
     gps_geom_parameter_set_id: int = 0
     gps_seq_parameter_set_id: int = 0
@@ -125,10 +120,7 @@ class GeometryParameterSet:
 
 @dataclass
 class GeometryHeader:
-    """Header of a geometry data unit, that is, of a slice.
-
-    gdu_angular_origin_xyz: the sensor's position from the slice's origin, in coding units.
-    """
+    """Header of a slice; gdu_angular_origin_xyz is relative to its origin, in coding units."""
 
     gdu_geometry_parameter_set_id: int = 0
     gdu_reserved_zero_3bits: int = 0
@@ -153,16 +145,12 @@ class GeometryHeader:
 
 @dataclass
 class GeometryFooter:
-    """Footer after a slice's entropy-coded data."""
-
     octree_lvl_num_points_minus1: list[int] = field(default_factory=list)
     geom_num_points_minus1: int = 0
 
 
 @dataclass
 class Tile:
-    """Bounding box of a tile."""
-
     tile_id: int = 0
     tile_origin_xyz: Three = _NOTHING
     tile_size_minus1_xyz: Three = _NOTHING
@@ -170,7 +158,7 @@ class Tile:
 
 @dataclass
 class TileInventory:
-    """Bounding boxes of the tiles; decoding does not use them."""
+    """Bounding boxes of the tiles, which decoding ignores."""
 
     ti_seq_parameter_set_id: int = 0
     ti_frame_ctr_lsb_bits: int = 1
@@ -186,7 +174,7 @@ class TileInventory:
 
 
 def sequence_parameter_set(io: SyntaxElements, sps: SequenceParameterSet) -> None:
-    """Syntax of the sequence parameter set (only one without attributes can be written)."""
+    """Code a sequence parameter set; one with attributes can only be read."""
     io.flag(sps, "main_profile_compatibility_flag")
     io.u(sps, "reserved_profile_compatibility_21bits", 21)
     io.flag(sps, "slice_reordering_constraint_flag")
@@ -218,7 +206,6 @@ def sequence_parameter_set(io: SyntaxElements, sps: SequenceParameterSet) -> Non
 
 
 def _pass_over_attribute(io: SyntaxElements) -> None:
-    """Skip an attribute's description."""
     if not isinstance(io, Reader):
         raise TypeError("attributes are only read")
     for _ in ("attr_components_minus1", "attr_instance_id", "attr_bitdepth_minus1"):
@@ -236,7 +223,6 @@ def _pass_over_attribute(io: SyntaxElements) -> None:
 
 
 def geometry_parameter_set(io: SyntaxElements, gps: GeometryParameterSet) -> None:
-    """Syntax of the geometry parameter set."""
     io.u(gps, "gps_geom_parameter_set_id", 4)
     io.u(gps, "gps_seq_parameter_set_id", 4)
     io.flag(gps, "slice_geom_origin_scale_present")
@@ -301,7 +287,7 @@ def _angular_origin(io: SyntaxElements, record: Any, name: str) -> None:
 
 
 def _laser_table(io: SyntaxElements, gps: GeometryParameterSet, *, turns: bool) -> None:
-    """Lasers by their differences: of elevations, once two are known, from a straight line."""
+    """Code differences of lasers; from the third on, elevations are extrapolated linearly."""
     count = io.exp_golomb(len(gps.lasers) - 1 if io.writing else 0) + 1
     _refuse(count > MAX_LASERS, f"a sensor of more than {MAX_LASERS} lasers")
     lasers = gps.lasers if io.writing else [Laser() for _ in range(count)]
@@ -334,7 +320,7 @@ def _scaling(io: SyntaxElements, gps: GeometryParameterSet) -> None:
 
 
 def check_tools(gps: GeometryParameterSet) -> None:
-    """InputError for a parameter set with coding tools that are not supported."""
+    """Raise InputError if a parameter set uses unsupported coding tools."""
     octree = gps.geom_tree_type == OCTREE
     _refuse(octree and not gps.bitwise_occupancy_coding_flag, "bytewise occupancy coding")
     _refuse(octree and gps.geom_scaling_enabled_flag, "geometry scaling")
@@ -349,7 +335,7 @@ def _refuse(used: Any, tool: str) -> None:
 def geometry_header(
     io: SyntaxElements, header: GeometryHeader, sps: SequenceParameterSet, gps: GeometryParameterSet
 ) -> None:
-    """Syntax of a geometry data unit's header, without the final alignment and without trisoup."""
+    """Code the header of a geometry data unit without the final alignment."""
     io.u(header, "gdu_geometry_parameter_set_id", 4)
     io.u(header, "gdu_reserved_zero_3bits", 3)
     io.ue(header, "slice_id")
@@ -391,7 +377,7 @@ def _coded_axes(io: SyntaxElements, header: GeometryHeader, gps: GeometryParamet
 def read_footer(
     data: bytes, header: GeometryHeader, gps: GeometryParameterSet
 ) -> tuple[GeometryFooter, int]:
-    """The footer at the end of a data unit, and its length in bytes."""
+    """Return the footer of a data unit, and its length in bytes."""
     levels = header.tree_depth_minus1 if gps.octree_point_cnt_list_present_flag else 0
     length = _POINT_COUNT_BYTES * (levels + 1)
     if length > len(data):
@@ -404,13 +390,11 @@ def read_footer(
 
 
 def footer_bytes(footer: GeometryFooter) -> bytes:
-    """A data unit's footer."""
     counts = [*footer.octree_lvl_num_points_minus1, footer.geom_num_points_minus1]
     return b"".join(count.to_bytes(_POINT_COUNT_BYTES) for count in counts)
 
 
 def tile_inventory(io: SyntaxElements, inventory: TileInventory) -> None:
-    """Syntax of the tile inventory."""
     io.u(inventory, "ti_seq_parameter_set_id", 4)
     io.u(inventory, "ti_frame_ctr_lsb_bits", 5)
     io.u(inventory, "ti_frame_ctr_lsb", inventory.ti_frame_ctr_lsb_bits)
@@ -432,19 +416,19 @@ def tile_inventory(io: SyntaxElements, inventory: TileInventory) -> None:
 
 
 def written(syntax: Callable[..., None], *records: Any) -> bytes:
-    """Bytes of a structure: its syntax function applied to the records that it depends on."""
+    """Return the bytes that a syntax function writes for its records."""
     writer = Writer()
     syntax(writer, *records)
     return writer.bytes()
 
 
 def encapsulate(payload_type: int, payload: bytes) -> bytes:
-    """A payload with its type and length (Annex B)."""
+    """Prefix a payload with its type and length (Annex B)."""
     return _TLV.pack(payload_type, len(payload)) + payload
 
 
 def payloads(stream: bytes) -> Iterator[tuple[int, bytes]]:
-    """Types and contents of a stream's payloads; InputError for anything else."""
+    """Yield the types and contents of a stream's payloads; InputError if it is damaged."""
     place = 0
     while place < len(stream):
         if len(stream) - place < _TLV.size:

@@ -1,4 +1,4 @@
-"""Constant tables of the octree coder (`tables.cpp` of TMC13), and what follows from them.
+"""Constant tables of the octree coder (`tables.cpp` of TMC13).
 
 A neighbour pattern has a bit for each occupied face neighbour: 1 x+1, 2 x-1, 4 y-1, 8 y+1, 16 z-1,
 32 z+1. A child's index is 4x + 2y + z; an occupancy has a bit for each child.
@@ -134,7 +134,7 @@ _TURN_X = {
 
 
 def _turned(neigh_pattern: int) -> list[int]:
-    """Where each child stands after the node is turned so that its pattern is its class's."""
+    """Return the position of each child after the rotation of a pattern to that of its class."""
     turns = [(_SAME, _Z90, _Z180, _Z270)[_TURN_Z[neigh_pattern & 15]]]
     if neigh_pattern & 48 == 16:
         turns.append(_MIRROR_Z)
@@ -148,7 +148,7 @@ def _turned(neigh_pattern: int) -> list[int]:
 
 
 def _coded_children() -> list[list[int]]:
-    """For each pattern the children in the order in which their occupancy is coded."""
+    """Return for each pattern the children in coding order."""
     rows = []
     for neigh_pattern in range(64):
         places = _turned(neigh_pattern)
@@ -157,7 +157,7 @@ def _coded_children() -> list[list[int]]:
 
 
 def _map_bases(classes: tuple[int, ...]) -> list[list[int]]:
-    """First map entry for each pattern and coded bit; the bits coded before it are added."""
+    """Return the first map entry for each pattern and coded bit; the preceding bits are added."""
     rows = [list(_MAP_STARTS)]
     for neigh_pattern in range(1, 64):
         nine = classes[neigh_pattern]
@@ -172,6 +172,6 @@ CTX_MAP_BASE = np.array(
     [_map_bases(tuple(_SIBLING_CLASSES.get(p, 0) for p in range(64))), _map_bases(_CLASSES_9)],
     dtype=np.int64,
 )
-"""By whether neighbours outside the parent are known, then pattern, then coded bit."""
+"""Indices: whether neighbours outside the parent are known, pattern, coded bit."""
 
 POPCOUNT = np.array([bin(i).count("1") for i in range(256)], dtype=np.int64)

@@ -1,4 +1,4 @@
-"""Octree of a set of points: the axes that each level splits (QTBT), every node's occupancy."""
+"""Octree of a set of points: axes that each level splits (QTBT), and occupancy of the nodes."""
 
 from __future__ import annotations
 
@@ -24,21 +24,14 @@ def coded_axes(
     min_qtbt_size_log2: int = 0,
     late_z: tuple[int, int] | None = None,
 ) -> list[int]:
-    """The axes (4 x, 2 y, 1 z) that each level splits (tree_lvl_coded_axis_list).
+    """Return the axes (4 x, 2 y, 1 z) that each level splits (tree_lvl_coded_axis_list).
 
-    Parameters
-    ----------
-    bits
-        log2 of the sides of the root.
-    qtbt
-        Whether the root is a box; without it, it is a cube.
-    max_num_qtbt_before_ot
-        Levels that first split the longest sides alone.
-    min_qtbt_size_log2
-        log2 of the shortest side from which on only longer sides are split.
-    late_z
-        In angular mode: log2 of the height from which on nodes are split along z only if they are
-        higher than wide, by that factor's log2.
+    bits: log2 of the root's sides.
+    qtbt: whether the root is a box instead of a cube.
+    max_num_qtbt_before_ot: levels that first split only the longest sides.
+    min_qtbt_size_log2: log2 of the shortest side from which on only the longest sides are split.
+    late_z: with a sensor, log2 of the height up to which, and of the ratio of height to width from
+        which on, nodes are split along z.
     """
     if not qtbt:
         return [7] * max(bits)
@@ -62,7 +55,6 @@ def coded_axes(
 
 
 def _split_late_along_z(size: list[int], height: int, factor: int) -> list[bool]:
-    """The axes of a low node that are split: x and y where longest, z where it is much longer."""
     x, y, z = size
     longest = max(x, y)
     high = min(size) <= height and z >= longest + factor
@@ -71,7 +63,7 @@ def _split_late_along_z(size: list[int], height: int, factor: int) -> list[bool]
 
 
 def node_sizes_log2(levels: list[int]) -> list[Bits]:
-    """log2 of the node size along x, y, z at each level, and last that of a leaf, (0, 0, 0)."""
+    """Return log2 of the node size along x, y, z at each level, and (0, 0, 0) for leaves."""
     sizes = [(0, 0, 0)]
     for axes in reversed(levels):
         x, y, z = sizes[-1]
@@ -81,7 +73,7 @@ def node_sizes_log2(levels: list[int]) -> list[Bits]:
 
 @dataclass(frozen=True)
 class TreeLevel:
-    """All nodes of a level in order: occupancy, and index of the first child in the level below."""
+    """Nodes of a level: occupancy, and index of the first child in the level below."""
 
     occupancy: Bytes
     first_child: Indices
@@ -89,10 +81,10 @@ class TreeLevel:
 
 @dataclass(frozen=True)
 class Tree:
-    """Levels from the root down; the leaves' sorted keys, and the number of points at each.
+    """Levels from the root down, sorted keys of the leaves, and number of points at each.
 
-    second_first: where the order of points counts, a flag for each leaf that is the first of two
-    alone in a node: whether its point comes after the other's.
+    second_first: where the order of points counts, whether a leaf that shares a node with only one
+        other point precedes a point that came first in the cloud.
     """
 
     levels: list[TreeLevel]
@@ -104,18 +96,10 @@ class Tree:
 def build_tree(
     points: Ints, corner: Ints, levels: list[int], ordered: bool = False, merged: bool = False
 ) -> Tree:
-    """Build the octree of points.
+    """Build the octree of points (n, 3); the origin of the root is `corner` (3,).
 
-    Parameters
-    ----------
-    points
-        (n, 3) integer coordinates.
-    corner
-        (3,) origin of the root.
-    levels
-        The axes that each level splits.
-    ordered
-        Whether the order of the points counts, of which of equal ones only the first if `merged`.
+    ordered: whether the order of points counts.
+    merged: whether only the first of equal points counts.
     """
     keys = _keys(points, corner, _key_tables(_key_positions(levels)))
     second_first = np.empty(0, dtype=np.uint8)
@@ -136,7 +120,7 @@ def build_tree(
 
 
 def leaf_starts(tree: Tree) -> list[Indices]:
-    """For each level the index of every node's first leaf, and the number of leaves."""
+    """Return for each level the index of every node's first leaf, and the number of leaves."""
     starts = [np.arange(len(tree.keys) + 1, dtype=np.int32)]
     for level in reversed(tree.levels):
         starts.append(starts[-1][np.append(level.first_child, len(starts[-1]) - 1)])
@@ -144,7 +128,6 @@ def leaf_starts(tree: Tree) -> list[Indices]:
 
 
 def leaf_codes(tree: Tree, levels: list[int]) -> Ints:
-    """Morton codes of the leaves."""
     if all(axes == 7 for axes in levels):
         return tree.keys
     tables = np.zeros((8, 256), dtype=np.int64)
@@ -156,7 +139,7 @@ def leaf_codes(tree: Tree, levels: list[int]) -> Ints:
 
 
 def _key_positions(levels: list[int]) -> tuple[list[int], list[int], list[int]]:
-    """For each axis, the position of its bits, lowest first, in a key that sorts the leaves."""
+    """Return for each axis the positions of its bits, lowest first, in a key that sorts leaves."""
     positions: tuple[list[int], list[int], list[int]] = ([], [], [])
     position = 0
     for axes in reversed(levels):
@@ -168,7 +151,7 @@ def _key_positions(levels: list[int]) -> tuple[list[int], list[int], list[int]]:
 
 
 def _key_tables(positions: tuple[list[int], list[int], list[int]]) -> Ints:
-    """What each byte of each coordinate adds to the key: (axis, byte, value)."""
+    """Return the part of the key for each (axis, byte, value) of the coordinates."""
     tables = np.zeros((3, 3, 256), dtype=np.int64)
     for axis, of_axis in enumerate(positions):
         for bit, position in enumerate(of_axis):
@@ -177,7 +160,7 @@ def _key_tables(positions: tuple[list[int], list[int], list[int]]) -> Ints:
 
 
 def _child_of_bits(axes: int) -> Ints:
-    """Child index by the key bits of a level."""
+    """Return the child index for each value of a level's key bits."""
     children = [child for child in range(8) if child & ~axes == 0]
     return np.array(children, dtype=np.int64)
 
@@ -196,7 +179,6 @@ def _keys(points: Ints, corner: Ints, tables: Ints) -> Ints:
 
 
 def _first_ones(keys: Ints) -> Ints:
-    """Keys without those that have occurred before."""
     ordered = np.sort(keys)
     if (ordered[1:] != ordered[:-1]).all():
         return keys
@@ -207,17 +189,17 @@ def _first_ones(keys: Ints) -> Ints:
 
 
 def _digit_positions(levels: list[int]) -> Ints:
-    """Where the bits of each level begin in a key, and where those of the root end."""
+    """Return the lowest key bit of each level, from the root's upper end down."""
     widths = [axes.bit_count() for axes in reversed(levels)]
     return np.cumsum([0, *widths])[::-1].astype(np.int64)
 
 
 @compiled
 def _sorted_as_coded(keys: Ints, positions: Ints) -> Bytes:
-    """Sort keys level by level, as the reference sorts the points of a node into its children.
+    """Sort keys by level as TMC13 sorts the points of a node into its children.
 
-    Its counting sort, which swaps points in place, changes the order of points in a child. Returns
-    for each key whether it is the first of two alone in a node and was behind the other there.
+    Its counting sort swaps points in place and so changes their order within a child. Returns for
+    each key whether it is the first of two in a node and was behind the other.
     """
     behind = np.zeros(len(keys), dtype=np.uint8)
     stack = np.empty((8 * len(positions) + 8, 3), dtype=np.int64)
@@ -270,7 +252,7 @@ def _permuted(keys: Ints, tables: Ints) -> Ints:
 
 @compiled
 def _unique(keys: Ints) -> tuple[Ints, Indices]:
-    """The distinct ones of sorted keys, and their counts."""
+    """Return the distinct values of sorted keys, and their counts."""
     count = 1
     for i in range(1, len(keys)):
         count += integer(keys[i] != keys[i - 1])
@@ -287,7 +269,7 @@ def _unique(keys: Ints) -> tuple[Ints, Indices]:
 
 @compiled
 def _parents(keys: Ints, width: int, child_of_bits: Ints) -> tuple[Ints, Bytes, Indices]:
-    """Parents of nodes with sorted keys, whose lowest `width` bits give the child."""
+    """Return the parents of nodes with sorted keys, whose lowest `width` bits select the child."""
     count = 1
     for i in range(1, len(keys)):
         count += integer((keys[i] ^ keys[i - 1]) >> width != 0)
