@@ -69,9 +69,7 @@ class SensorDescription:
         ]
 
     def syntax_elements(self, origin: tuple[int, ...]) -> dict[str, Any]:
-        """Return the sensor's elements of a geometry parameter set; `origin` is that of the
-        sequence.
-        """
+        """Return the syntax elements of the sensor; `origin` is that of the sequence."""
         x, y, z = (own - zero for own, zero in zip(self.position, origin, strict=True))
         return {
             "geom_angular_mode_enabled_flag": 1,

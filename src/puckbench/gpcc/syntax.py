@@ -78,7 +78,7 @@ class Laser:
 
 @dataclass
 class GeometryParameterSet:
-    """Coding tools; gps_angular_origin_xyz is relative to the sequence's origin, in coding units."""
+    """Coding tools; gps_angular_origin_xyz is relative to the sequence's origin."""
 
     gps_geom_parameter_set_id: int = 0
     gps_seq_parameter_set_id: int = 0
@@ -120,7 +120,7 @@ class GeometryParameterSet:
 
 @dataclass
 class GeometryHeader:
-    """Header of a slice; gdu_angular_origin_xyz is relative to its origin, in coding units."""
+    """Header of a slice; gdu_angular_origin_xyz is relative to the slice's origin."""
 
     gdu_geometry_parameter_set_id: int = 0
     gdu_reserved_zero_3bits: int = 0

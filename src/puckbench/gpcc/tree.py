@@ -30,8 +30,8 @@ def coded_axes(
     qtbt: whether the root is a box instead of a cube.
     max_num_qtbt_before_ot: levels that first split only the longest sides.
     min_qtbt_size_log2: log2 of the shortest side from which on only the longest sides are split.
-    late_z: with a sensor, log2 of the height up to which, and of the ratio of height to width from
-        which on, nodes are split along z.
+    late_z: with a sensor, log2 of the height up to which nodes are split along z only if the log2
+        of height / width is at least the second value.
     """
     if not qtbt:
         return [7] * max(bits)
