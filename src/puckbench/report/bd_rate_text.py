@@ -26,7 +26,6 @@ def delta_text(row: _Row | None) -> str:
 
 
 def delta_value(row: _Row | None) -> str:
-    """Return the BD-rate, or an empty text."""
     return percent_text(_number(row, "bd_rate_percent")) if has_delta(row) else ""
 
 
@@ -68,7 +67,7 @@ def _interval(row: _Row) -> str:
 
 
 def _ends(row: _Row) -> tuple[float, float]:
-    """Return the interval; below `MIN_CLOUDS`, the least and the greatest value."""
+    """Return the interval or, below `MIN_CLOUDS`, the least and the greatest value."""
     ends = ("low", "high") if _count(row, "compared") >= MIN_CLOUDS else ("least", "most")
     return _number(row, f"bd_rate_percent_{ends[0]}"), _number(row, f"bd_rate_percent_{ends[1]}")
 

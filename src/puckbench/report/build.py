@@ -46,8 +46,6 @@ _PARTS = {
 
 @dataclass(frozen=True)
 class FigureShown:
-    """A figure with its caption and a link to its PDF file."""
-
     name: str
     title: str
     picture: Picture
@@ -57,8 +55,6 @@ class FigureShown:
 
 @dataclass(frozen=True)
 class TableShown:
-    """A table as HTML, with its caption."""
-
     name: str
     title: str
     html: Markup
@@ -76,16 +72,12 @@ def build_page(
 
     Parameters
     ----------
-    contents
-        The files to show.
-    machine
-        Properties of the machine, by name.
+    machine, remarks
+        Entries of the page's header by name: properties of the machine, and others.
     folder
         Folder of the page, to which links are relative.
     record
         Times and commits of the run.
-    remarks
-        Further entries of the page's header, by name.
 
     Raises
     ------
@@ -144,7 +136,6 @@ def _tables(
 
 
 def _by_category(contents: Contents, folder: Path) -> dict[str, list[FigureShown]]:
-    """Return the figures by category; those with a number come first."""
     categories: dict[str, list[FigureShown]] = {}
     by_number = sorted(contents.figures, key=lambda name: figure_entry(name).sort_key)
     figures = in_threads(
@@ -167,7 +158,6 @@ def _figure(name: str, file: Path, folder: Path) -> FigureShown:
 
 
 def _figure_title(name: str) -> str:
-    """Return the number, if it has one, and the title of a figure."""
     entry = figure_entry(name)
     return f"{entry.number} {entry.title or name_in_words(name)}".strip()
 

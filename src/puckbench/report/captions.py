@@ -1,5 +1,3 @@
-"""Convert captions of figures and tables from reStructuredText to HTML."""
-
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
@@ -20,19 +18,10 @@ _SETTINGS = {
 
 
 def caption_html(text: str, name: str = "a caption") -> Markup:
-    """Convert a caption to HTML paragraphs.
+    """Convert a caption from reStructuredText to HTML paragraphs.
 
-    Parameters
-    ----------
-    text
-        reStructuredText; `single` and ``double`` backquotes mark code.
-    name
-        Name of the figure or table in errors.
-
-    Raises
-    ------
-    InputError
-        The text is not valid reStructuredText.
+    `single` and ``double`` backquotes mark code. Raises an InputError with `name` if the text is
+    invalid.
     """
     from docutils.core import publish_parts
     from docutils.utils import SystemMessage

@@ -1,5 +1,3 @@
-"""Claims as cards: the claim, the verdict of a run, and what was measured."""
-
 from __future__ import annotations
 
 import re
@@ -20,22 +18,9 @@ _BETWEEN_PARTS = re.compile(r"; (?![^(]*\))")
 
 @dataclass(frozen=True)
 class ClaimCard:
-    """A claim.
+    """A claim with its number and section, the verdict with its condition, and measurements.
 
-    Parameters
-    ----------
-    heading
-        Number and section.
-    verdict, remark, kind
-        The verdict, its condition, and the CSS class of its colour.
-    text
-        The claim.
-    measured
-        Measurements.
-    context
-        Other entries, by name.
-    figures
-        Names and titles of figures that show it.
+    `kind` is the CSS class of the verdict's colour; `context` has other entries by name.
     """
 
     heading: str
@@ -57,7 +42,6 @@ class Claims:
 
     @property
     def counts(self) -> Mapping[str, int]:
-        """Number of claims by verdict."""
         return Counter(card.verdict for card in self.cards)
 
 

@@ -11,7 +11,7 @@ GRID, SQUARED = "grid units", "grid units²"
 
 @dataclass(frozen=True)
 class ColumnLabel:
-    """Label of a column: words, unit (may be empty), and group in lists of columns."""
+    """Words, unit (may be empty) and group of a column."""
 
     column: str
     words: str
@@ -155,7 +155,6 @@ def column_label(column: str) -> ColumnLabel:
 
 
 def unit_in_frames(unit: str, frames: Collection[str]) -> str:
-    """Replace grid units by metres for clouds in metres."""
     metres = unit.replace("grid units", "m")
     if unit == metres or "metric" not in frames:
         return unit
@@ -165,7 +164,7 @@ def unit_in_frames(unit: str, frames: Collection[str]) -> str:
 def table_heading(column: str, others: Collection[str] = ()) -> tuple[str, str]:
     """Return words and unit of a column in a table's heading.
 
-    `others` are the other columns, which show whether a suffix marks a statistic.
+    The other columns show whether a suffix marks a statistic.
     """
     if column in _OF_TABLES:
         return _OF_TABLES[column]

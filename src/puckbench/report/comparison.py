@@ -31,14 +31,12 @@ class Comparison:
     ----------
     run_rows
         The run's result rows, with the reference's names of data sets and clouds.
-    reference
-        Reference result rows on these clouds.
     deltas
         As from `bd_rate`: ``codec`` of the run against ``anchor`` of the reference.
     left_out
         Clouds of the run that were not compared, with the reason.
     same_streams
-        Codec in both -> number of streams of equal size, and number of all streams.
+        For each common codec, number of streams of equal size, and of all streams.
     """
 
     run_rows: pd.DataFrame
@@ -60,21 +58,17 @@ def compare_with_reference(
 
     Parameters
     ----------
-    metrics, clouds
-        Tables of the run.
-    reference
-        Reference results.
     codecs
         Codecs of the run; by default those that the reference lacks, or all if it lacks none.
     qualities
-        Metrics to compare; by default those of the reference's Bjontegaard deltas.
+        Metrics; by default those of the reference's Bjontegaard deltas.
     common
         Compare common clouds even if the run has others.
 
     Raises
     ------
     InputError
-        A cloud is not in the reference and `common` is false, no cloud is common, or a codec, rate
+        No cloud is common, a cloud is not in the reference and `common` is false, or a codec, rate
         or metric is missing.
     """
     qualities = tuple(qualities or reference.bd_rate["qualities"])
@@ -140,7 +134,6 @@ def _chosen(metrics: pd.DataFrame, reference: ReferenceResults, codecs: Sequence
 
 
 def _renamed(metrics: pd.DataFrame, reference_names: Mapping[Key, Key]) -> pd.DataFrame:
-    """Return the rows of matched clouds under the reference's names."""
     keys = list(zip(metrics["dataset"], metrics["cloud"], strict=True))
     rows = metrics[[key in reference_names for key in keys]]
     new_names = [reference_names[key] for key in keys if key in reference_names]
@@ -194,7 +187,6 @@ def _deltas(
     qualities: Sequence[str],
     reference: ReferenceResults,
 ) -> pd.DataFrame:
-    """Return Bjontegaard deltas of the run's codecs against each reference codec."""
     import pandas as pd
 
     options = {k: v for k, v in reference.bd_rate.items() if k in ("resamples", "seed")}
@@ -222,7 +214,7 @@ def _judged(rows: pd.DataFrame) -> pd.DataFrame:
 def _with_values(
     run_rows: pd.DataFrame, reference_rows: pd.DataFrame, qualities: Sequence[str]
 ) -> Iterator[tuple[pd.DataFrame, pd.DataFrame, list[str]]]:
-    """Yield both tables with the metrics that they share on a data set, if there are any."""
+    """Yield both tables of a data set with the metrics that they share, if any."""
     shared = [
         name
         for name in qualities
@@ -236,7 +228,6 @@ def _with_values(
 def _same_streams(
     metrics: pd.DataFrame, reference_names: Mapping[Key, Key], reference_rows: pd.DataFrame
 ) -> dict[str, tuple[int, int]]:
-    """Return, for each common codec, how many streams of equal cloud and rate have equal size."""
     keys = [*_CLOUD, "codec", "rate"]
     pairs = _renamed(metrics, reference_names)[[*keys, "bytes"]].merge(
         reference_rows[[*keys, "bytes"]], on=keys

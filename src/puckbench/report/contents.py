@@ -1,5 +1,3 @@
-"""The contents of a report: files of a run, and its configuration."""
-
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
@@ -16,19 +14,10 @@ MOST_MB = 8.0
 
 
 class Example(Model):
-    """A cloud of the viewer and its decoded versions.
+    """A cloud of the viewer with the files of the prepared cloud and its decoded versions.
 
-    Parameters
-    ----------
-    kind
-        "object", "raw", "clean" or "noisy", as in the configuration.
-    dataset, cloud
-        Names.
-    original
-        File of the prepared cloud.
-    decoded
-        Codec -> rate -> file of the decoded cloud, or archive (.zip) with the member
-        ``<rate>.ply``.
+    `kind` is "object", "raw", "clean" or "noisy". `decoded` has a file for each codec and rate, or
+    an archive (.zip) with the member ``<rate>.ply``.
     """
 
     kind: str
@@ -43,22 +32,14 @@ class Contents(Model):
 
     Parameters
     ----------
-    title
-        Of the page.
-    metrics
-        File of all results, or None.
     tables, figures
-        Name -> file (CSV; PNG).
+        CSV and PNG files by name.
     own_figures, own_tables
         Places of a user's figures and tables, loaded if trusted.
-    examples
-        Clouds of the viewer.
     logs
-        Folder of the logs of the run's jobs, or None.
-    configuration
-        The validated configuration.
+        Folder of the logs of the run's jobs.
     style
-        Layers of `puckbench.figures.style.FigureStyle`, later ones over earlier ones.
+        Layers of `puckbench.figures.style.FigureStyle`; later ones take precedence.
     points
         Largest number of points of each cloud in the viewer.
     most_mb
@@ -80,7 +61,6 @@ class Contents(Model):
 
     @classmethod
     def from_json(cls, value: Mapping[str, Any]) -> Contents:
-        """Parse a JSON object; InputError if it is invalid."""
         return parsed(cls, value, "contents of the report")
 
     def under(self, folder: Path) -> Contents:
@@ -106,7 +86,6 @@ class Contents(Model):
         return self.model_dump(mode="json")
 
     def files(self) -> list[str]:
-        """Return every file that the page is made from."""
         metrics = [] if self.metrics is None else [self.metrics]
         originals = [example.original for example in self.examples]
         decoded = [files for example in self.examples for files in example.decoded.values()]

@@ -41,18 +41,14 @@ class Cell:
 
 @dataclass(frozen=True)
 class FindingsColumn:
-    """A metric of all codecs; lower is better.
+    """A metric of all codecs, of which lower values are better.
 
     Parameters
     ----------
-    head
-        Heading.
     group
         Heading of the statement on the best codec; empty for no statement.
     purpose
         Text after the value in that statement.
-    cells
-        Codec -> value.
     ties
         Codecs that are not significantly worse than the first.
     """
@@ -71,7 +67,6 @@ class FindingsColumn:
 
     @property
     def best(self) -> str | None:
-        """The codec with the lowest value, if significantly lowest."""
         return self.ranking[0] if self.ranking and not self.ties else None
 
     def tested(self, is_better: Callable[[str, str], bool]) -> FindingsColumn:
@@ -82,10 +77,7 @@ class FindingsColumn:
 
 @dataclass(frozen=True)
 class DatasetFindings:
-    """Findings on a data set: statements on the best codecs by group, and all values.
-
-    codecs: as from `puckbench.report.plot_data.codec_payload`.
-    """
+    """Findings on a data set: statements on the best codecs by group, and all values."""
 
     title: str
     clouds: int
@@ -96,17 +88,7 @@ class DatasetFindings:
 
 @dataclass(frozen=True)
 class Findings:
-    """Findings of a run.
-
-    Parameters
-    ----------
-    datasets
-        Findings on each data set.
-    anchor
-        Title of the anchor codec of BD-rates.
-    lossless
-        Lossless rates of each codec in words, or empty.
-    """
+    """Findings on each data set; `lossless` names the lossless rates of each codec."""
 
     datasets: tuple[DatasetFindings, ...]
     anchor: str = ""
@@ -123,18 +105,8 @@ def findings(
     scan_errors: pd.DataFrame | None,
     style: FigureStyle,
 ) -> Findings:
-    """Return the findings of a run.
-
-    Parameters
-    ----------
-    metrics
-        All results.
-    deltas
-        The table ``bd_rate``, if any.
-    scan_errors
-        Errors of the uncoded scans, if any.
-    style
-        Titles and orders.
+    """Return the findings from all results, the table ``bd_rate`` and the errors of
+    uncoded scans.
     """
     anchor = "" if deltas is None else style.of_codec(deltas["anchor"].iloc[0]).title
     datasets = [
@@ -186,7 +158,6 @@ def _of_dataset(
 
 
 def _best_text(column: FindingsColumn, style: FigureStyle) -> str:
-    """Return the best codec of a column with its value, or an empty text."""
     if not column.ranking:
         return ""
     first = column.ranking[0]
@@ -203,7 +174,6 @@ def _best_text(column: FindingsColumn, style: FigureStyle) -> str:
 def _bits(
     metrics: pd.DataFrame, deltas: pd.DataFrame | None, codecs: Sequence[str]
 ) -> Iterator[FindingsColumn]:
-    """Yield a column of BD-rates for each metric."""
     if deltas is None:
         return
     for metric, rows in deltas.groupby("metric", sort=False):
@@ -218,10 +188,7 @@ def _bits(
 def _needs_fewer_bits(
     metrics: pd.DataFrame, rows: pd.DataFrame, metric: str
 ) -> Callable[[str, str], bool]:
-    """Return a test whether a codec's BD-rate against another is significantly negative.
-
-    BD-rates against the anchor are in the table; other pairs are compared directly.
-    """
+    """Return a test whether a codec's BD-rate against another is significantly negative."""
     anchor, by_codec = rows["anchor"].iloc[0], rows.set_index("codec").to_dict("index")
 
     def is_better(first: str, other: str) -> bool:
@@ -233,7 +200,6 @@ def _needs_fewer_bits(
 
 
 def _short(metric: str) -> str:
-    """Return a short name of a metric: D1 for d1_psnr."""
     bare = metric.removesuffix("_psnr")
     return bare.upper() if bare in ("d1", "d2") else column_label(metric).words
 
@@ -302,13 +268,12 @@ def distance_text(value: float, column: str) -> str:
 
 
 def _scan_error_text(errors: pd.DataFrame | None, column: str) -> str:
-    """Return a text with the scans' distance to the true surface, empty if they have no errors."""
+    """Return the scans' distance to the true surface in words, empty without errors."""
     value = 0.0 if errors is None or column not in errors else float(errors[column].median())
     return f", the scan itself {distance_text(value, column)}" if value > _EXACT else ""
 
 
 def _times(metrics: pd.DataFrame, codecs: Sequence[str]) -> Iterator[FindingsColumn]:
-    """Yield medians of the times over clouds and rates."""
     for way, purpose in {"encode": " to encode", "decode": " to decode"}.items():
         if f"{way}_s" in metrics:
             medians = metrics.groupby("codec")[f"{way}_s"].median()

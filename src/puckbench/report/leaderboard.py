@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 
 
 def study_findings(reference: ReferenceResults) -> Findings:
-    """Return the findings of a study."""
     errors = reference.table("scan_errors")
     return findings(reference.metrics, _deltas(reference), errors, reference.style)
 
@@ -58,7 +57,6 @@ def write_study(reference: ReferenceResults, folder: Path) -> Path:
 
 
 def _deltas(reference: ReferenceResults) -> pd.DataFrame | None:
-    """Return Bjontegaard deltas between the study's codecs; None for a single codec."""
     if reference.metrics["codec"].nunique() < 2:
         return None
     return bd_rate(reference.metrics, **reference.bd_rate)

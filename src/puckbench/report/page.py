@@ -1,8 +1,4 @@
-"""Render the page: templates with data, style and scripts inlined.
-
-The interactive plot is our own script of 17 kB, accessible by keyboard and printable. The smallest
-plotting library in a Python package has 4.8 MB and needs a weaker content security policy.
-"""
+"""Render the page: templates with data, style and scripts inlined."""
 
 from __future__ import annotations
 
@@ -36,9 +32,8 @@ def rendered(template: str, **values: Any) -> str:
 
 
 def whole_page(**values: Any) -> str:
-    """Render the HTML file.
-
-    Its content security policy forbids loading anything and running other scripts.
+    """Render the HTML file, with a content security policy that forbids loading and
+    other scripts.
     """
     scripts = [_asset(name) for name in SCRIPTS]
     allowed = " ".join(f"'{_script_hash(text)}'" for text in scripts)
@@ -47,9 +42,7 @@ def whole_page(**values: Any) -> str:
 
 
 def assets_version() -> str:
-    """Return a fingerprint of templates, style and scripts, which makes the page stale when they
-    change.
-    """
+    """Return a fingerprint of templates, style and scripts; a change makes the page stale."""
     text = "".join(_asset(name) for name in (*TEMPLATES, STYLE, *SCRIPTS))
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 

@@ -1,5 +1,3 @@
-"""Embed figures in the page as PNG files of bounded size."""
-
 from __future__ import annotations
 
 import io
@@ -20,8 +18,6 @@ _COLOURS = 256
 
 @dataclass(frozen=True)
 class Picture:
-    """A PNG file with its size in pixels."""
-
     png: bytes
     width: int
     height: int
@@ -32,10 +28,9 @@ class Picture:
 
 
 def embedded(png: bytes, what: str) -> Picture:
-    """Return a picture with at most 1600 pixels of width and 256 colours, narrower if the file is
-    large.
+    """Return a picture with at most 256 colours, in the largest of `WIDTHS` with a small file.
 
-    Equal bytes give equal pictures. InputError, naming `what`, if the picture is unreadable.
+    Raises an InputError with `what` if the picture is unreadable.
     """
     from PIL import Image, UnidentifiedImageError
 

@@ -25,13 +25,8 @@ _DIGITS = 5
 def plot_payload(metrics: pd.DataFrame, style: FigureStyle) -> dict[str, Any]:
     """Return the data of the plot.
 
-    Returns
-    -------
-    dict
-        ``datasets`` and ``codecs`` (name, title; colour, marker and line); ``metrics`` (name,
-        words, unit, group); ``cells``, for each data set, codec and rate: the number of ``clouds``,
-        and ``values``, column -> [first quartile, median, third quartile] over clouds. Columns
-        without a value, such as the PSNR of a lossless rate, are missing.
+    ``cells`` has an entry for each data set, codec and rate: the number of ``clouds``, and
+    ``values``, which maps columns to [first quartile, median, third quartile] over clouds.
     """
     metrics = with_lossless_best(without_mixed_peaks(metrics))
     labels = _shown(metrics)
@@ -46,7 +41,6 @@ def plot_payload(metrics: pd.DataFrame, style: FigureStyle) -> dict[str, Any]:
 
 
 def codec_payload(codec: str, style: FigureStyle) -> dict[str, str]:
-    """Return name, title, hexadecimal colour, marker and line of a codec."""
     from matplotlib.colors import to_hex
 
     plot_style = style.of_codec(codec)

@@ -1,8 +1,7 @@
 """Reference results: the result rows of a study in a Parquet file.
 
-Files shipped with puckbench are in the folder ``reference``, named after their study. A file has a
-row for each cloud, codec and rate with the digest of the cloud; JSON in the metadata of its schema
-says how the results were made.
+A row has the digest of its cloud. JSON in the metadata of the schema says how the results were
+made. The folder ``reference`` has the shipped files.
 """
 
 from __future__ import annotations
@@ -55,8 +54,6 @@ beside other work (docs/notes/times.md)."""
 
 
 class _BdRate(Model, extra="ignore"):
-    """Options of Bjontegaard deltas."""
-
     anchor: str
     qualities: tuple[str, ...]
     resamples: int = Field(2000, ge=1, le=100_000)
@@ -64,8 +61,6 @@ class _BdRate(Model, extra="ignore"):
 
 
 class _About(Model, extra="ignore"):
-    """Schema of `ReferenceResults.about`."""
-
     configuration: Mapping[str, Any]
     style: tuple[Mapping[str, Any], ...]
     bd_rate: _BdRate
@@ -82,8 +77,6 @@ class ReferenceResults:
 
     Parameters
     ----------
-    name
-        Of the study.
     metrics
         A row for each data set, cloud, codec and rate, with the `DIGEST` of the cloud.
     about
@@ -117,7 +110,6 @@ class ReferenceResults:
 
     @property
     def not_timed(self) -> str:
-        """Reason for missing times, or an empty text."""
         return str(self.about.get("not_timed", ""))
 
     def table(self, name: str) -> pd.DataFrame | None:
@@ -129,7 +121,7 @@ class ReferenceResults:
 
     @cached_property
     def clouds(self) -> dict[str, tuple[str, str]]:
-        """Digest -> data set and name of each cloud."""
+        """Data set and name of each cloud, by digest."""
         distinct = self.metrics[[DIGEST, *_CLOUD]].drop_duplicates()
         return {str(d): (str(s), str(c)) for d, s, c in distinct.itertuples(index=False)}
 
@@ -141,10 +133,7 @@ def shipped_studies() -> list[str]:
 def read_reference(name: str) -> ReferenceResults:
     """Read the results of a shipped study, or of a file that ends in ``.parquet``.
 
-    Raises
-    ------
-    InputError
-        There is no such study, or the file is not valid.
+    Raises InputError if there is no such study, or the file is not valid.
     """
     if name.endswith(".parquet"):
         return _read(Path(name))
@@ -177,21 +166,9 @@ def _read(path: Path) -> ReferenceResults:
 
 
 def write_reference(path: Path, metrics: pd.DataFrame, about: Mapping[str, Any]) -> None:
-    """Write the results of a study.
+    """Write the results of a study to a file named after it; `about` is that of `ReferenceResults`.
 
-    Parameters
-    ----------
-    path
-        File named after the study.
-    metrics
-        Result rows.
-    about
-        As in `ReferenceResults`; ``clouds`` with digests.
-
-    Raises
-    ------
-    InputError
-        A cloud has no digest.
+    Raises InputError if a cloud has no digest.
     """
     import pyarrow as pa
 
@@ -211,8 +188,8 @@ def write_reference(path: Path, metrics: pd.DataFrame, about: Mapping[str, Any])
 def _write_small(path: Path, table: Any, metadata: Mapping[Any, Any]) -> None:
     """Write an Arrow table in few bytes.
 
-    Text columns are dictionary encoded, since only they repeat; floats are split by byte; the
-    metadata is stored once, not again in Arrow's schema.
+    Text is dictionary encoded, since only text repeats; floats are split by byte; the metadata is
+    stored once, not again in Arrow's schema.
     """
     import pyarrow as pa
     from pyarrow import parquet
@@ -236,12 +213,8 @@ def _write_small(path: Path, table: Any, metadata: Mapping[Any, Any]) -> None:
 
 
 def why_not_timed(costs: Iterable[Mapping[str, Any]]) -> str:
-    """Return why the times of a run cannot be compared, or an empty text.
-
-    Parameters
-    ----------
-    costs
-        Costs of the run's jobs (`puckbench.jobs.cost`).
+    """Return why the times of a run cannot be compared, from the costs of its jobs, or an empty
+    text.
     """
     timed = [cost for cost in costs if cost["job"] in _TIMED]
     if not timed:

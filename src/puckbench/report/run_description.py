@@ -1,5 +1,3 @@
-"""Description of a run: data sets, codecs, machine and configuration."""
-
 from __future__ import annotations
 
 import json
@@ -38,8 +36,6 @@ class DescribedItem:
 
 @dataclass(frozen=True)
 class RunDescription:
-    """The last part of the page."""
-
     datasets: tuple[DescribedItem, ...]
     codecs: tuple[DescribedItem, ...]
     machine: Mapping[str, str]
@@ -70,19 +66,7 @@ def describe_run(
     machine: Mapping[str, str],
     style: FigureStyle,
 ) -> RunDescription:
-    """Describe a run.
-
-    Parameters
-    ----------
-    configuration
-        Validated; may be empty.
-    metrics, clouds
-        Tables of results and clouds, if any.
-    machine
-        Properties of the machine, by name.
-    style
-        Titles and orders.
-    """
+    """Describe a run from its validated configuration, which may be empty, and its tables."""
     return RunDescription(
         datasets=tuple(_datasets(configuration, metrics, clouds, style)),
         codecs=() if metrics is None else tuple(_codecs(configuration, metrics, style)),

@@ -1,5 +1,3 @@
-"""Date, duration and commits of a run, from the logs of its jobs."""
-
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -30,16 +28,12 @@ class _Kept(Model):
 
 @dataclass(frozen=True)
 class RunRecord:
-    """Date, duration and commits of a run.
+    """Date, duration and commits of a run, from the logs of its jobs.
 
     Parameters
     ----------
-    jobs
-        Number of finished jobs.
     processor_s
         Processor time of all jobs, s.
-    began, ended
-        Start of the first and end of the last job; None if unknown.
     busy_s
         Time in which at least one job ran, s; excludes pauses between interrupted runs.
     commits
@@ -72,7 +66,6 @@ class RunRecord:
 
     @classmethod
     def from_json(cls, value: Mapping[str, Any]) -> RunRecord:
-        """Parse the result of `as_json`; InputError if it is invalid."""
         return cls(**dict(parsed(_Kept, value, "record")))
 
     def as_json(self) -> dict[str, Any]:
@@ -83,7 +76,7 @@ class RunRecord:
         return {**vars(self), **moments, "commits": list(self.commits)}
 
     def facts(self) -> dict[str, str]:
-        """Return date, duration and commits in words, if known."""
+        """Return date, duration and commits in words."""
         if not self.jobs:
             return {}
         jobs = "1 job" if self.jobs == 1 else f"{self.jobs:,} jobs"

@@ -30,16 +30,10 @@ _BOOKKEEPING = re.compile(
 
 @dataclass(frozen=True)
 class TableColumn:
-    """A column of a table in the page.
+    """A column of a table in the page, with words and unit in its heading.
 
-    Parameters
-    ----------
-    name
-        As in the file.
-    words, unit
-        Heading.
-    kind
-        CSS classes: ``number``; ``spread`` for a quantile next to its median; ``bookkeeping``.
+    `kind` are CSS classes: ``number``; ``spread`` for a quantile next to its median;
+    ``bookkeeping``.
     """
 
     name: str
@@ -51,10 +45,7 @@ class TableColumn:
 def table_html(
     table: pd.DataFrame, link: str | None = None, style: FigureStyle | None = None
 ) -> Markup:
-    """Return a table as HTML with the number of omitted rows and a link to its file.
-
-    style: titles of data sets and codecs.
-    """
+    """Return a table as HTML with the number of omitted rows and a link to its file."""
     from markupsafe import Markup
 
     ordered = table[_in_order(table)]
@@ -84,7 +75,6 @@ def _is_bookkeeping(values: pd.Series[Any]) -> bool:
 
 
 def _titles(column: str, style: FigureStyle) -> Callable[[str], str]:
-    """Return the function from names in a column to titles."""
     titles: dict[str, Callable[[str], str]] = {
         "dataset": style.title,
         "codec": lambda name: style.of_codec(name).title,

@@ -42,7 +42,6 @@ def viewer_payload(
     scan_errors: pd.DataFrame | None,
     style: FigureStyle,
 ) -> dict[str, Any]:
-    """Return the viewer's examples, plot styles of codecs, colour maps and initial view."""
     clouds = sum(1 + sum(map(len, e.decoded.values())) for e in contents.examples)
     points = points_per_cloud(contents.points, clouds, contents.most_mb)
     codecs = style.ordered_codecs(c for example in contents.examples for c in example.decoded)
@@ -57,10 +56,10 @@ def viewer_payload(
 def initial_view(
     examples: Sequence[Example], metrics: pd.DataFrame | None, scan_errors: pd.DataFrame | None
 ) -> dict[str, Any]:
-    """Return example, codec and rate of the decoded cloud that reduces the scan's error most.
+    """Return example, codec and rate of the decoded cloud that reduces the scan's distance to the
+    true surface most.
 
-    The reduction is the ratio of the distances to the true surface of decoded cloud and scan.
-    Without a known true surface the last example is returned.
+    Without a true surface the last example is returned.
     """
     views = [
         (number, codec, rate)
@@ -139,9 +138,9 @@ def _colours(name: str, start: float) -> list[str]:
 
 @dataclass(frozen=True)
 class ViewerCloud:
-    """Points (n, 3) of a cloud in metres, after subsampling, and the number of points before.
+    """Points (n, 3) of a cloud in metres, and the number of points before subsampling.
 
-    errors: distances (n,) to the nearest original point, m; None for an original.
+    `errors` are distances (n,) to the nearest original point, m; None for an original.
     """
 
     xyz: Floats
@@ -172,9 +171,7 @@ def original_for_viewer(original: PointCloud, most: int) -> ViewerCloud:
 def decoded_for_viewer(
     original: PointCloud, decoded: Iterable[tuple[str, str, Floats]], most: int
 ) -> list[tuple[str, str, ViewerCloud]]:
-    """Return decoded clouds, given as codec, rate and points (m, 3) in the original's frame, with
-    errors.
-    """
+    """Return decoded clouds with errors; points (m, 3) are in the original's frame."""
     from pykdtree.kdtree import KDTree
 
     tree = KDTree(original.xyz)
@@ -191,7 +188,6 @@ def decoded_for_viewer(
 def example_payload(
     original: ViewerCloud, decoded: Sequence[tuple[str, str, ViewerCloud]], in_metres: bool
 ) -> dict[str, Any]:
-    """Return an example of the viewer: its clouds, and the error range of each codec's colours."""
     ranges = {name: error_range([s for c, _, s in decoded if c == name]) for name, _, _ in decoded}
     return {
         "unit": "m" if in_metres else "grid units",
@@ -207,7 +203,7 @@ def example_payload(
 def error_range(decoded: Sequence[ViewerCloud]) -> tuple[float, float]:
     """Return the errors at the ends of the colour scale, common to all rates of a codec.
 
-    Outliers are excluded and the range is at most three powers of ten. Without errors both are 0.
+    The scale has at most three powers of ten and no outliers.
     """
     error_arrays = [shown.errors for shown in decoded if shown.errors is not None]
     errors = np.concatenate([np.empty(0), *error_arrays])
