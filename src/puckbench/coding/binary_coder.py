@@ -1,6 +1,6 @@
-"""Binary arithmetic coder in 32-bit integer arithmetic, which every machine decodes alike.
+"""Binary arithmetic coder in 32-bit integers, which every machine decodes alike.
 
-`code` encodes the bit with a writer; with a reader it ignores the bit and returns the decoded one.
+`code` encodes the bit with a writer, and ignores it with a reader.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ def read_to_its_end(coder: BitCoder) -> bool:
 
 @compiled_in_place
 def exhausted(coder: BitCoder) -> bool:
-    """Return whether a reader has read further beyond the end than an intact stream allows."""
+    """Return whether a reader is further beyond the end than an intact stream allows."""
     registers = coder.registers
     past = registers[POSITION] > len(coder.buffer) + PAST_THE_END
     return bool(registers[WRITING] == 0 and past)

@@ -1,13 +1,9 @@
 """Context mixing: the probability of a bit from several estimates, in integer arithmetic.
 
 Estimates are logits: of experts, which the caller computes, and of contexts, which are adaptive
-counters. Each set of weights adds the estimates with the row that the caller selects; the mixtures
+counters. For each set of weights the caller selects a row, which mixes the estimates; the mixtures
 of all sets are averaged. Correction tables learn the frequency of ones for each mixture (secondary
-estimation). Weights and counters learn from the coded bit.
-
-References
-----------
-Mahoney 2005, "Adaptive weighing of context models for lossless data compression".
+estimation). See Mahoney 2005, "Adaptive weighing of context models for lossless data compression".
 """
 
 from __future__ import annotations
@@ -50,18 +46,16 @@ BIAS = 77
 
 @dataclass(frozen=True)
 class MixerOptions:
-    """Sizes of a mixer, and how it learns.
+    """Numbers of experts, contexts, counters and sets of weights of a mixer, and how it learns.
 
     Parameters
     ----------
-    counters
-        Number of adaptive probabilities, of all contexts.
     rows
         Number of rows of weights, of all sets.
     weights
         Initial weight of each expert, then of each context.
     memory
-        Number of bits after which a counter's rate is constant; at most `MAX_MEMORY`.
+        Number of bits after which a counter's rate is constant.
     tables
         Number of sets (1 or 2), from the first, with a correction table for each row.
     """
@@ -79,7 +73,7 @@ class MixerOptions:
 
 
 class MixerSizes(NamedTuple):
-    """Sizes of a mixer as lengths of tuples, which are constants for the compiler."""
+    """Sizes of a mixer, as lengths of tuples, which are constants for the compiler."""
 
     experts: Lanes
     contexts: Lanes
@@ -94,21 +88,21 @@ class Mixer(NamedTuple):
     Parameters
     ----------
     counters
-        (counters,), the probability of a 1 and the number of coded bits.
+        (counters,), probability of a 1 and number of coded bits.
     weights
         (rows * lanes,), of the experts, the contexts and the bias, then zeros.
     corrections
-        (rows, buckets), the probability of a 1 by the bucket of the mixture.
+        (rows, buckets), probability of a 1.
     inputs
         (lanes,), logits of the experts and of the contexts, and the bias.
     contexts
-        (contexts,), the counter of each context.
+        (contexts,), counter of each context.
     rows
-        (sets,), the row of weights of each set.
+        (sets,), row of weights of each set.
     mixtures
-        (sets,), the logit of each set.
+        (sets,), logits.
     learning
-        Initial, final and current learning rate, and the number of coded bits.
+        Initial, final and current learning rate, and number of coded bits.
     """
 
     bits: BitCoder
@@ -162,7 +156,6 @@ def new_mixer(bits: BitCoder, options: MixerOptions) -> Mixer:
 
 
 def new_counters(count: int) -> NDArray[np.int32]:
-    """Return counters (count,) of probability 1 / 2."""
     return np.full(count, 1 << PROBABILITY_BITS + COUNT_BITS - 1, np.int32)
 
 
@@ -214,7 +207,6 @@ def code_bit(mixer: Mixer, bit: int, node: int, row: int) -> int:
 
 @inlined
 def _learning_rate(learning: Ints) -> int:
-    """Return the learning rate of the next bit, which falls every eight bits."""
     coded = learning[3]
     if coded & 7 == 0:
         learning[2] = learning[1] + ((learning[0] - learning[1]) * 256) // (256 + (coded >> 3))

@@ -11,18 +11,8 @@ _CHECK = struct.Struct("<I")
 
 @dataclass(frozen=True)
 class Framing:
-    """The layout of a stream: magic number, version, header, CRC-32 of the body, body.
-
-    Parameters
-    ----------
-    magic
-        Four bytes that identify the codec.
-    version
-        Version of the format, one byte.
-    title
-        Name of the codec in messages.
-    header
-        Number of bytes of the header, which the CRC does not cover.
+    """The layout of a stream: magic number (4 bytes), version (1 byte), header (not covered by the
+    CRC), CRC-32 of the body, body.
     """
 
     magic: bytes
@@ -38,8 +28,8 @@ class Framing:
         return self._start + header + _CHECK.pack(zlib.crc32(body)) + body
 
     def unframed(self, stream: bytes) -> tuple[bytes, bytes]:
-        """Return header and body of a stream; InputError for damaged streams, other codecs and
-        other versions.
+        """Return header and body of a stream; InputError unless codec, version and CRC are
+        correct.
         """
         start, end = len(self._start), len(self._start) + self.header + _CHECK.size
         if len(stream) < end:

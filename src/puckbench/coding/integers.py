@@ -8,8 +8,8 @@ from puckbench.core.compiling import inlined
 
 @inlined
 def bit_count(word: int) -> int:
-    """Return the number of set bits of a 64-bit word, by a pattern that LLVM replaces by a single
-    instruction where possible.
+    """Return the number of set bits of a 64-bit word, by a pattern that LLVM replaces by one
+    instruction.
     """
     pairs = word - ((word >> 1) & 0x5555555555555555)
     fours = (pairs & 0x3333333333333333) + ((pairs >> 2) & 0x3333333333333333)

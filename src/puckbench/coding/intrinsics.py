@@ -1,7 +1,7 @@
 """Vector operations for compiled loops, written in LLVM's intermediate representation.
 
-Numba vectorises neither short loops, which it unrolls, nor loops over arrays that may overlap.
-Every function of this module saves a codec at least a fifth of its encoding time:
+Numba vectorises neither short loops, which it unrolls, nor loops over arrays that may overlap. Each
+function saves a codec at least a fifth of its encoding time:
 
 ======================  ==============================  ==========
 function                codec                           time saved
@@ -12,9 +12,9 @@ function                codec                           time saved
 ``add_fused_products``  ``reno``                        88 %
 ======================  ==============================  ==========
 
-Each has a plain loop (``..._loop``) with the same results. Numba compiles the loop if this version
-of llvmlite cannot write the vector code, or if indices are checked (``NUMBA_BOUNDSCHECK=1``).
-Arrays are flat and contiguous, and do not overlap.
+Numba compiles a plain loop (``..._loop``) with the same results if llvmlite cannot write the vector
+code, or if indices are checked (``NUMBA_BOUNDSCHECK=1``). Arrays are flat and contiguous, and do
+not overlap.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ _CANNOT_BE_WRITTEN = (AttributeError, NotImplementedError, TypeError, ValueError
 
 
 def lanes_for(numbers: int) -> Lanes:
-    """Return a tuple whose length is that of a vector with room for some numbers."""
+    """Return a tuple as long as a vector with room for some numbers."""
     return (0,) * (-(-numbers // LANES) * LANES)
 
 
@@ -93,10 +93,8 @@ def add_fused_products_loop(
 
 @inlined
 def fused_multiply_add(a: np.float32, b: np.float32, c: np.float32) -> np.float32:
-    """Return a * b + c, rounded once (IEEE 754's fusedMultiplyAdd).
-
-    The double precision sum is rounded to odd, so that rounding it to single precision is correct
-    (Boldo and Melquiond 2008, "Emulation of FMA and correctly rounded sums").
+    """Return a * b + c, rounded once (IEEE 754), by rounding the double precision sum to odd (Boldo
+    and Melquiond 2008, "Emulation of FMA and correctly rounded sums").
     """
     product = np.float64(a) * np.float64(b)  # exact
     total = product + np.float64(c)
@@ -221,7 +219,6 @@ class _Products:
         self.row = ir.VectorType(ir.FloatType(), self.wider)
 
     def write(self) -> None:
-        """Write a loop over blocks of pairs, and a loop over the remaining pairs."""
         builder, block = self.builder, self.number(_BLOCK)
         blocks = builder.sdiv(self.pairs, block)
         with cgutils.for_range(builder, blocks) as loop:

@@ -5,5 +5,5 @@ _MANY, _MANY_PER_BYTE = 1 << 24, 4
 
 
 def most_points(size: int) -> int:
-    """Return the maximum number of points or pixels in a stream of `size` bytes, for any codec."""
+    """Return the maximum number of points or pixels in a stream of `size` bytes."""
     return _MANY + _MANY_PER_BYTE * size

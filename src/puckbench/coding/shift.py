@@ -1,7 +1,6 @@
-"""Shift of clouds that are far from the origin, for codecs in single precision.
+"""Shift of clouds far from the origin, such as UTM coordinates, for codecs in single precision.
 
-Surveyed coordinates (UTM) are millions of metres from the origin. Such a cloud is shifted by
-integers, which is exact. Its stream is
+The shift is an integer, so that it is exact. The stream of a shifted cloud is
 
     4 bytes  "PBSH"
     the shift along each axis, a signed LEB128 number
@@ -37,10 +36,8 @@ class Shifted(NamedTuple):
 
 
 def shift_of(points: Floats, step: float | None = None) -> Floats | None:
-    """Return the integers (3,) to subtract from points (n, 3), or None.
-
-    With the `step` of a codec's grid, points are also shifted if single precision cannot resolve an
-    eighth of a step.
+    """Return the integers (3,) to subtract from points (n, 3), or None if they are near the origin
+    and single precision resolves an eighth of the codec's grid `step`.
     """
     ends = bounds(points)
     with np.errstate(over="ignore"):
@@ -53,7 +50,7 @@ def shift_of(points: Floats, step: float | None = None) -> Floats | None:
 
 
 def shifted(stream: bytes, shift: Floats) -> bytes:
-    """Return the stream of a cloud from which `shift` (3,) was subtracted."""
+    """Prepend the header of a shift (3,) to a stream."""
     return MAGIC + b"".join(signed_128(int(axis)) for axis in shift) + stream
 
 

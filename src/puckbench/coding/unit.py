@@ -1,10 +1,8 @@
-"""Header with the length of a grid step, for codecs of clouds on an integer grid.
+"""Header with the length of a grid step, by which a cloud in metres is divided. The stream is
 
-A cloud in metres is divided by this length. Its stream is
-
-    4 bytes  "PBUN"
-    8 bytes  the length of a step, a little-endian double
-    the stream of the codec
+4 bytes  "PBUN"
+8 bytes  the length of a step, a little-endian double
+the stream of the codec
 """
 
 from __future__ import annotations
@@ -27,7 +25,7 @@ class InUnits(NamedTuple):
 
 
 def with_unit(stream: bytes, unit: float) -> bytes:
-    """Return the stream of a cloud whose coordinates were divided by `unit`."""
+    """Prepend the header of a unit to a stream."""
     return MAGIC + _UNIT.pack(unit) + stream
 
 

@@ -64,14 +64,12 @@ def truth_distortion(
     decoded: Floats | DistinctPoints,
 ) -> dict[str, float]:
     """Return `distortion`, with the prefix ``truth_``, of a decoded cloud (B) against the true
-    surface (A).
+    surface (A), in the cloud's frame.
 
     * A to B: from `visible`, points with true normals on the part of the surface that the sensor
-      saw, to the decoded cloud.
-    * B to A: from each decoded point to the closest point of the mesh and, to plane, along its
-      normal; without a mesh, to the visible points.
-
-    All arguments are in the cloud's frame.
+      saw.
+    * B to A: to the closest point of the mesh and, to plane, along its normal; without a mesh, to
+      the visible points.
     """
     errors = squared_errors(visible, decoded)
     return _to_truth(errors, mesh)
