@@ -1,8 +1,8 @@
 """Entropy coding and stream formats that several codecs use.
 
-`bit_writer`, `bit_reader` and `code` are a binary arithmetic coder; `new_mixer` and `code_bit` mix
-contexts. Both use integers, so that every machine decodes alike. `Framing`, `Reader` and the LEB128
-functions write and read bytes. Damaged streams raise `puckbench.core.errors.InputError`.
+`code` is a binary arithmetic coder and `code_bit` a context mixer, both in integers, so that every
+machine decodes alike. `Framing`, `Reader` and the LEB128 functions write and read bytes. Damaged
+streams raise `puckbench.core.errors.InputError`.
 """
 
 from typing import TYPE_CHECKING

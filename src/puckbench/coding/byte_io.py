@@ -19,8 +19,6 @@ def signed_128(number: int) -> bytes:
 
 
 class Reader:
-    """Sequential reader of a stream's parts."""
-
     def __init__(self, body: bytes) -> None:
         self.body, self.at = body, 0
 

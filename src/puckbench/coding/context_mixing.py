@@ -1,9 +1,9 @@
-"""Context mixing: the probability of a bit from several estimates, in integer arithmetic.
+"""Context mixing: the probability of a bit from several estimates (Mahoney 2005, "Adaptive weighing
+of context models for lossless data compression"), in integer arithmetic.
 
 Estimates are logits: of experts, which the caller computes, and of contexts, which are adaptive
 counters. For each set of weights the caller selects a row, which mixes the estimates; the mixtures
-of all sets are averaged. Correction tables learn the frequency of ones for each mixture (secondary
-estimation). See Mahoney 2005, "Adaptive weighing of context models for lossless data compression".
+of all sets are averaged and corrected by tables (secondary estimation).
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ class Mixer(NamedTuple):
     counters
         (counters,), probability of a 1 and number of coded bits.
     weights
-        (rows * lanes,), of the experts, the contexts and the bias, then zeros.
+        (rows * lanes,), of the experts, the contexts and the bias.
     corrections
         (rows, buckets), probability of a 1.
     inputs
@@ -99,8 +99,6 @@ class Mixer(NamedTuple):
         (contexts,), counter of each context.
     rows
         (sets,), row of weights of each set.
-    mixtures
-        (sets,), logits.
     learning
         Initial, final and current learning rate, and number of coded bits.
     """

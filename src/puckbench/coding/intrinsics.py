@@ -48,7 +48,6 @@ _CANNOT_BE_WRITTEN = (AttributeError, NotImplementedError, TypeError, ValueError
 
 
 def lanes_for(numbers: int) -> Lanes:
-    """Return a tuple as long as a vector with room for some numbers."""
     return (0,) * (-(-numbers // LANES) * LANES)
 
 
@@ -93,8 +92,8 @@ def add_fused_products_loop(
 
 @inlined
 def fused_multiply_add(a: np.float32, b: np.float32, c: np.float32) -> np.float32:
-    """Return a * b + c, rounded once (IEEE 754), by rounding the double precision sum to odd (Boldo
-    and Melquiond 2008, "Emulation of FMA and correctly rounded sums").
+    """Return a * b + c, rounded once (IEEE 754), from a double precision sum rounded to odd (Boldo
+    and Melquiond 2008).
     """
     product = np.float64(a) * np.float64(b)  # exact
     total = product + np.float64(c)
@@ -160,7 +159,6 @@ def _words_of(builder: Any, number: Any) -> Any:
 def _update(
     context: Any, builder: Any, signature: Any, values: Any, step_of: Callable[[Any, Any], Any]
 ) -> None:
-    """Add steps to a vector; `step_of` writes a step from the old value and the number."""
     onto, numbers, count = signature.args[0], signature.args[2], signature.args[-1].count
     targets = _parts(builder, _data(context, builder, onto, values[0]), values[1], count)
     sources = _parts(builder, _data(context, builder, numbers, values[2]), _LONG(0), count)
@@ -206,8 +204,6 @@ def _decay_and_add(
 
 
 class _Products:
-    """Writer of products of features and a matrix, whose sums stay in registers."""
-
     def __init__(self, context: Any, builder: Any, kinds: Any, values: Any, fused: bool) -> None:
         self.builder, self.fused = builder, fused
         self.size = context.get_value_type(types.intp)

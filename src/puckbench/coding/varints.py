@@ -38,7 +38,6 @@ def unpacked_signed(data: bytes, count: int) -> Numbers:
 
 
 def _numbers(groups: NDArray[np.uint8], ends: Numbers) -> Numbers:
-    """Return numbers from groups of seven bits; `ends` are the indices of their last groups."""
     lengths = np.diff(ends, prepend=-1)
     if lengths.max(initial=0) > _LONGEST:
         raise InputError("the stream is damaged (its numbers)")

@@ -14,7 +14,7 @@ _WINDOW_LOG = 27
 
 
 def compressed(data: bytes, level: int = 19, long: bool = False) -> bytes:
-    """Return one Zstandard frame; `long` finds matches up to 128 MiB back, as ``zstd --long``."""
+    """Return one Zstandard frame; `long` finds matches up to 128 MiB back."""
     options: dict[int, int] = {zstd.CompressionParameter.compression_level: level}
     if long:
         options[zstd.CompressionParameter.enable_long_distance_matching] = 1

@@ -1,1 +1,0 @@
-"""Point clouds, meshes and their geometry: neighbours, planes, Morton order, scaling."""

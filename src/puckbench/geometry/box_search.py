@@ -1,4 +1,4 @@
-"""Exact nearest two points of many queries: a dual-tree search over trees of bounding boxes.
+"""Exact nearest two points of many queries, by a dual-tree search over trees of bounding boxes.
 
 All queries of a leaf (about twenty) descend the tree of the points together, so that each query is
 compared with the points of about two leaves.
@@ -27,9 +27,8 @@ class NearestTwo(NamedTuple):
     """Nearest points of m queries.
 
     ``squared`` (m,) is the smallest squared distance. ``rows`` (m, 2) are the two nearest points:
-    twice the nearest without a tie, any two of three that tie, the lower row first at equal
-    distance. ``ties`` (m,) counts the points that tie (3: three or more), ``exact`` (m,) those at
-    exactly the smallest distance.
+    twice the nearest without a tie, any two of three that tie. ``ties`` (m,) counts the points that
+    tie (at most 3), ``exact`` (m,) those at exactly the smallest distance.
     """
 
     squared: Floats
@@ -58,7 +57,7 @@ class _Stack(NamedTuple):
 
 
 def nearest_two(queries: BoxTree, points: BoxTree) -> NearestTwo:
-    """Find the nearest two points of each query; rows are those of the trees' input arrays."""
+    """Find the nearest two points of each query, as rows of the trees' input arrays."""
     m = len(queries.rows)
     nearest = NearestTwo(np.empty(m), *(np.empty(shape, np.int64) for shape in ((m, 2), m, m)))
     parts = range(0, len(queries.leaves), LEAVES_AT_ONCE)

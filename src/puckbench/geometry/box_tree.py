@@ -1,5 +1,3 @@
-"""Octree of bounding boxes, built by sorting the points along a Morton curve."""
-
 from __future__ import annotations
 
 from typing import NamedTuple
@@ -15,12 +13,12 @@ LEAF_SIZE = 24
 
 
 class BoxTree(NamedTuple):
-    """Points in Morton order and the nodes of their octree, the root first.
+    """Octree of bounding boxes over points in Morton order, from the root down.
 
     Parameters
     ----------
     columns
-        Coordinates, (3, n), in Morton order.
+        Coordinates, (3, n).
     rows
         Row of each column in the input array, (n,).
     starts, ends
@@ -48,7 +46,6 @@ class BoxTree(NamedTuple):
 
 
 def box_tree(points: Floats) -> BoxTree:
-    """Build the tree of points (n, 3)."""
     keys = morton_keys(points)
     rows = sort_keys(keys)
     starts, ends, first, children = _nodes(points, rows, keys)
@@ -63,7 +60,7 @@ def box_tree(points: Floats) -> BoxTree:
 
 @compiled
 def _nodes(points: Floats, rows: Rows, keys: Keys) -> tuple[Rows, Rows, Rows, Rows]:
-    """Return starts, ends, first children and child counts; re-sort crowded cells in place."""
+    """Return starts, ends, first children and child counts; sort crowded cells again in place."""
     capacity = 2 * len(rows)
     starts, ends = np.empty(capacity, np.int64), np.empty(capacity, np.int64)
     first, children = np.empty(capacity, np.int64), np.empty(capacity, np.int64)

@@ -23,15 +23,15 @@ class SurfacePoints:
 
 
 def mesh_in_frame(mesh: Mesh, scale: float, offset: Floats | tuple[float, float, float]) -> Mesh:
-    """Transform a mesh from metres to a cloud's coordinate frame: (vertices - offset) * scale."""
+    """Transform a mesh from metres to a cloud's frame: ``(vertices - offset) * scale``."""
     return replace(mesh, vertices=(mesh.vertices - np.asarray(offset)) * scale)
 
 
 class SearchableMesh:
-    """A triangle mesh with a search tree for closest points.
+    """A triangle mesh with a search tree.
 
-    Embree (through Open3D) finds the closest triangle, in single precision; the closest point on it
-    is computed in double precision. On a shared edge Embree chooses the triangle.
+    Embree (through Open3D) finds the closest triangle in single precision, on shared edges any of
+    the triangles.
     """
 
     def __init__(self, mesh: Mesh) -> None:

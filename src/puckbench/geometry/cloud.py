@@ -87,7 +87,7 @@ class PointCloud:
 
     @property
     def frame(self) -> CoordinateFrame | None:
-        """Whether the description says scaled or metric; None without ``size``."""
+        """Whether the cloud is scaled or metric; None without ``size`` in the description."""
         size = self.about.get("size")
         if size is None:
             return None
@@ -133,7 +133,9 @@ _SMALLEST_EXTENT, _LARGEST_COORDINATE = 1e-30, 1e30
 
 
 def check_extent(points: Floats, source: str) -> None:
-    """Raise InputError if all points (n, 3) are the same, or too small or large for a length."""
+    """Raise InputError if all points (n, 3) are equal, or their extent is too small or too
+    large.
+    """
     low, high = bounds(points)
     extent = float((high / 2 - low / 2).max()) * 2
     if extent == 0:

@@ -1,5 +1,3 @@
-"""Cropping to an axis-aligned box: a scan to its room (thesis section 6.1.3)."""
-
 from __future__ import annotations
 
 import numpy as np
@@ -12,6 +10,6 @@ MARGIN_M = 1e-6
 
 
 def inside_box(points: Floats, box: Floats, margin: float = MARGIN_M) -> NDArray[np.bool_]:
-    """Return the mask (n,) of the points in a box (2, 3), metres."""
+    """Return the mask (n,) of the points in a box (2, 3), metres (thesis section 6.1.3)."""
     low, high = box[0] - margin, box[1] + margin
     return np.asarray(((points >= low) & (points <= high)).all(axis=1))

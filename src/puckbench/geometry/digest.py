@@ -1,5 +1,3 @@
-"""Digests that identify clouds, so that results on the same cloud can be recognised."""
-
 from __future__ import annotations
 
 import hashlib
@@ -13,9 +11,10 @@ _STEPS_PER_UNIT = {"scaled": 1e3, "metric": 1e6}
 
 
 def cloud_digest(points: Floats, metric: bool = False) -> str:
-    """Return 32 hexadecimal digits of the SHA-256 of rounded coordinates (n, 3), in order.
+    """Return 32 hexadecimal digits of the SHA-256 of coordinates (n, 3), in order, to recognise
+    results on the same cloud.
 
-    Rounding hides the last bits, in which the same scan may differ between processors.
+    Rounding hides the last bits, in which processors may differ.
     """
     steps = np.rint(points * _STEPS_PER_UNIT["metric" if metric else "scaled"]).astype("<i8")
     return hashlib.sha256(steps.tobytes()).hexdigest()[:32]

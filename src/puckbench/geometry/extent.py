@@ -1,5 +1,3 @@
-"""Warning about extents that suggest a unit other than the metre."""
-
 from __future__ import annotations
 
 import logging
@@ -16,7 +14,7 @@ _SURVEY_SUFFIXES = (".las", ".laz", ".e57")
 
 
 def warn_of_implausible_extent(path: Path, box: Floats) -> None:
-    """Log a warning if the bounding box (2, 3) of a file is implausible in metres."""
+    """Log a warning if the bounding box (2, 3) of a file suggests a unit other than the metre."""
     extent = float((box[1] - box[0]).max())
     if path.suffix.lower() in _SURVEY_SUFFIXES or SMALLEST_M <= extent <= LARGEST_M:
         return

@@ -62,7 +62,7 @@ class Mesh:
     labels: Labels | None = None
 
     def corners(self) -> Floats:
-        """Return the corners, (t, 3, 3)."""
+        """Return the corners of the triangles, (t, 3, 3)."""
         return self.vertices[self.triangles]
 
     def areas(self) -> Floats:
@@ -120,7 +120,9 @@ def scaled_mesh(mesh: Mesh, metres_per_unit: float) -> Mesh:
 
 
 def check_mesh(mesh: Mesh, source: str) -> None:
-    """Raise InputError for a mesh without area, with vertices not finite or invalid indices."""
+    """Raise InputError for a mesh without area, with invalid indices, or with vertices that are not
+    finite.
+    """
     if len(mesh.triangles) == 0:
         raise InputError(f"{source}: the mesh has no faces")
     if mesh.triangles.min() < 0 or mesh.triangles.max() >= len(mesh.vertices):

@@ -1,5 +1,3 @@
-"""Detection of points that stand for laser firings without a return."""
-
 from __future__ import annotations
 
 import numpy as np
@@ -23,10 +21,11 @@ _MIN_RANGE_M = 0.2
 
 
 def missing_returns(xyz: Floats, is_organised: bool = False) -> Mask:
-    """Return the mask (n,) of points without coordinates, or at the origin for want of a return.
+    """Return the mask (n,) of points that stand for firings without a return: points without
+    coordinates, and points at the origin.
 
-    In an organised cloud (an image) all points at the origin count, in other clouds only if they
-    are one in a thousand and more than twice as many as coincide at any other position.
+    In clouds that are not organised (images), points at the origin must be one in a thousand and
+    more than twice as many as coincide at any other position.
     """
     empty: Mask = np.asarray(np.isnan(xyz).all(axis=1))
     zero: Mask = np.asarray((xyz == 0).all(axis=1))
@@ -47,11 +46,10 @@ def _zeros_are_missing(xyz: Floats, zero: Mask) -> bool:
 def missing_firings(xyz: Floats, rings: NDArray[np.generic]) -> Mask:
     """Return the mask (n,) of a frame's points that stand for firings without a return.
 
-    Data sets such as nuScenes keep these firings at range 0. After correction for the car's motion
-    they lie decimetres from the origin, all lasers that fired together at one position, while real
-    returns of several lasers never coincide. A point is such a firing if points of three lasers
-    (`rings`) share its position, if it is within 5 cm of such a position, or within 0.2 m of the
-    sensor.
+    Data sets such as nuScenes store these firings at range 0. After motion compensation they lie
+    decimetres from the origin, and all lasers of a firing coincide, which real returns never do.
+    The mask contains points within 5 cm of a position that three lasers (`rings`) share, or within
+    0.2 m of the sensor.
     """
     from scipy.spatial import KDTree
 

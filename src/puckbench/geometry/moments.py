@@ -1,7 +1,7 @@
 """Least-squares planes from weighted moments of points.
 
-The ten moments are the weight, three first moments and six second ones (xx, xy, xz, yy, yz, zz). A
-plane (nx, ny, nz, d) holds the points p with n.p = d, |n| = 1.
+The ten moments are the weight, three first moments and six second moments (xx, xy, xz, yy, yz, zz).
+A plane (nx, ny, nz, d) holds the points p with n.p = d, |n| = 1.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ def _covariance(moments: Floats) -> tuple[float, float, float, float, float, flo
 
 @inlined
 def _least_eigenvalue(xx: float, xy: float, xz: float, yy: float, yz: float, zz: float) -> float:
-    """Closed form of Smith 1961."""
+    """Return the smallest eigenvalue in the closed form of Smith 1961."""
     q = (xx + yy + zz) / 3
     off = xy * xy + xz * xz + yz * yz
     p = np.sqrt(((xx - q) ** 2 + (yy - q) ** 2 + (zz - q) ** 2 + 2 * off) / 6)
@@ -84,7 +84,9 @@ def _least_eigenvalue(xx: float, xy: float, xz: float, yy: float, yz: float, zz:
 def _null_vector(
     xx: float, xy: float, xz: float, yy: float, yz: float, zz: float, out: Floats
 ) -> None:
-    """Longest cross product of two rows: the unit null vector of a singular symmetric matrix."""
+    """Write the unit null vector of a singular symmetric matrix: the longest cross product of two
+    rows.
+    """
     best = 0.0
     out[0], out[1], out[2] = 0.0, 0.0, 1.0
     for k in range(3):

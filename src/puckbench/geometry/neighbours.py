@@ -1,6 +1,6 @@
 """Nearest neighbours with all ties, by the rules of MPEG's pc_error.
 
-On the grids of decoded clouds a fifth to a third of the queries have several nearest neighbours.
+In decoded clouds a fifth to a third of the queries have several nearest neighbours.
 """
 
 from __future__ import annotations
@@ -53,8 +53,6 @@ class _Group:
 
 
 class SearchablePoints:
-    """Distinct points (n, 3) with their search trees."""
-
     def __init__(self, points: Floats) -> None:
         self._points = points
         self._boxes = box_tree(points)
@@ -111,7 +109,7 @@ def _sort_by_distance(queries: Floats, points: Floats, index: Indices) -> Floats
 
 @compiled
 def _count_ties(squared: Floats) -> tuple[Rows, Rows]:
-    """Numbers (m,) of neighbours that tie by pc_error's rule, and exactly."""
+    """Return the numbers (m,) of neighbours that tie by pc_error's rule, and that tie exactly."""
     m, k = squared.shape
     counts, exact = np.ones(m, np.int64), np.ones(m, np.int64)
     for i in range(m):

@@ -1,5 +1,3 @@
-"""Normals estimated from neighbouring points (thesis section 6.1.2: Open3D, 30 neighbours)."""
-
 from __future__ import annotations
 
 import numpy as np
@@ -9,7 +7,9 @@ from puckbench.geometry.spatial_order import morton_order
 
 
 def estimate_normals(points: Floats, neighbours: int = 30) -> Floats:
-    """Return unit normals (n, 3) of arbitrary sign; (0, 0, 1) for fewer than three points."""
+    """Return unit normals (n, 3) of arbitrary sign, as Open3D estimates them (thesis section
+    6.1.2); (0, 0, 1) for fewer than three points.
+    """
     import open3d as o3d
 
     order = morton_order(points)  # four times faster than points in random order

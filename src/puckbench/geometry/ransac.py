@@ -1,5 +1,3 @@
-"""Planes fitted to noisy points by RANSAC and robust least squares."""
-
 from __future__ import annotations
 
 from collections.abc import Iterator
@@ -42,11 +40,11 @@ def ransac_plane(
     threshold_m: float = THRESHOLD_M,
     refit: bool = False,
 ) -> Plane:
-    """Fit a plane to points (n, 3): of planes through three random ones, that with most inliers.
+    """Fit a plane to points (n, 3) by PCL's RandomSampleConsensus (thesis section 5.1.2), with at
+    most 1000 samples and 99 % confidence.
 
-    The algorithm is PCL's RandomSampleConsensus (thesis section 5.1.2): at most 1000 samples, fewer
-    once a better plane is unlikely with 99 % confidence. `refit` returns the least-squares plane of
-    the inliers, which are within `threshold_m`. Raises InputError if all points lie on one line.
+    `refit` returns the least-squares plane of the inliers, which are within `threshold_m`. Raises
+    InputError if all points lie on one line.
     """
     if len(points) < 3:
         raise InputError(f"a plane needs at least 3 points, there are {len(points)}")
@@ -69,10 +67,11 @@ def least_squares_plane(points: Floats) -> Plane:
 def robust_plane(
     points: Floats, start: Plane, *, sigmas: float = 5.0, rounds: int = 20
 ) -> tuple[Plane, NDArray[np.bool_]]:
-    """Fit a least-squares plane and select its inliers in turn until the inliers do not change.
+    """Fit a least-squares plane and select its inliers in turn until the inliers do not change, at
+    most `rounds` times.
 
-    Inliers lie within `sigmas` robust standard deviations of the median distance. Returns the plane
-    and the mask (n,) of inliers, after at most `rounds` fits.
+    Inliers lie within `sigmas` robust standard deviations of the median distance. Return the plane
+    and the mask (n,) of inliers.
     """
     plane, inliers = start, np.zeros(len(points), dtype=bool)
     for _ in range(rounds):
@@ -106,7 +105,7 @@ def _plane_with_most_inliers(points: Floats, rng: np.random.Generator, threshold
 
 
 def _sampled_planes(points: Floats, rng: np.random.Generator) -> Iterator[tuple[Floats, Floats]]:
-    """Yield batches of planes through three random points: normals (k, 3), offsets (k,)."""
+    """Yield normals (k, 3) and offsets (k,) of planes through three random points, in batches."""
     for _ in range(0, _MAX_SAMPLES, _SAMPLES_PER_BATCH):
         a, b, c = points[rng.integers(len(points), size=(3, _SAMPLES_PER_BATCH))]
         normals = np.cross(b - a, c - a)

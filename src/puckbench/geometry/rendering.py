@@ -1,5 +1,3 @@
-"""Rendering of clouds without a display: cameras and depth-buffered splats."""
-
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -20,14 +18,9 @@ _BACKGROUND = 255.0
 
 @dataclass(frozen=True)
 class View:
-    """A camera, perspective or, with a `height` of the image, orthographic.
+    """A camera, perspective or, with a `height` of the image in scene units, orthographic.
 
-    Parameters
-    ----------
-    eye, target
-        Position of the camera and a point on its line of sight, in scene units.
-    field_of_view_deg
-        Vertical opening angle.
+    The `eye` looks at the `target`, with a vertical field of view.
     """
 
     eye: Vector
@@ -46,7 +39,7 @@ class View:
         return right, np.cross(right, forward), forward
 
     def half_extent(self) -> float:
-        """Return half the image's height: at distance 1 if perspective, else anywhere."""
+        """Return half the image's height: at distance 1 if perspective, else at any distance."""
         if self.height is not None:
             return self.height / 2
         return float(np.tan(np.radians(self.field_of_view_deg) / 2))
@@ -93,18 +86,10 @@ def render_cloud(
     radius: int = 1,
     shade: bool = True,
 ) -> Image:
-    """Draw points (n, 3) as discs; return an image (height, width, 3).
+    """Draw points (n, 3) as discs with a depth buffer; return an image (height, width, 3).
 
-    Parameters
-    ----------
-    colours
-        RGB, (n, 3) uint8, or None for grey.
-    size
-        Width and height of the image in pixels.
-    radius
-        Radius of the discs in pixels.
-    shade
-        Shade the image by eye-dome lighting.
+    Colours are RGB (n, 3), or grey by default; sizes are in pixels; `shade` applies eye-dome
+    lighting.
     """
     width, height = size
     if colours is None:
@@ -129,7 +114,7 @@ def _unit(vectors: Floats) -> Floats:
 
 
 def _eye_dome_brightness(depth: Floats) -> Floats:
-    """Brightness from 1 down to 0.35, the darker the farther behind its neighbours."""
+    """Return the brightness, from 1 to 0.35 for pixels far behind their neighbours."""
     finite = np.isfinite(depth)
     if not finite.any():
         return np.ones(depth.shape)

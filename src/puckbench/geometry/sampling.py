@@ -1,5 +1,3 @@
-"""Uniform random sampling of mesh surfaces (thesis section 6.1.1)."""
-
 from __future__ import annotations
 
 import numpy as np
@@ -9,11 +7,8 @@ from puckbench.geometry.mesh import Mesh
 
 
 def sample_surface(mesh: Mesh, points: int, rng: np.random.Generator) -> PointCloud:
-    """Draw points uniformly by area, with the normals and primitive labels of their triangles.
-
-    References
-    ----------
-    Osada et al. 2002, equation 1.
+    """Draw points uniformly by area (Osada et al. 2002, equation 1; thesis section 6.1.1), with the
+    normals and primitive labels of their triangles.
     """
     cumulative = np.cumsum(mesh.areas())
     where = rng.random(points) * cumulative[-1]

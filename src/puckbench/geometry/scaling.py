@@ -31,9 +31,8 @@ class Scaling(NamedTuple):
 
 
 def origin_shift(points: Floats) -> Floats:
-    """Return the shift (3,), in whole metres, that brings points (n, 3) near the origin.
-
-    Axes with points within `FAR_M` have 0. Subtracting the shift rounds nothing.
+    """Return the shift (3,), in whole metres, that brings points (n, 3) near the origin, exactly; 0
+    along axes with points within `FAR_M`.
     """
     low, high = bounds(points)
     nearest = np.where(low > 0, low, np.where(high < 0, high, 0.0))
@@ -56,8 +55,8 @@ def cube_scaling(points: Floats, size: int = 1024) -> Scaling:
 def grid_scaling(points: Floats, about: Mapping[str, Any]) -> Scaling:
     """Return the scaling of voxel centres (n, 3) in metres to integers.
 
-    Raises InputError if the cloud's description has no ``grid`` (side of a voxel in ``metres``,
-    ``origin``: centre of voxel (0, 0, 0)), or a point is not on it.
+    Raises InputError if a point is not on the ``grid`` of the cloud's description (side of a voxel
+    in ``metres``, ``origin``: centre of voxel (0, 0, 0)), or there is none.
     """
     grid = about.get("grid")
     if grid is None:

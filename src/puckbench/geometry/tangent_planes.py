@@ -23,7 +23,7 @@ class TangentPlanes(NamedTuple):
 
     ``normals`` (m, 3) are 0 where there are too few voxels; ``distances`` (m,) are signed distances
     of the voxels from their planes, ``thickness`` (m,) root mean square distances and ``counts``
-    (m,) numbers of the fitted voxels.
+    (m,) numbers of fitted voxels.
     """
 
     normals: Floats
@@ -103,13 +103,13 @@ def _fit(
 
 @compiled_in_place
 def _first_key_in_row(key: int, row: int) -> int:
-    """Key of the lowest block in one of the nine rows of three blocks around a block."""
+    """Return the key of the lowest block in one of the nine rows of three blocks around a block."""
     return key + ((row // 3 - 1) << 2 * _BITS) + ((row % 3 - 1) << _BITS) - 1
 
 
 @compiled
 def _block_moments(xyz: Ints, starts: Ints) -> Ints:
-    """Moments (b, 10) of the voxels of each block about the block's first voxel."""
+    """Return the moments (b, 10) of the voxels of each block about the block's first voxel."""
     moments = np.zeros((len(starts) - 1, MOMENT_COUNT), np.int64)
     for i in range(len(moments)):
         begin = starts[i]

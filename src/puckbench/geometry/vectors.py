@@ -32,7 +32,6 @@ def length(a: Vector) -> float:
 
 @inlined
 def add_multiple(a: Vector, factor: float, b: Vector) -> Vector:
-    """Return a + factor * b."""
     return a[0] + factor * b[0], a[1] + factor * b[1], a[2] + factor * b[2]
 
 
