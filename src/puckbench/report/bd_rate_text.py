@@ -1,4 +1,4 @@
-"""BD-rates in words, with interval or number of clouds, or the reason for a missing value."""
+"""BD-rates in words."""
 
 from __future__ import annotations
 
@@ -67,7 +67,6 @@ def _interval(row: _Row) -> str:
 
 
 def _ends(row: _Row) -> tuple[float, float]:
-    """Return the interval or, below `MIN_CLOUDS`, the least and the greatest value."""
     ends = ("low", "high") if _count(row, "compared") >= MIN_CLOUDS else ("least", "most")
     return _number(row, f"bd_rate_percent_{ends[0]}"), _number(row, f"bd_rate_percent_{ends[1]}")
 

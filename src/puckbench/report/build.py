@@ -73,11 +73,9 @@ def build_page(
     Parameters
     ----------
     machine, remarks
-        Entries of the page's header by name: properties of the machine, and others.
+        Entries of the page's header by name.
     folder
         Folder of the page, to which links are relative.
-    record
-        Times and commits of the run.
 
     Raises
     ------
@@ -125,7 +123,6 @@ def _claims(contents: Contents, table: pd.DataFrame, folder: Path) -> Claims:
 def _tables(
     contents: Contents, tables: Mapping[str, pd.DataFrame], folder: Path, style: FigureStyle
 ) -> Iterator[TableShown]:
-    """Yield all tables except the claims, which are shown as cards."""
     for name, table in tables.items():
         if name == CLAIMS:
             continue

@@ -18,7 +18,7 @@ _BETWEEN_PARTS = re.compile(r"; (?![^(]*\))")
 
 @dataclass(frozen=True)
 class ClaimCard:
-    """A claim with its number and section, the verdict with its condition, and measurements.
+    """A claim with its verdict and measurements.
 
     `kind` is the CSS class of the verdict's colour; `context` has other entries by name.
     """
@@ -35,8 +35,6 @@ class ClaimCard:
 
 @dataclass(frozen=True)
 class Claims:
-    """All claims, with a link to their table."""
-
     cards: tuple[ClaimCard, ...]
     link: str
 
@@ -76,7 +74,6 @@ def _card(row: Mapping[str, str], figures: Mapping[str, str]) -> ClaimCard:
 
 
 def _split_verdict(verdict: str) -> tuple[str, str]:
-    """Split a verdict into its first words and the remark after a colon or semicolon."""
     words: Sequence[Any] = re.split(r"[:;] ", verdict, maxsplit=1)
     return words[0], words[1] if len(words) > 1 else ""
 

@@ -11,8 +11,6 @@ GRID, SQUARED = "grid units", "grid units²"
 
 @dataclass(frozen=True)
 class ColumnLabel:
-    """Words, unit (may be empty) and group of a column."""
-
     column: str
     words: str
     unit: str

@@ -1,5 +1,3 @@
-"""Compare results of a run with reference results on the same clouds."""
-
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -25,12 +23,10 @@ Key = tuple[str, str]
 
 @dataclass(frozen=True)
 class Comparison:
-    """Results of a run and of a reference study on the same clouds.
+    """Results of a run and of a reference study on the same clouds, under the reference's names.
 
     Parameters
     ----------
-    run_rows
-        The run's result rows, with the reference's names of data sets and clouds.
     deltas
         As from `bd_rate`: ``codec`` of the run against ``anchor`` of the reference.
     left_out
@@ -93,7 +89,7 @@ def compare_with_reference(
 
 
 def _matched(clouds: pd.DataFrame, reference: ReferenceResults) -> tuple[dict[Key, Key], list[str]]:
-    """Match clouds by digest: names in the run -> in the reference; and unmatched clouds with the
+    """Return the reference's names of the run's clouds by digest, and unmatched clouds with the
     reason.
     """
     if DIGEST not in clouds or clouds[DIGEST].isna().any():
@@ -214,7 +210,6 @@ def _judged(rows: pd.DataFrame) -> pd.DataFrame:
 def _with_values(
     run_rows: pd.DataFrame, reference_rows: pd.DataFrame, qualities: Sequence[str]
 ) -> Iterator[tuple[pd.DataFrame, pd.DataFrame, list[str]]]:
-    """Yield both tables of a data set with the metrics that they share, if any."""
     shared = [
         name
         for name in qualities

@@ -32,12 +32,8 @@ class Contents(Model):
 
     Parameters
     ----------
-    tables, figures
-        CSV and PNG files by name.
     own_figures, own_tables
         Places of a user's figures and tables, loaded if trusted.
-    logs
-        Folder of the logs of the run's jobs.
     style
         Layers of `puckbench.figures.style.FigureStyle`; later ones take precedence.
     points

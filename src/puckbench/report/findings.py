@@ -43,14 +43,8 @@ class Cell:
 class FindingsColumn:
     """A metric of all codecs, of which lower values are better.
 
-    Parameters
-    ----------
-    group
-        Heading of the statement on the best codec; empty for no statement.
-    purpose
-        Text after the value in that statement.
-    ties
-        Codecs that are not significantly worse than the first.
+    `group` and `purpose` are words in the statement on the best codec; `ties` are codecs that are
+    not significantly worse.
     """
 
     head: str
@@ -61,7 +55,6 @@ class FindingsColumn:
 
     @property
     def ranking(self) -> tuple[str, ...]:
-        """Ranked codecs, lowest first; empty for a single one."""
         ranks = {codec: cell.rank for codec, cell in self.cells.items() if cell.rank is not None}
         return tuple(sorted(ranks, key=lambda codec: ranks[codec] or 0)) if len(ranks) > 1 else ()
 
@@ -77,7 +70,7 @@ class FindingsColumn:
 
 @dataclass(frozen=True)
 class DatasetFindings:
-    """Findings on a data set: statements on the best codecs by group, and all values."""
+    """Statements on the best codecs of a data set by group, and all values."""
 
     title: str
     clouds: int
@@ -88,8 +81,6 @@ class DatasetFindings:
 
 @dataclass(frozen=True)
 class Findings:
-    """Findings on each data set; `lossless` names the lossless rates of each codec."""
-
     datasets: tuple[DatasetFindings, ...]
     anchor: str = ""
     lossless: str = ""
@@ -268,7 +259,6 @@ def distance_text(value: float, column: str) -> str:
 
 
 def _scan_error_text(errors: pd.DataFrame | None, column: str) -> str:
-    """Return the scans' distance to the true surface in words, empty without errors."""
     value = 0.0 if errors is None or column not in errors else float(errors[column].median())
     return f", the scan itself {distance_text(value, column)}" if value > _EXACT else ""
 

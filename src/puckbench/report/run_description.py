@@ -26,8 +26,6 @@ _MOST_VALUES = 5
 
 @dataclass(frozen=True)
 class DescribedItem:
-    """A data set or codec: title, name, table cells, and options if it can have any."""
-
     title: str
     name: str
     cells: tuple[str, ...]

@@ -64,7 +64,6 @@ def table_html(
 
 
 def _in_order(table: pd.DataFrame) -> list[str]:
-    """Return the column names, bookkeeping last."""
     names = [str(name) for name in table]
     last = [name for name in names if _is_bookkeeping(table[name])]
     return [name for name in names if name not in last] + last
