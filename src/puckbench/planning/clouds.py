@@ -30,7 +30,7 @@ class CloudJobs:
         return self.plan.datasets[name]
 
     def scene_file(self, dataset: str, cloud: str, suffix: str = "") -> str:
-        """Return the file of the scene that a cloud is made from."""
+        """Return the scene that a cloud is made from."""
         scenes = self.dataset(dataset).scenes
         suffix = suffix or ("parquet" if scenes in self.of_returns else "ply")
         return f"{self.plan.results}/scenes/{scenes}/{cloud}.{suffix}"
@@ -44,7 +44,7 @@ class CloudJobs:
         return [name for name, data in sets if data.has_returns == has_returns]
 
     def source(self, dataset: str, cloud: str) -> str:
-        """Return the file that a cloud is prepared from: sample, scan, or the scene's cloud."""
+        """Return the sample, scan or scene that a cloud is prepared from."""
         make = self.dataset(dataset).settings.make
         if make == "cloud":
             return self.scene_file(dataset, cloud)
@@ -52,7 +52,6 @@ class CloudJobs:
         return f"{self.plan.results}/{folder}/{dataset}/{cloud}.{suffix}"
 
     def is_cropped(self, dataset: str) -> bool:
-        """Whether the clouds are scans cropped to the box of their scene."""
         settings = self.dataset(dataset).settings
         return settings.is_scan and settings.crop != "none" and not settings.is_metric
 
@@ -77,7 +76,7 @@ class CloudJobs:
 
     @cache  # noqa: B019
     def scan(self, dataset: str, cloud: str) -> PlannedJob:
-        """Plan a scan; the files of sensor and sweep count as code."""
+        """Plan a scan, which runs again if the files of sensor or sweep change."""
         data = self.dataset(dataset)
         module, also = self._sensing(dataset)
         return planned(scan_record(data.settings, cloud, data.seed), module, also=also)
@@ -91,7 +90,6 @@ class CloudJobs:
 
     @cache  # noqa: B019
     def prepare(self, dataset: str) -> PlannedJob:
-        """Plan the preparation of a cloud or of returns."""
         settings = self.dataset(dataset).settings
         if self.dataset(dataset).has_returns:
             model = settings.errors if settings.is_scan else ""

@@ -37,7 +37,7 @@ _MOST_SECONDS = 600
 
 @dataclass(frozen=True)
 class Curve:
-    """All rates of a codec in a frame, or the part of them that one job encodes."""
+    """Rates of a codec in a frame that one job encodes: all, or a part."""
 
     codec: str
     frame: CoordinateFrame
@@ -58,7 +58,7 @@ class CodingJobs:
 
     @cached_property
     def curves(self) -> tuple[Curve, ...]:
-        """Curves of all codecs in all frames; those that would take too long in parts."""
+        """Curves of all codecs in all frames; curves that take too long are split."""
         return tuple(
             Curve(codec, frame, rates)
             for frame in self.plan.frames
@@ -73,7 +73,7 @@ class CodingJobs:
 
     @cached_property
     def cut(self) -> list[str]:
-        """Codecs whose curves are cut into parts."""
+        """Codecs with split curves."""
         counts = Counter((curve.codec, curve.frame) for curve in self.curves)
         return list(dict.fromkeys(codec for (codec, _), count in counts.items() if count > 1))
 
@@ -107,7 +107,6 @@ class CodingJobs:
         )
 
     def artefacts(self) -> list[str]:
-        """Return the files of all streams and rows."""
         coded = [f"coded/{'/'.join(curve)}.zip" for curve in self.plan.curves]
         return [*coded, *self.rows("metrics"), *self.rows("recovery")]
 
@@ -123,7 +122,7 @@ class CodingJobs:
 
     @cache  # noqa: B019
     def minutes(self, codec: str) -> int:
-        """Estimate the time of a curve's job, generously."""
+        """Return an upper estimate of the time of a curve's job."""
         rates = max((len(curve.rates) for curve in self.curves if curve.codec == codec), default=0)
         return 5 + math.ceil(2 * rates * self._seconds(codec) / 60)
 
@@ -204,7 +203,7 @@ class CodingJobs:
         return frozenset(folder / name for name in self.clouds.prepared(has_returns=True))
 
     def truth(self, dataset: str, cloud: str) -> dict[str, str]:
-        """Return further inputs of a measurement: the true surface, and true points."""
+        """Return the true surface and true points, further inputs of a measurement."""
         data = self.clouds.dataset(dataset)
         if not data.has_truth:
             return {}
@@ -236,7 +235,7 @@ class CodingJobs:
         return thread_environment(self.timing.threads)
 
     def cores(self, cores: int | None) -> int:
-        """Return the cores that a timed job reserves: all of the run if it must run alone."""
+        """Return the cores that a timed job reserves, all if it must run alone."""
         threads = self.timing.threads
         return max(threads, cores or 0) if self.timing.exclusive else threads
 
@@ -284,7 +283,7 @@ def _name(rates: tuple[str, ...]) -> str:
 
 
 def _parts(rates: tuple[str, ...], seconds: float) -> list[tuple[str, ...]]:
-    """Split rates into parts that each take no longer than allowed."""
+    """Split rates into parts of limited time."""
     parts = max(1, min(len(rates), math.ceil(seconds * len(rates) / _MOST_SECONDS)))
     size = math.ceil(len(rates) / parts)
     return [rates[first : first + size] for first in range(0, len(rates), size or 1)]

@@ -178,7 +178,6 @@ class DataSetConfig(Model):
 
     @property
     def has_truth(self) -> bool:
-        """Whether decoded clouds are compared with the true surface."""
         return self.truth and self.make != "cloud"
 
 
@@ -475,14 +474,14 @@ class Config(Model):
 
     @property
     def failures_file(self) -> Path:
-        """File of `failed`, which a run writes where jobs of clouds or curves fail."""
+        """File with `failed`, which a run writes if jobs of clouds or curves fail."""
         return Path(self.results) / "failed.yaml"
 
     def codec(self, name: str) -> Options:
         return (self.codecs[name] or CodecConfig()).changes()
 
     def places(self) -> Iterator[str]:
-        """Return the places of code that the configuration names."""
+        """Return the places of all code that the configuration names."""
         yield from filter(is_place, self._plugins())
 
     def _plugins(self) -> Iterator[str | None]:
@@ -501,14 +500,10 @@ class Config(Model):
 
 
 def checked(config: Mapping[str, Any]) -> Config:
-    """Check a configuration, with stand-ins if it asks for them.
+    """Check a configuration, after replacing data by stand-ins if it asks for them.
 
-    Names of loaders, codecs, rates and clouds are checked by `puckbench.planning.plan`.
-
-    Raises
-    ------
-    InputError
-        One line with the key, its value and what is allowed.
+    Names of loaders, codecs, rates and clouds are checked by `puckbench.planning.plan`. Raises
+    InputError with the key, its value and what is allowed.
     """
     return checked_model(Config, with_stand_ins(config))
 
@@ -523,7 +518,7 @@ def trusted(config: Mapping[str, Any]) -> Config:
 def with_stand_ins(config: Mapping[str, Any]) -> Options:
     """Replace data on disk by generated data if `stand_in` is true.
 
-    A scene set's `stand_in` replaces it; that of a data set or of the figures changes some of its
+    The `stand_in` of a scene set replaces it; that of a data set or of the figures changes some
     keys. Results go to another folder.
     """
     changed: Options = copy.deepcopy(dict(config))
@@ -551,14 +546,14 @@ def _mappings(values: Any) -> list[Options]:
 
 
 def read_config(path: Path) -> Options:
-    """Read a configuration file (YAML or JSON), unchecked."""
+    """Read a YAML or JSON file without checks."""
     return _read(path, alike=True)
 
 
 def check_config_files(paths: Iterable[str | Path]) -> None:
     """Raise InputError if a file that Snakemake has read cannot be used.
 
-    If another workflow uses this one as a module, only files with our keys are checked.
+    Files without our keys belong to a workflow that uses this one as a module; they are ignored.
     """
     for path in map(Path, paths):
         if set(Config.model_fields) & set(_read(path, alike=False)):

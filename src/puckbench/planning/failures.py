@@ -21,15 +21,7 @@ _TIMEOUT = re.compile(r"^Timeout \((\d+:\d\d:\d\d(?:\.\d+)?)\)!$", re.MULTILINE)
 
 
 class Failure(NamedTuple):
-    """A failed job.
-
-    Parameters
-    ----------
-    dataset, cloud, codec
-        Of the job; empty if it has none.
-    what
-        The job in words.
-    """
+    """A failed job, with its data set, cloud and codec or empty texts."""
 
     dataset: str
     cloud: str
@@ -43,13 +35,12 @@ class Failure(NamedTuple):
 
 
 def failed_jobs(logs: Path, since: float) -> list[Failure]:
-    """Return the failed jobs among those whose logs are not older than a time stamp."""
+    """Return the failed jobs whose logs are not older than a time stamp."""
     new = [log for log in sorted(logs.rglob("*.log")) if log.stat().st_mtime >= since]
     return [failure for log in new if (failure := failure_of(log, logs))]
 
 
 def failure_of(log: Path, logs: Path) -> Failure | None:
-    """Return the failure in a log; None if its job finished."""
     reason = _reason(log)
     if reason is None:
         return None
@@ -67,7 +58,7 @@ def failure_of(log: Path, logs: Path) -> Failure | None:
 
 
 def write_failures(path: Path, failures: list[Failure]) -> Path | None:
-    """Write the configuration file that leaves out the failed clouds and curves, and return it.
+    """Write the configuration that leaves out the failed clouds and curves.
 
     Return None if another job failed, without which there are no tables.
     """
@@ -83,7 +74,7 @@ def write_failures(path: Path, failures: list[Failure]) -> Path | None:
 
 
 def failure_lines(failures: list[Failure]) -> Iterator[str]:
-    """Yield a line for each codec and reason, with the first log, up to a limit."""
+    """Yield a line for each codec and reason, up to a limit, with the first log."""
     groups: dict[tuple[str, str], list[Failure]] = {}
     for failure in failures:
         key = failure.codec or failure.what, failure.reason

@@ -1,8 +1,8 @@
-"""Fingerprints of code: a job runs again when the code that makes its artefact changes.
+"""Fingerprints of code: a job runs again when the code that makes its output changes.
 
-The code of a job is its module, the module of its plug-in, and all that they import, without
-comments, docstrings and help texts. The command line and the registries are left out, so that a new
-plug-in repeats no job of the others. A YAML file beside a module, of the same name, counts as well.
+The code of a job is its module, the module of its plug-in, and all their imports, without comments,
+docstrings and help texts. The command line and the registries are left out, so that a new plug-in
+repeats no job of the others. A YAML file with the name of a module counts as well.
 """
 
 from __future__ import annotations
@@ -19,12 +19,9 @@ from puckbench.core.imports import is_for_types, module_file, reached_files, top
 
 @cache
 def code_version(*modules: str) -> str:
-    """Return the fingerprint of modules and of all that they import, 16 hexadecimal digits.
+    """Return the fingerprint (16 hexadecimal digits) of modules and all their imports.
 
-    Parameters
-    ----------
-    *modules
-        Dotted names of installed modules, or paths of Python files.
+    A module is a dotted name or the path of a Python file.
     """
     files = sorted((str(file.relative_to(top_folder(file))), file) for file in covered(*modules))
     lines = "\n".join(f"{name} {_code_digest(file)}" for name, file in files)
@@ -59,7 +56,7 @@ def _code_digest(file: Path) -> str:
 
 
 class _Code(ast.NodeTransformer):
-    """Removes statements that do nothing, and help texts."""
+    """Remove statements without effect, and help texts."""
 
     def visit_Expr(self, node: ast.Expr) -> ast.AST | None:
         return None if isinstance(node.value, ast.Constant) else self.generic_visit(node)

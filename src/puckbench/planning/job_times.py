@@ -1,7 +1,7 @@
 """Estimates of a run's times from the costs of the jobs of another run.
 
-Every job logs its cost (`puckbench.jobs.cost`): the processor time of its process, which other work
-on the machine does not lengthen.
+A job logs the processor time of its process (`puckbench.jobs.cost`), which other work on the
+machine does not lengthen.
 """
 
 from __future__ import annotations
@@ -34,8 +34,6 @@ class JobTime:
 
     Parameters
     ----------
-    job
-        Name in `puckbench.jobs.registry.JOBS`.
     rates, points
         Rates of its curve and points of its cloud, or 0.
     seconds
@@ -63,7 +61,7 @@ class JobTime:
 
 @dataclass(frozen=True)
 class JobKind:
-    """Number of similar jobs of a plan, and their number of points; see `JobTime`."""
+    """Number of similar jobs of a plan, described as in `JobTime`."""
 
     job: str
     jobs: int
@@ -78,14 +76,8 @@ class JobKind:
 class Estimate:
     """The estimated time of jobs of a kind.
 
-    Parameters
-    ----------
-    seconds
-        Of one job; None if no similar job was measured.
-    measured
-        Number of jobs that the estimate is from.
-    reach
-        Points of the planned job divided by those of the largest measured one.
+    `seconds` are of one job, None without measurement of similar jobs; `measured` is their number.
+    `reach` is the ratio of the planned job's points to those of the largest measured one.
     """
 
     kind: JobKind
@@ -111,9 +103,9 @@ class Measurements:
         return cls(table[:, 0], table[:, 1])
 
     def at(self, points: int) -> float:
-        """Return the seconds of a job with a number of points, by the line of Theil and Sen.
+        """Return the seconds of a job with a number of points, by Theil-Sen regression.
 
-        Its medians ignore the first jobs of a run, which compile. If all clouds have about the same
+        The medians ignore the first jobs of a run, which compile. If all clouds have about the same
         size, the time is proportional to the points.
         """
         start, slope = self._line
@@ -132,11 +124,11 @@ class Measurements:
             return 0.0, steepest
         slopes = (y[second] - y[first])[apart] / (x[second] - x[first])[apart]
         slope = min(max(float(np.median(slopes)), 0.0), steepest)
-        return max(0.0, float(np.median(y - slope * x))), slope  # nor is the start below 0
+        return max(0.0, float(np.median(y - slope * x))), slope  # no job takes a negative time
 
 
 def read_job_times(run: Path) -> list[JobTime]:
-    """Read the costs of the runs in a folder; raise InputError if there are none."""
+    """Read the costs of the runs in a folder; raise InputError without any."""
     logs = [log for folder in _log_folders(run) for log in sorted(folder.rglob("*.log"))]
     times = [_job_time(log, cost) for log in logs if (cost := read_cost(log))]
     if not times:
@@ -185,7 +177,7 @@ def estimated(kinds: Iterable[JobKind], times: Iterable[JobTime]) -> list[Estima
 
 
 def _estimate(kind: JobKind, job_times: list[JobTime]) -> Estimate:
-    """Estimate from the most similar jobs: with as many rates, and with or without truth."""
+    """Estimate from the most similar jobs: with equal rates, and with or without truth."""
     codecs = [time for time in job_times if (time.job, time.codec) == (kind.job, kind.codec)]
     times = [time for time in codecs if time.rates == kind.rates] or codecs
     if not times:

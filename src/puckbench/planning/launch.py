@@ -25,7 +25,7 @@ def snakefile() -> Path:
 def snakemake_command(
     config: Path, cores: int | None, *more: str, over: Path | None = None
 ) -> list[str]:
-    """Return the words that run the workflow on a configuration, and `over` on top of it."""
+    """Return the command that runs the workflow on a configuration, overridden by `over`."""
     words = [sys.executable, "-m", "snakemake", *more]
     words += [] if "--logger" in more else ["--logger", "puckbench"]
     words += ["--snakefile", str(snakefile()), "--cores", "all" if cores is None else str(cores)]

@@ -1,4 +1,4 @@
-"""Jobs that make what a run shows: tables, figures and the report page."""
+"""Jobs that make tables, figures and the report page."""
 
 from __future__ import annotations
 
@@ -51,8 +51,6 @@ Inputs = dict[str, str]
 
 
 class OutputJobs:
-    """Files and jobs of tables, figures and the report."""
-
     def __init__(self, plan: Plan, coding: CodingJobs) -> None:
         self.plan, self.coding, self.config = plan, coding, plan.config
         register_user_plugins(self.config.figures.own, self.config.tables)
@@ -65,7 +63,7 @@ class OutputJobs:
 
     @cached_property
     def gathered(self) -> dict[str, Gathering]:
-        """The tables of all result rows, of all clouds, and of rows of other kinds."""
+        """Tables of the rows of all jobs."""
         plan, tables = self.plan, {}
         if plan.datasets:
             names = tuple(f"clouds/{'/'.join(cloud)}.json" for cloud in plan.clouds)
@@ -81,7 +79,6 @@ class OutputJobs:
 
     @cached_property
     def study_tables(self) -> dict[str, Inputs]:
-        """The tables of the sensor study that can be made."""
         known = self._study_inputs()
         return {
             name: {needed: known[needed] for needed in entry.inputs}
@@ -91,7 +88,7 @@ class OutputJobs:
 
     @cached_property
     def result_tables(self) -> dict[str, Inputs]:
-        """The further tables of the benchmark that can be made."""
+        """Other tables whose inputs and needs the plan has."""
         there = {"metrics", "clouds"} if self.plan.datasets else set()
         there |= set(self.study_tables)
         return {
@@ -106,21 +103,18 @@ class OutputJobs:
 
     @cached_property
     def tables(self) -> dict[str, Inputs]:
-        """All tables that are made of other tables."""
         return {**self.study_tables, **self.result_tables}
 
     @cache  # noqa: B019 (one plan lives as long as the process)
     def table(self, name: str) -> PlannedJob:
-        """Make a table of others."""
         record = Table(table=TABLES.place_of(name), options=self.table_options(name))
         return planned(record, TABLES.module_of(name))
 
     def table_category(self, name: str) -> str:
-        """Where the report lists a table."""
         return table_entry(name).category
 
     def table_options(self, table: str) -> Options:
-        """Options of a table's function: those of its needs, and those of the configuration."""
+        """Return the options of a table's function from its needs and the configuration."""
         if not table.startswith("bd_rate"):
             needs = table_entry(table).needs
             return {name: value for need in needs for name, value in self._met[need].items()}
@@ -132,7 +126,7 @@ class OutputJobs:
 
     @property
     def anchor(self) -> str:
-        """The codec that the others are compared with: the configured one, else the first."""
+        """The configured codec that BD-rates compare with, else the first."""
         anchor = self.config.bd_rate.anchor or next(iter(self.plan.codecs))
         if anchor not in self.plan.codecs:
             known = ", ".join(self.plan.codecs)
@@ -143,7 +137,7 @@ class OutputJobs:
 
     @cached_property
     def figures(self) -> dict[str, Inputs]:
-        """The figures that can be drawn, with the file of each input."""
+        """Figures that can be drawn, with the file of each input."""
         known = self._cloud_inputs() | self._study_inputs()
         return {
             name: {needed: known[needed] for needed in entry.inputs}
@@ -154,7 +148,7 @@ class OutputJobs:
         }
 
     def _frames_of(self, table: str) -> tuple[CoordinateFrame, ...]:
-        """Frames of the clouds in an input of a figure; all for an input without clouds."""
+        """Return the frames of the clouds in a figure's input; all for other inputs."""
         if table not in _OF_CLOUDS:
             return get_args(CoordinateFrame)
         if table in _OF_CURVES:
@@ -164,7 +158,6 @@ class OutputJobs:
 
     @cache  # noqa: B019
     def figure(self, name: str) -> PlannedJob:
-        """Draw a figure."""
         record = Figure(figure=FIGURES.place_of(name), style=self.figure_style(name))
         also = self._codec_styles if self._shows_codecs(name) else ""
         return planned(record, FIGURES.module_of(name), also=also)
@@ -174,17 +167,17 @@ class OutputJobs:
 
     @cached_property
     def _codec_styles(self) -> str:
-        """Digest of the looks of the codecs, by which figures that show them are drawn again."""
+        """Digest of the codecs' styles; figures with codecs are drawn again if it changes."""
         looks = [self._looks(name) for name in self.plan.codecs]
         return hashlib.sha256(repr(looks).encode()).hexdigest()[:16]
 
     def figure_labels(self, name: str) -> tuple[str, str]:
-        """Category and title of a figure, for Snakemake's own report."""
+        """Return the category and title of a figure for Snakemake's report."""
         entry = figure_entry(name)
         return entry.category, entry.title
 
     def figure_style(self, figure: str) -> tuple[dict[str, Any], ...]:
-        """Layers of a figure's style: of the data sets, of all figures, of this one."""
+        """Return the layers of a figure's style: of the data sets, all figures, and this one."""
         changes = self.config.figures.style, self.config.figures.options.get(figure, {})
         if self._shows_codecs(figure):
             return self._style(*changes)
@@ -199,7 +192,6 @@ class OutputJobs:
         return not is_codec(codec) or bool(self.config.codec(codec).keys() & {*LOOKS, "class"})
 
     def _looks(self, codec: str) -> dict[str, str]:
-        """How figures show a codec."""
         entry = codec_class(codec, self.config.codec(codec))
         return {"codec": codec, **asdict(class_style(codec, entry))}
 
@@ -213,7 +205,6 @@ class OutputJobs:
 
     @property
     def titles(self) -> FigureStyle:
-        """The style that all figures share, for the titles of data sets and codecs."""
         return FigureStyle.from_config(*self._style(self.config.figures.style))
 
     def _check_style(self, figure: str) -> None:
@@ -224,17 +215,16 @@ class OutputJobs:
 
     @property
     def first_codec(self) -> str:
-        """The codec whose results are made first, to be looked at while the others run."""
+        """The codec whose results are made first, for a first look at them."""
         return next(iter(self.plan.codecs), "")
 
     @cached_property
     def first_figures(self) -> list[str]:
-        """Figures that are drawn of the first codec's results alone."""
         return [name for name in FIRST_FIGURES if name in self.figures]
 
     @cached_property
     def first_look(self) -> Gathering:
-        """Draw figures of the first codec's results."""
+        """Plan figures of the first codec's results, which are drawn while other codecs run."""
         names = self.coding.rows("metrics", self.first_codec)
         record = FirstLook(names=names, style=self._style(self.config.figures.style))
         modules = map(FIGURES.module_of, self.first_figures)
@@ -244,14 +234,13 @@ class OutputJobs:
 
     @cached_property
     def report_contents(self) -> Contents:
-        """What the report page shows."""
         tables = [*self.result_tables, *self.study_tables]
         layers = self._style(self.config.figures.style)
         return planned_contents(self.plan, self.figures, tables, layers)
 
     @cached_property
     def report(self) -> PlannedJob:
-        """Write the page; titles and captions of what it shows count as code."""
+        """Plan the page, which is built again if titles or captions change."""
         entries: list[FigureEntry | TableEntry] = [*figure_entries().values()]
         entries += table_entries().values()
         texts = "".join(f"{entry.number} {entry.title} {entry.caption}" for entry in entries)
@@ -265,13 +254,12 @@ class OutputJobs:
 
     @property
     def reference_inputs(self) -> Inputs:
-        """The tables that a run's reference results are made from."""
         names = ("metrics", "clouds", *(["scan_errors"] if self.plan.scanned else []))
         return {name: self._file(name) for name in names}
 
     @cached_property
     def reference(self) -> PlannedJob:
-        """Join the run's tables for others to compare with."""
+        """Plan the file with the run's tables for comparisons."""
         record = Reference(
             contents=self.report_contents.as_json(), bd_rate=self.table_options("bd_rate")
         )
@@ -283,7 +271,7 @@ class OutputJobs:
         return f"{self.plan.results}/tables/{table}.{suffix}"
 
     def _makeable(self, known: Iterable[str]) -> dict[str, TableEntry]:
-        """The tables without a rule of their own whose inputs and needs the plan has."""
+        """Return the tables made of other tables whose inputs and needs the plan has."""
         inputs = set(known)
         return {
             name: entry
@@ -294,7 +282,7 @@ class OutputJobs:
         }
 
     def _cloud_inputs(self) -> Inputs:
-        """Files that figures of clouds and of results are drawn from."""
+        """Return the files for figures of clouds and results."""
         examples = self.config.figures.examples.given()
         known = {
             f"example_{kind}": self._example(cloud)
@@ -311,7 +299,7 @@ class OutputJobs:
         return known
 
     def _study_inputs(self) -> Inputs:
-        """Files that figures and tables of the sensor study are made from."""
+        """Return the files for figures and tables of the sensor study."""
         study = self.plan.study
         if study is None:
             return {}
@@ -325,7 +313,6 @@ class OutputJobs:
 
     @cached_property
     def _met(self) -> dict[str, Options]:
-        """Needs of tables and figures that the plan meets, with the options that they give."""
         return met_needs(self.plan)
 
     def _example(self, name: str) -> str:

@@ -41,8 +41,6 @@ from puckbench.scenes.calibration import CALIBRATIONS
 
 @dataclass(frozen=True)
 class ScenePlan:
-    """An opened scene set and the scenes selected from it."""
-
     name: str
     loader: str
     seed: int
@@ -60,8 +58,6 @@ class ScenePlan:
 
 @dataclass(frozen=True)
 class DataSetPlan:
-    """A data set and its clouds, with an estimate of their points."""
-
     name: str
     scenes: str
     seed: int
@@ -81,9 +77,9 @@ class DataSetPlan:
 
     @property
     def has_true_surface(self) -> bool:
-        """Whether the true surface is known in the frame of the clouds.
+        """Whether the true surface is available in the frame of the clouds.
 
-        In the frame of a moving or tilted sensor only true points are known.
+        In the frame of a moving or tilted sensor only true points are available.
         """
         if not self.has_truth or not self.has_returns:
             return self.has_truth
@@ -91,13 +87,13 @@ class DataSetPlan:
 
     @property
     def is_scanned_from_truth(self) -> bool:
-        """Whether it is scanned from a surface that decoded clouds are compared with."""
+        """Whether it is a scan of a surface that decoded clouds are compared with."""
         return self.has_truth and self.settings.is_scan
 
 
 @dataclass(frozen=True)
 class StudyPlan:
-    """The sensor study (thesis chapter 5); `rows` are the residuals kept of each scan."""
+    """The sensor study (thesis chapter 5); `rows` is the number of residuals kept of each scan."""
 
     models: dict[str, tuple[str, dict[str, Any]]]
     captures: dict[str, tuple[str, dict[str, Any]]]
@@ -119,7 +115,7 @@ class StudyPlan:
 
 @dataclass(frozen=True)
 class TrainingPlan:
-    """A training of weights, and its validation, on pairs of data set and cloud."""
+    """Training and validation of weights on pairs of data set and cloud."""
 
     codec: str
     entry: dict[str, Any]
@@ -131,17 +127,10 @@ class TrainingPlan:
 
 
 class Plan:
-    """Everything that a checked configuration asks for.
+    """Scenes, data sets, clouds and codecs of a checked configuration.
 
-    Parameters
-    ----------
-    check_scenes
-        Whether to read meshes, and leave out those that cannot be used.
-
-    Raises
-    ------
-    InputError
-        The configuration names something that does not exist.
+    With `check_scenes`, meshes are read, and unusable ones are left out. Raises InputError for
+    names that do not exist.
     """
 
     def __init__(self, config: Config, check_scenes: bool = False) -> None:
@@ -180,7 +169,7 @@ class Plan:
         return usable
 
     def left_out_rows(self) -> tuple[dict[str, str], ...]:
-        """Return what the run leaves out and why: files, scenes, rates of clouds."""
+        """Return the files, scenes and rates that the run leaves out, with reasons."""
         named = [
             {"dataset": "", "scene": "", "file": file, "reason": why}
             for file, why in self.config.unused.items()
@@ -228,7 +217,7 @@ class Plan:
 
     @cached_property
     def extents(self) -> dict[str, dict[str, float]]:
-        """Longest sides of clouds in metres that were read, m, by data set and cloud."""
+        """Longest sides of clouds in metres, m, by data set and cloud."""
         return {
             name: extents(self._checks(name), data.clouds)
             for name, data in self.datasets.items()
@@ -273,7 +262,7 @@ class Plan:
 
     @cached_property
     def scanned(self) -> tuple[tuple[str, str], ...]:
-        """Clouds that are themselves compared with the truth."""
+        """Clouds that are compared with the truth before coding."""
         datasets = {name for name, data in self.datasets.items() if data.is_scanned_from_truth}
         return tuple(cloud for cloud in self.clouds if cloud[0] in datasets)
 
@@ -314,7 +303,7 @@ class Plan:
 
     @cached_property
     def coded(self) -> tuple[DataSetPlan, ...]:
-        """The data sets of which a codec codes a cloud."""
+        """The data sets with a coded cloud."""
         names = {dataset for dataset, _, _ in self.curves}
         return tuple(data for name, data in self.datasets.items() if name in names)
 
@@ -326,7 +315,7 @@ class Plan:
         return data.settings.codecs is None or codec in data.settings.codecs
 
     def _why_not(self, codec: str, data: DataSetPlan) -> str:
-        """Why a codec cannot code a data set; empty if it can."""
+        """Return why a codec cannot code a data set, or an empty text."""
         opened = self.opened[codec]
         if opened.takes == "returns" and not data.has_returns:
             return "it codes returns of a spinning sensor"

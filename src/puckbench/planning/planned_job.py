@@ -1,4 +1,4 @@
-"""A planned job, and how Snakemake sees that it must run again."""
+"""Planned jobs, and what makes Snakemake run them again."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ RECORDS = Path(".snakemake", "records")
 
 
 class PlannedJob(NamedTuple):
-    """What a rule hands to a job: its settings as JSON, and the fingerprint of its code."""
+    """A job's settings as JSON, and the fingerprint of its code."""
 
     name: str
     record: str
     code: str
 
     def file(self) -> str:
-        """Write the record to a file named after its content, and return the file."""
+        """Write the record to a file named by its content, and return the file."""
         digest = hashlib.sha256(self.record.encode()).hexdigest()[:16]
         path, content = RECORDS / f"{self.name}-{digest}.json", self.record.encode()
         if not path.exists() or path.read_bytes() != content:
@@ -32,7 +32,7 @@ class PlannedJob(NamedTuple):
 
 
 def planned(record: Job, *modules: str, also: object = "") -> PlannedJob:
-    """Plan a job; `also` is anything else that its result depends on, such as digests of files."""
+    """Plan a job; `also` is anything else that changes its result, such as digests of files."""
     code = code_version(type(record).__module__, *modules)
     name = JOBS.name_of(type(record))
     return PlannedJob(
@@ -41,7 +41,7 @@ def planned(record: Job, *modules: str, also: object = "") -> PlannedJob:
 
 
 class Gathering(NamedTuple):
-    """A job that gathers files of many others, named below the results folder."""
+    """A job that reads files of many others, named below the results folder."""
 
     job: PlannedJob
     names: Sequence[str]
@@ -51,7 +51,7 @@ class Gathering(NamedTuple):
 
 
 def results_folder(files: Sequence[str], names: Sequence[str], results: Path) -> str:
-    """Return the folder that has files of these names: the results folder, or a copy of it.
+    """Return the results folder, or the copy of it with these files.
 
     Snakemake copies files from a storage before it runs a job.
     """

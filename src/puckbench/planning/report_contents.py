@@ -57,14 +57,14 @@ def _examples(plan: Plan) -> Iterable[Example]:
 
 
 def shown_rates(plan: Plan, dataset: str, cloud: str, codec: str) -> tuple[str, ...]:
-    """Return the rates of a curve whose decoded clouds the report shows."""
+    """Return the rates whose decoded clouds the report shows."""
     rates = plan.rates(codec, plan.datasets[dataset].frame)
     coded = plan.curve_rates(dataset, cloud, codec)
     return tuple(rate for rate in spread_out(rates, plan.config.report.rates) if rate in coded)
 
 
 def spread_out(names: Sequence[str], count: int) -> list[str]:
-    """Return `count` of the names, evenly spread from first to last; one is the middle one."""
+    """Return `count` of the names, evenly spread; for 1, the middle one."""
     if count >= len(names):
         return list(names)
     if count == 1:

@@ -1,4 +1,4 @@
-"""The summary that a run prints at its end: a table of results, and the places of its files."""
+"""The summary at the end of a run: a table of results, and the places of its files."""
 
 from __future__ import annotations
 
@@ -42,14 +42,7 @@ _PLACES = {"report": REPORT, "tables": "tables", "figures": "figures"}
 def closing_lines(results: Path, style: FigureStyle, anchor: str, since: float) -> Iterator[str]:
     """Yield the lines of the summary; none if the run made no table of medians.
 
-    Parameters
-    ----------
-    style
-        Titles of data sets and codecs.
-    anchor
-        Codec that BD-rates compare with.
-    since
-        Time stamp of the start of the run.
+    `anchor` is the codec that BD-rates compare with; `since` is the time stamp of the run's start.
     """
     summary = results / "tables" / "summary.csv"
     if not summary.exists() or summary.stat().st_mtime < since:
@@ -93,7 +86,6 @@ def _delta(row: Row | None) -> dict[str, Any]:
 
 
 def _remarks(rows: Sequence[Mapping[str, Any]]) -> Iterator[str]:
-    """Yield the peaks of the PSNRs, and the lossless rates."""
     peaks = {row["dataset"]: f"{row['peak']:g}{row['unit']}" for row in rows if row["peak"]}
     if peaks:
         yield f"Peak of the PSNRs: {', '.join(' '.join(item) for item in peaks.items())}."
@@ -104,7 +96,6 @@ def _remarks(rows: Sequence[Mapping[str, Any]]) -> Iterator[str]:
 
 
 def _rate_lines(results: Path, style: FigureStyle) -> Iterator[str]:
-    """Yield the table of all rates, if it is short."""
     path = results / "tables" / "rates.csv"
     rows = _rows(path)
     if len(rows) > _MAX_RATES:
@@ -128,7 +119,6 @@ def _rate_cells(row: Row, style: FigureStyle) -> list[str]:
 
 
 def _odd_results(results: Path) -> Iterator[str]:
-    """Yield the remarks of result rows, if few."""
     rows = [row for row in _rows(results / "tables" / "metrics.csv") if row.get(REMARK)]
     for row in rows[:_MAX_REMARKS]:
         place = f"codec {row['codec']}, cloud {row['dataset']}/{row['cloud']}, {row['rate']}"
@@ -138,7 +128,7 @@ def _odd_results(results: Path) -> Iterator[str]:
 
 
 def _row(medians: Sequence[Row], style: FigureStyle) -> dict[str, Any]:
-    """Summarise the medians of one codec on one data set, without its BD-rate."""
+    """Summarise the medians of a codec on a data set, without its BD-rate."""
     first = medians[0]
     ranges = {name: _range(medians, name) for name in ("bpp", "d1_rms_m", "d1_psnr")}
     return {
@@ -154,7 +144,6 @@ def _row(medians: Sequence[Row], style: FigureStyle) -> dict[str, Any]:
 
 
 def _range(rows: Sequence[Row], column: str) -> list[float] | None:
-    """Return the least and the greatest value of a column, or None."""
     found = [float(row[column]) for row in rows if row.get(column)]
     return [min(found), max(found)] if found else None
 
@@ -176,7 +165,7 @@ def _cells(row: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _aligned(rows: Sequence[Sequence[str]]) -> Iterator[str]:
-    """Yield lines of columns of equal width: texts left-aligned, numbers right-aligned."""
+    """Yield lines of columns of equal width, texts left-aligned, numbers right-aligned."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     for row in rows:
         cells = zip(row, widths, strict=True)

@@ -26,7 +26,7 @@ _COMPILING_S, _COMPILING_CODEC_S = 20.0, 15.0
 
 
 def job_seconds(bench: Workflow) -> Callable[[str], float]:
-    """Return the seconds of a job by the name of its rule, as the mean over all clouds."""
+    """Return the mean seconds of a job over all clouds, as a function of its rule's name."""
     counts = [data.points for data in bench.plan.datasets.values() for _ in data.clouds]
     millions = sum(counts) / 1e6 / max(1, len(counts))
     seconds = {name: per_million * millions for name, per_million in _OF_CLOUDS.items()} | _OTHERS
@@ -55,7 +55,7 @@ def _of_curves(bench: Workflow, millions: float) -> dict[str, float]:
 
 
 def machine_sample() -> float:
-    """Measure a short work load on one core of this machine, in seconds."""
+    """Return the seconds of a short computation on one core of this machine."""
     import numpy as np
 
     values = np.random.default_rng(0).random((100_000, 3))
@@ -70,7 +70,7 @@ def machine_sample() -> float:
 
 
 def compiling_seconds(bench: Workflow) -> float:
-    """Estimate the seconds of compiling loops; 0 if compiled loops are kept already."""
+    """Estimate the seconds of compilation; 0 if compiled loops are cached."""
     import puckbench
 
     geometry = Path(puckbench.__file__).parent / "geometry"

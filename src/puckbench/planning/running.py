@@ -1,4 +1,4 @@
-"""What a run does around its jobs: lock the results, check for space, list what is left out."""
+"""Actions around a run: lock the results, check for space, list what is left out."""
 
 from __future__ import annotations
 
@@ -20,12 +20,7 @@ _MOST_LEFT_OUT = 50
 def hold_results(results: Path) -> None:
     """Lock the results folder while this process lives, and remove leftovers of a killed run.
 
-    The lock is one of the operating system and ends with its process.
-
-    Raises
-    ------
-    InputError
-        Another run holds the lock, or the folder cannot be written.
+    Raises InputError if another run holds the lock, or the folder cannot be written.
     """
     import fcntl
 
@@ -60,8 +55,8 @@ def left_out_lines(rows: Sequence[Mapping[str, str]]) -> Iterator[str]:
 
 
 def now() -> float:
-    """Return a time stamp that is not later than that of any file written from now on.
+    """Return a time stamp not later than that of any file written from now on.
 
-    It allows a file server's clock to be a minute behind ours.
+    The clock of a file server may be a minute behind ours.
     """
     return time.time() - 60

@@ -1,7 +1,7 @@
-"""Comparison of two results folders, without times.
+"""Comparison of two results folders without times.
 
-Tables and rows are compared without columns of time and memory, other files byte by byte; logs, the
-report and figures of times are left out.
+Tables are compared without columns of time and memory, other files byte by byte. Logs, the report
+and figures of times are ignored.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _LEFT_OUT = re.compile(
 
 
 def differences(folder: Path, reference: Path, finished: bool = True) -> list[str]:
-    """Return a line for each file in which two results folders differ."""
+    """Return a line for each file that differs."""
     names, reference_names = set(compared(folder)), set(compared(reference))
     lines = [f"{name}: only in {folder}" for name in sorted(names - reference_names)]
     if finished:
@@ -40,7 +40,6 @@ def differences(folder: Path, reference: Path, finished: bool = True) -> list[st
 
 
 def after_a_kill(folder: Path, reference: Path) -> list[str]:
-    """Return the differences of an unfinished folder."""
     lines = differences(folder, reference, finished=False)
     return [line for line in lines if ".tmp" not in line]
 
@@ -69,7 +68,7 @@ def _member(name: str, data: bytes) -> Any:
 
 
 def _table(path: Path) -> list[list[str]]:
-    """Return the column names and the cells of every row as text, in which nan equals nan."""
+    """Return the column names and rows as text, so that nan equals nan."""
     if path.suffix == ".csv":
         with path.open(newline="", encoding="utf-8") as stream:
             return list(csv.reader(stream))

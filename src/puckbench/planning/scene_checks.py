@@ -1,6 +1,6 @@
 """Checks of scenes before a run: damaged meshes, no place for a sensor, clouds without points.
 
-The results are kept beside those of the run until the files or the settings change.
+The results are stored with those of the run until the files or the settings change.
 """
 
 from __future__ import annotations
@@ -23,7 +23,6 @@ from puckbench.planning.planned_job import planned
 
 
 def scan_record(settings: DataSetConfig, scene: str, seed: int) -> Scan:
-    """Return the scan of a scene that a data set's settings ask for."""
     return Scan(
         sensor=settings.sensor,
         errors=settings.errors,
@@ -39,7 +38,7 @@ def scan_record(settings: DataSetConfig, scene: str, seed: int) -> Scan:
 def scene_faults(
     scenes: SceneSet, names: Iterable[str], settings: DataSetConfig, results_file: Path
 ) -> dict[str, str]:
-    """Return why a data set cannot use some of its scenes; earlier results are in a file."""
+    """Return the scenes that a data set cannot use, with reasons; `results_file` is a cache."""
     if settings.make == "cloud" and not read_first(scenes):
         return {}
     states = {
@@ -86,7 +85,7 @@ def _read_checks(results_file: Path) -> dict[str, dict[str, Any]]:
 
 
 def extents(results_file: Path, scenes: Iterable[str]) -> dict[str, float]:
-    """Return the longest side of the bounding box of scenes that were read, m."""
+    """Return the longest sides of the scenes' bounding boxes, m."""
     checks = _read_checks(results_file)
     return {name: checks[name]["extent_m"] for name in scenes if "extent_m" in checks.get(name, {})}
 

@@ -1,4 +1,4 @@
-"""The files of each stage of a plan, which of them exist, and its jobs in groups of equal work."""
+"""The stages of a plan: their files, and their jobs in groups of equal work."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from puckbench.planning.workflow import Workflow
 
 @dataclass(frozen=True)
 class Stage:
-    """Files of one kind; `planned` has their names below the folder, without suffix."""
+    """Files of one kind; `planned` are their names below the folder, without suffix."""
 
     folder: Path
     suffix: str
@@ -23,7 +23,7 @@ class Stage:
 
     @cached_property
     def existing(self) -> Mapping[str, float]:
-        """Planned files that exist, with the times in seconds at which they were written."""
+        """Planned files that exist, with their modification times in seconds."""
         start, end = len(str(self.folder)) + 1, -len(self.suffix)
         times = {
             path[start:end]: time
@@ -50,7 +50,6 @@ def _files(folder: Path) -> Iterator[tuple[str, float]]:
 
 
 def stages_of(bench: Workflow) -> dict[str, Stage]:
-    """Return every stage of a benchmark by name."""
     plan, root = bench.plan, bench.plan.results
     curves = frozenset(map("/".join, plan.curves))
     clouds = frozenset(map("/".join, plan.clouds))
@@ -70,13 +69,12 @@ def stages_of(bench: Workflow) -> dict[str, Stage]:
 
 
 def _clouds_by(bench: Workflow, make: str) -> frozenset[str]:
-    """Names of the clouds that are sampled or scanned."""
     datasets = [data for data in bench.plan.datasets.values() if data.settings.make == make]
     return frozenset(f"{data.name}/{cloud}" for data in datasets for cloud in data.clouds)
 
 
 def job_kinds(bench: Workflow) -> list[JobKind]:
-    """Return the jobs of the whole benchmark, grouped by their work."""
+    """Return all jobs in groups of equal work."""
     outputs, study = bench.outputs, bench.plan.study
     kinds = [JobKind("scene", len(stages_of(bench)["scenes"].planned))]
     for data in bench.plan.datasets.values():
@@ -92,7 +90,6 @@ def job_kinds(bench: Workflow) -> list[JobKind]:
 
 
 def _cloud_kinds(data: DataSetPlan) -> Iterator[JobKind]:
-    """Jobs that make the clouds of a data set and measure them against their true surface."""
     count, points, make = len(data.clouds), data.points, data.settings.make
     for job in (*([make] if make != "cloud" else []), "prepare"):
         yield JobKind(job, count, points)
@@ -101,7 +98,6 @@ def _cloud_kinds(data: DataSetPlan) -> Iterator[JobKind]:
 
 
 def _curve_kinds(bench: Workflow, data: DataSetPlan) -> Iterator[JobKind]:
-    """Jobs that code the clouds of a data set and measure the results."""
     plan, count, points = bench.plan, len(data.clouds), data.points
     for codec in (codec for codec in plan.codecs if plan.codes(codec, data.name)):
         for curve in bench.coding.curves:

@@ -51,12 +51,11 @@ class StudyJobs:
         return tuple(f"residuals/captures/{name}.parquet" for name in self.study.captures)
 
     def calibrate(self) -> PlannedJob:
-        """Plan the calibration of an error model from the recordings."""
         return planned(Calibrate())
 
     @cached_property
     def gathered(self) -> dict[str, Gathering]:
-        """Tables that join those of all models and recordings; the recordings are one model."""
+        """Tables joined from those of all models and recordings."""
         models, captures = tuple(self.study.models), self.capture_files()
         residuals = (*(f"residuals/models/{model}.parquet" for model in models), *captures)
         points = tuple(f"wall_points/{model}.parquet" for model in models)

@@ -23,13 +23,10 @@ def study_configuration(
     results: str,
     datasets: Sequence[str] = (),
 ) -> Options:
-    """Return the configuration of a study with the user's codecs in place of its own.
+    """Return a study's configuration with the user's codecs.
 
-    Raises
-    ------
-    InputError
-        The study has no such data set, its data are not here, a codec codes none of its clouds, or
-        its configuration is invalid or names code.
+    Raises InputError if the study has no such data set, its data are missing, a codec codes none of
+    its clouds, or its configuration is invalid or names code.
     """
     study = _stored(reference)
     offered: Mapping[str, Options] = study["datasets"]
@@ -66,10 +63,7 @@ def study_configuration(
 
 
 def _stored(reference: ReferenceResults) -> Options:
-    """Return the study's keys about clouds and measures.
-
-    They are data, so they may not name code.
-    """
+    """Return the study's keys about clouds and measures, which may not name code."""
     kept = {k: v for k, v in reference.about["configuration"].items() if k not in _NOT_KEPT}
     with naming(f"{reference.name}: the configuration of the study"):
         study = checked(kept)

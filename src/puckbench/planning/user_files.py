@@ -1,4 +1,4 @@
-"""The configuration of a run on a user's own clouds, meshes and recordings."""
+"""The configuration of a run on the user's clouds, meshes and recordings."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ _MARK = "# Made by puckbench run"
 
 @dataclass(frozen=True)
 class UserRun:
-    """A run on the user's own files.
+    """A run on the user's files.
 
     Parameters
     ----------
@@ -76,8 +76,6 @@ class UserRun:
         Frame of clouds and meshes; by default metres if all cloud formats are among `IN_METRES`.
     rates
         Names of rates, or ``("all",)``; by default all, or four of them if these take long.
-    scan
-        Whether to scan meshes with the virtual sensor.
     points
         Points sampled from a mesh that is not scanned.
     limit
@@ -261,7 +259,7 @@ class UserRun:
 
 
 def _files(text: str) -> Iterator[Path]:
-    """Return the files of a path or pattern, and folders that are one recording."""
+    """Yield files, and folders that are one recording."""
     path = Path(text)
     if path.is_dir() and not recordings.is_bag_folder(path):
         yield from (each for each in sorted(path.rglob("*")) if is_file_or_lost(each))
@@ -297,7 +295,6 @@ def _kind(path: Path) -> Kind | None:
 
 
 def _frame(scenes: Options) -> CoordinateFrame:
-    """Return ``metric`` if the clouds' formats are in metres, else ``scaled``."""
     found = open_scene_set(scenes["loader"], scenes["options"])
     files = (path for name in found.names() for path in found.files(name))
     return "metric" if all(plain_suffix(path) in IN_METRES for path in files) else "scaled"
@@ -356,9 +353,9 @@ def _why_not(plan: Plan, codec: str, advice: bool) -> str:
 
 
 def write_configuration(path: Path, config: Mapping[str, Any], command: str) -> None:
-    """Write a configuration below the command that made it, unless the user has edited the file.
+    """Write a configuration and the command that made it, unless the user has edited the file.
 
-    The first line has a digest of the others, by which an edited file is recognised.
+    The first line has a digest of the others, by which edits are detected.
     """
     body = f"# {command}\n{yaml_text(dict(config))}"
     if path.exists() and not _is_as_made(path):

@@ -19,8 +19,6 @@ from puckbench.planning.training import TrainingJobs
 
 
 class Workflow:
-    """The plan of the user's configuration, and its jobs by stage."""
-
     def __init__(self, config: Mapping[str, Any], check_scenes: bool = False) -> None:
         self.config = trusted(config)
         self.plan = Plan(self.config, check_scenes)
@@ -41,7 +39,7 @@ def run_jobs_with(source: str) -> None:
 
 
 def package_alone(folder: Path) -> Path:
-    """Make a folder that contains only this package, for jobs that have all other packages."""
+    """Make a folder with only this package, for jobs that have all other packages."""
     package, link = Path(__file__).parents[1], folder.resolve() / "puckbench"
     if not link.is_symlink() or link.readlink() != package:
         link.parent.mkdir(parents=True, exist_ok=True)

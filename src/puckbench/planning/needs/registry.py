@@ -1,7 +1,7 @@
 """Conditions on a plan that tables and figures name as their needs.
 
-A need is a function of a plan. It returns options for the tables that have this need, usually none,
-or None if the plan does not meet it::
+A need is a function of a plan. It returns options for the tables with this need, or None if the
+plan does not meet it::
 
     @NEEDS.register("codecs")
     def several_codecs(plan: Plan) -> Options | None:
@@ -26,7 +26,7 @@ NEEDS: Registry[Need] = Registry("need", "needs")
 def met_needs(plan: Plan) -> dict[str, Options]:
     """Return the needs that a plan meets, each with its options.
 
-    Beside the registered ones these are the distances and error models of the sensor study.
+    They include the distances and error models of the sensor study.
     """
     options = {name: NEEDS.get(name)(plan) for name in NEEDS.names()}
     met = {name: value for name, value in options.items() if value is not None}
