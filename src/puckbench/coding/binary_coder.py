@@ -126,7 +126,7 @@ def _next_byte(coder: BitCoder) -> int:
 
 @compiled_in_place
 def code_gamma(coder: BitCoder, value: int) -> int:
-    """Code a number from 1 to 2^17 - 1 by its Elias gamma code; return the number."""
+    """Code a number from 1 to 2^17 - 1 by its Elias gamma code; return it."""
     bits = 0
     if coder.registers[WRITING] == 1:
         while value >> (bits + 1):

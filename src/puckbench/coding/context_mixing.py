@@ -46,7 +46,7 @@ BIAS = 77
 
 @dataclass(frozen=True)
 class MixerOptions:
-    """Numbers of experts, contexts, counters and sets of weights of a mixer, and how it learns.
+    """Sizes of a mixer, and how it learns.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ class MixerOptions:
 
 
 class MixerSizes(NamedTuple):
-    """Sizes of a mixer, as lengths of tuples, which are constants for the compiler."""
+    """Sizes of a mixer as lengths of tuples, which are compile-time constants."""
 
     experts: Lanes
     contexts: Lanes
@@ -83,7 +83,8 @@ class MixerSizes(NamedTuple):
 
 
 class Mixer(NamedTuple):
-    """State of a mixer. For each bit the caller sets the experts' `inputs`, `contexts` and `rows`.
+    """State of a mixer. For each bit the caller sets the experts' logits in `inputs`, the counter
+    of each context in `contexts` and the row of weights of each set in `rows`.
 
     Parameters
     ----------
@@ -91,14 +92,6 @@ class Mixer(NamedTuple):
         (counters,), probability of a 1 and number of coded bits.
     weights
         (rows * lanes,), of the experts, the contexts and the bias.
-    corrections
-        (rows, buckets), probability of a 1.
-    inputs
-        (lanes,), logits of the experts and of the contexts, and the bias.
-    contexts
-        (contexts,), counter of each context.
-    rows
-        (sets,), row of weights of each set.
     learning
         Initial, final and current learning rate, and number of coded bits.
     """

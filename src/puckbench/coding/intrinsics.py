@@ -122,7 +122,6 @@ def _or_loop(write: Write, loop: Callable[..., None]) -> Write:
 
 
 def _can_be_written(write: Write, context: Any, signature: Any) -> bool:
-    """Try to write the code into a separate module, which a failure leaves unfinished."""
     kinds = [context.get_value_type(kind) for kind in signature.args]
     function = ir.Function(ir.Module(), ir.FunctionType(ir.VoidType(), kinds), "trial")
     builder = ir.IRBuilder(function.append_basic_block())
@@ -138,7 +137,6 @@ def _data(context: Any, builder: Any, kind: Any, array: Any) -> Any:
 
 
 def _parts(builder: Any, data: Any, first: Any, count: int) -> list[Any]:
-    """Return pointers to the parts, of LANES integers each, of a vector that begins at `first`."""
     start = builder.gep(data, [first])
     return [
         builder.bitcast(builder.gep(start, [_LONG(part)]), _WORDS.as_pointer())

@@ -36,8 +36,8 @@ class Shifted(NamedTuple):
 
 
 def shift_of(points: Floats, step: float | None = None) -> Floats | None:
-    """Return the integers (3,) to subtract from points (n, 3), or None if they are near the origin
-    and single precision resolves an eighth of the codec's grid `step`.
+    """Return the integers (3,) to subtract from points (n, 3); None near the origin if single
+    precision resolves an eighth of the codec's grid `step`.
     """
     ends = bounds(points)
     with np.errstate(over="ignore"):

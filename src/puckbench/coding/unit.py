@@ -1,8 +1,10 @@
-"""Header with the length of a grid step, by which a cloud in metres is divided. The stream is
+"""Header with the length of a grid step, by which a cloud in metres is divided.
 
-4 bytes  "PBUN"
-8 bytes  the length of a step, a little-endian double
-the stream of the codec
+The stream is
+
+    4 bytes  "PBUN"
+    8 bytes  the length of a step, a little-endian double
+    the stream of the codec
 """
 
 from __future__ import annotations

@@ -1,7 +1,5 @@
-"""Nearest neighbour search with a limit on its work.
-
-For queries at the centre of a sphere of points every search tree visits all points. A decoder
-limits this work, because streams may be malicious.
+"""Nearest neighbour search with a limit on its work, since every search tree visits all points for
+queries at the centre of a sphere of points.
 """
 
 from __future__ import annotations

@@ -1,7 +1,6 @@
 """Exact nearest two points of many queries, by a dual-tree search over trees of bounding boxes.
 
-All queries of a leaf (about twenty) descend the tree of the points together, so that each query is
-compared with the points of about two leaves.
+All queries of a leaf (about twenty) descend the tree of the points together.
 """
 
 from __future__ import annotations
@@ -24,11 +23,11 @@ LEAVES_AT_ONCE = 1024
 
 
 class NearestTwo(NamedTuple):
-    """Nearest points of m queries.
+    """Nearest points of m queries, with the smallest squared distances (m,).
 
-    ``squared`` (m,) is the smallest squared distance. ``rows`` (m, 2) are the two nearest points:
-    twice the nearest without a tie, any two of three that tie. ``ties`` (m,) counts the points that
-    tie (at most 3), ``exact`` (m,) those at exactly the smallest distance.
+    ``rows`` (m, 2) are the two nearest points: twice the nearest if there is no tie, any two of
+    three tied points. ``ties`` (m,) counts the points that tie (at most 3), ``exact`` (m,) those at
+    exactly the smallest distance.
     """
 
     squared: Floats
@@ -50,8 +49,6 @@ class _Block(NamedTuple):
 
 
 class _Stack(NamedTuple):
-    """Nodes to visit and their squared distances from the queries' box."""
-
     nodes: Rows
     gaps: Floats
 

@@ -28,10 +28,8 @@ def mesh_in_frame(mesh: Mesh, scale: float, offset: Floats | tuple[float, float,
 
 
 class SearchableMesh:
-    """A triangle mesh with a search tree.
-
-    Embree (through Open3D) finds the closest triangle in single precision, on shared edges any of
-    the triangles.
+    """A triangle mesh with a search tree (Embree, single precision) for the closest triangle; on
+    shared edges any of the triangles.
     """
 
     def __init__(self, mesh: Mesh) -> None:

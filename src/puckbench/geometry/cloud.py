@@ -31,8 +31,6 @@ class _VoxelGrid(Model, extra="ignore"):
 
 
 class _Description(Model, extra="ignore"):
-    """Entries of a description that puckbench reads."""
-
     name: str = ""
     group: str = ""
     size: Annotated[int, Field(ge=0, lt=_INTEGER_LIMIT)] | None = None

@@ -62,7 +62,7 @@ class Mesh:
     labels: Labels | None = None
 
     def corners(self) -> Floats:
-        """Return the corners of the triangles, (t, 3, 3)."""
+        """Return the corners, (t, 3, 3)."""
         return self.vertices[self.triangles]
 
     def areas(self) -> Floats:

@@ -22,10 +22,10 @@ _MIN_RANGE_M = 0.2
 
 def missing_returns(xyz: Floats, is_organised: bool = False) -> Mask:
     """Return the mask (n,) of points that stand for firings without a return: points without
-    coordinates, and points at the origin.
+    coordinates or at the origin.
 
-    In clouds that are not organised (images), points at the origin must be one in a thousand and
-    more than twice as many as coincide at any other position.
+    Unless the cloud is organised (an image), points at the origin count only if they are one in a
+    thousand and more than twice as many as coincide at any other position.
     """
     empty: Mask = np.asarray(np.isnan(xyz).all(axis=1))
     zero: Mask = np.asarray((xyz == 0).all(axis=1))

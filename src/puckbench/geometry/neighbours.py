@@ -90,7 +90,6 @@ def _neighbour_counts() -> Iterator[int]:
 
 @compiled
 def _sort_by_distance(queries: Floats, points: Floats, index: Indices) -> Floats:
-    """Sort `index` (m, k) in place; return the squared distances (m, k)."""
     squared = np.empty(index.shape, np.float64)
     for i in range(len(index)):
         for j in range(index.shape[1]):

@@ -1,5 +1,3 @@
-"""Scaling of a cloud to the cube [0, size - 1]^3, as PCC Arena does, or to its voxel grid."""
-
 from __future__ import annotations
 
 from collections.abc import Mapping
@@ -40,10 +38,11 @@ def origin_shift(points: Floats) -> Floats:
 
 
 def cube_scaling(points: Floats, size: int = 1024) -> Scaling:
-    """Return the scaling of points (n, 3) in metres to the cube [0, size - 1]^3.
+    """Return the scaling of points (n, 3) in metres to the cube [0, size - 1]^3, as in PCC Arena
+    (thesis section 6.1.6).
 
     The minimum of each axis is subtracted, then all axes are multiplied by (size - 1) over the
-    largest remaining coordinate (thesis section 6.1.6).
+    largest coordinate.
     """
     offset = points.min(axis=0)
     extent = float((points.max(axis=0) - offset).max())
@@ -55,8 +54,8 @@ def cube_scaling(points: Floats, size: int = 1024) -> Scaling:
 def grid_scaling(points: Floats, about: Mapping[str, Any]) -> Scaling:
     """Return the scaling of voxel centres (n, 3) in metres to integers.
 
-    Raises InputError if a point is not on the ``grid`` of the cloud's description (side of a voxel
-    in ``metres``, ``origin``: centre of voxel (0, 0, 0)), or there is none.
+    Raises InputError unless the points are on the ``grid`` of the cloud's description (side of a
+    voxel in ``metres``, ``origin``: centre of voxel (0, 0, 0)).
     """
     grid = about.get("grid")
     if grid is None:

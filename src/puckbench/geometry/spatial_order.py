@@ -31,7 +31,6 @@ def distinct_rows(points: Floats) -> Rows:
 
 
 def distinct_points(points: Floats) -> tuple[Rows, Floats]:
-    """Return `distinct_rows` and these points (m, 3)."""
     keys = morton_keys(points)
     order = sort_keys(keys)
     ordered = points.take(order, axis=0)

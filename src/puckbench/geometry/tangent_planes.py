@@ -1,5 +1,3 @@
-"""Tangent planes of voxelised surfaces: a least-squares plane around each voxel."""
-
 from __future__ import annotations
 
 from typing import NamedTuple
@@ -65,7 +63,7 @@ def _fit(
     """Write the planes of the voxels in blocks rows[0] to rows[1].
 
     `voxels`: coordinates grouped by block, and their rows in `planes`. `blocks`: sorted keys, first
-    voxel of each block, and moments, which are integers, so that sums are exact.
+    voxels and integer moments, whose sums are exact.
     """
     xyz, order = voxels
     keys, starts, block_moments = blocks
@@ -109,7 +107,7 @@ def _first_key_in_row(key: int, row: int) -> int:
 
 @compiled
 def _block_moments(xyz: Ints, starts: Ints) -> Ints:
-    """Return the moments (b, 10) of the voxels of each block about the block's first voxel."""
+    """Return the moments (b, 10) of the voxels of each block about its first voxel."""
     moments = np.zeros((len(starts) - 1, MOMENT_COUNT), np.int64)
     for i in range(len(moments)):
         begin = starts[i]
@@ -125,7 +123,6 @@ def _block_moments(xyz: Ints, starts: Ints) -> Ints:
 
 @compiled_in_place
 def _add_shifted(moments: Ints, origin: Ints, middle: Ints, sums: Ints) -> None:
-    """Add moments about `origin` to `sums` about `middle`."""
     n, x, y, z = moments[0], moments[1], moments[2], moments[3]
     a, b, c = origin[0] - middle[0], origin[1] - middle[1], origin[2] - middle[2]
     sums[0] += n

@@ -58,8 +58,8 @@ def luminance_distance(a: Floats, b: Floats) -> float:
 
 
 def joint_quality(distortion: Mapping[str, float], colour: Mapping[str, float]) -> float:
-    """Return the joint metric of ``cd_plane`` and ``luminance_l2`` (Viola, Subramanyam and Cesar
-    2020), lower is better, in PCC Arena's form without its integer division.
+    """Return the joint metric of ``cd_plane`` and ``luminance_l2`` in PCC Arena's form, lower is
+    better (Viola, Subramanyam and Cesar 2020).
     """
     if "cd_plane" not in distortion:
         return math.nan

@@ -65,7 +65,6 @@ def _boxes(points: Floats) -> Floats:
 
 @compiled
 def _box_squared(boxes: Floats, i: int, j: int) -> float:
-    """Return an upper bound of the squared distances between points of two boxes."""
     x = max(boxes[i, 1, 0] - boxes[j, 0, 0], boxes[j, 1, 0] - boxes[i, 0, 0])
     y = max(boxes[i, 1, 1] - boxes[j, 0, 1], boxes[j, 1, 1] - boxes[i, 0, 1])
     z = max(boxes[i, 1, 2] - boxes[j, 0, 2], boxes[j, 1, 2] - boxes[i, 0, 2])

@@ -28,7 +28,7 @@ METRICS: Registry[Metric] = Registry("metric", "further_metrics")
 def further_metrics(
     names: Iterable[str], reference: PointCloud, decoded: PointCloud, columns: Collection[str]
 ) -> dict[str, float]:
-    """Return the values of optional metrics, named by registration or ``path/to/file.py:function``;
+    """Return the values of optional metrics, by registered name or ``path/to/file.py:function``;
     InputError if one returns an entry of `columns`.
     """
     results: dict[str, float] = {}

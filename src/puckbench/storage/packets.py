@@ -1,7 +1,9 @@
-"""The sensor's data packets, as archives of captures store them. A body is:
+"""The sensor's data packets, as archives of captures store them.
 
-the number of turns, and the number of packets of each, base 128
-the packets, 1,206 bytes each, compressed
+A body is:
+
+    the number of turns, and the number of packets of each, base 128
+    the packets, 1,206 bytes each, compressed
 """
 
 from __future__ import annotations
