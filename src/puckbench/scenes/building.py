@@ -65,7 +65,7 @@ def room_types() -> dict[str, str]:
 
 
 def building_room(name: str, seed: int) -> RoomSpec:
-    """Return a room of the building: a room of the catalogue, stretched at random."""
+    """Return a room of the catalogue for a room of the building, stretched at random."""
     kind = room_types()[name]
     rng = generator(seed, "building", name)
     base = str(rng.choice(ROOM_CHOICES[kind]))
@@ -94,7 +94,7 @@ def _moved(placement: Placement, x: float, y: float) -> Placement:
 
 
 def _grown(placement: Placement, x: float, y: float) -> Any:
-    """The maker of a beam, duct or pipe as long as the stretched room."""
+    """Return the maker of a beam, duct or pipe as long as the stretched room."""
     maker = placement.maker
     if not isinstance(maker, partial) or placement.where == "floor":
         return maker

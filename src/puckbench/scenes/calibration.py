@@ -20,8 +20,7 @@ CALIBRATIONS: dict[str, float] = {f"wall_floor_{d}m": float(d) for d in (1, 2, 3
 def make_calibration(name: str, *, room: bool = False) -> Mesh:
     """Return a wall at y = 0, 1.6 m x 2.2 m, and a floor to the sensor.
 
-    `room` adds the other walls and the ceiling of a room, 5 m wide and 2.6 m high, open behind the
-    sensor, of the class "surroundings".
+    `room` adds the other walls and the ceiling of a room as "surroundings", open behind the sensor.
     """
     distance = _distance(name)
     wall = _upright(_rectangle(WIDTH, HEIGHT))
@@ -31,7 +30,6 @@ def make_calibration(name: str, *, room: bool = False) -> Mesh:
 
 
 def calibration_origin(name: str) -> tuple[float, float, float]:
-    """Return the sensor position, 1 m above the floor's end."""
     return (0.0, _distance(name), SENSOR_HEIGHT)
 
 
@@ -60,12 +58,11 @@ def _surroundings(distance: float) -> list[Surface]:
 
 
 def _upright(surface: Surface) -> Surface:
-    """Raise a rectangle to a wall at y = 0 that faces the sensor."""
     return surface.at(tilt=90).at(turn=180)
 
 
 def _rectangle(width: float, length: float) -> Surface:
-    """A horizontal rectangle from y = 0 to `length`, centred in x."""
+    """Make a horizontal rectangle from y = 0 to `length`, centred in x."""
     return flat(outlines.shifted(outlines.rectangle(width, length), 0.0, length / 2))
 
 

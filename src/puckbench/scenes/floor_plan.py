@@ -1,5 +1,3 @@
-"""Floor plan of a room: occupied space, and whether a further item fits."""
-
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -16,16 +14,8 @@ _TOUCH = 0.005
 
 @dataclass
 class FloorPlan:
-    """Occupied space of a room.
-
-    Parameters
-    ----------
-    outline
-        Corners of the floor, (n, 2), counter-clockwise.
-    rectangles
-        Corners of occupied rectangles, (4, 2) each.
-    heights
-        Lowest and highest z above each rectangle.
+    """Occupied space of a room: corners of the counter-clockwise floor (n, 2) and of occupied
+    rectangles (4, 2), with the range of z above each rectangle.
     """
 
     outline: Floats
@@ -74,7 +64,7 @@ def square(x: float, y: float, half: float) -> Floats:
 
 
 def _inside(points: Floats, polygon: Floats) -> NDArray[np.bool_]:
-    """Mask (n,) of points (n, 2) in a polygon (m, 2), by the even-odd rule."""
+    """Return a mask (n,) of points (n, 2) in a polygon (m, 2), by the even-odd rule."""
     a, b = polygon, np.roll(polygon, -1, axis=0)
     y = points[:, 1:2]
     spans = (a[:, 1] > y) != (b[:, 1] > y)
@@ -84,7 +74,9 @@ def _inside(points: Floats, polygon: Floats) -> NDArray[np.bool_]:
 
 
 def _overlaps(rectangle: Floats, others: Floats) -> NDArray[np.bool_]:
-    """Mask (k,) of rectangles (k, 4, 2) that overlap another, by the separating axis theorem."""
+    """Return a mask (k,) of rectangles (k, 4, 2) that overlap another, by the separating axis
+    theorem.
+    """
     own_axes = np.broadcast_to(
         np.stack([rectangle[1] - rectangle[0], rectangle[3] - rectangle[0]]), (len(others), 2, 2)
     )

@@ -18,7 +18,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Modeller:
-    """Makes solids whose curved faces are tessellated by their size, and random choices.
+    """Make solids with a tessellation by size, and random choices.
 
     Parameters
     ----------
@@ -49,7 +49,6 @@ class Modeller:
         return bool(self.rng.random() < probability)
 
     def box(self, x: float, y: float, z: float) -> Surface:
-        """Make a box on z = 0, centred in x and y."""
         return solids.box(x, y, z)
 
     def slab(self, x: float, y: float, z: float, radius: float) -> Surface:
@@ -96,12 +95,10 @@ class Modeller:
         return solids.superquadric(sizes, exponents, self.steps(0.35 * max(sizes)))
 
     def cushion(self, x: float, y: float, z: float, roundness: float = 0.35) -> Surface:
-        """Make a rounded box (a superquadric) on z = 0."""
         sizes = (x / 2, y / 2, z / 2)
         return self.superquadric(sizes, (roundness, roundness)).at(z=z / 2)
 
     def turned(self, profile: Outline, degrees: float = 360.0) -> Surface:
-        """Revolve a profile of (r, z) points about z, the outside on its right."""
         radius = max(float(segment.points[:, 0].max()) for segment in profile)
         return solids.revolve(profile, self.steps(radius), degrees)
 

@@ -20,8 +20,6 @@ MEMBERS = 12
 
 @dataclass(frozen=True)
 class ObjectClass:
-    """A function that makes a member, and the metres per unit of its model."""
-
     make: Callable[[Modeller, int], Item]
     unit: float = 1.0
 

@@ -1,4 +1,4 @@
-"""Planar outlines of lines, arcs and curves, to be extruded, revolved or filled."""
+"""Planar outlines of lines, arcs and curves."""
 
 from __future__ import annotations
 
@@ -27,7 +27,6 @@ Outline = tuple[Segment, ...]
 
 
 def line(*points: Point) -> Outline:
-    """Connect points by straight segments."""
     pairs = pairwise(points)
     return tuple(Segment("line", np.array(pair, dtype=np.float64)) for pair in pairs)
 
@@ -37,7 +36,6 @@ def polygon(*points: Point) -> Outline:
 
 
 def rectangle(width: float, depth: float) -> Outline:
-    """Make a counter-clockwise rectangle around the origin."""
     x, y = width / 2, depth / 2
     return polygon((-x, -y), (x, -y), (x, y), (-x, y))
 
@@ -173,7 +171,7 @@ def _bridged(vertices: Floats, ring: list[int], hole: Ints) -> list[int]:
 
 
 def _crosses(start: Floats, end: Floats, edges: Floats) -> bool:
-    """Whether a segment properly crosses any of the edges (2, n, 2)."""
+    """Return whether a segment properly crosses any of the edges (2, n, 2)."""
     a, b = edges
     first = _cross(end - start, a - start) * _cross(end - start, b - start)
     second = _cross(b - a, start - a) * _cross(b - a, end - a)
@@ -181,7 +179,7 @@ def _crosses(start: Floats, end: Floats, edges: Floats) -> bool:
 
 
 def _ears(vertices: Floats, ring: list[int]) -> Ints:
-    """Triangles of a closed ring of vertex indices, by ear clipping."""
+    """Return the triangles of a closed ring of vertex indices, by ear clipping."""
     triangles = []
     ring = list(ring)
     at = 0

@@ -1,5 +1,3 @@
-"""Objects of a scene and their assembly into a labelled mesh."""
-
 from __future__ import annotations
 
 from collections import Counter
@@ -53,7 +51,7 @@ def _box_corners(piece: Piece) -> Floats:
 def with_meshes(item: Item, furniture: FurnitureMeshes, rng: np.random.Generator) -> Item:
     """Replace pieces by meshes of the same semantic class (metres, z up, facing -y).
 
-    A mesh is stretched to the size of the piece, and drawn among those that need little stretching.
+    A mesh that needs little stretching is drawn at random and stretched to the size of the piece.
     The content of a replaced bookcase is removed.
     """
     if item[0].semantic == "bookcase" and furniture.get("bookcase"):
@@ -100,7 +98,7 @@ def build_mesh(pieces: Sequence[Piece]) -> Mesh:
 
 
 def _distinct(surface: Surface) -> tuple[Ints, list[Primitive]]:
-    """Index of each shape's primitive, (s,), and the distinct primitives of a surface."""
+    """Return the index of each shape's primitive (s,), and the distinct primitives."""
     numbers: dict[tuple[Shape, bytes], int] = {}
     primitives: list[Primitive] = []
     index = np.empty(len(surface.shapes), dtype=np.int64)
@@ -115,7 +113,9 @@ def _distinct(surface: Surface) -> tuple[Ints, list[Primitive]]:
 
 
 def _keys(surface: Surface) -> tuple[list[bytes], list[bytes]]:
-    """Keys of frames, and of planes by normal and offset, to compare shapes of equal size."""
+    """Return keys of frames, and of planes by normal and offset, to compare shapes of
+    equal size.
+    """
     frames = surface.frames
     normals = frames[:, :3, 2] / np.linalg.norm(frames[:, :3, 2], axis=1, keepdims=True)
     offsets = np.sum(normals * frames[:, :3, 3], axis=1, keepdims=True)

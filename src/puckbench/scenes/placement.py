@@ -1,5 +1,3 @@
-"""Placement of furniture without collisions: along walls, on the floor, under the ceiling."""
-
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
@@ -144,7 +142,7 @@ class Room:
 
 
 def occupy_if_free(plan: FloorPlan, item: Item, place: Floats) -> bool:
-    """Occupy the space of an item at a pose (4, 4) if all of it is free; return whether it was."""
+    """Occupy the space of an item at a pose (4, 4) and return True if all of it is free."""
     low, high = item_bounds(item)[:, 2] + place[2, 3]
     grounds = [_ground(piece, place) for piece in _feet(item)]
     if not all(plan.is_free(ground, low, high) for ground in grounds):
@@ -155,7 +153,6 @@ def occupy_if_free(plan: FloorPlan, item: Item, place: Floats) -> bool:
 
 
 def _ground(piece: Piece, place: Floats) -> Floats:
-    """The piece's footprint (4, 2) when its item is at a pose."""
     low, high = piece.surface.bounds()
     return footprint(low, high, place @ piece.pose)
 

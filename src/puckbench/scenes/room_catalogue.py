@@ -1,5 +1,3 @@
-"""Specifications of the generated rooms: shapes, openings and furniture."""
-
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -15,10 +13,10 @@ from puckbench.scenes.shell import Opening, window
 
 @dataclass(frozen=True)
 class RoomSpec:
-    """Specification of a room, lengths in metres.
+    """Specification of a room, in metres.
 
-    ``outline`` holds the corners of the floor, counter-clockwise; ``origin`` is a sensor position
-    free of furniture; ``lamps`` are the maker and the spacing of the ceiling lamps.
+    ``outline`` has the counter-clockwise corners of the floor, ``origin`` is a sensor position free
+    of furniture, and ``lamps`` are the maker and the spacing of the ceiling lamps.
     """
 
     kind: str
@@ -56,7 +54,7 @@ def _overhead(maker: Maker, x: float, y: float, turn: float = 0.0) -> Placement:
 
 
 def _pipe(height: float, *points: tuple[float, float, float]) -> Placement:
-    """A pipe through points whose heights are relative to `height`."""
+    """Place a pipe through points whose heights are relative to `height`."""
     return Placement(partial(fixtures.pipe_run, points=points), "fixed", at=(0.0, 0.0, height))
 
 

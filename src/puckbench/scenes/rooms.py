@@ -1,5 +1,3 @@
-"""Furnished rooms by name: meshes, boxes and sensor positions."""
-
 from __future__ import annotations
 
 import numpy as np
@@ -20,11 +18,11 @@ SENSOR_HEIGHT = 1.3
 def make_room(
     name: str, seed: int, detail: float = 1.0, furniture: FurnitureMeshes | None = None
 ) -> Mesh:
-    """Return the labelled mesh of a furnished room.
+    """Return the labelled mesh of a furnished room of `room_catalogue.ROOMS` or
+    `building.room_types`.
 
-    `name` is a room of `room_catalogue.ROOMS` or `building.room_types`; `detail` multiplies the
-    number of segments of curved parts; `furniture` replaces the generated pieces of a semantic
-    class.
+    `detail` multiplies the number of segments of curved parts; `furniture` replaces the generated
+    pieces of a semantic class.
     """
     spec = room_spec(name, seed)
     cad = Modeller(generator(seed, "room", name), detail)
@@ -36,7 +34,7 @@ def make_room(
 
 
 def origin(name: str, seed: int = 0) -> tuple[float, float, float]:
-    """Return a sensor position: 1.3 m high, randomly displaced by up to 5 cm."""
+    """Return a sensor position 1.3 m high, randomly displaced by up to 5 cm."""
     spec = room_spec(name, seed)
     x, y = np.array(spec.origin) + generator(seed, "origin", name).uniform(-0.05, 0.05, 2)
     return (float(x), float(y), SENSOR_HEIGHT)

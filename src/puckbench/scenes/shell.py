@@ -1,5 +1,3 @@
-"""The building shell of a room: floor, ceiling, walls, doors, windows and skirting boards."""
-
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -20,7 +18,7 @@ CASING = 0.07
 
 @dataclass(frozen=True)
 class Opening:
-    """An opening in a wall, lengths in metres.
+    """An opening in a wall, in metres; a "passage" is an open door to a dead end.
 
     Parameters
     ----------
@@ -28,8 +26,6 @@ class Opening:
         Index of the outline's edge.
     at
         Centre, as a share of the wall's length from the end of the edge.
-    kind
-        "passage" is an open door to a dead end.
     sill
         Height of the lower edge above the floor.
     """
@@ -42,7 +38,6 @@ class Opening:
     sill: float = 0.0
 
     def span(self, length: float) -> tuple[float, float]:
-        """Return the start and end of the opening along a wall."""
         return self.at * length - self.width / 2, self.at * length + self.width / 2
 
 
@@ -83,7 +78,6 @@ def shell(cad: Modeller, outline: Floats, height: float, openings: tuple[Opening
 
 
 def depth(opening: Opening) -> float:
-    """Return the depth of an opening behind its wall."""
     depths = {"door": DOOR_DEPTH, "passage": PASSAGE_DEPTH, "window": WINDOW_DEPTH}
     return depths[opening.kind]
 
@@ -105,14 +99,13 @@ def _wall(length: float, height: float, openings: list[Opening]) -> Surface:
 
 
 def _sides(opening: Opening) -> Surface:
-    """The four sides of an opening, facing inwards."""
     reach = depth(opening)
     whole = box(opening.width, reach, opening.height).flipped().at(y=reach / 2)
     return whole.select(0, 1, 4, 5)
 
 
 def _back(opening: Opening) -> Surface:
-    """The plane behind an opening, facing the room."""
+    """Make the plane behind an opening, facing the room."""
     reach = depth(opening)
     whole = box(opening.width, reach, opening.height).flipped().at(y=reach / 2)
     return whole.select(3)

@@ -153,7 +153,7 @@ def _power(values: Floats, exponent: float) -> Floats:
 
 
 def _side(segment: Segment, height: float) -> Surface:
-    """The wall above a segment, facing its right side."""
+    """Make the wall above a segment, facing its right side."""
     bottom = np.column_stack([segment.points, np.zeros(len(segment.points))])
     points = np.stack([bottom, bottom + np.array([0.0, 0.0, height])], axis=1)
     if segment.kind == "arc":
@@ -175,7 +175,7 @@ def _turned(segment: Segment, angles: Floats, closed: bool) -> Surface:
 
 
 def _turned_shape(segment: Segment) -> tuple[Shape, Floats]:
-    """The primitive that a segment of a profile generates, and its frame."""
+    """Return the primitive that a segment of a profile generates, and its frame."""
     (r0, z0), (r1, z1) = segment.points[[0, -1]]
     frame = np.eye(4)
     if segment.kind == "arc":
@@ -197,7 +197,7 @@ def _turned_shape(segment: Segment) -> tuple[Shape, Floats]:
 
 
 def _fan(ring: Floats) -> Surface:
-    """A fan that closes a ring (n, 3), facing the side where the ring is counter-clockwise."""
+    """Make a fan that closes a ring (n, 3), facing the side where the ring is counter-clockwise."""
     count = len(ring)
     vertices = np.concatenate([ring, ring.mean(axis=0, keepdims=True)])
     index = np.arange(count)
@@ -206,7 +206,7 @@ def _fan(ring: Floats) -> Surface:
 
 
 def _rings(path: Floats, radii: Floats, steps: int, closed: bool) -> Floats:
-    """Circles (n, steps, 3) around a path, with minimal twist."""
+    """Return circles (n, steps, 3) around a path, with minimal twist."""
     ahead = np.roll(path, -1, axis=0) - np.roll(path, 1, axis=0)
     if not closed:
         ahead[0], ahead[-1] = path[1] - path[0], path[-1] - path[-2]
@@ -236,7 +236,7 @@ def _cap(centre: Floats, axis: Floats, radius: float, steps: int, first: bool) -
 def _elbow(
     corner: Floats, radius: float, bend: float, steps: int
 ) -> tuple[Surface, Floats, Floats]:
-    """A torus section that rounds a corner (3, 3), with its start and end."""
+    """Return a torus section that rounds a corner (3, 3), with its start and end."""
     before, at, after = corner
     towards = (before - at) / np.linalg.norm(before - at)
     onwards = (after - at) / np.linalg.norm(after - at)

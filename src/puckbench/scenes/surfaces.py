@@ -1,4 +1,4 @@
-"""Triangulated surfaces that know the geometric primitive of each triangle."""
+"""Triangulated surfaces with the geometric primitive of each triangle."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ class Surface:
         return replace(self, triangles=self.triangles[rows], shape_id=self.shape_id[rows])
 
     def bounds(self) -> Floats:
-        """Return the bounding box, (2, 3)."""
+        """Return the bounding box (2, 3)."""
         return np.stack([self.vertices.min(axis=0), self.vertices.max(axis=0)])
 
 

@@ -1,4 +1,4 @@
-"""Fixtures of walls and ceilings: lamps, ducts, pipes, radiators, boards, columns.
+"""Fixtures of walls and ceilings.
 
 Wall fixtures have their back at y = 0 and the floor at z = 0; ceiling fixtures hang from z = 0.
 """
@@ -210,7 +210,6 @@ def square_column(cad: Modeller, height: float, size: float = 0.4) -> Item:
 
 
 def beam(cad: Modeller, length: float, depth: float = 0.3) -> Item:
-    """Ceiling beam along x."""
     return [Piece("beam", "beam", cad.box(length, 0.25, depth).at(z=-depth))]
 
 

@@ -1,5 +1,3 @@
-"""Potted plants."""
-
 from __future__ import annotations
 
 import numpy as np
@@ -23,7 +21,7 @@ def pot(cad: Modeller, radius: float, height: float) -> Surface:
 
 
 def leaf(cad: Modeller, length: float, width: float, droop: float) -> Surface:
-    """Pointed leaf along +x, rising and then drooping."""
+    """Make a pointed leaf along +x, which rises and then droops."""
     steps = max(5, round(9 * cad.detail))
     t = np.linspace(0, 1, steps)
     half = width / 2 * np.sin(np.pi * t**0.8) ** 0.9 + width * 0.02
@@ -49,7 +47,6 @@ def plant(cad: Modeller) -> Item:
 
 
 def small_tree(cad: Modeller) -> Item:
-    """Rubber plant: a bent stem with leaves."""
     stem = _stem(cad)
     leaves = []
     for k, at in enumerate(np.linspace(0.3, 1.0, 26)):

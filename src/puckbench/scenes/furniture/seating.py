@@ -1,5 +1,3 @@
-"""Chairs, stools, sofas and auditorium seats."""
-
 from __future__ import annotations
 
 import numpy as np
@@ -30,7 +28,6 @@ def office_chair(cad: Modeller) -> Item:
 
 
 def _castor_arm(cad: Modeller) -> Surface:
-    """An arm of the base along x with its castor."""
     arm = cad.cone(0.03, 0.018, 0.3).at(roll=90).at(z=0.1, roll=5)
     wheel = cad.cylinder(0.028, 0.018).at(tilt=90)
     wheels = [wheel.at(0.29, y, 0.028) for y in (0.03, -0.012)]
@@ -68,7 +65,7 @@ def chair(cad: Modeller) -> Item:
 
 
 def _curved_back(cad: Modeller, width: float, height: float) -> Surface:
-    """A board bent around a vertical cylinder, concave to the front."""
+    """Make a board bent around a vertical cylinder, concave to the front."""
     radius, steps = width * 0.9, max(4, cad.steps(width) // 6)
     outer = outlines.arc((0, -radius), radius + 0.012, 58, 122, steps)
     inner = outlines.arc((0, -radius), radius, 122, 58, steps)
@@ -115,7 +112,7 @@ def stool(cad: Modeller) -> Item:
 
 
 def sofa(cad: Modeller, seats: int = 2) -> Item:
-    """Upholstered sofa, or an armchair for one seat."""
+    """Make an upholstered sofa, or an armchair for one seat."""
     seat, depth, arm = cad.between(0.58, 0.68), 0.85, 0.17
     width = seats * seat + 2 * arm
     parts = [cad.slab(width - 0.02, depth, 0.2, 0.04).at(z=0.1)]

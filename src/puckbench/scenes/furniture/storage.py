@@ -1,5 +1,3 @@
-"""Shelves, cabinets, appliances and their content."""
-
 from __future__ import annotations
 
 import numpy as np

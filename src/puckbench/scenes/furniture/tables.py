@@ -1,5 +1,3 @@
-"""Desks and tables with objects on them."""
-
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
@@ -110,7 +108,7 @@ def meeting_table(cad: Modeller, length: float = 2.4, width: float = 1.1) -> Ite
 
 
 def _boat(length: float, width: float, steps: int) -> outlines.Outline:
-    """Outline with straight ends and long sides that are arcs."""
+    """Return an outline with straight ends and long sides that are arcs."""
     x, end, sag = length / 2, width * 0.36, width * 0.14
     radius = (x**2 + sag**2) / (2 * sag)
     half = float(np.degrees(np.arcsin(x / radius)))

@@ -1,1 +1,3 @@
-"""Parametric objects, one function per class: (modeller, member number) -> item of any size."""
+"""Parametric objects: a function for each class makes an item of any size from a modeller and a
+member number.
+"""

@@ -1,5 +1,3 @@
-"""Chairs, tables, lamps, vessels, guitars and spectacles."""
-
 from __future__ import annotations
 
 import numpy as np
@@ -15,7 +13,7 @@ from puckbench.scenes.surfaces import Surface, join
 
 
 def chair(cad: Modeller, member: int) -> Item:
-    """Office chair, plain chair, moulded chair, stool, armchair or auditorium seat."""
+    """Make an office chair, plain chair, moulded chair, stool, armchair or auditorium seat."""
     makers = (
         seating.office_chair,
         seating.chair,
@@ -32,7 +30,7 @@ def _armchair(cad: Modeller) -> Item:
 
 
 def table(cad: Modeller, member: int) -> Item:
-    """Round table, coffee table, meeting table, workbench, desk or trestle table."""
+    """Make a round table, coffee table, meeting table, workbench, desk or trestle table."""
     makers = (
         _round,
         tables.coffee_table,
@@ -65,7 +63,7 @@ def _trestle(cad: Modeller) -> Item:
 
 
 def lamp(cad: Modeller, member: int) -> Item:
-    """Desk lamp, pendant, floor lamp, table lamp, arc lamp or lantern."""
+    """Make a desk lamp, pendant, floor lamp, table lamp, arc lamp or lantern."""
     makers = (small.desk_lamp, fixtures.pendant_lamp, _floor_lamp, _table_lamp, _arc_lamp, _lantern)
     return makers[member % len(makers)](cad)
 
@@ -137,7 +135,7 @@ def _lantern(cad: Modeller) -> Item:
 
 
 def bottle(cad: Modeller, member: int) -> Item:
-    """Wine, beer, jar, canister or spray bottle."""
+    """Make a wine bottle, beer bottle, jar, canister or spray bottle."""
     neck = cad.between(0.012, 0.018)
     body = cad.between(0.034, 0.05)
     waist = body * cad.between(0.75, 1.0)
@@ -175,7 +173,7 @@ def bottle(cad: Modeller, member: int) -> Item:
 
 
 def cup(cad: Modeller, member: int) -> Item:
-    """Straight, tapered or bulbous cup with a handle, some on a saucer."""
+    """Make a straight, tapered or bulbous cup with a handle, some on a saucer."""
     low, rim, height = (
         cad.between(0.025, 0.038),
         cad.between(0.036, 0.05),
@@ -210,7 +208,7 @@ def _radius(points: list[outlines.Point], height: float) -> float:
 
 
 def vase(cad: Modeller, member: int) -> Item:
-    """Plain, fluted, twisted or two-handled vase."""
+    """Make a plain, fluted, twisted or two-handled vase."""
     heights = (0.0, 0.08, 0.18, 0.26, 0.32)
     radii = [
         cad.between(*span)
@@ -241,7 +239,6 @@ def _fluted(points: Floats, waves: int, twist: float) -> Floats:
 
 
 def guitar(cad: Modeller, member: int) -> Item:
-    """Acoustic or electric guitar."""
     electric = member % 2 == 1
     lower, waist, upper = (
         cad.between(0.18, 0.21),
@@ -272,7 +269,6 @@ def guitar(cad: Modeller, member: int) -> Item:
 
 
 def _neck(cad: Modeller, depth: float) -> list[Surface]:
-    """Neck, frets, head, pegs and strings of a guitar whose top is at `depth`."""
     half = extrude(
         (
             *outlines.arc((0, 0), 0.026, 180, 360, cad.steps(0.03) // 2),

@@ -1,5 +1,3 @@
-"""Airplanes, cars and trees."""
-
 from __future__ import annotations
 
 import numpy as np
@@ -15,7 +13,7 @@ from puckbench.scenes.surfaces import Surface, frame_along, join
 
 
 def airplane(cad: Modeller, member: int) -> Item:
-    """Airliner with two or four jets, propeller plane or glider, its nose to +x."""
+    """Make an airliner with two or four jets, propeller plane or glider, its nose to +x."""
     style = member % 4
     radius = (1.9, 1.7, 0.7, 0.5)[style] * cad.between(0.9, 1.1)
     length = (34.0, 40.0, 9.0, 8.0)[style] * cad.between(0.9, 1.1)
@@ -49,7 +47,7 @@ def airplane(cad: Modeller, member: int) -> Item:
 
 
 def _fuselage(cad: Modeller, radius: float, length: float) -> Surface:
-    """Body about x from the tail at x = 0 to the nose."""
+    """Make a body about x from the tail at x = 0 to the nose."""
     shares = [
         (0.0, 0.0),
         (0.25, 0.04),
@@ -67,7 +65,7 @@ def _fuselage(cad: Modeller, radius: float, length: float) -> Surface:
 
 
 def _wing(cad: Modeller, root: float, tip: float, span: float, sweep: float) -> Surface:
-    """Swept wing along +y, its leading edge to +x."""
+    """Make a swept wing along +y, its leading edge to +x."""
     angles = np.linspace(0, 2 * np.pi, max(16, cad.steps(1) // 2), endpoint=False)
     at = np.linspace(0, 1, max(6, round(12 * cad.detail)))
     chord = (root + (tip - root) * at) * np.append(np.ones(len(at) - 1), 0.8)
@@ -139,7 +137,7 @@ _CAR_CABINS = (
 
 
 def car(cad: Modeller, member: int) -> Item:
-    """Saloon, hatchback, van or pick-up, facing +x."""
+    """Make a saloon, hatchback, van or pick-up, facing +x."""
     style = member % 4
     stretch = cad.between(0.92, 1.08)
     width = cad.between(1.65, 1.85)
@@ -198,7 +196,7 @@ def _with_arches(
     radius: float,
     steps: int,
 ) -> outlines.Outline:
-    """Side view of a car body: a rounded polygon with wheel arches."""
+    """Return the side view of a car body: a rounded polygon with wheel arches."""
     low = side[0][1]
     half = float(np.sqrt(radius**2 - (low - 0.33) ** 2))
     start = float(np.degrees(np.arctan2(low - 0.33, -half)))
@@ -226,7 +224,7 @@ def _point(values: Floats) -> outlines.Point:
 
 
 def _tapered(outline: outlines.Outline, low: float, high: float) -> Surface:
-    """Cabin of a side view, `low` wide at its bottom and `high` at its roof."""
+    """Make the cabin of a side view, `low` wide at its bottom and `high` at its roof."""
     points = outlines.loop(outline)
     foot, roof = points[:, 1].min(), points[:, 1].max()
     half = (low + (high - low) * (points[:, 1] - foot) / (roof - foot)) / 2
@@ -244,7 +242,7 @@ def _wheel(cad: Modeller) -> Surface:
 
 
 def tree(cad: Modeller, member: int) -> Item:
-    """Conifer, deciduous tree, bare tree or palm."""
+    """Make a conifer, deciduous tree, bare tree or palm."""
     return clutter("tree", *(_conifer, _leafy, _bare, _palm)[member % 4](cad))
 
 
@@ -264,7 +262,7 @@ def _conifer(cad: Modeller) -> list[Surface]:
 def _grow(
     cad: Modeller, start: Floats, heading: Floats, length: float, thick: float, depth: int
 ) -> tuple[list[Surface], list[Floats]]:
-    """Branches and their tips; each branch bends and splits into two or three."""
+    """Return branches and their tips; each branch bends and splits into two or three."""
     middle = start + heading * length * 0.5 + cad.rng.normal(0, 0.05 * length, 3)
     end = start + heading * length
     path = cad.smooth([start.tolist(), middle.tolist(), end.tolist()], 4)

@@ -1,5 +1,3 @@
-"""Hammers, screws, gears and pipe fittings."""
-
 from __future__ import annotations
 
 import numpy as np
@@ -14,7 +12,7 @@ from puckbench.scenes.surfaces import Surface, grid, join
 
 
 def hammer(cad: Modeller, member: int) -> Item:
-    """Claw hammer, ball-peen hammer, mallet or sledgehammer."""
+    """Make a claw hammer, ball-peen hammer, mallet or sledgehammer."""
     head = (_claw, _ball_peen, _mallet, _sledge)[member % 4](cad)
     return clutter("hammer", _handle(cad, cad.between(0.26, 0.34)), head)
 
@@ -76,7 +74,7 @@ def _mallet(cad: Modeller) -> Surface:
 
 
 def _right_half(outline: Outline) -> Outline:
-    """The part of a profile with r > 0, closed along the axis."""
+    """Return the part of a profile with r > 0, closed along the axis."""
     points = outlines.loop(outline)
     low, high = float(points[:, 1].min()), float(points[:, 1].max())
     segments = [
@@ -105,7 +103,7 @@ def _sledge(cad: Modeller) -> Surface:
 
 
 def screw(cad: Modeller, member: int) -> Item:
-    """Screw with a hexagonal, slotted, countersunk or socket head."""
+    """Make a screw with a hexagonal, slotted, countersunk or socket head."""
     radius, length = cad.between(0.07, 0.11), cad.between(0.6, 0.9)
     pitch = radius * cad.between(0.32, 0.5)
     point = radius * 2.2 if member % 3 == 2 else radius * 0.3
@@ -123,7 +121,7 @@ def screw(cad: Modeller, member: int) -> Item:
 
 
 def _thread(cad: Modeller, radius: float, pitch: float, length: float) -> Surface:
-    """Helical ridge on a cylinder from z = 0 to `length`, tapering off at both ends."""
+    """Make a helical ridge on a cylinder from z = 0 to `length` that tapers off at both ends."""
     turns = length / pitch
     count = max(16, int(turns * cad.steps(0.03)))
     along = np.linspace(0, 1, count)
@@ -189,7 +187,7 @@ def _socket_head(cad: Modeller, size: float) -> Surface:
 
 
 def gear(cad: Modeller, member: int) -> Item:
-    """Spur gear with a keyway, and a hub, lightening holes, a second gear or a shaft."""
+    """Make a spur gear with a keyway, and a hub, lightening holes, a second gear or a shaft."""
     teeth = int(cad.rng.integers(12, 34))
     width = cad.between(0.08, 0.22)
     bore, style = cad.between(0.08, 0.13), member % 4
@@ -215,7 +213,7 @@ def gear(cad: Modeller, member: int) -> Item:
 
 
 def _toothed(cad: Modeller, teeth: int, radius: float) -> Outline:
-    """Outline of a spur gear: root arcs, straight flanks and tip arcs."""
+    """Return the outline of a spur gear: root arcs, straight flanks and tip arcs."""
     step = 360.0 / teeth
     root = radius * (1 - 4.2 / (teeth + 6))
     steps = max(2, cad.steps(radius) // (4 * teeth) + 1)
@@ -248,7 +246,7 @@ def _keyed_bore(cad: Modeller, radius: float) -> Outline:
 
 
 def pipe_fitting(cad: Modeller, member: int) -> Item:
-    """Elbow, tee, cross, reducer, flanged pipe or valve."""
+    """Make an elbow, tee, cross, reducer, flanged pipe or valve."""
     makers = (_elbow, _tee, _cross, _reducer, _flanged, _valve)
     return clutter("pipe_fitting", makers[member % len(makers)](cad, cad.between(0.1, 0.15)))
 
@@ -305,7 +303,7 @@ def _reducer(cad: Modeller, radius: float) -> Surface:
 
 
 def _flange(cad: Modeller, radius: float, bolts: int) -> Surface:
-    """Flange with bolt holes around a pipe, on z = 0."""
+    """Make a flange with bolt holes around a pipe, on z = 0."""
     spots = outlines.polar(1.65 * radius, 2 * np.pi * np.arange(bolts) / bolts)
     holes = [outlines.circle(radius * 0.8, cad.steps(radius))]
     holes += [outlines.circle(radius * 0.2, cad.steps(radius * 0.2), spot) for spot in spots]

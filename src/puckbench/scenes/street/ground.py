@@ -55,7 +55,7 @@ def _crowned(length: float) -> Surface:
 
 
 def _hip(length: float) -> Surface:
-    """The end of the road at x > 0, where the camber ends."""
+    """Make the end of the road at x > 0, where the camber ends."""
     x = length / 2 - _CORNER
     return _facet((x, -ROAD, 0.0), (x, ROAD, 0.0), (x - _HIP, 0.0, CROWN))
 
@@ -80,7 +80,6 @@ def _junction(cad: Modeller, length: float) -> tuple[str, str, Surface]:
 
 
 def _block(cad: Modeller, length: float) -> list[tuple[str, str, Surface]]:
-    """Kerb, pavement and yards at y > 0."""
     steps, x = cad.steps(_CORNER) // 4, length / 2 - _STONE
     outer, inner = (_edge(length, inset, HALF_WIDTH, steps) for inset in (0.0, _STONE))
     ends = outlines.line(_last(outer), _last(inner)), outlines.line(_first(inner), _first(outer))
@@ -92,7 +91,6 @@ def _block(cad: Modeller, length: float) -> list[tuple[str, str, Surface]]:
 
 
 def _far(length: float) -> list[tuple[str, str, Surface]]:
-    """Kerb, pavement and yards beyond the cross street at x > 0."""
     x = length / 2 + CROSS_STREET
     stones = _uncovered(box(_STONE, 2 * HALF_WIDTH, KERB).at(x=x + _STONE / 2), base=4)
     paved = _rectangle((x + _STONE, -HALF_WIDTH), (x + END_PAVEMENT, HALF_WIDTH))
@@ -101,7 +99,7 @@ def _far(length: float) -> list[tuple[str, str, Surface]]:
 
 
 def _edge(length: float, inset: float, end: float, steps: int) -> Outline:
-    """The edge of a block up to y = end, offset inwards by `inset`."""
+    """Return the edge of a block up to y = end, offset inwards by `inset`."""
     x, inner, y = length / 2 - inset, length / 2 - _CORNER, ROAD + _CORNER
     return (
         *outlines.line((-x, end), (-x, y)),
@@ -144,6 +142,6 @@ def _rectangle(low: Point, high: Point) -> Surface:
 
 
 def _facet(*corners: tuple[float, float, float]) -> Surface:
-    """A planar convex polygon with counter-clockwise corners."""
+    """Make a planar convex polygon with counter-clockwise corners."""
     fan = [(0, k, k + 1) for k in range(1, len(corners) - 1)]
     return planar(np.array(corners), np.array(fan))

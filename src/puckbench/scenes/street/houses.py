@@ -1,7 +1,4 @@
-"""Houses with recessed windows and doors, roofs, balconies and awnings.
-
-A house stands on z = 0, its facade at y = 0 facing -y, centred in x.
-"""
+"""Houses on z = 0, centred in x, with the facade at y = 0 facing -y."""
 
 from __future__ import annotations
 
@@ -25,7 +22,7 @@ _SILL, _FRAME = 0.06, 0.05
 
 @dataclass(frozen=True)
 class _Opening:
-    """A rectangular opening of a facade: centre x, lower edge z and sizes, metres."""
+    """A rectangular opening of a facade: centre x, lower edge z and size, in metres."""
 
     x: float
     z: float
@@ -39,17 +36,7 @@ class _Opening:
 
 @dataclass(frozen=True)
 class _Facade:
-    """Design of a facade, lengths in metres.
-
-    Parameters
-    ----------
-    width, height
-        Size up to the eaves.
-    lower, upper, shops
-        Windows of the ground floor, of each upper storey, and shop windows.
-    reveal
-        Depth of the windows behind the facade.
-    """
+    """Design of a facade, in metres; `reveal` is the depth of the windows behind the facade."""
 
     width: float
     height: float
@@ -106,7 +93,7 @@ def _design_facade(cad: Modeller, width: float) -> _Facade:
 
 
 def _wall_with_openings(width: float, height: float, openings: Sequence[_Opening]) -> Surface:
-    """A wall at y = 0, facing -y, as the cells of a grid that are not in an opening."""
+    """Make a wall at y = 0, facing -y, of the cells of a grid that are not in an opening."""
     xs = np.unique([-width / 2, width / 2, *(x for opening in openings for x in opening.sides)])
     zs = np.unique(
         [0.0, height, *(z for opening in openings for z in (opening.z, opening.z + opening.height))]
@@ -127,14 +114,12 @@ def _wall_with_openings(width: float, height: float, openings: Sequence[_Opening
 
 
 def _recess(opening: _Opening, depth: float) -> tuple[Surface, Surface]:
-    """The four sides of an opening `depth` metres deep, and its back."""
     whole = box(opening.width, depth, opening.height).flipped()
     whole = whole.at(opening.x, depth / 2, opening.z)
     return whole.select(0, 1, 4, 5), whole.select(3)
 
 
 def _window(opening: _Opening, reveal: float) -> tuple[Surface, Surface]:
-    """The reveal of a window, and its frame with sill."""
     sides, _ = _recess(opening, reveal)
     count = max(1, round(opening.width / 0.8))
     pane = opening.width / count
@@ -148,7 +133,6 @@ def _window(opening: _Opening, reveal: float) -> tuple[Surface, Surface]:
 
 
 def _door(cad: Modeller, opening: _Opening) -> tuple[Surface, Surface]:
-    """The reveal of a door, and its leaf with back and step."""
     depth = 0.4
     sides, back = _recess(opening, depth)
     leaf = door_leaf(cad, opening.width - 0.02, opening.height - 0.02).at(
@@ -159,7 +143,7 @@ def _door(cad: Modeller, opening: _Opening) -> tuple[Surface, Surface]:
 
 
 def _walls(cad: Modeller, facade: _Facade, depth: float) -> Surface:
-    """Side and back walls, and a flat, eaves-fronted or gable-fronted roof."""
+    """Make side and back walls, and a flat, eaves-fronted or gable-fronted roof."""
     x, z, rise = facade.width / 2, facade.height, cad.between(0.25, 0.42)
     roof = cad.pick(("flat", "along", "along", "across"))
     if roof == "across" and facade.width < 12:

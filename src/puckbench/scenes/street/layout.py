@@ -45,8 +45,7 @@ _CLEAR_HEIGHT = 4.0
 def make_street(name: str, seed: int, length: float) -> Mesh:
     """Return the labelled mesh of a street along x, centred on the origin.
 
-    `name` and `seed` determine the random choices; `length` is the distance between the cross
-    streets in metres.
+    `length` is the distance between the cross streets in metres.
     """
     street = _Street(
         length, lambda part: Modeller(generator(seed, "street", name, part), _DETAIL, _UNIT)
@@ -63,13 +62,13 @@ def street_origin() -> tuple[float, float, float]:
 
 
 def free_way(length: float) -> tuple[float, float]:
-    """Return the range of x that a sensor can travel from its origin; nothing is within 1 m."""
+    """Return the range of x that a sensor can travel from its origin, 1 m from any object."""
     return (-length / 2, length / 2)
 
 
 @dataclass
 class _Street:
-    """A street under construction: a modeller for each part, pieces and floor plan."""
+    """A street under construction."""
 
     length: float
     cad: Callable[[str], Modeller]
@@ -83,7 +82,6 @@ class _Street:
         self.plan.occupy(lanes, 0.0, _CLEAR_HEIGHT)
 
     def add(self, item: Item, place: Floats | None = None) -> None:
-        """Add an item at a pose without a check of collisions."""
         self.item += item if place is None else posed(item, place)
 
     def put(self, item: Item, place: Floats) -> None:
@@ -117,7 +115,7 @@ def _lots(cad: Modeller, start: float, end: float) -> Iterator[_Lot]:
 
 
 def _sides() -> tuple[tuple[str, Floats], ...]:
-    """Name and frame of each side of the street: x along it, y away from it."""
+    """Return name and frame of each side of the street: x along it, y away from it."""
     return (("left", np.eye(4)), ("right", pose(turn=180)))
 
 
@@ -179,7 +177,7 @@ def _alley(street: _Street, cad: Modeller, lot: _Lot, frame: Floats) -> None:
 
 
 def _border(cad: Modeller) -> Callable[[Modeller, float], Item]:
-    """A function that makes a fence, a hedge or a low wall of any length."""
+    """Return a function that makes a fence, a hedge or a low wall of any length."""
     low_wall = partial(street_furniture.garden_wall, height=cad.between(0.6, 1.0))
     kinds: tuple[Callable[[Modeller, float], Item], ...]
     kinds = (street_furniture.fence, planting.hedge, low_wall)
@@ -187,7 +185,7 @@ def _border(cad: Modeller) -> Callable[[Modeller, float], Item]:
 
 
 def _ends(street: _Street) -> None:
-    """Houses across the end at x > 0; a low wall and trees at the other end."""
+    """Place houses across the end at x > 0, and a low wall and trees at the other end."""
     cad, away = street.cad("ends"), street.length / 2 + CROSS_STREET + END_PAVEMENT
     ahead, behind = pose(turn=-90), pose(turn=90)
     for lot in _lots(cad, 1.0 - HALF_WIDTH, HALF_WIDTH - 1.0):
@@ -222,7 +220,7 @@ def _street_furniture(street: _Street) -> None:
 def _scatter(
     street: _Street, cad: Modeller, frame: Floats, maker: Maker, per_200_m: int, y: float
 ) -> None:
-    """Place items at random positions along a side, `per_200_m` or as many as fit."""
+    """Place up to `per_200_m` items per 200 m at random free positions along a side."""
     end = street.length / 2 - 8.0
     for _ in range(max(1, round(per_200_m * street.length / 200.0))):
         street.put(maker(cad), frame @ pose(cad.between(-end, end), y, PAVEMENT_Z))
@@ -247,7 +245,7 @@ def _trees(street: _Street) -> None:
 
 
 def _cars(street: _Street) -> None:
-    """Cars parked along the kerbs in the direction of traffic."""
+    """Park cars along the kerbs in the direction of traffic."""
     slope = float(np.degrees(np.arctan2(road_height(0.0), ROAD)))
     for side, frame in _sides():
         cad = street.cad(f"cars {side}")

@@ -13,7 +13,7 @@ _FACES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
 
 
 def tree(cad: Modeller) -> Item:
-    """Street tree with a trunk, boughs and a partly transparent crown, 2.2 m in radius."""
+    """Make a street tree with a trunk, boughs and a partly transparent crown, 2.2 m in radius."""
     trunk, height = cad.between(0.11, 0.2), cad.between(2.5, 3.4)
     top = height + cad.between(3.0, 4.6)
     boughs, places = [], [np.array([0.0, 0.0, top - 0.9])]
@@ -53,16 +53,9 @@ def hedge(cad: Modeller, length: float) -> Item:
 
 
 def foliage(cad: Modeller, middles: Floats, radii: Floats, count: int, size: float) -> Surface:
-    """Return leaves in k ellipsoids, denser near their surfaces.
+    """Return `count` leaves, shared by volume among k ellipsoids and denser near their surfaces.
 
-    Parameters
-    ----------
-    middles, radii
-        Centres and half axes, (k, 3), metres.
-    count
-        Number of leaves, shared among the ellipsoids by volume.
-    size
-        Size of a leaf, metres.
+    `middles` and `radii` are centres and half axes (k, 3), in metres.
     """
     volumes = radii.prod(axis=1)
     ellipsoid = cad.rng.choice(len(radii), count, p=volumes / volumes.sum())
@@ -73,7 +66,7 @@ def foliage(cad: Modeller, middles: Floats, radii: Floats, count: int, size: flo
 
 
 def _leaves(cad: Modeller, places: Floats, size: float) -> Surface:
-    """A thin, randomly oriented tetrahedron at each position (n, 3)."""
+    """Make a thin, randomly oriented tetrahedron at each position (n, 3)."""
     corners = cad.rng.uniform(-1, 1, (len(places), 4, 3)) * size / np.sqrt(2)
     corners[:, 3] = corners[:, :3].mean(axis=1) + 0.2 * corners[:, 3]
     a, b, c, d = corners.swapaxes(0, 1)

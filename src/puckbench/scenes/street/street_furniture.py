@@ -1,5 +1,3 @@
-"""Street furniture: lamps, signs, bollards, benches, fences, a bus stop."""
-
 from __future__ import annotations
 
 import numpy as np
@@ -35,7 +33,7 @@ def globe_lamp(cad: Modeller) -> Item:
 
 
 def sign(cad: Modeller) -> Item:
-    """Round, triangular or square traffic sign, facing along x."""
+    """Make a round, triangular or square traffic sign, facing along x."""
     height = cad.between(2.2, 2.7)
     outline = cad.pick(
         (
@@ -83,7 +81,7 @@ def cabinet(cad: Modeller) -> Item:
 
 
 def shelter(cad: Modeller) -> Item:
-    """Bus shelter with a bench, open to the road."""
+    """Make a bus shelter with a bench, open to the road."""
     length, depth = SHELTER
     y, x = depth / 2 - 0.1, length / 2 - 0.15
     panes = [cad.box(length - 0.4, 0.03, 1.9).at(y=y, z=0.3)]
