@@ -67,7 +67,7 @@ def read_to_its_end(coder: BitCoder) -> bool:
 
 @compiled_in_place
 def exhausted(coder: BitCoder) -> bool:
-    """Return whether a reader is further beyond the end than an intact stream allows."""
+    """Return whether a reader is further past the end than an intact stream allows."""
     registers = coder.registers
     past = registers[POSITION] > len(coder.buffer) + PAST_THE_END
     return bool(registers[WRITING] == 0 and past)
@@ -89,7 +89,7 @@ def logistic_tables() -> tuple[NDArray[np.int64], NDArray[np.int64]]:
 
 
 def learning_rates() -> NDArray[np.int64]:
-    """Return the adaptation rate (MAX_MEMORY + 1,), in 1 / ONE, by the number of coded bits."""
+    """Return the adaptation rate (MAX_MEMORY + 1,), in 1 / ONE, by number of coded bits."""
     return np.rint(ONE / (np.arange(MAX_MEMORY + 1) + 1.6)).astype(np.int64)
 
 

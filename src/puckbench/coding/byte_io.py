@@ -23,7 +23,7 @@ class Reader:
         self.body, self.at = body, 0
 
     def take(self, size: int) -> bytes:
-        """Return the next `size` bytes; InputError if there are fewer."""
+        """Return the next `size` bytes; InputError if fewer remain."""
         self.at += size
         if self.at > len(self.body):
             raise InputError("the stream is truncated")

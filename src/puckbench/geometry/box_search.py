@@ -26,8 +26,8 @@ class NearestTwo(NamedTuple):
     """Nearest points of m queries, with the smallest squared distances (m,).
 
     ``rows`` (m, 2) are the two nearest points: twice the nearest if there is no tie, any two of
-    three tied points. ``ties`` (m,) counts the points that tie (at most 3), ``exact`` (m,) those at
-    exactly the smallest distance.
+    three tied points. ``ties`` (m,) counts tied points (at most 3), ``exact`` (m,) those at the
+    smallest distance.
     """
 
     squared: Floats

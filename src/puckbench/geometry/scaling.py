@@ -29,8 +29,8 @@ class Scaling(NamedTuple):
 
 
 def origin_shift(points: Floats) -> Floats:
-    """Return the shift (3,), in whole metres, that brings points (n, 3) near the origin, exactly; 0
-    along axes with points within `FAR_M`.
+    """Return the shift (3,), in whole metres, that brings points (n, 3) near the origin; 0 along
+    axes with points within `FAR_M`.
     """
     low, high = bounds(points)
     nearest = np.where(low > 0, low, np.where(high < 0, high, 0.0))

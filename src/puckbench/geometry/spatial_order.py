@@ -1,7 +1,7 @@
 """Sorting points along a Morton curve, and removing duplicates.
 
-Neighbours on the curve are close in space, so that the processor's cache speeds up searching a
-million points fourfold.
+Neighbours on the curve are close in space, so that the processor's cache speeds up searches
+fourfold.
 """
 
 from __future__ import annotations

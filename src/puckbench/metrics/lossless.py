@@ -1,4 +1,4 @@
-"""Detection of lossless clouds, whose only errors come from rounding of coordinates."""
+"""Detection of lossless clouds, whose only errors come from rounding coordinates."""
 
 from __future__ import annotations
 
