@@ -3,7 +3,6 @@
 A laser's elevation predicts the occupied half of a node along z, its last azimuth the half along x
 or y (`determineContextAngleForPlanar`, `findLaser`, `AzimuthalPhiZi` in TMC13). Elevations are
 tangents in units of 2^-18, heights eighths of a coding unit, azimuths units of 2^-20 radians.
-Numbers are truncated to 32 bits as in TMC13.
 """
 
 from __future__ import annotations
@@ -35,7 +34,7 @@ class Angular(NamedTuple):
     """A sensor relative to a slice, and the last azimuth of each laser.
 
     step, steps: azimuth between two shots, and its inverse in units of 2^-30.
-    fault: (1,) nonzero after a stream has named a laser that does not exist.
+    fault: (1,) nonzero if a stream named a laser that does not exist.
     """
 
     origin: Ints
@@ -49,7 +48,7 @@ class Angular(NamedTuple):
 
 
 class PlaneAngles(NamedTuple):
-    """Contexts of a node's planes along x, y, z (-1: none), and the node's laser."""
+    """Contexts of a node's planes along x, y, z (-1: none), and its laser."""
 
     x: int
     y: int
@@ -58,10 +57,7 @@ class PlaneAngles(NamedTuple):
 
 
 def angular_state(elevation: Ints, height: Ints, turns: Ints, origin: Ints) -> Angular:
-    """Return the state at the start of a slice; InputError if the sensor is unusable.
-
-    turns: (n,) shots per turn of each laser.
-    """
+    """Return the initial state of a slice; `turns` holds each laser's shots per turn."""
     if np.abs(origin).max() > FARTHEST:
         raise InputError(f"G-PCC: the sensor is more than {FARTHEST} units away from a slice")
     if turns.min() < 1:
@@ -88,7 +84,7 @@ def tangent_of(height: int, root: int) -> int:
 
 @inlined
 def corrected_elevation(angular: Angular, laser: int, root: int) -> int:
-    """Return a laser's tangent, corrected for its height at the inverse distance `root`."""
+    """Return a laser's tangent, corrected for its height; `root` is the inverse distance."""
     product = angular.height[laser] * root
     shift = -(product >> 17) if product >= 0 else -product >> 17
     return int32(angular.elevation[laser] + shift)
@@ -140,7 +136,7 @@ def azimuth_ctx(left: int, right: int, contrast: int) -> int:
 
 @inlined
 def elevation_ctx(difference: int, half_height: int) -> int:
-    """Return the context by the laser's elevation above the middle of a node."""
+    """Return the context by the laser's elevation above a node's middle."""
     context = 0 if difference >= 0 else 1
     if int32(difference - half_height) >= 0 or int32(difference + half_height) < 0:
         context += 2
@@ -151,7 +147,6 @@ def elevation_ctx(difference: int, half_height: int) -> int:
 def node_corner(
     angular: Angular, morton: int, node_size_log2: tuple[int, int, int]
 ) -> tuple[int, int, int]:
-    """Return the lowest corner of a node relative to the sensor."""
     return (
         (compact_bits(morton >> 2) << node_size_log2[0]) - angular.origin[0],
         (compact_bits(morton >> 1) << node_size_log2[1]) - angular.origin[1],

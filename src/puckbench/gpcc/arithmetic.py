@@ -1,8 +1,8 @@
 """Adaptive binary arithmetic coding of G-PCC (ISO/IEC 23090-9), in both directions.
 
-Coding functions encode with an `Encoder` and decode with a `Decoder`: each takes the bit to encode
-(ignored by a decoder) and returns the coded bit. Probabilities are 16-bit probabilities of a zero,
-as in the Schroedinger coder (`schroarith`) of TMC13.
+Each function encodes with an `Encoder`, and decodes with a `Decoder`, which ignores its bit
+argument; it returns the coded bit. Probabilities are 16-bit probabilities of a zero, as in the
+Schroedinger coder (`schroarith`) of TMC13.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ def encoder(capacity: int) -> Encoder:
 
 
 def enlarged(coder: Encoder, more: int) -> Encoder:
-    """Return the encoder with space for at least `more` further bytes."""
+    """Return the encoder with space for `more` further bytes."""
     used = int(coder.state[3])
     if len(coder.data) - used >= more:
         return coder
@@ -66,7 +66,6 @@ def enlarged(coder: Encoder, more: int) -> Encoder:
 
 
 def decoder(data: Bytes, bypass: Bytes | None = None) -> Decoder:
-    """Return a decoder; `bypass` holds separate bypass bits, one per byte."""
     padded = np.concatenate([data, np.full(4, 0xFF, dtype=np.uint8)])
     first = int(padded[0]) << 8 | int(padded[1])
     separate = bypass is not None
@@ -81,13 +80,12 @@ def consumed(coder: Decoder) -> int:
 
 
 def finish(coder: Encoder) -> bytes:
-    """Flush the encoder and return all bytes."""
     _flush(coder)
     return coder.data[: coder.state[3]].tobytes()
 
 
 def step(coder: Any, state: State, probability: int, bit: int) -> tuple[int, State, int]:
-    """Code one bit; return the bit, the new state and the new probability."""
+    """Code one bit; return it with the new state and probability."""
     raise NotImplementedError("compiled only")
 
 
@@ -96,7 +94,7 @@ def bypass_step(coder: Any, state: State, bit: int) -> tuple[int, State]:
 
 
 def exhausted(coder: Any) -> bool:
-    """Return whether a decoder has read beyond the end of its stream."""
+    """Return whether a decoder has read past the end."""
     raise NotImplementedError("compiled only")
 
 
@@ -185,7 +183,7 @@ def _decode_bypass(coder: Any, state: Any, bit: Any) -> tuple[int, State]:
 
 @kernel
 def _emit(data: Bytes, state: State) -> State:
-    """Move 32 finished bits from low to the output and propagate the carry."""
+    """Write 32 finished bits of low and propagate the carry."""
     low, span, count, place = state
     count -= 32
     word = low >> (16 + count)
@@ -208,7 +206,7 @@ def _carry(data: Bytes, place: int) -> None:
 
 @kernel
 def _next_word(data: Bytes, place: int) -> int:
-    """Return four bytes in big-endian order; bytes past the end are 0xFF."""
+    """Read four bytes; bytes past the end are 0xFF."""
     word = 0
     for k in range(4):
         byte = integer(data[place + k]) if place + k < len(data) else 0xFF
@@ -284,7 +282,7 @@ def code_exp_golomb(
 
 
 def restart(coder: Decoder) -> None:
-    """Start the entropy stream that follows the last byte of the current one."""
+    """Start the next entropy stream."""
     place = min(consumed(coder), int(coder.state[4]))
     first = int(coder.data[place]) << 8 | int(coder.data[place + 1])
     coder.state[:4] = first, 0xFFFF, 0, place + 2

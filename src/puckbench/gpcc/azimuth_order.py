@@ -48,10 +48,7 @@ def _fill_keys(around: Ints, precision: float, keys: Keys) -> None:
 
 @entry
 def _sort(rows: Ints, keys: Keys, stack: Ints) -> bool:
-    """Sort rows; return False if quicksort needs too many partitions.
-
-    stack: (d, 3) ranges, and the number of further partitions allowed for each.
-    """
+    """Sort rows; return False if quicksort needs too many partitions."""
     depth, limit = 1, 0
     while len(rows) >> limit > 1:
         limit += 1

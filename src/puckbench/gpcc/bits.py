@@ -29,26 +29,22 @@ class SyntaxElements(ABC):
         """Advance to the next whole byte."""
 
     def u(self, record: Any, name: str, n: int) -> None:
-        """Code an unsigned number."""
         setattr(record, name, self.bits(n, int(getattr(record, name))))
 
     def flag(self, record: Any, name: str) -> None:
         self.u(record, name, 1)
 
     def ue(self, record: Any, name: str) -> None:
-        """Code an unsigned Exp-Golomb number."""
         setattr(record, name, self.exp_golomb(int(getattr(record, name))))
 
     def se(self, record: Any, name: str) -> None:
-        """Code a signed Exp-Golomb number."""
         setattr(record, name, self.signed(int(getattr(record, name))))
 
     def u3(self, record: Any, name: str, n: int) -> None:
-        """Code three unsigned numbers."""
         setattr(record, name, tuple(self.bits(n, int(v)) for v in getattr(record, name)))
 
     def s3(self, record: Any, name: str, n: int) -> None:
-        """Code three magnitudes of `n` bits, each followed by its sign."""
+        """Code three magnitudes, each followed by its sign."""
         values = []
         for value in getattr(record, name):
             magnitude = self.bits(n, abs(int(value)))
@@ -87,7 +83,7 @@ class Writer(SyntaxElements):
         self._bits.extend([0] * (-len(self._bits) % 8))
 
     def bytes(self) -> bytes:
-        """Return all bits, padded with zeros to whole bytes."""
+        """Return all bits, padded to whole bytes."""
         self.align()
         return int("1" + "".join(map(str, self._bits)), 2).to_bytes(len(self._bits) // 8 + 1)[1:]
 
@@ -120,5 +116,5 @@ class Reader(SyntaxElements):
 
     @property
     def position(self) -> int:
-        """Number of bytes read, including the current one."""
+        """Bytes read, including the current one."""
         return -(-self._place // 8)

@@ -95,12 +95,10 @@ def encode_geometry(
     origin: Sequence[int] | Ints = (0, 0, 0),
     sensor: SensorDescription | None = None,
 ) -> bytes:
-    """Encode points as an octree stream that TMC13 decodes.
+    """Encode integer points (n, 3) as an octree stream that TMC13 decodes.
 
     Parameters
     ----------
-    points
-        (n, 3) integers, n > 0.
     scale, origin
         A decoder returns the positions (points + origin) / scale.
     sensor
@@ -128,7 +126,7 @@ def encode_geometry(
 
 
 def checked_points(points: NDArray[Any]) -> tuple[Ints, Ints]:
-    """Return points (n, 3) as int64 and their minimum; InputError if they cannot be coded."""
+    """Return points as int64 and their minimum; InputError if they cannot be coded."""
     points = np.asarray(points)
     if points.ndim != 2 or points.shape[1] != 3:
         raise InputError(f"G-PCC: expected points of shape (n, 3), got {points.shape}")
@@ -204,7 +202,7 @@ def _geometry_parameter_set(options: GpccOptions) -> syntax.GeometryParameterSet
 def _partition(
     points: Ints, start: Ints, options: GpccOptions, angular: bool
 ) -> Iterator[_SlicePoints]:
-    """Bisect points along their longest side into slices of at most slice_max_points."""
+    """Bisect points along their longest side into slices."""
     fits = len(points) <= options.slice_max_points
     if fits or options.merge_duplicates:
         slice_points = _slice_points(points, start, options, angular)
@@ -276,13 +274,7 @@ def _data_unit(
 
 
 def decode_geometry(stream: bytes) -> DecodedGeometry:
-    """Decode a stream of one frame, with points in decoding order.
-
-    Raises
-    ------
-    InputError
-        If the stream is not G-PCC, is damaged, or uses unsupported tools.
-    """
+    """Decode a stream of one frame; InputError if it is damaged or uses unsupported tools."""
     contents = _StreamReader()
     for payload_type, payload in syntax.payloads(stream):
         contents.take(payload_type, payload)
@@ -290,8 +282,6 @@ def decode_geometry(stream: bytes) -> DecodedGeometry:
 
 
 class _StreamReader:
-    """Collects the parameter sets of a stream by id, and the points of its slices."""
-
     def __init__(self) -> None:
         self._sps: dict[int, syntax.SequenceParameterSet] = {}
         self._gps: dict[int, syntax.GeometryParameterSet] = {}

@@ -1,8 +1,8 @@
-"""Tests of G-PCC decoders with conformance streams of geometry.
+"""Tests of G-PCC decoders with conformance streams of geometry from TMC13 (release-v14.0).
 
-TMC13 (release-v14.0) made the streams. `vectors/manifest.json` holds the options of each stream and
-the SHA-256 of its points: little-endian float64, sorted by x, y, z. A manifest is a mapping of
-names, or a list of streams with their `name`.
+`vectors/manifest.json` holds the options of each stream and the SHA-256 of its points:
+little-endian float64, sorted by x, y, z. A manifest is a mapping of names, or a list of streams
+with their `name`.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ class Verdict:
 
 
 class CrashError(Exception):
-    """A program that a signal ended, or that exceeded the time limit."""
+    """A signal ended a program, or it exceeded the time limit."""
 
 
 def conformance_streams(folder: Path = FOLDER) -> list[ConformanceStream]:

@@ -3,8 +3,7 @@
     4 bytes  "PBGP"
     1 byte   0: the stream follows; 1: unit and offset (4 float64, little-endian), then the stream
 
-A bare stream, as TMC13 writes it, starts with a sequence parameter set: payload type 0 and a length
-of four bytes.
+A bare stream, as TMC13 writes it, starts with payload type 0 and a length of four bytes.
 """
 
 from __future__ import annotations

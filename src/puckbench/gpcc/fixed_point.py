@@ -54,7 +54,7 @@ _ARC_SINES = np.rint(np.arcsin(np.minimum(np.arange(364), 362) / 512) * 2**20).a
 
 @inlined
 def int32(number: int) -> int:
-    """Wrap a number to 32 bits with sign, as TMC13 stores it."""
+    """Wrap a number to 32 bits with sign, as TMC13 does."""
     return ((number & 0xFFFFFFFF) ^ 0x80000000) - 0x80000000
 
 

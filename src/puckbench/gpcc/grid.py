@@ -19,7 +19,7 @@ _FARTHEST = 2.0**30
 
 
 class InputGrid(NamedTuple):
-    """Step and origin of the grid of the input coordinates."""
+    """Step and origin of the input coordinates."""
 
     unit: float = 1.0
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -36,7 +36,7 @@ class Quantised(NamedTuple):
 
 
 def input_grid(points: Floats, unit: float, scale: float) -> InputGrid:
-    """Return the grid of a cloud; its origin is nonzero only if the cloud is too far from zero."""
+    """Return the grid of a cloud; its origin is nonzero only for large coordinates."""
     ends = bounds(points)
     if np.abs(ends).max() < _FARTHEST * unit / max(scale, 1.0):
         return InputGrid(unit)

@@ -75,11 +75,7 @@ def idcm_enable_mask(mode: int, planar_enabled: bool, rate_minus1: int) -> int:
 def is_idcm_eligible(
     mode: int, size_log2: int, neigh_pattern: int, sibling_count: int, child_count: int
 ) -> bool:
-    """Return whether a node's children may use IDCM.
-
-    sibling_count: nodes of the same parent, including this one.
-    child_count: children of the node.
-    """
+    """Return whether a node's children may use IDCM; `sibling_count` includes the node."""
     if mode == 0 or size_log2 < 2:
         return False
     if mode == 1:
@@ -91,7 +87,7 @@ def is_idcm_eligible(
 
 @inlined
 def can_be_direct(unique_points: bool, leaves: int, points: int) -> bool:
-    """Return whether the encoder codes a node of `points` points at `leaves` positions by IDCM."""
+    """Return whether the encoder uses IDCM for `points` points at `leaves` positions."""
     if points > _MAX_EQUAL_POINTS:
         return False
     if leaves == 1 and points > 1 and not unique_points:
@@ -113,8 +109,7 @@ def code_direct_positions(
 ) -> tuple[int, int]:
     """Code the points of a node; return the numbers of distinct points and of all points.
 
-    given: (2, 3) distinct points to encode, relative to the node.
-    coded: (2, 3) receives the coded points.
+    given, coded: (2, 3) distinct points to encode and as coded, relative to the node.
     """
     pair = code_bit(coder, contexts.probabilities, CTX_NUM_IDCM_POINTS_GT1, integer(leaves == 2))
     dup_point_cnt = 0
@@ -134,7 +129,6 @@ def code_direct_positions(
 
 @inlined
 def _code_axis(coder: Any, given: Ints, bits_left: Ints, coded: Ints, i: int, axis: int) -> None:
-    """Code the remaining bits of a point's coordinate."""
     for k in range(bits_left[axis] - 1, -1, -1):
         bit = code_bypass(coder, given[i, axis] >> k & 1)
         coded[i, axis] = coded[i, axis] << 1 | bit
@@ -165,7 +159,6 @@ def _start_from_planes(node: IdcmNode, coded: Ints, bits_left: Ints) -> None:
 def _code_same_bits(
     coder: Any, contexts: Contexts, given: Ints, bits_left: Ints, coded: Ints
 ) -> None:
-    """Code the common leading bits of two ordered points along each axis, and the next bit."""
     equal = True
     for axis in range(3):
         same = _code_same_bits_of_axis(coder, contexts, given, bits_left, coded, axis, equal)
@@ -182,7 +175,7 @@ def _code_same_bits_of_axis(
     axis: int,
     equal: bool,
 ) -> bool:
-    """Code common leading bits along an axis; return whether all bits are equal.
+    """Code two points' bits along an axis up to the first difference; return whether all are equal.
 
     equal: whether the points are equal along the previous axes, so that this axis orders them.
     """
@@ -262,7 +255,7 @@ def _code_by_angles(
 
 @inlined
 def _middle(coded: Ints, bits_left: Ints, axis: int) -> int:
-    """Return the middle of the first point's remaining interval, relative to the node."""
+    """Return the middle of the first point's remaining interval."""
     left: int = bits_left[axis]
     middle: int = (coded[0, axis] << left) + (1 << left >> 1)
     return middle
@@ -359,10 +352,7 @@ def _code_elevation(
 def local_points(
     leaves: Ints, node_size_log2: tuple[int, int, int], local: Ints, ordered: bool
 ) -> None:
-    """Write the coordinates of one or two leaves, relative to their node, to `local`.
-
-    ordered: whether to sort the two points lexicographically.
-    """
+    """Write the coordinates of one or two leaves, relative to their node, to `local`."""
     for i in range(len(leaves)):
         for axis in range(3):
             local[i, axis] = compact_bits(leaves[i] >> (2 - axis)) & (
@@ -384,8 +374,7 @@ def order_by_angles(
 ) -> None:
     """Order two points by the axis that is coded without contexts, if they are coded jointly.
 
-    Otherwise, points in the same child keep the order of the cloud.
-    second_first: whether the second of `local` comes first in the cloud.
+    Otherwise, points in the same child keep the order of the cloud, given by `second_first`.
     """
     one_child = True
     for axis in range(3):
@@ -405,7 +394,6 @@ def order_by_angles(
 
 @inlined
 def leaf_code(node: int, node_size_log2: tuple[int, int, int], local: Ints) -> int:
-    """Return the Morton code of the leaf at `local` (3,) within a node."""
     code = 0
     for axis in range(3):
         whole = compact_bits(node >> (2 - axis)) << node_size_log2[axis] | local[axis]

@@ -1,7 +1,7 @@
-"""Lossless coding of voxels with a short header, for codecs that code features on voxels.
+"""Lossless coding of voxels with the octree of G-PCC and a short header.
 
-Octree and entropy coding are those of G-PCC. The header holds the minimum corner, the number of
-voxels and the bits of the box's sides as base-128 numbers.
+The header holds the minimum corner, the number of voxels and the bits of the box's sides as
+base-128 numbers.
 """
 
 from __future__ import annotations
@@ -31,12 +31,12 @@ _AXES = np.arange(3)
 
 
 def encode_voxels(voxels: NDArray[Any]) -> bytes:
-    """Encode voxels (n, 3), integers of any sign; duplicates are merged.
+    """Encode distinct voxels (n, 3), integers of any sign.
 
     Raises
     ------
     InputError
-        If voxels span more than 21 bits or there are more than 16,777,216.
+        If they span more than 21 bits or there are more than 16,777,216.
     """
     voxels = np.ascontiguousarray(voxels, dtype=np.int64)
     if not len(voxels):

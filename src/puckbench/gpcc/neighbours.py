@@ -1,8 +1,8 @@
-"""Occupied face neighbours of a node and their children, looked up in an atlas.
+"""Occupied face neighbours of a node and their children, from an atlas.
 
-The atlas covers a cube of 2**neighbour_avail_boundary_log2 nodes per side around the coded node;
-neighbours outside the cube count as empty. Without an atlas only siblings count. In TMC13:
-`makeGeometryNeighPattern`, `MortonMap3D`, `predictGeometryOccupancyIntra`.
+The atlas covers a cube of 2**neighbour_avail_boundary_log2 nodes per side; neighbours outside count
+as empty. Without an atlas only siblings count. In TMC13: `makeGeometryNeighPattern`, `MortonMap3D`,
+`predictGeometryOccupancyIntra`.
 """
 
 from __future__ import annotations
@@ -107,7 +107,7 @@ _GRID_SHIFT = np.ascontiguousarray(_GRID_PLACING[..., 1])
 
 
 class OccupancyAtlas(NamedTuple):
-    """Occupancies in the current cube, by Morton code: of parents, and of coded nodes.
+    """Occupancies of parents and of coded nodes in the current cube, by Morton code.
 
     side: log2 of the nodes per side; 0 without an atlas.
     """
@@ -126,10 +126,7 @@ def empty_atlas(boundary: int) -> OccupancyAtlas:
 def update_atlas(
     atlas: OccupancyAtlas, morton: Ints, occupancy: Bytes, axes: int, previous: int, first: int
 ) -> int:
-    """Move the atlas to the cube of parent `first`; return the index where the next cube starts.
-
-    previous: first parent of the old cube.
-    """
+    """Move the atlas to the cube of parent `first`; return the first parent of the next cube."""
     inside = (1 << 3 * atlas.side) - 1
     for i in range(previous, first):
         atlas.parents[parent_code(first_child_code(morton[i], axes) & inside, axes)] = 0
@@ -167,10 +164,7 @@ def _adjacent_occupancy(
 
 @kernel
 def face_neighbours(atlas: OccupancyAtlas, axes: int, base: int, occupancy: int) -> int:
-    """Return which children of a parent have occupied face neighbours, one byte per pattern bit.
-
-    base: code of the parent's first child.
-    """
+    """Return which children have occupied face neighbours, one byte per pattern bit."""
     address = parent_code(base & ((1 << 3 * atlas.side) - 1), axes)
     faces = 0
     for axis in range(3):
@@ -190,7 +184,6 @@ def face_neighbours(atlas: OccupancyAtlas, axes: int, base: int, occupancy: int)
 
 @inlined
 def neigh_pattern_of(faces: int, child: int) -> int:
-    """Return the neighbour pattern of one child."""
     neigh_pattern = 0
     for k in range(6):
         neigh_pattern |= (faces >> (8 * k + child) & 1) << k

@@ -1,7 +1,6 @@
 """Bitwise coding of a node's occupancy (`encodeOccupancyBitwise` of TMC13).
 
-Each of the eight bits has a context selected by 18 adaptive maps of context indices
-(`CtxMapOctreeOccupancy`).
+Each bit has a context selected by 18 adaptive maps of context indices (`CtxMapOctreeOccupancy`).
 """
 
 from __future__ import annotations
@@ -26,9 +25,7 @@ class OccupancyNeighbourhood(NamedTuple):
     """Neighbourhood that selects the contexts of a node's occupancy.
 
     neighbours_known: whether neighbours outside the parent are known.
-    neigh_pattern: occupied face neighbours.
     adjacency_gt0, adjacency_gt1, adjacency_unocc: see `neighbours.refine_by_adjacent_children`.
-    is_predicted, prediction: see `neighbours.predict_occupancy`.
     """
 
     neighbours_known: int
@@ -41,11 +38,7 @@ class OccupancyNeighbourhood(NamedTuple):
 
 
 class PlanarMasks(NamedTuple):
-    """Information from planar modes about a node.
-
-    mask_planar_x, mask_planar_y, mask_planar_z: children outside the occupied plane.
-    planar_possible: axes (1 x, 2 y, 4 z) along which the node may be planar.
-    """
+    """Children outside the occupied planes, and axes along which the node may be planar."""
 
     mask_planar_x: int
     mask_planar_y: int
@@ -154,9 +147,8 @@ def _code_with_ctx_map(
 def _code_bits(
     coder: Any, contexts: Contexts, neighbourhood: OccupancyNeighbourhood, occupancy: int
 ) -> int:
-    """Code the bits that are not implied.
-
-    At least one child is occupied, and at least two if the node has no neighbour.
+    """Code the bits that are not implied: at least one child is occupied, or two without
+    neighbours.
     """
     no_neighbour = neighbourhood.neigh_pattern == 0
     most_zeros = 6 if no_neighbour else 7

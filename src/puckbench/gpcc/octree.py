@@ -1,8 +1,7 @@
 """One level of the geometry octree: planar modes, and IDCM points or occupancy of every node.
 
 Nodes are coded in breadth-first order, as in TMC13's `GeometryOctreeEncoder` and
-`GeometryOctreeDecoder`. The kernel encodes with an `Encoder` and a `Source`, and decodes with a
-`Decoder` and None.
+`GeometryOctreeDecoder`. A decoder has no `Source`.
 """
 
 from __future__ import annotations
@@ -75,7 +74,6 @@ class Level(NamedTuple):
 
     coded_axes, coded_axes_prev_level: axes (4 x, 2 y, 1 z) that this level and the one above split.
     last: whether the children are leaves.
-    intra_pred: whether nodes are smaller than intra_pred_max_node_size.
     idcm_enable_mask: eligible nodes that may use IDCM, from the lowest bit.
     """
 
@@ -97,7 +95,6 @@ class Nodes(NamedTuple):
 
     idcm_eligible: children that may use IDCM, as bits.
     first_child: in an encoder, index of the first child within its level.
-    laser: nearest laser in angular mode.
     """
 
     morton: Ints
@@ -111,7 +108,6 @@ class Source(NamedTuple):
     """A level of the octree to encode.
 
     first_leaf: index of each node's first leaf, and the number of leaves.
-    leaves: Morton codes of all leaves, for IDCM.
     counts: points at each leaf, unless merged.
     second_first: see `tree.Tree`.
     """
@@ -143,7 +139,7 @@ class SliceState(NamedTuple):
 
 
 class ParentNode(NamedTuple):
-    """A parent of the nodes to code; `faces` and `grid` describe its children's neighbours."""
+    """A parent; `faces` and `grid` describe its children's neighbours."""
 
     first_child_code: int
     sibling_occupancy: int
@@ -207,7 +203,7 @@ def _code_children(
     state: SliceState,
     angular: Angular | None,
 ) -> int:
-    """Code the children of one parent; return 0 or the negative fault of a damaged stream."""
+    """Code the children of one parent; return 0 or a negative fault."""
     index, counters = parent.first_child, state.counters
     for child in range(8):
         if parent.sibling_occupancy >> child & 1 == 0:
@@ -420,7 +416,7 @@ def _code_leaf_point_counts(
     occupancy: int,
     index: int,
 ) -> None:
-    """Code the number of points of each leaf of a node in the last level."""
+    """Code the number of points of each leaf of a node."""
     base = first_child_code(morton, level.coded_axes)
     leaf = integer(source.first_child[index]) if source is not None else 0
     for child in range(8):

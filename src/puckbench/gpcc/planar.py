@@ -1,6 +1,6 @@
 """Planar coding mode: whether all occupied children lie in one of the two planes of an axis.
 
-It is used along axes with frequent planes, where nodes are sparse (`OctreePlanarState`,
+It applies to axes with frequent planes, where nodes are sparse (`OctreePlanarState`,
 `OctreePlanarBuffer` of TMC13).
 """
 
@@ -37,8 +37,7 @@ class PlanarState(NamedTuple):
 
     rates: of planes along x, y, z, and the local density of nodes.
     thresholds: minimum rates of the most, second and least frequent axis.
-    position, plane_index: (3, rows) for each axis and position along it, position and plane of the
-        last planar node.
+    position, plane_index: (3, rows) of the last planar node at each position along an axis.
     """
 
     enabled: bool
@@ -52,7 +51,7 @@ class PlanarState(NamedTuple):
 def planar_state(
     enabled: bool, buffered: bool, depth: int, thresholds: tuple[int, int, int]
 ) -> PlanarState:
-    """Return the state at the start of a slice with an octree of `depth` levels."""
+    """Return the initial state of a slice."""
     rows = min(_ROWS, 1 << depth) if enabled and buffered else 1
     return PlanarState(
         enabled,
@@ -71,7 +70,7 @@ def reset_planar_buffer(state: PlanarState, rows: int) -> None:
 
 @inlined
 def update_planar_rates(state: PlanarState, occupancy: int) -> None:
-    """Update the rates with the occupancy of the parent of the next nodes."""
+    """Update the rates with the occupancy of the next nodes' parent."""
     rates = state.rates
     for axis in range(3):
         planar_mode = (occupancy & UPPER[axis] == 0) or (occupancy & ~UPPER[axis] & 0xFF == 0)
@@ -120,8 +119,7 @@ def planar_mask(planar_mode: int, plane_pos_bits: int, axis: int) -> int:
 class PlanarNode(NamedTuple):
     """Neighbourhood that selects the contexts of planar modes.
 
-    adjacent_occupancies: of the neighbours x-1, y-1, z-1, one byte each; known only with
-        adjacent-child contexts.
+    adjacent_occupancies: of the neighbours x-1, y-1, z-1, one byte each.
     angles: angular contexts, or -1.
     """
 
@@ -206,7 +204,7 @@ def _code_planar_mode(
 
 @inlined
 def _adjacent_planes_ctx(node: PlanarNode, axis: int) -> int:
-    """Return the context by the occupancy of the planes next to the node's planes."""
+    """Return the context by the occupancy of the adjacent planes."""
     before, after = BEFORE[axis], AFTER[axis]
     if node.adjacent_known:
         low = node.adjacent_occupancies >> (8 * axis) & UPPER[axis] != 0

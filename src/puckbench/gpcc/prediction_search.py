@@ -1,8 +1,7 @@
 """Nearest positions in a growing set: a forest of k-d trees whose sizes are powers of two.
 
 An added position is merged with all smaller trees into the first free size (Bentley's logarithmic
-method). Ties go to the position visited first, so trees are built and searched in the order of the
-library that TMC13 uses.
+method). Ties go to the position visited first, so the order is that of the library of TMC13.
 """
 
 from __future__ import annotations
@@ -27,16 +26,13 @@ _FAR = (1 << 62) - 1
 
 
 class Search(NamedTuple):
-    """The forest.
+    """The forest; the tree of size 2^k starts at row 2^k and node 2^(k + 1).
 
     owners: (n,) number added with each position.
-    rows: of the positions of all trees; the tree of size 2^k starts at 2^k.
-    values: scratch, coordinates of rows along the split axis.
-    nodes: (2 n, 5) of all trees; the tree of size 2^k starts at 2^(k + 1). An inner node holds
-        axis, maximum of the lower half, minimum of the upper half, and two children; a leaf holds
-        -1, first and last row.
+    values: scratch, coordinates along the split axis.
+    nodes: (2 n, 5) axis, maximum of the lower half, minimum of the upper half, two children; or for
+        a leaf -1, first row, last row.
     boxes: (trees, 2, 3) bounding boxes.
-    stack: scratch, nodes to build or search.
     nearest, distances: (3,) rows and squared distances of the result.
     """
 
@@ -91,7 +87,7 @@ def add_position(search: Search, owner: int, x: int, y: int, z: int) -> None:
 
 @kernel
 def _build(search: Search, tree: int) -> None:
-    """Build the tree of the rows at its place; small trees are searched without nodes."""
+    """Build the nodes of a tree; small trees have none."""
     if tree <= _LEAF_LOG2:
         return
     start, size, box = 1 << tree, 1 << tree, search.boxes[tree]
@@ -181,7 +177,7 @@ def _take_values(search: Search, first: int, end: int, axis: int) -> None:
 
 @inlined
 def _split(search: Search, first: int, end: int, frame: Ints) -> tuple[int, int, int]:
-    """Sort rows to the sides of a cut that halves the box's longest side.
+    """Partition rows at a cut that halves the box's longest side.
 
     Returns axis, cut, and first row above it; `frame` holds the box from entry 3 on.
     """
@@ -283,7 +279,7 @@ def _search_tree(search: Search, tree: int, found: int, at: tuple[int, int, int]
 
 @inlined
 def _search_leaf(search: Search, first: int, end: int, found: int, at: tuple[int, int, int]) -> int:
-    """Search the rows of a leaf or small tree; return the new number of results."""
+    """Search the rows of a leaf; return the new number of results."""
     worst = search.distances[NEIGHBOURS - 1]
     for k in range(first, end):
         row = integer(search.rows[k])

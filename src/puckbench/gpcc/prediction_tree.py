@@ -1,8 +1,7 @@
-"""Prediction trees of an encoder: the order of a slice's points, and the parent of each.
+"""Order of a slice's points and their parents, as chosen by the encoder of TMC13.
 
 With a sensor, the points of each laser form a chain, and the first points of the chains are linked.
-Without one, a point's parent is the node whose predictions are nearest. Orders and trees are those
-of TMC13.
+Without one, a point's parent is the node whose predictions are nearest.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ ROOT, DUPLICATE = -1, -2
 
 
 class PredictionTree(NamedTuple):
-    """Nodes (n,), one for each point, in the order of the points.
+    """Nodes (n,), one for each point.
 
     parents: row of the parent, ROOT or DUPLICATE.
     children: (n, 3) rows; the first `num_children` are valid.
@@ -44,7 +43,7 @@ def ordered(points: Int32s, order: Order, centre: tuple[int, int, int], precisio
     """Return the rows (n,) of points (n, 3) in the order in which a tree is built.
 
     centre: origin of azimuth and radius.
-    precision: steps of the azimuth per radian, 0 for exact azimuths; ties are sorted by radius.
+    precision: steps of the azimuth per radian; 0 for exact azimuths.
     """
     if order == "given":
         return np.arange(len(points))
@@ -69,10 +68,7 @@ def empty_tree(points: int) -> PredictionTree:
 
 
 def angular_tree(points: Int32s, around: Sphere, positions: Int32s, most: int) -> PredictionTree:
-    """Build trees of at most `most` points each from a sensor's points (n, 3).
-
-    Writes the points' spherical coordinates to `positions` (n, 3).
-    """
+    """Build trees of at most `most` points, and write spherical coordinates to `positions`."""
     tree = empty_tree(len(points))
     for start in range(0, len(points), most):
         lasers = np.full((2, len(around.theta)), ROOT, dtype=np.int32)
@@ -90,10 +86,7 @@ def _chain(
     node: int,
     end: int,
 ) -> None:
-    """Build one tree from row `node` to `end`.
-
-    lasers: (2, n) first and last node of each laser.
-    """
+    """Build one tree; `lasers` (2, n) holds the first and last node of each laser."""
     ox, oy, oz = around.origin
     while node < end:
         found = spherical(
@@ -123,7 +116,7 @@ def _chain(
 
 
 def nearest_tree(points: Int32s, most: int) -> PredictionTree:
-    """Build trees of at most `most` points each from points (n, 3) without a sensor."""
+    """Build trees of at most `most` points without a sensor."""
     tree = empty_tree(len(points))
     for start in range(0, len(points), most):
         end = min(start + most, len(points))

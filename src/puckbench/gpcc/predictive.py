@@ -2,8 +2,7 @@
 
 The points are nodes of trees in depth-first order; each is predicted from up to three ancestors and
 corrected by a residual. Angular coding predicts in spherical coordinates, and a second residual
-corrects x, y, z. Functions ``code_...`` encode or decode a number and return it. In TMC13:
-`PredGeomEncoder`, `PredGeomDecoder`.
+corrects x, y, z. In TMC13: `PredGeomEncoder`, `PredGeomDecoder`.
 """
 
 from __future__ import annotations
@@ -64,11 +63,7 @@ _LONGEST_PREFIX = 30
 
 
 class Tools(NamedTuple):
-    """Coding tools of a slice, named as in its parameter set and header.
-
-    slice_qp: initial QP of the slice.
-    qp_interval: nodes between QP offsets.
-    """
+    """Coding tools of a slice, named as in its parameter set and header."""
 
     unique_points: bool
     angular: bool
@@ -84,10 +79,7 @@ class Tools(NamedTuple):
 
 
 class Nodes(NamedTuple):
-    """Nodes in coding order; spherical coordinates are empty without angular coding.
-
-    stack: (n,) parents of pending nodes.
-    """
+    """Nodes in coding order; `stack` holds the parents of pending nodes."""
 
     points: NDArray[np.int32]
     spherical: NDArray[np.int32]
@@ -152,8 +144,7 @@ def _code_phi_rest(coder: Any, contexts: Probabilities, value: int) -> int:
 def code_qp_offset(coder: Any, contexts: Probabilities, offset: int) -> int:
     """Code the difference of the next nodes' QP from the slice's.
 
-    TMC13's encoder writes the sign before the magnitude, its decoder reads it after; our encoder
-    writes only 0.
+    TMC13 writes the sign before the magnitude but reads it after; our encoder writes only 0.
     """
     if not code_bit(coder, contexts, CTX_QP_OFFSET_ABS_GT0, integer(offset != 0)):
         return 0
@@ -184,7 +175,7 @@ def _code_component(
     value: int,
     signed: bool,
 ) -> tuple[int, int]:
-    """Code one component of a residual; also return its number of bits, which selects contexts."""
+    """Code one component of a residual; return it and its number of bits."""
     if not code_bit(coder, contexts, CTX_RES_GT0 + axis, integer(value != 0)):
         return 0, 0
     magnitude = abs(value) - 1
@@ -296,7 +287,7 @@ def predicted(positions: NDArray[np.int32], before: Three, mode: int, tools: Too
 
 @entry
 def decode_trees(coder: Any, contexts: Probabilities, tools: Tools, nodes: Nodes) -> int:
-    """Decode all trees of a slice into `nodes`; return the number of points or a negative fault."""
+    """Decode all trees of a slice; return the number of points or a negative fault."""
     done = 0
     while True:
         done = _decode_tree(coder, contexts, tools, nodes, done)

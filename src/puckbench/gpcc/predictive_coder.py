@@ -84,12 +84,10 @@ def encode_predictive_geometry(
     origin: Sequence[int] | Ints = (0, 0, 0),
     sensor: SensorDescription | None = None,
 ) -> bytes:
-    """Encode points as a stream of prediction trees that TMC13 decodes.
+    """Encode integer points (n, 3) as a stream of prediction trees that TMC13 decodes.
 
     Parameters
     ----------
-    points
-        (n, 3) integers, n > 0.
     scale, origin
         A decoder returns the positions (points + origin) / scale.
     sensor
@@ -155,7 +153,7 @@ def _geometry_parameter_set(
 
 
 def _partition(points: NDArray[np.int32], most: int) -> Iterator[NDArray[np.int32]]:
-    """Bisect points along their longest side into parts of at most `most` points."""
+    """Bisect points along their longest side."""
     if len(points) <= most:
         yield points
         return
@@ -176,7 +174,6 @@ def _data_unit(
     gps: syntax.GeometryParameterSet,
     centre: Three,
 ) -> bytes:
-    """Encode a slice of points relative to the sequence's origin."""
     x, y, z = points.min(axis=0).tolist()
     points = _sorted(points, options, centre) - np.array((x, y, z), dtype=np.int32)
     interval = options.slice_qp_interval_log2

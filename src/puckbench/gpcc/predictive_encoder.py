@@ -57,10 +57,9 @@ _RECIPROCALS = np.rint((1 << 20) * 8 / np.arange(8, 16)).astype(np.int64)
 
 
 class Given(NamedTuple):
-    """Data to encode.
+    """Data to encode; `points` and `positions` are replaced by those of the decoder.
 
-    points: (n, 3) relative to the slice's origin; replaced by the decoder's points.
-    positions: (n, 3) predicted coordinates, `points` or spherical; replaced likewise.
+    positions: (n, 3) coordinates to predict, `points` or spherical.
     stack: (n,) pending nodes.
     progress: (4,) next root, size of the stack, nodes until the next QP offset, coded nodes.
     """
@@ -73,8 +72,6 @@ class Given(NamedTuple):
 
 
 class Choice(NamedTuple):
-    """A prediction: mode, azimuth steps, predicted position, and quantised residual."""
-
     mode: int
     steps: int
     prediction: Three
@@ -245,14 +242,12 @@ def _is_representable(tools: Tools, residual: Three) -> bool:
 
 @inlined
 def _bit_cost(contexts: Probabilities, context: int, bit: int) -> Any:
-    """Return the approximate cost of a bit."""
     zero = max(1, integer(contexts[context]) >> 9)
     return _COSTS[128 - zero if bit else zero]
 
 
 @inlined
 def _cost(contexts: Probabilities, tools: Tools, choice: Choice) -> Any:
-    """Return the approximate number of bits of a choice."""
     mode, residual = choice.mode, choice.residual
     bits = _bit_cost(contexts, CTX_PRED_MODE, mode >> 1)
     bits += _bit_cost(contexts, CTX_PRED_MODE + 1 + (mode >> 1), mode & 1)

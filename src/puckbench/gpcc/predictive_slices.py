@@ -39,7 +39,6 @@ def decode_trees(
     """Decode the points (n, 3) of a slice and update `contexts`; InputError if it is damaged.
 
     axes: coded axis of each of x, y, z.
-    origin: of the slice, in x, y, z.
     """
     tools = tools_of(coded.header, gps, axes, origin)
     nodes = empty_nodes(coded.points, angular=tools.angular)
@@ -100,8 +99,7 @@ def encode_trees(
 ) -> bytes | None:
     """Return the arithmetic-coded part of a data unit, or None if a residual does not fit.
 
-    positions: (n, 3) predicted coordinates, `points` or spherical. Both arrays are replaced by
-        those of the decoder.
+    points, positions: see `predictive_encoder.Given`.
     """
     stack = np.empty(len(points) + 2, dtype=np.int32)
     given = Given(tree, points, positions, stack, np.zeros(4, dtype=np.int64))

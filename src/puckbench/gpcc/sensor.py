@@ -27,8 +27,6 @@ class SensorDescription:
 
     Parameters
     ----------
-    tan_elevation
-        Tangent of each laser's elevation, in any order.
     height
         Height above `position` at which each laser's beam crosses the axis of rotation.
     steps_per_turn
@@ -58,10 +56,7 @@ class SensorDescription:
             raise InputError("G-PCC: the sensor's lasers do not fit into a stream")
 
     def lasers(self) -> list[Laser]:
-        """Return the lasers of a geometry parameter set, by increasing elevation.
-
-        TMC13 subtracts z, so it is the negative height.
-        """
+        """Return the lasers of a parameter set upwards; TMC13 subtracts z, the negative height."""
         pairs = sorted(zip(self.tan_elevation, self.height, strict=True))
         return [
             Laser(_rounded(tan * _THETA_ONE), _rounded(-height * _Z_ONE), self.steps_per_turn)
@@ -84,8 +79,8 @@ def describe_sensor(
 ) -> SensorDescription:
     """Describe a sensor for points in steps of `unit_m` metres.
 
-    If the upper beams cross the axis far from the sensor's origin, as those of an HDL-64E do, the
-    position moves there, because a node's laser is determined by its angle from the position.
+    A node's laser is determined by its angle from the position, which is therefore the point where
+    the upper beams cross the axis.
     """
     height = np.asarray(beams.heights_mm)
     upper = np.argsort(beams.elevations_deg)[len(height) // 2 :]

@@ -65,7 +65,7 @@ def encode_slice(
     gps: GeometryParameterSet,
     sensor: angular.Angular | None = None,
 ) -> bytes:
-    """Encode an octree as a geometry data unit; `sensor` switches angular mode on."""
+    """Encode an octree as a geometry data unit."""
     points = len(tree.keys) if gps.geom_unique_points_flag else int(tree.counts.sum())
     return data_unit(CodedSlice(header, encode_octree(tree, header, gps, sensor), points), sps, gps)
 
@@ -295,7 +295,6 @@ def sensor_state(
     """Return the sensor relative to a slice, or None without angular mode.
 
     axes: coded axis of each of x, y, z.
-    origin: of the slice, in x, y, z.
     """
     if not gps.geom_angular_mode_enabled_flag:
         return None

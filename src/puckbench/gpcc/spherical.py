@@ -1,7 +1,6 @@
 """Integer spherical coordinates of a sensor's points: radius, azimuth and laser.
 
-Angular coding predicts in these coordinates and converts them to x, y, z by fixed-point sines. A
-turn has 2^azimuth_log2 steps of azimuth.
+Angular coding predicts in these coordinates and converts them to x, y, z by fixed-point sines.
 """
 
 from __future__ import annotations
@@ -31,7 +30,7 @@ class Sphere(NamedTuple):
     """Parameters of the spherical coordinates of a slice.
 
     radius_log2: log2 of the coding units per radius step.
-    theta, z: (n,) of each laser.
+    azimuth_log2: log2 of the azimuth steps per turn.
     origin: sensor relative to the slice's origin, along the coded axes.
     """
 
@@ -73,7 +72,6 @@ def sine(azimuth: int, azimuth_log2: int) -> int:
 
 @kernel
 def cosine(azimuth: int, azimuth_log2: int) -> int:
-    """Return the cosine as `sine` does."""
     half = 1 << (azimuth_log2 - 1)
     within = min(abs(azimuth), half)
     quarter = half >> 1
@@ -136,10 +134,7 @@ def _bit_length(value: int) -> int:
 
 @kernel
 def spherical(around: Sphere, x: int, y: int, z: int) -> Three:
-    """Return radius, azimuth and laser of a point relative to the sensor.
-
-    Of two steps either way, those are chosen from which `cartesian` is nearest to the point.
-    """
+    """Return the radius, azimuth and laser whose `cartesian` point is nearest to (x, y, z)."""
     distance = _rounded(math.hypot(x, y))
     laser = _nearest_laser(around, distance, z)
     turn = math.atan2(y, x) / (2.0 * math.pi) * (1 << around.azimuth_log2)
@@ -179,7 +174,6 @@ def _off(around: Sphere, radius: int, azimuth: int, laser: int, x: int, y: int, 
 
 @inlined
 def _rounded(value: float) -> int:
-    """Round halves away from zero."""
     whole = math.floor(abs(value))
     if abs(value) - whole >= 0.5:
         whole += 1

@@ -158,8 +158,6 @@ class Tile:
 
 @dataclass
 class TileInventory:
-    """Bounding boxes of the tiles, which decoding ignores."""
-
     ti_seq_parameter_set_id: int = 0
     ti_frame_ctr_lsb_bits: int = 1
     ti_frame_ctr_lsb: int = 0
@@ -416,7 +414,7 @@ def tile_inventory(io: SyntaxElements, inventory: TileInventory) -> None:
 
 
 def written(syntax: Callable[..., None], *records: Any) -> bytes:
-    """Return the bytes that a syntax function writes for its records."""
+    """Return the bytes that a syntax function writes."""
     writer = Writer()
     syntax(writer, *records)
     return writer.bytes()

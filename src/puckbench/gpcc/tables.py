@@ -134,7 +134,7 @@ _TURN_X = {
 
 
 def _turned(neigh_pattern: int) -> list[int]:
-    """Return the position of each child after the rotation of a pattern to that of its class."""
+    """Return the position of each child after rotating a pattern to that of its class."""
     turns = [(_SAME, _Z90, _Z180, _Z270)[_TURN_Z[neigh_pattern & 15]]]
     if neigh_pattern & 48 == 16:
         turns.append(_MIRROR_Z)
@@ -157,7 +157,7 @@ def _coded_children() -> list[list[int]]:
 
 
 def _map_bases(classes: tuple[int, ...]) -> list[list[int]]:
-    """Return the first map entry for each pattern and coded bit; the preceding bits are added."""
+    """Return the first map entry for each pattern and coded bit."""
     rows = [list(_MAP_STARTS)]
     for neigh_pattern in range(1, 64):
         nine = classes[neigh_pattern]

@@ -30,8 +30,8 @@ def coded_axes(
     qtbt: whether the root is a box instead of a cube.
     max_num_qtbt_before_ot: levels that first split only the longest sides.
     min_qtbt_size_log2: log2 of the shortest side from which on only the longest sides are split.
-    late_z: with a sensor, log2 of the height up to which nodes are split along z only if the log2
-        of height / width is at least the second value.
+    late_z: with a sensor, see angular_max_node_min_dim_log2_to_split_z and
+        angular_max_diff_to_split_z in `GpccOptions`.
     """
     if not qtbt:
         return [7] * max(bits)
@@ -63,7 +63,7 @@ def _split_late_along_z(size: list[int], height: int, factor: int) -> list[bool]
 
 
 def node_sizes_log2(levels: list[int]) -> list[Bits]:
-    """Return log2 of the node size along x, y, z at each level, and (0, 0, 0) for leaves."""
+    """Return log2 of the node size along x, y, z at each level, last (0, 0, 0)."""
     sizes = [(0, 0, 0)]
     for axes in reversed(levels):
         x, y, z = sizes[-1]
@@ -196,10 +196,9 @@ def _digit_positions(levels: list[int]) -> Ints:
 
 @compiled
 def _sorted_as_coded(keys: Ints, positions: Ints) -> Bytes:
-    """Sort keys by level as TMC13 sorts the points of a node into its children.
+    """Sort keys by level in the order of TMC13's in-place counting sort.
 
-    Its counting sort swaps points in place and so changes their order within a child. Returns for
-    each key whether it is the first of two in a node and was behind the other.
+    Returns for each key whether it is the first of two in a node and was behind the other.
     """
     behind = np.zeros(len(keys), dtype=np.uint8)
     stack = np.empty((8 * len(positions) + 8, 3), dtype=np.int64)
@@ -252,7 +251,6 @@ def _permuted(keys: Ints, tables: Ints) -> Ints:
 
 @compiled
 def _unique(keys: Ints) -> tuple[Ints, Indices]:
-    """Return the distinct values of sorted keys, and their counts."""
     count = 1
     for i in range(1, len(keys)):
         count += integer(keys[i] != keys[i - 1])
