@@ -28,7 +28,7 @@ _TOLERANCE_M = 0.1
 
 
 def in_frame_of_s3dis(points: Floats, area: str) -> Floats:
-    """Transform points (n, 3) with z up of an area ("1", ..., "5b") to the frame of S3DIS."""
+    """Transform points (n, 3) of an area ("1", ..., "5b"), z up, to the frame of S3DIS."""
     if area != "5b":
         return points
     x, y, z = points.T
@@ -111,7 +111,6 @@ def room_of(material: str) -> str | None:
 
 
 def _labels(materials: tuple[str, ...], material_id: NDArray[np.int64]) -> Labels:
-    """Make every material an object."""
     used, object_id = np.unique(material_id, return_inverse=True)
     names = [materials[number] if number >= 0 else UNKNOWN for number in used]
     objects = (SceneObject(name, class_of(name)) for name in names)

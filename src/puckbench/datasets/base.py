@@ -130,7 +130,6 @@ def numbered_objects(classes: Iterable[str]) -> tuple[SceneObject, ...]:
 
 
 def existing_folder(path: str, expected: str) -> Path:
-    """Return a folder, or raise InputError with the `expected` content if it is missing."""
     folder = Path(path)
     if not folder.is_dir():
         raise InputError(f"{path}: no such folder ({expected})")
@@ -138,7 +137,6 @@ def existing_folder(path: str, expected: str) -> Path:
 
 
 def look_up(table: Mapping[str, T], name: str, where: str) -> T:
-    """Return the entry of a scene, or raise InputError with examples of names."""
     if name not in table:
         examples = ", ".join(list(table)[:5])
         raise InputError(f"{where}: no scene '{name}' (it has {len(table)}: {examples}, ...)")
@@ -148,11 +146,7 @@ def look_up(table: Mapping[str, T], name: str, where: str) -> T:
 def select_names(
     option: str, requested: tuple[str, ...] | int | None, available: list[str]
 ) -> list[str]:
-    """Return the names that an option selects: listed names, a number from the first, or all
-    (None).
-
-    Raises InputError, which begins with `option`, for unknown names and invalid numbers.
-    """
+    """Return the names that an option selects: listed names, the first few, or all (None)."""
     if requested is None:
         return available
     if isinstance(requested, int):

@@ -67,7 +67,7 @@ class Capod(MeshFolderSet):
 
 
 def _read_classes(path: Path) -> dict[str, list[int]]:
-    """Return class names with object numbers from a ``.cla`` file (Princeton shape benchmark)."""
+    """Read the object numbers of each class (format of the Princeton Shape Benchmark)."""
     tokens = read_bytes(path).decode("latin-1").split()
     try:
         announced, remaining = (int(tokens[2]), int(tokens[3])), iter(tokens[4:])

@@ -59,7 +59,7 @@ class CapturedRooms(FolderSet):
 
 
 def read_capture(path: Path, name: str | None = None) -> Scene:
-    """Read a captured room (JSON) in metres with z up; raise InputError if it is damaged."""
+    """Read a captured room (JSON) in metres with z up."""
     entities = _entities(path)
     try:
         mesh = _room_mesh(entities, path)
@@ -106,7 +106,6 @@ class _PlacedEntity:
 
 
 def is_captured_room(path: Path) -> bool:
-    """Return whether the first bytes of a file are those of a captured room."""
     try:
         with path.open("rb") as stream:
             return b'"spatialEntities"' in stream.read(1 << 16)
@@ -123,7 +122,6 @@ def _entities(path: Path) -> list[Entity]:
 
 
 def _room_mesh(entities: list[Entity], path: Path) -> Mesh:
-    """Return the largest mesh of the capture, with y up."""
     holders = [entity for entity in entities if "triangleMesh_META" in entity]
     if not holders:
         raise InputError(f"{path}: the captured room has no mesh")
@@ -164,7 +162,6 @@ def _semantic(entity: Entity) -> str:
 
 
 def _frame(entity: Entity) -> tuple[Floats, Floats]:
-    """Return rotation (3, 3) and position (3,) of an entity."""
     place = entity["locatable_META"]
     x, y, z, w = (float(place["orientation"][axis]) for axis in "xyzw")
     rotation = np.array(

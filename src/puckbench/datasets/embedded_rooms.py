@@ -38,7 +38,6 @@ class EmbeddedRooms(GeneratedSet):
         return sorted(select_names("rooms", self.rooms, list(ROOMS)))
 
     def files(self, name: str) -> list[Path]:
-        """Return the catalogues, if real furniture is used."""
         return self._catalogues.catalogues() if self._catalogues else []
 
     def load(self, name: str) -> Scene:

@@ -1,4 +1,4 @@
-"""Download free data sets through package managers, with hashes, licences and credits."""
+"""Download of free data sets through package managers."""
 
 from __future__ import annotations
 
@@ -20,8 +20,7 @@ _CREDITS = "CREDITS.md"
 class FetchResult:
     """Result of a download.
 
-    `status` is "fetched", "present" (unchanged since an earlier download) or "failed"; `message`
-    has the reason or a warning.
+    `status` is "fetched", "present" (unchanged) or "failed"; `message` has the reason or a warning.
     """
 
     name: str
@@ -33,8 +32,8 @@ class FetchResult:
 def fetch_data(root: Path, names: Iterable[str] = ()) -> list[FetchResult]:
     """Download free data sets into folders of their names.
 
-    Unchanged folders are kept. A failure does not stop the other downloads. By default, all sources
-    with ``by_default`` are fetched. Raises InputError for an unknown name.
+    Unchanged folders are kept; a failure does not stop the other downloads. By default, all sources
+    with ``by_default`` are fetched.
     """
     requested = list(names) or [name for name, source in SOURCES.items() if source.by_default]
     unknown = [name for name in requested if name not in SOURCES]
@@ -53,7 +52,7 @@ def _fetch_or_fail(name: str, folder: Path) -> FetchResult:
 
 
 def fetch_source(source: PackageSource, folder: Path) -> str:
-    """Download the files of a package into `folder`; return a warning or an empty text."""
+    """Download a package's files into `folder`; return a warning or an empty text."""
     workspace = folder.with_name(f".fetching-{folder.name}")
     shutil.rmtree(workspace, ignore_errors=True)  # left there by a run that was killed
     workspace.mkdir(parents=True)
@@ -93,7 +92,6 @@ def _check_hash(source: PackageSource, package: Path) -> str:
 
 
 def _unpack(source: PackageSource, package: Path, folder: Path) -> None:
-    """Extract the files that match ``source.wanted`` into one flat folder."""
     with source.unpack(package) as archive:
         members = [m for m in archive if m.isfile() and source.wanted.fullmatch(m.name)]
         for member in members:

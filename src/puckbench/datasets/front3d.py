@@ -50,7 +50,6 @@ class Front3D(DataSet):
         return sorted(self._table)
 
     def files(self, name: str) -> list[Path]:
-        """Return the files of the house and of the room's furniture."""
         house, room = look_up(self._table, name, self.path)
         return [house, *(path for path in room.models(Path(self.models)) if path.is_file())]
 

@@ -1,4 +1,4 @@
-"""Read surfaces, furniture and poses of the rooms of a house of 3D-FRONT."""
+"""Rooms of a house of 3D-FRONT."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ MeshArrays = tuple[Floats, NDArray[np.int64]]
 
 @dataclass(frozen=True)
 class _Pose:
-    """Position (3,), quaternion (x, y, z, w) and scale (3,) of an item in a house."""
+    """Position (3,), quaternion (x, y, z, w) and scale (3,) of an item."""
 
     position: Floats
     quaternion: Floats
@@ -62,7 +62,6 @@ class HouseRoom:
 
 
 def read_rooms(path: Path) -> list[HouseRoom]:
-    """Return the rooms of a house file that have a surface."""
     house = read_json(path)
     try:
         parts = {part["uid"]: part for part in house["mesh"]}
@@ -78,14 +77,8 @@ def build_room(
 ) -> tuple[Mesh, Floats | None, dict[str, int]]:
     """Assemble a room; raise InputError, naming `what`, if it has no surface.
 
-    Returns
-    -------
-    mesh
-        Labelled, in metres with z up.
-    box
-        Lowest and highest corner of the house's surfaces, (2, 3), or None.
-    left_out
-        Number of items without a surface, by reason.
+    Returns the labelled mesh in metres with z up, the lowest and highest corner (2, 3) of the
+    house's surfaces or None, and the number of items without a surface, by reason.
     """
     left_out = Counter(room.left_out)
     placed: list[tuple[_PlacedItem, Floats, NDArray[np.int64]]] = []
@@ -158,14 +151,13 @@ def _read_model(path: Path) -> MeshArrays:
 
 
 def _rotation(quaternion: Floats) -> Floats:
-    """Return the rotation matrix (3, 3) of a quaternion x, y, z, w of any length."""
+    """Return the rotation matrix (3, 3) of a quaternion (x, y, z, w)."""
     x, y, z, w = (quaternion / np.linalg.norm(quaternion)).tolist()
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     return np.asarray(np.eye(3) + 2 * w * cross + 2 * cross @ cross)
 
 
 def _joined(placed: list[tuple[_PlacedItem, Floats, NDArray[np.int64]]]) -> Mesh:
-    """Return one mesh in which each item is an object."""
     starts = np.cumsum([0, *(len(points) for _, points, _ in placed)])
     triangles = [faces + start for (_, _, faces), start in zip(placed, starts, strict=False)]
     sizes = [len(faces) for _, _, faces in placed]

@@ -2,9 +2,9 @@
 
 References
 ----------
-A. Geiger et al., "Vision meets Robotics: The KITTI Dataset", IJRR 2013, section III, and the
-development kit's readme.txt: float32 x (forward), y (left), z (up) and reflectance, "row-aligned".
-In the files, rings follow each other from the highest laser down, each from azimuth 0; azimuths
+A. Geiger et al., "Vision meets Robotics: The KITTI Dataset", IJRR 2013, section III;
+readme.txt of the development kit: float32 x (forward), y (left), z (up) and reflectance.
+In the files, rings follow each other from the highest laser down, each from azimuth 0. Azimuths
 are multiples of 0.09 degrees plus an offset of the laser.
 """
 
@@ -135,7 +135,6 @@ def _recovered(xyz: Floats) -> RecoveredReturns:
 
 
 def _part(folder: Path) -> str:
-    """Return the split, sequence or drive of a folder of frames."""
     return safe_name((folder if folder.name == "velodyne" else folder.parent).parent.name)
 
 

@@ -41,7 +41,6 @@ class Matterport3D(MeshFolderSet):
 
     @cached_property
     def _regions(self) -> dict[str, dict[str, Path]]:
-        """Meshes of regions by building and name."""
         root = existing_folder(self.path, _EXPECTED)
         regions: dict[str, dict[str, Path]] = {}
         for layout in ("*", "*/*"):

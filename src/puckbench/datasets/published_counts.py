@@ -1,4 +1,4 @@
-"""Compare the counts of a data set on disk with published counts."""
+"""Published numbers of a data set's items."""
 
 from __future__ import annotations
 
@@ -21,7 +21,5 @@ class Count:
 
 @runtime_checkable
 class Counted(Protocol):
-    """A data set with published counts."""
-
     def counts(self) -> list[Count]:
         """Return counts of the whole data set, without regard to its options."""

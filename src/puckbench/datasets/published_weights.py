@@ -26,7 +26,6 @@ _TABLES = {PCGC: "published_weights.yaml", RENO: "reno_weights.yaml"}
 
 
 def published_files(name: str = PCGC) -> dict[str, Any]:
-    """Read the repositories, files and order of variables of a set of weights."""
     import yaml
 
     text = Path(__file__).with_name(_TABLES[name]).read_text(encoding="utf-8")
@@ -37,10 +36,7 @@ def published_files(name: str = PCGC) -> dict[str, Any]:
 def download(
     folder: Path, host: str = HOST, published: Mapping[str, Any] | None = None, name: str = PCGC
 ) -> Path:
-    """Download weights and their licences into a tar archive, the same at every download.
-
-    Addresses start with `host`. Raises InputError without a network, or if a hash differs.
-    """
+    """Download weights and their licences into a reproducible tar archive, and check all hashes."""
     published = published or published_files(name)
     package = folder / f"{name}.tar"
     with tarfile.open(package, "w") as archive:
@@ -57,7 +53,6 @@ def download(
 def _file(
     name: str, entry: Mapping[str, Any], fetch: Callable[[str], bytes], published: Mapping[str, Any]
 ) -> bytes:
-    """Fetch a file and check its hash."""
     parts = [fetch(place) for place in entry["from"]]
     if "git" in entry and [_git_name(part) for part in parts] != entry["git"]:
         raise InputError(f"{name}: the repository's content differs from the published one")
@@ -85,7 +80,6 @@ def _fetch(host: str, repositories: Mapping[str, str], place: str) -> bytes:
 
 
 def _git_name(content: bytes) -> str:
-    """Return the object name that git gives a file."""
     return hashlib.sha1(b"blob %d\0" % len(content) + content, usedforsecurity=False).hexdigest()
 
 

@@ -75,7 +75,6 @@ class Recordings(DataSet):
         return [self._place(name)[0]]
 
     def options_of(self, name: str) -> dict[str, Any]:
-        """Return options of a data set with this cloud's recording only."""
         path, first = self._place(name)
         scene_name = name if first is None else name.rpartition("_")[0]
         return {**self.model_dump(exclude_defaults=True), "path": {scene_name: str(path)}}
@@ -101,7 +100,7 @@ class Recordings(DataSet):
         return look_up(self._clouds, name, str(self.path))
 
     def _firsts(self, whole: Returns) -> range:
-        """Return the first turns of the clouds, without the first and last turn, which may be
+        """Return the first turns of the clouds; the first and last of a recording may be
         incomplete.
         """
         return range(1, len(whole.turns) - self.turns, self.turns * self.every)
@@ -139,8 +138,7 @@ class Recordings(DataSet):
 def recordings_at(text: str) -> list[Path]:
     """Return the recordings of a path, folder or pattern.
 
-    The folder of a ROS 2 bag is one recording. A compressed recording is ignored if its original is
-    in the same folder.
+    The folder of a ROS 2 bag is one recording. A compressed copy next to its original is ignored.
     """
     path = Path(text)
     if path.is_dir() and not is_bag_folder(path):
@@ -181,10 +179,9 @@ def _is_copy(path: Path) -> bool:
 
 @contextmanager
 def decompressed(path: Path) -> Iterator[Path]:
-    """Yield the path of a recording, or of a temporary copy if the recording is compressed.
+    """Yield the path of a recording, or of a temporary copy if it is compressed.
 
-    Compression is detected by the first bytes. Raises InputError if the compressed recording is
-    damaged or contains another.
+    Raises InputError if the recording is damaged, or contains another compressed recording.
     """
     if not _is_compressed(path):
         yield path
@@ -217,7 +214,7 @@ _kept: dict[tuple[Path, float, str | None, _State], tuple[Returns, dict[str, int
 
 
 def _read(path: Path, start_s: float, stream: str | None) -> tuple[Returns, dict[str, int]]:
-    """Return the turns and counts of lost data of a recording; cache them until it changes."""
+    """Read the turns and the counts of lost data; cache them until the files change."""
     from puckbench.lidar.recordings.reading import read_turns
 
     key = (path, start_s, stream, _state(path))
@@ -232,7 +229,6 @@ def _read(path: Path, start_s: float, stream: str | None) -> tuple[Returns, dict
 
 
 def _state(path: Path) -> _State:
-    """Return names, sizes and modification times of a recording's files."""
     files = sorted(path.iterdir()) if path.is_dir() else [path]
     stats = ((one.name, one.stat()) for one in files if one.exists())
     return tuple((name, stat.st_size, stat.st_mtime_ns) for name, stat in stats)

@@ -18,12 +18,10 @@ LOADERS: Registry[type[SceneSet]] = Registry("loader", "datasets")
 
 
 def open_scene_set(loader: str, options: Mapping[str, Any], seed: int = 0) -> SceneSet:
-    """Open a data set.
+    """Open a data set: a name in `LOADERS`, ``module:Class`` or ``path/to/file.py:Class``.
 
-    `loader` is a name in `LOADERS`, ``module:Class`` or ``path/to/file.py:Class``; the class is a
-    pydantic model (`puckbench.core.models.Model`) or a frozen data class. Its field ``seed`` is set
-    to `seed` unless `options` has one. Raises InputError for an unknown loader or an invalid
-    option.
+    The class is a pydantic model (`puckbench.core.models.Model`) or a frozen data class. Its field
+    ``seed`` is set to `seed` unless `options` has one.
     """
     loader_class = LOADERS.get(loader)
     model = options_model(loader_class, f"loader {loader}")
@@ -33,7 +31,6 @@ def open_scene_set(loader: str, options: Mapping[str, Any], seed: int = 0) -> Sc
 
 
 def options_model(loader_class: type, what: str) -> type[pydantic.BaseModel]:
-    """Return the options of a loader as a pydantic model."""
     if issubclass(loader_class, pydantic.BaseModel):
         return loader_class
     if not is_dataclass(loader_class):

@@ -48,7 +48,6 @@ class S3DIS(FolderSet):
     `CLASSES`); otherwise they come from the room's file, without labels."""
 
     def files(self, name: str) -> list[Path]:
-        """Return the room's file or, with `labels`, its annotations."""
         folder = self._file(name)
         return _annotations(folder)[0] if self.labels else [_room_file(folder)]
 

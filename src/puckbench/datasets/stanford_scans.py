@@ -22,9 +22,9 @@ _EXPECTED = (
 
 @dataclass(frozen=True)
 class _ScannedModel:
-    """File of a model, its up axis, its unit in metres and its published number of faces.
+    """A model's file, up axis, unit in metres and published number of faces.
 
-    The repository has no units: early models are in metres, later ones in millimetres.
+    Early models are in metres, later ones in millimetres.
     """
 
     file: str

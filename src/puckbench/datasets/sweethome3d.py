@@ -33,8 +33,7 @@ _ESCAPE = re.compile(r"\\u([0-9A-Fa-f]{4})")
 class CatalogueModel:
     """A model in a catalogue.
 
-    `semantic` is the class derived from `title`; `size` is width, depth and height in m; `rotation`
-    (3, 3) turns the model (y up) before it is scaled.
+    `size` is width, depth and height in m; `rotation` (3, 3) turns the model (y up) before scaling.
     """
 
     name: str
@@ -92,10 +91,8 @@ class SweetHome3D(DataSet):
         return sorted(name for name, model in self._table.items() if model.semantic == semantic)
 
     def furniture(self, per_class: int = 8, most_triangles: int = 20_000) -> dict[str, list[Mesh]]:
-        """Return the first `per_class` models of each class with at most `most_triangles`
-        triangles.
-
-        They furnish rooms (`puckbench.scenes.rooms.make_room`).
+        """Return models to furnish rooms: the first `per_class` of each class that are not too
+        large.
         """
         meshes_by_class = {}
         for semantic in self.classes or FURNITURE:
@@ -163,7 +160,6 @@ def _model(path: Path, item: Mapping[str, str], licence: str) -> CatalogueModel:
 
 
 def _read_properties(path: Path) -> dict[str, str]:
-    """Read a properties file (latin-1, with Java's escapes)."""
     raw = _member(path, _PROPERTIES).decode("latin-1")
     text = _ESCAPE.sub(lambda code: chr(int(code[1], 16)), raw)
     lines = (line.strip() for line in text.splitlines())
@@ -180,7 +176,6 @@ def _member(path: Path, name: str) -> bytes:
 
 
 def semantic_class(title: str) -> str | None:
-    """Return the semantic class of an English title, or None."""
     words = title.lower()
     table = _class_words()
     if any(f"{word} " in f"{words} " and not words.endswith(word) for word in table["not"]):

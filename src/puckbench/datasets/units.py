@@ -20,7 +20,6 @@ def is_named(path: Path, name: str) -> bool:
 
 
 def metres_per_unit_of(path: Path, units: float | Mapping[str, float]) -> float:
-    """Return the metres per unit of a file, by the first matching name."""
     if not isinstance(units, Mapping):
         return units
     return next((unit for name, unit in units.items() if is_named(path, name)), 1.0)

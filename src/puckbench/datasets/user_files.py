@@ -48,7 +48,6 @@ class FileSet(DataSet):
         return [self._file(name)]
 
     def options_of(self, name: str) -> dict[str, Any]:
-        """Return options of a data set with this scene only."""
         path = self._file(name)
         options = self.model_dump(exclude_defaults=True) | {"path": {name: str(path)}}
         if "metres_per_unit" in options:
@@ -57,7 +56,7 @@ class FileSet(DataSet):
 
     @abstractmethod
     def _takes(self, path: Path) -> bool:
-        """Return whether a file in a folder is a scene, from its first bytes."""
+        """Return whether the first bytes of a file are those of a scene."""
 
     def _file(self, name: str) -> Path:
         return look_up(self._table, name, self.what)
@@ -122,14 +121,12 @@ class FileSet(DataSet):
 
 
 def refuse_repeated(paths: Iterable[Path], what: str) -> None:
-    """Raise InputError if a file is named twice, also through links."""
     counts = Counter(map(os.path.realpath, paths))
     if repeated := [path for path, count in counts.items() if count > 1]:
         raise InputError(f"{Path(repeated[0]).name}: the {what} is named twice")
 
 
 def is_file_or_lost(path: Path) -> bool:
-    """Return whether a path is a file or a broken link."""
     return path.is_file() or (path.is_symlink() and not path.exists())
 
 

@@ -113,7 +113,7 @@ def _bits(name: str) -> int:
 
 
 def _on_grid(cloud: PointCloud, bits: int, path: Path) -> PointCloud:
-    """Return the cloud; raise InputError unless coordinates are integers from 0 to 2^bits - 1."""
+    """Raise InputError unless coordinates are integers from 0 to 2^bits - 1."""
     off = _off_grid(cloud.xyz, 2**bits - 1)
     if off:
         raise InputError(f"{path}: {off} of {len(cloud)} points are not on the grid of {bits} bits")

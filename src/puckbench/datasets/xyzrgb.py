@@ -38,9 +38,9 @@ class TextCloud:
 def read_xyzrgb(path: Path) -> TextCloud:
     """Read a text cloud; repair or drop damaged lines.
 
-    Foreign bytes, which occur in neither numbers nor white space, are read as 0 within a number or
-    as a space between numbers, whichever gives six numbers. Lines without six numbers, or with
-    colours outside 0 to 255, are dropped. Raises InputError if no line is left.
+    Bytes that are neither of numbers nor white space are read as 0 within a number, or as a space
+    between numbers, whichever gives six numbers. Lines without six numbers, or with colours outside
+    0 to 255, are dropped.
     """
     data, repaired, dropped = _mended(read_bytes(path))
     rows = _parsed(data)
@@ -80,7 +80,7 @@ def _complete_lines(data: bytes) -> tuple[Floats, int]:
 
 
 def _parsed(data: bytes) -> Floats | None:
-    """Return the numbers (n, 6), NaN for missing ones, or None if a text is not a number."""
+    """Return the numbers (n, 6), or None if a text is not a number."""
     import pandas as pd
 
     if not data.strip():
@@ -94,7 +94,6 @@ def _parsed(data: bytes) -> Floats | None:
 
 
 def _fitting(rows: Floats) -> NDArray[np.bool_]:
-    """Return which rows (n, 6) are finite with colours from 0 to 255."""
     colours = rows[:, 3:]
     in_range = (colours >= 0) & (colours <= 255)
     return np.asarray(np.isfinite(rows).all(axis=1) & in_range.all(axis=1))
