@@ -31,11 +31,7 @@ _MOST_NAMES, _MOST_NUMBERS = 36, 60
 def panel_grid(
     panels: int, columns: int, height_in: float, style: FigureStyle, sharey: Sharing = "all"
 ) -> tuple[Figure, list[Axes]]:
-    """Create a figure of panels with shared axes, with `columns` panels of `height_in` inches in a
-    row.
-
-    Panels are returned row by row.
-    """
+    """Create a figure with panels of `height_in` inches, `columns` in a row, and shared axes."""
     from matplotlib.figure import Figure
 
     rows = math.ceil(panels / columns)
@@ -131,7 +127,10 @@ def label_rates(panels: Sequence[Axes], rates: Sequence[str], abreast: int) -> N
 
 
 def set_log(axes: Axes, axis: Literal["x", "y"], limits: Range, minor: bool = True) -> None:
-    """Make an axis logarithmic, with ticks at decades, or at 1, 2 and 5 on short axes."""
+    """Make an axis logarithmic, with ticks at decades, or at 1, 2 and 5 on short axes.
+
+    `minor` adds grid lines within decades.
+    """
     from matplotlib.ticker import LogLocator, NullFormatter, NullLocator, StrMethodFormatter
 
     line = axes.xaxis if axis == "x" else axes.yaxis

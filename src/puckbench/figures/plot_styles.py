@@ -29,7 +29,7 @@ def codec_style(codec: str) -> PlotStyle:
 
 
 def class_style(name: str, codec: type[CodecFacts] | None) -> PlotStyle:
-    """Return the plot style of a codec's class; its name determines missing parts."""
+    """Return the plot style that a codec's class has, completed from its name."""
     derived = _style_from_name(name)
     if codec is None:
         return derived

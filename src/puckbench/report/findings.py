@@ -55,11 +55,13 @@ class FindingsColumn:
 
     @property
     def ranking(self) -> tuple[str, ...]:
+        """Ranked codecs, lowest first; empty for a single codec."""
         ranks = {codec: cell.rank for codec, cell in self.cells.items() if cell.rank is not None}
         return tuple(sorted(ranks, key=lambda codec: ranks[codec] or 0)) if len(ranks) > 1 else ()
 
     @property
     def best(self) -> str | None:
+        """The codec with the lowest value, if it is significantly lowest."""
         return self.ranking[0] if self.ranking and not self.ties else None
 
     def tested(self, is_better: Callable[[str, str], bool]) -> FindingsColumn:
@@ -223,7 +225,7 @@ def _nearest(
         rates = {codec: _nearest_rate(medians[distance], codec) for codec in codecs}
         cells = {codec: _least(medians, rates[codec], codec) for codec in codecs}
         own = _scan_error_text(errors, distance)
-        # Of a scan without errors the finest rate is the nearest, which tells nothing.
+        # The finest rate is always the nearest to a scan without errors, so no statement is made.
         group = "Nearest to the truth" if own else ""
         column = FindingsColumn("Distance to the truth", group, own, cells)
         yield column.tested(

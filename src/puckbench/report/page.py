@@ -1,4 +1,8 @@
-"""Render the page: templates with data, style and scripts inlined."""
+"""Render the page: templates with data, style and scripts inlined.
+
+The interactive plot uses no library, since the smallest one has 4.8 MB and needs a weaker content
+security policy.
+"""
 
 from __future__ import annotations
 

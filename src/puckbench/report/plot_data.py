@@ -54,7 +54,10 @@ def codec_payload(codec: str, style: FigureStyle) -> dict[str, str]:
 
 
 def _shown(metrics: pd.DataFrame) -> list[ColumnLabel]:
-    """Return the numeric columns that depend on the codec and have a value."""
+    """Return the numeric columns that depend on the codec and have a value.
+
+    A column without a label is shown if it differs between codecs or rates.
+    """
     numbers = metrics.select_dtypes("number").dropna(axis="columns", how="all")
     names = [str(name) for name in numbers]
     different = metrics.groupby(["dataset", "cloud"])[names].nunique().max() > 1

@@ -32,7 +32,7 @@ _BOOKKEEPING = re.compile(
 class TableColumn:
     """A column of a table in the page, with words and unit in its heading.
 
-    `kind` are CSS classes: ``number``; ``spread`` for a quantile next to its median;
+    `kind` holds CSS classes: ``number``; ``spread`` for a quantile beside its median;
     ``bookkeeping``.
     """
 

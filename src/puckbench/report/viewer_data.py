@@ -201,8 +201,8 @@ def example_payload(
 
 
 def error_range(decoded: Sequence[ViewerCloud]) -> tuple[float, float]:
-    """Return the errors at the ends of a codec's colour scale, at most three powers of ten without
-    outliers.
+    """Return the errors at the ends of a codec's colour scale, which excludes outliers and spans at
+    most three powers of ten.
     """
     error_arrays = [shown.errors for shown in decoded if shown.errors is not None]
     errors = np.concatenate([np.empty(0), *error_arrays])

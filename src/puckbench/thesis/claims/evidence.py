@@ -20,7 +20,7 @@ MIN_RATES = 4
 MIN_COMMON_RATES = 3
 """Rates at which two curves are compared at equal bits."""
 MIN_CLOUDS = 4
-"""Clouds in all data sets of a part: as many as quartiles need."""
+"""Clouds in all data sets of a part, since quartiles need four."""
 MIN_CALLS = 5
 """Timed calls for each rate and data set, over clouds and repetitions."""
 MIN_REPEATS = 3
@@ -32,7 +32,8 @@ call. A call that ran alone on the machine counts by itself."""
 class Evidence:
     """Tables of a run, and the roles of its data sets and codecs.
 
-    `datasets` maps names to roles; `codecs` and `stand_ins` map roles to names.
+    `datasets` maps names to roles; `codecs` and `stand_ins` map roles to names. `of_medians` means
+    that `metrics` holds medians.
     """
 
     metrics: pd.DataFrame | None = None
@@ -94,7 +95,7 @@ class Evidence:
         return self.of_medians or self.clouds_of(datasets, *codecs) >= MIN_CLOUDS
 
     def calls(self, codec: str) -> int:
-        """Return the least number of timed calls of any rate and data set, either repeated
+        """Return the least number of valid timed calls of any rate and data set: calls repeated
         `MIN_REPEATS` times or alone on the machine.
         """
         if self.metrics is None:

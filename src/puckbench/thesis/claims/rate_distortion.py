@@ -48,7 +48,7 @@ TWICE = 2.0
 ONE_DB = 1.26
 """Ratio of squared distances: the width of a marker in Figure 6.6."""
 MUCH_LESS_AFFECTED = 17 / 11
-"""Growth that the thesis calls so: PCGCv2 takes 11 to 17 s in its Figure 6.5."""
+"""Growth of PCGCv2's time, from 11 to 17 s, in the thesis's Figure 6.5."""
 COMPARISON_NEEDS = (
     f"{MIN_RATES} rates of both, {MIN_COMMON_RATES} of them in a common range, "
     f"and {MIN_CLOUDS} clouds"

@@ -25,8 +25,7 @@ STD_ROUNDING_M = 0.0005
 FAR_TOO_WIDE = 2.0
 """Ratio of spreads. The thesis cites two standard deviations as the real sensor's error."""
 ALMOST_NO_DIFFERENCE = 0.0198 / 0.0186 - 1
-"""Relative difference between the spreads with and without divergence that the thesis prints and
-calls so."""
+"""Relative difference between the spreads with and without divergence in the thesis."""
 FLAT = BIN_STDS_M[8] / median(BIN_STDS_M)
 """Ratio of a group's spread to the groups' median up to which there is no dependence. In Figure
 5.15 the thesis calls ratios up to 1.13 flat, and 1.31 an increase."""
@@ -99,7 +98,7 @@ def divergence_is_negligible(evidence: Evidence) -> list[Part]:
 
 def incidence_not_modelled(evidence: Evidence) -> list[Part]:
     """Test claim 4: the range error of ``vlp16_incidence`` rises with incidence, but the logarithm
-    of its distance to the true surface less than half as much as in Figure 5.15.
+    of its distance to the true surface rises less than half as much as in Figure 5.15.
     """
     table = evidence.incidence_effect
     rows = None if table is None else table[table["model"] == "vlp16_incidence"]

@@ -1,5 +1,3 @@
-"""Parts of claims and verdicts."""
-
 from __future__ import annotations
 
 from collections.abc import Sequence

@@ -1,5 +1,3 @@
-"""The verdicts of a run on the thesis's claims."""
-
 from __future__ import annotations
 
 from collections.abc import Mapping
