@@ -43,23 +43,14 @@ _OF_RECORDINGS = (
 
 
 def read_source(path: Path) -> Source:
-    """Read a scan table or a table of returns; raises InputError for other files."""
     is_capture = RecordedReturns.schema.metadata_key.encode() in parquet_metadata(path)
     return read_returns(path) if is_capture else read_scan(path)
 
 
 def export(path: Path, source: Source, clean: bool = False) -> dict[str, Any]:
-    """Write a table in the format of the path's suffix, and return what commands print.
+    """Write a table in the format of the path's suffix, and return the counts that commands print.
 
-    Parameters
-    ----------
-    clean
-        Write true coordinates instead of measured ones; BlenSor's format (.evd) has both.
-
-    Raises
-    ------
-    InputError
-        The suffix is unknown, there are no rows, or the format takes scans only.
+    `clean` writes true coordinates instead of measured ones; BlenSor's format (.evd) has both.
     """
     suffix = path.suffix.lower()
     if suffix not in FORMATS:

@@ -21,10 +21,7 @@ _LEAST_COSINE = 1e-9
 def fill_planes(
     vertices: Floats, triangles: NDArray[np.int64], origin: Floats, planes: Floats
 ) -> None:
-    """Fill `planes` (t, 4) with unit normals, and distances from `origin` along them.
-
-    The normal of a triangle without area is zero.
-    """
+    """Fill `planes` (t, 4) with unit normals (0 without area) and distances from `origin`."""
     for t in range(len(triangles)):
         a, b, c = vertices[triangles[t, 0]], vertices[triangles[t, 1]], vertices[triangles[t, 2]]
         x1, y1, z1 = b[0] - a[0], b[1] - a[1], b[2] - a[2]
@@ -45,16 +42,10 @@ def fill_directions(
     directions: Floats,
     rays: NDArray[np.float32],
 ) -> None:
-    """Convert yaw and pitch of rays into directions in the world.
+    """Fill directions of rays in the world from sines and cosines (frames, steps, lasers).
 
-    Parameters
-    ----------
-    yaw, pitch
-        Sines and cosines of the angles, (frames, steps, lasers) each.
-    rotations
-        (frames, steps, 3, 3), from the sensor to the world.
-    directions, rays
-        (n, 3) and the last three columns of (n, 6), for Embree, which are filled.
+    `rotations` (frames, steps, 3, 3) are from the sensor to the world. The outputs are `directions`
+    (n, 3) and, for Embree, the last three columns of `rays` (n, 6).
     """
     frames, steps, lasers = yaw[0].shape
     ray = 0
@@ -83,7 +74,7 @@ def fill_distances(
     distances: Floats,
     cosines: Floats,
 ) -> None:
-    """Compute exact distances along rays from the planes of the triangles that they hit.
+    """Fill exact distances and cosines of incidence angles (n,); inf and nan for a miss.
 
     Parameters
     ----------
@@ -93,10 +84,7 @@ def fill_distances(
     starts
         (steps, 3), origins of rays relative to that of `planes`.
     limits
-        Shortest and longest range of the sensor; a hit outside is a miss.
-    distances, cosines
-        (n,), filled with the distance and the cosine of the incidence angle; inf and nan for a
-        miss.
+        Shortest and longest range of the sensor.
     """
     per_step = len(directions) // len(starts)
     for ray in range(len(directions)):
@@ -122,10 +110,9 @@ def fill_rays(
     start: int,
     out: tuple[Any, ...],
 ) -> int:
-    """Write the columns frame, laser, timestamp, yaw and pitch of rays that returned.
+    """Write columns of the rays that `rows` (frames, steps, lasers) selects, from row `start` on.
 
-    rows: (frames, steps, lasers), which rays returned. nominal: timestamp, yaw and pitch of all
-    rays. start: first row to write. Returns the row after the last one written.
+    `nominal` is timestamp, yaw and pitch of all rays. Returns the row after the last one written.
     """
     frame, laser, timestamp, yaw, pitch = out
     row = start
@@ -151,10 +138,7 @@ def fill_points(
     start: int,
     out: tuple[Any, ...],
 ) -> None:
-    """Write the columns distance, x, y and z of rays that returned.
-
-    rows: (n,), which rays returned. origins: (steps, 3), in the world. start: first row to write.
-    """
+    """Write distances and points of the rays that `rows` (n,) selects, from row `start` on."""
     distance, x, y, z = out
     per_step = len(rows) // len(origins)
     row = start
@@ -176,10 +160,10 @@ def fill_surface(
     start: int,
     out: tuple[Any, ...],
 ) -> None:
-    """Write the columns incidence, triangle, object, primitive, nx, ny and nz (to the sensor).
+    """Write incidence, triangle, labels and normal (to the sensor) of selected rays.
 
-    hits: directions (n, 3), triangles and incidence (n,) of all rays. surface: planes (t, 4),
-    object and primitive of each triangle. start: first row to write.
+    `hits` are directions (n, 3), triangles and incidence (n,) of all rays; `surface` is planes (t,
+    4), object and primitive of each triangle.
     """
     incidence, triangle, object_id, primitive_id, nx, ny, nz = out
     row = start
@@ -201,18 +185,11 @@ def fill_surface(
 def fill_echoes(
     apart: Floats, gap: float, choice: int, distance: Floats, middle: NDArray[np.int64]
 ) -> None:
-    """Find the echo that returns from each beam, and the ray nearest to its mean distance.
+    """Fill the mean distance of each beam's echo (inf for none), and the number of the nearest ray.
 
-    Parameters
-    ----------
-    apart
-        (beams, rays), distances of the rays of each beam, m; inf for a miss.
-    gap
-        Successive distances that differ by at most this, m, belong to one echo.
-    choice
-        0: the first echo, 1: that of most rays, 2: the last, 3: all rays are one echo.
-    distance, middle
-        (beams,), filled with the echo's mean distance (inf for none) and with that ray's number.
+    `apart` (beams, rays) are the distances of rays, m, inf for a miss. Successive distances that
+    differ by at most `gap`, m, belong to one echo. The choice is 0: the first echo, 1: that of most
+    rays, 2: the last, 3: all rays are one echo.
     """
     beams, rays = apart.shape
     for beam in range(beams):

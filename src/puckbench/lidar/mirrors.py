@@ -40,17 +40,9 @@ class _Paths:
 def follow_mirrors(
     caster: RayCaster, cast: Cast, mirrors: NDArray[np.bool_], farthest: float
 ) -> Cast:
-    """Replace hits on mirrors by what is seen in them, at the length of the whole path.
+    """Replace hits on `mirrors` (t,) by what is seen in them, at the length of the whole path.
 
-    The direction remains that of the fired ray, so that the point lies behind the mirror. A ray
-    that only meets mirrors is a miss.
-
-    Parameters
-    ----------
-    mirrors
-        (t,), which triangles are mirrors.
-    farthest
-        Longest path, m.
+    The point is on the fired ray, behind the mirror. A ray that only meets mirrors is a miss.
     """
     shape = cast.hits.distance.shape
     distance, triangle = cast.hits.distance.ravel().copy(), cast.hits.triangle.ravel().copy()

@@ -1,8 +1,7 @@
 """Checks whether a sensor can stand or move in a scene, and search for a place where it can.
 
-A sensor counts as outside if at most half of all directions meet the scene: from outside of a
-convex scene fewer than half do, from inside a closed one all. (More can only in a notch such as a
-courtyard.) Open scenes, such as a single wall, have to be scanned with the option ``--anywhere``.
+A sensor is outside if at most half of all directions meet the scene: outside a convex scene fewer
+than half do, inside a closed one all.
 """
 
 from __future__ import annotations
@@ -34,7 +33,7 @@ def check_untouched(caster: RayCaster, places: Floats) -> None:
 
 
 def check_free(caster: RayCaster, times: Floats, places: Floats) -> None:
-    """Raise InputError unless a sensor's way (`Sweep.way`) starts in free space and stays there."""
+    """Raise InputError unless the path of a sensor (`Sweep.way`) starts and stays in free space."""
     where = f"the sensor at {_world(caster, places[0])}"
     distances, triangles = seen_around(caster, places[0])
     share = np.isfinite(distances).mean()
@@ -94,23 +93,10 @@ _AT_A_TIME = 256
 def free_origin(
     mesh: Mesh, height: float = 1.3, clearance: float = 0.3, inside: float = INSIDE
 ) -> Floats:
-    """Return the free spot (3,), m, nearest to the middle of the floor plan, on a grid.
+    """Return the free place (3,), m, on a grid, nearest to the middle of the floor plan.
 
-    Parameters
-    ----------
-    mesh
-        The scene, m, z up.
-    height
-        Height of the spot above the floor, m.
-    clearance
-        Least distance from any surface, m.
-    inside
-        More than this share of all directions must meet the scene, straight down in any case.
-
-    Raises
-    ------
-    InputError
-        There is no such spot.
+    More than the share `inside` of all directions, and straight down, must meet the scene. Raises
+    InputError if there is no such place.
     """
     check_mesh(mesh, "the mesh to scan")
     low, high = mesh.bounds()
@@ -130,7 +116,7 @@ def free_origin(
 
 
 def _grid(size: Floats) -> Floats:
-    """Return places (n, 3) over the floor plan relative to its middle, nearest first, z = 0."""
+    """Return places (n, 3) over the floor plan relative to its middle, nearest first."""
     spacing = max(0.05, float(size[:2].max()) / _GRID)
     x, y = (np.arange(-(n := int(side / 2 / spacing)), n + 1) * spacing for side in size[:2])
     places = np.stack(np.meshgrid(x, y, [0.0], indexing="ij"), axis=-1).reshape(-1, 3)
@@ -138,9 +124,9 @@ def _grid(size: Floats) -> Floats:
 
 
 def _floor(caster: RayCaster, places: Floats, size: Floats) -> float:
-    """Return the height above which nine of ten rays straight down from mid height end.
+    """Return the height above which nine of ten rays straight down end.
 
-    The lowest vertex would not do: floors have a thickness, and captured rooms stray points.
+    The lowest vertex is unsuitable: floors have a thickness, and captured rooms stray points.
     """
     levels = -_below(caster, places)
     levels = levels[np.isfinite(levels)]

@@ -1,7 +1,7 @@
-"""Ray casting: Embree (by Open3D) finds the triangle, and its plane the distance in float64.
+"""Ray casting: Embree (by Open3D) finds the triangle, and its plane gives the distance.
 
-Embree works in float32, with a relative error of about 1e-6 of the coordinates. Therefore the mesh
-is moved so that the sensor is at the origin, and the distance is recomputed in float64.
+Embree computes in float32, with a relative error of about 1e-6 of the coordinates. Therefore the
+sensor is at the origin, and distances are computed again in float64.
 """
 
 from __future__ import annotations
@@ -31,8 +31,7 @@ class Cast:
 class RayCaster:
     """A mesh around a sensor at or near `origin` (3,).
 
-    planes: (t, 4), unit normal of each triangle and distance of its plane from `origin`.
-    object_id, primitive_id: (t,), -1 if the mesh has no labels.
+    `planes` (t, 4) are unit normals of triangles, and distances from `origin`.
     """
 
     def __init__(self, mesh: Mesh, origin: Floats, threads: int = 0) -> None:
@@ -54,10 +53,7 @@ class RayCaster:
         )
 
     def cast(self, rays: Rays, poses: Poses, limits: tuple[float, float]) -> Cast:
-        """Cast the rays of frames, with poses relative to `origin`.
-
-        limits: shortest and longest range, m; a hit outside is a miss.
-        """
+        """Cast the rays of frames, with poses relative to `origin`."""
         from puckbench.lidar.kernels import fill_directions
 
         directions = np.empty((rays.yaw.size, 3))
@@ -79,10 +75,7 @@ class RayCaster:
         return np.asarray(self.scene.compute_distance(queries).numpy(), dtype=np.float64)
 
     def met(self, starts: Floats, directions: Floats) -> tuple[Floats, NDArray[np.uint32]]:
-        """Return distances (n,), of float32 accuracy, and triangles of rays; inf for a miss.
-
-        starts: (n, 3), relative to `origin`. directions: (n, 3), unit vectors.
-        """
+        """Return distances (n,), of float32 accuracy, and triangles of rays; inf for a miss."""
         answer = self._nearest(np.column_stack([starts, directions]).astype(np.float32))
         return answer["t_hit"].numpy().astype(np.float64), answer["primitive_ids"].numpy()
 
@@ -96,8 +89,8 @@ class RayCaster:
     ) -> Hits:
         """Return the hits of rays, reshaped to `shape`.
 
-        directions: (n, 3). single: (n, 6), origins and directions for Embree. starts: (steps, 3) or
-        (n, 3), origins relative to `origin`. limits: as in `cast`.
+        `directions` are (n, 3), `single` (n, 6) origins and directions for Embree, and `starts`,
+        (steps, 3) or (n, 3), origins relative to `origin`.
         """
         from puckbench.lidar.kernels import fill_distances
 

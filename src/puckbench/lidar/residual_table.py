@@ -61,16 +61,12 @@ def joined(tables: Sequence[pd.DataFrame]) -> pd.DataFrame:
 
 
 def write_residuals(path: Path, table: pd.DataFrame) -> None:
-    """Write a residual table as Parquet."""
     with written_whole(path) as temporary:
         table.to_parquet(temporary, compression="zstd", index=False)
 
 
 def read_residuals(path: Path) -> pd.DataFrame:
-    """Read a residual table; raises InputError for a missing or other file.
-
-    Old tables lack `range_m` and the columns after it.
-    """
+    """Read a residual table; old ones lack `range_m` and the columns after it."""
     import pandas as pd
 
     if not path.is_file():
@@ -89,7 +85,7 @@ def read_residuals(path: Path) -> pd.DataFrame:
 def about_plane(points: Floats, plane: Plane, origin: Floats) -> dict[str, Floats]:
     """Return columns of a residual table for measured points (n, 3) and the plane fitted to them.
 
-    The normal of the plane points to the sensor's side; origin: (3,), position of the sensor, m.
+    The normal of the plane points to the sensor's position `origin`.
     """
     u, v = plane_coordinates(points, plane, origin).T
     values = {
@@ -104,8 +100,7 @@ def about_plane(points: Floats, plane: Plane, origin: Floats) -> dict[str, Float
 def plane_coordinates(points: Floats, plane: Plane, origin: Floats) -> Floats:
     """Return coordinates (n, 2), m, of points within a plane, from the projection of the sensor.
 
-    The first axis u is horizontal, the second v goes up the slope. The distance of a nearby plane
-    is ``a + b u + c v``, by which a calibration undoes the fit.
+    The first axis is horizontal, the second goes up the slope.
     """
     level = np.cross([0.0, 0.0, 1.0], plane.normal)
     # On a horizontal plane any axis is horizontal.

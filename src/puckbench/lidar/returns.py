@@ -1,7 +1,6 @@
 """Returns of a spinning sensor, real or virtual, in its raw numbers and its own frame.
 
-Recordings and virtual scans share this type: turns as images of firing columns by lasers, and the
-geometry of the beams. On disk it is a Parquet file with a row for each firing.
+A turn is an image of firing columns by lasers; a Parquet file has a row for each firing.
 """
 
 from __future__ import annotations
@@ -39,19 +38,16 @@ Firing = Literal["sequential", "simultaneous"]
 
 @dataclass(frozen=True)
 class Beams:
-    """Where the lasers of a sensor point, and when they fire; tuples have an item for each laser.
+    """Directions and firing times of a sensor's lasers; tuples have an item for each laser.
 
     Parameters
     ----------
-    elevations_deg
-        Elevations by laser id.
     heights_mm
         Heights above the sensor's origin (Velodyne's vertical corrections).
     delays
         Times of firing as a fraction of a column's time, from 0 to below 1.
     clockwise
-        Whether the sensor rotates clockwise seen from above, as real ones do. Azimuths count in
-        the direction of rotation, from forward (y).
+        Direction of rotation seen from above, in which azimuths count, from forward (y).
     azimuths_deg
         Azimuths relative to that of the column; empty: all 0.
     sideways_mm
@@ -69,8 +65,7 @@ class Beams:
     def of(cls, sensor: Sensor, firing: Firing = "sequential", is_virtual: bool = False) -> Self:
         """Return the beams of a sensor.
 
-        firing: lasers fire one after the other, as real ones do, or all at once, as in BlenSor.
-        is_virtual: all rays start at the sensor's origin, and it rotates counter-clockwise.
+        All rays of a virtual sensor start at its origin, and it rotates counter-clockwise.
         """
         lasers = sensor.lasers
         heights = None if is_virtual else sensor.vertical_correction_mm
@@ -110,21 +105,7 @@ class FiringTable(ReturnTable):
 class Returns:
     """Returns of a spinning sensor in its own frame: x right, y forward, z up.
 
-    Parameters
-    ----------
-    beams, layout
-        Geometry of the beams, and the layout of all turns.
-    turns
-        In the order of time.
-    quantum_m
-        Unit of the ranges, m.
-    sensor
-        Name of the sensor.
-
-    Raises
-    ------
-    InputError
-        The arrays of a turn do not have the layout's shapes, or the numbers of lasers differ.
+    Raises InputError if arrays of a turn do not have the layout's shapes.
     """
 
     beams: Beams
@@ -154,11 +135,8 @@ class Returns:
     def points(self, distances: Sequence[Floats] | None = None) -> Floats:
         """Return points (n, 3) in m, in the order of turns, columns, lasers and kinds.
 
-        distances: to be used instead of the turns' ranges, m, in their shapes.
-
-        References
-        ----------
-        VLP-16 User Manual 63-9243 Rev. E, section 9.2.
+        `distances`, m, replace the ranges of the turns, in the same shapes (VLP-16 User Manual
+        63-9243 Rev. E, section 9.2).
         """
         if distances is None:
             distances = [turn.ranges.astype(np.float64) * self.quantum_m for turn in self.turns]
@@ -190,8 +168,7 @@ class Returns:
     def azimuths(self, turn: Turn) -> Floats:
         """Return the azimuth of each firing of a turn, (columns, lasers), rad.
 
-        A block has the azimuth of its first firing; azimuths of the other firings are interpolated
-        in time between this block and the next.
+        A block has the azimuth of its first firing; the others are interpolated in time.
         """
         blocks = turn.azimuths.astype(np.float64)
         rise = np.mod(np.diff(blocks), CENTIDEGREES)
@@ -218,15 +195,14 @@ class Returns:
         return max(round(CENTIDEGREES * self.layout.columns_per_block / float(usual.mean())), 1)
 
     def split(self) -> Iterator[Returns]:
-        """Yield the returns of each turn."""
         for turn in self.turns:
             yield replace(self, turns=(turn,))
 
     @property
     def seconds(self) -> float | None:
-        """Duration of the turns by the sensor's clock; None without times.
+        """Duration of the turns by the sensor's clock, which restarts hourly; None without times.
 
-        It includes the mean duration of a packet after the last one. The clock restarts hourly.
+        It includes the mean duration of a packet after the last one.
         """
         times = [turn.times for turn in self.turns if turn.times is not None]
         clock = np.concatenate(times).astype(np.float64) if times else np.zeros(0)
@@ -246,7 +222,6 @@ def _returned(turn: Turn) -> NDArray[np.bool_]:
 
 
 def write_firings(path: Path, returns: Returns) -> None:
-    """Write returns as a Parquet file."""
     layout = returns.layout
     parts = [_rows(number, turn, layout) for number, turn in enumerate(returns.turns)]
     columns = {
@@ -286,13 +261,6 @@ def _rows(number: int, turn: Turn, layout: Layout) -> dict[str, NDArray[Any]]:
 
 
 def read_firings(path: Path) -> Returns:
-    """Read what `write_firings` wrote.
-
-    Raises
-    ------
-    InputError
-        The file is missing, damaged, or holds something else.
-    """
     table = read_return_table(path, FiringTable)
     with naming(path):
         try:
@@ -306,7 +274,6 @@ def read_firings(path: Path) -> Returns:
 
 
 def returns_file(cloud: Path) -> Path:
-    """Return the path of the returns of a cloud."""
     return cloud.with_suffix(".parquet")
 
 

@@ -1,6 +1,6 @@
 """Headers of streams of returns: the layout of turns, and the sensor's beams.
 
-The beams of a sensor that puckbench ships are stored as its name, those of others as all angles.
+A shipped sensor's beams are stored as its name, others as all angles.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def encode_layout(layout: Layout) -> bytes:
 
 
 def decode_layout(body: bytes) -> tuple[Layout, bytes]:
-    """Return a layout and the bytes after it; raises InputError for damaged bytes."""
+    """Return a layout and the bytes after it."""
     reader = Reader(body)
     *sizes, lasers = reader.take(4)
     try:

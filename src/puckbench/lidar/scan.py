@@ -39,13 +39,8 @@ _RAYS_IN_A_PORTION = 1 << 20
 class ScanJob:
     """A mesh (m, z up), a sensor at origin (3,), its sweep and its error model.
 
-    Parameters
-    ----------
-    anywhere
-        If false, a sensor is refused that is outside of the scene or inside an object, or that
-        moves through a surface.
-    threads
-        0: all. Results do not depend on it.
+    Unless `anywhere`, the sensor must be inside the scene, outside objects, and not move through a
+    surface.
     """
 
     mesh: Mesh
@@ -66,7 +61,6 @@ class ScanJob:
         progress: Progress | None = None,
         rays_at_a_time: int = _RAYS_AT_A_TIME,
     ) -> ScanTable:
-        """Return the scan, see `scan`."""
         scanner = self._scanner(rng)
         table = scanner.table(range(self.sweep.frames), rays_at_a_time, progress)
         if len(table) == 0:
@@ -79,11 +73,7 @@ class ScanJob:
         progress: Progress | None = None,
         rays_in_a_portion: int = _RAYS_IN_A_PORTION,
     ) -> Iterator[ScanTable]:
-        """Yield the rows of `table` in portions, for scans that are too long for the memory.
-
-        A portion is at least a frame, otherwise at most `rays_in_a_portion` rows. Raises as `scan`
-        does; if no ray returned, after the last frame.
-        """
+        """Yield the rows of `table` in portions of at least a frame, to limit the memory."""
         scanner, rows = self._scanner(rng), 0
         at_a_time = rays_in_a_portion // scanner.rays_per_frame
         for frames in _portions(range(self.sweep.frames), at_a_time):
@@ -120,33 +110,24 @@ def scan(
     rng: np.random.Generator,
     progress: Progress | None = None,
 ) -> ScanTable:
-    """Scan a mesh with a virtual sensor.
+    """Scan a mesh (m, z up) with a virtual sensor (thesis, section 5.2).
 
     A row of the table is a nominal ray that returned, in the order of firing (frame, azimuth step,
     laser). Its clean values are the true intersection of the ray with the surface, its noisy values
     what the sensor measured. If the error model fires another ray (beam divergence), the sensor
-    measures along that ray, while the clean values remain those of the nominal ray (in BlenSor they
-    are jittered too); a row then needs a hit within range on both rays.
+    measures along that ray, and a row needs a hit within range on both rays.
 
     Parameters
     ----------
-    mesh
-        The scene, m, z up.
     origin
         (3,), position of the sensor or origin of its trajectory, m.
     rng
         Source of the random streams of errors.
-    progress
-        Called with the number of frames that are done and of all frames.
 
     Raises
     ------
     InputError
         The mesh has no faces, the origin is invalid or touches the mesh, or no ray returned.
-
-    References
-    ----------
-    Thesis, section 5.2.
     """
     return ScanJob(mesh, sensor, sweep, model, origin).table(rng, progress)
 

@@ -21,14 +21,9 @@ _MOST_QUANTA = 0xFFFF
 
 @dataclass(frozen=True)
 class ScanReturns:
-    """Returns of a scan, and the rows of the scan table that they come from.
+    """Returns of a scan, and their rows (n,) of its table in the order of ``returns.points()``.
 
-    Parameters
-    ----------
-    returns, rows
-        The returns, and their rows (n,) in the order of ``returns.points()``.
-    still_at
-        Position (3,) of a level sensor at rest, m; None for a moving sensor.
+    `still_at` is the position (3,) of a level sensor at rest, m; None for a moving sensor.
     """
 
     returns: Returns
@@ -37,22 +32,10 @@ class ScanReturns:
 
 
 def returns_of_scan(table: ScanTable, clean: bool = False) -> ScanReturns:
-    """Return the returns of a scan in which each frame is a whole turn.
+    """Return the measured (or `clean`, true) returns of a scan whose frames are whole turns.
 
-    Ranges are rounded to the sensor's quantum, and azimuths of columns to 0.01 degrees. Returns
-    whose range becomes 0 or exceeds 16 bits are left out.
-
-    Parameters
-    ----------
-    table
-        The scan.
-    clean
-        Use true ranges instead of measured ones.
-
-    Raises
-    ------
-    InputError
-        A frame of the scan is not a whole turn.
+    Ranges are rounded to the sensor's quantum, azimuths of columns to 0.01 degrees; ranges that
+    become 0 or exceed 16 bits are left out. Raises InputError if a frame is not a turn.
     """
     sensor = parsed(Sensor, table.about.get("sensor"), "the scan's sensor")
     sweep = parsed(Sweep, table.about.get("sweep"), "the scan's sweep")

@@ -78,17 +78,15 @@ class ScanTable(ReturnTable):
 
 
 def write_scan(path: Path, table: ScanTable) -> None:
-    """Write a scan table as Parquet."""
     write_return_table(path, table)
 
 
 def write_scan_portions(path: Path, portions: Iterator[ScanTable]) -> int:
-    """Write a scan that comes in portions as Parquet; return the number of rows."""
+    """Write the portions of a scan as one Parquet file; return the number of rows."""
     return write_portions(path, portions)
 
 
 def read_scan(path: Path) -> ScanTable:
-    """Read a scan table; raises InputError if it is missing, damaged or lacks a column."""
     table = read_return_table(path, ScanTable)
     parsed(_ScanMetadata, table.about, f"{path}: its metadata")
     return table

@@ -110,13 +110,7 @@ def sensor_names() -> list[str]:
 
 
 def load_sensor(name_or_path: str | Path) -> Sensor:
-    """Load a shipped sensor by name, or another one from a YAML file.
-
-    Raises
-    ------
-    InputError
-        The name is unknown, or the file is unreadable or has a wrong entry.
-    """
+    """Load a shipped sensor by name, or another one from a YAML file."""
     path = Path(name_or_path)
     if path.suffix not in {".yaml", ".yml"}:
         path = _SENSORS / f"{name_or_path}.yaml"

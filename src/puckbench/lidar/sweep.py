@@ -34,8 +34,7 @@ _HANDLE_DIVISOR = 2.5614
 class Rays:
     """Angles of rays in the sensor's frame, (frames, steps, lasers), rad; may be broadcast views.
 
-    placed_as_fired: whether the point of a return lies on this ray, or on the nominal ray, the only
-    one that a real sensor knows.
+    The point of a return lies on this ray if `placed_as_fired`, otherwise on the nominal ray.
     """
 
     yaw: Floats
@@ -132,10 +131,7 @@ class Sweep(Model):
         return self._trajectory is None and self.pitch_start_deg == 0 and self.pitch_end_deg == 0
 
     def way(self) -> tuple[Floats, Floats]:
-        """Return times (n,), s, and positions (n, 3), m, between which the sensor moves linearly.
-
-        Positions are relative to the scan's origin; a sensor at rest has one.
-        """
+        """Return times (n,), s, and positions (n, 3), m, between which the motion is linear."""
         if self._trajectory is None:
             return np.zeros(1), np.zeros((1, 3))
         keyed = self._trajectory.times
@@ -232,19 +228,10 @@ SWEEPS: dict[str, dict[str, Any]] = {
 
 
 def open_sweep(settings: str | Mapping[str, Any] = "thesis") -> Sweep:
-    """Open a sweep by the name of a preset, or by values that differ from a preset.
+    """Open a sweep by the name of a preset, or by values such as ``{"duration_s": 1.0}``.
 
-    Parameters
-    ----------
-    settings
-        Name of a preset, or values of a `Sweep` with ``preset`` for the others (default:
-        ``thesis``), as in ``{"preset": "thesis_room", "duration_s": 1.0}``. A ``trajectory`` is
-        rows of poses or the path of a file; without a ``duration_s`` it determines the duration.
-
-    Raises
-    ------
-    InputError
-        The name is unknown, or a value is wrong.
+    Other values are those of the ``preset`` (default: ``thesis``). A ``trajectory`` is rows of
+    poses or the path of a file, and determines the duration unless ``duration_s`` is set.
     """
     options: dict[str, Any] = {"preset": settings} if isinstance(settings, str) else dict(settings)
     name = options.pop("preset", "thesis")
@@ -267,7 +254,7 @@ def ease(time: Floats) -> Floats:
     """Interpolate from 0 to 1 at `time` in [0, 1] by Blender's default Bezier curve (ease in, out).
 
     Its control points are (0, 0), (h, 0), (1 - h, 1), (1, 1) with h = 1 / 2.5614. Newton's method
-    finds the parameter at a time; its slope is between 0.91 and 1.18.
+    finds the parameter at a time.
     """
     h = 1 / _HANDLE_DIVISOR
     s = np.array(time, dtype=np.float64)

@@ -57,12 +57,8 @@ def trajectory_from_rows(rows: Sequence[Row]) -> Trajectory:
     """Return the trajectory of rows t, x, y, z and yaw, pitch, roll (degrees) or a quaternion wxyz.
 
     Rotations are applied in this order in the sensor's frame: yaw about z, counter-clockwise seen
-    from above; pitch about x, upwards positive; roll about y, right side down positive.
-
-    Raises
-    ------
-    InputError
-        Rows have another length, times do not increase, or a quaternion is not of length 1.
+    from above; pitch about x, upwards positive; roll about y, right side down positive. Raises
+    InputError for an invalid row.
     """
     lengths = {len(row) for row in rows}
     if lengths not in ({_ANGLES}, {_QUATERNION}):
@@ -78,10 +74,7 @@ def trajectory_from_rows(rows: Sequence[Row]) -> Trajectory:
 
 
 def read_rows(path: Path) -> tuple[Row, ...]:
-    """Read the rows of a trajectory from a CSV file or a YAML list of lists.
-
-    A heading of a CSV file is skipped. Raises InputError for an invalid row.
-    """
+    """Read the rows of a trajectory from a CSV file, with or without a heading, or a YAML list."""
     if path.suffix.lower() == ".csv":
         return _checked(_csv_rows(path), path)
     rows = read_yaml(path)
@@ -91,7 +84,6 @@ def read_rows(path: Path) -> tuple[Row, ...]:
 
 
 def _csv_rows(path: Path) -> Iterator[tuple[str, Sequence[Any]]]:
-    """Yield the position and the values of each row, without a heading."""
     reader = csv.reader(read_bytes(path).decode("utf-8-sig", errors="replace").splitlines())
     try:
         for number, row in enumerate(reader):
@@ -102,7 +94,6 @@ def _csv_rows(path: Path) -> Iterator[tuple[str, Sequence[Any]]]:
 
 
 def _checked(rows: Iterable[tuple[str, Sequence[Any]]], path: Path) -> tuple[Row, ...]:
-    """Return rows of numbers of equal length at increasing times; raise InputError otherwise."""
     poses: list[Row] = []
     for place, row in rows:
         if not all(map(_is_number, row)):

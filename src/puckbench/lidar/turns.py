@@ -20,18 +20,11 @@ MAX_PIXELS = 1 << 20
 
 @dataclass(frozen=True)
 class Layout:
-    """How the firings of a sensor form an image.
+    """Arrangement of the firings of a sensor in an image.
 
-    Parameters
-    ----------
-    order
-        Laser ids from the lowest elevation to the highest.
-    columns_per_block
-        Columns with a common azimuth, such as two of a VLP-16.
-    blocks_per_time
-        Blocks with a common time, those of a packet.
-    kinds
-        2 in dual return mode, otherwise 1.
+    `order` is the laser ids from the lowest elevation to the highest. Columns of a block have a
+    common azimuth, such as two of a VLP-16; blocks of a packet have a common time. In dual return
+    mode there are two kinds of return.
     """
 
     order: tuple[int, ...]
@@ -85,7 +78,6 @@ class Turn:
 
 
 def check_turn(turn: Turn, layout: Layout) -> None:
-    """Raise InputError unless the arrays of a turn have the layout's shapes."""
     blocks = len(turn.azimuths)
     shape = (layout.kinds, blocks * layout.columns_per_block, layout.lasers)
     arrays: list[tuple[str, Any, tuple[int, ...], str]] = [

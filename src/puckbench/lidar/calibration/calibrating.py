@@ -1,4 +1,4 @@
-"""Calibration: estimation of the parameters of range errors from tables of plane residuals."""
+"""Estimation of the parameters of range errors from tables of plane residuals."""
 
 from __future__ import annotations
 
@@ -63,12 +63,8 @@ class Domain:
 class Calibration:
     """Estimated parameters of range errors with 95 % intervals.
 
-    Parameters
-    ----------
-    biases
-        Biases of the lasers `laser_ids` relative to their mean, m; empty for several devices.
-    mean
-        Mean bias, m; None if the planes absorb it.
+    `biases` of the lasers `laser_ids` are relative to their mean, m, and empty for several devices;
+    `mean` is None if the planes absorb it.
     """
 
     sigmas: dict[str, Estimate]
@@ -86,12 +82,8 @@ def calibrate(
 ) -> Calibration:
     """Estimate the parameters of range errors from one table of residuals per device.
 
-    Raises InputError if the tables do not determine the parameters.
-
-    References
-    ----------
-    H. D. Patterson and R. Thompson, "Recovery of inter-block information when block sizes are
-    unequal", Biometrika 58 (1971): restricted maximum likelihood.
+    The estimate is that of restricted maximum likelihood (H. D. Patterson and R. Thompson,
+    "Recovery of inter-block information when block sizes are unequal", Biometrika 58, 1971).
     """
     settings = settings or CalibrationOptions()
     seen = observations(tables, cells=settings.cells)

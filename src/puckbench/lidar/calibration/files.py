@@ -1,4 +1,4 @@
-"""Files of a calibration: the residual tables that it reads and the model file that it writes.
+"""Files of a calibration: residual tables and the model file.
 
 Model files contain rounded numbers and no date, so that equal tables give equal bytes.
 """
@@ -26,11 +26,7 @@ _RECORDING_QUANTUM_M = 0.002
 
 
 def read_tables(paths: Sequence[Path], model: str | None) -> tuple[list[pd.DataFrame], str]:
-    """Read the rows of one error model from residual tables, and return them and the model's name.
-
-    The model None stands for the only one in the tables. Raises InputError if there are several, or
-    a table has no rows of the model.
-    """
+    """Read the rows of one error model from residual tables; None is the only model in them."""
     tables = [read_residuals(path) for path in paths]
     models = sorted({str(name) for table in tables for name in table["model"].unique()})
     if model is None and len(models) > 1:
@@ -49,10 +45,7 @@ def settings_for(
     parameters: Sequence[str] | None = None,
     quantum_mm: float | None = None,
 ) -> CalibrationOptions:
-    """Return the calibration options for a model; None stands for the model's default.
-
-    The defaults for recordings (`REAL`) are spots and a range quantum of 2 mm.
-    """
+    """Return the calibration options for a model; None stands for the model's default."""
     real = model == REAL
     quantum_m = (_RECORDING_QUANTUM_M if real else 0.0) if quantum_mm is None else quantum_mm / 1000
     default = SPOT if real else FRAME

@@ -45,8 +45,7 @@ class Estimate:
 def free_parameters(seen: Observations, wanted: Sequence[str] = NAMES) -> tuple[str, ...]:
     """Return which of the requested parameters the observations can determine.
 
-    The sigma of a scan's bias, for example, needs two scans of a laser. Raises InputError for an
-    unknown name, or if incidence and range are collinear.
+    The sigma of a scan's bias, for example, needs two scans of a laser.
     """
     for name in wanted:
         if name not in NAMES:
@@ -77,9 +76,7 @@ def fit(
 ) -> Sigmas:
     """Maximise the restricted likelihood over the sigmas named in `free`.
 
-    The search begins at `start`, which also holds the other sigmas; by default these are zero, and
-    the search begins at the spread within cells. Raises InputError if the residuals do not separate
-    the planes from the biases.
+    The search begins at `start`, which also holds the other sigmas.
     """
     first = start or _start(likelihood, free)
     if not free:
@@ -128,10 +125,10 @@ def intervals(
 ) -> dict[str, Estimate]:
     """Return 95 % intervals of the estimated sigmas: m, m per rad^2, and m per m.
 
-    They come from the curvature of the likelihood (observed Fisher information). If the standard
-    error of a bias's sigma exceeds 10 % of it, its interval comes from the likelihood profile,
-    which is not symmetric and ends at zero. `widening` is a factor on the standard errors of ray
-    noise that is not Gaussian (`RayShape.widening`).
+    They come from the curvature of the likelihood (observed Fisher information). A bias's sigma
+    with a standard error above 10 % has the interval of its profile likelihood, which is not
+    symmetric and ends at zero. `widening` is a factor for ray noise that is not Gaussian
+    (`RayShape.widening`).
     """
     deviance = _in_millimetres(likelihood, free, best)
     centre = _values(best, free)

@@ -26,21 +26,12 @@ def group_sums(
     least: tuple[float, float],
     sums: Floats,
 ) -> None:
-    """Fill `sums` (g, 16) with the contributions of each group's returns to the normal equations.
+    """Fill `sums` (g, 16) with the terms of each group in the normal equations.
 
     With weight w = 1 / variance, basis b and error z these are w, w b (3), w b b (6), w z, w z b
-    (3), w z z and the log variances.
-
-    Parameters
-    ----------
-    groups
-        (g + 1,) first row of each group, and the end.
-    values
-        Errors (n,), basis (n, 3) and features (n, 3) of the returns.
-    sigma
-        Coefficients of the features in a ray's sigma, m.
-    least
-        Lower limit of a ray's sigma, and the variance that is added to its square.
+    (3), w z z and the log variances. `values` are errors (n,), basis (n, 3) and features (n, 3);
+    `sigma` are the features' coefficients in a ray's sigma, m. `least` is its lower limit, and the
+    variance that is added to its square.
     """
     errors, basis, features = values
     for group in range(len(groups) - 1):
@@ -80,9 +71,9 @@ def absorb_cells(
     """Add ``X' V^-1 X`` to `matrix` (p, p) and ``X' V^-1 z`` to `right` (p,).
 
     The covariance V of the errors z has the rays' variances on its diagonal, and `variance`, that
-    of a cell's bias, m^2, between all returns of a cell; the formula of Sherman and Morrison
-    inverts it. `codes` are each group's cell, surface, and columns of laser and of laser in scan.
-    Returns the decrease of ``z' V^-1 z`` and the increase of ``log |V|`` due to the cells.
+    of a cell's bias, m^2, between returns of a cell; the formula of Sherman and Morrison inverts
+    it. `codes` are each group's cell, surface, and columns of laser and of laser in scan. Returns
+    the decrease of ``z' V^-1 z`` and the increase of ``log |V|`` due to the cells.
     """
     cell, surface, laser, scan = codes
     taken, added, first = 0.0, 0.0, 0
@@ -154,8 +145,8 @@ def _take_cell(
 def absorb_scans(core: int, variance: float, matrix: Floats, right: Floats) -> tuple[float, float]:
     """Eliminate the biases of lasers in scans, columns `core` and following, from the equations.
 
-    No equation contains two of these biases, so that each is eliminated by a division. `variance`
-    is that of a bias, m^2. Returns the same terms as `absorb_cells`.
+    No equation contains two of these biases, so that each is eliminated by a division. Returns the
+    same terms as `absorb_cells`.
     """
     taken, added = 0.0, 0.0
     for scan in range(core, len(matrix)):

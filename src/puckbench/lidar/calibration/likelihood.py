@@ -1,9 +1,9 @@
 """Restricted likelihood of range errors: plane parameters are integrated out.
 
-The model is ``error = mean + laser bias + scan bias + frame bias + ray noise``. Biases are normal,
-each with its own sigma, and are drawn per laser of a device, per laser and scan, and per laser and
-frame. The parameters of the planes and the mean have a flat prior (Patterson and Thompson 1971), so
-that fitting planes to the noise does not bias the sigmas.
+The model is ``error = mean + laser bias + scan bias + frame bias + ray noise``. Biases are normal
+and are drawn per laser of a device, per laser and scan, and per laser and frame. The parameters of
+the planes and the mean have a flat prior (Patterson and Thompson 1971), so that fitting planes to
+the noise does not bias the sigmas.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ class RestrictedLikelihood:
     """Restricted likelihood of observations.
 
     Rounding of ranges to multiples of `quantum_m` adds ``quantum_m^2 / 12`` to the variance of a
-    ray (Sheppard's correction).
+    ray.
     """
 
     seen: Observations
@@ -84,10 +84,7 @@ class RestrictedLikelihood:
     _kept: dict[tuple[float, float, float], Floats] = field(default_factory=dict, repr=False)
 
     def deviance(self, sigmas: Sigmas) -> float:
-        """Return minus twice the restricted log-likelihood, up to a constant.
-
-        Raises InputError if the residuals do not separate the planes from the biases.
-        """
+        """Return minus twice the restricted log-likelihood, up to a constant."""
         found = self._mixed(sigmas)
         determinant, explained = solved(found.matrix, found.right)
         if not np.isfinite(determinant):
@@ -97,8 +94,7 @@ class RestrictedLikelihood:
     def biases(self, sigmas: Sigmas) -> tuple[Floats, Floats]:
         """Return the best linear unbiased prediction of the lasers' biases, m, and its covariance.
 
-        The biases include their mean. A part that the residuals do not determine is predicted as
-        zero.
+        A part that the residuals do not determine is zero.
         """
         found, planes = self._mixed(sigmas), 3 * self.seen.surfaces
         covariance = np.linalg.inv(found.matrix)

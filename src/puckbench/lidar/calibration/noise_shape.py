@@ -19,10 +19,7 @@ _ROOT = np.sqrt(2.0)
 
 @dataclass(frozen=True)
 class RayShape:
-    """Distribution of ray noise, the logarithm of its likelihood ratio, and its kurtosis.
-
-    The distribution is ``"gaussian"`` (kurtosis 3) or ``"laplace"`` (kurtosis 6).
-    """
+    """Distribution of ray noise, the logarithm of its likelihood ratio, and its kurtosis."""
 
     distribution: str
     laplace_over_gaussian: float
@@ -32,8 +29,8 @@ class RayShape:
     def widening(self) -> float:
         """Factor by which standard errors of a sigma exceed those under Gaussian noise.
 
-        The score of a scale is ``e^2 - 1``, whose variance is the kurtosis minus one, and 2 for
-        Gaussian noise (White 1982).
+        The variance of a scale's score ``e^2 - 1`` is the kurtosis minus one, and 2 for Gaussian
+        noise (White 1982).
         """
         return float(np.sqrt(max(self.kurtosis - 1, 0.5) / 2))
 

@@ -1,10 +1,9 @@
 """Range errors from residual tables, one row per return.
 
-The residual, the range and the coordinates on the plane give the measured point, and so the ray.
-The range error is the distance from the ray's intersection with the fitted plane to this point. A
-plane at distance h with normal n meets a ray d at the range r with ``1 / r = n d / h``. Since this
-is linear in d, a small error of the fitted plane changes the range by ``r^2 d`` times three unknown
-numbers.
+The range error is the distance of the measured point from the ray's intersection with the fitted
+plane. A plane at distance h with normal n meets a ray d at the range r with ``1 / r = n d / h``.
+Since this is linear in d, a small error of the plane changes the range by ``r^2 d`` times three
+unknown numbers.
 """
 
 from __future__ import annotations
@@ -54,8 +53,6 @@ class Observations:
         (g + 1,) first row of each group, and the end.
     surface, laser, scan, cell
         (g,) codes from 0; `scan` is one laser in one scan.
-    laser_ids
-        Ids of the lasers in the order of their codes.
     tells_mean
         Whether the mean bias of the lasers can be separated from the planes.
     """
@@ -93,8 +90,7 @@ def observations(tables: Sequence[pd.DataFrame], *, cells: str = "frame") -> Obs
     """Return range errors from residual tables, one per device.
 
     `cells` is ``"frame"``, or ``"spot"`` for a sensor at rest, whose laser meets the same spot in
-    every turn. Raises InputError if a column is missing or has impossible values, or if there are
-    too few rows.
+    every turn.
     """
     if not tables:
         raise InputError("a calibration needs at least one residual table")
@@ -125,10 +121,7 @@ def _check(table: pd.DataFrame) -> None:
 
 
 def _along_rays(rows: pd.DataFrame) -> pd.DataFrame:
-    """Add the columns `_FOUND` for planes that are fitted again by least squares.
-
-    A tilt of the plane that RANSAC fitted would have an effect of second order.
-    """
+    """Add the columns `_FOUND`, after a least squares fit of each plane that removes RANSAC's tilt."""
     height = _heights(rows)
     values = rows[["plane_u_m", "plane_v_m", "residual_m"]].to_numpy(dtype=np.float64)
     points = values - np.outer(height, [0.0, 0.0, 1.0])
@@ -143,8 +136,7 @@ def _along_rays(rows: pd.DataFrame) -> pd.DataFrame:
 def _heights(rows: pd.DataFrame) -> Floats:
     """Return the distance from the sensor to each fitted plane, m, (n,).
 
-    The median over a plane is used since recorded ranges do not start at the sensor's origin
-    (vertical correction) and disagree by some millimetres.
+    It is a median, since recorded ranges do not start at the sensor's origin (vertical correction).
     """
     names = ["range_m", "plane_u_m", "plane_v_m", "residual_m"]
     far, u, v, residual = rows[names].to_numpy(dtype=np.float64).T
@@ -204,7 +196,6 @@ def _of_rings(basis: Floats, coded: pd.DataFrame) -> Floats:
 
 
 def _spot(rows: pd.DataFrame) -> Codes:
-    """Return the azimuth bin of each point on its surface."""
     azimuth = np.arctan2(rows["plane_u_m"], rows["height"])
     return np.asarray(np.floor(azimuth / SPOT_RAD), dtype=np.int64)
 

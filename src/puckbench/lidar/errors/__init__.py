@@ -1,7 +1,4 @@
-"""Error models of virtual sensors: a file with a registered class for each.
-
-Any of them can be combined with a receiver (attenuation, raydrop, minimum range, range quantum).
-"""
+"""Error models of virtual sensors, each in its file, and the receiver."""
 
 from puckbench.lidar.errors.model import Draws, ErrorModel, Hits, described
 from puckbench.lidar.errors.receiver import Received, Receiver

@@ -122,18 +122,11 @@ class Calibrated(ErrorModel):
 
 
 def shipped_calibration(name: str) -> Path:
-    """Return the path of a shipped model file, such as ``vlp16_measured``."""
     return _SHIPPED / f"{name}.yaml"
 
 
 def read_parameters(file: str) -> dict[str, Any]:
-    """Read the parameters of `Calibrated` from a model file (YAML), or a shipped one by name.
-
-    Raises
-    ------
-    InputError
-        The file is missing or not a model file.
-    """
+    """Read the parameters of `Calibrated` from a model file (YAML), or a shipped one by name."""
     path = Path(file)
     path = path if path.suffix in {".yaml", ".yml"} else shipped_calibration(file)
     content = read_yaml(path)

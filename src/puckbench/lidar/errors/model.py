@@ -1,8 +1,4 @@
-"""Base class of error models: hooks before and after ray casting, and their random streams.
-
-Most models implement `perturb_rays` (before casting) or `perturb_ranges` (after it). `merge_hits`
-is for models with several rays per laser, `lift_points` for noise that is not along the ray.
-"""
+"""Base class of error models: hooks before and after ray casting, and their random streams."""
 
 from __future__ import annotations
 
@@ -24,7 +20,7 @@ from puckbench.lidar.sweep import Rays
 
 @dataclass(frozen=True)
 class Surfaces:
-    """Objects of a labelled mesh; object_id: (t,), index of each triangle's object, or -1."""
+    """Objects of a labelled mesh, and the index (t,) of each triangle's object, or -1."""
 
     object_id: NDArray[np.int32]
     objects: tuple[SceneObject, ...]
@@ -37,7 +33,7 @@ class Surfaces:
 
 @dataclass(frozen=True)
 class Hits:
-    """What the rays of some frames hit, (frames, steps, rays of a step) each.
+    """Hits of the rays of some frames, (frames, steps, rays of a step) each.
 
     Parameters
     ----------
@@ -60,9 +56,8 @@ class Hits:
 class Draws:
     """Named random streams of one scan, with a key that is drawn from its generator.
 
-    A scan processes a few frames at a time. A stream continues from one call of a hook to the next,
-    so that results do not depend on that number of frames, provided that a hook uses each stream
-    for one purpose and draws a fixed number per ray or per frame.
+    Streams continue from call to call, so that results do not depend on the number of frames in a
+    call, if a hook uses each stream for one purpose and draws a fixed number per ray or frame.
     """
 
     def __init__(self, rng: np.random.Generator) -> None:
@@ -76,7 +71,7 @@ class Draws:
         return self._running[name]
 
     def fixed(self, name: str) -> np.random.Generator:
-        """Return a stream in its initial state, with the same numbers at every call."""
+        """Return a stream in its initial state."""
         digest = hashlib.sha256(name.encode()).digest()[:16]
         words = np.frombuffer(digest, dtype="<u4").tolist()
         return np.random.Generator(np.random.PCG64(np.random.SeedSequence(self._key + words)))
@@ -127,7 +122,7 @@ class ErrorModel(Model):
         return None
 
     def described(self) -> dict[str, Any]:
-        """Return the model's name and parameters, as they are stored with results."""
+        """Return the model's name and parameters, as results store them."""
         kind = vars(type(self)).get("variant_of") or type(self)
         return {"model": kind.__name__, **self.model_dump()}
 
@@ -136,5 +131,4 @@ class ErrorModel(Model):
 
 
 def described(model: ErrorModel) -> dict[str, Any]:
-    """Return the name and parameters of a model and of its receiver."""
     return model.described()

@@ -22,7 +22,7 @@ def standard_noise(
 ) -> Floats:
     """Draw independent numbers with mean 0 and scale 1.
 
-    The scale is sigma of a Gaussian and b of a Laplace distribution (standard deviation sqrt(2) b),
-    as in BlenSor, which has one parameter for both.
+    The scale is sigma of a Gaussian and, as in BlenSor, b of a Laplace distribution, whose standard
+    deviation is sqrt(2) b.
     """
     return _DRAW[distribution](stream, shape)

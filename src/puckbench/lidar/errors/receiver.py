@@ -1,7 +1,4 @@
-"""Effects of the receiver: attenuation, raydrop, minimum range, range quantum and mirrors.
-
-They are applied to the distances that an error model measured.
-"""
+"""Effects of the receiver: attenuation, raydrop, minimum range, range quantum and mirrors."""
 
 from __future__ import annotations
 
@@ -51,13 +48,7 @@ class Receiver(Model):
     opaque."""
 
     def received(self, measured: Floats, hits: Hits, draws: Draws) -> Floats:
-        """Return measured distances rounded to the range quantum, inf for a lost return.
-
-        Raises
-        ------
-        InputError
-            Reflectivity is given by object, but the mesh has no labels.
-        """
+        """Return measured distances rounded to the range quantum, inf for a lost return."""
         lost = self._too_dark(hits) | self._dropped(hits, draws)
         if self.range_quantum_mm is not None:
             quantum = self.range_quantum_mm * 1e-3
@@ -112,13 +103,7 @@ class Received(ErrorModel):
 
 
 def mirrors_of(model: ErrorModel, surfaces: Surfaces | None) -> NDArray[np.bool_] | None:
-    """Return which triangles, (t,), are mirrors of a model's receiver; None without mirrors.
-
-    Raises
-    ------
-    InputError
-        The receiver has mirrors, but the mesh has no labels.
-    """
+    """Return which triangles, (t,), are mirrors of a model's receiver; None without mirrors."""
     names = model.receiver.mirrors if isinstance(model, Received) else ()
     if not names:
         return None

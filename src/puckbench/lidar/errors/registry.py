@@ -15,24 +15,13 @@ ERROR_MODELS: Registry[type[ErrorModel]] = Registry("error model", "errors")
 
 
 def error_model_names() -> list[str]:
-    """Return the names of all error models, those of installed packages included."""
     return ERROR_MODELS.names()
 
 
 def open_error_model(name: str, options: Mapping[str, Any] | None = None) -> ErrorModel:
-    """Open an error model.
+    """Open a registered error model, ``module:Class`` or ``path/to/file.py:Class``.
 
-    Parameters
-    ----------
-    name
-        A registered name, ``module:Class`` or ``path/to/file.py:Class``.
-    options
-        Parameters that differ from the defaults; ``receiver`` has those of a `Receiver`.
-
-    Raises
-    ------
-    InputError
-        The model or an option is unknown, or a value is wrong.
+    Options are parameters that differ from the defaults; ``receiver`` has those of a `Receiver`.
     """
     kind = ERROR_MODELS.get(name)
     if not (isinstance(kind, type) and issubclass(kind, ErrorModel)):

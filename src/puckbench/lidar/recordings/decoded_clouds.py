@@ -46,13 +46,10 @@ def read_points(
 
     Lasers come from the column `laser_id`, `laser` or `label`, or from `ring` or `channel`, which
     number lasers by elevation; the first one is used in which points lie on the cones of their
-    lasers. Coordinates are not changed, whether or not they include the vertical correction.
-    Azimuths count clockwise from y; distances follow from the horizontal range and the laser's
-    nominal elevation. Turn and kind of return are 0. Points that are not finite, or at the origin,
-    are left out and counted as missing returns.
-
-    The default sensor is the VLP-16, and the time unit is inferred. Raises InputError if the file
-    is damaged or empty, lacks a column, or is from another sensor.
+    lasers. Azimuths count clockwise from y; distances follow from the horizontal range and the
+    laser's nominal elevation. Turn and kind of return are 0. Points that are not finite, or at the
+    origin, are left out and counted as missing returns. The default sensor is the VLP-16, and the
+    default time unit is inferred.
     """
     device = sensor or load_sensor("vlp16")
     columns, counts = _without_missing(path, _READERS[path.suffix.lower()](path))

@@ -55,7 +55,6 @@ class PacketKind:
 
 @cache
 def packet_kind(product: int, mode: int) -> PacketKind:
-    """Return the kind of packets; raise InputError for an unknown product or mode."""
     if product not in SENSORS:
         name = PRODUCTS.get(product, "an unknown sensor")
         raise InputError(
@@ -150,8 +149,7 @@ def is_whole(payloads: Payloads) -> NDArray[np.bool_]:
 def returns_of_packets(payloads: Payloads) -> Returns:
     """Return the returns of packets (p, 1206); the first and the last turn may be incomplete.
 
-    Raises InputError if there is no packet, a packet is damaged, a sensor is unknown, or there are
-    several sensors or return modes.
+    Raises InputError for damaged packets, or several sensors or return modes.
     """
     if len(payloads) == 0:
         raise InputError("no data packets")
@@ -166,10 +164,7 @@ def returns_of_packets(payloads: Payloads) -> Returns:
 
 
 def packets_of(kind: PacketKind, turn: Turn) -> Payloads:
-    """Return the packets from which `turn_of` made a turn.
-
-    Raises InputError if the turn has no times, no reflectivities, or an incomplete packet.
-    """
+    """Return the packets from which `turn_of` made a turn."""
     layout = kind.layout
     if turn.times is None or turn.reflectivities is None:
         raise InputError("the stream holds no times or reflectivities, so no packets")

@@ -1,9 +1,8 @@
 """Decoding of VLP-16 data packets into a table of returns.
 
-A packet has 12 blocks: a flag, the azimuth of the first firing in 0.01 degrees, and 32 returns (two
-firings of 16 lasers) of distance in 2 mm and reflectivity. It ends with the time of its first
-firing in microseconds past the hour, the return mode and the product (VLP-16 User Manual 63-9243
-Rev. E, chapter 9).
+A packet has 12 blocks of an azimuth (0.01 degrees) and two firings of 16 lasers (distance in 2 mm,
+reflectivity), and the time of its first firing in microseconds past the hour (VLP-16 User Manual
+63-9243 Rev. E, chapter 9).
 """
 
 from __future__ import annotations
@@ -26,10 +25,7 @@ PACKET_BYTES = 1206
 
 @dataclass(frozen=True)
 class PacketLog:
-    """Payloads (p, 1206) and their reception times (p,), s since 1970, in the recorded order.
-
-    `about` has the format of the recording and counts of what was left out.
-    """
+    """Payloads (p, 1206) and their reception times (p,), s since 1970, in the recorded order."""
 
     payloads: NDArray[np.uint8]
     received: Floats
@@ -89,10 +85,7 @@ def decode_packets(payloads: NDArray[np.uint8], sensor: Sensor | None = None) ->
     The azimuth of a firing is interpolated between its block and the next. With range R, elevation
     w and azimuth a, x = R cos(w) sin(a), y = R cos(w) cos(a), z = R sin(w) + the laser's vertical
     correction. Two equal returns of a beam are one row. The default sensor is the one that the
-    packets name.
-
-    Raises InputError if there is no packet, a packet is damaged or of another sensor, or return
-    modes are mixed.
+    packets name. Raises InputError for damaged packets, another sensor, or several return modes.
     """
     packets = np.ascontiguousarray(payloads).view(PACKET)[:, 0]
     mode = _checked_mode(packets)
@@ -140,7 +133,6 @@ def packet_seconds(packets: NDArray[Any]) -> Floats:
 
 
 def _checked_mode(packets: NDArray[Any]) -> int:
-    """Return the mode; raise InputError for other sensors, damaged packets or mixed modes."""
     if len(packets) == 0:
         raise InputError("no data packet of a VLP-16 or a Puck Hi-Res")
     products = [int(code) for code in np.unique(packets["product"])]

@@ -58,8 +58,7 @@ def read_recording(
     ----------
     path
         A packet capture (.pcap, .pcapng), a ROS bag (.bag, .db3, .mcap, or its folder), a cloud
-        with the laser of each point (see `decoded_clouds.read_points`), or a table of
-        `write_returns` (.parquet).
+        (see `decoded_clouds.read_points`), or a table of `write_returns` (.parquet).
     sensor
         None for the one that the packets or the table name.
     start_s, end_s
@@ -68,11 +67,6 @@ def read_recording(
         See `read_packets`.
     time_unit
         Unit of a cloud's times; None to infer it.
-
-    Returns
-    -------
-    RecordedReturns
-        `about` has the format and counts of what was left out (`data_packets.LEFT_OUT`).
 
     Raises
     ------
@@ -104,11 +98,7 @@ def read_recording(
 def read_turns(
     path: Path, start_s: float = 0.0, stream: str | None = None, source: Path | None = None
 ) -> tuple[Returns, dict[str, int]]:
-    """Read the turns of a recording after `start_s` seconds; count what is left out (`LEFT_OUT`).
-
-    The other parameters are those of `read_packets`. Raises InputError if the recording does not
-    contain turns of one known sensor and return mode.
-    """
+    """Read the turns of a recording after `start_s` seconds; count what is left out."""
     with naming(source or path):
         log = _interval(read_packets(path, stream, source), start_s, math.inf)
         left_out = {name: int(log.about[name]) for name in LEFT_OUT if log.about.get(name)}

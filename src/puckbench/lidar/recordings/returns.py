@@ -43,5 +43,4 @@ def write_returns(path: Path, table: RecordedReturns) -> None:
 
 
 def read_returns(path: Path) -> RecordedReturns:
-    """Read a table that `write_returns` wrote; raise InputError for another or a missing file."""
     return read_return_table(path, RecordedReturns)

@@ -1,14 +1,9 @@
 """Recovery of a sensor's returns from frames of points, as data sets provide them.
 
-The points of one laser form a ring. Four numbers of the laser's beam are fitted to it: elevation,
-height, distance from the sensor's axis, and angle relative to the rotary encoder, whose steps all
-lasers share. A point then is a step of the encoder and a range. Points that were moved by more than
-rounding do not fit. If firings without a return show the correction for a car's motion, it is
-undone first.
-
-References
-----------
-Velodyne HDL-64E S2 User's Manual 63-HDL64ES2, Appendix F (calibration of a laser).
+The points of one laser form a ring. Elevation, height, distance from the sensor's axis, and angle
+relative to the rotary encoder are fitted to it (Velodyne HDL-64E S2 User's Manual 63-HDL64ES2,
+Appendix F). A point then is a step of the encoder and a range. If firings without a return show the
+correction for a car's motion, it is undone first.
 """
 
 from __future__ import annotations
@@ -40,16 +35,10 @@ Steps = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class RecoveredReturns:
-    """Returns that were recovered from a frame.
+    """Returns that were recovered from a frame as one turn.
 
-    Parameters
-    ----------
-    returns
-        One turn.
-    rows
-        (n,), rows of the frame's points that are returns, in the order of ``returns.points()``.
-    xyz
-        (m, 3), points of the frame relative to the moving sensor.
+    `rows` (n,) are the frame's points that are returns, in the order of ``returns.points()``; `xyz`
+    (m, 3) are the points of the frame relative to the moving sensor.
     """
 
     returns: Returns
@@ -86,16 +75,9 @@ def recovered_returns(
 ) -> RecoveredReturns:
     """Recover returns from the points of a frame, and fit the beams of the lasers.
 
-    Raises InputError if a ring has too few points, or its points fit no laser.
-
-    Parameters
-    ----------
-    xyz
-        (n, 3), m, in the frame of a sensor that rotates counter-clockwise (x right, y forward).
-    rings
-        Rows of each laser's points.
-    step_deg
-        Step of the rotary encoder, in whole hundredths of a degree.
+    Points (n, 3), m, are in the frame of a sensor that rotates counter-clockwise (x right, y
+    forward), and the rotary encoder has steps of whole hundredths of a degree. Raises InputError if
+    the points of a ring are too few or fit no laser.
     """
     level = np.hypot(xyz[:, 0], xyz[:, 1])
     azimuth = np.mod(np.arctan2(-xyz[:, 0], xyz[:, 1]), 2 * np.pi)
@@ -125,8 +107,7 @@ def recovered_firings(xyz: Floats, sensor: str) -> RecoveredReturns:
 
     Points (columns, lasers, 3), m, are in the sensor's frame (x right, y forward) at the end of the
     turn. If the motion of the car was corrected, firings without a return (range 0) lie where the
-    sensor was at that time; the motion that they determine is undone. Raises InputError if a laser
-    has too few returns.
+    sensor was at that time; the motion that they determine is undone.
     """
     columns, lasers = xyz.shape[:2]
     left = 1 - np.arange(columns) / max(columns - 1, 1)
@@ -172,8 +153,7 @@ def _without_turning(
 ) -> tuple[Floats, list[_Beam]]:
     """Return points without the sensor's pitch and roll, and the beams of its lasers.
 
-    The height of a point is that on its laser's cone plus that of a small rotation, which is
-    proportional to the remaining time. A least squares fit determines both.
+    A least squares fit of the points' elevations determines both.
     """
     columns, lasers = np.nonzero(whole)
     points = xyz[columns, lasers]
@@ -212,8 +192,7 @@ def _fitted_cone(level: Floats, z: Floats) -> tuple[float, float]:
 def _fitted_offset(level: Floats, azimuth: Floats, step: float) -> tuple[float, float]:
     """Return a beam's distance from the axis, and its phase: its angle modulo the encoder's step.
 
-    At this distance the circular mean of all points' phases is longest; successively finer grids
-    are searched.
+    At this distance the circular mean of all points' phases is longest.
     """
     best, width = 0.0, _MOST_SIDEWAYS_M
     turns = azimuth / step

@@ -40,8 +40,7 @@ _REFLECTIVITY = 100
 def write_pcap(path: Path, table: ScanTable, noisy: bool = True) -> dict[str, int]:
     """Write a scan of a VLP-16 as a packet capture; return the numbers of packets and returns.
 
-    Distances are rounded to 2 mm and azimuths to 0.01 degrees. Points are in the sensor's frame:
-    the file does not contain the poses of the sweep. Raises InputError for scans of other sensors.
+    Distances are rounded to 2 mm and azimuths to 0.01 degrees, in the sensor's frame.
     """
     log = scan_packets(table, noisy)
     write_bytes(path, pcap_bytes(log))
@@ -51,10 +50,9 @@ def write_pcap(path: Path, table: ScanTable, noisy: bool = True) -> dict[str, in
 def scan_packets(table: ScanTable, noisy: bool = True) -> PacketLog:
     """Return the packets of a scan, with columns in the order in which a real sensor fires them.
 
-    A real VLP-16 rotates clockwise, also while its lasers fire one after the other. The virtual
-    one, as BlenSor's, rotates counter-clockwise and fires a column at one azimuth. Therefore the
-    columns of a turn are reversed, and each becomes two blocks of equal azimuth, so that a decoder
-    interpolates none; the returns are in the first firing.
+    A real VLP-16 rotates clockwise, also while its lasers fire one after the other. The virtual one
+    rotates counter-clockwise and fires a column at one azimuth. Therefore the columns of a turn are
+    reversed, and each becomes two blocks of equal azimuth, so that a decoder interpolates none.
     """
     rotation_hz = _rotation_hz(table)
     centidegrees = np.rint(-np.degrees(table["yaw"]) * 100).astype(np.int64) % CENTIDEGREES
@@ -73,10 +71,7 @@ def scan_packets(table: ScanTable, noisy: bool = True) -> PacketLog:
 def pack_blocks(
     azimuth: NDArray[np.int64], returns: NDArray[Any], seconds: Floats, mode: int = STRONGEST_MODE
 ) -> PacketLog:
-    """Pack azimuths (b,) in 0.01 degrees, returns (b, 2, 16) and times (b,) in s into packets.
-
-    Blocks without returns complete the last packet.
-    """
+    """Pack azimuths (b,) in 0.01 degrees, returns (b, 2, 16) and times (b,) in s into packets."""
     if MODES.get(mode) is None:
         raise ValueError(f"no return mode 0x{mode:02X}")
     fill = -len(azimuth) % BLOCKS

@@ -1,9 +1,8 @@
 """Detection of walls, floors and ceilings in a recording of a sensor at rest.
 
-A plane is a connected patch of pixels of the range image; a pixel is on a plane if nearly all of
-its returns are. Thus planes through unrelated points fall apart, and mixed returns at the edges are
-removed as whole pixels. Returns at grazing incidence are not used, since the rings of horizontal
-lasers would form a floor at the height of the sensor.
+A plane is a connected patch of pixels of the range image, nearly all of whose returns are on it.
+Returns at grazing incidence are not used, since the rings of horizontal lasers would form a floor
+at the height of the sensor.
 """
 
 from __future__ import annotations
@@ -107,8 +106,6 @@ class DetectedPlane:
 
 @dataclass(frozen=True)
 class Rejected:
-    """A plane that was rejected, and the reason."""
-
     surface: DetectedPlane
     reason: str
 
@@ -154,7 +151,6 @@ def surface_of(
 
 
 def fault_of(table: RecordedReturns, surface: DetectedPlane, search: PlaneSearch) -> str | None:
-    """Return the reason to reject a plane, or None."""
     returns = len(surface.rows)
     lasers = len(np.unique(table["laser_id"][surface.rows]))
     noise = robust_std(surface.plane.distances(table.xyz[surface.rows])) if returns else 0.0
@@ -228,7 +224,7 @@ class _View:
     def grown(self, plane: Plane, free: Mask) -> tuple[Plane, Mask]:
         """Alternate between the plane and its largest patch of free returns until both converge.
 
-        Biases of lasers are subtracted; otherwise lasers with large biases would lose pixels.
+        Biases are subtracted, since lasers with large biases would lose pixels.
         """
         patch = np.zeros(self.image.shape, dtype=bool)
         bias = np.zeros(len(patch))

@@ -1,7 +1,4 @@
-"""Plane residuals of a recording (thesis, section 5.1.2, Procedure 1).
-
-Residuals are signed distances of returns from the planes that a sensor at rest sees.
-"""
+"""Plane residuals of a recording (thesis, section 5.1.2, Procedure 1)."""
 
 from __future__ import annotations
 
@@ -106,7 +103,6 @@ class RecordingOptions(Model):
 
 
 def recording_options(given: Mapping[str, Any]) -> RecordingOptions:
-    """Parse options from JSON or YAML."""
     return parsed(RecordingOptions, given, "capture options")
 
 
@@ -130,8 +126,7 @@ def recorded_planes(
     """Read a recording, crop it to an interval at rest, and find its planes.
 
     In dual return mode only beams with a single return are used, since the others hit an edge.
-    Messages name `source` in place of a temporary copy `path`. Raises InputError if the recording
-    cannot be read, the sensor is never at rest, or there is no plane.
+    Messages name `source` in place of a temporary copy `path`.
     """
     sensor = load_sensor(options.sensor) if options.sensor else None
     start, end = options.still_s or (0.0, math.inf)
@@ -150,8 +145,8 @@ def recorded_planes(
 def recording_residuals(planes: RecordedPlanes) -> pd.DataFrame:
     """Return the residual table of a recording.
 
-    The model is `REAL`, `distance_m` the distance of the plane from the sensor, rounded to 1 cm,
-    `run` the number of the plane from 1, and `frame` the turn.
+    `distance_m` is the distance of the plane from the sensor, rounded to 1 cm, `run` the number of
+    the plane from 1, and `frame` the turn.
     """
     parts = [
         _rows_of(planes.table.select(surface.rows), surface, number)

@@ -1,8 +1,7 @@
 """Ray noise and laser biases in recordings of a sensor at rest.
 
-A deviation is the measured range minus that of the plane along the ray. The bias of a laser on a
-plane is its mean deviation. Ray noise is the spread between turns of the deviations of one laser in
-one direction, and so independent of its bias and of the shape of the wall.
+A deviation is the measured range minus that of the plane along the ray. Ray noise is the spread of
+one laser's deviations in one direction between turns, independent of the shape of the wall.
 """
 
 from __future__ import annotations
@@ -44,8 +43,7 @@ class RayNoise:
 class LaserBias:
     """Mean deviation of each laser on a plane, m, and its number of returns.
 
-    The plane, fitted to the same returns, absorbs a bias that is common to all lasers or linear in
-    their elevation.
+    The fitted plane absorbs a bias that is common to all lasers or linear in their elevation.
     """
 
     lasers: NDArray[np.intp]
@@ -59,11 +57,7 @@ class LaserBias:
 
 @dataclass(frozen=True)
 class Repeatability:
-    """Agreement of the lasers' biases on pairs of planes.
-
-    `correlation` is the mean over the pairs; `shared_std_m`, the root of the mean covariance, is
-    the standard deviation of the bias that all planes share.
-    """
+    """Correlation of the lasers' biases on pairs of planes, and root of the mean covariance, m."""
 
     pairs: int
     correlation: float
@@ -185,10 +179,7 @@ def plane_statistics(planes: RecordedPlanes) -> list[PlaneStatistics]:
 
 
 def recording_summary(planes: RecordedPlanes) -> dict[str, Any]:
-    """Return statistics of a recording and its planes for JSON.
-
-    `ray_noise` is that of all planes together, `laser_bias_std_m` the root mean square over walls.
-    """
+    """Return statistics of a recording and its planes for JSON."""
     step, parts = azimuth_step(planes.table), plane_statistics(planes)
     walls = [part.bias for part in parts if part.surface.kind == WALL]
     stds = [bias.std_m for bias in walls if bias.std_m is not None]
