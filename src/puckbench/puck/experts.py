@@ -1,8 +1,8 @@
 """Experts: estimates of a number that give probabilities of binary decisions about it.
 
-An expert is a distribution with the estimate as its mean. Its scale is the mean absolute error of
-earlier estimates in the same situation. A decision is whether the number lies in the upper part of
-an interval; the expert answers with the logit of that part's share of its distribution.
+An expert is a distribution with its estimate as mean, and with the mean absolute error of earlier
+estimates in the same situation as scale. A decision is whether the number lies in the upper part of
+an interval.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ def _tables() -> tuple[NDArray[np.int16], NDArray[np.int16]]:
 
 @inlined
 def begin(experts: Experts, situation: int) -> None:
-    """Take the scales of a situation, and let the interval be all numbers."""
+    """Load the scales of a situation, and set the interval to all numbers."""
     for k in range(len(experts.every)):
         if experts.means[k] != 0:
             scale = max(experts.scales[k, np.uint64(situation)], _LEAST_SCALE)
@@ -90,7 +90,7 @@ def write_logits(experts: Experts, edge: int, answers: Words) -> None:
 
 @inlined
 def narrow(experts: Experts, bit: int) -> None:
-    """Narrow the interval to the part that a decision chose: 1 for at least its edge, 0 below."""
+    """Narrow the interval to the part at least (1) or below (0) its edge."""
     for k in range(len(experts.every)):
         lower, upper, edge = experts.lower[k], experts.upper[k], experts.edge[k]
         experts.lower[k] = edge if bit == 1 else lower

@@ -30,12 +30,11 @@ _DAMAGED = "the stream is damaged"
 
 
 def encode_gaps(gaps: list[bytes], are_headers: bool = False) -> bytes:
-    """Encode gaps, with LZMA options that suit headers or other content."""
     return compress_bytes(_joined(gaps), are_headers)
 
 
 def store_gaps(gaps: list[bytes]) -> bytes:
-    """Encode gaps without compression, which takes the fewest bytes in the worst case."""
+    """Encode gaps without compression, which needs the fewest bytes in the worst case."""
     raw = _joined(gaps)
     chunks = (raw[first : first + _CHUNK] for first in range(0, len(raw), _CHUNK))
     parts = (b"\1" + (len(chunk) - 1).to_bytes(2, "big") + chunk for chunk in chunks)
@@ -43,13 +42,7 @@ def store_gaps(gaps: list[bytes]) -> bytes:
 
 
 def decode_gaps(reader: Reader, count: int, admit: Callable[[int], None]) -> list[bytes]:
-    """Decode `count` gaps; `admit` is called with their size, before they are decompressed.
-
-    Raises
-    ------
-    InputError
-        The bytes are damaged, or there are not `count` gaps.
-    """
+    """Decode `count` gaps, after a call of `admit` with their size, which may raise."""
     body = Reader(decompress_bytes(reader, admit))
     size = len(body.body)
     runs = [(body.number(), body.number()) for _ in range(min(body.number(), size))]
@@ -79,13 +72,7 @@ def compress_bytes(raw: bytes, are_headers: bool = False) -> bytes:
 
 
 def decompress_bytes(reader: Reader, admit: Callable[[int], None]) -> bytes:
-    """Return the bytes of `compress_bytes`; `admit` may refuse their number by raising.
-
-    Raises
-    ------
-    InputError
-        The bytes are damaged.
-    """
+    """Return the bytes of `compress_bytes`, after a call of `admit` with their number."""
     size = reader.number()
     if size > MOST_RAW_BYTES:
         raise InputError(_DAMAGED)
@@ -125,7 +112,6 @@ def _joined(gaps: list[bytes]) -> bytes:
 
 
 def _frequent(lengths: NDArray[np.int64]) -> list[int]:
-    """Return lengths above 0 of several gaps, the most frequent first."""
     values, counts = np.unique(lengths, return_counts=True)
     order = np.lexsort((values, -counts))
     return [int(values[k]) for k in order if values[k] > 0 and counts[k] > 1][:_GROUPS]

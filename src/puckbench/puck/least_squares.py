@@ -1,7 +1,6 @@
 """Linear prediction by recursive least squares with exponential forgetting, in integers.
 
-The normal equations are sums of integers, which are solved by a Gauss-Seidel sweep every few
-observations, starting from the current coefficients. Every machine finds the same solution.
+A Gauss-Seidel sweep every few observations improves the solution of the normal equations.
 """
 
 from __future__ import annotations
@@ -34,7 +33,6 @@ class LeastSquares(NamedTuple):
 
 
 def new_least_squares(predictors: int, features: int) -> LeastSquares:
-    """Return predictors whose coefficients are 0."""
     lanes = lanes_for(features)
     products = np.zeros(predictors * features * len(lanes), np.int32)
     targets = np.zeros((predictors, len(lanes)), np.int64)

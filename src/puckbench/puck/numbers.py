@@ -35,8 +35,8 @@ def code_number(
 ) -> int:
     """Code a number from 0 to (FARTHEST + step) // step by mixing; return it.
 
-    mixer: its contexts and rows of weights are those of node 0. experts: estimates of step *
-    number. centre: the expected number, at least 1. unit: length of the first steps away from it.
+    The experts estimate step * number. The centre, at least 1, is the expected number, and `unit`
+    the length of the first steps away from it.
     """
     return _traverse(mixer, experts, False, 0, number, centre, unit, step)
 
@@ -106,7 +106,6 @@ def code_unmixed_bit(mixer: Mixer, counter: int, bit: int) -> int:
 
 @inlined
 def in_steps(number: int, step: int) -> int:
-    """Return number // step; the common case of step 1 avoids a division."""
     return number if step == 1 else number // step
 
 

@@ -1,15 +1,14 @@
 """Segmentation of a range image into planes: pieces of rows are merged while one plane fits them.
 
-A return at range r of a beam with origin o and direction d is the point p = r d + o. On the plane
-m . p = 1 follows r = (r p) . m, which is linear in m, with the error of the range as residual. The
-least squares fit of a set of returns follows from 11 sums, which are added when sets are merged.
+A return at range r of a beam with origin o and direction d is the point p = r d + o. On the plane m
+. p = 1 follows r = (r p) . m, which is linear in m. A least squares fit needs 11 sums over the
+returns of a set, which are added when sets are merged.
 
 References
 ----------
-The order of merging (within rows, then across rows) is that of Jiang and Bunke 1994, "Fast
-segmentation of range images into planar regions by scan line grouping", and Feng, Taguchi and
-Kamat 2014, "Fast plane extraction in organized point clouds using agglomerative hierarchical
-clustering". The test for merging differs.
+Jiang and Bunke 1994, "Fast segmentation of range images into planar regions by scan line grouping",
+and Feng, Taguchi and Kamat 2014, "Fast plane extraction in organized point clouds using
+agglomerative hierarchical clustering".
 """
 
 from __future__ import annotations
@@ -50,9 +49,9 @@ _loop = partial(compiled_in_place, error_model="numpy")
 
 
 class RangeRows(NamedTuple):
-    """A range image and the rows of its least squares equations; lasers from lowest to highest.
+    """A range image (lasers, columns), m, 0 for no return; lasers from lowest to highest.
 
-    ranges: (lasers, columns), m, 0 for no return. rows: (lasers, columns, 3), ranges times points.
+    `rows` (lasers, columns, 3) of the least squares equations are ranges times points.
     """
 
     ranges: Floats
@@ -71,19 +70,9 @@ def fitted_planes(
 ) -> LabelledPlanes:
     """Assign each return to a plane, and fit the planes.
 
-    Parameters
-    ----------
-    image
-        The returns.
-    column
-        Angle between columns, rad.
-    std
-        Standard deviation of a range, m.
-    tolerance
-        Variances by which the mean squared distance of two sets may exceed what noise explains for
-        them to be merged.
-    closes
-        Whether the last column is next to the first (a full turn).
+    Columns are `column` rad apart; in a full turn (`closes`) the last is next to the first. `std`
+    is the standard deviation of a range, m. The mean squared distance of two merged sets may exceed
+    that due to noise by `tolerance` variances.
     """
     ranges, rows = image
     variance = std * std
@@ -131,7 +120,7 @@ def _add(sums: Floats, row: Floats, target: float, weight: float) -> None:
 def _solve(sums: Floats, variance: float, plane: Floats) -> float:
     """Fit the plane of a set by Cholesky's method, and return the sum of squared range errors.
 
-    A ridge keeps undetermined slopes, such as that across a single row, near zero.
+    A ridge keeps undetermined slopes near zero.
     """
     ridge = variance * sums[10] / max(sums[0], 1.0) / (_SLOPE * _SLOPE)
     ridge += 1e-12 * (sums[1] + sums[4] + sums[6])
@@ -318,7 +307,7 @@ def _merge(
 
 @_loop
 def _number_sets(labels: Labels, parents: Labels) -> int:
-    """Replace labels of pieces by numbers of sets; return how many sets there are."""
+    """Replace labels of pieces by numbers of sets; return the number of sets."""
     count = 0
     for piece in range(len(parents)):
         parents[piece] = _root(parents, piece)
@@ -386,7 +375,7 @@ def _move_borders(
 
 @inlined
 def _last_of(labels: Labels, start: int, step: int) -> int:
-    """Return the last column of the same plane in direction `step`, up to `_BORDER` returns on."""
+    """Return the last column of the same plane in direction `step`, within `_BORDER` returns."""
     last, count, at = start, 0, start
     while 0 <= at < len(labels) and count < _BORDER:
         if labels[at] == labels[start]:

@@ -1,12 +1,10 @@
 """Ranges of a turn: for each firing whether it returned, and if so the range.
 
 Firings are coded column by column, and within a column from the lowest laser to the highest. A
-range is predicted by least squares that adapt while coding, from earlier columns of the same laser,
-from neighbouring lasers and from the previous turn. It is then coded as binary decisions around the
-prediction; the probability of each decision mixes experts (`experts`) and adaptive contexts.
-
-Lossy coding quantises a range to a multiple of the step: the nearest one, or the one next to it if
-that saves so many bits that lambda times the saving exceeds the increase of the squared error.
+range is predicted by adaptive least squares from earlier columns of the same laser, neighbouring
+lasers and the previous turn, and coded as binary decisions around the prediction. Lossy coding
+quantises a range to the nearest multiple of the step, or to the one next to it if lambda times the
+saved rate exceeds the increase of the squared error.
 
 In the loops, c is the row of a column, t the row of the nearest column of the previous turn (0:
 none), west the same laser one column earlier, below and above the neighbouring lasers.
@@ -58,7 +56,7 @@ _FIRST_ERROR = 3 * FINE
 
 
 class RangeContext(NamedTuple):
-    """Ranges of a turn and what contexts derive from them, (PAD + columns, lasers) each."""
+    """Ranges of a turn and values for contexts, (PAD + columns, lasers) each."""
 
     ranges: Words  # 0 for no return
     smooth: Words  # ranges, in 1 / FINE, moved part of the way to their predictions
@@ -67,8 +65,6 @@ class RangeContext(NamedTuple):
 
 
 class RangeModel(NamedTuple):
-    """Adaptive state of the coder of ranges."""
-
     mask: Mixer  # of the decision whether a firing returned
     value: Mixer  # of the decisions on its range
     starts: Ints  # first counter of each context of `value`, and of `mask`
@@ -84,7 +80,7 @@ class RangeModel(NamedTuple):
 
 
 class ModelSize(NamedTuple):
-    """How many features, experts, contexts and so on an effort uses: the first of each list."""
+    """Numbers of features, experts, contexts and so on of an effort: the first of each list."""
 
     features: int
     experts: int
@@ -150,9 +146,8 @@ def code_ranges(
 ) -> bool:
     """Code the ranges of a turn; return False if a reader's stream ended too early.
 
-    image, before: the turn, whose rows from PAD on are filled, and the previous turn with PAD empty
-    rows at its end. nearest: (columns,), row of the nearest column there, or 0. source: (PAD +
-    columns, lasers), the ranges that a writer codes.
+    Rows from PAD on of `image` are filled. `before`, the previous turn, has PAD empty rows at its
+    end, and `nearest` is the row of the nearest column there, or 0. A writer codes `source`.
     """
     is_unmixed = len(model.experts.every) == 0
     for column in range(PAD, len(image.ranges)):
@@ -298,8 +293,7 @@ def _predict(
     """Predict a range.
 
     Returns its base, the predicted difference from it in quarter quanta, the activity, whether the
-    previous turn has a return there, and the situation: an index of these and of the laser's last
-    firing, for each of which typical errors are learnt.
+    previous turn has a return there, and the situation, which selects typical errors.
     """
     base = _base(model, image, before, c, laser, t)
     _write_features(model, image, before, c, laser, t, base)
@@ -326,8 +320,7 @@ def _quantise(model: RangeModel, value: int, mean: int, situation: int) -> tuple
 def _cheaper_index(value: int, index: int, mean: int, scale: int, step: int, lmbda: int) -> int:
     """Return the nearest index or its neighbour on the prediction's side, by rate and distortion.
 
-    If prediction errors are `scale` on average, a step towards the prediction saves about
-    step / scale nats.
+    A step towards the prediction saves about step / scale nats.
     """
     other = index + 1 if FINE * step * index < mean else index - 1
     if other < 1 or abs(FINE * step * other - mean) >= abs(FINE * step * index - mean):

@@ -1,7 +1,6 @@
 """Compression of recordings bit for bit: packets as turns, and all other bytes beside them.
 
-Packets are recognised by their content in files of any format: packet captures, and bags that are
-not compressed themselves.
+Packets are recognised by their content, in packet captures and in bags that are not compressed.
 """
 
 from __future__ import annotations
@@ -80,7 +79,7 @@ class _Counts:
 
 @dataclass(kw_only=True)
 class RecordingSummary(_Counts):
-    """What a recording contains, its bytes and those of its stream, by kind of record too."""
+    """Content of a recording, its bytes and those of its stream, in total and by kind of record."""
 
     bytes: int = 0
     compressed: int = 0
@@ -100,7 +99,7 @@ class RecordingSummary(_Counts):
 
 @dataclass(frozen=True)
 class _Limits:
-    """Limits of what a stream of `size` bytes may decode to, unless it is trusted."""
+    """Limits on the decoded size of a stream of `size` bytes, unless it is trusted."""
 
     size: int
     trusted: bool = False
@@ -131,19 +130,8 @@ def compress(
 ) -> RecordingSummary:
     """Compress a recording to a file from which `decompress` restores it bit for bit.
 
-    Parameters
-    ----------
-    recording, out
-        Any file, whose bytes outside of packets are compressed by LZMA, and the file to write.
-    options
-        Effort and key turns; lossy options are refused.
-    report
-        Called with the numbers of bytes that are done and of all bytes.
-
-    Raises
-    ------
-    InputError
-        The recording cannot be read, `out` cannot be written, or both are the same file.
+    Any file can be compressed: bytes outside of packets by LZMA. Lossy options raise InputError.
+    `report` receives the numbers of bytes done and of all bytes.
     """
     options = options or CodingOptions()
     if options.step != 1 or not options.times or not options.reflectivities:
@@ -170,18 +158,8 @@ def decompress(
 ) -> RecordingSummary:
     """Restore the recording that `compress` read.
 
-    Parameters
-    ----------
-    path, out, report
-        The compressed recording, the file to write, and as in `compress`.
-    trusted
-        Restore also a recording that is far larger than `compress` allows for the stream's size.
-
-    Raises
-    ------
-    InputError
-        The stream is damaged, of another format or no recording, `out` cannot be written, or both
-        are the same file.
+    `trusted` allows a recording that is far larger than the limit for the stream's size. Raises
+    InputError if the stream is damaged, of another format or no recording.
     """
     _check_different(path, out)
     try:
@@ -261,8 +239,6 @@ def _checksum(data: Bytes) -> bytes:
 
 
 class _PacketEncoder:
-    """Encodes windows of a recording: packets, and the gaps between them."""
-
     def __init__(self, options: CodingOptions) -> None:
         self._options = options
         self._kind: PacketKind | None = None
@@ -271,10 +247,9 @@ class _PacketEncoder:
     def batches(
         self, data: Bytes, places: NDArray[np.int64], report: Callable[[int], None]
     ) -> Iterator[_Batch]:
-        """Encode bytes with packets at `places` in three ways, the smallest first.
+        """Encode packets as turns; then all bytes by LZMA; then all bytes uncompressed.
 
-        They are packets as turns, all bytes by LZMA, and all bytes uncompressed, which always fits
-        the limits.
+        The last batch always fits the limits.
         """
         yield self._batch(data, places, report)
         self._turns = None
@@ -318,7 +293,7 @@ class _PacketEncoder:
 
 
 class _RecordingWriter:
-    """Writes the bytes of a recording, and inserts the links of its pages if it has any."""
+    """Writes the bytes of a recording, and inserts the links of its pages."""
 
     def __init__(self, stream: IO[bytes], limits: _Limits) -> None:
         self._stream, self._limits = stream, limits

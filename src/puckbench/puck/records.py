@@ -23,7 +23,7 @@ DAMAGED = "the stream is damaged or truncated"
 
 
 class RecordKind(IntEnum):
-    """What a record holds: GAPS and PAGES are described in `recording`, BEAMS in `returns`."""
+    """Content of a record; `recording` describes GAPS and PAGES, `returns` BEAMS."""
 
     END, LAYOUT, TURN, GAPS, PAGES, BEAMS = range(6)
 
@@ -48,17 +48,13 @@ def start() -> bytes:
 
 
 def join_records(records: Iterable[Record]) -> bytes:
-    """Return a whole stream of records; an empty END record is appended."""
     return b"".join([start(), *(each.packed() for each in (*records, Record(RecordKind.END, b"")))])
 
 
 def read_records(stream: IO[bytes]) -> Iterator[Record]:
     """Yield the records of a stream up to and including its END record.
 
-    Raises
-    ------
-    InputError
-        The stream is of another format or version, damaged or truncated.
+    Raises InputError if the stream is of another format or version, damaged or truncated.
     """
     head = stream.read(len(MAGIC) + 1)
     if head[: len(MAGIC)] != MAGIC:

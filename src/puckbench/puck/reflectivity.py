@@ -1,8 +1,7 @@
 """Reflectivities of a turn: a byte for each firing, whether it returned or not.
 
-First a value may be guessed (the other return of the beam, or the last value without a return) and
-the guess confirmed; otherwise its bits are coded, the highest first. Names of rows and neighbours
-are those of `ranges`.
+First a guess (the other return of the beam, or the last value without a return) may be confirmed;
+otherwise the bits of the value are coded. Names of rows and neighbours are those of `ranges`.
 """
 
 from __future__ import annotations
@@ -35,8 +34,6 @@ _TREE = 256
 
 
 class ReflectivityModel(NamedTuple):
-    """Adaptive state of the coder of reflectivities."""
-
     same: Mixer  # of the decision whether a guess is right
     value: Mixer  # of the bits of a value
     starts: Ints  # first counter of each context of `value`
@@ -49,7 +46,7 @@ class ReflectivityModel(NamedTuple):
 
 
 class ReflectivityContext(NamedTuple):
-    """Reflectivities of a turn and what contexts need, (PAD + columns, lasers) each."""
+    """Reflectivities of a turn and values for contexts, (PAD + columns, lasers) each."""
 
     values: Words  # a writer codes them, a reader fills them in
     held: Words  # 1 + the value of the laser's last return up to this column
@@ -187,7 +184,6 @@ def _code_byte(
 
 @inlined
 def _code_lean(mixer: Mixer, value: int) -> int:
-    """Code a value by contexts only."""
     node = 1
     for depth in range(7, -1, -1):
         node = 2 * node + code_bit(mixer, value >> depth & 1, node, node)
@@ -208,7 +204,7 @@ def _learn_linear(model: ReflectivityModel, target: int, first: int, laser: int)
 
 @inlined
 def _change(turn: ReflectivityContext, c: int, laser: int) -> int:
-    """Return a level of how much the range changed from the previous column; 0 if unknown."""
+    """Return a level of the range's change from the previous column; 0 if unknown."""
     now, before = turn.ranges[c, laser], turn.ranges[c - 1, laser]
     if now == 0 or before == 0:
         return 0

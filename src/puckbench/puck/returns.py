@@ -16,19 +16,9 @@ from puckbench.puck.turns import TurnDecoder, TurnEncoder, turn_step
 
 
 def encode_returns(returns: Returns, options: CodingOptions | None = None) -> bytes:
-    """Encode returns as one self-contained stream.
+    """Encode returns as one self-contained stream; lossless by default.
 
-    Parameters
-    ----------
-    returns
-        Turns of a real or virtual sensor, and where its lasers point.
-    options
-        What is coded and how; the default is lossless.
-
-    Raises
-    ------
-    InputError
-        The returns are too many for the bytes that they compress to (see `stream.check_ranges`).
+    Raises InputError if the returns are too many for the bytes that they compress to.
     """
     encoder = TurnEncoder(returns.layout, options)
     turns = [encoder.encode(turn) for turn in returns.turns]
@@ -46,10 +36,7 @@ def encode_returns(returns: Returns, options: CodingOptions | None = None) -> by
 def decode_returns(stream: bytes) -> Returns:
     """Decode a stream of `encode_returns`.
 
-    Raises
-    ------
-    InputError
-        The stream is damaged, comes from another program, or is a compressed recording.
+    Raises InputError if the stream is damaged, from another program, or a compressed recording.
     """
     without_turns, bodies = _read(stream)
     decoder = TurnDecoder(without_turns.layout)

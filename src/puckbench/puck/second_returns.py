@@ -21,7 +21,7 @@ _FIRST_SCALE = 60 * FINE * 256
 
 
 class SecondReturnModel(NamedTuple):
-    """Adaptive state; `other` has for each laser its last second range that differed."""
+    """Adaptive state; `other` is each laser's last second range that differed."""
 
     same: Mixer
     value: Mixer
@@ -56,9 +56,9 @@ def code_second_returns(
 ) -> bool:  # fmt: skip
     """Code the second ranges of a turn; return False if a reader's stream ended too early.
 
-    ranges, first: second and first ranges as a decoder has them (PAD + columns, lasers), 0 for no
-    return; rows of `ranges` from PAD on are filled. then, then_first: those of the previous turn.
-    source, source_first: those that a writer codes.
+    `ranges` and `first` (PAD + columns, lasers) are decoded second and first ranges; rows of
+    `ranges` from PAD on are filled. `then` and `then_first` are those of the previous turn,
+    `source` and `source_first` those that a writer codes.
     """
     step = model.step
     for c in range(PAD, len(ranges)):

@@ -20,8 +20,6 @@ _RAW_BITS = 32
 
 
 class SequenceModel(NamedTuple):
-    """Adaptive state of the coder of a sequence."""
-
     mixer: Mixer
     recent: Ints  # (10,), the last differences from predictions, latest first
     # (4,): predicted next number and mean increment, in 2**-8; 0 before the first number, 1 after a

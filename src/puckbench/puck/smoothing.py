@@ -1,11 +1,8 @@
 """Smoothing of decoded ranges: returns are moved along their rays to planes that fit neighbours.
 
-The error of a return on a plane decreases with the square root of the number of returns on it.
-Biases of lasers are estimated from planes that several lasers hit, and subtracted. The standard
-deviation of ranges is estimated from the turn, but is at least that of the quantisation error.
-No return is moved out of its quantisation interval by more than three standard deviations. Returns
-that scatter about their plane by more than the noise (leaves) are moved less, in proportion. A
-return on no plane is corrected for the bias of its laser only.
+Biases of lasers are estimated from planes that several lasers hit, and subtracted. No return is
+moved out of its quantisation interval by more than three standard deviations of a range. If the
+returns of a plane scatter by more than the noise (leaves), they are moved less, in proportion.
 
 Results do not depend on a linear algebra library, but the last bits depend on how a machine rounds
 sines and square roots.
@@ -59,14 +56,9 @@ _loop = partial(compiled_in_place, error_model="numpy")
 
 
 def smoothed_points(returns: Returns, steps_m: Sequence[float]) -> Floats:
-    """Return the points (n, 3) of returns in m, each moved along its ray to the likely surface.
+    """Return the points (n, 3) of decoded returns in m, moved along their rays to smooth surfaces.
 
-    Parameters
-    ----------
-    returns
-        Decoded returns.
-    steps_m
-        Step with which the ranges of each turn were quantised, m (see `returns.range_steps`).
+    `steps_m` are the quantisation steps of the turns' ranges, m (see `returns.range_steps`).
     """
     distances = [
         smoothed_distances(returns, turn, step)
@@ -78,7 +70,7 @@ def smoothed_points(returns: Returns, steps_m: Sequence[float]) -> Floats:
 def smoothed_distances(returns: Returns, turn: Turn, step_m: float) -> Floats:
     """Return the smoothed distances of a turn, (kinds, columns, lasers), m, 0 for no return.
 
-    Second returns are not changed: they come from edges, leaves and glass.
+    Second returns are not changed, since they come from edges, leaves and glass.
     """
     order = np.asarray(returns.layout.order)
     elevations = np.radians(returns.beams.elevations_deg)[order]
@@ -116,23 +108,12 @@ def smoothed_ranges(
     closes: bool,
     step_m: float,
 ) -> Floats:
-    """Return smoothed ranges of an image, (lasers, columns), m.
+    """Return smoothed ranges of an image, m, from decoded ranges (lasers, columns), 0 for no
+    return.
 
-    Parameters
-    ----------
-    coded
-        (lasers, columns), decoded ranges, lasers from the lowest to the highest, m, 0 for no
-        return.
-    directions
-        (lasers, columns, 3), unit vectors.
-    origins
-        (lasers, columns, 3), origins of the beams, m.
-    column
-        Angle between columns, rad.
-    closes
-        Whether the last column is next to the first (a full turn).
-    step_m
-        Step with which the ranges were quantised, m.
+    Directions and origins of the beams are (lasers, columns, 3). Columns are `column` rad apart; in
+    a full turn (`closes`) the last is next to the first. Ranges have the quantisation step
+    `step_m`.
     """
     noise = _noise(coded)
     std = max(noise, step_m / np.sqrt(12))
@@ -174,8 +155,7 @@ def _image(coded: Floats, directions: Floats, origins: Floats, biases: Floats) -
 def _biases(image: RangeRows, planes: LabelledPlanes, std: float) -> Floats:
     """Estimate the biases of the lasers, (lasers,), m, with mean zero.
 
-    Planes and biases minimise the squared errors together; the planes are eliminated. A bias common
-    to all lasers cannot be told from a larger room.
+    A bias common to all lasers is indistinguishable from a larger room.
     """
     labels, vectors = planes
     lasers, most = len(labels), 3 * std
@@ -231,11 +211,7 @@ def _solve(matrix: Floats, right: Floats) -> None:
 
 @_loop
 def _eliminate(products: Floats, mixed: Floats, matrix: Floats, right: Floats) -> None:
-    """Eliminate the planes from the normal equations of planes and biases.
-
-    Subtracts from `matrix` (lasers, lasers) and `right` (lasers,), the equations of the biases;
-    overwrites the `products` and `mixed` of `_sum_by_laser`.
-    """
+    """Eliminate the planes from the normal equations `matrix` and `right` of the biases."""
     for plane in range(len(products)):
         normal, target, slopes = products[plane, :, :3], products[plane, :, 3], mixed[plane]
         ridge = 1e-9 * (normal[0, 0] + normal[1, 1] + normal[2, 2])
@@ -313,9 +289,9 @@ def _estimate(
     spread: Floats,
     smoothed: Floats,
 ) -> None:
-    """Move returns to their planes, by changing `smoothed`.
+    """Move the returns in `smoothed` to their planes.
 
-    spread: (planes, 2), zeros, into which numbers and squared errors of returns are written.
+    `spread` (planes, 2) is filled with numbers and squared errors of returns.
     """
     for moves in (False, True):
         for laser in range(labels.shape[0]):

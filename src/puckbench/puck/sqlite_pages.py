@@ -1,7 +1,7 @@
-"""Page links of SQLite files (ROS 2 bags), which cut packets into pieces.
+"""Page links of SQLite files (ROS 2 bags).
 
 SQLite stores long content in overflow pages, each of which begins with the number of the next page.
-These numbers are coded apart, so that packets are contiguous in the remaining bytes.
+These numbers are coded separately, so that packets are contiguous in the remaining bytes.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ def page_size(data: Bytes) -> int:
 
 
 def without_links(data: Bytes, page: int, first: int, end: int) -> Bytes:
-    """Return bytes `first` to `end` of a file whose page links are removed; page 0: of any file."""
+    """Return bytes `first` to `end` of a file without its page links (page 0: of any file)."""
     if not page:
         return data[first:end]
     content = page - LINK_BYTES

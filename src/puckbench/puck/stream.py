@@ -41,8 +41,7 @@ def most_ranges(size: int) -> int:
 def check_ranges(ranges: int, size: int) -> None:
     """Raise InputError if a stream of `size` bytes has more ranges than allowed.
 
-    This bounds the time and memory of decoding a malicious stream. Encoders check it as well, so
-    that every stream that they write can be decoded.
+    This limits the time and memory of decoding a malicious stream.
     """
     if ranges > most_ranges(size):
         raise InputError(f"{ranges} ranges in {size} bytes: more than they may hold")
@@ -51,14 +50,9 @@ def check_ranges(ranges: int, size: int) -> None:
 def encode_turns(
     turns: Iterable[Turn], layout: Layout, options: CodingOptions | None = None
 ) -> bytes:
-    """Encode turns of one layout, in the order of time, as one stream.
+    """Encode turns of one layout, in the order of time, as one stream without beams.
 
-    The stream has no beams: without the sensor's angles, ranges do not become points.
-
-    Raises
-    ------
-    InputError
-        The arrays of a turn do not have the layout's shapes.
+    Raises InputError if the arrays of a turn do not have the layout's shapes.
 
     Examples
     --------
@@ -78,20 +72,10 @@ def encode_turns(
 
 
 def decode_turns(stream: bytes, first: int = 0, end: int | None = None) -> list[Turn]:
-    """Decode the turns of a stream, a compressed recording included.
+    """Decode turns `first` to before `end` of a stream, or of a compressed recording.
 
-    Parameters
-    ----------
-    stream
-        Bytes of `encode_turns`, `encode_returns` or `compress`.
-    first, end
-        Numbers of the first turn to return, and of the turn after the last. Decoding starts at the
-        last key turn up to `first`.
-
-    Raises
-    ------
-    InputError
-        The stream is damaged, or of another format.
+    Decoding starts at the last key turn up to `first`. Raises InputError if the stream is damaged,
+    or of another format.
     """
     layout: Layout | None = None
     bodies: list[tuple[Layout, bytes]] = []

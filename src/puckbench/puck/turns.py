@@ -1,7 +1,7 @@
 """Coding of one turn: azimuths, ranges, second returns, times and reflectivities, a part for each.
 
-A key turn can be decoded alone. Any other turn needs its predecessor, whose adaptive models it goes
-on with.
+A key turn can be decoded alone. Any other turn continues with the adaptive models of its
+predecessor.
 """
 
 from __future__ import annotations
@@ -100,15 +100,12 @@ def _new_state(layout: Layout, step: int, lmbda: float, effort: int) -> _State:
 
 
 class TurnEncoder:
-    """Encodes successive turns of one layout."""
-
     def __init__(self, layout: Layout, options: CodingOptions | None = None) -> None:
         self.layout, self.options = layout, options or CodingOptions()
         self._state: _State | None = None
         self._since_key = 0
 
     def encode(self, turn: Turn) -> bytes:
-        """Encode a turn; raises InputError if its arrays do not have the layout's shapes."""
         check_turn(turn, self.layout)
         options = self.options
         effort = EFFORTS.index(options.effort)
@@ -134,13 +131,7 @@ class TurnDecoder:
         self._state: _State | None = None
 
     def decode(self, body: bytes) -> Turn:
-        """Decode what `TurnEncoder.encode` returned.
-
-        Raises
-        ------
-        InputError
-            The bytes are damaged, or the previous turn was not decoded.
-        """
+        """Decode a turn; raise InputError if it is damaged, or its predecessor was not decoded."""
         reader = Reader(body)
         flags, step, blocks = reader.take(1)[0], reader.number(), reader.number()
         effort = flags >> _EFFORT & 3
@@ -228,10 +219,7 @@ _Parts = _PartWriter | _PartReader
 def _code_turn(
     state: _State, turn: Turn, flags: int, parts: _Parts
 ) -> tuple[_CodedTurn, NDArray[np.uint32] | None]:
-    """Code the parts of a turn, and return the coded turn and its times.
-
-    A writer encodes `turn`; a reader takes only the shapes of its arrays.
-    """
+    """Code the parts of a turn; a reader uses only the shapes of its arrays."""
     azimuths = turn.azimuths.astype(np.int64)
     state.azimuths = _code_numbers(state.azimuths, azimuths, parts)
     nearest = _nearest_columns(state, azimuths)

@@ -121,7 +121,7 @@ def _check(table: pd.DataFrame) -> None:
 
 
 def _along_rays(rows: pd.DataFrame) -> pd.DataFrame:
-    """Add the columns `_FOUND`, after a least squares fit of each plane that removes RANSAC's tilt."""
+    """Add the columns `_FOUND`, after a least squares fit of each plane that RANSAC found."""
     height = _heights(rows)
     values = rows[["plane_u_m", "plane_v_m", "residual_m"]].to_numpy(dtype=np.float64)
     points = values - np.outer(height, [0.0, 0.0, 1.0])
