@@ -59,7 +59,6 @@ class AreaMesh:
         return float(inside[own].mean() if own.any() else inside.any())
 
     def near(self, box: Floats, margin: float) -> Mesh:
-        """Return the labelled triangles within `margin` of `box` (2, 3)."""
         low, high = self._extent
         rows = ((high >= box[0] - margin) & (low <= box[1] + margin)).all(axis=1)
         rows &= self.mesh.areas() > 0

@@ -1,4 +1,4 @@
-"""A generated building with the areas, room types and room numbers of S3DIS: 272 rooms."""
+"""A generated building with the areas and rooms of S3DIS."""
 
 from __future__ import annotations
 

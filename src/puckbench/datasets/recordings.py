@@ -91,7 +91,7 @@ class Recordings(DataSet):
         return Scene(name, safe_name(path.stem), returns=cloud_returns, about=about)
 
     def _place(self, name: str) -> tuple[Path, int | None]:
-        """Return recording and first turn of a cloud; no turn for the name of a recording."""
+        """Return a cloud's recording and first turn, or no turn for a recording's name."""
         recording, _, number = name.rpartition("_")
         if recording in self._recordings and number.isdecimal() and f"{int(number):04d}" == number:
             return self._recordings[recording], int(number)
@@ -100,9 +100,7 @@ class Recordings(DataSet):
         return look_up(self._clouds, name, str(self.path))
 
     def _firsts(self, whole: Returns) -> range:
-        """Return the first turns of the clouds; the first and last of a recording may be
-        incomplete.
-        """
+        """Return each cloud's first turn; omit a recording's first and last, incomplete turn."""
         return range(1, len(whole.turns) - self.turns, self.turns * self.every)
 
     def _no_turns(self, whole: Returns) -> str:

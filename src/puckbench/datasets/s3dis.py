@@ -106,7 +106,6 @@ class S3DIS(FolderSet):
 
 
 def room_type(room: str) -> str:
-    """Return the type of a room of S3DIS or 2D-3D-S: "office" for "office_12"."""
     return _NUMBER.sub("", room)
 
 

@@ -90,7 +90,6 @@ def _description(mesh: Path) -> dict[str, str]:
 
 
 def _alignment(mesh: Path) -> Floats | None:
-    """Return the 4x4 matrix ``axisAlignment``, or None."""
     description = _description(mesh)
     if "axisAlignment" not in description:
         return None

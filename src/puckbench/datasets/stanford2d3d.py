@@ -1,4 +1,4 @@
-"""2D-3D-S, Stanford's meshes of the areas of S3DIS (Armeni 2017): rooms that the thesis scans."""
+"""2D-3D-S, Stanford's meshes of the areas of S3DIS (Armeni 2017)."""
 
 from __future__ import annotations
 

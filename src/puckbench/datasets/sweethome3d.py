@@ -91,9 +91,7 @@ class SweetHome3D(DataSet):
         return sorted(name for name, model in self._table.items() if model.semantic == semantic)
 
     def furniture(self, per_class: int = 8, most_triangles: int = 20_000) -> dict[str, list[Mesh]]:
-        """Return models to furnish rooms: the first `per_class` of each class that are not too
-        large.
-        """
+        """Return the first `per_class` models of each class, without large ones, as furniture."""
         meshes_by_class = {}
         for semantic in self.classes or FURNITURE:
             scenes = map(self.load, self.of_class(semantic))

@@ -26,7 +26,6 @@ def metres_per_unit_of(path: Path, units: float | Mapping[str, float]) -> float:
 
 
 def check_units(units: float | Mapping[str, float], paths: Iterable[Path]) -> None:
-    """Raise InputError if a table names a file that is not in `paths`."""
     files = list(paths)
     for name in units if isinstance(units, Mapping) else ():
         if not any(is_named(path, name) for path in files):

@@ -131,7 +131,6 @@ def is_file_or_lost(path: Path) -> bool:
 
 
 def without_duplicates(paths: Iterable[Path]) -> list[Path]:
-    """Return the paths in order, without links to other paths."""
     files: dict[str, Path] = {}
     for path in sorted(paths, key=lambda path: (path.is_symlink(), path)):
         place = os.path.realpath(path)

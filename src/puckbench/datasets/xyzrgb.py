@@ -1,4 +1,4 @@
-"""Read text clouds of lines ``x y z r g b``, with the damage that occurs in S3DIS."""
+"""Text clouds of lines ``x y z r g b``, damaged as in S3DIS."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _MOST_RUNS = 8
 
 @dataclass(frozen=True)
 class TextCloud:
-    """Points (n, 3) and colours (n, 3) of a text file, and its repaired and dropped lines."""
+    """Points (n, 3) and colours (n, 3), and numbers of repaired and dropped lines."""
 
     xyz: Floats
     colours: NDArray[np.uint8]
@@ -38,7 +38,7 @@ class TextCloud:
 def read_xyzrgb(path: Path) -> TextCloud:
     """Read a text cloud; repair or drop damaged lines.
 
-    Bytes that are neither of numbers nor white space are read as 0 within a number, or as a space
+    Foreign bytes (neither of numbers nor white space) are read as 0 within a number or as a space
     between numbers, whichever gives six numbers. Lines without six numbers, or with colours outside
     0 to 255, are dropped.
     """

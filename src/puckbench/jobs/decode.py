@@ -1,4 +1,4 @@
-"""Decoding of streams."""
+"""Jobs that decode streams."""
 
 from __future__ import annotations
 

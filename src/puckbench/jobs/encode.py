@@ -1,4 +1,4 @@
-"""Encoding of a cloud at one or all rates."""
+"""Jobs that encode a cloud at one or all rates."""
 
 from __future__ import annotations
 

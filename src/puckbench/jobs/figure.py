@@ -1,4 +1,4 @@
-"""Figures from tables and clouds."""
+"""Jobs that draw figures from tables and clouds."""
 
 from __future__ import annotations
 

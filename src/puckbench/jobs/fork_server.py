@@ -72,7 +72,6 @@ def start_fork_server(threads: int, modules: Iterable[str] = MODULES) -> None:
 
 
 def _address() -> str:
-    """Return the socket of this Python and number of threads."""
     import hashlib
 
     names = [os.environ.get(name) for name in ("OMP_NUM_THREADS", "PYTHONPATH")]

@@ -1,4 +1,4 @@
-"""Tables gathered from files of many jobs."""
+"""Jobs that gather tables from the files of many jobs."""
 
 from __future__ import annotations
 

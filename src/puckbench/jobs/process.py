@@ -60,7 +60,6 @@ def run_job(name: str, record: Any, files: Mapping[str, Sequence[Path]]) -> None
 
 
 def _files(name: str, words: Sequence[str]) -> dict[str, list[Path]]:
-    """Return files by key from ``key=FILE`` and further files of the key."""
     parameters = signature(JOBS.get(name).run).parameters
     takes_any = any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters.values())
     files: dict[str, list[Path]] = {}

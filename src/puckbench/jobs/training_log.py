@@ -26,7 +26,6 @@ class TrainingLog:
 
     @property
     def seconds(self) -> float:
-        """Time of all steps, including earlier runs."""
         rows = self.trainer.curve
         return rows[-1]["seconds"] if rows else 0.0
 

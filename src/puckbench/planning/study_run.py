@@ -63,7 +63,7 @@ def study_configuration(
 
 
 def _stored(reference: ReferenceResults) -> Options:
-    """Return the study's keys about clouds and measures, which may not name code."""
+    """Return the study's keys about clouds and measures; raise InputError if they name code."""
     kept = {k: v for k, v in reference.about["configuration"].items() if k not in _NOT_KEPT}
     with naming(f"{reference.name}: the configuration of the study"):
         study = checked(kept)
