@@ -127,8 +127,8 @@ def shared_limits(
     default: Range | None = None,
     fitted: bool = False,
 ) -> Range:
-    """Return the limits of an axis shared by all panels: the range of `style` or, if it has none,
-    `default` or that of the metric.
+    """Return the limits of an axis shared by all panels: the range of `style`, else `default` or
+    that of the metric, widened by whole decades to hold the values.
 
     `fitted` fits the limits to the values if the style has no range.
     """

@@ -18,7 +18,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Modeller:
-    """Make solids with a tessellation by size, and random choices.
+    """Source of solids, tessellated by their size, and of random choices.
 
     Parameters
     ----------

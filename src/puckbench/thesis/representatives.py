@@ -38,8 +38,8 @@ _CLASSES: dict[str, tuple[type[Codec], ...]] = {
 def dataset_roles(plan: Plan) -> dict[str, str]:
     """Return the roles of the data sets, except clouds in metres.
 
-    Scans are clean without an error model, else noisy. Recorded clouds and samples of scanned
-    scenes are rooms; other samples are objects.
+    Scans are clean if their error model is ``none``, else noisy. Recorded clouds are rooms, samples
+    of scanned scenes sampled rooms, other samples objects.
     """
     sources = {name: _source(plan.scenes[data.scenes]) for name, data in plan.datasets.items()}
     scaled = {

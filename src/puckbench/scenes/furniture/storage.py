@@ -52,7 +52,6 @@ def _other_objects(cad: Modeller, width: float) -> Item:
 
 
 def _fitted(item: Item, size: tuple[float, float, float]) -> Item:
-    """Shrink an item uniformly if it exceeds a size."""
     low, high = item_bounds(item)
     return posed(item, pose(scale=min(1.0, float(np.min(np.array(size) / (high - low))))))
 

@@ -62,7 +62,9 @@ def street_origin() -> tuple[float, float, float]:
 
 
 def free_way(length: float) -> tuple[float, float]:
-    """Return the range of x that a sensor can travel from its origin, 1 m from any object."""
+    """Return the range of x that a sensor can travel from its origin, at least 1 m from
+    any object.
+    """
     return (-length / 2, length / 2)
 
 

@@ -83,8 +83,8 @@ def elongation_has_no_effect(evidence: Evidence) -> list[Part]:
 
 
 def scans_have_alike_counts(evidence: Evidence) -> list[Part]:
-    """Test claim 14: the interquartile range of scans is below that of recorded rooms, the median
-    above.
+    """Test claim 14: the interquartile range of scans' point counts is below that of recorded
+    rooms, the median above.
     """
     table = evidence.clouds
     counts = {} if table is None else dict(iter(table.groupby("dataset")["points"]))
