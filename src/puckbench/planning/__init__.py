@@ -1,1 +1,1 @@
-"""From a configuration to a plan of jobs."""
+"""Conversion of a configuration to a plan of jobs."""

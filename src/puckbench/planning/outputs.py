@@ -63,7 +63,7 @@ class OutputJobs:
 
     @cached_property
     def gathered(self) -> dict[str, Gathering]:
-        """Tables of the rows of all jobs."""
+        """Tables gathered from the files of many jobs."""
         plan, tables = self.plan, {}
         if plan.datasets:
             names = tuple(f"clouds/{'/'.join(cloud)}.json" for cloud in plan.clouds)

@@ -432,7 +432,7 @@ def _unusable(dataset: str, faults: Mapping[str, str]) -> InputError:
 
 
 def open_scenes(name: str, value: SceneSetConfig, seed: int) -> ScenePlan:
-    """Open a scene set; `seed` is for one without its own."""
+    """Open a scene set, with `seed` if its options have none."""
     own_seed = seed if value.seed is None else value.seed
     with naming(f"scenes.{name}"):
         scenes = open_scene_set(value.loader, value.options, own_seed)
