@@ -1,8 +1,8 @@
 """G-PCC geometry (ISO/IEC 23090-9:2023), compatible with TMC13: octree and predictive coding.
 
-Streams, syntax elements and coding tools are named as in the standard and in its reference
-software, TMC13 release-v14.0. `decode_geometry` decodes both kinds of stream. Damaged streams and
-points that cannot be coded raise `puckbench.core.errors.InputError`.
+Streams, syntax elements and coding tools are named as in the standard and in TMC13 release-v14.0,
+its reference software. Damaged streams and points that cannot be coded raise
+`puckbench.core.errors.InputError`.
 """
 
 from typing import TYPE_CHECKING

@@ -57,7 +57,6 @@ class PlaneAngles(NamedTuple):
 
 
 def angular_state(elevation: Ints, height: Ints, turns: Ints, origin: Ints) -> Angular:
-    """Return the initial state of a slice; `turns` holds each laser's shots per turn."""
     if np.abs(origin).max() > FARTHEST:
         raise InputError(f"G-PCC: the sensor is more than {FARTHEST} units away from a slice")
     if turns.min() < 1:
@@ -77,7 +76,7 @@ def angular_state(elevation: Ints, height: Ints, turns: Ints, origin: Ints) -> A
 
 @inlined
 def tangent_of(height: int, root: int) -> int:
-    """Return the elevation tangent of a height in half units; `root` is the inverse distance."""
+    """Return the tangent of a height in half units; `root` is the inverse distance."""
     product = height * root
     return int32(product >> 15 if product >= 0 else -(-product >> 15))
 
@@ -136,7 +135,7 @@ def azimuth_ctx(left: int, right: int, contrast: int) -> int:
 
 @inlined
 def elevation_ctx(difference: int, half_height: int) -> int:
-    """Return the context by the laser's elevation above a node's middle."""
+    """Return the context by the laser's height above a node's middle."""
     context = 0 if difference >= 0 else 1
     if int32(difference - half_height) >= 0 or int32(difference + half_height) < 0:
         context += 2
@@ -158,7 +157,6 @@ def node_corner(
 def plane_angles(
     angular: Angular, morton: int, node_size_log2: tuple[int, int, int], laser: int
 ) -> PlaneAngles:
-    """Return the contexts of a node's planes; `laser` is that of its parent."""
     size_x, size_y, size_z = node_size_log2
     x, y, z = node_corner(angular, morton, node_size_log2)
     middle_x, middle_y = x + (1 << size_x >> 1), y + (1 << size_y >> 1)

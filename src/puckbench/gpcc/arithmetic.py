@@ -1,8 +1,8 @@
 """Adaptive binary arithmetic coding of G-PCC (ISO/IEC 23090-9), in both directions.
 
-Each function encodes with an `Encoder`, and decodes with a `Decoder`, which ignores its bit
-argument; it returns the coded bit. Probabilities are 16-bit probabilities of a zero, as in the
-Schroedinger coder (`schroarith`) of TMC13.
+Each function encodes a bit with an `Encoder`, decodes it with a `Decoder`, and returns it.
+Probabilities are 16-bit probabilities of a zero, as in the Schroedinger coder (`schroarith`) of
+TMC13.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ PADDING = 8
 
 _FALLS = ADAPTATION.astype(np.int64)
 _RISES = ADAPTATION[::-1].astype(np.int64)
-# Doublings that bring a range back above 0x4000; a range is never below 63.
+# Number of doublings that raise a range above 0x4000; no range is below 63.
 _DOUBLINGS = np.array([15 - (32 * max(i, 1)).bit_length() for i in range(512)], dtype=np.int64)
 
 
@@ -56,7 +56,6 @@ def encoder(capacity: int) -> Encoder:
 
 
 def enlarged(coder: Encoder, more: int) -> Encoder:
-    """Return the encoder with space for `more` further bytes."""
     used = int(coder.state[3])
     if len(coder.data) - used >= more:
         return coder
@@ -241,7 +240,6 @@ def _flush(coder: Encoder) -> None:
 
 @inlined
 def load(coder: Any) -> State:
-    """Return the state, so that several steps can keep it in registers."""
     state = coder.state
     return state[0], state[1], state[2], state[3]
 

@@ -1,4 +1,4 @@
-"""Sorting of points by azimuth, radius and slope, with ties in the order of TMC13.
+"""Sorting of points by azimuth, radius and slope as in TMC13.
 
 TMC13 uses the unstable ``std::sort``; this module repeats the introsort of the GNU C++ library.
 """

@@ -1,7 +1,7 @@
 """Bitwise reading and writing of syntax elements.
 
 One function describes the syntax of a structure for both `Reader` and `Writer`, with the standard's
-descriptors u(n), ue(v) and se(v). Each call moves one attribute of a record.
+descriptors u(n), ue(v) and se(v) for the attributes of a record.
 """
 
 from __future__ import annotations

@@ -156,7 +156,6 @@ def stream_of(
 def sequence_parameter_set(
     origin: tuple[int, ...], scale: Fraction | float
 ) -> syntax.SequenceParameterSet:
-    """Return origin and scale as a parameter set; InputError if they are too large."""
     scale = Fraction(scale).limit_denominator(_MAX_DENOMINATOR)
     if max(map(abs, origin)) >= _MAX_ORIGIN or not 0 < scale.numerator < _MAX_ORIGIN:
         raise InputError("G-PCC: the origin or the scale is too large for a stream")
@@ -170,7 +169,6 @@ def sequence_parameter_set(
 
 
 def bits_of(value: int) -> int:
-    """Return the number of bits of `value`, at least 1."""
     return max(value.bit_length(), 1)
 
 
@@ -195,14 +193,13 @@ def _geometry_parameter_set(options: GpccOptions) -> syntax.GeometryParameterSet
         geom_planar_threshold1=second,
         geom_planar_threshold2=third,
         geom_idcm_rate_minus1=options.planar_mode_idcm_use - 1 if mode == 1 else 31,
-        gps_extension_flag=1,  # the reference does so while a stream names no profile
+        gps_extension_flag=1,  # as in TMC13 for streams without a profile
     )
 
 
 def _partition(
     points: Ints, start: Ints, options: GpccOptions, angular: bool
 ) -> Iterator[_SlicePoints]:
-    """Bisect points along their longest side into slices."""
     fits = len(points) <= options.slice_max_points
     if fits or options.merge_duplicates:
         slice_points = _slice_points(points, start, options, angular)
@@ -378,7 +375,6 @@ def _origin(sps: syntax.SequenceParameterSet) -> tuple[int, int, int]:
 
 
 def _global_scale(sps: syntax.SequenceParameterSet) -> Fraction:
-    """Return (2^bits + refinement) / 2^bits * 2^log2."""
     bits = sps.seq_global_scale_refinement_num_bits
     if max(bits, sps.seq_global_scale_factor_log2) > 30:
         raise InputError("G-PCC stream: the scale is too large")

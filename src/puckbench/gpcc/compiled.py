@@ -13,7 +13,7 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 _OPTIONS: dict[str, Any] = {"error_model": "numpy", "no_cfunc_wrapper": True}
 _KERNEL: dict[str, Any] = {**_OPTIONS, **compiling.IN_PLACE}
-# What lets Python call a function takes longer to compile than most functions.
+# Most functions compile faster than their wrapper for calls from Python.
 _INTERNAL = {**_KERNEL, "no_cpython_wrapper": True}
 
 integer = cast(Callable[[Any], int], np.int64)

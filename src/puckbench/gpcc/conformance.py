@@ -1,8 +1,7 @@
-"""Tests of G-PCC decoders with conformance streams of geometry from TMC13 (release-v14.0).
+"""Tests of G-PCC decoders with conformance streams from TMC13 (release-v14.0).
 
 `vectors/manifest.json` holds the options of each stream and the SHA-256 of its points:
-little-endian float64, sorted by x, y, z. A manifest is a mapping of names, or a list of streams
-with their `name`.
+little-endian float64, sorted by x, y, z.
 """
 
 from __future__ import annotations
@@ -109,19 +108,13 @@ def verdicts(decode: Decode, streams: Sequence[ConformanceStream]) -> Iterator[V
 
 
 def program_decoder(words: str) -> Decode:
-    """Return a decoder that runs a program.
+    """Return a decoder that runs a program; InputError if it does not exist.
 
     Parameters
     ----------
     words
         Command with ``{stream}`` for the input file and ``{points}`` for the output (.ply), or a
         program with the options of TMC13's ``tmc3``.
-
-    Raises
-    ------
-    InputError
-        If there is no such program. The decoder raises it if the program fails, and `CrashError` if
-        a signal ends it.
     """
     if "{stream}" not in words:
         words = f"{shlex.quote(words)} --mode=1 --compressedStreamPath={{stream}}"

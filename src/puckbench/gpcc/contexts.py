@@ -11,8 +11,8 @@ from puckbench.gpcc.arithmetic import HALF
 from puckbench.gpcc.compiled import integer
 from puckbench.gpcc.tables import CTX_MAP_COUNT, CTX_MAP_SIZE
 
-# Indices into Contexts.probabilities; a comment gives the number where there are several. They are
-# no literals to the compiler, which would compile the coding of a bit anew for each.
+# Indices into Contexts.probabilities; a comment states the number of contexts if there are several.
+# `integer` hides the values from the compiler, which would compile code_bit once for each literal.
 CTX_OCCUPANCY = integer(0)  # 32
 CTX_SINGLE_CHILD = integer(32)
 CTX_DUP_POINT_CNT_GT0 = integer(33)

@@ -12,13 +12,13 @@ from puckbench.core.compiling import inlined
 from puckbench.gpcc.compiled import kernel
 
 HALF_TURN = 3294199
-"""Pi in 2^-20 radians."""
+"""Pi in units of 2^-20 radians."""
 TURN = 6588397
-"""Two pi in 2^-20 radians."""
+"""Two pi in units of 2^-20 radians."""
 _QUARTER_TURN = 1647099
 
-# First approximation of 1 / sqrt(a), by the first seven bits of a, and its cube in 2^-14. Both are
-# constants of the standard, which no formula gives exactly.
+# First approximation of 1 / sqrt(a), indexed by the first seven bits of a, and its cube in units of
+# 2^-14. No formula reproduces these constants of the standard exactly.
 _ROOTS = np.array(
     [
         *(254, 250, 247, 243, 240, 236, 233, 230, 228, 225, 222, 220, 217, 215, 212, 210),
@@ -63,7 +63,9 @@ def inverse_square_root(number: int) -> int:
     """Return 2^40 / sqrt(number) for a number below 2^63; 0 for 0."""
     if number <= 0:
         return 0
-    pairs: int = 16 - (65 - leading_zeros(number) >> 1)  # of bits up to 31 or 32 bits
+    pairs: int = 16 - (
+        65 - leading_zeros(number) >> 1
+    )  # pairs of bits that normalise to 31 or 32 bits
     number = number << 2 * pairs if pairs >= 0 else number >> -2 * pairs
     shift = pairs - 3
     index = (number >> 25) - 32
@@ -75,7 +77,6 @@ def inverse_square_root(number: int) -> int:
 
 @inlined
 def _arc_tangent(y: int, x: int) -> int:
-    """Return the angle of (x, y) for 0 <= y <= x."""
     sine = y * inverse_square_root(x * x + y * y) >> 20
     index = sine >> 11
     rest = sine & 0x7FF

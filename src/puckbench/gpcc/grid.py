@@ -70,7 +70,7 @@ def quantise(
     if not widest < 2**MOST_BITS - 1:
         raise InputError(f"the cloud spans more than {MOST_BITS} bits at scale {scale:g}{NARROWER}")
     positions = _rounded(units, scale, rounding)
-    origin = _rounded(ends, scale, rounding)[0]  # rounding keeps the order
+    origin = _rounded(ends, scale, rounding)[0]  # rounding preserves order
     positions -= origin
     return Quantised(positions, origin)
 

@@ -109,7 +109,7 @@ def code_direct_positions(
 ) -> tuple[int, int]:
     """Code the points of a node; return the numbers of distinct points and of all points.
 
-    given, coded: (2, 3) distinct points to encode and as coded, relative to the node.
+    given, coded: (2, 3) distinct points before and after coding, relative to the node.
     """
     pair = code_bit(coder, contexts.probabilities, CTX_NUM_IDCM_POINTS_GT1, integer(leaves == 2))
     dup_point_cnt = 0
@@ -177,7 +177,7 @@ def _code_same_bits_of_axis(
 ) -> bool:
     """Code two points' bits along an axis up to the first difference; return whether all are equal.
 
-    equal: whether the points are equal along the previous axes, so that this axis orders them.
+    equal: whether the points are equal along the previous axes.
     """
     same = integer(1)
     ctx = 0
@@ -214,7 +214,7 @@ def _code_by_angles(
     coded: Ints,
     bits_left: Ints,
 ) -> None:
-    """Code x or y without contexts, and the other coordinates with angular contexts."""
+    """Code x or y without contexts, the other coordinates with angular contexts."""
     x, y, z = node_corner(angular, node.morton, node.node_size_log2)
     direct = integer(abs(x) <= abs(y))
     if pair and node.joint_2pt_idcm:
@@ -228,7 +228,7 @@ def _code_by_angles(
     for i in range(1 + pair):
         _code_axis(coder, given, bits_left, coded, i, direct)
         seen_by = laser
-        if leaves:  # known to an encoder
+        if leaves:  # only an encoder has leaves
             seen_by = laser_of(angular.elevation, x + given[i, 0], y + given[i, 1], z + given[i, 2])
         seen_by = laser + _code_theta_res(coder, contexts, seen_by - laser)
         if seen_by < 0 or seen_by >= len(angular.azimuth):
@@ -255,7 +255,6 @@ def _code_by_angles(
 
 @inlined
 def _middle(coded: Ints, bits_left: Ints, axis: int) -> int:
-    """Return the middle of the first point's remaining interval."""
     left: int = bits_left[axis]
     middle: int = (coded[0, axis] << left) + (1 << left >> 1)
     return middle
@@ -372,7 +371,7 @@ def local_points(
 def order_by_angles(
     node: IdcmNode, angular: Angular, axes: int, second_first: bool, local: Ints
 ) -> None:
-    """Order two points by the axis that is coded without contexts, if they are coded jointly.
+    """Order two points by the axis coded without contexts, if they are coded jointly.
 
     Otherwise, points in the same child keep the order of the cloud, given by `second_first`.
     """

@@ -27,12 +27,12 @@ from puckbench.gpcc.compiled import integer, kernel
 Ints = NDArray[np.int64]
 Bytes = NDArray[np.uint8]
 
-# The upper half of the children along x, y, z, and how far it is from the lower one.
+# Children in the upper half along x, y, z, and their index distance from the lower half.
 UPPER = np.array([0xF0, 0xCC, 0xAA], dtype=np.int64)
 _STEP = np.array([4, 2, 1], dtype=np.int64)
 _AXIS = np.array([X_BITS, Y_BITS, Z_BITS], dtype=np.int64)
 _PATTERN_BIT = np.array([2, 4, 16], dtype=np.int64)
-# Places in a neighbour pattern of the neighbours before and after along x, y, z.
+# Bits of a neighbour pattern for the neighbours before and after along x, y, z.
 BEFORE = np.array([1, 2, 4], dtype=np.int64)
 AFTER = np.array([0, 3, 5], dtype=np.int64)
 
@@ -61,7 +61,7 @@ _AROUND = sum(
     for z in range(3)
     if (x, y, z) != (1, 1, 1)
 )
-# The seven neighbours of a node that touch its child k.
+# The seven neighbours of a node that touch child k.
 _TOUCHING = np.array(
     [
         sum(
@@ -82,7 +82,6 @@ _ALL_CELLS = 0x00330033
 
 
 def _grid_placement(axes: int, offsets: tuple[int, int, int]) -> tuple[int, int]:
-    """Return the cells of a neighbouring parent that lie in the grid, and their shift."""
     cut, shift = _ALL_CELLS, 0
     for axis, offset in enumerate(offsets):
         split = axes >> (2 - axis) & 1
@@ -147,7 +146,6 @@ def update_atlas(
 def _adjacent_occupancy(
     atlas: OccupancyAtlas, axes: int, address: int, axis: int, towards: int
 ) -> int:
-    """Return the occupancy of the next parent along an axis; 0 outside the cube."""
     bits = _AXIS[axis]
     levels = atlas.side - ((axes >> (2 - axis)) & 1)
     own = address & bits
@@ -196,9 +194,9 @@ def refine_by_adjacent_children(
 ) -> tuple[int, int, int, int, int]:
     """Refine a neighbour pattern by the children of the three neighbours coded before.
 
-    Returns the pattern, the node's children with more than 0 and with more than 1 occupied
-    neighbours outside it (adjacencyGt0, adjacencyGt1), those with an unoccupied one
-    (adjacencyUnocc), and one byte each for the occupancies of the neighbours x-1, y-1, z-1.
+    Returns the pattern, children with more than 0 and with more than 1 occupied neighbours outside
+    the node (adjacencyGt0, adjacencyGt1), children with an unoccupied one (adjacencyUnocc), and the
+    occupancies of the neighbours x-1, y-1, z-1, one byte each.
     """
     inside = (1 << 3 * atlas.side) - 1
     address = node & inside

@@ -25,7 +25,6 @@ class OccupancyNeighbourhood(NamedTuple):
     """Neighbourhood that selects the contexts of a node's occupancy.
 
     neighbours_known: whether neighbours outside the parent are known.
-    adjacency_gt0, adjacency_gt1, adjacency_unocc: see `neighbours.refine_by_adjacent_children`.
     """
 
     neighbours_known: int
@@ -111,7 +110,6 @@ def _code_single_child(coder: Any, masks: PlanarMasks, occupancy: int) -> int:
 
 @inlined
 def _ctx_map_of(neighbourhood: OccupancyNeighbourhood, i: int, child: int, predict: bool) -> int:
-    """Return the index of the context map of the i-th coded bit."""
     adjacent = (neighbourhood.adjacency_unocc >> child & 1) + 2 * (
         (neighbourhood.adjacency_gt0 >> child & 1) + (neighbourhood.adjacency_gt1 >> child & 1)
     )
@@ -130,7 +128,6 @@ def _ctx_map_of(neighbourhood: OccupancyNeighbourhood, i: int, child: int, predi
 def _code_with_ctx_map(
     coder: Any, contexts: Contexts, state: Any, entry_index: int, bit: int
 ) -> tuple[int, Any]:
-    """Code one bit with the context of a map entry, and adapt the entry."""
     entry = integer(contexts.ctx_idx_maps[entry_index])
     context = CTX_OCCUPANCY + (entry >> 3)
     bit, state, probability = step(coder, state, integer(contexts.probabilities[context]), bit)
@@ -147,9 +144,7 @@ def _code_with_ctx_map(
 def _code_bits(
     coder: Any, contexts: Contexts, neighbourhood: OccupancyNeighbourhood, occupancy: int
 ) -> int:
-    """Code the bits that are not implied: at least one child is occupied, or two without
-    neighbours.
-    """
+    """Code the bits that are not implied."""
     no_neighbour = neighbourhood.neigh_pattern == 0
     most_zeros = 6 if no_neighbour else 7
     state = load(coder)
@@ -181,7 +176,6 @@ def _code_masked_bits(
     masks: PlanarMasks,
     occupancy: int,
 ) -> int:
-    """Code the bits of the children that planar modes do not exclude."""
     no_neighbour = neighbourhood.neigh_pattern == 0
     masked = masks.mask_planar_x | masks.mask_planar_y | masks.mask_planar_z
     zeros = masked
@@ -210,7 +204,6 @@ def _code_masked_bits(
 
 @kernel
 def _must_be_one(masks: PlanarMasks, zeros: int, child: int, no_neighbour: bool) -> bool:
-    """Return whether the empty children imply that this child is occupied."""
     if POPCOUNT[zeros] >= (6 if no_neighbour else 7):
         return True
     for axis in range(3):

@@ -123,7 +123,6 @@ class Source(NamedTuple):
 class SliceState(NamedTuple):
     """State that persists over the levels of a slice.
 
-    leaves: codes of decoded points.
     counters: points decoded and allowed; nodes kept in this level, and their children;
         idcm_enable_mask.
     given, coded, left: scratch of IDCM.
@@ -163,7 +162,7 @@ def code_level(
 ) -> int:
     """Code the children of `parents`, and write those that have children to `nodes`.
 
-    Returns the number of nodes written, or EXHAUSTED or TOO_MANY_POINTS for a damaged stream.
+    Returns their number, or EXHAUSTED or TOO_MANY_POINTS for a damaged stream.
     """
     atlas, axes, count = state.atlas, level.coded_axes_prev_level, len(parents.morton)
     state.counters[2:4] = 0
@@ -203,7 +202,6 @@ def _code_children(
     state: SliceState,
     angular: Angular | None,
 ) -> int:
-    """Code the children of one parent; return 0 or a negative fault."""
     index, counters = parent.first_child, state.counters
     for child in range(8):
         if parent.sibling_occupancy >> child & 1 == 0:
@@ -416,7 +414,6 @@ def _code_leaf_point_counts(
     occupancy: int,
     index: int,
 ) -> None:
-    """Code the number of points of each leaf of a node."""
     base = first_child_code(morton, level.coded_axes)
     leaf = integer(source.first_child[index]) if source is not None else 0
     for child in range(8):
@@ -438,7 +435,6 @@ def _code_leaf_point_counts(
 
 @inlined
 def _append_points(state: SliceState, morton: int, points: int) -> None:
-    """Append decoded points at a leaf, up to the allowed number."""
     done = state.counters[0]
     for i in range(done, min(done + points, state.counters[1])):
         state.leaves[i] = morton

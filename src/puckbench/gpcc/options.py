@@ -74,8 +74,8 @@ PROFILES = {
     "ctc": GpccOptions(planar=True, qtbt=True, intra_pred_max_node_size_log2=6),
     "defaults": GpccOptions(planar=True, qtbt=True, neighbour_avail_boundary_log2=0),
 }
-"""minimal: octree with neighbour and adjacent-child contexts alone. ctc: MPEG's common test
-conditions. defaults: what TMC13 does without any option."""
+"""minimal: octree with neighbour and adjacent-child contexts only. ctc: MPEG's common test
+conditions. defaults: TMC13 without options."""
 
 SPINNING = {
     "inferred_direct_coding_mode": 3,
@@ -84,6 +84,7 @@ SPINNING = {
     "merge_duplicates": False,
     "planar_buffer": False,
 }
-"""What MPEG's common test conditions for lossless coding of spinning sensors' frames change in the
-profile `ctc`. With loss they merge duplicates and code points of isolated nodes alone directly."""
+"""Changes of profile `ctc` by MPEG's common test conditions for lossless coding of spinning sensors.
+
+For lossy coding these conditions merge duplicates and use IDCM only for isolated nodes."""
 PROFILES["spinning"] = PROFILES["ctc"].model_copy(update=SPINNING)

@@ -51,7 +51,6 @@ class PlanarState(NamedTuple):
 def planar_state(
     enabled: bool, buffered: bool, depth: int, thresholds: tuple[int, int, int]
 ) -> PlanarState:
-    """Return the initial state of a slice."""
     rows = min(_ROWS, 1 << depth) if enabled and buffered else 1
     return PlanarState(
         enabled,
@@ -70,7 +69,6 @@ def reset_planar_buffer(state: PlanarState, rows: int) -> None:
 
 @inlined
 def update_planar_rates(state: PlanarState, occupancy: int) -> None:
-    """Update the rates with the occupancy of the next nodes' parent."""
     rates = state.rates
     for axis in range(3):
         planar_mode = (occupancy & UPPER[axis] == 0) or (occupancy & ~UPPER[axis] & 0xFF == 0)
@@ -120,7 +118,6 @@ class PlanarNode(NamedTuple):
     """Neighbourhood that selects the contexts of planar modes.
 
     adjacent_occupancies: of the neighbours x-1, y-1, z-1, one byte each.
-    angles: angular contexts, or -1.
     """
 
     morton: int
@@ -204,7 +201,6 @@ def _code_planar_mode(
 
 @inlined
 def _adjacent_planes_ctx(node: PlanarNode, axis: int) -> int:
-    """Return the context by the occupancy of the adjacent planes."""
     before, after = BEFORE[axis], AFTER[axis]
     if node.adjacent_known:
         low = node.adjacent_occupancies >> (8 * axis) & UPPER[axis] != 0

@@ -1,7 +1,7 @@
 """Nearest positions in a growing set: a forest of k-d trees whose sizes are powers of two.
 
 An added position is merged with all smaller trees into the first free size (Bentley's logarithmic
-method). Ties go to the position visited first, so the order is that of the library of TMC13.
+method). Ties go to the position visited first, as in TMC13.
 """
 
 from __future__ import annotations
@@ -29,10 +29,8 @@ class Search(NamedTuple):
     """The forest; the tree of size 2^k starts at row 2^k and node 2^(k + 1).
 
     owners: (n,) number added with each position.
-    values: scratch, coordinates along the split axis.
     nodes: (2 n, 5) axis, maximum of the lower half, minimum of the upper half, two children; or for
         a leaf -1, first row, last row.
-    boxes: (trees, 2, 3) bounding boxes.
     nearest, distances: (3,) rows and squared distances of the result.
     """
 
@@ -87,7 +85,6 @@ def add_position(search: Search, owner: int, x: int, y: int, z: int) -> None:
 
 @kernel
 def _build(search: Search, tree: int) -> None:
-    """Build the nodes of a tree; small trees have none."""
     if tree <= _LEAF_LOG2:
         return
     start, size, box = 1 << tree, 1 << tree, search.boxes[tree]
@@ -279,7 +276,6 @@ def _search_tree(search: Search, tree: int, found: int, at: tuple[int, int, int]
 
 @inlined
 def _search_leaf(search: Search, first: int, end: int, found: int, at: tuple[int, int, int]) -> int:
-    """Search the rows of a leaf; return the new number of results."""
     worst = search.distances[NEIGHBOURS - 1]
     for k in range(first, end):
         row = integer(search.rows[k])

@@ -86,7 +86,7 @@ def _chain(
     node: int,
     end: int,
 ) -> None:
-    """Build one tree; `lasers` (2, n) holds the first and last node of each laser."""
+    """Build one tree; `lasers` (2, n) holds each laser's first and last node."""
     ox, oy, oz = around.origin
     while node < end:
         found = spherical(
@@ -116,7 +116,6 @@ def _chain(
 
 
 def nearest_tree(points: Int32s, most: int) -> PredictionTree:
-    """Build trees of at most `most` points without a sensor."""
     tree = empty_tree(len(points))
     for start in range(0, len(points), most):
         end = min(start + most, len(points))
@@ -156,7 +155,6 @@ def _add_predictions(points: Int32s, tree: PredictionTree, search: Search, node:
 
 @kernel
 def _find_copies(points: Int32s, tree: PredictionTree, node: int, end: int) -> None:
-    """Count and mark the duplicates that follow a node's point."""
     k = node + 1
     while (
         k < end

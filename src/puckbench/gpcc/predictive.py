@@ -33,7 +33,7 @@ EXHAUSTED, TOO_MANY_POINTS, DAMAGED = -1, -2, -3
 NONE, DELTA, LINEAR2, LINEAR3 = 0, 1, 2, 3
 """Predictions: none, the parent, a line through two ancestors, a parallelogram of three."""
 
-# Indices into probabilities; a comment gives the number where there are several.
+# Indices into probabilities; a comment states the number of contexts if there are several.
 CTX_NUM_CHILDREN = integer(0)  # 3
 CTX_PRED_MODE = integer(3)  # 3
 CTX_RES_GT0 = integer(6)  # 3 axes
@@ -53,8 +53,8 @@ CTX_EG_PHI = integer(56)
 CTX_RESIDUAL_PHI = integer(57)  # 7
 CTX_END_OF_TREES = integer(64)
 CTX_NUM_BITS = integer(65)  # 5 x 3 axes x 31
-# There are contexts for numbers of 5 bits. The reference's header may ask for 6 or 7, whose last
-# bits go on to use the contexts that follow.
+# Each axis has contexts for 5-bit numbers. TMC13's header allows 6 or 7 bits, whose last bits use
+# the contexts that follow.
 _COUNT = 65 + 5 * 3 * 31 + (1 << 7)
 
 MOST_QP = 223
@@ -142,10 +142,8 @@ def _code_phi_rest(coder: Any, contexts: Probabilities, value: int) -> int:
 
 @kernel
 def code_qp_offset(coder: Any, contexts: Probabilities, offset: int) -> int:
-    """Code the difference of the next nodes' QP from the slice's.
-
-    TMC13 writes the sign before the magnitude but reads it after; our encoder writes only 0.
-    """
+    """Code the difference of the next nodes' QP from the slice's."""
+    # TMC13 writes the sign before the magnitude but reads it after; our encoder writes only 0.
     if not code_bit(coder, contexts, CTX_QP_OFFSET_ABS_GT0, integer(offset != 0)):
         return 0
     size = 1 + code_exp_golomb(coder, contexts, CTX_QP_OFFSET_ABS_EGL, abs(offset) - 1)
@@ -175,7 +173,6 @@ def _code_component(
     value: int,
     signed: bool,
 ) -> tuple[int, int]:
-    """Code one component of a residual; return it and its number of bits."""
     if not code_bit(coder, contexts, CTX_RES_GT0 + axis, integer(value != 0)):
         return 0, 0
     magnitude = abs(value) - 1
@@ -227,7 +224,7 @@ def _code_component2(coder: Any, contexts: Probabilities, axis: int, value: int)
 
 @kernel
 def _code_long(coder: Any, contexts: Probabilities, axis: int, value: int) -> int:
-    """Code a number in Exp-Golomb code of order 0 with contexts for prefix and suffix."""
+    """Code a number in Exp-Golomb code with contexts for prefix and suffix."""
     prefix, suffix = CTX_EG2_PREFIX + 5 * axis, CTX_EG2_SUFFIX + 4 * axis
     order, base = 0, 0
     while order < _LONGEST_PREFIX and code_bit(
@@ -248,7 +245,6 @@ def scaled(value: int, qp: int) -> int:
 
 @inlined
 def ancestors(parents: NDArray[np.int32], node: int) -> Three:
-    """Return parent, grandparent and great-grandparent of a node, or -1."""
     first = integer(parents[node])
     second = integer(parents[first]) if first >= 0 else -1
     third = integer(parents[second]) if second >= 0 else -1
@@ -335,7 +331,6 @@ def _decode_tree(coder: Any, contexts: Probabilities, tools: Tools, nodes: Nodes
 def _decode_position(
     coder: Any, contexts: Probabilities, tools: Tools, nodes: Nodes, node: int, qp: int
 ) -> bool:
-    """Decode mode, residuals and position of a node; return False if they are invalid."""
     mode = code_pred_mode(coder, contexts, 0)
     before = ancestors(nodes.parents, node)
     if mode > 0 and before[mode - 1] < 0:

@@ -86,17 +86,8 @@ def encode_predictive_geometry(
 ) -> bytes:
     """Encode integer points (n, 3) as a stream of prediction trees that TMC13 decodes.
 
-    Parameters
-    ----------
-    scale, origin
-        A decoder returns the positions (points + origin) / scale.
-    sensor
-        Sensor in the coordinates of points + origin; it switches angular coding on.
-
-    Raises
-    ------
-    InputError
-        If there are no points, they span more than 21 bits, or the sensor is too far away.
+    A sensor switches angular coding on. Other parameters and errors are those of
+    `coder.encode_geometry`.
     """
     points, low = checked_points(points)
     if options.merge_duplicates:
@@ -148,19 +139,18 @@ def _geometry_parameter_set(
         geom_base_qp=options.base_qp or 0,
         geom_qp_multiplier_log2=options.qp_multiplier_log2 if options.base_qp is not None else 0,
         geom_qp_offset_intvl_log2=options.qp_interval_log2,
-        gps_extension_flag=1,  # the reference does so while a stream names no profile
+        gps_extension_flag=1,  # as in TMC13 for streams without a profile
     )
 
 
 def _partition(points: NDArray[np.int32], most: int) -> Iterator[NDArray[np.int32]]:
-    """Bisect points along their longest side."""
     if len(points) <= most:
         yield points
         return
     values = points[:, int(np.argmax(np.ptp(points, axis=0)))]
     middle = values[np.argsort(values, kind="stable")]
     below = values < middle[split_position(middle)]
-    if not below.any():  # they are all equal
+    if not below.any():  # all values are equal
         below = np.arange(len(points)) < len(points) // 2
     yield from _partition(points[below], most)
     yield from _partition(points[~below], most)

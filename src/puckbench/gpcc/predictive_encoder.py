@@ -129,7 +129,6 @@ def _encode_tree(coder: Any, contexts: Probabilities, tools: Tools, given: Given
 def _encode_position(
     coder: Any, contexts: Probabilities, tools: Tools, given: Given, node: int
 ) -> bool:
-    """Encode mode and residuals of a node; return False if no residual fits."""
     fits, choice = _decided(contexts, tools, given, node)
     if not fits:
         return False
@@ -279,7 +278,6 @@ def _cost(contexts: Probabilities, tools: Tools, choice: Choice) -> Any:
 
 @inlined
 def _with_steps(contexts: Probabilities, steps: int, bits: Any) -> Any:
-    """Add the approximate bits of azimuth steps."""
     bits += _bit_cost(contexts, CTX_PHI_GT, integer(steps != 0))
     if steps == 0:
         return bits

@@ -36,10 +36,7 @@ def decode_trees(
     axes: Three,
     origin: Three,
 ) -> Ints:
-    """Decode the points (n, 3) of a slice and update `contexts`; InputError if it is damaged.
-
-    axes: coded axis of each of x, y, z.
-    """
+    """Decode the points (n, 3) of a slice; `axes` are the coded axes of x, y, z."""
     tools = tools_of(coded.header, gps, axes, origin)
     nodes = empty_nodes(coded.points, angular=tools.angular)
     coder = slice_decoder(coded, sps)
@@ -64,7 +61,7 @@ def tools_of(
     slice_qp = (gps.geom_base_qp + header.geom_slice_qp_offset) << multiplier
     if not 0 <= slice_qp <= predictive.MOST_QP:
         raise InputError("G-PCC stream: the header of a slice is damaged")
-    # The reference writes a negative difference as a number of 32 bits.
+    # TMC13 writes a negative difference as an unsigned 32-bit number.
     interval = (gps.geom_qp_offset_intvl_log2 + header.geom_qp_offset_intvl_log2_delta) % (1 << 32)
     return Tools(
         unique_points=bool(gps.geom_unique_points_flag),

@@ -35,7 +35,7 @@ class SensorDescription:
     Raises
     ------
     InputError
-        If there are no lasers, more than `MAX_LASERS`, or values beyond the range of a stream.
+        If a stream cannot hold the values.
     """
 
     tan_elevation: tuple[float, ...]

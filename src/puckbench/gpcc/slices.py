@@ -45,9 +45,8 @@ from puckbench.gpcc.tree import Tree, leaf_codes, leaf_starts, node_sizes_log2
 _DAMAGED = "G-PCC stream: a slice's data are damaged or truncated"
 _BYPASS_CHUNK = 256
 
-# Most bytes that one node can take: eight bits of at most a byte each and planes; the coordinates
-# and counts of direct points, and more where angles give their contexts; the counts of eight
-# leaves.
+# Maximum bytes of a node: eight bits of at most one byte each and planes; coordinates and counts of
+# IDCM points, with more in angular mode; counts of eight leaves.
 _NODE_BYTES, _DIRECT_BYTES, _LASER_BYTES, _LEAVES_BYTES = 16, 128, 64, 256
 
 
@@ -65,7 +64,6 @@ def encode_slice(
     gps: GeometryParameterSet,
     sensor: angular.Angular | None = None,
 ) -> bytes:
-    """Encode an octree as a geometry data unit."""
     points = len(tree.keys) if gps.geom_unique_points_flag else int(tree.counts.sum())
     return data_unit(CodedSlice(header, encode_octree(tree, header, gps, sensor), points), sps, gps)
 
@@ -180,7 +178,6 @@ def _demultiplexed(data: Bytes) -> tuple[Bytes, Bytes]:
 
 
 def _next_stream(coder: Decoder, lasting: list[NDArray[Any]], saved: list[NDArray[Any]]) -> None:
-    """Start the next entropy stream with the saved state."""
     restart(coder)
     for array, before in zip(lasting, saved, strict=True):
         np.copyto(array, before)
@@ -265,7 +262,6 @@ def _level(
 
 
 def _initial_state(gps: GeometryParameterSet, depth: int, max_points: int) -> octree.SliceState:
-    """Return the state at the start of a slice; `max_points` is 0 in an encoder."""
     minus1 = gps.neighbour_avail_boundary_log2_minus1
     thresholds = (
         gps.geom_planar_threshold0,
@@ -292,10 +288,7 @@ def _initial_state(gps: GeometryParameterSet, depth: int, max_points: int) -> oc
 def sensor_state(
     header: GeometryHeader, gps: GeometryParameterSet, axes: Three, origin: Three
 ) -> angular.Angular | None:
-    """Return the sensor relative to a slice, or None without angular mode.
-
-    axes: coded axis of each of x, y, z.
-    """
+    """Return the sensor relative to a slice; `axes` are the coded axes of x, y, z."""
     if not gps.geom_angular_mode_enabled_flag:
         return None
     table = [(laser.theta, laser.z, laser.num_phi_per_turn) for laser in gps.lasers]
@@ -316,7 +309,6 @@ def sensor_position(
 
 
 def _root_parent() -> octree.Nodes:
-    """Return a parent whose only child is the root."""
     return octree.Nodes(
         np.zeros(1, dtype=np.int64),
         np.ones(1, dtype=np.uint8),

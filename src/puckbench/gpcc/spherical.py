@@ -18,7 +18,7 @@ from puckbench.gpcc.fixed_point import int32
 from puckbench.gpcc.syntax import GeometryParameterSet, Three
 
 _SINE_LOG2 = 24
-_SINE_STEPS_LOG2 = 12  # of a turn
+_SINE_STEPS_LOG2 = 12  # steps per turn
 _SINES: Ints = np.rint(
     (1 << _SINE_LOG2) * np.sin(np.arange(1026) * (2 * np.pi / (1 << _SINE_STEPS_LOG2)))
 ).astype(np.int64)
@@ -82,7 +82,6 @@ def cosine(azimuth: int, azimuth_log2: int) -> int:
 
 @kernel
 def _quarter_sine(azimuth: int, azimuth_log2: int) -> int:
-    """Return the sine of an azimuth between 0 and a quarter turn."""
     shift = azimuth_log2 - _SINE_STEPS_LOG2
     index = azimuth >> shift
     rest = azimuth - (index << shift)
@@ -106,8 +105,7 @@ def cartesian(around: Sphere, radius: int, azimuth: int, laser: int) -> Three:
 def azimuth_of_arc(arc: int, radius: int, azimuth_log2: int) -> int:
     """Return the angle, in steps, of an arc in eighths of a radius step.
 
-    The reciprocal is that of TMC13: 48/17 - 32/17 r and one step of Newton's method. Shifts are
-    modulo 64, as on processors.
+    The reciprocal is that of TMC13: 48/17 - 32/17 r and one step of Newton's method.
     """
     r = int32(radius << 3)
     if r == 0:
@@ -116,14 +114,13 @@ def azimuth_of_arc(arc: int, radius: int, azimuth_log2: int) -> int:
     b = r << (31 - length) if length <= 31 else r >> (length - 31)
     inverse = ((0x2D2D2D2D << 31) - 0x1E1E1E1E * b) >> 28
     inverse += (inverse * ((1 << 31) - ((b * inverse) >> 31))) >> 31
-    shift = (31 + length - azimuth_log2) & 63
+    shift = (31 + length - azimuth_log2) & 63  # modulo 64, as processors shift
     product = arc * inverse
     return int32(product >> shift if product >= 0 else -((-product) >> shift))
 
 
 @kernel
 def _bit_length(value: int) -> int:
-    """Return the number of bits; 64 for negative values."""
     if value < 0:
         return 64
     length = 0

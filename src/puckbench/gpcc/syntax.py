@@ -318,7 +318,6 @@ def _scaling(io: SyntaxElements, gps: GeometryParameterSet) -> None:
 
 
 def check_tools(gps: GeometryParameterSet) -> None:
-    """Raise InputError if a parameter set uses unsupported coding tools."""
     octree = gps.geom_tree_type == OCTREE
     _refuse(octree and not gps.bitwise_occupancy_coding_flag, "bytewise occupancy coding")
     _refuse(octree and gps.geom_scaling_enabled_flag, "geometry scaling")
@@ -333,7 +332,6 @@ def _refuse(used: Any, tool: str) -> None:
 def geometry_header(
     io: SyntaxElements, header: GeometryHeader, sps: SequenceParameterSet, gps: GeometryParameterSet
 ) -> None:
-    """Code the header of a geometry data unit without the final alignment."""
     io.u(header, "gdu_geometry_parameter_set_id", 4)
     io.u(header, "gdu_reserved_zero_3bits", 3)
     io.ue(header, "slice_id")
@@ -375,7 +373,6 @@ def _coded_axes(io: SyntaxElements, header: GeometryHeader, gps: GeometryParamet
 def read_footer(
     data: bytes, header: GeometryHeader, gps: GeometryParameterSet
 ) -> tuple[GeometryFooter, int]:
-    """Return the footer of a data unit, and its length in bytes."""
     levels = header.tree_depth_minus1 if gps.octree_point_cnt_list_present_flag else 0
     length = _POINT_COUNT_BYTES * (levels + 1)
     if length > len(data):
@@ -414,7 +411,6 @@ def tile_inventory(io: SyntaxElements, inventory: TileInventory) -> None:
 
 
 def written(syntax: Callable[..., None], *records: Any) -> bytes:
-    """Return the bytes that a syntax function writes."""
     writer = Writer()
     syntax(writer, *records)
     return writer.bytes()

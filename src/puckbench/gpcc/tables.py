@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-# How much an adaptive probability p of a zero falls after a one, by p >> 8 (it rises after a zero
-# by the entry of 255 - (p >> 8)). A constant of the arithmetic coder.
+# Decrease of an adaptive probability p of a zero after a one, indexed by p >> 8; after a zero, p
+# increases by the entry at 255 - (p >> 8).
 ADAPTATION = np.array(
     [
         *(0, 2, 5, 8, 11, 15, 20, 24, 29, 35, 41, 47, 53, 60, 67, 74),
@@ -34,24 +34,24 @@ ADAPTATION = np.array(
     dtype=np.uint16,
 )
 
-# Number of entries for each of the eight coded bits in the map from contexts to models.
+# Number of map entries for each of the eight coded bits.
 _MAP_LENGTHS = (9, 18, 35, 68, 69, 134, 135, 136)
 CTX_MAP_SIZE = sum(_MAP_LENGTHS)
 CTX_MAP_COUNT = 18
 _MAP_STARTS = (0, *np.cumsum(_MAP_LENGTHS[:-1]).tolist())
 
-# How far a map entry e moves, by (255 - e) >> 4 after a one and by e >> 4 after a zero.
+# Change of a map entry e, indexed by (255 - e) >> 4 after a one and by e >> 4 after a zero.
 CTX_MAP_DELTA = np.array(
     [0, 1, 1, 2, 4, 7, 9, 11, 14, 16, 19, 23, 22, 18, 13, 6],
     dtype=np.int64,
 )
 
-# Classes of occupied neighbours for the last three bits, from unoccupied + 2 * (number occupied).
+# Classes of neighbours for the last three bits, indexed by unoccupied + 2 * (number occupied).
 ADJACENCY_REDUCED = np.array([0, 0, 1, 2, 3, 3], dtype=np.int64)
 
 _CODING_ORDER = (1, 7, 5, 3, 2, 6, 4, 0)
 
-# Symmetry classes of the 64 neighbour patterns: neighbours known everywhere, or in the parent only.
+# Symmetry classes of the 64 neighbour patterns, with an atlas, and with siblings only.
 _CLASSES_9 = tuple(
     int(digit) for digit in "0111122312231334122325562556366712232556255636671334366736674778"
 )
@@ -112,7 +112,7 @@ _SIBLING_CLASSES = {
 _CLASSES_5 = (0, 1, 2, 3, 1, 2, 3, 4, 4)
 _CLASSES_3 = (0, 1, 1, 2, 2, 1, 2, 2, 2)
 
-# Where each child goes when a node is turned or mirrored.
+# New index of each child after a rotation or reflection of its node.
 _X90 = (1, 3, 0, 2, 5, 7, 4, 6)
 _X270_Y180 = (7, 5, 6, 4, 3, 1, 2, 0)
 _X90_Y180 = (4, 6, 5, 7, 0, 2, 1, 3)
@@ -123,7 +123,7 @@ _Z270 = (4, 5, 0, 1, 6, 7, 2, 3)
 _MIRROR_Z = (1, 0, 3, 2, 5, 4, 7, 6)
 _SAME = tuple(range(8))
 
-# Which turn about z belongs to the pattern's x and y bits; which about y and x to the pattern.
+# Rotations about z for the x and y bits of a pattern; rotations about y and x for a pattern.
 _TURN_Z = (0, 0, 2, 0, 3, 3, 2, 1, 1, 0, 1, 3, 1, 2, 0, 0)
 _TURN_Y = {16, 19, 28, 32, 35, 44, 48, 55, 59, 61, 62}
 _TURN_X = {
@@ -148,7 +148,6 @@ def _turned(neigh_pattern: int) -> list[int]:
 
 
 def _coded_children() -> list[list[int]]:
-    """Return for each pattern the children in coding order."""
     rows = []
     for neigh_pattern in range(64):
         places = _turned(neigh_pattern)

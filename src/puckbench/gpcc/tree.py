@@ -27,11 +27,8 @@ def coded_axes(
     """Return the axes (4 x, 2 y, 1 z) that each level splits (tree_lvl_coded_axis_list).
 
     bits: log2 of the root's sides.
-    qtbt: whether the root is a box instead of a cube.
-    max_num_qtbt_before_ot: levels that first split only the longest sides.
-    min_qtbt_size_log2: log2 of the shortest side from which on only the longest sides are split.
-    late_z: with a sensor, see angular_max_node_min_dim_log2_to_split_z and
-        angular_max_diff_to_split_z in `GpccOptions`.
+    late_z: with a sensor, angular_max_node_min_dim_log2_to_split_z and angular_max_diff_to_split_z
+        of `GpccOptions`.
     """
     if not qtbt:
         return [7] * max(bits)
@@ -83,8 +80,8 @@ class TreeLevel:
 class Tree:
     """Levels from the root down, sorted keys of the leaves, and number of points at each.
 
-    second_first: where the order of points counts, whether a leaf that shares a node with only one
-        other point precedes a point that came first in the cloud.
+    second_first: whether a leaf that shares a node with only one other point precedes a point that
+        came first in the cloud.
     """
 
     levels: list[TreeLevel]
@@ -98,8 +95,7 @@ def build_tree(
 ) -> Tree:
     """Build the octree of points (n, 3); the origin of the root is `corner` (3,).
 
-    ordered: whether the order of points counts.
-    merged: whether only the first of equal points counts.
+    ordered: whether the order of points counts, after removing duplicates if `merged`.
     """
     keys = _keys(points, corner, _key_tables(_key_positions(levels)))
     second_first = np.empty(0, dtype=np.uint8)
@@ -139,7 +135,7 @@ def leaf_codes(tree: Tree, levels: list[int]) -> Ints:
 
 
 def _key_positions(levels: list[int]) -> tuple[list[int], list[int], list[int]]:
-    """Return for each axis the positions of its bits, lowest first, in a key that sorts leaves."""
+    """Return for each axis the positions of its bits in a sorting key, lowest first."""
     positions: tuple[list[int], list[int], list[int]] = ([], [], [])
     position = 0
     for axes in reversed(levels):
@@ -151,7 +147,6 @@ def _key_positions(levels: list[int]) -> tuple[list[int], list[int], list[int]]:
 
 
 def _key_tables(positions: tuple[list[int], list[int], list[int]]) -> Ints:
-    """Return the part of the key for each (axis, byte, value) of the coordinates."""
     tables = np.zeros((3, 3, 256), dtype=np.int64)
     for axis, of_axis in enumerate(positions):
         for bit, position in enumerate(of_axis):
@@ -267,7 +262,6 @@ def _unique(keys: Ints) -> tuple[Ints, Indices]:
 
 @compiled
 def _parents(keys: Ints, width: int, child_of_bits: Ints) -> tuple[Ints, Bytes, Indices]:
-    """Return the parents of nodes with sorted keys, whose lowest `width` bits select the child."""
     count = 1
     for i in range(1, len(keys)):
         count += integer((keys[i] ^ keys[i - 1]) >> width != 0)
