@@ -124,7 +124,7 @@ def predicted_azimuth(angular: Angular, laser: int, azimuth: int) -> int:
 
 @inlined
 def azimuth_ctx(left: int, right: int, contrast: int) -> int:
-    """Return the context of two candidates by their differences from the predicted azimuth."""
+    """Return the context from the differences of two candidate azimuths from the predicted one."""
     context = 2 if (left >= 0) == (right >= 0) else 0
     left, right = abs(left), abs(right)
     if left > right:
@@ -135,7 +135,7 @@ def azimuth_ctx(left: int, right: int, contrast: int) -> int:
 
 @inlined
 def elevation_ctx(difference: int, half_height: int) -> int:
-    """Return the context by the laser's height above a node's middle."""
+    """Return the context from the laser's height above a node's middle."""
     context = 0 if difference >= 0 else 1
     if int32(difference - half_height) >= 0 or int32(difference + half_height) < 0:
         context += 2

@@ -25,8 +25,7 @@ class SyntaxElements(ABC):
         """Code `value` in `n` bits, highest first."""
 
     @abstractmethod
-    def align(self) -> None:
-        """Advance to the next whole byte."""
+    def align(self) -> None: ...
 
     def u(self, record: Any, name: str, n: int) -> None:
         setattr(record, name, self.bits(n, int(getattr(record, name))))
@@ -52,7 +51,7 @@ class SyntaxElements(ABC):
         setattr(record, name, tuple(values))
 
     def signed(self, value: int) -> int:
-        """Code a number in the order 0, 1, -1, 2 and so on."""
+        """Code a signed number; codes are in the order 0, 1, -1, 2 and so on."""
         code = self.exp_golomb(2 * abs(value) - (value > 0))
         return (code + 1) // 2 if code & 1 else -(code // 2)
 

@@ -89,7 +89,6 @@ def digest(points: Floats) -> str:
 
 
 def verdicts(decode: Decode, streams: Sequence[ConformanceStream]) -> Iterator[Verdict]:
-    """Decode each stream and yield its verdict."""
     for stream in streams:
         try:
             points = decode(read_bytes(stream.path))
@@ -109,6 +108,8 @@ def verdicts(decode: Decode, streams: Sequence[ConformanceStream]) -> Iterator[V
 
 def program_decoder(words: str) -> Decode:
     """Return a decoder that runs a program; InputError if it does not exist.
+
+    The decoder raises InputError if the program fails, and `CrashError` if it crashes.
 
     Parameters
     ----------

@@ -146,7 +146,6 @@ def _code_dup_point_cnt(coder: Any, contexts: Contexts, dup_point_cnt: int) -> i
 
 @inlined
 def _start_from_planes(node: IdcmNode, coded: Ints, bits_left: Ints) -> None:
-    """Set the bits that planar mode has coded, and the number of remaining bits."""
     for axis in range(3):
         known = node.node_size_log2[axis] > 0 and node.planar_mode >> axis & 1 != 0
         bits_left[axis] = node.node_size_log2[axis] - integer(known)
@@ -262,7 +261,6 @@ def _middle(coded: Ints, bits_left: Ints, axis: int) -> int:
 
 @inlined
 def _code_theta_res(coder: Any, contexts: Contexts, residual: int) -> int:
-    """Code the difference between a point's laser and the node's laser."""
     probabilities = contexts.probabilities
     size = abs(residual)
     if not code_bit(coder, probabilities, CTX_THETA_RES, integer(size > 0)):

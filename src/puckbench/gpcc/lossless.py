@@ -31,7 +31,7 @@ _AXES = np.arange(3)
 
 
 def encode_voxels(voxels: NDArray[Any]) -> bytes:
-    """Encode distinct voxels (n, 3), integers of any sign.
+    """Encode the set of voxels (n, 3), integers of any sign.
 
     Raises
     ------

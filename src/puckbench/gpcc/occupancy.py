@@ -97,7 +97,6 @@ def _known_child(masks: PlanarMasks) -> int:
 
 @kernel
 def _code_single_child(coder: Any, masks: PlanarMasks, occupancy: int) -> int:
-    """Code the index of the only child along the axes without a coded plane."""
     child = _known_child(masks)
     if masks.mask_planar_z == 0:
         child |= code_bypass(coder, integer(occupancy & 0xAA != 0))
@@ -144,8 +143,8 @@ def _code_with_ctx_map(
 def _code_bits(
     coder: Any, contexts: Contexts, neighbourhood: OccupancyNeighbourhood, occupancy: int
 ) -> int:
-    """Code the bits that are not implied."""
     no_neighbour = neighbourhood.neigh_pattern == 0
+    # A single child without neighbours is coded differently, so two children are occupied.
     most_zeros = 6 if no_neighbour else 7
     state = load(coder)
     coded, coded_before, zeros = 0, 0, 0

@@ -327,7 +327,7 @@ def _planar_masks(
 def _idcm_eligible_children(
     level: Level, sibling_occupancy: int, neigh_pattern: int, occupancy: int, counters: Ints
 ) -> int:
-    """Children of a node that may be coded directly; rotates the mask in `counters`."""
+    """Return which children may use IDCM; rotate the mask in `counters`."""
     if level.idcm_mode == 0:
         return 0
     parent = 8 if level.root else POPCOUNT[sibling_occupancy]

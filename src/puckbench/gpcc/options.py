@@ -84,7 +84,7 @@ SPINNING = {
     "merge_duplicates": False,
     "planar_buffer": False,
 }
-"""Changes of profile `ctc` by MPEG's common test conditions for lossless coding of spinning sensors.
+"""Changes of `ctc` by MPEG's common test conditions for lossless coding of spinning sensors.
 
 For lossy coding these conditions merge duplicates and use IDCM only for isolated nodes."""
 PROFILES["spinning"] = PROFILES["ctc"].model_copy(update=SPINNING)

@@ -174,9 +174,9 @@ def _take_values(search: Search, first: int, end: int, axis: int) -> None:
 
 @inlined
 def _split(search: Search, first: int, end: int, frame: Ints) -> tuple[int, int, int]:
-    """Partition rows at a cut that halves the box's longest side.
+    """Partition rows at a cut that halves the longest side of the box in `frame[3:]`.
 
-    Returns axis, cut, and first row above it; `frame` holds the box from entry 3 on.
+    Returns axis, cut, and first row above it.
     """
     longest = max(frame[6] - frame[3], frame[7] - frame[4], frame[8] - frame[5])
     axis, spread, low, high, taken = 0, -1, 0, 0, 0
@@ -204,7 +204,7 @@ def _split(search: Search, first: int, end: int, frame: Ints) -> tuple[int, int,
 
 @inlined
 def _parted(search: Search, left: int, first: int, end: int, cut: int) -> int:
-    """Move rows with values below `cut` to the front; return the first of the other rows."""
+    """Move rows with values below `cut` to the front; return their end."""
     rows, values, right = search.rows, search.values, end - 1
     while True:
         while left <= right and values[left] < cut:
@@ -236,7 +236,6 @@ def nearest(search: Search, x: int, y: int, z: int) -> int:
 
 @inlined
 def _search_tree(search: Search, tree: int, found: int, at: tuple[int, int, int]) -> int:
-    """Search one tree, nearer halves first; return the new number of results."""
     stack, box = search.stack, search.boxes[tree]
     stack[0, 0] = 2 << tree
     stack[0, 1] = 0

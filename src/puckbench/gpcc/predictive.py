@@ -100,7 +100,7 @@ def code_num_dup_points(coder: Any, contexts: Probabilities, count: int) -> int:
 
 @inlined
 def code_num_children(coder: Any, contexts: Probabilities, count: int) -> int:
-    """Code a number of children, 0 to 3; codes lengthen in the order 1, 0, 2 or 3."""
+    """Code a number of children: 1 takes one bit, 0 two, and 2 or 3 three."""
     value = count ^ 1
     if not code_bit(coder, contexts, CTX_NUM_CHILDREN, integer(value > 0)):
         return 1
@@ -293,7 +293,6 @@ def decode_trees(coder: Any, contexts: Probabilities, tools: Tools, nodes: Nodes
 
 @inlined
 def _decode_tree(coder: Any, contexts: Probabilities, tools: Tools, nodes: Nodes, done: int) -> int:
-    """Decode a tree that starts with point `done`; return the number of points decoded."""
     count, pending = len(nodes.parents), 1
     if done >= count:
         return TOO_MANY_POINTS

@@ -101,7 +101,6 @@ def encode_trees(coder: Any, contexts: Probabilities, tools: Tools, given: Given
 
 @inlined
 def _encode_tree(coder: Any, contexts: Probabilities, tools: Tools, given: Given) -> int:
-    """Encode the nodes on the stack and their descendants."""
     tree, progress = given.tree, given.progress
     while progress[1]:
         if coder.state[3] + NODE_BYTES > len(coder.data):

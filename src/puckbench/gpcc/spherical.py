@@ -164,7 +164,6 @@ def _nearest_laser(around: Sphere, distance: int, z: int) -> int:
 
 @kernel
 def _off(around: Sphere, radius: int, azimuth: int, laser: int, x: int, y: int, z: int) -> int:
-    """Return the Manhattan distance of a point from its spherical coordinates."""
     a, b, c = cartesian(around, radius, azimuth, laser)
     return abs(a - x) + abs(b - y) + abs(c - z)
 

@@ -1,6 +1,6 @@
 """High-level syntax of G-PCC geometry: parameter sets, tile inventory, data units, encapsulation.
 
-Names and order of the syntax elements are those of TMC13 (`hls.h`, `io_hls.cpp`); encapsulation is
+Names and order of the syntax elements follow TMC13 (`hls.h`, `io_hls.cpp`), encapsulation follows
 Annex B of ISO/IEC 23090-9. Points are in the coding axis order, x, y, z in the order of the file.
 """
 
@@ -64,7 +64,7 @@ class SequenceParameterSet:
 
 @dataclass
 class Laser:
-    """A laser of the sensor that angular coding describes.
+    """A laser of the sensor.
 
     theta: tangent of the elevation, in units of 2^-18.
     z: negative height above the sensor's origin, in eighths of a coding unit.

@@ -156,7 +156,6 @@ def _coded_children() -> list[list[int]]:
 
 
 def _map_bases(classes: tuple[int, ...]) -> list[list[int]]:
-    """Return the first map entry for each pattern and coded bit."""
     rows = [list(_MAP_STARTS)]
     for neigh_pattern in range(1, 64):
         nine = classes[neigh_pattern]

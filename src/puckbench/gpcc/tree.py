@@ -26,9 +26,8 @@ def coded_axes(
 ) -> list[int]:
     """Return the axes (4 x, 2 y, 1 z) that each level splits (tree_lvl_coded_axis_list).
 
-    bits: log2 of the root's sides.
-    late_z: with a sensor, angular_max_node_min_dim_log2_to_split_z and angular_max_diff_to_split_z
-        of `GpccOptions`.
+    The parameters are log2 of the root's sides and options of `GpccOptions`; with a sensor,
+    `late_z` is angular_max_node_min_dim_log2_to_split_z and angular_max_diff_to_split_z.
     """
     if not qtbt:
         return [7] * max(bits)
@@ -70,7 +69,7 @@ def node_sizes_log2(levels: list[int]) -> list[Bits]:
 
 @dataclass(frozen=True)
 class TreeLevel:
-    """Nodes of a level: occupancy, and index of the first child in the level below."""
+    """Nodes of a level: occupancy, and index of the first child in the next level."""
 
     occupancy: Bytes
     first_child: Indices
@@ -155,7 +154,6 @@ def _key_tables(positions: tuple[list[int], list[int], list[int]]) -> Ints:
 
 
 def _child_of_bits(axes: int) -> Ints:
-    """Return the child index for each value of a level's key bits."""
     children = [child for child in range(8) if child & ~axes == 0]
     return np.array(children, dtype=np.int64)
 
@@ -195,6 +193,7 @@ def _sorted_as_coded(keys: Ints, positions: Ints) -> Bytes:
 
     Returns for each key whether it is the first of two in a node and was behind the other.
     """
+    # The in-place swaps change the order of points within a child.
     behind = np.zeros(len(keys), dtype=np.uint8)
     stack = np.empty((8 * len(positions) + 8, 3), dtype=np.int64)
     place = np.empty(8, dtype=np.int64)
