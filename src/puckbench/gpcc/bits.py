@@ -82,7 +82,6 @@ class Writer(SyntaxElements):
         self._bits.extend([0] * (-len(self._bits) % 8))
 
     def bytes(self) -> bytes:
-        """Return all bits, padded to whole bytes."""
         self.align()
         return int("1" + "".join(map(str, self._bits)), 2).to_bytes(len(self._bits) // 8 + 1)[1:]
 

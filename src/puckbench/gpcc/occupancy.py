@@ -89,7 +89,6 @@ def _pair_of_children(masks: PlanarMasks) -> int:
 
 @kernel
 def _known_child(masks: PlanarMasks) -> int:
-    """Return the lowest child that lies in every coded plane."""
     return (
         (masks.mask_planar_x & 1) << 2 | (masks.mask_planar_y & 1) << 1 | (masks.mask_planar_z & 1)
     )

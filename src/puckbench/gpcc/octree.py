@@ -356,7 +356,6 @@ def _code_direct_positions(
     planar_mode: int,
     plane_pos_bits: int,
 ) -> bool:
-    """Code whether a node uses IDCM and, if so, its points."""
     leaves, points, start, end = 0, 0, 0, 0
     if source is not None:
         start, end = integer(source.first_leaf[index]), integer(source.first_leaf[index + 1])

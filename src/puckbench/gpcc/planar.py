@@ -35,7 +35,7 @@ _ADJACENT_PLANES_CTX = np.array([0, 1, 2, 0], dtype=np.int64)
 class PlanarState(NamedTuple):
     """Adaptive rates of planar modes, and the buffer of the last planar nodes.
 
-    rates: of planes along x, y, z, and the local density of nodes.
+    rates: frequency of planes along x, y, z, and local density of nodes.
     thresholds: minimum rates of the most, second and least frequent axis.
     position, plane_index: (3, rows) of the last planar node at each position along an axis.
     """

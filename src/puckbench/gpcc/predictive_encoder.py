@@ -148,7 +148,7 @@ def _encode_position(
 def _encode_place(
     coder: Any, contexts: Probabilities, tools: Tools, given: Given, node: int, choice: Choice
 ) -> None:
-    """Encode the second residual of a node, and set the decoder's positions."""
+    """Encode the second residual, and set the decoder's positions."""
     around, positions = tools.sphere, given.positions
     if tools.azimuth_scaling:
         radius = choice.prediction[0] + choice.residual[0]

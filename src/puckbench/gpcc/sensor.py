@@ -95,5 +95,4 @@ def describe_sensor(
 
 
 def _rounded(value: float) -> int:
-    """Round halves away from zero, as C's ``round`` does."""
     return int(math.copysign(math.floor(abs(value) + 0.5), value))

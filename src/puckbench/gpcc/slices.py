@@ -79,7 +79,6 @@ def encode_octree(
     gps: GeometryParameterSet,
     sensor: angular.Angular | None = None,
 ) -> bytes:
-    """Return the arithmetic-coded part of a geometry data unit."""
     coder = encoder(64)
     contexts = initial_contexts()
     state = _initial_state(gps, len(tree.levels), 0)

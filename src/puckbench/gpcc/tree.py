@@ -59,7 +59,7 @@ def _split_late_along_z(size: list[int], height: int, factor: int) -> list[bool]
 
 
 def node_sizes_log2(levels: list[int]) -> list[Bits]:
-    """Return log2 of the node size along x, y, z at each level, last (0, 0, 0)."""
+    """Return log2 of the node size at each level, last (0, 0, 0)."""
     sizes = [(0, 0, 0)]
     for axes in reversed(levels):
         x, y, z = sizes[-1]
@@ -182,7 +182,7 @@ def _first_ones(keys: Ints) -> Ints:
 
 
 def _digit_positions(levels: list[int]) -> Ints:
-    """Return the lowest key bit of each level, from the root's upper end down."""
+    """Return the bit positions between the levels of a key, highest first."""
     widths = [axes.bit_count() for axes in reversed(levels)]
     return np.cumsum([0, *widths])[::-1].astype(np.int64)
 
