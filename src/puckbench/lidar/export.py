@@ -50,7 +50,7 @@ def read_source(path: Path) -> Source:
 def export(path: Path, source: Source, clean: bool = False) -> dict[str, Any]:
     """Write a table in the format of the path's suffix, and return the counts that commands print.
 
-    `clean` writes true coordinates instead of measured ones; BlenSor's format (.evd) has both.
+    `clean` writes true coordinates; BlenSor's format (.evd) has both.
     """
     suffix = path.suffix.lower()
     if suffix not in FORMATS:

@@ -1,4 +1,4 @@
-"""Compiled loops of a scan: ray directions, exact distances, rows of returns.
+"""Compiled loops of a scan.
 
 Rays are ordered by frames, steps and lasers, also in flat arrays (n,) and in the scan table.
 """
@@ -42,10 +42,10 @@ def fill_directions(
     directions: Floats,
     rays: NDArray[np.float32],
 ) -> None:
-    """Fill directions of rays in the world from sines and cosines (frames, steps, lasers).
+    """Fill directions (n, 3) of rays in the world from sines and cosines (frames, steps, lasers).
 
-    `rotations` (frames, steps, 3, 3) are from the sensor to the world. The outputs are `directions`
-    (n, 3) and, for Embree, the last three columns of `rays` (n, 6).
+    `rotations` (frames, steps, 3, 3) are from the sensor to the world. The last columns of `rays`
+    (n, 6) receive the directions for Embree.
     """
     frames, steps, lasers = yaw[0].shape
     ray = 0
@@ -76,15 +76,9 @@ def fill_distances(
 ) -> None:
     """Fill exact distances and cosines of incidence angles (n,); inf and nan for a miss.
 
-    Parameters
-    ----------
-    nearest, triangles
-        (n,), Embree's distances (inf for a miss) and triangles. A ray parallel to its plane keeps
-        Embree's distance.
-    starts
-        (steps, 3), origins of rays relative to that of `planes`.
-    limits
-        Shortest and longest range of the sensor.
+    `nearest` and `triangles` (n,) are Embree's distances, inf for a miss, and triangles; `starts`
+    (steps, 3) origins of rays relative to that of `planes`; `limits` the shortest and longest
+    range. A ray parallel to its plane keeps Embree's distance.
     """
     per_step = len(directions) // len(starts)
     for ray in range(len(directions)):
@@ -112,7 +106,7 @@ def fill_rays(
 ) -> int:
     """Write columns of the rays that `rows` (frames, steps, lasers) selects, from row `start` on.
 
-    `nominal` is timestamp, yaw and pitch of all rays. Returns the row after the last one written.
+    `nominal` is timestamp, yaw and pitch of all rays. Returns the row after the last one.
     """
     frame, laser, timestamp, yaw, pitch = out
     row = start
@@ -162,8 +156,8 @@ def fill_surface(
 ) -> None:
     """Write incidence, triangle, labels and normal (to the sensor) of selected rays.
 
-    `hits` are directions (n, 3), triangles and incidence (n,) of all rays; `surface` is planes (t,
-    4), object and primitive of each triangle.
+    `hits` are directions (n, 3), triangles and incidence (n,); `surface` is planes (t, 4), object
+    and primitive of each triangle.
     """
     incidence, triangle, object_id, primitive_id, nx, ny, nz = out
     row = start
@@ -188,7 +182,7 @@ def fill_echoes(
     """Fill the mean distance of each beam's echo (inf for none), and the number of the nearest ray.
 
     `apart` (beams, rays) are the distances of rays, m, inf for a miss. Successive distances that
-    differ by at most `gap`, m, belong to one echo. The choice is 0: the first echo, 1: that of most
+    differ by at most `gap` belong to one echo. The choice is 0: the first echo, 1: that of most
     rays, 2: the last, 3: all rays are one echo.
     """
     beams, rays = apart.shape

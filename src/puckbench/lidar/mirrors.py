@@ -42,7 +42,7 @@ def follow_mirrors(
 ) -> Cast:
     """Replace hits on `mirrors` (t,) by what is seen in them, at the length of the whole path.
 
-    The point is on the fired ray, behind the mirror. A ray that only meets mirrors is a miss.
+    A ray that only meets mirrors is a miss.
     """
     shape = cast.hits.distance.shape
     distance, triangle = cast.hits.distance.ravel().copy(), cast.hits.triangle.ravel().copy()
@@ -79,7 +79,6 @@ def _paths_to_mirrors(caster: RayCaster, cast: Cast, mirrors: NDArray[np.bool_])
 
 
 def _reflected(caster: RayCaster, paths: _Paths) -> tuple[_Paths, Floats]:
-    """Extend paths to their next hit (length inf for a miss); return them and the incidence."""
     normals = caster.planes[paths.triangles, :3]
     across = (paths.directions * normals).sum(axis=1, keepdims=True)
     turned = paths.directions - 2 * across * normals

@@ -1,7 +1,6 @@
 """Checks whether a sensor can stand or move in a scene, and search for a place where it can.
 
-A sensor is outside if at most half of all directions meet the scene: outside a convex scene fewer
-than half do, inside a closed one all.
+A sensor is outside if at most half of all directions meet the scene.
 """
 
 from __future__ import annotations
@@ -95,8 +94,7 @@ def free_origin(
 ) -> Floats:
     """Return the free place (3,), m, on a grid, nearest to the middle of the floor plan.
 
-    More than the share `inside` of all directions, and straight down, must meet the scene. Raises
-    InputError if there is no such place.
+    More than the share `inside` of all directions, and straight down, must meet the scene.
     """
     check_mesh(mesh, "the mesh to scan")
     low, high = mesh.bounds()
@@ -126,7 +124,7 @@ def _grid(size: Floats) -> Floats:
 def _floor(caster: RayCaster, places: Floats, size: Floats) -> float:
     """Return the height above which nine of ten rays straight down end.
 
-    The lowest vertex is unsuitable: floors have a thickness, and captured rooms stray points.
+    Floors have a thickness, and captured rooms stray points.
     """
     levels = -_below(caster, places)
     levels = levels[np.isfinite(levels)]
@@ -134,5 +132,4 @@ def _floor(caster: RayCaster, places: Floats, size: Floats) -> float:
 
 
 def _below(caster: RayCaster, places: Floats) -> Floats:
-    """Return the distance straight down to a surface, (n,), inf for none."""
     return caster.met(places, np.tile([0.0, 0.0, -1.0], (len(places), 1)))[0]

@@ -89,8 +89,8 @@ class RayCaster:
     ) -> Hits:
         """Return the hits of rays, reshaped to `shape`.
 
-        `directions` are (n, 3), `single` (n, 6) origins and directions for Embree, and `starts`,
-        (steps, 3) or (n, 3), origins relative to `origin`.
+        `single` (n, 6) is origins and directions for Embree, and `starts`, (steps, 3) or (n, 3),
+        origins relative to `origin`.
         """
         from puckbench.lidar.kernels import fill_distances
 

@@ -1,7 +1,7 @@
 """Tables of plane residuals, with a row for each return of a virtual scan or a recording.
 
-A residual is the signed distance of a measured point from the plane fitted to its surface (thesis,
-section 5.1.2, Procedure 1).
+A residual is the signed distance of a point from the plane fitted to its surface (thesis, section
+5.1.2).
 """
 
 from __future__ import annotations

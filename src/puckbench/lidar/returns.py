@@ -45,7 +45,7 @@ class Beams:
     heights_mm
         Heights above the sensor's origin (Velodyne's vertical corrections).
     delays
-        Times of firing as a fraction of a column's time, from 0 to below 1.
+        Times of firing as a fraction of a column's time.
     clockwise
         Direction of rotation seen from above, in which azimuths count, from forward (y).
     azimuths_deg
@@ -200,10 +200,7 @@ class Returns:
 
     @property
     def seconds(self) -> float | None:
-        """Duration of the turns by the sensor's clock, which restarts hourly; None without times.
-
-        It includes the mean duration of a packet after the last one.
-        """
+        """Duration of the turns by the sensor's clock, which restarts hourly; None if unknown."""
         times = [turn.times for turn in self.turns if turn.times is not None]
         clock = np.concatenate(times).astype(np.float64) if times else np.zeros(0)
         if len(clock) < 2:

@@ -59,7 +59,6 @@ def _read_order(reader: Reader, lasers: int) -> tuple[int, ...]:
 
 @cache
 def _shipped() -> dict[tuple[Beams, str], tuple[str, int]]:
-    """Return names and uses of the shipped sensors by their beams and titles."""
     return {
         (_beams(name, use), load_sensor(name).name): (name, use)
         for name in sensor_names()

@@ -121,8 +121,6 @@ def scan(
     ----------
     origin
         (3,), position of the sensor or origin of its trajectory, m.
-    rng
-        Source of the random streams of errors.
 
     Raises
     ------
@@ -222,7 +220,6 @@ class _Scanner:
 
 
 def _lift(along: Floats, origins: Floats, columns: dict[str, NDArray[Any]]) -> None:
-    """Move measured points along their normals, and update their distances from `origins`."""
     squared = np.zeros(len(along))
     for place, axis in zip(origins.T, "xyz", strict=True):
         points = columns[f"{axis}_noisy"]

@@ -23,7 +23,7 @@ _MOST_QUANTA = 0xFFFF
 class ScanReturns:
     """Returns of a scan, and their rows (n,) of its table in the order of ``returns.points()``.
 
-    `still_at` is the position (3,) of a level sensor at rest, m; None for a moving sensor.
+    `still_at` is the position of a level sensor at rest, m; None for a moving one.
     """
 
     returns: Returns
@@ -35,7 +35,7 @@ def returns_of_scan(table: ScanTable, clean: bool = False) -> ScanReturns:
     """Return the measured (or `clean`, true) returns of a scan whose frames are whole turns.
 
     Ranges are rounded to the sensor's quantum, azimuths of columns to 0.01 degrees; ranges that
-    become 0 or exceed 16 bits are left out. Raises InputError if a frame is not a turn.
+    become 0 or exceed 16 bits are left out.
     """
     sensor = parsed(Sensor, table.about.get("sensor"), "the scan's sensor")
     sweep = parsed(Sweep, table.about.get("sweep"), "the scan's sweep")

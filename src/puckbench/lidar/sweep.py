@@ -1,10 +1,9 @@
 """Sweeps: the rotation and the motion of a virtual sensor during a scan.
 
-Conventions are those of BlenSor. The axes are x right, y forward, z up. The sensor rotates about z,
-counter-clockwise seen from above, from forward; pitch rotates it about x, upwards positive. All
-lasers of an azimuth step fire at the same time, and a frame has one pose. Two options go beyond
-BlenSor: with ``timing="firing"`` each laser has its own firing time, and with a trajectory each
-azimuth step has its own pose.
+The axes are x right, y forward, z up. As in BlenSor, the sensor rotates about z, counter-clockwise
+seen from above, from forward; pitch rotates it about x, upwards positive. All lasers of an azimuth
+step fire at the same time, and a frame has one pose. Unlike in BlenSor, lasers can have their own
+firing times (``timing="firing"``), and azimuth steps their own poses (a trajectory).
 """
 
 from __future__ import annotations
@@ -253,8 +252,7 @@ def _duration(rows: Any) -> dict[str, float]:
 def ease(time: Floats) -> Floats:
     """Interpolate from 0 to 1 at `time` in [0, 1] by Blender's default Bezier curve (ease in, out).
 
-    Its control points are (0, 0), (h, 0), (1 - h, 1), (1, 1) with h = 1 / 2.5614. Newton's method
-    finds the parameter at a time.
+    Its control points are (0, 0), (h, 0), (1 - h, 1), (1, 1) with h = 1 / 2.5614.
     """
     h = 1 / _HANDLE_DIVISOR
     s = np.array(time, dtype=np.float64)

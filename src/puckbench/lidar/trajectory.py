@@ -57,8 +57,7 @@ def trajectory_from_rows(rows: Sequence[Row]) -> Trajectory:
     """Return the trajectory of rows t, x, y, z and yaw, pitch, roll (degrees) or a quaternion wxyz.
 
     Rotations are applied in this order in the sensor's frame: yaw about z, counter-clockwise seen
-    from above; pitch about x, upwards positive; roll about y, right side down positive. Raises
-    InputError for an invalid row.
+    from above; pitch about x, upwards positive; roll about y, right side down positive.
     """
     lengths = {len(row) for row in rows}
     if lengths not in ({_ANGLES}, {_QUATERNION}):
@@ -122,7 +121,6 @@ def _is_number(value: Any) -> bool:
 
 
 def _quaternions(degrees: Floats) -> Floats:
-    """Return quaternions wxyz (n, 4) of yaw, pitch and roll (n, 3)."""
     from scipy.spatial.transform import Rotation
 
     turns = Rotation.from_euler("ZXY", np.radians(degrees))

@@ -57,7 +57,7 @@ class Turn:
     Parameters
     ----------
     ranges
-        (kinds, columns, lasers), in quanta (2 mm for Velodyne), 0 for no return.
+        (kinds, columns, lasers), in quanta, 0 for no return.
     azimuths
         (blocks,), 0.01 degrees.
     times

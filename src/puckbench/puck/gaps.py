@@ -1,7 +1,7 @@
 """Coding of the bytes between the packets of a recording (gaps), by LZMA.
 
-Most gaps are headers of captures or bags. Gaps of the same length are stored together, as
-differences between successive headers, byte by byte.
+Gaps of the same length, mostly headers of captures or bags, are stored together as differences
+between successive ones, byte by byte.
 """
 
 from __future__ import annotations
@@ -94,7 +94,6 @@ def _filter(size: int) -> dict[str, int]:
 
 
 def _joined(gaps: list[bytes]) -> bytes:
-    """Return run lengths of the lengths, groups of gaps of equal length, and the other gaps."""
     lengths = np.array([len(gap) for gap in gaps])
     edges = np.flatnonzero(np.diff(lengths, prepend=-1))
     counts = np.diff(edges, append=len(lengths))

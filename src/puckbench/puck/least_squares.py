@@ -1,7 +1,4 @@
-"""Linear prediction by recursive least squares with exponential forgetting, in integers.
-
-A Gauss-Seidel sweep every few observations improves the solution of the normal equations.
-"""
+"""Linear prediction by recursive least squares with exponential forgetting, in integers."""
 
 from __future__ import annotations
 
@@ -45,7 +42,6 @@ def new_least_squares(predictors: int, features: int) -> LeastSquares:
 
 @inlined
 def predicted(state: LeastSquares, which: int) -> int:
-    """Return the prediction of predictor `which`, in the features' unit."""
     start = which * len(state.lanes)
     return int(dot(state.coefficients, start, state.features, 0, state.lanes) >> FRACTION)
 

@@ -1,7 +1,7 @@
 """Coding of a number as binary decisions around an expected value.
 
-The first decision is on which side of the centre the number lies. The next ones step away from the
-centre by growing distances until the number is passed, and the last ones halve the interval.
+The first decision is the side of the centre. The next ones step away from the centre by growing
+distances until the number is passed, and the last ones halve the interval.
 """
 
 from __future__ import annotations

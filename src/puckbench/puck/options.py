@@ -1,4 +1,4 @@
-"""What is coded of each turn, and with how much effort."""
+"""Options of the coder of turns."""
 
 from __future__ import annotations
 

@@ -224,7 +224,6 @@ def _first_part(
 
 @_loop
 def _pairs(labels: Labels, closes: bool, within: Labels, across: Labels) -> tuple[int, int]:
-    """List pairs of neighbouring pieces within rows and across rows; return both numbers."""
     lasers, columns = labels.shape
     beside = above = 0
     for laser in range(lasers):
@@ -261,7 +260,6 @@ def _measure(sums: Floats, squares: Floats, variance: float, plane: Floats) -> N
 
 @inlined
 def _root(parents: Labels, piece: int) -> int:
-    """Return the set of a piece (union-find with path halving)."""
     while parents[piece] != piece:
         parents[piece] = parents[parents[piece]]
         piece = parents[piece]
@@ -307,7 +305,6 @@ def _merge(
 
 @_loop
 def _number_sets(labels: Labels, parents: Labels) -> int:
-    """Replace labels of pieces by numbers of sets; return the number of sets."""
     count = 0
     for piece in range(len(parents)):
         parents[piece] = _root(parents, piece)

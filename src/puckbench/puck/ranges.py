@@ -1,10 +1,9 @@
 """Ranges of a turn: for each firing whether it returned, and if so the range.
 
 Firings are coded column by column, and within a column from the lowest laser to the highest. A
-range is predicted by adaptive least squares from earlier columns of the same laser, neighbouring
-lasers and the previous turn, and coded as binary decisions around the prediction. Lossy coding
-quantises a range to the nearest multiple of the step, or to the one next to it if lambda times the
-saved rate exceeds the increase of the squared error.
+range is predicted by adaptive least squares, and coded as binary decisions around the prediction.
+Lossy coding quantises a range to the nearest multiple of the step, or to the one next to it if
+lambda times the saved rate exceeds the increase of the squared error.
 
 In the loops, c is the row of a column, t the row of the nearest column of the previous turn (0:
 none), west the same laser one column earlier, below and above the neighbouring lasers.
@@ -146,8 +145,8 @@ def code_ranges(
 ) -> bool:
     """Code the ranges of a turn; return False if a reader's stream ended too early.
 
-    Rows from PAD on of `image` are filled. `before`, the previous turn, has PAD empty rows at its
-    end, and `nearest` is the row of the nearest column there, or 0. A writer codes `source`.
+    Rows from PAD on of `image` are filled from `source`. `before`, the previous turn, has PAD empty
+    rows at its end; `nearest` is the row of the nearest column there, or 0.
     """
     is_unmixed = len(model.experts.every) == 0
     for column in range(PAD, len(image.ranges)):
@@ -454,7 +453,6 @@ def _write_contexts(
     model: RangeModel, image: RangeContext, before: RangeContext, c: int, laser: int, t: int,
     base: int, situation: int, mean: int,
 ) -> None:  # fmt: skip
-    """Write the contexts and rows of weights of a number's first decision into the mixer."""
     m, starts = model.value, model.starts
     unit = max(model.experts.scales[0, situation] * 3 >> 14, 1)
     centre = mean // FINE

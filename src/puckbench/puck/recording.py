@@ -1,6 +1,6 @@
 """Compression of recordings bit for bit: packets as turns, and all other bytes beside them.
 
-Packets are recognised by their content, in packet captures and in bags that are not compressed.
+Packets are recognised by their content.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ class _Counts:
 
 @dataclass(kw_only=True)
 class RecordingSummary(_Counts):
-    """Content of a recording, its bytes and those of its stream, in total and by kind of record."""
+    """Content of a recording, its bytes and those of its stream."""
 
     bytes: int = 0
     compressed: int = 0
@@ -128,10 +128,10 @@ class _Batch(_Counts):
 def compress(
     recording: Path, out: Path, options: CodingOptions | None = None, report: Report | None = None
 ) -> RecordingSummary:
-    """Compress a recording to a file from which `decompress` restores it bit for bit.
+    """Compress any file so that `decompress` restores it bit for bit.
 
-    Any file can be compressed: bytes outside of packets by LZMA. Lossy options raise InputError.
-    `report` receives the numbers of bytes done and of all bytes.
+    Packets are compressed as turns, other bytes by LZMA. Lossy options raise InputError. `report`
+    receives the numbers of bytes done and of all bytes.
     """
     options = options or CodingOptions()
     if options.step != 1 or not options.times or not options.reflectivities:
@@ -158,8 +158,7 @@ def decompress(
 ) -> RecordingSummary:
     """Restore the recording that `compress` read.
 
-    `trusted` allows a recording that is far larger than the limit for the stream's size. Raises
-    InputError if the stream is damaged, of another format or no recording.
+    `trusted` allows a recording that is far larger than the limit for the stream's size.
     """
     _check_different(path, out)
     try:

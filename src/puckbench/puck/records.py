@@ -52,10 +52,7 @@ def join_records(records: Iterable[Record]) -> bytes:
 
 
 def read_records(stream: IO[bytes]) -> Iterator[Record]:
-    """Yield the records of a stream up to and including its END record.
-
-    Raises InputError if the stream is of another format or version, damaged or truncated.
-    """
+    """Yield the records of a stream up to and including its END record."""
     head = stream.read(len(MAGIC) + 1)
     if head[: len(MAGIC)] != MAGIC:
         raise InputError("not a puck stream")

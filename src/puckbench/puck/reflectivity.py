@@ -1,7 +1,7 @@
 """Reflectivities of a turn: a byte for each firing, whether it returned or not.
 
-First a guess (the other return of the beam, or the last value without a return) may be confirmed;
-otherwise the bits of the value are coded. Names of rows and neighbours are those of `ranges`.
+A guess (the other return of the beam, or the last value without a return) may be confirmed;
+otherwise the value is coded. Names of rows and neighbours are those of `ranges`.
 """
 
 from __future__ import annotations
@@ -216,7 +216,6 @@ def _change(turn: ReflectivityContext, c: int, laser: int) -> int:
 def _write_features(
     model: ReflectivityModel, turn: ReflectivityContext, c: int, laser: int, t: int, west: int
 ) -> None:
-    """Write the features of the linear prediction: differences from the laser's last value."""
     x, held = model.linear.features, turn.held
     for k in range(4):
         x[k] = _difference(held[c - 2 - k, laser], west)

@@ -16,10 +16,7 @@ from puckbench.puck.turns import TurnDecoder, TurnEncoder, turn_step
 
 
 def encode_returns(returns: Returns, options: CodingOptions | None = None) -> bytes:
-    """Encode returns as one self-contained stream; lossless by default.
-
-    Raises InputError if the returns are too many for the bytes that they compress to.
-    """
+    """Encode returns as one self-contained stream; lossless by default."""
     encoder = TurnEncoder(returns.layout, options)
     turns = [encoder.encode(turn) for turn in returns.turns]
     stream = join_records(
@@ -34,10 +31,7 @@ def encode_returns(returns: Returns, options: CodingOptions | None = None) -> by
 
 
 def decode_returns(stream: bytes) -> Returns:
-    """Decode a stream of `encode_returns`.
-
-    Raises InputError if the stream is damaged, from another program, or a compressed recording.
-    """
+    """Decode a stream of `encode_returns`; raise InputError if it is damaged or different."""
     without_turns, bodies = _read(stream)
     decoder = TurnDecoder(without_turns.layout)
     return replace(without_turns, turns=tuple(decoder.decode(body) for body in bodies))
@@ -50,7 +44,6 @@ def range_steps(stream: bytes) -> list[float]:
 
 
 def _read(stream: bytes) -> tuple[Returns, list[bytes]]:
-    """Return the layout and beams as returns without turns, and the coded turns."""
     records = read_records(BytesIO(stream))
     layout = decode_layout(_body(records, RecordKind.LAYOUT))[0]
     without_turns = decode_beams(_body(records, RecordKind.BEAMS), layout)

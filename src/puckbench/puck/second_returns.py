@@ -56,9 +56,9 @@ def code_second_returns(
 ) -> bool:  # fmt: skip
     """Code the second ranges of a turn; return False if a reader's stream ended too early.
 
-    `ranges` and `first` (PAD + columns, lasers) are decoded second and first ranges; rows of
-    `ranges` from PAD on are filled. `then` and `then_first` are those of the previous turn,
-    `source` and `source_first` those that a writer codes.
+    `ranges` and `first` (PAD + columns, lasers) are second and first ranges; rows of `ranges` from
+    PAD on are filled. `then` and `then_first` are those of the previous turn, `source` and
+    `source_first` those that a writer codes.
     """
     step = model.step
     for c in range(PAD, len(ranges)):

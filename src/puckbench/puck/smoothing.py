@@ -1,11 +1,10 @@
 """Smoothing of decoded ranges: returns are moved along their rays to planes that fit neighbours.
 
-Biases of lasers are estimated from planes that several lasers hit, and subtracted. No return is
-moved out of its quantisation interval by more than three standard deviations of a range. If the
-returns of a plane scatter by more than the noise (leaves), they are moved less, in proportion.
+Biases of lasers are estimated from planes that several lasers hit, and subtracted. A return leaves
+its quantisation interval by at most three standard deviations of a range. If the returns of a plane
+scatter by more than the noise (leaves), they are moved less.
 
-Results do not depend on a linear algebra library, but the last bits depend on how a machine rounds
-sines and square roots.
+The last bits of results depend on how a machine rounds sines and square roots.
 """
 
 from __future__ import annotations
@@ -108,12 +107,10 @@ def smoothed_ranges(
     closes: bool,
     step_m: float,
 ) -> Floats:
-    """Return smoothed ranges of an image, m, from decoded ranges (lasers, columns), 0 for no
-    return.
+    """Return smoothed ranges of an image, m, from `coded` ranges (lasers, columns), 0 for none.
 
     Directions and origins of the beams are (lasers, columns, 3). Columns are `column` rad apart; in
-    a full turn (`closes`) the last is next to the first. Ranges have the quantisation step
-    `step_m`.
+    a full turn (`closes`) the last is next to the first. `step_m` is the quantisation step.
     """
     noise = _noise(coded)
     std = max(noise, step_m / np.sqrt(12))

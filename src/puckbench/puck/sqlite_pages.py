@@ -1,7 +1,7 @@
 """Page links of SQLite files (ROS 2 bags).
 
-SQLite stores long content in overflow pages, each of which begins with the number of the next page.
-These numbers are coded separately, so that packets are contiguous in the remaining bytes.
+Each overflow page begins with the number of the next page. These numbers are coded separately, so
+that packets are contiguous in the remaining bytes.
 """
 
 from __future__ import annotations

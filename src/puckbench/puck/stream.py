@@ -74,8 +74,7 @@ def encode_turns(
 def decode_turns(stream: bytes, first: int = 0, end: int | None = None) -> list[Turn]:
     """Decode turns `first` to before `end` of a stream, or of a compressed recording.
 
-    Decoding starts at the last key turn up to `first`. Raises InputError if the stream is damaged,
-    or of another format.
+    Decoding starts at the last key turn up to `first`.
     """
     layout: Layout | None = None
     bodies: list[tuple[Layout, bytes]] = []

@@ -1,7 +1,4 @@
-"""Estimation of the parameters of range errors from residuals of planes, measured or simulated.
-
-docs/explanation/sensor.md explains the model and its estimation.
-"""
+"""Estimation of the parameters of range errors (explained in docs/explanation/sensor.md)."""
 
 from puckbench.lidar.calibration.calibrating import Calibration, CalibrationOptions, calibrate
 from puckbench.lidar.calibration.files import model_file, write_calibration

@@ -27,17 +27,10 @@ FRAME, SPOT = "frame", "spot"
 class CalibrationOptions:
     """Interpretation of the residuals.
 
-    Parameters
-    ----------
-    cells
-        Groups of returns with a common bias. ``"frame"``: one laser in one frame, as in virtual
-        scans. ``"spot"``: one laser in one direction, for recordings of a sensor at rest; then
-        `frame_sigma_m` is the unevenness of the walls, planes follow only the means of rings, and
-        the mean bias of the lasers is assumed to be zero.
-    parameters
-        Names of the `Sigmas` to estimate; the others are zero.
-    quantum_m
-        Range quantum, m: 0.002 for a VLP-16, 0 for virtual scans without a receiver.
+    `cells` are groups of returns with a common bias: ``"frame"``, one laser in one frame (virtual
+    scans), or ``"spot"``, one laser in one direction (a sensor at rest). For spots, `frame_sigma_m`
+    is the unevenness of the walls, and the lasers' mean bias is assumed to be zero. `parameters`
+    names the `Sigmas` to estimate; the others are zero.
     """
 
     cells: str = FRAME
@@ -53,7 +46,7 @@ class CalibrationOptions:
 
 @dataclass(frozen=True)
 class Domain:
-    """Largest incidence angle, and shortest and longest range, of the residuals."""
+    """Limits of the residuals' incidence angles and ranges."""
 
     most_incidence_rad: float
     ranges_m: tuple[float, float]
@@ -63,8 +56,8 @@ class Domain:
 class Calibration:
     """Estimated parameters of range errors with 95 % intervals.
 
-    `biases` of the lasers `laser_ids` are relative to their mean, m, and empty for several devices;
-    `mean` is None if the planes absorb it.
+    `biases` of the lasers are relative to their mean, m, and empty for several devices; `mean` is
+    None if the planes absorb it.
     """
 
     sigmas: dict[str, Estimate]
@@ -82,8 +75,8 @@ def calibrate(
 ) -> Calibration:
     """Estimate the parameters of range errors from one table of residuals per device.
 
-    The estimate is that of restricted maximum likelihood (H. D. Patterson and R. Thompson,
-    "Recovery of inter-block information when block sizes are unequal", Biometrika 58, 1971).
+    The estimate is that of restricted maximum likelihood (Patterson and Thompson, "Recovery of
+    inter-block information when block sizes are unequal", Biometrika 58, 1971).
     """
     settings = settings or CalibrationOptions()
     seen = observations(tables, cells=settings.cells)

@@ -1,7 +1,4 @@
-"""Files of a calibration: residual tables and the model file.
-
-Model files contain rounded numbers and no date, so that equal tables give equal bytes.
-"""
+"""Files of a calibration: residual tables and the model file."""
 
 from __future__ import annotations
 
@@ -121,7 +118,7 @@ def _intervals(found: Calibration) -> dict[str, Any]:
 
 
 def _by_laser(found: Calibration) -> list[Estimate]:
-    """Return a bias for each laser id; without returns of a laser it is 0, within two sigmas."""
+    """Return a bias for each laser id; one without returns has 0, within two sigmas."""
     reach = 2 * found.sigmas["laser_sigma_m"].value if "laser_sigma_m" in found.sigmas else 0.0
     seen = dict(zip(found.laser_ids, found.biases, strict=True))
     unseen = Estimate(0.0, -reach, reach)

@@ -1,4 +1,4 @@
-"""Maximum-likelihood estimates of the sigmas of range errors, with 95 % intervals."""
+"""Maximum-likelihood estimates of the sigmas of range errors."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _SEARCHES, _NO_GAIN = 10, 1e-3
 
 @dataclass(frozen=True)
 class Estimate:
-    """A value and the ends of its 95 % interval, in the same unit."""
+    """A value and the ends of its 95 % interval."""
 
     value: float
     low: float
@@ -45,7 +45,7 @@ class Estimate:
 def free_parameters(seen: Observations, wanted: Sequence[str] = NAMES) -> tuple[str, ...]:
     """Return which of the requested parameters the observations can determine.
 
-    The sigma of a scan's bias, for example, needs two scans of a laser.
+    A scan's bias, for example, needs two scans of a laser.
     """
     for name in wanted:
         if name not in NAMES:
@@ -63,7 +63,6 @@ def free_parameters(seen: Observations, wanted: Sequence[str] = NAMES) -> tuple[
 
 
 def _check_features(seen: Observations, chosen: Sequence[int]) -> None:
-    """Raise InputError if incidence and range are collinear or constant."""
     features = seen.features[:, chosen]
     if np.linalg.cond(features / np.linalg.norm(features, axis=0)) > _MOST_CONDITION:
         raise InputError(
@@ -126,9 +125,8 @@ def intervals(
     """Return 95 % intervals of the estimated sigmas: m, m per rad^2, and m per m.
 
     They come from the curvature of the likelihood (observed Fisher information). A bias's sigma
-    with a standard error above 10 % has the interval of its profile likelihood, which is not
-    symmetric and ends at zero. `widening` is a factor for ray noise that is not Gaussian
-    (`RayShape.widening`).
+    with a standard error above 10 % has the interval of its profile likelihood, which ends at zero.
+    `widening` is a factor for ray noise that is not Gaussian (`RayShape.widening`).
     """
     deviance = _in_millimetres(likelihood, free, best)
     centre = _values(best, free)
@@ -144,7 +142,6 @@ def intervals(
 
 
 def interval(value: float, error: float) -> Estimate:
-    """Return the 95 % interval of a normal distribution with the standard error `error`."""
     value, reach = float(value), _NORMAL_95 * float(error)
     return Estimate(value, value - reach, value + reach)
 

@@ -1,7 +1,7 @@
 """Compiled loops of the likelihood: normal equations from which biases are eliminated.
 
-A return's row of the design matrix has five entries that are not zero: the basis (b0, b1, b2) of
-its plane, 1 for its laser, and 1 for its laser in its scan.
+A return's row of the design matrix has five entries: the basis (b0, b1, b2) of its plane, 1 for its
+laser, and 1 for its laser in its scan.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ def group_sums(
 
     With weight w = 1 / variance, basis b and error z these are w, w b (3), w b b (6), w z, w z b
     (3), w z z and the log variances. `values` are errors (n,), basis (n, 3) and features (n, 3);
-    `sigma` are the features' coefficients in a ray's sigma, m. `least` is its lower limit, and the
-    variance that is added to its square.
+    `sigma` are the features' coefficients in a ray's sigma, m. `least` is its lower limit, and an
+    added variance.
     """
     errors, basis, features = values
     for group in range(len(groups) - 1):
@@ -70,10 +70,10 @@ def absorb_cells(
 ) -> tuple[float, float]:
     """Add ``X' V^-1 X`` to `matrix` (p, p) and ``X' V^-1 z`` to `right` (p,).
 
-    The covariance V of the errors z has the rays' variances on its diagonal, and `variance`, that
-    of a cell's bias, m^2, between returns of a cell; the formula of Sherman and Morrison inverts
-    it. `codes` are each group's cell, surface, and columns of laser and of laser in scan. Returns
-    the decrease of ``z' V^-1 z`` and the increase of ``log |V|`` due to the cells.
+    The covariance V of the errors z has the rays' variances on its diagonal, and `variance` between
+    returns of a cell; the formula of Sherman and Morrison inverts it. `codes` are each group's
+    cell, surface, and columns of laser and of laser in scan. Returns the decrease of ``z' V^-1 z``
+    and the increase of ``log |V|`` due to the cells.
     """
     cell, surface, laser, scan = codes
     taken, added, first = 0.0, 0.0, 0
@@ -145,8 +145,7 @@ def _take_cell(
 def absorb_scans(core: int, variance: float, matrix: Floats, right: Floats) -> tuple[float, float]:
     """Eliminate the biases of lasers in scans, columns `core` and following, from the equations.
 
-    No equation contains two of these biases, so that each is eliminated by a division. Returns the
-    same terms as `absorb_cells`.
+    No equation contains two of them. Returns the same terms as `absorb_cells`.
     """
     taken, added = 0.0, 0.0
     for scan in range(core, len(matrix)):
@@ -166,7 +165,7 @@ def absorb_scans(core: int, variance: float, matrix: Floats, right: Floats) -> t
 def solved(matrix: Floats, right: Floats) -> tuple[float, float]:
     """Return ``log |A|`` and ``b' A^-1 b`` for a matrix A, or nan if it is not positive definite.
 
-    For a hundred rows, this Cholesky decomposition is faster than a library with threads.
+    For a hundred rows, this is faster than a library with threads.
     """
     size = len(matrix)
     lower, y = np.zeros((size, size)), np.zeros(size)

@@ -2,8 +2,8 @@
 
 The model is ``error = mean + laser bias + scan bias + frame bias + ray noise``. Biases are normal
 and are drawn per laser of a device, per laser and scan, and per laser and frame. The parameters of
-the planes and the mean have a flat prior (Patterson and Thompson 1971), so that fitting planes to
-the noise does not bias the sigmas.
+the planes and the mean have a flat prior, so that fitting planes to the noise does not bias the
+sigmas.
 """
 
 from __future__ import annotations
@@ -32,15 +32,9 @@ _LEAST_SIGMA_M = 1e-6
 class Sigmas:
     """Parameters of range errors.
 
-    The standard deviation of ray noise at incidence theta and range r is ``ray_sigma_m +
-    ray_incidence_m * theta^2 + ray_range * r``.
-
-    Parameters
-    ----------
-    laser_sigma_m
-        Standard deviation of a laser's bias from device to device, m.
-    scan_sigma_m, frame_sigma_m
-        Standard deviations of biases that are drawn for every scan and for every frame, m.
+    `laser_sigma_m`, `scan_sigma_m` and `frame_sigma_m` are standard deviations of a laser's bias
+    that is drawn for every device, scan and frame, m. That of ray noise at incidence theta and
+    range r is ``ray_sigma_m + ray_incidence_m * theta^2 + ray_range * r``.
     """
 
     laser_sigma_m: float = 0.0
@@ -75,8 +69,7 @@ class Equations:
 class RestrictedLikelihood:
     """Restricted likelihood of observations.
 
-    Rounding of ranges to multiples of `quantum_m` adds ``quantum_m^2 / 12`` to the variance of a
-    ray.
+    Rounding to multiples of `quantum_m` adds ``quantum_m^2 / 12`` to the variance of a ray.
     """
 
     seen: Observations
@@ -92,10 +85,7 @@ class RestrictedLikelihood:
         return found.log_determinant + determinant + found.squares - explained
 
     def biases(self, sigmas: Sigmas) -> tuple[Floats, Floats]:
-        """Return the best linear unbiased prediction of the lasers' biases, m, and its covariance.
-
-        A part that the residuals do not determine is zero.
-        """
+        """Return the best linear unbiased prediction of the lasers' biases, m, and covariance."""
         found, planes = self._mixed(sigmas), 3 * self.seen.surfaces
         covariance = np.linalg.inv(found.matrix)
         parts = self._in_parts(np.eye(planes + len(self.seen.laser_ids)), sigmas)[:, planes:].T

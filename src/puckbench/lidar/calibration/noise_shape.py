@@ -1,7 +1,6 @@
 """Distribution of ray noise, Gaussian or Laplace, and its kurtosis.
 
-Successive returns of a laser on a surface share bias and plane, so that only the noise of two rays
-remains in their difference.
+The difference of successive returns of a laser on a surface contains ray noise only.
 """
 
 from __future__ import annotations
@@ -30,7 +29,7 @@ class RayShape:
         """Factor by which standard errors of a sigma exceed those under Gaussian noise.
 
         The variance of a scale's score ``e^2 - 1`` is the kurtosis minus one, and 2 for Gaussian
-        noise (White 1982).
+        noise.
         """
         return float(np.sqrt(max(self.kurtosis - 1, 0.5) / 2))
 

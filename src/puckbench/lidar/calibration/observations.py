@@ -2,8 +2,7 @@
 
 The range error is the distance of the measured point from the ray's intersection with the fitted
 plane. A plane at distance h with normal n meets a ray d at the range r with ``1 / r = n d / h``.
-Since this is linear in d, a small error of the plane changes the range by ``r^2 d`` times three
-unknown numbers.
+Therefore a small error of the plane changes the range by ``r^2 d`` times three unknown numbers.
 """
 
 from __future__ import annotations
@@ -48,13 +47,13 @@ class Observations:
     basis
         (n, 3) coefficients of the surface's plane.
     features
-        (n, 3) 1, squared incidence (rad^2) and range (m), on which a ray's sigma depends.
+        (n, 3) 1, squared incidence (rad^2) and range (m).
     groups
         (g + 1,) first row of each group, and the end.
     surface, laser, scan, cell
         (g,) codes from 0; `scan` is one laser in one scan.
     tells_mean
-        Whether the mean bias of the lasers can be separated from the planes.
+        Whether the lasers' mean bias can be separated from the planes.
     """
 
     error: Floats
@@ -87,11 +86,7 @@ class Observations:
 
 
 def observations(tables: Sequence[pd.DataFrame], *, cells: str = "frame") -> Observations:
-    """Return range errors from residual tables, one per device.
-
-    `cells` is ``"frame"``, or ``"spot"`` for a sensor at rest, whose laser meets the same spot in
-    every turn.
-    """
+    """Return range errors from one residual table per device; `cells` is ``frame`` or ``spot``."""
     if not tables:
         raise InputError("a calibration needs at least one residual table")
     for table in tables:
@@ -136,7 +131,7 @@ def _along_rays(rows: pd.DataFrame) -> pd.DataFrame:
 def _heights(rows: pd.DataFrame) -> Floats:
     """Return the distance from the sensor to each fitted plane, m, (n,).
 
-    It is a median, since recorded ranges do not start at the sensor's origin (vertical correction).
+    It is a median, since recorded ranges do not start at the sensor's origin.
     """
     names = ["range_m", "plane_u_m", "plane_v_m", "residual_m"]
     far, u, v, residual = rows[names].to_numpy(dtype=np.float64).T

@@ -17,7 +17,6 @@ class BeamOfWidth(Vlp16):
     """Full width of the beam; none: the sensor's divergence."""
 
     def beam_widths_deg(self, sensor: Sensor) -> tuple[float, float]:
-        """Return the full widths of the beam in yaw and pitch."""
         yaw, pitch = self.yaw_width_deg, self.pitch_width_deg
         return (
             sensor.divergence_horizontal_deg if yaw is None else yaw,

@@ -42,7 +42,6 @@ class BeamFootprint(BeamOfWidth):
     a 6 ns pulse, that of the VLP-16."""
 
     def perturb_rays(self, rays: Rays, sensor: Sensor, draws: Draws) -> Rays:
-        """Return the rays of all beams, beam by beam: (frames, steps, lasers * sub_rays)."""
         turn = draws.running("footprint").random(rays.yaw.shape)[..., None] * (2 * np.pi)
         order = np.arange(self.sub_rays)
         radius = np.sqrt((order + 0.5) / self.sub_rays)

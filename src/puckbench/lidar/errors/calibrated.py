@@ -103,7 +103,6 @@ class Calibrated(ErrorModel):
         return np.maximum(sigma + self.ray_range * far, 0.0)
 
     def _bias(self, frames: int, sensor: Sensor, draws: Draws) -> Floats:
-        """Return the bias of each laser in each frame, (frames, lasers), m."""
         lasers = sensor.lasers
         fixed = self._device(lasers, draws)
         fixed += draws.fixed("scan").standard_normal(lasers) * self.scan_sigma_m

@@ -56,8 +56,8 @@ class Hits:
 class Draws:
     """Named random streams of one scan, with a key that is drawn from its generator.
 
-    Streams continue from call to call, so that results do not depend on the number of frames in a
-    call, if a hook uses each stream for one purpose and draws a fixed number per ray or frame.
+    Streams continue from call to call. If a hook uses each stream for one purpose and draws a fixed
+    number per ray or frame, results do not depend on the number of frames in a call.
     """
 
     def __init__(self, rng: np.random.Generator) -> None:
@@ -108,16 +108,14 @@ class ErrorModel(Model):
     def perturb_ranges(self, hits: Hits, sensor: Sensor, draws: Draws) -> Floats:
         """Return the measured distances, m, in the shape of the true ones, ``hits.distance``.
 
-        A distance that is not finite is not a return: a miss remains a miss, and a model can remove
-        returns (attenuation, raydrop).
+        A distance that is not finite is not a return: a miss, or a return that the model removes.
         """
         return hits.distance
 
     def lift_points(self, hits: Hits, sensor: Sensor, draws: Draws) -> Floats | None:
-        """Return by how much measured points move along the true normal, m, or None for 0.
+        """Return displacements of measured points along the true normal, towards the sensor, m.
 
-        The points are those of `perturb_ranges`, and their distances are updated. Values count
-        towards the sensor, have the shape of ``hits.distance``, and are finite for a miss too.
+        They have the shape of ``hits.distance``, and are finite for a miss too; None stands for 0.
         """
         return None
 

@@ -1,5 +1,3 @@
-"""Gaussian and Laplace noise in units of their scale parameters."""
-
 from __future__ import annotations
 
 from collections.abc import Callable
@@ -22,7 +20,6 @@ def standard_noise(
 ) -> Floats:
     """Draw independent numbers with mean 0 and scale 1.
 
-    The scale is sigma of a Gaussian and, as in BlenSor, b of a Laplace distribution, whose standard
-    deviation is sqrt(2) b.
+    The scale is sigma of a Gaussian and, as in BlenSor, b of a Laplace distribution.
     """
     return _DRAW[distribution](stream, shape)

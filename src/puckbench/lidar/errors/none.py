@@ -1,5 +1,3 @@
-"""No errors: the null strategy."""
-
 from __future__ import annotations
 
 from puckbench.lidar.errors.model import ErrorModel

@@ -63,7 +63,6 @@ class Receiver(Model):
         return np.asarray(far & (self._reflectivity(hits, far) < needed))
 
     def _reflectivity(self, hits: Hits, where: NDArray[np.bool_]) -> Floats:
-        """Return the reflectivity at hits, undefined except at `where`."""
         if not self.reflectivity:
             return np.full(hits.distance.shape, self.default_reflectivity)
         if hits.surfaces is None:

@@ -1,5 +1,3 @@
-"""Registry of error models."""
-
 from __future__ import annotations
 
 from collections.abc import Mapping
@@ -21,7 +19,7 @@ def error_model_names() -> list[str]:
 def open_error_model(name: str, options: Mapping[str, Any] | None = None) -> ErrorModel:
     """Open a registered error model, ``module:Class`` or ``path/to/file.py:Class``.
 
-    Options are parameters that differ from the defaults; ``receiver`` has those of a `Receiver`.
+    The option ``receiver`` has the parameters of a `Receiver`.
     """
     kind = ERROR_MODELS.get(name)
     if not (isinstance(kind, type) and issubclass(kind, ErrorModel)):
@@ -36,5 +34,4 @@ def open_error_model(name: str, options: Mapping[str, Any] | None = None) -> Err
 
 
 def module_of_model(model: ErrorModel) -> str:
-    """Return the name of the module that defines a model, without its receiver."""
     return type(model.model if isinstance(model, Received) else model).__module__

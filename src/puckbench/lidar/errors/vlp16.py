@@ -51,7 +51,6 @@ class Vlp16(ErrorModel):
         return self.ray_sigma_m
 
     def _bias(self, frames: int, sensor: Sensor, draws: Draws) -> Floats:
-        """Return the bias of each laser in each frame, (frames, lasers)."""
         if self.bias_redrawn == "scan":
             lasers = (sensor.lasers,)
             bias = standard_noise(draws.fixed("bias"), lasers, self.bias_distribution)

@@ -48,7 +48,6 @@ class PayloadKind(IntEnum):
 
 
 def payload_kinds(payloads: NDArray[np.uint8]) -> NDArray[np.int8]:
-    """Return the `PayloadKind` of payloads (p, 1206)."""
     packets = np.ascontiguousarray(payloads).view(PACKET)[:, 0]
     flags = (packets["blocks"]["flag"] == FLAG).sum(axis=1)
     is_known = np.isin(packets["product"], list(PRODUCTS)) & np.isin(packets["mode"], list(MODES))
@@ -62,8 +61,8 @@ def payload_kinds(payloads: NDArray[np.uint8]) -> NDArray[np.int8]:
 def packets_of_capture(capture: Capture, name: str | None = None) -> PacketLog:
     """Return the undamaged data packets of one stream of a capture.
 
-    A stream is named ``sender:port to receiver:port``, or by the beginning of this; None is the
-    only stream with data packets. `about` counts what is left out (`LEFT_OUT`).
+    A stream is named ``sender:port to receiver:port``, or by the beginning of this. `about` counts
+    what is left out (`LEFT_OUT`).
     """
     sized = [datagram for datagram in capture.datagrams if datagram.length == PACKET_BYTES]
     payloads = joined([datagram.payload for datagram in sized], [], {}).payloads
@@ -81,10 +80,7 @@ def packets_of_capture(capture: Capture, name: str | None = None) -> PacketLog:
 def whole_packets(
     payloads: Sequence[bytes], received: Sequence[float], about: dict[str, Any]
 ) -> PacketLog:
-    """Return the distinct undamaged packets among payloads of 1,206 bytes, and count the others.
-
-    Different packets of a sensor have different times, so equal ones are repetitions.
-    """
+    """Return the distinct undamaged packets among payloads of 1,206 bytes, and count the others."""
     first: dict[bytes, float] = {}
     for payload, time in zip(payloads, received, strict=True):
         first.setdefault(payload, time)
@@ -104,7 +100,6 @@ def whole_packets(
 
 
 def log_left_out(path: Path, about: Mapping[str, Any]) -> None:
-    """Log a warning that lists what was left out of a recording."""
     parts = [f"{what} ({about[name]:,})" for name, what in LEFT_OUT.items() if about.get(name)]
     if parts:
         logging.getLogger(__name__).warning("%s: left out %s", path, ", ".join(parts))

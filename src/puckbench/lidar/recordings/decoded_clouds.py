@@ -47,9 +47,8 @@ def read_points(
     Lasers come from the column `laser_id`, `laser` or `label`, or from `ring` or `channel`, which
     number lasers by elevation; the first one is used in which points lie on the cones of their
     lasers. Azimuths count clockwise from y; distances follow from the horizontal range and the
-    laser's nominal elevation. Turn and kind of return are 0. Points that are not finite, or at the
-    origin, are left out and counted as missing returns. The default sensor is the VLP-16, and the
-    default time unit is inferred.
+    laser's nominal elevation. Points that are not finite, or at the origin, are left out. The
+    default sensor is the VLP-16, and the default time unit is inferred.
     """
     device = sensor or load_sensor("vlp16")
     columns, counts = _without_missing(path, _READERS[path.suffix.lower()](path))
@@ -135,7 +134,6 @@ def _check_cones(xyz: Floats, lasers: NDArray[np.intp], sensor: Sensor) -> None:
 
 
 def _seconds(path: Path, columns: Columns, azimuth: Floats, unit: TimeUnit | None) -> Floats:
-    """Return the times of points in s, or zeros; log the inferred unit if it is not s."""
     name, times = _numbers(columns, _TIMES)
     inferred = unit or unit_of(times, azimuth)
     if inferred is None:

@@ -1,7 +1,7 @@
-"""Conversion between data packets of Velodyne's spinning sensors and turns, in both directions.
+"""Conversion between data packets of Velodyne's spinning sensors and turns.
 
-The packets of the VLP-16, the Puck Hi-Res and the HDL-32E have the same format (VLP-16 User Manual
-63-9243 Rev. E, chapter 9; HDL-32E User Manual 63-9113 Rev. M, appendix C).
+The VLP-16, the Puck Hi-Res and the HDL-32E have the same format (VLP-16 User Manual 63-9243 Rev. E,
+chapter 9; HDL-32E User Manual 63-9113 Rev. M, appendix C).
 """
 
 from __future__ import annotations

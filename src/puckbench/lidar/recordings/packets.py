@@ -1,8 +1,7 @@
 """Decoding of VLP-16 data packets into a table of returns.
 
 A packet has 12 blocks of an azimuth (0.01 degrees) and two firings of 16 lasers (distance in 2 mm,
-reflectivity), and the time of its first firing in microseconds past the hour (VLP-16 User Manual
-63-9243 Rev. E, chapter 9).
+reflectivity), and the time of its first firing (VLP-16 User Manual 63-9243 Rev. E, chapter 9).
 """
 
 from __future__ import annotations
@@ -85,7 +84,7 @@ def decode_packets(payloads: NDArray[np.uint8], sensor: Sensor | None = None) ->
     The azimuth of a firing is interpolated between its block and the next. With range R, elevation
     w and azimuth a, x = R cos(w) sin(a), y = R cos(w) cos(a), z = R sin(w) + the laser's vertical
     correction. Two equal returns of a beam are one row. The default sensor is the one that the
-    packets name. Raises InputError for damaged packets, another sensor, or several return modes.
+    packets name.
     """
     packets = np.ascontiguousarray(payloads).view(PACKET)[:, 0]
     mode = _checked_mode(packets)
@@ -196,8 +195,7 @@ def _by_firing(returns: NDArray[Any], mode: int) -> NDArray[Any]:
 def _kinds(distance: NDArray[np.uint16], mode: int) -> NDArray[np.int16]:
     """Return the kind of each return, in the shape of `distance`; -1 for a repeated return.
 
-    Blocks of a dual packet are pairs of the last return and the strongest (if that is the last, the
-    second strongest).
+    In dual mode, the last return comes before the strongest (or the second strongest).
     """
     kinds = np.full(distance.shape, LAST if MODES[mode] == "last" else STRONGEST, dtype=np.int16)
     if _dual(mode):

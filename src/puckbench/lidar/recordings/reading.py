@@ -59,19 +59,12 @@ def read_recording(
     path
         A packet capture (.pcap, .pcapng), a ROS bag (.bag, .db3, .mcap, or its folder), a cloud
         (see `decoded_clouds.read_points`), or a table of `write_returns` (.parquet).
-    sensor
-        None for the one that the packets or the table name.
+    sensor, time_unit
+        None for what the recording states or suggests.
     start_s, end_s
         Interval to read, in seconds after the first packet or point.
     stream, source
         See `read_packets`.
-    time_unit
-        Unit of a cloud's times; None to infer it.
-
-    Raises
-    ------
-    InputError
-        The file cannot be read, or has no return of these sensors.
     """
     source = source or path
     try:
@@ -108,12 +101,8 @@ def read_turns(
 def read_packets(path: Path, stream: str | None = None, source: Path | None = None) -> PacketLog:
     """Read the undamaged data packets of a packet capture or a ROS bag, and log what was left out.
 
-    Parameters
-    ----------
-    stream
-        Stream of a packet capture, such as ``192.168.1.201:2368``; None for the only one.
-    source
-        File to name in messages and in `about`, if `path` is a temporary copy of it.
+    `stream` selects one of a packet capture, such as ``192.168.1.201:2368``. Messages name `source`
+    in place of a temporary copy `path`.
     """
     source = source or path
     with naming(source):

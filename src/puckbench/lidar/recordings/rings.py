@@ -2,8 +2,7 @@
 
 The points of one laser form a ring. Elevation, height, distance from the sensor's axis, and angle
 relative to the rotary encoder are fitted to it (Velodyne HDL-64E S2 User's Manual 63-HDL64ES2,
-Appendix F). A point then is a step of the encoder and a range. If firings without a return show the
-correction for a car's motion, it is undone first.
+Appendix F). A point then is a step of the encoder and a range.
 """
 
 from __future__ import annotations
@@ -76,8 +75,7 @@ def recovered_returns(
     """Recover returns from the points of a frame, and fit the beams of the lasers.
 
     Points (n, 3), m, are in the frame of a sensor that rotates counter-clockwise (x right, y
-    forward), and the rotary encoder has steps of whole hundredths of a degree. Raises InputError if
-    the points of a ring are too few or fit no laser.
+    forward), and the rotary encoder has steps of whole hundredths of a degree.
     """
     level = np.hypot(xyz[:, 0], xyz[:, 1])
     azimuth = np.mod(np.arctan2(-xyz[:, 0], xyz[:, 1]), 2 * np.pi)
@@ -106,8 +104,8 @@ def recovered_firings(xyz: Floats, sensor: str) -> RecoveredReturns:
     """Recover returns from a frame with all firings of a sensor that rotates clockwise.
 
     Points (columns, lasers, 3), m, are in the sensor's frame (x right, y forward) at the end of the
-    turn. If the motion of the car was corrected, firings without a return (range 0) lie where the
-    sensor was at that time; the motion that they determine is undone.
+    turn. A correction for the motion of the car is determined from firings without a return (range
+    0), and undone.
     """
     columns, lasers = xyz.shape[:2]
     left = 1 - np.arange(columns) / max(columns - 1, 1)
@@ -137,7 +135,7 @@ def recovered_firings(xyz: Floats, sensor: str) -> RecoveredReturns:
 def _first_place(xyz: Floats, left: Floats) -> Floats:
     """Return the sensor's position (3,) at the first firing, from firings of range 0; 0 if none.
 
-    These are points that several lasers of a column share, on a straight line to the origin.
+    These are points that several lasers of a column share.
     """
     same = [np.unique(np.round(column, 4), axis=0, return_counts=True) for column in xyz]
     places = np.array([points[np.argmax(counts)] for points, counts in same])

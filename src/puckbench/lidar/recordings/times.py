@@ -25,9 +25,8 @@ _DAY_S = 86400.0
 def unit_of(times: NDArray[Any], azimuth: Floats) -> TimeUnit | None:
     """Return the unit of times (n,), or None if it cannot be inferred.
 
-    It is the unit in which the azimuths (n,), rad, rotate about ten times a second; otherwise the
-    unit in which times since 1970 lie in this century; otherwise seconds, unless the times are
-    different integers.
+    In this unit the azimuths (n,), rad, rotate about ten times a second, or else times since 1970
+    lie in this century. Otherwise it is s, unless the times are different integers.
     """
     unit = _unit_by_rotation(times, azimuth) or _unit_since_1970(times)
     is_whole = times.dtype.kind in "iu" and np.ptp(times) > 0

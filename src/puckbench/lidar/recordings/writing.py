@@ -50,9 +50,9 @@ def write_pcap(path: Path, table: ScanTable, noisy: bool = True) -> dict[str, in
 def scan_packets(table: ScanTable, noisy: bool = True) -> PacketLog:
     """Return the packets of a scan, with columns in the order in which a real sensor fires them.
 
-    A real VLP-16 rotates clockwise, also while its lasers fire one after the other. The virtual one
-    rotates counter-clockwise and fires a column at one azimuth. Therefore the columns of a turn are
-    reversed, and each becomes two blocks of equal azimuth, so that a decoder interpolates none.
+    A real VLP-16 rotates clockwise, also while its lasers fire. The virtual one rotates
+    counter-clockwise and fires a column at one azimuth. Therefore the columns of a turn are
+    reversed, and each becomes two blocks of equal azimuth.
     """
     rotation_hz = _rotation_hz(table)
     centidegrees = np.rint(-np.degrees(table["yaw"]) * 100).astype(np.int64) % CENTIDEGREES

@@ -1,8 +1,7 @@
 """Detection of walls, floors and ceilings in a recording of a sensor at rest.
 
 A plane is a connected patch of pixels of the range image, nearly all of whose returns are on it.
-Returns at grazing incidence are not used, since the rings of horizontal lasers would form a floor
-at the height of the sensor.
+Without the limit of incidence, the rings of horizontal lasers would form a floor.
 """
 
 from __future__ import annotations
@@ -90,7 +89,7 @@ class PlaneSearch(Model):
 class DetectedPlane:
     """A plane with its normal towards the sensor, and rows (n,) of the returns on it.
 
-    `width_m` is the horizontal extent of these returns, `height_m` the extent perpendicular to it.
+    Their extents are horizontal (`width_m`) and perpendicular to it (`height_m`).
     """
 
     kind: str
@@ -166,7 +165,6 @@ def fault_of(table: RecordedReturns, surface: DetectedPlane, search: PlaneSearch
 
 
 def least_returns(table: RecordedReturns, search: PlaneSearch) -> int:
-    """Return the number of returns that a plane must have in all turns together."""
     return search.least_returns * len(np.unique(table["turn"]))
 
 
@@ -192,8 +190,6 @@ def kind_of(plane: Plane, search: PlaneSearch) -> str:
 
 @dataclass(frozen=True)
 class _View:
-    """Points, azimuths and range image of a recording, and limits of the search."""
-
     points: Floats
     azimuth: Floats
     image: RangeImage

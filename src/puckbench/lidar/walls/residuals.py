@@ -36,10 +36,7 @@ from puckbench.lidar.walls.stillness import SHIFT_M, Still, still_rows
 
 
 class Crop(Model):
-    """A plane selected by a box in the sensor's frame: two corners, m.
-
-    The box should exclude the edges of the surface, where returns are mixed.
-    """
+    """A plane selected by a box in the sensor's frame: two corners, m."""
 
     surface: Literal["wall", "floor", "ceiling"]
     box: tuple[tuple[float, ...], ...]
@@ -126,7 +123,6 @@ def recorded_planes(
     """Read a recording, crop it to an interval at rest, and find its planes.
 
     In dual return mode only beams with a single return are used, since the others hit an edge.
-    Messages name `source` in place of a temporary copy `path`.
     """
     sensor = load_sensor(options.sensor) if options.sensor else None
     start, end = options.still_s or (0.0, math.inf)
@@ -145,8 +141,7 @@ def recorded_planes(
 def recording_residuals(planes: RecordedPlanes) -> pd.DataFrame:
     """Return the residual table of a recording.
 
-    `distance_m` is the distance of the plane from the sensor, rounded to 1 cm, `run` the number of
-    the plane from 1, and `frame` the turn.
+    `run` is the number of the plane from 1, and `frame` the turn.
     """
     parts = [
         _rows_of(planes.table.select(surface.rows), surface, number)

@@ -1,7 +1,7 @@
 """Ray noise and laser biases in recordings of a sensor at rest.
 
 A deviation is the measured range minus that of the plane along the ray. Ray noise is the spread of
-one laser's deviations in one direction between turns, independent of the shape of the wall.
+one laser's deviations in one direction between turns.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ _LEAST_RETURNS, _LEAST_COMMON_LASERS = 20, 6
 class RayNoise:
     """Spread of deviations between turns, by laser and azimuth bin.
 
-    `median_std_m`, the median of the bins' standard deviations, is too small for Gaussian noise by
-    17 % with three turns and 4 % with ten; `sigma_m`, from pooled variances, is not.
+    The median of the bins' standard deviations is too small for Gaussian noise, by 17 % with three
+    turns and 4 % with ten; `sigma_m`, from pooled variances, is not.
     """
 
     median_std_m: float
@@ -79,7 +79,7 @@ def ray_noise(
 ) -> RayNoise | None:
     """Return the spread of deviations (n,) between turns, in bins of laser and azimuth.
 
-    Returns None if no bin has returns in `least_turns` turns, or the step is unknown (nan).
+    Returns None if no bin has returns in `least_turns` turns, or the step is unknown.
     """
     if len(deviation) == 0 or np.isnan(step_rad):
         return None

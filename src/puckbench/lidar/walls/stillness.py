@@ -61,9 +61,8 @@ def still_rows(table: RecordedReturns, limit_m: float = SHIFT_M) -> tuple[Record
 def turn_shift(reference: RecordedReturns, other: RecordedReturns) -> float:
     """Return the difference of distances between two turns, m; infinite with too few returns.
 
-    Distances of one laser are interpolated to the same azimuth. Medians in sectors of 10 degrees
-    average out noise; the third quartile of their absolute values detects a moving sensor, but not
-    a passing person.
+    Distances of one laser are interpolated to the same azimuth. Medians in sectors average out
+    noise; their third quartile detects a moving sensor, but not a passing person.
     """
     change, azimuth = _changes(reference, other)
     sector = np.floor(azimuth * (_SECTORS / math.tau)).astype(np.intp) % _SECTORS
