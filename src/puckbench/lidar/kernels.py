@@ -21,7 +21,7 @@ _LEAST_COSINE = 1e-9
 def fill_planes(
     vertices: Floats, triangles: NDArray[np.int64], origin: Floats, planes: Floats
 ) -> None:
-    """Fill `planes` (t, 4) with unit normals (0 without area) and distances from `origin`."""
+    """Fill `planes` (t, 4) with unit normals and distances from `origin`; 0 for no area."""
     for t in range(len(triangles)):
         a, b, c = vertices[triangles[t, 0]], vertices[triangles[t, 1]], vertices[triangles[t, 2]]
         x1, y1, z1 = b[0] - a[0], b[1] - a[1], b[2] - a[2]

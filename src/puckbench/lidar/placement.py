@@ -16,7 +16,7 @@ from puckbench.lidar.raycast import RayCaster
 INSIDE = 0.5
 """A sensor is inside a scene if more than this share of all directions meets it."""
 
-# A closer sensor touches the surface, of which rounding errors decide which side it sees.
+# A closer sensor touches the surface: rounding errors decide which side it sees.
 _LEAST_CLEARANCE_M = 1e-3
 # If all surfaces are closer, the sensor is inside an object.
 _LEAST_REACH_M = 1.0
@@ -85,7 +85,7 @@ def _world(caster: RayCaster, place: Floats) -> list[float]:
 
 
 _GRID = 100
-# Mostly the first few hundred spots suffice; distances to all would take seconds in a big scene.
+# The first few hundred places usually suffice; distances from all would take seconds.
 _AT_A_TIME = 256
 
 

@@ -250,6 +250,6 @@ def _about(sensor: Sensor, sweep: Sweep, model: ErrorModel, origin: Floats) -> d
         "errors": described(model),
         "origin": origin.tolist(),
     }
-    # With lists for tuples, as a file returns it.
+    # With lists instead of tuples, as read from a file.
     as_read: dict[str, Any] = json.loads(json.dumps(about))
     return as_read

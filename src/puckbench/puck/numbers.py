@@ -24,7 +24,7 @@ from puckbench.puck.experts import FINE, Experts, narrow, write_logits
 FARTHEST = (1 << 16) - 1
 """The largest range of a packet."""
 NODES = 64
-"""Kinds of decisions, which have contexts and weights of their own."""
+"""Number of kinds of decisions, each with its contexts and weights."""
 _STEPS = 11
 _LATER_HALVINGS = 62
 

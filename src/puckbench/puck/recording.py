@@ -246,9 +246,9 @@ class _PacketEncoder:
     def batches(
         self, data: Bytes, places: NDArray[np.int64], report: Callable[[int], None]
     ) -> Iterator[_Batch]:
-        """Encode packets as turns; then all bytes by LZMA; then all bytes uncompressed.
+        """Yield three encodings: packets as turns, all bytes by LZMA, all bytes uncompressed.
 
-        The last batch always fits the limits.
+        The last one always fits the limits.
         """
         yield self._batch(data, places, report)
         self._turns = None

@@ -21,7 +21,7 @@ Coarsely quantised scans without noise have few bits per range.
 _SMALL_BYTES, _MANY_RANGES = 1 << 20, 6 << 20
 """A stream of up to 1 MiB holds at most 6 Mi ranges: some seconds of a recording."""
 _RANGES_PER_TURN = 1024
-"""What a turn without any range counts: a key turn of two returns takes 1 ms to decode."""
+"""Ranges that are added for each turn, since even a key turn of two takes 1 ms to decode."""
 
 
 def count_ranges(layout: Layout, body: bytes) -> int:

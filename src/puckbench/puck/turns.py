@@ -147,7 +147,7 @@ class TurnDecoder:
         state = self._state
         if state is None or (step, effort) != (state.step, state.effort):
             raise InputError("the turn needs the turn before it")
-        self._state = None  # a damaged turn leaves models that no further turn may use
+        self._state = None  # no other turn may use the models of a damaged turn
         coded, times = _code_turn(state, _blank(blocks, self.layout), flags, _PartReader(reader))
         if reader.rest():
             raise InputError("the stream is damaged (a turn's length)")

@@ -88,13 +88,13 @@ def described_table(path: Path) -> dict[str, str]:
 def _parameters(found: Calibration) -> dict[str, Any]:
     sigmas = {name: _rounded(one.value) for name, one in found.sigmas.items()}
     if found.settings.cells == SPOT:
-        # The walls' unevenness is no error of the sensor.
+        # The unevenness of the walls is not an error of the sensor.
         sigmas.pop("frame_sigma_m", None)
     mean = found.mean
     parameters: dict[str, Any] = {
         **sigmas,
         "ray_distribution": found.shape.distribution,
-        # A mean that does not differ from zero is what the planes could have followed.
+        # A mean that does not differ significantly from zero may be an effect of the planes.
         "range_mean_m": 0.0 if mean is None or mean.low <= 0 <= mean.high else _rounded(mean.value),
         "most_incidence_rad": _rounded(found.domain.most_incidence_rad),
         "ranges_m": [_rounded(one) for one in found.domain.ranges_m],
@@ -118,7 +118,7 @@ def _intervals(found: Calibration) -> dict[str, Any]:
 
 
 def _by_laser(found: Calibration) -> list[Estimate]:
-    """Return a bias for each laser id; one without returns has 0, within two sigmas."""
+    """Return a bias for each laser id; for a laser without returns it is 0 +- two sigmas."""
     reach = 2 * found.sigmas["laser_sigma_m"].value if "laser_sigma_m" in found.sigmas else 0.0
     seen = dict(zip(found.laser_ids, found.biases, strict=True))
     unseen = Estimate(0.0, -reach, reach)

@@ -19,17 +19,17 @@ from puckbench.lidar.calibration.likelihood import (
 )
 from puckbench.lidar.calibration.observations import Observations
 
-# A parameter is outside its 95 % interval where the deviance is greater by this (chi squared, 1).
+# Increase of the deviance at the ends of a 95 % interval (chi squared, one degree of freedom).
 DEVIANCE_95 = 3.841458820694124
 _NORMAL_95 = 1.959963984540054
-# Above this relative error a sigma's likelihood is not symmetric: its profile gives the interval.
+# Above this relative standard error a sigma's likelihood is not symmetric: the profile is used.
 _SHARP = 0.1
 _MM = 1e-3
-# Of what a ray's sigma depends on, each scaled to the length of one: beyond it they are the same.
+# Condition number of the scaled features of a ray's sigma, above which they are collinear.
 _MOST_CONDITION = 1e4
-# Deviance of a step of the search so far off that rounding hides the planes: it is never taken.
+# Deviance of a step that is so large that the equations become singular: it is rejected.
 _TOO_FAR = 1e9
-# Searches at most after the first, each of which lowers the deviance by more than this.
+# Limit of further searches, and the least decrease of the deviance for another one.
 _SEARCHES, _NO_GAIN = 10, 1e-3
 
 
@@ -86,14 +86,14 @@ def fit(
     def above(values: Floats) -> float:
         try:
             return deviance(values) - lowest
-        except InputError:  # the first sigmas did tell the planes from the biases
+        except InputError:  # only a step that is too large does not separate planes and biases
             return _TOO_FAR
 
     bounds = [(0.0, None) if name in BIASES else (None, None) for name in free]
     best = _searched(above, _values(first, free), np.ones(len(free)), bounds)
     for _ in range(_SEARCHES):
-        # In millimetres some sigmas are known ten thousand times better than others: a search may
-        # end on a slope that it does not see. In steps that raise the deviance alike it goes on.
+        # Some sigmas are ten thousand times more precise than others, so that a search in
+        # millimetres may stop too early. It continues in steps that raise the deviance equally.
         steps = np.array([_step(above, best, i) for i in range(len(free))])
         again = _searched(above, best, steps, bounds)
         if above(again) > above(best) - _NO_GAIN:
@@ -108,7 +108,7 @@ def _searched(
     """Return the minimum that a search from `start` finds, with variables scaled by `units`."""
     from scipy import optimize
 
-    minimize: Any = optimize.minimize  # its stubs know no pairs as bounds
+    minimize: Any = optimize.minimize  # its stubs do not allow pairs as bounds
     found = minimize(
         lambda values: above(values * units),
         start / units,
@@ -221,7 +221,7 @@ def _profile(
     """Return the interval of one bias's sigma, from the profile over those of the other biases."""
     from scipy.optimize import brentq
 
-    # The rays' sigma is known thousands of times better: it can stay.
+    # The rays' sigma is thousands of times more precise, and fixed.
     others = tuple(one for one in free if one in BIASES and one != name)
     lowest, value = likelihood.deviance(best), float(getattr(best, name))
 

@@ -52,7 +52,7 @@ class Sigmas:
 
 NAMES = tuple(one.name for one in fields(Sigmas))
 BIASES, RAYS = NAMES[:3], NAMES[3:]
-"""The sigmas of biases, which are not below zero and may be zero, and what makes a ray's."""
+"""The sigmas of biases, at least 0, and the parameters of ray noise."""
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ import numpy as np
 from puckbench.geometry.cloud import Floats
 from puckbench.lidar.calibration.likelihood import RestrictedLikelihood, Sigmas
 
-# The standard deviation of Laplace noise is the root of two times its b.
+# The standard deviation of a Laplace distribution is sqrt(2) b.
 _ROOT = np.sqrt(2.0)
 
 
@@ -40,7 +40,7 @@ def ray_shape(likelihood: RestrictedLikelihood, sigmas: Sigmas) -> RayShape:
     if len(pairs) < 30:
         return RayShape("gaussian", 0.0, 3.0)
     gain = float(np.sum(_log_laplace(pairs) - _log_gaussian(pairs)))
-    # Of the sum of two alike the excess is half that of one.
+    # The excess kurtosis of the difference of two noises is half of that of one.
     kurtosis = 2 * float(np.mean(pairs**4) / np.mean(pairs**2) ** 2) - 3
     return RayShape("laplace" if gain > 0 else "gaussian", gain, kurtosis)
 

@@ -20,9 +20,9 @@ from puckbench.geometry.cloud import Floats
 NEEDED = ("distance_m", "surface", "run", "laser_id", "residual_m", "incidence_rad")
 PLACE = ("range_m", "frame", "plane_u_m", "plane_v_m")
 _NUMBERS = tuple(name for name in (*NEEDED, *PLACE) if name != "surface")
-# Nearer to grazing a residual has no information on the range: 1 mm of plane is 20 mm of it.
+# At this cosine of the incidence a residual of 1 mm is a range error of 20 mm.
 _LEAST_COSINE = 0.05
-# A returned spot of a static sensor: twice the azimuth step at 600 turns a minute.
+# Azimuth bin of a spot: twice the azimuth step at 600 turns a minute.
 SPOT_RAD = np.radians(0.4)
 
 _FEWEST = 100

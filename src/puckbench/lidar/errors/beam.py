@@ -9,7 +9,7 @@ from puckbench.lidar.sensor import Sensor
 
 
 class BeamOfWidth(Vlp16):
-    """`Vlp16` with widths of the beam."""
+    """Error model `Vlp16` with beam widths."""
 
     yaw_width_deg: NonNegativeFloat | None = None
     """Full width of the beam; none: the sensor's divergence."""

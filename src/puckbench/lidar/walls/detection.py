@@ -32,32 +32,33 @@ _TAKEN_THRESHOLDS = 3
 
 
 class PlaneSearch(Model):
-    """What counts as a plane of a recording.
+    """Criteria for planes of a recording.
 
     Parameters
     ----------
     threshold_m
-        A return farther from a plane is not on it, its laser's bias aside.
+        A return farther from a plane is not on it, after subtraction of its laser's bias.
     share_on_plane
         Share of a range image pixel's returns on the plane, for the pixel to be on it.
     most_planes
-        Patches that are examined, the largest first.
+        Number of patches that are examined, the largest first.
     up
-        Upward direction in the sensor's frame, of any length; a tilted sensor meets more floor.
+        Upward direction in the sensor's frame, of any length.
     tilt_deg
-        How far from upright a wall, from level a floor or ceiling may be.
+        Largest tilt of a wall from the vertical, and of a floor or ceiling from the horizontal.
     most_incidence_deg
-        Returns that meet the plane at a greater angle do not count.
+        Returns at greater incidence angles are not used.
     inlier_sigmas
-        Robust standard deviations from the plane within which returns count.
+        Returns farther from the plane than this number of robust standard deviations are not used.
     least_laser_share
-        Share of the median laser's returns, for a laser to count; with fewer it runs along an edge.
+        Least returns of a laser on a plane relative to the median laser; with fewer it follows an
+        edge.
     least_returns, least_lasers
-        Returns in the mean turn, and lasers, that a plane has.
+        Least number of returns per turn, and of lasers, on a plane.
     least_width_m, least_height_m
-        Extents of the returns that count.
+        Least extents of the returns on a plane.
     most_noise_m
-        Greatest robust standard deviation of the distances to the plane.
+        Largest robust standard deviation of the distances to the plane.
     """
 
     threshold_m: PositiveFloat = 0.03

@@ -55,30 +55,30 @@ class Crop(Model):
 
 
 class RecordingOptions(Model):
-    """How the residuals of a recording are measured; every option has a default.
+    """Options of the residuals of a recording.
 
     Parameters
     ----------
     sensor
         Name or YAML file of the sensor; by default the one that the packets name.
     stream
-        Of a packet capture with several sensors, the one to read, as ``192.168.1.201:2368``.
+        Stream to read of a packet capture with several sensors, such as ``192.168.1.201:2368``.
     time_unit
-        Of the times of a cloud: ``s``, ``ms``, ``us`` or ``ns``; by default what they tell.
+        Unit of the times of a cloud, ``s``, ``ms``, ``us`` or ``ns``; by default it is inferred.
     still_s
-        ``[start, end]`` of the interval that counts, seconds after the first packet; by default the
-        longest one in which the turns repeat its first.
+        ``[start, end]`` of the interval to use, seconds after the first packet; by default the
+        longest interval at rest.
     most_shift_m
-        A turn repeats another within this.
+        Largest difference of distances between turns of a sensor at rest.
     most_turns
-        Turns of the interval that count, its first ones.
+        Number of turns to use, from the start of the interval.
     planes
-        Planes chosen by hand, each ``{"surface": "wall", "box": [[x, y, z], [x, y, z]]}``: `wall`,
-        `floor` or `ceiling`, and two corners in the sensor's frame (x right, y forward, z up),
-        metres, without the edges; by default planes are found.
+        Planes selected by hand, each ``{"surface": "wall", "box": [[x, y, z], [x, y, z]]}``:
+        `wall`, `floor` or `ceiling`, and two corners in the sensor's frame (x right, y forward, z
+        up), m, which exclude the edges; by default planes are detected.
     search
-        Limits of the planes that are found; `inlier_sigmas`, `most_incidence_deg`,
-        `least_laser_share` and `tilt_deg` hold for planes chosen by hand as well.
+        Criteria for detected planes; `inlier_sigmas`, `most_incidence_deg`, `least_laser_share` and
+        `tilt_deg` are also used for planes selected by hand.
     """
 
     sensor: str | None = None

@@ -208,7 +208,7 @@ def _statistics(table: RecordedReturns, surface: DetectedPlane, step: float) -> 
 
 
 def _noise_of_all(parts: Sequence[PlaneStatistics], step: float) -> RayNoise | None:
-    # A laser has a bin of its own on each plane, where its bias may differ.
+    # A laser has separate bins on each plane, since its bias may differ.
     lasers = [part.rows["laser_id"] + 1000 * place for place, part in enumerate(parts)]
     azimuth, turn = (
         np.concatenate([part.rows[name] for part in parts]) for name in ("azimuth", "turn")
