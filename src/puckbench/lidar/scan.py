@@ -110,17 +110,12 @@ def scan(
     rng: np.random.Generator,
     progress: Progress | None = None,
 ) -> ScanTable:
-    """Scan a mesh (m, z up) with a virtual sensor (thesis, section 5.2).
+    """Scan a mesh (m, z up) with a virtual sensor at `origin` (3,), m (thesis, section 5.2).
 
     A row of the table is a nominal ray that returned, in the order of firing (frame, azimuth step,
     laser). Its clean values are the true intersection of the ray with the surface, its noisy values
     what the sensor measured. If the error model fires another ray (beam divergence), the sensor
     measures along that ray, and a row needs a hit within range on both rays.
-
-    Parameters
-    ----------
-    origin
-        (3,), position of the sensor or origin of its trajectory, m.
 
     Raises
     ------

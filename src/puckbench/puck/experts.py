@@ -1,8 +1,7 @@
 """Experts: estimates of a number that give probabilities of binary decisions about it.
 
 An expert is a distribution with its estimate as mean, and with the mean absolute error of earlier
-estimates in the same situation as scale. A decision is whether the number lies in the upper part of
-an interval.
+estimates in the same situation as scale.
 """
 
 from __future__ import annotations

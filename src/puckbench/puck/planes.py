@@ -6,9 +6,9 @@ returns of a set, which are added when sets are merged.
 
 References
 ----------
-Jiang and Bunke 1994, "Fast segmentation of range images into planar regions by scan line grouping",
-and Feng, Taguchi and Kamat 2014, "Fast plane extraction in organized point clouds using
-agglomerative hierarchical clustering".
+Jiang and Bunke 1994, "Fast segmentation of range images into planar regions by scan line grouping";
+Feng, Taguchi and Kamat 2014, "Fast plane extraction in organized point clouds using agglomerative
+hierarchical clustering".
 """
 
 from __future__ import annotations
@@ -201,7 +201,7 @@ def _first_part(
     scratch: tuple[Floats, Floats],
     places: Places,
 ) -> int:
-    """Return the length of the first of two lines if they fit far better than one, else all."""
+    """Return the length of the first of two lines if two fit far better than one, else all."""
     both, plane = scratch
     first, second = both[0], both[1]
     second[:] = 0

@@ -1,7 +1,4 @@
-"""Compression of recordings bit for bit: packets as turns, and all other bytes beside them.
-
-Packets are recognised by their content.
-"""
+"""Compression of recordings bit for bit: packets, recognised by their content, as turns."""
 
 from __future__ import annotations
 
@@ -99,7 +96,7 @@ class RecordingSummary(_Counts):
 
 @dataclass(frozen=True)
 class _Limits:
-    """Limits on the decoded size of a stream of `size` bytes, unless it is trusted."""
+    """Limits on the decoded size of an untrusted stream."""
 
     size: int
     trusted: bool = False

@@ -1,7 +1,6 @@
 """Container format of streams: a magic number and a version, then records.
 
-A record is a byte for its kind, the length of its body (base 128), and, if the body is not empty,
-its CRC-32 and the body.
+A record is its kind, the length of its body (base 128), and, if not empty, its CRC-32 and the body.
 """
 
 from __future__ import annotations
@@ -43,7 +42,7 @@ def _with_checksum(kind: int, body: bytes) -> bytes:
 
 
 def start() -> bytes:
-    """Return the magic number and version with which every stream begins."""
+    """Return the magic number and version of streams."""
     return MAGIC + bytes([_VERSION])
 
 

@@ -1,7 +1,7 @@
 """Reflectivities of a turn: a byte for each firing, whether it returned or not.
 
 A guess (the other return of the beam, or the last value without a return) may be confirmed;
-otherwise the value is coded. Names of rows and neighbours are those of `ranges`.
+otherwise the value is coded.
 """
 
 from __future__ import annotations

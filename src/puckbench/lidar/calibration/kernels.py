@@ -163,10 +163,7 @@ def absorb_scans(core: int, variance: float, matrix: Floats, right: Floats) -> t
 
 @compiled
 def solved(matrix: Floats, right: Floats) -> tuple[float, float]:
-    """Return ``log |A|`` and ``b' A^-1 b`` for a matrix A, or nan if it is not positive definite.
-
-    For a hundred rows, this is faster than a library with threads.
-    """
+    """Return ``log |A|`` and ``b' A^-1 b`` for a matrix A; nan unless it is positive definite."""
     size = len(matrix)
     lower, y = np.zeros((size, size)), np.zeros(size)
     determinant, product = 0.0, 0.0

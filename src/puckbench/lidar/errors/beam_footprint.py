@@ -1,5 +1,3 @@
-"""Beams with a footprint: several rays over the cross-section are combined to one return."""
-
 from __future__ import annotations
 
 from typing import Literal, TypeVar, get_args

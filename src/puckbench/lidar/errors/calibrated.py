@@ -1,5 +1,3 @@
-"""Range noise with parameters of `puckbench calibrate`, from a file or given directly."""
-
 from __future__ import annotations
 
 from collections.abc import Mapping

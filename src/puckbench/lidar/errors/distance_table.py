@@ -1,5 +1,3 @@
-"""Range noise that depends on the distance, as in BlenSor's model of time-of-flight cameras."""
-
 from __future__ import annotations
 
 from typing import Self

@@ -35,16 +35,8 @@ class Surfaces:
 class Hits:
     """Hits of the rays of some frames, (frames, steps, rays of a step) each.
 
-    Parameters
-    ----------
-    distance
-        Metres; inf for a ray without a hit in the sensor's range.
-    triangle
-        Triangle of the mesh; undefined without a hit.
-    incidence
-        Angle between ray and surface normal, rad, in [0, pi/2]; nan without a hit.
-    surfaces
-        None for a mesh without labels.
+    `distance`, m, is inf without a hit in the sensor's range. `incidence`, the angle between ray
+    and surface normal, rad, is then nan, and `triangle` undefined.
     """
 
     distance: Floats

@@ -1,5 +1,3 @@
-"""Range noise of the VLP-16: a bias per laser and noise per ray (thesis, equation 5.4)."""
-
 from __future__ import annotations
 
 from typing import Literal

@@ -1,5 +1,3 @@
-"""Range noise of the VLP-16 that increases with the incidence angle (thesis, section 5.5.4)."""
-
 from __future__ import annotations
 
 import numpy as np

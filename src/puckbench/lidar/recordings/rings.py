@@ -1,8 +1,8 @@
 """Recovery of a sensor's returns from frames of points, as data sets provide them.
 
-The points of one laser form a ring. Elevation, height, distance from the sensor's axis, and angle
-relative to the rotary encoder are fitted to it (Velodyne HDL-64E S2 User's Manual 63-HDL64ES2,
-Appendix F). A point then is a step of the encoder and a range.
+Elevation, height, distance from the sensor's axis, and angle relative to the rotary encoder are
+fitted to the points of each laser, its ring (Velodyne HDL-64E S2 User's Manual 63-HDL64ES2,
+Appendix F). These reduce a point to a step of the encoder and a range.
 """
 
 from __future__ import annotations

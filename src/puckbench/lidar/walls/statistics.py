@@ -106,7 +106,6 @@ def laser_bias(deviation: Floats, laser: NDArray[Any]) -> LaserBias:
 
 
 def repeatability(biases: Sequence[LaserBias]) -> Repeatability | None:
-    """Return the agreement of biases; None without two planes that share six lasers."""
     correlations, covariances = [], []
     for one, other in combinations(biases, 2):
         _, first, second = np.intersect1d(one.lasers, other.lasers, return_indices=True)
