@@ -61,6 +61,7 @@ class ScanJob:
         progress: Progress | None = None,
         rays_at_a_time: int = _RAYS_AT_A_TIME,
     ) -> ScanTable:
+        """Return the table of `scan`."""
         scanner = self._scanner(rng)
         table = scanner.table(range(self.sweep.frames), rays_at_a_time, progress)
         if len(table) == 0:
@@ -110,12 +111,23 @@ def scan(
     rng: np.random.Generator,
     progress: Progress | None = None,
 ) -> ScanTable:
-    """Scan a mesh (m, z up) with a virtual sensor at `origin` (3,), m (thesis, section 5.2).
+    """Scan a mesh with a virtual sensor (thesis, section 5.2).
 
     A row of the table is a nominal ray that returned, in the order of firing (frame, azimuth step,
     laser). Its clean values are the true intersection of the ray with the surface, its noisy values
     what the sensor measured. If the error model fires another ray (beam divergence), the sensor
     measures along that ray, and a row needs a hit within range on both rays.
+
+    Parameters
+    ----------
+    mesh
+        The scene, m, z up.
+    origin
+        (3,), position of the sensor or origin of its trajectory, m.
+    rng
+        Source of the random streams of errors.
+    progress
+        Called with the number of frames that are done and of all frames.
 
     Raises
     ------

@@ -121,4 +121,5 @@ class ErrorModel(Model):
 
 
 def described(model: ErrorModel) -> dict[str, Any]:
+    """Return the name and parameters of a model and of its receiver."""
     return model.described()
