@@ -1,6 +1,6 @@
 """Codec of point clouds as geometric primitives: planes in an octree, and surfaces of revolution.
 
-`encode` codes an (n, 3) array of coordinates with `PrimitiveSettings`, `decode` returns points,
+`encode` encodes an (n, 3) array of coordinates with `PrimitiveSettings`, `decode` returns points,
 `decode_surface` points with normals, and `decode_mesh` labelled triangles.
 """
 

@@ -21,7 +21,8 @@ class CellGroups(NamedTuple):
     cell_of: Ints  # (n,) index of each point's cell
 
     def sorted_rows(self) -> tuple[Ints, Ints]:
-        """Return the points' rows (n,) sorted by cell, and the start (m,) of each cell."""
+        """Return the rows (n,) of the points sorted by cell, and the position (m,) of each
+        cell's first."""
         counts = self.counts.astype(np.int64)
         starts = np.cumsum(counts) - counts
         return _counting_sort(self.cell_of, starts), starts
@@ -30,10 +31,10 @@ class CellGroups(NamedTuple):
 def group_by_cell(
     points: Floats, side: float, origin: Floats | None = None, *, centred: bool = False
 ) -> CellGroups:
-    """Group points (n, 3), n > 0, by the cells of a grid. Fastest in a spatial order.
+    """Group points (n, 3), n > 0, by the cells of a grid, fastest if they are in a spatial order.
 
-    They must lie within fewer than 2^21 cells along each axis. origin: (3,) position of cell (0, 0,
-    0), default zeros: of its centre if `centred`, else of its least corner.
+    The points must span fewer than 2^21 cells per axis. `origin` (3,) is the centre of cell (0, 0,
+    0) if `centred`, otherwise its least corner; it defaults to zeros.
     """
     origin = np.zeros(3) if origin is None else origin
     low, _ = bounds(points)
@@ -49,7 +50,7 @@ def group_by_cell(
 
 
 def cell_keys(cells: Ints) -> Ints:
-    """Return keys (n,) that sort like the cells (n, 3), of coordinates below 2^21."""
+    """Return keys (n,) that sort like the cells (n, 3), whose coordinates must be in [0, 2^21)."""
     return (cells[:, 0] << 2 * _BITS) | (cells[:, 1] << _BITS) | cells[:, 2]
 
 
@@ -61,7 +62,7 @@ def _cell_of_positions(positions: Floats, centred: bool) -> Ints:
 def _group(
     points: Floats, origin: Floats, side: float, centred: bool, first: Ints
 ) -> tuple[Ints, Floats, Ints]:
-    """Return keys (m,) in order of first appearance, sums (m, 4) of x, y, z and 1, cells (n,)."""
+    """Return the cells' keys (m,) and sums (m, 4) of x, y, z and 1, and each point's cell (n,)."""
     cell_of = np.empty(len(points), np.int64)
     keys, sums = np.empty(1024, np.int64), np.zeros((1024, 4))
     slots = np.full(4096, -1)
@@ -124,9 +125,10 @@ def measure_centre_distances(
     cell_bounds: tuple[Ints, Ints],
     centre_distances: Floats,
 ) -> None:
-    """Write how far points are from their cell's centre along the farthest axis, in cells.
+    """Write the distance of points from their cell's centre along the farthest axis, in cells.
 
-    Infinity if the cell is not occupied. keys: of the occupied cells minus their least coordinates.
+    It is infinite in cells that are not occupied. The keys are of occupied cells, minus the lower
+    of `cell_bounds`.
     """
     low, high = cell_bounds
     size = 4

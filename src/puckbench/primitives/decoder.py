@@ -1,4 +1,4 @@
-"""Decoder: from a stream to patches, and from patches to points with normals."""
+"""Decoder of streams to patches, and of patches to points with normals."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class DecodedSurface(NamedTuple):
     normals
         (m, 3) unit normals with arbitrary sign.
     primitive_index
-        (m,) index of the point's primitive: planes first, then surfaces of revolution.
+        (m,) index of each point's primitive; planes come first, then surfaces of revolution.
     """
 
     xyz: Floats
@@ -97,7 +97,7 @@ def decode(stream: bytes) -> Floats:
 
 
 def decode_surface(stream: bytes) -> DecodedSurface:
-    """Decode the surface of a stream to points with normals, without the voxels of a hybrid.
+    """Decode the surface of a stream, without a hybrid's voxels, to points with normals.
 
     Raises
     ------
@@ -130,7 +130,7 @@ def read_patches(stream: bytes) -> Patches:
 
 
 def reconstruct_surface(patches: Patches) -> DecodedSurface:
-    """Reconstruct all points. Raises InputError if they are too many or none."""
+    """Reconstruct all points; raise InputError if there are none or too many."""
     xyz, leaf_of_point = reconstruct_planes(patches)
     planes = patches.leaves.plane_index[leaf_of_point]
     normals = patches.header.rotate_back(patches.leaves.planes[planes, :3])
@@ -142,7 +142,8 @@ def reconstruct_surface(patches: Patches) -> DecodedSurface:
 
 
 def reconstruct_planes(patches: Patches) -> tuple[Floats, Ints]:
-    """Return the planes' points (m, 3) in the cloud's coordinates, and their leaves (m,)."""
+    """Return the points (m, 3) of all planes in the cloud's coordinates, and each point's leaf
+    (m,)."""
     header = patches.header
     density = (header.points_across, header.column_spacing)
     arguments = (patches.geometry, patches.leaves, patches.occupancy, *density)

@@ -1,9 +1,9 @@
 """Displacement of voxels along the normals of the surrounding voxels.
 
 Points in a voxel off the plane of its neighbours lie mostly on the side of the plane, where noisy
-points are denser; and a plane does not cross coarse voxels at their centres. The encoder sends the
-optimal displacement, a factor of the distance to the local plane, for each class of this distance
-and of the thickness of the surface.
+points are denser. A plane also misses the centres of coarse voxels. The encoder therefore sends
+optimal displacements, as fractions of the distance to the local plane, one for each class of this
+distance and of the thickness of the surface.
 """
 
 from __future__ import annotations
@@ -35,14 +35,16 @@ class LocalPlanes(NamedTuple):
     def displace(
         self, points: Floats | Ints, factors: NDArray[np.int8], side: float = 1.0
     ) -> Floats:
-        """Move points (m, 3) of the voxels by their classes' factors. side: side of a voxel."""
+        """Move points (m, 3) of voxels with sides of length `side` by the factors of their
+        classes."""
         displacement = factors[self.classes] / FACTOR_ONE * self.distances * side
         return np.asarray(points - displacement[:, None] * self.normals)
 
     def fit_factors(self, offsets: Floats, weights: Floats) -> tuple[NDArray[np.int8], float]:
-        """Return the factors (CLASSES,) of least squared error, and the error that they save.
+        """Return the factors (CLASSES,) that minimise the squared error, and the error that they
+        save.
 
-        offsets: (m, 3) voxels minus the means of their points.
+        The offsets (m, 3) are voxels minus the means of their points.
         """
         residuals = (offsets * self.normals).sum(axis=1)
         products = np.bincount(self.classes, weights * residuals * self.distances, CLASSES)
@@ -54,7 +56,7 @@ class LocalPlanes(NamedTuple):
 
 
 def displace(voxels: Ints, table: DisplacementTable) -> Floats:
-    """Return the displaced centres (m, 3) of voxels (m, 3), in voxels."""
+    """Return the displaced centres (m, 3) of voxels (m, 3), in units of a voxel."""
     return _local_planes(voxels, table.block_size).displace(voxels, table.factors)
 
 
@@ -67,7 +69,8 @@ class FittedTable(NamedTuple):
 
 
 def fit_displacements(voxels: Ints, means: Floats, weights: Floats) -> FittedTable:
-    """Fit the table of least squared error from displaced voxels to the means of their points."""
+    """Fit the table that minimises the squared error between displaced voxels and their points'
+    means."""
     offsets = voxels - means
 
     def fit(block_size: int) -> tuple[float, DisplacementTable, LocalPlanes]:

@@ -1,7 +1,7 @@
-"""The encoder's estimate of distortion: against the cloud, and against its smoothed samples.
+"""The encoder's estimate of distortion, against the cloud and against its smoothed samples.
 
-The smoothed samples stand for the true surface: a decoded cloud that reproduces the noise is not
-nearer to it.
+The smoothed samples stand for the true surface, since reproducing the noise does not bring a
+decoded cloud nearer to it.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class Distortion(NamedTuple):
 
 
 class NearestOffsets(NamedTuple):
-    """Vectors from the nearest decoded point to each point (a, 3) and smoothed sample (b, 3)."""
+    """Vectors to each point (a, 3) and smoothed sample (b, 3) from its nearest decoded point."""
 
     of_points: Floats
     of_samples: Floats
@@ -64,7 +64,8 @@ class DistortionEstimator:
     def measure(self, decoded: Floats, offsets: NearestOffsets | None = None) -> Distortion:
         """Estimate the distortion of decoded points (k, 3).
 
-        offsets: their `nearest_offsets` if known; then `subsample` of the points is enough.
+        If the result of `nearest_offsets` is passed as `offsets`, a `subsample` of the points
+        suffices.
         """
         queries = subsample(decoded)
         of_points, of_samples = offsets or self.nearest_offsets(decoded)
@@ -78,7 +79,7 @@ class DistortionEstimator:
         return Distortion(point, plane, self._surface_error(of_samples, queries, rows))
 
     def surface_error(self, decoded: Floats) -> float:
-        """Estimate the error against the smoothed samples alone, from fewer points."""
+        """Estimate the error against the smoothed samples only, from fewer points."""
         samples, queries = (subsample(xyz, _MAX_FAST_QUERIES) for xyz in (self.samples, decoded))
         of_samples = samples - decoded[search_tree(decoded).query(samples)[1]]
         rows = self.sample_tree.query(queries)[1]

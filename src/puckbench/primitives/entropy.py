@@ -2,9 +2,9 @@
 contexts.
 
 The contexts' adaptive probabilities are mixed in the logistic domain with learnt weights (Mahoney
-2005, "Adaptive weighing of context models for lossless data compression"). All arithmetic is on
-integers, so all machines decode the same. Encoder and decoder call the same functions, which write
-the given bit, or ignore it and return the bit that they read.
+2005, "Adaptive weighing of context models for lossless data compression"). Integer arithmetic makes
+all machines decode the same. Encoder and decoder call the same ``code_...`` functions: an encoder
+writes the argument, a decoder ignores it and returns what it reads.
 """
 
 from __future__ import annotations
@@ -71,7 +71,8 @@ def is_writing(coder: ContextCoder) -> bool:
 
 @compiled_in_place
 def code_bit(coder: ContextCoder, bit: int, mixer: int, contexts: tuple[int, int, int]) -> int:
-    """Code a bit in three contexts with the mixing weights of `mixer`. Return the bit."""
+    """Encode or decode a bit with three contexts and the mixing weights of `mixer`; return the
+    bit."""
     a, b, c = contexts
     weights, stretch = coder.weights[mixer], coder.stretch
     a_logit = stretch[coder.probabilities[a] >> 4]
@@ -100,9 +101,11 @@ def _update(coder: ContextCoder, context: int, bit: int) -> None:
 
 @compiled_in_place
 def code_number(coder: ContextCoder, value: int, mixer: int, first_a: int, first_b: int) -> int:
-    """Code a signed integer: zero flag, sign, unary magnitude up to 12, then Elias gamma.
+    """Encode or decode a signed integer: zero flag, sign, magnitude (unary up to 12, then Elias
+    gamma).
 
-    first_a, first_b: first of `CONTEXTS_PER_NUMBER` contexts each. mixer: first of three mixers.
+    It uses `CONTEXTS_PER_NUMBER` contexts from `first_a` on, as many from `first_b` on, and three
+    mixers from `mixer` on.
     """
     if code_bit(coder, 1 if value == 0 else 0, mixer, (first_a, first_b, first_a)) == 1:
         return 0

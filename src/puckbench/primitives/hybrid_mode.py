@@ -1,7 +1,7 @@
 """Hybrid mode: a surface, and voxels that locate the points on it and their distance from it.
 
 A surface codes neither where on it the points lie nor their noise. Voxels code both, but locate the
-surface less precisely. Together: each voxel is displaced along the surface's normal by a factor of
+surface less precisely. The hybrid displaces each voxel along the surface's normal by a fraction of
 its distance, sent for each class of distances. The decoder also keeps the surface's points in
 occupied voxels, which makes the decoded cloud as dense as the input.
 """
@@ -73,7 +73,7 @@ class HybridCandidate(NamedTuple):
 
 
 def decode(header: HybridHeader, xyz: Floats, normals: Floats) -> Floats:
-    """Return the points of a hybrid, given the points (m, 3) and unit normals of its surface.
+    """Return the points of a hybrid from the points (m, 3) and unit normals of its surface.
 
     Raises InputError if the stream is damaged.
     """
@@ -97,9 +97,9 @@ def encode(
     max_voxel_size: float,
     criterion: HybridCriterion,
 ) -> HybridCandidate | None:
-    """Code a cloud as a surface and the finest voxels that fit the budget.
+    """Encode a cloud as a surface and the finest voxels that fit the budget.
 
-    None if the surface leaves too few bytes, or too many voxels fit.
+    Return None if the surface leaves too few bytes, or the voxels are too many or too far from it.
     """
     if not has_voxel_budget(surface.stream, max_bytes):
         return None
@@ -118,7 +118,7 @@ def has_voxel_budget(surface: bytes, max_bytes: int) -> bool:
 def _best_candidate(
     point_count: int, surface: SurfacePart, coded: CodedVoxels, criterion: HybridCriterion
 ) -> HybridCandidate:
-    """Return the hybrid of least cost, over displaced or plain voxels and keep distances."""
+    """Return the cheapest hybrid among all keep distances, with displaced or plain voxels."""
     grid, groups = coded.grid, coded.groups
     tree, weights = box_tree(surface.xyz), voxel_mode.voxel_weights(groups)
     centre_distances = 16 * _centre_distances(surface.xyz, grid, groups.cells)

@@ -27,7 +27,6 @@ _MIN_GAIN, _MIN_IMPROVEMENT = 0.02, 1e-6
 
 
 def rotation_matrix(rotation_vector: RotationVector) -> Floats:
-    """Return the rotation matrix (3, 3) of a rotation vector."""
     x, y, z = (ROTATION_STEP * number for number in rotation_vector)
     angle = hypot(x, y, z)
     if angle == 0:
@@ -45,7 +44,7 @@ def rotation_matrix(rotation_vector: RotationVector) -> Floats:
 
 @compiled
 def rotate(vectors: Floats, rotation: Floats) -> Floats:
-    """Rotate vectors (n, 3), with the same bits on every processor."""
+    """Rotate vectors (n, 3) with bit-identical results on all processors."""
     result = np.empty_like(vectors)
     for i in range(len(vectors)):
         x, y, z = vectors[i, 0], vectors[i, 1], vectors[i, 2]
@@ -61,7 +60,7 @@ def rotate_inverse(vectors: Floats, rotation: Floats) -> Floats:
 def estimate_manhattan_frame(normals: Floats) -> RotationVector:
     """Return the rotation after which most unit normals (n, 3) are parallel to the axes.
 
-    It is from the cloud's axes to the scene's, and zero if a rotation gains little.
+    It rotates from the cloud's axes to the scene's; it is zero if a rotation gains little.
     """
     sampled = subsample(normals, _MAX_NORMALS)
     best, least_share = (0, 0, 0), _aligned_share(sampled, np.eye(3)) + _MIN_GAIN
@@ -89,7 +88,8 @@ def _aligned_share(normals: Floats, rotation: Floats) -> float:
 
 @compiled
 def _refine(normals: Floats, rotation: Floats) -> Floats:
-    """Rotate normals close to an axis onto it, with growing strictness (Kabsch 1976)."""
+    """Refine a rotation by fitting normals close to an axis to it (Kabsch 1976), ever more
+    strictly."""
     rotation = rotation.copy()
     for min_cosine in _MIN_COSINES:
         sums, count = np.zeros((3, 3)), 0
@@ -130,7 +130,7 @@ def _project_to_rotation(matrix: Floats, rotation: Floats) -> bool:
 
 
 def _quantise(rotation: Floats) -> RotationVector:
-    """Return the rotation vector of least angle that maps the axes to the same lines."""
+    """Return the rotation of least angle that maps the axes to the same lines."""
     order = np.abs(rotation).argmax(axis=1)
     if len(set(order.tolist())) == 3:
         rows = np.argsort(order)

@@ -111,9 +111,9 @@ def _revolution_primitive(header: SurfaceHeader, surface: RevolutionSurface) -> 
 def _cover_with_rectangles(
     geometry: OctreeGeometry, leaves: Leaves, occupancy: Bytes, quads: Floats, leaf_of_quad: Ints
 ) -> int:
-    """Write rectangles (m, 4, 3) that cover all occupied columns, and their leaves (m,).
+    """Write rectangles (m, 4, 3) that cover all occupied columns, and each rectangle's leaf (m,).
 
-    Return their number, written or not.
+    Return how many are needed, which may exceed the memory for them.
     """
     count = 0
     cell = np.zeros(3, np.int64)
@@ -140,7 +140,8 @@ def _cover_with_rectangles(
 
 @compiled
 def _take_rectangle(columns: Bytes, a: int, b: int) -> tuple[int, int]:
-    """Clear a rectangle of set columns that begins at (a, b). Return its end."""
+    """Find the rectangle of nonzero cells from (a, b) on, zero them, and return its exclusive
+    end."""
     end_b = b
     while end_b < columns.shape[1] and columns[a, end_b]:
         end_b += 1

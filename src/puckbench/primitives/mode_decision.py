@@ -1,9 +1,9 @@
-"""Mode decision: codes a cloud in candidate modes and keeps the one of least cost.
+"""Mode decision: encodes a cloud in candidate modes and keeps the one of least cost.
 
-Surfaces are coded on grids along the cloud's axes and its Manhattan frame, and with or without each
-detected surface of revolution. Their cost is distortion + lambda * rate. The best surface is then
-compared with voxels of as many bytes. Distortion is measured against the smoothed samples, because
-a decoded cloud that reproduces the noise is not nearer to the true surface.
+Surfaces are encoded on grids along the cloud's axes and its Manhattan frame, and with or without
+each detected surface of revolution. Their cost is distortion + lambda * rate. The best surface is
+then compared with voxels of equal size in bytes. Distortion is measured against the smoothed
+samples, because reproducing the noise does not bring a decoded cloud nearer to the true surface.
 """
 
 from __future__ import annotations
@@ -98,7 +98,7 @@ class SurfaceCache:
     """Keeps the surface of a cloud for rates that differ only in their refinement.
 
     A rate without refinement always repeats the search, so that calls can be timed. `saved` is the
-    cost of the search that the last call did not repeat.
+    cost of the search that the last call took from the cache.
     """
 
     def __init__(self) -> None:
@@ -154,10 +154,10 @@ def _select_mode(
     max_bytes: int,
     search: VoxelSearch,
 ) -> _Selection:
-    """Select the finest surface that wins against voxels of as many bytes, or else voxels.
+    """Select the finest surface that is better than voxels of equal size, or else voxels.
 
-    If no surface wins, the product of the errors decides between the coarsest surface and voxels,
-    and between voxels alone and a hybrid with that surface.
+    If no surface is better, the product of the errors decides between the coarsest surface and
+    voxels, and between voxels alone and a hybrid with that surface.
     """
     if best.coded is None:
         return _Selection(search.encode_to_budget(max_bytes).stream, None)
@@ -187,7 +187,7 @@ def _encode_coarse_hybrid(
     voxels: CodedVoxels,
     search: VoxelSearch,
 ) -> bytes | None:
-    """Return the best hybrid of as many bytes as voxels alone, or None if it is not better.
+    """Return the best hybrid no larger than the voxels alone, or None if it is not better.
 
     Surfaces coarser than `coded` are tried while they improve the hybrid.
     """
@@ -211,7 +211,10 @@ def _encode_coarse_hybrid(
 def _hybrid_criterion(
     cloud: PreparedCloud, estimator: DistortionEstimator, refinement: float
 ) -> hybrid_mode.HybridCriterion:
-    """Return the product of the errors as cost; refinement lowers the weight of the surface's."""
+    """Return a criterion whose cost is the product of the errors.
+
+    The surface error counts less with more refinement.
+    """
 
     def nearest_offsets(decoded: Floats) -> NearestOffsets:
         return estimator.nearest_offsets(cloud.in_units(decoded))
@@ -226,10 +229,10 @@ def _hybrid_criterion(
 
 
 def _encode_refined(result: _SearchResult, settings: PrimitiveSettings) -> bytes:
-    """Encode a hybrid, or voxels of as many bytes if these are better.
+    """Encode a hybrid, or voxels of equal size if these are better.
 
-    If a surface was selected without refinement, voxels replace its hybrid only if they do not lose
-    the surface under the noise. Otherwise the product of the errors decides.
+    If a surface was selected without refinement, voxels replace its hybrid only if they preserve
+    the surface (see `_voxels_lose_surface`). Otherwise the product of the errors decides.
     """
     cloud, estimator, best, selection, trials = result
     search = VoxelSearch(cloud.source, trials)
@@ -254,10 +257,10 @@ def _encode_refined(result: _SearchResult, settings: PrimitiveSettings) -> bytes
 def _voxels_lose_surface(
     voxels: Distortion, hybrid: Distortion, settings: PrimitiveSettings
 ) -> bool:
-    """Return whether voxels alone lose more of the surface than they gain at the points.
+    """Return whether voxels alone lose more accuracy of the surface than they gain at the points.
 
-    They do unless both errors at the points are smaller than a hybrid's. Then the surface's error
-    counts too: twice as much as each of them at a refinement of 2/3, and not at all at 1.
+    They do unless both errors at the points are smaller than a hybrid's. Then the surface error
+    counts too, with twice the weight of each of them at a refinement of 2/3, and none at 1.
     """
     if voxels.point >= hybrid.point or voxels.plane >= hybrid.plane:
         return True
@@ -271,8 +274,8 @@ def _refined_budget(
 ) -> tuple[int, float]:
     """Return the budget of the refinement in bytes, and the largest side of its voxels in units.
 
-    Budgets grow in equal ratios. Refinement 1 may need more than `refined_bpp`, because its voxels
-    are at most `max_voxel_size`.
+    The budget grows exponentially with the refinement. Refinement 1 may exceed `refined_bpp`,
+    because its voxels are at most `max_voxel_size`.
     """
     low, high = bounds(search.points)
     unit = float((high - low).max()) / UNITS

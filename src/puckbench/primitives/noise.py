@@ -14,8 +14,8 @@ _MIN_POINTS = 8
 def estimate_noise(points: Floats, cell_size: float) -> float:
     """Return the noise's standard deviation: the lower quartile over cells, weighted by points.
 
-    Curved and crossing surfaces raise the deviation of some cells, noise raises that of all. The
-    result is 0 if no cell has enough points.
+    A quartile is used because curved and crossing surfaces raise the deviation of only some cells.
+    The result is 0 if no cell has enough points.
     """
     rows, starts = group_by_cell(points, cell_size).sorted_rows()
     centred = points[rows] - points.mean(axis=0)

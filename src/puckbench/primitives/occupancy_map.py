@@ -1,8 +1,8 @@
-"""Occupancy maps of planes: one bit per column of cells, coded in context.
+"""Occupancy maps of planes: one bit per column of cells, coded with contexts.
 
-As for the patches of V-PCC, an occupancy map says where a plane has surface. A column is one cell
-wide and runs along the plane's dominant axis. The states of all columns lie in one grid of cells,
-so that the contexts of a map reach into the maps of neighbouring leaves.
+As for the patches of V-PCC, an occupancy map marks the part of a plane that the surface covers. A
+column is one cell wide and runs along the plane's dominant axis. The states of all columns lie in
+one grid of cells, so that the contexts of a map reach into the maps of neighbouring leaves.
 """
 
 from __future__ import annotations
@@ -52,10 +52,10 @@ def code_occupancy_maps(
     criterion: OccupancyCriterion,
     occupancy: Bytes,
 ) -> None:
-    """Code the occupancy maps of all leaves, or fewer if the stream ends early.
+    """Encode or decode the occupancy maps of all leaves, or fewer if the stream ends early.
 
-    occupancy: grid of cells, written with the state of the column that crosses the plane in a cell.
-    A leaf of one cell is occupied without a bit.
+    The state of a column is written to the cell of the grid `occupancy` where it crosses the plane.
+    A leaf of one cell is always occupied and takes no bit.
     """
     for i in range(leaves.counts[0]):
         if leaves.side[i] == 1:
@@ -79,7 +79,7 @@ def code_occupancy_maps(
 def find_plane_cell(
     geometry: OctreeGeometry, plane: Floats, axis: int, a: int, b: int, cell: Ints
 ) -> bool:
-    """Write the cell (3,) where a plane crosses column (a, b). Return whether it is in the grid."""
+    """Write the cell (3,) where a plane crosses column (a, b); return whether it is in the grid."""
     u, v = (axis + 1) % 3, (axis + 2) % 3
     if a < 0 or b < 0 or a >= geometry.shape[u] or b >= geometry.shape[v]:
         return False
@@ -94,7 +94,7 @@ def find_plane_cell(
 def find_leaf_cell(
     geometry: OctreeGeometry, leaves: Leaves, i: int, axis: int, a: int, b: int, cell: Ints
 ) -> bool:
-    """Write the cell where a leaf's plane crosses a column. Return whether it is in the leaf."""
+    """Write the cell where a leaf's plane crosses a column; return whether it is in the leaf."""
     if not find_plane_cell(geometry, leaves.planes[leaves.plane_index[i]], axis, a, b, cell):
         return False
     low = leaves.corner[i, axis]
@@ -134,7 +134,7 @@ def _decide_columns(
 def _column_gain(
     plane: Floats, axis: int, a: int, b: int, criterion: OccupancyCriterion, p: Floats
 ) -> float:
-    """Return the mean distortion that a column saves at four points. p: (3,) scratch memory."""
+    """Return the mean distortion that a column's four points save; `p` (3,) is scratch memory."""
     gain = 0.0
     for k in range(4):
         p_u, p_v = a + 0.25 + 0.5 * (k & 1), b + 0.25 + 0.5 * (k >> 1)

@@ -26,9 +26,9 @@ class PlaneOctreeLevel(NamedTuple):
 def build_octree(
     xyz: Floats, normals: Floats, weights: Floats, radius: float, depth: int
 ) -> list[PlaneOctreeLevel]:
-    """Build all levels, from the root (0) to the cells (`depth`). Lengths are in cells.
+    """Build all levels from the root (0) to the cells (`depth`); lengths are in cells.
 
-    radius: of the disc that a sample represents.
+    Each sample represents a disc of the given radius.
     """
     cells = np.floor(xyz).astype(np.int64).clip(0, (1 << depth) - 1)
     keys = morton_codes(cells, np.arange(3))
@@ -54,9 +54,9 @@ def prune_octree(
     coarsest_leaf_level: int,
     finest_leaf_level: int,
 ) -> None:
-    """Mark the leaves of least squared distance + lmbda * bits, bottom-up.
+    """Mark the leaves that minimise squared distance + lmbda * bits, bottom-up.
 
-    leaf_bits, split_bits: estimated bits of a plane and of a split.
+    `leaf_bits` and `split_bits` are the estimated bits of a plane and of a split.
     """
     child_costs = np.zeros(0)
     for depth in range(finest_leaf_level, -1, -1):
@@ -72,7 +72,7 @@ def prune_octree(
 
 
 def collect_leaves(levels: list[PlaneOctreeLevel]) -> tuple[Ints, Leaves]:
-    """Return the leaves' indices (n,) among the nodes of all levels, and the leaves."""
+    """Return the indices (n,) of the leaves among the nodes of all levels, and the leaves."""
     depth = len(levels) - 1
     corner, side, level_indices = [], [], []
     is_reached, start = np.ones(1, bool), 0
@@ -96,9 +96,10 @@ def moments_of(
     normals: Floats | None = None,
     radius: float = 0.0,
 ) -> Floats:
-    """Return the moments (n, 10) of points, or of discs around them, for least-squares planes.
+    """Return the moments (n, 10), for least-squares planes, of points or of discs around them.
 
-    They are 1, x, y, z, xx, xy, xz, yy, yz, zz, times the weight. normals, radius: of the discs.
+    They are 1, x, y, z, xx, xy, xz, yy, yz, zz, times the weight. `normals` and `radius` describe
+    the discs.
     """
     normals = np.zeros((1, 3)) if normals is None else normals
     return _moments_of(xyz, np.atleast_1d(np.asarray(weights, float)), normals, radius**2 / 4)
@@ -124,7 +125,7 @@ def _moments_of(xyz: Floats, weights: Floats, normals: Floats, variance: float) 
 
 @compiled
 def plane_errors(moments: Floats) -> Floats:
-    """Return the weighted squared distances (n,) to the least-squares planes."""
+    """Return the weighted squared distance (n,) of each moments' points from their best plane."""
     costs: Floats = np.empty(len(moments))
     for i in range(len(moments)):
         costs[i] = distance_to_fit(moments[i])

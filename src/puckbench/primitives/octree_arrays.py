@@ -23,7 +23,7 @@ UNKNOWN, EMPTY, OCCUPIED = 0, 1, 2
 
 
 class OctreeGeometry(NamedTuple):
-    """Geometry of the octree: level 0 is the root, a node's side is 2^(depth - level) cells."""
+    """Geometry of the octree: level 0 is the root; a node's side is 2^(depth - level) cells."""
 
     depth: int  # level of the cells
     finest_leaf_level: int  # of the smallest leaves
@@ -42,7 +42,7 @@ class Leaves(NamedTuple):
 
 
 class EncoderNodes(NamedTuple):
-    """Nodes of all levels, one level after the other, known to the encoder only."""
+    """Nodes of all levels, one level after the other; the decoder does not have them."""
 
     moments: Floats  # (n, 10) of the samples in the node
     first_child: Ints  # (n + 1,) index of the first child
@@ -53,14 +53,14 @@ class EncoderNodes(NamedTuple):
 
 @compiled_in_place
 def leaf_at(geometry: OctreeGeometry, leaf_grid: IndexGrid, x: int, y: int, z: int) -> int:
-    """Return 1 + the index of the leaf that contains a cell, 0 if there is none."""
+    """Return 1 + the index of the leaf that contains a cell, or 0 if no leaf does."""
     side_log2 = geometry.depth - geometry.finest_leaf_level
     return int(leaf_grid[x >> side_log2, y >> side_log2, z >> side_log2])
 
 
 @compiled_in_place
 def dominant_axis(plane: Floats) -> int:
-    """Return the axis nearest to a plane's normal. The plane's columns run along it."""
+    """Return the axis nearest to a plane's normal, along which the plane's columns run."""
     axis = 0
     for k in range(1, 3):
         if abs(plane[k]) > abs(plane[axis]):
@@ -70,6 +70,6 @@ def dominant_axis(plane: Floats) -> int:
 
 @compiled_in_place
 def plane_height(plane: Floats, axis: int, u: float, v: float) -> float:
-    """Return the coordinate along `axis` of a plane where the next two axes are at u and v."""
+    """Return a plane's coordinate along `axis` where the two axes after it are at u and v."""
     across = plane[(axis + 1) % 3] * u + plane[(axis + 2) % 3] * v
     return float((plane[3] - across) / plane[axis])

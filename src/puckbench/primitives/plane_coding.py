@@ -48,10 +48,10 @@ def code_plane(
     leaves: Leaves,
     leaf_grid: IndexGrid,
 ) -> None:
-    """Code the plane of a leaf, and add the leaf.
+    """Encode or decode the plane of a leaf, and add the leaf.
 
-    The encoder chooses the candidate of least squared distance + lmbda * estimated bits. base:
-    first context and mixer. node: (4,) coordinates at its level, and index in `nodes`.
+    The encoder minimises squared distance + lmbda * estimated bits. `base` is the first context and
+    mixer; `node` (4,) holds its coordinates at its level, and its index in `nodes`.
     """
     side_log2 = geometry.depth - level
     side = 1 << side_log2
@@ -121,7 +121,8 @@ def _merge_candidates(
     leaf_grid: IndexGrid,
     candidates: Ints,
 ) -> int:
-    """Write adjacent leaves' planes that cross a cube, most contact first. Return their number."""
+    """Write the planes of adjacent leaves that cross a cube, most contact first; return their
+    number."""
     contacts, planes = np.zeros(_MAX_CONTACTS, np.int64), np.zeros(_MAX_CONTACTS, np.int64)
     count = _count_contacts(geometry, corner, side, leaves, leaf_grid, contacts, planes)
     kept = 0
@@ -222,7 +223,7 @@ def _quantise_region_plane(
     indices: Ints,
     plane: Floats,
 ) -> tuple[int, float]:
-    """Quantise a region's plane with the extent of least cost. Return the extent and the bits."""
+    """Quantise a region's plane with the extent of least cost; return the extent and the bits."""
     fitted, dequantised = np.empty(4), np.empty(4)
     fit_plane(region, fitted)
     trial_indices, predicted = np.zeros(4, np.int64), np.zeros(4, np.int64)
@@ -317,7 +318,7 @@ def _code_axis(
 def quantise_plane(plane: Floats, cube: tuple[Floats, float, float], indices: Ints) -> None:
     """Write the quantisation indices (4,) of a plane: axis, height at a cube's centre, two slopes.
 
-    cube: centre (3,), half the side, and quantisation step, in cells.
+    `cube` is its centre (3,), half its side, and the quantisation step, in cells.
     """
     centre, half, step = cube
     axis = dominant_axis(plane)

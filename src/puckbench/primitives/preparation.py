@@ -64,7 +64,7 @@ def prepare(points: Floats, settings: PrimitiveSettings) -> PreparedCloud:
 
 
 def column_size(surface: SurfaceSamples, settings: PrimitiveSettings) -> float:
-    """Return the side of a column in units; the spacing of the samples limits it from below."""
+    """Return the side of a column in units, which is limited from below by the samples' spacing."""
     doublings = np.log2(0.6 * surface.spacing / settings.column_size)
     column = settings.column_size * 2.0 ** max(0, np.ceil(doublings - 1e-9))
     while np.prod(np.ptp(surface.xyz, axis=0) / column + 2) > MAX_CELLS:
@@ -79,7 +79,7 @@ def axis_aligned_column_size(cloud: PreparedCloud) -> float:
 def _smoothed_surface(points: Floats, noise: float, settings: PrimitiveSettings) -> SurfaceSamples:
     """Smooth samples from cells that hold a few points each.
 
-    Spacings differ by powers of sqrt(2), so that no rate has larger cells than a lower rate.
+    The cell size is a power of sqrt(2), so that no rate has larger cells than a lower rate.
     """
     target_spacing = max(_SPACING_PER_COLUMN * settings.column_size, _SPACING_PER_NOISE * noise)
     octaves = np.log2(max(_DEFAULT_SPACING / target_spacing, 1.0))

@@ -47,7 +47,7 @@ def reconstruct_points(
     """Write the points of all occupied columns as far as memory reaches, and return their number.
 
     A column has points_across x points_across points. If that is 1, one of column_spacing x
-    column_spacing columns has a point. leaf_of_point: (m,) leaves of the points.
+    column_spacing columns has a point. `leaf_of_point` (m,) is each point's leaf.
     """
     count = 0
     cell = np.zeros(3, np.int64)

@@ -1,4 +1,4 @@
-"""Region merging: adjacent leaves are merged while one plane explains them, cheapest first."""
+"""Region merging: adjacent leaves are merged while one plane fits both, cheapest pair first."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ _LOW_MASK = (1 << 32) - 1
 
 
 class MergeLimits(NamedTuple):
-    """Largest increase of the squared distance to the planes when two regions are merged."""
+    """Largest increase of the squared distance to the planes, and largest angle, when regions
+    merge."""
 
     fixed: float  # absolute
     per_weight: float  # per unit of weight of the smaller region
@@ -52,7 +53,7 @@ class _Queue(NamedTuple):
 
 
 def region_moments(moments: Floats, leaves: Leaves, shape: Ints, limits: MergeLimits) -> Floats:
-    """Return the moments (n, 10) of each leaf's region."""
+    """Return, for each leaf, the moments (n, 10) of its region."""
     region_of = merge_regions(moments, adjacent_leaves(leaves, shape), limits)
     sums = np.zeros_like(moments)
     np.add.at(sums, region_of, moments)
@@ -61,9 +62,9 @@ def region_moments(moments: Floats, leaves: Leaves, shape: Ints, limits: MergeLi
 
 @compiled
 def merge_regions(moments: Floats, pairs: Ints, limits: MergeLimits) -> Ints:
-    """Merge pieces of surface, given by moments (n, 10) and adjacent pairs (m, 2), to regions.
+    """Merge pieces of surface into regions, from their moments (n, 10) and adjacent pairs (m, 2).
 
-    Return the region (n,) of each piece: the index of one of its pieces.
+    Return each piece's region (n,), as the index of one of the region's pieces.
     """
     n = len(moments)
     regions = _Regions(
@@ -184,7 +185,7 @@ def _push(queue: _Queue, regions: _Regions, cost: float, a: int, b: int) -> None
 
 @inlined
 def _pop(queue: _Queue, regions: _Regions) -> tuple[bool, int, int]:
-    """Remove the first pair. Return whether both regions are unchanged since it was queued."""
+    """Remove and return the first pair, and whether both its regions are unchanged since queued."""
     pair, is_current = queue.pair[0], _is_current(queue, regions, 0)
     queue.size[0] -= 1
     last, hole = queue.size[0], 0
@@ -266,7 +267,7 @@ def _root(regions: _Regions, i: int) -> int:
 def adjacent_leaves(leaves: Leaves, shape: Ints) -> Ints:
     """Return the pairs (m, 2), lower index first, of leaves that share a face, an edge or a corner.
 
-    shape: (3,) cells of the grid; leaves may extend beyond it.
+    `shape` (3,) is the size of the grid in cells; leaves may extend beyond it.
     """
     count, n = 0, leaves.counts[0]
     pairs = np.empty((16 * n + 64, 2), np.int64)

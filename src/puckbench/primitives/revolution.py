@@ -65,7 +65,7 @@ class RevolutionSurface(NamedTuple):
         return int(self.columns_per_row().sum())
 
     def profile(self, arc_length: Floats) -> tuple[Floats, Floats]:
-        """Return the radius, and the height above the origin along the axis, at arc lengths."""
+        """Return, for arc lengths, the radius and the height above the origin along the axis."""
         return _profile(self, arc_length)
 
     def points_at(self, arc_length: Floats, azimuth: Floats) -> tuple[Floats, Floats]:
@@ -82,7 +82,8 @@ class UnrolledMap(NamedTuple):
     bits: Bytes  # (columns,) row after row
 
     def occupied_columns(self) -> tuple[Ints, Ints, Ints]:
-        """Return their rows, positions in the row, and the numbers of columns of their rows."""
+        """Return each occupied column's row, position in the row, and number of columns in the
+        row."""
         columns = self.surface.columns_per_row()
         row = np.repeat(np.arange(self.surface.row_count), columns)
         column = np.arange(len(row)) - np.repeat(np.cumsum(columns) - columns, columns)
@@ -178,7 +179,7 @@ def normal_at(
     height: float,
     radius: float,
 ) -> Vector:
-    """Return a surface's unit normal where it is nearest to a point `radial` from the origin."""
+    """Return the unit normal of a surface where it is nearest to the origin plus `radial`."""
     if surface.kind == SPHERE:
         return multiply(1 / max(length(radial), 1e-9), radial)
     axis = vector(surface.axis)
@@ -222,7 +223,7 @@ def is_representable(surface: RevolutionSurface) -> bool:
 
 
 def unpack_parameters(stream: bytes) -> list[RevolutionSurface]:
-    """Return the surfaces packed by `pack_parameters`. Raises InputError if they are damaged."""
+    """Return the surfaces packed by `pack_parameters`; raise InputError if they are damaged."""
     surfaces = [
         _unpack_surface(stream[k : k + REVOLUTION_BYTES])
         for k in range(0, len(stream), REVOLUTION_BYTES)
@@ -279,7 +280,7 @@ def code_unrolled_map(coder: ContextCoder, columns: Ints, bits: Bytes) -> None:
 def _adjacent_columns(bits: Bytes, start: int, count: int, j: int, columns: int) -> int:
     """Return the bits of the three columns of another row that are nearest to column j.
 
-    start, count: of the other row. columns: number of columns of the row of column j.
+    `start` and `count` locate the other row; `columns` is the number of columns in j's row.
     """
     if count == 0 or start < 0:
         return 0

@@ -1,8 +1,8 @@
 """Robust least-squares fit of a surface of revolution to samples.
 
-Levenberg-Marquardt steps for the loss sqrt(1 + z) - 1, where z is the squared distance in units of
-`loss_scale`. All arithmetic is compiled here, because the last bits of linear algebra libraries
-depend on the processor.
+Levenberg-Marquardt steps minimise the loss sqrt(1 + z) - 1, where z is the squared distance in
+units of `loss_scale`. Linear algebra is compiled here, because the last bits of libraries depend on
+the processor.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ _UNKNOWN_COUNT = 6
 def fit_revolution(surface: RevolutionSurface, xyz: Floats, loss_scale: float) -> RevolutionSurface:
     """Fit a surface to points (n, 3).
 
-    The initial origin should be beside the points: it moves only perpendicularly to the axis (a
-    sphere's moves in all directions).
+    The initial origin should be beside the points, because it moves only perpendicularly to the
+    axis (a sphere's moves in all directions).
     """
     current = (np.empty((_UNKNOWN_COUNT, _UNKNOWN_COUNT)), np.empty(_UNKNOWN_COUNT))
     trial = (np.empty((_UNKNOWN_COUNT, _UNKNOWN_COUNT)), np.empty(_UNKNOWN_COUNT))
@@ -71,10 +71,11 @@ def _linearise(
     matrix: Floats,
     gradient: Floats,
 ) -> float:
-    """Write the weighted normal equations (6, 6) and (6,) of a step. Return the loss.
+    """Write the weighted normal equations (6, 6) and (6,) of a step; return the loss.
 
-    Unknowns: displacement of the origin along both perpendicular axes, tilt of the axis towards
-    them, radius, angle. For a sphere: displacement along three axes, none, radius, none.
+    The unknowns are the displacement of the origin along both perpendicular axes, the tilt of the
+    axis towards them, radius, and angle. A sphere has only a displacement along three axes and a
+    radius.
     """
     matrix[:], gradient[:] = 0.0, 0.0
     jacobian = np.empty(_UNKNOWN_COUNT)

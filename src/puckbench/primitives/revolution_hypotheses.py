@@ -34,11 +34,11 @@ def block_samples(xyz: Floats, radius: float) -> tuple[Ints, BlockedSamples]:
 def make_hypotheses(
     xyz: Floats, normals: Floats, seeds: Ints, spacing: float, tolerance: float
 ) -> Floats:
-    """Make spheres, cylinders and cones (m, 9), still unbounded, through samples with normals.
+    """Return spheres, cylinders and cones (m, 9), not yet bounded, through samples with normals.
 
-    seeds: (m,) rows of samples; each is combined with two others at each of three spans. spacing:
-    of the samples. tolerance: least radius; a sphere or cylinder may miss the second sample by
-    twice this distance.
+    Each of the `seeds` (m,), rows of samples with the given spacing, is combined with two others at
+    each of three spans. `tolerance` is the least radius; a sphere or cylinder may miss the second
+    sample by twice this distance.
     """
     max_radius = float(np.ptp(xyz, axis=0).max()) / 2
     hypotheses, count = np.empty((3 * len(SPANS) * len(seeds), _FIELDS)), 0
@@ -94,7 +94,7 @@ def _sample_hypotheses(
 def _annulus_samples(
     xyz: Floats, seed: int, ranges: Ints, radius: float, selection: tuple[int, int]
 ) -> tuple[int, tuple[int, int]]:
-    """Count the samples about a radius away from a seed, and return the two that are selected."""
+    """Return the number of samples about `radius` from a seed, and two of them by `selection`."""
     min_squared, max_squared = (_MIN_DISTANCE * radius) ** 2, radius * radius
     count, first, second = 0, -1, -1
     for k in range(len(ranges)):

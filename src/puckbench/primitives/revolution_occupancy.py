@@ -43,7 +43,7 @@ def to_grid(
     cell_size: float,
     grid_offset: tuple[float, float, float],
 ) -> RevolutionSurface:
-    """Transform a surface from units to the cells of a rotated grid that starts at `corner`."""
+    """Transform a surface from units to cells of a rotated grid that starts at `corner`."""
     origin, axis = rotate(np.stack([surface.origin, surface.axis]), rotation)
     origin = (origin - corner) / cell_size + grid_offset
     return surface._replace(origin=origin, axis=axis, radius=surface.radius / cell_size)
@@ -58,8 +58,8 @@ def fit_revolutions(
 ) -> tuple[list[UnrolledMap], Mask]:
     """Fit surfaces with occupancy maps to samples, one after the other.
 
-    weights: (n,) of the samples, 1 on average. Return the surfaces that explain samples, and the
-    mask (n,) of unexplained samples.
+    The samples' weights (n,) average 1. Return the surfaces that explain samples, and the mask (n,)
+    of unexplained samples.
     """
     unexplained = np.ones(len(xyz), bool)
     maps: list[UnrolledMap] = []

@@ -1,4 +1,4 @@
-"""Segmentation: merges the leaves of a decoded stream to larger planes, such as a whole wall."""
+"""Segmentation: merges the leaves of a decoded stream into larger planes, such as a whole wall."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _MAX_ADDED_ERROR = 0.2
 
 
 def segment_points(patches: Patches) -> tuple[Floats, Ints]:
-    """Return the points (m, 3) of all primitives, and their segments (m,)."""
+    """Return the points (m, 3) of all primitives, and each point's segment (m,)."""
     xyz, leaf_of_point = reconstruct_planes(patches)
     leaf_segments = _merge_leaves(patches, xyz, leaf_of_point)
     plane_segments, segments = np.unique(leaf_segments[leaf_of_point], return_inverse=True)
@@ -30,7 +30,7 @@ def segment_points(patches: Patches) -> tuple[Floats, Ints]:
 
 
 def segment_leaves(patches: Patches) -> Ints:
-    """Return the segment (n,) of each leaf: the index of one of its leaves."""
+    """Return each leaf's segment (n,), as the index of one of the segment's leaves."""
     return _merge_leaves(patches, *reconstruct_planes(patches))
 
 

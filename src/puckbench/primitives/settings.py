@@ -66,7 +66,8 @@ class PrimitiveSettings(Model):
     )
 
     def adapted_to(self, noise: float) -> PrimitiveSettings:
-        """Return coarser settings if the noise, in units, is larger than the rates are tuned for.
+        """Return coarser settings if the noise, in units, exceeds that for which the rates are
+        tuned.
 
         Otherwise small leaves and fine planes would follow the noise.
         """

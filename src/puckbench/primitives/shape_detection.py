@@ -54,9 +54,9 @@ Mask = NDArray[np.bool_]
 def detect_revolutions(
     xyz: Floats, normals: Floats, spacing: float, tolerance: float
 ) -> list[RevolutionSurface]:
-    """Return fitted and bounded surfaces of revolution, in descending order of their samples.
+    """Return fitted and bounded surfaces of revolution, those with most samples first.
 
-    spacing: of the samples (n, 3). tolerance: largest distance of an inlier.
+    `spacing` is that of the samples (n, 3), `tolerance` the largest distance of an inlier.
     """
     curved = _curved_samples(xyz, normals, spacing)
     if len(curved) < max(_MIN_INLIERS, _MIN_CURVED_SHARE * len(xyz)):
@@ -176,7 +176,7 @@ def _select(
     spacing: float,
     tolerances: tuple[float, float],
 ) -> list[RevolutionSurface]:
-    """Greedily select and refine the hypotheses that explain most of the unexplained samples."""
+    """Select and refine, one by one, the hypotheses that explain most unexplained samples."""
     tolerance = tolerances[1]
     counts, unexplained = inliers.sum(axis=1), np.ones(inliers.shape[1], bool)
     unassigned = np.ones(len(xyz), bool)
@@ -208,7 +208,7 @@ def _refine(
 ) -> RevolutionSurface:
     """Fit a surface to its inliers, with a tolerance that decreases from fit to fit.
 
-    So a surface that crosses between two others converges to one of them.
+    A surface that crosses between two others thus converges to one of them.
     """
     for tolerance in (*tolerances, tolerances[1] / 2):
         rows = np.flatnonzero(unassigned & _inliers(surface, xyz, normals, tolerance))
@@ -239,7 +239,7 @@ def _height(surface: RevolutionSurface, point: Floats) -> float:
 def clip_to_inliers(
     surface: RevolutionSurface, xyz: Floats, normals: Floats, unassigned: Mask, tolerance: float
 ) -> RevolutionSurface:
-    """Bound a surface by its unassigned inliers. Without enough inliers it has no rows."""
+    """Bound a surface by its unassigned inliers; with too few inliers it gets no rows."""
     inliers = unassigned & _inliers(surface, xyz, normals, tolerance)
     if inliers.sum() < _MIN_INLIERS / 2:
         return surface._replace(row_count=0)
@@ -251,7 +251,7 @@ def clip_to_inliers(
 
 
 def _coverage(surface: RevolutionSurface, xyz: Floats, spacing: float) -> float:
-    """Return the fraction of the area between the ends, in 2 x 2 cells, that has samples."""
+    """Return the fraction of a bounded surface's 2 x 2 cells that contain samples."""
     arc_length, azimuth, _, _ = surface.coordinates(xyz)
     size = 2 * max(spacing, 1.0)
     radius = surface.profile(arc_length)[0]

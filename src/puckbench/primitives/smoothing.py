@@ -31,13 +31,12 @@ def downsample(points: Floats, spacing: float) -> CellSamples:
 def smooth_samples(
     samples: CellSamples, spacing: float, radius: float, outlier_distance: float
 ) -> tuple[Floats, Floats]:
-    """Project samples onto robust planes of their neighbours. Return points and unit normals (n,
-    3).
+    """Project samples onto robust planes of their neighbours; return points and normals (n, 3).
 
     A neighbour's weight is the square root of its number of points, because noise is correlated
     within a cell. It decreases with the distance from the sample (0 at `radius`) and from the plane
     (0 at `outlier_distance`, Tukey's biweight). In the second of two passes it also decreases with
-    the angle between the normals, which preserves edges. spacing: side of a sampling cell.
+    the angle between the normals, which preserves edges. `spacing` is the side of a sampling cell.
     """
     cell_radius = int(np.ceil(radius / spacing))
     order, blocks = blocks_of(samples, max(_MIN_BLOCK_SIZE, -(-cell_radius // 2)))
@@ -103,7 +102,8 @@ def _smooth(
 ) -> None:
     """Smooth the samples of a range of blocks.
 
-    radii: radius and outlier distance. previous: samples and normals (or 0) of the last pass.
+    `radii` are the radius and the outlier distance, `previous` the samples and normals (or 0) of
+    the last pass.
     """
     xyz, previous_normals = blocks.xyz, previous[1]
     block_radius = -(-cell_radius // blocks.size)
@@ -166,7 +166,7 @@ def _list_candidates(
     normals: Floats,
     candidates: Floats,
 ) -> int:
-    """Write the samples near the bounding box of a range of rows. Return their number."""
+    """Write the samples near the bounding box of a range of rows; return their number."""
     xyz, count = blocks.xyz, 0
     low, high = xyz[row_range[0]].copy(), xyz[row_range[0]].copy()
     for i in range(row_range[0] + 1, row_range[1]):
@@ -195,7 +195,7 @@ def _list_neighbours(
     radius: float,
     neighbours: Floats,
 ) -> int:
-    """Write offsets and weights (4, n) of a sample's neighbours. Return their number.
+    """Write offsets and weights (4, n) of a sample's neighbours; return their number.
 
     Each step is a separate loop over whole rows, so that the compiler can vectorise it.
     """
@@ -227,7 +227,7 @@ def _list_neighbours(
 def _robust_plane(neighbours: Floats, count: int, outlier_distance: float, plane: Floats) -> None:
     """Fit a plane to neighbours (4, count), reweighted by their distances from it.
 
-    plane: (4,) initial plane or zeros; unchanged if no neighbour has weight.
+    `plane` (4,) is the initial plane or zeros; it is unchanged if no neighbour has weight.
     """
     x, y, z, weights = neighbours[0], neighbours[1], neighbours[2], neighbours[3]
     robust_weights = neighbours[4]

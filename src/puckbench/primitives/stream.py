@@ -1,12 +1,13 @@
 """Bitstream of the codec: headers of surfaces, voxels and hybrids, packed and checked.
 
 All numbers are little endian. A stream starts with the magic ``PBPR``, a version and a kind, and
-ends with the low half of a CRC-32. In between:
+ends with the low half of a CRC-32. Between them are:
 
 * Surface: `_SURFACE`, `_ROTATION` if the grid is rotated, number and parameters of the surfaces of
-  revolution if there are any, arithmetic-coded payload.
+revolution if there are any, arithmetic-coded payload.
 * Voxels: `_VOXELS`, `CLASSES` displacement factors unless the block size is 0, G-PCC octree.
-* Hybrid (version 4): `_HYBRID`, `CLASSES` displacement factors, a stream of each other kind.
+* Hybrid (version 4): `_HYBRID`, `CLASSES` displacement factors, a surface stream and a voxel
+stream.
 """
 
 from __future__ import annotations

@@ -99,13 +99,13 @@ class CodedSurface(NamedTuple):
     patches: Patches
 
     def decoded(self) -> DecodedSurface:
-        """Reconstruct what a decoder would, without decoding the stream."""
+        """Return the surface as a decoder reconstructs it, without decoding the stream."""
         header, _ = unpack_surface(self.stream)
         return reconstruct_surface(self.patches._replace(header=header))
 
 
 def revolution_candidates(cloud: PreparedCloud) -> tuple[RevolutionSurface, ...]:
-    """Return cylinders, cones and spheres in units, in descending order of samples."""
+    """Return cylinders, cones and spheres in units, those with most samples first."""
     surface = cloud.surface
     spacing, tolerance = surface.spacing, _tolerance(cloud)
     return tuple(detect_revolutions(surface.xyz, surface.normals, spacing, tolerance))
@@ -119,9 +119,9 @@ def point_corner_offset(cloud: PreparedCloud) -> tuple[float, float, float]:
 
 
 def encode_surface(cloud: PreparedCloud, mode: SurfaceMode) -> CodedSurface | None:
-    """Code a cloud in the surface mode.
+    """Encode a cloud in the surface mode.
 
-    None if the decoder would refuse the stream, or reconstruct no points or more than the input.
+    Return None if the header is invalid, or decoding gives no points or more than the input.
     """
     surface, corner = _rotate_surface(cloud, mode.rotation)
     column_side = column_size(surface, cloud.settings)
@@ -195,7 +195,7 @@ def _omission_error(column_side: float) -> float:
 def _rotate_surface(
     cloud: PreparedCloud, rotation: RotationVector
 ) -> tuple[SurfaceSamples, Floats]:
-    """Rotate the surface and move its corner to the origin. Return the corner too."""
+    """Rotate the surface and move its corner to the origin; return both."""
     surface, matrix = cloud.surface, rotation_matrix(rotation)
     xyz = rotate(surface.xyz, matrix)
     corner = xyz.min(axis=0)
@@ -216,7 +216,7 @@ def _fit_revolutions(
     corner: Floats,
     column_side: float,
 ) -> tuple[list[UnrolledMap], SurfaceSamples]:
-    """Return the surfaces of revolution with their maps, and the samples left to planes."""
+    """Return the surfaces of revolution with their maps, and the samples left for planes."""
     if not mode.revolutions:
         return [], surface
     placement = (rotation_matrix(mode.rotation), corner, column_side, mode.grid_offset)
@@ -239,7 +239,7 @@ def _fit_revolutions(
 def _plan_octree(
     surface: SurfaceSamples, settings: PrimitiveSettings, column_side: float
 ) -> tuple[SurfaceHeader, list[PlaneOctreeLevel]]:
-    """Return the octree's levels, and a header without grid, density and revolutions."""
+    """Return the octree's levels, and a header without grid, point density and revolutions."""
     shape = np.floor(surface.xyz.max(axis=0)).astype(np.int64) + 1
     depth = (int(shape.max()) - 1).bit_length()
     finest = max(depth - round(np.log2(max(settings.min_leaf_size / column_side, 1))), 0)
@@ -320,7 +320,7 @@ def _occupancy_criterion(
 
 
 def _point_density(patches: Patches, max_points: int, column_side: float) -> tuple[int, int] | None:
-    """Return points_across and column_spacing of the densest points within `max_points`."""
+    """Return points_across and column_spacing for the most points that `max_points` allows."""
     arrays = (patches.geometry, patches.leaves, patches.occupancy)
     revolution_columns = sum(int(unrolled.bits.sum()) for unrolled in patches.revolutions)
     max_points = min(max_points, MAX_POINTS)

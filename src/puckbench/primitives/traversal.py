@@ -1,4 +1,4 @@
-"""Tree traversal: codes the octree of planes level by level, coarse first, in both directions.
+"""Tree traversal: encodes or decodes the octree of planes level by level, from the root down.
 
 A node is a leaf, which has a plane, or is split. The encoder chooses planes during the traversal,
 because only then the neighbouring planes that predict them are known.
@@ -46,7 +46,7 @@ def code_octree(
     leaves: Leaves,
     leaf_grid: IndexGrid,
 ) -> bool:
-    """Code all levels of the octree, and write the leaves and their grid.
+    """Encode or decode all levels of the octree, and write the leaves and their grid.
 
     Return False if there are more leaves than allocated, more nodes than `MAX_NODES`, or the stream
     ends early.
@@ -87,7 +87,8 @@ def _code_leaves(
     leaves: Leaves,
     leaf_grid: IndexGrid,
 ) -> bool:
-    """Code which nodes of a level are leaves, and their planes; set the index of leaves to -1."""
+    """Encode or decode which nodes of a level are leaves, and their planes; mark leaves by index
+    -1."""
     for i in range(len(level_nodes)):
         node = level_nodes[i]
         if not _code_is_leaf(coder, geometry, level, node, states, nodes):
@@ -110,7 +111,8 @@ def _code_splits(
     nodes: EncoderNodes,
     children: Ints,
 ) -> int:
-    """List the children of a level's split nodes. Return their number, -1 if there are too many."""
+    """List the children of a level's split nodes; return their number, or -1 if there are too
+    many."""
     count = 0
     for i in range(len(level_nodes)):
         if level_nodes[i, 3] >= 0:
@@ -213,7 +215,10 @@ def _code_occupancy(
     child: tuple[int, int, int],
     level_states: tuple[Bytes, Bytes],
 ) -> int:
-    """child: octant, occupancy pattern of the coded siblings, log2 of the side in cells."""
+    """Encode or decode a child's occupancy.
+
+    `child` holds its octant, the pattern of occupied siblings before it, and log2 of its side.
+    """
     faces = occupied_count = 0
     for dx in range(-1, 2):
         for dy in range(-1, 2):
@@ -232,7 +237,10 @@ def _code_occupancy(
 
 @compiled_in_place
 def _child_state(level_states: tuple[Bytes, Bytes], x: int, y: int, z: int) -> int:
-    """Return a state at the finer level: 0 empty, 1 unknown in an occupied parent, 2 occupied."""
+    """Return the state of a node at the finer level.
+
+    It is 0 if empty, 1 if unknown because its occupied parent is not coded yet, 2 if occupied.
+    """
     states, child_states = level_states
     if min(x, y, z) < 0 or x + 2 >= child_states.shape[0]:
         return 0

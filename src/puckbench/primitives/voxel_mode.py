@@ -86,22 +86,22 @@ def encode_voxels_of_size(points: Floats, voxel_size: float) -> bytes:
 
 
 class VoxelSearch:
-    """Search for the voxel size that fits a byte budget, starting from earlier trials."""
+    """Searches for the voxel size that fits a byte budget, starting from earlier trials."""
 
     def __init__(self, points: Floats, trials: Iterable[Trial] = ()) -> None:
         self.points, self.trials = points, list(trials)
         self._coded: dict[float, CodedVoxels] = {}
 
     def byte_count_at(self, voxel_size: float) -> int:
-        """Return the largest possible length of the stream of voxels of a side."""
+        """Return the largest possible length of a stream of voxels of a given size."""
         trial = Trial(voxel_size, _CodedOctree.of(self.points, voxel_size).byte_count())
         self.trials.append(trial)
         return trial.byte_count
 
     def encode_to_budget(self, max_bytes: int, max_voxel_size: float = UNITS / 4) -> CodedVoxels:
-        """Code the finest voxels that take at most about `max_bytes` bytes.
+        """Encode the finest voxels that take at most about `max_bytes` bytes.
 
-        max_voxel_size: largest side in units of 1/1023 of the extent, whatever the budget.
+        `max_voxel_size` limits their side, whatever the budget, in 1/1023 of the extent.
         """
         low, high = bounds(self.points)
         extent = float((high - low).max())
@@ -169,7 +169,7 @@ class DecodedVoxels(NamedTuple):
 
 
 def read_voxels(stream: bytes) -> DecodedVoxels:
-    """Read a stream of at most `MAX_HYBRID_VOXELS` voxels. Raises InputError if it is none."""
+    """Decode voxels; raise InputError if the stream has none or more than `MAX_HYBRID_VOXELS`."""
     header, payload = unpack(stream)
     if not isinstance(header, VoxelHeader):
         raise InputError("the stream holds no voxels")
@@ -188,12 +188,12 @@ def _to_cloud(xyz: Floats | Ints, grid: VoxelGrid) -> Floats:
 
 
 def voxel_weights(groups: CellGroups) -> Floats:
-    """Return the weights (m,) of the voxels' errors: equal shares for points and for voxels."""
+    """Return weights (m,) of voxels, the mean of equal weights for points and for voxels."""
     return np.asarray(groups.counts / groups.counts.sum() + 1 / len(groups.counts))
 
 
 def _fit_displacements(groups: CellGroups, voxel_bytes: int) -> FittedTable | None:
-    """Return the best table, or None if it saves less error than it costs in bytes."""
+    """Return the best table, or None if it does not save enough error for its bytes."""
     if len(groups.cells) > MAX_DISPLACED:
         return None
     weights = voxel_weights(groups)
@@ -204,7 +204,7 @@ def _fit_displacements(groups: CellGroups, voxel_bytes: int) -> FittedTable | No
 
 
 def _initial_voxel_size(points: Floats, extent: float, max_bytes: int) -> float:
-    """Estimate the side at two bits per voxel, from the number of voxels that cover the surface."""
+    """Estimate a voxel size from the voxels that cover the surface, at two bits each."""
     target = max(4.0 * max_bytes, 8.0)
     voxel_size = extent / 64
     count = len(group_by_cell(points, voxel_size, centred=True).cells)
