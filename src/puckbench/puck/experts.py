@@ -1,7 +1,7 @@
-"""Experts: estimates of a number that give probabilities of binary decisions about it.
+"""Experts: estimates of a number, from which probabilities of binary decisions about it follow.
 
-An expert is a distribution with its estimate as mean, and with the mean absolute error of earlier
-estimates in the same situation as scale.
+An expert is a distribution. Its mean is the estimate, and its scale is the mean absolute error of
+earlier estimates in the same situation.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ _MOST_ERROR = 4000
 
 
 class Experts(NamedTuple):
-    """State of the experts of a number, (experts,) each unless stated otherwise."""
+    """State of all experts for a number; arrays are (experts,) unless stated otherwise."""
 
     means: Ints  # 0 for an expert without an estimate
     inverse: Ints  # of the scales
@@ -47,14 +47,14 @@ class Experts(NamedTuple):
 
 
 def new_experts(scales: Words, count: int) -> Experts:
-    """Return `count` experts with initial scales (at least `count`, situations)."""
+    """Return `count` experts whose initial `scales` are (at least `count`, situations)."""
     means, inverse, lower, upper, edge = np.zeros((5, count), np.int64)
     return Experts(means, inverse, lower, upper, edge, scales, *_tables(), (0,) * count)
 
 
 @cache
 def _tables() -> tuple[NDArray[np.int16], NDArray[np.int16]]:
-    """Return the cumulative distribution (a Gaussian with a wide base), and 256 ln(k + 2)."""
+    """Return a cumulative distribution, Gaussian with a wide base, and a table of 256 ln(k + 2)."""
     errors = np.arange(-_REACH, _REACH + 1) / _PER_ERROR
     gaussian = np.array([0.5 + 0.5 * erf(error / sqrt(pi)) for error in errors])
     logistic = 1 / (1 + np.exp(-errors / 2))
@@ -65,7 +65,7 @@ def _tables() -> tuple[NDArray[np.int16], NDArray[np.int16]]:
 
 @inlined
 def begin(experts: Experts, situation: int) -> None:
-    """Load the scales of a situation, and set the interval to all numbers."""
+    """Load the scales of a situation, and reset the interval to all numbers."""
     for k in range(len(experts.every)):
         if experts.means[k] != 0:
             scale = max(experts.scales[k, np.uint64(situation)], _LEAST_SCALE)
@@ -75,7 +75,7 @@ def begin(experts: Experts, situation: int) -> None:
 
 @inlined
 def write_logits(experts: Experts, edge: int, answers: Words) -> None:
-    """Write each expert's logit of "the number is at least `edge`" (in 1 / FINE) to `answers`."""
+    """Write to `answers` each expert's logit that the number is at least `edge` (in 1 / FINE)."""
     shares, logits = experts.edge, experts.logits
     for k in range(len(experts.every)):
         place = ((edge - experts.means[k]) * experts.inverse[k]) >> 13
@@ -89,7 +89,7 @@ def write_logits(experts: Experts, edge: int, answers: Words) -> None:
 
 @inlined
 def narrow(experts: Experts, bit: int) -> None:
-    """Narrow the interval to the part at least (1) or below (0) its edge."""
+    """Narrow the interval to the part above its edge if `bit` is 1, otherwise to the part below."""
     for k in range(len(experts.every)):
         lower, upper, edge = experts.lower[k], experts.upper[k], experts.edge[k]
         experts.lower[k] = edge if bit == 1 else lower
@@ -98,7 +98,7 @@ def narrow(experts: Experts, bit: int) -> None:
 
 @inlined
 def learn(experts: Experts, situation: int, number: int, slow: int) -> None:
-    """Move the scales by 2**-slow towards the errors of the estimates of `number` (in 1 / FINE)."""
+    """Move each scale by 2**-slow of the way to its expert's error for `number` (in 1 / FINE)."""
     for k in range(len(experts.every)):
         if experts.means[k] != 0:
             wrong = min(abs(number - experts.means[k]), _MOST_ERROR) * 256

@@ -1,7 +1,7 @@
-"""Coding of the bytes between the packets of a recording (gaps), by LZMA.
+"""Compression of the bytes between the packets of a recording (gaps) by LZMA.
 
 Gaps of the same length, mostly headers of captures or bags, are stored together as differences
-between successive ones, byte by byte.
+between successive ones.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def encode_gaps(gaps: list[bytes], are_headers: bool = False) -> bytes:
 
 
 def store_gaps(gaps: list[bytes]) -> bytes:
-    """Encode gaps without compression, which needs the fewest bytes in the worst case."""
+    """Encode gaps without compression, for bytes that LZMA would enlarge."""
     raw = _joined(gaps)
     chunks = (raw[first : first + _CHUNK] for first in range(0, len(raw), _CHUNK))
     parts = (b"\1" + (len(chunk) - 1).to_bytes(2, "big") + chunk for chunk in chunks)
@@ -42,7 +42,7 @@ def store_gaps(gaps: list[bytes]) -> bytes:
 
 
 def decode_gaps(reader: Reader, count: int, admit: Callable[[int], None]) -> list[bytes]:
-    """Decode `count` gaps, after a call of `admit` with their size, which may raise."""
+    """Decode `count` gaps; first call `admit` with their size, which raises if it is too large."""
     body = Reader(decompress_bytes(reader, admit))
     size = len(body.body)
     runs = [(body.number(), body.number()) for _ in range(min(body.number(), size))]
@@ -66,13 +66,13 @@ def decode_gaps(reader: Reader, count: int, admit: Callable[[int], None]) -> lis
 
 
 def compress_bytes(raw: bytes, are_headers: bool = False) -> bytes:
-    """Return the number of bytes and the bytes as raw LZMA2."""
+    """Compress bytes as raw LZMA2, and write their number before the result."""
     filters = [{**_filter(len(raw)), **(_HEADERS if are_headers else {})}]
     return base_128(len(raw)) + lzma.compress(raw, lzma.FORMAT_RAW, filters=filters)
 
 
 def decompress_bytes(reader: Reader, admit: Callable[[int], None]) -> bytes:
-    """Return the bytes of `compress_bytes`, after a call of `admit` with their number."""
+    """Decompress the output of `compress_bytes`; first call `admit` with the size."""
     size = reader.number()
     if size > MOST_RAW_BYTES:
         raise InputError(_DAMAGED)
@@ -117,7 +117,7 @@ def _frequent(lengths: NDArray[np.int64]) -> list[int]:
 
 
 def _planes(rows: Bytes) -> bytes:
-    """Return headers (n, length) as differences of 32-bit words between rows, byte by byte."""
+    """Return differences of rows (n, length), as 32-bit words: first the first byte of each."""
     words, tail = _words(rows)
     words = np.diff(words, axis=0, prepend=np.zeros_like(words[:1]))
     tail = np.diff(tail, axis=0, prepend=np.zeros_like(tail[:1]))

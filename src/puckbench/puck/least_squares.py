@@ -19,7 +19,7 @@ _LARGEST = 1 << 20
 
 
 class LeastSquares(NamedTuple):
-    """State of several predictors with common features."""
+    """State of several linear predictors that share their features."""
 
     features: Words  # (lanes,), then zeros
     products: Words  # (predictors * features * lanes,), sums of products of two features
@@ -48,7 +48,7 @@ def predicted(state: LeastSquares, which: int) -> int:
 
 @inlined
 def learn_target(state: LeastSquares, which: int, target: int, damp: int, slow: int) -> None:
-    """Add an observation with weight 2**-damp; earlier weights decrease by the factor 2**-slow."""
+    """Add an observation with weight 2**-damp; multiply all earlier weights by 1 - 2**-slow."""
     features, targets, lanes = state.features, state.targets, state.lanes
     first, predictor = which * len(state.every), np.uint64(which)
     for i in range(len(state.every)):

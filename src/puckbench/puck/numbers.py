@@ -1,4 +1,4 @@
-"""Coding of a number as binary decisions around an expected value.
+"""Coding of a number as binary decisions around an expected value, the centre.
 
 The first decision is the side of the centre. The next ones step away from the centre by growing
 distances until the number is passed, and the last ones halve the interval.
@@ -33,10 +33,10 @@ _LATER_HALVINGS = 62
 def code_number(
     mixer: Mixer, experts: Experts, number: int, centre: int, unit: int, step: int
 ) -> int:
-    """Code a number from 0 to (FARTHEST + step) // step by mixing; return it.
+    """Encode or decode a number from 0 to (FARTHEST + step) // step by context mixing; return it.
 
-    The experts estimate step * number. The centre, at least 1, is the expected number, and `unit`
-    the length of the first steps away from it.
+    The experts estimate step * number. The `centre` is at least 1, and `unit` is the length of the
+    first steps away from it.
     """
     return _traverse(mixer, experts, False, 0, number, centre, unit, step)
 
@@ -45,7 +45,7 @@ def code_number(
 def code_unmixed_number(
     mixer: Mixer, experts: Experts, start: int, number: int, centre: int, unit: int, step: int
 ) -> int:
-    """Code a number as `code_number` does, by single counters, the first of which is `start`."""
+    """Code a number like `code_number`, but by a counter for each decision, from `start` on."""
     return _traverse(mixer, experts, True, start, number, centre, unit, step)
 
 
@@ -119,7 +119,7 @@ def halves(value: int) -> int:
 
 @inlined
 def level_of(difference: int, unit: int) -> int:
-    """Return one of nine levels for a signed difference in units; 4 for nearly none."""
+    """Return the level, 0 to 8, of a signed difference divided by `unit`; 4 means nearly 0."""
     size = abs(difference)
     if 2 * size < unit:
         return 4

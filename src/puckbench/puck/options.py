@@ -1,5 +1,3 @@
-"""Options of the coder of turns."""
-
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -14,7 +12,7 @@ MAX_STEP = 1 << 12
 
 @dataclass(frozen=True)
 class CodingOptions:
-    """What is coded of each turn, and how. The defaults are lossless.
+    """Options for encoding turns; the defaults are lossless.
 
     Parameters
     ----------

@@ -49,9 +49,10 @@ _loop = partial(compiled_in_place, error_model="numpy")
 
 
 class RangeRows(NamedTuple):
-    """A range image (lasers, columns), m, 0 for no return; lasers from lowest to highest.
+    """A range image and the equations of its planes; lasers from lowest to highest.
 
-    `rows` (lasers, columns, 3) of the least squares equations are ranges times points.
+    `ranges` (lasers, columns), m, is 0 for no return; `rows` (lasers, columns, 3), the left sides
+    of least squares equations, are ranges times points.
     """
 
     ranges: Floats
@@ -59,7 +60,7 @@ class RangeRows(NamedTuple):
 
 
 class LabelledPlanes(NamedTuple):
-    """Planes of an image: labels (lasers, columns), -1 for no return, and the vectors m (n, 3)."""
+    """Plane of each return (lasers, columns), -1 for no return, and vectors m of planes (n, 3)."""
 
     labels: Labels
     vectors: Floats
@@ -141,7 +142,7 @@ def _solve(sums: Floats, variance: float, plane: Floats) -> float:
 
 @inlined
 def range_error(row: Floats, target: float, plane: Floats) -> float:
-    """Return the distance from the return to the plane along the beam, m."""
+    """Return the signed distance along the beam from a return to a plane, m."""
     error: float = target - row[0] * plane[0] - row[1] * plane[1] - row[2] * plane[2]
     return error
 
@@ -157,7 +158,7 @@ def _cut(
     scratch: tuple[Floats, Floats],
     places: Places,
 ) -> int:
-    """Label pieces of rows, cut at jumps and where two lines fit better; return their number."""
+    """Cut rows into pieces at jumps, and where two lines fit far better; return the number."""
     count = 0
     for laser in range(ranges.shape[0]):
         start = 0
@@ -177,7 +178,7 @@ def _cut(
 
 @inlined
 def _reached(ranges: Floats, start: int, column: float, std: float, places: Places) -> int:
-    """List the columns of a piece from `start` on, up to a jump or a gap; return their number."""
+    """List in `places` the columns from `start` to the next jump or gap; return their number."""
     places[0] = before = start
     length, at = 1, start + 1
     while at < len(ranges) and length < _LONGEST_PIECE and at - before < _GAP:
@@ -201,7 +202,7 @@ def _first_part(
     scratch: tuple[Floats, Floats],
     places: Places,
 ) -> int:
-    """Return the length of the first of two lines if two fit far better than one, else all."""
+    """Return the length of the first of two lines if two fit far better than one, else `length`."""
     both, plane = scratch
     first, second = both[0], both[1]
     second[:] = 0
@@ -331,7 +332,7 @@ def _fit(
     variance: float,
     weighted: bool,
 ) -> None:
-    """Fit the plane of each set; if `weighted`, returns far from its last plane count less."""
+    """Fit a plane to each set; if `weighted`, returns far from the previous plane count less."""
     sums[:] = 0
     for laser in range(labels.shape[0]):
         for column in range(labels.shape[1]):
@@ -372,7 +373,7 @@ def _move_borders(
 
 @inlined
 def _last_of(labels: Labels, start: int, step: int) -> int:
-    """Return the last column of the same plane in direction `step`, within `_BORDER` returns."""
+    """Return the last column of the plane in direction `step`, after at most `_BORDER` returns."""
     last, count, at = start, 0, start
     while 0 <= at < len(labels) and count < _BORDER:
         if labels[at] == labels[start]:

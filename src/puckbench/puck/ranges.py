@@ -1,9 +1,10 @@
-"""Ranges of a turn: for each firing whether it returned, and if so the range.
+"""Coding of the ranges of a turn: whether each firing has a return, and its range.
 
-Firings are coded column by column, and within a column from the lowest laser to the highest. A
-range is predicted by adaptive least squares, and coded as binary decisions around the prediction.
-Lossy coding quantises a range to the nearest multiple of the step, or to the one next to it if
-lambda times the saved rate exceeds the increase of the squared error.
+The same loops encode with a bit writer and decode with a bit reader. Firings are coded column by
+column, and within a column from the lowest laser to the highest. Adaptive least squares predict a
+range, which is coded as binary decisions around the prediction. Lossy coding quantises a range to
+the nearest multiple of the step, or to the next one if lambda times the saved rate exceeds the
+increase of the squared error.
 
 In the loops, c is the row of a column, t the row of the nearest column of the previous turn (0:
 none), west the same laser one column earlier, below and above the neighbouring lasers.
@@ -55,7 +56,7 @@ _FIRST_ERROR = 3 * FINE
 
 
 class RangeContext(NamedTuple):
-    """Ranges of a turn and values for contexts, (PAD + columns, lasers) each."""
+    """Ranges of a turn and values that predict later ranges, (PAD + columns, lasers) each."""
 
     ranges: Words  # 0 for no return
     smooth: Words  # ranges, in 1 / FINE, moved part of the way to their predictions
@@ -79,7 +80,7 @@ class RangeModel(NamedTuple):
 
 
 class ModelSize(NamedTuple):
-    """Numbers of features, experts, contexts and so on of an effort: the first of each list."""
+    """Sizes of an effort's models, which use only the first features, experts and contexts."""
 
     features: int
     experts: int
@@ -143,10 +144,11 @@ def _first_scales(experts: int) -> Words:
 def code_ranges(
     model: RangeModel, image: RangeContext, before: RangeContext, nearest: Ints, source: Words
 ) -> bool:
-    """Code the ranges of a turn; return False if a reader's stream ended too early.
+    """Encode or decode the ranges of a turn; return False if a reader's stream ended too early.
 
-    Rows from PAD on of `image` are filled from `source`. `before`, the previous turn, has PAD empty
-    rows at its end; `nearest` is the row of the nearest column there, or 0.
+    A writer encodes `source` (PAD + columns, lasers). Rows from PAD on of `image` are filled.
+    `before` is the previous turn followed by PAD empty rows; `nearest` (columns,) is the row in it
+    of the column with the nearest azimuth, or 0.
     """
     is_unmixed = len(model.experts.every) == 0
     for column in range(PAD, len(image.ranges)):
@@ -252,7 +254,7 @@ def _code_mask_unmixed(
     model: RangeModel, image: RangeContext, before: RangeContext, c: int, laser: int, t: int,
     source: Words,
 ) -> int:  # fmt: skip
-    """Code whether a firing returned by a single adaptive probability (effort `fast`)."""
+    """With a single adaptive probability, code whether a firing has a return (effort `fast`)."""
     ranges, then = image.ranges, before.ranges
     context = _is(ranges, c - 1, laser) + 2 * _is(ranges, c - 2, laser)
     context += 4 * _is(ranges, c - 3, laser)
@@ -291,8 +293,9 @@ def _predict(
 ) -> tuple[int, int, int, int, int]:  # fmt: skip
     """Predict a range.
 
-    Returns its base, the predicted difference from it in quarter quanta, the activity, whether the
-    previous turn has a return there, and the situation, which selects typical errors.
+    Returns its base, the predicted difference from the base in quarter quanta, the level of recent
+    errors (activity), whether the previous turn has a return there, and the situation, an index of
+    typical errors.
     """
     base = _base(model, image, before, c, laser, t)
     _write_features(model, image, before, c, laser, t, base)
@@ -305,7 +308,7 @@ def _predict(
 
 @inlined
 def _quantise(model: RangeModel, value: int, mean: int, situation: int) -> tuple[int, int, int]:
-    """Return a range in steps, and the centre and the unit of the decisions that code it."""
+    """Return a range in steps, and the centre and unit with which `code_number` codes it."""
     step, lmbda = model.parameters[0], model.parameters[1]
     scale = model.experts.scales[0, situation] >> 8
     index = in_steps(value + (step >> 1), step)
@@ -317,7 +320,7 @@ def _quantise(model: RangeModel, value: int, mean: int, situation: int) -> tuple
 
 @inlined
 def _cheaper_index(value: int, index: int, mean: int, scale: int, step: int, lmbda: int) -> int:
-    """Return the nearest index or its neighbour on the prediction's side, by rate and distortion.
+    """Return the nearest index, or the next towards the prediction if its total cost is lower.
 
     A step towards the prediction saves about step / scale nats.
     """
@@ -336,7 +339,7 @@ def _cheaper_index(value: int, index: int, mean: int, scale: int, step: int, lmb
 def _base(
     model: RangeModel, image: RangeContext, before: RangeContext, c: int, laser: int, t: int
 ) -> int:
-    """Return the range that features are differences from: the laser's last, or a neighbour's."""
+    """Return the laser's last range, or that of a neighbour; features are differences from it."""
     base = int(model.last[laser])
     if base == 0 and laser > 0:
         base = int(image.ranges[c, laser - 1])
@@ -347,7 +350,7 @@ def _base(
 
 @inlined
 def _change(later: int, earlier: int) -> int:
-    """Return a difference of ranges in quarter quanta; 0 if one is missing or it is too large."""
+    """Return a difference of ranges in quarter quanta; 0 if it is large or a range is missing."""
     change = 4 * (later - earlier)
     return change if later > 0 and earlier > 0 and abs(change) <= 240 else 0
 
@@ -475,7 +478,7 @@ def _write_contexts(
 
 @inlined
 def _level(value: int, centre: int, unit: int) -> int:
-    """Return the level of a range's difference from the centre; 9 for no return."""
+    """Return the level of a range's difference from the centre, or 9 for no return."""
     return level_of(value - centre, unit) if value > 0 else 9
 
 

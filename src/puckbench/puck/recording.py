@@ -1,4 +1,4 @@
-"""Compression of recordings bit for bit: packets, recognised by their content, as turns."""
+"""Lossless compression of recordings: packets, recognised by their content, become turns."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ class _Counts:
 
 @dataclass(kw_only=True)
 class RecordingSummary(_Counts):
-    """Content of a recording, its bytes and those of its stream."""
+    """Content of a recording, and its sizes before and after compression, bytes."""
 
     bytes: int = 0
     compressed: int = 0
@@ -128,7 +128,7 @@ def compress(
     """Compress any file so that `decompress` restores it bit for bit.
 
     Packets are compressed as turns, other bytes by LZMA. Lossy options raise InputError. `report`
-    receives the numbers of bytes done and of all bytes.
+    receives the number of processed bytes and that of all bytes.
     """
     options = options or CodingOptions()
     if options.step != 1 or not options.times or not options.reflectivities:
@@ -153,9 +153,9 @@ def _ignore(done: int, size: int) -> None:
 def decompress(
     path: Path, out: Path, report: Report | None = None, *, trusted: bool = False
 ) -> RecordingSummary:
-    """Restore the recording that `compress` read.
+    """Restore a file that `compress` compressed.
 
-    `trusted` allows a recording that is far larger than the limit for the stream's size.
+    Unless `trusted`, raise InputError if it is larger than the limit for the stream's size.
     """
     _check_different(path, out)
     try:
@@ -245,7 +245,7 @@ class _PacketEncoder:
     ) -> Iterator[_Batch]:
         """Yield three encodings: packets as turns, all bytes by LZMA, all bytes uncompressed.
 
-        The last one always fits the limits.
+        Only the last is sure to satisfy the limits of `decompress`.
         """
         yield self._batch(data, places, report)
         self._turns = None
@@ -289,7 +289,7 @@ class _PacketEncoder:
 
 
 class _RecordingWriter:
-    """Writes the bytes of a recording, and inserts the links of its pages."""
+    """Writes the bytes of a restored recording, and inserts the page links of SQLite files."""
 
     def __init__(self, stream: IO[bytes], limits: _Limits) -> None:
         self._stream, self._limits = stream, limits
@@ -376,7 +376,7 @@ def _all_ranges(source: IO[bytes]) -> int:
 
 
 class _PacketDecoder:
-    """Decodes turns, and keeps their packets until the gaps between these follow."""
+    """Decodes turns to packets, and stores these until the gaps between them are decoded."""
 
     def __init__(self) -> None:
         self._kind: PacketKind | None = None

@@ -1,6 +1,7 @@
 """Container format of streams: a magic number and a version, then records.
 
-A record is its kind, the length of its body (base 128), and, if not empty, its CRC-32 and the body.
+A record is its kind, the length of its body (base 128) and, unless the body is empty, its CRC-32
+and the body.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ DAMAGED = "the stream is damaged or truncated"
 
 
 class RecordKind(IntEnum):
-    """Content of a record; `recording` describes GAPS and PAGES, `returns` BEAMS."""
+    """Content of a record: none, layout, turn, bytes between packets, page links, or beams."""
 
     END, LAYOUT, TURN, GAPS, PAGES, BEAMS = range(6)
 

@@ -1,7 +1,7 @@
-"""Reflectivities of a turn: a byte for each firing, whether it returned or not.
+"""Coding of the reflectivities of a turn: a byte for each firing, with or without a return.
 
-A guess (the other return of the beam, or the last value without a return) may be confirmed;
-otherwise the value is coded.
+For a second return equal to the first, the guess is the first one's value; for a firing without a
+return, the laser's last value without one. Values without a guess, or with a wrong one, are coded.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class ReflectivityModel(NamedTuple):
 
 
 class ReflectivityContext(NamedTuple):
-    """Reflectivities of a turn and values for contexts, (PAD + columns, lasers) each."""
+    """Reflectivities of a turn and arrays that predict them, (PAD + columns, lasers) each."""
 
     values: Words  # a writer codes them, a reader fills them in
     held: Words  # 1 + the value of the laser's last return up to this column
@@ -57,7 +57,7 @@ class ReflectivityContext(NamedTuple):
 
 
 def new_reflectivity_model(bits: BitCoder, lasers: int, lean: bool = False) -> ReflectivityModel:
-    """Return an initial model; a lean one has few contexts and takes a quarter of the time."""
+    """Return an untrained model; a `lean` one has few contexts and takes a quarter of the time."""
     sizes = np.array([lasers * 2, 257, 257, 257, 32 * 33, 32 * 33, 256 * 5, 32 * 32, 16 * 33])
     sizes *= _TREE
     zeros = np.zeros(lasers, np.int64)
@@ -84,7 +84,7 @@ def new_reflectivity_model(bits: BitCoder, lasers: int, lean: bool = False) -> R
 
 @compiled_in_place
 def code_reflectivities(model: ReflectivityModel, turn: ReflectivityContext, nearest: Ints) -> bool:
-    """Code the reflectivities of a turn; return False if a reader's stream ended too early."""
+    """Encode or decode reflectivities of a turn; return False if a reader's stream ended early."""
     values, held = turn.values, turn.held
     for c in range(PAD, len(values)):
         for laser in range(values.shape[1]):
@@ -204,7 +204,7 @@ def _learn_linear(model: ReflectivityModel, target: int, first: int, laser: int)
 
 @inlined
 def _change(turn: ReflectivityContext, c: int, laser: int) -> int:
-    """Return a level of the range's change from the previous column; 0 if unknown."""
+    """Return a level, 1 to 4, of the range's change from the previous column; 0 if unknown."""
     now, before = turn.ranges[c, laser], turn.ranges[c - 1, laser]
     if now == 0 or before == 0:
         return 0

@@ -1,4 +1,4 @@
-"""Streams of returns: the layout, the beams of the sensor, and its turns."""
+"""Streams of returns: the layout, the sensor's beams, and the turns."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ def encode_returns(returns: Returns, options: CodingOptions | None = None) -> by
 
 
 def decode_returns(stream: bytes) -> Returns:
-    """Decode a stream of `encode_returns`; raise InputError if it is damaged or different."""
+    """Decode a stream from `encode_returns`; raise InputError if it is damaged or another kind."""
     without_turns, bodies = _read(stream)
     decoder = TurnDecoder(without_turns.layout)
     return replace(without_turns, turns=tuple(decoder.decode(body) for body in bodies))
 
 
 def range_steps(stream: bytes) -> list[float]:
-    """Return the step in m with which the ranges of each turn of a stream were quantised."""
+    """Return the quantisation step of the ranges in each turn of a stream, m."""
     without_turns, bodies = _read(stream)
     return [turn_step(body) * without_turns.quantum_m for body in bodies]
 

@@ -1,4 +1,4 @@
-"""Second returns of beams in dual return mode, most of which equal the first ones.
+"""Coding of second ranges in dual return mode, most of which equal the first ones.
 
 Names of rows and neighbours are those of `ranges`.
 """
@@ -21,7 +21,7 @@ _FIRST_SCALE = 60 * FINE * 256
 
 
 class SecondReturnModel(NamedTuple):
-    """Adaptive state; `other` is each laser's last second range that differed."""
+    """Adaptive state; `other` holds each laser's last second range that differed from the first."""
 
     same: Mixer
     value: Mixer
@@ -54,11 +54,11 @@ def code_second_returns(
     model: SecondReturnModel, ranges: Words, first: Words, then: Words, then_first: Words,
     nearest: Ints, source: Words, source_first: Words,
 ) -> bool:  # fmt: skip
-    """Code the second ranges of a turn; return False if a reader's stream ended too early.
+    """Encode or decode the second ranges of a turn; return False if a reader's stream ended early.
 
-    `ranges` and `first` (PAD + columns, lasers) are second and first ranges; rows of `ranges` from
-    PAD on are filled. `then` and `then_first` are those of the previous turn, `source` and
-    `source_first` those that a writer codes.
+    Rows from PAD on of `ranges` (PAD + columns, lasers) are filled; `first` are the first ranges.
+    `then` and `then_first` are those of the previous turn. A writer encodes `source`, whose first
+    ranges are `source_first`.
     """
     step = model.step
     for c in range(PAD, len(ranges)):
@@ -113,7 +113,7 @@ def _code_other(
     model: SecondReturnModel, ranges: Words, first: Words, then: Words, then_first: Words, c: int,
     laser: int, t: int, number: int,
 ) -> int:  # fmt: skip
-    """Code a second range that differs, as 1 + its number of steps; 0 for no return."""
+    """Code a second range that differs from the first as 1 + its steps, or 0 for no return."""
     means, step = model.experts.means, model.step
     means[0] = FINE * (first[c, laser] + step) if first[c, laser] > 0 else 0
     means[1] = FINE * (model.other[laser] + step) if model.other[laser] > 0 else 0

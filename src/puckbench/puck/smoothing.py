@@ -1,8 +1,8 @@
 """Smoothing of decoded ranges: returns are moved along their rays to planes that fit neighbours.
 
 Biases of lasers are estimated from planes that several lasers hit, and subtracted. A return leaves
-its quantisation interval by at most three standard deviations of a range. If the returns of a plane
-scatter by more than the noise (leaves), they are moved less.
+its quantisation interval by at most three standard deviations. If the returns of a plane scatter by
+more than the noise (as on leaves), they are moved less.
 
 The last bits of results depend on how a machine rounds sines and square roots.
 """
@@ -55,7 +55,7 @@ _loop = partial(compiled_in_place, error_model="numpy")
 
 
 def smoothed_points(returns: Returns, steps_m: Sequence[float]) -> Floats:
-    """Return the points (n, 3) of decoded returns in m, moved along their rays to smooth surfaces.
+    """Return the points (n, 3) of decoded returns, m, moved along their rays to smooth surfaces.
 
     `steps_m` are the quantisation steps of the turns' ranges, m (see `returns.range_steps`).
     """
@@ -107,7 +107,7 @@ def smoothed_ranges(
     closes: bool,
     step_m: float,
 ) -> Floats:
-    """Return smoothed ranges of an image, m, from `coded` ranges (lasers, columns), 0 for none.
+    """Return smoothed ranges of an image, m, from decoded ones (lasers, columns), 0 for no return.
 
     Directions and origins of the beams are (lasers, columns, 3). Columns are `column` rad apart; in
     a full turn (`closes`) the last is next to the first. `step_m` is the quantisation step.
@@ -286,9 +286,9 @@ def _estimate(
     spread: Floats,
     smoothed: Floats,
 ) -> None:
-    """Move the returns in `smoothed` to their planes.
+    """Move the ranges in `smoothed` towards their planes by at most `limit`.
 
-    `spread` (planes, 2) is filled with numbers and squared errors of returns.
+    `spread` (planes, 2) is filled with each plane's number of returns and sum of squared errors.
     """
     for moves in (False, True):
         for laser in range(labels.shape[0]):

@@ -16,7 +16,7 @@ _MAGIC = b"SQLite format 3\x00"
 
 
 def page_size(data: Bytes) -> int:
-    """Return the bytes of a page of a whole SQLite file; 0 for any other file."""
+    """Return the page size of a complete SQLite file in bytes; 0 for any other file."""
     if data[: len(_MAGIC)].tobytes() != _MAGIC or len(data) < SMALLEST_PAGE:
         return 0
     size = int.from_bytes(data[16:18].tobytes(), "big")
@@ -27,7 +27,7 @@ def page_size(data: Bytes) -> int:
 
 
 def without_links(data: Bytes, page: int, first: int, end: int) -> Bytes:
-    """Return bytes `first` to `end` of a file without its page links (page 0: of any file)."""
+    """Return bytes `first` to `end` of a file after removal of its page links, if it has pages."""
     if not page:
         return data[first:end]
     content = page - LINK_BYTES
@@ -37,7 +37,7 @@ def without_links(data: Bytes, page: int, first: int, end: int) -> Bytes:
 
 
 def encode_links(links: Bytes) -> bytes:
-    """Return big-endian links (n, 4) as differences, first the highest bytes of all."""
+    """Return the differences of big-endian links (n, 4): first the highest byte of each."""
     numbers = np.ascontiguousarray(links).view(">u4")[:, 0].astype(np.uint32)
     steps = np.diff(numbers, prepend=np.uint32(0)).astype(">u4")
     return steps.view(np.uint8).reshape(-1, LINK_BYTES).T.tobytes()

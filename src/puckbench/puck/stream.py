@@ -1,4 +1,4 @@
-"""Streams of turns of one layout, and the turns of any stream."""
+"""Encoding of turns of one layout as a stream, and decoding of turns from any stream."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _RANGES_PER_TURN = 1024
 
 
 def count_ranges(layout: Layout, body: bytes) -> int:
-    """Return the number of ranges in a coded turn, from its header, plus a constant."""
+    """Return the number of ranges in a coded turn, from its header, plus `_RANGES_PER_TURN`."""
     reader = Reader(body)
     reader.take(1)
     reader.number()
@@ -72,9 +72,9 @@ def encode_turns(
 
 
 def decode_turns(stream: bytes, first: int = 0, end: int | None = None) -> list[Turn]:
-    """Decode turns `first` to before `end` of a stream, or of a compressed recording.
+    """Decode turns `first` to `end` - 1 of a stream, or of a compressed recording.
 
-    Decoding starts at the last key turn up to `first`.
+    Decoding starts at the last key turn that is not after `first`.
     """
     layout: Layout | None = None
     bodies: list[tuple[Layout, bytes]] = []

@@ -1,7 +1,6 @@
-"""Coding of one turn: azimuths, ranges, second returns, times and reflectivities, a part for each.
+"""Coding of one turn in separate parts: azimuths, ranges, second returns, times, reflectivities.
 
-A key turn can be decoded alone. Any other turn continues with the adaptive models of its
-predecessor.
+A key turn can be decoded alone. Any other turn continues with its predecessor's adaptive models.
 """
 
 from __future__ import annotations
@@ -76,7 +75,7 @@ class _State:
 
 @dataclass
 class _CodedTurn:
-    """A turn as a context of the next one; its lists have an item for each kind of return."""
+    """A coded turn, as context of the next one; lists have an item for each kind of return."""
 
     azimuths: Ints
     strongest: RangeContext
@@ -219,7 +218,7 @@ _Parts = _PartWriter | _PartReader
 def _code_turn(
     state: _State, turn: Turn, flags: int, parts: _Parts
 ) -> tuple[_CodedTurn, NDArray[np.uint32] | None]:
-    """Code the parts of a turn; a reader uses only the shapes of its arrays."""
+    """Encode or decode the parts of a turn; a reader uses only the shapes of its arrays."""
     azimuths = turn.azimuths.astype(np.int64)
     state.azimuths = _code_numbers(state.azimuths, azimuths, parts)
     nearest = _nearest_columns(state, azimuths)
@@ -339,7 +338,7 @@ def _extended(values: Words) -> Words:
 
 
 def _nearest_columns(state: _State, azimuths: Ints) -> Ints:
-    """Return for each column the row of the nearest column of the previous turn; 0 if none."""
+    """Return the row of the previous turn's nearest column for each column; 0 if none."""
     per_block = state.layout.columns_per_block
     if state.previous is None:
         return np.zeros(len(azimuths) * per_block, np.int64)
