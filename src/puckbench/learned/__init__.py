@@ -2,8 +2,8 @@
 
 Each network is a sub-package (`pcgcv1`, `pcgcv2`, `octree_net`, `reno`) with functions
 `load_weights`, `encode` and `decode`. This package adds what they share: the shipped weights, the
-choice of a grid, and training. Damaged streams, foreign weights and points that cannot be coded
-raise `puckbench.core.errors.InputError`.
+choice of a grid, and training. Damaged streams, weights of another network and points that cannot
+be encoded raise `puckbench.core.errors.InputError`.
 """
 
 from typing import TYPE_CHECKING

@@ -1,10 +1,11 @@
-"""Context-adaptive entropy coding of a latent: a prior's tables, mixed with adaptive contexts.
+"""Context-adaptive entropy coding of a latent: an entropy model's tables, mixed with adaptive
+contexts.
 
-The tables of an entropy model treat each value by itself. But the latent of a surface resembles
-that of the surface beside it, and the occupancy of a voxel's neighbours, which the decoder knows,
-tells how the surface lies: adaptive contexts of both learn this from the cloud itself. Each value
-is coded as binary decisions: zero or not, the sign, one more or not. All arithmetic is on integers,
-so that every machine decodes the same.
+The tables treat each value by itself. But the latent of a surface resembles that of the surface
+beside it, and the occupancy of a voxel's neighbours, which the decoder knows, tells how the surface
+lies. Adaptive contexts learn both from the cloud itself. Each value is coded as binary decisions:
+whether it is zero, its sign, and its magnitude in unary. All arithmetic is on integers, so that
+every machine decodes the same.
 """
 
 from __future__ import annotations
@@ -44,14 +45,14 @@ _MAX_VALUE_BYTES = 80
 
 
 class _Tables(NamedTuple):
-    """The tables of a prior, concatenated without their escapes.
+    """The tables of a prior, concatenated without their escape symbols.
 
     Parameters
     ----------
     lowest
-        (tables,), the first integer of each.
+        (tables,), the first integer of each table.
     first
-        (tables + 1,), where each begins in `below`.
+        (tables + 1,), where each table begins in `below`.
     below
         Cumulative frequencies before each integer.
     number, centre
@@ -66,18 +67,18 @@ class _Tables(NamedTuple):
 
 
 class _Neighbourhood(NamedTuple):
-    """The causal neighbourhood of a voxel, and arrays to work in.
+    """The causal neighbourhood of a voxel, and working memory.
 
     Parameters
     ----------
     patterns
-        (3,), which neighbours are occupied at its faces, edges and corners, a bit each.
+        (3,), bit masks of the occupied neighbours at faces, edges and corners.
     rows, weights
-        Neighbours that were coded before, those at faces first, and their weights in means.
+        Neighbours coded before the voxel, those at faces first, and their weights in means.
     counts
-        (2,), how many of these there are, in all and at faces.
+        (2,), numbers of such neighbours, in all and at faces.
     contexts
-        The contexts of a value, but for the decision.
+        The contexts of a value, without the offset of the decision.
     """
 
     patterns: Ints
@@ -88,7 +89,7 @@ class _Neighbourhood(NamedTuple):
 
 
 class Prior(NamedTuple):
-    """The distributions of values (n, channels) by an entropy model.
+    """The entropy model's distributions of values (n, channels).
 
     Parameters
     ----------
@@ -97,7 +98,7 @@ class Prior(NamedTuple):
     number
         (n, channels), the table of each value.
     centre
-        (n, channels), the value that the zero of its table stands for.
+        (n, channels), the value to which zero in the table corresponds.
     """
 
     tables: tuple[FrequencyTable, ...]
@@ -106,13 +107,13 @@ class Prior(NamedTuple):
 
 
 def factorised_prior(tables: tuple[FrequencyTable, ...], count: int) -> Prior:
-    """The prior of an entropy bottleneck: a table for each channel at all `count` places."""
+    """Return the prior of an entropy bottleneck: a table for each channel at all `count` voxels."""
     number = np.tile(np.arange(len(tables), dtype=np.int32), (count, 1))
     return Prior(tables, number, np.zeros_like(number))
 
 
 def encode_with_contexts(latent: Integers, neighbours: NeighbourTable, prior: Prior) -> bytes:
-    """Code a latent at voxels.
+    """Encode a latent at voxels.
 
     Parameters
     ----------
@@ -130,7 +131,7 @@ def encode_with_contexts(latent: Integers, neighbours: NeighbourTable, prior: Pr
 
 
 def decode_with_contexts(data: bytes, neighbours: NeighbourTable, prior: Prior) -> Integers:
-    """The latent of `encode_with_contexts`; InputError when the data are damaged."""
+    """Decode the latent of `encode_with_contexts`; raise InputError if the data are damaged."""
     values = np.zeros(prior.number.shape, np.int64)
     bits = bit_reader(data)
     _code(bits, values, neighbours, prior)
@@ -201,7 +202,7 @@ def _find_neighbourhood(around: _Neighbourhood, neighbours: NeighbourTable, row:
 
 @compiled_in_place
 def _offset(shell: int, place: int) -> int:
-    """The offset of a neighbour at a face, an edge or a corner."""
+    """Return the offset of a neighbour at a face, an edge or a corner."""
     if shell == 0:
         return FACES[place]
     if shell == 1:
@@ -211,17 +212,17 @@ def _offset(shell: int, place: int) -> int:
 
 @compiled_in_place
 def _find_contexts(around: _Neighbourhood, values: Ints, row: int, channel: int) -> None:
-    """Find the contexts of a value, but for the decision.
+    """Compute the contexts of a value, without the offset of the decision.
 
-    They are, in their order:
+    They are, in this order:
 
     0. mean magnitude of the neighbours coded before, and their number
-    1. mean of those at faces, and the largest magnitude
-    2. the two channels before, and the sum of magnitudes of all channels before
+    1. mean of such neighbours at faces, and the largest magnitude
+    2. the two previous channels, and the sum of magnitudes of all previous channels
     3. which edges have neighbours
     4. which faces have neighbours, and the neighbours' mean
     5. which corners have neighbours, and the neighbours' mean
-    6. which faces have neighbours, and the sum of magnitudes of all channels before
+    6. which faces have neighbours, and the sum of magnitudes of all previous channels
     """
     mean, face, spread, largest = _neighbour_statistics(around, values, channel)
     before, last, second = 0, 0, 0
@@ -245,7 +246,7 @@ def _find_contexts(around: _Neighbourhood, values: Ints, row: int, channel: int)
 def _neighbour_statistics(
     around: _Neighbourhood, values: Ints, channel: int
 ) -> tuple[int, int, int, int]:
-    """Mean, mean at faces, mean magnitude and largest magnitude of the neighbours coded before."""
+    """Return mean, mean at faces, mean magnitude and largest magnitude of previous neighbours."""
     total, face, magnitude, weight, largest = 0, 0, 0, 0, 0
     for place in range(around.counts[0]):
         value, factor = values[around.rows[place], channel], around.weights[place]
@@ -263,7 +264,7 @@ def _neighbour_statistics(
 
 @compiled_in_place
 def _clipped_quotient(total: int, count: int, most: int, unknown: int) -> int:
-    """The rounded quotient, clipped to +-most, plus `most`; `unknown` where the count is 0."""
+    """Return the rounded quotient, clipped to +-most, plus `most`; `unknown` if the count is 0."""
     if count == 0:
         return unknown
     return min(max((2 * total + count) // (2 * count), -most), most) + most
@@ -279,7 +280,7 @@ def _code_value(
     channel: int,
     value: int,
 ) -> int:
-    """Code a value: whether it is zero, its sign, then its magnitude in unary."""
+    """Encode or decode a value: whether it is zero, its sign, then its magnitude in unary."""
     decision = _DECISIONS * channel
     zero = _frequency(tables, row, channel, 0, 0)
     above, below = (
@@ -301,7 +302,6 @@ def _code_value(
 
 @compiled_in_place
 def _frequency(tables: _Tables, row: int, channel: int, first: int, last: int) -> int:
-    """Frequency of the values from `first` to `last`."""
     number = tables.number[row, channel]
     start, end = tables.first[number], tables.first[number + 1] - 1
     zero = start - tables.lowest[number] - tables.centre[row, channel]
@@ -314,7 +314,7 @@ def _frequency(tables: _Tables, row: int, channel: int, first: int, last: int) -
 def _code_decision(
     mixer: Mixer, around: _Neighbourhood, starts: Ints, decision: int, yes: int, no: int, bit: int
 ) -> int:
-    """Code a decision whose two outcomes have these frequencies in the tables."""
+    """Encode or decode a decision; `yes` and `no` are its outcomes' frequencies in the tables."""
     for place in range(len(_SIZES)):
         mixer.contexts[place] = starts[place] + decision * _SIZES[place] + around.contexts[place]
     probability = min((yes << 12) // (yes + no), 4095) if yes + no > 0 else 2048

@@ -1,7 +1,7 @@
 """The sets of trained weights of each network: shipped sets, files and folders, without PyTorch.
 
 A set of puckbench is a safetensors file (``*.safetensors``) with a `WeightsHeader` in its metadata.
-The authors of a network publish one file for each rate, whose name tells the rate.
+The authors of a network publish one file per rate, whose name tells the rate.
 """
 
 from __future__ import annotations
@@ -69,12 +69,15 @@ def shipped() -> dict[str, Path]:
 
 
 def weights_path(where: str | Path) -> Path:
-    """Return the file of a shipped set by name; any other argument is taken as a path."""
+    """Return the file of a shipped set, or any other argument as a path."""
     return shipped().get(str(where), Path(where))
 
 
 def weights_files(where: str) -> list[Path]:
-    """Return the weights of any network by shipped name, file or folder, else raise InputError."""
+    """Return the weights, of any network, with a shipped set's name, or in a file or folder.
+
+    Raises InputError if there is no such set, file or folder.
+    """
     if where in shipped():
         return [shipped()[where]]
     path = Path(where)
@@ -121,7 +124,8 @@ class NetworkType:
         return (self.lmbda(match[1]),) if match else ()
 
     def by_lmbda(self, where: str) -> dict[float, Path]:
-        """Return the file for each lambda; of several the last by name."""
+        """Return the file for each lambda; if several files have a lambda, the last by name is
+        used."""
         return {lmbda: path for path in self.files(where) for lmbda in self.lmbdas_of(path)}
 
     def _published(self, path: Path) -> re.Match[str] | None:

@@ -15,7 +15,7 @@ DeviceName = Literal["cpu", "cuda"]
 
 
 def why_not(name: DeviceName) -> str:
-    """Return the reason why networks cannot run on a device, or an empty string."""
+    """Return why networks cannot run on a device, or an empty string if they can."""
     import torch
 
     if name == "cpu" or torch.cuda.is_available():
@@ -24,7 +24,7 @@ def why_not(name: DeviceName) -> str:
 
 
 def placed(model: M, name: DeviceName) -> M:
-    """Move a model to a device; raise InputError if it does not exist.
+    """Move a model to a device; raise InputError if the device does not exist.
 
     Products are computed in full single precision there, so that sums that are exact on a CPU are
     exact on the device too.

@@ -64,7 +64,7 @@ class FrequencyTable:
 
 
 def frequency_tables(bottleneck: EntropyBottleneck) -> tuple[FrequencyTable, ...]:
-    """Return tables computed in double precision, without 2**-20 of the mass at either end."""
+    """Return tables computed in double precision, which omit a mass of 2**-20 at either end."""
     with torch.no_grad():
         exact = EntropyBottleneck(bottleneck.channels).double()
         exact.load_state_dict(bottleneck.state_dict())

@@ -35,7 +35,7 @@ class MultiRateShape(Protocol):
 
 
 class MultiRateNetwork(nn.Module):
-    """A subclass defines its layers, then calls `add_rates` for bottlenecks and gains."""
+    """A network for several rates; subclasses define layers, then call `add_rates`."""
 
     shape: MultiRateShape
     entropy_bottlenecks: nn.ModuleList
@@ -60,7 +60,8 @@ class MultiRateNetwork(nn.Module):
 
 
 def parameter_groups(model: MultiRateNetwork) -> list[dict[str, Any]]:
-    """Return optimiser groups; parameters of one rate, seldom trained, learn faster."""
+    """Return optimiser groups: parameters of one rate, which are trained less often, learn
+    faster."""
     of_rates = [model.log_gains, *model.entropy_bottlenecks.parameters()]
     ids = set(map(id, of_rates))
     shared = [value for value in model.parameters() if id(value) not in ids]
@@ -71,7 +72,7 @@ def parameter_groups(model: MultiRateNetwork) -> list[dict[str, Any]]:
 
 
 def initialise_gains(model: MultiRateNetwork, lmbdas: Sequence[float]) -> None:
-    """Set gains to the square root of lmbda relative to the largest: larger ones, finer steps."""
+    """Set each rate's gains to the square root of its lambda, relative to the largest lambda."""
     if len(lmbdas) != model.shape.rates:
         raise InputError("the model has another number of rates than the training")
     with torch.no_grad():

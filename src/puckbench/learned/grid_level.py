@@ -30,7 +30,7 @@ def octaves_to_density(keys: Keys, mean_occupied_children: float) -> float:
     """Return by how many octaves a grid must be coarsened until it is dense enough.
 
     It is dense enough if an occupied voxel of the next octave has `mean_occupied_children` on
-    average, interpolated linearly. 0 if no grid is. The keys (n,) are sorted and distinct.
+    average, interpolated linearly. If no grid is, return 0. The keys (n,) are sorted and distinct.
     """
     previous = 0.0
     for octave in range(AXIS_BITS):
@@ -45,7 +45,10 @@ def octaves_to_density(keys: Keys, mean_occupied_children: float) -> float:
 
 
 def octaves_of_points(points: Floats, mean_occupied_children: float) -> float:
-    """Return `octaves_to_density` of points (n, 3) on the integer grid; 0 beyond 2**20 voxels."""
+    """Return `octaves_to_density` of points (n, 3) on the integer grid.
+
+    Points that span over 2**20 voxels give 0.
+    """
     if mean_occupied_children <= 1:
         return 0.0
     voxels: Voxels = np.rint(points).astype(np.int64)
@@ -68,7 +71,7 @@ def choose_grid_level(points: Floats, mean_occupied_children: float, offset: flo
     mean_occupied_children
         Mean number of occupied children of a voxel. With 1 or less the input's grid is kept.
     offset
-        In octaves; a negative one makes the grid finer again.
+        In octaves; if negative, the grid becomes finer again.
 
     Returns
     -------
@@ -82,7 +85,7 @@ def choose_grid_level(points: Floats, mean_occupied_children: float, offset: flo
 
 
 def on_dense_grids(points: Floats, mean_occupied_children: Sequence[float]) -> list[Voxels]:
-    """Return the voxels of points (n, 3) on the grids of whole octaves with these densities."""
+    """Return the voxels of points (n, 3) on the finest grids, by whole octaves, of each density."""
     octaves = {
         math.ceil(octaves_of_points(points, children)) for children in mean_occupied_children
     }
@@ -90,7 +93,7 @@ def on_dense_grids(points: Floats, mean_occupied_children: Sequence[float]) -> l
 
 
 def voxel_size(quarter_octaves: int) -> float:
-    """Return the side of a voxel of a level, in steps of the integer grid."""
+    """Return a level's voxel size in steps of the integer grid."""
     octaves, quarters = divmod(quarter_octaves, QUARTERS)
     return math.ldexp(math.sqrt(math.sqrt(2**quarters)), octaves)
 

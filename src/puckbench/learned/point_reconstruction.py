@@ -2,7 +2,7 @@
 
 A decoder keeps the most likely voxels. On a sparse grid it cannot know which voxels of a 2x2x2
 block of siblings were occupied, only that one or two were; on a dense grid several points share a
-voxel. So points are placed for blocks: the mean number per block, more where more voxels are
+voxel. So points are placed for blocks: the mean number per block, or more where more voxels are
 expected, side by side at the centroid of the block's occupancy probabilities, projected onto the
 plane of the neighbouring blocks. Where the network is confident of its voxels, points are placed
 for voxels instead.
@@ -45,7 +45,7 @@ CORNERS = np.array([[k & 1, k >> 1 & 1, k >> 2] for k in range(8)])
 
 
 class SiblingBlocks(NamedTuple):
-    """Blocks of 2x2x2 voxels, of which a decoder keeps some voxels each."""
+    """Blocks of 2x2x2 voxels; a decoder keeps some voxels of each."""
 
     positions: Voxels  # (m, 3), distinct, in blocks
     probabilities: Floats  # (m, 8), of occupancy, in the order of `CORNERS`
@@ -58,7 +58,7 @@ class SiblingBlocks(NamedTuple):
 
 
 def sibling_blocks(positions: Voxels, logits: NDArray[np.float32], kept: Bools) -> SiblingBlocks:
-    """Return the blocks that keep a voxel, by positions (m, 3), logits (m, 8) and kept (m, 8)."""
+    """Return the blocks with a kept voxel, from positions (m, 3), logits and kept voxels (m, 8)."""
     from scipy.special import expit
 
     rows = kept.any(axis=1)
@@ -79,9 +79,9 @@ def joined_blocks(parts: Sequence[SiblingBlocks]) -> SiblingBlocks:
 
 
 def points_per_voxel(points: int, voxels: int, rho: float) -> int:
-    """Return the points of each decoded voxel, in 256ths (256 to 2304).
+    """Return the number of points to place per decoded voxel, in 256ths (256 to 2304).
 
-    The input's points lie in `voxels` voxels, for each of which `rho` are decoded.
+    The input has `points` points in `voxels` voxels, for each of which `rho` are decoded.
     """
     if points * rho > _MAX_POINTS:
         return UNITS
@@ -101,8 +101,9 @@ def check_points_per_voxel(units: int, voxels: int) -> None:
 def reconstructed_points(blocks: SiblingBlocks, units: int) -> Floats:
     """Return points (n, 3), in voxels, for the decoded blocks.
 
-    `units` are the points per voxel in 256ths. Each voxel has one point in its centre if `units` is
-    0, if voxels lie 2**20 apart, or if the network is confident of voxels with one point each.
+    `units` is the number of points per voxel in 256ths. Each voxel has one point in its centre if
+    `units` is 0, if voxels lie 2**20 apart, or if the network is confident of voxels with one point
+    each.
     """
     voxels = blocks.voxels().astype(np.float64)
     if not units or np.ptp(voxels, axis=0).max() >= _MAX_SPAN:
@@ -160,7 +161,7 @@ def _on_plane(centres: Floats, normals: Floats, count: int) -> Floats:
 
 
 def _square_pattern(count: int) -> Floats:
-    """Spread points evenly on a square of side 1 around its centre: (2, count)."""
+    """Return offsets (2, count) spread evenly over a centred square of side 1."""
     if count == 2:
         return np.array([[-0.25, 0.25], [-0.25, 0.25]])
     rows = int(np.ceil(np.sqrt(count)))

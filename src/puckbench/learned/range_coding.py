@@ -29,8 +29,8 @@ def decode_latent(data: bytes, count: int, tables: tuple[FrequencyTable, ...]) -
 def encode_groups(groups: Iterable[tuple[Integers, FrequencyTable]]) -> bytes:
     """Encode groups of integers (n,), each with its table.
 
-    A value outside the table of its group is escaped: the last symbol, and 16 bits after the group.
-    Beyond 16 bits it is clipped.
+    A value outside its group's table is coded as the escape symbol, with 16 bits after the group,
+    to which it is clipped.
     """
     import constriction
 

@@ -136,7 +136,7 @@ def check_rate(weights: _RateWeights, rate: int) -> None:
 
 
 def check_made_with(weights: _RateWeights, digest: bytes, rate: int) -> None:
-    """Raise InputError if a stream's digest or rate is not one of the weights."""
+    """Raise InputError if a stream's digest or rate does not match the weights."""
     check_digest(weights.digest, digest)
     if rate >= len(weights.lmbdas):
         raise InputError("the stream is damaged (its rate)")
@@ -197,7 +197,11 @@ def _tables_of(model: MultiRateNetwork) -> Tables:
 
 
 def _tensors_of_tables(tables: Tables) -> dict[str, NDArray[np.int32]]:
-    """Pack tables: lowest values and lengths (rates, channels), frequencies (n,)."""
+    """Pack frequency tables into three arrays.
+
+    These are the lowest value and the length of each table (rates, channels), and all frequencies
+    one after another (n,).
+    """
     all_tables = [table for rate in tables for table in rate]
     shape = (len(tables), -1)
     lowest = np.array([table.lowest for table in all_tables], np.int32).reshape(shape)
@@ -221,7 +225,7 @@ def _tables_of_tensors(arrays: Arrays) -> Tables:
 
 
 def _json_of_tables(tables: Tables) -> list[list[dict[str, Any]]]:
-    """Convert tables to JSON, of which the digests of the authors' weights are made."""
+    """Convert tables to JSON, which enters the digests of the authors' weights."""
     return [
         [{"lowest": t.lowest, "frequencies": t.frequencies.tolist()} for t in rate]
         for rate in tables
@@ -235,7 +239,8 @@ _UNREADABLE = (
 
 
 def read_checkpoint(path: Path, fault: str) -> dict[str, Any]:
-    """Read a PyTorch checkpoint without running its code; InputError with `fault` otherwise."""
+    """Read a PyTorch checkpoint without running its code; if that fails, raise InputError with
+    `fault`."""
     try:
         checkpoint = torch.load(path, map_location="cpu", weights_only=True)
     except (*_UNREADABLE, pickle.UnpicklingError) as error:

@@ -1,7 +1,8 @@
 """The causal neighbourhood of a voxel's children: what encoder and decoder know before coding them.
 
-A voxel's children and the ring around them are 4x4x4 cells, one bit each, ``x + 4 y + 16 z``; the
-children are the inner eight. A cell is unknown while its parent is occupied but not coded yet.
+A voxel's children and the ring around them are 4x4x4 cells; cell (x, y, z) is bit ``x + 4 y + 16
+z`` of a mask, and the children are the inner eight. A cell is unknown while its parent is occupied
+but not coded yet.
 """
 
 from __future__ import annotations
@@ -58,7 +59,7 @@ def empty_state(neighbours: NeighbourTable) -> LevelState:
 
 
 def find_neighbourhood(level: LevelState, rows: Ints) -> None:
-    """Find the causal neighbourhoods of some voxels, before their first symbols are coded."""
+    """Compute the causal neighbourhoods of some voxels, before their first symbols are coded."""
     _find_neighbourhood(level, rows, CELLS)
 
 
@@ -89,10 +90,10 @@ def _find_neighbourhood(level: LevelState, rows: Ints, cells: CellMasks) -> None
 
 @compiled_in_place
 def _share_outside_layer(outside: int, count: int) -> int:
-    """Quantise the share of neighbours outside the voxel's layer across an axis to three steps.
+    """Quantise to 0, 1 or 2 the share of neighbours outside the voxel's layer across an axis.
 
-    The share is 18 / 26 for a full neighbourhood, 0 for a plane across the axis, 6 / 8 for one
-    along it.
+    The share is 18 / 26 if all neighbours are occupied, 0 if only those in a plane across the axis,
+    6 / 8 if only those in a plane along it.
     """
     return (20 * outside >= 9 * count) + (20 * outside >= 13 * count)
 
@@ -136,7 +137,8 @@ def _bit(cell: int) -> np.int64:
 
 
 def _cells_at(positions: list[list[int]], distance: int | None) -> Ints:
-    """Return masks (8,) of cells at a distance from each child, or of those not touching it."""
+    """Return masks (8,) of the cells at a distance from each child; None selects those not
+    touching it."""
     masks = np.zeros(CHILDREN, np.int64)
     for child, position in enumerate(positions):
         for cell in product(range(4), repeat=3):

@@ -26,7 +26,7 @@ def encode(
     Parameters
     ----------
     points
-        (n, 3), n >= 1; quantised as by `puckbench.gpcc.quantise`, and duplicates are merged.
+        (n, 3), n >= 1; quantised as by `puckbench.gpcc.quantise`; duplicates are merged.
     weights
         Trained network.
     scale

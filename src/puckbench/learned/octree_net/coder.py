@@ -115,7 +115,7 @@ class OctreeNetCoder:
         return keys
 
     def _traverse(self, top: Keys, levels: int, code: Code, limits: DecodingLimits) -> Keys:
-        """Code from the top level down; return the keys of the finest level."""
+        """Encode or decode from the top level down; return the keys of the finest level."""
         nodes = 0
         network = network_of(self.model)
         with thread_pool(self.threads) as pool:
@@ -143,7 +143,7 @@ class OctreeLevel(Generic[F]):
     features: F
 
     def next(self, code: Code, max_voxels: int, last: bool) -> OctreeLevel[F]:
-        """Code the next finer level; the `last` level has only keys."""
+        """Encode or decode the next finer level; if it is the `last`, it has only keys."""
         features, slots = self._code_children(code)
         if len(slots) > max_voxels:
             raise InputError("the stream is damaged (its number of voxels)")
@@ -155,7 +155,8 @@ class OctreeLevel(Generic[F]):
         return OctreeLevel(self.network, self.pool, voxels, child_features)
 
     def _code_children(self, code: Code) -> tuple[F, Rows]:
-        """Return the updated features, and the slots of the occupied children."""
+        """Return the updated features, and the slots (8 * row + child number) of occupied
+        children."""
         table = self.voxels.neighbours
         features = self.network.convolved(self.features, table, self.pool)
         symbols, state = np.empty((2, len(self.voxels)), dtype=np.uint8), empty_state(table)
@@ -169,7 +170,7 @@ class OctreeLevel(Generic[F]):
     def _code_group(
         self, group: VoxelGroup, state: LevelState, symbols: Symbols, code: Code
     ) -> None:
-        """Code a group's symbols; other threads predict the next chunk meanwhile."""
+        """Encode or decode a group's symbols, while other threads predict the next chunk."""
 
         def predict_first(chunk: slice) -> Frequencies:
             find_neighbourhood(state, group.rows[chunk])

@@ -1,4 +1,4 @@
-"""The network by the layers of the model, on the model's device.
+"""The network for coding, computed by the layers of the model on the model's device.
 
 Sums are exact (see `fixed_point`), so that frequencies equal those of the compiled layers bit for
 bit.

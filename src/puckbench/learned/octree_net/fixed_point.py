@@ -37,7 +37,7 @@ class _StraightThrough(torch.autograd.Function):
 
 
 def quantised(values: Tensor, units: int = UNITS) -> Tensor:
-    """Round to multiples of 1 / units, halves to even; the gradient passes unchanged."""
+    """Round to multiples of 1 / units, halves to even; gradients pass unchanged."""
     result: Tensor = _StraightThrough.apply(values, units)  # type: ignore[no-untyped-call]
     return result
 
@@ -48,18 +48,18 @@ def quantised_weight(values: Tensor) -> Tensor:
 
 
 def residual(values: Tensor) -> Tensor:
-    """Clip sums and round them to the unit of the residual stream."""
+    """Clip sums and round them to the unit of the residual stream, the features between layers."""
     bound = MAX_RESIDUAL / UNITS
     return quantised(values.clamp(-bound, bound))
 
 
 def activation(values: Tensor) -> Tensor:
-    """Apply the clipped ReLU through which layers read the residual stream: 8 bits."""
+    """Apply the clipped ReLU, with 8-bit results, through which layers read the residual stream."""
     return values.clamp(0, MAX_ACTIVATION / UNITS)
 
 
 def largest_sum(kernel: Tensor, bias: Tensor) -> int:
-    """Return the largest partial sum of a layer and the residual stream, in units of the sums."""
+    """Return the largest possible sum of a layer added to the residual stream, in units of sums."""
     rows = kernel.detach().double().flatten(0, -2).abs().sum(dim=0) * WEIGHT_UNITS
     bound = rows * MAX_ACTIVATION + bias.detach().double().abs() * (WEIGHT_UNITS * UNITS)
     return int(bound.max()) + MAX_RESIDUAL * WEIGHT_UNITS

@@ -1,7 +1,7 @@
-"""The network on a level's voxels for coding: integers without gradients, in chunks.
+"""The network for coding a level's voxels: integers without gradients, in chunks.
 
-`LevelPredictor` and `VoxelGroup` are what a coder needs; this module implements them for the CPU.
-Sums are exact, so that results equal those of the layers of the model.
+Coders use `LevelPredictor` and `VoxelGroup`, which this module implements for the CPU. Sums are
+exact, so that results equal those of the layers of the model.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ class LevelPredictor(Protocol[F]):
         """Return features of a level's voxels before any of their children are known."""
 
     def group(self, number: int, rows: Rows, features: F, table: NeighbourTable) -> VoxelGroup:
-        """Return a group of the level's voxels; all previous groups must be coded."""
+        """Return a group of the level's voxels, after all previous groups are coded."""
 
     def child_features(self, features: F, slots: Rows, pool: ThreadPool) -> F: ...
 

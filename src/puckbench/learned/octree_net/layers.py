@@ -46,7 +46,7 @@ def activation(feature: np.float32) -> np.float32:
 
 @cache
 def convolution(channels: int) -> Callable[..., None]:
-    """Compile a 3x3x3 convolution that is added to the features of some rows of a level."""
+    """Compile a 3x3x3 convolution that adds to the features of some rows of a level."""
 
     def convolve(
         table: NeighbourTable, features: Floats32, active: Floats32, rows: Rows, first: int,

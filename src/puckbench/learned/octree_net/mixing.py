@@ -80,12 +80,11 @@ _CHILDREN = np.array([EVEN, ODD])
 
 
 def writer(voxels: int) -> Mixer:
-    """An encoder of the symbols of a number of voxels or fewer."""
+    """Return an encoder for the symbols of at most `voxels` voxels."""
     return _new_mixer(bit_writer(_MAX_VOXEL_BYTES * voxels + 16))
 
 
 def reader(stream: bytes) -> Mixer:
-    """A decoder of a stream."""
     return _new_mixer(bit_reader(stream))
 
 
@@ -106,7 +105,7 @@ def code_symbols(
     level
         State of the level, with the causal neighbourhoods of these voxels.
     group
-        The group that the voxels are of.
+        The number of the voxels' group.
     second
         Code their second symbols instead of their first.
     rows
@@ -164,7 +163,7 @@ def _code_symbols(
 
 @compiled_in_place
 def _first_symbol(code: int, half: int) -> int:
-    """The first symbol by the occupied children so far; 0 while it is coded itself."""
+    """Return the first symbol of an occupancy, or 0 while this symbol is being coded."""
     return half * (code & 1 | code >> 2 & 2 | code >> 3 & 4 | code >> 3 & 8)
 
 
@@ -173,9 +172,9 @@ def _find_contexts(
     mixer: Mixer, cells: CellMasks, starts: Ints, child: int, place: int, logit_step: int,
     occupied: int, unknown: int,
 ) -> None:  # fmt: skip
-    """Find the contexts of a child's bit and its rows of weights.
+    """Compute the contexts of a child's bit and its rows of weights.
 
-    What depends on the kind of the bit is added by the caller. The contexts are, in their order:
+    The caller adds the parts that depend on the kind of the bit. The contexts are, in this order:
 
     0. neighbours at the voxel's faces
     1. the voxel's first symbol and its number of neighbours
@@ -186,7 +185,7 @@ def _find_contexts(
     6. cells at its faces, and at its edges outside the voxel
     7. cells at its faces outside the voxel, and the six beside these
     8. the network's probability, cells at its faces outside the voxel and two steps away
-    9. cells at its faces inside the voxel alone, by which the density of the cloud shows
+    9. cells at its faces inside the voxel only, which show the density of the cloud
     10. orientation of the voxel's neighbours, and cells two steps away
     """
     half = place >> 2
@@ -223,5 +222,5 @@ def _find_contexts(
 
 @compiled_in_place
 def _state(occupied: int, unknown: int, cell: int) -> int:
-    """State of a cell: 0 empty, 1 unknown, 2 occupied."""
+    """Return the state of a cell: 0 empty, 1 unknown, 2 occupied."""
     return (occupied >> cell & 1) << 1 | (unknown >> cell & 1)

@@ -49,7 +49,7 @@ class FixedPointLayer(SparseLayer):
 
 
 class SymbolHead(nn.Module):
-    """Two pointwise layers from features to the logits of a symbol, to the base 2."""
+    """Two pointwise layers from features to the base-2 logits of a symbol."""
 
     def __init__(self, channels: int) -> None:
         super().__init__()
@@ -64,7 +64,7 @@ class SymbolHead(nn.Module):
 
 
 class OctreeNet(nn.Module):
-    """Predicts one level after the other; features are (n, channels), in fixed point."""
+    """Predicts one level after the other from features (n, channels) in fixed point."""
 
     def __init__(self, shape: OctreeNetShape) -> None:
         super().__init__()

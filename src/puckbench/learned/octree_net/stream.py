@@ -119,12 +119,12 @@ def _read_parts(body: bytes, at: int) -> tuple[CodedPart, ...]:
 
 
 def max_nodes(part: CodedPart) -> int:
-    """Return the maximum voxels of all levels above the finest for the size of a part."""
+    """Return the maximum number of voxels above the finest level that a part's size allows."""
     return _NODES + 3 * part.count // 8 + _NODES_PER_BYTE * len(part.symbols)
 
 
 def _check(parts: Sequence[CodedPart]) -> None:
-    """Refuse parts that would take too long to decode for their size."""
+    """Raise InputError for parts that would take too long to decode for their size."""
     for part in parts:
         max_voxels = min(MAX_VOXELS, 65536 + _MAX_VOXELS_PER_BYTE * len(part.symbols))
         if not 0 < part.count <= max_voxels or part.levels >= AXIS_BITS:

@@ -31,7 +31,7 @@ _MIN_FREQUENCY = 8
 
 
 def _half(children: tuple[int, ...]) -> Symbols:
-    """Return the symbol of four of the children for each of the 256 occupancies."""
+    """Return, for each of the 256 occupancies, the symbol that four of the children form."""
     bits = (_CODES[:, None] >> np.array(children)) & 1
     return np.asarray(bits @ (1 << np.arange(len(children))), dtype=np.uint8)
 
@@ -49,7 +49,7 @@ def symbols_of(keys: Keys) -> tuple[Symbols, Symbols]:
 
 
 def groups_of(keys: Keys) -> list[NDArray[np.int64]]:
-    """Return the rows of each group, ascending; opposite corners of a block share a group."""
+    """Return the ascending rows of each group; opposite corners of a 2x2x2 block share a group."""
     group = _GROUP[keys & 7]
     return [np.flatnonzero(group == g) for g in range(GROUPS)]
 

@@ -29,7 +29,8 @@ _MAX_ROW = 0.9 * MAX_SUM / (MAX_ACTIVATION * WEIGHT_UNITS)
 
 
 def bits_per_level(model: OctreeNet, keys: Keys, levels: int, pool: ThreadPool) -> list[Tensor]:
-    """Return the bits of all symbols of each of `levels` levels above voxels, coarsest first."""
+    """Return the bits of all symbols in each of the `levels` levels above voxels, coarsest
+    first."""
     device = model.root.device
     sets, child_maps = pyramid(keys, levels, pool)
     features = model.root_features(len(sets[-1]))
@@ -93,7 +94,7 @@ class OctreeNetTrainer(BaseTrainer[OctreeNet, float]):
 
 
 def limit_weights(model: OctreeNet) -> None:
-    """Shrink the weights onto each feature whose sums might become inexact."""
+    """Shrink the weights of each output feature whose sums might become inexact."""
     with torch.no_grad():
         for layer in model.modules():
             if isinstance(layer, FixedPointLayer):

@@ -23,7 +23,7 @@ class OctreeNetTraining(BaseTraining):
     Parameters
     ----------
     scales
-        Scales of the coarsest and of the finest grid that cubes are cut on.
+        Scales of the coarsest and of the finest grid from which cubes are cut.
     channels
         Channels of the features.
     convolutions

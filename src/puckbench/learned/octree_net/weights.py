@@ -42,7 +42,7 @@ def save_weights(path: Path, model: OctreeNet, card: Mapping[str, Any]) -> None:
 
 
 def load_weights(where: str | Path, device: DeviceName = "cpu") -> OctreeNetWeights:
-    """Read trained weights: the name of a shipped set, or a path.
+    """Read trained weights by the name of a shipped set, or a path.
 
     Raises InputError if the set is damaged, of another network, or so large that sums would be
     inexact.

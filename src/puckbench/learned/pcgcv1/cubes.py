@@ -46,13 +46,13 @@ def voxels_of_keys(keys: Int64s, side: int) -> Voxels:
 
 
 def in_order(positions: NDArray[np.integer[Any]]) -> Voxels:
-    """Sort positions (m, 3) by x, then y, then z, in which order cubes are coded."""
+    """Sort positions (m, 3) by x, then y, then z, the order in which cubes are coded."""
     rows = np.asarray(positions, dtype=np.int64)
     return rows[np.lexsort(rows.T[::-1])]
 
 
 def cubes_of(voxels: Voxels, side: int) -> OccupiedCubes:
-    """Divide voxels (n, 3), in any order and with any duplicates, into cubes of a side."""
+    """Divide voxels (n, 3) into cubes; they may be unordered and contain duplicates."""
     cube_positions = voxels // side
     x, y, z = (voxels - cube_positions * side).T
     keys = (x * side + y) * side + z
@@ -81,7 +81,7 @@ def most_likely(logits: NDArray[np.float32], count: int) -> Int64s:
 
 
 def sibling_blocks_of(logits: NDArray[np.float32], keys: Int64s) -> SiblingBlocks:
-    """Return the 2x2x2 blocks of a cube by its logits (side**3,) and the keys to keep."""
+    """Return a cube's 2x2x2 blocks, from its logits (side**3,) and the keys of voxels to keep."""
     kept = np.zeros(len(logits), dtype=bool)
     kept[keys] = True
     across = round(len(logits) ** (1 / 3)) // 2

@@ -1,4 +1,4 @@
-"""PCGCv1 for coding by the layers of the model, on the model's device."""
+"""PCGCv1 for coding, computed by the layers of the model on the model's device."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class DeviceTransforms:
             return quantised(y.cpu()), quantised(z.cpu())
 
     def synthesise(self, y_hat: Integers, rate: int, blocks: Bools) -> Floats32:
-        """As in `Transforms`; the logits of all blocks are computed."""
+        """Implement `Transforms.synthesise`, with the logits of all blocks."""
         with torch.inference_mode():
             y = self._to_device(y_hat)[None].float() / self._model.gain(rate)
             logits: Floats32 = self._model.g_s(y).flatten().cpu().numpy()

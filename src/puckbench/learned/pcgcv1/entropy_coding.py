@@ -1,4 +1,4 @@
-"""Entropy coding of PCGCv1: hyper-latent, latent given its distributions, and voxel counts."""
+"""Entropy coding of PCGCv1: hyper-latent, conditionally coded latent, and voxel counts."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _MAX_POSITIONS = 2**20
 
 
 def encode_hyper(z_hat: Integers, is_coded: Bools, tables: tuple[FrequencyTable, ...]) -> bytes:
-    """Encode hyper-latents (cubes, channels, s, s, s) where `is_coded` (cubes, s, s, s)."""
+    """Encode the hyper-latents (cubes, channels, s, s, s) at positions with `is_coded`."""
     return encode_latent(np.moveaxis(z_hat, 1, -1)[is_coded], tables)
 
 
@@ -45,7 +45,8 @@ def decode_hyper(data: bytes, is_coded: Bools, tables: tuple[FrequencyTable, ...
 
 
 def encode_conditional(y_hat: Integers, indexes: TableIndexes) -> bytes:
-    """Encode integers of any shape given their tables, table by table."""
+    """Encode a latent of any shape, with the frequency table and centre that `indexes` has per
+    value."""
     order, sizes = _by_table(indexes)
     values = (y_hat - indexes.centre).ravel()[order]
     ends = np.cumsum([size for _, size in sizes])
@@ -73,7 +74,7 @@ def _by_table(indexes: TableIndexes) -> tuple[NDArray[np.intp], list[tuple[int, 
 
 @dataclass(frozen=True)
 class LatentPositions:
-    """Positions of the latent of all cubes in Morton order, for context mixing."""
+    """The positions, in all cubes, at which the latent is coded with context mixing."""
 
     order: Int64s  # (n,), from the order of cubes to Morton order
     neighbours: NeighbourTable  # (27, n), in Morton order
@@ -114,7 +115,7 @@ def checksum(indexes: TableIndexes) -> int:
 
 
 def encode_counts(counts: Iterable[int], max_value: int) -> bytes:
-    """Encode integers from 1 to `max_value`: length in bits by an adaptive model, then the bits."""
+    """Encode integers from 1 to `max_value`: an adaptively coded length in bits, then the bits."""
     import constriction
 
     coder = constriction.stream.queue.RangeEncoder()

@@ -54,7 +54,7 @@ class Transforms(Protocol):
     def synthesise(self, y_hat: Integers, rate: int, blocks: Bools) -> Floats32:
         """Transform y_hat (channels, s, s, s) to logits of a cube's voxels (side**3,), z fastest.
 
-        Logits outside the given blocks (s, s, s) may be -inf.
+        Logits outside `blocks` (s, s, s) may be -inf.
         """
 
 
@@ -92,7 +92,7 @@ class CpuTransforms:
             return quantised(y), quantised(z)
 
     def _stride_two(self, occupied: Floats32) -> Tensor:
-        """Return features at stride 2, which far from any voxel are those of an empty cube."""
+        """Return features at stride 2; far from all voxels they are those of an empty cube."""
         sides = occupied.shape
         box = _bounding_box(occupied, _MARGIN, _SIDE_MULTIPLE)
         part = self._stride_two_dense(occupied[tuple(slice(low, high) for low, high in box)])

@@ -1,8 +1,8 @@
 """Layer-sequential unit-variance initialisation of PCGCv1, without which it does not learn.
 
 PyTorch's initialisation gives the latent a deviation of 0.05, far below the noise that replaces
-rounding. So the weights of each layer are divided by the standard deviation of its output for an
-example, in order.
+rounding. So the weights of each layer in turn are divided by the standard deviation of its output
+for an example.
 
 References
 ----------

@@ -36,7 +36,7 @@ class _Layer:
 
 
 class IntegerHyperSynthesis:
-    """Chooses the tables of a latent. Raises InputError if large weights make sums inexact."""
+    """Chooses the tables of a latent; raises InputError if large weights make sums inexact."""
 
     def __init__(self, network: HyperSynthesis) -> None:
         self.conv1, self.conv2 = _layer(network.conv1), _layer(network.conv2)

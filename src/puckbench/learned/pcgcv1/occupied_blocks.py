@@ -1,8 +1,8 @@
 """Occupied blocks of cubes, which the stream holds beside the latent.
 
-A block is the 4x4x4 voxels of a position of the latent. Networks trained for it omit the latent of
-empty blocks, and the decoder places at least one voxel in each occupied block and none elsewhere,
-which avoids holes and outliers. In the paper the latent is coded everywhere.
+A block is the 4x4x4 voxels of a position of the latent. Networks trained with blocks omit the
+latent of empty blocks, and the decoder places at least one voxel in each occupied block and none
+elsewhere, which avoids holes and outliers. In the paper the latent is coded everywhere.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def blocks_of(cubes: OccupiedCubes) -> Voxels:
 
 
 def cubes_with_blocks(blocks: Voxels, side: int) -> CodedCubes:
-    """Group distinct blocks at positions (n, 3), in blocks, into cubes."""
+    """Group distinct positions (n, 3) of blocks into cubes."""
     across = side // STRIDE
     positions, cube = np.unique(blocks // across, axis=0, return_inverse=True)
     occupied = np.zeros((len(positions), across, across, across), dtype=bool)
@@ -48,20 +48,21 @@ def cubes_with_blocks(blocks: Voxels, side: int) -> CodedCubes:
 
 
 def pooled(blocks: Bools) -> Bools:
-    """Reduce (m, s, s, s) to (m, s / 2, s / 2, s / 2): whether any of eight is true."""
+    """Reduce (m, s, s, s) to (m, s / 2, s / 2, s / 2): true where any of eight is."""
     m, s = len(blocks), blocks.shape[-1] // 2
     return np.asarray(blocks.reshape(m, s, 2, s, 2, s, 2).any(axis=(2, 4, 6)))
 
 
 def rows_of(values: NDArray[N], blocks: Bools) -> NDArray[N]:
-    """Select values (m, channels, s, s, s) at true blocks (m, s, s, s): (n, channels)."""
+    """Return the values (n, channels), from (m, channels, s, s, s), at true blocks (m, s, s, s)."""
     return np.moveaxis(values, 1, -1)[blocks]
 
 
 def most_likely_per_block(logits: NDArray[np.float32], blocks: Bools, count: int) -> Int64s:
-    """Select the voxels of a cube that a decoder keeps: the most likely of each block, then of all.
+    """Return the `count` sorted keys of the voxels of a cube that a decoder keeps.
 
-    Returns `count` sorted keys, from logits (side**3,) and the occupied blocks (s, s, s).
+    They are the most likely voxel of each occupied block (s, s, s), then the most likely others by
+    their logits (side**3,).
     """
     side = blocks.shape[0] * STRIDE
     rows = _in_blocks(logits.reshape(side, side, side))[blocks]

@@ -7,7 +7,7 @@ base-128 numbers: bytes of positions, of counts, of sparse voxels and of the lat
 positions of the cubes, or of their occupied blocks if the weights were trained with these (octree),
     voxels to keep in each cube, voxels of sparse cubes (octree), the latent
 each batch of cubes: CRC-32 of the tables of the latent, base-128 number of bytes of the
-    hyper-latents, these
+    hyper-latents, the hyper-latents
 """
 
 from __future__ import annotations
@@ -92,7 +92,7 @@ def check_work(content: Pcgcv1Stream, side: int, decoded_voxels: int) -> None:
 
 
 def max_sparse(content: Pcgcv1Stream) -> int:
-    """Return the maximum of losslessly coded voxels, each of which takes over half a bit."""
+    """Return the maximum number of losslessly coded voxels, each of which takes over half a bit."""
     return min(_SPARSE + _SPARSE_PER_BYTE * len(content.sparse), 2**21)
 
 

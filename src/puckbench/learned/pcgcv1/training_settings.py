@@ -23,7 +23,7 @@ class Pcgcv1Training(MultiRateTraining):
     Parameters
     ----------
     rate_warm_up
-        Fraction of the steps in which the weight of the rate in the loss grows to one. With the
+        Fraction of the steps during which the weight of the rate in the loss grows to one. With the
         full weight from the start the network learns not to use its latent.
     """
 

@@ -1,4 +1,4 @@
-"""PCGCv2 for coding by the layers of the model, on the model's device."""
+"""PCGCv2 for coding, computed by the layers of the model on the model's device."""
 
 from __future__ import annotations
 

@@ -61,7 +61,7 @@ def fused(layer: SparseConvolution, kernel_map: KernelMap) -> FusedConvolution:
 
 
 def fused_branches(block: InceptionResNet, kernel_map: KernelMap) -> FusedConvolution:
-    """Fuse the first layers of both branches: conv1_0 joins the centre of conv0_0."""
+    """Fuse the first layers of both branches by adding conv1_0 to the centre of conv0_0."""
     neighbour_matrices = matrices_of(block.conv0_0.kernel.detach(), kernel_map)
     channels, quarter = block.conv0_0.kernel.shape[1:]
     pointwise = torch.kron(torch.eye(kernel_map.children), block.conv1_0.kernel.detach()[0])
@@ -79,7 +79,7 @@ def convolved(
     out: Tensor,
     relu: bool,
 ) -> Tensor:
-    """Convolve features (n, children, c) to `out` (n, children, d)."""
+    """Convolve features (n, children, c), write to `out` (n, children, d), and return it."""
 
     def work(rows: slice, scratch: Scratch) -> None:
         sums = out[rows]
@@ -112,7 +112,8 @@ def residual_block(
     hidden: Tensor,
     out: Tensor,
 ) -> Tensor:
-    """Apply a block to features (n, children, c); `hidden` is (n, children, c / 2)."""
+    """Apply a block to features (n, children, c); `hidden` (n, children, c / 2) is scratch
+    memory."""
     convolved(
         features, fused_branches(block, neighbourhood.kernel_map), neighbourhood, hidden, relu=True
     )
@@ -241,9 +242,9 @@ def synthesise(
     pool: ThreadPool,
     child_per_parent: bool = True,
 ) -> SiblingBlocks:
-    """Apply g_s to y_hat (m, latent_channels), after division by the gains, at voxels of stride 8.
+    """Apply g_s to y_hat (m, latent_channels), already divided by the gains, at voxels of stride 8.
 
-    `counts` are the voxels to keep at strides 1, 2 and 4, selected by `kept_children`.
+    `counts` are the numbers of voxels that `kept_children` keeps at strides 1, 2 and 4.
     """
     parents, features = coarse, torch.from_numpy(y_hat)
     # one allocation for the largest scale

@@ -110,7 +110,7 @@ class Pcgcv2Analysis(nn.Module):
     def forward(
         self, neighbourhoods: list[Neighbourhood], child_maps: list[ChildMap], features: Tensor
     ) -> Tensor:
-        """Ones (n, 1, 1) to y (m, 1, latent_channels), on voxels at strides 1, 2, 4 and 8."""
+        """Transform ones (n, 1, 1) at stride 1 to y (m, 1, latent_channels) at stride 8."""
         features = self.conv0(features, neighbourhoods[0])
         for scale in range(SCALES):
             features = self.scale(scale)(

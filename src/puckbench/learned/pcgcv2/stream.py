@@ -5,7 +5,7 @@ kind 0, a cloud too small for a network: its points, three little-endian doubles
 kind 1: digest of the weights (8 bytes), index of the rate, grid level in quarter octaves, coding
     tools (1: child per parent, 2: context mixing), points per voxel in 256ths (2 bytes; 0: one in
     the centre); base-128 numbers: origin (signed), number of blocks; each block: voxels at strides
-    1, 2, 4 and 8, bytes of coordinates and of the latent, these
+    1, 2, 4 and 8, bytes of coordinates and of the latent, coordinates, latent
 """
 
 from __future__ import annotations
@@ -87,9 +87,10 @@ def write_coded(coded: Pcgcv2Stream) -> bytes:
 
 
 def read_stream(stream: bytes) -> Pcgcv2Stream | Floats:
-    """Parse a stream; small clouds are points (n, 3). Counts are checked before any computation.
+    """Parse a stream, which holds points (n, 3) if the cloud is small.
 
-    Raises InputError if the bytes are damaged, or of another codec or version.
+    Counts are checked before any computation. Raises InputError if the bytes are damaged, or of
+    another codec or version.
     """
     kind, body = _FRAMING.unframed(stream)
     return _read_raw(body) if kind[0] == _RAW else _read_coded(body)
@@ -142,7 +143,7 @@ def _read_block(reader: Reader) -> CodedBlock:
 
 
 def _check_counts(counts: tuple[int, int, int, int]) -> None:
-    """Check that voxels have one to eight children, and those at stride 2 at most eight."""
+    """Check that voxels have one to eight children on average (at stride 2 at most eight)."""
     stride_1, stride_2, stride_4, stride_8 = counts
     is_possible = (
         1 <= stride_8 <= stride_4 <= 8 * stride_8

@@ -29,7 +29,7 @@ _BOTTLENECK = {"matrices": "_matrices", "biases": "_biases", "factors": "_factor
 
 
 def load_weights(where: str | Path, device: DeviceName = "cpu") -> Pcgcv2Weights:
-    """Read trained weights: the name of a shipped set, or the path of a set or of a checkpoint."""
+    """Read trained weights by the name of a shipped set, or the path of a set or a checkpoint."""
     path = weights_path(where)
     weights = load_multi_rate(
         path,
@@ -52,8 +52,8 @@ def save_weights(
 def load_published(path: Path) -> PCGCv2:
     """Read a checkpoint of the authors; raise InputError if it is not one.
 
-    28 to 67 % of its weights are denormal numbers (below 1.2e-38), with which some processors are a
-    hundred times slower. They are read as zeros, without a change of results.
+    28 to 67 % of its weights are denormal numbers (below 1.2e-38), which slow some processors down
+    a hundredfold. They are read as zeros, which does not change results.
     """
     checkpoint = _read(path)
     model = PCGCv2(Pcgcv2Shape())

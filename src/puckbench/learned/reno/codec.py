@@ -55,7 +55,8 @@ def encode(points: Floats, weights: RenoWeights, posq: float, threads: int | Non
 def decode(stream: bytes, weights: RenoWeights, threads: int | None = None) -> Floats:
     """Return the points (m, 3), in mm, of a stream that was made with these weights.
 
-    Raises InputError if they are not the encoded points, since this machine computes otherwise.
+    Raises InputError if they differ from the encoded points, because this machine computes
+    differently.
     """
     content = read_stream(stream)
     check_digest(weights.digest, content.digest)
@@ -70,7 +71,7 @@ def decoded_points(content: RenoStream, weights: RenoWeights, threads: int | Non
 
 
 def _grid_offsets(points: Floats) -> NDArray[np.int64]:
-    """Return the offset of each axis, in 131,072 mm: 1 as the authors have, where that is enough.
+    """Return the offset of each axis, in 131,072 mm: the authors' value of 1 where that suffices.
 
     Clouds below or far beyond the corner of the authors' grid get another corner.
     """

@@ -68,7 +68,7 @@ class RenoCoder:
         return tree
 
     def decode(self, tree: CodedTree) -> Keys:
-        """Return the keys of a stream; raise InputError if they are not those that were encoded."""
+        """Return the keys of a stream; raise InputError if they differ from the encoded keys."""
 
         def code(number: int, frequencies: Cumulative) -> Symbols:
             return decode_symbols(tree.symbols[number], frequencies)
@@ -85,7 +85,7 @@ class RenoCoder:
     def _traverse(
         self, keys: Keys, occupancy: Occupancy, levels: int, code: Code, max_nodes: int
     ) -> Keys:
-        """Code from the base down; return the keys of the finest level."""
+        """Encode or decode from the base down; return the keys of the finest level."""
         with thread_pool(self.threads) as pool:
             level = pyramid(keys, 0)[0][0]
             for number in range(levels):

@@ -32,7 +32,8 @@ def target_features(
     table: NeighbourTable,
     pool: ThreadPool,
 ) -> Floats32:
-    """Return features of the next finer level, of voxels in slots (n,), from their parents'."""
+    """Return the features of child voxels, with slots (n,) and neighbours `table`, from their
+    parents'."""
     channels = weights.channels
     embedded = weights.child_embedding.reshape(-1, channels)[slots & 7]
     embedded += parents.reshape(-1, channels)[slots >> 3]
@@ -70,7 +71,8 @@ def predicted(
     pool: ThreadPool,
     first: Symbols = _NO_SYMBOLS,
 ) -> Cumulative:
-    """Return cumulative frequencies (n, 17) of first symbols, or of second symbols given them."""
+    """Return cumulative frequencies (n, 17) of first symbols (half 0), or of second symbols
+    (half 1)."""
     layers, predict = weights.heads[half], head(weights.channels)
     rows = len(features) // weights.channels
     result = np.empty((rows, VALUES + 1), np.int32)

@@ -1,4 +1,4 @@
-"""Compiled layers of RENO: convolutions, and heads that end in cumulative frequencies.
+"""Compiled layers of RENO: convolutions, and heads that return cumulative frequencies.
 
 Everything is computed in IEEE 754 arithmetic in one order, whatever the number of threads, so that
 encoder and decoder agree to the last bit (see `add_fused_products`). Libraries round the
@@ -38,8 +38,8 @@ _LOG2_E, _LN_2 = 1 / math.log(2), math.log(2)
 def convolution(channels: int) -> Callable[..., None]:
     """Compile a 3x3x3 convolution and ReLU, before which a residual may be added.
 
-    Features of voxels outside the set count as zero. The sum of a row starts with the residual,
-    then come its neighbours by offset, x fastest.
+    Features of voxels outside the set count as zero. The sum of a row starts with the residual; its
+    neighbours follow by offset, x fastest.
     """
 
     def convolve(
@@ -106,8 +106,8 @@ def head(channels: int) -> Callable[..., None]:
 def cumulate(logits: Floats32, at: int, out: Cumulative) -> None:
     """Compute the cumulative frequencies (17,) of 16 logits, rounded as in the authors' program.
 
-    Their softmax is summed, multiplied by 2^16 - 16 and rounded; then each value gets one more.
-    Logits that are not finite give equal frequencies.
+    Their softmax is summed, multiplied by 2^16 - 16 and rounded; then 1 is added to each value's
+    frequency. Logits that are not finite give equal frequencies.
     """
     max_logit = np.float64(logits[at])
     for j in range(1, VALUES):

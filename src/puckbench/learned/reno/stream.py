@@ -1,11 +1,12 @@
 """The stream of RENO: the stream of the authors' program, after a header that identifies it.
 
 magic "RENO", version, CRC-32 of the rest
-digest of the weights (8 bytes), number and CRC-32 of the decoded voxels (2 uint32): their keys in
-Morton order, 8 bytes each; base-128 numbers: offsets of the axes in 131,072 mm (signed)
+digest of the weights (8 bytes), number and CRC-32 of the decoded voxels (2 uint32; the CRC is of
+    their keys in Morton order, 8 bytes each); base-128 numbers: offsets of the axes in 131,072 mm
+    (signed)
 as the authors' program: posQ in mm (float16), voxels of the base (int32), their coordinates (3
-int32 each) and occupancies (uint8 each), number of runs of symbols (uint16), each run's bytes
-(uint32) and the run: first and second symbols of each level below the base
+    int32 each) and occupancies (uint8 each), number of runs of symbols (uint16), each run's bytes
+    (uint32) and the run: first and second symbols of each level below the base
 """
 
 from __future__ import annotations
@@ -100,11 +101,12 @@ def _check_base(tree: CodedTree) -> None:
 
 
 def max_nodes(tree: CodedTree) -> int:
-    """Return the maximum voxels of all levels that the network codes for the size of a stream."""
+    """Return the maximum number of network-coded voxels, in all levels, for the size of a
+    stream."""
     return _NODES + _NODES_PER_BYTE * sum(map(len, tree.symbols))
 
 
 def check_work(tree: CodedTree, nodes: int) -> None:
-    """Refuse a tree that would take too long to decode for its size, given its known `nodes`."""
+    """Raise InputError if decoding a tree with `nodes` voxels would take too long for its size."""
     if nodes > max_nodes(tree) or tree.count > 8 * max_nodes(tree):
         raise InputError("more voxels than a stream of its size may have")

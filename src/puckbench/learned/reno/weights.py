@@ -25,7 +25,10 @@ _HEADS = ("pred_head_s0", "pred_head_s1")
 
 @dataclass(frozen=True)
 class RenoHead:
-    """Two linear layers from features to the logits of a symbol; matrices (in, out), flat."""
+    """Weights of two linear layers that map features to the logits of a symbol.
+
+    Matrices are flattened from (inputs, outputs).
+    """
 
     hidden: Floats32
     hidden_bias: Floats32
@@ -105,6 +108,6 @@ def _weights(digest: bytes, arrays: Mapping[str, Floats32]) -> RenoWeights:
 
 
 def _head(name: str, arrays: Mapping[str, Floats32]) -> RenoHead:
-    """Transpose matrices, which PyTorch stores as (out, in)."""
+    """Return a head with transposed matrices, since PyTorch stores them as (out, in)."""
     hidden, logits = (np.ascontiguousarray(arrays[f"{name}.{i}.weight"].T).ravel() for i in (0, 2))
     return RenoHead(hidden, arrays[f"{name}.0.bias"], logits, arrays[f"{name}.2.bias"])

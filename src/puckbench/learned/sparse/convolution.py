@@ -33,7 +33,7 @@ Matrices = tuple[Tensor, ...]
 
 @dataclass(frozen=True)
 class Neighbourhood:
-    """The set of voxels that a layer works on, with everything that the set determines."""
+    """The set of voxels that a layer works on, with everything that depends on this set."""
 
     gather_scatter: GatherScatter
     kernel_map: KernelMap  # says whether a row is a voxel or a parent with eight children
@@ -71,7 +71,7 @@ def convolve(
 ) -> Tensor:
     """Convolve features (n, children, c) to (n, children, d); kernel (27, c, d), bias (d,).
 
-    Voxels outside the set count as zero and get no result. Differentiable.
+    Voxels outside the set count as zero and get no result. The function is differentiable.
     """
     pairs = torch.from_numpy(neighbourhood.kernel_map.kernel_of_pair).to(kernel.device)
     result: Tensor = _Convolution.apply(features, kernel[pairs], bias, neighbourhood)  # type: ignore[no-untyped-call]

@@ -27,7 +27,7 @@ Segments = list[Tensor | None]
 
 
 class NeighbourPairs(NamedTuple):
-    """Rows with a neighbour, by offset, then by row; there are none at the centre."""
+    """Pairs of a row and its neighbour, sorted by offset, then by row, without the centre."""
 
     firsts: NDArray[np.int64]  # (28,); offset k has the pairs firsts[k] to firsts[k + 1]
     rows: NDArray[np.int32]  # of each pair
@@ -58,8 +58,8 @@ class GatherScatter(Protocol):
     ) -> Segments:
         """Gather the features (n, children, channels) of a chunk's neighbours at each offset.
 
-        There are none for the centre. With `at_output` the features are those of the rows
-        themselves, at the children that are written.
+        The centre is left out. With `at_output` gather the rows' own features, at the children that
+        are written.
         """
 
     def scatter_add(
@@ -111,7 +111,7 @@ class CompiledGatherScatter:
     def scatter_add(
         self, products: Segments, sums: Tensor, kernel_map: KernelMap, rows: slice
     ) -> None:
-        """Add products, which must be laid out in memory as `segments` does."""
+        """Add products, whose memory layout must be that of `segments`."""
         first = next((products[k] for k in kernel_map.order if products[k] is not None), None)
         if first is not None:
             chunk = self._chunk(kernel_map, rows)
@@ -293,7 +293,7 @@ def _pairs_of(table: NDArray[np.int32]) -> NeighbourPairs:
 def _pairs_of_rows(
     pairs: NeighbourPairs, first: int, last: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return first pair and number of pairs of each offset for rows in [first, last)."""
+    """Return, for each offset, the first pair and the number of pairs of rows in [first, last)."""
     firsts, counts = np.empty(OFFSETS, np.int64), np.empty(OFFSETS, np.int64)
     for offset in range(OFFSETS):
         of_offset = pairs.rows[pairs.firsts[offset] : pairs.firsts[offset + 1]]

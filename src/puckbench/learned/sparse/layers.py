@@ -14,7 +14,7 @@ from puckbench.learned.sparse.voxels import CHILDREN, OFFSETS, ChildMap
 
 
 class SparseLayer(nn.Module):
-    """A layer with a kernel (offsets, c, d), x fastest among the offsets, and a bias (d,)."""
+    """A layer with a kernel (offsets, c, d), whose offsets have x fastest, and a bias (d,)."""
 
     def __init__(self, offsets: int, in_channels: int, out_channels: int) -> None:
         super().__init__()
@@ -86,10 +86,10 @@ def top_k(logits: NDArray[np.float32], count: int) -> NDArray[np.int64]:
 def kept_children(
     logits: NDArray[np.float32], count: int, child_per_parent: bool = True
 ) -> NDArray[np.int64]:
-    """Return the slots of the `count` most likely children by their logits (m, 8), ascending.
+    """Return the ascending slots of the `count` most likely children by their logits (m, 8).
 
-    With `child_per_parent` the most likely child of each parent comes first. Otherwise a parent may
-    lose all children, which leaves a hole.
+    With `child_per_parent` the most likely child of each parent has priority. Otherwise a parent
+    may lose all children, which leaves a hole.
     """
     if not child_per_parent:
         return top_k(logits.reshape(-1), count)

@@ -33,7 +33,7 @@ class Scratch:
 
 
 class ThreadPool:
-    """Threads, each with working memory. Without an executor the calling thread does all work."""
+    """Threads with working memory each. Without an executor the calling thread does all work."""
 
     def __init__(self, threads: int, executor: ThreadPoolExecutor | None = None) -> None:
         self.threads = threads
@@ -55,7 +55,7 @@ class ThreadPool:
         return list(self._executor.map(run_chunk, chunks))
 
     def submit(self, work: Callable[[], T]) -> Callable[[], T]:
-        """Start `work()`. The returned function waits for its result."""
+        """Start `work()` and return a function that waits for its result."""
         if self._executor is None:
             result = work()
             return lambda: result
@@ -64,7 +64,8 @@ class ThreadPool:
 
 @contextmanager
 def thread_pool(threads: int | None = None) -> Iterator[ThreadPool]:
-    """Open a pool, by default of PyTorch's number of threads. Inside, PyTorch itself uses one."""
+    """Open a pool, by default with PyTorch's number of threads; inside it PyTorch uses one
+    thread."""
     before = torch.get_num_threads()
     threads = threads or before
     torch.set_num_threads(1)

@@ -2,7 +2,8 @@
 
 The key of a voxel interleaves the bits of x, y and z, x lowest. In this order the children of a
 voxel are contiguous, the keys of the next coarser set are ``keys >> 3``, and the number of a child
-within its parent, ``key & 7``, is ``x + 2 y + 4 z``.
+within its parent, ``key & 7``, is ``x + 2 y + 4 z``. A child's slot is 8 times its parent's row
+plus this number.
 """
 
 from __future__ import annotations
@@ -62,7 +63,7 @@ def morton_voxels(keys: Keys) -> NDArray[np.int64]:
 
 
 def unique_keys(keys: Keys) -> Keys:
-    """Sort keys and remove duplicates, faster than `numpy.unique`, which makes a hash table."""
+    """Sort keys and remove duplicates, faster than `numpy.unique`, which uses a hash table."""
     ordered: Keys = np.sort(keys)
     return np.asarray(ordered[np.diff(ordered, prepend=-1) != 0])
 
@@ -77,7 +78,7 @@ def parents_of(keys: Keys) -> tuple[Keys, ChildMap]:
 def pyramid(
     keys: Keys, scales: int, pool: ThreadPool | None = None
 ) -> tuple[list[VoxelSet], list[ChildMap]]:
-    """Return a set by its keys (n,), its `scales` coarser sets, and the maps between, finest first.
+    """Return the set with keys (n,), its `scales` coarser sets, and the maps between, finest first.
 
     Neighbour tables are made from the coarsest set down, without a search: the neighbours of a
     child are children of its parent's neighbours.
@@ -100,7 +101,7 @@ def _root(keys: Keys) -> VoxelSet:
 
 
 def children_voxels(parents: VoxelSet, keys: Keys, pool: ThreadPool | None = None) -> VoxelSet:
-    """Return a set of children by their keys (n,), with at least one child of each parent."""
+    """Return the set of children with keys (n,), at least one for each parent."""
     first = np.append(np.flatnonzero(np.diff(keys >> 3, prepend=-1)), len(keys))
     rows = np.full((len(parents), CHILDREN), -1, dtype=np.int32)
     rows[np.repeat(np.arange(len(parents)), np.diff(first)), keys & 7] = np.arange(len(keys))
@@ -125,7 +126,7 @@ def keys_of_slots(parents: Keys, slots: NDArray[np.int64]) -> Keys:
 def selected_children(
     parents: VoxelSet, slots: NDArray[np.int64], pool: ThreadPool | None = None
 ) -> VoxelSet:
-    """Return the set of the children in ascending slots; a parent may have none."""
+    """Return the set of children in ascending slots; a parent may have none."""
     has_child = np.zeros(len(parents), dtype=bool)
     has_child[slots >> 3] = True
     row = np.where(has_child, np.cumsum(has_child) - 1, -1).astype(np.int32)
@@ -136,7 +137,7 @@ def selected_children(
 
 @cache
 def _ring_parents() -> NDArray[np.int64]:
-    """Return offset and child number of the parent of each of the 4x4x4 cells around, (2, 64)."""
+    """Return, for each cell of a 4x4x4 neighbourhood, its parent's offset and its child number."""
     position = np.arange(64) // 4 ** np.arange(3)[:, None] % 4 - 1
     parents, within = position // 2 + 1, position % 2
     return np.stack([3 ** np.arange(3) @ parents, 2 ** np.arange(3) @ within])

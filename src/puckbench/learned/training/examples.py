@@ -31,7 +31,8 @@ class CubeExamples:
     kind: ClassVar[str] = "training cubes"  # name of the stream of random numbers
 
     def batch(self, step: int) -> list[Keys]:
-        """Return the cubes of a step in random symmetries; InputError if none has enough voxels."""
+        """Return the cubes of a step in random symmetries; raise InputError if none has enough
+        voxels."""
         rng = generator(self.seed, self.kind, str(step))
         return [self._cube(rng) for _ in range(self.batch_size)]
 
@@ -61,7 +62,7 @@ class CubeExamples:
 def random_symmetry(
     voxels: Voxels, size: int, rng: np.random.Generator, upright: bool = False
 ) -> Voxels:
-    """Apply one of the 48 symmetries of a cube, or of the 8 that keep the z axis, to voxels."""
+    """Apply to voxels one of the 48 symmetries of a cube, or of the 8 that keep the z axis."""
     axes = 2 if upright else 3
     symmetric = voxels.copy()
     mirrored = np.where(
@@ -72,7 +73,7 @@ def random_symmetry(
 
 
 def join_clouds(clouds: Sequence[Keys]) -> Keys:
-    """Join the keys of several clouds to one set in which no two clouds touch."""
+    """Join the keys of several clouds in one set in which no two clouds touch."""
     bits = max(int(keys[-1]).bit_length() for keys in clouds)
     cell = 3 * (-(-bits // 3) + 1)  # twice the side, which leaves a gap
     if cell + (len(clouds) - 1).bit_length() > 60:

@@ -25,7 +25,7 @@ L = TypeVar("L")
 
 
 class OtherTrainingError(InputError):
-    """A checkpoint of another training than the one to resume."""
+    """Raised if a checkpoint belongs to another training than the one to resume."""
 
 
 class BaseTrainer(ABC, Generic[M, L]):
@@ -41,7 +41,7 @@ class BaseTrainer(ABC, Generic[M, L]):
     done
         Number of completed steps.
     identity
-        What else a checkpoint must have been made with, such as the data.
+        Further properties that a checkpoint must share, such as the data.
     curve
         A row for each completed step, filled by the caller.
     """
@@ -100,7 +100,7 @@ class BaseTrainer(ABC, Generic[M, L]):
     def resume(self, path: Path) -> None:
         """Continue from a checkpoint.
 
-        Raises OtherTrainingError if it has another network, or names other settings or data.
+        Raises OtherTrainingError if its network, settings or data differ.
         """
         state = read_checkpoint(path, "not a checkpoint of a training")
         for name, expected in (

@@ -1,6 +1,6 @@
 """Settings of the training of learned codecs, as pydantic models.
 
-An entry of a codec names in `training` a class derived from `BaseTraining`, whose fields are the
+A codec's registration names in `training` a class derived from `BaseTraining`, whose fields are the
 options of a configuration and of ``puckbench train --options``. This module does not import
 PyTorch.
 """
@@ -80,7 +80,7 @@ class BaseTraining(Model, ABC):
     def export(self, path: Path, model: Any, card: Mapping[str, Any]) -> None: ...
 
     def rates(self, codec_rates: Rates) -> dict[str, Mapping[str, Any]]:
-        """Return the rates of the codec's entry at which the set will code."""
+        """Return the rates of the codec's configuration at which the weights will code."""
         return dict(codec_rates)
 
 
@@ -94,11 +94,10 @@ class MultiRateTraining(BaseTraining):
     channels
         Channels of the network at its strides.
     min_kept_fraction
-        Minimum fraction of its voxels that a cube keeps, so that sparser clouds are learned from
-        too.
+        Minimum fraction of its voxels that a cube keeps, so that training includes sparser clouds.
     mean_occupied_children
-        Clouds are learned from on the finest grids, by whole octaves, on which voxels have these
-        mean numbers of occupied children.
+        Numbers of occupied children per voxel. For each, clouds are trained on at the finest grid,
+        by whole octaves, with this mean.
     """
 
     lmbdas: Lmbdas = (0.25, 0.5, 1.0, 2.0, 4.0, 6.0, 10.0)
