@@ -1,4 +1,4 @@
-"""Public interface in Python: codecs, clouds, turns of recordings, and metrics."""
+"""Python interface for users: codecs, clouds, turns from recordings, and metrics."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ __all__ = [
 
 
 def open_codec(name: str, changes: Mapping[str, Any] | None = None) -> Codec:
-    """Open a codec by its name, or a user's class.
+    """Create a codec by its name, or from a user's class.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ def open_codec(name: str, changes: Mapping[str, Any] | None = None) -> Codec:
 
 
 def turns(recording: str | Path, stream: str | None = None) -> Iterator[PointCloud]:
-    """Yield the whole turns of a recording as clouds in the sensor's frame, m, with their returns.
+    """Yield each full turn in a recording as a cloud with returns, in m, in the sensor's frame.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ def turns(recording: str | Path, stream: str | None = None) -> Iterator[PointClo
     Raises
     ------
     InputError
-        The recording cannot be read, or is not one of a known sensor.
+        The recording cannot be read, or its sensor is unknown.
     """
     from puckbench.datasets.recordings import decompressed
     from puckbench.lidar.recordings.reading import read_turns
@@ -82,14 +82,14 @@ def turns(recording: str | Path, stream: str | None = None) -> Iterator[PointClo
 def measures(
     original: PointCloud, decoded: PointCloud, peak: float | None = None
 ) -> dict[str, float]:
-    """Return the metrics of a decoded cloud: of geometry, and of the returns if both have them.
+    """Return metrics of a decoded cloud's geometry and, if both clouds have them, returns.
 
     Parameters
     ----------
     original, decoded
-        Clouds in one frame; without normals of the original there is no D2.
+        Clouds in the same coordinate frame; D2 needs normals in the original.
     peak
-        As for `compare`.
+        As in `compare`.
     """
     from puckbench.metrics.sensor_metrics import range_errors
 
@@ -100,7 +100,7 @@ def measures(
 
 
 def prepare(cloud: PointCloud, size: int | str = 1024, neighbours: int = 30) -> PointCloud:
-    """Estimate normals and scale a cloud: see `puckbench.jobs.preparation.prepare`."""
+    """Estimate normals of a cloud and scale it (see `puckbench.jobs.preparation.prepare`)."""
     from puckbench.jobs import preparation
 
     return preparation.prepare(cloud, size, neighbours)
@@ -114,19 +114,20 @@ def compare(
     Parameters
     ----------
     cloud
-        A cloud of `prepare`; without normals there is no D2. A cloud that is scaled already is
+        A cloud returned by `prepare`; D2 needs its normals. If points are scaled already, pass
         ``PointCloud(points, about={"size": 1024})``.
     codecs
-        Codecs of `open_codec`.
+        Codecs returned by `open_codec`.
     repeats
-        Number of timed calls, of which the median counts.
+        Number of timed calls; the median is returned.
     peak
-        Peak of MPEG's PSNRs; by default ``size - 1`` of the cloud, else they are left out.
+        Peak of MPEG's PSNRs, by default the cloud's ``size - 1``; without either, PSNRs are
+        omitted.
 
     Raises
     ------
     InputError
-        A codec cannot run here, or cannot code the cloud.
+        A codec cannot run here, or cannot encode the cloud.
     """
     import pandas as pd
 

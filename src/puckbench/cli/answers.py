@@ -1,4 +1,4 @@
-"""A command's answer as text for a terminal: a line for each value, and tables."""
+"""Text for a terminal from a command's answer: a line for each value, and tables."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _INDENT = "  "
 
 
 def text_of(answer: Mapping[str, Any]) -> str:
-    """Return lines of names and values; a table's rows stand below its name."""
+    """Return a line with name and value for each value, or a table below its name."""
     plain = {name: value for name, value in answer.items() if not _rows(value)}
     width = max(map(len, plain), default=0)
     lines = []
@@ -24,7 +24,7 @@ def text_of(answer: Mapping[str, Any]) -> str:
 
 
 def table(rows: Sequence[Sequence[str]]) -> list[str]:
-    """Return the lines of a table; the first row is its heading, the last column is wrapped."""
+    """Return rows, of which the first is the heading, as lines with a wrapped last column."""
     from rich import box
     from rich.console import Console
     from rich.table import Table
@@ -45,7 +45,7 @@ def table(rows: Sequence[Sequence[str]]) -> list[str]:
 
 
 def _rows(value: Any) -> list[list[str]]:
-    """Return heading and rows of a list or mapping of mappings; empty for other values."""
+    """Return heading and rows for a list or mapping of mappings, nothing for other values."""
     if isinstance(value, Mapping) and value and all(isinstance(v, Mapping) for v in value.values()):
         value = [{"": name, **row} for name, row in value.items()]
     if not isinstance(value, list) or not value or not all(isinstance(v, Mapping) for v in value):

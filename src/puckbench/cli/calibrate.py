@@ -1,4 +1,4 @@
-"""`puckbench calibrate`: estimate a range error model from plane residuals."""
+"""`puckbench calibrate`: estimate the parameters of a range error model from plane residuals."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`puckbench capture`: read a capture as a table of its returns."""
+"""`puckbench capture`: convert a capture to a table of returns."""
 
 from __future__ import annotations
 

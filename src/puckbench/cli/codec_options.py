@@ -1,4 +1,4 @@
-"""Arguments that commands which code share: the codec, its options, and repeated calls."""
+"""Arguments shared by commands that encode: the codec, its options, and repetitions."""
 
 from __future__ import annotations
 

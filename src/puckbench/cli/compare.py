@@ -68,7 +68,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> dict[str, Any] | str:
-    """Write the figure and the table of deltas; without ``--json`` return text."""
+    """Write the figure and the table of deltas; return the answer, as text without ``--json``."""
     answer = _compared(options)
     return answer if options.json else text(answer)
 
@@ -156,7 +156,7 @@ def _medians(rows: pd.DataFrame) -> dict[str, Any]:
 
 
 def text(answer: Mapping[str, Any]) -> str:
-    """Return the answer for a terminal: a table for each data set, with reference rows in grey."""
+    """Return the text for a terminal: a table for each data set, with reference rows in grey."""
     study, metrics = answer["study"], list(dict.fromkeys(row["metric"] for row in answer["deltas"]))
     lines: list[str] = []
     for dataset in dict.fromkeys(row["name"] for row in answer["curves"]):

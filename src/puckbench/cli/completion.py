@@ -1,4 +1,4 @@
-"""`puckbench completion`: the script by which a shell completes commands, options and names."""
+"""`puckbench completion`: write the shell script that completes commands, options and names."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> str:
-    """Return the script; it does not call Python while it completes."""
+    """Return the script, which does not call Python."""
     import shtab
 
     from puckbench.cli import parser_of
@@ -26,10 +26,10 @@ def run(options: argparse.Namespace) -> str:
 
 
 class _CompletedParser(argparse.ArgumentParser):
-    """A parser whose arguments tell shtab how to complete them.
+    """A parser that stores for shtab how to complete each argument.
 
-    An argument whose type is `Path` is completed with files; one that takes a name of a registry,
-    with the names that are registered now.
+    An argument with type `Path` is completed with files, and an argument for a codec, figure or
+    other plug-in with the registered names.
     """
 
     def add_argument(self, *names: Any, **options: Any) -> argparse.Action:

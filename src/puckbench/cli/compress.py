@@ -1,4 +1,4 @@
-"""`puckbench compress`: store a recording in a smaller file, without loss."""
+"""`puckbench compress`: write a recording to a smaller file, losslessly."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
-    """Return the options of each loader; with --check the counts of one, beside published ones."""
+    """Return options of each loader; with ``--check`` actual and published counts for one."""
     if options.check:
         trust([options.check])
         return _checked(options.check, options.options)

@@ -1,4 +1,4 @@
-"""`puckbench decompress`: restore the recording from a file of `puckbench compress`."""
+"""`puckbench decompress`: restore a recording written by `puckbench compress`."""
 
 from __future__ import annotations
 

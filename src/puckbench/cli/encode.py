@@ -1,4 +1,4 @@
-"""`puckbench encode`: code a cloud."""
+"""`puckbench encode`: encode a cloud."""
 
 from __future__ import annotations
 

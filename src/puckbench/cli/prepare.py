@@ -1,4 +1,4 @@
-"""`puckbench prepare`: crop, estimate normals and scale."""
+"""`puckbench prepare`: crop a cloud, estimate its normals, and scale it."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
-    """Write the prepared cloud; return its description, for a terminal in short."""
+    """Write the prepared cloud; return its description, shortened without ``--json``."""
     description = _prepared(options)
     return description if options.json else {k: description[k] for k in _SHOWN if k in description}
 

@@ -1,7 +1,8 @@
-"""The commands: our own, and those that other packages register.
+"""The commands of puckbench, and those that other packages register.
 
-A command has two functions: `arguments` declares its arguments, `run` returns its answer. Ours are
-modules of this package, imported only to be called. A plug-in registers `run`::
+A command has two functions: `arguments` declares its arguments, `run` returns its answer.
+Puckbench's commands are modules of this package, imported only when called. A plug-in registers
+`run`::
 
     @COMMANDS.register("claims", arguments=arguments, help="show the verdicts on the claims")
     def run(options: argparse.Namespace) -> Answer: ...

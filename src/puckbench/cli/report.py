@@ -1,4 +1,4 @@
-"""`puckbench report`: write a run as one HTML file."""
+"""`puckbench report`: write the report of a run as one HTML file."""
 
 from __future__ import annotations
 

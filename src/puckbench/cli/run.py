@@ -1,4 +1,4 @@
-"""`puckbench run`: compare codecs on a user's clouds, meshes and recordings."""
+"""`puckbench run`: compare codecs on the user's clouds, meshes and recordings."""
 
 from __future__ import annotations
 
@@ -139,7 +139,7 @@ def run(options: argparse.Namespace) -> dict[str, Any] | None:
 
 
 def _without_failures(path: Path) -> Path | None:
-    """Return the configuration file that leaves out what failed, if the run wrote one."""
+    """Return the file with failed jobs, which the run wrote if there were any."""
     failed = trusted(read_config(path)).failures_file
     return failed if failed.exists() else None
 
@@ -183,13 +183,13 @@ def _print_summary(path: Path, study: str | None, rest: Path | None) -> None:
 
 
 def _outputs(path: Path, rest: Path | None) -> OutputJobs:
-    """Plan the tables and figures of a configuration, without what failed (`rest`)."""
+    """Plan the tables and figures of a configuration, without failed jobs in the file `rest`."""
     changes = read_config(rest) if rest else {}
     return Workflow({**read_config(path), **changes}, check_scenes=True).outputs
 
 
 def _configuration(options: argparse.Namespace) -> tuple[Path, list[str]]:
-    """Return the file of the configuration, written if need be, and words for Snakemake."""
+    """Return the configuration file, created if necessary, and further arguments of Snakemake."""
     if options.study:
         return _study_configuration(options), []
     if options.datasets:

@@ -1,4 +1,4 @@
-"""`puckbench table`: make a table from other tables of a run."""
+"""`puckbench table`: compute a table from other tables of a run."""
 
 from __future__ import annotations
 

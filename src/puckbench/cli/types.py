@@ -1,4 +1,4 @@
-"""Types of arguments, and helpers that commands share."""
+"""Argument types, and functions that commands share."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def json_object(text: str) -> dict[str, Any]:
 
 
 def files_by_name(values: dict[str, Any], option: str) -> dict[str, Path]:
-    """Return the paths in a JSON object; raise InputError if a value is no text."""
+    """Return the paths in a JSON object; raise InputError if a value is not a string."""
     for name, value in values.items():
         if not isinstance(value, str):
             raise InputError(f"{option}: {name}: '{value}' is not a file name")
@@ -33,7 +33,7 @@ def files_by_name(values: dict[str, Any], option: str) -> dict[str, Path]:
 
 
 def metres_per_unit(words: Sequence[str]) -> float | dict[str, float]:
-    """Read metres per unit: one number for all files, or FILE=NUMBER for each."""
+    """Parse metres per unit: one number for all files, or FILE=NUMBER for each."""
     if len(words) == 1 and (number := _number(words[0])) is not None:
         return number
     table: dict[str, float] = {}

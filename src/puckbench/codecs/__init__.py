@@ -1,1 +1,1 @@
-"""Point-cloud codecs behind one interface: points in, one byte string out, and back."""
+"""Point-cloud codecs with one interface: encode points to a byte string, and decode it."""

@@ -1,7 +1,7 @@
 """The contract of codecs: a class with rates, `_encode` and `_decode`, registered under a name.
 
-This module has what encodes and decodes; `puckbench.codecs.facts` has what plans and figures need
-to know. A user's codec is one file::
+This module has the classes that encode and decode; `puckbench.codecs.facts` has the properties that
+plans and figures need. A user's codec is one file::
 
     from puckbench.codecs.base import Codec
     from puckbench.codecs.registry import CODECS
@@ -65,11 +65,11 @@ class SharedWork(Protocol):
 
 
 class Codec(CodecFacts, ABC):
-    """A codec of point-cloud geometry: points to a self-contained byte string, and back.
+    """Base class of codecs, which encode points to a self-contained byte string and decode it.
 
-    A subclass has `rates` and implements `_encode` and `_decode`; the rest has defaults. Its module
-    imports heavy packages inside methods, because planning, figures and ``puckbench codecs`` import
-    it. A call depends on its arguments alone, never on earlier calls.
+    A subclass has `rates` and implements `_encode` and `_decode`; the rest has defaults. Planning,
+    figures and ``puckbench codecs`` import its module, which therefore imports heavy packages
+    inside methods. A call depends on its arguments alone, never on earlier calls.
     """
 
     magic: bytes = b""
@@ -83,7 +83,7 @@ class Codec(CodecFacts, ABC):
 
     @property
     def has_surfaces(self) -> bool:
-        """Whether streams can be decoded to surfaces: the class implements `_decode_mesh`."""
+        """Whether streams can be decoded to surfaces, which needs a `_decode_mesh` of the class."""
         return type(self)._decode_mesh is not Codec._decode_mesh
 
     def available(self) -> Availability:
@@ -91,26 +91,26 @@ class Codec(CodecFacts, ABC):
         return Availability(True)
 
     def load(self) -> None:
-        """Load weights and compile, outside the timed calls."""
+        """Load weights and compile loops before the timed calls."""
 
     def cost(self, here: Cost) -> Cost:
-        """Return the cost of the call that has just ended, given its cost in this process.
+        """Return the cost of the last call; `here` is its cost in this process.
 
-        Both are equal unless the codec runs programs.
+        Only codecs that run programs return another cost.
         """
         return here
 
     def shared_work(self) -> SharedWork | None:
-        """Return a new object for the calls that code one cloud at several rates; None by default.
+        """Return a new object that calls with one cloud at several rates share, by default None.
 
-        A codec that has such an object implements `_encode_sharing`.
+        A codec that returns an object implements `_encode_sharing`.
         """
         return None
 
     def encode_cloud(self, cloud: PointCloud, rate: str, shared: SharedWork | None = None) -> bytes:
-        """Encode the points or the returns of a cloud, whichever the codec takes.
+        """Encode the points of a cloud, or its returns if the codec needs them.
 
-        The arguments are those of `encode`; coding of returns shares no work.
+        `rate` and `shared` are as in `encode`; encoding of returns does not use `shared`.
 
         Raises
         ------
@@ -127,11 +127,11 @@ class Codec(CodecFacts, ABC):
         return self.encode_returns(cloud.returns, rate)
 
     def encode_returns(self, returns: Returns, rate: str) -> bytes:
-        """Encode the returns of a spinning sensor; InputError as for `encode`."""
+        """Encode the returns of a spinning sensor; raise InputError as `encode` does."""
         return self.encode(returns.points(), rate)
 
     def decode_cloud(self, stream: bytes) -> PointCloud:
-        """Decode a cloud: its points and, if the codec codes them, its returns."""
+        """Decode a cloud with its points and, if the stream has them, its returns."""
         return PointCloud(self.decode(stream))
 
     def encode(self, points: Floats, rate: str, shared: SharedWork | None = None) -> bytes:
@@ -144,7 +144,8 @@ class Codec(CodecFacts, ABC):
         rate
             One of `rates` or `metric_rates`.
         shared
-            The object of `shared_work` for this cloud; the stream is the same without it.
+            An object returned by `shared_work`, used for this cloud only; the stream does not
+            depend on it.
 
         Returns
         -------
@@ -154,7 +155,7 @@ class Codec(CodecFacts, ABC):
         Raises
         ------
         InputError
-            An unknown rate, an empty cloud, or coordinates that are not finite.
+            The rate is unknown, the cloud is empty, or a coordinate is not finite.
         """
         parameters = self.parameters_of(rate)
         check_points(points, f"codec {self.name}")
@@ -179,7 +180,7 @@ class Codec(CodecFacts, ABC):
         Raises
         ------
         InputError
-            The stream is damaged, or another codec's.
+            The stream is damaged or belongs to another codec.
         """
         with naming(f"codec {self.name}"):
             own, shift = unshifted(stream)
@@ -191,9 +192,8 @@ class Codec(CodecFacts, ABC):
     def decode_mesh(self, stream: bytes) -> Mesh:
         """Decode the triangles of a surface, in the coordinates of the input cloud.
 
-        Labels name the geometric primitive of each triangle (kind and parameters as in
-        `puckbench.geometry.mesh`, in the same coordinates) and its object: a wall is one object
-        even if it was coded as several primitives.
+        Each triangle is labelled with its geometric primitive (see `puckbench.geometry.mesh`) and
+        its object: a wall is one object even if it was encoded as several primitives.
 
         Raises
         ------
@@ -206,11 +206,11 @@ class Codec(CodecFacts, ABC):
         return mesh if shift is None else labelled_mesh_in_metres(mesh, 1.0, shift)
 
     def _decode_mesh(self, stream: bytes) -> Mesh:
-        """Decode the surfaces of a stream; InputError as for `_decode`."""
+        """Decode the surfaces of a stream; raise InputError as `_decode` does."""
         raise InputError(f"codec {self.name}: codes points, not surfaces")
 
     def _encode_sharing(self, points: Floats, parameters: Parameters, shared: Any) -> bytes:
-        """As `_encode`, with the object of `shared_work`, whose `saved` it sets."""
+        """Encode as `_encode`, with an object returned by `shared_work`, and set its `saved`."""
         return self._encode(points, parameters)
 
     @abstractmethod
@@ -219,11 +219,10 @@ class Codec(CodecFacts, ABC):
 
     @abstractmethod
     def _decode(self, stream: bytes) -> Floats:
-        """Decode points (m, 3); InputError if the stream is damaged or another codec's."""
+        """Decode points (m, 3); raise InputError if the stream is damaged or from another codec."""
 
 
 def _described(value: object) -> str:
-    """Describe what a codec returned instead of points (m, 3)."""
     shape = getattr(value, "shape", None)
     what = type(value).__name__ if shape is None else f"an array of shape {shape}"
     return f"{what}, not an array of shape (m, 3)"

@@ -1,4 +1,4 @@
-"""Differences between successive points by Zstandard, the scheme of Cloudini."""
+"""Differences between successive points, compressed by Zstandard as in Cloudini."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 """Draco's two point-cloud coders, through DracoPy: the kd-tree and the sequential method.
 
-Geometry alone is coded, over the cloud's bounding cube, in single precision as Draco stores it. By
-the kd-tree, points with equal float32 coordinates are coded once (DracoPy merges them; Debian's
-``draco_encoder`` keeps them). Points that quantisation moves to one position are kept.
+Only geometry is encoded, as float32, within the cloud's bounding cube. With the kd-tree, DracoPy
+merges points with equal float32 coordinates (Debian's ``draco_encoder`` keeps them). Points that
+quantisation moves to one position are kept.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ DRACO_RATES = {f"r{bits - 3}": {"quantization_bits": bits} for bits in range(4, 
 
 
 def _most_points(stream: bytes) -> int:
-    """The largest plausible point count: a damaged header must not make the decoder fill memory."""
+    """Return the largest plausible point count, so that a damaged header cannot fill the memory."""
     return min(65536 + 8192 * len(stream), most_points(len(stream)))
 
 
@@ -46,7 +46,7 @@ class DracoOptions(Model):
 
 
 def _quantisation(points: Floats, parameters: Parameters) -> dict[str, Any]:
-    """The encoder's arguments for a rate: bits over the cloud's cube, or a grid of a step."""
+    """Return the encoder's arguments for a rate: bits in the cloud's cube, or a grid step."""
     if "step_m" not in parameters:
         return {"quantization_bits": parameters["quantization_bits"]}
     step = float(parameters["step_m"])

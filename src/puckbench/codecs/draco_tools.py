@@ -48,7 +48,7 @@ class DracoCli(ExternalCodec):
 
     @cached_property
     def version(self) -> str:
-        """The tools name no version: the encoder's SHA-256."""
+        """Return the encoder's SHA-256, because the tools print no version."""
         found = shutil.which(self.programs[0])
         digest = hashlib.sha256(Path(found).read_bytes()).hexdigest()[:12] if found else ""
         return f"draco_encoder {digest}".strip()

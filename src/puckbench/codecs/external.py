@@ -1,4 +1,4 @@
-"""Codecs that run other people's programs on files in a temporary folder."""
+"""Base class of codecs that run external programs on files in a temporary folder."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ _SECONDS, _SECONDS_PER_BYTE = 30, 1e-4
 
 
 class ExternalCodec(Codec):
-    """A codec that runs programs; a subclass names them, and calls `run` to encode and decode.
+    """A codec that runs programs; a subclass lists them, and calls `run` to encode and decode.
 
-    The cost of a call is that of its programs' processes, which read and write their own files.
+    The cost of a call is that of its programs, including reading and writing of their files.
     """
 
     output: str = ""
@@ -35,7 +35,7 @@ class ExternalCodec(Codec):
 
     @property
     def programs(self) -> tuple[str, ...]:
-        """Names or paths of the programs that it needs; a class may just assign them."""
+        """Names or paths of the required programs, which a subclass may set as an attribute."""
         return ()
 
     def available(self) -> Availability:
@@ -44,17 +44,15 @@ class ExternalCodec(Codec):
         return Availability(not missing, f"no program '{missing[0]}'" if missing else "")
 
     def encode(self, points: Floats, rate: str, shared: SharedWork | None = None) -> bytes:
-        """As `Codec.encode`."""
         self._cost = None
         return super().encode(points, rate, shared)
 
     def decode(self, stream: bytes) -> Floats:
-        """As `Codec.decode`."""
         self._cost = None
         return super().decode(stream)
 
     def cost(self, here: Cost) -> Cost:
-        """Return time and memory of the programs that the last call ran."""
+        """Return the time and memory of the programs that the last call ran."""
         return self._cost or here
 
     def run(self, command: Sequence[str | Path], source: Path) -> None:
@@ -89,9 +87,9 @@ def folder() -> Iterator[Path]:
 
 
 def write_points(path: Path, points: NDArray[Any], kind: str) -> None:
-    """Write points (n, 3) as a binary PLY file of coordinates alone.
+    """Write points (n, 3) as a binary PLY file with coordinates only.
 
-    kind: type of the coordinates, ``float32`` or ``float64``, by the names that programs read.
+    `kind` is the type of the coordinates, ``float32`` or ``float64``.
     """
     header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(points)}"]
     header += [f"property {kind} {axis}" for axis in "xyz"]
@@ -105,7 +103,7 @@ def read_points(path: Path, what: str) -> Floats:
     Raises
     ------
     InputError
-        There is no such file, or it holds no points; the message begins with `what`.
+        The file is missing or has no points; the message begins with `what`.
     """
     try:
         return read_cloud(path, keep_missing=True).xyz

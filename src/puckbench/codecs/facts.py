@@ -1,4 +1,4 @@
-"""What plans, tables and figures need to know about a codec: name, style, rates, memory, pace."""
+"""Properties of codecs that plans, tables and figures need: name, style, rates, memory, pace."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ LENGTHS_MM = (100, 50, 20, 10, 5, 2, 1)
 
 
 def lengths(*millimetres: int) -> dict[str, Parameters]:
-    """Return rates of clouds in metres: ``10mm`` has the parameter ``step_m`` 0.01."""
+    """Return rates for clouds in metres; ``10mm`` has the parameter ``step_m`` 0.01."""
     return {f"{length}mm": {"step_m": length / 1000} for length in millimetres or LENGTHS_MM}
 
 
 class Memory(NamedTuple):
-    """Estimate of the memory that coding a cloud takes: MB, and bytes for each point."""
+    """Estimated memory for encoding or decoding a cloud: a constant in MB, and bytes per point."""
 
     base_mb: float = 400.0
     bytes_per_point: float = 1000.0
@@ -36,9 +36,9 @@ class Memory(NamedTuple):
 
 
 class Pace(NamedTuple):
-    """Estimate of the time of encoding and decoding at one rate: s, and s for a million points.
+    """Estimated time of encoding and decoding at a rate: a constant in s, and s per million points.
 
-    encoding: fraction of the time that encoding takes.
+    `encoding` is the fraction of the time that encoding takes.
     """
 
     base_s: float = 0.1
@@ -51,14 +51,15 @@ class Pace(NamedTuple):
 
 
 class CodecFacts:
-    """Properties of a codec that hold before it codes anything.
+    """Properties of a codec that do not depend on its input.
 
     Parameters
     ----------
     name
         Name of the codec in a run and in tables.
     rates, metric_rates
-        Parameters by the rate's name, the smallest bitrate first; by default those of the class.
+        Parameters of each rate by its name, the smallest bitrate first; by default those of the
+        class.
     options
         Values of the class's `Options`.
 
@@ -120,12 +121,12 @@ class CodecFacts:
 
     @property
     def version(self) -> str:
-        """Version of the implementation, for the results table; a class may just assign it."""
+        """Version of the implementation for the results table; subclasses may set an attribute."""
         return ""
 
     @property
     def needs_scaled(self) -> bool:
-        """Whether rates are steps of a scaled cloud's grid; not if the option `unit` is set."""
+        """Whether rates are steps of a scaled cloud's grid; false if the option `unit` is set."""
         return self.grid > 0 and getattr(self.options, "unit", None) is None
 
     def weights_of(self, rate: str) -> str:
@@ -137,7 +138,7 @@ class CodecFacts:
         return []
 
     def rates_of(self, frame: CoordinateFrame | None) -> Mapping[str, Parameters]:
-        """Return the rates for clouds of a frame, which may be none.
+        """Return the rates for clouds in a coordinate frame, possibly none.
 
         If the option `unit` is set, all rates are for clouds in metres.
         """
@@ -145,19 +146,20 @@ class CodecFacts:
         return self.metric_rates if frame == "metric" and not has_unit else self.rates
 
     def most_extent(self, rate: str) -> float:
-        """Return the largest extent of a cloud along an axis, m; infinite for scaled clouds.
+        """Return the largest extent along an axis, in m, that a cloud may have; infinite for scaled
+        clouds.
 
-        A run leaves the rate out for wider clouds.
+        A run skips the rate for wider clouds.
         """
         return self.most_steps * float(self.parameters_of(rate).get("step_m", math.inf))
 
     def check_frame(self, frame: CoordinateFrame | None, rate: str | None = None) -> None:
-        """Raise unless a cloud has the frame that the rates are for.
+        """Raise InputError if the rates are not for the coordinate frame of a cloud.
 
         Parameters
         ----------
         frame
-            CoordinateFrame of the cloud; None if it is unknown.
+            Coordinate frame of the cloud; None if it is unknown.
         rate
             The requested rate; by default all rates of the frame.
 
@@ -196,7 +198,7 @@ class CodecFacts:
         )
 
     def parameters_of(self, rate: str) -> Parameters:
-        """Return the parameters of a rate; InputError if there is none of the name."""
+        """Return the parameters of a rate; raise InputError if its name is unknown."""
         offered = {**self.rates, **self.metric_rates}
         if rate not in offered:
             raise InputError(f"codec {self.name}: unknown rate '{rate}'{among(rate, offered)}")

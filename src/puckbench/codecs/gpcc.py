@@ -1,4 +1,4 @@
-"""G-PCC's octree geometry, and the base of the codecs that code geometry on a grid as G-PCC."""
+"""G-PCC's octree geometry, and base classes of codecs that encode points on a grid like G-PCC."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ LOSSLESS_STEP_M = 0.002
 
 
 class UnitOptions(Model):
-    """Options of a codec whose rates are scales of the input's grid."""
+    """Option of codecs whose rates are factors for coordinates in steps of the input's grid."""
 
     unit: float | None = Field(
         None,
@@ -58,7 +58,7 @@ class UnitOptions(Model):
 
 
 class GridOptions(UnitOptions):
-    """Quantisation of the points, and the coding tools of G-PCC."""
+    """Options for quantisation and for the coding tools of G-PCC."""
 
     profile: Literal["minimal", "ctc", "spinning", "defaults"] = Field(
         "ctc",
@@ -77,7 +77,7 @@ class GridOptions(UnitOptions):
 
 
 class GridCodec(Codec):
-    """Base of our coder and of the reference software.
+    """Base class of the codecs that use puckbench's G-PCC coder or the reference software.
 
     A rate is the `scale` that coordinates are multiplied by before they are rounded or, of clouds
     in metres, the step that they are rounded to.
@@ -133,15 +133,15 @@ class GridCodec(Codec):
     def _code(
         self, points: Floats, grid: InputGrid, parameters: Parameters, returns: Returns | None
     ) -> bytes:
-        """Encode points (n, 3) as a bare stream; returns: those of the points, if known."""
+        """Encode points (n, 3), with their returns if known, as a stream without wrapper."""
 
     @abstractmethod
     def _units(self, stream: bytes) -> Floats:
-        """Decode the points (m, 3) of a bare stream, in units of the input's grid."""
+        """Decode the points (m, 3) of a stream without wrapper, in units of the input's grid."""
 
 
 class OnGrid(NamedTuple):
-    """Points on the grid, (positions + origin) / scale, (n, 3), and their sensor if known."""
+    """Positions (n, 3) on the grid of the points (positions + origin) / scale, and their sensor."""
 
     positions: Ints
     origin: Ints
@@ -150,7 +150,7 @@ class OnGrid(NamedTuple):
 
 
 class OwnCodec(GridCodec):
-    """Base of the codecs that use our coder."""
+    """Base class of the codecs that use puckbench's G-PCC coder."""
 
     version = f"puckbench {__version__}"
 

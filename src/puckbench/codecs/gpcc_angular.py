@@ -1,4 +1,4 @@
-"""The octree with angular mode as a codec: contexts by the lasers of the cloud's sensor."""
+"""G-PCC's octree in angular mode, with contexts from the lasers of the cloud's sensor."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _LOWEST_LOG2, _FLATTEST_LOG2 = 8, 1
 
 
 class AngularOptions(GridOptions):
-    """Quantisation of the points, and direct coding."""
+    """Options for quantisation and direct coding."""
 
     duplicates: Literal["merged", "kept", "by_rate"] = "by_rate"
     direct_coding: Literal[0, 1, 2, 3] = Field(
@@ -53,7 +53,7 @@ class GpccAngular(SensorCodec):
         return encode_geometry(points.positions, tools, points.scale, points.origin, points.sensor)
 
     def _tools(self, parameters: Parameters) -> GpccOptions:
-        """The coding tools of a rate: low nodes of its grid are of one height in metres."""
+        """Return the coding tools of a rate; limits on the height of nodes are fixed in metres."""
         step = float(parameters.get("step_m", self.options.step))
         finer = int(math.log2(0.001 / step)) if step < 1 else 0
         sizes = {

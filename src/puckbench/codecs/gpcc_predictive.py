@@ -1,4 +1,4 @@
-"""Predictive geometry as a codec, with the sensor of a cloud that has returns."""
+"""G-PCC's predictive geometry, in spherical coordinates if the cloud has its sensor's returns."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _LEAST_QP = 58
 
 
 class TreeOptions(GridOptions):
-    """Quantisation of the points, and the order in which trees are built."""
+    """Options for quantisation and for the order in which trees are built."""
 
     duplicates: Literal["merged", "kept", "by_rate"] = "kept"
     order: Literal["given", "morton", "azimuth", "radius"] = Field(
@@ -28,7 +28,7 @@ class TreeOptions(GridOptions):
 
 
 def _coarse(radius_log2: int, azimuth_log2: int) -> dict[str, Parameters]:
-    """A rate by the step of the radius, with the azimuth's steps that MPEG's conditions give it."""
+    """Return a rate with a step of the radius, and MPEG's azimuth step for it."""
     steps = {"radius_inv_scale_log2": radius_log2, "azimuth_scale_log2": azimuth_log2}
     return {f"{1 << radius_log2}mm": {"step_m": 0.001, **steps}}
 

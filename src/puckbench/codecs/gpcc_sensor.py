@@ -1,4 +1,4 @@
-"""What codecs of G-PCC have in common that use the sensor of a cloud's returns."""
+"""Base class of G-PCC codecs that use the sensor of a cloud's returns."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ if TYPE_CHECKING:
 
 
 class SensorCodec(OwnCodec):
-    """Codes a cloud with its sensor's lasers where it has returns, else without."""
+    """Encodes a cloud with the lasers of its sensor if it has returns, else without."""
 
     takes: ClassVar[Takes] = "either"
 
     def encode_returns(self, returns: Returns, rate: str) -> bytes:
-        """Code a spinning sensor's returns at a named rate; InputError as for `encode`."""
+        """Encode the returns of a spinning sensor at a rate; raise InputError as `encode` does."""
         parameters, points = self.parameters_of(rate), returns.points()
         check_points(points, f"codec {self.name}")
         return self._encoded(points, parameters, returns)

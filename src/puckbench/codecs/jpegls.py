@@ -1,8 +1,8 @@
 """Range images by JPEG-LS (ITU-T T.87), through imagecodecs and CharLS.
 
-Steps of several quanta are multiplied by their quanta and coded near-lossless with an error of half
-a step at most, from which the steps follow exactly. This takes fewer bits than the steps alone,
-whose small values JPEG-LS's contexts distinguish less well.
+If the step of the range is several quanta, the encoder writes ranges in quanta in near-lossless
+mode, with errors of at most half a step, and the decoder recovers the steps exactly. This takes
+fewer bits than lossless steps, whose small values the contexts distinguish less well.
 """
 
 from __future__ import annotations

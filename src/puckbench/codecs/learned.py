@@ -1,6 +1,6 @@
-"""Base of the codecs of networks: find the weights of a rate, and those that made a stream.
+"""Base classes of codecs with networks, which find the weights for a rate or for a stream.
 
-PyTorch is loaded only when something is coded.
+PyTorch is imported by the first call that encodes or decodes.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ PUBLISHED_WEIGHTS = "data/pcgc_weights"
 class Weights(Protocol):
     @property
     def digest(self) -> bytes:
-        """The 8 bytes by which streams identify the weights."""
+        """Return the 8 bytes by which streams identify the weights."""
 
 
 class MultiRateWeights(Weights, Protocol):
@@ -49,7 +49,7 @@ R = TypeVar("R", bound=MultiRateWeights)
 
 
 class GridOptions(TypedDict, total=False):
-    """Arguments of `encode` that choose the grid, see `puckbench.learned.choose_grid_level`."""
+    """Arguments of `encode` that choose the grid (see `puckbench.learned.choose_grid_level`)."""
 
     mean_occupied_children: float
     grid_level_offset: float
@@ -66,8 +66,8 @@ class LearnedOptions(Model):
 class Learned(Codec, Generic[W]):
     """A codec whose network has one set of weights for all rates.
 
-    A subclass says which `network` it is, how a file of weights is read, and how it codes. Of
-    several sets the first by name codes.
+    A subclass sets `network` and implements reading of weights, encoding and decoding. If there are
+    several files of weights, encoding uses the first by name.
     """
 
     network: NetworkType
@@ -97,24 +97,24 @@ class Learned(Codec, Generic[W]):
         return Availability(not lacking, why if lacking else "")
 
     def weights_of(self, rate: str) -> str:
-        """Return name and digest (16 hexadecimal digits) of the file with the weights of a rate."""
+        """Return name and digest (16 hexadecimal digits) of the weights file for a rate."""
         path = self._path(self.parameters_of(rate))
         return f"{path.stem} {_digest(path)}" if path else ""
 
     def weights_files(self) -> list[Path]:
-        """Return the files with weights of this network; InputError if there are none."""
+        """Return the weights files of this network; raise InputError if there are none."""
         return self.network.files(self._where())
 
     def _where(self) -> str:
         return self.options.weights
 
     def _known_files(self) -> Iterator[Path]:
-        """Yield files that may have made a stream: those of the options, and the shipped sets."""
+        """Yield the weights files that streams may refer to: from the options, and shipped ones."""
         yield from self.weights_files()
         yield from self.network.shipped()
 
     def load(self) -> None:
-        """Load the weights of all rates, and compile what is compiled on first use."""
+        """Load the weights of all rates, and run the functions that are compiled on first use."""
         for parameters in self.rates.values():
             self._weights(parameters)
         self._try(list(self.rates.values())[:1])
@@ -154,7 +154,7 @@ class Learned(Codec, Generic[W]):
         return self._sets[path]
 
     def _path(self, parameters: Parameters) -> Path | None:
-        """Return the file with the weights of a rate, if there is one."""
+        """Return the weights file for a rate, if there is one."""
         return next(iter(self.weights_files()), None)
 
     @abstractmethod
@@ -174,10 +174,10 @@ class PublishedOptions(LearnedOptions):
 
 
 class LearnedByLambda(Learned[R]):
-    """A codec as its authors published it, with weights for each Lagrangian weight of a rate.
+    """A codec as its authors published it, with separate weights for each rate.
 
-    A rate's `lmbda` is the weight of the distortion that its weights were trained with. `Improved`
-    has what puckbench changes.
+    A rate's `lmbda` is the Lagrangian weight of the distortion in the training. `Improved` adds the
+    changes made by puckbench.
     """
 
     Options: type[PublishedOptions] = PublishedOptions
@@ -194,7 +194,7 @@ class LearnedByLambda(Learned[R]):
         return where
 
     def _known_files(self) -> Iterator[Path]:
-        """As `Learned._known_files`, and the authors' files if they were fetched."""
+        """Yield the files as `Learned._known_files`, and the authors' files if downloaded."""
         yield from super()._known_files()
         if Path(PUBLISHED_WEIGHTS).is_dir():
             yield from self.network.files(PUBLISHED_WEIGHTS)
@@ -204,7 +204,7 @@ class LearnedByLambda(Learned[R]):
         return np.trunc(points)
 
     def _grid(self, parameters: Parameters) -> GridOptions:
-        """Return the density of the grid that a rate asks for: by default, the input's grid."""
+        """Return the grid density for encoding at a rate, by default that of the input's grid."""
         return GridOptions()
 
     def _encode(self, points: Floats, parameters: Parameters) -> bytes:
@@ -214,12 +214,12 @@ class LearnedByLambda(Learned[R]):
         return self.network.by_lmbda(self._where()).get(float(parameters["lmbda"]))
 
     def _numbered(self, parameters: Parameters) -> tuple[R, int]:
-        """Return the weights of a rate, and the index of the rate in them."""
+        """Return the weights for a rate, and the index of the rate in them."""
         weights = self._weights(parameters)
         return weights, weights.lmbdas.index(float(parameters["lmbda"]))
 
     def _of_rate(self, digest: bytes, rate: int) -> R:
-        """Return the weights that a stream identifies; InputError if they lack its rate."""
+        """Return the weights that a stream identifies; raise InputError if they lack its rate."""
         weights = self._made_with(digest)
         if rate >= len(weights.lmbdas):
             raise InputError("the stream is damaged (its rate)")
@@ -227,7 +227,7 @@ class LearnedByLambda(Learned[R]):
 
 
 class ImprovedOptions(PublishedOptions):
-    """Which of our changes to a published codec are in use."""
+    """Options that turn on puckbench's changes to a published codec."""
 
     context_mixing: bool = Field(
         True, description="code the latent by context mixing, not by the weights' tables alone"
@@ -244,10 +244,10 @@ class ImprovedOptions(PublishedOptions):
 
 
 class Improved(LearnedByLambda[R]):
-    """A published codec with our changes and our weights.
+    """A published codec with puckbench's changes and weights.
 
-    The density of the cloud chooses the grid (see `choose_grid_level`), the latent is coded by
-    context mixing, and the decoder reconstructs as many points as were coded.
+    The grid depends on the density of the cloud (see `choose_grid_level`), the latent is compressed
+    by context mixing, and the decoder reconstructs as many points as the input had.
     """
 
     options: ImprovedOptions
@@ -284,7 +284,7 @@ class Improved(LearnedByLambda[R]):
 
 
 def _trial_cloud() -> Floats:
-    """Return a block and a wave of voxels (n, 3), which reach every compiled path."""
+    """Return voxels (n, 3), a cube and a wave, that reach every compiled function."""
     block = np.stack(np.meshgrid(*[np.arange(8.0)] * 3), axis=-1).reshape(-1, 3)
     x, y = np.stack(np.meshgrid(*[np.arange(40.0)] * 2), axis=-1).reshape(-1, 2).T
     wave = np.rint(20 + 8 * np.sin(x / 6) * np.cos(y / 5))
@@ -292,6 +292,6 @@ def _trial_cloud() -> Floats:
 
 
 def _digest(path: Path) -> str:
-    """Return the digest by which streams identify a set of ours, else that of the file."""
+    """Return the digest that identifies a weights file: that in its header, else its SHA-256."""
     kept = header_of(path).digest if path.suffix == SUFFIX else None
     return kept or sha256(path)[:_DIGITS]

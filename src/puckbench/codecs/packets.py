@@ -1,4 +1,4 @@
-"""The sensor's data packets, compressed as bytes."""
+"""Codecs that compress the sensor's data packets as bytes."""
 
 from __future__ import annotations
 
@@ -13,10 +13,11 @@ from puckbench.storage.packets import check_whole_packets, decode_packets, encod
 
 
 class PacketsCodec(ReturnsCodec):
-    """Data packets of a VLP-16, Puck Hi-Res or HDL-32E, without loss; a subclass compresses bytes.
+    """Lossless codec of data packets from a VLP-16, Puck Hi-Res or HDL-32E; a subclass compresses
+    bytes.
 
-    Reflectivities and times are in them. Virtual scans are refused: without reflectivities, their
-    packets would be smaller than any sensor's.
+    Packets contain reflectivities and times. Virtual scans are refused: without reflectivities,
+    their packets would be smaller than any sensor's.
     """
 
     metric_rates = lengths(2)
@@ -29,14 +30,14 @@ class PacketsCodec(ReturnsCodec):
 
     @abstractmethod
     def _unpacked(self, stream: bytes, most: int) -> bytes:
-        """The inverse of `_packed`; InputError where damaged, or for more bytes than `most`."""
+        """Invert `_packed`; raise InputError if it is damaged or has more than `most` bytes."""
 
     @property
     def _framing(self) -> Framing:
         return Framing(self.magic, 1, self.title)
 
     def check_returns(self, returns: Returns) -> None:
-        """Raise InputError unless returns are those of whole packets."""
+        """Raise InputError if the returns do not fill whole packets."""
         check_whole_packets(returns)
 
     def _encode_returns(self, returns: Returns, parameters: Parameters) -> bytes:

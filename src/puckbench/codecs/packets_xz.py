@@ -1,4 +1,4 @@
-"""Data packets by LZMA, as ``xz -9e`` packs a capture."""
+"""Data packets compressed by LZMA, as ``xz -9e`` compresses a capture."""
 
 from __future__ import annotations
 

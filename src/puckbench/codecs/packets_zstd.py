@@ -1,4 +1,4 @@
-"""Data packets by Zstandard, as ``zstd -19 --long`` packs a capture."""
+"""Data packets compressed by Zstandard, as ``zstd -19 --long`` compresses a capture."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from puckbench.coding.zstandard import compressed, decompressed
 
 @CODECS.register("packets_zstd")
 class PacketsZstd(PacketsCodec):
-    """The sensor's data packets by Zstandard (zstd -19 --long): exact, with all that they hold."""
+    """Data packets compressed losslessly, with every field, by Zstandard (zstd -19 --long)."""
 
     title = "Packets, Zstandard (with reflectivity and time)"
     use = "captures as MCAP files keep them, packed tighter; with reflectivities and times"

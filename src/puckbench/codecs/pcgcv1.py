@@ -1,11 +1,11 @@
 """The codecs PCGCv1, as its authors published it, and PCGCv1+, which is puckbench's.
 
-A rate has the Lagrangian weight of its weights (`lmbda`), the number of voxels per unit (`scale`)
-and of voxels kept for each one that was occupied (`rho`): PCC Arena's table, as the thesis ran it.
+A rate has the Lagrangian weight of the training (`lmbda`), the number of voxels per unit length
+(`scale`), and the ratio of decoded to input voxels (`rho`), as in PCC Arena's table and the thesis.
 The network is made for dense surfaces. PCGCv1+ coarsens the grid of a sparse cloud until voxels
-have the rate's `mean_occupied_children`; and where a cube has fewer than `min_points` points, too
-few for the network, it codes their voxels without loss by the octree coder of `gpcc`
-(`sparse_cubes`), where the original drops them.
+have the rate's `mean_occupied_children`; and in cubes with fewer than `min_points` points, which
+the original drops, it encodes the voxels without loss by the octree coder of `gpcc`
+(`sparse_cubes`).
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """The codecs PCGCv2, as its authors published it, and PCGCv2+, which is puckbench's.
 
 Points are rounded to voxels and equal voxels merged. The network is made for dense surfaces. PCGCv2
-codes a cloud on the grid that it came on, as the thesis ran it on clouds scaled to [0, 1023];
-PCGCv2+ coarsens the grid of a sparse cloud until voxels have the rate's `mean_occupied_children`.
-A rate's `lmbda` is the Lagrangian weight of its weights, `rho` the share of voxels that are kept.
+encodes a cloud on its input grid, in the thesis [0, 1023]; PCGCv2+ coarsens the grid of a sparse
+cloud until voxels have the rate's `mean_occupied_children`. A rate's `lmbda` is the Lagrangian
+weight of the training, `rho` the ratio of decoded to input voxels.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ class Pcgcv2(LearnedByLambda["Pcgcv2Weights"]):
     grid = 1.0
 
     def _tools(self) -> CodingTools:
-        """Return the coding tools in use that the authors' program does not have."""
+        """Return the coding tools in use that the authors' program lacks."""
         from puckbench.learned.pcgcv2.stream import CodingTools
 
         return CodingTools(0)

@@ -36,7 +36,7 @@ _SURFACES: dict[str, dict[str, float]] = {
 
 
 class PrimitivesOptions(Model):
-    """Whether clouds in metres are coded."""
+    """Option for the encoding of clouds in metres."""
 
     unit: float | None = Field(
         None,
@@ -74,7 +74,7 @@ class Primitives(Codec):
     version = "8"
 
     def load(self) -> None:
-        """Compile all that coding needs: code a floor and a column on it, as both kinds."""
+        """Compile all loops by encoding and decoding a floor with a column."""
         from puckbench.primitives.mode_decision import encode
 
         rng = np.random.default_rng(0)
@@ -87,7 +87,7 @@ class Primitives(Codec):
     _MOST: ClassVar[Parameters] = {**_SURFACES["r3"], "refinement": 1, "max_voxel_size": 16}
 
     def shared_work(self) -> SurfaceCache | None:
-        """The surface, which some rates share; None where a derived class has its `_encode`."""
+        """Return a cache for the surface, or None if a subclass overrides `_encode`."""
         from puckbench.primitives.mode_decision import SurfaceCache
 
         return SurfaceCache() if type(self)._encode is Primitives._encode else None

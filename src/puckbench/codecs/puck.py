@@ -1,6 +1,6 @@
-"""`puck`: ranges and azimuths of returns, lossless or nearly so.
+"""`puck`: codec of the ranges and azimuths of returns, lossless or near-lossless.
 
-A stream names a sensor that ships with puckbench, or has the angles of all lasers.
+A stream contains the name of a sensor that puckbench knows, or the angles of all lasers.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from puckbench.puck.records import MAGIC
 
 
 class PuckOptions(Model):
-    """What is coded, and with how much effort."""
+    """Options for the content of streams and the effort."""
 
     effort: Literal["fast", "normal", "thorough"] = Field(
         "normal", description="how many estimates are taken of each range"

@@ -1,4 +1,4 @@
-"""`puck_smoothed`: streams of `puck`, decoded to the surface that they most likely came from."""
+"""`puck_smoothed`: streams of `puck`, decoded to the most likely surface."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _MAGIC = b"SMOOTH"
 
 
 class PuckSmoothedOptions(PuckOptions):
-    """Options of `puck`; lambda is small, because ranges outside their step bias the smoothing."""
+    """Options of `puck` with a smaller lambda, because large range errors bias the smoothing."""
 
     lmbda: float = Field(0.002, ge=0, description=PuckOptions.model_fields["lmbda"].description)
 
@@ -50,7 +50,7 @@ class PuckSmoothed(Puck):
         return super()._decode_returns(_without_magic(stream))
 
     def decode_cloud(self, stream: bytes) -> PointCloud:
-        """Return the smoothed points of a stream, and its returns as they were coded."""
+        """Return a cloud with the smoothed points of a stream, and the decoded returns."""
         from puckbench.puck import range_steps, smoothed_points
 
         with naming(f"codec {self.name}"):

@@ -1,4 +1,4 @@
-"""Range images by the codecs of imagecodecs."""
+"""Codecs that compress range images by the image formats of imagecodecs."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from puckbench.storage.range_images import Image, decode_range_images, encode_ra
 
 
 class RangeImageCodec(ReturnsCodec):
-    """Range images in an image format, which a subclass names.
+    """Codec of range images in an image format, which a subclass chooses.
 
-    A rate is a step of the range, from 1 quantum on; at 1 quantum nothing is lost.
+    A rate is the step of the ranges; a step of 1 quantum is lossless.
     """
 
     metric_rates = lengths(100, 50, 20, 10, 4, 2)
@@ -33,7 +33,7 @@ class RangeImageCodec(ReturnsCodec):
 
     @property
     def version(self) -> str:
-        """That of imagecodecs, which says which libraries are in it."""
+        """Return the version of imagecodecs, which determines those of its libraries."""
         from importlib.metadata import version
 
         return f"imagecodecs {version('imagecodecs')}" if self.available().ok else ""

@@ -1,6 +1,6 @@
-"""The codecs by name: ours, those of installed packages, those of a user's files, and variants.
+"""Codecs by name: puckbench's, those of installed packages, those of a user's files, and variants.
 
-A variant is a codec with other options, rates or looks under a name of its own: an entry of
+A variant is a codec under another name with changed options, rates or plot style: an entry of
 ``variants.yaml`` beside this module, or of a configuration.
 """
 
@@ -36,19 +36,19 @@ CODECS: Registry[type[Codec]] = Registry("codec", "codecs")
 
 @cache
 def variants() -> dict[str, Entry]:
-    """Return the entries of the variants that ship, by name."""
+    """Return the entries of the variants that puckbench contains, by name."""
     entries: dict[str, Entry] = read_yaml(Path(__file__).with_name("variants.yaml"))
     return entries
 
 
 def codecs() -> dict[str, type[Codec]]:
-    """Return ours, those of installed packages and the variants by name, in the order of ranks."""
+    """Return codecs by name, sorted by rank: puckbench's, of installed packages, and variants."""
     classes = {name: codec_class(name) for name in (*CODECS.names(), *variants())}
     return dict(sorted(classes.items(), key=lambda item: (item[1].rank, item[0])))
 
 
 def is_codec(name: str) -> bool:
-    """Whether a codec has this name, without a configuration's entry."""
+    """Whether a codec has this name without an entry in a configuration."""
     return name in variants() or name in CODECS
 
 
@@ -58,10 +58,10 @@ def codec_class(name: str, entry: Entry | None = None) -> type[Codec]:
     Parameters
     ----------
     name
-        Name of the codec, or ``module:Class`` or ``path/to/file.py:Class`` that is trusted
-        (`puckbench.core.registry.trust`).
+        Name of the codec, or trusted ``module:Class`` or ``path/to/file.py:Class`` (see
+        `puckbench.core.registry.trust`).
     entry
-        A configuration's entry, whose ``class`` may be another codec's name or place.
+        A configuration's entry, whose ``class`` may name another codec or ``module:Class``.
 
     Raises
     ------
@@ -85,7 +85,7 @@ def codec_class(name: str, entry: Entry | None = None) -> type[Codec]:
 
 
 def _with_looks(codec: type[Codec], entry: Entry) -> type[Codec]:
-    """Derive a class with the looks of an entry; the class itself where it has none."""
+    """Derive a class with the plot style of an entry; return the class itself if it has none."""
     looks = {key: entry[key] for key in LOOKS if entry.get(key) is not None}
     return _derived(codec, looks) if looks else codec
 
@@ -99,7 +99,7 @@ def _derived(codec: type[Codec], attributes: Entry) -> type[Codec]:
 
 @cache
 def _variant(name: str) -> type[Codec]:
-    """Derive the class of a variant that ships."""
+    """Derive the class of a variant that puckbench contains."""
     entry = variants()[name]
     base = codec_class(name, {"class": entry["class"]})
     rates = {key: entry[key] for key in ("rates", "metric_rates") if key in entry}
@@ -109,7 +109,7 @@ def _variant(name: str) -> type[Codec]:
 
 
 def _with_defaults(options: type[Model], defaults: Entry) -> type[Model]:
-    """Derive a model of options with other defaults."""
+    """Derive a model of options that has other defaults."""
     fields: dict[str, Any] = {}
     for name, default in defaults.items():
         field = copy.copy(options.model_fields[name])
@@ -119,15 +119,15 @@ def _with_defaults(options: type[Model], defaults: Entry) -> type[Model]:
 
 
 def entry(name: str, changes: Entry | None = None) -> dict[str, Any]:
-    """Return the class, options and rates of a codec, complete and checked.
+    """Return the complete and checked configuration of a codec: class, options and rates.
 
     Parameters
     ----------
     name
         Name of the codec.
     changes
-        A configuration's entry: ``options``, ``rates`` and ``metric_rates`` (names of those to
-        keep, or a table of others) and ``class``.
+        A configuration's entry: ``options``, ``rates`` and ``metric_rates`` (names of rates to
+        keep, or parameters by name), and ``class``.
 
     Raises
     ------
@@ -154,7 +154,7 @@ def place_of(name: str, changes: Entry | None = None) -> str:
 
 
 def open_codec(name: str, changes: Entry | None = None) -> Codec:
-    """Return the codec of a name with the changes of a configuration's entry."""
+    """Create a codec by its name, with the changes of a configuration's entry."""
     codec, changes = codec_class(name, changes), changes or {}
     offered = {"rates": codec.rates, "metric_rates": codec.metric_rates}
     rates = {key: _rates(name, table, changes.get(key)) for key, table in offered.items()}
@@ -169,7 +169,7 @@ def open_codec(name: str, changes: Entry | None = None) -> Codec:
 
 
 def _rates(name: str, offered: Entry, requested: Entry | Sequence[str] | None) -> dict[str, Any]:
-    """Return the requested rates: a table of others, some of those on offer, or all of them."""
+    """Return the requested rates: parameters by name, some of the `offered` rates, or all."""
     if isinstance(requested, Mapping):
         return dict(requested)
     unknown = [rate for rate in requested or () if rate not in offered]
@@ -179,18 +179,12 @@ def _rates(name: str, offered: Entry, requested: Entry | Sequence[str] | None) -
 
 
 def codes_surfaces(name: str, changes: Entry | None = None) -> bool:
-    """Whether a codec's `decode_mesh` gives labelled primitives."""
+    """Whether `decode_mesh` of a codec returns labelled primitives."""
     return bool((changes or {}).get("surfaces", codec_class(name, changes).surfaces))
 
 
 def training_class(name: str, changes: Entry | None = None) -> str:
-    """Return ``module:Class`` of the settings of a codec's training.
-
-    Raises
-    ------
-    InputError
-        The codec has nothing to train.
-    """
+    """Return ``module:Class`` of a codec's training settings; raise InputError if it has none."""
     place = _training(name, changes)
     if not place:
         trainable = ", ".join(other for other in codecs() if has_weights(other))
@@ -199,7 +193,7 @@ def training_class(name: str, changes: Entry | None = None) -> str:
 
 
 def open_training(codec: str, changes: Entry | None, settings: Entry) -> BaseTraining:
-    """Return the training of a codec with its settings by name.
+    """Create the training of a codec from settings by name.
 
     Raises
     ------
@@ -211,7 +205,7 @@ def open_training(codec: str, changes: Entry | None, settings: Entry) -> BaseTra
 
 
 def has_weights(name: str, changes: Entry | None = None) -> bool:
-    """Whether a codec has trained weights, in its option `weights`: then it names its training."""
+    """Whether a codec has trained weights (option `weights`) and a training."""
     return bool(_training(name, changes))
 
 
@@ -220,13 +214,7 @@ def _training(name: str, changes: Entry | None) -> str:
 
 
 def codec_of(stream: bytes) -> str:
-    """Return the first codec by rank whose magic a stream begins with.
-
-    Raises
-    ------
-    InputError
-        There is none.
-    """
+    """Return the first codec by rank whose magic bytes begin a stream, or raise InputError."""
     stream = without_unit(unshifted(stream).stream).stream
     for name, codec in codecs().items():
         if codec.magic and stream.startswith(codec.magic):
@@ -240,5 +228,5 @@ def codec_of(stream: bytes) -> str:
 
 
 def module_of(place: str) -> str:
-    """Return the module or file in a place (``module:Class``), for the fingerprint of its code."""
+    """Return the module or file from ``module:Class``, for the fingerprint of its code."""
     return place.rpartition(":")[0]

@@ -1,8 +1,8 @@
-"""The codec RENO: points of clouds in metres on grids of powers of two, as its authors code them.
+"""The codec RENO: points of clouds in metres on grids with power-of-two steps, as published.
 
-Coordinates are millimetres from a corner 131,072 mm below the origin, divided by posQ and rounded:
-so the decoded points are those of `gpcc` with merged duplicates at the same step, but for halves of
-a step, which are rounded to even.
+The authors' parameter posQ is the step in mm. Coordinates are counted in mm from a corner 131,072
+mm below the origin, divided by posQ and rounded, halves to the even integer. Apart from halves,
+decoded points equal those of `gpcc` with merged duplicates at the same step.
 """
 
 from __future__ import annotations
@@ -66,12 +66,12 @@ class Reno(Learned["RenoWeights"]):
     network = RENO
 
     def load(self) -> None:
-        """Load the weights, and compile what is compiled on first use."""
+        """Load the weights, and run the functions that are compiled on first use."""
         corner = np.stack(np.meshgrid(*[np.arange(12.0)] * 3), axis=-1).reshape(-1, 3)
         self._decode(self._encode(corner, {"step_m": 1.024}))
 
     def most_extent(self, rate: str) -> float:
-        """As of any codec, without the offset of the authors' grid."""
+        """Return the largest extent of a cloud, less the offset of the authors' grid."""
         return super().most_extent(rate) - 2 * _OFFSET * _MM
 
     def _where(self) -> str:

@@ -1,4 +1,4 @@
-"""Codecs of the returns of a spinning sensor, from which the points follow."""
+"""Base class of codecs that encode the returns of a spinning sensor, from which points follow."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ if TYPE_CHECKING:
 
 
 def step_in_quanta(returns: Returns, parameters: Parameters) -> int:
-    """Return a rate's step of the range in quanta of the sensor, at least one."""
+    """Return the range step of a rate in quanta of the sensor, at least 1."""
     return max(1, round(float(parameters["step_m"]) / returns.quantum_m))
 
 
 class ReturnsCodec(Codec):
-    """A codec of returns; decoded points are those of the decoded returns, or estimates.
+    """A codec of returns; decoded points are computed from the decoded returns, or estimated.
 
     A subclass has `metric_rates` and implements `_encode_returns` and `_decode_returns`.
     """
@@ -44,7 +44,7 @@ class ReturnsCodec(Codec):
             return self._encode_returns(returns, parameters)
 
     def decode_returns(self, stream: bytes) -> Returns:
-        """Decode returns; InputError if the stream is damaged or another codec's."""
+        """Decode returns; raise InputError if the stream is damaged or belongs to another codec."""
         with naming(f"codec {self.name}"):
             return self._decode_returns(stream)
 
@@ -54,11 +54,11 @@ class ReturnsCodec(Codec):
         return PointCloud(returns.points(), returns=returns)
 
     def decode(self, stream: bytes) -> Floats:
-        """Decode points (m, 3), m, in the sensor's frame."""
+        """Decode points (m, 3), in m, in the sensor's coordinate frame."""
         return self.decode_cloud(stream).xyz
 
     def check_returns(self, returns: Returns) -> None:
-        """Raise InputError if the codec cannot hold the returns; by default it holds all."""
+        """Raise InputError if the codec cannot encode the returns; by default it accepts all."""
 
     @abstractmethod
     def _encode_returns(self, returns: Returns, parameters: Parameters) -> bytes:
@@ -66,7 +66,7 @@ class ReturnsCodec(Codec):
 
     @abstractmethod
     def _decode_returns(self, stream: bytes) -> Returns:
-        """Decode returns; InputError if the stream is damaged or another codec's."""
+        """Decode returns; raise InputError if the stream is damaged or belongs to another codec."""
 
     def _encode(self, points: Floats, parameters: Parameters) -> bytes:
         raise InputError(

@@ -1,7 +1,7 @@
-"""The codec: points on gpcc's grids, coded without loss there by a small learned octree coder.
+"""Points rounded to gpcc's grids, and compressed losslessly by a small learned octree coder.
 
 A rate is the grid's scale or, of clouds in metres, its step, so that decoded points are those of
-`gpcc` with merged duplicates, and only the bytes differ.
+`gpcc` with merged duplicates, and only the streams differ.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ class SparseOctreeNet(Learned["OctreeNetWeights"]):
         self.grid = self.options.step / finest
 
     def load(self) -> None:
-        """Load the weights, and compile what is compiled on first use, at a scale that uses it."""
+        """Load the weights, and run the functions that are compiled on first use."""
         self._try([{"scale": 1}])
 
     def _stream(self, points: Floats, parameters: Parameters) -> bytes:

@@ -1,4 +1,4 @@
-"""TMC13, the reference software of G-PCC, for those who have built it (release-v14.0)."""
+"""TMC13, the reference software of G-PCC (release-v14.0), if the user has built it."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ PROFILES["spinning"] = (
 
 
 class Tmc13Options(GridOptions):
-    """G-PCC's options, and the name or path of TMC13's program."""
+    """Options of G-PCC, and the name or path of TMC13's program."""
 
     program: str = "tmc3"
 
@@ -71,7 +71,7 @@ class Tmc13(ExternalCodec, GridCodec):
 
     @cached_property
     def version(self) -> str:
-        """The program's own first line."""
+        """Return the first line that the program prints."""
         if not self.available().ok:
             return ""
         said = subprocess.run([*self.programs, "--help"], capture_output=True, check=False).stdout

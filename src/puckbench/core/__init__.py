@@ -1,1 +1,1 @@
-"""What every room stands on: errors, random streams, whole files, threads, compiled loops."""
+"""Foundations of all packages: errors, random generators, files, threads, compiled loops."""

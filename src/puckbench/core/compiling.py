@@ -1,11 +1,11 @@
 """Loops compiled by numba, cached on disk until one of their sources changes.
 
-Numba's own cache checks only the file of a function, and would reuse machine code that contains an
-older function of another file. Here the folder of the cache is named after the contents of the
+Numba's cache checks only the file of a function, so it may reuse machine code that contains an
+outdated function of another file. Here the folder of the cache is named after the contents of the
 function's file and of all files that it imports.
 
-With ``NUMBA_BOUNDSCHECK=1`` an index outside its array raises IndexError in any compiled loop. Such
-machine code is three times slower and has its own cache.
+With ``NUMBA_BOUNDSCHECK=1`` an index outside its array raises IndexError in compiled loops, which
+are three times slower and cached separately.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ _LOCATORS = f"{__name__}.SourcesLocator,IPythonCacheLocator"
 
 
 class SourcesLocator(InTreeCacheLocator):
-    """Names the cache folder of a function after the contents of its sources."""
+    """Finds the cache folder of a function, named after the contents of its sources."""
 
     def __init__(self, py_func: Callable[..., Any], py_file: str) -> None:
         super().__init__(py_func, py_file)  # type: ignore[no-untyped-call]
@@ -90,7 +90,8 @@ _register("numba:compile", NOTICE)
 def compiled(function: Function, **options: Any) -> Function:
     """Compile a function on its first call; later processes load it from the cache.
 
-    Arithmetic is strict IEEE 754 unless `options` say otherwise. Python's global lock is released.
+    Arithmetic is strict IEEE 754 unless `options` change it. Compiled code releases Python's global
+    lock.
     """
     _config.CACHE_LOCATOR_CLASSES = _LOCATORS
     return cast(Function, numba.njit(cache=True, nogil=True, **options)(function))
@@ -101,24 +102,24 @@ def compiled_in_place(function: Function, **options: Any) -> Function:
 
 
 def inlined(function: Function) -> Function:
-    """Compile a function that makes no arrays, only into its compiled callers."""
+    """Return a function that is compiled only as part of its callers; it must create no arrays."""
     return compiled(function, **INLINED)
 
 
 def inlined_too(function: Function) -> Function:
-    """Compile a function that makes no arrays, also into its compiled callers."""
+    """Compile a function, and inline it in its compiled callers; it must create no arrays."""
     return compiled_in_place(function, forceinline=True)
 
 
 def intrinsic(function: Callable[..., Any], **options: Any) -> Any:
-    """Return a function whose LLVM code `function` writes (see `numba.extending`)."""
+    """Return an intrinsic, whose LLVM code `function` generates (see `numba.extending`)."""
     written: Any = extending.intrinsic(**options) if options else extending.intrinsic
     return written(function)
 
 
 @cache
 def state_of(file: Path) -> str:
-    """Return a name for the contents of a file and of all that it imports."""
+    """Return a digest of the contents of a file and of all files that it imports."""
     digest = hashlib.sha256()
     for source in sorted(reached_files(file), key=lambda path: path.as_posix()):
         digest.update(source.name.encode() + b"\0" + _content_digest(source))

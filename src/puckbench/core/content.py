@@ -38,7 +38,7 @@ _PORTION, _HEAD = 1 << 20, 1 << 10
 
 
 def plain_suffix(path: Path) -> str:
-    """Return the suffix of the content in lower case: ``.ply`` of ``a.ply.gz``."""
+    """Return the suffix without that of the compression: ``.ply`` for ``a.PLY.gz``."""
     return plain_name(path).suffix.lower()
 
 
@@ -51,7 +51,7 @@ def limit_of(path: Path) -> int:
 
 
 def read_content(path: Path, most: int | None = None) -> bytes:
-    """Read the first `most` bytes of a file, or all, decompressed by its suffix."""
+    """Read a file, decompressed according to its suffix: the first `most` bytes, or all."""
     if most is None and path.suffix.lower() not in COMPRESSED:
         return read_bytes(path)
     content = io.BytesIO()
@@ -67,9 +67,9 @@ def read_content(path: Path, most: int | None = None) -> bytes:
 
 @contextmanager
 def unpacked(path: Path) -> Iterator[Path]:
-    """Yield the path of the decompressed file, which is temporary if the file is compressed.
+    """Decompress a file to a temporary file if it is compressed, and yield the path to read.
 
-    An InputError of the block names the compressed file.
+    An InputError raised inside the `with` block names the compressed file.
     """
     if path.suffix.lower() not in COMPRESSED:
         yield path

@@ -1,4 +1,4 @@
-"""The run environment: processor, threads, package versions, commit, folder of compiled loops."""
+"""The run environment: processor, threads, package versions, commit, cache of compiled loops."""
 
 from __future__ import annotations
 
@@ -44,12 +44,12 @@ COMMIT = "PUCKBENCH_COMMIT"
 
 
 def thread_environment(threads: int) -> dict[str, str]:
-    """Return environment variables that limit the threads of libraries."""
+    """Return environment variables that limit the threads of numerical libraries."""
     return dict.fromkeys(THREAD_VARIABLES, str(threads))
 
 
 def allowed_threads() -> int:
-    """Return ``OMP_NUM_THREADS``, by default the cores of the process."""
+    """Return ``OMP_NUM_THREADS``, by default the number of cores that the process may use."""
     limit = os.environ.get("OMP_NUM_THREADS", "").split(",")[0]
     return int(limit) if limit.isdigit() else _cores()
 
@@ -82,7 +82,7 @@ def cpu_model() -> str:
 
 @cache
 def libraries() -> str:
-    """Return versions in one line: ``python 3.11.7; numpy 2.1.3; ...``."""
+    """Return versions of Python and packages in a line: ``python 3.11.7; numpy 2.1.3; ...``."""
     versions = {"python": platform.python_version(), **installed_versions(LIBRARIES)}
     return "; ".join(f"{name} {version}" for name, version in versions.items())
 
@@ -98,7 +98,7 @@ def installed_versions(packages: Iterable[str] = PACKAGES) -> dict[str, str]:
 
 
 def source_commit() -> str:
-    """Return the commit of the sources, with ``-dirty`` if files differ; empty if unknown."""
+    """Return the commit of the sources, with ``-dirty`` if files were changed; empty if unknown."""
     if COMMIT in os.environ:
         return os.environ[COMMIT]
     root = Path(__file__).parents[3]
@@ -116,7 +116,7 @@ def source_commit() -> str:
 
 
 def installation() -> dict[str, str]:
-    """Return what a bug report should contain."""
+    """Return the facts for a bug report: versions, processor, commit."""
     sources = Path(__file__).parents[1]
     return {
         "commit": source_commit() or "unknown (not run from a repository)",
@@ -131,9 +131,9 @@ def installation() -> dict[str, str]:
 
 
 def loops_folder(sources: Path) -> Path:
-    """Return the folder for the compiled loops of a folder of sources.
+    """Return the cache folder for compiled loops from a folder of sources.
 
-    ``NUMBA_CACHE_DIR``, else ``__pycache__`` beside the sources, else, in a read-only installation,
+    It is ``NUMBA_CACHE_DIR``, else ``__pycache__`` beside the sources or, if that is read-only,
     ``puckbench`` in the user's cache.
     """
     if folder := os.environ.get("NUMBA_CACHE_DIR"):

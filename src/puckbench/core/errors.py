@@ -13,7 +13,7 @@ NARROWER = ": crop it, or take a coarser rate"
 
 
 class InputError(Exception):
-    """A file, stream, name or value from the user cannot be used.
+    """Raised if a file, stream, name or value from the user cannot be used.
 
     The message is one line that names the file or key and the fault. The command line and the
     workflow print it, and exit with status 2.
@@ -22,7 +22,7 @@ class InputError(Exception):
 
 @contextmanager
 def naming(what: object) -> Iterator[None]:
-    """Let an `InputError` of the block begin with ``what:``."""
+    """Put ``what:`` before the message of an `InputError` raised inside the `with` block."""
     try:
         yield
     except InputError as error:
@@ -33,7 +33,7 @@ def naming(what: object) -> Iterator[None]:
 
 @contextmanager
 def noting(note: str) -> Iterator[None]:
-    """Add a note, such as the rate being coded, to an exception that leaves the block."""
+    """Add a note, such as the current rate, to an exception raised inside the `with` block."""
     try:
         yield
     except Exception as error:
@@ -42,7 +42,7 @@ def noting(note: str) -> Iterator[None]:
 
 
 def error_text(error: BaseException) -> str:
-    """Return an exception in one line: its notes, class, message, and the file and line."""
+    """Return one line with an exception's notes, class, message, file and line."""
     notes = ", ".join(getattr(error, "__notes__", ()))
     message = " ".join(str(error).split())
     words = ": ".join(filter(None, [notes, type(error).__name__, message]))
@@ -51,7 +51,7 @@ def error_text(error: BaseException) -> str:
 
 
 def among(name: str, names: Iterable[str]) -> str:
-    """Return what follows an unknown name in a message: all names, and one that is close to it."""
+    """Return the end of a message about an unknown name: the known names, and a similar one."""
     names = list(names)
     return f" (known: {', '.join(names)}){closest(name, names)}"
 

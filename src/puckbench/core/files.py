@@ -1,4 +1,4 @@
-"""Reading files, and writing them whole or not at all."""
+"""Read files, and write them either completely or not at all."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ _MOST_LEVELS = 100
 
 @contextmanager
 def written_whole(path: Path) -> Iterator[Path]:
-    """Yield a temporary path, which is renamed to `path` if the block succeeds.
+    """Yield a temporary path, which is renamed to `path` if the `with` block succeeds.
 
-    No reader sees a half-written file. If several processes write one path, the last one to end
+    No reader sees a half-written file. If several processes write one path, the last to finish
     wins. The temporary name keeps the suffix, by which some writers choose the format.
 
     Raises
@@ -113,7 +113,7 @@ def read_json(path: Path) -> Any:
 
 
 def json_of(data: bytes, what: str) -> Any:
-    """Return the value of a JSON text as `read_json`; an InputError begins with `what`."""
+    """Parse a JSON text, with the errors of `read_json`; messages begin with `what`."""
     try:
         value = json.loads(data, object_pairs_hook=unique_keys)
         deep = _is_deep(value)
@@ -135,7 +135,7 @@ def _is_deep(value: Any) -> bool:
 
 
 def read_object(path: Path) -> dict[str, Any]:
-    """Read a JSON object as `read_json`."""
+    """Read a JSON file whose value is an object, with the errors of `read_json`."""
     return object_of(read_bytes(path), str(path))
 
 

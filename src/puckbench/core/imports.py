@@ -1,7 +1,7 @@
-"""The source files that a Python file imports, directly or not.
+"""The source files that a Python file imports, directly or indirectly.
 
-Followed are imports of puckbench, of the file's own package, and of files beside it; imports of
-other installed packages are not.
+These are files of puckbench, of the file's package, and of its folder; other installed packages are
+ignored.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ _INSTALLED = {"site-packages", "dist-packages"}
 
 
 def reached_files(*files: Path, is_left_out: Callable[[Path], bool] | None = None) -> set[Path]:
-    """Return Python files and all that they import, except those left out."""
+    """Return Python files and all files that they import, except those where `is_left_out`."""
     reached: set[Path] = set()
     queue = list(files)
     while queue:

@@ -1,4 +1,4 @@
-"""Inputs of a registered function by its annotations, and its caption by its docstring."""
+"""The inputs of a registered function from its annotations, and its caption from its docstring."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ _SECTION = re.compile(r"\n\n[A-Z][\w ]*\n-{3,}\n")
 
 
 def typed_parameters(function: Callable[..., Any], *classes: str) -> dict[str, str]:
-    """Return the parameters annotated with one of some classes, and the class of each.
+    """Return the parameters whose annotation is one of `classes`, with the name of the class.
 
-    Annotations may be strings and are not evaluated. `classes` are names without modules.
+    Annotations may be strings and are not evaluated. `classes` are class names without modules.
     """
     parameters = signature(function).parameters
     names = {name: _class_name(parameter.annotation) for name, parameter in parameters.items()}

@@ -11,14 +11,14 @@ PublicNames = tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]
 
 
 def lazy(package: str, **modules: tuple[str, ...]) -> PublicNames:
-    """Offer names of a package's modules as the package's own, without importing the modules.
+    """Make names from a package's modules available in the package, each imported on first use.
 
     Parameters
     ----------
     package
         The ``__name__`` of the package.
     **modules
-        Names to offer by module. No name may be that of a module.
+        Names to make available, by module. No name may equal a module's.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Time and memory of a call inside the process, without imports and warm-up."""
+"""Measurement of the time and memory of a call, without imports and warm-up."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ class Measured(NamedTuple, Generic[T]):
     seconds, least_s, most_s
         Median, minimum and maximum over the repetitions.
     peak_mib
-        Peak of the resident memory above its size before the call, without pages of files (mostly
-        code, on Linux). With glibc, memory that earlier calls had freed does not lower it.
+        Peak resident memory less that before the call, without pages of files (mostly code; on
+        Linux). With glibc, memory freed by earlier calls does not lower it.
     """
 
     result: T
@@ -48,7 +48,7 @@ class Measured(NamedTuple, Generic[T]):
     most_s: float
 
     def costs(self, what: str) -> dict[str, float]:
-        """Return columns of a result row that begin with `what` (``encode``)."""
+        """Return the costs as columns of a result row; names begin with `what` (``encode``)."""
         return {
             f"{what}_s": self.seconds,
             f"{what}_s_min": self.least_s,
@@ -63,14 +63,14 @@ def measured(
     whole: Callable[[Cost], Cost] = lambda here: here,
     each: Callable[[T], object] = lambda result: None,
 ) -> Measured[T]:
-    """Repeat a call and measure it; the result is that of the last repetition.
+    """Repeat a call, and return the last result with the measured cost.
 
     Parameters
     ----------
     whole
-        Adds the cost of other processes to the cost of a call in this one.
+        Returns the total cost of a call, given its cost in this process.
     each
-        Called with the result of every repetition, outside the measured time.
+        Called with the result of every repetition; its time is not measured.
     """
     seconds, peaks = [], []
     for _ in range(repeats):

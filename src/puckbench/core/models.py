@@ -1,4 +1,4 @@
-"""Options and configuration as pydantic models with one-line errors."""
+"""Pydantic models of options and configurations, with one-line errors."""
 
 from __future__ import annotations
 
@@ -14,31 +14,31 @@ M = TypeVar("M", bound=BaseModel)
 
 
 class Model(BaseModel):
-    """A frozen record of options that refuses unknown names and converts no types."""
+    """An immutable record of options that rejects unknown names and converts no types."""
 
     model_config = ConfigDict(
         frozen=True, extra="forbid", strict=True, allow_inf_nan=False, validate_by_name=True
     )
 
     def replaced(self, **changes: Any) -> Self:
-        """Return a copy with some values replaced, checked again."""
+        """Return a checked copy with some values replaced."""
         return type(self).model_validate({**dict(self), **changes})
 
 
 def parsed(model: type[M], values: Any, what: str) -> M:
-    """Make a model from values of a configuration or command line.
+    """Create a model from values in a configuration or on the command line.
 
     Parameters
     ----------
     values
-        Values by name; lists stand for tuples, integers for floats.
+        Values by name, in which lists may replace tuples, and integers floats.
     what
-        Beginning of errors.
+        Beginning of error messages.
 
     Raises
     ------
     InputError
-        The first fault: the option, its value, and what is allowed.
+        A value is invalid; the message has the option, its value and the allowed values.
     """
     if not isinstance(values, Mapping):
         raise InputError(f"{what} is {values!r}, but must be a mapping of options")
@@ -65,7 +65,7 @@ def _immutable(value: Any) -> Any:
 
 @dataclass(frozen=True)
 class _Fault:
-    """One fault of some values: its place, its type for pydantic, and what is allowed there."""
+    """An invalid value: its location, pydantic's error type, the value and the allowed values."""
 
     where: tuple[str, ...]
     kind: str
@@ -75,7 +75,7 @@ class _Fault:
 
     @classmethod
     def of(cls, error: ValidationError, values: Mapping[str, Any], model: Any) -> _Fault:
-        """Return the deepest fault of a validation."""
+        """Return the most deeply nested fault in a validation error."""
         faults = [(_place(each["loc"], values, each["type"]), each) for each in error.errors()]
         where, first = max(faults, key=lambda item: (len(item[0]), item[1]["type"] != "missing"))
         allowed = dict.fromkeys(_allowed(each) for place, each in faults if place == where)

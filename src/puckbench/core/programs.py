@@ -1,4 +1,4 @@
-"""Run other people's programs under limits of time and memory, and measure what they cost."""
+"""Run external programs with limits on time and memory, and measure their cost."""
 
 from __future__ import annotations
 
@@ -20,24 +20,24 @@ _MAX_WORDS = 80
 def run_program(
     command: Sequence[str | Path], memory_bytes: float, seconds: float
 ) -> tuple[Cost, str]:
-    """Run a program to its end.
+    """Run a program, and wait until it ends.
 
     Parameters
     ----------
     command
         Program and arguments.
     memory_bytes, seconds
-        Limits: of its address space, and of its time.
+        Limits of its address space and of its run time.
 
     Returns
     -------
     tuple[Cost, str]
-        The cost of its process, and what it printed.
+        The cost of the process, and its output.
 
     Raises
     ------
     InputError
-        The program fails or exceeds a limit; the message ends with the last line that it printed.
+        The program fails or exceeds a limit; the message ends with its last line of output.
     """
     limits = (str(int(memory_bytes)), str(int(seconds)))
     words = [sys.executable, "-I", "-S", launch.__file__, *limits, *map(str, command)]

@@ -10,7 +10,7 @@ _SECONDS_BETWEEN_LINES = 10.0
 
 
 class Progress:
-    """Prints how many steps are done, and an estimate of the time left."""
+    """Prints the number of finished steps and an estimate of the remaining time."""
 
     def __init__(self, what: str) -> None:
         self._what = what

@@ -1,18 +1,18 @@
-"""Plug-ins by name: the one way to add a codec, a data set, an error model, a table or a figure.
+"""Plug-ins by name: codecs, data sets, error models, tables, figures and others.
 
 A plug-in is one file with one class or function, registered where it is defined::
 
     @CODECS.register("grid")
     class Grid(Codec): ...
 
-Ours lie in ``puckbench/<folder>/`` or ``puckbench/*/<folder>/``. To list them, all modules are
-imported, so these import heavy packages inside functions only. To find one, the module whose name
-is the longest beginning of the plug-in's is imported first. Other packages have entry points of the
-group ``puckbench.<kind>s``. A user names a place.
+Puckbench's plug-ins are in ``puckbench/<folder>/`` or ``puckbench/*/<folder>/``. A list of them
+needs the import of all modules, so these import heavy packages inside functions only. A search for
+one first imports the module whose name is the longest prefix of the plug-in's. Other packages
+declare entry points in the group ``puckbench.<kind>s``. A user names a place.
 
-A *place*, ``module:Name`` or ``path/to/file.py:Name``, is code that is run. `load` refuses it
-unless the command line, a configuration or a program has called `trust` with it. Names in streams,
-tables and other data are never trusted.
+A *place*, ``module:Name`` or ``path/to/file.py:Name``, refers to code, which loading runs. `load`
+refuses a place that was not passed to `trust`, as those of the command line and a configuration
+are. Names in streams, tables and other data are never trusted.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ _trusted: set[str] = set()
 
 
 def trust(names: Iterable[str | None]) -> None:
-    """Allow this process to load the code of those of the names that are places."""
+    """Allow this process to load the code at those names that are places."""
     _trusted.update(name for name in names if is_place(name))
 
 
@@ -54,11 +54,12 @@ class Registry(Generic[T]):
     Parameters
     ----------
     kind
-        Noun for one plug-in ("error model").
+        Singular noun for messages ("error model").
     folder
-        Packages whose modules register our plug-ins ("figures").
+        Name of the packages whose modules register puckbench's plug-ins ("figures").
     make
-        Makes the plug-in from name, class or function, and arguments of `register`.
+        Creates the plug-in from its name, its class or function, and the keyword arguments of
+        `register`.
     """
 
     def __init__(self, kind: str, folder: str, make: Callable[..., T] | None = None) -> None:
@@ -73,7 +74,7 @@ class Registry(Generic[T]):
         self._added: dict[str, str] = {}
 
     def register(self, name: str, **details: Any) -> Callable[[Target], Target]:
-        """Register the class or function below."""
+        """Return a decorator that registers a class or function."""
 
         def registered(target: Target) -> Target:
             module = target.__module__
@@ -105,14 +106,14 @@ class Registry(Generic[T]):
         return name in self._modules
 
     def _import_nearest(self, name: str) -> None:
-        """Import the module with the longest beginning of the name."""
+        """Import the module whose name is the longest prefix of the plug-in's name."""
         modules = {module.rpartition(".")[2]: module for module in _modules(self._folder)}
         beginnings = [stem for stem in modules if f"{name}_".startswith(f"{stem}_")]
         if beginnings:
             importlib.import_module(modules[max(beginnings, key=len)])
 
     def add(self, place: str) -> None:
-        """List a plug-in at a trusted place under its ``Name``, which must be free."""
+        """Add a trusted place as a plug-in with the name after the colon, which must be unused."""
         module, _, name = place.rpartition(":")
         if not module or self._added.get(name, place) != place or name in self._ours:
             fault = "that name is taken" if module else "must be module:Name or file.py:Name"
@@ -134,11 +135,11 @@ class Registry(Generic[T]):
         return self._modules[name] if self._is_ours(name) else self._place(name).rpartition(":")[0]
 
     def place_of(self, name: str) -> str:
-        """Return the name by which another process finds the plug-in."""
+        """Return the name or place by which another process finds the plug-in."""
         return self._added.get(name, name)
 
     def get(self, name: str) -> T:
-        """Return the plug-in of a name or at a trusted place."""
+        """Return the plug-in with a name or at a trusted place."""
         if self._is_ours(name):
             return self._plugins[self._modules[name], name]
         target = load(self._place(name), f"{self.kind} {name}")
@@ -175,7 +176,7 @@ def _modules(folder: str) -> Iterator[str]:
 
 
 def load(place: str, purpose: str) -> Any:
-    """Return the object at a trusted place; an InputError begins with `purpose`."""
+    """Import and return the object at a trusted place; error messages begin with `purpose`."""
     module, _, name = place.rpartition(":")
     if not module:
         raise InputError(f"{purpose}: '{place}' is not of the form module:Name or file.py:Name")
@@ -208,10 +209,10 @@ def _imported(name: str) -> ModuleType:
 
 
 def _imported_file(path: Path) -> ModuleType:
-    """Import a file in no package, as the documentation of importlib shows.
+    """Import a file that is in no package, as the documentation of importlib shows.
 
-    The name is unique, since two files may have the same one, and is in `sys.modules`, where pickle
-    looks for the module of a class.
+    The module gets a unique name, because two files may have equal names, and is put in
+    `sys.modules`, where pickle looks for the module of a class.
     """
     name = f"{path.stem}_{hashlib.sha256(str(path).encode()).hexdigest()[:8]}"
     if name in sys.modules:
@@ -230,7 +231,7 @@ def _imported_file(path: Path) -> ModuleType:
 
 
 def _check_visible(path: Path, top: Path) -> None:
-    """Raise ImportError if another module hides one beside the file."""
+    """Raise ImportError if an installed module has the name of a module that the file imports."""
     neighbours = {file for file in reached_files(path) - {path} if top_folder(file) == top}
     for file in sorted(neighbours):
         name = file.relative_to(top).parts[0].removesuffix(".py")

@@ -1,4 +1,4 @@
-"""Random generators for named artefacts."""
+"""Random generators identified by names."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ import numpy as np
 
 
 def generator(seed: int, *names: str) -> np.random.Generator:
-    """Return the generator of one artefact: equal seeds and names give equal numbers everywhere.
+    """Return a generator whose numbers depend only on the seed and the names, on every machine.
 
     Parameters
     ----------
     seed
-        Seed of the configuration.
+        Seed in the configuration.
     *names
-        Name of the artefact in parts, such as ``"scan", "office_1", "noise"``. Artefacts of one
-        seed are independent.
+        Parts of a name, such as ``"scan", "office_1", "noise"``. Generators with different names
+        are independent.
     """
     digest = hashlib.sha256("\0".join(names).encode()).digest()
     words = np.frombuffer(digest, dtype="<u4").tolist()

@@ -1,4 +1,4 @@
-"""Calls of a function in several threads; the results do not depend on their number."""
+"""Calls of a function in several threads, with results that do not depend on their number."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Result = TypeVar("Result")
 
 
 def in_threads(function: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
-    """Call a function for each item in parallel, and return the results in the order of the items.
+    """Call a function for each item in parallel, and return the results in order.
 
     This is faster only if the function releases Python's global lock, as compiled loops do.
     """
@@ -26,7 +26,7 @@ def in_threads(function: Callable[[Item], Result], items: Iterable[Item]) -> lis
 
 
 def few_at_once(function: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[Result]:
-    """Yield the results in the order of the items, computed in batches of one item per thread.
+    """Yield the results in order, computed in batches with one item per thread.
 
     A caller that stops early wastes at most one batch.
     """

@@ -135,7 +135,7 @@ def _scalars(node: Node) -> Iterator[tuple[str, ScalarNode]]:
 
 
 def _nodes(node: Node, sizes: dict[int, int]) -> Iterator[Node]:
-    """Yield nodes, inner ones first; `sizes` gets their sizes with aliases replaced."""
+    """Yield a node after its descendants, and set `sizes` to node counts with aliases expanded."""
     if id(node) in sizes:
         if not sizes[id(node)]:
             raise InputError(f"{_line(node)}: an alias refers to a node that contains it")
@@ -182,7 +182,7 @@ def _line(part: Node | yaml.Event) -> str:
 
 
 def yaml_text(value: Mapping[str, Any]) -> str:
-    """Return the YAML of a mapping in its order, with each list of numbers on one line."""
+    """Return a mapping as YAML in its order, with each list of numbers on one line."""
     return str(
         yaml.dump(value, Dumper=_Dumper, sort_keys=False, default_flow_style=None, width=100)
     )

@@ -17,7 +17,7 @@ from puckbench.jobs.registry import Job
 
 
 class CodecJob(Job):
-    """A job with a codec; `changes` is its entry in the configuration."""
+    """A job that uses a codec; `changes` is the codec's entry in the configuration."""
 
     codec: str | None = None
     changes: dict[str, Any] = Field({})
@@ -32,9 +32,10 @@ class CodecJob(Job):
         return self._loaded[name]
 
     def codec_of(self, coded: Coded) -> str:
-        """Return the codec's name from the job, else from the stream's bytes, else from its record.
+        """Return the codec's name: that of the job, else that recognised in the stream or in its
+        record.
 
-        Raises InputError if none names a codec, or the record names one that is not registered.
+        Raises InputError if there is none, or if the name in the record is not registered.
         """
         if self.codec:
             return self.codec
@@ -50,14 +51,14 @@ class CodecJob(Job):
         return name
 
     def read_stream(self, path: Path, rate: str | None = None) -> tuple[str, Coded]:
-        """Return a stream, or a rate of a curve, and its codec."""
+        """Read a stream, or that of a rate in a curve, and return it with its codec's name."""
         coded = read_coded(path, rate)
         with naming(path):
             return self.codec_of(coded), coded
 
 
 class TimedJob(CodecJob):
-    """A job with timed calls; `alone`: no other job runs at the same time."""
+    """A job with timed calls; `alone` is true if no other job runs at the same time."""
 
     repeats: int = 1
     alone: bool = False

@@ -1,4 +1,4 @@
-"""The cost of a job, the last line of its log; other runs are estimated from it."""
+"""The cost of a job, the last line of its log, from which times of other runs are estimated."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _TAIL_BYTES = 2048
 def cost_line(name: str, done: Mapping[str, Any]) -> str:
     """Return the cost of a job as JSON.
 
-    Child processes count; imports of a forked job do not.
+    The cost includes child processes, but not the imports of a forked job.
     """
     import resource
 
@@ -81,7 +81,7 @@ class _Cost(Model, extra="ignore"):
 
 
 def read_cost(log: Path) -> dict[str, Any] | None:
-    """Return the cost at the end of a log; None if the job failed or is not finished."""
+    """Return the cost at the end of a log; None if the job has failed or not finished."""
     with log.open("rb") as stream:
         stream.seek(0, 2)
         stream.seek(max(0, stream.tell() - _TAIL_BYTES))

@@ -39,7 +39,7 @@ def write_curve(path: Path, coded: Mapping[str, Coded]) -> None:
 
 
 def read_curve(path: Path) -> dict[str, Coded]:
-    """Read the streams by rate; raise InputError for another kind of file."""
+    """Read the streams by rate; raise InputError if the file is not a curve."""
     members = read_archive(path)
     rates = [PurePosixPath(name).stem for name in members if name.endswith(STREAM)]
     if not rates:
@@ -69,7 +69,7 @@ def _checked(record: dict[str, Any], what: str) -> dict[str, Any]:
 
 
 def read_coded(path: Path, rate: str | None = None) -> Coded:
-    """Read a stream file and the record beside it, or a rate of a curve."""
+    """Read a stream with the record beside it, or that of a rate in a curve."""
     if path.suffix.lower() != SUFFIX:
         beside = record_file(path)
         record = read_object(beside) if beside.exists() else {}
@@ -98,7 +98,7 @@ def write_rows(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
 
 
 def read_rows(paths: Iterable[Path]) -> list[dict[str, Any]]:
-    """Read rows from files; keys without a value are left out."""
+    """Read rows from files, without keys that have no value."""
     import pyarrow as pa
     from pyarrow import parquet
 

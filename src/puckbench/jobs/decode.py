@@ -24,7 +24,7 @@ class Decoded(NamedTuple):
 
 
 class Decoding(TimedJob):
-    """A job that decodes streams, with the codecs of the streams by default."""
+    """Base class of jobs that decode streams; by default, streams determine their codecs."""
 
     def decoded(self, coded: Coded) -> Decoded:
         name = self.codec_of(coded)

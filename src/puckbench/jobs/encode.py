@@ -26,7 +26,7 @@ from puckbench.lidar.returns import with_returns
 def to_code(
     codec: Codec, path: Path, frame: CoordinateFrame | None = None, rate: str | None = None
 ) -> PointCloud:
-    """Read a cloud, with its returns if the codec takes them."""
+    """Read a cloud, with its returns if the codec can use them."""
     cloud = read_cloud(path)
     with naming(path):
         codec.check_frame(frame or cloud.frame, rate)
@@ -43,8 +43,8 @@ def measured_encoding(
 ) -> Measured[bytes]:
     """Encode a cloud and measure the time.
 
-    The cost of `shared` work (`Codec.encode_cloud`) counts for each rate. `each` is called with the
-    stream of every repetition.
+    The cost of `shared` work is added for each rate (see `Codec.shared_work`). `each` is called
+    with the stream of every repetition.
     """
     if shared is None:
         return measured(lambda: codec.encode_cloud(cloud, rate), repeats, codec.cost, each)
@@ -67,7 +67,7 @@ class Encoding(TimedJob):
         shared: SharedWork | None = None,
         again: bool = False,
     ) -> Coded:
-        """Encode and time a cloud; `again` encodes it once more to compare the streams."""
+        """Encode and time a cloud; with `again`, encode it once more to compare the streams."""
         with noting(f"rate {rate}"):
             streams: set[bytes] = set()
             timed = measured_encoding(codec, cloud, rate, self.repeats, shared, streams.add)
@@ -99,7 +99,7 @@ class Encode(Encoding):
     frame: CoordinateFrame | None = None
 
     def run(self, cloud: Path, stream: Path, prepared: Path | None = None) -> dict[str, Any]:
-        """Write the stream and its record, after preparing the cloud in the file `prepared`."""
+        """Write the stream and its record; the cloud was prepared from the file `prepared`."""
         codec = open_codec(self.codec, self.changes)
         codec.parameters_of(self.rate)
         original = self._cloud(codec, cloud, prepared)

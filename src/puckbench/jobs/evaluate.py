@@ -1,4 +1,4 @@
-"""Measurement of decoded clouds, one result row for each."""
+"""Measurement of decoded clouds, with one result row for each."""
 
 from __future__ import annotations
 
@@ -38,11 +38,11 @@ _KEPT = (
 
 
 class Originals:
-    """Originals that decoded clouds are compared with, read once.
+    """The original clouds and surfaces with which decoded clouds are compared, read once.
 
     `truth` is the true surface: a mesh or captured room in metres, or a cloud in the frame of
-    `cloud`. `visible` has the true points for the points of `cloud`, `clean` the clean scan of the
-    same rays.
+    `cloud`. `visible` contains the true point of each point of `cloud`, `clean` the clean scan
+    along the same rays.
     """
 
     def __init__(
@@ -71,8 +71,8 @@ class Originals:
 class Evaluating(Decoding):
     """A job that compares decoded clouds with the encoded cloud and the true surface.
 
-    `peak` is the peak of the PSNRs, by default that of the cloud's description. `views` is the
-    width of six rendered views in pixels, 0 for none.
+    `peak` is the peak of the PSNRs, by default that in the cloud's description. `views` is the
+    width in pixels of six rendered views, 0 for none.
     """
 
     dataset: str | None = None

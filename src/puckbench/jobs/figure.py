@@ -1,4 +1,4 @@
-"""Jobs that draw figures from tables and clouds."""
+"""Job that draws a figure from tables and clouds."""
 
 from __future__ import annotations
 

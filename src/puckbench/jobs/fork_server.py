@@ -1,10 +1,10 @@
-"""A process that imports the packages that jobs need, and forks the jobs of a run.
+"""A process that imports the packages that jobs need, and runs each job in a fork of itself.
 
-The imports (NumPy, Numba, PyTorch and others) take a job 0.4 to 2.5 s; the *server* makes them
-once. A *client*, the process that Snakemake starts for a job, sends arguments, environment, folder
-and output streams to the server, and waits for the exit status of the forked *job*.
+The imports (NumPy, Numba, PyTorch and others) take 0.4 to 2.5 s; the *server* makes them only once.
+A *client*, the process that Snakemake starts for a job, sends arguments, environment, folder and
+output streams to the server, and waits for the exit status from the forked *job*.
 
-The client runs the job itself without a server (on another node, in a container, with another
+The client runs the job itself if it finds no server (on another node, in a container, with another
 number of threads, or with ``PUCKBENCH_FORK_SERVER=off``), or if the forked job was killed. Only the
 user can open the socket.
 """
@@ -46,10 +46,10 @@ _servers: list[Any] = []
 
 
 def start_fork_server(threads: int, modules: Iterable[str] = MODULES) -> None:
-    """Start a server for the jobs of this process's children; it ends with this process.
+    """Start a server for jobs started by children of this process; it ends with this process.
 
-    It needs Linux, and no GPU, whose driver does not survive a fork. `threads` is the number of
-    threads that the imported libraries may use.
+    It needs Linux, and a machine without GPU, whose driver does not survive a fork. `threads` is
+    the number of threads that the imported libraries may use.
     """
     import subprocess
     import tempfile
@@ -80,7 +80,7 @@ def _address() -> str:
 
 
 def run_forked(words: Sequence[str]) -> int | None:
-    """Let the server run a job; return its exit status, or None if this process must run it."""
+    """Run a job in the server and return its exit status, or None if this process must run it."""
     if VARIABLE not in os.environ:
         return None
     signal.signal(signal.SIGTERM, signal.default_int_handler)
@@ -109,7 +109,7 @@ def run_forked(words: Sequence[str]) -> int | None:
 
 
 def serve(modules: Iterable[str]) -> None:
-    """Fork jobs until standard input ends."""
+    """Serve requests to fork jobs until standard input is closed."""
     import gc
     import shutil
 
@@ -131,7 +131,7 @@ def serve(modules: Iterable[str]) -> None:
 
 
 def _import(name: str) -> None:
-    """Import a module, or a package of puckbench with its modules; ignore errors."""
+    """Import a module, or all modules of a puckbench package; ignore errors."""
     with suppress(Exception):
         folders = getattr(importlib.import_module(name), "__path__", ())
         if name.startswith("puckbench."):
@@ -140,7 +140,7 @@ def _import(name: str) -> None:
 
 
 def _watch(client: socket.socket, streams: Sequence[int], listener: socket.socket) -> None:
-    """Fork a job, and send its process number and its exit status."""
+    """Fork a job, and send its process number and exit status to the client."""
     listener.close()
     connection = Connection(client.detach())
     with suppress(OSError, EOFError):  # the client may be gone

@@ -1,4 +1,4 @@
-"""Jobs that gather tables from the files of many jobs."""
+"""Jobs that make tables from the files of many jobs."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 class OfNames(Job):
-    """A job that reads files by their names below the results folder."""
+    """Base class of jobs that read files by names relative to the results folder."""
 
     names: tuple[str, ...] = ()
 

@@ -1,4 +1,4 @@
-"""Curves that were encoded and measured in parts."""
+"""Jobs that join the parts in which a curve was encoded and measured."""
 
 from __future__ import annotations
 

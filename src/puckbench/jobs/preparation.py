@@ -15,19 +15,19 @@ from puckbench.metrics.psnr import PEAK_M
 
 @dataclass(frozen=True)
 class MeasuredPoints:
-    """Measured points and the true points of the surface, row by row."""
+    """Measured points and the true points on the surface, with equal row numbers."""
 
     cloud: PointCloud
     clean: PointCloud
 
     def cropped(self, box: Floats, on: str = "clean") -> MeasuredPoints:
-        """Return the rows with clean (or noisy) coordinates in a box (2, 3)."""
+        """Return the rows whose clean (or noisy) coordinates are in a box (2, 3)."""
         cloud = self.clean if on == "clean" else self.cloud
         rows = inside_box(cloud.xyz, box)
         return MeasuredPoints(self.cloud.select(rows), self.clean.select(rows))
 
     def truth_in_frame_of(self, prepared: PointCloud) -> PointCloud:
-        """Return the true points in the frame of a prepared cloud."""
+        """Return the true points in the coordinate frame of a prepared cloud."""
         about = {key: prepared.about[key] for key in ("scale", "offset", "size")}
         xyz = Scaling(about["scale"], np.asarray(about["offset"])).apply(self.clean.xyz)
         return replace(self.clean, xyz=xyz, about=about)
@@ -36,9 +36,9 @@ class MeasuredPoints:
 def prepare(cloud: PointCloud, size: int | str = 1024, neighbours: int = 30) -> PointCloud:
     """Estimate normals of a cloud in metres, and scale it to [0, size - 1] (thesis section 6.1).
 
-    Normals are estimated in the scaled frame. With `size` 0 the cloud stays in metres, shifted if
-    its coordinates are large (`origin_shift`); `GRID` keeps the grid of voxels. The description
-    gains scale, offset, elongations, extent, density, outliers, diameter, digest and, in metres,
+    Normals are estimated after scaling. With `size` 0 the cloud stays in metres, shifted if its
+    coordinates are large (`origin_shift`); with `GRID` it stays on its voxel grid. The description
+    receives scale, offset, elongations, extent, density, outliers, diameter, digest and, in metres,
     the peak of PSNRs.
     """
     from puckbench.geometry.normals import estimate_normals

@@ -67,10 +67,10 @@ class Prepare(Job):
         box: Path | None = None,
         about: tuple[Path, ...] = (),
     ) -> dict[str, Any]:
-        """Write the prepared cloud, and true points in the same frame.
+        """Write the prepared cloud, and the true points in the same coordinate frame.
 
-        `source` is a cloud or a scan table (.parquet). Name and group are kept from the
-        descriptions `about`.
+        `source` is a cloud or a scan table (.parquet). Name and group are copied from the
+        descriptions in `about`.
         """
         from puckbench.jobs.preparation import prepare
 

@@ -1,4 +1,4 @@
-"""Preparation of virtual scans and recordings as clouds with their sensor's returns."""
+"""Conversion of virtual scans and recordings to clouds with their sensor's returns."""
 
 from __future__ import annotations
 
@@ -60,10 +60,10 @@ class PrepareReturns(Job):
         truth: Path | None = None,
         about: tuple[Path, ...] = (),
     ) -> dict[str, Any]:
-        """Write the cloud, its returns and, for `truth`, the true points.
+        """Write the cloud, its returns and, if `truth` is set, the true points.
 
-        `source` is a recording, or a Parquet table of whole turns of a scan or of firings. The
-        `truth` of a recording is its points.
+        `source` is a recording, or a Parquet table with a scan of whole turns or with firings. The
+        true points of a recording are its points.
         """
         from puckbench.jobs.preparation import prepare
 
@@ -131,7 +131,7 @@ class PrepareReturns(Job):
 
 
 def is_recording(path: Path) -> bool:
-    """Return whether a file is a recording, by its name or its first bytes."""
+    """Whether a file is a recording, by its name or its first bytes."""
     if path.is_dir() or path.suffix.lower() in RECORDING_SUFFIXES:
         return True
     if plain_suffix(path) in (".parquet", *SUFFIXES, *meshes.SUFFIXES) or not path.exists():

@@ -1,4 +1,4 @@
-"""The process of one job, whose last line of output is its cost (`puckbench.jobs.cost`)."""
+"""The process of a job, which prints its cost as the last line (`puckbench.jobs.cost`)."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def _files(name: str, words: Sequence[str]) -> dict[str, list[Path]]:
 
 
 def leave(status: int) -> NoReturn:
-    """End the process without freeing memory, which takes 0.2 to 0.5 s."""
+    """Exit without freeing memory, which would take 0.2 to 0.5 s."""
     try:
         sys.stdout.flush()
         sys.stderr.flush()

@@ -23,7 +23,7 @@ _KEPT = ("codec", "rate", "codec_version", "points_in", "bytes", "bpp")
 
 
 class LabelledPoints:
-    """True points with labels of primitives, and the primitives of a scene in metres."""
+    """True points with labels of primitives, and the primitives in a scene in metres."""
 
     def __init__(self, points: Path, scene: Path) -> None:
         self.cloud, self.labels = read_cloud(points), _scene_labels(scene)
@@ -34,7 +34,7 @@ class Recovering(CodecJob):
     dataset: str | None = None
 
     def recovered(self, originals: LabelledPoints, name: str, coded: Coded) -> dict[str, Any]:
-        """Return the result row of a stream; ``kinds`` is empty without a surface."""
+        """Return the result row for a stream; ``kinds`` is empty if it has no surface."""
         codec, surface = self._decoded_surface(coded)
         record = coded.record
         kinds = [] if surface is None else _kinds(originals.cloud, originals.labels, surface)

@@ -1,7 +1,7 @@
-"""The jobs: settings with one method, `Job.run`.
+"""The jobs, which have settings and one method, `Job.run`.
 
-``python -m puckbench.jobs NAME RECORD.json key=FILE ...`` runs one as a process. The record comes
-from the plan, the files from the rule.
+``python -m puckbench.jobs NAME RECORD.json key=FILE ...`` runs a job in a process. The settings
+come from the plan, the files from the workflow's rule.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ class Job(Model):
 
     @classmethod
     def of_record(cls, record: Any, what: str) -> Self:
-        """Make a job from its settings, whose plug-ins are trusted; `what` begins an InputError."""
+        """Create a job from settings and trust its plug-ins; error messages begin with `what`."""
         job = parsed(cls, record, what)
         trust(job.plugins())
         return job
@@ -31,7 +31,7 @@ class Job(Model):
 
     @abstractmethod
     def run(self, *args: Any, **files: Any) -> dict[str, Any]:
-        """Read the inputs, write all outputs or none, and return what to print."""
+        """Read the inputs, write either all outputs or none, and return the values to print."""
 
 
 JOBS: Registry[type[Job]] = Registry("job", "jobs")

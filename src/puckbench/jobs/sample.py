@@ -1,4 +1,4 @@
-"""Random points on the surface of a mesh, with true normals."""
+"""Random points on the surface of a mesh, with exact normals."""
 
 from __future__ import annotations
 

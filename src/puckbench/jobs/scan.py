@@ -1,4 +1,4 @@
-"""A scan of a mesh by the virtual sensor: a table of all returns, clean and noisy."""
+"""Job that scans a mesh with the virtual sensor, and writes a table of clean and noisy returns."""
 
 from __future__ import annotations
 

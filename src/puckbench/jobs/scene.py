@@ -1,4 +1,4 @@
-"""A scene: a labelled mesh, a cloud in metres (z up), or a sensor's returns."""
+"""Job that writes a scene: a labelled mesh, a cloud in metres (z up), or a sensor's returns."""
 
 from __future__ import annotations
 

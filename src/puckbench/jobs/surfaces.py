@@ -1,4 +1,4 @@
-"""True surfaces from mesh files, captured rooms and clouds."""
+"""Reading of true surfaces from mesh files, captured rooms and clouds."""
 
 from __future__ import annotations
 

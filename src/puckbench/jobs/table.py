@@ -1,4 +1,4 @@
-"""Tables made of other tables."""
+"""Job that computes a table from other tables."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Training of a learned codec: resumable, validated on other clouds."""
+"""Job that trains a learned codec, resumably, and validates it on other clouds."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class Train(Job):
     def run(
         self, clouds: tuple[Path, ...], weights: Path, validate: tuple[Path, ...] = ()
     ) -> dict[str, Any]:
-        """Train, resuming from a checkpoint beside `weights`; write weights and model card."""
+        """Train, resuming from a checkpoint beside `weights`; write weights and a model card."""
         from puckbench.jobs.training_log import TrainingLog
         from puckbench.learned.training.loop import train
 

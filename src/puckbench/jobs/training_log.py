@@ -1,4 +1,4 @@
-"""Losses of a training, printed and written as CSV with a row for each step."""
+"""Losses in a training, printed, and written as CSV with a row for each step."""
 
 from __future__ import annotations
 

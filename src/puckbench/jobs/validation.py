@@ -18,17 +18,17 @@ Measures = dict[str, float]
 def validated(
     codec: Codec, clouds: Sequence[PointCloud], peak: float | None
 ) -> dict[str, Measures]:
-    """Return for each rate the means over clouds.
+    """Return the mean metrics over the clouds for each rate.
 
-    ``bpp`` is in bits per input point; ``d1_mse`` and ``cd_point`` are the maximum and mean of the
-    two directions' mean squared distances; ``d1_psnr`` is in dB.
+    ``bpp`` is bits per input point; ``d1_mse`` and ``cd_point`` are the maximum and mean of the two
+    directions' mean squared distances; ``d1_psnr`` is in dB.
     """
     codec.load()
     return {rate: _means(codec, clouds, rate, peak) for rate in codec.rates}
 
 
 def peak_of(clouds: Sequence[PointCloud]) -> float | None:
-    """Return the peak of PSNRs, or None if the clouds have several."""
+    """Return the peak of PSNRs in the clouds' descriptions, or None if they differ."""
     (first, *others) = {cloud.peak for cloud in clouds}
     return None if others else first
 
@@ -56,7 +56,7 @@ def _measured(codec: Codec, cloud: PointCloud, rate: str) -> Measures:
 
 
 def faults(rates: Mapping[str, Mapping[str, Any]]) -> list[str]:
-    """Return the rates where bits do not grow or distortion does not fall."""
+    """Return a message for each successive pair of rates without more bits or less distortion."""
     wrong = []
     for (low, before), (high, after) in pairwise(rates.items()):
         if after["bpp"] <= before["bpp"]:

@@ -1,4 +1,4 @@
-"""Jobs that make scenes, samples, scans and prepared clouds."""
+"""Plans of the jobs that make scenes, samples, scans and prepared clouds."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class CloudJobs:
         return self.plan.datasets[name]
 
     def scene_file(self, dataset: str, cloud: str, suffix: str = "") -> str:
-        """Return the scene that a cloud is made from."""
+        """Return the scene file from which a cloud is made."""
         scenes = self.dataset(dataset).scenes
         suffix = suffix or ("parquet" if scenes in self.of_returns else "ply")
         return f"{self.plan.results}/scenes/{scenes}/{cloud}.{suffix}"
@@ -44,7 +44,7 @@ class CloudJobs:
         return [name for name, data in sets if data.has_returns == has_returns]
 
     def source(self, dataset: str, cloud: str) -> str:
-        """Return the sample, scan or scene that a cloud is prepared from."""
+        """Return the sample, scan or scene file from which a cloud is prepared."""
         make = self.dataset(dataset).settings.make
         if make == "cloud":
             return self.scene_file(dataset, cloud)
@@ -76,7 +76,7 @@ class CloudJobs:
 
     @cache  # noqa: B019
     def scan(self, dataset: str, cloud: str) -> PlannedJob:
-        """Plan a scan, which runs again if the files of sensor or sweep change."""
+        """Plan a scan, which is repeated if the files of its sensor or sweep change."""
         data = self.dataset(dataset)
         module, also = self._sensing(dataset)
         return planned(scan_record(data.settings, cloud, data.seed), module, also=also)

@@ -1,4 +1,4 @@
-"""Jobs that encode, decode and measure rate-distortion curves."""
+"""Plans of the jobs that encode, decode and measure rate-distortion curves."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _MOST_SECONDS = 600
 
 @dataclass(frozen=True)
 class Curve:
-    """Rates of a codec in a frame that one job encodes: all, or a part."""
+    """Rates that one job encodes, all or some, for a codec and a coordinate frame."""
 
     codec: str
     frame: CoordinateFrame
@@ -45,7 +45,7 @@ class Curve:
 
 
 def _peak(settings: DataSetConfig) -> float | None:
-    """Return the peak of the PSNRs; None if each cloud's description has it."""
+    """Return the peak of the PSNRs; None if each cloud's description contains it."""
     if settings.peak is not None or isinstance(settings.size, str):
         return settings.peak
     return float(settings.size) - 1
@@ -58,7 +58,7 @@ class CodingJobs:
 
     @cached_property
     def curves(self) -> tuple[Curve, ...]:
-        """Curves of all codecs in all frames; curves that take too long are split."""
+        """Curves of all codecs in all coordinate frames, split if they take too long."""
         return tuple(
             Curve(codec, frame, rates)
             for frame in self.plan.frames
@@ -100,7 +100,7 @@ class CodingJobs:
         return named[part]
 
     def rows(self, kind: str, codec: str | None = None) -> tuple[str, ...]:
-        """Return the files of ``metrics`` or ``recovery`` rows, of one codec or all."""
+        """Return the files of ``metrics`` or ``recovery`` rows for a codec, by default for all."""
         curves = self.plan.recovered if kind == "recovery" else self.plan.curves
         return tuple(
             f"{kind}/{'/'.join(curve)}.parquet" for curve in curves if codec in (None, curve[2])
@@ -122,7 +122,7 @@ class CodingJobs:
 
     @cache  # noqa: B019
     def minutes(self, codec: str) -> int:
-        """Return an upper estimate of the time of a curve's job."""
+        """Return an upper bound of a curve job's estimated time, in minutes."""
         rates = max((len(curve.rates) for curve in self.curves if curve.codec == codec), default=0)
         return 5 + math.ceil(2 * rates * self._seconds(codec) / 60)
 
@@ -203,7 +203,7 @@ class CodingJobs:
         return frozenset(folder / name for name in self.clouds.prepared(has_returns=True))
 
     def truth(self, dataset: str, cloud: str) -> dict[str, str]:
-        """Return the true surface and true points, further inputs of a measurement."""
+        """Return the files with the true surface and points for the measurement of decoded clouds."""
         data = self.clouds.dataset(dataset)
         if not data.has_truth:
             return {}
@@ -235,7 +235,7 @@ class CodingJobs:
         return thread_environment(self.timing.threads)
 
     def cores(self, cores: int | None) -> int:
-        """Return the cores that a timed job reserves, all if it must run alone."""
+        """Return the cores that a timed job reserves: all if no other job may run."""
         threads = self.timing.threads
         return max(threads, cores or 0) if self.timing.exclusive else threads
 
@@ -283,7 +283,7 @@ def _name(rates: tuple[str, ...]) -> str:
 
 
 def _parts(rates: tuple[str, ...], seconds: float) -> list[tuple[str, ...]]:
-    """Split rates into parts of limited time."""
+    """Split rates into parts that take a limited time; `seconds` is the time for one rate."""
     parts = max(1, min(len(rates), math.ceil(seconds * len(rates) / _MOST_SECONDS)))
     size = math.ceil(len(rates) / parts)
     return [rates[first : first + size] for first in range(0, len(rates), size or 1)]

@@ -474,14 +474,14 @@ class Config(Model):
 
     @property
     def failures_file(self) -> Path:
-        """File with `failed`, which a run writes if jobs of clouds or curves fail."""
+        """Return the file with `failed`, which a run writes if jobs for clouds or curves fail."""
         return Path(self.results) / "failed.yaml"
 
     def codec(self, name: str) -> Options:
         return (self.codecs[name] or CodecConfig()).changes()
 
     def places(self) -> Iterator[str]:
-        """Return the places of all code that the configuration names."""
+        """Yield the names of code (``module:Name``, ``file.py:Name``) in the configuration."""
         yield from filter(is_place, self._plugins())
 
     def _plugins(self) -> Iterator[str | None]:
@@ -500,10 +500,10 @@ class Config(Model):
 
 
 def checked(config: Mapping[str, Any]) -> Config:
-    """Check a configuration, after replacing data by stand-ins if it asks for them.
+    """Check a configuration, after replacing data by stand-ins if it requests them.
 
     Names of loaders, codecs, rates and clouds are checked by `puckbench.planning.plan`. Raises
-    InputError with the key, its value and what is allowed.
+    InputError with the key, its value and the allowed values.
     """
     return checked_model(Config, with_stand_ins(config))
 
@@ -516,7 +516,7 @@ def trusted(config: Mapping[str, Any]) -> Config:
 
 
 def with_stand_ins(config: Mapping[str, Any]) -> Options:
-    """Replace data on disk by generated data if `stand_in` is true.
+    """Replace data from files by generated data if `stand_in` is true.
 
     The `stand_in` of a scene set replaces it; that of a data set or of the figures changes some
     keys. Results go to another folder.
@@ -546,14 +546,14 @@ def _mappings(values: Any) -> list[Options]:
 
 
 def read_config(path: Path) -> Options:
-    """Read a YAML or JSON file without checks."""
+    """Read a YAML or JSON file without checking its keys."""
     return _read(path, alike=True)
 
 
 def check_config_files(paths: Iterable[str | Path]) -> None:
-    """Raise InputError if a file that Snakemake has read cannot be used.
+    """Raise InputError if a file that Snakemake has read is invalid.
 
-    Files without our keys belong to a workflow that uses this one as a module; they are ignored.
+    Files without keys of puckbench belong to a workflow that imports this one, and are ignored.
     """
     for path in map(Path, paths):
         if set(Config.model_fields) & set(_read(path, alike=False)):

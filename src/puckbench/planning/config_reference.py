@@ -1,4 +1,4 @@
-"""Generated from the models of the configuration: schema and tables of keys.
+"""Generate the schema and the tables of keys from the models of the configuration.
 
     python -m puckbench.planning.config_reference
 

@@ -21,7 +21,7 @@ _TIMEOUT = re.compile(r"^Timeout \((\d+:\d\d:\d\d(?:\.\d+)?)\)!$", re.MULTILINE)
 
 
 class Failure(NamedTuple):
-    """A failed job, with its data set, cloud and codec or empty texts."""
+    """A failed job, with its data set, cloud and codec, which may be empty strings."""
 
     dataset: str
     cloud: str
@@ -35,7 +35,7 @@ class Failure(NamedTuple):
 
 
 def failed_jobs(logs: Path, since: float) -> list[Failure]:
-    """Return the failed jobs whose logs are not older than a time stamp."""
+    """Return the failed jobs whose logs were written since a time stamp."""
     new = [log for log in sorted(logs.rglob("*.log")) if log.stat().st_mtime >= since]
     return [failure for log in new if (failure := failure_of(log, logs))]
 
@@ -58,9 +58,9 @@ def failure_of(log: Path, logs: Path) -> Failure | None:
 
 
 def write_failures(path: Path, failures: list[Failure]) -> Path | None:
-    """Write the configuration that leaves out the failed clouds and curves.
+    """Write a configuration file that excludes failed clouds and curves.
 
-    Return None if another job failed, without which there are no tables.
+    Return None if another job failed, because tables then cannot be made.
     """
     path.unlink(missing_ok=True)
     if not failures or not all(failure.cloud for failure in failures):
@@ -74,7 +74,7 @@ def write_failures(path: Path, failures: list[Failure]) -> Path | None:
 
 
 def failure_lines(failures: list[Failure]) -> Iterator[str]:
-    """Yield a line for each codec and reason, up to a limit, with the first log."""
+    """Yield a line with the first log for each codec and reason, up to a maximum number."""
     groups: dict[tuple[str, str], list[Failure]] = {}
     for failure in failures:
         key = failure.codec or failure.what, failure.reason

@@ -1,8 +1,8 @@
 """Fingerprints of code: a job runs again when the code that makes its output changes.
 
 The code of a job is its module, the module of its plug-in, and all their imports, without comments,
-docstrings and help texts. The command line and the registries are left out, so that a new plug-in
-repeats no job of the others. A YAML file with the name of a module counts as well.
+docstrings and help texts. The command line and the registries are excluded, so that a new plug-in
+does not repeat other jobs. A YAML file with the name of a module is included.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ def _code_digest(file: Path) -> str:
 
 
 class _Code(ast.NodeTransformer):
-    """Remove statements without effect, and help texts."""
+    """Removes statements without effect, and help texts."""
 
     def visit_Expr(self, node: ast.Expr) -> ast.AST | None:
         return None if isinstance(node.value, ast.Constant) else self.generic_visit(node)

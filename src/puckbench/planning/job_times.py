@@ -1,7 +1,7 @@
-"""Estimates of a run's times from the costs of the jobs of another run.
+"""Estimates of the time of a run from the logged costs of another run.
 
-A job logs the processor time of its process (`puckbench.jobs.cost`), which other work on the
-machine does not lengthen.
+A job logs its processor time (`puckbench.jobs.cost`), which other work on the machine hardly
+affects.
 """
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ class JobTime:
     Parameters
     ----------
     rates, points
-        Rates of its curve and points of its cloud, or 0.
+        Numbers of rates in its curve and points in its cloud, or 0.
     seconds
         Processor time.
     call_s, repeats
-        Seconds of the timed calls, one for each rate, and their repetitions.
+        Total seconds of one call per rate, and number of repetitions.
     truth
         Whether a decoded cloud was compared with the true surface.
     """
@@ -61,7 +61,7 @@ class JobTime:
 
 @dataclass(frozen=True)
 class JobKind:
-    """Number of similar jobs of a plan, described as in `JobTime`."""
+    """Number of similar jobs in a plan, with attributes as in `JobTime`."""
 
     job: str
     jobs: int
@@ -74,10 +74,11 @@ class JobKind:
 
 @dataclass(frozen=True)
 class Estimate:
-    """The estimated time of jobs of a kind.
+    """The estimated time for similar jobs.
 
-    `seconds` are of one job, None without measurement of similar jobs; `measured` is their number.
-    `reach` is the ratio of the planned job's points to those of the largest measured one.
+    `seconds` is the time of one job, None if no similar job was measured; `measured` is the number
+    of measured jobs; `reach` is the planned number of points divided by the largest measured
+    number.
     """
 
     kind: JobKind
@@ -103,10 +104,10 @@ class Measurements:
         return cls(table[:, 0], table[:, 1])
 
     def at(self, points: int) -> float:
-        """Return the seconds of a job with a number of points, by Theil-Sen regression.
+        """Return the seconds of a job for a number of points, by Theil-Sen regression.
 
-        The medians ignore the first jobs of a run, which compile. If all clouds have about the same
-        size, the time is proportional to the points.
+        Its medians ignore the slow first jobs of a run, which compile. If all clouds have about the
+        same size, the time is proportional to the points.
         """
         start, slope = self._line
         return start + slope * points
@@ -128,7 +129,7 @@ class Measurements:
 
 
 def read_job_times(run: Path) -> list[JobTime]:
-    """Read the costs of the runs in a folder; raise InputError without any."""
+    """Read the costs of the jobs in the folder of a run; raise InputError if there are none."""
     logs = [log for folder in _log_folders(run) for log in sorted(folder.rglob("*.log"))]
     times = [_job_time(log, cost) for log in logs if (cost := read_cost(log))]
     if not times:
@@ -177,7 +178,7 @@ def estimated(kinds: Iterable[JobKind], times: Iterable[JobTime]) -> list[Estima
 
 
 def _estimate(kind: JobKind, job_times: list[JobTime]) -> Estimate:
-    """Estimate from the most similar jobs: with equal rates, and with or without truth."""
+    """Estimate the time from the most similar jobs: equal rates, and both with or without truth."""
     codecs = [time for time in job_times if (time.job, time.codec) == (kind.job, kind.codec)]
     times = [time for time in codecs if time.rates == kind.rates] or codecs
     if not times:

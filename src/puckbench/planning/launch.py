@@ -1,4 +1,4 @@
-"""Commands that start Snakemake on the repository's workflow or the installed one."""
+"""Commands that start Snakemake on the workflow, of the repository or as installed."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def snakefile() -> Path:
 def snakemake_command(
     config: Path, cores: int | None, *more: str, over: Path | None = None
 ) -> list[str]:
-    """Return the command that runs the workflow on a configuration, overridden by `over`."""
+    """Return the command that runs the workflow; the file `over` overrides the configuration."""
     words = [sys.executable, "-m", "snakemake", *more]
     words += [] if "--logger" in more else ["--logger", "puckbench"]
     words += ["--snakefile", str(snakefile()), "--cores", "all" if cores is None else str(cores)]

@@ -1,4 +1,4 @@
-"""Jobs that make tables, figures and the report page."""
+"""Plans of the jobs that make tables, figures and the report page."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class OutputJobs:
 
     @cached_property
     def gathered(self) -> dict[str, Gathering]:
-        """Tables gathered from the files of many jobs."""
+        """Tables whose rows come from the files of many jobs."""
         plan, tables = self.plan, {}
         if plan.datasets:
             names = tuple(f"clouds/{'/'.join(cloud)}.json" for cloud in plan.clouds)
@@ -88,7 +88,7 @@ class OutputJobs:
 
     @cached_property
     def result_tables(self) -> dict[str, Inputs]:
-        """Other tables whose inputs and needs the plan has."""
+        """Tables outside the sensor study whose input tables and needs the plan has."""
         there = {"metrics", "clouds"} if self.plan.datasets else set()
         there |= set(self.study_tables)
         return {
@@ -114,7 +114,7 @@ class OutputJobs:
         return table_entry(name).category
 
     def table_options(self, table: str) -> Options:
-        """Return the options of a table's function from its needs and the configuration."""
+        """Return the options of a table's function, from its needs and the configuration."""
         if not table.startswith("bd_rate"):
             needs = table_entry(table).needs
             return {name: value for need in needs for name, value in self._met[need].items()}
@@ -126,7 +126,7 @@ class OutputJobs:
 
     @property
     def anchor(self) -> str:
-        """The configured codec that BD-rates compare with, else the first."""
+        """The configured codec with which BD-rates compare, by default the first."""
         anchor = self.config.bd_rate.anchor or next(iter(self.plan.codecs))
         if anchor not in self.plan.codecs:
             known = ", ".join(self.plan.codecs)
@@ -137,7 +137,7 @@ class OutputJobs:
 
     @cached_property
     def figures(self) -> dict[str, Inputs]:
-        """Figures that can be drawn, with the file of each input."""
+        """Figures that can be drawn, with the files of their inputs."""
         known = self._cloud_inputs() | self._study_inputs()
         return {
             name: {needed: known[needed] for needed in entry.inputs}
@@ -148,7 +148,7 @@ class OutputJobs:
         }
 
     def _frames_of(self, table: str) -> tuple[CoordinateFrame, ...]:
-        """Return the frames of the clouds in a figure's input; all for other inputs."""
+        """Return the coordinate frames of clouds in an input; all frames if it has no clouds."""
         if table not in _OF_CLOUDS:
             return get_args(CoordinateFrame)
         if table in _OF_CURVES:
@@ -167,7 +167,7 @@ class OutputJobs:
 
     @cached_property
     def _codec_styles(self) -> str:
-        """Digest of the codecs' styles; figures with codecs are drawn again if it changes."""
+        """Digest of the codecs' styles; if it changes, figures that show codecs are drawn again."""
         looks = [self._looks(name) for name in self.plan.codecs]
         return hashlib.sha256(repr(looks).encode()).hexdigest()[:16]
 
@@ -177,7 +177,7 @@ class OutputJobs:
         return entry.category, entry.title
 
     def figure_style(self, figure: str) -> tuple[dict[str, Any], ...]:
-        """Return the layers of a figure's style: of the data sets, all figures, and this one."""
+        """Return the layers of a figure's style: for data sets, all figures, and this figure."""
         changes = self.config.figures.style, self.config.figures.options.get(figure, {})
         if self._shows_codecs(figure):
             return self._style(*changes)
@@ -215,7 +215,7 @@ class OutputJobs:
 
     @property
     def first_codec(self) -> str:
-        """The codec whose results are made first, for a first look at them."""
+        """The codec whose results are made first, and shown while the run continues."""
         return next(iter(self.plan.codecs), "")
 
     @cached_property
@@ -224,7 +224,7 @@ class OutputJobs:
 
     @cached_property
     def first_look(self) -> Gathering:
-        """Plan figures of the first codec's results, which are drawn while other codecs run."""
+        """Plan figures from the first codec's results, which are drawn while other codecs run."""
         names = self.coding.rows("metrics", self.first_codec)
         record = FirstLook(names=names, style=self._style(self.config.figures.style))
         modules = map(FIGURES.module_of, self.first_figures)
@@ -240,7 +240,7 @@ class OutputJobs:
 
     @cached_property
     def report(self) -> PlannedJob:
-        """Plan the page, which is built again if titles or captions change."""
+        """Plan the report page, which is built again if titles or captions change."""
         entries: list[FigureEntry | TableEntry] = [*figure_entries().values()]
         entries += table_entries().values()
         texts = "".join(f"{entry.number} {entry.title} {entry.caption}" for entry in entries)
@@ -259,7 +259,7 @@ class OutputJobs:
 
     @cached_property
     def reference(self) -> PlannedJob:
-        """Plan the file with the run's tables for comparisons."""
+        """Plan the file of reference results, with which other runs can be compared."""
         record = Reference(
             contents=self.report_contents.as_json(), bd_rate=self.table_options("bd_rate")
         )
@@ -271,7 +271,7 @@ class OutputJobs:
         return f"{self.plan.results}/tables/{table}.{suffix}"
 
     def _makeable(self, known: Iterable[str]) -> dict[str, TableEntry]:
-        """Return the tables made of other tables whose inputs and needs the plan has."""
+        """Return the tables whose input tables and needs are available."""
         inputs = set(known)
         return {
             name: entry
@@ -282,7 +282,7 @@ class OutputJobs:
         }
 
     def _cloud_inputs(self) -> Inputs:
-        """Return the files for figures of clouds and results."""
+        """Return the input files for figures of clouds and results."""
         examples = self.config.figures.examples.given()
         known = {
             f"example_{kind}": self._example(cloud)
@@ -299,7 +299,7 @@ class OutputJobs:
         return known
 
     def _study_inputs(self) -> Inputs:
-        """Return the files for figures and tables of the sensor study."""
+        """Return the input files for figures and tables of the sensor study."""
         study = self.plan.study
         if study is None:
             return {}

@@ -1,4 +1,4 @@
-"""The plan of a configuration: scenes, data sets, clouds, codecs, trainings, sensor study."""
+"""The plan for a configuration: scenes, data sets, clouds, codecs, trainings, sensor study."""
 
 from __future__ import annotations
 
@@ -77,9 +77,9 @@ class DataSetPlan:
 
     @property
     def has_true_surface(self) -> bool:
-        """Whether the true surface is available in the frame of the clouds.
+        """Whether the true surface is available in the coordinate frame of the clouds.
 
-        In the frame of a moving or tilted sensor only true points are available.
+        For a moving or tilted sensor, only true points are available.
         """
         if not self.has_truth or not self.has_returns:
             return self.has_truth
@@ -87,13 +87,13 @@ class DataSetPlan:
 
     @property
     def is_scanned_from_truth(self) -> bool:
-        """Whether it is a scan of a surface that decoded clouds are compared with."""
+        """Whether its clouds are scans of a surface that decoded clouds are compared with."""
         return self.has_truth and self.settings.is_scan
 
 
 @dataclass(frozen=True)
 class StudyPlan:
-    """The sensor study (thesis chapter 5); `rows` is the number of residuals kept of each scan."""
+    """The sensor study (thesis chapter 5); `rows` is the number of residuals from each scan."""
 
     models: dict[str, tuple[str, dict[str, Any]]]
     captures: dict[str, tuple[str, dict[str, Any]]]
@@ -127,10 +127,10 @@ class TrainingPlan:
 
 
 class Plan:
-    """Scenes, data sets, clouds and codecs of a checked configuration.
+    """Scenes, data sets, clouds and codecs from a checked configuration.
 
-    With `check_scenes`, meshes are read, and unusable ones are left out. Raises InputError for
-    names that do not exist.
+    With `check_scenes`, meshes are read, and unusable ones excluded. Raises InputError if a name
+    does not exist.
     """
 
     def __init__(self, config: Config, check_scenes: bool = False) -> None:
@@ -169,7 +169,7 @@ class Plan:
         return usable
 
     def left_out_rows(self) -> tuple[dict[str, str], ...]:
-        """Return the files, scenes and rates that the run leaves out, with reasons."""
+        """Return the files, scenes, codecs and rates that the run excludes, with reasons."""
         named = [
             {"dataset": "", "scene": "", "file": file, "reason": why}
             for file, why in self.config.unused.items()
@@ -217,7 +217,7 @@ class Plan:
 
     @cached_property
     def extents(self) -> dict[str, dict[str, float]]:
-        """Longest sides of clouds in metres, m, by data set and cloud."""
+        """Longest sides in m of the clouds in metres, by data set and cloud."""
         return {
             name: extents(self._checks(name), data.clouds)
             for name, data in self.datasets.items()
@@ -241,7 +241,7 @@ class Plan:
         return tuple(rate for rate in self.rates(codec, "metric") if extent > most_extent(rate))
 
     def curve_rates(self, dataset: str, cloud: str, codec: str) -> tuple[str, ...]:
-        """Return the rates of a curve; none if its job has failed."""
+        """Return the rates of a curve, none if its job failed earlier."""
         if f"{dataset}/{cloud}/{codec}" in self.config.failed:
             return ()
         rates = self.rates(codec, self.datasets[dataset].frame)
@@ -262,7 +262,7 @@ class Plan:
 
     @cached_property
     def scanned(self) -> tuple[tuple[str, str], ...]:
-        """Clouds that are compared with the truth before coding."""
+        """Scans that are compared with the truth before encoding."""
         datasets = {name for name, data in self.datasets.items() if data.is_scanned_from_truth}
         return tuple(cloud for cloud in self.clouds if cloud[0] in datasets)
 
@@ -285,7 +285,7 @@ class Plan:
 
     @cached_property
     def recovered(self) -> tuple[tuple[str, str, str], ...]:
-        """Curves whose primitives are compared with labels."""
+        """Curves whose decoded primitives are compared with labels."""
         return tuple(
             curve
             for curve in self.curves
@@ -303,7 +303,7 @@ class Plan:
 
     @cached_property
     def coded(self) -> tuple[DataSetPlan, ...]:
-        """The data sets with a coded cloud."""
+        """The data sets in which a codec encodes a cloud."""
         names = {dataset for dataset, _, _ in self.curves}
         return tuple(data for name, data in self.datasets.items() if name in names)
 
@@ -315,7 +315,7 @@ class Plan:
         return data.settings.codecs is None or codec in data.settings.codecs
 
     def _why_not(self, codec: str, data: DataSetPlan) -> str:
-        """Return why a codec cannot code a data set, or an empty text."""
+        """Return why a codec cannot encode a data set, or an empty string."""
         opened = self.opened[codec]
         if opened.takes == "returns" and not data.has_returns:
             return "it codes returns of a spinning sensor"
@@ -432,7 +432,7 @@ def _unusable(dataset: str, faults: Mapping[str, str]) -> InputError:
 
 
 def open_scenes(name: str, value: SceneSetConfig, seed: int) -> ScenePlan:
-    """Open a scene set, with `seed` if its options have none."""
+    """Open a scene set, with `seed` if its options contain none."""
     own_seed = seed if value.seed is None else value.seed
     with naming(f"scenes.{name}"):
         scenes = open_scene_set(value.loader, value.options, own_seed)

@@ -1,4 +1,4 @@
-"""Planned jobs, and what makes Snakemake run them again."""
+"""Planned jobs, with the data whose change makes Snakemake repeat them."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class PlannedJob(NamedTuple):
     code: str
 
     def file(self) -> str:
-        """Write the record to a file named by its content, and return the file."""
+        """Write the settings to a file named after their digest, and return its path."""
         digest = hashlib.sha256(self.record.encode()).hexdigest()[:16]
         path, content = RECORDS / f"{self.name}-{digest}.json", self.record.encode()
         if not path.exists() or path.read_bytes() != content:
@@ -32,7 +32,7 @@ class PlannedJob(NamedTuple):
 
 
 def planned(record: Job, *modules: str, also: object = "") -> PlannedJob:
-    """Plan a job; `also` is anything else that changes its result, such as digests of files."""
+    """Plan a job; `also` is further data that affects its result, such as digests of files."""
     code = code_version(type(record).__module__, *modules)
     name = JOBS.name_of(type(record))
     return PlannedJob(
@@ -41,7 +41,7 @@ def planned(record: Job, *modules: str, also: object = "") -> PlannedJob:
 
 
 class Gathering(NamedTuple):
-    """A job that reads files of many others, named below the results folder."""
+    """A job that reads files of many others; `names` are relative to the results folder."""
 
     job: PlannedJob
     names: Sequence[str]
@@ -51,8 +51,8 @@ class Gathering(NamedTuple):
 
 
 def results_folder(files: Sequence[str], names: Sequence[str], results: Path) -> str:
-    """Return the results folder, or the copy of it with these files.
+    """Return the results folder, or its copy that contains `files`.
 
-    Snakemake copies files from a storage before it runs a job.
+    Snakemake makes copies if the results are in a remote storage.
     """
     return str(files[0]).removesuffix(f"/{names[0]}") if names else str(results)

@@ -1,4 +1,4 @@
-"""The contents of the report of a plan."""
+"""The contents of the report, from a plan."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def shown_rates(plan: Plan, dataset: str, cloud: str, codec: str) -> tuple[str, 
 
 
 def spread_out(names: Sequence[str], count: int) -> list[str]:
-    """Return `count` of the names, evenly spread; for 1, the middle one."""
+    """Return `count` evenly spaced names; if it is 1, the middle one."""
     if count >= len(names):
         return list(names)
     if count == 1:

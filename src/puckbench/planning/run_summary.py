@@ -1,4 +1,4 @@
-"""The summary at the end of a run: a table of results, and the places of its files."""
+"""The summary at the end of a run: a table of results, and the locations of files."""
 
 from __future__ import annotations
 
@@ -40,9 +40,9 @@ _PLACES = {"report": REPORT, "tables": "tables", "figures": "figures"}
 
 
 def closing_lines(results: Path, style: FigureStyle, anchor: str, since: float) -> Iterator[str]:
-    """Yield the lines of the summary; none if the run made no table of medians.
+    """Yield the lines of the summary, if the run made the table of medians.
 
-    `anchor` is the codec that BD-rates compare with; `since` is the time stamp of the run's start.
+    `anchor` is the codec with which BD-rates compare; `since` is the time stamp of the run's start.
     """
     summary = results / "tables" / "summary.csv"
     if not summary.exists() or summary.stat().st_mtime < since:
@@ -80,7 +80,7 @@ def summary_rows(results: Path, style: FigureStyle, anchor: str) -> list[dict[st
 
 
 def _delta(row: Row | None) -> dict[str, Any]:
-    """Return a BD-rate as text, and as a number if it is meaningful."""
+    """Return a BD-rate as text and, if meaningful, as a number."""
     value = float(row["bd_rate_percent"]) if row is not None and has_delta(row) else None
     return {"bd_rate_percent": value, "bd_rate": "" if row is None else delta_text(row)}
 
@@ -128,7 +128,7 @@ def _odd_results(results: Path) -> Iterator[str]:
 
 
 def _row(medians: Sequence[Row], style: FigureStyle) -> dict[str, Any]:
-    """Summarise the medians of a codec on a data set, without its BD-rate."""
+    """Return the summary of a codec's medians on a data set, without the BD-rate."""
     first = medians[0]
     ranges = {name: _range(medians, name) for name in ("bpp", "d1_rms_m", "d1_psnr")}
     return {
@@ -165,7 +165,7 @@ def _cells(row: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _aligned(rows: Sequence[Sequence[str]]) -> Iterator[str]:
-    """Yield lines of columns of equal width, texts left-aligned, numbers right-aligned."""
+    """Yield lines with columns of equal width; texts are left-aligned, numbers right-aligned."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     for row in rows:
         cells = zip(row, widths, strict=True)

@@ -1,4 +1,4 @@
-"""Estimate of the time of a run on this machine, from times measured on another."""
+"""Estimate of a run's time on this machine, from times measured on another."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _COMPILING_S, _COMPILING_CODEC_S = 20.0, 15.0
 
 
 def job_seconds(bench: Workflow) -> Callable[[str], float]:
-    """Return the mean seconds of a job over all clouds, as a function of its rule's name."""
+    """Return a function from a rule's name to the mean seconds of its jobs."""
     counts = [data.points for data in bench.plan.datasets.values() for _ in data.clouds]
     millions = sum(counts) / 1e6 / max(1, len(counts))
     seconds = {name: per_million * millions for name, per_million in _OF_CLOUDS.items()} | _OTHERS
@@ -55,7 +55,7 @@ def _of_curves(bench: Workflow, millions: float) -> dict[str, float]:
 
 
 def machine_sample() -> float:
-    """Return the seconds of a short computation on one core of this machine."""
+    """Return the seconds that a short computation takes on one core of this machine."""
     import numpy as np
 
     values = np.random.default_rng(0).random((100_000, 3))
@@ -70,7 +70,7 @@ def machine_sample() -> float:
 
 
 def compiling_seconds(bench: Workflow) -> float:
-    """Estimate the seconds of compilation; 0 if compiled loops are cached."""
+    """Estimate the seconds for compilation; 0 if compiled loops are cached."""
     import puckbench
 
     geometry = Path(puckbench.__file__).parent / "geometry"
@@ -86,6 +86,6 @@ def run_seconds(
     sample_s: float,
     compiling_s: float = 0.0,
 ) -> float:
-    """Estimate the seconds of jobs (rule -> number) on some cores of this machine."""
+    """Estimate the seconds that jobs (numbers by rule) take on some cores of this machine."""
     work = sum(count * seconds(rule) for rule, count in jobs.items()) + compiling_s
     return work * sample_s / SAMPLE_S / max(1, cores)

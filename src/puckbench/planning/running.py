@@ -1,4 +1,4 @@
-"""Actions around a run: lock the results, check for space, list what is left out."""
+"""Lock the results folder, check the disk space, and list excluded inputs."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _MOST_LEFT_OUT = 50
 
 
 def hold_results(results: Path) -> None:
-    """Lock the results folder while this process lives, and remove leftovers of a killed run.
+    """Lock the results folder until this process ends, and remove temporary files of a killed run.
 
     Raises InputError if another run holds the lock, or the folder cannot be written.
     """
@@ -55,8 +55,8 @@ def left_out_lines(rows: Sequence[Mapping[str, str]]) -> Iterator[str]:
 
 
 def now() -> float:
-    """Return a time stamp not later than that of any file written from now on.
+    """Return a time stamp that is not later than those of files written after this call.
 
-    The clock of a file server may be a minute behind ours.
+    The clock of a file server may be a minute behind this machine's.
     """
     return time.time() - 60

@@ -1,4 +1,4 @@
-"""Comparison of two results folders without times.
+"""Comparison of two results folders, without times.
 
 Tables are compared without columns of time and memory, other files byte by byte. Logs, the report
 and figures of times are ignored.
@@ -68,7 +68,7 @@ def _member(name: str, data: bytes) -> Any:
 
 
 def _table(path: Path) -> list[list[str]]:
-    """Return the column names and rows as text, in which NaN equals NaN."""
+    """Return the column names and rows as strings, in which NaN equals NaN."""
     if path.suffix == ".csv":
         with path.open(newline="", encoding="utf-8") as stream:
             return list(csv.reader(stream))

@@ -1,6 +1,6 @@
 """Checks of scenes before a run: damaged meshes, no place for a sensor, clouds without points.
 
-The results are stored with those of the run until the files or the settings change.
+The results are cached with those of the run until files or settings change.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def scan_record(settings: DataSetConfig, scene: str, seed: int) -> Scan:
 def scene_faults(
     scenes: SceneSet, names: Iterable[str], settings: DataSetConfig, results_file: Path
 ) -> dict[str, str]:
-    """Return the scenes that a data set cannot use, with reasons; `results_file` is a cache."""
+    """Return the scenes that a data set cannot use, with reasons; cache in `results_file`."""
     if settings.make == "cloud" and not read_first(scenes):
         return {}
     states = {

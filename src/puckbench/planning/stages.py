@@ -1,4 +1,4 @@
-"""The stages of a plan: their files, and their jobs in groups of equal work."""
+"""Files that a plan makes, by stage (scenes, clouds, curves ...), and groups of similar jobs."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from puckbench.planning.workflow import Workflow
 
 @dataclass(frozen=True)
 class Stage:
-    """Files of one kind; `planned` are their names below the folder, without suffix."""
+    """The files that one step of a run makes; `planned` are paths in the folder, without suffix."""
 
     folder: Path
     suffix: str
@@ -23,7 +23,7 @@ class Stage:
 
     @cached_property
     def existing(self) -> Mapping[str, float]:
-        """Planned files that exist, with their modification times in seconds."""
+        """Planned files that exist already, with their modification times in seconds."""
         start, end = len(str(self.folder)) + 1, -len(self.suffix)
         times = {
             path[start:end]: time
@@ -74,7 +74,7 @@ def _clouds_by(bench: Workflow, make: str) -> frozenset[str]:
 
 
 def job_kinds(bench: Workflow) -> list[JobKind]:
-    """Return all jobs in groups of equal work."""
+    """Return all jobs of a plan, in groups of similar jobs."""
     outputs, study = bench.outputs, bench.plan.study
     kinds = [JobKind("scene", len(stages_of(bench)["scenes"].planned))]
     for data in bench.plan.datasets.values():

@@ -1,4 +1,4 @@
-"""Jobs of the sensor study: plane residuals, and points of a wall and a floor."""
+"""Plans of the sensor study's jobs: plane residuals, and points on a wall and a floor."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class StudyJobs:
 
     @cached_property
     def gathered(self) -> dict[str, Gathering]:
-        """Tables joined from those of all models and recordings."""
+        """Tables with the rows of all error models and recordings."""
         models, captures = tuple(self.study.models), self.capture_files()
         residuals = (*(f"residuals/models/{model}.parquet" for model in models), *captures)
         points = tuple(f"wall_points/{model}.parquet" for model in models)

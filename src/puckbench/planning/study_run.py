@@ -1,4 +1,4 @@
-"""A run of a user's codecs on the clouds of a study with reference results."""
+"""A run of the user's codecs on the clouds of a study with reference results."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ def study_configuration(
     results: str,
     datasets: Sequence[str] = (),
 ) -> Options:
-    """Return a study's configuration with the user's codecs.
+    """Return the configuration of a study, with the user's codecs.
 
-    Raises InputError if the study has no such data set, its data are missing, a codec codes none of
-    its clouds, or its configuration is invalid or names code.
+    Raises InputError if the study has no such data set, its data are missing, a codec cannot encode
+    any of its clouds, or its configuration is invalid or names code.
     """
     study = _stored(reference)
     offered: Mapping[str, Options] = study["datasets"]
@@ -63,7 +63,7 @@ def study_configuration(
 
 
 def _stored(reference: ReferenceResults) -> Options:
-    """Return the study's keys about clouds and measures; raise InputError if they name code."""
+    """Return the study's keys for clouds and metrics; raise InputError if they name code."""
     kept = {k: v for k, v in reference.about["configuration"].items() if k not in _NOT_KEPT}
     with naming(f"{reference.name}: the configuration of the study"):
         study = checked(kept)

@@ -1,4 +1,4 @@
-"""Jobs that train weights of learned codecs."""
+"""Plans of the jobs that train the weights of learned codecs."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class TrainingJobs:
         return [f"{folder}/{dataset}/{cloud}.ply" for dataset, cloud in clouds]
 
     def train(self, name: str) -> PlannedJob:
-        """Plan a training, which discards checkpoints of other code."""
+        """Plan a training, which discards checkpoints made by other code."""
         training = self.training(name)
         record = Train(
             codec=training.codec,
@@ -39,7 +39,7 @@ class TrainingJobs:
         return planned(record)
 
     def memory_mb(self, name: str) -> int:
-        """Estimate the memory of a training in MB, for the network and all clouds."""
+        """Estimate the memory in MB of a training, for the network and all clouds."""
         datasets = self.plan.datasets
         points = sum(datasets[dataset].points for dataset, _ in self.training(name).clouds)
         return 3000 + points * _BYTES_PER_POINT // 1_000_000

@@ -73,21 +73,22 @@ class UserRun:
     codecs
         Names, ``path/to/file.py:Class`` or ``module:Class``; the first is the anchor.
     frame
-        Frame of clouds and meshes; by default metres if all cloud formats are among `IN_METRES`.
+        Coordinate frame of clouds and meshes; by default metres if all cloud formats are among
+        `IN_METRES`.
     rates
-        Names of rates, or ``("all",)``; by default all, or four of them if these take long.
+        Names of rates, or ``("all",)``; by default all, or four if all take long.
     points
-        Points sampled from a mesh that is not scanned.
+        Number of points sampled on a mesh that is not scanned.
     limit
-        Maximum number of scenes of a kind.
+        Maximum number of scenes of each kind.
     strict
-        Whether an unusable file is an error.
+        Whether to raise InputError for an unusable file.
     peak
         Peak of the PSNRs of clouds in metres, m; by default `puckbench.metrics.psnr.PEAK_M`.
     timeout_s
         Seconds after which a job fails.
     options
-        Options of the loaders of clouds and meshes.
+        Options for the loaders of clouds and meshes.
     """
 
     paths: tuple[str, ...]
@@ -259,7 +260,7 @@ class UserRun:
 
 
 def _files(text: str) -> Iterator[Path]:
-    """Yield files, and folders that are one recording."""
+    """Yield files, and folders that contain one recording."""
     path = Path(text)
     if path.is_dir() and not recordings.is_bag_folder(path):
         yield from (each for each in sorted(path.rglob("*")) if is_file_or_lost(each))
@@ -308,7 +309,7 @@ def codec_entries(codecs: Sequence[str]) -> dict[str, Options]:
 
 
 def check_codecs(plan: Plan, advice: bool = True) -> None:
-    """Raise InputError if a codec codes none of a plan's clouds, or cannot run here."""
+    """Raise InputError if a codec cannot encode any cloud of a plan, or cannot run here."""
     for name, opened in plan.opened.items():
         if not any(plan.codes(name, data) for data in plan.datasets):
             raise InputError(f"codec {name}: {_why_not(plan, name, advice)}")
@@ -353,9 +354,9 @@ def _why_not(plan: Plan, codec: str, advice: bool) -> str:
 
 
 def write_configuration(path: Path, config: Mapping[str, Any], command: str) -> None:
-    """Write a configuration and the command that made it, unless the user has edited the file.
+    """Write a configuration and the command that made it, unless the user edited the file.
 
-    The first line has a digest of the others, by which edits are detected.
+    A digest in the first line detects edits.
     """
     body = f"# {command}\n{yaml_text(dict(config))}"
     if path.exists() and not _is_as_made(path):

@@ -1,4 +1,4 @@
-"""The plan and the jobs that the Snakefile asks for."""
+"""The plan and the jobs that the Snakefile requests."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def run_jobs_with(source: str) -> None:
 
 
 def package_alone(folder: Path) -> Path:
-    """Make a folder with only this package, for jobs that have all other packages."""
+    """Make a folder that contains only this package, for jobs with all other packages installed."""
     package, link = Path(__file__).parents[1], folder.resolve() / "puckbench"
     if not link.is_symlink() or link.readlink() != package:
         link.parent.mkdir(parents=True, exist_ok=True)

@@ -1,1 +1,1 @@
-"""Tables gathered from the files of many jobs, and their summary."""
+"""Tables from the files of many jobs, and the summary of results."""

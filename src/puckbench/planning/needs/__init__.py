@@ -1,1 +1,1 @@
-"""Requirements of tables and figures on a plan."""
+"""Conditions on a plan for the production of tables and figures."""

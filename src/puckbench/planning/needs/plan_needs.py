@@ -1,4 +1,4 @@
-"""Needs of the benchmark's tables and figures."""
+"""Conditions on a plan for the benchmark's tables and figures."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def several_noises(plan: Plan) -> Options | None:
 
 
 def _true_spins(plan: Plan) -> list[DataSetPlan]:
-    """Return the data sets with a sensor's returns and their true surface."""
+    """Return the data sets that have both a sensor's returns and a true surface."""
     return [data for data in plan.coded if data.has_returns and data.has_true_surface]
 
 

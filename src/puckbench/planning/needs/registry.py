@@ -1,7 +1,7 @@
-"""Conditions on a plan that tables and figures name as their needs.
+"""Conditions on a plan (needs), which tables and figures refer to by name.
 
-A need is a function of a plan. It returns options for the tables with this need, or None if the
-plan does not meet it::
+A need is a function of a plan. It returns options for the table functions with this need, or None
+if the plan does not meet it::
 
     @NEEDS.register("codecs")
     def several_codecs(plan: Plan) -> Options | None:
@@ -24,9 +24,9 @@ NEEDS: Registry[Need] = Registry("need", "needs")
 
 
 def met_needs(plan: Plan) -> dict[str, Options]:
-    """Return the needs that a plan meets, each with its options.
+    """Return the names of the needs that a plan meets, with their options.
 
-    They include the distances and error models of the sensor study.
+    Distances and error models of the sensor study also count as needs.
     """
     options = {name: NEEDS.get(name)(plan) for name in NEEDS.names()}
     met = {name: value for name, value in options.items() if value is not None}
