@@ -1,6 +1,6 @@
 """Binary arithmetic coder in 32-bit integers, which every machine decodes alike.
 
-`code` encodes the bit with a writer, and ignores it with a reader.
+With a writer, `code` encodes its argument; with a reader, it ignores the argument and decodes.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ def bit_reader(stream: bytes) -> BitCoder:
 
 
 def written(coder: BitCoder) -> bytes:
-    """Flush a writer and return its bytes without trailing zeros (at most `PAST_THE_END`)."""
+    """Flush a writer and return its bytes without up to `PAST_THE_END` trailing zero bytes."""
     registers = coder.registers
     tail = (int(registers[LOW]) + (1 << 24) - 1) >> 24 << 24
     if tail > registers[HIGH]:
@@ -75,8 +75,10 @@ def exhausted(coder: BitCoder) -> bool:
 
 @cache
 def logistic_tables() -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return the tables ``stretch`` (4096,), logits of probabilities in 1 / 4096, and ``squash`` (2
-    LOGIT_LIMIT,), probabilities in 1 / ONE of logits plus LOGIT_LIMIT.
+    """Return the tables ``stretch`` (4096,) and ``squash`` (2 LOGIT_LIMIT,).
+
+    They hold the logits of probabilities in 1 / 4096, and the probabilities, in 1 / ONE, of logits
+    plus LOGIT_LIMIT.
     """
     probabilities = (np.arange(4096) + 0.5) / 4096
     stretch = np.rint(LOGIT_UNIT * np.log(probabilities / (1 - probabilities))).astype(np.int64)
@@ -89,13 +91,16 @@ def logistic_tables() -> tuple[NDArray[np.int64], NDArray[np.int64]]:
 
 
 def learning_rates() -> NDArray[np.int64]:
-    """Return the adaptation rate (MAX_MEMORY + 1,), in 1 / ONE, by number of coded bits."""
+    """Return the adaptation rate, in 1 / ONE, after each number of coded bits up to MAX_MEMORY."""
     return np.rint(ONE / (np.arange(MAX_MEMORY + 1) + 1.6)).astype(np.int64)
 
 
 @inlined_too
 def code(coder: BitCoder, bit: int, probability: int) -> int:
-    """Code a bit that is 1 with ``probability / ONE``, strictly between 0 and 1; return the bit."""
+    """Encode or decode a bit that is 1 with probability ``probability / ONE``; return the bit.
+
+    The probability must be strictly between 0 and 1.
+    """
     registers = coder.registers
     low, high = registers[0], registers[1]
     width = high - low
@@ -126,7 +131,7 @@ def _next_byte(coder: BitCoder) -> int:
 
 @compiled_in_place
 def code_gamma(coder: BitCoder, value: int) -> int:
-    """Code a number from 1 to 2^17 - 1 by its Elias gamma code; return it."""
+    """Encode or decode a number from 1 to 2^17 - 1 in Elias gamma code; return it."""
     bits = 0
     if coder.registers[WRITING] == 1:
         while value >> (bits + 1):

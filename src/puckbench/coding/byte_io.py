@@ -23,7 +23,7 @@ class Reader:
         self.body, self.at = body, 0
 
     def take(self, size: int) -> bytes:
-        """Return the next `size` bytes; InputError if fewer remain."""
+        """Return the next `size` bytes; raise InputError if fewer remain."""
         self.at += size
         if self.at > len(self.body):
             raise InputError("the stream is truncated")
@@ -33,7 +33,7 @@ class Reader:
         return self.take(len(self.body) - self.at)
 
     def number(self, longest: int = _LONGEST_NUMBER) -> int:
-        """Read a number written by `base_128`; InputError if it has more than `longest` bytes."""
+        """Read a number written by `base_128`; raise InputError if it exceeds `longest` bytes."""
         number = 0
         for k in range(longest):
             byte = self.take(1)[0]

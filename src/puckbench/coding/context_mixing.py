@@ -1,9 +1,9 @@
-"""Context mixing: the probability of a bit from several estimates (Mahoney 2005, "Adaptive weighing
-of context models for lossless data compression"), in integer arithmetic.
+"""Context mixing in integer arithmetic: the probability of a bit is mixed from several estimates.
 
 Estimates are logits: of experts, which the caller computes, and of contexts, which are adaptive
 counters. For each set of weights the caller selects a row, which mixes the estimates; the mixtures
-of all sets are averaged and corrected by tables (secondary estimation).
+of all sets are averaged and corrected by tables (secondary estimation). See Mahoney 2005, "Adaptive
+weighing of context models for lossless data compression".
 """
 
 from __future__ import annotations
@@ -46,18 +46,18 @@ BIAS = 77
 
 @dataclass(frozen=True)
 class MixerOptions:
-    """Sizes of a mixer, and how it learns.
+    """Sizes and learning rates of a mixer.
 
     Parameters
     ----------
     rows
-        Number of rows of weights, of all sets.
+        Total number of rows of weights in all sets.
     weights
         Initial weight of each expert, then of each context.
     memory
         Number of bits after which a counter's rate is constant.
     tables
-        Number of sets (1 or 2), from the first, with a correction table for each row.
+        Number of sets (1 or 2), from the first on, that have a correction table for each row.
     """
 
     experts: int
@@ -83,8 +83,10 @@ class MixerSizes(NamedTuple):
 
 
 class Mixer(NamedTuple):
-    """State of a mixer. For each bit the caller sets the experts' logits in `inputs`, the counter
-    of each context in `contexts` and the row of weights of each set in `rows`.
+    """State of a mixer.
+
+    For each bit the caller sets the experts' logits in `inputs`, the counter of each context in
+    `contexts` and the row of weights of each set in `rows`.
 
     Parameters
     ----------
@@ -151,7 +153,7 @@ def new_counters(count: int) -> NDArray[np.int32]:
 
 
 def new_corrections(rows: int) -> Words:
-    """Return correction tables (rows, buckets) that keep the probability of every mixture."""
+    """Return correction tables (rows, buckets) that initially change no probability."""
     _, squash = logistic_tables()
     steps = np.minimum(np.arange(BUCKETS) * 128, 2 * LOGIT_LIMIT - 1)
     return np.tile((squash[steps] << PROBABILITY_BITS - 16).astype(np.int32), (rows, 1))
@@ -159,7 +161,7 @@ def new_corrections(rows: int) -> Words:
 
 @inlined
 def code_bit(mixer: Mixer, bit: int, node: int, row: int) -> int:
-    """Code a bit, which a reader ignores, and return it.
+    """Encode or decode a bit (a reader ignores the argument), and return it.
 
     `node` is added to each of the mixer's `contexts`, `row` to each of its `rows`.
     """
@@ -223,7 +225,10 @@ def learn_bit(counters: Counters, counter: int, target: int, rates: Integers, me
 
 @inlined
 def corrected(corrections: Integers, row: int, bucket: int, share: int) -> int:
-    """Return the probability of a 1 between two buckets; `share`: of the second, in 1 / 128."""
+    """Return the probability of a 1, interpolated between two buckets.
+
+    `share` is the weight of the second bucket, in 1 / 128.
+    """
     place = np.uint64(row), np.uint64(bucket)
     after = np.uint64(row), np.uint64(bucket + 1)
     left, right = corrections[place], corrections[after]

@@ -11,8 +11,10 @@ _CHECK = struct.Struct("<I")
 
 @dataclass(frozen=True)
 class Framing:
-    """The layout of a stream: magic number (4 bytes), version (1 byte), header (not covered by the
-    CRC), CRC-32 of the body, body.
+    """The layout of a stream.
+
+    It consists of magic number (4 bytes), version (1 byte), header (not covered by the CRC), CRC-32
+    of the body, and body.
     """
 
     magic: bytes
@@ -28,9 +30,8 @@ class Framing:
         return self._start + header + _CHECK.pack(zlib.crc32(body)) + body
 
     def unframed(self, stream: bytes) -> tuple[bytes, bytes]:
-        """Return header and body of a stream; InputError unless codec, version and CRC are
-        correct.
-        """
+        """Return header and body of a stream; raise InputError for another codec, version or
+        CRC."""
         start, end = len(self._start), len(self._start) + self.header + _CHECK.size
         if len(stream) < end:
             raise InputError("the stream is truncated")

@@ -8,9 +8,8 @@ from puckbench.core.compiling import inlined
 
 @inlined
 def bit_count(word: int) -> int:
-    """Return the number of set bits of a 64-bit word, by a pattern that LLVM replaces by one
-    instruction.
-    """
+    """Return the number of set bits of a 64-bit word, in a form that LLVM compiles to one
+    instruction."""
     pairs = word - ((word >> 1) & 0x5555555555555555)
     fours = (pairs & 0x3333333333333333) + ((pairs >> 2) & 0x3333333333333333)
     eights = (fours + (fours >> 4)) & 0x0F0F0F0F0F0F0F0F
@@ -19,7 +18,7 @@ def bit_count(word: int) -> int:
 
 @inlined
 def leading_zeros(word: int) -> int:
-    """Return the number of zero bits above the highest set bit of a 64-bit word; 64 for 0."""
+    """Return the number of zero bits above the highest set bit of a 64-bit word, or 64 for 0."""
     if word < 0:
         return 0
     zeros = 64

@@ -92,8 +92,9 @@ def add_fused_products_loop(
 
 @inlined
 def fused_multiply_add(a: np.float32, b: np.float32, c: np.float32) -> np.float32:
-    """Return a * b + c, rounded once (IEEE 754), from a double precision sum rounded to odd (Boldo
-    and Melquiond 2008).
+    """Return a * b + c, rounded once (IEEE 754).
+
+    The double precision sum is first rounded to odd (Boldo and Melquiond 2008).
     """
     product = np.float64(a) * np.float64(b)  # exact
     total = product + np.float64(c)

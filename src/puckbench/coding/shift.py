@@ -36,8 +36,10 @@ class Shifted(NamedTuple):
 
 
 def shift_of(points: Floats, step: float | None = None) -> Floats | None:
-    """Return the integers (3,) to subtract from points (n, 3); None near the origin if single
-    precision resolves an eighth of the codec's grid `step`.
+    """Return the integers (3,) to subtract from points (n, 3), or None if no shift is needed.
+
+    None is needed near the origin if single precision resolves an eighth of the codec's grid
+    `step`.
     """
     ends = bounds(points)
     with np.errstate(over="ignore"):
@@ -50,12 +52,12 @@ def shift_of(points: Floats, step: float | None = None) -> Floats | None:
 
 
 def shifted(stream: bytes, shift: Floats) -> bytes:
-    """Prepend the header of a shift (3,) to a stream."""
+    """Prepend a header with the shift (3,) to a stream."""
     return MAGIC + b"".join(signed_128(int(axis)) for axis in shift) + stream
 
 
 def unshifted(stream: bytes) -> Shifted:
-    """Separate the header from the codec's stream; InputError if the header is damaged."""
+    """Separate the header from the codec's stream; raise InputError if the header is damaged."""
     if not stream.startswith(MAGIC):
         return Shifted(stream, None)
     reader = Reader(stream[len(MAGIC) :])
@@ -67,7 +69,7 @@ def unshifted(stream: bytes) -> Shifted:
 
 
 def moved(points: Floats, shift: Floats) -> Floats:
-    """Add the shift (3,) to points (m, 3); InputError if a result is not finite."""
+    """Add the shift (3,) to points (m, 3); raise InputError if a result is not finite."""
     with np.errstate(over="ignore"):
         result: Floats = points + shift
     if not np.isfinite(result).all():

@@ -27,12 +27,12 @@ class InUnits(NamedTuple):
 
 
 def with_unit(stream: bytes, unit: float) -> bytes:
-    """Prepend the header of a unit to a stream."""
+    """Prepend a header with the unit to a stream."""
     return MAGIC + _UNIT.pack(unit) + stream
 
 
 def without_unit(stream: bytes) -> InUnits:
-    """Separate the header from the codec's stream; InputError if the header is damaged."""
+    """Separate the header from the codec's stream; raise InputError if the header is damaged."""
     if not stream.startswith(MAGIC):
         return InUnits(stream, None)
     start = len(MAGIC) + _UNIT.size
@@ -45,7 +45,7 @@ def without_unit(stream: bytes) -> InUnits:
 
 
 def multiplied(points: Floats, unit: float) -> Floats:
-    """Multiply points (m, 3) by `unit`; InputError if a result is not finite."""
+    """Multiply points (m, 3) by `unit`; raise InputError if a result is not finite."""
     with np.errstate(over="ignore"):
         result: Floats = points * unit
     if not np.isfinite(result).all():

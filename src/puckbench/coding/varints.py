@@ -12,7 +12,7 @@ Numbers = NDArray[np.int64]
 
 
 def packed_signed(numbers: Numbers) -> bytes:
-    """Encode numbers (n,) of at most 34 bits and a sign, each as `byte_io.signed_128`."""
+    """Encode numbers (n,) of at most 34 bits and a sign, each like `byte_io.signed_128`."""
     zigzag = np.where(numbers >= 0, 2 * numbers, -2 * numbers - 1)
     groups = zigzag[:, None] >> np.arange(0, 7 * _LONGEST, 7)
     present = groups > 0
@@ -23,7 +23,7 @@ def packed_signed(numbers: Numbers) -> bytes:
 
 
 def unpacked_signed(data: bytes, count: int) -> Numbers:
-    """Decode exactly `count` numbers; InputError if the bytes are damaged."""
+    """Decode exactly `count` numbers; raise InputError if the bytes are damaged."""
     groups = np.frombuffer(data, np.uint8)
     ends = np.flatnonzero(groups < 128)
     if len(ends) != count or (count and ends[-1] != len(groups) - 1) or (not count and data):

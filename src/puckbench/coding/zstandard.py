@@ -14,7 +14,7 @@ _WINDOW_LOG = 27
 
 
 def compressed(data: bytes, level: int = 19, long: bool = False) -> bytes:
-    """Return one Zstandard frame; `long` finds matches up to 128 MiB back."""
+    """Return one Zstandard frame; `long` lets matches be up to 128 MiB apart."""
     options: dict[int, int] = {zstd.CompressionParameter.compression_level: level}
     if long:
         options[zstd.CompressionParameter.enable_long_distance_matching] = 1
@@ -23,7 +23,7 @@ def compressed(data: bytes, level: int = 19, long: bool = False) -> bytes:
 
 
 def decompressed(stream: bytes, most: int) -> bytes:
-    """Decompress a frame; InputError if it is damaged or holds more than `most` bytes."""
+    """Decompress a frame; raise InputError if it is damaged or holds more than `most` bytes."""
     options: dict[int, int] = {zstd.DecompressionParameter.window_log_max: _WINDOW_LOG}
     decoder = zstd.ZstdDecompressor(options=options)
     try:

@@ -1,5 +1,7 @@
-"""Nearest neighbour search with a limit on its work, since every search tree visits all points for
-queries at the centre of a sphere of points.
+"""Nearest neighbour search with a limit on its work.
+
+The limit is needed because a search tree visits all points for queries at the centre of a sphere of
+points.
 """
 
 from __future__ import annotations
@@ -13,8 +15,10 @@ from puckbench.geometry.spatial_order import Rows
 
 
 def nearest_within(queries: Floats, points: BoxTree, max_visits: int) -> tuple[Floats, Rows] | None:
-    """Return the distance (m,) and the row (m,) of each query's nearest point, or None if all
-    queries (m, 3) together have to visit more than `max_visits` points and boxes.
+    """Return the distance (m,) and the row (m,) of each query's nearest point.
+
+    Return None if all queries (m, 3) together have to visit more than `max_visits` points and
+    boxes.
     """
     squared, places = np.empty(len(queries)), np.empty(len(queries), np.int64)
     if _search(queries, points, max_visits, squared, places) > max_visits:
@@ -65,7 +69,7 @@ def _squared_gap(query: Floats, low: Floats, high: Floats) -> float:
 
 @inlined
 def _push(nodes: Rows, gaps: Floats, base: int, size: int, node: int, gap: float) -> None:
-    """Push a node on the stack; siblings from `base` on are sorted, with the nearest on top."""
+    """Push a node on the stack, whose nodes from `base` on are sorted, with the nearest on top."""
     place = size
     while place > base and gaps[place - 1] < gap:
         gaps[place], nodes[place] = gaps[place - 1], nodes[place - 1]

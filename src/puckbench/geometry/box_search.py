@@ -25,9 +25,9 @@ LEAVES_AT_ONCE = 1024
 class NearestTwo(NamedTuple):
     """Nearest points of m queries, with the smallest squared distances (m,).
 
-    ``rows`` (m, 2) are the two nearest points: twice the nearest if there is no tie, any two of
-    three tied points. ``ties`` (m,) counts tied points (at most 3), ``exact`` (m,) those at the
-    smallest distance.
+    ``rows`` (m, 2) are the two nearest points. Both are the nearest if there is no tie, and any two
+    of three tied points. ``ties`` (m,) counts tied points (at most 3), and ``exact`` (m,) those
+    exactly at the smallest distance.
     """
 
     squared: Floats
@@ -39,8 +39,8 @@ class NearestTwo(NamedTuple):
 class _Block(NamedTuple):
     """Search state of a leaf's q queries.
 
-    ``limits`` (q,): squared distance beyond which points are skipped; ``squared`` (q, 3): smallest
-    squared distances; ``places`` (q, 2): columns of the nearest points.
+    ``limits`` (q,) are the squared distances beyond which points are skipped, ``squared`` (q, 3)
+    the smallest squared distances, and ``places`` (q, 2) the columns of the nearest points.
     """
 
     limits: Floats
@@ -54,7 +54,7 @@ class _Stack(NamedTuple):
 
 
 def nearest_two(queries: BoxTree, points: BoxTree) -> NearestTwo:
-    """Find the nearest two points of each query, as rows of the trees' input arrays."""
+    """Return the two nearest points of each query, as rows of the trees' input arrays."""
     m = len(queries.rows)
     nearest = NearestTwo(np.empty(m), *(np.empty(shape, np.int64) for shape in ((m, 2), m, m)))
     parts = range(0, len(queries.leaves), LEAVES_AT_ONCE)

@@ -87,7 +87,8 @@ def _nodes(points: Floats, rows: Rows, keys: Keys) -> tuple[Rows, Rows, Rows, Ro
 
 @compiled
 def _splitting_shift(keys: Keys, start: int, end: int, shift: int) -> int:
-    """Return the shift of the first level, from `shift` down, that splits the keys; else -3."""
+    """Return the shift of the first level, from `shift` down, that splits the keys, or -3 if
+    none does."""
     while shift >= 0 and keys[start] >> shift == keys[end - 1] >> shift:
         shift -= 3
     return shift

@@ -1,4 +1,4 @@
-"""Closest points on a triangle mesh: searched in single, computed in double precision."""
+"""Closest points on a triangle mesh, searched in single and computed in double precision."""
 
 from __future__ import annotations
 
@@ -28,8 +28,9 @@ def mesh_in_frame(mesh: Mesh, scale: float, offset: Floats | tuple[float, float,
 
 
 class SearchableMesh:
-    """A triangle mesh with a search tree (Embree, single precision) for the closest triangle; on
-    shared edges any of the triangles.
+    """A triangle mesh with a search tree (Embree, single precision) for the closest triangle.
+
+    At a shared edge, any of its triangles is the closest.
     """
 
     def __init__(self, mesh: Mesh) -> None:
@@ -72,7 +73,7 @@ def closest_surface_points(mesh: Mesh | SearchableMesh, points: Floats) -> Surfa
 
 @compiled
 def _closest_on_triangles(points: Floats, corners: Floats) -> Floats:
-    """Return the point of triangle i, with corners (m, 3, 3), that is closest to point i."""
+    """Return, for each point i, the closest point of triangle i, with corners (m, 3, 3)."""
     closest = np.empty((len(points), 3))
     for i in range(len(points)):
         p, a, b, c = points[i], corners[i, 0], corners[i, 1], corners[i, 2]

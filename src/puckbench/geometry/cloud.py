@@ -58,8 +58,8 @@ class PointCloud:
     labels
         (n,) int32.
     about
-        Description: source, seed, ``scale`` and ``offset`` to metres, ``size`` of the cube that the
-        cloud is scaled to (0: metres), and more.
+        Description, such as source, seed, ``scale`` and ``offset`` to metres, and ``size`` of the
+        cube to which the cloud is scaled (0: metres).
     returns
         Returns of a spinning sensor, one per point.
     fields
@@ -85,7 +85,7 @@ class PointCloud:
 
     @property
     def frame(self) -> CoordinateFrame | None:
-        """Whether the cloud is scaled or metric; None without ``size`` in the description."""
+        """Whether the cloud is scaled or metric, or None without ``size`` in the description."""
         size = self.about.get("size")
         if size is None:
             return None
@@ -93,7 +93,7 @@ class PointCloud:
 
     @property
     def peak(self) -> float | None:
-        """Peak value of MPEG's PSNRs, in the cloud's units; None if unknown."""
+        """Peak value of MPEG's PSNRs, in the cloud's units, or None if unknown."""
         if self.frame == "scaled":
             return float(self.about["size"]) - 1
         peak = self.about.get("peak")
@@ -115,13 +115,13 @@ class PointCloud:
         )
 
     def to_metres(self, points: Floats) -> Floats:
-        """Transform points (m, 3): ``points / scale + offset``."""
+        """Transform points (m, 3) by ``points / scale + offset``."""
         scale, offset = self.about.get("scale", 1.0), self.about.get("offset", (0.0, 0.0, 0.0))
         return np.asarray(points / scale + np.asarray(offset))
 
 
 def bounds(points: Floats) -> Floats:
-    """Return the bounding box of points (n, 3): lowest and highest corner, (2, 3)."""
+    """Return the bounding box (2, 3) of points (n, 3), lowest corner first."""
     columns = [points[:, axis] for axis in range(3)]  # ten times faster than points.min(axis=0)
     return np.array([[column.min() for column in columns], [column.max() for column in columns]])
 
@@ -131,9 +131,7 @@ _SMALLEST_EXTENT, _LARGEST_COORDINATE = 1e-30, 1e30
 
 
 def check_extent(points: Floats, source: str) -> None:
-    """Raise InputError if all points (n, 3) are equal, or their extent is too small or too
-    large.
-    """
+    """Raise InputError if points (n, 3) are all equal, or their extent is too small or large."""
     low, high = bounds(points)
     extent = float((high / 2 - low / 2).max()) * 2
     if extent == 0:

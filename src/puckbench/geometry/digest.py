@@ -11,10 +11,10 @@ _STEPS_PER_UNIT = {"scaled": 1e3, "metric": 1e6}
 
 
 def cloud_digest(points: Floats, metric: bool = False) -> str:
-    """Return 32 hexadecimal digits of the SHA-256 of coordinates (n, 3), in order, to recognise
-    results on the same cloud.
+    """Return a digest that identifies results on the same cloud.
 
-    Rounding hides the last bits, in which processors may differ.
+    It consists of 32 hexadecimal digits of the SHA-256 of the ordered coordinates (n, 3). They are
+    rounded, because processors may differ in the last bits.
     """
     steps = np.rint(points * _STEPS_PER_UNIT["metric" if metric else "scaled"]).astype("<i8")
     return hashlib.sha256(steps.tobytes()).hexdigest()[:32]

@@ -62,14 +62,14 @@ class Mesh:
     labels: Labels | None = None
 
     def corners(self) -> Floats:
-        """Return the corners, (t, 3, 3)."""
+        """Return the corners (t, 3, 3) of all triangles."""
         return self.vertices[self.triangles]
 
     def areas(self) -> Floats:
         return np.asarray(np.linalg.norm(self._doubled_areas(), axis=1) / 2)
 
     def normals(self) -> Floats:
-        """Return unit normals, (t, 3); zero for triangles without area."""
+        """Return the triangles' unit normals (t, 3), which are zero for triangles without area."""
         doubled = self._doubled_areas()
         lengths = np.linalg.norm(doubled, axis=1, keepdims=True)
         return np.asarray(
@@ -77,7 +77,7 @@ class Mesh:
         )
 
     def bounds(self) -> Floats:
-        """Return the bounding box of the triangles, (2, 3)."""
+        """Return the bounding box (2, 3) of the triangles."""
         used = self.vertices[np.unique(self.triangles)]
         return np.stack([used.min(axis=0), used.max(axis=0)])
 
@@ -87,7 +87,8 @@ class Mesh:
 
 
 def primitive_in_metres(primitive: Primitive, scale: float, offset: Floats) -> Primitive:
-    """Transform a primitive from a scaled frame to metres: ``metres = scaled / scale + offset``."""
+    """Transform a primitive from a scaled frame to metres by ``metres = scaled / scale +
+    offset``."""
     parameters = dict(primitive.parameters)
     for name in _LENGTHS:
         if name in parameters:
@@ -120,9 +121,7 @@ def scaled_mesh(mesh: Mesh, metres_per_unit: float) -> Mesh:
 
 
 def check_mesh(mesh: Mesh, source: str) -> None:
-    """Raise InputError for a mesh without area, with invalid indices, or with vertices that are not
-    finite.
-    """
+    """Raise InputError for a mesh without area, with invalid indices, or with infinite vertices."""
     if len(mesh.triangles) == 0:
         raise InputError(f"{source}: the mesh has no faces")
     if mesh.triangles.min() < 0 or mesh.triangles.max() >= len(mesh.vertices):

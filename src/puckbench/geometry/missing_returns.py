@@ -21,11 +21,11 @@ _MIN_RANGE_M = 0.2
 
 
 def missing_returns(xyz: Floats, is_organised: bool = False) -> Mask:
-    """Return the mask (n,) of points that stand for firings without a return: points without
-    coordinates or at the origin.
+    """Return the mask (n,) of points that stand for firings without a return.
 
-    Unless the cloud is organised (an image), points at the origin count only if they are one in a
-    thousand and more than twice as many as coincide at any other position.
+    These points have no coordinates, or lie at the origin. Unless the cloud is organised (an
+    image), points at the origin count only if they are one in a thousand and more than twice as
+    many as coincide at any other position.
     """
     empty: Mask = np.asarray(np.isnan(xyz).all(axis=1))
     zero: Mask = np.asarray((xyz == 0).all(axis=1))

@@ -44,7 +44,7 @@ def parent_code(morton: int, axes: int) -> int:
 
 @inlined
 def compact_bits(bits: int) -> int:
-    """Return every third bit, from the lowest, as adjacent bits."""
+    """Return every third bit, starting with the lowest, as adjacent bits."""
     bits &= Z_BITS
     bits = (bits | bits >> 2) & 0x10C30C30C30C30C3
     bits = (bits | bits >> 4) & 0x100F00F00F00F00F

@@ -30,7 +30,7 @@ LEAF_SIZE = 16
 
 @dataclass(frozen=True)
 class Neighbours:
-    """Nearest neighbours of m queries, ties included.
+    """Nearest neighbours of m queries, including ties.
 
     The neighbours of query i are the rows ``index[starts[i]:starts[i + 1]]``, nearest first, at the
     squared distance ``squared[i]``; the first ``exact[i]`` are exactly at this distance.
@@ -62,7 +62,7 @@ class SearchablePoints:
         return KDTree(self._points, leafsize=LEAF_SIZE)
 
     def nearest(self, queries: SearchablePoints) -> Neighbours:
-        """Find the nearest neighbours of the queries with all ties."""
+        """Return all nearest neighbours, including ties, of the queries."""
         two = nearest_two(queries._boxes, self._boxes)
         rows, groups = np.flatnonzero(two.ties > 2), []
         for k in _neighbour_counts():

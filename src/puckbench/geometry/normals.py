@@ -7,8 +7,9 @@ from puckbench.geometry.spatial_order import morton_order
 
 
 def estimate_normals(points: Floats, neighbours: int = 30) -> Floats:
-    """Return unit normals (n, 3) of arbitrary sign, as Open3D estimates them (thesis section
-    6.1.2); (0, 0, 1) for fewer than three points.
+    """Return unit normals (n, 3) of arbitrary sign, estimated by Open3D (thesis section 6.1.2).
+
+    Fewer than three points get (0, 0, 1).
     """
     import open3d as o3d
 

@@ -40,11 +40,10 @@ def ransac_plane(
     threshold_m: float = THRESHOLD_M,
     refit: bool = False,
 ) -> Plane:
-    """Fit a plane to points (n, 3) by PCL's RandomSampleConsensus (thesis section 5.1.2), with at
-    most 1000 samples and 99 % confidence.
+    """Fit a plane to points (n, 3) by PCL's RandomSampleConsensus (thesis section 5.1.2).
 
-    `refit` returns the least-squares plane of the inliers, which are within `threshold_m`. Raises
-    InputError if all points lie on one line.
+    It draws at most 1000 samples for 99 % confidence. `refit` returns the least-squares plane of
+    the inliers, which are within `threshold_m`. Raises InputError if all points lie on one line.
     """
     if len(points) < 3:
         raise InputError(f"a plane needs at least 3 points, there are {len(points)}")
@@ -67,11 +66,10 @@ def least_squares_plane(points: Floats) -> Plane:
 def robust_plane(
     points: Floats, start: Plane, *, sigmas: float = 5.0, rounds: int = 20
 ) -> tuple[Plane, NDArray[np.bool_]]:
-    """Fit a least-squares plane and select its inliers in turn until the inliers do not change, at
-    most `rounds` times.
+    """Fit a least-squares plane and select its inliers in turn until the inliers do not change.
 
-    Inliers lie within `sigmas` robust standard deviations of the median distance. Return the plane
-    and the mask (n,) of inliers.
+    This takes at most `rounds` times. Inliers lie within `sigmas` robust standard deviations of the
+    median distance. Return the plane and the mask (n,) of inliers.
     """
     plane, inliers = start, np.zeros(len(points), dtype=bool)
     for _ in range(rounds):

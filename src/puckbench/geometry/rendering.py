@@ -18,7 +18,8 @@ _BACKGROUND = 255.0
 
 @dataclass(frozen=True)
 class View:
-    """A camera, perspective or, with a `height` of the image in scene units, orthographic.
+    """A perspective camera, or an orthographic one if `height` gives the image's height in scene
+    units.
 
     The `eye` looks at the `target`, with a vertical field of view.
     """
@@ -39,7 +40,7 @@ class View:
         return right, np.cross(right, forward), forward
 
     def half_extent(self) -> float:
-        """Return half the image's height: at distance 1 if perspective, else at any distance."""
+        """Return half the image's height, at distance 1 in a perspective view."""
         if self.height is not None:
             return self.height / 2
         return float(np.tan(np.radians(self.field_of_view_deg) / 2))
@@ -63,7 +64,8 @@ def three_quarter_view(
     aspect: float = 4 / 3,
     field_of_view_deg: float = 35.0,
 ) -> View:
-    """Return the closest perspective view from a direction that shows a whole box (2, 3)."""
+    """Return the closest perspective view, from a given direction, that shows a whole box (2,
+    3)."""
     azimuth, elevation = np.radians([azimuth_deg, elevation_deg])
     direction = np.array([np.cos(azimuth), np.sin(azimuth), 0.0]) * np.cos(elevation)
     direction[2] = np.sin(elevation)
@@ -114,7 +116,7 @@ def _unit(vectors: Floats) -> Floats:
 
 
 def _eye_dome_brightness(depth: Floats) -> Floats:
-    """Return the brightness, from 1 to 0.35 for pixels far behind their neighbours."""
+    """Return each pixel's brightness, down from 1 to 0.35 far behind its neighbours."""
     finite = np.isfinite(depth)
     if not finite.any():
         return np.ones(depth.shape)

@@ -29,8 +29,9 @@ class Scaling(NamedTuple):
 
 
 def origin_shift(points: Floats) -> Floats:
-    """Return the shift (3,), in whole metres, that brings points (n, 3) near the origin; 0 along
-    axes with points within `FAR_M`.
+    """Return the shift (3,), in whole metres, that brings points (n, 3) near the origin.
+
+    It is 0 along axes on which the points are within `FAR_M`.
     """
     low, high = bounds(points)
     nearest = np.where(low > 0, low, np.where(high < 0, high, 0.0))
@@ -38,8 +39,8 @@ def origin_shift(points: Floats) -> Floats:
 
 
 def cube_scaling(points: Floats, size: int = 1024) -> Scaling:
-    """Return the scaling of points (n, 3) in metres to the cube [0, size - 1]^3, as in PCC Arena
-    (thesis section 6.1.6).
+    """Return the scaling of points in metres to [0, size - 1]^3, as in PCC Arena (thesis section
+    6.1.6).
 
     The minimum of each axis is subtracted, then all axes are multiplied by (size - 1) over the
     largest coordinate.

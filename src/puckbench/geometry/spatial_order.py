@@ -26,7 +26,8 @@ DIGIT_MASK = (1 << DIGIT_BITS) - 1
 
 
 def distinct_rows(points: Floats) -> Rows:
-    """Return the rows (m,) of distinct points in Morton order; of equal points the first."""
+    """Return the rows (m,) of distinct points in Morton order; the first of equal points is
+    kept."""
     return distinct_points(points)[0]
 
 
@@ -56,7 +57,7 @@ def morton_keys(points: Floats) -> Keys:
 
 @compiled
 def bounding_corners(points: NDArray[T]) -> tuple[NDArray[T], NDArray[T]]:
-    """Return the lowest and highest coordinates, (3,) each, of points (n, 3), n > 0."""
+    """Return the lowest and the highest corner, (3,) each, of points (n, 3), n > 0."""
     lowest, highest = points[0].copy(), points[0].copy()
     for i in range(len(points)):
         for axis in range(3):
@@ -114,7 +115,8 @@ def _sort_by_digit(
 
 @compiled
 def _first_of_equal_points(points: Floats, keys: Keys) -> Rows:
-    """Return the positions of points that differ from all before; equal points have equal keys."""
+    """Return the positions of points that differ from all previous points; equal points have
+    equal keys."""
     n = len(points)
     repeated, shares_key = keys[1:] == keys[:-1], np.zeros(n, np.bool_)
     shares_key[1:] |= repeated

@@ -17,7 +17,7 @@ _BLOCKS_PER_TASK = 16384
 
 
 class TangentPlanes(NamedTuple):
-    """Planes around m voxels, lengths in voxels.
+    """Planes around m voxels; lengths are in voxels.
 
     ``normals`` (m, 3) are 0 where there are too few voxels; ``distances`` (m,) are signed distances
     of the voxels from their planes, ``thickness`` (m,) root mean square distances and ``counts``
@@ -62,8 +62,8 @@ def _fit(
 ) -> None:
     """Write the planes of the voxels in blocks rows[0] to rows[1].
 
-    `voxels`: coordinates grouped by block, and their rows in `planes`. `blocks`: sorted keys, first
-    voxels and integer moments, whose sums are exact.
+    `voxels` holds coordinates grouped by block, and their rows in `planes`; `blocks` holds sorted
+    keys, first voxels and integer moments, whose sums are exact.
     """
     xyz, order = voxels
     keys, starts, block_moments = blocks
@@ -107,7 +107,7 @@ def _first_key_in_row(key: int, row: int) -> int:
 
 @compiled
 def _block_moments(xyz: Ints, starts: Ints) -> Ints:
-    """Return the moments (b, 10) of the voxels of each block about its first voxel."""
+    """Return the moments (b, 10) of each block's voxels, relative to its first voxel."""
     moments = np.zeros((len(starts) - 1, MOMENT_COUNT), np.int64)
     for i in range(len(moments)):
         begin = starts[i]

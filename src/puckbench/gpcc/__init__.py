@@ -1,7 +1,7 @@
 """G-PCC geometry (ISO/IEC 23090-9:2023), compatible with TMC13: octree and predictive coding.
 
 Streams, syntax elements and coding tools are named as in the standard and in TMC13 release-v14.0,
-its reference software. Damaged streams and points that cannot be coded raise
+its reference software. Damaged streams and points that cannot be encoded raise
 `puckbench.core.errors.InputError`.
 """
 

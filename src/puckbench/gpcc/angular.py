@@ -83,7 +83,8 @@ def tangent_of(height: int, root: int) -> int:
 
 @inlined
 def corrected_elevation(angular: Angular, laser: int, root: int) -> int:
-    """Return a laser's tangent, corrected for its height; `root` is the inverse distance."""
+    """Return a laser's tangent, corrected for the laser's height; `root` is the inverse
+    distance."""
     product = angular.height[laser] * root
     shift = -(product >> 17) if product >= 0 else -product >> 17
     return int32(angular.elevation[laser] + shift)
@@ -91,7 +92,7 @@ def corrected_elevation(angular: Angular, laser: int, root: int) -> int:
 
 @inlined
 def _nearest_laser(elevation: Ints, tangent: int) -> int:
-    """Bisect as TMC13 does; at least two lasers are required."""
+    """Search by bisection as TMC13 does, among at least two lasers."""
     first, count = 1, len(elevation) - 2
     while count > 0:
         half = count >> 1
@@ -124,7 +125,7 @@ def predicted_azimuth(angular: Angular, laser: int, azimuth: int) -> int:
 
 @inlined
 def azimuth_ctx(left: int, right: int, contrast: int) -> int:
-    """Return the context from the differences of two candidate azimuths from the predicted one."""
+    """Return the context from two candidate azimuths minus the predicted azimuth."""
     context = 2 if (left >= 0) == (right >= 0) else 0
     left, right = abs(left), abs(right)
     if left > right:
@@ -188,7 +189,8 @@ def plane_angles(
 
 @inlined
 def angular_eligible_axes(angles: PlaneAngles, eligible_axes: int, axes: int) -> int:
-    """Return the axes (1 x, 2 y, 4 z) whose planes are coded, of those split (4 x, 2 y, 1 z)."""
+    """Return the axes (1 x, 2 y, 4 z) whose planes are coded, among split `axes` (4 x, 2 y, 1
+    z)."""
     found = eligible_axes & 4
     found |= integer(angles.x >= 0) | integer(angles.y >= 0) << 1 | integer(angles.z >= 0) << 2
     return found & ((axes >> 2 & 1) | (axes & 2) | (axes & 1) << 2)

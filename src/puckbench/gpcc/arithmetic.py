@@ -1,6 +1,6 @@
 """Adaptive binary arithmetic coding of G-PCC (ISO/IEC 23090-9), in both directions.
 
-Each function encodes a bit with an `Encoder`, decodes it with a `Decoder`, and returns it.
+Each function encodes a bit with an `Encoder`, or decodes it with a `Decoder`, and returns it.
 Probabilities are 16-bit probabilities of a zero, as in the Schroedinger coder (`schroarith`) of
 TMC13.
 """
@@ -31,7 +31,10 @@ _DOUBLINGS = np.array([15 - (32 * max(i, 1)).bit_length() for i in range(512)], 
 
 
 class Encoder(NamedTuple):
-    """Arithmetic encoder; its state is low, range, bits in low above 16, and bytes written."""
+    """Arithmetic encoder.
+
+    state: low, range, number of bits in low above 16, bytes written.
+    """
 
     state: NDArray[np.int64]
     data: Bytes
@@ -40,8 +43,8 @@ class Encoder(NamedTuple):
 class Decoder(NamedTuple):
     """Arithmetic decoder.
 
-    state: code, range, bits in code beyond 16, bytes read, bytes of the stream, whether bypass bits
-        are separate, index of the next one.
+    state: code value, range, number of bits in it beyond 16, bytes read, length of the stream,
+    whether bypass bits are separate, index of the next bypass bit.
     bypass: separate bypass bits, one per byte.
     """
 
@@ -84,7 +87,7 @@ def finish(coder: Encoder) -> bytes:
 
 
 def step(coder: Any, state: State, probability: int, bit: int) -> tuple[int, State, int]:
-    """Code one bit; return it with the new state and probability."""
+    """Encode or decode one bit; return it with the new state and probability."""
     raise NotImplementedError("compiled only")
 
 
@@ -205,7 +208,7 @@ def _carry(data: Bytes, place: int) -> None:
 
 @kernel
 def _next_word(data: Bytes, place: int) -> int:
-    """Read four bytes; bytes past the end are 0xFF."""
+    """Read four bytes, which are 0xFF past the end."""
     word = 0
     for k in range(4):
         byte = integer(data[place + k]) if place + k < len(data) else 0xFF
@@ -268,7 +271,7 @@ def code_bypass(coder: Any, bit: int) -> int:
 def code_exp_golomb(
     coder: Any, contexts: NDArray[np.uint16], prefix: int, value: int, order: int = 0
 ) -> int:
-    """Code a number in Exp-Golomb code with at most 24 prefix bits."""
+    """Encode or decode a number in Exp-Golomb code with at most 24 prefix bits."""
     base = 0
     while order < 24 and code_bit(coder, contexts, prefix, integer(value - base >= 1 << order)):
         base += 1 << order
@@ -280,7 +283,7 @@ def code_exp_golomb(
 
 
 def restart(coder: Decoder) -> None:
-    """Start the next entropy stream."""
+    """Let a decoder start the next entropy stream."""
     place = min(consumed(coder), int(coder.state[4]))
     first = int(coder.data[place]) << 8 | int(coder.data[place + 1])
     coder.state[:4] = first, 0xFFFF, 0, place + 2

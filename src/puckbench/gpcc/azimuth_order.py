@@ -20,9 +20,9 @@ _DEEPEST = 128
 
 
 def azimuth_order(around: Ints, precision: float) -> Ints:
-    """Return the rows (n,) that sort points (n, 3) relative to the axis.
+    """Return the rows (n,) that sort points (n, 3), which are relative to the axis.
 
-    precision: steps of the azimuth per radian; 0 for exact azimuths.
+    precision: steps of the azimuth per radian, or 0 for exact azimuths.
     """
     keys = np.empty((len(around), 3))
     _fill_keys(around, precision, keys)

@@ -22,7 +22,7 @@ class SyntaxElements(ABC):
 
     @abstractmethod
     def bits(self, n: int, value: int) -> int:
-        """Code `value` in `n` bits, highest first."""
+        """Read or write `value` in `n` bits, highest first."""
 
     @abstractmethod
     def align(self) -> None: ...
@@ -43,7 +43,7 @@ class SyntaxElements(ABC):
         setattr(record, name, tuple(self.bits(n, int(v)) for v in getattr(record, name)))
 
     def s3(self, record: Any, name: str, n: int) -> None:
-        """Code three magnitudes, each followed by its sign."""
+        """Read or write three magnitudes, each followed by its sign."""
         values = []
         for value in getattr(record, name):
             magnitude = self.bits(n, abs(int(value)))
@@ -51,12 +51,12 @@ class SyntaxElements(ABC):
         setattr(record, name, tuple(values))
 
     def signed(self, value: int) -> int:
-        """Code a signed number; codes are in the order 0, 1, -1, 2 and so on."""
+        """Read or write a signed number, by its index in the order 0, 1, -1, 2 and so on."""
         code = self.exp_golomb(2 * abs(value) - (value > 0))
         return (code + 1) // 2 if code & 1 else -(code // 2)
 
     def exp_golomb(self, value: int) -> int:
-        """Code an unsigned number in Exp-Golomb code of order 0."""
+        """Read or write an unsigned number in Exp-Golomb code of order 0."""
         length = (value + 1).bit_length() - 1
         zeros = 0
         while not self.bits(1, zeros == length):
@@ -87,7 +87,7 @@ class Writer(SyntaxElements):
 
 
 class Reader(SyntaxElements):
-    """Reads syntax elements; InputError past the end."""
+    """Reads syntax elements; raises InputError past the end."""
 
     writing = False
 
@@ -109,10 +109,9 @@ class Reader(SyntaxElements):
         self._place = -(-self._place // 8) * 8
 
     def skip(self, n: int) -> None:
-        """Skip `n` bytes."""
         self.bits(8 * n)
 
     @property
     def position(self) -> int:
-        """Bytes read, including the current one."""
+        """Number of bytes read, including the current one."""
         return -(-self._place // 8)

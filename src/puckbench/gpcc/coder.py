@@ -126,7 +126,7 @@ def encode_geometry(
 
 
 def checked_points(points: NDArray[Any]) -> tuple[Ints, Ints]:
-    """Return points as int64 and their minimum; InputError if they cannot be coded."""
+    """Return points as int64 and their minimum; raise InputError if they cannot be encoded."""
     points = np.asarray(points)
     if points.ndim != 2 or points.shape[1] != 3:
         raise InputError(f"G-PCC: expected points of shape (n, 3), got {points.shape}")
@@ -271,7 +271,7 @@ def _data_unit(
 
 
 def decode_geometry(stream: bytes) -> DecodedGeometry:
-    """Decode a stream of one frame; InputError if it is damaged or uses unsupported tools."""
+    """Decode a stream of one frame; raise InputError if it is damaged or uses unsupported tools."""
     contents = _StreamReader()
     for payload_type, payload in syntax.payloads(stream):
         contents.take(payload_type, payload)

@@ -24,7 +24,7 @@ Kernels need it because unsigned and signed integers together would become float
 
 
 def compiled(function: Function) -> Function:
-    """Compile a function that creates arrays; the compiled code is cached."""
+    """Compile, with a cache, a function that creates arrays."""
     return compiling.compiled(function, **_OPTIONS)
 
 

@@ -49,7 +49,7 @@ class ConformanceStream:
 
 @dataclass(frozen=True)
 class Verdict:
-    """Result of a decoder for a stream: `decoded`, `refused` or `failed`, and the reason."""
+    """Result of a decoder for a stream (`decoded`, `refused` or `failed`), and the reason."""
 
     stream: ConformanceStream
     outcome: str
@@ -57,11 +57,11 @@ class Verdict:
 
 
 class CrashError(Exception):
-    """A signal ended a program, or it exceeded the time limit."""
+    """Raised if a signal ended a program, or it exceeded the time limit."""
 
 
 def conformance_streams(folder: Path = FOLDER) -> list[ConformanceStream]:
-    """Return the streams of a folder; InputError if it has no manifest."""
+    """Return the streams of a folder; raise InputError if it has no manifest."""
     manifest = read_json(folder / "manifest.json")
     try:
         if isinstance(manifest, list):
@@ -107,7 +107,7 @@ def verdicts(decode: Decode, streams: Sequence[ConformanceStream]) -> Iterator[V
 
 
 def program_decoder(words: str) -> Decode:
-    """Return a decoder that runs a program; InputError if it does not exist.
+    """Return a decoder that runs a program; raise InputError if the program does not exist.
 
     The decoder raises InputError if the program fails, and `CrashError` if it crashes.
 

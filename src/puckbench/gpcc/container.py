@@ -26,14 +26,14 @@ class Unwrapped(NamedTuple):
 
 
 def wrap(stream: bytes, grid: InputGrid) -> bytes:
-    """Put a bare stream into a container; the default grid takes no bytes."""
+    """Put a bare stream into a container, which takes no bytes for the default grid."""
     if grid == DEFAULT_GRID:
         return MAGIC + b"\0" + stream
     return MAGIC + b"\1" + _GRID.pack(grid.unit, *grid.offset) + stream
 
 
 def unwrap(data: bytes) -> Unwrapped:
-    """Read a container or a bare stream; InputError if it is damaged."""
+    """Read a container or a bare stream; raise InputError if it is damaged."""
     if not data.startswith(MAGIC):
         if not data.startswith(b"\0\0\0"):
             raise InputError("not a G-PCC stream")

@@ -36,7 +36,7 @@ class Quantised(NamedTuple):
 
 
 def input_grid(points: Floats, unit: float, scale: float) -> InputGrid:
-    """Return the grid of a cloud; its origin is nonzero only for large coordinates."""
+    """Return the grid of a cloud, with a nonzero origin only if coordinates are large."""
     ends = bounds(points)
     if np.abs(ends).max() < _FARTHEST * unit / max(scale, 1.0):
         return InputGrid(unit)
@@ -86,7 +86,7 @@ def _rounded(units: Floats, scale: float, rounding: Rounding) -> NDArray[np.int6
 
 
 def input_coordinates(units: Floats, grid: InputGrid) -> Floats:
-    """Convert points (m, 3) from grid steps to coordinates; InputError if they are not finite."""
+    """Convert points (m, 3) from grid steps to coordinates; raise InputError if not finite."""
     if grid == DEFAULT_GRID:
         return units
     with np.errstate(over="ignore", invalid="ignore"):

@@ -58,7 +58,7 @@ class IdcmNode(NamedTuple):
 
 
 def idcm_enable_mask(mode: int, planar_enabled: bool, rate_minus1: int) -> int:
-    """Return which of 32 successive eligible nodes may use IDCM, as bits."""
+    """Return a bit mask of 32 successive eligible nodes that may use IDCM."""
     if mode == 0:
         return 0
     if mode != 1 or not planar_enabled:
@@ -107,7 +107,7 @@ def code_direct_positions(
     coded: Ints,
     bits_left: Ints,
 ) -> tuple[int, int]:
-    """Code the points of a node; return the numbers of distinct points and of all points.
+    """Encode or decode the points of a node; return the numbers of distinct and of all points.
 
     given, coded: (2, 3) distinct points before and after coding, relative to the node.
     """
@@ -174,9 +174,9 @@ def _code_same_bits_of_axis(
     axis: int,
     equal: bool,
 ) -> bool:
-    """Code two points' bits along an axis up to the first difference; return whether all are equal.
+    """Encode or decode two points' common leading bits along an axis, and the first difference.
 
-    equal: whether the points are equal along the previous axes.
+    equal: whether the points are equal along the previous axes. Return whether all bits are equal.
     """
     same = integer(1)
     ctx = 0
@@ -213,7 +213,7 @@ def _code_by_angles(
     coded: Ints,
     bits_left: Ints,
 ) -> None:
-    """Code x or y without contexts, the other coordinates with angular contexts."""
+    """Encode or decode x or y without contexts, and the other coordinates with angular contexts."""
     x, y, z = node_corner(angular, node.morton, node.node_size_log2)
     direct = integer(abs(x) <= abs(y))
     if pair and node.joint_2pt_idcm:
@@ -288,7 +288,10 @@ def _code_azimuth(
     bits_left: Ints,
     i: int,
 ) -> int:
-    """Code a point's x or y; return it relative to the sensor, as are `corner` and `other`."""
+    """Encode or decode a point's x or y along `axis`, and return it.
+
+    The result, `corner` and `other` are relative to the sensor.
+    """
     left = bits_left[axis]
     place: int = corner + (coded[i, axis] << left)
     azimuth = arc_tangent(place, other) if axis else arc_tangent(other, place)
@@ -323,7 +326,10 @@ def _code_elevation(
     bits_left: Ints,
     i: int,
 ) -> None:
-    """Code a point's z; `place` is its x and y and the node's z, relative to the sensor."""
+    """Encode or decode a point's z.
+
+    place: the point's x and y, and the node's z, relative to the sensor.
+    """
     x, y, z = place
     left = bits_left[2]
     z += coded[i, 2] << left
@@ -369,9 +375,9 @@ def local_points(
 def order_by_angles(
     node: IdcmNode, angular: Angular, axes: int, second_first: bool, local: Ints
 ) -> None:
-    """Order two points by the axis coded without contexts, if they are coded jointly.
+    """Sort two jointly coded points along the axis that is coded without contexts.
 
-    Otherwise, points in the same child keep the order of the cloud, given by `second_first`.
+    If this does not apply or they are equal there, swap points in the same child if `second_first`.
     """
     one_child = True
     for axis in range(3):

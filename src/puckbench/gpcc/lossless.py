@@ -54,7 +54,7 @@ def encode_voxels(voxels: NDArray[Any]) -> bytes:
 
 
 def decode_voxels(stream: bytes, most: int = _MAX_VOXELS) -> Ints:
-    """Decode voxels (m, 3) in octree order; InputError if there are more than `most`."""
+    """Decode voxels (m, 3) in octree order; raise InputError if there are more than `most`."""
     if not stream:
         return np.empty((0, 3), dtype=np.int64)
     reader = Reader(stream)

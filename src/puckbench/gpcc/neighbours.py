@@ -108,7 +108,7 @@ _GRID_SHIFT = np.ascontiguousarray(_GRID_PLACING[..., 1])
 class OccupancyAtlas(NamedTuple):
     """Occupancies of parents and of coded nodes in the current cube, by Morton code.
 
-    side: log2 of the nodes per side; 0 without an atlas.
+    side: log2 of the nodes per side, or 0 without an atlas.
     """
 
     parents: Bytes
@@ -162,7 +162,7 @@ def _adjacent_occupancy(
 
 @kernel
 def face_neighbours(atlas: OccupancyAtlas, axes: int, base: int, occupancy: int) -> int:
-    """Return which children have occupied face neighbours, one byte per pattern bit."""
+    """Return which children have occupied face neighbours, one byte for each of six directions."""
     address = parent_code(base & ((1 << 3 * atlas.side) - 1), axes)
     faces = 0
     for axis in range(3):
@@ -194,8 +194,8 @@ def refine_by_adjacent_children(
 ) -> tuple[int, int, int, int, int]:
     """Refine a neighbour pattern by the children of the three neighbours coded before.
 
-    Returns the pattern, children with more than 0 and with more than 1 occupied neighbours outside
-    the node (adjacencyGt0, adjacencyGt1), children with an unoccupied one (adjacencyUnocc), and the
+    Returns the pattern; masks of children with over 0 and over 1 occupied neighbours outside the
+    node (adjacencyGt0, adjacencyGt1) and with an unoccupied one (adjacencyUnocc); and the
     occupancies of the neighbours x-1, y-1, z-1, one byte each.
     """
     inside = (1 << 3 * atlas.side) - 1
@@ -247,7 +247,7 @@ def neighbour_grid(atlas: OccupancyAtlas, axes: int, base: int) -> int:
 
 @inlined
 def _moved(address: int, within: int, bits: int, place: int) -> int:
-    """Move the bits of one axis by place - 1; -1 outside the cube."""
+    """Move the bits of one axis by place - 1, or return -1 outside the cube."""
     own = address & bits
     if place == 1:
         return own
@@ -258,7 +258,7 @@ def _moved(address: int, within: int, bits: int, place: int) -> int:
 
 @kernel
 def predict_occupancy(grid: int, child: int) -> tuple[int, int]:
-    """Return the children with predicted occupancy, and those predicted to be occupied."""
+    """Return which children's occupancy is predicted, and which are predicted to be occupied."""
     neighbourhood = (grid >> _CHILD_CELL[child]) & _AROUND
     threshold = 4 if bit_count(neighbourhood) < 14 else 5
     is_predicted, prediction = 0, 0

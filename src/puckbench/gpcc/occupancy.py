@@ -76,7 +76,7 @@ def code_occupancy(
 
 @kernel
 def _pair_of_children(masks: PlanarMasks) -> int:
-    """Return the two children that two coded planes imply; 0 without two planes."""
+    """Return the two children that two coded planes imply, or 0 without two planes."""
     child = _known_child(masks)
     if masks.mask_planar_x and masks.mask_planar_y:
         return 3 << child

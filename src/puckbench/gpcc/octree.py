@@ -93,7 +93,7 @@ class Level(NamedTuple):
 class Nodes(NamedTuple):
     """Nodes (n,) with children.
 
-    idcm_eligible: children that may use IDCM, as bits.
+    idcm_eligible: bit mask of the children that may use IDCM.
     first_child: in an encoder, index of the first child within its level.
     """
 
@@ -125,7 +125,7 @@ class SliceState(NamedTuple):
 
     counters: points decoded and allowed; nodes kept in this level, and their children;
         idcm_enable_mask.
-    given, coded, left: scratch of IDCM.
+    given, coded, left: scratch memory of IDCM.
     """
 
     atlas: OccupancyAtlas
@@ -160,7 +160,7 @@ def code_level(
     state: SliceState,
     angular: Angular | None,
 ) -> int:
-    """Code the children of `parents`, and write those that have children to `nodes`.
+    """Encode or decode the children of `parents`; write those that have children to `nodes`.
 
     Returns their number, or EXHAUSTED or TOO_MANY_POINTS for a damaged stream.
     """
@@ -260,7 +260,8 @@ def _code_node(
     child: int,
     index: int,
 ) -> tuple[int, int, int]:
-    """Code one node; return its occupancy (0 with IDCM), refined neighbour pattern and laser."""
+    """Encode or decode one node; return its occupancy (0 with IDCM), neighbour pattern and
+    laser."""
     morton = parent.first_child_code | child
     neigh_pattern = neigh_pattern_of(parent.faces, child)
     gt0, gt1, unocc, adjacent_occupancies = 0, 0, 0, 0
@@ -327,7 +328,7 @@ def _planar_masks(
 def _idcm_eligible_children(
     level: Level, sibling_occupancy: int, neigh_pattern: int, occupancy: int, counters: Ints
 ) -> int:
-    """Return which children may use IDCM; rotate the mask in `counters`."""
+    """Return which children may use IDCM, and rotate the mask in `counters`."""
     if level.idcm_mode == 0:
         return 0
     parent = 8 if level.root else POPCOUNT[sibling_occupancy]

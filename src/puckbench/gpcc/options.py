@@ -1,4 +1,4 @@
-"""Encoder options by the names of TMC13, and the profiles in use."""
+"""Encoder options, named as in TMC13, and profiles of them."""
 
 from __future__ import annotations
 

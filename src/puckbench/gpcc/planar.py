@@ -78,7 +78,7 @@ def update_planar_rates(state: PlanarState, occupancy: int) -> None:
 
 @inlined
 def planar_eligible_axes(state: PlanarState, axes: int) -> int:
-    """Return the eligible axes (1 x, 2 y, 4 z) of those split (4 x, 2 y, 1 z)."""
+    """Return the eligible axes (1 x, 2 y, 4 z) among split `axes` (4 x, 2 y, 1 z)."""
     rates = state.rates
     if rates[3] >= _MAX_DENSITY:
         return 0
@@ -95,7 +95,8 @@ def planar_eligible_axes(state: PlanarState, axes: int) -> int:
 
 @kernel
 def planar_mode_of(occupancy: int) -> tuple[int, int]:
-    """Return the axes (1 x, 2 y, 4 z) with one occupied plane, and those with the upper one."""
+    """Return the axes (1 x, 2 y, 4 z) with one occupied plane, and those whose plane is the
+    upper."""
     planar_mode, plane_pos_bits = 0, 0
     for axis in range(3):
         high = occupancy & UPPER[axis] != 0
@@ -138,7 +139,7 @@ def code_planar_modes(
     eligible_axes: int,
     occupancy: int,
 ) -> tuple[int, int, int]:
-    """Code the planar modes along the eligible axes.
+    """Encode or decode the planar modes along the eligible axes.
 
     Returns planar_mode, plane_pos_bits, and the axes along which the node may be planar.
     """
@@ -170,7 +171,10 @@ def _code_planar_mode(
     planar_mode: int,
     plane_pos_bits: int,
 ) -> int:
-    """Code whether a node is planar along an axis, and its plane; return -1 if it is not."""
+    """Encode or decode whether a node is planar along an axis.
+
+    Return the index of its plane, or -1 if it is not.
+    """
     row, position, far_ctx, last_plane = 0, 0, 0, -1
     if state.buffered:
         row = compact_bits(node.morton >> (2 - axis)) & (_ROWS - 1)

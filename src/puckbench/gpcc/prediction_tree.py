@@ -1,7 +1,7 @@
 """Order of a slice's points and their parents, as chosen by the encoder of TMC13.
 
 With a sensor, the points of each laser form a chain, and the first points of the chains are linked.
-Without one, a point's parent is the node whose predictions are nearest.
+Without a sensor, a point's parent is the node whose predictions are nearest.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def ordered(points: Int32s, order: Order, centre: tuple[int, int, int], precisio
     """Return the rows (n,) of points (n, 3) in the order in which a tree is built.
 
     centre: origin of azimuth and radius.
-    precision: steps of the azimuth per radian; 0 for exact azimuths.
+    precision: steps of the azimuth per radian, or 0 for exact azimuths.
     """
     if order == "given":
         return np.arange(len(points))
@@ -139,7 +139,7 @@ def _grow(points: Int32s, tree: PredictionTree, search: Search, node: int, end: 
 
 @kernel
 def _add_predictions(points: Int32s, tree: PredictionTree, search: Search, node: int) -> None:
-    """Add the predictions for children of a node: its point, a line, a parallelogram."""
+    """Add the predictions that a node gives its children: its point, a line, a parallelogram."""
     x, y, z = integer(points[node, 0]), integer(points[node, 1]), integer(points[node, 2])
     add_position(search, node, x, y, z)
     parent = integer(tree.parents[node])

@@ -100,7 +100,7 @@ def code_num_dup_points(coder: Any, contexts: Probabilities, count: int) -> int:
 
 @inlined
 def code_num_children(coder: Any, contexts: Probabilities, count: int) -> int:
-    """Code a number of children: 1 takes one bit, 0 two, and 2 or 3 three."""
+    """Encode or decode a number of children: 1 takes one bit, 0 two, and 2 or 3 three."""
     value = count ^ 1
     if not code_bit(coder, contexts, CTX_NUM_CHILDREN, integer(value > 0)):
         return 1
@@ -117,7 +117,7 @@ def code_pred_mode(coder: Any, contexts: Probabilities, mode: int) -> int:
 
 @kernel
 def code_phi_multiplier(coder: Any, contexts: Probabilities, multiplier: int) -> int:
-    """Code the number of azimuth steps added to the prediction."""
+    """Encode or decode the number of azimuth steps added to the prediction."""
     if not code_bit(coder, contexts, CTX_PHI_GT, integer(multiplier != 0)):
         return 0
     value = abs(multiplier) - 1
@@ -142,7 +142,7 @@ def _code_phi_rest(coder: Any, contexts: Probabilities, value: int) -> int:
 
 @kernel
 def code_qp_offset(coder: Any, contexts: Probabilities, offset: int) -> int:
-    """Code the difference of the next nodes' QP from the slice's."""
+    """Encode or decode the difference between the next nodes' QP and the slice's."""
     # TMC13 writes the sign before the magnitude but reads it after; our encoder writes only 0.
     if not code_bit(coder, contexts, CTX_QP_OFFSET_ABS_GT0, integer(offset != 0)):
         return 0
@@ -191,7 +191,7 @@ def _code_component(
 def code_num_bits(
     coder: Any, contexts: Probabilities, width: int, group: int, magnitude: int
 ) -> int:
-    """Code the number of bits of a magnitude as a number of `width` bits, highest first."""
+    """Encode or decode the number of bits of a magnitude, in `width` bits, highest first."""
     bits = 0
     while magnitude >> bits > 0:
         bits += 1
@@ -204,7 +204,7 @@ def code_num_bits(
 
 @inlined
 def code_residual2(coder: Any, contexts: Probabilities, residual: Three) -> Three:
-    """Code the x, y, z residual of angular coding."""
+    """Encode or decode the x, y, z residual of angular coding."""
     return (
         _code_component2(coder, contexts, 0, residual[0]),
         _code_component2(coder, contexts, 1, residual[1]),
@@ -224,7 +224,7 @@ def _code_component2(coder: Any, contexts: Probabilities, axis: int, value: int)
 
 @kernel
 def _code_long(coder: Any, contexts: Probabilities, axis: int, value: int) -> int:
-    """Code a number in Exp-Golomb code with contexts for prefix and suffix."""
+    """Encode or decode a number in Exp-Golomb code with contexts for prefix and suffix."""
     prefix, suffix = CTX_EG2_PREFIX + 5 * axis, CTX_EG2_SUFFIX + 4 * axis
     order, base = 0, 0
     while order < _LONGEST_PREFIX and code_bit(
@@ -283,7 +283,7 @@ def predicted(positions: NDArray[np.int32], before: Three, mode: int, tools: Too
 
 @entry
 def decode_trees(coder: Any, contexts: Probabilities, tools: Tools, nodes: Nodes) -> int:
-    """Decode all trees of a slice; return the number of points or a negative fault."""
+    """Decode all trees of a slice; return the number of points or a negative error code."""
     done = 0
     while True:
         done = _decode_tree(coder, contexts, tools, nodes, done)

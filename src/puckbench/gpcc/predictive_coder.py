@@ -1,4 +1,4 @@
-"""Encoding with G-PCC's predictive geometry; `coder.decode_geometry` decodes."""
+"""Encoding with G-PCC's predictive geometry, which `coder.decode_geometry` decodes."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _WIDEST = (5, 5, 5)
 
 
 class PredictiveOptions(Model):
-    """Coding tools of predictive geometry; angular coding is used where there is a sensor."""
+    """Coding tools of predictive geometry; a sensor switches angular coding on."""
 
     order: Order = Field(
         "azimuth", description="of the points, in which trees are built: as they come, or sorted"
@@ -213,7 +213,7 @@ def _coded(
 
 
 def _residual_bits(points: NDArray[np.int32], tools: Tools) -> Three:
-    """Return the bits of the number of bits of residuals, as TMC13 does."""
+    """Return, as TMC13 does, how many bits the bit lengths of residuals take."""
     sides = [max(int(side).bit_length(), 1) for side in points.max(axis=0)]
     if tools.angular:
         return _angular_residual_bits(sides, tools)
@@ -243,5 +243,5 @@ def _divided(value: int, shift: int) -> int:
 
 
 def _ceil_log2(value: int) -> int:
-    """Return the number of bits of `value` - 1; 32 for 0, as TMC13 does."""
+    """Return the number of bits of `value` - 1, or 32 for 0, as TMC13 does."""
     return (value - 1).bit_length() if value else 32

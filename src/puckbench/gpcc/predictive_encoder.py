@@ -57,7 +57,7 @@ _RECIPROCALS = np.rint((1 << 20) * 8 / np.arange(8, 16)).astype(np.int64)
 
 
 class Given(NamedTuple):
-    """Data to encode; `points` and `positions` are replaced by those of the decoder.
+    """Data to encode; the decoder's values replace `points` and `positions`.
 
     positions: (n, 3) coordinates to predict, `points` or spherical.
     stack: (n,) pending nodes.
@@ -148,7 +148,7 @@ def _encode_position(
 def _encode_place(
     coder: Any, contexts: Probabilities, tools: Tools, given: Given, node: int, choice: Choice
 ) -> None:
-    """Encode the second residual, and set the decoder's positions."""
+    """Encode the second residual, and write the positions that a decoder gets."""
     around, positions = tools.sphere, given.positions
     if tools.azimuth_scaling:
         radius = choice.prediction[0] + choice.residual[0]
@@ -184,7 +184,7 @@ def quantised(value: int, qp: int) -> int:
 
 @inlined
 def _decided(contexts: Probabilities, tools: Tools, given: Given, node: int) -> tuple[bool, Choice]:
-    """Return whether a prediction fits, and the one with the lowest estimated cost."""
+    """Return whether any prediction fits, and the one with the lowest estimated cost."""
     before = ancestors(given.tree.parents, node)
     best = _predict(tools, given, node, before, NONE)
     fits = _is_representable(tools, best.residual)

@@ -56,7 +56,7 @@ def decode_trees(
 def tools_of(
     header: GeometryHeader, gps: GeometryParameterSet, axes: Three, origin: Three
 ) -> Tools:
-    """Return the tools of a slice; InputError if they are invalid."""
+    """Return the tools of a slice; raise InputError if they are invalid."""
     multiplier = gps.geom_qp_multiplier_log2
     slice_qp = (gps.geom_base_qp + header.geom_slice_qp_offset) << multiplier
     if not 0 <= slice_qp <= predictive.MOST_QP:

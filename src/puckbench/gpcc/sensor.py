@@ -56,7 +56,8 @@ class SensorDescription:
             raise InputError("G-PCC: the sensor's lasers do not fit into a stream")
 
     def lasers(self) -> list[Laser]:
-        """Return the lasers of a parameter set upwards; TMC13 subtracts z, the negative height."""
+        """Return lasers for a parameter set, lowest first; TMC13 subtracts z, the negative
+        height."""
         pairs = sorted(zip(self.tan_elevation, self.height, strict=True))
         return [
             Laser(_rounded(tan * _THETA_ONE), _rounded(-height * _Z_ONE), self.steps_per_turn)
@@ -64,7 +65,7 @@ class SensorDescription:
         ]
 
     def syntax_elements(self, origin: tuple[int, ...]) -> dict[str, Any]:
-        """Return the syntax elements of the sensor; `origin` is that of the sequence."""
+        """Return the sensor's syntax elements; `origin` is the sequence's."""
         x, y, z = (own - zero for own, zero in zip(self.position, origin, strict=True))
         return {
             "geom_angular_mode_enabled_flag": 1,

@@ -97,7 +97,7 @@ def encode_octree(
 
 
 def read_slice(payload: bytes, sps: SequenceParameterSet, gps: GeometryParameterSet) -> CodedSlice:
-    """Split a geometry data unit into its parts; InputError if it is invalid."""
+    """Split a geometry data unit into its parts; raise InputError if it is invalid."""
     reader = Reader(payload)
     header = GeometryHeader()
     geometry_header(reader, header, sps, gps)
@@ -122,7 +122,7 @@ def decode_slice(
     contexts: Contexts,
     sensor: angular.Angular | None = None,
 ) -> Ints:
-    """Decode the Morton codes (n,) of a slice's points and update `contexts`."""
+    """Decode the Morton codes (n,) of a slice's points, and update `contexts`."""
     header = coded.header
     streams = header.geom_stream_cnt_minus1
     depth = len(header.tree_lvl_coded_axis_list)
@@ -159,7 +159,7 @@ def slice_decoder(coded: CodedSlice, sps: SequenceParameterSet) -> Decoder:
 
 
 def _demultiplexed(data: Bytes) -> tuple[Bytes, Bytes]:
-    """Split a chunked stream into arithmetic-coded bytes, and bypass bits, one per byte.
+    """Split a chunked stream into arithmetic-coded bytes and bypass bits, one per byte.
 
     A chunk of up to 256 bytes holds the number of its arithmetic-coded bytes, these bytes, and from
     its end backwards the bypass bits; three bits hold the number of padding bits.

@@ -42,7 +42,7 @@ class Sphere(NamedTuple):
 
 
 def sphere(gps: GeometryParameterSet, origin: Three) -> Sphere:
-    """Return the parameters of a stream; InputError if its step sizes are unsupported."""
+    """Return the parameters of a stream; raise InputError if its step sizes are unsupported."""
     azimuth_log2 = gps.geom_angular_azimuth_scale_log2_minus11 + 12
     radius_log2 = gps.geom_angular_radius_inv_scale_log2
     if azimuth_log2 > _MOST_AZIMUTH_LOG2 or radius_log2 > _MOST_RADIUS_LOG2:
@@ -54,14 +54,17 @@ def sphere(gps: GeometryParameterSet, origin: Three) -> Sphere:
 
 @inlined
 def halved_away(value: int, shift: int) -> int:
-    """Divide by 2^shift and round halves away from zero."""
+    """Divide by 2^shift, rounding halves away from zero."""
     half = (1 << shift) >> 1
     return (value + half) >> shift if value >= 0 else -((half - value) >> shift)
 
 
 @kernel
 def sine(azimuth: int, azimuth_log2: int) -> int:
-    """Return the interpolated sine of an azimuth in units of 2^-24, clamped to half a turn."""
+    """Return the sine of an azimuth, in units of 2^-24, interpolated from a table.
+
+    Azimuths beyond half a turn are clamped.
+    """
     half = 1 << (azimuth_log2 - 1)
     within = min(abs(azimuth), half)
     if within > half >> 1:

@@ -172,7 +172,7 @@ class TileInventory:
 
 
 def sequence_parameter_set(io: SyntaxElements, sps: SequenceParameterSet) -> None:
-    """Code a sequence parameter set; one with attributes can only be read."""
+    """Read or write a sequence parameter set; one with attributes can only be read."""
     io.flag(sps, "main_profile_compatibility_flag")
     io.u(sps, "reserved_profile_compatibility_21bits", 21)
     io.flag(sps, "slice_reordering_constraint_flag")
@@ -285,7 +285,10 @@ def _angular_origin(io: SyntaxElements, record: Any, name: str) -> None:
 
 
 def _laser_table(io: SyntaxElements, gps: GeometryParameterSet, *, turns: bool) -> None:
-    """Code differences of lasers; from the third on, elevations are extrapolated linearly."""
+    """Read or write the differences of lasers from predicted ones.
+
+    The elevations of the third and later lasers are predicted by linear extrapolation.
+    """
     count = io.exp_golomb(len(gps.lasers) - 1 if io.writing else 0) + 1
     _refuse(count > MAX_LASERS, f"a sensor of more than {MAX_LASERS} lasers")
     lasers = gps.lasers if io.writing else [Laser() for _ in range(count)]
@@ -422,7 +425,7 @@ def encapsulate(payload_type: int, payload: bytes) -> bytes:
 
 
 def payloads(stream: bytes) -> Iterator[tuple[int, bytes]]:
-    """Yield the types and contents of a stream's payloads; InputError if it is damaged."""
+    """Yield the types and contents of a stream's payloads; raise InputError if it is damaged."""
     place = 0
     while place < len(stream):
         if len(stream) - place < _TLV.size:

@@ -59,7 +59,7 @@ def _split_late_along_z(size: list[int], height: int, factor: int) -> list[bool]
 
 
 def node_sizes_log2(levels: list[int]) -> list[Bits]:
-    """Return log2 of the node size at each level, last (0, 0, 0)."""
+    """Return log2 of the node size at each level, ending with (0, 0, 0)."""
     sizes = [(0, 0, 0)]
     for axes in reversed(levels):
         x, y, z = sizes[-1]
@@ -77,10 +77,10 @@ class TreeLevel:
 
 @dataclass(frozen=True)
 class Tree:
-    """Levels from the root down, sorted keys of the leaves, and number of points at each.
+    """Levels from the root down, sorted keys of the leaves, and number of points at each leaf.
 
-    second_first: whether a leaf that shares a node with only one other point precedes a point that
-        came first in the cloud.
+    second_first: whether a leaf that shares a node with one other point precedes it, although that
+    point came first in the cloud.
     """
 
     levels: list[TreeLevel]
@@ -115,7 +115,7 @@ def build_tree(
 
 
 def leaf_starts(tree: Tree) -> list[Indices]:
-    """Return for each level the index of every node's first leaf, and the number of leaves."""
+    """Return, for each level, the index of every node's first leaf, then the number of leaves."""
     starts = [np.arange(len(tree.keys) + 1, dtype=np.int32)]
     for level in reversed(tree.levels):
         starts.append(starts[-1][np.append(level.first_child, len(starts[-1]) - 1)])
@@ -134,7 +134,7 @@ def leaf_codes(tree: Tree, levels: list[int]) -> Ints:
 
 
 def _key_positions(levels: list[int]) -> tuple[list[int], list[int], list[int]]:
-    """Return for each axis the positions of its bits in a sorting key, lowest first."""
+    """Return, for each axis, the positions of its bits in a sorting key, lowest first."""
     positions: tuple[list[int], list[int], list[int]] = ([], [], [])
     position = 0
     for axes in reversed(levels):
@@ -182,7 +182,7 @@ def _first_ones(keys: Ints) -> Ints:
 
 
 def _digit_positions(levels: list[int]) -> Ints:
-    """Return the bit positions between the levels of a key, highest first."""
+    """Return the positions of the borders between levels in a key, highest first."""
     widths = [axes.bit_count() for axes in reversed(levels)]
     return np.cumsum([0, *widths])[::-1].astype(np.int64)
 
@@ -191,7 +191,7 @@ def _digit_positions(levels: list[int]) -> Ints:
 def _sorted_as_coded(keys: Ints, positions: Ints) -> Bytes:
     """Sort keys by level in the order of TMC13's in-place counting sort.
 
-    Returns for each key whether it is the first of two in a node and was behind the other.
+    Return, for each key, whether it is the first of two in a node and was behind the other.
     """
     # The in-place swaps change the order of points within a child.
     behind = np.zeros(len(keys), dtype=np.uint8)
