@@ -36,9 +36,9 @@ class Shifted(NamedTuple):
 
 
 def shift_of(points: Floats, step: float | None = None) -> Floats | None:
-    """Return the integers (3,) to subtract from points (n, 3), or None if no shift is needed.
+    """Return the integers (3,) to subtract from points (n, 3), or None without need of a shift.
 
-    None is needed near the origin if single precision resolves an eighth of the codec's grid
+    Points near the origin need none if single precision resolves an eighth of the codec's grid
     `step`.
     """
     ends = bounds(points)

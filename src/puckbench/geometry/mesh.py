@@ -62,7 +62,7 @@ class Mesh:
     labels: Labels | None = None
 
     def corners(self) -> Floats:
-        """Return the corners (t, 3, 3) of all triangles."""
+        """Return the triangles' corners (t, 3, 3)."""
         return self.vertices[self.triangles]
 
     def areas(self) -> Floats:
@@ -77,7 +77,6 @@ class Mesh:
         )
 
     def bounds(self) -> Floats:
-        """Return the bounding box (2, 3) of the triangles."""
         used = self.vertices[np.unique(self.triangles)]
         return np.stack([used.min(axis=0), used.max(axis=0)])
 
@@ -121,7 +120,8 @@ def scaled_mesh(mesh: Mesh, metres_per_unit: float) -> Mesh:
 
 
 def check_mesh(mesh: Mesh, source: str) -> None:
-    """Raise InputError for a mesh without area, with invalid indices, or with infinite vertices."""
+    """Raise InputError for a mesh without area, with invalid indices, or with non-finite
+    vertices."""
     if len(mesh.triangles) == 0:
         raise InputError(f"{source}: the mesh has no faces")
     if mesh.triangles.min() < 0 or mesh.triangles.max() >= len(mesh.vertices):

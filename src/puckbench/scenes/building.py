@@ -55,7 +55,7 @@ _RIGID = {"auditorium_1"}  # its seats stand on steps of a fixed depth
 
 @cache
 def room_types() -> dict[str, str]:
-    """Return the type of every room, by name (Area_1_office_1)."""
+    """Return each room's type, by name (Area_1_office_1)."""
     return {
         f"{area}_{kind}_{number}": kind
         for area, counts in AREAS.items()
@@ -65,7 +65,7 @@ def room_types() -> dict[str, str]:
 
 
 def building_room(name: str, seed: int) -> RoomSpec:
-    """Return a room of the catalogue for a room of the building, stretched at random."""
+    """Return a catalogue room of a building room's type, stretched at random."""
     kind = room_types()[name]
     rng = generator(seed, "building", name)
     base = str(rng.choice(ROOM_CHOICES[kind]))
@@ -94,7 +94,7 @@ def _moved(placement: Placement, x: float, y: float) -> Placement:
 
 
 def _grown(placement: Placement, x: float, y: float) -> Any:
-    """Return the maker of a beam, duct or pipe as long as the stretched room."""
+    """Return a function that makes the beam, duct or pipe as long as the stretched room."""
     maker = placement.maker
     if not isinstance(maker, partial) or placement.where == "floor":
         return maker

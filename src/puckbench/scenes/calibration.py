@@ -18,9 +18,10 @@ CALIBRATIONS: dict[str, float] = {f"wall_floor_{d}m": float(d) for d in (1, 2, 3
 
 
 def make_calibration(name: str, *, room: bool = False) -> Mesh:
-    """Return a wall at y = 0, 1.6 m x 2.2 m, and a floor to the sensor.
+    """Return a wall at y = 0, 1.6 m x 2.2 m, and a floor that reaches the sensor.
 
-    `room` adds the other walls and the ceiling of a room as "surroundings", open behind the sensor.
+    `room` adds the other walls and the ceiling of a room, open behind the sensor, as
+    "surroundings".
     """
     distance = _distance(name)
     wall = _upright(_rectangle(WIDTH, HEIGHT))
@@ -34,7 +35,7 @@ def calibration_origin(name: str) -> tuple[float, float, float]:
 
 
 def calibration_scene(distance: float, *, room: bool = False) -> tuple[Mesh, Floats]:
-    """Return the scene of a distance in metres, turned to y > 0, and the sensor position (3,)."""
+    """Return the scene at a distance in metres, turned to y > 0, and the sensor position (3,)."""
     name = f"wall_floor_{distance:g}m"
     mesh, half_turn = make_calibration(name, room=room), np.array([-1.0, -1.0, 1.0])
     turned = Mesh(mesh.vertices * half_turn, mesh.triangles, mesh.labels)

@@ -14,8 +14,10 @@ _TOUCH = 0.005
 
 @dataclass
 class FloorPlan:
-    """Occupied space of a room: corners of the counter-clockwise floor (n, 2) and of occupied
-    rectangles (4, 2), with the range of z above each rectangle.
+    """Occupied space of a room.
+
+    It consists of the corners of the counter-clockwise floor (n, 2) and of occupied rectangles (4,
+    2), with the range of z that is occupied above each rectangle.
     """
 
     outline: Floats
@@ -27,7 +29,8 @@ class FloorPlan:
         self.heights.append((low, high))
 
     def is_free(self, rectangle: Floats, low: float, high: float) -> bool:
-        """Return whether the space over a rectangle is in the room and free between two heights."""
+        """Return whether the space over a rectangle is inside the room and free between two
+        heights."""
         if not self.contains(rectangle):
             return False
         if not self.rectangles:
@@ -74,9 +77,7 @@ def _inside(points: Floats, polygon: Floats) -> NDArray[np.bool_]:
 
 
 def _overlaps(rectangle: Floats, others: Floats) -> NDArray[np.bool_]:
-    """Return a mask (k,) of rectangles (k, 4, 2) that overlap another, by the separating axis
-    theorem.
-    """
+    """Return a mask (k,) of rectangles (k, 4, 2) that overlap another (separating axis theorem)."""
     own_axes = np.broadcast_to(
         np.stack([rectangle[1] - rectangle[0], rectangle[3] - rectangle[0]]), (len(others), 2, 2)
     )

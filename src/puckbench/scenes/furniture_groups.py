@@ -69,7 +69,7 @@ def lectern(cad: Modeller) -> Item:
 def stepped_floor(
     cad: Modeller, width: float, step: tuple[float, float], count: int, at_back: float
 ) -> Item:
-    """Make steps of (depth, rise) towards +y; the last is `at_back` deep."""
+    """Make `count` steps of (depth, rise) towards +y, the last of which is `at_back` deep."""
     depth, rise = step
     parts: list[Surface] = []
     for k in range(count):

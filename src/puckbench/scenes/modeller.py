@@ -1,4 +1,4 @@
-"""Solids with a uniform tessellation, and random choices, for models of furniture and objects."""
+"""Solids tessellated by size, and random choices, for models of furniture and objects."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ class Modeller:
     def handle(
         self, start: Sequence[float], end: Sequence[float], y: float, radius: float
     ) -> Surface:
-        """Make a bar handle between two points of a front, with its bar at y."""
+        """Make a bar handle between two points of a front; the bar is at y."""
         path = [start, (start[0], y, start[2]), (end[0], y, end[2]), end]
         return self.pipe(path, radius, 2 * radius)
 
@@ -103,7 +103,8 @@ class Modeller:
         return solids.revolve(profile, self.steps(radius), degrees)
 
     def vessel(self, points: Sequence[Point], wall: float) -> Surface:
-        """Make an open vessel with a smooth outside through (r, z) points, from bottom to rim."""
+        """Make an open vessel whose smooth outside passes through (r, z) points, from bottom to
+        rim."""
         outside = outlines.catmull_rom(
             np.array(points, dtype=np.float64), max(3, self.steps(0.2) // 8)
         )

@@ -47,7 +47,8 @@ OBJECTS: tuple[str, ...] = tuple(
 
 
 def make_object(name: str, seed: int, detail: float = 1.0) -> Mesh:
-    """Return the labelled mesh of an object such as "chair_03", with longest side 1, on z = 0.
+    """Return the labelled mesh of an object such as "chair_03", with longest side 1, centred on z =
+    0.
 
     `detail` multiplies the number of segments of curved parts.
     """
@@ -63,7 +64,6 @@ def make_object(name: str, seed: int, detail: float = 1.0) -> Mesh:
 
 
 def _normalised(item: Item) -> Item:
-    """Scale an item to a longest side of 1, centred on z = 0."""
     corners = np.stack([piece.placed().bounds() for piece in item])
     low, high = corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)
     scale = 1.0 / float((high - low).max())

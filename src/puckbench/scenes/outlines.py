@@ -105,7 +105,6 @@ def loop(outline: Outline) -> Floats:
 
 
 def catmull_rom(points: Floats, steps: int) -> Floats:
-    """Return a smooth curve (m, k) through points (n, k)."""
     padded = np.concatenate([2 * points[:1] - points[1:2], points, 2 * points[-1:] - points[-2:-1]])
     a, b, c, d = (padded[start : len(padded) - 3 + start] for start in range(4))
     t = np.linspace(0, 1, steps, endpoint=False)[None, :, None]

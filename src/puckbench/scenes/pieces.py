@@ -37,7 +37,6 @@ def posed(item: Iterable[Piece], pose: Floats) -> Item:
 
 
 def item_bounds(item: Iterable[Piece]) -> Floats:
-    """Return a box (2, 3) that contains all pieces."""
     corners = np.concatenate([_box_corners(piece) for piece in item])
     return np.stack([corners.min(axis=0), corners.max(axis=0)])
 
@@ -49,7 +48,7 @@ def _box_corners(piece: Piece) -> Floats:
 
 
 def with_meshes(item: Item, furniture: FurnitureMeshes, rng: np.random.Generator) -> Item:
-    """Replace pieces by meshes of the same semantic class (metres, z up, facing -y).
+    """Replace pieces by meshes (in metres, z up, facing -y) of the same semantic class.
 
     A mesh that needs little stretching is drawn at random and stretched to the size of the piece.
     The content of a replaced bookcase is removed.
@@ -75,7 +74,7 @@ def _replaced(piece: Piece, meshes: Sequence[Mesh], rng: np.random.Generator) ->
 
 
 def build_mesh(pieces: Sequence[Piece]) -> Mesh:
-    """Make a labelled mesh; objects are numbered by kind, equal primitives of an object merged."""
+    """Make a labelled mesh; number objects by kind and merge equal primitives of an object."""
     counts: Counter[str] = Counter()
     objects, shape_ids, object_ids = [], [], []
     primitives: list[Primitive] = []
@@ -98,7 +97,7 @@ def build_mesh(pieces: Sequence[Piece]) -> Mesh:
 
 
 def _distinct(surface: Surface) -> tuple[Ints, list[Primitive]]:
-    """Return the index of each shape's primitive (s,), and the distinct primitives."""
+    """Return, for each shape, the index of its primitive (s,), and the distinct primitives."""
     numbers: dict[tuple[Shape, bytes], int] = {}
     primitives: list[Primitive] = []
     index = np.empty(len(surface.shapes), dtype=np.int64)
@@ -113,9 +112,8 @@ def _distinct(surface: Surface) -> tuple[Ints, list[Primitive]]:
 
 
 def _keys(surface: Surface) -> tuple[list[bytes], list[bytes]]:
-    """Return keys of frames, and of planes by normal and offset, to compare shapes of
-    equal size.
-    """
+    """Return keys that compare shapes of equal size: by frame, and for planes by normal and
+    offset."""
     frames = surface.frames
     normals = frames[:, :3, 2] / np.linalg.norm(frames[:, :3, 2], axis=1, keepdims=True)
     offsets = np.sum(normals * frames[:, :3, 3], axis=1, keepdims=True)

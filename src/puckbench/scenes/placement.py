@@ -67,7 +67,7 @@ class Room:
         self.item += shell(self.cad, self.outline, self.height, self.openings)
 
     def _keep_clear(self, opening: Opening) -> None:
-        """Reserve space for a door's leaf and people, or for a window's light."""
+        """Reserve space for a door's leaf and passing people, or for a window's light."""
         frame, length = wall_frame(self.outline, opening.wall)
         x0, x1 = opening.span(length)
         reach = 0.12 if opening.kind == "window" else 0.85
@@ -142,7 +142,7 @@ class Room:
 
 
 def occupy_if_free(plan: FloorPlan, item: Item, place: Floats) -> bool:
-    """Occupy the space of an item at a pose (4, 4) and return True if all of it is free."""
+    """If all space of an item at a pose (4, 4) is free, occupy it and return True."""
     low, high = item_bounds(item)[:, 2] + place[2, 3]
     grounds = [_ground(piece, place) for piece in _feet(item)]
     if not all(plan.is_free(ground, low, high) for ground in grounds):

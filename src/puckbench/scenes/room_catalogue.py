@@ -16,7 +16,7 @@ class RoomSpec:
     """Specification of a room, in metres.
 
     ``outline`` has the counter-clockwise corners of the floor, ``origin`` is a sensor position free
-    of furniture, and ``lamps`` are the maker and the spacing of the ceiling lamps.
+    of furniture, and ``lamps`` holds the function that makes ceiling lamps, and their spacing.
     """
 
     kind: str

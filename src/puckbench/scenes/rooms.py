@@ -18,7 +18,7 @@ SENSOR_HEIGHT = 1.3
 def make_room(
     name: str, seed: int, detail: float = 1.0, furniture: FurnitureMeshes | None = None
 ) -> Mesh:
-    """Return the labelled mesh of a furnished room of `room_catalogue.ROOMS` or
+    """Return the labelled mesh of a furnished room in `room_catalogue.ROOMS` or
     `building.room_types`.
 
     `detail` multiplies the number of segments of curved parts; `furniture` replaces the generated
@@ -48,7 +48,7 @@ def room_box(name: str, seed: int = 0) -> Floats:
 
 
 def room_spec(name: str, seed: int = 0) -> RoomSpec:
-    """Return the specification of a room; InputError for an unknown name."""
+    """Return the specification of a room; raise InputError for an unknown name."""
     if name in room_types():
         return building_room(name, seed)
     if name not in ROOMS:

@@ -48,7 +48,10 @@ def window(
 
 
 def wall_frame(outline: Floats, wall: int) -> tuple[Floats, float]:
-    """Return pose (4, 4) and length of a wall: x along it, y outwards, origin at the edge's end."""
+    """Return pose (4, 4) and length of a wall.
+
+    The pose has x along the wall, y outwards, and its origin at the edge's end.
+    """
     start, end = outline[wall], outline[(wall + 1) % len(outline)]
     length = float(np.linalg.norm(end - start))
     along = (start - end) / length

@@ -53,7 +53,7 @@ def extrude(outline: Outline, height: float, holes: Sequence[Outline] = ()) -> S
 
 
 def revolve(profile: Outline, steps: int, degrees: float = 360.0) -> Surface:
-    """Revolve a profile of (r, z) points about z, the outside on its right.
+    """Revolve a profile of (r, z) points, with the outside on its right, about z.
 
     A closed body starts on the axis below and ends on the axis above. Lines give planes, cylinders
     and cones, arcs spheres and tori; curves are freeform.
@@ -105,7 +105,10 @@ def superquadric(
 
 
 def tube(path: Floats, radius: float | Floats, steps: int, *, closed: bool = False) -> Surface:
-    """Sweep a circle along a path (n, 3), with one radius or one per point; freeform, flat ends."""
+    """Sweep a circle, with one radius or one per point, along a path (n, 3).
+
+    The result is freeform with flat ends.
+    """
     sections = _rings(path, np.broadcast_to(radius, len(path)), steps, closed)
     if closed:
         return grid(sections, closed=(True, True)).flipped()
@@ -113,13 +116,14 @@ def tube(path: Floats, radius: float | Floats, steps: int, *, closed: bool = Fal
 
 
 def loft(sections: Floats) -> Surface:
-    """Connect closed sections (k, n, 3), counter-clockwise against the path, and close the ends."""
+    """Connect closed sections (k, n, 3), counter-clockwise seen against the path; close the
+    ends."""
     skin = grid(sections.swapaxes(0, 1), closed=(True, False))
     return join([skin, _fan(sections[0]).flipped(), _fan(sections[-1])])
 
 
 def pipe(points: Sequence[Sequence[float]], radius: float, bend: float, steps: int) -> Surface:
-    """Make a pipe along a polyline, of cylinders and torus elbows with bend radius `bend`."""
+    """Make a pipe along a polyline, from cylinders and torus elbows with bend radius `bend`."""
     path = np.array(points, dtype=np.float64)
     starts, parts = path.copy(), []
     ends = path.copy()
@@ -134,7 +138,7 @@ def pipe(points: Sequence[Sequence[float]], radius: float, bend: float, steps: i
 
 
 def sheet(points: Floats, thickness: float) -> Surface:
-    """Make a freeform plate of some thickness over a grid of points (m, n, 3)."""
+    """Make a freeform plate of a given thickness over a grid of points (m, n, 3)."""
     rows, columns = np.gradient(points, axis=0), np.gradient(points, axis=1)
     normal = np.cross(rows, columns)
     length = np.linalg.norm(normal, axis=-1, keepdims=True)
@@ -153,7 +157,7 @@ def _power(values: Floats, exponent: float) -> Floats:
 
 
 def _side(segment: Segment, height: float) -> Surface:
-    """Make the wall above a segment, facing its right side."""
+    """Extrude a segment upwards to a wall that faces its right side."""
     bottom = np.column_stack([segment.points, np.zeros(len(segment.points))])
     points = np.stack([bottom, bottom + np.array([0.0, 0.0, height])], axis=1)
     if segment.kind == "arc":
@@ -175,7 +179,7 @@ def _turned(segment: Segment, angles: Floats, closed: bool) -> Surface:
 
 
 def _turned_shape(segment: Segment) -> tuple[Shape, Floats]:
-    """Return the primitive that a segment of a profile generates, and its frame."""
+    """Return the primitive that revolving a segment of a profile generates, and its frame."""
     (r0, z0), (r1, z1) = segment.points[[0, -1]]
     frame = np.eye(4)
     if segment.kind == "arc":
@@ -197,7 +201,7 @@ def _turned_shape(segment: Segment) -> tuple[Shape, Floats]:
 
 
 def _fan(ring: Floats) -> Surface:
-    """Make a fan that closes a ring (n, 3), facing the side where the ring is counter-clockwise."""
+    """Make a triangle fan that closes a ring (n, 3), facing where the ring is counter-clockwise."""
     count = len(ring)
     vertices = np.concatenate([ring, ring.mean(axis=0, keepdims=True)])
     index = np.arange(count)

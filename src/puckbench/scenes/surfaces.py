@@ -83,13 +83,13 @@ class Surface:
         return [self.at(a * x, b * y, z) for a in (-1, 1) for b in (-1, 1)]
 
     def mirrored(self, axis: int = 0) -> Surface:
-        """Reflect in the plane through the origin normal to an axis."""
+        """Reflect the surface in the plane through the origin whose normal is an axis."""
         mirror = np.eye(4)
         mirror[axis, axis] = -1.0
         return self.transformed(mirror)
 
     def flipped(self) -> Surface:
-        """Reverse the orientation, as for the inside of a room or a hole."""
+        """Reverse the orientation, for example for the inside of a room."""
         planes = np.array([shape.kind == "plane" for shape in self.shapes], dtype=bool)
         frames = self.frames.copy()
         frames[planes] = frames[planes] @ np.diag([1.0, -1.0, -1.0, 1.0])
@@ -100,12 +100,11 @@ class Surface:
         return freeform(change(self.vertices), self.triangles)
 
     def select(self, *shapes: int) -> Surface:
-        """Return the triangles on some shapes, given by index."""
+        """Return the triangles that lie on the shapes with these indices."""
         rows = np.isin(self.shape_id, shapes)
         return replace(self, triangles=self.triangles[rows], shape_id=self.shape_id[rows])
 
     def bounds(self) -> Floats:
-        """Return the bounding box (2, 3)."""
         return np.stack([self.vertices.min(axis=0), self.vertices.max(axis=0)])
 
 
@@ -145,7 +144,6 @@ def pose(
 
 
 def rotation(axis: int, degrees: float) -> Floats:
-    """Return the rotation matrix (3, 3) about a coordinate axis."""
     cosine, sine = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
     first, second = (axis + 1) % 3, (axis + 2) % 3
     matrix = np.eye(3)
@@ -181,7 +179,6 @@ def freeform(vertices: Floats, triangles: Ints) -> Surface:
 
 
 def planar(vertices: Floats, triangles: Ints) -> Surface:
-    """Make a surface of coplanar triangles."""
     a, b, c = vertices[triangles].swapaxes(0, 1)
     doubled = np.cross(b - a, c - a)
     largest = int(np.argmax(np.sum(doubled**2, axis=1)))
@@ -195,7 +192,7 @@ def grid(
     *,
     closed: tuple[bool, bool] = (False, False),
 ) -> Surface:
-    """Make a surface through a grid of points (m, n, 3), facing rows x columns.
+    """Make a surface through a grid of points (m, n, 3), with normals along rows x columns.
 
     `closed` connects the last row (column) to the first.
     """

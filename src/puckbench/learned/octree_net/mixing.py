@@ -96,24 +96,10 @@ def code_symbols(
     mixer: Mixer, level: LevelState, group: int, second: bool, rows: Ints, symbols: Symbols,
     frequencies: Frequencies,
 ) -> None:  # fmt: skip
-    """Encode the symbols of some voxels of a level, or decode them in place.
+    """Encode the symbols (m,) of voxels `rows` (m,) of a level, or decode them in place.
 
-    Parameters
-    ----------
-    mixer
-        Encoder or decoder.
-    level
-        State of the level, with the causal neighbourhoods of these voxels.
-    group
-        The number of the voxels' group.
-    second
-        Code their second symbols instead of their first.
-    rows
-        (m,), the voxels.
-    symbols
-        (m,).
-    frequencies
-        (m, 16), predicted by the network.
+    `level` must contain the voxels' causal neighbourhoods, `group` is the number of their group,
+    and `second` selects their second symbols. The network predicts `frequencies` (m, 16).
     """
     _code_symbols(
         mixer, level, group, int(second), rows, symbols, frequencies, _CHILDREN, _STARTS, CELLS
@@ -184,8 +170,8 @@ def _find_contexts(
     5. numbers of cells far away and near
     6. cells at its faces, and at its edges outside the voxel
     7. cells at its faces outside the voxel, and the six beside these
-    8. the network's probability, cells at its faces outside the voxel and two steps away
-    9. cells at its faces inside the voxel only, which show the density of the cloud
+    8. the network's probability, and the cells of 4
+    9. cells at its faces inside the voxel, which show the cloud's density
     10. orientation of the voxel's neighbours, and cells two steps away
     """
     half = place >> 2

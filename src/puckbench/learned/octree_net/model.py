@@ -2,11 +2,8 @@
 
 All levels of the octree share the weights. Features pass from level to level. The voxels of a level
 are coded in groups, and a convolution before each group sees the symbols of the previous groups.
-
-References
-----------
-You, Chen, Ding, Asif, Ma: "RENO: Real-Time Neural Compression for 3D LiDAR Point Clouds", CVPR
-2025, which also predicts occupancy level by level with a small sparse network.
+RENO (see `puckbench.learned.reno`) also predicts occupancy level by level with a small sparse
+network.
 """
 
 from __future__ import annotations

@@ -1,12 +1,8 @@
 """The hyper-synthesis transform h_s in integers: equal results on every machine.
 
 Weights are rounded to 2**-16 and features to 2**-12. Products and sums are integers below 2**53,
-which double precision represents exactly, so that encoder and decoder choose the same tables.
-
-References
-----------
-Ballé, Johnston, Minnen: "Integer Networks for Data Compression with Latent-Variable Models", ICLR
-2019.
+which double precision represents exactly, so that encoder and decoder choose the same tables (see
+the reference of `octree_net.fixed_point`).
 """
 
 from __future__ import annotations

@@ -6,10 +6,8 @@ and h_s decodes it to the distributions of y. The network may serve several rate
 Convolutions pad as TensorFlow's 'same': a stride of two pads one voxel at the far end only, and a
 transposed convolution keeps the first 2 n of its 2 n + 1 outputs.
 
-References
-----------
-Wang, Zhu, Liu, Ma: "Lossy Point Cloud Geometry Compression via End-to-End Learning", IEEE TCSVT
-2021, section III and figure 5; layers are named as in the authors' program.
+The network is that of section III and figure 5 of the paper (see `puckbench.learned.pcgcv1`);
+layers are named as in the authors' program.
 """
 
 from __future__ import annotations

@@ -1,1 +1,1 @@
-"""Furniture: each function makes an item that stands on z = 0, its front to -y, its back to +y."""
+"""Furniture: each function makes an item that stands on z = 0, with its front towards -y."""

@@ -20,7 +20,6 @@ BOTTLES: tuple[tuple[Point, ...], ...] = (
 
 
 def clutter(kind: str, *parts: Surface) -> Item:
-    """Make an item of one piece of the class "clutter"."""
     return [Piece(kind, "clutter", join(list(parts)))]
 
 
@@ -85,7 +84,7 @@ def bottle(cad: Modeller) -> Item:
 
 
 def book(cad: Modeller, height: float = 0.24, thickness: float = 0.03) -> Item:
-    """Make a flat book, its spine at -x."""
+    """Make a flat book with its spine at -x."""
     width = height * 0.72
     boards = [cad.box(width, height, 0.003).at(z=z) for z in (0.0, thickness - 0.003)]
     pages = cad.box(width - 0.008, height - 0.01, thickness - 0.006).at(x=0.001, z=0.003)
@@ -96,7 +95,7 @@ def book(cad: Modeller, height: float = 0.24, thickness: float = 0.03) -> Item:
 
 
 def standing_book(cad: Modeller, height: float, thickness: float) -> Item:
-    """Make an upright book, its spine to the front, its thickness along x."""
+    """Make an upright book with its spine to the front and its thickness along x."""
     return posed(book(cad, height, thickness), _upright(height, thickness))
 
 

@@ -1,3 +1,1 @@
-"""Parametric objects: a function for each class makes an item of any size from a modeller and a
-member number.
-"""
+"""Parametric objects: the function of a class makes an item from a modeller and a member number."""

@@ -13,7 +13,7 @@ from puckbench.scenes.surfaces import Surface, frame_along, join
 
 
 def airplane(cad: Modeller, member: int) -> Item:
-    """Make an airliner with two or four jets, propeller plane or glider, its nose to +x."""
+    """Make an airliner with two or four jets, propeller plane or glider, its nose towards +x."""
     style = member % 4
     radius = (1.9, 1.7, 0.7, 0.5)[style] * cad.between(0.9, 1.1)
     length = (34.0, 40.0, 9.0, 8.0)[style] * cad.between(0.9, 1.1)
@@ -47,7 +47,7 @@ def airplane(cad: Modeller, member: int) -> Item:
 
 
 def _fuselage(cad: Modeller, radius: float, length: float) -> Surface:
-    """Make a body about x from the tail at x = 0 to the nose."""
+    """Make a body around the x axis, from the tail at x = 0 to the nose."""
     shares = [
         (0.0, 0.0),
         (0.25, 0.04),
@@ -65,7 +65,7 @@ def _fuselage(cad: Modeller, radius: float, length: float) -> Surface:
 
 
 def _wing(cad: Modeller, root: float, tip: float, span: float, sweep: float) -> Surface:
-    """Make a swept wing along +y, its leading edge to +x."""
+    """Make a swept wing along +y with its leading edge towards +x."""
     angles = np.linspace(0, 2 * np.pi, max(16, cad.steps(1) // 2), endpoint=False)
     at = np.linspace(0, 1, max(6, round(12 * cad.detail)))
     chord = (root + (tip - root) * at) * np.append(np.ones(len(at) - 1), 0.8)
@@ -196,7 +196,7 @@ def _with_arches(
     radius: float,
     steps: int,
 ) -> outlines.Outline:
-    """Return the side view of a car body: a rounded polygon with wheel arches."""
+    """Return the side view of a car body, a rounded polygon with wheel arches."""
     low = side[0][1]
     half = float(np.sqrt(radius**2 - (low - 0.33) ** 2))
     start = float(np.degrees(np.arctan2(low - 0.33, -half)))
@@ -224,7 +224,7 @@ def _point(values: Floats) -> outlines.Point:
 
 
 def _tapered(outline: outlines.Outline, low: float, high: float) -> Surface:
-    """Make the cabin of a side view, `low` wide at its bottom and `high` at its roof."""
+    """Make a cabin from its side view, `low` wide at the bottom and `high` wide at the roof."""
     points = outlines.loop(outline)
     foot, roof = points[:, 1].min(), points[:, 1].max()
     half = (low + (high - low) * (points[:, 1] - foot) / (roof - foot)) / 2

@@ -57,21 +57,17 @@ def make_street(name: str, seed: int, length: float) -> Mesh:
 
 
 def street_origin() -> tuple[float, float, float]:
-    """Return a sensor position above the lane to +x, halfway along the street."""
+    """Return a sensor position halfway along the street, above the lane towards +x."""
     return (0.0, -LANE / 2, SENSOR_HEIGHT + road_height(LANE / 2))
 
 
 def free_way(length: float) -> tuple[float, float]:
-    """Return the range of x that a sensor can travel from its origin, at least 1 m from
-    any object.
-    """
+    """Return the range of x in which a sensor can travel, at least 1 m from any object."""
     return (-length / 2, length / 2)
 
 
 @dataclass
 class _Street:
-    """A street under construction."""
-
     length: float
     cad: Callable[[str], Modeller]
     item: Item = field(default_factory=list)
@@ -87,14 +83,13 @@ class _Street:
         self.item += item if place is None else posed(item, place)
 
     def put(self, item: Item, place: Floats) -> None:
-        """Add an item at a pose if its space is free."""
         if occupy_if_free(self.plan, item, place):
             self.add(item, place)
 
 
 @dataclass(frozen=True)
 class _Lot:
-    """A building lot or green: centre, width and the gap before it, metres."""
+    """A building lot or green: centre, width and the gap before it, in metres."""
 
     middle: float
     width: float
@@ -117,7 +112,7 @@ def _lots(cad: Modeller, start: float, end: float) -> Iterator[_Lot]:
 
 
 def _sides() -> tuple[tuple[str, Floats], ...]:
-    """Return name and frame of each side of the street: x along it, y away from it."""
+    """Return each side's name and frame, which has x along the street and y away from it."""
     return (("left", np.eye(4)), ("right", pose(turn=180)))
 
 
@@ -179,7 +174,7 @@ def _alley(street: _Street, cad: Modeller, lot: _Lot, frame: Floats) -> None:
 
 
 def _border(cad: Modeller) -> Callable[[Modeller, float], Item]:
-    """Return a function that makes a fence, a hedge or a low wall of any length."""
+    """Return a function that makes a fence, hedge or low wall of a given length."""
     low_wall = partial(street_furniture.garden_wall, height=cad.between(0.6, 1.0))
     kinds: tuple[Callable[[Modeller, float], Item], ...]
     kinds = (street_furniture.fence, planting.hedge, low_wall)
