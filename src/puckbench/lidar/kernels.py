@@ -21,7 +21,7 @@ _LEAST_COSINE = 1e-9
 def fill_planes(
     vertices: Floats, triangles: NDArray[np.int64], origin: Floats, planes: Floats
 ) -> None:
-    """Fill `planes` (t, 4) with unit normals and distances from `origin`; 0 for no area."""
+    """Fill `planes` (t, 4): triangles' unit normals and distances from `origin`; 0 for no area."""
     for t in range(len(triangles)):
         a, b, c = vertices[triangles[t, 0]], vertices[triangles[t, 1]], vertices[triangles[t, 2]]
         x1, y1, z1 = b[0] - a[0], b[1] - a[1], b[2] - a[2]
@@ -42,7 +42,7 @@ def fill_directions(
     directions: Floats,
     rays: NDArray[np.float32],
 ) -> None:
-    """Fill directions (n, 3) of rays in the world from sines and cosines (frames, steps, lasers).
+    """Fill world directions (n, 3) of rays from sines and cosines (frames, steps, lasers).
 
     `rotations` (frames, steps, 3, 3) are from the sensor to the world. The last columns of `rays`
     (n, 6) receive the directions for Embree.
@@ -76,9 +76,9 @@ def fill_distances(
 ) -> None:
     """Fill exact distances and cosines of incidence angles (n,); inf and nan for a miss.
 
-    `nearest` and `triangles` (n,) are Embree's distances, inf for a miss, and triangles; `starts`
-    (steps, 3) origins of rays relative to that of `planes`; `limits` the shortest and longest
-    range. A ray parallel to its plane keeps Embree's distance.
+    `nearest` and `triangles` (n,) are Embree's distances (inf for a miss) and triangles. `starts`
+    (steps, 3) are the rays' origins relative to that of `planes`, and `limits` the shortest and
+    longest range. A ray parallel to its plane keeps Embree's distance.
     """
     per_step = len(directions) // len(starts)
     for ray in range(len(directions)):
@@ -104,7 +104,7 @@ def fill_rays(
     start: int,
     out: tuple[Any, ...],
 ) -> int:
-    """Write columns of the rays that `rows` (frames, steps, lasers) selects, from row `start` on.
+    """Write columns of the rays selected by `rows` (frames, steps, lasers), from row `start` on.
 
     `nominal` is timestamp, yaw and pitch of all rays. Returns the row after the last one.
     """
@@ -132,7 +132,7 @@ def fill_points(
     start: int,
     out: tuple[Any, ...],
 ) -> None:
-    """Write distances and points of the rays that `rows` (n,) selects, from row `start` on."""
+    """Write distances and points of the rays selected by `rows` (n,), from row `start` on."""
     distance, x, y, z = out
     per_step = len(rows) // len(origins)
     row = start
@@ -154,7 +154,7 @@ def fill_surface(
     start: int,
     out: tuple[Any, ...],
 ) -> None:
-    """Write incidence, triangle, labels and normal (to the sensor) of selected rays.
+    """Write incidence, triangle, labels and the normal towards the sensor of selected rays.
 
     `hits` are directions (n, 3), triangles and incidence (n,); `surface` is planes (t, 4), object
     and primitive of each triangle.
@@ -179,11 +179,11 @@ def fill_surface(
 def fill_echoes(
     apart: Floats, gap: float, choice: int, distance: Floats, middle: NDArray[np.int64]
 ) -> None:
-    """Fill the mean distance of each beam's echo (inf for none), and the number of the nearest ray.
+    """Fill each beam's echo: its mean distance (inf for none), and the ray nearest to that.
 
     `apart` (beams, rays) are the distances of rays, m, inf for a miss. Successive distances that
-    differ by at most `gap` belong to one echo. The choice is 0: the first echo, 1: that of most
-    rays, 2: the last, 3: all rays are one echo.
+    differ by at most `gap` belong to one echo. `choice` selects the first echo (0), that of most
+    rays (1), the last (2), or all rays as one echo (3).
     """
     beams, rays = apart.shape
     for beam in range(beams):

@@ -19,7 +19,7 @@ _OFF_THE_MIRROR = 1e-4
 
 @dataclass(frozen=True)
 class _Paths:
-    """Paths that end on a mirror: ray indices, last directions, ends, lengths, triangles."""
+    """Paths that end on a mirror."""
 
     rays: NDArray[np.int64]
     directions: Floats
@@ -40,7 +40,7 @@ class _Paths:
 def follow_mirrors(
     caster: RayCaster, cast: Cast, mirrors: NDArray[np.bool_], farthest: float
 ) -> Cast:
-    """Replace hits on `mirrors` (t,) by what is seen in them, at the length of the whole path.
+    """Replace hits on `mirrors` (t,) by hits of the reflected rays, at the whole path's length.
 
     A ray that only meets mirrors is a miss.
     """

@@ -25,7 +25,7 @@ _IF_MEANT = "(--anywhere scans from there all the same)"
 
 
 def check_untouched(caster: RayCaster, places: Floats) -> None:
-    """Raise InputError if a place, (n, 3) relative to the caster's origin, touches the mesh."""
+    """Raise InputError if a position, (n, 3) relative to the caster's origin, touches the mesh."""
     touching = caster.clearances(places) < _LEAST_CLEARANCE_M
     if touching.any():
         raise InputError(f"the sensor at {_world(caster, places[touching][0])} touches the mesh")
@@ -58,7 +58,7 @@ def seen_around(caster: RayCaster, place: Floats) -> tuple[Floats, NDArray[np.ui
 
 
 def _one_object(caster: RayCaster, triangles: NDArray[np.uint32]) -> str | None:
-    """Return the object to which all triangles belong, if the scene has others."""
+    """Return the name of the only object among triangles, if the scene has other objects."""
     if caster.surfaces is None or len(np.unique(caster.surfaces.object_id)) < 2:
         return None
     seen = np.unique(caster.surfaces.object_id[triangles])
@@ -92,9 +92,9 @@ _AT_A_TIME = 256
 def free_origin(
     mesh: Mesh, height: float = 1.3, clearance: float = 0.3, inside: float = INSIDE
 ) -> Floats:
-    """Return the free place (3,), m, on a grid, nearest to the middle of the floor plan.
+    """Return the free grid position (3,), m, nearest to the middle of the floor plan.
 
-    More than the share `inside` of all directions, and straight down, must meet the scene.
+    From it, more than the share `inside` of all directions, and straight down, must meet the scene.
     """
     check_mesh(mesh, "the mesh to scan")
     low, high = mesh.bounds()
@@ -114,7 +114,7 @@ def free_origin(
 
 
 def _grid(size: Floats) -> Floats:
-    """Return places (n, 3) over the floor plan relative to its middle, nearest first."""
+    """Return positions (n, 3) over the floor plan relative to its middle, nearest first."""
     spacing = max(0.05, float(size[:2].max()) / _GRID)
     x, y = (np.arange(-(n := int(side / 2 / spacing)), n + 1) * spacing for side in size[:2])
     places = np.stack(np.meshgrid(x, y, [0.0], indexing="ij"), axis=-1).reshape(-1, 3)
@@ -122,9 +122,9 @@ def _grid(size: Floats) -> Floats:
 
 
 def _floor(caster: RayCaster, places: Floats, size: Floats) -> float:
-    """Return the height above which nine of ten rays straight down end.
+    """Return the height above which nine of ten downward rays end.
 
-    Floors have a thickness, and captured rooms stray points.
+    Floors have a thickness, and captured rooms have stray points.
     """
     levels = -_below(caster, places)
     levels = levels[np.isfinite(levels)]

@@ -21,7 +21,7 @@ from puckbench.lidar.trajectory import Poses
 
 @dataclass(frozen=True)
 class Cast:
-    """Unit directions of rays (n, 3) and origins of each azimuth step (steps, 3), in the world."""
+    """Unit directions (n, 3) and origins of azimuth steps (steps, 3) in the world, and hits."""
 
     directions: Floats
     origins: Floats
@@ -29,7 +29,7 @@ class Cast:
 
 
 class RayCaster:
-    """A mesh around a sensor at or near `origin` (3,).
+    """Casts rays at a mesh from positions at or near `origin` (3,).
 
     `planes` (t, 4) are unit normals of triangles, and distances from `origin`.
     """
@@ -68,14 +68,14 @@ class RayCaster:
         return Cast(directions, self.origin + starts, hits)
 
     def clearances(self, places: Floats) -> Floats:
-        """Return the distance, m, to the mesh from places (n, 3) relative to `origin`."""
+        """Return the distances, m, to the mesh from positions (n, 3) relative to `origin`."""
         import open3d as o3d
 
         queries = o3d.core.Tensor.from_numpy(places.astype(np.float32))
         return np.asarray(self.scene.compute_distance(queries).numpy(), dtype=np.float64)
 
     def met(self, starts: Floats, directions: Floats) -> tuple[Floats, NDArray[np.uint32]]:
-        """Return distances (n,), of float32 accuracy, and triangles of rays; inf for a miss."""
+        """Return each ray's distance (float32 accuracy, inf for a miss) and triangle, (n,)."""
         answer = self._nearest(np.column_stack([starts, directions]).astype(np.float32))
         return answer["t_hit"].numpy().astype(np.float64), answer["primitive_ids"].numpy()
 
@@ -89,8 +89,8 @@ class RayCaster:
     ) -> Hits:
         """Return the hits of rays, reshaped to `shape`.
 
-        `single` (n, 6) is origins and directions for Embree, and `starts`, (steps, 3) or (n, 3),
-        origins relative to `origin`.
+        `single` (n, 6) are origins and directions for Embree; `starts`, (steps, 3) or (n, 3), are
+        exact origins relative to `origin`.
         """
         from puckbench.lidar.kernels import fill_distances
 

@@ -98,7 +98,7 @@ def about_plane(points: Floats, plane: Plane, origin: Floats) -> dict[str, Float
 
 
 def plane_coordinates(points: Floats, plane: Plane, origin: Floats) -> Floats:
-    """Return coordinates (n, 2), m, of points within a plane, from the projection of the sensor.
+    """Return plane coordinates (n, 2), m, of points; the origin is the projection of the sensor.
 
     The first axis is horizontal, the second goes up the slope.
     """

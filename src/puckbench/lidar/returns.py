@@ -47,7 +47,7 @@ class Beams:
     delays
         Times of firing as a fraction of a column's time.
     clockwise
-        Direction of rotation seen from above, in which azimuths count, from forward (y).
+        Direction of rotation, seen from above; azimuths increase in it from forward (y).
     azimuths_deg
         Azimuths relative to that of the column; empty: all 0.
     sideways_mm
@@ -211,7 +211,7 @@ class Returns:
 
 
 def _returned(turn: Turn) -> NDArray[np.bool_]:
-    """Return which pixels (kinds, columns, lasers) are returns that do not repeat another."""
+    """Return which pixels (kinds, columns, lasers) are returns, without second ones that repeat."""
     is_return = turn.ranges > 0
     if len(is_return) > 1:
         is_return[1:] &= turn.ranges[1:] != turn.ranges[:1]
@@ -275,7 +275,7 @@ def returns_file(cloud: Path) -> Path:
 
 
 def with_returns(cloud: PointCloud, path: Path) -> PointCloud:
-    """Return a cloud with the returns that lie beside its file, if there are any."""
+    """Add the returns that are stored next to a cloud's file, if there are any."""
     beside = returns_file(path)
     return replace(cloud, returns=read_firings(beside)) if beside.exists() else cloud
 

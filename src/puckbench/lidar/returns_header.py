@@ -33,7 +33,7 @@ def encode_layout(layout: Layout) -> bytes:
 
 
 def decode_layout(body: bytes) -> tuple[Layout, bytes]:
-    """Return a layout and the bytes after it."""
+    """Decode a layout; return it and the bytes after it."""
     reader = Reader(body)
     *sizes, lasers = reader.take(4)
     try:
@@ -72,7 +72,7 @@ def _beams(name: str, use: int) -> Beams:
 
 
 def encode_beams(returns: Returns) -> bytes:
-    """Return the range quantum and the beams: a sensor's name and checksum, or all angles."""
+    """Encode the range quantum and the beams, these as a shipped sensor's name or as all angles."""
     quantum = base_128(round(returns.quantum_m / _QUANTUM_UNIT_M))
     shipped = _shipped().get((returns.beams, returns.sensor))
     angles = _angles(returns.beams)
@@ -86,7 +86,7 @@ def encode_beams(returns: Returns) -> bytes:
 
 
 def _angles(beams: Beams) -> bytes:
-    """Return three numbers for each laser; five if some have azimuths or pass the axis."""
+    """Return three numbers per laser, or five if beams have azimuths or pass beside the axis."""
     rows = [beams.elevations_deg, beams.heights_mm, beams.delays]
     if beams.azimuths_deg or beams.sideways_mm:
         none = (0.0,) * beams.lasers
@@ -95,7 +95,7 @@ def _angles(beams: Beams) -> bytes:
 
 
 def decode_beams(body: bytes, layout: Layout) -> Returns:
-    """Return the beams and quantum of `encode_beams` as returns without turns."""
+    """Decode the output of `encode_beams` as returns without turns."""
     reader = Reader(body)
     quantum = reader.number() * _QUANTUM_UNIT_M
     use, length = reader.take(2)

@@ -37,7 +37,7 @@ _RAYS_IN_A_PORTION = 1 << 20
 
 @dataclass(frozen=True)
 class ScanJob:
-    """A mesh (m, z up), a sensor at origin (3,), its sweep and its error model.
+    """A virtual scan of a mesh (m, z up) by a sensor at `origin` (3,).
 
     Unless `anywhere`, the sensor must be inside the scene, outside objects, and not move through a
     surface.
@@ -61,7 +61,6 @@ class ScanJob:
         progress: Progress | None = None,
         rays_at_a_time: int = _RAYS_AT_A_TIME,
     ) -> ScanTable:
-        """Return the table of `scan`."""
         scanner = self._scanner(rng)
         table = scanner.table(range(self.sweep.frames), rays_at_a_time, progress)
         if len(table) == 0:
@@ -126,8 +125,6 @@ def scan(
         (3,), position of the sensor or origin of its trajectory, m.
     rng
         Source of the random streams of errors.
-    progress
-        Called with the number of frames that are done and of all frames.
 
     Raises
     ------

@@ -21,9 +21,9 @@ _MOST_QUANTA = 0xFFFF
 
 @dataclass(frozen=True)
 class ScanReturns:
-    """Returns of a scan, and their rows (n,) of its table in the order of ``returns.points()``.
+    """Returns of a scan, and their rows (n,) in its table, in the order of ``returns.points()``.
 
-    `still_at` is the position of a level sensor at rest, m; None for a moving one.
+    `still_at` is the position, m, of a level sensor at rest, otherwise None.
     """
 
     returns: Returns

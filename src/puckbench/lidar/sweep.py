@@ -33,7 +33,7 @@ _HANDLE_DIVISOR = 2.5614
 class Rays:
     """Angles of rays in the sensor's frame, (frames, steps, lasers), rad; may be broadcast views.
 
-    The point of a return lies on this ray if `placed_as_fired`, otherwise on the nominal ray.
+    Measured points lie on these rays if `placed_as_fired`, otherwise on the nominal rays.
     """
 
     yaw: Floats
@@ -42,7 +42,7 @@ class Rays:
 
 
 class Sweep(Model):
-    """A sweep; the defaults are those of the thesis, section 5.2."""
+    """Rotation and motion of a sensor; the defaults are those of the thesis, section 5.2."""
 
     model_config = ConfigDict(use_attribute_docstrings=True)
 

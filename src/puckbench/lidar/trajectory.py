@@ -31,7 +31,7 @@ class Poses:
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """Increasing times (n,), s, positions (n, 3), m, and unit quaternions wxyz (n, 4).
+    """Poses at times (n,), s: positions (n, 3), m, and unit quaternions wxyz (n, 4).
 
     Quaternions rotate from the sensor's frame (x right, y forward, z up) to the world.
     """
@@ -54,7 +54,7 @@ class Trajectory:
 
 
 def trajectory_from_rows(rows: Sequence[Row]) -> Trajectory:
-    """Return the trajectory of rows t, x, y, z and yaw, pitch, roll (degrees) or a quaternion wxyz.
+    """Convert rows t, x, y, z and yaw, pitch, roll (degrees) or a quaternion wxyz to a trajectory.
 
     Rotations are applied in this order in the sensor's frame: yaw about z, counter-clockwise seen
     from above; pitch about x, upwards positive; roll about y, right side down positive.

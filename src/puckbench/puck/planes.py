@@ -49,10 +49,10 @@ _loop = partial(compiled_in_place, error_model="numpy")
 
 
 class RangeRows(NamedTuple):
-    """A range image and the equations of its planes; lasers from lowest to highest.
+    """A range image and the rows of the least squares equations; lasers from lowest to highest.
 
-    `ranges` (lasers, columns), m, is 0 for no return; `rows` (lasers, columns, 3), the left sides
-    of least squares equations, are ranges times points.
+    `ranges` (lasers, columns), m, are 0 for no return; `rows` (lasers, columns, 3) are range times
+    point.
     """
 
     ranges: Floats

@@ -1,10 +1,9 @@
 """Coding of the ranges of a turn: whether each firing has a return, and its range.
 
-The same loops encode with a bit writer and decode with a bit reader. Firings are coded column by
-column, and within a column from the lowest laser to the highest. Adaptive least squares predict a
-range, which is coded as binary decisions around the prediction. Lossy coding quantises a range to
-the nearest multiple of the step, or to the next one if lambda times the saved rate exceeds the
-increase of the squared error.
+Firings are coded column by column, and within a column from the lowest laser to the highest.
+Adaptive least squares predict a range, which is coded as binary decisions around the prediction.
+Lossy coding quantises a range to the nearest multiple of the step, or to the next one if lambda
+times the saved rate exceeds the increase of the squared error.
 
 In the loops, c is the row of a column, t the row of the nearest column of the previous turn (0:
 none), west the same laser one column earlier, below and above the neighbouring lasers.

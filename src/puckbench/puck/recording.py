@@ -96,8 +96,6 @@ class RecordingSummary(_Counts):
 
 @dataclass(frozen=True)
 class _Limits:
-    """Limits on the decoded size of an untrusted stream."""
-
     size: int
     trusted: bool = False
 
@@ -245,7 +243,7 @@ class _PacketEncoder:
     ) -> Iterator[_Batch]:
         """Yield three encodings: packets as turns, all bytes by LZMA, all bytes uncompressed.
 
-        Only the last is sure to satisfy the limits of `decompress`.
+        Only the last always satisfies the decoder's limits.
         """
         yield self._batch(data, places, report)
         self._turns = None

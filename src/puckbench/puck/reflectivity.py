@@ -1,7 +1,7 @@
 """Coding of the reflectivities of a turn: a byte for each firing, with or without a return.
 
-For a second return equal to the first, the guess is the first one's value; for a firing without a
-return, the laser's last value without one. Values without a guess, or with a wrong one, are coded.
+For a second return equal to the first, the first one's value is the guess; for a firing without a
+return, the laser's last such value. A value is coded only without a correct guess.
 """
 
 from __future__ import annotations

@@ -1,5 +1,3 @@
-"""Estimation of the parameters of range errors from tables of plane residuals."""
-
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -25,7 +23,7 @@ FRAME, SPOT = "frame", "spot"
 
 @dataclass(frozen=True)
 class CalibrationOptions:
-    """Interpretation of the residuals.
+    """Options of a calibration.
 
     `cells` are groups of returns with a common bias: ``"frame"``, one laser in one frame (virtual
     scans), or ``"spot"``, one laser in one direction (a sensor at rest). For spots, `frame_sigma_m`
@@ -46,8 +44,6 @@ class CalibrationOptions:
 
 @dataclass(frozen=True)
 class Domain:
-    """Limits of the residuals' incidence angles and ranges."""
-
     most_incidence_rad: float
     ranges_m: tuple[float, float]
 
@@ -56,8 +52,8 @@ class Domain:
 class Calibration:
     """Estimated parameters of range errors with 95 % intervals.
 
-    `biases` of the lasers are relative to their mean, m, and empty for several devices; `mean` is
-    None if the planes absorb it.
+    `biases`, m, are relative to the mean of the lasers, and empty for several devices; `mean` is
+    None if it cannot be separated from the planes.
     """
 
     sigmas: dict[str, Estimate]

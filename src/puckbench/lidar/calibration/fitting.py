@@ -75,7 +75,7 @@ def fit(
 ) -> Sigmas:
     """Maximise the restricted likelihood over the sigmas named in `free`.
 
-    The search begins at `start`, which also holds the other sigmas.
+    The search begins at `start`, which also fixes the other sigmas.
     """
     first = start or _start(likelihood, free)
     if not free:
@@ -105,7 +105,7 @@ def fit(
 def _searched(
     above: Deviance, start: Floats, units: Floats, bounds: Sequence[tuple[float | None, None]]
 ) -> Floats:
-    """Return the minimum that a search from `start` finds, with variables scaled by `units`."""
+    """Minimise `above` by a search from `start`, with variables scaled by `units`."""
     from scipy import optimize
 
     minimize: Any = optimize.minimize  # its stubs do not allow pairs as bounds
@@ -125,8 +125,8 @@ def intervals(
     """Return 95 % intervals of the estimated sigmas: m, m per rad^2, and m per m.
 
     They come from the curvature of the likelihood (observed Fisher information). A bias's sigma
-    with a standard error above 10 % has the interval of its profile likelihood, which ends at zero.
-    `widening` is a factor for ray noise that is not Gaussian (`RayShape.widening`).
+    with a standard error above 10 % has the interval of its profile likelihood instead, which may
+    begin at zero. Intervals of ray noise are multiplied by `widening` (`RayShape.widening`).
     """
     deviance = _in_millimetres(likelihood, free, best)
     centre = _values(best, free)
@@ -164,7 +164,7 @@ def _sigmas(values: Floats, free: Sequence[str], base: Sigmas) -> Sigmas:
 
 
 def _start(likelihood: RestrictedLikelihood, free: Sequence[str]) -> Sigmas:
-    """Return the spread of the errors within cells as the initial value of the sigmas."""
+    """Return initial sigmas: the standard deviation of the errors within groups."""
     seen = likelihood.seen
     count = np.diff(seen.groups)
     within = np.repeat(np.add.reduceat(seen.error, seen.groups[:-1]) / count, count)
@@ -196,7 +196,7 @@ def _step(deviance: Deviance, centre: Floats, index: int) -> float:
 
 
 def _curvature(deviance: Deviance, centre: Floats, inner: Sequence[int], steps: Floats) -> Floats:
-    """Return second differences of the deviance in units of the steps."""
+    """Return the matrix of the deviance's second differences, with `steps` of the variables."""
     result = np.empty((len(inner), len(inner)))
 
     def at(*moves: tuple[int, float]) -> float:
@@ -218,7 +218,7 @@ def _curvature(deviance: Deviance, centre: Floats, inner: Sequence[int], steps: 
 def _profile(
     likelihood: RestrictedLikelihood, free: Sequence[str], best: Sigmas, name: str
 ) -> Estimate:
-    """Return the interval of one bias's sigma, from the profile over those of the other biases."""
+    """Return the profile likelihood interval of one bias's sigma; other biases are refitted."""
     from scipy.optimize import brentq
 
     # The rays' sigma is thousands of times more precise, and fixed.

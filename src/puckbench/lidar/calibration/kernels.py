@@ -30,7 +30,7 @@ def group_sums(
 
     With weight w = 1 / variance, basis b and error z these are w, w b (3), w b b (6), w z, w z b
     (3), w z z and the log variances. `values` are errors (n,), basis (n, 3) and features (n, 3);
-    `sigma` are the features' coefficients in a ray's sigma, m. `least` is its lower limit, and an
+    `sigma` are the features' coefficients in a ray's sigma, m. `least` are the least sigma and an
     added variance.
     """
     errors, basis, features = values
@@ -143,7 +143,7 @@ def _take_cell(
 
 @compiled
 def absorb_scans(core: int, variance: float, matrix: Floats, right: Floats) -> tuple[float, float]:
-    """Eliminate the biases of lasers in scans, columns `core` and following, from the equations.
+    """Eliminate the biases of lasers in scans, from column `core` on, from the equations.
 
     No equation contains two of them. Returns the same terms as `absorb_cells`.
     """

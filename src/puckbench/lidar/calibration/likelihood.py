@@ -32,9 +32,9 @@ _LEAST_SIGMA_M = 1e-6
 class Sigmas:
     """Parameters of range errors.
 
-    `laser_sigma_m`, `scan_sigma_m` and `frame_sigma_m` are standard deviations of a laser's bias
-    that is drawn for every device, scan and frame, m. That of ray noise at incidence theta and
-    range r is ``ray_sigma_m + ray_incidence_m * theta^2 + ray_range * r``.
+    `laser_sigma_m`, `scan_sigma_m` and `frame_sigma_m` are standard deviations, m, of a laser's
+    biases per device, per scan and per frame. Ray noise at incidence theta and range r has the
+    standard deviation ``ray_sigma_m + ray_incidence_m * theta^2 + ray_range * r``.
     """
 
     laser_sigma_m: float = 0.0
@@ -57,7 +57,7 @@ BIASES, RAYS = NAMES[:3], NAMES[3:]
 
 @dataclass(frozen=True)
 class Equations:
-    """Normal equations for errors z of covariance V, and their ``z' V^-1 z`` and ``log |V|``."""
+    """Normal equations for errors z of covariance V, ``z' V^-1 z`` (`squares`), and ``log |V|``."""
 
     matrix: Floats
     right: Floats
@@ -67,9 +67,9 @@ class Equations:
 
 @dataclass(frozen=True)
 class RestrictedLikelihood:
-    """Restricted likelihood of observations.
+    """Restricted likelihood of observations with ranges rounded to multiples of `quantum_m`.
 
-    Rounding to multiples of `quantum_m` adds ``quantum_m^2 / 12`` to the variance of a ray.
+    Rounding adds ``quantum_m^2 / 12`` to the variance of a ray.
     """
 
     seen: Observations
@@ -85,19 +85,19 @@ class RestrictedLikelihood:
         return found.log_determinant + determinant + found.squares - explained
 
     def biases(self, sigmas: Sigmas) -> tuple[Floats, Floats]:
-        """Return the best linear unbiased prediction of the lasers' biases, m, and covariance."""
+        """Return the best linear unbiased prediction of the lasers' biases, m, with covariance."""
         found, planes = self._mixed(sigmas), 3 * self.seen.surfaces
         covariance = np.linalg.inv(found.matrix)
         parts = self._in_parts(np.eye(planes + len(self.seen.laser_ids)), sigmas)[:, planes:].T
         return parts @ (covariance @ found.right), parts @ covariance @ parts.T
 
     def variances(self, sigmas: Sigmas) -> Floats:
-        """Return the variance of each ray's noise and of rounding, (n,), m^2."""
+        """Return the variance of each range due to ray noise and rounding, (n,), m^2."""
         scale = np.maximum(self.seen.features @ np.array(sigmas.ray), _LEAST_SIGMA_M)
         return np.asarray(scale**2 + self.quantum_m**2 / 12)
 
     def _sums(self, ray: tuple[float, float, float]) -> Floats:
-        """Return the sums of each group, cached since most steps of a search change biases only."""
+        """Return `group_sums`, cached since most steps of a search change only biases."""
         if ray not in self._kept:
             seen, least = self.seen, (_LEAST_SIGMA_M, self.quantum_m**2 / 12)
             sums = np.empty((len(seen.surface), WIDTH))
@@ -107,7 +107,7 @@ class RestrictedLikelihood:
         return self._kept[ray]
 
     def _mixed(self, sigmas: Sigmas) -> Equations:
-        """Return Henderson's mixed model equations of planes, mean and scaled lasers."""
+        """Return Henderson's mixed model equations for planes, mean and scaled lasers."""
         found = self._absorbed(sigmas)
         rows = self._in_parts(found.matrix, sigmas)
         matrix = self._in_parts(rows.T, sigmas)
@@ -118,7 +118,7 @@ class RestrictedLikelihood:
         return Equations(matrix, right, found.squares, found.log_determinant)
 
     def _in_parts(self, rows: Floats, sigmas: Sigmas) -> Floats:
-        """Map rows of planes and lasers to rows of planes, mean, and lasers in units of sigma."""
+        """Map rows of planes and lasers to rows of planes, mean, and lasers divided by sigma."""
         planes = 3 * self.seen.surfaces
         lasers = rows[planes:]
         mean = lasers.sum(axis=0)[None, :] if self.seen.tells_mean else lasers[:0]
@@ -126,7 +126,7 @@ class RestrictedLikelihood:
         return np.vstack([rows[:planes], mean, drawn])
 
     def _absorbed(self, sigmas: Sigmas) -> Equations:
-        """Return normal equations of planes and lasers, without the biases of cells and scans."""
+        """Return normal equations of planes and lasers, after elimination of other biases."""
         seen, sums = self.seen, self._sums(sigmas.ray)
         lasers = 3 * seen.surfaces
         core = lasers + len(seen.laser_ids)

@@ -18,7 +18,7 @@ _ROOT = np.sqrt(2.0)
 
 @dataclass(frozen=True)
 class RayShape:
-    """Distribution of ray noise, the logarithm of its likelihood ratio, and its kurtosis."""
+    """Distribution of ray noise, log-likelihood ratio of Laplace to Gaussian, and kurtosis."""
 
     distribution: str
     laplace_over_gaussian: float
@@ -35,7 +35,7 @@ class RayShape:
 
 
 def ray_shape(likelihood: RestrictedLikelihood, sigmas: Sigmas) -> RayShape:
-    """Estimate the distribution of ray noise; Gaussian with fewer than 30 pairs of neighbours."""
+    """Estimate the distribution of ray noise: Gaussian if fewer than 30 pairs of neighbours."""
     pairs = _standard_differences(likelihood, sigmas)
     if len(pairs) < 30:
         return RayShape("gaussian", 0.0, 3.0)
@@ -46,7 +46,7 @@ def ray_shape(likelihood: RestrictedLikelihood, sigmas: Sigmas) -> RayShape:
 
 
 def _standard_differences(likelihood: RestrictedLikelihood, sigmas: Sigmas) -> Floats:
-    """Return differences of successive returns of a group, in units of a ray's sigma."""
+    """Return error differences of successive returns in a group, divided by a ray's sigma."""
     seen = likelihood.seen
     group = np.repeat(np.arange(len(seen.surface)), np.diff(seen.groups))
     first = np.flatnonzero((np.arange(len(seen)) - seen.groups[group]) % 2 == 0)

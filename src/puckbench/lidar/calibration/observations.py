@@ -35,10 +35,10 @@ Codes = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Observations:
-    """Range errors up to an unknown plane per surface; rows sorted by cell, then by surface.
+    """Range errors relative to an uncertain plane per surface; rows sorted by cell and surface.
 
     A cell is one laser in one frame (or spot) of one scan. A group is the part of a cell on one
-    surface. Lasers of different devices have different codes.
+    surface. Lasers of different devices have different numbers.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ class Observations:
     groups
         (g + 1,) first row of each group, and the end.
     surface, laser, scan, cell
-        (g,) codes from 0; `scan` is one laser in one scan.
+        (g,) numbers from 0; `scan` is one laser in one scan.
     tells_mean
         Whether the lasers' mean bias can be separated from the planes.
     """
@@ -116,7 +116,7 @@ def _check(table: pd.DataFrame) -> None:
 
 
 def _along_rays(rows: pd.DataFrame) -> pd.DataFrame:
-    """Add the columns `_FOUND`, after a least squares fit of each plane that RANSAC found."""
+    """Fit each plane by least squares, and add the columns `_FOUND`."""
     height = _heights(rows)
     values = rows[["plane_u_m", "plane_v_m", "residual_m"]].to_numpy(dtype=np.float64)
     points = values - np.outer(height, [0.0, 0.0, 1.0])
@@ -129,7 +129,7 @@ def _along_rays(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def _heights(rows: pd.DataFrame) -> Floats:
-    """Return the distance from the sensor to each fitted plane, m, (n,).
+    """Return the distance from the sensor to each return's plane, m, (n,).
 
     It is a median, since recorded ranges do not start at the sensor's origin.
     """
@@ -141,7 +141,7 @@ def _heights(rows: pd.DataFrame) -> Floats:
 
 
 def _beyond_plane(points: Floats) -> Floats:
-    """Return the columns `_FOUND` of a plane's points (n, 3); z is along the normal."""
+    """Return the columns `_FOUND` for points (n, 3) on a plane; their z is along its normal."""
     terms = np.column_stack([np.ones(len(points)), points[:, :2]])
     (offset, *slopes), *_ = np.linalg.lstsq(terms, points[:, 2], rcond=None)
     normal = np.array([-slopes[0], -slopes[1], 1.0])
@@ -185,7 +185,7 @@ def _grouped(rows: pd.DataFrame, cells: str) -> Observations:
 
 
 def _of_rings(basis: Floats, coded: pd.DataFrame) -> Floats:
-    """Return the mean of `basis` (n, 3) over the returns of each laser on each surface."""
+    """Replace `basis` (n, 3) by its mean over all returns of a laser on a surface."""
     rings = [coded["surface"].to_numpy(), coded["laser"].to_numpy()]
     return pd.DataFrame(basis).groupby(rings).transform("mean").to_numpy()
 

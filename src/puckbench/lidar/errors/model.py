@@ -26,14 +26,14 @@ class Surfaces:
     objects: tuple[SceneObject, ...]
 
     def values(self, by_name: Mapping[str, float], default: float) -> Floats:
-        """Return a number for each triangle, (t,), by name or else semantic class of its object."""
+        """Return a value for each triangle, (t,), by its object's name or else semantic class."""
         numbers = [by_name.get(x.name, by_name.get(x.semantic, default)) for x in self.objects]
         return np.array([*numbers, default])[self.object_id]
 
 
 @dataclass(frozen=True)
 class Hits:
-    """Hits of the rays of some frames, (frames, steps, rays of a step) each.
+    """Hits of the rays of successive frames; arrays are (frames, steps, rays of a step).
 
     `distance`, m, is inf without a hit in the sensor's range. `incidence`, the angle between ray
     and surface normal, rad, is then nan, and `triangle` undefined.
@@ -46,7 +46,7 @@ class Hits:
 
 
 class Draws:
-    """Named random streams of one scan, with a key that is drawn from its generator.
+    """Named random streams of one scan, all derived from its generator.
 
     Streams continue from call to call. If a hook uses each stream for one purpose and draws a fixed
     number per ray or frame, results do not depend on the number of frames in a call.
@@ -57,20 +57,20 @@ class Draws:
         self._running: dict[str, np.random.Generator] = {}
 
     def running(self, name: str) -> np.random.Generator:
-        """Return a stream in the state after the last call."""
+        """Return a stream that continues after its last use."""
         if name not in self._running:
             self._running[name] = self.fixed(name)
         return self._running[name]
 
     def fixed(self, name: str) -> np.random.Generator:
-        """Return a stream in its initial state."""
+        """Return a stream from its beginning."""
         digest = hashlib.sha256(name.encode()).digest()[:16]
         words = np.frombuffer(digest, dtype="<u4").tolist()
         return np.random.Generator(np.random.PCG64(np.random.SeedSequence(self._key + words)))
 
 
 class ErrorModel(Model):
-    """Errors of a sensor: parameters with units in their names, and hooks, which do nothing here.
+    """Base class of error models: parameters with units in their names, and hooks that do nothing.
 
     Hooks are called for successive groups of frames, and must be pure functions of their arguments.
     They must draw random numbers for every ray, hit or not, so that rays do not affect each other.
@@ -112,7 +112,7 @@ class ErrorModel(Model):
         return None
 
     def described(self) -> dict[str, Any]:
-        """Return the model's name and parameters, as results store them."""
+        """Return the name and parameters of the model and its receiver, as results store them."""
         kind = vars(type(self)).get("variant_of") or type(self)
         return {"model": kind.__name__, **self.model_dump()}
 
@@ -121,5 +121,4 @@ class ErrorModel(Model):
 
 
 def described(model: ErrorModel) -> dict[str, Any]:
-    """Return the name and parameters of a model and of its receiver."""
     return model.described()

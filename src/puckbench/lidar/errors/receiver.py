@@ -102,7 +102,7 @@ class Received(ErrorModel):
 
 
 def mirrors_of(model: ErrorModel, surfaces: Surfaces | None) -> NDArray[np.bool_] | None:
-    """Return which triangles, (t,), are mirrors of a model's receiver; None without mirrors."""
+    """Return which triangles, (t,), are mirrors for a model's receiver; None without mirrors."""
     names = model.receiver.mirrors if isinstance(model, Received) else ()
     if not names:
         return None

@@ -17,9 +17,9 @@ def error_model_names() -> list[str]:
 
 
 def open_error_model(name: str, options: Mapping[str, Any] | None = None) -> ErrorModel:
-    """Open a registered error model, ``module:Class`` or ``path/to/file.py:Class``.
+    """Open an error model by registered name, ``module:Class`` or ``path/to/file.py:Class``.
 
-    The option ``receiver`` has the parameters of a `Receiver`.
+    The option ``receiver`` holds the parameters of a `Receiver`.
     """
     kind = ERROR_MODELS.get(name)
     if not (isinstance(kind, type) and issubclass(kind, ErrorModel)):

@@ -61,8 +61,8 @@ def payload_kinds(payloads: NDArray[np.uint8]) -> NDArray[np.int8]:
 def packets_of_capture(capture: Capture, name: str | None = None) -> PacketLog:
     """Return the undamaged data packets of one stream of a capture.
 
-    A stream is named ``sender:port to receiver:port``, or by the beginning of it; None is the only
-    stream with data packets. `about` counts what is left out (`LEFT_OUT`).
+    `name` is ``sender:port to receiver:port`` or its beginning; None selects the only stream with
+    data packets. `about` of the result counts what is left out (`LEFT_OUT`).
     """
     sized = [datagram for datagram in capture.datagrams if datagram.length == PACKET_BYTES]
     payloads = joined([datagram.payload for datagram in sized], [], {}).payloads

@@ -1,4 +1,4 @@
-"""Reading of clouds of other decoders (CSV, PLY, PCD, LAS) that have a laser for each point."""
+"""Reading of clouds from other decoders (CSV, PLY, PCD, LAS) with a laser for each point."""
 
 from __future__ import annotations
 
@@ -45,8 +45,8 @@ def read_points(
     """Read points x, y, z (m, in the sensor's frame) with a laser column as a table of returns.
 
     Lasers come from the column `laser_id`, `laser` or `label`, or from `ring` or `channel`, which
-    number lasers by elevation; the first one is used in which points lie on the cones of their
-    lasers. Azimuths count clockwise from y; distances follow from the horizontal range and the
+    number lasers by elevation; the first column whose points lie on the cones of their lasers is
+    used. Azimuths count clockwise from y; distances follow from the horizontal range and the
     laser's nominal elevation. Points that are not finite, or at the origin, are left out. The
     default sensor is the VLP-16, and the default time unit is inferred.
     """

@@ -72,7 +72,7 @@ def packet_kind(product: int, mode: int) -> PacketKind:
 
 
 def find_packets(data: Payloads) -> NDArray[np.int64]:
-    """Return the ascending positions of known data packets in bytes (n,), without overlaps."""
+    """Return the ascending positions, without overlaps, of known data packets in bytes (n,)."""
     last = len(data) - PACKET_BYTES + 1
     if last < 1:
         return np.zeros(0, np.int64)
@@ -122,7 +122,7 @@ def split_turns(payloads: Payloads) -> Iterator[tuple[PacketKind, Payloads]]:
 
 
 def turn_of(kind: PacketKind, payloads: Payloads) -> Turn:
-    """Return packets (p, 1206) as a turn; of two returns of a beam the strongest is the first."""
+    """Convert packets (p, 1206) to a turn, in which a beam's strongest return comes first."""
     packets = _viewed(payloads)
     blocks = packets["blocks"]
     return Turn(
@@ -147,7 +147,7 @@ def is_whole(payloads: Payloads) -> NDArray[np.bool_]:
 
 
 def returns_of_packets(payloads: Payloads) -> Returns:
-    """Return the returns of packets (p, 1206); the first and the last turn may be incomplete.
+    """Decode packets (p, 1206) to returns; the first and the last turn may be incomplete.
 
     Raises InputError for damaged packets, or several sensors or return modes.
     """
@@ -187,7 +187,7 @@ def _viewed(payloads: Payloads) -> NDArray[np.void]:
 
 
 def _imaged(kind: PacketKind, values: NDArray[Any]) -> NDArray[Any]:
-    """Return values of blocks (p, 12, 2, 16) as an image (kinds, columns, lasers)."""
+    """Rearrange values of blocks (p, 12, 2, 16) as images (kinds, columns, lasers)."""
     layout = kind.layout
     paired = values.reshape(-1, layout.kinds, _CHANNELS)[:, ::-1]
     images = paired.transpose(1, 0, 2).reshape(layout.kinds, -1, layout.lasers)

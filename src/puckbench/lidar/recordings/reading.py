@@ -60,7 +60,7 @@ def read_recording(
         A packet capture (.pcap, .pcapng), a ROS bag (.bag, .db3, .mcap, or its folder), a cloud
         (see `decoded_clouds.read_points`), or a table of `write_returns` (.parquet).
     sensor, time_unit
-        None for what the recording states or suggests.
+        By default, what the recording states or suggests.
     start_s, end_s
         Interval to read, in seconds after the first packet or point.
     stream, source
@@ -91,7 +91,7 @@ def read_recording(
 def read_turns(
     path: Path, start_s: float = 0.0, stream: str | None = None, source: Path | None = None
 ) -> tuple[Returns, dict[str, int]]:
-    """Read the turns of a recording after `start_s` seconds; count what is left out."""
+    """Read the turns of a recording from `start_s` seconds on, and counts of what is left out."""
     with naming(source or path):
         log = _interval(read_packets(path, stream, source), start_s, math.inf)
         left_out = {name: int(log.about[name]) for name in LEFT_OUT if log.about.get(name)}
@@ -101,8 +101,8 @@ def read_turns(
 def read_packets(path: Path, stream: str | None = None, source: Path | None = None) -> PacketLog:
     """Read the undamaged data packets of a packet capture or a ROS bag, and log what was left out.
 
-    `stream` selects one of a packet capture, such as ``192.168.1.201:2368``. Messages name `source`
-    in place of a temporary copy `path`.
+    `stream` selects a packet capture's stream, such as ``192.168.1.201:2368``. Messages name
+    `source` if `path` is a temporary copy of it.
     """
     source = source or path
     with naming(source):

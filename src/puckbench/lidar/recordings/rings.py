@@ -1,8 +1,8 @@
-"""Recovery of a sensor's returns from frames of points, as data sets provide them.
+"""Recovery of a sensor's raw returns from frames of points, as data sets provide them.
 
-Elevation, height, distance from the sensor's axis, and angle relative to the rotary encoder are
-fitted to the points of each laser, its ring (Velodyne HDL-64E S2 User's Manual 63-HDL64ES2,
-Appendix F). These reduce a point to a step of the encoder and a range.
+The points of each laser form a ring. The laser's elevation, height, distance from the sensor's
+axis, and angle relative to the rotary encoder are fitted to them (Velodyne HDL-64E S2 User's Manual
+63-HDL64ES2, Appendix F). With these, a point becomes a step of the encoder and a range.
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ Steps = NDArray[np.int64]
 class RecoveredReturns:
     """Returns that were recovered from a frame as one turn.
 
-    `rows` (n,) are the frame's points that are returns, in the order of ``returns.points()``; `xyz`
-    (m, 3) are the points of the frame relative to the moving sensor.
+    `rows` (n,) are the indices of the returns among the frame's points, in the order of
+    ``returns.points()``; `xyz` (m, 3) are all points, relative to the moving sensor.
     """
 
     returns: Returns
@@ -45,7 +45,7 @@ class RecoveredReturns:
     xyz: Floats
 
     def about(self) -> dict[str, float]:
-        """Return the number of points without a return, and by how much the others moved, mm."""
+        """Return the number of points that are no returns, and how far the others moved, mm."""
         moved = np.linalg.norm(self.returns.points() - self.xyz[self.rows], axis=1)
         return {
             "points_left_out": len(self.xyz) - len(self.rows),
@@ -64,7 +64,7 @@ class _Beam:
 
 
 def split_rings(azimuths: Floats) -> list[NDArray[np.intp]]:
-    """Return the rows of each ring, from azimuths (n,) that increase only within a ring."""
+    """Return the rows of each ring; azimuths (n,), rad, fall where a ring ends."""
     ends = np.flatnonzero(np.diff(azimuths) < -np.pi) + 1
     return list(np.split(np.arange(len(azimuths)), ends))
 
@@ -74,8 +74,9 @@ def recovered_returns(
 ) -> RecoveredReturns:
     """Recover returns from the points of a frame, and fit the beams of the lasers.
 
-    Points (n, 3), m, are in the frame of a sensor that rotates counter-clockwise (x right, y
-    forward), and the rotary encoder has steps of whole hundredths of a degree.
+    Points (n, 3), m, are in the coordinates of a sensor that rotates counter-clockwise (x right, y
+    forward). `rings` are the rows of each laser; `step_deg`, the encoder's step, is a multiple of
+    0.01.
     """
     level = np.hypot(xyz[:, 0], xyz[:, 1])
     azimuth = np.mod(np.arctan2(-xyz[:, 0], xyz[:, 1]), 2 * np.pi)
@@ -103,9 +104,9 @@ def recovered_returns(
 def recovered_firings(xyz: Floats, sensor: str) -> RecoveredReturns:
     """Recover returns from a frame with all firings of a sensor that rotates clockwise.
 
-    Points (columns, lasers, 3), m, are in the sensor's frame (x right, y forward) at the end of the
-    turn. A correction for the motion of the car is determined from firings without a return (range
-    0), and undone.
+    Points (columns, lasers, 3), m, are in the sensor's coordinates (x right, y forward) at the end
+    of the turn. The data set's correction for the car's motion is estimated from firings without a
+    return (range 0), and undone.
     """
     columns, lasers = xyz.shape[:2]
     left = 1 - np.arange(columns) / max(columns - 1, 1)
@@ -133,9 +134,9 @@ def recovered_firings(xyz: Floats, sensor: str) -> RecoveredReturns:
 
 
 def _first_place(xyz: Floats, left: Floats) -> Floats:
-    """Return the sensor's position (3,) at the first firing, from firings of range 0; 0 if none.
+    """Return the sensor's position (3,) at the first firing; zeros if it cannot be estimated.
 
-    These are points that several lasers of a column share.
+    Firings of range 0 reveal it: several lasers of a column then have equal points.
     """
     same = [np.unique(np.round(column, 4), axis=0, return_counts=True) for column in xyz]
     places = np.array([points[np.argmax(counts)] for points, counts in same])
@@ -149,7 +150,7 @@ def _first_place(xyz: Floats, left: Floats) -> Floats:
 def _without_turning(
     xyz: Floats, whole: NDArray[np.bool_], left: Floats
 ) -> tuple[Floats, list[_Beam]]:
-    """Return points without the sensor's pitch and roll, and the beams of its lasers.
+    """Undo the sensor's pitch and roll during a turn; return the points and the lasers' beams.
 
     A least squares fit of the points' elevations determines both.
     """
@@ -188,9 +189,9 @@ def _fitted_cone(level: Floats, z: Floats) -> tuple[float, float]:
 
 
 def _fitted_offset(level: Floats, azimuth: Floats, step: float) -> tuple[float, float]:
-    """Return a beam's distance from the axis, and its phase: its angle modulo the encoder's step.
+    """Return a beam's distance from the axis, and its phase (angle modulo the encoder's step).
 
-    At this distance the circular mean of all points' phases is longest.
+    The distance maximises the length of the circular mean of all points' phases.
     """
     best, width = 0.0, _MOST_SIDEWAYS_M
     turns = azimuth / step
@@ -204,7 +205,7 @@ def _fitted_offset(level: Floats, azimuth: Floats, step: float) -> tuple[float, 
 
 
 def _aligned(places: Sequence[Steps], around: int, step_deg: float) -> list[int]:
-    """Return whole steps by which each ring is shifted, so that lasers fire at the same steps."""
+    """Return the steps to shift each ring by, so that all lasers fire at the same steps."""
     most = round(_MOST_TURNED_DEG / step_deg)
     fired = np.zeros(around)
     shifts = [0] * len(places)
@@ -223,7 +224,7 @@ def _aligned(places: Sequence[Steps], around: int, step_deg: float) -> list[int]
 
 @dataclass(frozen=True)
 class _Columns:
-    """Azimuths of the columns, those of the lasers relative to them, and the direction."""
+    """Azimuths of columns, of lasers relative to their column, and the direction of rotation."""
 
     azimuths_deg: Floats
     turned_deg: Floats

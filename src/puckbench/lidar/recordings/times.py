@@ -1,4 +1,4 @@
-"""Inference of the unit of times in clouds of other decoders."""
+"""Inference of the unit of times in clouds from other decoders."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ _DAY_S = 86400.0
 def unit_of(times: NDArray[Any], azimuth: Floats) -> TimeUnit | None:
     """Return the unit of times (n,), or None if it cannot be inferred.
 
-    In this unit the azimuths (n,), rad, rotate about ten times a second, or else times since 1970
-    lie in this century. Otherwise it is s, unless the times are different integers.
+    It is the unit in which azimuths (n,), rad, rotate about ten times a second, or else times since
+    1970 lie in this century. Otherwise it is s, or unknown if the times are different integers.
     """
     unit = _unit_by_rotation(times, azimuth) or _unit_since_1970(times)
     is_whole = times.dtype.kind in "iu" and np.ptp(times) > 0
@@ -34,7 +34,7 @@ def unit_of(times: NDArray[Any], azimuth: Floats) -> TimeUnit | None:
 
 
 def seconds_of(times: NDArray[Any], unit: TimeUnit) -> Floats:
-    """Return times in s; integers and times since 1970 count from the first one."""
+    """Convert times to s; integers and times since 1970 count from the first one."""
     if times.dtype.kind in "iu" or _unit_since_1970(times) == unit:
         times = times - times.min()
     seconds: Floats = np.asarray(times, dtype=np.float64) / _PER_SECOND[unit]

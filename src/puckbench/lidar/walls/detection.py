@@ -1,7 +1,7 @@
 """Detection of walls, floors and ceilings in a recording of a sensor at rest.
 
-A plane is a connected patch of pixels of the range image, nearly all of whose returns are on it.
-Without the limit of incidence, the rings of horizontal lasers would form a floor.
+A plane is a connected patch of range image pixels, whose returns nearly all lie on it. Without a
+limit of incidence, the rings of horizontal lasers would be detected as a floor.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class PlaneSearch(Model):
     threshold_m
         A return farther from a plane is not on it, after subtraction of its laser's bias.
     share_on_plane
-        Share of a range image pixel's returns on the plane, for the pixel to be on it.
+        A pixel of the range image is on the plane if at least this share of its returns is.
     most_planes
         Number of patches that are examined, the largest first.
     up
@@ -51,7 +51,7 @@ class PlaneSearch(Model):
     inlier_sigmas
         Returns farther from the plane than this number of robust standard deviations are not used.
     least_laser_share
-        Least returns of a laser on a plane relative to the median laser; with fewer it follows an
+        Least ratio of a laser's returns on a plane to the median laser's; one with fewer follows an
         edge.
     least_returns, least_lasers
         Least number of returns per turn, and of lasers, on a plane.
@@ -90,7 +90,7 @@ class PlaneSearch(Model):
 class DetectedPlane:
     """A plane with its normal towards the sensor, and rows (n,) of the returns on it.
 
-    Their extents are horizontal (`width_m`) and perpendicular to it (`height_m`).
+    `width_m` is the horizontal extent of the returns, `height_m` the perpendicular one.
     """
 
     kind: str
@@ -139,7 +139,7 @@ def find_surfaces(
 def surface_of(
     table: RecordedReturns, rows: NDArray[np.intp], start: Plane, kind: str, search: PlaneSearch
 ) -> DetectedPlane:
-    """Fit a plane robustly, and select the returns on it; none if there are fewer than 3."""
+    """Fit a plane robustly to `rows`, and select those on it; fewer than 3 rows give none."""
     part = table.select(rows)
     if len(rows) < 3:
         return DetectedPlane(kind, start.facing(np.zeros(3)), rows[:0], 0.0, 0.0)
@@ -206,7 +206,7 @@ class _View:
         return near
 
     def candidate(self, free: Mask, rng: np.random.Generator) -> Plane | None:
-        """Return the plane through three nearby free returns with the most support, or None."""
+        """Sample planes through three nearby free returns; return the best supported, or None."""
         rows = np.flatnonzero(free)
         if len(rows) < self.least:
             return None
@@ -219,7 +219,7 @@ class _View:
         return Plane(normals[best], float(offsets[best]))
 
     def grown(self, plane: Plane, free: Mask) -> tuple[Plane, Mask]:
-        """Alternate between the plane and its largest patch of free returns until both converge.
+        """Refit a plane and select its largest patch of free returns in turn, until both converge.
 
         Biases are subtracted, since lasers with large biases would lose pixels.
         """

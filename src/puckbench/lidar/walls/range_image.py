@@ -1,4 +1,4 @@
-"""Range images of a sensor at rest: a pixel is one laser in one degree of azimuth."""
+"""Range images of a sensor at rest; a pixel covers one laser and one degree of azimuth."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ COLUMNS = 360
 
 @dataclass(frozen=True)
 class RangeImage:
-    """Pixel of each return (n,), and shape of the image."""
+    """Pixel of each return (n,), and the shape of the image."""
 
     pixel: NDArray[np.intp]
     shape: tuple[int, int]
@@ -32,7 +32,7 @@ class RangeImage:
 
     @property
     def laser_rank(self) -> NDArray[np.intp]:
-        """Row of the image for each return, (n,)."""
+        """Image row of each return, (n,)."""
         return self.pixel // self.shape[1]
 
     def counts(self, rows: Mask) -> Floats:
@@ -59,7 +59,7 @@ def largest_patch(pixels: Mask, returns: Floats) -> Mask:
 
 
 def widened(pixels: Mask) -> Mask:
-    """Return the pixels and their eight neighbours."""
+    """Add the eight neighbours of each pixel."""
     beside = pixels | np.roll(pixels, 1, axis=1) | np.roll(pixels, -1, axis=1)
     padded = np.pad(beside, ((1, 1), (0, 0)))
     wide: Mask = padded[:-2] | padded[1:-1] | padded[2:]
@@ -67,6 +67,6 @@ def widened(pixels: Mask) -> Mask:
 
 
 def without_ends(pixels: Mask) -> Mask:
-    """Remove the pixels at the ends of runs in a row, whose returns are mixed."""
+    """Remove the ends of horizontal runs of pixels, whose returns mix surfaces."""
     inner: Mask = pixels & np.roll(pixels, 1, axis=1) & np.roll(pixels, -1, axis=1)
     return inner

@@ -55,7 +55,7 @@ class Crop(Model):
 
 
 class RecordingOptions(Model):
-    """Options of the residuals of a recording.
+    """Options for the plane residuals of a recording.
 
     Parameters
     ----------
@@ -109,7 +109,10 @@ _LEAST_RETURNS = 50
 
 @dataclass(frozen=True)
 class RecordedPlanes:
-    """Returns of the interval at rest (`still`: None if it was an option), and the planes in it."""
+    """Returns of a recording's interval at rest, and the planes in it.
+
+    `still` is None if the option `still_s` sets the interval.
+    """
 
     table: RecordedReturns
     still: Still | None
@@ -122,7 +125,7 @@ def recorded_planes(
 ) -> RecordedPlanes:
     """Read a recording, crop it to an interval at rest, and find its planes.
 
-    In dual return mode only beams with a single return are used, since the others hit an edge.
+    In dual return mode only beams with two equal returns are used, since the others hit an edge.
     """
     sensor = load_sensor(options.sensor) if options.sensor else None
     start, end = options.still_s or (0.0, math.inf)
@@ -141,7 +144,7 @@ def recorded_planes(
 def recording_residuals(planes: RecordedPlanes) -> pd.DataFrame:
     """Return the residual table of a recording.
 
-    `run` is the number of the plane from 1, and `frame` the turn.
+    The column `run` is the number of the plane from 1, and `frame` the turn.
     """
     parts = [
         _rows_of(planes.table.select(surface.rows), surface, number)

@@ -28,10 +28,11 @@ _LEAST_RETURNS, _LEAST_COMMON_LASERS = 20, 6
 
 @dataclass(frozen=True)
 class RayNoise:
-    """Spread of deviations between turns, by laser and azimuth bin.
+    """Spread of deviations between turns, in bins of laser and azimuth.
 
-    The median of the bins' standard deviations is too small for Gaussian noise, by 17 % with three
-    turns and 4 % with ten; `sigma_m`, from pooled variances, is not.
+    `median_std_m`, the median of the bins' standard deviations, is too small for Gaussian noise, by
+    17 % with three turns and 4 % with ten. `sigma_m` comes from pooled variances, without this
+    bias.
     """
 
     median_std_m: float
@@ -57,7 +58,7 @@ class LaserBias:
 
 @dataclass(frozen=True)
 class Repeatability:
-    """Correlation of the lasers' biases on pairs of planes, and root of the mean covariance, m."""
+    """Correlation of the lasers' biases between planes, and root of the mean covariance, m."""
 
     pairs: int
     correlation: float
@@ -65,7 +66,7 @@ class Repeatability:
 
 
 def range_deviation(residual: Floats, incidence: Floats) -> Floats:
-    """Return the range minus that of the plane, m; residuals are positive towards the sensor."""
+    """Return measured minus plane range, m, from residuals (positive towards the sensor)."""
     return np.asarray(-residual / np.cos(incidence))
 
 
@@ -79,7 +80,8 @@ def ray_noise(
 ) -> RayNoise | None:
     """Return the spread of deviations (n,) between turns, in bins of laser and azimuth.
 
-    Returns None if no bin has returns in `least_turns` turns, or the step is unknown.
+    Returns None if no bin has returns in `least_turns` turns, or `step_rad`, the bins' width, is
+    nan.
     """
     if len(deviation) == 0 or np.isnan(step_rad):
         return None
@@ -135,8 +137,6 @@ def _turns_in(group: NDArray[np.intp], turn: NDArray[Any]) -> NDArray[np.intp]:
 
 @dataclass(frozen=True)
 class PlaneStatistics:
-    """A plane with its returns (n,), their residuals, and their deviations along the ray."""
-
     surface: DetectedPlane
     rows: RecordedReturns
     residual: Floats
@@ -146,7 +146,7 @@ class PlaneStatistics:
 
     @property
     def unevenness_m(self) -> float | None:
-        """Spread of the deviations beyond biases and ray noise, due to the shape of the wall."""
+        """Standard deviation of the wall's shape: deviations without biases and ray noise."""
         if self.noise is None or len(self.bias.lasers) == 0:
             return None
         means = np.zeros(int(self.rows["laser_id"].max()) + 1)
@@ -178,7 +178,6 @@ def plane_statistics(planes: RecordedPlanes) -> list[PlaneStatistics]:
 
 
 def recording_summary(planes: RecordedPlanes) -> dict[str, Any]:
-    """Return statistics of a recording and its planes for JSON."""
     step, parts = azimuth_step(planes.table), plane_statistics(planes)
     walls = [part.bias for part in parts if part.surface.kind == WALL]
     stds = [bias.std_m for bias in walls if bias.std_m is not None]

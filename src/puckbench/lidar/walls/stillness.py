@@ -25,7 +25,10 @@ _LASER_STRIDE = 7.0
 
 @dataclass(frozen=True)
 class Still:
-    """Turns `first` to `last`, and the largest difference of distances from the first, m."""
+    """An interval at rest, turns `first` to `last`.
+
+    `shift_m` is the largest `turn_shift` from the first turn to another.
+    """
 
     first: int
     last: int
@@ -37,7 +40,7 @@ class Still:
 
 
 def still_rows(table: RecordedReturns, limit_m: float = SHIFT_M) -> tuple[RecordedReturns, Still]:
-    """Return the longest interval of at least two turns at rest; raise InputError without one."""
+    """Return the longest interval of at least two turns at rest; raise InputError if none is."""
     turns = _turns(table)
     if len(turns) < 2:
         raise InputError("a recording of one turn does not show whether the sensor stood still")
@@ -59,10 +62,10 @@ def still_rows(table: RecordedReturns, limit_m: float = SHIFT_M) -> tuple[Record
 
 
 def turn_shift(reference: RecordedReturns, other: RecordedReturns) -> float:
-    """Return the difference of distances between two turns, m; infinite with too few returns.
+    """Return the difference of distances between two turns, m; inf with too few returns.
 
-    Distances of one laser are interpolated to the same azimuth. Medians in sectors average out
-    noise; their third quartile detects a moving sensor, but not a passing person.
+    Distances of a laser are interpolated to the same azimuths. Medians in sectors average out
+    noise; their third quartile, the result, detects a moving sensor, but not a passing person.
     """
     change, azimuth = _changes(reference, other)
     sector = np.floor(azimuth * (_SECTORS / math.tau)).astype(np.intp) % _SECTORS
@@ -80,7 +83,7 @@ def _turns(table: RecordedReturns) -> dict[int, NDArray[np.intp]]:
 
 
 def _changes(reference: RecordedReturns, other: RecordedReturns) -> tuple[Floats, Floats]:
-    """Return changes of distance, and azimuths, of the returns that can be compared."""
+    """Return the change of distance and the azimuth of each return that can be compared."""
     places, wanted = _places(reference), _places(other)
     order = np.argsort(places, kind="stable")
     places, distance = places[order], reference["distance"][order]
