@@ -50,7 +50,7 @@ def bit_reader(stream: bytes) -> BitCoder:
 
 
 def written(coder: BitCoder) -> bytes:
-    """Flush a writer and return its bytes without up to `PAST_THE_END` trailing zero bytes."""
+    """Flush a writer and return its bytes; up to `PAST_THE_END` trailing zero bytes are cut off."""
     registers = coder.registers
     tail = (int(registers[LOW]) + (1 << 24) - 1) >> 24 << 24
     if tail > registers[HIGH]:

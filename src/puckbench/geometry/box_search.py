@@ -86,7 +86,6 @@ def _search(queries: BoxTree, start: int, end: int, points: BoxTree, nearest: Ne
 
 @inlined
 def _start_block(queries: BoxTree, leaf: int, points: BoxTree, block: _Block) -> float:
-    """Reset the state; bound the distances by the previous block's nearest point."""
     x, y, z = queries.columns
     place, bound = block.places[0, 0], 0.0
     for i in range(queries.ends[leaf] - queries.starts[leaf]):
@@ -138,7 +137,6 @@ def _gap(above: float, below: float) -> float:
 def _compare_leaves(
     queries: BoxTree, leaf: int, points: BoxTree, node: int, block: _Block, distances: Floats
 ) -> float:
-    """Compare the queries with the points of a leaf; return their largest limit."""
     box, bound = points.boxes[node], 0.0
     x = points.columns[0, points.starts[node] : points.ends[node]]
     y = points.columns[1, points.starts[node] : points.ends[node]]

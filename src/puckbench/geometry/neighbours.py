@@ -1,7 +1,4 @@
-"""Nearest neighbours with all ties, by the rules of MPEG's pc_error.
-
-In decoded clouds a fifth to a third of the queries have several nearest neighbours.
-"""
+"""Nearest neighbours with all ties, by the rules of MPEG's pc_error."""
 
 from __future__ import annotations
 

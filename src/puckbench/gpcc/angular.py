@@ -92,7 +92,6 @@ def corrected_elevation(angular: Angular, laser: int, root: int) -> int:
 
 @inlined
 def _nearest_laser(elevation: Ints, tangent: int) -> int:
-    """Search by bisection as TMC13 does, among at least two lasers."""
     first, count = 1, len(elevation) - 2
     while count > 0:
         half = count >> 1

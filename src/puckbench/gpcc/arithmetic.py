@@ -185,7 +185,6 @@ def _decode_bypass(coder: Any, state: Any, bit: Any) -> tuple[int, State]:
 
 @kernel
 def _emit(data: Bytes, state: State) -> State:
-    """Write 32 finished bits of low and propagate the carry."""
     low, span, count, place = state
     count -= 32
     word = low >> (16 + count)
@@ -218,7 +217,6 @@ def _next_word(data: Bytes, place: int) -> int:
 
 @entry
 def _flush(coder: Encoder) -> None:
-    """Write the remaining bits of low by the rule of TMC13."""
     low, span, count, place = load(coder)
     while count >= 8:
         count -= 8
@@ -283,7 +281,6 @@ def code_exp_golomb(
 
 
 def restart(coder: Decoder) -> None:
-    """Let a decoder start the next entropy stream."""
     place = min(consumed(coder), int(coder.state[4]))
     first = int(coder.data[place]) << 8 | int(coder.data[place + 1])
     coder.state[:4] = first, 0xFFFF, 0, place + 2

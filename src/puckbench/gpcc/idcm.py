@@ -355,7 +355,7 @@ def _code_elevation(
 def local_points(
     leaves: Ints, node_size_log2: tuple[int, int, int], local: Ints, ordered: bool
 ) -> None:
-    """Write the coordinates of one or two leaves, relative to their node, to `local`."""
+    """Write the coordinates of one or two leaves relative to their node."""
     for i in range(len(leaves)):
         for axis in range(3):
             local[i, axis] = compact_bits(leaves[i] >> (2 - axis)) & (

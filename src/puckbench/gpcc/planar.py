@@ -109,7 +109,6 @@ def planar_mode_of(occupancy: int) -> tuple[int, int]:
 
 @inlined
 def planar_mask(planar_mode: int, plane_pos_bits: int, axis: int) -> int:
-    """Return the children outside the occupied plane of an axis."""
     if planar_mode >> axis & 1 == 0:
         return 0
     return integer(UPPER[axis] ^ 0xFF if plane_pos_bits >> axis & 1 else UPPER[axis])

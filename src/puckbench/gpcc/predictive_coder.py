@@ -108,7 +108,6 @@ def encode_predictive_geometry(
 
 
 def _centre(sensor: SensorDescription | None, corner: tuple[int, ...]) -> Three:
-    """Return the origin of azimuth and radius relative to the sequence's origin."""
     x, y, z = (a - b for a, b in zip(sensor.position if sensor else (0, 0, 0), corner, strict=True))
     if sensor and max(map(abs, (x, y, z))) >= 1 << (MOST_BITS + 1):
         raise InputError(f"G-PCC: the sensor is more than {MOST_BITS} bits away from its points")
@@ -193,7 +192,6 @@ def _coded(
     gps: syntax.GeometryParameterSet,
     most: int,
 ) -> bytes:
-    """Encode trees; set residual bits and minimum radius in the header."""
     tools = tools_of(header, gps, _AXES, header.slice_geom_origin_xyz)
     positions = np.empty_like(points) if tools.angular else points
     if tools.angular:

@@ -97,7 +97,7 @@ def encode_octree(
 
 
 def read_slice(payload: bytes, sps: SequenceParameterSet, gps: GeometryParameterSet) -> CodedSlice:
-    """Split a geometry data unit into its parts; raise InputError if it is invalid."""
+    """Split a geometry data unit; raise InputError if it is invalid."""
     reader = Reader(payload)
     header = GeometryHeader()
     geometry_header(reader, header, sps, gps)

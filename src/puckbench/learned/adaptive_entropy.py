@@ -202,7 +202,6 @@ def _find_neighbourhood(around: _Neighbourhood, neighbours: NeighbourTable, row:
 
 @compiled_in_place
 def _offset(shell: int, place: int) -> int:
-    """Return the offset of a neighbour at a face, an edge or a corner."""
     if shell == 0:
         return FACES[place]
     if shell == 1:

@@ -1,9 +1,9 @@
 """Displacement of voxels along the normals of the surrounding voxels.
 
-Points in a voxel off the plane of its neighbours lie mostly on the side of the plane, where noisy
-points are denser. A plane also misses the centres of coarse voxels. The encoder therefore sends
-optimal displacements, as fractions of the distance to the local plane, one for each class of this
-distance and of the thickness of the surface.
+Points in a voxel off the plane of its neighbours lie mostly on the side of the plane. A plane also
+misses the centres of coarse voxels. The encoder therefore sends optimal displacements, as fractions
+of the distance to the local plane, one for each class of this distance and of the thickness of the
+surface.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 Surfaces are encoded on grids along the cloud's axes and its Manhattan frame, and with or without
 each detected surface of revolution. Their cost is distortion + lambda * rate. The best surface is
 then compared with voxels of equal size in bytes. Distortion is measured against the smoothed
-samples, because reproducing the noise does not bring a decoded cloud nearer to the true surface.
+samples (see `distortion`).
 """
 
 from __future__ import annotations

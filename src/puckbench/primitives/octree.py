@@ -72,7 +72,7 @@ def prune_octree(
 
 
 def collect_leaves(levels: list[PlaneOctreeLevel]) -> tuple[Ints, Leaves]:
-    """Return the indices (n,) of the leaves among the nodes of all levels, and the leaves."""
+    """Return the leaves, and their indices (n,) among the nodes of all levels."""
     depth = len(levels) - 1
     corner, side, level_indices = [], [], []
     is_reached, start = np.ones(1, bool), 0

@@ -35,8 +35,6 @@ class _Regions(NamedTuple):
 
 
 class _Adjacency(NamedTuple):
-    """Linked lists of the leaves adjacent to each region."""
-
     first_edge: Ints  # (n,) first entry of each list
     last_edge: Ints  # (n,)
     neighbour: Ints  # (m,) entries

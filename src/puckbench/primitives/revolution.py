@@ -179,7 +179,7 @@ def normal_at(
     height: float,
     radius: float,
 ) -> Vector:
-    """Return the unit normal of a surface where it is nearest to the origin plus `radial`."""
+    """Return the unit normal of a surface nearest to the point at `radial` from its origin."""
     if surface.kind == SPHERE:
         return multiply(1 / max(length(radial), 1e-9), radial)
     axis = vector(surface.axis)

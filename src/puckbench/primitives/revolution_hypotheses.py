@@ -147,7 +147,6 @@ def _add_cone(
     hypotheses: Floats,
     count: int,
 ) -> int:
-    """Write the cone that is tangent to the planes of three samples."""
     n, m, o = normals
     a, b, c = row_of(xyz, rows[0]), row_of(xyz, rows[1]), row_of(xyz, rows[2])
     axis = cross(add_multiple(n, -1.0, m), add_multiple(n, -1.0, o))

@@ -166,7 +166,6 @@ def _list_candidates(
     normals: Floats,
     candidates: Floats,
 ) -> int:
-    """Write the samples near the bounding box of a range of rows; return their number."""
     xyz, count = blocks.xyz, 0
     low, high = xyz[row_range[0]].copy(), xyz[row_range[0]].copy()
     for i in range(row_range[0] + 1, row_range[1]):

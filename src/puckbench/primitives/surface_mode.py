@@ -195,7 +195,6 @@ def _omission_error(column_side: float) -> float:
 def _rotate_surface(
     cloud: PreparedCloud, rotation: RotationVector
 ) -> tuple[SurfaceSamples, Floats]:
-    """Rotate the surface and move its corner to the origin; return both."""
     surface, matrix = cloud.surface, rotation_matrix(rotation)
     xyz = rotate(surface.xyz, matrix)
     corner = xyz.min(axis=0)

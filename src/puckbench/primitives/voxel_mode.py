@@ -146,7 +146,6 @@ def _fills(byte_count: int, max_bytes: int) -> bool:
 
 
 def _next_voxel_size(trials: list[Trial], max_bytes: int) -> float:
-    """Interpolate between the nearest trials above and below the budget, or else extrapolate."""
     target = max_bytes * (1 - _BUDGET_SLACK / 2)
     nearest, *others = sorted(trials, key=lambda trial: abs(log(trial.byte_count / target)))
     exceeds = nearest.byte_count > target

@@ -63,7 +63,6 @@ def _upright(surface: Surface) -> Surface:
 
 
 def _rectangle(width: float, length: float) -> Surface:
-    """Make a horizontal rectangle from y = 0 to `length`, centred in x."""
     return flat(outlines.shifted(outlines.rectangle(width, length), 0.0, length / 2))
 
 

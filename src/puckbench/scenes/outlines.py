@@ -170,7 +170,6 @@ def _bridged(vertices: Floats, ring: list[int], hole: Ints) -> list[int]:
 
 
 def _crosses(start: Floats, end: Floats, edges: Floats) -> bool:
-    """Return whether a segment properly crosses any of the edges (2, n, 2)."""
     a, b = edges
     first = _cross(end - start, a - start) * _cross(end - start, b - start)
     second = _cross(b - a, start - a) * _cross(b - a, end - a)

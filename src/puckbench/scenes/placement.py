@@ -165,7 +165,6 @@ def _feet(item: Item) -> Item:
 def lamp_grid(
     maker: Maker, outline: Floats, spacing: float, turn: float = 0.0
 ) -> Sequence[Placement]:
-    """Return placements of lamps in rows over a room's bounding box."""
     low, high = outline.min(axis=0), outline.max(axis=0)
     counts = np.maximum(1, np.round((high - low) / spacing)).astype(int)
     xs, ys = (

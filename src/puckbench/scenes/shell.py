@@ -108,7 +108,6 @@ def _sides(opening: Opening) -> Surface:
 
 
 def _back(opening: Opening) -> Surface:
-    """Make the plane behind an opening, facing the room."""
     reach = depth(opening)
     whole = box(opening.width, reach, opening.height).flipped().at(y=reach / 2)
     return whole.select(3)

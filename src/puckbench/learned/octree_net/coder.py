@@ -61,8 +61,6 @@ Code = Callable[[LevelState, int, bool, Rows, Frequencies], Symbols]
 
 
 class DecodingLimits(NamedTuple):
-    """Maximum numbers of voxels."""
-
     voxels: int  # of a level
     nodes: int  # of all levels except the finest
     has_more: Callable[[], bool]  # whether the stream has not ended yet

@@ -6,7 +6,7 @@ below 2**24 units, which single precision represents exactly, in any order and o
 References
 ----------
 Ballé, Johnston, Minnen: "Integer Networks for Data Compression with Latent-Variable Models", ICLR
-2019. Here floats hold the integers, for which every machine has fast matrix products.
+2019.
 """
 
 from __future__ import annotations

@@ -80,7 +80,6 @@ _CHILDREN = np.array([EVEN, ODD])
 
 
 def writer(voxels: int) -> Mixer:
-    """Return an encoder for the symbols of at most `voxels` voxels."""
     return _new_mixer(bit_writer(_MAX_VOXEL_BYTES * voxels + 16))
 
 

@@ -73,9 +73,9 @@ def write_stream(content: OctreeNetStream) -> bytes:
 
 
 def read_stream(stream: bytes) -> OctreeNetStream:
-    """Parse a stream. Its counts are checked before any computation.
+    """Parse a stream; check its counts before any computation.
 
-    Raises InputError if the bytes are damaged, or of another codec or version.
+    Raises InputError for damaged bytes, or another codec or version.
     """
     try:
         return _read(stream)

@@ -17,8 +17,6 @@ S = TypeVar("S", bound=np.generic)
 
 @dataclass(frozen=True)
 class OccupiedCubes:
-    """Occupied cubes, ordered by position."""
-
     side: int  # voxels along an edge
     positions: Voxels  # (m, 3), in cubes
     starts: Int64s  # (m + 1,); cube k has keys[starts[k] : starts[k + 1]]

@@ -27,7 +27,6 @@ class DeviceTransforms:
             return quantised(y.cpu()), quantised(z.cpu())
 
     def synthesise(self, y_hat: Integers, rate: int, blocks: Bools) -> Floats32:
-        """Implement `Transforms.synthesise`, with the logits of all blocks."""
         with torch.inference_mode():
             y = self._to_device(y_hat)[None].float() / self._model.gain(rate)
             logits: Floats32 = self._model.g_s(y).flatten().cpu().numpy()

@@ -78,7 +78,7 @@ def _scale_borders() -> Int64s:
 
 @cache
 def laplace_table(number: int) -> FrequencyTable:
-    """Return the table with an index; its integers are relative to the centre."""
+    """Return a table by its number; its integers are relative to the centre."""
     level, offset = number >> OFFSET_BITS, number & (OFFSETS - 1)
     scale = float(_scale(Decimal(level)))
     reach = int(scale * _TAIL_SCALES) + 1

@@ -39,7 +39,6 @@ def blocks_of(cubes: OccupiedCubes) -> Voxels:
 
 
 def cubes_with_blocks(blocks: Voxels, side: int) -> CodedCubes:
-    """Group distinct positions (n, 3) of blocks into cubes."""
     across = side // STRIDE
     positions, cube = np.unique(blocks // across, axis=0, return_inverse=True)
     occupied = np.zeros((len(positions), across, across, across), dtype=bool)

@@ -97,9 +97,9 @@ def max_sparse(content: Pcgcv1Stream) -> int:
 
 
 def read_stream(stream: bytes) -> Pcgcv1Stream:
-    """Parse a stream. The number of cubes is checked before any computation.
+    """Parse a stream; check the number of cubes before any computation.
 
-    Raises InputError if the bytes are damaged, or of another codec or version.
+    Raises InputError for damaged bytes, or another codec or version.
     """
     _, body = _FRAMING.unframed(stream)
     return _read_body(Reader(body))

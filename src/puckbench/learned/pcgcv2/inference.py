@@ -276,7 +276,6 @@ def _reserve(model: PCGCv2, parents: Sequence[int], pool: ThreadPool) -> None:
 def _synthesis_scale(
     model: PCGCv2, scale: int, features: Tensor, parents: VoxelSet, pool: ThreadPool
 ) -> tuple[Tensor, Tensor]:
-    """Return features (m, 8, d) of all children and their logits (m, 8)."""
     layers, kernel_map = model.g_s.scale(scale), block_kernel_map()
     neighbourhood = neighbourhood_of(parents.neighbours, kernel_map, pool)
     buffers = _buffers(pool, len(parents), CHILDREN, layers.conv.kernel.shape[2])

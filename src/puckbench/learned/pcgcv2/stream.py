@@ -87,10 +87,9 @@ def write_coded(coded: Pcgcv2Stream) -> bytes:
 
 
 def read_stream(stream: bytes) -> Pcgcv2Stream | Floats:
-    """Parse a stream, which holds points (n, 3) if the cloud is small.
+    """Parse a stream, which holds points (n, 3) if the cloud is small; check counts first.
 
-    Counts are checked before any computation. Raises InputError if the bytes are damaged, or of
-    another codec or version.
+    Raises InputError for damaged bytes, or another codec or version.
     """
     kind, body = _FRAMING.unframed(stream)
     return _read_raw(body) if kind[0] == _RAW else _read_coded(body)

@@ -52,8 +52,8 @@ def save_weights(
 def load_published(path: Path) -> PCGCv2:
     """Read a checkpoint of the authors; raise InputError if it is not one.
 
-    28 to 67 % of its weights are denormal numbers (below 1.2e-38), which slow some processors down
-    a hundredfold. They are read as zeros, which does not change results.
+    Its many denormal weights, which slow some processors down a hundredfold, are read as zeros;
+    results do not change.
     """
     checkpoint = _read(path)
     model = PCGCv2(Pcgcv2Shape())

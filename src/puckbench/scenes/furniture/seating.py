@@ -65,7 +65,6 @@ def chair(cad: Modeller) -> Item:
 
 
 def _curved_back(cad: Modeller, width: float, height: float) -> Surface:
-    """Make a board bent around a vertical cylinder, concave to the front."""
     radius, steps = width * 0.9, max(4, cad.steps(width) // 6)
     outer = outlines.arc((0, -radius), radius + 0.012, 58, 122, steps)
     inner = outlines.arc((0, -radius), radius, 122, 58, steps)

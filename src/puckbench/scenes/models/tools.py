@@ -213,7 +213,6 @@ def gear(cad: Modeller, member: int) -> Item:
 
 
 def _toothed(cad: Modeller, teeth: int, radius: float) -> Outline:
-    """Return the outline of a spur gear: root arcs, straight flanks and tip arcs."""
     step = 360.0 / teeth
     root = radius * (1 - 4.2 / (teeth + 6))
     steps = max(2, cad.steps(radius) // (4 * teeth) + 1)
@@ -303,7 +302,6 @@ def _reducer(cad: Modeller, radius: float) -> Surface:
 
 
 def _flange(cad: Modeller, radius: float, bolts: int) -> Surface:
-    """Make a flange with bolt holes around a pipe, on z = 0."""
     spots = outlines.polar(1.65 * radius, 2 * np.pi * np.arange(bolts) / bolts)
     holes = [outlines.circle(radius * 0.8, cad.steps(radius))]
     holes += [outlines.circle(radius * 0.2, cad.steps(radius * 0.2), spot) for spot in spots]

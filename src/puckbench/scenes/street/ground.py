@@ -142,6 +142,5 @@ def _rectangle(low: Point, high: Point) -> Surface:
 
 
 def _facet(*corners: tuple[float, float, float]) -> Surface:
-    """Make a planar convex polygon with counter-clockwise corners."""
     fan = [(0, k, k + 1) for k in range(1, len(corners) - 1)]
     return planar(np.array(corners), np.array(fan))

@@ -174,7 +174,6 @@ def _alley(street: _Street, cad: Modeller, lot: _Lot, frame: Floats) -> None:
 
 
 def _border(cad: Modeller) -> Callable[[Modeller, float], Item]:
-    """Return a function that makes a fence, hedge or low wall of a given length."""
     low_wall = partial(street_furniture.garden_wall, height=cad.between(0.6, 1.0))
     kinds: tuple[Callable[[Modeller, float], Item], ...]
     kinds = (street_furniture.fence, planting.hedge, low_wall)
@@ -242,7 +241,6 @@ def _trees(street: _Street) -> None:
 
 
 def _cars(street: _Street) -> None:
-    """Park cars along the kerbs in the direction of traffic."""
     slope = float(np.degrees(np.arctan2(road_height(0.0), ROAD)))
     for side, frame in _sides():
         cad = street.cad(f"cars {side}")

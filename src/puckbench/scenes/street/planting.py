@@ -66,7 +66,6 @@ def foliage(cad: Modeller, middles: Floats, radii: Floats, count: int, size: flo
 
 
 def _leaves(cad: Modeller, places: Floats, size: float) -> Surface:
-    """Make a thin, randomly oriented tetrahedron at each position (n, 3)."""
     corners = cad.rng.uniform(-1, 1, (len(places), 4, 3)) * size / np.sqrt(2)
     corners[:, 3] = corners[:, :3].mean(axis=1) + 0.2 * corners[:, 3]
     a, b, c, d = corners.swapaxes(0, 1)
