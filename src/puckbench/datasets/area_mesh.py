@@ -1,4 +1,4 @@
-"""Semantic meshes of the areas of 2D-3D-S, in the frame of S3DIS."""
+"""Meshes with labels of the areas of 2D-3D-S, in the coordinate frame of S3DIS."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _TOLERANCE_M = 0.1
 
 
 def in_frame_of_s3dis(points: Floats, area: str) -> Floats:
-    """Transform points (n, 3) of an area ("1", ..., "5b"), z up, to the frame of S3DIS."""
+    """Transform points (n, 3) of an area ("1", ..., "5b"), z up, to S3DIS's coordinate frame."""
     if area != "5b":
         return points
     x, y, z = points.T
@@ -37,10 +37,10 @@ def in_frame_of_s3dis(points: Floats, area: str) -> Floats:
 
 @dataclass(frozen=True)
 class AreaMesh:
-    """A mesh of an area in the frame of S3DIS, in metres with z up.
+    """A mesh of an area in the coordinate frame of S3DIS, in metres with z up.
 
-    `materials` are names with class and room; `material_id` (t,) is the index of each triangle's
-    material, or -1.
+    `materials` are names that contain class and room; `material_id` (t,) is the index of each
+    triangle's material, or -1.
     """
 
     mesh: Mesh
@@ -77,7 +77,7 @@ class AreaMesh:
 
 
 def read_area_mesh(path: Path, area: str) -> AreaMesh:
-    """Read ``semantic.obj``; the last area is cached for its other rooms."""
+    """Read ``semantic.obj``; the last area is cached for its other rooms and parts."""
     if not path.is_file():
         raise InputError(f"{path}: no such file")
     return _read(path, area, path.stat().st_mtime_ns)
@@ -104,7 +104,7 @@ def class_of(material: str) -> str:
 
 
 def room_of(material: str) -> str | None:
-    """Return the room of a material, such as "office_6"."""
+    """Return the room in the name of a material, such as "office_6"."""
     match = _MATERIAL.fullmatch(material)
     return match[2] if match else None
 

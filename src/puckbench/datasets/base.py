@@ -44,7 +44,7 @@ class GeneratedSet(DataSet):
 class Provenance:
     """Licence and source of a data set.
 
-    `expected` ends messages about missing files ("expected KITTI, with ...; registration at ...").
+    `expected` is the end of messages about missing files ("expected KITTI, with ...").
     """
 
     licence: str
@@ -53,7 +53,7 @@ class Provenance:
 
 
 class FolderSet(DataSet, ABC):
-    """A data set with a file or folder for each scene."""
+    """Base class of data sets with a file or folder for each scene."""
 
     provenance: ClassVar[Provenance]
 
@@ -62,7 +62,7 @@ class FolderSet(DataSet, ABC):
 
     @abstractmethod
     def _listed(self, folder: Path) -> Mapping[str, Path]:
-        """Return the file of each scene, in order, without reading it."""
+        """Return the file of each scene by name, in order, without reading it."""
 
     def names(self) -> list[str]:
         return list(self._table)
@@ -78,7 +78,7 @@ class FolderSet(DataSet, ABC):
         return look_up(self._table, name, self.path)
 
     def _whole(self) -> Self:
-        """Return the data set with all scenes, without options."""
+        """Return the whole data set, without options that select scenes."""
         return type(self)(path=self.path)
 
     def _missing(self, what: str) -> InputError:
@@ -94,13 +94,13 @@ class MeshFolderSet(FolderSet):
 
     @abstractmethod
     def _group(self, path: Path) -> str:
-        """Return the class, room type or building of a file."""
+        """Return the class, room type or building of the scene in a file."""
 
     def _source(self, path: Path) -> str:
         return path.name
 
     def _read(self, path: Path) -> tuple[Mesh, dict[str, Any]]:
-        """Return the mesh in metres with z up, and the reader's report."""
+        """Return the mesh in metres with z up, and the report of the reader."""
         return read_mesh_report(path, up="z")
 
     def load(self, name: str) -> Scene:
@@ -111,7 +111,7 @@ class MeshFolderSet(FolderSet):
 
 
 def freeform_labels(object_id: NDArray[np.int32], objects: Iterable[SceneObject]) -> Labels:
-    """Label measured surfaces, which have no primitives.
+    """Return labels for measured surfaces, which have no geometric primitives.
 
     `object_id` (t,) is the index of each triangle's object.
     """
@@ -120,7 +120,7 @@ def freeform_labels(object_id: NDArray[np.int32], objects: Iterable[SceneObject]
 
 
 def numbered_objects(classes: Iterable[str]) -> tuple[SceneObject, ...]:
-    """Return an object for each class, named chair_1, chair_2, table_1, ..."""
+    """Return an object for each class, with the name chair_1, chair_2, table_1, ..."""
     counts: Counter[str] = Counter()
     objects = []
     for name in classes:
@@ -146,7 +146,7 @@ def look_up(table: Mapping[str, T], name: str, where: str) -> T:
 def select_names(
     option: str, requested: tuple[str, ...] | int | None, available: list[str]
 ) -> list[str]:
-    """Return the names that an option selects: listed names, the first few, or all (None)."""
+    """Return the names that an option requests: listed ones, the first few, or all (None)."""
     if requested is None:
         return available
     if isinstance(requested, int):

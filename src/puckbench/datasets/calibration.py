@@ -1,4 +1,4 @@
-"""Generated calibration scenes: a wall and a floor."""
+"""Generated scenes for calibration: a wall and a floor."""
 
 from __future__ import annotations
 

@@ -81,7 +81,7 @@ def read_capture(path: Path, name: str | None = None) -> Scene:
 
 @dataclass(frozen=True)
 class _PlacedEntity:
-    """Rotation (3, 3) and position (3,) of an entity, and its extent in its frame.
+    """Rotation (3, 3) and position (3,) of an entity, and its extent in its coordinate frame.
 
     The y axis of a flat entity is its normal.
     """
@@ -134,7 +134,7 @@ def _room_mesh(entities: list[Entity], path: Path) -> Mesh:
 
 
 def _placed_entities(entities: list[Entity]) -> list[_PlacedEntity]:
-    """Return all boxes, and plane patches with labels that no box has."""
+    """Return all boxes, and the plane patches whose label no box has."""
     boxes = [_box(entity) for entity in entities if "bounded3D_META" in entity]
     boxed = {box.semantic for box in boxes}
     flats = [_patch(entity) for entity in entities if "bounded2D_META" in entity]

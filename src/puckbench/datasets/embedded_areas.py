@@ -1,4 +1,4 @@
-"""A generated building with the areas and rooms of S3DIS."""
+"""A generated building that has the areas and rooms of S3DIS."""
 
 from __future__ import annotations
 

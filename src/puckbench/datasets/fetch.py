@@ -30,7 +30,7 @@ class FetchResult:
 
 
 def fetch_data(root: Path, names: Iterable[str] = ()) -> list[FetchResult]:
-    """Download free data sets into folders of their names.
+    """Download free data sets into folders with their names.
 
     Unchanged folders are kept; a failure does not stop the other downloads. By default, all sources
     with ``by_default`` are fetched.
@@ -52,7 +52,7 @@ def _fetch_or_fail(name: str, folder: Path) -> FetchResult:
 
 
 def fetch_source(source: PackageSource, folder: Path) -> str:
-    """Download a package's files into `folder`; return a warning or an empty text."""
+    """Download a package, put its files into `folder`, and return a warning or an empty string."""
     workspace = folder.with_name(f".fetching-{folder.name}")
     shutil.rmtree(workspace, ignore_errors=True)  # left there by a run that was killed
     workspace.mkdir(parents=True)

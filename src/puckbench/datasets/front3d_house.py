@@ -1,4 +1,4 @@
-"""Rooms of a house of 3D-FRONT."""
+"""Rooms in a house of 3D-FRONT."""
 
 from __future__ import annotations
 
@@ -33,13 +33,13 @@ class _Pose:
     scale: Floats
 
     def apply(self, points: Floats) -> Floats:
-        """Transform points (n, 3) from the model to the house, y up."""
+        """Transform points (n, 3) from the model's to the house's coordinates, y up."""
         return np.asarray((points * self.scale) @ _rotation(self.quaternion).T + self.position)
 
 
 @dataclass(frozen=True)
 class _PlacedItem:
-    """A surface of the house, or furniture with the id of a 3D-FUTURE model."""
+    """A surface of the house, or furniture with the id of its 3D-FUTURE model."""
 
     semantic: str
     pose: _Pose
@@ -49,7 +49,7 @@ class _PlacedItem:
 
 @dataclass(frozen=True)
 class HouseRoom:
-    """A room with its items; `left_out` counts items without a surface by reason."""
+    """A room with its items; `left_out` is the number of items without a surface, by reason."""
 
     name: str
     kind: str
@@ -75,7 +75,7 @@ def read_rooms(path: Path) -> list[HouseRoom]:
 def build_room(
     room: HouseRoom, folder: Path, what: str
 ) -> tuple[Mesh, Floats | None, dict[str, int]]:
-    """Assemble a room; raise InputError, naming `what`, if it has no surface.
+    """Assemble a room; raise InputError, with `what`, if it has no surface.
 
     Returns the labelled mesh in metres with z up, the lowest and highest corner (2, 3) of the
     house's surfaces or None, and the number of items without a surface, by reason.

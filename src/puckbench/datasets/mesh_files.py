@@ -1,4 +1,4 @@
-"""A user's meshes, as files, folders or patterns."""
+"""The user's meshes, as files, folders or patterns."""
 
 from __future__ import annotations
 

@@ -77,7 +77,7 @@ class ModelNet40(MeshFolderSet):
 
 
 def _is_glued(path: Path) -> bool:
-    """Return whether the counts follow the header without a space: ``OFF3514 3546 0``."""
+    """Whether the counts follow the header without a space: ``OFF3514 3546 0``."""
     try:
         with path.open("rb") as stream:
             return stream.read(4)[3:].isdigit()

@@ -1,4 +1,4 @@
-"""Published numbers of a data set's items."""
+"""Published numbers of items in data sets."""
 
 from __future__ import annotations
 
@@ -22,4 +22,4 @@ class Count:
 @runtime_checkable
 class Counted(Protocol):
     def counts(self) -> list[Count]:
-        """Return counts of the whole data set, without regard to its options."""
+        """Return the counts for the whole data set, whatever its options."""

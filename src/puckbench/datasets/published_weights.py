@@ -1,6 +1,6 @@
-"""Download the weights that the authors of PCGCv1, PCGCv2 and RENO published.
+"""Download of the weights that the authors of PCGCv1, PCGCv2 and RENO published.
 
-published_weights.yaml and reno_weights.yaml list the files at fixed commits, with their hashes.
+published_weights.yaml and reno_weights.yaml list the files, at fixed commits, with hashes.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ def _git_name(content: bytes) -> str:
 
 
 def _archive(name: str, checkpoint: Sequence[bytes], order: str) -> bytes:
-    """Convert a checkpoint (index, data) to a NumPy archive."""
+    """Convert a TensorFlow checkpoint (index, data) to a NumPy archive."""
     import numpy as np
 
     from puckbench.io.tensorflow_checkpoints import read_variables

@@ -1,4 +1,4 @@
-"""Turns of recordings of real spinning LiDARs, as returns in the sensor's frame."""
+"""Turns of real spinning LiDARs from recordings, as returns in the sensor's coordinate frame."""
 
 from __future__ import annotations
 
@@ -63,12 +63,12 @@ class Recordings(DataSet):
     ``192.168.1.201:2368 to 255.255.255.255:2368`` (sender, receiver)."""
 
     def names(self) -> list[str]:
-        """Read all recordings; return the names of `unusable` ones, then those of the clouds."""
+        """Read all recordings; return the names of `unusable` ones, then those of clouds."""
         return list(self._clouds)
 
     @property
     def unusable(self) -> list[str]:
-        """Names of recordings without a cloud; `load` raises the reason."""
+        """Names of recordings that give no cloud; `load` raises the reason."""
         return [name for name, (_, first) in self._clouds.items() if first is None]
 
     def files(self, name: str) -> list[Path]:
@@ -91,7 +91,7 @@ class Recordings(DataSet):
         return Scene(name, safe_name(path.stem), returns=cloud_returns, about=about)
 
     def _place(self, name: str) -> tuple[Path, int | None]:
-        """Return a cloud's recording and first turn, or no turn for a recording's name."""
+        """Return the recording and first turn of a cloud; no turn if the name is a recording's."""
         recording, _, number = name.rpartition("_")
         if recording in self._recordings and number.isdecimal() and f"{int(number):04d}" == number:
             return self._recordings[recording], int(number)
@@ -100,7 +100,7 @@ class Recordings(DataSet):
         return look_up(self._clouds, name, str(self.path))
 
     def _firsts(self, whole: Returns) -> range:
-        """Return each cloud's first turn; omit a recording's first and last, incomplete turn."""
+        """Return the first turn of each cloud, without the incomplete turns at both ends."""
         return range(1, len(whole.turns) - self.turns, self.turns * self.every)
 
     def _no_turns(self, whole: Returns) -> str:
@@ -119,7 +119,7 @@ class Recordings(DataSet):
 
     @cached_property
     def _clouds(self) -> Mapping[str, tuple[Path, int | None]]:
-        """Recording and first turn of each cloud; no turn for recordings without clouds."""
+        """Recording and first turn of each cloud; no turn for recordings without cloud."""
         table: dict[str, tuple[Path, int | None]] = {}
         faulty: dict[str, tuple[Path, int | None]] = {}
         for name, path in self._recordings.items():
@@ -134,7 +134,7 @@ class Recordings(DataSet):
 
 
 def recordings_at(text: str) -> list[Path]:
-    """Return the recordings of a path, folder or pattern.
+    """Return the recordings at a path, in a folder, or for a pattern.
 
     The folder of a ROS 2 bag is one recording. A compressed copy next to its original is ignored.
     """
@@ -212,7 +212,7 @@ _kept: dict[tuple[Path, float, str | None, _State], tuple[Returns, dict[str, int
 
 
 def _read(path: Path, start_s: float, stream: str | None) -> tuple[Returns, dict[str, int]]:
-    """Read the turns and the counts of lost data; cache them until the files change."""
+    """Read the turns, and the counts of lost data; cache both until the file changes."""
     from puckbench.lidar.recordings.reading import read_turns
 
     key = (path, start_s, stream, _state(path))

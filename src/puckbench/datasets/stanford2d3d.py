@@ -59,7 +59,7 @@ class _Room:
 
     @property
     def in_s3dis(self) -> str:
-        """Name of the room in S3DIS, which has one Area_5."""
+        """The room's name in S3DIS, where areas 5a and 5b are both Area_5."""
         return f"Area_{self.area[0]}_{self.room}"
 
 

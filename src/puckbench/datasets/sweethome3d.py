@@ -91,7 +91,7 @@ class SweetHome3D(DataSet):
         return sorted(name for name, model in self._table.items() if model.semantic == semantic)
 
     def furniture(self, per_class: int = 8, most_triangles: int = 20_000) -> dict[str, list[Mesh]]:
-        """Return the first `per_class` models of each class, without large ones, as furniture."""
+        """Return the first `per_class` models of each class that are not large, as furniture."""
         meshes_by_class = {}
         for semantic in self.classes or FURNITURE:
             scenes = map(self.load, self.of_class(semantic))
@@ -194,7 +194,7 @@ def _class_words() -> dict[str, Any]:
 
 
 def _read_model(model: CatalogueModel) -> tuple[Mesh, dict[str, Any]]:
-    """Return the unscaled model, y up."""
+    """Read a model without scaling, y up."""
     from puckbench.io.meshes.obj import parse_obj
 
     what = f"{model.archive}/{model.member}"
@@ -202,7 +202,7 @@ def _read_model(model: CatalogueModel) -> tuple[Mesh, dict[str, Any]]:
 
 
 def _to_size(mesh: Mesh, model: CatalogueModel) -> tuple[Mesh, list[float]]:
-    """Rotate to z up, scale to the catalogued size, and move to the origin."""
+    """Rotate a mesh to z up, scale it to the catalogued size, and move it to the origin."""
     turned = Mesh(y_up_to_z_up(mesh.vertices @ model.rotation.T), mesh.triangles)
     low, high = turned.bounds()
     extent = high - low

@@ -1,4 +1,4 @@
-"""Length units of a user's files."""
+"""Length units in the user's files."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Units = PositiveFloat | dict[str, PositiveFloat]
 
 
 def is_named(path: Path, name: str) -> bool:
-    """Return whether a path ends with a name."""
+    """Whether a path ends with the parts of a name."""
     parts = Path(name).parts
     return bool(parts) and path.parts[-len(parts) :] == parts
 

@@ -1,4 +1,4 @@
-"""Data sets of the user's files."""
+"""Base class of data sets whose scenes are the user's files."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ _LOG = logging.getLogger(__name__)
 class FileSet(DataSet):
     """A data set with one file for each scene.
 
-    Scenes are named after their files, with folders and suffixes if names are equal, and grouped by
-    folder.
+    Scenes are grouped by folder and have the names of their files, with folders and suffixes if
+    names are equal.
     """
 
     suffixes: ClassVar[tuple[str, ...]]
@@ -56,7 +56,7 @@ class FileSet(DataSet):
 
     @abstractmethod
     def _takes(self, path: Path) -> bool:
-        """Return whether the first bytes of a file are those of a scene."""
+        """Whether a file contains a scene, judged by its first bytes."""
 
     def _file(self, name: str) -> Path:
         return look_up(self._table, name, self.what)
@@ -141,7 +141,7 @@ def without_duplicates(paths: Iterable[Path]) -> list[Path]:
 
 
 def scene_names(paths: Iterable[Path]) -> list[str]:
-    """Return the files' stems, with folders or suffixes where stems are equal."""
+    """Return names of files without suffixes, with folders or suffixes where names are equal."""
     listed = list(paths)
     plain = {path: plain_name(path) for path in listed}
     stems = Counter(safe_name(plain[path].stem).lower() for path in listed)

@@ -113,7 +113,7 @@ def _bits(name: str) -> int:
 
 
 def _on_grid(cloud: PointCloud, bits: int, path: Path) -> PointCloud:
-    """Raise InputError unless coordinates are integers from 0 to 2^bits - 1."""
+    """Return the cloud; raise InputError unless coordinates are integers from 0 to 2^bits - 1."""
     off = _off_grid(cloud.xyz, 2**bits - 1)
     if off:
         raise InputError(f"{path}: {off} of {len(cloud)} points are not on the grid of {bits} bits")
@@ -126,6 +126,6 @@ def _off_grid(points: Floats, highest: int) -> int:
 
 
 def _distinct(cloud: PointCloud) -> tuple[PointCloud, int]:
-    """Return the first point of each voxel, and the number of other points."""
+    """Return the first point in each voxel, and the number of other points."""
     _, first = np.unique(cloud.xyz, axis=0, return_index=True)
     return cloud.select(np.sort(first)), len(cloud) - len(first)

@@ -1,4 +1,4 @@
-"""Text clouds of lines ``x y z r g b``, damaged as in S3DIS."""
+"""Text files with lines ``x y z r g b``, damaged as in S3DIS."""
 
 from __future__ import annotations
 
@@ -36,11 +36,11 @@ class TextCloud:
 
 
 def read_xyzrgb(path: Path) -> TextCloud:
-    """Read a text cloud; repair or drop damaged lines.
+    """Read a cloud from text, and repair or drop damaged lines.
 
-    Foreign bytes (neither of numbers nor white space) are read as 0 within a number or as a space
-    between numbers, whichever gives six numbers. Lines without six numbers, or with colours outside
-    0 to 255, are dropped.
+    Bytes that occur in neither numbers nor white space are read as the digit 0 or as a space,
+    whichever gives six numbers. Lines without six numbers, or with colours outside 0 to 255, are
+    dropped.
     """
     data, repaired, dropped = _mended(read_bytes(path))
     rows = _parsed(data)
@@ -56,7 +56,7 @@ def read_xyzrgb(path: Path) -> TextCloud:
 
 
 def _mended(data: bytes) -> tuple[bytes, int, int]:
-    """Return the text without foreign bytes, and the numbers of repaired and dropped lines."""
+    """Return the text without such foreign bytes, and the numbers of repaired and dropped lines."""
     if not data.translate(None, _ALLOWED):
         return data, 0, 0
     pieces, done, repaired, dropped = [], 0, 0, 0
@@ -73,14 +73,14 @@ def _mended(data: bytes) -> tuple[bytes, int, int]:
 
 
 def _complete_lines(data: bytes) -> tuple[Floats, int]:
-    """Return the lines of six numbers as (n, 6), and the number of other lines."""
+    """Return the lines with six numbers as (n, 6), and the number of other lines."""
     lines = [line for line in data.splitlines() if line.strip()]
     kept = [[float(number) for number in line.split()] for line in lines if _is_row(line)]
     return np.array(kept, dtype=np.float64).reshape(-1, _COLUMNS), len(lines) - len(kept)
 
 
 def _parsed(data: bytes) -> Floats | None:
-    """Return the numbers (n, 6), or None if a text is not a number."""
+    """Parse numbers (n, 6); return None if a word is not a number."""
     import pandas as pd
 
     if not data.strip():
@@ -100,7 +100,7 @@ def _fitting(rows: Floats) -> NDArray[np.bool_]:
 
 
 def _readings(line: bytes) -> Iterator[bytes]:
-    """Yield readings of a damaged line: foreign bytes as zeros first, as spaces last."""
+    """Yield versions of a damaged line, in which foreign bytes are digits 0 or spaces."""
     parts = _FOREIGN.split(line)  # good, foreign, good, ...
     good, foreign = parts[::2], parts[1::2]
     if len(foreign) > _MOST_RUNS:

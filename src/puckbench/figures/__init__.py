@@ -1,1 +1,1 @@
-"""Figures drawn from a run's tables and clouds."""
+"""Figures drawn from the tables and clouds of a run."""

@@ -1,4 +1,4 @@
-"""Medians of a metric by rate (thesis figure 6.5) and by bits per point (6.6 to 6.9)."""
+"""Medians of a metric by rate (thesis figure 6.5) and by bits per point (figures 6.6 to 6.9)."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ BINS = 10
 def equal_count_medians(x: Floats, y: Floats, bins: int = BINS) -> tuple[Floats, Floats]:
     """Return medians of x and y in at most `bins` bins of x with equal numbers of values.
 
-    The edges are quantiles of x. Pairs with a nan are ignored.
+    The edges are quantiles of x. Pairs that contain nan are ignored.
     """
     import pandas as pd
 
@@ -33,10 +33,9 @@ def equal_count_medians(x: Floats, y: Floats, bins: int = BINS) -> tuple[Floats,
 
 
 def medians_against(rows: pd.DataFrame, x: str, y: str) -> tuple[Floats, Floats]:
-    """Return medians of two columns of one codec on one data set, by increasing x.
+    """Return medians of columns x and y for a codec on a data set, by increasing x.
 
-    With fewer than `BINS` clouds there is a median for each rate, since bins would mix different
-    rates.
+    With fewer than `BINS` clouds, medians are per rate, because bins would mix rates.
     """
     if rows["cloud"].nunique() >= BINS:
         return equal_count_medians(rows[x].to_numpy(float), rows[y].to_numpy(float))
@@ -52,5 +51,5 @@ def medians_per_rate(table: pd.DataFrame, column: str) -> pd.DataFrame:
 
 
 def ordered_rates(rates: set[str]) -> list[str]:
-    """Return rates in the order of their numbers: r2 before r10."""
+    """Return rates sorted by the number in their names: r2 before r10."""
     return sorted(rates, key=lambda rate: (*map(int, re.findall(r"\d+", rate)), rate))

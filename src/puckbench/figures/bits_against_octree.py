@@ -1,4 +1,4 @@
-"""The figure ``handicap``: bits of codecs of a sensor's data relative to G-PCC's octree coder."""
+"""The figure ``handicap``: bits of codecs for a sensor's data, relative to G-PCC's octree coder."""
 
 from __future__ import annotations
 
@@ -99,9 +99,7 @@ def draw_bits_against_octree(
 
 
 def compared_datasets(metrics: pd.DataFrame, clouds: pd.DataFrame) -> set[str]:
-    """Return data sets coded by the octree coder and another codec, but one of those that differ
-    only in the error model.
-    """
+    """Return data sets with the octree coder and another codec, the first for each error model."""
     other_rows = metrics[metrics["codec"] != OCTREE]
     datasets = set(metrics[metrics["codec"] == OCTREE]["dataset"]) & set(other_rows["dataset"])
     compared = clouds[clouds["dataset"].isin(datasets)]
@@ -137,10 +135,10 @@ def _draw_codecs(axes: Axes, rows: pd.DataFrame, style: FigureStyle) -> set[str]
 def shares(
     rows: pd.DataFrame, octree: pd.DataFrame, complete: pd.DataFrame
 ) -> tuple[Floats, Floats]:
-    """Return bits of a codec in percent of the octree coder's, at errors from 0.5 to 50 mm and on
+    """Return a codec's bits in percent of the octree coder's, at errors from 0.5 to 50 mm and on
     lossless grids.
 
-    `complete` has the rows of the octree coder that keeps duplicate points.
+    `complete` contains the rows of the octree coder with all duplicate points.
     """
     anchors = dict(iter(octree.groupby("cloud")))
     lossless = {**anchors, **dict(iter(complete.groupby("cloud")))}

@@ -1,4 +1,4 @@
-"""Checks of the tables that figures are drawn from."""
+"""Checks of the tables from which figures are drawn."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def require_rows(table: pd.DataFrame, columns: tuple[str, ...], what: str) -> None:
-    """Raise InputError unless a table has rows and columns with at least one value."""
+    """Raise InputError if a table has no rows, lacks a column, or has a column without values."""
     missing = [name for name in columns if name not in table.columns]
     if missing:
         raise InputError(f"{what} table: no column {missing[0]!r}")
@@ -25,7 +25,7 @@ def require_rows(table: pd.DataFrame, columns: tuple[str, ...], what: str) -> No
 
 
 def require_numbers(table: pd.DataFrame, columns: tuple[str, ...], what: str) -> None:
-    """Raise InputError unless columns hold zero or numbers that a logarithmic axis can show."""
+    """Raise InputError if a column contains text, or a negative or infinite number."""
     for name in columns:
         if table[name].dtype.kind not in "fiu":
             raise InputError(f"{what} table: column {name!r} has values that are not numbers")

@@ -1,4 +1,4 @@
-"""Curves of a run's codecs beside those of reference results, which are grey."""
+"""Rate-distortion curves of a run's codecs, with grey curves of reference results."""
 
 from __future__ import annotations
 
@@ -42,8 +42,8 @@ def draw_comparison(
     """Draw medians over the clouds, with a row of panels for each data set and a column for each
     metric of `qualities`.
 
-    Lossless rates are hollow markers above all PSNRs or below all errors. `study` names the
-    reference in the legend.
+    Lossless rates are shown by hollow markers above all PSNRs or below all errors. `study` names
+    the reference in the legend.
     """
     from matplotlib.figure import Figure
 

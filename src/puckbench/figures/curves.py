@@ -38,9 +38,7 @@ Lines = dict[str, tuple[Floats, Floats]]
 
 
 def check_curve_columns(metrics: pd.DataFrame, metric: PlottedMetric) -> None:
-    """Raise InputError unless a table has the columns of a curve, with values for a logarithmic
-    axis.
-    """
+    """Raise InputError unless a table has a curve's columns, with values for log axes."""
     columns = (BPP.column, metric.column)
     require_rows(metrics, ("dataset", "cloud", "codec", "rate", *columns), "metrics")
     require_numbers(metrics, columns, "metrics")
@@ -51,7 +49,7 @@ def check_curve_columns(metrics: pd.DataFrame, metric: PlottedMetric) -> None:
 def binned_curves(
     metrics: pd.DataFrame, metric: PlottedMetric, style: FigureStyle
 ) -> dict[str, Lines]:
-    """Return medians of bits per point and of a metric for each data set and codec."""
+    """Return median bits per point and median metric for each data set and codec."""
     curves: dict[str, Lines] = {name: {} for name in style.ordered_datasets(metrics["dataset"])}
     for dataset, lines in curves.items():
         rows = metrics[metrics["dataset"] == dataset].dropna(subset=[BPP.column, metric.column])
@@ -86,7 +84,7 @@ def draw_data_sets(
     fitted: bool = False,
     scans: Mapping[str, float] = MappingProxyType({}),
 ) -> Figure:
-    """Draw curves of a metric: a panel for each data set, a line for each codec, equal axes.
+    """Draw curves of a metric, with a panel for each data set and a line for each codec.
 
     Parameters
     ----------
@@ -95,9 +93,9 @@ def draw_data_sets(
     panel_in
         Height of a panel, inches.
     fitted
-        Fit the limits to the values if the style has no range.
+        Whether axis limits are fitted to the values if the style has none.
     scans
-        Value of the uncoded scans by data set, drawn as a dashed line.
+        Value for unencoded scans by data set, drawn as a dashed line.
     """
     check_curve_columns(metrics, metric)
     curves = binned_curves(metrics, metric, style)
@@ -127,10 +125,10 @@ def shared_limits(
     default: Range | None = None,
     fitted: bool = False,
 ) -> Range:
-    """Return the limits of an axis shared by all panels: the range of `style`, else `default` or
-    that of the metric, widened by whole decades to hold the values.
+    """Return the limits of an axis that all panels share: the range in `style`, `default`, or that
+    of the metric, widened by decades to contain the values.
 
-    `fitted` fits the limits to the values if the style has no range.
+    With `fitted`, limits are fitted to the values if the style has none.
     """
     which = 0 if metric is BPP else 1
     arrays = [line[which] for lines in curves for line in lines.values()]

@@ -25,7 +25,7 @@ _NO_METADATA: dict[str, dict[str, Any]] = {
 def draw_files(
     name: str, inputs: Mapping[str, Path], outputs: Sequence[Path], style: FigureStyle
 ) -> None:
-    """Draw a registered figure, or that of ``path/to/file.py:function``, into .pdf or .png files.
+    """Draw a registered figure, or ``path/to/file.py:function``, to .pdf or .png files.
 
     `inputs` are CSV or Parquet files of tables and PLY files of clouds. Raises InputError if an
     input is missing, unreadable or empty.
@@ -46,9 +46,7 @@ def draw_files(
 
 
 def read_input(kind: str, path: Path, frame: CoordinateFrame = "scaled") -> Any:
-    """Read a ``DataFrame``, with the rows of clouds in `frame`, or a ``PointCloud`` with its
-    returns.
-    """
+    """Read a ``DataFrame`` (only clouds in `frame`), or a ``PointCloud`` with its returns."""
     from puckbench.io.tables import read_table
     from puckbench.lidar.returns import with_returns
     from puckbench.metrics.coordinate_frames import rows_in_frame
@@ -59,7 +57,7 @@ def read_input(kind: str, path: Path, frame: CoordinateFrame = "scaled") -> Any:
 
 
 def lay_out(figure: Figure) -> None:
-    """Compute the layout once, so that all files of a figure are equal."""
+    """Compute the layout once, so that all files of a figure look alike."""
     engine = figure.get_layout_engine()
     if engine is not None:
         engine.execute(figure)
@@ -67,7 +65,7 @@ def lay_out(figure: Figure) -> None:
 
 
 def save_figure(figure: Figure, path: Path) -> None:
-    """Write a figure as .pdf or .png, within the style's context.
+    """Write a figure as .pdf or .png; call this in the style's context.
 
     Raises InputError for another suffix or if writing fails.
     """

@@ -55,7 +55,7 @@ def panels_abreast(panels: int) -> int:
 
 
 def log_limits(values: Floats, default: Range) -> Range:
-    """Return a default range, widened by whole decades to hold every positive value."""
+    """Return a default range, widened by whole decades to contain every positive value."""
     positive = values[np.isfinite(values) & (values > 0)]
     if len(positive) == 0:
         return default
@@ -68,7 +68,7 @@ def log_limits(values: Floats, default: Range) -> Range:
 
 
 def fitted_limits(values: Floats, default: Range) -> Range:
-    """Return limits slightly beyond the positive values, or `default` without any."""
+    """Return limits slightly beyond the positive values, or `default` if there are none."""
     positive = values[np.isfinite(values) & (values > 0)]
     if len(positive) == 0:
         return default
@@ -76,7 +76,7 @@ def fitted_limits(values: Floats, default: Range) -> Range:
 
 
 def draw_line(axes: Axes, x: Floats, y: Floats, plot_style: PlotStyle, floor: float) -> None:
-    """Draw one codec's line; zeros (lossless) are hollow markers at the lower limit `floor`."""
+    """Draw a codec's line; zeros (lossless) become hollow markers at the lower limit `floor`."""
     clipped = np.maximum(y, floor)
     style: dict[str, Any] = {
         "color": plot_style.colour,
@@ -109,7 +109,7 @@ def lossless_handle() -> Line2D:
 
 
 def draw_over_rates(axes: Axes, y: Floats, plot_style: PlotStyle, floor: float) -> None:
-    """Draw one codec's values (rates,) at one position for each rate; nan leaves a gap."""
+    """Draw a codec's values (rates,) at equidistant positions; nan leaves a gap."""
     present = np.flatnonzero(np.isfinite(y))
     if len(present):
         positions = np.arange(present[0], present[-1] + 1)
@@ -127,7 +127,7 @@ def label_rates(panels: Sequence[Axes], rates: Sequence[str], abreast: int) -> N
 
 
 def set_log(axes: Axes, axis: Literal["x", "y"], limits: Range, minor: bool = True) -> None:
-    """Make an axis logarithmic, with ticks at decades, or at 1, 2 and 5 on short axes.
+    """Make an axis logarithmic, with ticks at decades and, on short axes, at 2 and 5 times these.
 
     `minor` adds grid lines within decades.
     """
@@ -186,9 +186,7 @@ def codec_handles(codecs: Sequence[str], style: FigureStyle) -> list[Line2D]:
 def add_rows_legend(
     figure: Figure, handles: Sequence[Artist], most_abreast: int, **options: Any
 ) -> None:
-    """Add a legend above all panels that reads row by row, with at most `most_abreast` entries in a
-    row.
-    """
+    """Add a legend above all panels, in rows of at most `most_abreast` entries."""
     rows = math.ceil(len(handles) / max(1, most_abreast))
     abreast = math.ceil(len(handles) / rows)
     by_column = [handle for column in range(abreast) for handle in handles[column::abreast]]

@@ -1,4 +1,4 @@
-"""Plot styles of codecs, the same in every figure."""
+"""Plot styles of codecs, equal in all figures."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def codec_style(codec: str) -> PlotStyle:
 
 
 def class_style(name: str, codec: type[CodecFacts] | None) -> PlotStyle:
-    """Return the plot style that a codec's class has, completed from its name."""
+    """Return the plot style in a codec's class, with missing parts derived from the name."""
     derived = _style_from_name(name)
     if codec is None:
         return derived
@@ -42,7 +42,7 @@ def class_style(name: str, codec: type[CodecFacts] | None) -> PlotStyle:
 
 
 def read_looks(folder: Path) -> dict[str, dict[str, str]]:
-    """Return `looks_layer` of the table ``codecs`` in a run's folder of tables, or no options."""
+    """Return `looks_layer` of the table ``codecs`` in a folder, or no options if it is missing."""
     from puckbench.io.tables import read_table
 
     path = folder / "codecs.parquet"
@@ -53,7 +53,7 @@ def read_looks(folder: Path) -> dict[str, dict[str, str]]:
 
 
 def looks_layer(rows: Iterable[Mapping[str, str]]) -> dict[str, dict[str, str]]:
-    """Return options of `FigureStyle` with the plot styles in rows of the table ``codecs``."""
+    """Return options for `FigureStyle` from the plot styles in rows of the table ``codecs``."""
     keys = {"title": "codec_titles", "colour": "colours", "marker": "markers", "line": "lines"}
     rows = list(rows)
     layer = {option: {row["codec"]: row[key] for row in rows} for key, option in keys.items()}
@@ -61,7 +61,7 @@ def looks_layer(rows: Iterable[Mapping[str, str]]) -> dict[str, dict[str, str]]:
 
 
 def codec_rank(codec: str) -> tuple[int, str]:
-    """Return the sorting key of a codec in legends: rank of its class, then name."""
+    """Return a codec's sorting key for legends: the rank of its class, then its name."""
     facts = _registered(codec)
     return (CodecFacts.rank if facts is None else facts.rank, codec)
 

@@ -9,7 +9,7 @@ from puckbench.figures.style import Range
 
 @dataclass(frozen=True)
 class PlottedMetric:
-    """A column of the results with its axis.
+    """A column of the results, with its label and axis range.
 
     The grid unit of a scaled cloud is 1/1023 of its longest side.
     """

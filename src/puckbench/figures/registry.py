@@ -41,9 +41,9 @@ class FigureEntry:
     title, category
         Heading and group in the report.
     number
-        Number in a publication, by which figures are ordered; may be empty.
+        Number in a publication, by which figures are sorted, or empty.
     needs
-        Further conditions of a plan: as for a table, or `at` a distance, or an error model.
+        Conditions on a plan besides the inputs: names of needs, `at` a distance, or error models.
     frame
         Coordinate frame of the drawn clouds.
     """
@@ -66,7 +66,7 @@ class FigureEntry:
 
     @property
     def sort_key(self) -> list[float]:
-        """Parts of the number, since 5.2 comes before 5.10."""
+        """Parts of the number, because 5.2 precedes 5.10."""
         return [float(part) for part in self.number.split(".")] if self.number else [math.inf]
 
     @property
@@ -78,11 +78,11 @@ FIGURES: Registry[FigureEntry] = Registry("figure", "figures", make=FigureEntry)
 
 
 def figure_entry(name: str) -> FigureEntry:
-    """Return the figure of a name or ``path/to/file.py:function``; InputError if there is none."""
+    """Return a figure by name or ``path/to/file.py:function``, or raise InputError."""
     return FIGURES.get(name)
 
 
 def figure_entries() -> dict[str, FigureEntry]:
-    """Return all figures by name, those with a number first."""
+    """Return all figures by name, numbered ones first."""
     entries = {name: FIGURES.get(name) for name in FIGURES.names()}
     return dict(sorted(entries.items(), key=lambda item: item[1].sort_key))

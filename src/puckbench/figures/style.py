@@ -27,15 +27,15 @@ class FigureStyle(Model):
     Parameters
     ----------
     font_size
-        Of axis labels, points; tick labels are one point smaller.
+        Size of axis labels, points; tick labels are one point smaller.
     width_in
-        Inches; by default one or two columns, as the figure chooses.
+        Width of figures, inches; by default one or two columns, chosen by the figure.
     line_width, marker_size
         Points.
     datasets
-        Order of the panels; other data sets follow.
+        Data sets in the order of panels; others follow.
     axis_ranges
-        (low, high) by table column, widened by whole decades if data lie outside.
+        (low, high) by table column, widened by decades to contain the data.
     """
 
     font_size: Size = 7.5
@@ -83,7 +83,7 @@ class FigureStyle(Model):
 
     @classmethod
     def from_config(cls, *options: Mapping[str, Any]) -> FigureStyle:
-        """Merge configuration mappings, nested ones key by key; later ones take precedence.
+        """Merge mappings of options, nested ones key by key; later ones take precedence.
 
         Raises InputError for an unknown key or an invalid value.
         """
@@ -113,16 +113,14 @@ class FigureStyle(Model):
         return sorted(set(codecs), key=codec_rank)
 
     def ordered_datasets(self, datasets: Iterable[str]) -> list[str]:
-        """Return distinct data sets, those of `datasets` first."""
+        """Return each data set once, those of the option `datasets` first."""
         present = list(dict.fromkeys(datasets))
         named = [name for name in self.datasets if name in present]
         return named + [name for name in present if name not in named]
 
     @contextmanager
     def context(self) -> Iterator[None]:
-        """Apply matplotlib's defaults and this style, but no matplotlibrc, while drawing and
-        saving.
-        """
+        """Apply this style, without matplotlibrc, inside the `with` block."""
         import matplotlib.style
 
         with matplotlib.style.context(["default", self._parameters()]):

@@ -142,8 +142,6 @@ def draw_images(example_spin: PointCloud, style: FigureStyle) -> Figure:
 
 
 def _image(returns: Returns) -> Floats:
-    """Return ranges (lasers, columns), m, of the first turn's first returns; nan
-    without a return.
-    """
+    """Return ranges (lasers, columns), m, of the first turn's first returns; nan if missing."""
     ranges = returns.turns[0].ranges[0][:, list(returns.layout.order)].T * returns.quantum_m
     return np.where(ranges > 0, ranges, np.nan)

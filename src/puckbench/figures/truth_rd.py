@@ -99,8 +99,8 @@ def draw_truth_hausdorff(
 def draw_references(
     metrics: pd.DataFrame, scan_errors: pd.DataFrame, metric: PlottedMetric, style: FigureStyle
 ) -> Figure:
-    """Draw a row of panels for each data set, a column for each reference, but none for a clean
-    scan that equals the scan.
+    """Draw a row of panels for each data set and a column for each reference, without a clean scan
+    that equals the scan.
 
     `metric` is the distance to the scan; the others are in the columns ``clean_...`` and
     ``truth_...``.

@@ -1,4 +1,4 @@
-"""Point cloud files: reads all formats of `SUFFIXES`, writes binary PLY with a description."""
+"""Point cloud files: read all formats in `SUFFIXES`, write binary PLY with a description."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ _PLY_COLUMNS = {
 
 
 def cloud_bytes(cloud: PointCloud) -> bytes:
-    """Return the bytes of a cloud's PLY file, without its description."""
+    """Return a cloud as the bytes of a PLY file, without its description."""
     with TemporaryDirectory() as folder:
         path = Path(folder, "cloud.ply")
         write_cloud(path, cloud, describe=False)
@@ -59,9 +59,9 @@ def read_archived_cloud(archive: Path, name: str) -> PointCloud:
 
 
 def write_cloud(path: Path, cloud: PointCloud, describe: bool = True) -> None:
-    """Write a cloud as binary PLY with double coordinates, and its description.
+    """Write a cloud as binary PLY with float64 coordinates, and its description.
 
-    Both files appear when both are complete.
+    Both files appear only when both are complete.
     """
     if path.suffix.lower() in SUFFIXES[1:]:
         raise InputError(f"{path}: a PLY file is written: name it so (export writes others)")
@@ -84,7 +84,7 @@ def read_cloud(
     drop_invalid: bool = False,
     bin_columns: str | None = None,
 ) -> PointCloud:
-    """Read a point cloud of any format in `SUFFIXES`, and the description of a PLY file.
+    """Read a point cloud in any format in `SUFFIXES`, with the description beside a PLY file.
 
     Missing returns (`puckbench.geometry.missing_returns`) are removed and counted in the
     description.
@@ -94,9 +94,9 @@ def read_cloud(
     path
         The file; compressed files end in .gz, .bz2, .xz or .zst.
     keep_missing
-        Keep missing returns as points.
+        Whether to keep missing returns as points.
     drop_invalid
-        Remove points that are not finite; by default they are an error.
+        Whether to remove points that are not finite; by default they raise InputError.
     bin_columns
         Columns of a .bin file, see `puckbench.io.float32_frames.read_float32_frame`.
 
@@ -111,7 +111,7 @@ def read_cloud(
 
 
 def check_cloud(cloud: PointCloud, path: Path) -> None:
-    """Raise InputError for a cloud without points, or with points that are not finite."""
+    """Raise InputError if a cloud has no points, or points that are not finite."""
     try:
         check_points(cloud.xyz, str(path))
     except InputError as error:
@@ -127,7 +127,7 @@ def read_unchecked_cloud(
     bin_columns: str | None = None,
     convert: bool = True,
 ) -> PointCloud:
-    """Read a cloud that may be empty or not finite; `convert` LAS coordinates to metres."""
+    """Read a cloud without checks; with `convert`, LAS coordinates are converted to metres."""
     columns = _read_columns(path, bin_columns, convert)
     with naming(path):
         cloud = cloud_from_columns(columns)
@@ -146,7 +146,7 @@ def read_unchecked_cloud(
 
 
 def without_missing(cloud: PointCloud, missing: NDArray[np.bool_], path: Path) -> PointCloud:
-    """Remove missing returns (n,) with a warning, and count them in the description."""
+    """Remove points by the mask `missing` (n,), warn, and count them in the description."""
     if len(cloud) and missing.all():
         raise InputError(f"{path}: all of its {len(cloud)} points are missing returns")
     reason = "are missing returns (--keep-missing keeps them)"
@@ -156,7 +156,7 @@ def without_missing(cloud: PointCloud, missing: NDArray[np.bool_], path: Path) -
 
 
 def without_invalid(cloud: PointCloud, path: Path) -> PointCloud:
-    """Remove points that are not finite with a warning, and count them in the description."""
+    """Remove points that are not finite, warn, and count them in the description."""
     invalid = np.asarray(~np.isfinite(cloud.xyz).all(axis=1))
     return _without(cloud, invalid, path, "are not finite")
 

@@ -1,4 +1,4 @@
-"""Conversion of parser errors to one-line messages."""
+"""Conversion of exceptions in parsers to one-line messages."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _NEEDS_NAME = (AssertionError, AttributeError, LookupError, TypeError)
 
 @contextmanager
 def reading(kind: str, *errors: type[Exception]) -> Iterator[None]:
-    """Convert exceptions of these types to an InputError: not a readable ``kind``, and why."""
+    """Convert exceptions of the listed types, raised in the `with` block, to an InputError."""
     try:
         yield
     except errors as error:

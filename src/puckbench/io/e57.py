@@ -1,4 +1,4 @@
-"""E57 files (ASTM E2807) of terrestrial scanners, by pye57 if it is installed."""
+"""E57 files (ASTM E2807) from terrestrial scanners, read by pye57 if it is installed."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ _MAX_LIST_LENGTH = 120
 
 
 def read_e57(path: Path) -> Columns:
-    """Read the points of all scans, transformed by the scans' poses.
+    """Read the points of all scans in one coordinate frame, by the scans' poses.
 
-    Invalid points are NaN; several scans are numbered in the column ``scan``.
+    Invalid points are NaN; the column ``scan`` numbers several scans.
     """
     return parse_isolated(parse_e57, path, "E57 file").columns
 
@@ -94,7 +94,7 @@ def _scan(file: Any, number: int) -> Columns:
 
 
 def _numeric_fields(file: Any, number: int) -> Columns:
-    """Return the numeric fields of a scan as doubles, exact for integers up to 2^53."""
+    """Return the numeric fields of a scan as float64, exact for integers up to 2^53."""
     from pye57.libe57 import SourceDestBuffer, VectorSourceDestBuffer
 
     vector, types = file.get_header(number).points, _numpy_types()

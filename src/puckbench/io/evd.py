@@ -1,4 +1,4 @@
-"""EVD files of BlenSor: blocks of returns, ended by a block with the count -1."""
+"""EVD files of BlenSor: blocks of returns, after which a block has the count -1."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _WHITE = 255.0
 
 
 def write_evd(path: Path, table: ReturnTable) -> None:
-    """Write returns as one block of rows of 11 numbers, a white colour, and an object or 0."""
+    """Write returns as one block; a row has 11 numbers, a white colour, and an object or 0."""
     rows = np.empty(len(table), dtype=_ROW)
     for place, name in enumerate(_NUMBERS):
         rows["numbers"][:, place] = table[name]

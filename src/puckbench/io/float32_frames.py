@@ -1,7 +1,7 @@
 """LiDAR frames as float32 values without a header (.bin), as in KITTI and nuScenes.
 
-The number of values per point is not stored. Because values of one column resemble each other, it
-is estimated as the lag at which values differ least.
+The number of values per point is not stored. It is estimated as the lag at which values differ
+least, because values in a column are similar.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ def read_float32_frame(path: Path, columns: str | None = None) -> Columns:
     """Read a frame: x, y, z and often intensity, ring and time.
 
     `columns` is the number of values of a point (3 to 6) or their names (``x,y,z,intensity,time``);
-    by default it is estimated. Raises InputError if the file is truncated or ambiguous, or if the
-    coordinates cannot be those of a LiDAR.
+    by default it is estimated. Raises InputError if the file is truncated or ambiguous, or the
+    coordinates are implausible.
     """
     data = read_content(path)
     if not data:
@@ -61,9 +61,9 @@ def float32_rows(data: bytes, count: int, path: Path) -> Rows:
 
 
 def detect_column_count(values: NDArray[Any]) -> int | None:
-    """Return the number of columns of values (n,) that are stored row by row, or None if unclear.
+    """Estimate the number of columns from values (n,) stored row by row; return None if unclear.
 
-    It is the lag with the smallest mean rank difference, if that is clearly smallest.
+    It is the lag whose mean rank difference is clearly the smallest.
     """
     sample = values[:_MAX_VALUES]
     if len(sample) < _MIN_VALUES:
@@ -79,7 +79,7 @@ def detect_column_count(values: NDArray[Any]) -> int | None:
 
 
 def check_column_count(path: Path, data: bytes, count: int) -> None:
-    """Raise InputError if the values suggest another number of columns."""
+    """Raise InputError if the values suggest a number of columns other than `count`."""
     detected = detect_column_count(np.frombuffer(data[: len(data) // 4 * 4], dtype="<f4"))
     if detected not in (None, count):
         raise InputError(f"{path}: its points have {detected} values each, not {count}")
@@ -97,7 +97,7 @@ def _detected_layout(data: bytes, path: Path) -> tuple[str, ...]:
 
 
 def _candidate_counts(values: Rows, size: int) -> list[int]:
-    """Return likely numbers of columns that divide the file, else possible ones, else the first."""
+    """Return likely column counts that divide the file's size, else possible ones, else one."""
     rows = {count: values.reshape(-1, count) for count in _LAYOUTS if size % (4 * count) == 0}
     possible = [count for count in rows if _are_coordinates(rows[count])]
     likely = [count for count in possible if _is_likely(rows[count])]

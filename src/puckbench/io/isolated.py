@@ -1,7 +1,7 @@
-"""Parsers of other packages in a worker process with limits of memory and time.
+"""Run parsers of other packages in a worker process with limits on memory and time.
 
-A damaged file may crash a parser or make it use all memory. The worker is replaced after a crash or
-timeout, and returns no pickled objects. On macOS only the time is limited.
+A damaged file may crash a parser or make it fill the memory. The worker is replaced after a crash
+or timeout, and returns no pickled objects. On macOS only the time is limited.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ _ENVIRONMENT = {"OPENBLAS_NUM_THREADS": "1", "MALLOC_ARENA_MAX": "2"}
 
 @dataclass(frozen=True)
 class ParsedFile:
-    """Arrays by name, and values that JSON can represent."""
+    """The result of a parser: arrays by name, and values that JSON can represent."""
 
     columns: dict[str, NDArray[Any]]
     about: dict[str, Any] = field(default_factory=dict)
@@ -57,9 +57,9 @@ def parse_isolated(
 ) -> ParsedFile:
     """Run ``parse(path, **options)`` in the worker process, within `parser_limits`.
 
-    `kind` names the file in messages ("LAS file"); the size of `side_files` counts too. Warnings of
-    ``puckbench`` loggers are logged in this process. Raises InputError if `parse` does, crashes, or
-    exceeds a limit.
+    `kind` describes the file in messages ("LAS file"); limits grow with the size of the file and of
+    `side_files`. Warnings of ``puckbench`` loggers are logged in this process. Raises InputError if
+    `parse` does, crashes, or exceeds a limit.
     """
     size = _size(path) + sum(file.stat().st_size for file in side_files if file.is_file())
     memory, seconds = parser_limits(size)
@@ -84,7 +84,7 @@ def parse_isolated(
 
 
 def parser_limits(size: int) -> tuple[int, int]:
-    """Return the limits in bytes and seconds of processor time for a file of `size` bytes."""
+    """Return the limits for a file of `size` bytes: memory in bytes, and processor time in s."""
     seconds = MIN_SECONDS + SECONDS_PER_MB * (size // 10**6)
     return max(MIN_BYTES, BYTES_PER_BYTE * size), seconds
 

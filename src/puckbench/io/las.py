@@ -1,7 +1,7 @@
-"""LAS and LAZ files (ASPRS), by laspy and lazrs.
+"""LAS and LAZ files (ASPRS), read and written by laspy and lazrs.
 
-Written files have the laser in the user data, the frame in the point source id, and the timestamp
-in the GPS time.
+Written files contain the laser as user data, the frame as point source id, and the timestamp as GPS
+time.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def write_las(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
 
 
 def read_las(path: Path) -> dict[str, NDArray[Any]]:
-    """Read the columns of `write_las`, in metres."""
+    """Read the columns that `write_las` writes, in metres."""
     columns = parse_isolated(parse_las, path, "LAS file").columns
     names = {**{axis: axis for axis in _AXES}, **_COLUMN_NAMES}
     return {names[name]: part for name, part in columns.items() if name in names}
@@ -64,8 +64,8 @@ def read_las(path: Path) -> dict[str, NDArray[Any]]:
 def read_las_points(path: Path, convert: bool = True) -> dict[str, NDArray[Any]]:
     """Read ``x``, ``y``, ``z`` and all dimensions that are not 0 everywhere.
 
-    `convert` gives metres by the file's coordinate reference system. Raises InputError for
-    coordinates in degrees.
+    With `convert`, coordinates are converted to metres by the file's reference system. Raises
+    InputError if they are in degrees.
     """
     columns = parse_isolated(parse_las, path, "LAS file", {"convert": convert}).columns
     return {name: part for name, part in columns.items() if name in _AXES or np.count_nonzero(part)}

@@ -1,4 +1,4 @@
-"""Check of LAS and LAZ headers (ASPRS LAS 1.0 to 1.5) against the file's size."""
+"""Comparison of LAS and LAZ headers (ASPRS LAS 1.0 to 1.5) with the size of the file."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _MAX_COMPRESSION = 1000
 
 @dataclass(frozen=True)
 class _Header:
-    """Offsets and sizes in bytes; absent parts have the offset 0."""
+    """Offsets and sizes of a file's parts in bytes; the offset of absent parts is 0."""
 
     length: int
     begin: int
@@ -43,9 +43,9 @@ class _Header:
 
 
 def check_las_header(path: Path) -> None:
-    """Raise InputError if the parts in the header do not fit in the file.
+    """Raise InputError if the parts described in the header do not fit in the file.
 
-    Points beyond the header's number of points cause a warning.
+    Warn if the file contains more points than the header states.
     """
     size = path.stat().st_size
     with naming(path), reading("LAS file", ValueError), path.open("rb") as stream:

@@ -1,4 +1,4 @@
-"""Units of LAS coordinates, by the coordinate reference system (WKT or GeoTIFF keys)."""
+"""Units of LAS coordinates, from the coordinate reference system (WKT or GeoTIFF keys)."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _DOUBLES = 34736
 
 @dataclass(frozen=True)
 class Units:
-    """Units of x and y (horizontal) and of z in metres, None if unknown; or degrees for x and y."""
+    """Units in metres of x and y (horizontal) and z, None if unknown, or degrees for x and y."""
 
     horizontal: float | None = None
     vertical: float | None = None
@@ -27,7 +27,7 @@ class Units:
 
 
 def las_units(header: Any) -> Units:
-    """Return the units of a laspy header.
+    """Return the units of coordinates from a laspy header.
 
     As in GDAL, units in GeoTIFF keys take precedence over those of the coordinate reference system.
     Raises pyproj's CRSError if the system is not readable.
@@ -76,7 +76,7 @@ def _with_keys(units: Units, short: dict[int, int], doubles: dict[int, float]) -
 
 
 def _unit(code: int | None, size: float | None = None) -> float | None:
-    """Return the length in metres of a unit of the EPSG registry or of the file."""
+    """Return the length in metres of a unit: an EPSG code, or the size in the file."""
     from pyproj.database import get_units_map
 
     if code == _USER_DEFINED:
@@ -86,7 +86,7 @@ def _unit(code: int | None, size: float | None = None) -> float | None:
 
 
 def _metres(factor: float) -> float | None:
-    """Return a unit's length, exact for a rounded foot, or None for an impossible length."""
+    """Return a unit's length, exact for a rounded foot, or None if it is impossible."""
     if not 0 < factor < math.inf:
         return None
     exact = (METRE, FOOT, US_SURVEY_FOOT)

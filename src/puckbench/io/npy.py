@@ -46,7 +46,8 @@ _log = logging.getLogger(__name__)
 
 
 def read_npy(path: Path) -> Columns:
-    """Read points from an array (n, 3 or more), an array with named fields, or an archive of these.
+    """Read points from an array (n, 3 or more), an array with named fields, or an archive of
+    arrays.
 
     A floating-point array (rows, columns, 3 or more) is a range image, whose pixels are points.
     """
@@ -94,7 +95,7 @@ def _array_columns(array: NDArray[Any]) -> Columns:
 
 
 def _named_columns(name: str, values: NDArray[Any]) -> Columns:
-    """Split an array (n, ...) into columns: nx, ny, nz of normals (n, 3)."""
+    """Split an array (n, ...) into columns: normals (n, 3) become nx, ny, nz."""
     flat = values.reshape(len(values), prod(values.shape[1:]))
     names = _COLUMN_NAMES.get(name.lower(), ())
     if flat.shape[1] == len(names):

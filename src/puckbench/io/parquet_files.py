@@ -1,4 +1,4 @@
-"""Memory that Parquet files need, and their metadata."""
+"""Metadata of Parquet files, and a check of the memory that they need."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _VALUE_BYTES = 8
 def check_parquet_memory(path: Path) -> None:
     """Raise InputError if a file's values exceed the memory of `parser_limits`.
 
-    A small file can hold a huge number of equal values.
+    A small file can contain a huge number of equal values.
     """
     from pyarrow import ArrowException, parquet
 
@@ -30,7 +30,7 @@ def check_parquet_memory(path: Path) -> None:
 
 
 def parquet_metadata(path: Path) -> dict[bytes, bytes]:
-    """Return the metadata of a Parquet file's schema; nothing for other files."""
+    """Return the metadata in a Parquet file's schema; nothing for files in other formats."""
     from pyarrow import ArrowException, parquet
 
     try:

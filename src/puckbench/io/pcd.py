@@ -52,13 +52,13 @@ def write_pcd(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
 
 
 def read_pcd(path: Path) -> dict[str, NDArray[Any]]:
-    """Read the fields (n,) or (n, values) by name."""
+    """Read the fields by name, as arrays (n,) or (n, values per point)."""
     with naming(path):
         return parse_pcd(read_content(path), str(path))
 
 
 def is_organised(path: Path) -> bool:
-    """Return whether a PCD file is an image, with several rows of pixels."""
+    """Whether a PCD file is a range image, with several rows of pixels."""
     height = re.search(rb"(?m)^HEIGHT[ \t]+(\d+)", read_content(path, _MAX_HEADER_BYTES))
     return height is not None and int(height[1]) > 1
 

@@ -42,7 +42,7 @@ class _Element:
 class _Header:
     """A header of `size` bytes; `lines` are without comments.
 
-    ``is_plain``: plyfile reads the header unchanged. ``is_text``: the data are ASCII.
+    ``is_plain``: plyfile can read the header unchanged. ``is_text``: the data are ASCII.
     """
 
     size: int
@@ -127,7 +127,7 @@ def _check_size(header: _Header, size: int, path: Path) -> None:
 
 
 def has_faces(path: Path) -> bool:
-    """Return whether a file has a valid PLY header with faces."""
+    """Whether a file has a valid PLY header with faces."""
     try:
         elements = _header(read_content(path, _MAX_HEADER_BYTES), path).elements
     except InputError:

@@ -37,10 +37,10 @@ _EXACT_INTEGERS = 2**53
 
 
 def cloud_from_columns(columns: Mapping[str, NDArray[Any]]) -> PointCloud:
-    """Make a cloud of columns (n,) with the names of PLY, PCD, LAS and E57 files, in any case.
+    """Make a cloud from columns (n,) with the names in PLY, PCD, LAS and E57 files, ignoring case.
 
-    Columns other than coordinates, normals, colours and labels become fields. Raises InputError
-    without x, y, z.
+    Columns other than coordinates, normals, colours and labels become fields. Raises InputError if
+    x, y or z is missing.
     """
     remaining = {name: _native(np.asarray(values)) for name, values in columns.items()}
     xyz = _pop_triple(remaining, _XYZ)
@@ -75,8 +75,9 @@ def cloud_from_columns(columns: Mapping[str, NDArray[Any]]) -> PointCloud:
 def default_columns(rows: NDArray[Any]) -> Columns:
     """Name the columns of an array (n, 3 or more) by convention.
 
-    The fourth of four is the intensity. Six end in colours if these are integers from 0 to 255,
-    else in normals. Seven have intensity and colours in either order. Others are numbered.
+    Of four columns, the last is the intensity. Of six, the last three are colours if they are
+    integers from 0 to 255, else normals. Of seven, four are intensity and colours in either order.
+    Others are numbered.
     """
     names = ["x", "y", "z"]
     colours, normals = ["red", "green", "blue"], ["nx", "ny", "nz"]
@@ -96,7 +97,7 @@ def default_columns(rows: NDArray[Any]) -> Columns:
 def ply_columns(fields: Mapping[str, NDArray[Any]]) -> Columns:
     """Convert numeric fields without loss to types and names of PLY.
 
-    64-bit integers get the smallest type that holds them, or are split in two.
+    64-bit integers are stored in the smallest sufficient type, or split in two.
     """
     columns: Columns = {}
     for field, values in fields.items():
@@ -141,7 +142,7 @@ def has_coordinates(names: Iterable[str]) -> bool:
 
 
 def coarse_step(columns: Mapping[str, NDArray[Any]]) -> float | None:
-    """Return the spacing of single-precision coordinates if it is too coarse for the extent."""
+    """Return the spacing of float32 coordinates if it is coarse compared with the extent."""
     parts = [columns[name] for name in _first_triple(columns, _XYZ)]
     if not parts or any(_native(part).dtype != np.float32 or not len(part) for part in parts):
         return None
@@ -175,7 +176,7 @@ def _pop_triple(columns: Columns, triples: Iterable[tuple[str, ...]]) -> NDArray
 
 
 def _pop_packed_colours(columns: Columns) -> NDArray[np.uint8] | None:
-    """Return colours (n, 3) from the lowest 24 bits of a number, as in PCD files."""
+    """Return colours (n, 3) from the lowest 24 bits of a column, as in PCD files."""
     for name in _PACKED_COLOURS:
         if name in columns and columns[name].dtype.itemsize == 4:
             bits = np.ascontiguousarray(columns.pop(name)).view(np.uint32)
@@ -216,7 +217,7 @@ def _labels(columns: Columns) -> NDArray[np.int32] | None:
 
 
 def _are_colours(values: NDArray[Any]) -> bool:
-    """Return whether values are integers from 0 to 255 and not all 0 or 1."""
+    """Whether values are integers from 0 to 255, not only 0 and 1."""
     if not len(values) or not np.isfinite(values).all():
         return False
     whole = (values == np.rint(values)).all()

@@ -66,7 +66,7 @@ def empty_columns(schema: TableSchema, rows: int) -> dict[str, NDArray[Any]]:
 
 
 def write_return_table(path: Path, table: ReturnTable) -> None:
-    """Write a Parquet file with the unit and description of each column."""
+    """Write a Parquet file that contains the unit and description of each column."""
     from pyarrow import parquet
 
     with written_whole(path) as temporary:
@@ -74,9 +74,9 @@ def write_return_table(path: Path, table: ReturnTable) -> None:
 
 
 def write_portions(path: Path, portions: Iterator[ReturnTable]) -> int:
-    """Write a table in portions, one row group each; return the number of rows.
+    """Write a table in portions, each as a row group; return the number of rows.
 
-    The file has the description of the first portion.
+    The file gets the description of the first portion.
     """
     from pyarrow import parquet
 

@@ -1,4 +1,4 @@
-"""TensorFlow checkpoints of an index and one data file, without TensorFlow.
+"""TensorFlow checkpoints with an index and one data file, read without TensorFlow.
 
 The index is an uncompressed LevelDB table of names and `BundleEntryProto` messages (type, shape and
 position in the data file).
@@ -28,7 +28,7 @@ _TYPE, _SHAPE, _OFFSET, _SIZE = 1, 2, 4, 5
 
 
 def read_variables(index: bytes, data: bytes) -> dict[str, NDArray[np.float32]]:
-    """Return the single-precision variables by name, without those of the optimiser."""
+    """Return the float32 variables by name, without those of the optimiser."""
     try:
         return dict(_variables(index, data))
     except (IndexError, KeyError, TypeError, ValueError, struct.error) as error:
@@ -54,7 +54,7 @@ def _rows(table: bytes) -> Iterator[tuple[bytes, bytes]]:
 
 
 def _block(table: bytes, start: int, size: int) -> Iterator[tuple[bytes, bytes]]:
-    """Yield keys and values of a block; keys are stored without the prefix that they share."""
+    """Yield keys and values in a block, which stores keys without the prefix they share."""
     if table[start + size] != 0:
         raise ValueError("compressed")
     block = table[start : start + size]

@@ -1,4 +1,4 @@
-"""Points as text, one line of numbers each (XYZ, CSV, TXT, ASC, PTS)."""
+"""Points as text, with the numbers of a point on one line (XYZ, CSV, TXT, ASC, PTS)."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class _Header:
-    """Lines before the points: titles, comments, and whether one is the number of points (PTS)."""
+    """Lines before the points: column titles, comments, and the number of points (PTS)."""
 
     titles: Sequence[str]
     comments: Sequence[str]
@@ -50,7 +50,7 @@ class _Header:
 
 
 def read_text(path: Path) -> Columns:
-    """Read the numeric columns of a text file, named by a line before the points or by convention.
+    """Read the numeric columns of a text file; a line before the points, or convention, names them.
 
     Values are separated by commas, semicolons, tabs or spaces, and may have a decimal comma.
     """
@@ -65,7 +65,7 @@ def read_csv(path: Path) -> Columns:
 
 
 def write_csv(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
-    """Write columns below their names, with the fewest digits that preserve each number."""
+    """Write columns below their names, with the fewest digits that preserve each value."""
     import pyarrow as pa
     from pyarrow import csv
 
@@ -143,7 +143,7 @@ def _separator(line: str) -> str:
 
 
 def _is_one_value(words: Sequence[str]) -> bool:
-    """Return whether words between two tabs are one value: a number, or a text without numbers."""
+    """Whether words between two tabs form one value: a number, or text without numbers."""
     return len(words) == 1 or (bool(words) and not any(map(_NUMBER.fullmatch, words)))
 
 
@@ -189,7 +189,7 @@ def _has_names(comment: str) -> bool:
 
 
 def _matching_names(line: str, separator: str, columns: Sequence[NDArray[Any]]) -> list[str]:
-    """Return the names in a line if each column has one."""
+    """Return the names in a line if they suffice for all `columns` that are not empty."""
     splits = [_split(line, each) for each in (separator, *_SEPARATORS)]
     matching = [
         names
@@ -222,7 +222,7 @@ def _with_default_names(
 
 
 def _without_pandas_header(columns: list[NDArray[Any]]) -> list[NDArray[Any]]:
-    """Remove the column numbers and the index that pandas writes."""
+    """Remove the column numbers and the index that pandas adds."""
     first = [float(each[0]) for each in columns]
     has_index = bool(np.isnan(first[0])) and len(columns) > _MIN_NUMBERS
     if first[has_index:] != [*map(float, range(len(columns) - has_index))]:

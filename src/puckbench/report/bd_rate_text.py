@@ -1,4 +1,4 @@
-"""BD-rates in words."""
+"""BD-rates as text."""
 
 from __future__ import annotations
 
@@ -35,14 +35,14 @@ def has_delta(row: _Row | None) -> bool:
 
 
 def delta_note(row: _Row | None) -> str:
-    """Return interval and number of clouds of a BD-rate, or the reason for its absence."""
+    """Return the interval and number of clouds of a BD-rate, or the reason why there is none."""
     if row is None:
         return NO_COMMON_RANGE
     return _why_not(row) or ", ".join(filter(None, (_interval(row), _clouds(row))))
 
 
 def holds_zero(row: _Row) -> bool:
-    """Return whether the interval, or the range of two clouds, contains 0 or is missing."""
+    """Whether the interval, or the range of two clouds, contains 0 or is missing."""
     low, high = _ends(row)
     return not (low > 0 or high < 0)
 
@@ -85,7 +85,7 @@ def _count(row: _Row, name: str) -> int:
 
 
 def _number(row: _Row | None, name: str) -> float:
-    """Return a value of a row, which is text in CSV files; nan if missing."""
+    """Return a value in a row, which may be text from a CSV file; nan if missing."""
     value = None if row is None else row.get(name)
     return nan if value in (None, "") else float(value)
 

@@ -1,4 +1,4 @@
-"""Build the text of the report page from a run's files."""
+"""Build the report page as text from the files of a run."""
 
 from __future__ import annotations
 
@@ -68,14 +68,14 @@ def build_page(
     record: RunRecord = RunRecord(),  # noqa: B008 (frozen)
     remarks: Mapping[str, str] = MappingProxyType({}),
 ) -> str:
-    """Return the page; equal files, machine and record give equal text.
+    """Return the page as text, which depends only on files, machine, record and remarks.
 
     Parameters
     ----------
     machine, remarks
-        Entries of the page's header by name.
+        Entries in the page's header by name.
     folder
-        Folder of the page, to which links are relative.
+        Folder of the page, for relative links.
 
     Raises
     ------
@@ -160,5 +160,5 @@ def _figure_title(name: str) -> str:
 
 
 def _link(file: Path, folder: Path) -> str:
-    """Return the relative path of a file below the page's folder, else its bare name."""
+    """Return a file's path relative to the page's folder if it is in it, else its name."""
     return file.relative_to(folder).as_posix() if file.is_relative_to(folder) else file.name

@@ -20,7 +20,7 @@ _SETTINGS = {
 def caption_html(text: str, name: str = "a caption") -> Markup:
     """Convert a caption from reStructuredText to HTML paragraphs.
 
-    `single` and ``double`` backquotes mark code. Raises an InputError with `name` if the text is
+    `single` and ``double`` backquotes mark code. Raises InputError, with `name`, if the text is
     invalid.
     """
     from docutils.core import publish_parts
@@ -45,7 +45,7 @@ def _translator() -> type:
     from docutils.writers.html5_polyglot import HTMLTranslator
 
     class Plain(HTMLTranslator):  # type: ignore[misc]
-        """Write code as ``<code>`` without classes, for which the page has no style."""
+        """Writes code as ``<code>`` without CSS classes, for which the page has no style."""
 
         def visit_literal(self, node: literal) -> None:
             self.body.append(f"<code>{self.encode(node.astext())}</code>")

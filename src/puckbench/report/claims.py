@@ -20,7 +20,7 @@ _BETWEEN_PARTS = re.compile(r"; (?![^(]*\))")
 class ClaimCard:
     """A claim with its verdict and measurements.
 
-    `kind` is the CSS class of the verdict's colour; `context` has other entries by name.
+    `kind` is the CSS class for the verdict's colour; `context` has other entries by name.
     """
 
     heading: str
@@ -44,9 +44,7 @@ class Claims:
 
 
 def claim_cards(table: pd.DataFrame, figures: Mapping[str, str], link: str) -> Claims:
-    """Return the cards of the table ``claims``; `figures` has the titles of the page's figures by
-    name.
-    """
+    """Return cards from the table ``claims``; `figures` are titles of figures by name."""
     rows = [{str(k): cell_text(v) for k, v in row.items()} for row in table.to_dict("records")]
     return Claims(tuple(_card(row, figures) for row in rows), link)
 

@@ -1,4 +1,4 @@
-"""Labels and units of the columns of result tables."""
+"""Labels and units for the columns of result tables."""
 
 from __future__ import annotations
 
@@ -135,12 +135,12 @@ _TIME = re.compile(r"(en|de)code_(s|ms_per_turn|real_time)(_\w+)?")
 
 
 def is_time(column: str) -> bool:
-    """Return whether a column holds times of a codec or values derived from them."""
+    """Whether a column contains times of a codec or values derived from times."""
     return _TIME.fullmatch(column) is not None
 
 
 def column_label(column: str) -> ColumnLabel:
-    """Return the label of a column; an unknown column is labelled by its name."""
+    """Return the label of a column; an unknown column gets its name as label."""
     if column in _PLAIN:
         return ColumnLabel(column, *_PLAIN[column])
     prefix = next((name for name in _REFERENCES if column.startswith(name)), "")
@@ -160,9 +160,9 @@ def unit_in_frames(unit: str, frames: Collection[str]) -> str:
 
 
 def table_heading(column: str, others: Collection[str] = ()) -> tuple[str, str]:
-    """Return words and unit of a column in a table's heading.
+    """Return words and unit for a column in a table's heading.
 
-    The other columns show whether a suffix marks a statistic.
+    `others` are the other columns, which show whether a suffix marks a statistic.
     """
     if column in _OF_TABLES:
         return _OF_TABLES[column]
@@ -179,7 +179,7 @@ def table_heading(column: str, others: Collection[str] = ()) -> tuple[str, str]:
 
 
 def name_in_words(name: str) -> str:
-    """Return a name in words: "codec_version" as "Codec version"."""
+    """Return a column name as words: "Codec version" for "codec_version"."""
     words = name.replace("_", " ").strip()
     return words[:1].upper() + words[1:]
 
@@ -189,6 +189,6 @@ def has_label(column: str) -> bool:
 
 
 def ordered_labels(columns: list[str]) -> list[ColumnLabel]:
-    """Return labels by group, in the order of the columns, without `DESCRIPTIVE_COLUMNS`."""
+    """Return labels of columns sorted by group, without `DESCRIPTIVE_COLUMNS`."""
     labels = [column_label(name) for name in columns if name not in DESCRIPTIVE_COLUMNS]
     return sorted(labels, key=lambda item: GROUPS.index(item.group))

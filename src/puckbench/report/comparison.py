@@ -23,16 +23,17 @@ Key = tuple[str, str]
 
 @dataclass(frozen=True)
 class Comparison:
-    """Results of a run and of a reference study on the same clouds, under the reference's names.
+    """Results of a run and a reference study on the same clouds, with the reference's names.
 
     Parameters
     ----------
     deltas
-        As from `bd_rate`: ``codec`` of the run against ``anchor`` of the reference.
+        Table as returned by `bd_rate`, with ``codec`` from the run and ``anchor`` from the
+        reference.
     left_out
-        Clouds of the run that were not compared, with the reason.
+        Messages on clouds that were not compared.
     same_streams
-        For each common codec, number of streams of equal size, and of all streams.
+        Number of streams with equal size, and of all streams, by common codec.
     """
 
     run_rows: pd.DataFrame
@@ -50,16 +51,16 @@ def compare_with_reference(
     qualities: Sequence[str] = (),
     common: bool = False,
 ) -> Comparison:
-    """Compare codecs of a run with reference codecs on the same clouds.
+    """Compare codecs in a run with codecs in a reference on the same clouds.
 
     Parameters
     ----------
     codecs
-        Codecs of the run; by default those that the reference lacks, or all if it lacks none.
+        Codecs in the run; by default those that the reference lacks, else all.
     qualities
         Metrics; by default those of the reference's Bjontegaard deltas.
     common
-        Compare common clouds even if the run has others.
+        Whether to ignore clouds that only the run has.
 
     Raises
     ------
@@ -89,9 +90,7 @@ def compare_with_reference(
 
 
 def _matched(clouds: pd.DataFrame, reference: ReferenceResults) -> tuple[dict[Key, Key], list[str]]:
-    """Return the reference's names of the run's clouds by digest, and unmatched clouds with the
-    reason.
-    """
+    """Match the run's clouds to the reference's by digest; return names, and messages on others."""
     if DIGEST not in clouds or clouds[DIGEST].isna().any():
         raise InputError("the table of clouds has no digests: it is of an older run; run it again")
     published = reference.clouds
@@ -148,7 +147,7 @@ def _check_qualities(
 def _check_rates(
     run_rows: pd.DataFrame, reference_rows: pd.DataFrame, qualities: Sequence[str]
 ) -> None:
-    """Raise if a codec lacks a rate, or a value of it, on a cloud of a data set."""
+    """Raise InputError if a codec lacks a rate, or a value at a rate, on a cloud."""
     for (dataset, codec), rows in run_rows.groupby(["dataset", "codec"], sort=False):
         rates = list(dict.fromkeys(rows["rate"]))
         if len(rates) < MIN_POINTS:
@@ -172,7 +171,7 @@ def _check_rates(
 
 
 def _is_exact(rows: pd.DataFrame, quality: str) -> pd.Series[bool]:
-    """Return where the error is 0, so that there is no PSNR."""
+    """Return a mask of the rows with error 0, which have no PSNR."""
     error = quality.replace("_psnr", "_mse")
     return rows[error] == 0 if error != quality and error in rows else rows[quality] == 0
 
@@ -202,7 +201,7 @@ def _deltas(
 
 
 def _judged(rows: pd.DataFrame) -> pd.DataFrame:
-    """Add columns that older runs lack: lossless, and peak of PSNRs."""
+    """Add the columns ``lossless`` and peak of PSNRs, which older runs lack."""
     table = with_peaks(rows).assign(**{LOSSLESS: lossless_rows(rows)})
     return table if PEAK in table else table.assign(**{PEAK: nan})
 

@@ -14,10 +14,10 @@ MOST_MB = 8.0
 
 
 class Example(Model):
-    """A cloud of the viewer with the files of the prepared cloud and its decoded versions.
+    """A cloud in the viewer, with the files of the prepared cloud and its decoded versions.
 
-    `kind` is "object", "raw", "clean" or "noisy". `decoded` has a file for each codec and rate, or
-    an archive (.zip) with the member ``<rate>.ply``.
+    `kind` is "object", "raw", "clean" or "noisy". `decoded` has a PLY file, or an archive (.zip)
+    that contains ``<rate>.ply``, for each codec and rate.
     """
 
     kind: str
@@ -28,18 +28,18 @@ class Example(Model):
 
 
 class Contents(Model):
-    """The files of a page, and options.
+    """The files for a report page, and options.
 
     Parameters
     ----------
     own_figures, own_tables
-        Places of a user's figures and tables, loaded if trusted.
+        Places of the user's figures and tables (see `puckbench.core.registry`), loaded if trusted.
     style
         Layers of `puckbench.figures.style.FigureStyle`; later ones take precedence.
     points
-        Largest number of points of each cloud in the viewer.
+        Maximum number of points per cloud in the viewer.
     most_mb
-        Largest size of all clouds in the page, MB.
+        Maximum total size of the clouds in the page, MB.
     """
 
     title: str = TITLE
@@ -60,7 +60,7 @@ class Contents(Model):
         return parsed(cls, value, "contents of the report")
 
     def under(self, folder: Path) -> Contents:
-        """Return the contents with all files below another folder."""
+        """Return the contents with all files in a copy of the results below another folder."""
 
         def moved(files: Mapping[str, str]) -> dict[str, str]:
             return {name: str(folder / file) for name, file in files.items()}
@@ -91,7 +91,7 @@ class Contents(Model):
 
 
 def register_user_plugins(figures: Iterable[str], tables: Iterable[str]) -> None:
-    """Register a user's figures and tables by their places; InputError if one is not trusted."""
+    """Register the user's figures and tables by their places; raise InputError if untrusted."""
     for place in figures:
         FIGURES.add(place)
     for place in tables:

@@ -1,4 +1,4 @@
-"""Findings of a run: which codec needs the fewest bits, is nearest to the truth, is fastest."""
+"""Findings from a run: which codec needs fewest bits, is nearest to the truth, is fastest."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ units)."""
 
 @dataclass(frozen=True)
 class Cell:
-    """A codec's value with a note; `rank` is the sorting key, None if it cannot be ranked."""
+    """A codec's value as text, with a note; `rank` is the sorting key, None if unranked."""
 
     text: str = "\N{EN DASH}"
     note: str = ""
@@ -41,9 +41,9 @@ class Cell:
 
 @dataclass(frozen=True)
 class FindingsColumn:
-    """A metric of all codecs, of which lower values are better.
+    """The values of all codecs in a metric, of which lower values are better.
 
-    `group` and `purpose` are words in the statement on the best codec; `ties` are codecs that are
+    `group` and `purpose` are words for the statement on the best codec; `ties` are codecs that are
     not significantly worse.
     """
 
@@ -55,7 +55,7 @@ class FindingsColumn:
 
     @property
     def ranking(self) -> tuple[str, ...]:
-        """Ranked codecs, lowest first; empty for a single codec."""
+        """Ranked codecs, the lowest value first; empty if only one codec is ranked."""
         ranks = {codec: cell.rank for codec, cell in self.cells.items() if cell.rank is not None}
         return tuple(sorted(ranks, key=lambda codec: ranks[codec] or 0)) if len(ranks) > 1 else ()
 
@@ -65,14 +65,14 @@ class FindingsColumn:
         return self.ranking[0] if self.ranking and not self.ties else None
 
     def tested(self, is_better: Callable[[str, str], bool]) -> FindingsColumn:
-        """Return the column with `ties` from a test of the first codec against each other."""
+        """Return the column with `ties`, from tests of the first codec against each other codec."""
         best, *others = self.ranking or ("",)
         return replace(self, ties=tuple(c for c in others if not is_better(best, c)))
 
 
 @dataclass(frozen=True)
 class DatasetFindings:
-    """Statements on the best codecs of a data set by group, and all values."""
+    """Statements on the best codecs for a data set by group, and all values."""
 
     title: str
     clouds: int
@@ -98,9 +98,7 @@ def findings(
     scan_errors: pd.DataFrame | None,
     style: FigureStyle,
 ) -> Findings:
-    """Return the findings from all results, the table ``bd_rate`` and the errors of
-    uncoded scans.
-    """
+    """Return findings from results, the table ``bd_rate``, and errors of unencoded scans."""
     anchor = "" if deltas is None else style.of_codec(deltas["anchor"].iloc[0]).title
     datasets = [
         _of_dataset(
@@ -112,7 +110,7 @@ def findings(
 
 
 def lossless_text(metrics: pd.DataFrame, style: FigureStyle) -> str:
-    """Return lossless rates by codec, such as "G-PCC 1mm (3 clouds)", or an empty text."""
+    """Return the lossless rates by codec, such as "G-PCC 1mm (3 clouds)", or an empty string."""
     rows = metrics[lossless_rows(metrics)]
     texts = []
     for codec in style.ordered_codecs(rows["codec"]):
@@ -207,7 +205,7 @@ def _bd_rates(rows: pd.DataFrame, codecs: Sequence[str]) -> dict[str, Cell]:
 
 
 def _bd_rate(row: Mapping[Any, Any] | None) -> Cell:
-    """Return one BD-rate, ranked only if the curves of all clouds can be compared."""
+    """Return a BD-rate as a cell, ranked only if the curves on all clouds can be compared."""
     if row is None or not has_delta(row):
         return Cell(note=delta_note(row))
     is_whole = row["compared"] == row["clouds"]
@@ -218,7 +216,7 @@ def _bd_rate(row: Mapping[Any, Any] | None) -> Cell:
 def _nearest(
     metrics: pd.DataFrame, errors: pd.DataFrame | None, codecs: Sequence[str]
 ) -> Iterator[FindingsColumn]:
-    """Yield the least distance to the true surface at any rate."""
+    """Yield columns with the least distance to the true surface over all rates."""
     distance = _distance_of(metrics)
     if distance is not None:
         medians = metrics.groupby(["codec", "rate"])[[distance, "bpp"]].median().dropna()
@@ -254,7 +252,7 @@ def _least(medians: pd.DataFrame, rate: str | None, codec: str) -> Cell:
 
 
 def distance_text(value: float, column: str) -> str:
-    """Return a distance with its unit; metres are shown as millimetres."""
+    """Return a distance with unit; metres are converted to millimetres."""
     if column_label(column).unit == "m":
         return f"{value * 1000:.3g}\N{NO-BREAK SPACE}mm"
     return f"{value:.3g} {column_label(column).unit}".replace(" ", "\N{NO-BREAK SPACE}")
@@ -275,7 +273,7 @@ def _times(metrics: pd.DataFrame, codecs: Sequence[str]) -> Iterator[FindingsCol
 
 
 def _is_less(metrics: pd.DataFrame, column: str) -> Callable[[str, str], bool]:
-    """Return a test whether a codec's medians over rates are significantly lower."""
+    """Return a test whether a codec's medians over rates are lower than another's."""
     medians = metrics.groupby(["cloud", "codec"])[column].median().unstack()
 
     def is_less(first: str, other: str) -> bool:

@@ -1,4 +1,4 @@
-"""The leaderboard: a page for each study of reference results, and a table of the best codecs.
+"""The leaderboard: a page for each study with reference results, and a table of the best codecs.
 
 ``python -m puckbench.report.leaderboard FOLDER`` writes the page of every shipped study, as `make
 docs` does.
@@ -29,7 +29,7 @@ def study_findings(reference: ReferenceResults) -> Findings:
 
 
 def write_study(reference: ReferenceResults, folder: Path) -> Path:
-    """Write a study's ``index.html`` and its ``tables``; ``tables/metrics.csv`` has all rows."""
+    """Write ``index.html`` and ``tables`` for a study; ``tables/metrics.csv`` contains all rows."""
     tables = folder / "tables"
     summary = table_entry("summary").make(metrics=reference.metrics)
     tables_by_name = {

@@ -1,6 +1,6 @@
-"""Render the page: templates with data, style and scripts inlined.
+"""Render the page: templates with data, style and scripts inserted.
 
-The interactive plot uses no library, since the smallest one has 4.8 MB and needs a weaker content
+The interactive plot uses no library, because the smallest has 4.8 MB and needs a weaker content
 security policy.
 """
 
@@ -31,14 +31,12 @@ TEMPLATES = ("page.html", "table.html")
 
 
 def rendered(template: str, **values: Any) -> str:
-    """Render a template of `TEMPLATES`; all values except markup are escaped."""
+    """Render a template in `TEMPLATES`; all values except markup are escaped."""
     return _environment().get_template(template).render(values)
 
 
 def whole_page(**values: Any) -> str:
-    """Render the HTML file, with a content security policy that forbids loading and
-    other scripts.
-    """
+    """Render the HTML file, with a content security policy that forbids foreign content."""
     scripts = [_asset(name) for name in SCRIPTS]
     allowed = " ".join(f"'{_script_hash(text)}'" for text in scripts)
     policy = f"default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src {allowed}"
@@ -46,7 +44,7 @@ def whole_page(**values: Any) -> str:
 
 
 def assets_version() -> str:
-    """Return a fingerprint of templates, style and scripts; a change makes the page stale."""
+    """Return a digest of templates, style and scripts; if it changes, the page is built again."""
     text = "".join(_asset(name) for name in (*TEMPLATES, STYLE, *SCRIPTS))
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
@@ -72,5 +70,5 @@ def _asset(name: str) -> str:
 
 
 def _script_hash(text: str) -> str:
-    """Return the source expression of an inline script in a content security policy."""
+    """Return the entry that permits an inline script in a content security policy."""
     return "sha256-" + b64encode(hashlib.sha256(text.encode()).digest()).decode("ascii")

@@ -28,9 +28,10 @@ class Picture:
 
 
 def embedded(png: bytes, what: str) -> Picture:
-    """Return a picture with at most 256 colours, in the largest of `WIDTHS` with a small file.
+    """Return a picture with at most 256 colours, in the largest of `WIDTHS` that gives a small
+    file.
 
-    Raises an InputError with `what` if the picture is unreadable.
+    Raises InputError, with `what`, if the picture is unreadable.
     """
     from PIL import Image, UnidentifiedImageError
 

@@ -1,4 +1,4 @@
-"""Data of the interactive plot: medians and quartiles for each data set, codec and rate."""
+"""Data for the interactive plot: medians and quartiles for each data set, codec and rate."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _DIGITS = 5
 
 
 def plot_payload(metrics: pd.DataFrame, style: FigureStyle) -> dict[str, Any]:
-    """Return the data of the plot.
+    """Return the data for the plot.
 
     ``cells`` has an entry for each data set, codec and rate: the number of ``clouds``, and
     ``values``, which maps columns to [first quartile, median, third quartile] over clouds.

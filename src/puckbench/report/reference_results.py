@@ -1,7 +1,7 @@
 """Reference results: the result rows of a study in a Parquet file.
 
-A row has the digest of its cloud. JSON in the metadata of the schema says how the results were
-made. The folder ``reference`` has the shipped files.
+A row contains the digest of its cloud. JSON in the schema's metadata describes how the results were
+made. The folder ``reference`` contains puckbench's files.
 """
 
 from __future__ import annotations
@@ -100,7 +100,7 @@ class ReferenceResults:
 
     @property
     def bd_rate(self) -> Mapping[str, Any]:
-        """Options of the study's Bjontegaard deltas: ``anchor``, ``qualities``, ..."""
+        """Options for the study's Bjontegaard deltas: ``anchor``, ``qualities``, ..."""
         found: Mapping[str, Any] = self.about["bd_rate"]
         return found
 
@@ -131,7 +131,7 @@ def shipped_studies() -> list[str]:
 
 
 def read_reference(name: str) -> ReferenceResults:
-    """Read the results of a shipped study, or of a file that ends in ``.parquet``.
+    """Read the results of a study in puckbench, by name, or a file that ends in ``.parquet``.
 
     Raises InputError if there is no such study, or the file is not valid.
     """
@@ -166,7 +166,7 @@ def _read(path: Path) -> ReferenceResults:
 
 
 def write_reference(path: Path, metrics: pd.DataFrame, about: Mapping[str, Any]) -> None:
-    """Write the results of a study to a file named after it; `about` is that of `ReferenceResults`.
+    """Write the results of a study to a file with its name; `about` is as in `ReferenceResults`.
 
     Raises InputError if a cloud has no digest.
     """
@@ -186,10 +186,10 @@ def write_reference(path: Path, metrics: pd.DataFrame, about: Mapping[str, Any])
 
 
 def _write_small(path: Path, table: Any, metadata: Mapping[Any, Any]) -> None:
-    """Write an Arrow table in few bytes.
+    """Write an Arrow table to a small file.
 
-    Text is dictionary encoded, since only text repeats; floats are split by byte; the metadata is
-    stored once, not again in Arrow's schema.
+    Only text, which repeats, is dictionary encoded; floats are split by byte; the metadata is not
+    repeated in Arrow's schema.
     """
     import pyarrow as pa
     from pyarrow import parquet
@@ -213,9 +213,7 @@ def _write_small(path: Path, table: Any, metadata: Mapping[Any, Any]) -> None:
 
 
 def why_not_timed(costs: Iterable[Mapping[str, Any]]) -> str:
-    """Return why the times of a run cannot be compared, from the costs of its jobs, or an empty
-    text.
-    """
+    """Return why times cannot be compared, from the costs of jobs, or an empty string."""
     timed = [cost for cost in costs if cost["job"] in _TIMED]
     if not timed:
         return "no log tells whether the machine was idle"
@@ -233,7 +231,7 @@ def without_times(metrics: pd.DataFrame) -> pd.DataFrame:
 
 
 def _rounded(table: Any) -> pd.DataFrame:
-    """Round measured numbers to `_DIGITS` digits, in single precision except for bits per point."""
+    """Round measured numbers to `_DIGITS` digits; all but bits per point become float32."""
     rounded: pd.DataFrame = table.copy()
     for column in table.select_dtypes("floating"):
         values = [float(f"{value:.{_DIGITS}g}") for value in table[column]]
@@ -244,6 +242,6 @@ def _rounded(table: Any) -> pd.DataFrame:
 
 
 def plain_rows(table: pd.DataFrame) -> list[dict[str, Any]]:
-    """Return the rows of a table for JSON, without missing values."""
+    """Return the rows of a table as JSON values, without missing values."""
     rows: list[dict[str, Any]] = json.loads(table.to_json(orient="records", double_precision=10))
     return [{key: value for key, value in row.items() if value is not None} for row in rows]

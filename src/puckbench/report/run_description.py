@@ -64,7 +64,7 @@ def describe_run(
     machine: Mapping[str, str],
     style: FigureStyle,
 ) -> RunDescription:
-    """Describe a run from its validated configuration, which may be empty, and its tables."""
+    """Describe a run from its tables and its checked configuration, which may be empty."""
     return RunDescription(
         datasets=tuple(_datasets(configuration, metrics, clouds, style)),
         codecs=() if metrics is None else tuple(_codecs(configuration, metrics, style)),
@@ -116,7 +116,7 @@ def _versions(rows: pd.DataFrame) -> str:
 
 
 def _measured_on(metrics: pd.DataFrame) -> dict[str, str]:
-    """Return text columns that hold for all codecs, such as version and processor."""
+    """Return text columns whose value is equal for all codecs, such as version and processor."""
     texts = [str(n) for n in metrics.select_dtypes(exclude="number") if n not in _KEYS]
     values_by_column = {name: _distinct(metrics[name]) for name in texts if not _is_of_codec(name)}
     return {

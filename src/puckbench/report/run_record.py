@@ -37,7 +37,7 @@ class RunRecord:
     busy_s
         Time in which at least one job ran, s; excludes pauses between interrupted runs.
     commits
-        Commits of the sources, in the order of their first job.
+        Commits of the sources, ordered by their first job.
     """
 
     jobs: int = 0
@@ -49,7 +49,7 @@ class RunRecord:
 
     @classmethod
     def of(cls, costs: Iterable[Mapping[str, Any]]) -> RunRecord:
-        """Return the record of jobs from their costs (`puckbench.jobs.cost`)."""
+        """Return the record computed from the costs of jobs (`puckbench.jobs.cost`)."""
         all_costs = list(costs)
         dated = sorted((c for c in all_costs if "ended" in c), key=lambda cost: str(cost["ended"]))
         ends = [datetime.fromisoformat(cost["ended"]).timestamp() for cost in dated]
@@ -76,7 +76,7 @@ class RunRecord:
         return {**vars(self), **moments, "commits": list(self.commits)}
 
     def facts(self) -> dict[str, str]:
-        """Return date, duration and commits in words."""
+        """Return date, duration and commits as text."""
         if not self.jobs:
             return {}
         jobs = "1 job" if self.jobs == 1 else f"{self.jobs:,} jobs"
@@ -106,7 +106,7 @@ def _covered(spans: Sequence[tuple[float, float]]) -> float:
 
 
 def date_text(moment: datetime) -> str:
-    """Return a day in English: 3 May 2026."""
+    """Return a date in English: 3 May 2026."""
     return f"{moment.day} {_MONTHS[moment.month - 1]} {moment.year}"
 
 

@@ -30,9 +30,9 @@ _BOOKKEEPING = re.compile(
 
 @dataclass(frozen=True)
 class TableColumn:
-    """A column of a table in the page, with words and unit in its heading.
+    """A column of a table in the page, with words and unit for its heading.
 
-    `kind` holds CSS classes: ``number``; ``spread`` for a quantile beside its median;
+    `kind` has CSS classes: ``number``; ``spread`` for a quantile of a median's column;
     ``bookkeeping``.
     """
 

@@ -1,4 +1,4 @@
-"""Data of the cloud viewer: subsampled clouds with 16-bit coordinates, decoded ones with errors."""
+"""Data for the cloud viewer: subsampled clouds with 16-bit coordinates, and errors."""
 
 from __future__ import annotations
 
@@ -171,7 +171,9 @@ def original_for_viewer(original: PointCloud, most: int) -> ViewerCloud:
 def decoded_for_viewer(
     original: PointCloud, decoded: Iterable[tuple[str, str, Floats]], most: int
 ) -> list[tuple[str, str, ViewerCloud]]:
-    """Return decoded clouds with errors; points (m, 3) are in the original's frame."""
+    """Return decoded clouds (codec, rate, cloud) with errors; points (m, 3) are in the original's
+    frame.
+    """
     from pykdtree.kdtree import KDTree
 
     tree = KDTree(original.xyz)
@@ -201,8 +203,8 @@ def example_payload(
 
 
 def error_range(decoded: Sequence[ViewerCloud]) -> tuple[float, float]:
-    """Return the errors at the ends of a codec's colour scale, which excludes outliers and spans at
-    most three powers of ten.
+    """Return the smallest and largest error of a codec's colour scale, which excludes outliers and
+    spans at most three powers of ten.
     """
     error_arrays = [shown.errors for shown in decoded if shown.errors is not None]
     errors = np.concatenate([np.empty(0), *error_arrays])
@@ -214,7 +216,7 @@ def error_range(decoded: Sequence[ViewerCloud]) -> tuple[float, float]:
 
 
 def cloud_payload(shown: ViewerCloud, limits: tuple[float, float] = (0.0, 0.0)) -> dict[str, Any]:
-    """Encode a cloud in base64: coordinates in 65,535 steps of its box, errors in 255 `levels`."""
+    """Encode a cloud in base64: coordinates in 65,535 steps of its box, and errors as `levels`."""
     low, high = shown.xyz.min(axis=0), shown.xyz.max(axis=0)
     extent = np.maximum(high - low, 1e-9)
     steps = np.rint((shown.xyz - low) * (_STEPS / extent)).astype("<u2")
@@ -232,8 +234,8 @@ def cloud_payload(shown: ViewerCloud, limits: tuple[float, float] = (0.0, 0.0)) 
 
 
 def levels(errors: Floats, lowest: float, highest: float) -> Any:
-    """Quantise errors (n,) logarithmically to uint8: 1 is `lowest`, 255 is `highest` or more, 0 is
-    less.
+    """Quantise errors (n,) logarithmically to uint8: 1 means `lowest`, 255 `highest` or more, 0
+    less than `lowest`.
     """
     if highest == 0:
         return np.zeros(len(errors), np.uint8)

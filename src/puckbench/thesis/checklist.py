@@ -1,6 +1,4 @@
-"""Checklist of the thesis's figures and tables: the state of each, and the command that
-makes it.
-"""
+"""Checklist of the thesis's figures and tables, with the state of each and its command."""
 
 from __future__ import annotations
 
@@ -28,7 +26,7 @@ _CHAPTER_5, _CHAPTER_5_RESULTS = "config/chapter5.yaml", Path("results/chapter5"
 class Item:
     """A figure or table with its state: done, stale, missing, impossible or unplanned.
 
-    `note` is its file, the command that makes it, or the reason for its absence.
+    `note` is its file, the command that makes it, or the reason why it is impossible.
     """
 
     title: str
@@ -58,7 +56,7 @@ class Reproduction:
 
     @cached_property
     def absent(self) -> dict[str, str]:
-        """Scene sets without data, each with the reason."""
+        """Scene sets without data, with the reason for each."""
         faults = {}
         for name, value in self.config.scenes.items():
             try:
@@ -80,7 +78,7 @@ class Reproduction:
         return stages_of(self.bench)
 
     def command(self, *targets: str) -> list[str]:
-        """Return a Snakemake command, targets first, since an option takes all words after it."""
+        """Return a Snakemake command, targets first, because options take all words after them."""
         words = ["snakemake", *targets, "--cores", str(self.cores), "--configfile", str(self.path)]
         settings = [f"{key}={str(value).lower()}" for key, value in self.changes.items()]
         return [*words, *(["--config", *settings] if settings else [])]
@@ -88,7 +86,8 @@ class Reproduction:
     def items(self, pending: Collection[str] | None = None) -> list[Item]:
         """Return every figure and table of the thesis with its state.
 
-        `pending` lists the files that Snakemake would make; by default file times decide.
+        `pending` lists the files that Snakemake would make; by default, states depend on file
+        times.
         """
         tables = {n: f"Table {e.number}" for n, e in table_entries().items() if e.number}
         figures = {n: f"Figure {e.number}" for n, e in figure_entries().items() if e.number}
@@ -105,7 +104,7 @@ class Reproduction:
         return Item(title, name, state, note)
 
     def _item_without_data(self, title: str, name: str) -> Item:
-        """Return the state without a plan: a file of any earlier run is done."""
+        """Return the state if no plan can be made: a file that exists counts as done."""
         absent = [scenes for scenes in self._scenes_of(name) if scenes in self.absent]
         file, chapter_5_file = (_file(name, root) for root in (self.results, _CHAPTER_5_RESULTS))
         files = [file] if absent else [file, chapter_5_file]
@@ -141,7 +140,7 @@ class Reproduction:
         return {**self.bench.outputs.study_tables, **self.bench.outputs.figures}
 
     def _is_fresh(self, path: Path, output_time: float) -> bool:
-        """Return whether an input exists, is older than its output and is newer than its rows."""
+        """Whether an input is older than its output, and newer than the files with its rows."""
         if not path.exists() or path.stat().st_mtime > output_time:
             return False
         stage = {"metrics": "metrics", "clouds": "about"}.get(path.stem)

@@ -1,6 +1,4 @@
-"""Numbers of thesis chapter 5, printed or from its author's repository
-(branislavjenco/thesis-code).
-"""
+"""Numbers of thesis chapter 5, or from its author's repository branislavjenco/thesis-code."""
 
 from __future__ import annotations
 

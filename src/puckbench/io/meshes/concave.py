@@ -11,7 +11,8 @@ _TOLERANCE = 1e-6
 
 
 def concave_faces(vertices: Floats, triangles: Ints, face: Ints, faces: int) -> Ints:
-    """Return the faces that their fans of triangles do not tile, ascending.
+    """Return the faces, ascending, that are not tiled by fans of triangles from their first
+    corners.
 
     A fan tiles a face if all triangles have the polygon's orientation. `face` (t,), ascending, is
     the face of each of the `triangles` (t, 3).
@@ -37,7 +38,7 @@ def concave_faces(vertices: Floats, triangles: Ints, face: Ints, faces: int) -> 
 def clip_ears(points: Floats) -> Ints:
     """Triangulate a polygon (n, 3); return corner indices (t, 3).
 
-    The corners need not be coplanar. An edge that is passed twice may join a hole to the outline.
+    The corners need not be coplanar. An edge that occurs twice may join a hole to the outline.
     """
     from mapbox_earcut import triangulate_float64
 
@@ -47,7 +48,7 @@ def clip_ears(points: Floats) -> Ints:
 
 
 def _on_best_plane(points: Floats) -> Floats:
-    """Project points (n, 3) to (n, 2) along the polygon's Newell normal, counter-clockwise."""
+    """Project points (n, 3) along the polygon's Newell normal to (n, 2), counter-clockwise."""
     centred = points - points[0]
     areas = np.cross(centred[1:-1], centred[2:])
     normal, sizes = areas.sum(axis=0), np.linalg.norm(areas, axis=1)

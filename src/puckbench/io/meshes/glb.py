@@ -1,4 +1,4 @@
-"""GLB scenes (binary glTF 2.0, Khronos Group 2021) as one mesh."""
+"""GLB scenes (binary glTF 2.0, Khronos Group 2021), read as one mesh."""
 
 from __future__ import annotations
 
@@ -36,8 +36,8 @@ _IDENTITY = np.eye(4)
 def read_glb(path: Path) -> Polygons:
     """Read all meshes of a scene at their nodes' positions, in metres with y up.
 
-    Lines and points are counted as skipped. Raises InputError for compression, buffers in other
-    files, and instancing by extension.
+    Lines and points are counted as skipped. Raises InputError if the file uses compression, other
+    files, or an extension for instancing.
     """
     data = read_bytes(path)
     try:
@@ -105,7 +105,7 @@ class _Scene:
                 yield _transformed(vertices, triangles, matrix)
 
     def _mesh_poses(self) -> Iterator[tuple[int, Floats]]:
-        """Yield each mesh of a node with its matrix (4, 4) to the scene."""
+        """Yield each node's mesh, with the matrix (4, 4) from its coordinates to the scene's."""
         nodes, scenes = self._nodes, self.tree.get("scenes")
         roots = scenes[self.tree.get("scene", 0)].get("nodes", []) if scenes else _roots(nodes)
         stack = [(root, _IDENTITY) for root in reversed(roots)]
@@ -159,7 +159,7 @@ class _Scene:
             raise InputError("its scene is too large for a file of this size")
 
     def _rows(self, source: dict[str, Any], component: str, shape: tuple[int, ...]) -> NDArray[Any]:
-        """Return an array of a buffer view; ValueError or TypeError if it exceeds the view."""
+        """Return an array in a buffer view; ValueError or TypeError if it exceeds the view."""
         view = self.tree["bufferViews"][source["bufferView"]]
         if view.get("buffer", 0) != 0:
             raise InputError("its buffers are not within it")
@@ -191,7 +191,7 @@ def _matrix(node: dict[str, Any]) -> Floats:
 
 
 def _transformed(vertices: Floats, triangles: Ints, matrix: Floats) -> tuple[Floats, Ints]:
-    """Transform a mesh; reverse the triangles of a reflection, so that normals point outwards."""
+    """Transform a mesh; if the matrix reflects, reverse triangles to keep normals outwards."""
     transformed = vertices @ matrix[:3, :3].T + matrix[:3, 3]
     return transformed, triangles[:, ::-1] if np.linalg.det(matrix) < 0 else triangles
 
@@ -207,7 +207,7 @@ def _triangles(indices: Ints, mode: int) -> Ints:
 
 
 def _normalised(rows: NDArray[Any]) -> Floats:
-    """Map integers to [-1, 1], unsigned ones to [0, 1]."""
+    """Map signed integers to [-1, 1] and unsigned ones to [0, 1]."""
     if rows.dtype.kind == "f":
         return rows
     return np.maximum(rows / np.iinfo(rows.dtype).max, -1.0)

@@ -1,4 +1,4 @@
-"""PLY meshes, with labels if puckbench wrote them."""
+"""PLY meshes, with labels in files written by puckbench."""
 
 from __future__ import annotations
 

@@ -50,10 +50,10 @@ def uniform_polygons(vertices: Floats, faces: Ints) -> Polygons:
 
 
 def triangulate(polygons: Polygons, source: str) -> tuple[Mesh, Ints]:
-    """Triangulate faces as fans around their first corners, concave faces by ear clipping.
+    """Triangulate convex faces as fans around their first corners, concave faces by ear clipping.
 
-    Returns the mesh and the face of each triangle (t,), ascending. Raises InputError for concave
-    faces with more than `MAX_CORNERS` corners.
+    Returns the mesh and each triangle's face (t,), ascending. Raises InputError if a concave face
+    has more than `MAX_CORNERS` corners.
     """
     corners = polygons.corners
     if len(corners) and (corners.min() < 0 or corners.max() >= len(polygons.vertices)):

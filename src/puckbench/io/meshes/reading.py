@@ -1,4 +1,4 @@
-"""Meshes of all supported formats, as triangles with z up."""
+"""Read meshes in all supported formats, as triangles with z up."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ def _without_unused_vertices(mesh: Mesh) -> Mesh:
 
 
 def _has_no_area(mesh: Mesh) -> NDArray[np.bool_]:
-    """Return which triangles have no area within rounding errors of their longest edge, (t,)."""
+    """Return a mask (t,) of triangles without area, except for rounding errors."""
     corners = mesh.corners()
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
     return np.asarray(mesh.areas() <= 1e-12 * longest**2)

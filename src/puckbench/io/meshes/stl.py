@@ -29,7 +29,7 @@ def _is_ascii(data: bytes) -> bool:
 
 
 def _ascii(data: bytes, path: Path) -> Polygons:
-    """Parse loops, which have more than three corners in some files."""
+    """Parse the loops in ASCII data, which in some files have more than three corners."""
     if b"endsolid" not in data.lower():
         raise InputError(f"{path}: truncated: the solid has no end")
     parts = _PARTS.findall(data)

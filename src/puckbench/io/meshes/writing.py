@@ -1,4 +1,4 @@
-"""Meshes as binary PLY with double vertices and labelled faces."""
+"""Write meshes as binary PLY with float64 vertices and labelled faces."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ LABELS = [("object_id", "<i4"), ("primitive_id", "<i4")]
 
 
 def write_mesh(path: Path, mesh: Mesh, about: dict[str, Any] | None = None) -> None:
-    """Write a PLY file and a description, both complete or none."""
+    """Write a PLY file and its description, either both or none."""
     check_mesh(mesh, str(path))
     counts = {"vertices": len(mesh.vertices), "triangles": len(mesh.triangles)}
     vertices = np.ascontiguousarray(mesh.vertices, dtype="<f8")

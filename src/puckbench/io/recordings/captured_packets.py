@@ -1,6 +1,6 @@
-"""Link-layer packets of pcap and pcapng files (IETF drafts opsawg-pcap and opsawg-pcapng).
+"""Link-layer packets in pcap and pcapng files (IETF drafts opsawg-pcap and opsawg-pcapng).
 
-dpkt ignores the interfaces of pcapng files, and stops at some blocks.
+This module replaces dpkt, which ignores the interfaces of pcapng files, and stops at some blocks.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _RESOLUTION, _OFFSET = 9, 14
 
 
 class CapturedPacket(NamedTuple):
-    """Position of a packet in a file, its original length, and its time in s since 1970."""
+    """Position of a packet in the file, its original length, and its time in s since 1970."""
 
     link: int
     received: float
@@ -90,7 +90,7 @@ class CapturedPackets:
                 yield packet._replace(received=received)
 
     def _block(self, order: str) -> tuple[str, int, int, int] | None:
-        """Return byte order, type, start and end of the next block's body; None if truncated."""
+        """Return byte order, type, start and end of the next block; None if it is truncated."""
         data, at = self._data, self.end
         if at + _MIN_BLOCK_BYTES > len(data):
             return None
@@ -112,7 +112,7 @@ def is_packet_capture(data: bytes) -> bool:
 
 
 def pcap_layout(data: bytes) -> tuple[str, int, int] | None:
-    """Return byte order, ticks per second and record header size of a pcap file, or None."""
+    """Return byte order, ticks per second and record header size; None if it is not a pcap file."""
     if len(data) < _PCAP_HEADER:
         return None
     for order in "<>":

@@ -1,4 +1,4 @@
-"""UDP datagrams of packet captures (.pcap, .pcapng)."""
+"""UDP datagrams in packet captures (.pcap, .pcapng)."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Stream(NamedTuple):
 
 
 class Datagram(NamedTuple):
-    """A UDP datagram; ``length`` is that of the sent payload, ``received`` is in s since 1970."""
+    """A UDP datagram; ``length`` is its size when sent, ``received`` its time in s since 1970."""
 
     stream: Stream
     payload: bytes
@@ -77,7 +77,7 @@ class Capture:
 
 
 def read_datagrams(data: bytes) -> Capture:
-    """Read the complete UDP datagrams; raise InputError if all link layers are unknown."""
+    """Read the complete UDP datagrams; raise InputError if no link layer is known."""
     if not is_packet_capture(data):
         raise InputError("not a packet capture (.pcap, .pcapng)")
     packets, datagrams = CapturedPackets(data), list[Datagram]()
@@ -103,7 +103,7 @@ def read_datagrams(data: bytes) -> Capture:
 
 
 def udp_datagram(content: bytes, link: int = _ETHERNET) -> Datagram | None:
-    """Return the UDP datagram of a packet, or None for fragments and other protocols."""
+    """Return the UDP datagram in a packet, or None for fragments and other protocols."""
     packet = _ip_packet(content, link)
     return None if packet is None else _datagram(content, packet)
 

@@ -23,7 +23,7 @@ StoredMessages = Iterator[tuple[str, bytes]]
 
 @contextmanager
 def sqlite_storage(path: Path, folder: Path, kind: str) -> Iterator[tuple[Topics, StoredMessages]]:
-    """Open a database; yield the topics' types, and topic and bytes of each message of type `kind`.
+    """Open a database; yield the types by topic, and an iterator of topic and bytes of messages.
 
     A database with side files (write-ahead log, journal) is copied to `folder`, because reading
     changes them. Raises apsw.Error if the database is damaged or reading takes too many steps.

@@ -1,4 +1,4 @@
-"""The claims of the thesis; their rules are in docs/notes/claims.md."""
+"""The claims of the thesis; docs/notes/claims.md has the rules of their tests."""
 
 from __future__ import annotations
 

@@ -83,8 +83,8 @@ def elongation_has_no_effect(evidence: Evidence) -> list[Part]:
 
 
 def scans_have_alike_counts(evidence: Evidence) -> list[Part]:
-    """Test claim 14: the interquartile range of scans' point counts is below that of recorded
-    rooms, the median above.
+    """Test claim 14: scans' point counts have a smaller interquartile range and a larger median
+    than those of recorded rooms.
     """
     table = evidence.clouds
     counts = {} if table is None else dict(iter(table.groupby("dataset")["points"]))
@@ -123,7 +123,7 @@ def _has_enough_rooms(table: pd.DataFrame | None, dataset: str) -> bool:
 
 
 def _correlation(rows: pd.DataFrame) -> float:
-    """Return the median over rates of Spearman's correlation, 0 for a constant variable."""
+    """Return the median over rates of Spearman's correlation, or 0 if a variable is constant."""
     correlations = [
         float(part[["elongation", "cd_plane"]].rank().corr().to_numpy(dtype=float)[0, 1])
         for _, part in rows.groupby("rate")

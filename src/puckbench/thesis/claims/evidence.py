@@ -30,10 +30,10 @@ call. A call that ran alone on the machine counts by itself."""
 
 @dataclass(frozen=True)
 class Evidence:
-    """Tables of a run, and the roles of its data sets and codecs.
+    """Tables of a run, and the roles that its data sets and codecs play in the thesis.
 
-    `datasets` maps names to roles; `codecs` and `stand_ins` map roles to names. `of_medians` means
-    that `metrics` holds medians.
+    `datasets` maps names to roles; `codecs` and `stand_ins` map roles to names. If `of_medians`,
+    `metrics` contains medians.
     """
 
     metrics: pd.DataFrame | None = None
@@ -66,9 +66,7 @@ class Evidence:
 
     @cached_property
     def medians(self) -> pd.DataFrame:
-        """Medians over clouds by ``dataset``, ``codec`` (role), ``rate`` and ``number`` (of the
-        rate).
-        """
+        """Medians over clouds by ``dataset``, ``codec`` (role), ``rate`` and its ``number``."""
         import pandas as pd
 
         columns = ["dataset", "codec", "rate", *MEASURED]
@@ -95,8 +93,8 @@ class Evidence:
         return self.of_medians or self.clouds_of(datasets, *codecs) >= MIN_CLOUDS
 
     def calls(self, codec: str) -> int:
-        """Return the least number of valid timed calls of any rate and data set: calls repeated
-        `MIN_REPEATS` times or alone on the machine.
+        """Return the number of valid timed calls, the least over rates and data sets. A call is
+        valid if repeated `MIN_REPEATS` times or made while no other job ran.
         """
         if self.metrics is None:
             return 0
@@ -116,10 +114,12 @@ class Evidence:
         return rows.sort_values("number")[column].dropna().to_numpy(dtype=float)
 
     def at_equal_rate(self, dataset: str, tested: str, base: str, column: str) -> pd.DataFrame:
-        """Return the ``ratio`` of one codec's medians to another's by ``bpp``, ascending.
+        """Return a table with ``bpp``, ascending, and the ``ratio`` of one codec's medians to
+        another's.
 
         Values of `base` are interpolated linearly in the logarithms of bits and value. The table is
-        empty with fewer than `MIN_RATES` rates of a curve or `MIN_COMMON_RATES` common rates.
+        empty if a curve has fewer than `MIN_RATES` rates or the curves have fewer than
+        `MIN_COMMON_RATES` in common.
         """
         import pandas as pd
 

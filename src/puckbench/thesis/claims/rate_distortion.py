@@ -157,8 +157,8 @@ def time_grows(evidence: Evidence) -> list[Part]:
 
 
 def alike_on_all_data(evidence: Evidence) -> list[Part]:
-    """Test claim 10: the ratio of the greatest to the least median CD of the data sets has a median
-    over the rates below `TWICE`.
+    """Test claim 10: the ratio of the greatest to the least median CD over data sets has a median
+    over rates below `TWICE`.
     """
     measured_datasets = evidence.measured_datasets & set(evidence.datasets)
     kinds = {evidence.datasets[name] for name in measured_datasets}
@@ -222,9 +222,7 @@ def _comparisons(
     holds: Callable[[float], bool],
     bases: Sequence[str] = CLASSICAL,
 ) -> list[Part]:
-    """Return a part for each learned codec and base, which holds if the ratios of all
-    data sets do.
-    """
+    """Return a part for each learned and base codec; it holds if the ratios on all data sets do."""
     evidence, parts = evidence.with_stand_ins(), []
     for codec in LEARNED:
         for base in bases:

@@ -1,4 +1,4 @@
-"""Roles of the thesis's data sets and codecs, which those of a run can have."""
+"""Roles of the thesis's data sets and codecs, which those in a run can play."""
 
 from __future__ import annotations
 

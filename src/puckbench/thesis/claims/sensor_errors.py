@@ -35,9 +35,7 @@ STUDY = "the sensor study (sensor_study)"
 
 
 def real_spread(evidence: Evidence) -> list[Part]:
-    """Test claim 1: mean and standard deviation of captures' residuals round to the
-    printed values.
-    """
+    """Test claim 1: captures' mean and standard deviation round to the printed values."""
     if not len(_row(evidence, REAL)):
         return [untested(CAPTURES)]
     parts = []
@@ -193,7 +191,7 @@ def _std(evidence: Evidence, model: str) -> float | None:
 
 
 def _distance(evidence: Evidence, model: str) -> float | None:
-    """Return the earth mover's distance (m) of a model to the thesis's real residuals."""
+    """Return the earth mover's distance (m) from a model to the thesis's real residuals."""
     table = evidence.thesis_numbers
     if table is None:
         return None

@@ -9,9 +9,9 @@ UNTESTED = "not tested: needs "
 
 @dataclass(frozen=True)
 class Part:
-    """A statement of a claim, with the result of its test.
+    """A part of a claim: a statement with the result of its test.
 
-    `holds` is None if the run cannot test the statement; `measured` then says what a test needs.
+    `holds` is None if the run cannot test the statement; `measured` then names what the test needs.
     """
 
     statement: str
@@ -26,9 +26,7 @@ def untested(need: str) -> Part:
 
 
 def verdict(parts: Sequence[Part]) -> str:
-    """Return the verdict on a claim, with the needs of an untested one and the titles
-    of stand-ins.
-    """
+    """Return the verdict on a claim, with its needs if untested, and titles of stand-ins."""
     tested = [part.holds for part in parts if part.holds is not None]
     if not tested:
         return UNTESTED + needs_text(parts)

@@ -82,7 +82,7 @@ def _pending(reproduction: Reproduction) -> list[tuple[str, str]]:
 
 
 def _jobs_by_rule(pending: list[tuple[str, str]], results: Path) -> dict[str, int]:
-    """Count jobs by rule; a job's files differ only in their folder and suffix."""
+    """Count the pending jobs by rule; the files of a job differ only in folder and suffix."""
     names = {
         (rule, Path(file).relative_to(results).with_suffix("").parts[1:]) for file, rule in pending
     }

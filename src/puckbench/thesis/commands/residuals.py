@@ -1,4 +1,4 @@
-"""`puckbench residuals`: plane residuals of virtual scans or of a capture."""
+"""`puckbench residuals`: compute plane residuals of virtual scans or of a capture."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`puckbench wall`: points of virtual scans of a wall and a floor."""
+"""`puckbench wall`: compute points of virtual scans of a wall and a floor."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Medians per rate beside those of thesis Figure 6.5."""
+"""Medians per rate beside those in thesis Figure 6.5."""
 
 from __future__ import annotations
 

@@ -143,7 +143,7 @@ def _picture(cloud: PointCloud, frame: _Frame, pixels: tuple[int, int]) -> Image
 
 
 def _colour_map() -> Colormap:
-    """Return viridis without its darkest end, in which shading is invisible."""
+    """Return viridis without its darkest part, in which shading is invisible."""
     import matplotlib
     from matplotlib.colors import ListedColormap
 
@@ -151,7 +151,7 @@ def _colour_map() -> Colormap:
 
 
 def _light(cloud: PointCloud, view: View) -> Floats:
-    """Return the brightness (n,) of the points from their unsigned normals."""
+    """Return the brightness (n,) of points from their normals, ignoring the sign."""
     if cloud.normals is None:
         return np.ones(len(cloud))
     right, up, forward = view.axes()
@@ -173,7 +173,7 @@ def _show(axes: Axes, picture: Image, frame: _Frame, unit: str) -> None:
 
 
 def round_length(length: float) -> float:
-    """Return the largest length of 1, 2 or 5 times a power of ten up to `length`."""
+    """Return the largest number up to `length` that is 1, 2 or 5 times a power of ten."""
     power = 10.0 ** math.floor(math.log10(length))
     return float(max(step * power for step in (1, 2, 5) if step * power <= length))
 

@@ -1,4 +1,4 @@
-"""G-PCC by the scale of its grid."""
+"""Figures of G-PCC by the scale of its grid."""
 
 from __future__ import annotations
 

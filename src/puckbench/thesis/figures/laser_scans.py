@@ -151,7 +151,7 @@ def _part(scans: pd.DataFrame, distance_m: float, surface: str | None) -> pd.Dat
 
 
 def _shown(scans: pd.DataFrame, distance_m: float, surface: str | None = None) -> pd.DataFrame:
-    """Return a sample of the capture's rows or, without a capture, of the virtual sensor's."""
+    """Return a random sample of rows from the capture, else from the virtual sensor."""
     part = _part(scans, distance_m, surface)
     model = compared(part)[0]
     return subsample(part[part["model"] == model], SAMPLE, model)

@@ -1,4 +1,4 @@
-"""Titles, colours, order and legend of error models."""
+"""Titles, colours, order and legend for error models."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def ordered_models(models: Iterable[str]) -> list[str]:
 
 
 def add_model_legend(figure: Figure, models: Sequence[str], style: FigureStyle) -> None:
-    """Add a legend of the models and, without a capture, of the published values."""
+    """Add a legend of the models and, if there is no capture, of the published value."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 

@@ -1,4 +1,4 @@
-"""Metrics against bits per point (thesis Figures 6.6 to 6.9)."""
+"""Figures of metrics against bits per point (thesis Figures 6.6 to 6.9)."""
 
 from __future__ import annotations
 

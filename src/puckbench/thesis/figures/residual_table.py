@@ -1,4 +1,4 @@
-"""Parts of the residual table, for the figures of chapter 5."""
+"""Selections from the residual table for the figures of chapter 5."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _VIRTUAL = ("vlp16_divergence", "vlp16")
 
 
 def check_residuals(table: pd.DataFrame, *columns: str) -> None:
-    """Raise InputError unless the table has rows and finite numbers."""
+    """Raise InputError if the table has no rows or a number is not finite."""
     require_rows(table, ("model", "surface", "distance_m", "residual_m", *columns), "residual")
     for name in ("distance_m", "residual_m", *columns):
         if table[name].dtype.kind not in "fiu":
@@ -47,7 +47,7 @@ def far(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def compared(table: pd.DataFrame) -> list[str]:
-    """Return `REAL`, if there are captures, and the model for comparison: the thesis's choice, else
+    """Return `REAL`, if there are captures, and the model to compare: the thesis's choice, else
     `vlp16`, else the first.
     """
     models = [model for model in ordered_models(table["model"]) if model != REAL]
@@ -69,7 +69,7 @@ def residuals_of(table: pd.DataFrame, model: str) -> Floats:
 
 
 def binned_moments(x: Floats, y: Floats, bins: int = 10) -> tuple[Floats, Floats, Floats]:
-    """Return centres, means and standard deviations of y in equal bins from 0 to max(x)."""
+    """Return centres, means and standard deviations of y in equal bins of x from 0 to max(x)."""
     edges = np.linspace(0, x.max() or 1.0, bins + 1)
     bin_of = np.clip(np.digitize(x, edges) - 1, 0, bins - 1)
     parts = [y[bin_of == index] for index in range(bins)]

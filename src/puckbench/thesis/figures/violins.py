@@ -24,8 +24,8 @@ def draw_violin(axes: Axes, at: float, residuals: Floats, colour: str, width: fl
 
 
 def violin_shape(residuals: Floats) -> dict[str, Any]:
-    """Return the statistics of residuals (n,) for `Axes.violin`, with a density smoothed by a
-    Gaussian kernel of Scott's width.
+    """Return the statistics of residuals (n,) for `Axes.violin`, with a Gaussian kernel density of
+    Scott's width.
     """
     low, high, std = float(residuals.min()), float(residuals.max()), float(residuals.std())
     shape: dict[str, Any] = {
@@ -52,7 +52,9 @@ def _density(residuals: Floats, bandwidth: float) -> tuple[Floats, Floats]:
 
 
 def symmetric_limit(residuals: Floats, min_m: float) -> float:
-    """Return the limit of the y axis: `min_m` or the largest residual, rounded up to 5 cm."""
+    """Return the limit of the y axis: the larger of `min_m` and the largest residual, rounded up to
+    5 cm.
+    """
     largest = float(np.abs(residuals).max(initial=0.0))
     if largest <= min_m:
         return min_m

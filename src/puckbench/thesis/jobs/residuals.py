@@ -12,8 +12,8 @@ from puckbench.jobs.registry import JOBS, Job
 
 
 class WallScanJob(Job):
-    """Scan a wall and a floor with an error model from `distances` (m), and keep at most `keep`
-    random rows of each scan.
+    """Base class of jobs that scan a wall and a floor with an error model from `distances` (m), and
+    keep at most `keep` random rows per scan.
     """
 
     model: str = "vlp16"

@@ -32,9 +32,9 @@ def default_models() -> dict[str, ErrorModel]:
 
 
 def real_walls(tables: Sequence[pd.DataFrame]) -> pd.DataFrame:
-    """Join the walls of the captures' residual tables; ``capture`` counts from 1.
+    """Join the wall rows of the captures' residual tables; ``capture`` counts from 1.
 
-    Raises InputError without walls or columns for a calibration.
+    Raises InputError if there are no walls, or no columns for a calibration.
     """
     import pandas as pd
 
@@ -58,8 +58,8 @@ def compared_residuals(
     replicates: int = REPLICATES,
     seed: int = 0,
 ) -> pd.DataFrame:
-    """Return the residuals of `real_walls` and of each model on the same rays, from least-squares
-    planes.
+    """Return residuals from least-squares planes, of `real_walls` and of each model on the same
+    rays.
 
     A `Calibrated` model draws another device for each capture and replicate.
     """
@@ -122,7 +122,7 @@ def _rows_of_walls(rows: pd.DataFrame) -> list[NDArray[np.intp]]:
 
 
 def _from_planes(walls: pd.DataFrame, residuals: Floats) -> Floats:
-    """Return residuals (n,) from the least-squares plane of each wall."""
+    """Subtract the least-squares plane of each wall from residuals (n,)."""
     refitted = residuals.copy()
     places = walls[["plane_u_m", "plane_v_m"]].to_numpy(dtype=np.float64)
     for rows in _rows_of_walls(walls):

@@ -16,9 +16,7 @@ PER_LASER = ("model", "surface", "distance_m", "laser_id")
 
 
 def grouped_statistics(table: pd.DataFrame, by: Sequence[str] = PER_LASER) -> pd.DataFrame:
-    """Return ``count``, ``mean_m``, ``std_m`` (n - 1) and quantiles (``q05_m`` to ``q95_m``) of the
-    residuals of groups.
-    """
+    """Return ``count``, ``mean_m``, ``std_m`` (n - 1) and quantiles of residuals by group."""
     residuals = table["residual_m"].astype(np.float64)
     groups = residuals.groupby([table[name] for name in by], observed=True)
     result = groups.agg(["count", "mean", "std"])
@@ -35,10 +33,10 @@ def incidence_bins(
     by: Sequence[str] = ("model",),
     highest_rad: float | None = None,
 ) -> pd.DataFrame:
-    """Return mean and standard deviation of the residuals in equal bins of incidence.
+    """Return mean and standard deviation of residuals in equal bins of the incidence angle.
 
-    The bins go from 0 to `highest_rad`, by default the largest angle. Raises InputError without
-    rows or bins.
+    The bins go from 0 to `highest_rad`, by default the largest angle. Raises InputError if there
+    are no rows or bins.
     """
     if table.empty or bins < 1:
         raise InputError("incidence bins need at least one residual and one bin")

@@ -41,7 +41,7 @@ MAX_ROWS = 500_000
 
 
 def joined_files(files: Sequence[tuple[str, Path]], kind: str) -> pd.DataFrame:
-    """Concatenate Parquet tables with the columns of a kind of `COLUMNS`; `files` are models and
+    """Concatenate Parquet tables with the columns in `COLUMNS` for a kind; `files` are models and
     paths.
 
     Raises InputError if a column is missing.
@@ -59,7 +59,7 @@ def _part(name: str, path: Path, columns: Sequence[str]) -> pd.DataFrame:
 
 
 def subsampled(table: pd.DataFrame, max_rows: int, name: str) -> pd.DataFrame:
-    """Return at most `max_rows` random rows in their order; `name` determines the seed."""
+    """Return at most `max_rows` random rows in their original order; `name` determines the seed."""
     if len(table) <= max_rows:
         return table
     return table.sample(max_rows, random_state=generator(0, "joined", name)).sort_index()

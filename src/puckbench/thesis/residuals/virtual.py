@@ -24,7 +24,7 @@ SWEEP = Sweep(frames_skipped=1)
 
 @dataclass(frozen=True)
 class Procedure:
-    """Settings, by default the thesis's.
+    """Settings of Procedure 1, by default the thesis's.
 
     `refit` fits planes to RANSAC's inliers by least squares; `keep` limits the rows of a scan.
     """
@@ -43,7 +43,7 @@ def residual_table(
 ) -> pd.DataFrame:
     """Return the residuals (m) of `runs` scans from each distance, in the columns `COLUMNS`.
 
-    Raises InputError for an unknown distance or model, or without a scan.
+    Raises InputError if a distance or model is unknown, or there is no scan.
     """
     if not distances or runs < 1:
         raise InputError("residuals need at least one distance and one run")

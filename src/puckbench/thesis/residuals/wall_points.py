@@ -1,4 +1,4 @@
-"""Points of virtual scans, in the wall's frame (thesis Figures 5.2-5.9)."""
+"""Points of virtual scans in the coordinate frame of the wall (thesis Figures 5.2 to 5.9)."""
 
 from __future__ import annotations
 

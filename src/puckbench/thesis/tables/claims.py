@@ -57,7 +57,7 @@ def claims(
 
 
 def thesis_evidence() -> Evidence:
-    """Return the medians of thesis Figure 6.5 as a run's results."""
+    """Return the medians of thesis Figure 6.5 in the form of a run's results."""
     import pandas as pd
 
     table = pd.DataFrame(list(median_rows())).astype({"bpp": float})

@@ -1,4 +1,4 @@
-"""Distances between the residuals of error models and of recorded walls."""
+"""Distances between residuals of error models and of recorded walls."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ def leave_one_out(
     resamples: int = RESAMPLES,
     seed: int = 0,
 ) -> pd.DataFrame:
-    """Compare each capture with the default models and one calibrated on the other captures."""
+    """Compare each capture with the default models and a model calibrated on the other captures."""
     import pandas as pd
 
     from puckbench.lidar.calibration import CalibrationOptions
@@ -120,7 +120,7 @@ def _calibrated(tables: Sequence[pd.DataFrame], settings: CalibrationOptions) ->
 
 
 class _Blocks:
-    """Histograms of residuals, (blocks, bins), one for each wall and laser."""
+    """Histograms (blocks, bins) of residuals, one for each wall and laser."""
 
     def __init__(self, counts: Floats) -> None:
         self.counts = counts
@@ -151,7 +151,7 @@ def _distance(histogram: Floats, other: Floats) -> float:
 
 
 def _chance(rows: pd.DataFrame, total: Floats) -> float:
-    """Return the 95 % quantile of the distances from one replicate to all, or NaN."""
+    """Return the 95 % quantile of distances from one replicate to all, or nan."""
     residuals = rows["residual_m"].to_numpy(dtype=np.float64)
     parts = rows.groupby("replicate").indices.values()
     if len(parts) < 2:

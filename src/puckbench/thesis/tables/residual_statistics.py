@@ -81,7 +81,7 @@ def _moments(scans: pd.DataFrame, keys: list[str]) -> pd.DataFrame:
 def _scatter(errors: pd.Series[float], scans: pd.DataFrame, places: list[str]) -> pd.Series[float]:
     """Return the contribution of each scan to the variance of the sum of `errors`.
 
-    Scans of one place scatter about their mean; a single scan scatters about zero.
+    Deviations are from the mean over scans at the same place or, for a single scan, from zero.
     """
     groups = errors.groupby([scans[name] for name in places])
     repeats, centre = groups.transform("size"), groups.transform("mean")
