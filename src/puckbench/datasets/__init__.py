@@ -3,7 +3,8 @@
 To add one, register a class in a file here or elsewhere (``path/to/file.py:Class``). A set of mesh
 files below a folder needs only::
 
-    @LOADERS.register("mine") class Mine(MeshFolderSet):
+    @LOADERS.register("mine")
+    class Mine(MeshFolderSet):
         provenance = Provenance("CC-BY 4.0", "me", "expected my meshes (.obj)")
 
         def _listed(self, folder: Path) -> Mapping[str, Path]:

@@ -1,1 +1,1 @@
-"""Metrics of decoded point clouds, and tables made from them."""
+"""Metrics for decoded point clouds, and tables computed from them."""

@@ -1,4 +1,4 @@
-"""Bjontegaard deltas of rate-distortion curves (G. Bjontegaard, VCEG-M33, 2001).
+"""Bjontegaard deltas between rate-distortion curves (G. Bjontegaard, VCEG-M33, 2001).
 
 As in the common test conditions of JVET and MPEG, the log rate is interpolated by a piecewise cubic
 Hermite polynomial (PCHIP), without extrapolation.
@@ -26,8 +26,8 @@ _ROUNDING = 1e-12
 
 @dataclass(frozen=True)
 class RateDistortionCurve:
-    """Rate-distortion points (k,), strictly increasing in ln(rate) and quality (dB), and the number
-    of dominated points that were left out.
+    """Points (k,) of a rate-distortion curve, strictly increasing in ln(rate) and quality (dB), and
+    the number of excluded dominated points.
     """
 
     log_rate: Floats
@@ -37,7 +37,7 @@ class RateDistortionCurve:
 
 @dataclass(frozen=True)
 class BjontegaardDelta:
-    """Bjontegaard deltas of a curve against an anchor curve.
+    """Bjontegaard deltas between a curve and an anchor curve.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ class BjontegaardDelta:
     quality_db
         Mean difference in quality at equal rate.
     overlap
-        Common range of quality as a share of the shorter curve's range.
+        Common range of quality, as a fraction of the shorter curve's range.
     """
 
     log_ratio: float | None
@@ -57,13 +57,13 @@ class BjontegaardDelta:
 
     @property
     def rate_percent(self) -> float | None:
-        """BD-rate: negative if the tested codec needs fewer bits than the anchor."""
+        """BD-rate in percent: negative if the tested codec needs fewer bits than the anchor."""
         return None if self.log_ratio is None else 100 * float(np.expm1(self.log_ratio))
 
 
 def rate_distortion_curve(rates: Floats, qualities: Floats) -> RateDistortionCurve:
-    """Return the curve of points (k,) without missing values and dominated points, which a cheaper
-    point equals in quality.
+    """Return the curve from points (k,), without missing values and dominated points, for which a
+    cheaper point has at least their quality.
     """
     is_finite = np.isfinite(rates) & np.isfinite(qualities)
     rates, qualities = rates[is_finite], qualities[is_finite]
@@ -92,7 +92,9 @@ def bjontegaard_delta(anchor: RateDistortionCurve, tested: RateDistortionCurve) 
 def _difference(
     anchor: tuple[Floats, Floats], tested: tuple[Floats, Floats]
 ) -> tuple[float | None, str, float]:
-    """Return the mean of y (tested minus anchor) over the common x, its status, and the overlap."""
+    """Return the mean of y (tested minus anchor) over the common range of x, the reason if it is
+    missing, and the overlap.
+    """
     low, high = _common(anchor[0], tested[0])
     overlap = max(0.0, high - low) / float(min(np.ptp(anchor[0]), np.ptp(tested[0])))
     if overlap == 0:

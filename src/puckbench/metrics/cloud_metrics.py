@@ -15,10 +15,10 @@ def geometry_metrics(
     decoded: Floats | DistinctPoints,
     peak: float | None = None,
 ) -> dict[str, float]:
-    """Return all geometry metrics in the reference's units, as PSNRs and in metres.
+    """Return all geometry metrics: in the reference's units, as PSNRs, and in metres.
 
-    Errors that rounding explains are set to 0 and marked by the entry ``lossless``. The peak of the
-    D1 and D2 PSNRs is in the reference's units, by default `PointCloud.peak`. D2 needs the
+    If rounding explains all errors, they are set to 0, and the entry ``lossless`` is true. The peak
+    of the D1 and D2 PSNRs is in the reference's units, by default `PointCloud.peak`. D2 needs the
     reference's normals.
     """
     from puckbench.metrics.geometry import ReferenceCloud, distortion
@@ -43,8 +43,8 @@ def geometry_metrics(
 def picture_metrics(
     reference: PointCloud, decoded: PointCloud, pixels: int, geometry: Mapping[str, float]
 ) -> dict[str, float]:
-    """Return metrics of views of `pixels` width (none for 0) and, if both clouds have colours, of
-    colour.
+    """Return metrics from rendered views, `pixels` wide (none for 0), and of colour, if both clouds
+    have colours.
     """
     values: dict[str, float] = {}
     if pixels:

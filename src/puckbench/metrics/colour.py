@@ -30,7 +30,7 @@ def yuv(colours: np.ndarray) -> Floats:
 
 
 def colour_distortion(reference: PointCloud, decoded: PointCloud) -> dict[str, float]:
-    """Return the colour errors between nearest neighbours in the worse direction.
+    """Return the colour errors between nearest neighbours, the larger of both directions.
 
     The colours of points with equal coordinates, and of equidistant neighbours, are averaged.
 
@@ -52,14 +52,14 @@ def colour_distortion(reference: PointCloud, decoded: PointCloud) -> dict[str, f
 
 
 def luminance_distance(a: Floats, b: Floats) -> float:
-    """Return the Euclidean distance of two clouds' normalised luma histograms of 256 bins."""
+    """Return the Euclidean distance between two clouds' normalised luma histograms of 256 bins."""
     shares = [np.histogram(y, _BINS, (0.0, 1.0))[0] / len(y) for y in (a, b)]
     return float(np.linalg.norm(shares[0] - shares[1]))
 
 
 def joint_quality(distortion: Mapping[str, float], colour: Mapping[str, float]) -> float:
-    """Return the joint metric of ``cd_plane`` and ``luminance_l2`` in PCC Arena's form, lower is
-    better (Viola, Subramanyam and Cesar 2020).
+    """Return PCC Arena's joint metric of ``cd_plane`` and ``luminance_l2``, lower is better (Viola,
+    Subramanyam and Cesar 2020).
     """
     if "cd_plane" not in distortion:
         return math.nan

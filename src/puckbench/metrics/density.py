@@ -62,8 +62,8 @@ def _shares(name: str, values: Floats) -> dict[str, float]:
 
 
 def density_in_metres(values: dict[str, float], scale: float) -> dict[str, float]:
-    """Convert `density` with `scale` units per metre; names get ``_m``, or ``_m2`` per square
-    metre.
+    """Convert the result of `density` by `scale` units per metre; names get ``_m``, or ``_m2`` for
+    density.
     """
     converted = {}
     for name, value in values.items():

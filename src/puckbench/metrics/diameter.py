@@ -13,7 +13,7 @@ ROUNDING = 1e-12
 
 
 def diameter(points: Floats) -> float:
-    """Return the largest distance between two points of a cloud (n, 3), exactly."""
+    """Return the exact largest distance between two points of a cloud (n, 3)."""
     check_points(points, "diameter")
     points = np.ascontiguousarray(points, dtype=np.float64)
     centre, length = _far_pair(points)
@@ -29,7 +29,9 @@ def _distances(points: Floats, centre: Floats) -> Floats:
 
 
 def _far_pair(points: Floats) -> tuple[Floats, float]:
-    """Step to the farthest point until the distance stops growing; return centre and length."""
+    """Jump to the farthest point until the distance stops growing; return that segment's centre and
+    length.
+    """
     point, centre, length = points[0], points[0], -1.0
     while True:
         distances = _distances(points, point)
@@ -42,9 +44,7 @@ def _far_pair(points: Floats) -> tuple[Floats, float]:
 
 @compiled
 def _largest_squared(points: Floats, largest: float) -> float:
-    """Return `largest` or, if larger, the largest squared distance between spatially sorted
-    points.
-    """
+    """Return the maximum of `largest` and the squared distances between spatially sorted points."""
     boxes = _boxes(points)
     for i in range(len(boxes)):
         for j in range(i + 1):
@@ -73,7 +73,9 @@ def _box_squared(boxes: Floats, i: int, j: int) -> float:
 
 @compiled
 def _cap_squared(points: Floats, boxes: Floats, i: int, j: int) -> float:
-    """Return a tighter bound from the exact extent along the line between the box centres."""
+    """Return a tighter bound for two boxes, from the exact extent along the line between their
+    centres.
+    """
     x = boxes[i, 0, 0] + boxes[i, 1, 0] - boxes[j, 0, 0] - boxes[j, 1, 0]
     y = boxes[i, 0, 1] + boxes[i, 1, 1] - boxes[j, 0, 1] - boxes[j, 1, 1]
     z = boxes[i, 0, 2] + boxes[i, 1, 2] - boxes[j, 0, 2] - boxes[j, 1, 2]

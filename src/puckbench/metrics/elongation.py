@@ -6,7 +6,7 @@ from puckbench.geometry.cloud import Floats, check_points
 
 
 def elongation(points: Floats) -> float:
-    """Return the shortest over the longest side of a cloud's axis-aligned bounding box (thesis
+    """Return the ratio of the shortest to the longest side of a cloud's bounding box (thesis
     section 6.1), 0 for one point.
     """
     check_points(points, "elongation")
@@ -14,8 +14,8 @@ def elongation(points: Floats) -> float:
 
 
 def oriented_elongation(points: Floats) -> float:
-    """Return the elongation of Open3D's oriented bounding box, which the thesis used: its axes are
-    the principal axes of the convex hull's vertices.
+    """Return the elongation of Open3D's oriented bounding box, as in the thesis: its axes are the
+    principal axes of the convex hull's vertices.
     """
     from scipy.spatial import ConvexHull, QhullError
 

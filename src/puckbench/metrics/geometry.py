@@ -24,7 +24,7 @@ from puckbench.metrics.lossless import rounding
 @dataclass(frozen=True)
 class SquaredErrors:
     """Squared errors to point and to plane, (n,) from the reference (A) to the decoded cloud (B)
-    and (m,) back, and the distinct points (m, 3) of B.
+    and (m,) from B to A, and the distinct points (m, 3) of B.
     """
 
     decoded: Floats
@@ -48,9 +48,7 @@ class DistinctPoints:
 
 
 class ReferenceCloud:
-    """A reference cloud with its search index and checked normals, shared by several
-    comparisons.
-    """
+    """A reference cloud with search index and checked normals, for several comparisons."""
 
     def __init__(self, cloud: PointCloud) -> None:
         self.cloud = cloud
@@ -65,12 +63,12 @@ class ReferenceCloud:
 
     @cached_property
     def diameter(self) -> float:
-        """Diameter in the cloud's unit, from its description or computed."""
+        """The largest distance between points, from the cloud's description or computed."""
         return float(self.cloud.about.get("diameter") or diameter(self.cloud.xyz))
 
     @cached_property
     def rounding(self) -> float:
-        """Largest error, in the cloud's unit, that rounding of coordinates can cause."""
+        """The largest error, in the cloud's unit, that rounding of coordinates can cause."""
         return rounding(self.cloud)
 
 
@@ -87,9 +85,9 @@ def distortion(
     Parameters
     ----------
     reference
-        The original cloud (A), a `ReferenceCloud` for several comparisons.
+        The original cloud (A), or a `ReferenceCloud` to save time in several comparisons.
     decoded
-        The decoded cloud (B), (m, 3), in the frame of A.
+        The decoded cloud (B), (m, 3), in the coordinates of A.
 
     Returns
     -------
@@ -162,7 +160,7 @@ def _checked_normals(reference: PointCloud) -> Floats:
 
 
 def transfer_normals(normals: Floats, size: int, ab: Neighbours, ba: Neighbours) -> Floats:
-    """Return normals (size, 3) of B from those of A (n, 3), by the rule of MPEG's pc_error.
+    """Return normals (size, 3) for B from those of A (n, 3), by the rule of MPEG's pc_error.
 
     A point of B gets the mean, not normalised, of the normals of the points of A whose nearest
     neighbour it is, else of its nearest neighbours in A.

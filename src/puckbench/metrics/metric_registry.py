@@ -9,7 +9,7 @@ A metric is a function with its registration above it::
         return {"centroid_m": float(np.linalg.norm(offset)) / reference.about["scale"]}
 
 Each key of the returned dictionary becomes a column of the results, so its name should end in its
-unit. Both clouds are in the reference's frame, with ``reference.about["scale"]`` units per metre.
+unit. Both clouds have the same coordinates, with ``reference.about["scale"]`` units per metre.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ def further_metrics(
     names: Iterable[str], reference: PointCloud, decoded: PointCloud, columns: Collection[str]
 ) -> dict[str, float]:
     """Return the values of optional metrics, by registered name or ``path/to/file.py:function``;
-    InputError if one returns an entry of `columns`.
+    raise InputError if a metric returns a name in `columns`.
     """
     results: dict[str, float] = {}
     for name in names:

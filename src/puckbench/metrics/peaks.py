@@ -23,7 +23,7 @@ _ALIKE = 1.001
 
 
 def with_peaks(metrics: pd.DataFrame) -> pd.DataFrame:
-    """Add the column `PEAK`, computed from errors and PSNRs, to results of older runs."""
+    """Add the column `PEAK`, which results of older runs lack, computed from errors and PSNRs."""
     if PEAK in metrics or not {"d1_mse", "d1_psnr"} <= set(metrics):
         return metrics
     peaks = np.sqrt(metrics["d1_mse"].astype(float) * 10 ** (metrics["d1_psnr"] / 10) / 3)
@@ -32,7 +32,7 @@ def with_peaks(metrics: pd.DataFrame) -> pd.DataFrame:
 
 
 def check_peaks(metrics: pd.DataFrame, columns: Iterable[str]) -> None:
-    """Raise an InputError if `columns` hold PSNRs of one cloud with several peaks."""
+    """Raise InputError if `columns` have PSNRs of a cloud with several peaks."""
     if PEAK not in metrics or not set(WITH_PEAK) & set(columns):
         return
     for (dataset, cloud), part in metrics.groupby(["dataset", "cloud"])[PEAK]:
@@ -60,7 +60,7 @@ def without_mixed_peaks(metrics: pd.DataFrame) -> pd.DataFrame:
 
 
 def peaks_of_datasets(metrics: pd.DataFrame) -> dict[str, str]:
-    """Return the peak of each data set with PSNRs as text, such as "30 m"."""
+    """Return text such as "30 m" for the PSNRs' peak in each data set."""
     table = with_peaks(metrics)
     if PEAK not in table:
         return {}
@@ -72,6 +72,6 @@ def peaks_of_datasets(metrics: pd.DataFrame) -> dict[str, str]:
 
 
 def peak_phrase(metrics: pd.DataFrame) -> str:
-    """Return the peaks as text, such as "peak 1023 or 30 m"; empty without PSNRs."""
+    """Return text such as "peak 1023 or 30 m" for all peaks; empty if there are no PSNRs."""
     several = dict.fromkeys(peaks_of_datasets(metrics).values())
     return f"peak {' or '.join(several)}" if several else ""

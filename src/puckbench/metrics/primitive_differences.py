@@ -17,7 +17,7 @@ def distances_to_primitive(primitive: Primitive, points: Floats) -> Floats:
 
 
 def parameter_differences(true: Primitive, decoded: Primitive, centre: Floats) -> dict[str, float]:
-    """Return the differences between the parameters of two primitives of one kind.
+    """Return the differences between the parameters of two primitives of the same kind.
 
     Returns
     -------
@@ -43,7 +43,7 @@ def _to_cylinder(cylinder: Parameters, points: Floats) -> Floats:
 
 
 def _to_cone(cone: Parameters, points: Floats) -> Floats:
-    """Return signed distances to a half cone; for points behind its apex, distances to the apex."""
+    """Return signed distances to a half cone; behind its apex, distances to the apex."""
     along, across = _along_and_across(cone["apex"], cone["axis"], points)
     cosine, sine = np.cos(cone["half_angle"]), np.sin(cone["half_angle"])
     past = along * cosine + across * sine < 0
@@ -57,7 +57,7 @@ def _along_and_across(place: Any, axis: Any, points: Floats) -> tuple[Floats, Fl
 
 
 def _angle_deg(a: Any, b: Any) -> float:
-    """Return the angle between unit vectors of either sign, accurate for small angles."""
+    """Return the angle between unit vectors, ignoring their signs, exactly for small angles."""
     across = float(np.linalg.norm(np.cross(a, b)))
     return float(np.degrees(np.arctan2(across, abs(float(np.dot(a, b))))))
 

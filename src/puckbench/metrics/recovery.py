@@ -30,7 +30,7 @@ ALL = "all"
 
 @dataclass(frozen=True)
 class Segmentation:
-    """A primitive for each of n points: `numbers` (n,) are indices into `primitives`."""
+    """The primitive of each of n points: `numbers` (n,) are indices into `primitives`."""
 
     numbers: Ints
     primitives: Sequence[Primitive]
@@ -41,8 +41,8 @@ class Segmentation:
 
 
 def decoded_in_metres(surface: Mesh, cloud: PointCloud) -> Segmentation:
-    """Return `decoded_segmentation`, in metres, of a surface decoded in the frame of `cloud`, whose
-    points lie on the true surface.
+    """Return `decoded_segmentation`, in metres, of a surface that was decoded in the coordinates of
+    `cloud`; the points lie on the true surface.
     """
     scale, offset = cloud.about.get("scale", 1.0), cloud.about.get("offset", (0.0, 0.0, 0.0))
     placed = labelled_mesh_in_metres(surface, scale, np.asarray(offset))
@@ -73,14 +73,14 @@ def recovery(true: Segmentation, decoded: Segmentation, points: Floats) -> list[
     """Compare decoded with true primitives of `points` (n, 3), in metres, for each kind and for all
     kinds.
 
-    Two primitives match if they are of one kind and the intersection of their points exceeds half
-    of the union. Primitives with fewer than `MIN_SHARE` of the points, freeform surfaces and
+    Two primitives match if they have the same kind and the intersection of their points exceeds
+    half of the union. Primitives with fewer than `MIN_SHARE` of the points, freeform surfaces and
     decoded primitives on them do not count.
 
     Returns
     -------
     list of dict
-        ``kind`` ("all" first); ``true``, ``found`` (decoded) and ``matched``, numbers of
+        ``kind`` ("all" first); ``true``, ``found`` (decoded) and ``matched``, the numbers of
         primitives; ``precision``; ``recall``; ``label_accuracy``, share of the points on true
         primitives that lie on the match. Medians over matches: ``residual_m``, root mean square
         distance of a true primitive's points to the match, and `parameter_differences`.
@@ -93,8 +93,8 @@ def recovery(true: Segmentation, decoded: Segmentation, points: Floats) -> list[
 
 @dataclass(frozen=True)
 class _Overlaps:
-    """Numbers of points on true and decoded primitives, indices of the matches, and numbers of
-    points of each true primitive on its match.
+    """Numbers of points on pairs of true and decoded primitives, indices of the matches, and the
+    number of each true primitive's points on its match.
     """
 
     true_sizes: Ints

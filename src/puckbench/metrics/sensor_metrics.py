@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 
 
 def range_errors(original: Returns, decoded: Returns) -> dict[str, float]:
-    """Return range errors in mm over firings with a return in both scans, and numbers of lost and
-    added returns; InputError unless both have the same firings.
+    """Return range errors in mm over firings with returns in both scans, and numbers of lost and
+    added returns; raise InputError if the firings differ.
     """
     pairs = list(zip(original.turns, decoded.turns, strict=False))
     if len(original.turns) != len(decoded.turns) or any(
@@ -43,10 +43,10 @@ def range_errors(original: Returns, decoded: Returns) -> dict[str, float]:
 
 
 def range_errors_of_points(original: Floats, decoded: Floats) -> dict[str, float]:
-    """Return the `range_errors` of decoded points (m, 3), in metres from the sensor.
+    """Return `range_errors` for decoded points (m, 3), in m, with the sensor at the origin.
 
     The range error of a return is the offset to its nearest decoded point along the ray. If k
-    returns share a point that was decoded m times, k - m returns are lost or m - k are added.
+    returns have the same point and it was decoded m times, k - m returns are lost or m - k added.
     """
     from pykdtree.kdtree import KDTree
 
@@ -68,7 +68,8 @@ def entropy_bits(noise: Floats, groups: NDArray[np.integer], step: float) -> flo
     """Return the entropy, in bits, of noise (n,) quantised to steps, with Miller's bias correction
     (1955): a lower bound for lossless coding.
 
-    The mean of each group (n,), a laser in a turn, is subtracted, since a codec can learn it.
+    The mean noise of each group, a laser in a turn, is subtracted, because a codec can learn it;
+    `groups` (n,) are numbers.
     """
     means = np.bincount(groups, noise) / np.maximum(np.bincount(groups), 1)
     counts = np.unique(np.rint((noise - means[groups]) / step), return_counts=True)[1]
@@ -80,8 +81,8 @@ def entropy_bits(noise: Floats, groups: NDArray[np.integer], step: float) -> flo
 
 
 def real_time_metrics(about: Mapping[str, Any], row: Mapping[str, Any]) -> dict[str, float]:
-    """Return the bitrate at the sensor's speed and the coding speed in turns of the sensor, or
-    nothing if the description `about` lacks ``turns`` or ``seconds``.
+    """Return the bitrate at the sensor's speed and coding speeds relative to it, or nothing if the
+    description `about` lacks ``turns`` or ``seconds``.
     """
     turns, seconds = about.get("turns"), about.get("seconds")
     if not turns or not seconds:

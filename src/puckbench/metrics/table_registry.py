@@ -1,4 +1,4 @@
-"""The registry of tables made from a run's results.
+"""The registry of tables computed from a run's results.
 
 A table is a function with its registration above it. Its docstring up to the first section is the
 caption::
@@ -9,8 +9,8 @@ caption::
 
 Parameters annotated as DataFrame are inputs: "metrics" (all results), "clouds", "residuals" and
 "scans" (measurements of all error models), "compared" (real walls and error models on the same
-rays), or the name of another table. An input with a default is passed only if the run has it. Other
-parameters are options. Planning imports these modules, so functions import pandas.
+rays), or the name of another table. An input with a default is optional. Other parameters are
+options. Planning imports these modules, so functions import pandas.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ TABLES: Registry[TableEntry] = Registry("table", "tables", make=TableEntry)
 
 
 def table_entry(name: str) -> TableEntry:
-    """Return the table of a name or ``path/to/file.py:function``; InputError if none exists."""
+    """Return a table by name or ``path/to/file.py:function``, or raise InputError."""
     return TABLES.get(name)
 
 

@@ -20,11 +20,11 @@ from puckbench.metrics.units import distortion_in_metres
 
 
 class Truth:
-    """The true surface of a cloud, with search indices, shared by all decoded clouds: a mesh in
-    metres or points in the reference's frame.
+    """The true surface of a cloud, with search indices, for all decoded clouds: a mesh in metres,
+    or points in the reference's coordinates.
 
-    `seen` are its visible points, by default sampled on the mesh; `clean` is the clean scan of the
-    same rays, instead of `seen`.
+    `seen` are points on its visible part, by default sampled on the mesh; `clean`, which replaces
+    `seen`, is the clean scan along the same rays.
     """
 
     def __init__(
@@ -63,8 +63,8 @@ def truth_distortion(
     mesh: Mesh | SearchableMesh | None,
     decoded: Floats | DistinctPoints,
 ) -> dict[str, float]:
-    """Return `distortion`, with the prefix ``truth_``, of a decoded cloud (B) against the true
-    surface (A), in the cloud's frame.
+    """Return the entries of `distortion`, with the prefix ``truth_``, between the true surface (A)
+    and a decoded cloud (B).
 
     * A to B: from `visible`, points with true normals on the part of the surface that the sensor
       saw.
@@ -80,9 +80,8 @@ def scan_distortion(
     mesh: Mesh | SearchableMesh | None,
     decoded: Floats | DistinctPoints,
 ) -> dict[str, float]:
-    """Return `truth_distortion` of a decoded scan and, with the prefix ``clean_``, its `distortion`
-    against the clean scan: the intersections (n, 3) of its rays with the surface, with true
-    normals.
+    """Return `truth_distortion` for a decoded scan and, with the prefix ``clean_``, `distortion`
+    from the clean scan: the intersections (n, 3) of rays and surface, with true normals.
     """
     errors = squared_errors(clean, decoded)
     to_points = {f"clean_{key}": value for key, value in summarise_errors(errors).items()}

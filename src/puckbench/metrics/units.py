@@ -5,8 +5,8 @@ from collections.abc import Mapping
 
 
 def distortion_in_metres(values: Mapping[str, float], scale: float) -> dict[str, float]:
-    """Return root mean square errors and Hausdorff distances in metres, from `distortion` with
-    `scale` units per metre: ``d1_rms_m`` from ``d1_mse``, for example.
+    """Return root mean square errors and Hausdorff distances in metres, such as ``d1_rms_m`` from
+    ``d1_mse``; `values` come from `distortion`, with `scale` units per metre.
     """
     roots = {
         name.removesuffix("_mse") + "_rms_m": math.sqrt(value) / scale

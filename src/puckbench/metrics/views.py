@@ -26,9 +26,9 @@ def view_metrics(
 ) -> dict[str, float]:
     """Return PSNR (dB) and SSIM of six views of a decoded cloud against those of its reference.
 
-    The views, of discs with `closing_radius` by default, show luma (BT.709) if both clouds have
-    colours, else depth from the near side of the reference's bounding box. The background counts,
-    so only codecs on one cloud can be compared.
+    Points are drawn as discs of `radius` pixels, by default `closing_radius`. Views show luma
+    (BT.709) if both clouds have colours, else depth from the near side of the reference's bounding
+    box. The background counts, so only codecs on the same cloud can be compared.
     """
     check_points(decoded.xyz, "decoded cloud")
     if pixels < WINDOW:
@@ -52,8 +52,8 @@ def view_metrics(
 def view(
     cloud: PointCloud, axis: int, bounds: Floats, pixels: int, radius: int, coloured: bool
 ) -> Image:
-    """Render a grey image (pixels, pixels) of a cloud along an axis: 0 to 5 from +x, -x, +y, -y,
-    +z, -z.
+    """Render a grey image (pixels, pixels) of a cloud; `axis` 0 to 5 means from +x, -x, +y, -y, +z,
+    -z.
 
     The longest side of `bounds` (2, 3) fills the image except for margins of 2 %.
     """
@@ -70,8 +70,8 @@ def view(
 
 
 def closing_radius(points: Floats, pixels: int) -> int:
-    """Return a disc radius in pixels that closes most gaps between the points of a surface: twice
-    the median nearest-neighbour distance, at least 1.
+    """Return the disc radius in pixels that closes most gaps between points on a surface: twice the
+    median nearest-neighbour distance, at least 1.
     """
     from puckbench.metrics.density import density
 

@@ -1,3 +1,1 @@
-"""Codecs in the formats in which points and returns are stored today: LAZ, differences between
-successive points, data packets and range images.
-"""
+"""Codecs in storage formats: LAZ, differences between points, data packets, range images."""

@@ -1,4 +1,4 @@
-"""The geometry of points as LAZ, the compressed form of LAS 1.2 (point format 0), by laspy and
+"""Encoder and decoder for points as LAZ, the compressed LAS 1.2 (point format 0), by laspy and
 lazrs.
 """
 
@@ -31,8 +31,8 @@ _CHUNKS_AT, _CHUNKS = struct.Struct("<q"), struct.Struct("<II")
 
 
 def encode_laz(points: Floats, step: float) -> bytes:
-    """Encode points (n, 3) in m, rounded to a step, in their order; InputError for coordinates
-    beyond 31 bits.
+    """Encode points (n, 3) in m, rounded to `step`, in their order; raise InputError if coordinates
+    exceed 31 bits.
     """
     import laspy
 
@@ -57,8 +57,8 @@ def _las(points: Floats, step: float) -> Any:
 
 
 def decode_laz(stream: bytes) -> Floats:
-    """Decode the points (n, 3) of a stream of `encode_laz`; InputError for damaged and other LAZ
-    streams, which `puckbench.io.las` reads.
+    """Decode the points (n, 3) from a stream of `encode_laz`; raise InputError if it is damaged or
+    another LAZ stream, for which there is `puckbench.io.las`.
     """
     import lazrs
 
@@ -80,8 +80,8 @@ def decode_laz(stream: bytes) -> Floats:
 
 
 def _checked_header(stream: bytes, begin: int, vlr: bytes) -> tuple[int, Floats]:
-    """Return the number of points and the scales (3,) of a header that `_las` makes, with the
-    points at byte `begin` after the compression record `vlr`.
+    """Return number of points and scales (3,) from a header, which must be as `_las` makes it, with
+    points from byte `begin` and the compression record `vlr`.
     """
     if len(stream) < begin + _CHUNKS_AT.size:
         raise InputError("the stream is truncated")
@@ -98,7 +98,9 @@ def _checked_header(stream: bytes, begin: int, vlr: bytes) -> tuple[int, Floats]
 
 
 def _check_chunks(stream: bytes, begin: int, chunks: int) -> None:
-    """Refuse a wrong number of chunks, for which lazrs would allocate memory."""
+    """Raise InputError if the number of chunks is wrong, because lazrs would allocate memory for
+    them.
+    """
     (at,) = _CHUNKS_AT.unpack_from(stream, begin)
     if not begin < at <= len(stream) - _CHUNKS.size or _CHUNKS.unpack_from(stream, at)[1] != chunks:
         raise InputError("the stream is damaged (its table of chunks)")

@@ -1,8 +1,8 @@
-"""The sensor's data packets, as archives of captures store them.
+"""Encoder and decoder for the sensor's data packets, as archives of captures store them.
 
 A body is:
 
-    the number of turns, and the number of packets of each, base 128
+    the number of turns, and the number of packets in each, base 128
     the packets, 1,206 bytes each, compressed
 """
 
@@ -33,7 +33,7 @@ and those of a stream of 1 MB take some seconds."""
 
 
 def encode_packets(returns: Returns, compress: Callable[[bytes], bytes]) -> bytes:
-    """Encode returns as data packets, with 0 for missing times and reflectivities; InputError
+    """Encode returns as data packets, with 0 for missing times and reflectivities; raise InputError
     unless they fill packets of a VLP-16, Puck Hi-Res or HDL-32E.
     """
     kind = check_whole_packets(returns)
@@ -45,7 +45,7 @@ def encode_packets(returns: Returns, compress: Callable[[bytes], bytes]) -> byte
 
 
 def decode_packets(body: bytes, decompress: Callable[[bytes, int], bytes]) -> Returns:
-    """Decode the returns of a body; InputError if it is damaged.
+    """Decode the returns in a body; raise InputError if it is damaged.
 
     `decompress` takes the compressed packets and the maximum number of bytes.
     """
@@ -63,7 +63,7 @@ def decode_packets(body: bytes, decompress: Callable[[bytes, int], bytes]) -> Re
 
 
 def check_whole_packets(returns: Returns) -> PacketKind:
-    """Return the kind of packets that hold returns; InputError if none does."""
+    """Return the kind of packets that the returns fill; raise InputError if there is none."""
     kind = _kind(returns)
     if any(len(turn.azimuths) % kind.layout.blocks_per_time for turn in returns.turns):
         raise InputError("a turn is not of whole data packets")
@@ -71,7 +71,7 @@ def check_whole_packets(returns: Returns) -> PacketKind:
 
 
 def _check_packets(count: int, packed: bytes) -> None:
-    """Refuse an implausible number of packets: each has a different azimuth."""
+    """Raise InputError if the number of packets is implausible for the size of the stream."""
     few = _FEW_PACKETS + len(packed) // 2
     if count > min(few, _MANY_PACKETS + len(packed) // _BYTES_PER_PACKET):
         raise InputError(
@@ -98,7 +98,7 @@ def _completed(turn: Turn, kind: PacketKind) -> Turn:
 
 
 def _returns(payloads: np.ndarray, counts: list[int]) -> Returns:
-    """Return the returns of packets (p, 1206), with the number of packets of each turn."""
+    """Return the returns in packets (p, 1206); `counts` are the numbers of packets in each turn."""
     if (payloads[:, -2:] != payloads[0, -2:]).any():
         raise InputError("the stream is damaged (packets of several sensors)")
     kind = packet_kind(int(payloads[0, -1]), int(payloads[0, -2]))

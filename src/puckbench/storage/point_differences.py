@@ -1,7 +1,6 @@
-"""Differences between successive points, as variable-length integers compressed by Zstandard.
+"""Encoder and decoder for differences between successive points, compressed by Zstandard.
 
-This is the scheme of Cloudini for ROS messages ``PointCloud2``, in another stream format. A body
-is:
+This is Cloudini's scheme for ROS messages ``PointCloud2``, with another stream format. A body is:
 
     float64  the step, m
     the number of points, base 128
@@ -26,8 +25,8 @@ _MAX_BYTES_PER_POINT = 15
 
 
 def encode_differences(points: Floats, step: float, level: int) -> bytes:
-    """Encode points (n, 3) in m, rounded to a step, in their order, with a Zstandard level of 1 to
-    22; InputError for coordinates beyond 31 bits.
+    """Encode points (n, 3) in m, rounded to `step`, in their order, at a Zstandard level from 1 to
+    22; raise InputError if coordinates exceed 31 bits.
     """
     steps = in_steps(points, step)
     differences = np.diff(steps, axis=0, prepend=np.zeros((1, 3), np.int64))
@@ -37,7 +36,7 @@ def encode_differences(points: Floats, step: float, level: int) -> bytes:
 
 
 def decode_differences(body: bytes) -> Floats:
-    """Decode the points (n, 3) of a body; InputError if it is damaged."""
+    """Decode the points (n, 3) in a body; raise InputError if it is damaged."""
     reader = Reader(body)
     (step,) = _STEP.unpack(reader.take(_STEP.size))
     count = reader.number()

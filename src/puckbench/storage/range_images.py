@@ -1,4 +1,4 @@
-"""Turns of a spinning sensor as range images: a row for each laser, a column for each firing.
+"""Encoder and decoder for turns as range images: a row for each laser, a column for each firing.
 
 Rows are ordered from the highest laser down. Pixels have 16 bits and count steps of the range, from
 1; 0 means no return. A body has these parts, each after its length, base 128:
@@ -37,9 +37,9 @@ _FEW_PIXELS = 1 << 20
 
 
 def encode_range_images(returns: Returns, quanta: int, encode_image: EncodeImage) -> bytes:
-    """Encode returns with ranges in steps of a number of quanta.
+    """Encode returns, with ranges rounded to steps of `quanta` quanta.
 
-    A pixel of the second image is 0 if both returns of the beam are equal.
+    In the second image, a pixel is 0 if both returns of a beam are equal.
     """
     layout, turns = returns.layout, returns.turns
     quanta = min(quanta, _MAX_QUANTA)
@@ -58,7 +58,7 @@ def encode_range_images(returns: Returns, quanta: int, encode_image: EncodeImage
 
 
 def decode_range_images(body: bytes, decode_image: DecodeImage) -> Returns:
-    """Decode the returns of a body; InputError if it is damaged."""
+    """Decode the returns in a body; raise InputError if it is damaged."""
     reader = Reader(body)
     layout = decode_layout(_part(reader))[0]
     bare = decode_beams(_part(reader), layout)
@@ -83,7 +83,7 @@ def _part(reader: Reader) -> bytes:
 
 
 def _numbers(reader: Reader) -> tuple[int, list[int]]:
-    """Return the quanta of a step, and the number of blocks of each turn."""
+    """Read the number of quanta per step, and the number of blocks in each turn."""
     quanta, turns = reader.number(), reader.number()
     if not 0 < quanta <= _MAX_QUANTA or not 0 < turns <= len(reader.body):
         raise InputError("the stream is damaged (its numbers)")
@@ -91,7 +91,7 @@ def _numbers(reader: Reader) -> tuple[int, list[int]]:
 
 
 def _check_pixels(pixels: int, body: bytes) -> None:
-    """Refuse an implausible number of pixels before memory is allocated for them."""
+    """Raise InputError if there are implausibly many pixels, before memory is allocated."""
     if pixels > min(_FEW_PIXELS + _PIXELS_PER_BYTE * len(body), most_points(len(body))):
         raise InputError(f"{pixels} pixels in {len(body)} bytes: more than they may hold")
 
@@ -107,12 +107,12 @@ def _images(turn: Turn, layout: Layout, quanta: int) -> list[Image]:
 
 
 def _swapped(image: Image, first: Image) -> Image:
-    """Exchange 0 and the first image's pixel in the second image; this is its own inverse."""
+    """Exchange 0 and the first image's pixel in the second image; a second call reverts this."""
     return np.where(image == first, 0, np.where(image == 0, first, image)).astype(np.uint16)
 
 
 def _turn(images: list[Image], azimuths: NDArray[np.uint16], layout: Layout, quanta: int) -> Turn:
-    """Return the turn of its images, with ranges in the middle of their steps."""
+    """Return the turn from its images, with ranges in the middle of their steps."""
     steps = np.stack([images[0], *(_swapped(other, images[0]) for other in images[1:])])
     middle = (steps.astype(np.int64) - 1) * quanta + 1 + (quanta - 1) // 2
     ranges = np.zeros((layout.kinds, steps.shape[2], layout.lasers), np.uint16)

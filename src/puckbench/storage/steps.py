@@ -14,14 +14,14 @@ MOST_STEPS = float(2**30)
 
 
 def in_steps(points: Floats, step: float) -> NDArray[np.int64]:
-    """Round points (n, 3) to integer steps; InputError beyond 31 bits."""
+    """Round points (n, 3) to integer steps; raise InputError beyond 31 bits."""
     if np.abs(points).max() / step >= 2**31 - 1:
         raise InputError(f"the cloud reaches beyond 2^31 steps of {step:g} m{NARROWER}")
     return np.rint(points / step).astype(np.int64)
 
 
 def check_points_of(count: int, stream: bytes) -> None:
-    """Refuse an implausible number of points, in encoders and before a decoder allocates memory."""
+    """Raise InputError if the number of points is implausible for the size of the stream."""
     few = _FEW_POINTS + _POINTS_PER_BYTE * len(stream)
     if not 0 < count <= min(few, most_points(len(stream))):
         raise InputError(f"{count} points in {len(stream)} bytes: more than a stream may hold")

@@ -105,14 +105,14 @@ def bd_rate(
 
 
 def log_ratios(metrics: pd.DataFrame, anchor: str, tested: str, quality: str) -> Floats:
-    """Return the mean ln(rate / anchor rate) at equal quality of each cloud with a delta, (n,)."""
+    """Return mean ln(rate / anchor rate) at equal quality, (n,), for clouds that have one."""
     both = metrics[metrics["codec"].isin([anchor, tested])]
     return bd_rate_clouds(both, anchor, [quality])["log_ratio"].dropna().to_numpy(float)
 
 
 def is_below_zero(differences: Floats, seed: int = 0) -> bool:
-    """Return whether the 95 % interval of the mean of paired differences (n,) is negative; if there
-    are too few for a bootstrap, whether all are negative.
+    """Return whether the 95 % interval of the mean of paired differences (n,) is negative or, if
+    there are too few for a bootstrap, all are.
     """
     rng = generator(seed, "paired differences")
     high = bootstrap_interval(differences, RESAMPLES, rng)[1]
@@ -138,7 +138,7 @@ def _check(metrics: pd.DataFrame, anchor: str, qualities: Sequence[str]) -> None
 
 
 def _with_quality(metrics: pd.DataFrame, column: str) -> pd.DataFrame:
-    """Return rows with a quality in dB, and lossless rows of data sets that have qualities."""
+    """Return rows that have a quality in dB, and lossless rows if their data set has qualities."""
     lossless = lossless_rows(metrics) & is_shape_metric(column)
     quality = np.where(lossless, np.nan, _quality(metrics, column))
     rows = metrics.assign(**{LOSSLESS: lossless, "quality": quality})
