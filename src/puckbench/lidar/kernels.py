@@ -21,7 +21,7 @@ _LEAST_COSINE = 1e-9
 def fill_planes(
     vertices: Floats, triangles: NDArray[np.int64], origin: Floats, planes: Floats
 ) -> None:
-    """Fill `planes` (t, 4): triangles' unit normals and distances from `origin`; 0 for no area."""
+    """Fill `planes` (t, 4) with unit normals and distances from `origin`; 0 if degenerate."""
     for t in range(len(triangles)):
         a, b, c = vertices[triangles[t, 0]], vertices[triangles[t, 1]], vertices[triangles[t, 2]]
         x1, y1, z1 = b[0] - a[0], b[1] - a[1], b[2] - a[2]
@@ -42,10 +42,10 @@ def fill_directions(
     directions: Floats,
     rays: NDArray[np.float32],
 ) -> None:
-    """Fill world directions (n, 3) of rays from sines and cosines (frames, steps, lasers).
+    """Fill world directions (n, 3) of rays; `yaw` and `pitch` are sines and cosines.
 
-    `rotations` (frames, steps, 3, 3) are from the sensor to the world. The last columns of `rays`
-    (n, 6) receive the directions for Embree.
+    These are (frames, steps, lasers), and `rotations` (frames, steps, 3, 3) from the sensor to the
+    world. The last columns of `rays` (n, 6) receive the directions for Embree.
     """
     frames, steps, lasers = yaw[0].shape
     ray = 0

@@ -58,7 +58,7 @@ def seen_around(caster: RayCaster, place: Floats) -> tuple[Floats, NDArray[np.ui
 
 
 def _one_object(caster: RayCaster, triangles: NDArray[np.uint32]) -> str | None:
-    """Return the name of the only object among triangles, if the scene has other objects."""
+    """Return the name of the object to which all triangles belong, if the scene has others."""
     if caster.surfaces is None or len(np.unique(caster.surfaces.object_id)) < 2:
         return None
     seen = np.unique(caster.surfaces.object_id[triangles])
@@ -124,7 +124,7 @@ def _grid(size: Floats) -> Floats:
 def _floor(caster: RayCaster, places: Floats, size: Floats) -> float:
     """Return the height above which nine of ten downward rays end.
 
-    Floors have a thickness, and captured rooms have stray points.
+    A quantile is used since floors have a thickness, and captured rooms stray points.
     """
     levels = -_below(caster, places)
     levels = levels[np.isfinite(levels)]

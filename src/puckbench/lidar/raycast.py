@@ -21,7 +21,7 @@ from puckbench.lidar.trajectory import Poses
 
 @dataclass(frozen=True)
 class Cast:
-    """Unit directions (n, 3) and origins of azimuth steps (steps, 3) in the world, and hits."""
+    """Rays and hits: unit directions (n, 3), origins of azimuth steps (steps, 3) in the world."""
 
     directions: Floats
     origins: Floats

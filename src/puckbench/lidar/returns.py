@@ -1,4 +1,4 @@
-"""Returns of a spinning sensor, real or virtual, in its raw numbers and its own frame.
+"""Returns of a spinning sensor, real or virtual, in raw numbers and the sensor's frame.
 
 A turn is an image of firing columns by lasers; a Parquet file has a row for each firing.
 """
@@ -103,7 +103,7 @@ class FiringTable(ReturnTable):
 
 @dataclass(frozen=True)
 class Returns:
-    """Returns of a spinning sensor in its own frame: x right, y forward, z up.
+    """Returns of a spinning sensor in its frame: x right, y forward, z up.
 
     Raises InputError if arrays of a turn do not have the layout's shapes.
     """
@@ -211,7 +211,7 @@ class Returns:
 
 
 def _returned(turn: Turn) -> NDArray[np.bool_]:
-    """Return which pixels (kinds, columns, lasers) are returns, without second ones that repeat."""
+    """Return which pixels (kinds, columns, lasers) are returns that do not repeat a first one."""
     is_return = turn.ranges > 0
     if len(is_return) > 1:
         is_return[1:] &= turn.ranges[1:] != turn.ranges[:1]

@@ -72,7 +72,7 @@ def _beams(name: str, use: int) -> Beams:
 
 
 def encode_beams(returns: Returns) -> bytes:
-    """Encode the range quantum and the beams, these as a shipped sensor's name or as all angles."""
+    """Encode the range quantum and the beams (a shipped sensor's name, or all angles)."""
     quantum = base_128(round(returns.quantum_m / _QUANTUM_UNIT_M))
     shipped = _shipped().get((returns.beams, returns.sensor))
     angles = _angles(returns.beams)

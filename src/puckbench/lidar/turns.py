@@ -23,8 +23,8 @@ class Layout:
     """Arrangement of the firings of a sensor in an image.
 
     `order` is the laser ids from the lowest elevation to the highest. Columns of a block have a
-    common azimuth, such as two of a VLP-16; blocks of a packet have a common time. In dual return
-    mode there are two kinds of return.
+    common azimuth, such as the two of a VLP-16; blocks of a packet have a common time. In dual
+    return mode there are two kinds of return.
     """
 
     order: tuple[int, ...]

@@ -25,11 +25,11 @@ _ONE = 4096
 _REACH = 1024
 """Entries on each side of the mean in the table of the distribution."""
 _PER_ERROR = 128
-"""Entries of that table for a mean absolute error."""
+"""Entries of that table per mean absolute error."""
 _LEAST_SCALE = 2 * 256
 _INVERSE = _PER_ERROR * 256 << 13
 _MOST_ERROR = 4000
-"""Larger errors count as this in a scale."""
+"""Larger errors are clipped to this before they change a scale."""
 
 
 class Experts(NamedTuple):

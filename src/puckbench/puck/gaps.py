@@ -66,7 +66,7 @@ def decode_gaps(reader: Reader, count: int, admit: Callable[[int], None]) -> lis
 
 
 def compress_bytes(raw: bytes, are_headers: bool = False) -> bytes:
-    """Compress bytes as raw LZMA2, and write their number before the result."""
+    """Compress bytes as raw LZMA2, preceded by their number."""
     filters = [{**_filter(len(raw)), **(_HEADERS if are_headers else {})}]
     return base_128(len(raw)) + lzma.compress(raw, lzma.FORMAT_RAW, filters=filters)
 
@@ -117,7 +117,7 @@ def _frequent(lengths: NDArray[np.int64]) -> list[int]:
 
 
 def _planes(rows: Bytes) -> bytes:
-    """Return differences of rows (n, length), as 32-bit words: first the first byte of each."""
+    """Encode rows (n, length) as differences of 32-bit words, the first bytes of all rows first."""
     words, tail = _words(rows)
     words = np.diff(words, axis=0, prepend=np.zeros_like(words[:1]))
     tail = np.diff(tail, axis=0, prepend=np.zeros_like(tail[:1]))

@@ -23,12 +23,12 @@ class CodingOptions:
         to sixteenths. If it is above 0, a multiple next to the nearest one may be coded because it
         costs fewer bits.
     times, reflectivities
-        Whether to code these where a turn has them.
+        Whether to encode these if a turn has them.
     effort
         Size of the models: larger ones compress better and take longer.
     key_every
-        Turns from one key turn, which can be decoded alone, to the next; 0: only the first turn is
-        a key turn.
+        Number of turns from one key turn, which can be decoded alone, to the next. If 0, only the
+        first turn is a key turn.
     """
 
     step: int = 1

@@ -1,8 +1,8 @@
 """Segmentation of a range image into planes: pieces of rows are merged while one plane fits them.
 
-A return at range r of a beam with origin o and direction d is the point p = r d + o. On the plane m
-. p = 1 follows r = (r p) . m, which is linear in m. A least squares fit needs 11 sums over the
-returns of a set, which are added when sets are merged.
+A return at range r of a beam with origin o and direction d is the point p = r d + o. If p is on the
+plane m . p = 1, then r = (r p) . m, which is linear in m. A least squares fit needs 11 sums over
+the returns of a set, which are added when sets are merged.
 
 References
 ----------
@@ -33,7 +33,7 @@ _GAP = 3
 _STEEPEST = 6.0
 """Tangent of the incidence angle above which two neighbours are taken for an edge."""
 _JUMP = 4.0
-"""Standard deviations that neighbours may differ by in addition to `_STEEPEST`."""
+"""Neighbours may differ by this number of standard deviations more than `_STEEPEST` allows."""
 _SLOPE = 2.0
 """Tangent of a typical incidence angle: the prior of slopes that the returns do not determine."""
 _GAINS = (2.0, 8.0, 25.0)
@@ -60,7 +60,7 @@ class RangeRows(NamedTuple):
 
 
 class LabelledPlanes(NamedTuple):
-    """Plane of each return (lasers, columns), -1 for no return, and vectors m of planes (n, 3)."""
+    """Number of each return's plane (lasers, columns), -1 for none, and the vectors m (n, 3)."""
 
     labels: Labels
     vectors: Floats
@@ -158,7 +158,7 @@ def _cut(
     scratch: tuple[Floats, Floats],
     places: Places,
 ) -> int:
-    """Cut rows into pieces at jumps, and where two lines fit far better; return the number."""
+    """Cut rows into pieces at jumps, and where two lines fit far better; return their number."""
     count = 0
     for laser in range(ranges.shape[0]):
         start = 0

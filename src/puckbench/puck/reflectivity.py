@@ -1,7 +1,7 @@
 """Coding of the reflectivities of a turn: a byte for each firing, with or without a return.
 
-For a second return equal to the first, the first one's value is the guess; for a firing without a
-return, the laser's last such value. A value is coded only without a correct guess.
+The guess for a second return equal to the first is the first one's value; for a firing without a
+return, it is the laser's last such value. A value without a correct guess is coded.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ class ReflectivityModel(NamedTuple):
 class ReflectivityContext(NamedTuple):
     """Reflectivities of a turn and arrays that predict them, (PAD + columns, lasers) each."""
 
-    values: Words  # a writer codes them, a reader fills them in
+    values: Words  # a writer encodes them, a reader fills them in
     held: Words  # 1 + the value of the laser's last return up to this column
     ranges: Words  # 0 for no return
     then: Words  # reflectivities and ranges of the previous turn

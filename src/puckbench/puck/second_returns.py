@@ -1,6 +1,6 @@
 """Coding of second ranges in dual return mode, most of which equal the first ones.
 
-Names of rows and neighbours are those of `ranges`.
+Rows and neighbours have the same names as in `ranges`.
 """
 
 from __future__ import annotations

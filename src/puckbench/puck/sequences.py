@@ -13,7 +13,7 @@ from puckbench.core.compiling import compiled_in_place, inlined
 _CONTEXTS = 5
 _NODES = 64
 _FARTHEST = 24
-"""Numbers farther than this from their prediction are coded as they are."""
+"""Numbers farther than this from their prediction are coded without it."""
 _FINE = 8
 """Fractional bits of predictions."""
 _RAW_BITS = 32

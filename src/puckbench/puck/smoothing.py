@@ -31,7 +31,7 @@ from puckbench.puck.planes import (
 _TOLERANCE = 0.5
 """Tolerance of `fitted_planes` once biases are subtracted."""
 _FIRST_TOLERANCE = 3.0
-"""The least tolerance before; it is larger if biases exceed the noise."""
+"""The least tolerance before that; it is larger if biases exceed the noise."""
 _PASSES = 3
 _WIDEN = 3.0
 """A return may leave its quantisation interval by this number of standard deviations..."""

@@ -37,7 +37,7 @@ def without_links(data: Bytes, page: int, first: int, end: int) -> Bytes:
 
 
 def encode_links(links: Bytes) -> bytes:
-    """Return the differences of big-endian links (n, 4): first the highest byte of each."""
+    """Encode big-endian links (n, 4) as differences, the highest bytes of all links first."""
     numbers = np.ascontiguousarray(links).view(">u4")[:, 0].astype(np.uint32)
     steps = np.diff(numbers, prepend=np.uint32(0)).astype(">u4")
     return steps.view(np.uint8).reshape(-1, LINK_BYTES).T.tobytes()

@@ -46,9 +46,9 @@ from puckbench.puck.sequences import SequenceModel, code_sequence, new_sequence_
 
 _KEY, _TIMES, _REFLECTIVITIES = 1, 2, 4
 _EFFORT = 3
-"""The effort's place among the bits of a turn's flags."""
+"""Position of the effort's bits in a turn's flags."""
 _LEAN = 32
-"""Flag: reflectivities are coded by few contexts."""
+"""Flag: reflectivities are coded with few contexts."""
 _CLOCK = 1 << 32
 _FARTHEST_COLUMN = 200
 """A column of the previous turn is a context up to this distance, 0.01 degrees."""
@@ -338,7 +338,7 @@ def _extended(values: Words) -> Words:
 
 
 def _nearest_columns(state: _State, azimuths: Ints) -> Ints:
-    """Return the row of the previous turn's nearest column for each column; 0 if none."""
+    """For each column, return the row of the nearest column in the previous turn, or 0."""
     per_block = state.layout.columns_per_block
     if state.previous is None:
         return np.zeros(len(azimuths) * per_block, np.int64)

@@ -118,7 +118,7 @@ class RestrictedLikelihood:
         return Equations(matrix, right, found.squares, found.log_determinant)
 
     def _in_parts(self, rows: Floats, sigmas: Sigmas) -> Floats:
-        """Map rows of planes and lasers to rows of planes, mean, and lasers divided by sigma."""
+        """Map rows of planes and lasers to rows of planes, mean, and lasers in units of sigma."""
         planes = 3 * self.seen.surfaces
         lasers = rows[planes:]
         mean = lasers.sum(axis=0)[None, :] if self.seen.tells_mean else lasers[:0]

@@ -35,7 +35,7 @@ class RayShape:
 
 
 def ray_shape(likelihood: RestrictedLikelihood, sigmas: Sigmas) -> RayShape:
-    """Estimate the distribution of ray noise: Gaussian if fewer than 30 pairs of neighbours."""
+    """Estimate the distribution of ray noise; assume Gaussian below 30 pairs of neighbours."""
     pairs = _standard_differences(likelihood, sigmas)
     if len(pairs) < 30:
         return RayShape("gaussian", 0.0, 3.0)
@@ -62,6 +62,9 @@ def _log_gaussian(difference: Floats) -> Floats:
 
 
 def _log_laplace(difference: Floats) -> Floats:
-    """Log of ``(1 + |d| / b) exp(-|d| / b) / (4 b)``, for a difference d of Laplace noises."""
+    """Return the log of the density ``(1 + |d| / b) exp(-|d| / b) / (4 b)``.
+
+    It is the density of the difference d of two Laplace noises.
+    """
     scaled = np.abs(difference) * _ROOT
     return np.asarray(np.log1p(scaled) - scaled + np.log(_ROOT / 4))

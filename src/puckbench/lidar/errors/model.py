@@ -112,7 +112,7 @@ class ErrorModel(Model):
         return None
 
     def described(self) -> dict[str, Any]:
-        """Return the name and parameters of the model and its receiver, as results store them."""
+        """Return the model's name and parameters, as results store them."""
         kind = vars(type(self)).get("variant_of") or type(self)
         return {"model": kind.__name__, **self.model_dump()}
 

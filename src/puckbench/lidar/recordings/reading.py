@@ -91,7 +91,7 @@ def read_recording(
 def read_turns(
     path: Path, start_s: float = 0.0, stream: str | None = None, source: Path | None = None
 ) -> tuple[Returns, dict[str, int]]:
-    """Read the turns of a recording from `start_s` seconds on, and counts of what is left out."""
+    """Return the turns of a recording from `start_s` seconds on, and counts of what is left out."""
     with naming(source or path):
         log = _interval(read_packets(path, stream, source), start_s, math.inf)
         left_out = {name: int(log.about[name]) for name in LEFT_OUT if log.about.get(name)}

@@ -21,7 +21,7 @@ from puckbench.lidar.walls.detection import WALL, DetectedPlane, incidence
 from puckbench.lidar.walls.residuals import RecordedPlanes
 
 LEAST_TURNS = 3
-"""A direction needs returns in this number of turns."""
+"""A direction needs returns in at least this number of turns."""
 
 _LEAST_RETURNS, _LEAST_COMMON_LASERS = 20, 6
 

@@ -19,7 +19,7 @@ SHIFT_M = 0.003
 # 0.4 degrees; at a greater change of distance there is an edge.
 _WIDEST_GAP_RAD, _GREATEST_STEP_M = math.radians(0.9), 0.1
 _SECTORS, _LEAST_IN_SECTOR, _LEAST_SECTORS = 36, 30, 3
-# Lasers side by side on one axis, farther apart than a turn.
+# Lasers are placed side by side on one axis, more than a turn apart.
 _LASER_STRIDE = 7.0
 
 
@@ -40,7 +40,7 @@ class Still:
 
 
 def still_rows(table: RecordedReturns, limit_m: float = SHIFT_M) -> tuple[RecordedReturns, Still]:
-    """Return the longest interval of at least two turns at rest; raise InputError if none is."""
+    """Return the longest interval at rest, two turns or more; raise InputError if none exists."""
     turns = _turns(table)
     if len(turns) < 2:
         raise InputError("a recording of one turn does not show whether the sensor stood still")
