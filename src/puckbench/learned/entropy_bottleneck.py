@@ -27,7 +27,7 @@ _TAIL_MASS = 2.0**-20
 
 
 class EntropyBottleneck(nn.Module):
-    """Learned distributions of independent channels, named as in CompressAI."""
+    """Learned distributions of independent channels, with parameters named as in CompressAI."""
 
     def __init__(self, channels: int) -> None:
         super().__init__()

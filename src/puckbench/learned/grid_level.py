@@ -85,7 +85,10 @@ def choose_grid_level(points: Floats, mean_occupied_children: float, offset: flo
 
 
 def on_dense_grids(points: Floats, mean_occupied_children: Sequence[float]) -> list[Voxels]:
-    """Return the voxels of points (n, 3) on the finest grids, by whole octaves, of each density."""
+    """Return the voxels of points (n, 3) on the finest grids that reach these densities.
+
+    The input's grid is coarsened by whole octaves.
+    """
     octaves = {
         math.ceil(octaves_of_points(points, children)) for children in mean_occupied_children
     }

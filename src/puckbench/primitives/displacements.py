@@ -1,9 +1,9 @@
 """Displacement of voxels along the normals of the surrounding voxels.
 
-Points in a voxel off the plane of its neighbours lie mostly on the side of the plane. A plane also
-misses the centres of coarse voxels. The encoder therefore sends optimal displacements, as fractions
-of the distance to the local plane, one for each class of this distance and of the thickness of the
-surface.
+If a voxel is off the plane of its neighbours, its points lie mostly on the side towards the plane.
+A plane also misses the centres of coarse voxels. The encoder therefore sends optimal displacements,
+as fractions of the distance to the local plane, one for each class of this distance and of the
+thickness of the surface.
 """
 
 from __future__ import annotations
@@ -26,7 +26,8 @@ FACTOR_ONE = 64
 
 
 class LocalPlanes(NamedTuple):
-    """Local planes of voxels: normals (m, 3), signed distances (m,) in voxels, classes (m,)."""
+    """Local planes of voxels: normals (m, 3), signed distances (m,) in voxels, displacement
+    classes (m,)."""
 
     normals: Floats
     distances: Floats
@@ -35,8 +36,10 @@ class LocalPlanes(NamedTuple):
     def displace(
         self, points: Floats | Ints, factors: NDArray[np.int8], side: float = 1.0
     ) -> Floats:
-        """Move points (m, 3) of voxels with sides of length `side` by the factors of their
-        classes."""
+        """Move points (m, 3) of voxels towards the local planes by the factors of their classes.
+
+        `side` is the side of a voxel.
+        """
         displacement = factors[self.classes] / FACTOR_ONE * self.distances * side
         return np.asarray(points - displacement[:, None] * self.normals)
 

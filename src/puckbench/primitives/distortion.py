@@ -29,7 +29,8 @@ class Distortion(NamedTuple):
 
 
 class NearestOffsets(NamedTuple):
-    """Vectors to each point (a, 3) and smoothed sample (b, 3) from its nearest decoded point."""
+    """Vectors from the nearest decoded point to each point (a, 3) and each smoothed sample (b,
+    3)."""
 
     of_points: Floats
     of_samples: Floats

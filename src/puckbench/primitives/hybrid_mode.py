@@ -1,9 +1,9 @@
 """Hybrid mode: a surface, and voxels that locate the points on it and their distance from it.
 
-A surface codes neither where on it the points lie nor their noise. Voxels code both, but locate the
-surface less precisely. The hybrid displaces each voxel along the surface's normal by a fraction of
-its distance, sent for each class of distances. The decoder also keeps the surface's points in
-occupied voxels, which makes the decoded cloud as dense as the input.
+A surface represents neither the positions of points on it nor their noise. Voxels represent both,
+but locate the surface less precisely. The hybrid displaces each voxel along the surface's normal by
+a fraction of its distance, sent for each class of distances. The decoder also keeps the surface's
+points in occupied voxels, which makes the decoded cloud as dense as the input.
 """
 
 from __future__ import annotations
@@ -118,7 +118,8 @@ def has_voxel_budget(surface: bytes, max_bytes: int) -> bool:
 def _best_candidate(
     point_count: int, surface: SurfacePart, coded: CodedVoxels, criterion: HybridCriterion
 ) -> HybridCandidate:
-    """Return the cheapest hybrid among all keep distances, with displaced or plain voxels."""
+    """Return the cheapest hybrid among all keep distances (see `HybridHeader`), with displaced
+    or plain voxels."""
     grid, groups = coded.grid, coded.groups
     tree, weights = box_tree(surface.xyz), voxel_mode.voxel_weights(groups)
     centre_distances = 16 * _centre_distances(surface.xyz, grid, groups.cells)

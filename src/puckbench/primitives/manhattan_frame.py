@@ -88,8 +88,10 @@ def _aligned_share(normals: Floats, rotation: Floats) -> float:
 
 @compiled
 def _refine(normals: Floats, rotation: Floats) -> Floats:
-    """Refine a rotation by fitting normals close to an axis to it (Kabsch 1976), ever more
-    strictly."""
+    """Refine a rotation by aligning normals with the axes that they are close to (Kabsch 1976).
+
+    In each round normals must be closer.
+    """
     rotation = rotation.copy()
     for min_cosine in _MIN_COSINES:
         sums, count = np.zeros((3, 3)), 0

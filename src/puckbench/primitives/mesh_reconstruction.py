@@ -113,7 +113,7 @@ def _cover_with_rectangles(
 ) -> int:
     """Write rectangles (m, 4, 3) that cover all occupied columns, and each rectangle's leaf (m,).
 
-    Return how many are needed, which may exceed the memory for them.
+    Return how many are needed, which may be more than fit into the arrays.
     """
     count = 0
     cell = np.zeros(3, np.int64)

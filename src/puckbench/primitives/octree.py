@@ -125,7 +125,8 @@ def _moments_of(xyz: Floats, weights: Floats, normals: Floats, variance: float) 
 
 @compiled
 def plane_errors(moments: Floats) -> Floats:
-    """Return the weighted squared distance (n,) of each moments' points from their best plane."""
+    """Return, for each row of moments, the weighted squared distance (n,) to the least-squares
+    plane."""
     costs: Floats = np.empty(len(moments))
     for i in range(len(moments)):
         costs[i] = distance_to_fit(moments[i])

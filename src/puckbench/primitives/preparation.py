@@ -52,7 +52,8 @@ class PreparedCloud(NamedTuple):
 
 
 def prepare(points: Floats, settings: PrimitiveSettings) -> PreparedCloud:
-    """Scale points (n, 3), not all equal, to units, and smooth their surface."""
+    """Scale points (n, 3), not all equal, to units of 1/1023 of their extent, and smooth their
+    surface."""
     source = points[morton_order(points)]
     corner, high = bounds(source)
     unit = float((high - corner).max()) / UNITS

@@ -44,7 +44,8 @@ def reconstruct_points(
     xyz: Floats,
     leaf_of_point: Ints,
 ) -> int:
-    """Write the points of all occupied columns as far as memory reaches, and return their number.
+    """Write the points of all occupied columns, as far as they fit into the arrays; return their
+    number.
 
     A column has points_across x points_across points. If that is 1, one of column_spacing x
     column_spacing columns has a point. `leaf_of_point` (m,) is each point's leaf.

@@ -179,7 +179,7 @@ def normal_at(
     height: float,
     radius: float,
 ) -> Vector:
-    """Return the unit normal of a surface nearest to the point at `radial` from its origin."""
+    """Return a surface's unit normal at its point nearest to the point `radial` from its origin."""
     if surface.kind == SPHERE:
         return multiply(1 / max(length(radial), 1e-9), radial)
     axis = vector(surface.axis)
@@ -212,7 +212,7 @@ def pack_parameters(surface: RevolutionSurface) -> bytes:
 
 
 def is_representable(surface: RevolutionSurface) -> bool:
-    """Return whether `pack_parameters` can represent a surface, which may be degenerate."""
+    """Return whether `pack_parameters` can represent a surface; degenerate surfaces are allowed."""
     if not np.isfinite([*surface.origin, *surface.axis, surface.radius, surface.angle]).all():
         return False
     representable = bool(np.abs(surface.origin * _POSITION).max() < (1 << 15) - 1)

@@ -94,7 +94,7 @@ def _sample_hypotheses(
 def _annulus_samples(
     xyz: Floats, seed: int, ranges: Ints, radius: float, selection: tuple[int, int]
 ) -> tuple[int, tuple[int, int]]:
-    """Return the number of samples about `radius` from a seed, and two of them by `selection`."""
+    """Count the samples about `radius` from a seed; return the count and two selected samples."""
     min_squared, max_squared = (_MIN_DISTANCE * radius) ** 2, radius * radius
     count, first, second = 0, -1, -1
     for k in range(len(ranges)):

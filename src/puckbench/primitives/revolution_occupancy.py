@@ -26,7 +26,7 @@ Mask = NDArray[np.bool_]
 
 
 class RevolutionCosts(NamedTuple):
-    """Squared errors and lengths, in cells."""
+    """Squared errors, distances and costs of fitting surfaces of revolution, in cells."""
 
     omission_error: float  # of a sample that no column represents
     tangential_weight: float  # of the squared distance in excess of a sampling cell

@@ -87,8 +87,10 @@ def _code_leaves(
     leaves: Leaves,
     leaf_grid: IndexGrid,
 ) -> bool:
-    """Encode or decode which nodes of a level are leaves, and their planes; mark leaves by index
-    -1."""
+    """Encode or decode which nodes of a level are leaves, and their planes.
+
+    The index of a leaf's node is set to -1.
+    """
     for i in range(len(level_nodes)):
         node = level_nodes[i]
         if not _code_is_leaf(coder, geometry, level, node, states, nodes):

@@ -187,7 +187,8 @@ def _to_cloud(xyz: Floats | Ints, grid: VoxelGrid) -> Floats:
 
 
 def voxel_weights(groups: CellGroups) -> Floats:
-    """Return weights (m,) of voxels, the mean of equal weights for points and for voxels."""
+    """Return the weights (m,) of voxels: equal shares for all points plus equal shares for all
+    voxels."""
     return np.asarray(groups.counts / groups.counts.sum() + 1 / len(groups.counts))
 
 

@@ -22,7 +22,7 @@ _STEPS = (1, 4, 16)
 
 
 class CellMasks(NamedTuple):
-    """Numbers of cells, and sets of cells as masks of 64 bits."""
+    """Indices of cells, and sets of cells as masks of 64 bits."""
 
     # (27, 256), occupied children of the neighbour at each offset, by their occupancy
     occupied: Ints

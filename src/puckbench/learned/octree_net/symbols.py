@@ -1,7 +1,8 @@
 """Occupancy of a voxel's eight children as two symbols, their frequencies, and groups of voxels.
 
-The first symbol holds the four children whose coordinates have an even sum, the second the others.
-A child shares faces only with children of the other symbol, so the first predicts the second best.
+The first symbol holds the four children whose coordinates have an even sum, the second symbol the
+others. A child shares faces only with children of the other symbol, so that the first symbol is a
+good prediction of the second.
 """
 
 from __future__ import annotations

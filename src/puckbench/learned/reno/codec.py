@@ -1,7 +1,7 @@
 """Encode points in millimetres to the bytes of a RENO stream, and decode them.
 
 The grid is that of the authors' program: millimetres from a corner 131,072 mm below the origin,
-divided by posQ and rounded, halves to even.
+divided by the grid step (posQ in the program) and rounded, halves to even.
 """
 
 from __future__ import annotations
