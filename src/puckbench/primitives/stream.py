@@ -6,7 +6,7 @@ ends with the low half of a CRC-32. Between them are:
 * Surface: `_SURFACE`, `_ROTATION` if the grid is rotated, number and parameters of the surfaces of
   revolution if there are any, arithmetic-coded payload.
 * Voxels: `_VOXELS`, `CLASSES` displacement factors unless the block size is 0, G-PCC octree.
-* Hybrid (version 4): `_HYBRID`, `CLASSES` displacement factors, a surface stream and a voxel stream.
+* Hybrid (version 4): `_HYBRID`, `CLASSES` displacement factors, surface stream, voxel stream.
 """
 
 from __future__ import annotations
