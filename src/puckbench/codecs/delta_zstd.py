@@ -1,5 +1,3 @@
-"""Differences between successive points, compressed by Zstandard as in Cloudini."""
-
 from __future__ import annotations
 
 from pydantic import Field

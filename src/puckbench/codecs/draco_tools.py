@@ -1,5 +1,3 @@
-"""Draco's own command-line tools, as Debian ships them (package draco)."""
-
 from __future__ import annotations
 
 import hashlib

@@ -1,5 +1,3 @@
-"""Base class of codecs that run external programs on files in a temporary folder."""
-
 from __future__ import annotations
 
 import shutil

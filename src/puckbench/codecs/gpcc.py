@@ -118,7 +118,6 @@ class GridCodec(Codec):
             return input_coordinates(self._units(bare), grid)
 
     def _merges(self, parameters: Parameters) -> bool:
-        """Whether points of one grid position are merged at a rate."""
         if self.options.duplicates != "by_rate":
             return self.options.duplicates == "merged"
         return self._loses(parameters)

@@ -1,5 +1,3 @@
-"""G-PCC's octree in angular mode, with contexts from the lasers of the cloud's sensor."""
-
 from __future__ import annotations
 
 import math

@@ -1,5 +1,3 @@
-"""Base class of G-PCC codecs that use the sensor of a cloud's returns."""
-
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, ClassVar

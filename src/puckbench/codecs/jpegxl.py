@@ -1,5 +1,3 @@
-"""Range images by JPEG XL (ISO/IEC 18181), without loss, through imagecodecs and libjxl."""
-
 from __future__ import annotations
 
 import numpy as np

@@ -1,5 +1,3 @@
-"""LAZ, the compressed form of LAS 1.2, by laspy and lazrs."""
-
 from __future__ import annotations
 
 from importlib.metadata import version

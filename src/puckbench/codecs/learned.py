@@ -140,7 +140,6 @@ class Learned(Codec, Generic[W]):
         return self._set(path)
 
     def _made_with(self, digest: bytes) -> W:
-        """Return the weights that a stream identifies."""
         for path in self._known_files():
             weights = self._set(path)
             if weights.digest == digest:
@@ -154,7 +153,6 @@ class Learned(Codec, Generic[W]):
         return self._sets[path]
 
     def _path(self, parameters: Parameters) -> Path | None:
-        """Return the weights file for a rate, if there is one."""
         return next(iter(self.weights_files()), None)
 
     @abstractmethod

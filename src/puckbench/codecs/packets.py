@@ -1,5 +1,3 @@
-"""Codecs that compress the sensor's data packets as bytes."""
-
 from __future__ import annotations
 
 from abc import abstractmethod

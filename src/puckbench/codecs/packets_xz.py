@@ -1,5 +1,3 @@
-"""Data packets compressed by LZMA, as ``xz -9e`` compresses a capture."""
-
 from __future__ import annotations
 
 import lzma

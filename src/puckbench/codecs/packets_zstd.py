@@ -1,5 +1,3 @@
-"""Data packets compressed by Zstandard, as ``zstd -19 --long`` compresses a capture."""
-
 from __future__ import annotations
 
 from puckbench import __version__

@@ -1,5 +1,3 @@
-"""`puck_smoothed`: streams of `puck`, decoded to the most likely surface."""
-
 from __future__ import annotations
 
 from typing import ClassVar

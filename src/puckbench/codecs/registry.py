@@ -99,7 +99,6 @@ def _derived(codec: type[Codec], attributes: Entry) -> type[Codec]:
 
 @cache
 def _variant(name: str) -> type[Codec]:
-    """Derive the class of a variant that puckbench contains."""
     entry = variants()[name]
     base = codec_class(name, {"class": entry["class"]})
     rates = {key: entry[key] for key in ("rates", "metric_rates") if key in entry}
@@ -109,7 +108,6 @@ def _variant(name: str) -> type[Codec]:
 
 
 def _with_defaults(options: type[Model], defaults: Entry) -> type[Model]:
-    """Derive a model of options that has other defaults."""
     fields: dict[str, Any] = {}
     for name, default in defaults.items():
         field = copy.copy(options.model_fields[name])

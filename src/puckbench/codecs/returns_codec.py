@@ -1,5 +1,3 @@
-"""Base class of codecs that encode the returns of a spinning sensor, from which points follow."""
-
 from __future__ import annotations
 
 from abc import abstractmethod

@@ -1,5 +1,3 @@
-"""TMC13, the reference software of G-PCC (release-v14.0), if the user has built it."""
-
 from __future__ import annotations
 
 import subprocess

@@ -1,5 +1,3 @@
-"""Generated scenes for calibration: a wall and a floor."""
-
 from __future__ import annotations
 
 from typing import ClassVar

@@ -1,5 +1,3 @@
-"""Generated objects of many classes, similar to CAPOD."""
-
 from __future__ import annotations
 
 from typing import ClassVar

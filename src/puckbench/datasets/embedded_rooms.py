@@ -1,5 +1,3 @@
-"""Generated furnished rooms."""
-
 from __future__ import annotations
 
 from functools import cached_property

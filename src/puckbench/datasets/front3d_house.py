@@ -151,7 +151,6 @@ def _read_model(path: Path) -> MeshArrays:
 
 
 def _rotation(quaternion: Floats) -> Floats:
-    """Return the rotation matrix (3, 3) of a quaternion (x, y, z, w)."""
     x, y, z, w = (quaternion / np.linalg.norm(quaternion)).tolist()
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     return np.asarray(np.eye(3) + 2 * w * cross + 2 * cross @ cross)

@@ -121,7 +121,6 @@ class Kitti(FolderSet):
 
 
 def _recovered(xyz: Floats) -> RecoveredReturns:
-    """Recover the returns of points (n, 3) with x forward and y left."""
     from puckbench.lidar.recordings.rings import recovered_returns, split_rings
 
     turned = np.column_stack([-xyz[:, 1], xyz[:, 0], xyz[:, 2]])

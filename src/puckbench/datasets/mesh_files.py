@@ -1,5 +1,3 @@
-"""The user's meshes, as files, folders or patterns."""
-
 from __future__ import annotations
 
 from pathlib import Path

@@ -1,5 +1,3 @@
-"""A folder of meshes."""
-
 from __future__ import annotations
 
 from collections.abc import Mapping

@@ -101,7 +101,6 @@ def _name(path: Path) -> str:
 
 
 def _recovered(table: Floats) -> RecoveredReturns:
-    """Recover the returns of a file's rows (n, 5)."""
     from puckbench.lidar.recordings.rings import recovered_firings
 
     rings = table[:, 4]

@@ -1,5 +1,3 @@
-"""The user's point clouds, as files, folders or patterns."""
-
 from __future__ import annotations
 
 from dataclasses import replace

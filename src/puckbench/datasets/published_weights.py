@@ -84,7 +84,6 @@ def _git_name(content: bytes) -> str:
 
 
 def _archive(name: str, checkpoint: Sequence[bytes], order: str) -> bytes:
-    """Convert a TensorFlow checkpoint (index, data) to a NumPy archive."""
     import numpy as np
 
     from puckbench.io.tensorflow_checkpoints import read_variables

@@ -114,7 +114,6 @@ class Stanford2D3D(DataSet):
         return Scene(name, room_type(room.room), mesh=mesh, origin=(x, y, z), box=box, about=about)
 
     def _origin(self, room: _Room, box: Floats) -> Floats:
-        """Return the scanner position nearest to the box's centre."""
         if self.positions is None:
             places = [camera_position(path) for path in room.places]
         else:
@@ -182,5 +181,4 @@ def _mesh_file(root: Path, area: str) -> Path:
 
 
 def _outside(point: Floats, box: Floats) -> float:
-    """Return the distance of a point (3,) from a box (2, 3)."""
     return float(np.linalg.norm(point - np.clip(point, box[0], box[1])))

@@ -1,5 +1,3 @@
-"""Generated streets."""
-
 from __future__ import annotations
 
 from typing import ClassVar

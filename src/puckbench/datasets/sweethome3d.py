@@ -194,7 +194,6 @@ def _class_words() -> dict[str, Any]:
 
 
 def _read_model(model: CatalogueModel) -> tuple[Mesh, dict[str, Any]]:
-    """Read a model without scaling, y up."""
     from puckbench.io.meshes.obj import parse_obj
 
     what = f"{model.archive}/{model.member}"
@@ -202,7 +201,6 @@ def _read_model(model: CatalogueModel) -> tuple[Mesh, dict[str, Any]]:
 
 
 def _to_size(mesh: Mesh, model: CatalogueModel) -> tuple[Mesh, list[float]]:
-    """Rotate a mesh to z up, scale it to the catalogued size, and move it to the origin."""
     turned = Mesh(y_up_to_z_up(mesh.vertices @ model.rotation.T), mesh.triangles)
     low, high = turned.bounds()
     extent = high - low

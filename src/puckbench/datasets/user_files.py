@@ -1,5 +1,3 @@
-"""Base class of data sets whose scenes are the user's files."""
-
 from __future__ import annotations
 
 import glob

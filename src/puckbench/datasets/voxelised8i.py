@@ -126,6 +126,5 @@ def _off_grid(points: Floats, highest: int) -> int:
 
 
 def _distinct(cloud: PointCloud) -> tuple[PointCloud, int]:
-    """Return the first point in each voxel, and the number of other points."""
     _, first = np.unique(cloud.xyz, axis=0, return_index=True)
     return cloud.select(np.sort(first)), len(cloud) - len(first)

@@ -1,5 +1,3 @@
-"""The figure ``noise_cost``: bits that a sensor's noise costs each codec."""
-
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any

@@ -1,5 +1,3 @@
-"""The figure ``recovery_rd``: recovery of geometric primitives against bits per point."""
-
 from __future__ import annotations
 
 from typing import TYPE_CHECKING

@@ -1,5 +1,3 @@
-"""The figure ``spread``: variation of a distortion over the clouds of a data set."""
-
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any

@@ -217,7 +217,6 @@ def _labels(columns: Columns) -> NDArray[np.int32] | None:
 
 
 def _are_colours(values: NDArray[Any]) -> bool:
-    """Whether values are integers from 0 to 255, not only 0 and 1."""
     if not len(values) or not np.isfinite(values).all():
         return False
     whole = (values == np.rint(values)).all()

@@ -1,5 +1,3 @@
-"""Calibration of a range error model from plane residuals."""
-
 from __future__ import annotations
 
 from pathlib import Path

@@ -1,5 +1,3 @@
-"""Plane residuals of a recording of a real sensor."""
-
 from __future__ import annotations
 
 from pathlib import Path

@@ -1,5 +1,3 @@
-"""Jobs that decode streams."""
-
 from __future__ import annotations
 
 from dataclasses import replace

@@ -1,5 +1,3 @@
-"""Job that draws a figure from tables and clouds."""
-
 from __future__ import annotations
 
 from collections.abc import Iterable

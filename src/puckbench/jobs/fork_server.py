@@ -160,7 +160,6 @@ def _run(
     folder: str,
     environment: dict[str, str],
 ) -> None:
-    """Run a job in the forked process."""
     import fcntl
 
     from puckbench.jobs.process import leave, main

@@ -1,5 +1,3 @@
-"""Jobs that join the parts in which a curve was encoded and measured."""
-
 from __future__ import annotations
 
 from pathlib import Path

@@ -1,5 +1,3 @@
-"""Comparison of decoded geometric primitives with the labels of the scene."""
-
 from __future__ import annotations
 
 from pathlib import Path

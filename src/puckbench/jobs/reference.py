@@ -1,5 +1,3 @@
-"""Reference results: the tables of a finished run in one file (.parquet)."""
-
 from __future__ import annotations
 
 from pathlib import Path

@@ -1,5 +1,3 @@
-"""The report of a run: one HTML file."""
-
 from __future__ import annotations
 
 from collections.abc import Iterable

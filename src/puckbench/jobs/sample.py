@@ -1,5 +1,3 @@
-"""Random points on the surface of a mesh, with exact normals."""
-
 from __future__ import annotations
 
 from dataclasses import replace

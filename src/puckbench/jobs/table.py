@@ -1,5 +1,3 @@
-"""Job that computes a table from other tables."""
-
 from __future__ import annotations
 
 from collections.abc import Iterable

@@ -1,5 +1,3 @@
-"""Losses in a training, printed, and written as CSV with a row for each step."""
-
 from __future__ import annotations
 
 import csv

@@ -57,7 +57,6 @@ def _along_and_across(place: Any, axis: Any, points: Floats) -> tuple[Floats, Fl
 
 
 def _angle_deg(a: Any, b: Any) -> float:
-    """Return the angle between unit vectors, ignoring their signs, exactly for small angles."""
     across = float(np.linalg.norm(np.cross(a, b)))
     return float(np.degrees(np.arctan2(across, abs(float(np.dot(a, b))))))
 

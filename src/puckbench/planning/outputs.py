@@ -282,7 +282,6 @@ class OutputJobs:
         }
 
     def _cloud_inputs(self) -> Inputs:
-        """Return the input files for figures of clouds and results."""
         examples = self.config.figures.examples.given()
         known = {
             f"example_{kind}": self._example(cloud)
@@ -299,7 +298,6 @@ class OutputJobs:
         return known
 
     def _study_inputs(self) -> Inputs:
-        """Return the input files for figures and tables of the sensor study."""
         study = self.plan.study
         if study is None:
             return {}

@@ -97,7 +97,6 @@ def _check_pixels(pixels: int, body: bytes) -> None:
 
 
 def _images(turn: Turn, layout: Layout, quanta: int) -> list[Image]:
-    """Return an image (lasers, columns) for each kind of return."""
     ranges = turn.ranges.astype(np.int64)[:, :, list(layout.order)[::-1]].transpose(0, 2, 1)
     steps = np.where(ranges > 0, (ranges - 1) // quanta + 1, 0).astype(np.uint16)
     images = [np.ascontiguousarray(steps[0])]
@@ -112,7 +111,6 @@ def _swapped(image: Image, first: Image) -> Image:
 
 
 def _turn(images: list[Image], azimuths: NDArray[np.uint16], layout: Layout, quanta: int) -> Turn:
-    """Return the turn from its images, with ranges in the middle of their steps."""
     steps = np.stack([images[0], *(_swapped(other, images[0]) for other in images[1:])])
     middle = (steps.astype(np.int64) - 1) * quanta + 1 + (quanta - 1) // 2
     ranges = np.zeros((layout.kinds, steps.shape[2], layout.lasers), np.uint16)

@@ -207,7 +207,6 @@ def _triangles(indices: Ints, mode: int) -> Ints:
 
 
 def _normalised(rows: NDArray[Any]) -> Floats:
-    """Map signed integers to [-1, 1] and unsigned ones to [0, 1]."""
     if rows.dtype.kind == "f":
         return rows
     return np.maximum(rows / np.iinfo(rows.dtype).max, -1.0)

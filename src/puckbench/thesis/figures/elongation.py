@@ -1,5 +1,3 @@
-"""Distortion against the elongation of clouds (thesis section 6.1.6)."""
-
 from __future__ import annotations
 
 from typing import TYPE_CHECKING

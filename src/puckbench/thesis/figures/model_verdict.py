@@ -1,5 +1,3 @@
-"""Residuals of recorded walls and of error models on the same rays."""
-
 from __future__ import annotations
 
 from typing import TYPE_CHECKING

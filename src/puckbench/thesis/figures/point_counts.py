@@ -1,5 +1,3 @@
-"""Box plot of the numbers of points per cloud (thesis Figure 6.4)."""
-
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any

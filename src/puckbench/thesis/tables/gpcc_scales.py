@@ -1,5 +1,3 @@
-"""G-PCC's rate and distortion by the scale of its grid."""
-
 from __future__ import annotations
 
 from collections.abc import Mapping

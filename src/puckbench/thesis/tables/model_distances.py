@@ -1,5 +1,3 @@
-"""Distances between residuals of error models and of recorded walls."""
-
 from __future__ import annotations
 
 from collections.abc import Sequence

@@ -1,5 +1,3 @@
-"""Medians of thesis Figure 6.5 beside those of a run."""
-
 from __future__ import annotations
 
 from collections.abc import Mapping

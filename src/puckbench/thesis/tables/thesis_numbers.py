@@ -1,5 +1,3 @@
-"""Numbers of thesis chapter 5 beside those of a run."""
-
 from __future__ import annotations
 
 from collections.abc import Mapping
