@@ -2,7 +2,8 @@
 
 A laser's elevation predicts the occupied half of a node along z, its last azimuth the half along x
 or y (`determineContextAngleForPlanar`, `findLaser`, `AzimuthalPhiZi` in TMC13). Elevations are
-tangents in units of 2^-18, heights eighths of a coding unit, azimuths units of 2^-20 radians.
+tangents in units of 2^-18, heights are in eighths of a coding unit, azimuths in units of 2^-20
+radians.
 """
 
 from __future__ import annotations
@@ -76,7 +77,7 @@ def angular_state(elevation: Ints, height: Ints, turns: Ints, origin: Ints) -> A
 
 @inlined
 def tangent_of(height: int, root: int) -> int:
-    """Return the tangent of a height in half units; `root` is the inverse distance."""
+    """Return the elevation's tangent for a height in half units; `root` is the inverse distance."""
     product = height * root
     return int32(product >> 15 if product >= 0 else -(-product >> 15))
 

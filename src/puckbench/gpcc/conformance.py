@@ -42,7 +42,8 @@ class ConformanceStream:
 
     @property
     def tools(self) -> str:
-        """`octree` or `trees`, preceded by `angular` if the stream describes a sensor."""
+        """Coding tools: `octree` or `trees`, preceded by `angular` if the stream describes a
+        sensor."""
         kind = "trees" if "--geomTreeType=1" in self.options else "octree"
         return f"angular {kind}" if "--angularEnabled=1" in self.options else kind
 

@@ -26,7 +26,7 @@ class Unwrapped(NamedTuple):
 
 
 def wrap(stream: bytes, grid: InputGrid) -> bytes:
-    """Put a bare stream into a container, which takes no bytes for the default grid."""
+    """Put a bare stream into a container, which omits the default grid."""
     if grid == DEFAULT_GRID:
         return MAGIC + b"\0" + stream
     return MAGIC + b"\1" + _GRID.pack(grid.unit, *grid.offset) + stream

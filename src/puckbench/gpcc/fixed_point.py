@@ -60,7 +60,7 @@ def int32(number: int) -> int:
 
 @inlined
 def inverse_square_root(number: int) -> int:
-    """Return 2^40 / sqrt(number) for a number below 2^63; 0 for 0."""
+    """Return 2^40 / sqrt(number) for a number below 2^63, or 0 for 0."""
     if number <= 0:
         return 0
     pairs: int = 16 - (
@@ -87,7 +87,7 @@ def _arc_tangent(y: int, x: int) -> int:
 
 @kernel
 def arc_tangent(y: int, x: int) -> int:
-    """Return the angle of (x, y), each below 2^30, in (-pi, pi]; 0 for the origin."""
+    """Return the angle of (x, y), each below 2^30, in (-pi, pi], or 0 for the origin."""
     x_size, y_size = abs(x), abs(y)
     angle = _arc_tangent(min(x_size, y_size), max(x_size, y_size))
     if y_size > x_size:

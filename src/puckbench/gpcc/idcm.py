@@ -58,7 +58,7 @@ class IdcmNode(NamedTuple):
 
 
 def idcm_enable_mask(mode: int, planar_enabled: bool, rate_minus1: int) -> int:
-    """Return a bit mask of 32 successive eligible nodes that may use IDCM."""
+    """Return a bit mask of which of 32 successive eligible nodes may use IDCM."""
     if mode == 0:
         return 0
     if mode != 1 or not planar_enabled:

@@ -1,4 +1,4 @@
-"""Occupied face neighbours of a node and their children, from an atlas.
+"""Occupied face neighbours of a node and their children, from an atlas of occupancies.
 
 The atlas covers a cube of 2**neighbour_avail_boundary_log2 nodes per side; neighbours outside count
 as empty. Without an atlas only siblings count. In TMC13: `makeGeometryNeighPattern`, `MortonMap3D`,

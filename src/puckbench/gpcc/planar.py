@@ -117,7 +117,7 @@ def planar_mask(planar_mode: int, plane_pos_bits: int, axis: int) -> int:
 class PlanarNode(NamedTuple):
     """Neighbourhood that selects the contexts of planar modes.
 
-    adjacent_occupancies: of the neighbours x-1, y-1, z-1, one byte each.
+    adjacent_occupancies: occupancies of the neighbours x-1, y-1, z-1, one byte each.
     """
 
     morton: int

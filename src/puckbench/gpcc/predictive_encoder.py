@@ -80,7 +80,7 @@ class Choice(NamedTuple):
 
 @entry
 def encode_trees(coder: Any, contexts: Probabilities, tools: Tools, given: Given) -> int:
-    """Encode all trees, or continue after FULL; return DONE, FULL or UNREPRESENTABLE."""
+    """Encode all trees, or continue after a full buffer; return DONE, FULL or UNREPRESENTABLE."""
     progress, parents = given.progress, given.tree.parents
     while True:
         fault = _encode_tree(coder, contexts, tools, given)

@@ -1,4 +1,4 @@
-"""Prediction trees of geometry data units."""
+"""Encoding and decoding of the prediction trees in geometry data units."""
 
 from __future__ import annotations
 

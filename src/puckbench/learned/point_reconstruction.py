@@ -102,8 +102,8 @@ def reconstructed_points(blocks: SiblingBlocks, units: int) -> Floats:
     """Return points (n, 3), in voxels, for the decoded blocks.
 
     `units` is the number of points per voxel in 256ths. Each voxel has one point in its centre if
-    `units` is 0, if voxels lie 2**20 apart, or if the network is confident of voxels with one point
-    each.
+    `units` is 0, if the voxels span 2**20 or more, or if the network is confident of voxels with
+    one point each.
     """
     voxels = blocks.voxels().astype(np.float64)
     if not units or np.ptp(voxels, axis=0).max() >= _MAX_SPAN:

@@ -164,7 +164,7 @@ def load_multi_rate(
     build: Callable[[Mapping[str, Any]], N],
     load_published: Callable[[Path], N],
 ) -> MultiRateWeights[N]:
-    """Read a set of puckbench, or a file of the network's authors with `load_published`.
+    """Read a set trained by puckbench, or, with `load_published`, a file of the network's authors.
 
     Raises InputError if the file is neither.
     """

@@ -100,7 +100,7 @@ def _blocks(channels: int, count: int) -> nn.Sequential:
 
 
 class Pcgcv1Analysis(nn.Module):
-    """Analysis transform g_a: occupancy to the latent y at stride 4."""
+    """Analysis transform g_a from occupancy to the latent y at stride 4."""
 
     def __init__(self, shape: Pcgcv1Shape) -> None:
         super().__init__()
@@ -123,7 +123,7 @@ class Pcgcv1Analysis(nn.Module):
 
 
 class Pcgcv1Synthesis(nn.Module):
-    """Synthesis transform g_s: y_hat to an occupancy logit of each voxel."""
+    """Synthesis transform g_s from y_hat to an occupancy logit of each voxel."""
 
     def __init__(self, shape: Pcgcv1Shape) -> None:
         super().__init__()
@@ -145,7 +145,7 @@ class Pcgcv1Synthesis(nn.Module):
 
 
 class HyperAnalysis(nn.Module):
-    """Hyper-analysis transform h_a: the latent y to the hyper-latent z at stride 8."""
+    """Hyper-analysis transform h_a from the latent y to the hyper-latent z at stride 8."""
 
     def __init__(self, shape: Pcgcv1Shape) -> None:
         super().__init__()
@@ -166,7 +166,7 @@ class LaplaceParameters(NamedTuple):
 
 
 class HyperSynthesis(nn.Module):
-    """Hyper-synthesis transform h_s: z_hat to the distributions of y."""
+    """Hyper-synthesis transform h_s from z_hat to the distributions of y."""
 
     def __init__(self, shape: Pcgcv1Shape) -> None:
         super().__init__()

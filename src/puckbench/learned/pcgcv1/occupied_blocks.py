@@ -47,7 +47,7 @@ def cubes_with_blocks(blocks: Voxels, side: int) -> CodedCubes:
 
 
 def pooled(blocks: Bools) -> Bools:
-    """Reduce (m, s, s, s) to (m, s / 2, s / 2, s / 2): true where any of eight is."""
+    """Reduce (m, s, s, s) to (m, s / 2, s / 2, s / 2): true where any of eight values is true."""
     m, s = len(blocks), blocks.shape[-1] // 2
     return np.asarray(blocks.reshape(m, s, 2, s, 2, s, 2).any(axis=(2, 4, 6)))
 

@@ -1,4 +1,4 @@
-"""Weights of PCGCv1: sets of puckbench, and the authors' archives with renamed parameters.
+"""Weights of PCGCv1: sets trained by puckbench, and the authors' archives with renamed parameters.
 
 The authors' TensorFlow variables are read from NumPy archives. A kernel is stored as [d, h, w, in,
 out], that of a transposed convolution as [d, h, w, out, in].

@@ -143,7 +143,8 @@ def _coarse_keys(block: CodedBlock) -> Keys:
 
 
 def split(keys: Keys, max_voxels: int) -> list[Keys]:
-    """Cut sorted keys between voxels at stride 8 into equal parts of about `max_voxels`."""
+    """Split sorted keys into equal parts of about `max_voxels`, without dividing voxels of
+    stride 8."""
     parts = -(-len(keys) // max_voxels)
     borders = np.flatnonzero(np.diff(keys >> 3 * SCALES)) + 1
     targets = np.arange(1, parts) * len(keys) // parts

@@ -4,7 +4,7 @@ The loss at a rate is ``lmbda * D + R``, divided by the square root of lmbda so 
 dominates the shared weights. R is the bits of the latent per point, D the mean binary cross entropy
 of the candidate voxels of each scale, in bits. Scales are weighted by the side of their voxels
 (equally by the authors), since a voxel lost at stride 4 cannot be recovered. Uniform noise replaces
-rounding. Each scale keeps the occupied voxels and those that the network selects.
+rounding. In training, a scale's voxels are the occupied ones and those that the network selects.
 """
 
 from __future__ import annotations

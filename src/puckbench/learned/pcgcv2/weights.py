@@ -1,4 +1,5 @@
-"""Weights of PCGCv2: sets of puckbench, and the authors' checkpoints with renamed parameters."""
+"""Weights of PCGCv2: sets trained by puckbench, and the authors' checkpoints with renamed
+parameters."""
 
 from __future__ import annotations
 

@@ -32,8 +32,10 @@ def target_features(
     table: NeighbourTable,
     pool: ThreadPool,
 ) -> Floats32:
-    """Return the features of child voxels, with slots (n,) and neighbours `table`, from their
-    parents'."""
+    """Return the features of children from those of their parents.
+
+    `slots` (n,) are the children's slots (see `sparse.voxels`), `table` holds their neighbours.
+    """
     channels = weights.channels
     embedded = weights.child_embedding.reshape(-1, channels)[slots & 7]
     embedded += parents.reshape(-1, channels)[slots >> 3]
@@ -72,7 +74,7 @@ def predicted(
     first: Symbols = _NO_SYMBOLS,
 ) -> Cumulative:
     """Return cumulative frequencies (n, 17) of first symbols (half 0), or of second symbols
-    (half 1)."""
+    given the first (half 1)."""
     layers, predict = weights.heads[half], head(weights.channels)
     rows = len(features) // weights.channels
     result = np.empty((rows, VALUES + 1), np.int32)

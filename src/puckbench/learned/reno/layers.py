@@ -106,7 +106,7 @@ def head(channels: int) -> Callable[..., None]:
 def cumulate(logits: Floats32, at: int, out: Cumulative) -> None:
     """Compute the cumulative frequencies (17,) of 16 logits, rounded as in the authors' program.
 
-    Their softmax is summed, multiplied by 2^16 - 16 and rounded; then 1 is added to each value's
+    The cumulative softmax is multiplied by 2^16 - 16 and rounded; then 1 is added to each value's
     frequency. Logits that are not finite give equal frequencies.
     """
     max_logit = np.float64(logits[at])

@@ -1,7 +1,7 @@
 """A thread pool whose threads keep their working memory from layer to layer.
 
 One thread computes a chunk of rows completely, so that results do not depend on the number of
-threads. To map and clear memory for each layer would take as long as the arithmetic.
+threads. Mapping and clearing memory for each layer would take as long as the arithmetic.
 """
 
 from __future__ import annotations
