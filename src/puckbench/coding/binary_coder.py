@@ -77,8 +77,8 @@ def exhausted(coder: BitCoder) -> bool:
 def logistic_tables() -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return the tables ``stretch`` (4096,) and ``squash`` (2 LOGIT_LIMIT,).
 
-    They hold the logits of probabilities in 1 / 4096, and the probabilities, in 1 / ONE, of logits
-    plus LOGIT_LIMIT.
+    ``stretch`` maps probabilities in 1 / 4096 to logits; ``squash`` maps logits plus LOGIT_LIMIT to
+    probabilities in 1 / ONE.
     """
     probabilities = (np.arange(4096) + 0.5) / 4096
     stretch = np.rint(LOGIT_UNIT * np.log(probabilities / (1 - probabilities))).astype(np.int64)

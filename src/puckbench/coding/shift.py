@@ -36,7 +36,7 @@ class Shifted(NamedTuple):
 
 
 def shift_of(points: Floats, step: float | None = None) -> Floats | None:
-    """Return the integers (3,) to subtract from points (n, 3), or None without need of a shift.
+    """Return the integers (3,) to subtract from points (n, 3), or None if no shift is needed.
 
     Points near the origin need none if single precision resolves an eighth of the codec's grid
     `step`.

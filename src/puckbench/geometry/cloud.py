@@ -103,7 +103,7 @@ class PointCloud:
         return self.select(np.flatnonzero(np.isfinite(self.xyz).all(axis=1)))
 
     def select(self, rows: NDArray[Any]) -> PointCloud:
-        """Return the points of a mask or of indices, without returns."""
+        """Return the points that a mask or indices select, without returns."""
         return replace(
             self,
             xyz=self.xyz[rows],

@@ -21,9 +21,9 @@ class Primitive:
     """A geometric primitive that a surface lies on (thesis section 7).
 
     `kind` is "plane", "cylinder", "sphere", "cone", "torus", "superquadric" or "freeform".
-    `parameters` are in world coordinates (metres, radians), directions unit vectors: of a plane
-    ``normal`` and ``offset`` (normal . p = offset); a cylinder ``point``, ``axis``, ``radius``; a
-    sphere ``centre``, ``radius``; a cone ``apex``, ``axis`` (into the cone), ``half_angle``; a
+    `parameters` are in world coordinates (metres, radians); directions are unit vectors. A plane
+    has ``normal`` and ``offset`` (normal . p = offset); a cylinder ``point``, ``axis``, ``radius``;
+    a sphere ``centre``, ``radius``; a cone ``apex``, ``axis`` (into the cone), ``half_angle``; a
     torus ``centre``, ``axis``, ``major_radius``, ``minor_radius``; a superquadric ``centre``,
     ``axes``, ``sizes``, ``exponents``.
     """

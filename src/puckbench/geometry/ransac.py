@@ -42,8 +42,8 @@ def ransac_plane(
 ) -> Plane:
     """Fit a plane to points (n, 3) by PCL's RandomSampleConsensus (thesis section 5.1.2).
 
-    It draws at most 1000 samples for 99 % confidence. `refit` returns the least-squares plane of
-    the inliers, which are within `threshold_m`. Raises InputError if all points lie on one line.
+    It draws at most 1000 samples for 99 % confidence. With `refit` return the least-squares plane
+    of the inliers, which are within `threshold_m`. Raises InputError if all points lie on one line.
     """
     if len(points) < 3:
         raise InputError(f"a plane needs at least 3 points, there are {len(points)}")
@@ -66,10 +66,11 @@ def least_squares_plane(points: Floats) -> Plane:
 def robust_plane(
     points: Floats, start: Plane, *, sigmas: float = 5.0, rounds: int = 20
 ) -> tuple[Plane, NDArray[np.bool_]]:
-    """Fit a least-squares plane and select its inliers in turn until the inliers do not change.
+    """Alternately fit a least-squares plane and select its inliers, until the inliers do not
+    change.
 
-    This takes at most `rounds` times. Inliers lie within `sigmas` robust standard deviations of the
-    median distance. Return the plane and the mask (n,) of inliers.
+    This is done at most `rounds` times. Inliers lie within `sigmas` robust standard deviations of
+    the median distance. Return the plane and the mask (n,) of inliers.
     """
     plane, inliers = start, np.zeros(len(points), dtype=bool)
     for _ in range(rounds):

@@ -116,7 +116,8 @@ def _unit(vectors: Floats) -> Floats:
 
 
 def _eye_dome_brightness(depth: Floats) -> Floats:
-    """Return each pixel's brightness, down from 1 to 0.35 far behind its neighbours."""
+    """Return each pixel's brightness, from 1 down to 0.35 for pixels far behind their
+    neighbours."""
     finite = np.isfinite(depth)
     if not finite.any():
         return np.ones(depth.shape)

@@ -1,4 +1,4 @@
-"""A generated building with as many rooms of each type as the areas of S3DIS."""
+"""A generated building with the numbers of rooms of each type in the areas of S3DIS."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ class Modeller:
     rng
         Source of all choices, in the order of the calls.
     detail
-        Factor on the number of segments (1: 12 mm segments, 16 to 96 per turn).
+        Factor of the number of segments (1: 12 mm segments, 16 to 96 per turn).
     unit
         Metres per unit of the model, for the tessellation.
     """

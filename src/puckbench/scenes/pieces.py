@@ -112,7 +112,7 @@ def _distinct(surface: Surface) -> tuple[Ints, list[Primitive]]:
 
 
 def _keys(surface: Surface) -> tuple[list[bytes], list[bytes]]:
-    """Return keys that compare shapes of equal size: by frame, and for planes by normal and
+    """Return keys for comparing shapes of equal size: by frame, and for planes by normal and
     offset."""
     frames = surface.frames
     normals = frames[:, :3, 2] / np.linalg.norm(frames[:, :3, 2], axis=1, keepdims=True)

@@ -35,9 +35,10 @@ class Placement:
         "wall": on the floor with its back to a wall. "mounted": on a wall. "floor": anywhere on the
         floor. "ceiling": hanging. "fixed": at `at` without a check of collisions.
     at
-        (x, y) or (x, y, z) instead of a random position; for walls (index, share of its length).
+        (x, y) or (x, y, z) instead of a random position; for walls (index of wall, share of its
+        length).
     turn, turn_range
-        Rotation about z and its random deviation, degrees, if `at` is given.
+        Rotation about z and its random deviation, in degrees, if `at` is given.
     """
 
     maker: Maker

@@ -192,7 +192,8 @@ def grid(
     *,
     closed: tuple[bool, bool] = (False, False),
 ) -> Surface:
-    """Make a surface through a grid of points (m, n, 3), with normals along rows x columns.
+    """Make a surface through a grid of points (m, n, 3), facing the cross product of row and column
+    axes.
 
     `closed` connects the last row (column) to the first.
     """

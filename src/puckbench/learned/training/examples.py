@@ -19,7 +19,7 @@ Voxels = NDArray[np.integer[Any]]
 
 @dataclass(frozen=True)
 class CubeExamples:
-    """Batches of random cubes; a batch depends only on its number and the seed."""
+    """Batches of random cubes, which depend only on the batch number and the seed."""
 
     clouds: Sequence[NDArray[Any]]  # voxels (n, 3)
     cube_size: int = 64  # voxels along an edge

@@ -21,7 +21,6 @@ def pot(cad: Modeller, radius: float, height: float) -> Surface:
 
 
 def leaf(cad: Modeller, length: float, width: float, droop: float) -> Surface:
-    """Make a pointed leaf along +x, which rises and then droops."""
     steps = max(5, round(9 * cad.detail))
     t = np.linspace(0, 1, steps)
     half = width / 2 * np.sin(np.pi * t**0.8) ** 0.9 + width * 0.02

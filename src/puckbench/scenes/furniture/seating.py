@@ -111,7 +111,6 @@ def stool(cad: Modeller) -> Item:
 
 
 def sofa(cad: Modeller, seats: int = 2) -> Item:
-    """Make an upholstered sofa, or an armchair for one seat."""
     seat, depth, arm = cad.between(0.58, 0.68), 0.85, 0.17
     width = seats * seat + 2 * arm
     parts = [cad.slab(width - 0.02, depth, 0.2, 0.04).at(z=0.1)]

@@ -1,1 +1,1 @@
-"""Parametric objects: the function of a class makes an item from a modeller and a member number."""
+"""Parametric objects: each class has a function, which makes the item with a member number."""

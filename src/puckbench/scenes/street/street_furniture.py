@@ -81,7 +81,6 @@ def cabinet(cad: Modeller) -> Item:
 
 
 def shelter(cad: Modeller) -> Item:
-    """Make a bus shelter with a bench, open to the road."""
     length, depth = SHELTER
     y, x = depth / 2 - 0.1, length / 2 - 0.15
     panes = [cad.box(length - 0.4, 0.03, 1.9).at(y=y, z=0.3)]
