@@ -11,7 +11,7 @@ _INDENT = "  "
 
 
 def text_of(answer: Mapping[str, Any]) -> str:
-    """Return a line with name and value for each value, or a table below its name."""
+    """Format an answer as text: a line for each value, and each table below its name."""
     plain = {name: value for name, value in answer.items() if not _rows(value)}
     width = max(map(len, plain), default=0)
     lines = []
@@ -24,7 +24,7 @@ def text_of(answer: Mapping[str, Any]) -> str:
 
 
 def table(rows: Sequence[Sequence[str]]) -> list[str]:
-    """Return rows, of which the first is the heading, as lines with a wrapped last column."""
+    """Format rows as lines; the first row is the heading, the last column is wrapped."""
     from rich import box
     from rich.console import Console
     from rich.table import Table

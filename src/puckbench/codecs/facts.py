@@ -134,7 +134,7 @@ class CodecFacts:
         return ""
 
     def weights_files(self) -> list[Path]:
-        """Return the files of the weights; InputError if they are missing."""
+        """Return the files of the weights; raise InputError if they are missing."""
         return []
 
     def rates_of(self, frame: CoordinateFrame | None) -> Mapping[str, Parameters]:

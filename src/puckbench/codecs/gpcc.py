@@ -43,7 +43,7 @@ LOSSLESS_STEP_M = 0.002
 
 
 class UnitOptions(Model):
-    """Option of codecs whose rates are factors for coordinates in steps of the input's grid."""
+    """Option `unit`: the step of the input's grid, which a rate with scale 1 keeps."""
 
     unit: float | None = Field(
         None,
@@ -140,7 +140,7 @@ class GridCodec(Codec):
 
 
 class OnGrid(NamedTuple):
-    """Positions (n, 3) on the grid of the points (positions + origin) / scale, and their sensor."""
+    """Integers (n, 3) for points at (positions + origin) / scale, and the points' sensor."""
 
     positions: Ints
     origin: Ints
@@ -181,11 +181,11 @@ class OwnCodec(GridCodec):
 
     @abstractmethod
     def _stream(self, points: OnGrid, parameters: Parameters) -> bytes:
-        """Encode points on the grid as a bare stream of the standard."""
+        """Encode points on the grid as a stream of the standard, without wrapper."""
 
 
 def scale_of(parameters: Parameters) -> float:
-    """Return the factor by which a rate multiplies coordinates, in units of the grid."""
+    """Return the factor by which a rate multiplies coordinates, by default 1."""
     return float(parameters.get("scale", 1.0))
 
 

@@ -11,11 +11,10 @@ from puckbench.storage.packets import check_whole_packets, decode_packets, encod
 
 
 class PacketsCodec(ReturnsCodec):
-    """Lossless codec of data packets from a VLP-16, Puck Hi-Res or HDL-32E; a subclass compresses
-    bytes.
+    """Lossless codec of data packets from a VLP-16, Puck Hi-Res or HDL-32E.
 
-    Packets contain reflectivities and times. Virtual scans are refused: without reflectivities,
-    their packets would be smaller than any sensor's.
+    A subclass provides the compression. Packets contain reflectivities and times. Virtual scans are
+    refused: without reflectivities, their packets would be smaller than any sensor's.
     """
 
     metric_rates = lengths(2)
@@ -28,7 +27,7 @@ class PacketsCodec(ReturnsCodec):
 
     @abstractmethod
     def _unpacked(self, stream: bytes, most: int) -> bytes:
-        """Invert `_packed`; raise InputError if it is damaged or has more than `most` bytes."""
+        """Decompress a stream; raise InputError if it is damaged or exceeds `most` bytes."""
 
     @property
     def _framing(self) -> Framing:

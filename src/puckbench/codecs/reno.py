@@ -71,7 +71,7 @@ class Reno(Learned["RenoWeights"]):
         self._decode(self._encode(corner, {"step_m": 1.024}))
 
     def most_extent(self, rate: str) -> float:
-        """Return the largest extent of a cloud, less the offset of the authors' grid."""
+        """Return the largest extent that a cloud may have, less the offset of the authors' grid."""
         return super().most_extent(rate) - 2 * _OFFSET * _MM
 
     def _where(self) -> str:

@@ -17,9 +17,10 @@ def step_in_quanta(returns: Returns, parameters: Parameters) -> int:
 
 
 class ReturnsCodec(Codec):
-    """A codec of returns; decoded points are computed from the decoded returns, or estimated.
+    """Base class of codecs that encode the returns of a spinning sensor.
 
-    A subclass has `metric_rates` and implements `_encode_returns` and `_decode_returns`.
+    Decoded points are computed from the decoded returns, or estimated. A subclass has
+    `metric_rates` and implements `_encode_returns` and `_decode_returns`.
     """
 
     takes: ClassVar[Takes] = "returns"

@@ -17,7 +17,7 @@ _INSTALLED = {"site-packages", "dist-packages"}
 
 
 def reached_files(*files: Path, is_left_out: Callable[[Path], bool] | None = None) -> set[Path]:
-    """Return Python files and all files that they import, except those where `is_left_out`."""
+    """Return Python files and all their imports, except those for which `is_left_out` is true."""
     reached: set[Path] = set()
     queue = list(files)
     while queue:

@@ -20,7 +20,7 @@ _LOG = logging.getLogger(__name__)
 
 
 class FileSet(DataSet):
-    """A data set with one file for each scene.
+    """Base class of data sets in which each scene is one of the user's files.
 
     Scenes are grouped by folder and have the names of their files, with folders and suffixes if
     names are equal.

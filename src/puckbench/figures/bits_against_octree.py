@@ -99,7 +99,9 @@ def draw_bits_against_octree(
 
 
 def compared_datasets(metrics: pd.DataFrame, clouds: pd.DataFrame) -> set[str]:
-    """Return data sets with the octree coder and another codec, the first for each error model."""
+    """Return the data sets with results of the octree coder and another codec; of those that differ
+    only in the error model, return only the first.
+    """
     other_rows = metrics[metrics["codec"] != OCTREE]
     datasets = set(metrics[metrics["codec"] == OCTREE]["dataset"]) & set(other_rows["dataset"])
     compared = clouds[clouds["dataset"].isin(datasets)]

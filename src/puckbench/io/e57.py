@@ -25,7 +25,7 @@ _MAX_LIST_LENGTH = 120
 
 
 def read_e57(path: Path) -> Columns:
-    """Read the points of all scans in one coordinate frame, by the scans' poses.
+    """Read the points of all scans, transformed by the scans' poses into one frame.
 
     Invalid points are NaN; the column ``scan`` numbers several scans.
     """

@@ -1,4 +1,4 @@
-"""EVD files of BlenSor: blocks of returns, after which a block has the count -1."""
+"""EVD files of BlenSor: blocks of returns, ended by a block with the count -1."""
 
 from __future__ import annotations
 

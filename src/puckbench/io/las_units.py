@@ -19,7 +19,7 @@ _DOUBLES = 34736
 
 @dataclass(frozen=True)
 class Units:
-    """Units in metres of x and y (horizontal) and z, None if unknown, or degrees for x and y."""
+    """Units of x, y (horizontal) and z in metres, None if unknown; x and y may be in degrees."""
 
     horizontal: float | None = None
     vertical: float | None = None
@@ -86,7 +86,7 @@ def _unit(code: int | None, size: float | None = None) -> float | None:
 
 
 def _metres(factor: float) -> float | None:
-    """Return a unit's length, exact for a rounded foot, or None if it is impossible."""
+    """Return a unit's length, with the exact value for a rounded foot; None if impossible."""
     if not 0 < factor < math.inf:
         return None
     exact = (METRE, FOOT, US_SURVEY_FOOT)

@@ -1,6 +1,7 @@
 """PCD files of the Point Cloud Library.
 
-pypcd4 accepts truncated files, and runs out of memory on damaged headers.
+This module parses files itself, because pypcd4 accepts truncated files, and runs out of memory on
+damaged headers.
 """
 
 from __future__ import annotations

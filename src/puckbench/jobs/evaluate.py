@@ -40,9 +40,9 @@ _KEPT = (
 class Originals:
     """The original clouds and surfaces with which decoded clouds are compared, read once.
 
-    `truth` is the true surface: a mesh or captured room in metres, or a cloud in the frame of
-    `cloud`. `visible` contains the true point of each point of `cloud`, `clean` the clean scan
-    along the same rays.
+    `truth` is the true surface: a mesh or captured room in metres, or a cloud in the coordinate
+    frame of `cloud`. `visible` contains the true point of each point of `cloud`, `clean` the clean
+    scan along the same rays.
     """
 
     def __init__(

@@ -17,9 +17,9 @@ def geometry_metrics(
 ) -> dict[str, float]:
     """Return all geometry metrics: in the reference's units, as PSNRs, and in metres.
 
-    If rounding explains all errors, they are set to 0, and the entry ``lossless`` is true. The peak
-    of the D1 and D2 PSNRs is in the reference's units, by default `PointCloud.peak`. D2 needs the
-    reference's normals.
+    If rounding explains all errors, they are set to 0, and the entry ``lossless`` marks this. The
+    peak of the D1 and D2 PSNRs is in the reference's units, by default `PointCloud.peak`. D2 needs
+    the reference's normals.
     """
     from puckbench.metrics.geometry import ReferenceCloud, distortion
     from puckbench.metrics.lossless import without_rounding

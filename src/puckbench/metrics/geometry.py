@@ -87,7 +87,7 @@ def distortion(
     reference
         The original cloud (A), or a `ReferenceCloud` to save time in several comparisons.
     decoded
-        The decoded cloud (B), (m, 3), in the coordinates of A.
+        The decoded cloud (B), (m, 3), in the coordinate frame of A.
 
     Returns
     -------

@@ -9,7 +9,8 @@ A metric is a function with its registration above it::
         return {"centroid_m": float(np.linalg.norm(offset)) / reference.about["scale"]}
 
 Each key of the returned dictionary becomes a column of the results, so its name should end in its
-unit. Both clouds have the same coordinates, with ``reference.about["scale"]`` units per metre.
+unit. Both clouds are in the same coordinate frame, with ``reference.about["scale"]`` units per
+metre.
 """
 
 from __future__ import annotations

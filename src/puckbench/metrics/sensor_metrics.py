@@ -69,8 +69,7 @@ def entropy_bits(noise: Floats, groups: NDArray[np.integer], step: float) -> flo
     (1955): a lower bound for lossless coding.
 
     The mean noise of each group, a laser in a turn, is subtracted, because a codec can learn it;
-    `groups` (n,) are numbers.
-    """
+    `groups` (n,) contains the group of each value."""
     means = np.bincount(groups, noise) / np.maximum(np.bincount(groups), 1)
     counts = np.unique(np.rint((noise - means[groups]) / step), return_counts=True)[1]
     if len(counts) < 2:

@@ -80,8 +80,8 @@ def decode_laz(stream: bytes) -> Floats:
 
 
 def _checked_header(stream: bytes, begin: int, vlr: bytes) -> tuple[int, Floats]:
-    """Return number of points and scales (3,) from a header, which must be as `_las` makes it, with
-    points from byte `begin` and the compression record `vlr`.
+    """Check that a header is as `_las` writes it, with points from byte `begin` and the compression
+    record `vlr`; return the number of points and the scales (3,).
     """
     if len(stream) < begin + _CHUNKS_AT.size:
         raise InputError("the stream is truncated")

@@ -159,7 +159,7 @@ class _Scene:
             raise InputError("its scene is too large for a file of this size")
 
     def _rows(self, source: dict[str, Any], component: str, shape: tuple[int, ...]) -> NDArray[Any]:
-        """Return an array in a buffer view; ValueError or TypeError if it exceeds the view."""
+        """Return an array in a buffer view; raise ValueError or TypeError if it is too large."""
         view = self.tree["bufferViews"][source["bufferView"]]
         if view.get("buffer", 0) != 0:
             raise InputError("its buffers are not within it")
