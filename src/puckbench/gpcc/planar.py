@@ -170,9 +170,9 @@ def _code_planar_mode(
     planar_mode: int,
     plane_pos_bits: int,
 ) -> int:
-    """Encode or decode whether a node is planar along an axis.
+    """Encode or decode whether a node is planar along an axis, and its plane.
 
-    Return the index of its plane, or -1 if it is not.
+    Return the index of the plane, or -1 if the node is not planar.
     """
     row, position, far_ctx, last_plane = 0, 0, 0, -1
     if state.buffered:

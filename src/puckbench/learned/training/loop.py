@@ -25,7 +25,7 @@ L = TypeVar("L")
 
 
 class OtherTrainingError(InputError):
-    """Raised if a checkpoint belongs to another training than the one to resume."""
+    """Raised if a checkpoint belongs to another training."""
 
 
 class BaseTrainer(ABC, Generic[M, L]):

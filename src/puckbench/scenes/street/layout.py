@@ -57,7 +57,7 @@ def make_street(name: str, seed: int, length: float) -> Mesh:
 
 
 def street_origin() -> tuple[float, float, float]:
-    """Return a sensor position halfway along the street, above the lane towards +x."""
+    """Return a sensor position halfway along the street, above the lane that leads to +x."""
     return (0.0, -LANE / 2, SENSOR_HEIGHT + road_height(LANE / 2))
 
 
