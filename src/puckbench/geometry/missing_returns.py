@@ -15,7 +15,7 @@ _POSITION_M = 1e-4
 _NEAR_POSITION_M = 0.05
 """A car moves less between two columns that each have several firings without a return."""
 _MAX_MOTION_M = 4.0
-"""In one frame: 80 m/s at 20 frames a second."""
+"""Largest motion in one frame: 80 m/s at 20 frames a second."""
 _MIN_RANGE_M = 0.2
 """Shortest range that any spinning LiDAR measures."""
 

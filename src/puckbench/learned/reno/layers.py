@@ -27,7 +27,7 @@ _BLOCK_ROWS = 128
 """Rows whose sums fit the first-level cache."""
 _ZERO = np.float32(0)
 _SPREAD = float(2**CDF_BITS - VALUES)
-"""Total frequency after each value has got one."""
+"""Total frequency that is left after each value has a frequency of one."""
 _LEAST_EXPONENT = 64
 _POWERS = 2.0 ** np.arange(-_LEAST_EXPONENT, 1)
 _TERMS = np.array([1 / math.factorial(n) for n in range(13, -1, -1)])

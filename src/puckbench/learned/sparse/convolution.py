@@ -21,11 +21,11 @@ from puckbench.learned.sparse.thread_pool import Scratch, ThreadPool
 from puckbench.learned.sparse.voxels import CENTRE, OFFSETS, NeighbourTable
 
 _CHUNK_FLOATS = 2**20
-"""Gathered features of a chunk, about: larger chunks leave the caches of small machines, smaller
+"""Approximate number of gathered features of a chunk: larger chunks leave the caches of small machines, smaller
 ones spend more time in Python, which two threads cannot share."""
 _MIN_ROWS, _MAX_ROWS = 64, 4096
 _DEVICE_CHUNK_FLOATS, _DEVICE_ROWS = 2**26, 2**20
-"""Of another device, where starting a computation takes longer than computing a small chunk."""
+"""The same for another device, where starting a computation takes longer than a small chunk."""
 
 Matrices = tuple[Tensor, ...]
 """For each offset between rows the matrix (count * channels read, count * channels written)."""

@@ -28,7 +28,7 @@ AXIS_BITS = 20
 OFFSETS = 27
 """Neighbours within one voxel, itself among them: ``(dx + 1) + 3 (dy + 1) + 9 (dz + 1)``."""
 FACES = (12, 14, 10, 16, 4, 22)
-"""Those that share a face: to and fro along x, y and z."""
+"""Offsets of the neighbours that share a face, in both directions along x, y and z."""
 CENTRE = 13
 CHILDREN = 8
 
