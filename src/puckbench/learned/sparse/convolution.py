@@ -21,8 +21,8 @@ from puckbench.learned.sparse.thread_pool import Scratch, ThreadPool
 from puckbench.learned.sparse.voxels import CENTRE, OFFSETS, NeighbourTable
 
 _CHUNK_FLOATS = 2**20
-"""Approximate number of gathered features of a chunk: larger chunks leave the caches of small machines, smaller
-ones spend more time in Python, which two threads cannot share."""
+"""Approximate number of gathered features of a chunk: larger chunks leave the caches of small
+machines, smaller ones spend more time in Python, which two threads cannot share."""
 _MIN_ROWS, _MAX_ROWS = 64, 4096
 _DEVICE_CHUNK_FLOATS, _DEVICE_ROWS = 2**26, 2**20
 """The same for another device, where starting a computation takes longer than a small chunk."""
