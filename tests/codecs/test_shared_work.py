@@ -71,4 +71,4 @@ def test_a_codec_without_shared_work_is_one_with_an_encode_alone() -> None:
     codec, cloud = Plain("plain"), PointCloud(POINTS)
     assert codec.shared_work() is None
     stream = measured_encoding(codec, cloud, "r1", shared=codec.shared_work()).result
-    assert stream == codec.encode(POINTS, "r1", SharedWork()) == POINTS.sum().tobytes() + b"1"
+    assert stream == codec.encode(POINTS, "r1", SharedSum()) == POINTS.sum().tobytes() + b"1"

@@ -30,7 +30,7 @@ def _bytes(data: bytes) -> Callable[[Path], object]:
 ODD: dict[str, tuple[Callable[[Path], object], str]] = {
     "cut.ply": (_bytes(_HEADER % 9 + b"end_header\n" + bytes(50)), "not a readable PLY"),
     "empty.xyz": (_bytes(b""), "the cloud is empty"),
-    "far.npy": (_array([[0, 0, 0], [1e300, 0, 0]]), "no lengths"),
+    "far.npy": (_array([[0, 0, 0], [1e300, 0, 0]]), "cannot be metres"),
     "flat.obj": (_bytes(b"v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n"), "zero area"),
     "gone.npy": (lambda path: path.symlink_to("nowhere.npy"), "no such file"),
     "nan.npy": (_array([[0, 0, np.nan], [1, 1, 1]]), "not finite"),

@@ -43,14 +43,16 @@ def edit(bench: Bench, module: str, old: str, new: str) -> None:
 
 def test_a_copy_of_the_sources_and_other_help_texts_re_make_nothing(copied: Bench) -> None:
     assert copied.planned() == {}
-    edit(copied, "cli/__init__.py", "code a cloud with a codec at a rate", "encode a cloud")
+    edit(copied, "cli/registry.py", "code a cloud with a codec at a rate", "encode a cloud")
     edit(copied, "cli/scan.py", "metres", "in metres")
     edit(copied, "codecs/draco.py", '"""', '"""In other words: ')
     assert copied.planned() == {}
 
 
 def test_a_new_registration_makes_what_it_registers(copied: Bench) -> None:
-    (copied.snakefile.parents[1] / "src" / "puckbench" / "metrics" / "streams.py").write_text(TABLE)
+    (
+        copied.snakefile.parents[1] / "src" / "puckbench" / "metrics" / "tables" / "streams.py"
+    ).write_text(TABLE)
     assert copied.planned() == {"streams": 1, "report_page": 1}
 
 

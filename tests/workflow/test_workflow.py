@@ -186,7 +186,8 @@ def test_one_codecs_code_re_runs_its_curves_alone(restored: Bench) -> None:
     truth = {"truth_rd", "truth_rd_point", "truth_rd_hausdorff"}
     drawn = {*(f"fig_6_{n}" for n in range(5, 10)), *truth, "spread", "beside_thesis", "elongation"}
     drawn.add("report_page")
-    tables = {"bd_rate", "bd_rate_clouds", "claims", "thesis_medians", "machines", "summary"}
+    tables = {"bd_rate", "bd_rate_clouds", "claims", "machines", "rates", "summary"}
+    tables.add("thesis_medians")
     first = {"first_look"} & set(jobs)  # of the first codec alone
     assert set(jobs) == {"metrics_table", *tables, *drawn, *first}
 
@@ -382,7 +383,8 @@ def test_a_failed_run_says_at_its_end_what_failed(fresh: Bench) -> None:
     done = fresh.snakemake(row, "--quiet", "rules", "host", "reason")
     assert done.returncode == 1
     log = "results/logs/coded/objects/chair_01/raw_grid.log"
-    assert f"puckbench: no pens ({log})" in done.stderr.splitlines()
+    job = "codec raw_grid, cloud objects/chair_01"
+    assert f"puckbench: {job}: rate r1: no pens; log: {log}" in done.stderr.splitlines()
 
 
 def test_results_that_cannot_be_written_end_in_one_line(fresh: Bench) -> None:

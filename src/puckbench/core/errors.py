@@ -28,7 +28,10 @@ def naming(what: object) -> Iterator[None]:
     except InputError as error:
         if str(error).startswith(f"{what}: "):
             raise
-        raise InputError(f"{what}: {error}") from error
+        named = InputError(f"{what}: {error}")
+        for note in getattr(error, "__notes__", ()):
+            named.add_note(note)
+        raise named from error
 
 
 @contextmanager

@@ -35,7 +35,8 @@ def main(words: Sequence[str]) -> int:
     try:
         run_job(name, read_json(Path(record)), _files(name, files))
     except InputError as error:
-        print(f"puckbench: {' '.join(str(error).split())}", file=sys.stderr)  # noqa: T201
+        text = ": ".join([*getattr(error, "__notes__", ()), *str(error).splitlines()])
+        print(f"puckbench: {' '.join(text.split())}", file=sys.stderr)  # noqa: T201
         return 2
     except Exception as error:  # noqa: BLE001 (of a user's plug-in, say)
         traceback.print_exc()

@@ -49,7 +49,7 @@ def failure_of(log: Path, logs: Path) -> Failure | None:
     if kind in _CURVES and len(names) >= 3:
         dataset, cloud, codec, *part = names
         what = ", ".join([f"codec {codec}", f"cloud {dataset}/{cloud}", *part])
-        reason = reason.removeprefix(f"codec {codec}: ")
+        reason = _without_names(reason, "/".join([dataset, cloud, codec]), codec)
     else:
         if kind == "clouds" and len(names) == 2:
             dataset, cloud = names
@@ -84,6 +84,12 @@ def failure_lines(failures: list[Failure]) -> Iterator[str]:
         yield f"{PREFIX}{first}{more}"
     if len(groups) > _MAX_LINES:
         yield f"{PREFIX}{len(groups) - _MAX_LINES} more errors, in the logs"
+
+
+def _without_names(reason: str, curve: str, codec: str) -> str:
+    """Leave out the file of the curve and the codec, which `Failure.what` names."""
+    reason = re.sub(rf"\S*coded/{re.escape(curve)}\.zip: ", "", reason, count=1)
+    return reason.replace(f"codec {codec}: ", "", 1)
 
 
 def _reason(log: Path) -> str | None:
