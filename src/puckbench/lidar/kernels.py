@@ -1,6 +1,7 @@
-"""Compiled loops of a scan.
+"""Compiled loops of a virtual scan, which write their results to arrays of the caller.
 
-Rays are ordered by frames, steps and lasers, also in flat arrays (n,) and in the scan table.
+Rays are ordered by frame, azimuth step and laser. This order also applies to flat arrays (n,) and
+to the rows of the scan table.
 """
 
 from __future__ import annotations
@@ -21,7 +22,10 @@ _LEAST_COSINE = 1e-9
 def fill_planes(
     vertices: Floats, triangles: NDArray[np.int64], origin: Floats, planes: Floats
 ) -> None:
-    """Fill `planes` (t, 4) with unit normals and distances from `origin`; 0 if degenerate."""
+    """Write unit normals of triangles and distances from `origin` to `planes` (t, 4).
+
+    They are 0 for a degenerate triangle.
+    """
     for t in range(len(triangles)):
         a, b, c = vertices[triangles[t, 0]], vertices[triangles[t, 1]], vertices[triangles[t, 2]]
         x1, y1, z1 = b[0] - a[0], b[1] - a[1], b[2] - a[2]
@@ -42,10 +46,11 @@ def fill_directions(
     directions: Floats,
     rays: NDArray[np.float32],
 ) -> None:
-    """Fill world directions (n, 3) of rays; `yaw` and `pitch` are sines and cosines.
+    """Compute world directions of rays, and write them to `directions` (n, 3).
 
-    These are (frames, steps, lasers), and `rotations` (frames, steps, 3, 3) from the sensor to the
-    world. The last columns of `rays` (n, 6) receive the directions for Embree.
+    `yaw` and `pitch` are each the sines and the cosines of the rays' angles, (frames, steps,
+    lasers). `rotations` (frames, steps, 3, 3) map from the sensor to the world. The last three
+    columns of `rays` (n, 6) receive the directions for Embree.
     """
     frames, steps, lasers = yaw[0].shape
     ray = 0
@@ -74,11 +79,12 @@ def fill_distances(
     distances: Floats,
     cosines: Floats,
 ) -> None:
-    """Fill exact distances and cosines of incidence angles (n,); inf and nan for a miss.
+    """Compute exact distances and cosines of incidence angles of rays (n,); inf and nan for a miss.
 
-    `nearest` and `triangles` (n,) are Embree's distances (inf for a miss) and triangles. `starts`
-    (steps, 3) are the rays' origins relative to that of `planes`, and `limits` the shortest and
-    longest range. A ray parallel to its plane keeps Embree's distance.
+    `nearest` and `triangles` (n,) are the distances (inf for a miss) and triangles from Embree, and
+    `planes` (t, 4) those of `fill_planes`. `starts` (steps, 3) are the rays' origins relative to
+    that of `planes`, and `limits` the shortest and longest range. A ray parallel to its plane keeps
+    the distance from Embree.
     """
     per_step = len(directions) // len(starts)
     for ray in range(len(directions)):
@@ -104,9 +110,10 @@ def fill_rays(
     start: int,
     out: tuple[Any, ...],
 ) -> int:
-    """Write columns of the rays selected by `rows` (frames, steps, lasers), from row `start` on.
+    """Write frame, laser, time and angles of the rays that `rows` (frames, steps, lasers) selects.
 
-    `nominal` is timestamp, yaw and pitch of all rays. Returns the row after the last one.
+    `nominal` has the timestamp, yaw and pitch of all rays. The columns `out` are written from row
+    `start` on. Returns the row after the last written one.
     """
     frame, laser, timestamp, yaw, pitch = out
     row = start
@@ -132,7 +139,10 @@ def fill_points(
     start: int,
     out: tuple[Any, ...],
 ) -> None:
-    """Write distances and points of the rays selected by `rows` (n,), from row `start` on."""
+    """Write distances and points of the rays that `rows` (n,) selects to the columns `out`.
+
+    Writing begins at row `start`.
+    """
     distance, x, y, z = out
     per_step = len(rows) // len(origins)
     row = start
@@ -154,10 +164,10 @@ def fill_surface(
     start: int,
     out: tuple[Any, ...],
 ) -> None:
-    """Write incidence, triangle, labels and the normal towards the sensor of selected rays.
+    """Write incidence, triangle, labels and normal (towards the sensor) of selected rays to `out`.
 
-    `hits` are directions (n, 3), triangles and incidence (n,); `surface` is planes (t, 4), object
-    and primitive of each triangle.
+    `rows` (n,) selects the rays. `hits` are the directions (n, 3), triangles (n,) and incidence
+    (n,) of all rays. `surface` has the plane (t, 4), object and primitive of each triangle.
     """
     incidence, triangle, object_id, primitive_id, nx, ny, nz = out
     row = start
@@ -179,11 +189,11 @@ def fill_surface(
 def fill_echoes(
     apart: Floats, gap: float, choice: int, distance: Floats, middle: NDArray[np.int64]
 ) -> None:
-    """Fill each beam's echo: its mean distance (inf for none), and the ray nearest to that.
+    """Compute each beam's echo: its mean distance (inf for none), and the ray nearest to that.
 
-    `apart` (beams, rays) are the distances of rays, m, inf for a miss. Successive distances that
-    differ by at most `gap` belong to one echo. `choice` selects the first echo (0), that of most
-    rays (1), the last (2), or all rays as one echo (3).
+    `apart` (beams, rays) are the distances of the rays, m, inf for a miss. After sorting, a
+    distance that exceeds the one before by more than `gap` begins a new echo. `choice` selects the
+    first echo (0), the echo with the most rays (1), the last echo (2), or all rays as one echo (3).
     """
     beams, rays = apart.shape
     for beam in range(beams):

@@ -1,8 +1,12 @@
-"""Segmentation of a range image into planes: pieces of rows are merged while one plane fits them.
+"""Segmentation of a range image into planes.
 
-A return at range r of a beam with origin o and direction d is the point p = r d + o. If p is on the
-plane m . p = 1, then r = (r p) . m, which is linear in m. A least squares fit needs 11 sums over
-the returns of a set, which are added when sets are merged.
+Each row of the image is cut into short pieces. Neighbouring sets of pieces are merged while one
+plane fits the returns of both.
+
+A return at range r of a beam with origin o and direction d is the point p = r d + o. A plane is the
+set of points p with m . p = 1. Multiplied by r, this equation becomes r = (r p) . m, which is
+linear in m. A least squares fit of m needs 11 sums over the returns of a set; the sums of merged
+sets are added.
 
 References
 ----------
@@ -49,10 +53,10 @@ _loop = partial(compiled_in_place, error_model="numpy")
 
 
 class RangeRows(NamedTuple):
-    """A range image and the rows of the least squares equations; lasers from lowest to highest.
+    """A range image and its equations ``range = row . m`` of planes; lasers from lowest to highest.
 
-    `ranges` (lasers, columns), m, are 0 for no return; `rows` (lasers, columns, 3) are range times
-    point.
+    `ranges` (lasers, columns), m, are 0 for no return; each of `rows` (lasers, columns, 3) is a
+    range times its point.
     """
 
     ranges: Floats
@@ -60,7 +64,7 @@ class RangeRows(NamedTuple):
 
 
 class LabelledPlanes(NamedTuple):
-    """Number of each return's plane (lasers, columns), -1 for none, and the vectors m (n, 3)."""
+    """The plane number of each return (lasers, columns), -1 for none, and each plane's m (n, 3)."""
 
     labels: Labels
     vectors: Floats
@@ -71,9 +75,10 @@ def fitted_planes(
 ) -> LabelledPlanes:
     """Assign each return to a plane, and fit the planes.
 
-    Columns are `column` rad apart; in a full turn (`closes`) the last is next to the first. `std`
-    is the standard deviation of a range, m. The mean squared distance of two merged sets may exceed
-    that due to noise by `tolerance` variances.
+    Adjacent columns are `column` rad apart. In a full turn, `closes` is True, and the last column
+    is next to the first. `std` is the standard deviation of a range, m. Two sets are merged if this
+    increases the mean squared distance from the plane by at most about `tolerance` times the noise
+    variance.
     """
     ranges, rows = image
     variance = std * std
@@ -119,9 +124,9 @@ def _add(sums: Floats, row: Floats, target: float, weight: float) -> None:
 
 @inlined
 def _solve(sums: Floats, variance: float, plane: Floats) -> float:
-    """Fit the plane of a set by Cholesky's method, and return the sum of squared range errors.
+    """Fit a plane by Cholesky's method, write it to `plane`, and return the sum of squared errors.
 
-    A ridge keeps undetermined slopes near zero.
+    A small term on the diagonal (ridge) keeps slopes near zero that the returns do not determine.
     """
     ridge = variance * sums[10] / max(sums[0], 1.0) / (_SLOPE * _SLOPE)
     ridge += 1e-12 * (sums[1] + sums[4] + sums[6])
@@ -158,7 +163,10 @@ def _cut(
     scratch: tuple[Floats, Floats],
     places: Places,
 ) -> int:
-    """Cut rows into pieces at jumps, and where two lines fit far better; return their number."""
+    """Cut rows into pieces and return their number; write the piece of each return to `labels`.
+
+    A piece ends at a jump of the range, or where two lines fit its returns far better than one.
+    """
     count = 0
     for laser in range(ranges.shape[0]):
         start = 0
@@ -178,7 +186,7 @@ def _cut(
 
 @inlined
 def _reached(ranges: Floats, start: int, column: float, std: float, places: Places) -> int:
-    """List in `places` the columns from `start` to the next jump or gap; return their number."""
+    """Write the columns from `start` to the next jump or gap to `places`; return their number."""
     places[0] = before = start
     length, at = 1, start + 1
     while at < len(ranges) and length < _LONGEST_PIECE and at - before < _GAP:
@@ -202,7 +210,11 @@ def _first_part(
     scratch: tuple[Floats, Floats],
     places: Places,
 ) -> int:
-    """Return the length of the first of two lines if two fit far better than one, else `length`."""
+    """Return how many of the listed returns form the first piece.
+
+    If two lines fit the returns far better than one, the piece ends with the first line; otherwise
+    it has all `length` returns.
+    """
     both, plane = scratch
     first, second = both[0], both[1]
     second[:] = 0
@@ -332,7 +344,7 @@ def _fit(
     variance: float,
     weighted: bool,
 ) -> None:
-    """Fit a plane to each set; if `weighted`, returns far from the previous plane count less."""
+    """Fit a plane to each set; if `weighted`, returns far from its current plane count less."""
     sums[:] = 0
     for laser in range(labels.shape[0]):
         for column in range(labels.shape[1]):
@@ -373,7 +385,10 @@ def _move_borders(
 
 @inlined
 def _last_of(labels: Labels, start: int, step: int) -> int:
-    """Return the last column of the plane in direction `step`, after at most `_BORDER` returns."""
+    """Return the last column that has the label of column `start`, in the direction `step`.
+
+    The search stops at another label, or after `_BORDER` returns.
+    """
     last, count, at = start, 0, start
     while 0 <= at < len(labels) and count < _BORDER:
         if labels[at] == labels[start]:

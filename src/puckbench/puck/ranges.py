@@ -2,11 +2,13 @@
 
 Firings are coded column by column, and within a column from the lowest laser to the highest.
 Adaptive least squares predict a range, which is coded as binary decisions around the prediction.
-Lossy coding quantises a range to the nearest multiple of the step, or to the next one if lambda
-times the saved rate exceeds the increase of the squared error.
+Lossy coding quantises a range to the nearest multiple of the step. It uses the adjacent multiple
+towards the prediction instead if lambda times the saved rate exceeds the increase of the squared
+error.
 
-In the loops, c is the row of a column, t the row of the nearest column of the previous turn (0:
-none), west the same laser one column earlier, below and above the neighbouring lasers.
+In the functions, c is the row of the current column, and t that of the nearest column of the
+previous turn (0: none). "West" is the same laser one column earlier; "below" and "above" are the
+neighbouring lasers.
 """
 
 from __future__ import annotations
@@ -55,7 +57,7 @@ _FIRST_ERROR = 3 * FINE
 
 
 class RangeContext(NamedTuple):
-    """Ranges of a turn and values that predict later ranges, (PAD + columns, lasers) each."""
+    """Ranges of a turn and values that predict later ranges; arrays are (PAD + columns, lasers)."""
 
     ranges: Words  # 0 for no return
     smooth: Words  # ranges, in 1 / FINE, moved part of the way to their predictions
@@ -79,7 +81,10 @@ class RangeModel(NamedTuple):
 
 
 class ModelSize(NamedTuple):
-    """Sizes of an effort's models, which use only the first features, experts and contexts."""
+    """Sizes of the models for an effort.
+
+    The models use only the first features, experts and contexts, as many as are stated here.
+    """
 
     features: int
     experts: int
@@ -143,11 +148,12 @@ def _first_scales(experts: int) -> Words:
 def code_ranges(
     model: RangeModel, image: RangeContext, before: RangeContext, nearest: Ints, source: Words
 ) -> bool:
-    """Encode or decode the ranges of a turn; return False if a reader's stream ended too early.
+    """Encode or decode the ranges of a turn; return False if the stream to decode ended too early.
 
-    A writer encodes `source` (PAD + columns, lasers). Rows from PAD on of `image` are filled.
-    `before` is the previous turn followed by PAD empty rows; `nearest` (columns,) is the row in it
-    of the column with the nearest azimuth, or 0.
+    When encoding, `source` (PAD + columns, lasers) has the ranges; when decoding, its values are
+    ignored. Both fill the rows of `image` from PAD on. `before` is the previous turn followed by
+    PAD empty rows. `nearest` (columns,) is the row in `before` of the column with the nearest
+    azimuth, or 0.
     """
     is_unmixed = len(model.experts.every) == 0
     for column in range(PAD, len(image.ranges)):
@@ -253,7 +259,10 @@ def _code_mask_unmixed(
     model: RangeModel, image: RangeContext, before: RangeContext, c: int, laser: int, t: int,
     source: Words,
 ) -> int:  # fmt: skip
-    """With a single adaptive probability, code whether a firing has a return (effort `fast`)."""
+    """Encode or decode whether a firing has a return, by one adaptive probability.
+
+    This is the method of the effort `fast`.
+    """
     ranges, then = image.ranges, before.ranges
     context = _is(ranges, c - 1, laser) + 2 * _is(ranges, c - 2, laser)
     context += 4 * _is(ranges, c - 3, laser)
@@ -290,11 +299,11 @@ def _code_range_unmixed(
 def _predict(
     model: RangeModel, image: RangeContext, before: RangeContext, c: int, laser: int, t: int,
 ) -> tuple[int, int, int, int, int]:  # fmt: skip
-    """Predict a range.
+    """Predict a range, and return five values.
 
-    Returns its base, the predicted difference from the base in quarter quanta, the level of recent
-    errors (activity), whether the previous turn has a return there, and the situation, an index of
-    typical errors.
+    They are a base range, the predicted difference from it in quarter quanta, the level of recent
+    errors (activity), 1 if the previous turn has a return at this place or else 0, and the
+    situation. The situation is the index of the experts' scales.
     """
     base = _base(model, image, before, c, laser, t)
     _write_features(model, image, before, c, laser, t, base)
@@ -307,7 +316,7 @@ def _predict(
 
 @inlined
 def _quantise(model: RangeModel, value: int, mean: int, situation: int) -> tuple[int, int, int]:
-    """Return a range in steps, and the centre and unit with which `code_number` codes it."""
+    """Return a range in steps, and the arguments `centre` and `unit` of `code_number` for it."""
     step, lmbda = model.parameters[0], model.parameters[1]
     scale = model.experts.scales[0, situation] >> 8
     index = in_steps(value + (step >> 1), step)
@@ -319,9 +328,9 @@ def _quantise(model: RangeModel, value: int, mean: int, situation: int) -> tuple
 
 @inlined
 def _cheaper_index(value: int, index: int, mean: int, scale: int, step: int, lmbda: int) -> int:
-    """Return the nearest index, or the next towards the prediction if its total cost is lower.
+    """Return `index`, or its neighbour towards the predicted `mean` if that has a lower total cost.
 
-    A step towards the prediction saves about step / scale nats.
+    One step towards the prediction saves about step / scale nats.
     """
     other = index + 1 if FINE * step * index < mean else index - 1
     if other < 1 or abs(FINE * step * other - mean) >= abs(FINE * step * index - mean):
@@ -338,7 +347,10 @@ def _cheaper_index(value: int, index: int, mean: int, scale: int, step: int, lmb
 def _base(
     model: RangeModel, image: RangeContext, before: RangeContext, c: int, laser: int, t: int
 ) -> int:
-    """Return the laser's last range, or that of a neighbour; features are differences from it."""
+    """Return the range from which the features are differences.
+
+    It is the laser's last range, otherwise that of the laser below, or of the previous turn.
+    """
     base = int(model.last[laser])
     if base == 0 and laser > 0:
         base = int(image.ranges[c, laser - 1])
@@ -349,7 +361,10 @@ def _base(
 
 @inlined
 def _change(later: int, earlier: int) -> int:
-    """Return a difference of ranges in quarter quanta; 0 if it is large or a range is missing."""
+    """Return the difference of two ranges, given in quanta, in quarter quanta.
+
+    Return 0 if a range is missing (0), or if they differ by more than 60 quanta.
+    """
     change = 4 * (later - earlier)
     return change if later > 0 and earlier > 0 and abs(change) <= 240 else 0
 
@@ -477,7 +492,7 @@ def _write_contexts(
 
 @inlined
 def _level(value: int, centre: int, unit: int) -> int:
-    """Return the level of a range's difference from the centre, or 9 for no return."""
+    """Return the level (`level_of`) of a range relative to `centre`, or 9 if there is no return."""
     return level_of(value - centre, unit) if value > 0 else 9
 
 

@@ -1,4 +1,8 @@
-"""Lossless compression of recordings: packets, recognised by their content, become turns."""
+"""Lossless compression of recordings, or of any other file.
+
+Data packets are recognised by their content, and the packets of each revolution are encoded as one
+turn. The bytes between packets are compressed by LZMA.
+"""
 
 from __future__ import annotations
 
@@ -76,7 +80,7 @@ class _Counts:
 
 @dataclass(kw_only=True)
 class RecordingSummary(_Counts):
-    """Content of a recording, and its sizes before and after compression, bytes."""
+    """Counts of a recording's content, and its sizes in bytes before and after compression."""
 
     bytes: int = 0
     compressed: int = 0
@@ -125,8 +129,8 @@ def compress(
 ) -> RecordingSummary:
     """Compress any file so that `decompress` restores it bit for bit.
 
-    Packets are compressed as turns, other bytes by LZMA. Lossy options raise InputError. `report`
-    receives the number of processed bytes and that of all bytes.
+    Packets are encoded as turns; all other bytes are compressed by LZMA. Lossy options raise
+    InputError. `report` is called with the number of processed bytes and the size of the file.
     """
     options = options or CodingOptions()
     if options.step != 1 or not options.times or not options.reflectivities:
@@ -153,7 +157,8 @@ def decompress(
 ) -> RecordingSummary:
     """Restore a file that `compress` compressed.
 
-    Unless `trusted`, raise InputError if it is larger than the limit for the stream's size.
+    Unless the stream is `trusted`, raise InputError if the restored file would exceed a limit,
+    which depends on the size of the stream.
     """
     _check_different(path, out)
     try:
@@ -241,9 +246,10 @@ class _PacketEncoder:
     def batches(
         self, data: Bytes, places: NDArray[np.int64], report: Callable[[int], None]
     ) -> Iterator[_Batch]:
-        """Yield three encodings: packets as turns, all bytes by LZMA, all bytes uncompressed.
+        """Yield three encodings of `data`, of which the caller uses the first within the limits.
 
-        Only the last always satisfies the decoder's limits.
+        They encode packets as turns, compress all bytes by LZMA, and store all bytes uncompressed.
+        Only the last encoding always satisfies the limits of the decoder.
         """
         yield self._batch(data, places, report)
         self._turns = None
@@ -287,7 +293,7 @@ class _PacketEncoder:
 
 
 class _RecordingWriter:
-    """Writes the bytes of a restored recording, and inserts the page links of SQLite files."""
+    """Writes the bytes of a restored file, and inserts page links if it is an SQLite file."""
 
     def __init__(self, stream: IO[bytes], limits: _Limits) -> None:
         self._stream, self._limits = stream, limits
@@ -374,7 +380,7 @@ def _all_ranges(source: IO[bytes]) -> int:
 
 
 class _PacketDecoder:
-    """Decodes turns to packets, and stores these until the gaps between them are decoded."""
+    """Decodes turns to packets, and keeps the packets until the bytes between them are decoded."""
 
     def __init__(self) -> None:
         self._kind: PacketKind | None = None

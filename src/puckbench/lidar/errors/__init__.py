@@ -1,4 +1,7 @@
-"""Error models of virtual sensors, each in its file, and the receiver."""
+"""Error models of virtual sensors, one in each module, and the model of the receiver.
+
+An error model changes rays, ranges or points; the receiver decides which returns are lost.
+"""
 
 from puckbench.lidar.errors.model import Draws, ErrorModel, Hits, described
 from puckbench.lidar.errors.receiver import Received, Receiver

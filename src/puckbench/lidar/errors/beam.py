@@ -9,7 +9,7 @@ from puckbench.lidar.sensor import Sensor
 
 
 class BeamOfWidth(Vlp16):
-    """Error model `Vlp16` with beam widths."""
+    """Variant of the error model `Vlp16` with parameters for the width of the beam."""
 
     yaw_width_deg: NonNegativeFloat | None = None
     """Full width of the beam; none: the sensor's divergence."""

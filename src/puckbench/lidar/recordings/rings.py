@@ -1,8 +1,9 @@
-"""Recovery of a sensor's raw returns from frames of points, as data sets provide them.
+"""Recovery of a sensor's raw returns from frames of points, as data sets publish them.
 
-The points of each laser form a ring. The laser's elevation, height, distance from the sensor's
-axis, and angle relative to the rotary encoder are fitted to them (Velodyne HDL-64E S2 User's Manual
-63-HDL64ES2, Appendix F). With these, a point becomes a step of the encoder and a range.
+The points of each laser form a ring. Four parameters of the laser are fitted to its ring: the
+elevation, the height, the distance from the sensor's axis, and the angle relative to the rotary
+encoder (Velodyne HDL-64E S2 User's Manual 63-HDL64ES2, Appendix F). With them, each point is
+converted to a step of the encoder and a range.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ class RecoveredReturns:
     """Returns that were recovered from a frame as one turn.
 
     `rows` (n,) are the indices of the returns among the frame's points, in the order of
-    ``returns.points()``; `xyz` (m, 3) are all points, relative to the moving sensor.
+    ``returns.points()``. `xyz` (m, 3) are all points of the frame, relative to the moving sensor.
     """
 
     returns: Returns
@@ -45,7 +46,7 @@ class RecoveredReturns:
     xyz: Floats
 
     def about(self) -> dict[str, float]:
-        """Return the number of points that are no returns, and how far the others moved, mm."""
+        """Return the number of points left out, and how far recovery moved the others, mm."""
         moved = np.linalg.norm(self.returns.points() - self.xyz[self.rows], axis=1)
         return {
             "points_left_out": len(self.xyz) - len(self.rows),
@@ -56,7 +57,7 @@ class RecoveredReturns:
 
 @dataclass(frozen=True)
 class _Beam:
-    """Tangent of a laser's elevation, its height, and its distance from the axis, m."""
+    """A laser's tangent of elevation, its height, m, and its distance from the sensor's axis, m."""
 
     tangent: float
     height: float
@@ -64,7 +65,7 @@ class _Beam:
 
 
 def split_rings(azimuths: Floats) -> list[NDArray[np.intp]]:
-    """Return the rows of each ring; azimuths (n,), rad, fall where a ring ends."""
+    """Return the rows of each ring; a new ring begins where azimuths (n,), rad, decrease."""
     ends = np.flatnonzero(np.diff(azimuths) < -np.pi) + 1
     return list(np.split(np.arange(len(azimuths)), ends))
 
@@ -75,8 +76,8 @@ def recovered_returns(
     """Recover returns from the points of a frame, and fit the beams of the lasers.
 
     Points (n, 3), m, are in the coordinates of a sensor that rotates counter-clockwise (x right, y
-    forward). `rings` are the rows of each laser; `step_deg`, the encoder's step, is a multiple of
-    0.01.
+    forward). `rings` are the rows of each laser's points; `step_deg`, the encoder's step, is a
+    multiple of 0.01.
     """
     level = np.hypot(xyz[:, 0], xyz[:, 1])
     azimuth = np.mod(np.arctan2(-xyz[:, 0], xyz[:, 1]), 2 * np.pi)
@@ -105,8 +106,8 @@ def recovered_firings(xyz: Floats, sensor: str) -> RecoveredReturns:
     """Recover returns from a frame with all firings of a sensor that rotates clockwise.
 
     Points (columns, lasers, 3), m, are in the sensor's coordinates (x right, y forward) at the end
-    of the turn. The data set's correction for the car's motion is estimated from firings without a
-    return (range 0), and undone.
+    of the turn. The data set corrected them for the car's motion. This motion is estimated from the
+    firings without a return (range 0), and the correction is undone.
     """
     columns, lasers = xyz.shape[:2]
     left = 1 - np.arange(columns) / max(columns - 1, 1)
@@ -136,7 +137,7 @@ def recovered_firings(xyz: Floats, sensor: str) -> RecoveredReturns:
 def _first_place(xyz: Floats, left: Floats) -> Floats:
     """Return the sensor's position (3,) at the first firing; zeros if it cannot be estimated.
 
-    Firings of range 0 reveal it: several lasers of a column then have equal points.
+    Firings of range 0 reveal the position, since several lasers of a column then have equal points.
     """
     same = [np.unique(np.round(column, 4), axis=0, return_counts=True) for column in xyz]
     places = np.array([points[np.argmax(counts)] for points, counts in same])
@@ -176,7 +177,7 @@ def _without_turning(
 
 
 def _fitted_cone(level: Floats, z: Floats) -> tuple[float, float]:
-    """Fit z = level * tangent + height; outliers are removed twice."""
+    """Fit z = level * tangent + height, repeatedly without outliers; return tangent and height."""
     near = np.ones(len(level), bool)
     fit = np.zeros(2)
     for _ in range(3):
@@ -189,9 +190,10 @@ def _fitted_cone(level: Floats, z: Floats) -> tuple[float, float]:
 
 
 def _fitted_offset(level: Floats, azimuth: Floats, step: float) -> tuple[float, float]:
-    """Return a beam's distance from the axis, and its phase (angle modulo the encoder's step).
+    """Return a beam's distance from the axis, and its phase (azimuth modulo the encoder's step).
 
-    The distance maximises the length of the circular mean of all points' phases.
+    The distance is chosen so that the phases of all points agree best: it maximises the length of
+    their circular mean.
     """
     best, width = 0.0, _MOST_SIDEWAYS_M
     turns = azimuth / step
@@ -205,7 +207,7 @@ def _fitted_offset(level: Floats, azimuth: Floats, step: float) -> tuple[float, 
 
 
 def _aligned(places: Sequence[Steps], around: int, step_deg: float) -> list[int]:
-    """Return the steps to shift each ring by, so that all lasers fire at the same steps."""
+    """Return by how many steps to shift each ring, so that all lasers fire at the same steps."""
     most = round(_MOST_TURNED_DEG / step_deg)
     fired = np.zeros(around)
     shifts = [0] * len(places)
@@ -224,7 +226,7 @@ def _aligned(places: Sequence[Steps], around: int, step_deg: float) -> list[int]
 
 @dataclass(frozen=True)
 class _Columns:
-    """Azimuths of columns, of lasers relative to their column, and the direction of rotation."""
+    """Azimuths of columns, azimuths of lasers relative to these, and direction of rotation."""
 
     azimuths_deg: Floats
     turned_deg: Floats

@@ -1,7 +1,8 @@
 """Detection of walls, floors and ceilings in a recording of a sensor at rest.
 
-A plane is a connected patch of range image pixels, whose returns nearly all lie on it. Without a
-limit of incidence, the rings of horizontal lasers would be detected as a floor.
+A plane is detected as a connected patch of range image pixels, nearly all of whose returns lie on
+it. Returns at grazing incidence are excluded; otherwise the rings of horizontal lasers would be
+detected as a floor.
 """
 
 from __future__ import annotations
@@ -113,7 +114,7 @@ class Rejected:
 def find_surfaces(
     table: RecordedReturns, search: PlaneSearch, rng: np.random.Generator
 ) -> tuple[list[DetectedPlane], list[Rejected]]:
-    """Find planes by RANSAC; return accepted planes, largest first, and rejected ones."""
+    """Find planes by RANSAC; return the accepted planes, largest first, and the rejected ones."""
     least = least_returns(table, search)
     view = _View(table.xyz, table["azimuth"], RangeImage.of(table), search, least)
     free = np.ones(len(table), dtype=bool)
@@ -139,7 +140,10 @@ def find_surfaces(
 def surface_of(
     table: RecordedReturns, rows: NDArray[np.intp], start: Plane, kind: str, search: PlaneSearch
 ) -> DetectedPlane:
-    """Fit a plane robustly to `rows`, and select those on it; fewer than 3 rows give none."""
+    """Fit a plane robustly to the returns in `rows`, and select the returns that lie on it.
+
+    With fewer than three returns, none is selected.
+    """
     part = table.select(rows)
     if len(rows) < 3:
         return DetectedPlane(kind, start.facing(np.zeros(3)), rows[:0], 0.0, 0.0)
@@ -206,7 +210,11 @@ class _View:
         return near
 
     def candidate(self, free: Mask, rng: np.random.Generator) -> Plane | None:
-        """Sample planes through three nearby free returns; return the best supported, or None."""
+        """Return the plane with the most returns among samples, or None if it has too few.
+
+        Each sample is a plane through three nearby returns that are `free`: not part of an earlier
+        plane.
+        """
         rows = np.flatnonzero(free)
         if len(rows) < self.least:
             return None
@@ -219,9 +227,11 @@ class _View:
         return Plane(normals[best], float(offsets[best]))
 
     def grown(self, plane: Plane, free: Mask) -> tuple[Plane, Mask]:
-        """Refit a plane and select its largest patch of free returns in turn, until both converge.
+        """Extend a candidate plane to its largest patch; return the refitted plane and the patch.
 
-        Biases are subtracted, since lasers with large biases would lose pixels.
+        Only `free` returns, those not part of an earlier plane, are used. Selection of the patch
+        and refitting alternate until the patch no longer changes. Each laser's bias is subtracted,
+        since a laser with a large bias would lose its pixels.
         """
         patch = np.zeros(self.image.shape, dtype=bool)
         bias = np.zeros(len(patch))
@@ -249,7 +259,10 @@ class _View:
         return np.clip(medians, -self.search.threshold_m, self.search.threshold_m)
 
     def _samples(self, rows: NDArray[np.intp], rng: np.random.Generator) -> tuple[Floats, Floats]:
-        """Return normals (k, 3) and offsets of vertical and horizontal planes through samples."""
+        """Return normals (k, 3) and offsets (k,) of planes through samples of three nearby returns.
+
+        Oblique planes, neither vertical nor horizontal, are left out.
+        """
         order = rows[np.argsort(self.azimuth[rows], kind="stable")]
         span = max(3, int(len(order) * _SAMPLE_SPAN_RAD / math.tau))
         first = rng.integers(len(order), size=_SAMPLES)

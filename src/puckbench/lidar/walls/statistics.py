@@ -1,7 +1,7 @@
 """Ray noise and laser biases in recordings of a sensor at rest.
 
-A deviation is the measured range minus that of the plane along the ray. Ray noise is the spread of
-one laser's deviations in one direction between turns.
+A deviation is the difference between a measured range and the distance to the fitted plane along
+the ray. Ray noise is the spread between turns of one laser's deviations in one direction.
 """
 
 from __future__ import annotations
@@ -28,11 +28,10 @@ _LEAST_RETURNS, _LEAST_COMMON_LASERS = 20, 6
 
 @dataclass(frozen=True)
 class RayNoise:
-    """Spread of deviations between turns, in bins of laser and azimuth.
+    """Standard deviation of deviations between turns, computed in bins of laser and azimuth.
 
-    `median_std_m`, the median of the bins' standard deviations, is too small for Gaussian noise, by
-    17 % with three turns and 4 % with ten. `sigma_m` comes from pooled variances, without this
-    bias.
+    `median_std_m` is the median of the bins' standard deviations. For Gaussian noise it is too
+    small, by 17 % with three turns and 4 % with ten. `sigma_m`, from the pooled variances, is not.
     """
 
     median_std_m: float
@@ -58,7 +57,11 @@ class LaserBias:
 
 @dataclass(frozen=True)
 class Repeatability:
-    """Correlation of the lasers' biases between planes, and root of the mean covariance, m."""
+    """Agreement of the lasers' biases between different planes.
+
+    `correlation` is the mean over `pairs` of planes, and `shared_std_m` the square root of the mean
+    covariance: the standard deviation of the part of the biases that recurs on every plane.
+    """
 
     pairs: int
     correlation: float
@@ -66,7 +69,7 @@ class Repeatability:
 
 
 def range_deviation(residual: Floats, incidence: Floats) -> Floats:
-    """Return measured minus plane range, m, from residuals (positive towards the sensor)."""
+    """Return the measured range minus the plane's, m; residuals are positive towards the sensor."""
     return np.asarray(-residual / np.cos(incidence))
 
 
@@ -80,8 +83,8 @@ def ray_noise(
 ) -> RayNoise | None:
     """Return the spread of deviations (n,) between turns, in bins of laser and azimuth.
 
-    Returns None if no bin has returns in `least_turns` turns, or `step_rad`, the bins' width, is
-    nan.
+    Returns None if no bin has returns in at least `least_turns` turns, or if `step_rad`, the width
+    of the bins, is nan.
     """
     if len(deviation) == 0 or np.isnan(step_rad):
         return None
@@ -122,7 +125,7 @@ def repeatability(biases: Sequence[LaserBias]) -> Repeatability | None:
 
 
 def azimuth_step(table: RecordedReturns) -> float:
-    """Return the median azimuth between two firings of a laser, rad; nan if unknown."""
+    """Return the median azimuth step between firings of a laser, rad, or nan if it is unknown."""
     order = np.lexsort((table["azimuth"], table["laser_id"], table["turn"]))
     laser, turn = table["laser_id"][order], table["turn"][order]
     steps = np.diff(table["azimuth"][order])
@@ -146,7 +149,7 @@ class PlaneStatistics:
 
     @property
     def unevenness_m(self) -> float | None:
-        """Standard deviation of the wall's shape: deviations without biases and ray noise."""
+        """Standard deviation of the wall's shape: deviations less laser biases and ray noise."""
         if self.noise is None or len(self.bias.lasers) == 0:
             return None
         means = np.zeros(int(self.rows["laser_id"].max()) + 1)
