@@ -1,6 +1,7 @@
-"""Binary arithmetic coder in 32-bit integers, which every machine decodes alike.
+"""Binary arithmetic coder in 32-bit integers, so that all machines decode identically.
 
-With a writer, `code` encodes its argument; with a reader, it ignores the argument and decodes.
+With a coder from `bit_writer`, `code` encodes its argument; with one from `bit_reader`, it ignores
+the argument and decodes.
 """
 
 from __future__ import annotations
@@ -50,7 +51,9 @@ def bit_reader(stream: bytes) -> BitCoder:
 
 
 def written(coder: BitCoder) -> bytes:
-    """Flush a writer and return its bytes; up to `PAST_THE_END` trailing zero bytes are cut off."""
+    """Flush a writer and return its bytes, without up to `PAST_THE_END` trailing zero bytes,
+    which a reader supplies.
+    """
     registers = coder.registers
     tail = (int(registers[LOW]) + (1 << 24) - 1) >> 24 << 24
     if tail > registers[HIGH]:
@@ -61,13 +64,15 @@ def written(coder: BitCoder) -> bytes:
 
 
 def read_to_its_end(coder: BitCoder) -> bool:
-    """Return whether a reader has read exactly what a writer wrote."""
+    """Return whether a reader has read exactly the bytes that a writer wrote."""
     return 0 <= int(coder.registers[POSITION]) - len(coder.buffer) <= PAST_THE_END
 
 
 @compiled_in_place
 def exhausted(coder: BitCoder) -> bool:
-    """Return whether a reader is further past the end than an intact stream allows."""
+    """Return whether a reader is further past the end of its bytes than an intact stream
+    requires.
+    """
     registers = coder.registers
     past = registers[POSITION] > len(coder.buffer) + PAST_THE_END
     return bool(registers[WRITING] == 0 and past)

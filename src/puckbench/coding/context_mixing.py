@@ -1,9 +1,11 @@
 """Context mixing in integer arithmetic: the probability of a bit is mixed from several estimates.
 
-Estimates are logits: of experts, which the caller computes, and of contexts, which are adaptive
-counters. For each set of weights the caller selects a row, which mixes the estimates; the mixtures
-of all sets are averaged and corrected by tables (secondary estimation). See Mahoney 2005, "Adaptive
-weighing of context models for lossless data compression".
+Each estimate is a logit. It comes either from an expert, which the caller computes, or from a
+context, which is an adaptive counter that the caller selects. A mixture is the sum of the estimates
+multiplied by a row of learnt weights. The rows form one or more sets, and the caller selects one
+row in each set. The mixtures of all sets are averaged, and tables correct the result by the bits
+coded so far (secondary estimation). See Mahoney 2005, "Adaptive weighing of context models for
+lossless data compression".
 """
 
 from __future__ import annotations
@@ -225,7 +227,7 @@ def learn_bit(counters: Counters, counter: int, target: int, rates: Integers, me
 
 @inlined
 def corrected(corrections: Integers, row: int, bucket: int, share: int) -> int:
-    """Return the probability of a 1, interpolated between two buckets.
+    """Return the corrected probability of a 1, interpolated between two buckets of a table's row.
 
     `share` is the weight of the second bucket, in 1 / 128.
     """
@@ -237,7 +239,9 @@ def corrected(corrections: Integers, row: int, bucket: int, share: int) -> int:
 
 @inlined
 def learn_correction(corrections: Integers, row: int, bucket: int, share: int, target: int) -> None:
-    """Move two buckets towards a coded bit; `target` is the bit times `CERTAINTY`."""
+    """Move the values of two adjacent buckets towards a coded bit; `target` is the bit times
+    `CERTAINTY`.
+    """
     place = np.uint64(row), np.uint64(bucket)
     after = np.uint64(row), np.uint64(bucket + 1)
     corrections[place] += ((target - corrections[place]) * (128 - share)) >> 14

@@ -30,8 +30,9 @@ class Framing:
         return self._start + header + _CHECK.pack(zlib.crc32(body)) + body
 
     def unframed(self, stream: bytes) -> tuple[bytes, bytes]:
-        """Return header and body of a stream; raise InputError for another codec, version or
-        CRC."""
+        """Return the header and the body of a stream; raise InputError if its magic number,
+        version or CRC is wrong.
+        """
         start, end = len(self._start), len(self._start) + self.header + _CHECK.size
         if len(stream) < end:
             raise InputError("the stream is truncated")

@@ -1,7 +1,7 @@
 """Nearest neighbour search with a limit on its work.
 
-The limit is needed because a search tree visits all points for queries at the centre of a sphere of
-points.
+For queries at the centre of a sphere of points, a search tree has to visit all points. The limit
+keeps such clouds from blocking a decoder.
 """
 
 from __future__ import annotations
@@ -69,7 +69,9 @@ def _squared_gap(query: Floats, low: Floats, high: Floats) -> float:
 
 @inlined
 def _push(nodes: Rows, gaps: Floats, base: int, size: int, node: int, gap: float) -> None:
-    """Push a node on the stack, whose nodes from `base` on are sorted, with the nearest on top."""
+    """Push a node on a query's stack, whose nodes from `base` on are sorted by distance (`gap`),
+    with the nearest on top.
+    """
     place = size
     while place > base and gaps[place - 1] < gap:
         gaps[place], nodes[place] = gaps[place - 1], nodes[place - 1]

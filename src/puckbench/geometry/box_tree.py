@@ -60,7 +60,9 @@ def box_tree(points: Floats) -> BoxTree:
 
 @compiled
 def _nodes(points: Floats, rows: Rows, keys: Keys) -> tuple[Rows, Rows, Rows, Rows]:
-    """Return starts, ends, first children and child counts; sort crowded cells again in place."""
+    """Return the starts, ends, first children and child counts of all nodes; crowded cells are
+    sorted again in place.
+    """
     capacity = 2 * len(rows)
     starts, ends = np.empty(capacity, np.int64), np.empty(capacity, np.int64)
     first, children = np.empty(capacity, np.int64), np.empty(capacity, np.int64)

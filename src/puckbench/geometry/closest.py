@@ -1,4 +1,6 @@
-"""Closest points on a triangle mesh, searched in single and computed in double precision."""
+"""Closest points on a triangle mesh: triangles are searched in single precision, points computed
+in double.
+"""
 
 from __future__ import annotations
 

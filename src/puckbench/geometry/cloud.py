@@ -85,7 +85,9 @@ class PointCloud:
 
     @property
     def frame(self) -> CoordinateFrame | None:
-        """Whether the cloud is scaled or metric, or None without ``size`` in the description."""
+        """Whether the coordinates are scaled or in metres; None if the description has no
+        ``size``.
+        """
         size = self.about.get("size")
         if size is None:
             return None
@@ -103,7 +105,7 @@ class PointCloud:
         return self.select(np.flatnonzero(np.isfinite(self.xyz).all(axis=1)))
 
     def select(self, rows: NDArray[Any]) -> PointCloud:
-        """Return the points that a mask or indices select, without returns."""
+        """Return the points that a mask or indices select; the sensor's returns are omitted."""
         return replace(
             self,
             xyz=self.xyz[rows],

@@ -34,7 +34,7 @@ class Primitive:
 
 @dataclass(frozen=True)
 class SceneObject:
-    """An object's name (``"chair_3"``) and semantic class (``"chair"``)."""
+    """The name (``"chair_3"``) and the semantic class (``"chair"``) of an object."""
 
     name: str
     semantic: str

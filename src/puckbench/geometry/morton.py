@@ -55,7 +55,9 @@ def compact_bits(bits: int) -> int:
 
 @inlined
 def spread_bits(bits: int) -> int:
-    """Invert `compact_bits`."""
+    """Move adjacent bits to every third bit, starting with the lowest; the inverse of
+    `compact_bits`.
+    """
     bits = (bits | bits << 32) & 0x001F00000000FFFF
     bits = (bits | bits << 16) & 0x001F0000FF0000FF
     bits = (bits | bits << 8) & 0x100F00F00F00F00F

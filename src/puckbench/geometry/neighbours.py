@@ -1,4 +1,4 @@
-"""Nearest neighbours with all ties, by the rules of MPEG's pc_error."""
+"""Nearest neighbours with all ties, as defined by MPEG's program pc_error."""
 
 from __future__ import annotations
 

@@ -7,7 +7,8 @@ from puckbench.geometry.spatial_order import morton_order
 
 
 def estimate_normals(points: Floats, neighbours: int = 30) -> Floats:
-    """Return unit normals (n, 3) of arbitrary sign, estimated by Open3D (thesis section 6.1.2).
+    """Return unit normals (n, 3) of arbitrary sign, estimated by Open3D from nearest neighbours
+    (thesis section 6.1.2).
 
     Fewer than three points get (0, 0, 1).
     """

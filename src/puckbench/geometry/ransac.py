@@ -66,8 +66,8 @@ def least_squares_plane(points: Floats) -> Plane:
 def robust_plane(
     points: Floats, start: Plane, *, sigmas: float = 5.0, rounds: int = 20
 ) -> tuple[Plane, NDArray[np.bool_]]:
-    """Alternately fit a least-squares plane and select its inliers, until the inliers do not
-    change.
+    """Alternately select the inliers of a plane and fit a least-squares plane to them, until
+    they do not change.
 
     This is done at most `rounds` times. Inliers lie within `sigmas` robust standard deviations of
     the median distance. Return the plane and the mask (n,) of inliers.

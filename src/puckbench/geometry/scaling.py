@@ -19,7 +19,9 @@ _GRID_TOLERANCE = 1e-3
 
 
 class Scaling(NamedTuple):
-    """``scaled = (metres - offset) * scale``; offset (3,) in metres, scale in 1 / metre."""
+    """A transform from metres: ``scaled = (metres - offset) * scale``; offset (3,) in metres,
+    scale in 1 / metre.
+    """
 
     scale: float
     offset: Floats

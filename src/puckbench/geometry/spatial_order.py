@@ -115,8 +115,9 @@ def _sort_by_digit(
 
 @compiled
 def _first_of_equal_points(points: Floats, keys: Keys) -> Rows:
-    """Return the positions of points that differ from all previous points; equal points have
-    equal keys."""
+    """Return the positions of the points that differ from all previous points; the input is
+    sorted by `keys`, which are equal for equal points.
+    """
     n = len(points)
     repeated, shares_key = keys[1:] == keys[:-1], np.zeros(n, np.bool_)
     shares_key[1:] |= repeated

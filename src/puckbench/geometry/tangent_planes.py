@@ -101,7 +101,9 @@ def _fit(
 
 @compiled_in_place
 def _first_key_in_row(key: int, row: int) -> int:
-    """Return the key of the lowest block in one of the nine rows of three blocks around a block."""
+    """Return the key of the first block in a row of three blocks; nine such rows make up the 27
+    blocks around a block.
+    """
     return key + ((row // 3 - 1) << 2 * _BITS) + ((row % 3 - 1) << _BITS) - 1
 
 

@@ -1,9 +1,9 @@
 """Angular mode: contexts from the lasers of a spinning sensor.
 
-A laser's elevation predicts the occupied half of a node along z, its last azimuth the half along x
-or y (`determineContextAngleForPlanar`, `findLaser`, `AzimuthalPhiZi` in TMC13). Elevations are
-tangents in units of 2^-18, heights are in eighths of a coding unit, azimuths in units of 2^-20
-radians.
+The elevation of a laser predicts which half of a node is occupied along z, and the azimuth of its
+last shot predicts the half along x or y (`determineContextAngleForPlanar`, `findLaser`,
+`AzimuthalPhiZi` in TMC13). Elevations are tangents in units of 2^-18, heights are in eighths of a
+coding unit, azimuths in units of 2^-20 radians.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class Angular(NamedTuple):
 
 
 class PlaneAngles(NamedTuple):
-    """Contexts of a node's planes along x, y, z (-1: none), and its laser."""
+    """Contexts of a node's planes along x, y and z (-1: none), and the node's laser."""
 
     x: int
     y: int
@@ -77,15 +77,18 @@ def angular_state(elevation: Ints, height: Ints, turns: Ints, origin: Ints) -> A
 
 @inlined
 def tangent_of(height: int, root: int) -> int:
-    """Return the elevation's tangent for a height in half units; `root` is the inverse distance."""
+    """Return the tangent of the elevation of a height in half units; `root` is the inverse
+    distance from the axis.
+    """
     product = height * root
     return int32(product >> 15 if product >= 0 else -(-product >> 15))
 
 
 @inlined
 def corrected_elevation(angular: Angular, laser: int, root: int) -> int:
-    """Return a laser's tangent, corrected for the laser's height; `root` is the inverse
-    distance."""
+    """Return a laser's tangent, corrected for the laser's height; `root` is the inverse distance
+    from the axis.
+    """
     product = angular.height[laser] * root
     shift = -(product >> 17) if product >= 0 else -product >> 17
     return int32(angular.elevation[laser] + shift)
@@ -125,7 +128,9 @@ def predicted_azimuth(angular: Angular, laser: int, azimuth: int) -> int:
 
 @inlined
 def azimuth_ctx(left: int, right: int, contrast: int) -> int:
-    """Return the context from two candidate azimuths minus the predicted azimuth."""
+    """Return the context of a bit that selects one of two halves, from the azimuth of each minus
+    the predicted azimuth.
+    """
     context = 2 if (left >= 0) == (right >= 0) else 0
     left, right = abs(left), abs(right)
     if left > right:
@@ -189,8 +194,12 @@ def plane_angles(
 
 @inlined
 def angular_eligible_axes(angles: PlaneAngles, eligible_axes: int, axes: int) -> int:
-    """Return the axes (1 x, 2 y, 4 z) whose planes are coded, among split `axes` (4 x, 2 y, 1
-    z)."""
+    """Return the axes along which a node's planes are coded in angular mode.
+
+    These are the axes that have an angular context, and z if it is eligible without one. The result
+    and `eligible_axes` are masks of 1 (x), 2 (y) and 4 (z); `axes`, the axes that the level splits,
+    is a mask of 4 (x), 2 (y) and 1 (z).
+    """
     found = eligible_axes & 4
     found |= integer(angles.x >= 0) | integer(angles.y >= 0) << 1 | integer(angles.z >= 0) << 2
     return found & ((axes >> 2 & 1) | (axes & 2) | (axes & 1) << 2)

@@ -1,7 +1,7 @@
 """Adaptive binary arithmetic coding of G-PCC (ISO/IEC 23090-9), in both directions.
 
 Each function encodes a bit with an `Encoder`, or decodes it with a `Decoder`, and returns it.
-Probabilities are 16-bit probabilities of a zero, as in the Schroedinger coder (`schroarith`) of
+Contexts hold the probability of a zero in 16 bits, as in the Schroedinger coder (`schroarith`) of
 TMC13.
 """
 
@@ -33,7 +33,7 @@ _DOUBLINGS = np.array([15 - (32 * max(i, 1)).bit_length() for i in range(512)], 
 class Encoder(NamedTuple):
     """Arithmetic encoder.
 
-    state: low, range, number of bits in low above 16, bytes written.
+    state: low end and range of the interval, number of bits of the low end above 16, bytes written.
     """
 
     state: NDArray[np.int64]
@@ -43,9 +43,9 @@ class Encoder(NamedTuple):
 class Decoder(NamedTuple):
     """Arithmetic decoder.
 
-    state: code value, range, number of bits in it beyond 16, bytes read, length of the stream,
-    whether bypass bits are separate, index of the next bypass bit.
-    bypass: separate bypass bits, one per byte.
+    state: code value; range; bits that the code value holds beyond 16; bytes read; length of the
+    stream; 1 if bypass bits are in `bypass`, 0 if in the stream; index of the next bit in `bypass`.
+    bypass: bypass bits stored apart from the stream, one per byte.
     """
 
     state: NDArray[np.int64]
@@ -207,7 +207,7 @@ def _carry(data: Bytes, place: int) -> None:
 
 @kernel
 def _next_word(data: Bytes, place: int) -> int:
-    """Read four bytes, which are 0xFF past the end."""
+    """Read four bytes at an index; bytes past the end are 0xFF."""
     word = 0
     for k in range(4):
         byte = integer(data[place + k]) if place + k < len(data) else 0xFF

@@ -1,4 +1,6 @@
-"""Quantisation of real coordinates to the integer grid that G-PCC codes, and back."""
+"""Quantisation of real coordinates to the integer grid that G-PCC codes, and conversion from
+grid steps to coordinates.
+"""
 
 from __future__ import annotations
 
@@ -36,7 +38,9 @@ class Quantised(NamedTuple):
 
 
 def input_grid(points: Floats, unit: float, scale: float) -> InputGrid:
-    """Return the grid of a cloud, with a nonzero origin only if coordinates are large."""
+    """Return the grid on which a cloud is coded; its origin is nonzero only if the coordinates
+    are large.
+    """
     ends = bounds(points)
     if np.abs(ends).max() < _FARTHEST * unit / max(scale, 1.0):
         return InputGrid(unit)
@@ -76,7 +80,7 @@ def quantise(
 
 
 def _rounded(units: Floats, scale: float, rounding: Rounding) -> NDArray[np.int64]:
-    """Round halves away from zero, as C's ``round`` does."""
+    """Scale positions and round them to integers, halves away from zero as in C's ``round``."""
     if rounding == "nearest":
         scaled = units * scale
     else:

@@ -87,7 +87,9 @@ def is_idcm_eligible(
 
 @inlined
 def can_be_direct(unique_points: bool, leaves: int, points: int) -> bool:
-    """Return whether the encoder uses IDCM for `points` points at `leaves` positions."""
+    """Return whether the encoder codes a node by IDCM that holds `points` points at `leaves`
+    distinct positions.
+    """
     if points > _MAX_EQUAL_POINTS:
         return False
     if leaves == 1 and points > 1 and not unique_points:
@@ -213,7 +215,9 @@ def _code_by_angles(
     coded: Ints,
     bits_left: Ints,
 ) -> None:
-    """Encode or decode x or y without contexts, and the other coordinates with angular contexts."""
+    """Encode or decode points with a sensor: first x or y without contexts, then the other
+    coordinates with angular contexts.
+    """
     x, y, z = node_corner(angular, node.morton, node.node_size_log2)
     direct = integer(abs(x) <= abs(y))
     if pair and node.joint_2pt_idcm:
@@ -375,9 +379,11 @@ def local_points(
 def order_by_angles(
     node: IdcmNode, angular: Angular, axes: int, second_first: bool, local: Ints
 ) -> None:
-    """Sort two jointly coded points along the axis that is coded without contexts.
+    """Sort a node's two points into the order in which angular mode codes them.
 
-    If this does not apply or they are equal there, swap points in the same child if `second_first`.
+    If the points are coded jointly, they are sorted by x or y, whichever is coded without contexts.
+    If they are equal along this axis, or are coded separately, and lie in the same child node, they
+    are swapped if `second_first`.
     """
     one_child = True
     for axis in range(3):

@@ -106,7 +106,8 @@ _GRID_SHIFT = np.ascontiguousarray(_GRID_PLACING[..., 1])
 
 
 class OccupancyAtlas(NamedTuple):
-    """Occupancies of parents and of coded nodes in the current cube, by Morton code.
+    """Occupancies of the parents, and of the nodes coded so far, in the current cube, by Morton
+    code.
 
     side: log2 of the nodes per side, or 0 without an atlas.
     """
@@ -162,7 +163,9 @@ def _adjacent_occupancy(
 
 @kernel
 def face_neighbours(atlas: OccupancyAtlas, axes: int, base: int, occupancy: int) -> int:
-    """Return which children have occupied face neighbours, one byte for each of six directions."""
+    """Return which of a parent's children have occupied face neighbours: eight bits for each of
+    six directions.
+    """
     address = parent_code(base & ((1 << 3 * atlas.side) - 1), axes)
     faces = 0
     for axis in range(3):
@@ -222,9 +225,10 @@ def refine_by_adjacent_children(
 
 @kernel
 def neighbour_grid(atlas: OccupancyAtlas, axes: int, base: int) -> int:
-    """Return the occupancy of the 4 x 4 x 4 nodes around a parent's children as a word.
+    """Return the occupancy of the 4 x 4 x 4 nodes in and around a parent, as a 64-bit mask.
 
-    Bit 16 x + 4 y + z is cell (x, y, z); the children have coordinates 1 and 2.
+    The eight children of the parent are in the middle, at coordinates 1 and 2 along each axis. Bit
+    16 x + 4 y + z of the mask is set if the node at (x, y, z) is occupied.
     """
     inside = (1 << 3 * atlas.side) - 1
     address = parent_code(base & inside, axes)
@@ -247,7 +251,9 @@ def neighbour_grid(atlas: OccupancyAtlas, axes: int, base: int) -> int:
 
 @inlined
 def _moved(address: int, within: int, bits: int, place: int) -> int:
-    """Move the bits of one axis by place - 1, or return -1 outside the cube."""
+    """Move a node's address by place - 1 nodes along the axis of `bits`; return the axis's bits,
+    or -1 if the result is outside the cube.
+    """
     own = address & bits
     if place == 1:
         return own
@@ -258,7 +264,9 @@ def _moved(address: int, within: int, bits: int, place: int) -> int:
 
 @kernel
 def predict_occupancy(grid: int, child: int) -> tuple[int, int]:
-    """Return which children's occupancy is predicted, and which are predicted to be occupied."""
+    """Return two masks of the children of a parent's child: those whose occupancy is predicted,
+    and those predicted to be occupied.
+    """
     neighbourhood = (grid >> _CHILD_CELL[child]) & _AROUND
     threshold = 4 if bit_count(neighbourhood) < 14 else 5
     is_predicted, prediction = 0, 0

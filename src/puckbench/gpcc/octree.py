@@ -314,7 +314,9 @@ def _code_node(
 def _planar_masks(
     axes: int, planar_mode: int, plane_pos_bits: int, planar_possible: int
 ) -> PlanarMasks:
-    """Return the masks of planar modes; an axis that is not split has only its lower plane."""
+    """Return the masks that planar modes imply; along an axis that is not split, all children
+    are in the lower plane.
+    """
     planar_mode |= ((axes >> 2 & 1) | (axes & 2) | (axes & 1) << 2) ^ 7
     return PlanarMasks(
         planar_mask(planar_mode, plane_pos_bits, 0),
@@ -328,7 +330,7 @@ def _planar_masks(
 def _idcm_eligible_children(
     level: Level, sibling_occupancy: int, neigh_pattern: int, occupancy: int, counters: Ints
 ) -> int:
-    """Return which children may use IDCM, and rotate the mask in `counters`."""
+    """Return which children may use IDCM, and rotate the mask of eligible nodes in `counters`."""
     if level.idcm_mode == 0:
         return 0
     parent = 8 if level.root else POPCOUNT[sibling_occupancy]

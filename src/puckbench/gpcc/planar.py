@@ -1,7 +1,7 @@
-"""Planar coding mode: whether all occupied children lie in one of the two planes of an axis.
+"""Planar coding mode: it signals that all occupied children lie in one of an axis's two planes.
 
-It applies to axes with frequent planes, where nodes are sparse (`OctreePlanarState`,
-`OctreePlanarBuffer` of TMC13).
+It is used along axes on which such planes are frequent, and where nodes are sparse
+(`OctreePlanarState`, `OctreePlanarBuffer` of TMC13).
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ def update_planar_rates(state: PlanarState, occupancy: int) -> None:
 
 @inlined
 def planar_eligible_axes(state: PlanarState, axes: int) -> int:
-    """Return the eligible axes (1 x, 2 y, 4 z) among split `axes` (4 x, 2 y, 1 z)."""
+    """Return which of the split `axes` (4 x, 2 y, 1 z) may use planar mode (as 1 x, 2 y, 4 z)."""
     rates = state.rates
     if rates[3] >= _MAX_DENSITY:
         return 0
@@ -95,8 +95,11 @@ def planar_eligible_axes(state: PlanarState, axes: int) -> int:
 
 @kernel
 def planar_mode_of(occupancy: int) -> tuple[int, int]:
-    """Return the axes (1 x, 2 y, 4 z) with one occupied plane, and those whose plane is the
-    upper."""
+    """Return two masks (1 x, 2 y, 4 z) for an occupancy.
+
+    The first has the axes along which only one plane is occupied, the second those of them whose
+    upper plane is occupied.
+    """
     planar_mode, plane_pos_bits = 0, 0
     for axis in range(3):
         high = occupancy & UPPER[axis] != 0
@@ -170,7 +173,7 @@ def _code_planar_mode(
     planar_mode: int,
     plane_pos_bits: int,
 ) -> int:
-    """Encode or decode whether a node is planar along an axis, and its plane.
+    """Encode or decode whether a node is planar along an axis, and which plane is occupied.
 
     Return the index of the plane, or -1 if the node is not planar.
     """

@@ -139,7 +139,9 @@ def _grow(points: Int32s, tree: PredictionTree, search: Search, node: int, end: 
 
 @kernel
 def _add_predictions(points: Int32s, tree: PredictionTree, search: Search, node: int) -> None:
-    """Add the predictions that a node gives its children: its point, a line, a parallelogram."""
+    """Add the positions that a node predicts for its children: its point, the continuation of a
+    line, a parallelogram.
+    """
     x, y, z = integer(points[node, 0]), integer(points[node, 1]), integer(points[node, 2])
     add_position(search, node, x, y, z)
     parent = integer(tree.parents[node])

@@ -239,7 +239,9 @@ def _code_long(coder: Any, contexts: Probabilities, axis: int, value: int) -> in
 
 @inlined
 def scaled(value: int, qp: int) -> int:
-    """Multiply a quantised number by the step of a QP, (1 + (QP mod 8) / 8) 2^(QP div 8)."""
+    """Multiply a quantised number by the step size of a quantisation parameter, (1 + (QP mod 8)
+    / 8) 2^(QP div 8).
+    """
     return int32((value * ((8 + (qp & 7)) << (qp >> 3)) + 4) >> 3)
 
 
@@ -253,7 +255,7 @@ def ancestors(parents: NDArray[np.int32], node: int) -> Three:
 
 @inlined
 def predicted(positions: NDArray[np.int32], before: Three, mode: int, tools: Tools) -> Three:
-    """Return the prediction of a mode, whose ancestors must exist."""
+    """Return the position that a mode predicts from a node's ancestors, which must exist."""
     a, b, c = before
     if mode == NONE:
         if not tools.angular:

@@ -211,7 +211,9 @@ def _coded(
 
 
 def _residual_bits(points: NDArray[np.int32], tools: Tools) -> Three:
-    """Return, as TMC13 does, how many bits the bit lengths of residuals take."""
+    """Return, for each axis, the number of bits that hold the bit length of a residual, as in
+    TMC13.
+    """
     sides = [max(int(side).bit_length(), 1) for side in points.max(axis=0)]
     if tools.angular:
         return _angular_residual_bits(sides, tools)

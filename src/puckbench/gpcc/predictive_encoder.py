@@ -148,7 +148,9 @@ def _encode_position(
 def _encode_place(
     coder: Any, contexts: Probabilities, tools: Tools, given: Given, node: int, choice: Choice
 ) -> None:
-    """Encode the second residual, and write the positions that a decoder gets."""
+    """Encode the second residual, which corrects x, y, z, and write the positions that a decoder
+    will reconstruct.
+    """
     around, positions = tools.sphere, given.positions
     if tools.azimuth_scaling:
         radius = choice.prediction[0] + choice.residual[0]
@@ -178,13 +180,13 @@ def _encode_place(
 
 @entry
 def quantised(value: int, qp: int) -> int:
-    """Divide a residual by the step of a QP, and round."""
+    """Divide a residual by the step size of a quantisation parameter, and round."""
     return integer((value * (_RECIPROCALS[qp & 7] >> (qp >> 3)) + (1 << 19)) >> 20)
 
 
 @inlined
 def _decided(contexts: Probabilities, tools: Tools, given: Given, node: int) -> tuple[bool, Choice]:
-    """Return whether any prediction fits, and the one with the lowest estimated cost."""
+    """Return whether any prediction's residual can be coded, and the cheapest prediction."""
     before = ancestors(given.tree.parents, node)
     best = _predict(tools, given, node, before, NONE)
     fits = _is_representable(tools, best.residual)

@@ -56,8 +56,10 @@ class SensorDescription:
             raise InputError("G-PCC: the sensor's lasers do not fit into a stream")
 
     def lasers(self) -> list[Laser]:
-        """Return lasers for a parameter set, lowest first; TMC13 subtracts z, the negative
-        height."""
+        """Return the lasers as a parameter set stores them, lowest elevation first.
+
+        Their z is the negative of their height, because TMC13 subtracts it.
+        """
         pairs = sorted(zip(self.tan_elevation, self.height, strict=True))
         return [
             Laser(_rounded(tan * _THETA_ONE), _rounded(-height * _Z_ONE), self.steps_per_turn)
@@ -65,7 +67,9 @@ class SensorDescription:
         ]
 
     def syntax_elements(self, origin: tuple[int, ...]) -> dict[str, Any]:
-        """Return the sensor's syntax elements; `origin` is the sequence's."""
+        """Return the sensor's syntax elements; its position becomes relative to the sequence's
+        `origin`.
+        """
         x, y, z = (own - zero for own, zero in zip(self.position, origin, strict=True))
         return {
             "geom_angular_mode_enabled_flag": 1,
@@ -78,10 +82,11 @@ class SensorDescription:
 def describe_sensor(
     beams: Beams, unit_m: float, steps_per_turn: int, position: tuple[int, int, int] = (0, 0, 0)
 ) -> SensorDescription:
-    """Describe a sensor for points in steps of `unit_m` metres.
+    """Describe a sensor for a cloud whose coordinates are in steps of `unit_m` metres.
 
-    A node's laser is determined by its angle from the position, which is therefore the point where
-    the upper beams cross the axis.
+    A decoder finds a node's laser by the direction of the node from the sensor's position.
+    `position` is therefore raised to the height at which the beams of the upper lasers cross the
+    axis of rotation (their median).
     """
     height = np.asarray(beams.heights_mm)
     upper = np.argsort(beams.elevations_deg)[len(height) // 2 :]

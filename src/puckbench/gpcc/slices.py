@@ -159,10 +159,12 @@ def slice_decoder(coded: CodedSlice, sps: SequenceParameterSet) -> Decoder:
 
 
 def _demultiplexed(data: Bytes) -> tuple[Bytes, Bytes]:
-    """Split a chunked stream into arithmetic-coded bytes and bypass bits, one per byte.
+    """Split a stream of chunks into arithmetic-coded bytes and bypass bits.
 
-    A chunk of up to 256 bytes holds the number of its arithmetic-coded bytes, these bytes, and from
-    its end backwards the bypass bits; three bits hold the number of padding bits.
+    A chunk has up to 256 bytes. The first byte is the number of arithmetic-coded bytes, which
+    follow it. The bytes after them, read from the last to the first, hold the bypass bits; they end
+    with padding bits and the number of padding bits (three bits). The second array that is returned
+    has one bypass bit per byte.
     """
     coded, bits = [np.empty(0, np.uint8)], [np.empty(0, np.uint8)]
     for start in range(0, len(data), _BYPASS_CHUNK):

@@ -106,9 +106,10 @@ def cartesian(around: Sphere, radius: int, azimuth: int, laser: int) -> Three:
 
 @kernel
 def azimuth_of_arc(arc: int, radius: int, azimuth_log2: int) -> int:
-    """Return the angle, in steps, of an arc in eighths of a radius step.
+    """Return the angle, in azimuth steps, of an arc whose length is in eighths of a radius step.
 
-    The reciprocal is that of TMC13: 48/17 - 32/17 r and one step of Newton's method.
+    The division uses TMC13's approximate reciprocal: 48/17 - 32/17 r and one step of Newton's
+    method.
     """
     r = int32(radius << 3)
     if r == 0:

@@ -182,16 +182,19 @@ def _first_ones(keys: Ints) -> Ints:
 
 
 def _digit_positions(levels: list[int]) -> Ints:
-    """Return the positions of the borders between levels in a key, highest first."""
+    """Return the bit positions in a key at which the levels begin, from the highest to the
+    lowest.
+    """
     widths = [axes.bit_count() for axes in reversed(levels)]
     return np.cumsum([0, *widths])[::-1].astype(np.int64)
 
 
 @compiled
 def _sorted_as_coded(keys: Ints, positions: Ints) -> Bytes:
-    """Sort keys by level in the order of TMC13's in-place counting sort.
+    """Sort keys in place, level by level, into the order of TMC13's in-place counting sort.
 
-    Return, for each key, whether it is the first of two in a node and was behind the other.
+    Return a flag for each key: 1 if it shares a node with only one other key, is now before it, and
+    was after it in the input.
     """
     # The in-place swaps change the order of points within a child.
     behind = np.zeros(len(keys), dtype=np.uint8)

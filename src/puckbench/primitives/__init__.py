@@ -1,7 +1,7 @@
 """Codec of point clouds as geometric primitives: planes in an octree, and surfaces of revolution.
 
-`encode` encodes an (n, 3) array of coordinates with `PrimitiveSettings`, `decode` returns points,
-`decode_surface` points with normals, and `decode_mesh` labelled triangles.
+`encode` encodes an (n, 3) array of coordinates with `PrimitiveSettings`. `decode` returns points,
+`decode_surface` returns points with normals, and `decode_mesh` returns labelled triangles.
 """
 
 from typing import TYPE_CHECKING

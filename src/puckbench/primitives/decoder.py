@@ -97,7 +97,8 @@ def decode(stream: bytes) -> Floats:
 
 
 def decode_surface(stream: bytes) -> DecodedSurface:
-    """Decode the surface of a stream, without a hybrid's voxels, to points with normals.
+    """Decode a stream to points of the surface with normals; the voxels of a hybrid stream are
+    ignored.
 
     Raises
     ------

@@ -1,7 +1,7 @@
 """The encoder's estimate of distortion, against the cloud and against its smoothed samples.
 
-The smoothed samples stand for the true surface, since reproducing the noise does not bring a
-decoded cloud nearer to it.
+The smoothed samples stand for the true surface, because a decoded cloud that reproduces the noise
+is no nearer to that surface.
 """
 
 from __future__ import annotations
@@ -29,8 +29,9 @@ class Distortion(NamedTuple):
 
 
 class NearestOffsets(NamedTuple):
-    """Vectors from the nearest decoded point to each point (a, 3) and each smoothed sample (b,
-    3)."""
+    """Vectors to each point (a, 3) and to each smoothed sample (b, 3) from the decoded point
+    nearest to it.
+    """
 
     of_points: Floats
     of_samples: Floats

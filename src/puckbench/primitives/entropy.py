@@ -2,9 +2,9 @@
 contexts.
 
 The contexts' adaptive probabilities are mixed in the logistic domain with learnt weights (Mahoney
-2005, "Adaptive weighing of context models for lossless data compression"). Integer arithmetic makes
-all machines decode the same. Encoder and decoder call the same ``code_...`` functions: an encoder
-writes the argument, a decoder ignores it and returns what it reads.
+2005, "Adaptive weighing of context models for lossless data compression"). With integer arithmetic
+all machines decode identically. Encoder and decoder call the same ``code_...`` functions: with an
+encoder they write the argument, with a decoder they ignore it and return the decoded value.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
-"""Hybrid mode: a surface, and voxels that locate the points on it and their distance from it.
+"""Hybrid mode: codes a surface, and voxels that correct the points of the surface.
 
-A surface represents neither the positions of points on it nor their noise. Voxels represent both,
-but locate the surface less precisely. The hybrid displaces each voxel along the surface's normal by
-a fraction of its distance, sent for each class of distances. The decoder also keeps the surface's
+A surface alone reproduces neither the positions of the input points on it nor their noise. Voxels
+alone reproduce both, but locate the surface less precisely. A hybrid moves each voxel along the
+normal of the nearest surface point. The encoder sends the displacement as a fraction of the
+distance to the surface, one for each class of distances. The decoder also keeps the surface's
 points in occupied voxels, which makes the decoded cloud as dense as the input.
 """
 
@@ -99,7 +100,8 @@ def encode(
 ) -> HybridCandidate | None:
     """Encode a cloud as a surface and the finest voxels that fit the budget.
 
-    Return None if the surface leaves too few bytes, or the voxels are too many or too far from it.
+    Return None if the surface leaves too few bytes for voxels, if there are too many voxels, or if
+    they are too far from the surface.
     """
     if not has_voxel_budget(surface.stream, max_bytes):
         return None
@@ -118,8 +120,9 @@ def has_voxel_budget(surface: bytes, max_bytes: int) -> bool:
 def _best_candidate(
     point_count: int, surface: SurfacePart, coded: CodedVoxels, criterion: HybridCriterion
 ) -> HybridCandidate:
-    """Return the cheapest hybrid among all keep distances (see `HybridHeader`), with displaced
-    or plain voxels."""
+    """Return the cheapest hybrid among all keep distances (see `HybridHeader`), with and without
+    displacement of the voxels.
+    """
     grid, groups = coded.grid, coded.groups
     tree, weights = box_tree(surface.xyz), voxel_mode.voxel_weights(groups)
     centre_distances = 16 * _centre_distances(surface.xyz, grid, groups.cells)

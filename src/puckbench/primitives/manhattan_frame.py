@@ -132,7 +132,9 @@ def _project_to_rotation(matrix: Floats, rotation: Floats) -> bool:
 
 
 def _quantise(rotation: Floats) -> RotationVector:
-    """Return the rotation of least angle that maps the axes to the same lines."""
+    """Return the quantised rotation; of all rotations that map the axes to the same lines, the
+    one of least angle is used.
+    """
     order = np.abs(rotation).argmax(axis=1)
     if len(set(order.tolist())) == 3:
         rows = np.argsort(order)

@@ -140,8 +140,9 @@ def _cover_with_rectangles(
 
 @compiled
 def _take_rectangle(columns: Bytes, a: int, b: int) -> tuple[int, int]:
-    """Find the rectangle of nonzero cells from (a, b) on, zero them, and return its exclusive
-    end."""
+    """Find the rectangle of nonzero cells that starts at (a, b), set them to zero, and return
+    the corner after its last cell.
+    """
     end_b = b
     while end_b < columns.shape[1] and columns[a, end_b]:
         end_b += 1

@@ -95,7 +95,7 @@ def _max_bytes(points: Floats, settings: PrimitiveSettings) -> int:
 
 
 class SurfaceCache:
-    """Keeps the surface of a cloud for rates that differ only in their refinement.
+    """Keeps the encoded surface of a cloud for rates that differ only in their refinement.
 
     A rate without refinement always repeats the search, so that calls can be timed. `saved` is the
     cost of the search that the last call took from the cache.
@@ -154,7 +154,8 @@ def _select_mode(
     max_bytes: int,
     search: VoxelSearch,
 ) -> _Selection:
-    """Select the finest surface that is better than voxels of equal size, or else voxels.
+    """Return the finest surface that is better than voxels of equal size in bytes, or voxels if
+    there is none.
 
     If no surface is better, the product of the errors decides between the coarsest surface and
     voxels, and between voxels alone and a hybrid with that surface.
@@ -257,10 +258,11 @@ def _encode_refined(result: _SearchResult, settings: PrimitiveSettings) -> bytes
 def _voxels_lose_surface(
     voxels: Distortion, hybrid: Distortion, settings: PrimitiveSettings
 ) -> bool:
-    """Return whether voxels alone lose more accuracy of the surface than they gain at the points.
+    """Return whether voxels lose more accuracy of the surface than they gain at the points.
 
-    They do unless both errors at the points are smaller than a hybrid's. Then the surface error
-    counts too, with twice the weight of each of them at a refinement of 2/3, and none at 1.
+    This is so if either error at the points is not smaller than the hybrid's. Otherwise the product
+    of the ratios of errors, voxels to hybrid, decides: the surface error counts twice as much as
+    each error at the points if the refinement is 2/3, and not at all if it is 1.
     """
     if voxels.point >= hybrid.point or voxels.plane >= hybrid.plane:
         return True

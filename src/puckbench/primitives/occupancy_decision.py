@@ -14,8 +14,9 @@ _MAX_ITERATIONS = 4
 
 
 class OccupancyCriterion(NamedTuple):
-    """Smoothed samples to compare decoded points with, and weights of errors; lengths are in
-    cells."""
+    """Smoothed samples with which decoded points are compared, and weights of the errors;
+    lengths are in cells.
+    """
 
     xyz: Floats  # (n, 3) samples
     normals: Floats  # (n, 3) unit normals

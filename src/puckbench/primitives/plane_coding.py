@@ -1,8 +1,8 @@
 """Coding of a leaf's plane: merged with the plane of a neighbouring leaf, or predicted from it.
 
-As in the merge mode of video codecs, the encoder may signal the index of a neighbour's plane. A new
-plane is fitted to the leaf's whole region (see `region_merging`), whose extent decides the
-precision.
+As in the merge mode of video codecs, the encoder may signal the index of a neighbour's plane
+instead of a plane. A new plane is fitted to the leaf's whole region (see `region_merging`), and
+quantised more finely if the region is larger.
 """
 
 from __future__ import annotations

@@ -44,11 +44,11 @@ def reconstruct_points(
     xyz: Floats,
     leaf_of_point: Ints,
 ) -> int:
-    """Write the points of all occupied columns, as far as they fit into the arrays; return their
-    number.
+    """Write the points of all occupied columns; return their number, which may exceed the arrays.
 
-    A column has points_across x points_across points. If that is 1, one of column_spacing x
-    column_spacing columns has a point. `leaf_of_point` (m,) is each point's leaf.
+    Each column has points_across x points_across points. If points_across is 1, only one of every
+    column_spacing x column_spacing columns has a point. The function writes the points to `xyz`,
+    and the index of each point's leaf to `leaf_of_point` (m,).
     """
     count = 0
     cell = np.zeros(3, np.int64)

@@ -1,8 +1,8 @@
 """Robust least-squares fit of a surface of revolution to samples.
 
 Levenberg-Marquardt steps minimise the loss sqrt(1 + z) - 1, where z is the squared distance in
-units of `loss_scale`. Linear algebra is compiled here, because the last bits of libraries depend on
-the processor.
+units of `loss_scale`. Linear algebra is compiled here, because the last bits of results from
+libraries depend on the processor.
 """
 
 from __future__ import annotations

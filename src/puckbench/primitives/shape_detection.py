@@ -176,7 +176,9 @@ def _select(
     spacing: float,
     tolerances: tuple[float, float],
 ) -> list[RevolutionSurface]:
-    """Select and refine, one by one, the hypotheses that explain most unexplained samples."""
+    """Select and refine hypotheses one by one, each time the one that explains most of the
+    samples not yet explained.
+    """
     tolerance = tolerances[1]
     counts, unexplained = inliers.sum(axis=1), np.ones(inliers.shape[1], bool)
     unassigned = np.ones(len(xyz), bool)
@@ -251,7 +253,9 @@ def clip_to_inliers(
 
 
 def _coverage(surface: RevolutionSurface, xyz: Floats, spacing: float) -> float:
-    """Return the fraction of a bounded surface's 2 x 2 cells that contain samples."""
+    """Return the fraction of a bounded surface that its samples cover, counted in patches of two
+    sample spacings a side.
+    """
     arc_length, azimuth, _, _ = surface.coordinates(xyz)
     size = 2 * max(spacing, 1.0)
     radius = surface.profile(arc_length)[0]

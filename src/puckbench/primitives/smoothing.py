@@ -102,8 +102,8 @@ def _smooth(
 ) -> None:
     """Smooth the samples of a range of blocks.
 
-    `radii` are the radius and the outlier distance, `previous` the last pass's samples and normals
-    (or 0).
+    `radii` are the radius and the outlier distance. `previous` holds the samples and normals of the
+    previous pass; the normals are 0 in the first pass.
     """
     xyz, previous_normals = blocks.xyz, previous[1]
     block_radius = -(-cell_radius // blocks.size)

@@ -112,7 +112,9 @@ def revolution_candidates(cloud: PreparedCloud) -> tuple[RevolutionSurface, ...]
 
 
 def point_corner_offset(cloud: PreparedCloud) -> tuple[float, float, float]:
-    """Return the offset of a grid that begins at the corner of the points, not the surface."""
+    """Return the offset of a grid that begins at the corner of the points instead of the corner
+    of the surface.
+    """
     corner = np.maximum(cloud.surface.xyz.min(axis=0), 0)
     x, y, z = (0.5 + corner / axis_aligned_column_size(cloud)).tolist()
     return (x, y, z)
@@ -238,7 +240,9 @@ def _fit_revolutions(
 def _plan_octree(
     surface: SurfaceSamples, settings: PrimitiveSettings, column_side: float
 ) -> tuple[SurfaceHeader, list[PlaneOctreeLevel]]:
-    """Return the octree's levels, and a header without grid, point density and revolutions."""
+    """Return the octree's levels, and a header whose grid, point density and revolutions are not
+    yet set.
+    """
     shape = np.floor(surface.xyz.max(axis=0)).astype(np.int64) + 1
     depth = (int(shape.max()) - 1).bit_length()
     finest = max(depth - round(np.log2(max(settings.min_leaf_size / column_side, 1))), 0)

@@ -241,7 +241,8 @@ def _code_occupancy(
 def _child_state(level_states: tuple[Bytes, Bytes], x: int, y: int, z: int) -> int:
     """Return the state of a node at the finer level.
 
-    It is 0 if empty, 1 if unknown because its occupied parent is not coded yet, 2 if occupied.
+    It is 0 if the node is empty, 2 if it is occupied, and 1 if this is not known yet because its
+    parent is coded later.
     """
     states, child_states = level_states
     if min(x, y, z) < 0 or x + 2 >= child_states.shape[0]:

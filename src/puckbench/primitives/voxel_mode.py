@@ -86,7 +86,7 @@ def encode_voxels_of_size(points: Floats, voxel_size: float) -> bytes:
 
 
 class VoxelSearch:
-    """Searches for the voxel size that fits a byte budget, starting from earlier trials."""
+    """Searches for the voxel size that fits a byte budget, starting from the sizes tried before."""
 
     def __init__(self, points: Floats, trials: Iterable[Trial] = ()) -> None:
         self.points, self.trials = points, list(trials)
@@ -187,8 +187,9 @@ def _to_cloud(xyz: Floats | Ints, grid: VoxelGrid) -> Floats:
 
 
 def voxel_weights(groups: CellGroups) -> Floats:
-    """Return the weights (m,) of voxels: equal shares for all points plus equal shares for all
-    voxels."""
+    """Return the weights (m,) of voxels: half of the total is shared by their numbers of points,
+    half equally.
+    """
     return np.asarray(groups.counts / groups.counts.sum() + 1 / len(groups.counts))
 
 

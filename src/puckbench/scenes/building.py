@@ -1,4 +1,4 @@
-"""A generated building with the numbers of rooms of each type in the areas of S3DIS."""
+"""A generated building that has as many rooms of each type as the areas of the S3DIS data set."""
 
 from __future__ import annotations
 
@@ -65,7 +65,9 @@ def room_types() -> dict[str, str]:
 
 
 def building_room(name: str, seed: int) -> RoomSpec:
-    """Return a catalogue room of a building room's type, stretched at random."""
+    """Return the specification of a building's room: a catalogue room of the same type,
+    stretched at random.
+    """
     kind = room_types()[name]
     rng = generator(seed, "building", name)
     base = str(rng.choice(ROOM_CHOICES[kind]))
@@ -94,7 +96,7 @@ def _moved(placement: Placement, x: float, y: float) -> Placement:
 
 
 def _grown(placement: Placement, x: float, y: float) -> Any:
-    """Return a function that makes the beam, duct or pipe as long as the stretched room."""
+    """Return a function that makes a placed beam, duct or pipe as long as the stretched room."""
     maker = placement.maker
     if not isinstance(maker, partial) or placement.where == "floor":
         return maker

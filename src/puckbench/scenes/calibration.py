@@ -18,9 +18,9 @@ CALIBRATIONS: dict[str, float] = {f"wall_floor_{d}m": float(d) for d in (1, 2, 3
 
 
 def make_calibration(name: str, *, room: bool = False) -> Mesh:
-    """Return a wall at y = 0, 1.6 m x 2.2 m, and a floor that reaches the sensor.
+    """Return a wall at y = 0, 1.6 m x 2.2 m, and a floor that extends to the sensor.
 
-    `room` adds the other walls and the ceiling of a room, open behind the sensor, as
+    `room` adds the ceiling and the other walls of a room, except behind the sensor, as an object
     "surroundings".
     """
     distance = _distance(name)
@@ -35,7 +35,10 @@ def calibration_origin(name: str) -> tuple[float, float, float]:
 
 
 def calibration_scene(distance: float, *, room: bool = False) -> tuple[Mesh, Floats]:
-    """Return the scene at a distance in metres, turned to y > 0, and the sensor position (3,)."""
+    """Return a scene with the sensor `distance` metres from the wall, and the sensor's position.
+
+    The scene is turned by 180 degrees about z, so that the sensor looks towards +y.
+    """
     name = f"wall_floor_{distance:g}m"
     mesh, half_turn = make_calibration(name, room=room), np.array([-1.0, -1.0, 1.0])
     turned = Mesh(mesh.vertices * half_turn, mesh.triangles, mesh.labels)

@@ -29,8 +29,9 @@ class FloorPlan:
         self.heights.append((low, high))
 
     def is_free(self, rectangle: Floats, low: float, high: float) -> bool:
-        """Return whether the space over a rectangle is inside the room and free between two
-        heights."""
+        """Return whether the space above a rectangle, between two heights, is inside the room
+        and free.
+        """
         if not self.contains(rectangle):
             return False
         if not self.rectangles:
@@ -77,7 +78,9 @@ def _inside(points: Floats, polygon: Floats) -> NDArray[np.bool_]:
 
 
 def _overlaps(rectangle: Floats, others: Floats) -> NDArray[np.bool_]:
-    """Return a mask (k,) of rectangles (k, 4, 2) that overlap another (separating axis theorem)."""
+    """Return a mask (k,) of the `others` (k, 4, 2) that overlap a rectangle (separating axis
+    theorem).
+    """
     own_axes = np.broadcast_to(
         np.stack([rectangle[1] - rectangle[0], rectangle[3] - rectangle[0]]), (len(others), 2, 2)
     )

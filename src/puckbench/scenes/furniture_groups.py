@@ -69,7 +69,9 @@ def lectern(cad: Modeller) -> Item:
 def stepped_floor(
     cad: Modeller, width: float, step: tuple[float, float], count: int, at_back: float
 ) -> Item:
-    """Make `count` steps of (depth, rise) towards +y, the last of which is `at_back` deep."""
+    """Make `count` steps that rise towards +y; `step` is the depth and rise of each, and the
+    last one is `at_back` deep.
+    """
     depth, rise = step
     parts: list[Surface] = []
     for k in range(count):

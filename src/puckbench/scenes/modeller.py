@@ -1,4 +1,4 @@
-"""Solids tessellated by size, and random choices, for models of furniture and objects."""
+"""Makes tessellated solids, and random choices, for models of furniture and objects."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Modeller:
-    """Source of solids, tessellated by their size, and of random choices.
+    """Makes solids, tessellated according to their size, and draws random choices.
 
     Parameters
     ----------
@@ -76,7 +76,9 @@ class Modeller:
     def handle(
         self, start: Sequence[float], end: Sequence[float], y: float, radius: float
     ) -> Surface:
-        """Make a bar handle between two points of a front; the bar is at y."""
+        """Make a bar handle between two points of a front in the x-z plane; the bar is at a
+        given y.
+        """
         path = [start, (start[0], y, start[2]), (end[0], y, end[2]), end]
         return self.pipe(path, radius, 2 * radius)
 

@@ -1,4 +1,4 @@
-"""Generated objects like those of CAPOD: 15 classes of parametric models."""
+"""Generated objects like those of the CAPOD data set: 15 classes of parametric models."""
 
 from __future__ import annotations
 

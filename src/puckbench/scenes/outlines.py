@@ -15,7 +15,7 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True)
 class Segment:
-    """Points (n, 2) on a line, an arc (with centre and radius) or a curve."""
+    """Points (n, 2) on a line, an arc (which has a centre and a radius) or a curve."""
 
     kind: str
     points: Floats
@@ -100,7 +100,7 @@ def polar(radius: float, angles: Floats) -> list[Point]:
 
 
 def loop(outline: Outline) -> Floats:
-    """Return the points (n, 2) of a closed outline without repetition."""
+    """Return the points (n, 2) of a closed outline; points that segments share are not repeated."""
     return np.concatenate([segment.points[:-1] for segment in outline])
 
 
@@ -159,7 +159,7 @@ def _area(points: Floats) -> float:
 
 
 def _bridged(vertices: Floats, ring: list[int], hole: Ints) -> list[int]:
-    """Join a clockwise hole to the ring by the shortest bridge without crossings."""
+    """Join a clockwise hole to the ring by the shortest connecting segment that crosses no edge."""
     start = int(np.argmax(vertices[hole, 0]))
     hole = np.roll(hole, -start)
     tip = vertices[hole[0]]

@@ -50,8 +50,8 @@ def _box_corners(piece: Piece) -> Floats:
 def with_meshes(item: Item, furniture: FurnitureMeshes, rng: np.random.Generator) -> Item:
     """Replace pieces by meshes (in metres, z up, facing -y) of the same semantic class.
 
-    A mesh that needs little stretching is drawn at random and stretched to the size of the piece.
-    The content of a replaced bookcase is removed.
+    A mesh of similar proportions is drawn at random and stretched to the size of the piece. The
+    content of a replaced bookcase is removed.
     """
     if item[0].semantic == "bookcase" and furniture.get("bookcase"):
         item = item[:1]
@@ -97,7 +97,9 @@ def build_mesh(pieces: Sequence[Piece]) -> Mesh:
 
 
 def _distinct(surface: Surface) -> tuple[Ints, list[Primitive]]:
-    """Return, for each shape, the index of its primitive (s,), and the distinct primitives."""
+    """Return, for each shape of a surface, the index of its primitive (s,), and the distinct
+    primitives.
+    """
     numbers: dict[tuple[Shape, bytes], int] = {}
     primitives: list[Primitive] = []
     index = np.empty(len(surface.shapes), dtype=np.int64)
@@ -112,8 +114,9 @@ def _distinct(surface: Surface) -> tuple[Ints, list[Primitive]]:
 
 
 def _keys(surface: Surface) -> tuple[list[bytes], list[bytes]]:
-    """Return keys for comparing shapes of equal size: by frame, and for planes by normal and
-    offset."""
+    """Return two lists of keys by which equal shapes are recognised: their frames, and for
+    planes normal and offset.
+    """
     frames = surface.frames
     normals = frames[:, :3, 2] / np.linalg.norm(frames[:, :3, 2], axis=1, keepdims=True)
     offsets = np.sum(normals * frames[:, :3, 3], axis=1, keepdims=True)

@@ -18,7 +18,7 @@ CASING = 0.07
 
 @dataclass(frozen=True)
 class Opening:
-    """An opening in a wall, in metres; a "passage" is an open door to a dead end.
+    """An opening in a wall, in metres; a "passage" is an open door that leads to a closed space.
 
     Parameters
     ----------

@@ -105,7 +105,7 @@ def superquadric(
 
 
 def tube(path: Floats, radius: float | Floats, steps: int, *, closed: bool = False) -> Surface:
-    """Sweep a circle, with one radius or one per point, along a path (n, 3).
+    """Sweep a circle along a path (n, 3); its radius is constant or differs between the points.
 
     The result is freeform with flat ends.
     """
@@ -116,8 +116,9 @@ def tube(path: Floats, radius: float | Floats, steps: int, *, closed: bool = Fal
 
 
 def loft(sections: Floats) -> Surface:
-    """Connect closed sections (k, n, 3), counter-clockwise seen against the path; close the
-    ends."""
+    """Connect closed sections (k, n, 3), counter-clockwise seen against the path's direction,
+    and close both ends.
+    """
     skin = grid(sections.swapaxes(0, 1), closed=(True, False))
     return join([skin, _fan(sections[0]).flipped(), _fan(sections[-1])])
 
@@ -157,7 +158,7 @@ def _power(values: Floats, exponent: float) -> Floats:
 
 
 def _side(segment: Segment, height: float) -> Surface:
-    """Extrude a segment upwards to a wall that faces its right side."""
+    """Extrude a segment upwards to a wall that faces the right of the segment's direction."""
     bottom = np.column_stack([segment.points, np.zeros(len(segment.points))])
     points = np.stack([bottom, bottom + np.array([0.0, 0.0, height])], axis=1)
     if segment.kind == "arc":
@@ -201,7 +202,9 @@ def _turned_shape(segment: Segment) -> tuple[Shape, Floats]:
 
 
 def _fan(ring: Floats) -> Surface:
-    """Make a triangle fan that closes a ring (n, 3), facing where the ring is counter-clockwise."""
+    """Make a triangle fan that closes a ring (n, 3), facing the side from which it is
+    counter-clockwise.
+    """
     count = len(ring)
     vertices = np.concatenate([ring, ring.mean(axis=0, keepdims=True)])
     index = np.arange(count)

@@ -14,10 +14,10 @@ from puckbench.geometry.mesh import Primitive
 
 @dataclass(frozen=True)
 class Shape:
-    """A primitive in its own frame: plane z = 0, axis z, centre or apex at the origin.
+    """A primitive in a normalised position: a plane is z = 0; an axis is z; a centre or apex is 0.
 
     `kind` is that of `puckbench.geometry.mesh.Primitive`. ``lengths`` (radii, half axes) scale with
-    the frame, ``ratios`` (angles, exponents) do not.
+    the frame of the surface, ``ratios`` (angles, exponents) do not.
     """
 
     kind: str
@@ -31,7 +31,7 @@ FREEFORM = Shape("freeform")
 
 @dataclass(frozen=True)
 class Surface:
-    """Triangles on s primitives, counter-clockwise seen from outside.
+    """Triangles that lie on s primitives, with vertices counter-clockwise seen from outside.
 
     Parameters
     ----------
@@ -75,7 +75,9 @@ class Surface:
         roll: float = 0.0,
         scale: float = 1.0,
     ) -> Surface:
-        """Scale, roll about y, tilt about x, turn about z (degrees), then translate."""
+        """Return the surface scaled, then rotated about y (`roll`), x (`tilt`) and z (`turn`),
+        in degrees, and then translated.
+        """
         return self.transformed(pose(x, y, z, turn=turn, tilt=tilt, roll=roll, scale=scale))
 
     def at_corners(self, x: float, y: float, z: float = 0.0) -> list[Surface]:
@@ -100,7 +102,7 @@ class Surface:
         return freeform(change(self.vertices), self.triangles)
 
     def select(self, *shapes: int) -> Surface:
-        """Return the triangles that lie on the shapes with these indices."""
+        """Return the triangles that lie on the primitives with these indices."""
         rows = np.isin(self.shape_id, shapes)
         return replace(self, triangles=self.triangles[rows], shape_id=self.shape_id[rows])
 
@@ -166,7 +168,9 @@ def frame_along(axis: Floats, origin: Floats) -> Floats:
 def one_shape(
     vertices: Floats, triangles: Ints, shape: Shape, frame: Floats | None = None
 ) -> Surface:
-    """Make a surface on one shape, without triangles of zero area."""
+    """Make a surface whose triangles all belong to one primitive; triangles of zero area are
+    removed.
+    """
     a, b, c = vertices[triangles].swapaxes(0, 1)
     size = np.linalg.norm(np.cross(b - a, c - a), axis=1)
     valid = triangles[size > 1e-12]
@@ -192,8 +196,8 @@ def grid(
     *,
     closed: tuple[bool, bool] = (False, False),
 ) -> Surface:
-    """Make a surface through a grid of points (m, n, 3), facing the cross product of row and column
-    axes.
+    """Make a surface through a grid of points (m, n, 3); its normals are the cross products of
+    the row and column directions.
 
     `closed` connects the last row (column) to the first.
     """
@@ -208,7 +212,7 @@ def grid(
 
 
 def primitive(shape: Shape, frame: Floats) -> Primitive:
-    """Return the primitive of a shape in the coordinates of its frame (4, 4)."""
+    """Return the primitive that a shape becomes in its frame (4, 4)."""
     scale = float(np.cbrt(abs(np.linalg.det(frame[:3, :3]))))
     axes = frame[:3, :3] / scale
     return Primitive(shape.kind, _PARAMETERS[shape.kind](shape, frame[:3, 3], axes, scale))

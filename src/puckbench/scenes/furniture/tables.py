@@ -108,7 +108,9 @@ def meeting_table(cad: Modeller, length: float = 2.4, width: float = 1.1) -> Ite
 
 
 def _boat(length: float, width: float, steps: int) -> outlines.Outline:
-    """Return an outline with straight ends and long sides that are arcs."""
+    """Return the outline of a boat-shaped table top: its ends are straight and its long sides
+    are arcs.
+    """
     x, end, sag = length / 2, width * 0.36, width * 0.14
     radius = (x**2 + sag**2) / (2 * sag)
     half = float(np.degrees(np.arcsin(x / radius)))

@@ -1,1 +1,3 @@
-"""Parametric objects: each class has a function, which makes the item with a member number."""
+"""Parametric objects: each class has a function that makes the object with a given member
+number.
+"""

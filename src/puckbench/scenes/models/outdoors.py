@@ -224,7 +224,9 @@ def _point(values: Floats) -> outlines.Point:
 
 
 def _tapered(outline: outlines.Outline, low: float, high: float) -> Surface:
-    """Make a cabin from its side view, `low` wide at the bottom and `high` wide at the roof."""
+    """Make a cabin from its side view; its width changes linearly from `low` at the bottom to
+    `high` at the roof.
+    """
     points = outlines.loop(outline)
     foot, roof = points[:, 1].min(), points[:, 1].max()
     half = (low + (high - low) * (points[:, 1] - foot) / (roof - foot)) / 2

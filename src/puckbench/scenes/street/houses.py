@@ -93,7 +93,7 @@ def _design_facade(cad: Modeller, width: float) -> _Facade:
 
 
 def _wall_with_openings(width: float, height: float, openings: Sequence[_Opening]) -> Surface:
-    """Make a wall at y = 0, facing -y, from all cells of a grid that are not in an opening."""
+    """Make a wall at y = 0, facing -y, that leaves out the openings."""
     xs = np.unique([-width / 2, width / 2, *(x for opening in openings for x in opening.sides)])
     zs = np.unique(
         [0.0, height, *(z for opening in openings for z in (opening.z, opening.z + opening.height))]

@@ -89,7 +89,7 @@ class _Street:
 
 @dataclass(frozen=True)
 class _Lot:
-    """A building lot or green: centre, width and the gap before it, in metres."""
+    """A building lot or a green; its centre, its width and the gap before it are in metres."""
 
     middle: float
     width: float
@@ -216,7 +216,7 @@ def _street_furniture(street: _Street) -> None:
 def _scatter(
     street: _Street, cad: Modeller, frame: Floats, maker: Maker, per_200_m: int, y: float
 ) -> None:
-    """Place up to `per_200_m` items per 200 m at random free positions along a side."""
+    """Place items at random free positions along a side, at most `per_200_m` for every 200 m."""
     end = street.length / 2 - 8.0
     for _ in range(max(1, round(per_200_m * street.length / 200.0))):
         street.put(maker(cad), frame @ pose(cad.between(-end, end), y, PAVEMENT_Z))

@@ -53,8 +53,9 @@ def hedge(cad: Modeller, length: float) -> Item:
 
 
 def foliage(cad: Modeller, middles: Floats, radii: Floats, count: int, size: float) -> Surface:
-    """Return `count` leaves, shared by volume among k ellipsoids and denser near their surfaces.
+    """Return `count` leaves in k ellipsoids.
 
+    They are shared among the ellipsoids by volume and are denser near the ellipsoids' surfaces.
     `middles` and `radii` are centres and half axes (k, 3), in metres.
     """
     volumes = radii.prod(axis=1)
