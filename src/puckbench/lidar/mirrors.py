@@ -40,9 +40,9 @@ class _Paths:
 def follow_mirrors(
     caster: RayCaster, cast: Cast, mirrors: NDArray[np.bool_], farthest: float
 ) -> Cast:
-    """Replace hits on `mirrors` (t,) by hits of the reflected rays, at the whole path's length.
+    """Replace hits on `mirrors` (t,) by hits of the reflected rays.
 
-    A ray that only meets mirrors is a miss.
+    Their distance is the length of the whole path. A ray that only meets mirrors is a miss.
     """
     shape = cast.hits.distance.shape
     distance, triangle = cast.hits.distance.ravel().copy(), cast.hits.triangle.ravel().copy()

@@ -1,6 +1,6 @@
 """Checks whether a sensor can stand or move in a scene, and search for a place where it can.
 
-A sensor is outside if at most half of all directions meet the scene.
+A sensor is outside a scene if at most half of the rays in all directions hit it.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ def seen_around(caster: RayCaster, place: Floats) -> tuple[Floats, NDArray[np.ui
 
 
 def _one_object(caster: RayCaster, triangles: NDArray[np.uint32]) -> str | None:
-    """Return the name of the object to which all triangles belong, if the scene has others."""
+    """Return the name of the one object of all triangles, unless the scene has only one object."""
     if caster.surfaces is None or len(np.unique(caster.surfaces.object_id)) < 2:
         return None
     seen = np.unique(caster.surfaces.object_id[triangles])
@@ -94,7 +94,8 @@ def free_origin(
 ) -> Floats:
     """Return the free grid position (3,), m, nearest to the middle of the floor plan.
 
-    From it, more than the share `inside` of all directions, and straight down, must meet the scene.
+    From it, a ray straight down, and more than the share `inside` of rays in all directions, must
+    hit the scene.
     """
     check_mesh(mesh, "the mesh to scan")
     low, high = mesh.bounds()
@@ -124,7 +125,7 @@ def _grid(size: Floats) -> Floats:
 def _floor(caster: RayCaster, places: Floats, size: Floats) -> float:
     """Return the height above which nine of ten downward rays end.
 
-    A quantile is used since floors have a thickness, and captured rooms stray points.
+    A quantile is used since floors have a thickness, and captured rooms have stray points.
     """
     levels = -_below(caster, places)
     levels = levels[np.isfinite(levels)]

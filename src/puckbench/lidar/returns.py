@@ -135,8 +135,8 @@ class Returns:
     def points(self, distances: Sequence[Floats] | None = None) -> Floats:
         """Return points (n, 3) in m, in the order of turns, columns, lasers and kinds.
 
-        `distances`, m, replace the ranges of the turns, in the same shapes (VLP-16 User Manual
-        63-9243 Rev. E, section 9.2).
+        The conversion is that of the VLP-16 User Manual 63-9243 Rev. E, section 9.2. `distances`,
+        m, in the shapes of the turns' ranges, replace these.
         """
         if distances is None:
             distances = [turn.ranges.astype(np.float64) * self.quantum_m for turn in self.turns]

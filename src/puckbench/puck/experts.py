@@ -1,7 +1,7 @@
-"""Experts: estimates of a number, from which probabilities of binary decisions about it follow.
+"""Experts, each of which predicts a number by a probability distribution.
 
-An expert is a distribution. Its mean is the estimate, and its scale is the mean absolute error of
-earlier estimates in the same situation.
+The mean is the expert's estimate. The scale is the mean absolute error of its earlier estimates in
+the same situation. The distributions give the probabilities of binary decisions about the number.
 """
 
 from __future__ import annotations
@@ -47,14 +47,14 @@ class Experts(NamedTuple):
 
 
 def new_experts(scales: Words, count: int) -> Experts:
-    """Return `count` experts whose initial `scales` are (at least `count`, situations)."""
+    """Return `count` experts; `scales` (at least `count`, situations) are their initial scales."""
     means, inverse, lower, upper, edge = np.zeros((5, count), np.int64)
     return Experts(means, inverse, lower, upper, edge, scales, *_tables(), (0,) * count)
 
 
 @cache
 def _tables() -> tuple[NDArray[np.int16], NDArray[np.int16]]:
-    """Return a cumulative distribution, Gaussian with a wide base, and a table of 256 ln(k + 2)."""
+    """Return two tables: a cumulative distribution (Gaussian, wide tails), and 256 ln(k + 2)."""
     errors = np.arange(-_REACH, _REACH + 1) / _PER_ERROR
     gaussian = np.array([0.5 + 0.5 * erf(error / sqrt(pi)) for error in errors])
     logistic = 1 / (1 + np.exp(-errors / 2))
@@ -65,7 +65,7 @@ def _tables() -> tuple[NDArray[np.int16], NDArray[np.int16]]:
 
 @inlined
 def begin(experts: Experts, situation: int) -> None:
-    """Load the scales of a situation, and reset the interval to all numbers."""
+    """Load the scales of `situation` for a new number, and reset the interval to all numbers."""
     for k in range(len(experts.every)):
         if experts.means[k] != 0:
             scale = max(experts.scales[k, np.uint64(situation)], _LEAST_SCALE)
@@ -75,7 +75,7 @@ def begin(experts: Experts, situation: int) -> None:
 
 @inlined
 def write_logits(experts: Experts, edge: int, answers: Words) -> None:
-    """Write to `answers` each expert's logit that the number is at least `edge` (in 1 / FINE)."""
+    """Write to `answers` each expert's log odds that the number is at least `edge` (1 / FINE)."""
     shares, logits = experts.edge, experts.logits
     for k in range(len(experts.every)):
         place = ((edge - experts.means[k]) * experts.inverse[k]) >> 13
@@ -98,7 +98,7 @@ def narrow(experts: Experts, bit: int) -> None:
 
 @inlined
 def learn(experts: Experts, situation: int, number: int, slow: int) -> None:
-    """Move each scale by 2**-slow of the way to its expert's error for `number` (in 1 / FINE)."""
+    """Update each expert's scale by its error for `number` (in 1 / FINE), at the rate 2**-slow."""
     for k in range(len(experts.every)):
         if experts.means[k] != 0:
             wrong = min(abs(number - experts.means[k]), _MOST_ERROR) * 256

@@ -42,7 +42,10 @@ def store_gaps(gaps: list[bytes]) -> bytes:
 
 
 def decode_gaps(reader: Reader, count: int, admit: Callable[[int], None]) -> list[bytes]:
-    """Decode `count` gaps; first call `admit` with their size, which raises if it is too large."""
+    """Decode `count` gaps, after a call of `admit` with their size.
+
+    `admit` raises an error if the size is too large.
+    """
     body = Reader(decompress_bytes(reader, admit))
     size = len(body.body)
     runs = [(body.number(), body.number()) for _ in range(min(body.number(), size))]
@@ -66,13 +69,13 @@ def decode_gaps(reader: Reader, count: int, admit: Callable[[int], None]) -> lis
 
 
 def compress_bytes(raw: bytes, are_headers: bool = False) -> bytes:
-    """Compress bytes as raw LZMA2, preceded by their number."""
+    """Compress bytes as raw LZMA2, preceded by the number of bytes."""
     filters = [{**_filter(len(raw)), **(_HEADERS if are_headers else {})}]
     return base_128(len(raw)) + lzma.compress(raw, lzma.FORMAT_RAW, filters=filters)
 
 
 def decompress_bytes(reader: Reader, admit: Callable[[int], None]) -> bytes:
-    """Decompress the output of `compress_bytes`; first call `admit` with the size."""
+    """Decompress the output of `compress_bytes`, after a call of `admit` (see `decode_gaps`)."""
     size = reader.number()
     if size > MOST_RAW_BYTES:
         raise InputError(_DAMAGED)
@@ -117,7 +120,7 @@ def _frequent(lengths: NDArray[np.int64]) -> list[int]:
 
 
 def _planes(rows: Bytes) -> bytes:
-    """Encode rows (n, length) as differences of 32-bit words, the first bytes of all rows first."""
+    """Encode differences between successive rows (n, length), the first bytes of all rows first."""
     words, tail = _words(rows)
     words = np.diff(words, axis=0, prepend=np.zeros_like(words[:1]))
     tail = np.diff(tail, axis=0, prepend=np.zeros_like(tail[:1]))

@@ -45,7 +45,7 @@ def code_number(
 def code_unmixed_number(
     mixer: Mixer, experts: Experts, start: int, number: int, centre: int, unit: int, step: int
 ) -> int:
-    """Code a number like `code_number`, but by a counter for each decision, from `start` on."""
+    """Code a number like `code_number`, but with one counter per decision; `start` is the first."""
     return _traverse(mixer, experts, True, start, number, centre, unit, step)
 
 

@@ -148,7 +148,7 @@ def _first_scales(experts: int) -> Words:
 def code_ranges(
     model: RangeModel, image: RangeContext, before: RangeContext, nearest: Ints, source: Words
 ) -> bool:
-    """Encode or decode the ranges of a turn; return False if the stream to decode ended too early.
+    """Encode or decode the ranges of a turn; return False if the decoded stream ended early.
 
     When encoding, `source` (PAD + columns, lasers) has the ranges; when decoding, its values are
     ignored. Both fill the rows of `image` from PAD on. `before` is the previous turn followed by

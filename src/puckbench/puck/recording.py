@@ -249,7 +249,7 @@ class _PacketEncoder:
         """Yield three encodings of `data`, of which the caller uses the first within the limits.
 
         They encode packets as turns, compress all bytes by LZMA, and store all bytes uncompressed.
-        Only the last encoding always satisfies the limits of the decoder.
+        Only the last always satisfies the decoder's limits.
         """
         yield self._batch(data, places, report)
         self._turns = None

@@ -23,7 +23,7 @@ DAMAGED = "the stream is damaged or truncated"
 
 
 class RecordKind(IntEnum):
-    """Content of a record: none, layout, turn, bytes between packets, page links, or beams."""
+    """Content of a record: end, layout, turn, bytes between packets, page links, or beams."""
 
     END, LAYOUT, TURN, GAPS, PAGES, BEAMS = range(6)
 

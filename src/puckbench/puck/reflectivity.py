@@ -1,7 +1,8 @@
 """Coding of the reflectivities of a turn: a byte for each firing, with or without a return.
 
-The guess for a second return equal to the first is the first one's value; for a firing without a
-return, it is the laser's last such value. A value without a correct guess is coded.
+Some values are guessed. If a second return equals the first, the guess is the first one's value.
+For a firing without a return, it is the value of the laser's last firing without one. The stream
+states whether a guess is right. A value without a right guess is coded itself.
 """
 
 from __future__ import annotations
@@ -84,7 +85,7 @@ def new_reflectivity_model(bits: BitCoder, lasers: int, lean: bool = False) -> R
 
 @compiled_in_place
 def code_reflectivities(model: ReflectivityModel, turn: ReflectivityContext, nearest: Ints) -> bool:
-    """Encode or decode reflectivities of a turn; return False if a reader's stream ended early."""
+    """Encode or decode reflectivities of a turn; return False if the decoded stream ended early."""
     values, held = turn.values, turn.held
     for c in range(PAD, len(values)):
         for laser in range(values.shape[1]):

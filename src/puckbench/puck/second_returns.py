@@ -1,6 +1,6 @@
 """Coding of second ranges in dual return mode, most of which equal the first ones.
 
-Rows and neighbours have the same names as in `ranges`.
+Variables have the same names as in `ranges`.
 """
 
 from __future__ import annotations
@@ -54,11 +54,11 @@ def code_second_returns(
     model: SecondReturnModel, ranges: Words, first: Words, then: Words, then_first: Words,
     nearest: Ints, source: Words, source_first: Words,
 ) -> bool:  # fmt: skip
-    """Encode or decode the second ranges of a turn; return False if a reader's stream ended early.
+    """Encode or decode the second ranges of a turn; return False if the decoded stream ended early.
 
     Rows from PAD on of `ranges` (PAD + columns, lasers) are filled; `first` are the first ranges.
-    `then` and `then_first` are those of the previous turn. A writer encodes `source`, whose first
-    ranges are `source_first`.
+    `then` and `then_first` are the second and the first ranges of the previous turn. When encoding,
+    `source` and `source_first` are the original second and first ranges.
     """
     step = model.step
     for c in range(PAD, len(ranges)):
@@ -113,7 +113,7 @@ def _code_other(
     model: SecondReturnModel, ranges: Words, first: Words, then: Words, then_first: Words, c: int,
     laser: int, t: int, number: int,
 ) -> int:  # fmt: skip
-    """Code a second range that differs from the first as 1 + its steps, or 0 for no return."""
+    """Code `number` for a second range unlike the first: 1 + its steps, or 0 for no return."""
     means, step = model.experts.means, model.step
     means[0] = FINE * (first[c, laser] + step) if first[c, laser] > 0 else 0
     means[1] = FINE * (model.other[laser] + step) if model.other[laser] > 0 else 0

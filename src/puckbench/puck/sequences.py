@@ -40,7 +40,7 @@ def new_sequence_model(bits: BitCoder, modulus: int) -> SequenceModel:
 
 @compiled_in_place
 def code_sequence(model: SequenceModel, numbers: Ints) -> bool:
-    """Encode or decode 32-bit numbers in place; return False if a reader's stream ended early."""
+    """Encode or decode 32-bit numbers in place; return False if the decoded stream ended early."""
     for i in range(len(numbers)):
         numbers[i] = _code_next(model, numbers[i])
         if exhausted(model.mixer.bits):
@@ -90,7 +90,7 @@ def _code_plain(model: SequenceModel, number: int) -> int:
 
 @inlined
 def _code_difference(model: SequenceModel, difference: int) -> int:
-    """Code a difference from the prediction; a size above `_FARTHEST` stands for larger ones."""
+    """Code a difference from the prediction; its size is limited to `_FARTHEST` + 1."""
     _write_contexts(model)
     if _decide(model, 0, 1 if difference == 0 else 0) == 1:
         return 0

@@ -1,4 +1,4 @@
-"""Smoothing of decoded ranges: returns are moved along their rays to planes that fit neighbours.
+"""Smoothing of decoded ranges: returns are moved along their rays to fitted planes.
 
 Biases of lasers are estimated from planes that several lasers hit, and subtracted. A return leaves
 its quantisation interval by at most three standard deviations. If the returns of a plane scatter by

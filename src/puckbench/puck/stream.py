@@ -25,7 +25,7 @@ _RANGES_PER_TURN = 1024
 
 
 def count_ranges(layout: Layout, body: bytes) -> int:
-    """Return the number of ranges in a coded turn, from its header, plus `_RANGES_PER_TURN`."""
+    """Return the number of ranges that a turn's header states, plus `_RANGES_PER_TURN`."""
     reader = Reader(body)
     reader.take(1)
     reader.number()

@@ -218,7 +218,7 @@ _Parts = _PartWriter | _PartReader
 def _code_turn(
     state: _State, turn: Turn, flags: int, parts: _Parts
 ) -> tuple[_CodedTurn, NDArray[np.uint32] | None]:
-    """Encode or decode the parts of a turn; a reader uses only the shapes of its arrays."""
+    """Encode or decode the parts of a turn; when decoding, only the shapes of its arrays matter."""
     azimuths = turn.azimuths.astype(np.int64)
     state.azimuths = _code_numbers(state.azimuths, azimuths, parts)
     nearest = _nearest_columns(state, azimuths)

@@ -23,7 +23,7 @@ _RECORDING_QUANTUM_M = 0.002
 
 
 def read_tables(paths: Sequence[Path], model: str | None) -> tuple[list[pd.DataFrame], str]:
-    """Read a model's rows from residual tables; None requires that they have only one model."""
+    """Return a model's rows of residual tables, and its name; None stands for the only model."""
     tables = [read_residuals(path) for path in paths]
     models = sorted({str(name) for table in tables for name in table["model"].unique()})
     if model is None and len(models) > 1:
@@ -118,7 +118,7 @@ def _intervals(found: Calibration) -> dict[str, Any]:
 
 
 def _by_laser(found: Calibration) -> list[Estimate]:
-    """Return a bias for each laser id; a laser without returns has 0 +- two sigmas."""
+    """Return a bias for each laser id; that of a laser without returns is 0 +- two sigmas."""
     reach = 2 * found.sigmas["laser_sigma_m"].value if "laser_sigma_m" in found.sigmas else 0.0
     seen = dict(zip(found.laser_ids, found.biases, strict=True))
     unseen = Estimate(0.0, -reach, reach)

@@ -196,7 +196,7 @@ def _step(deviance: Deviance, centre: Floats, index: int) -> float:
 
 
 def _curvature(deviance: Deviance, centre: Floats, inner: Sequence[int], steps: Floats) -> Floats:
-    """Return the matrix of the deviance's second differences, with `steps` of the variables."""
+    """Return second differences (k, k) of the deviance for `steps` of the variables `inner`."""
     result = np.empty((len(inner), len(inner)))
 
     def at(*moves: tuple[int, float]) -> float:

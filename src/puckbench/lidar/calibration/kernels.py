@@ -143,7 +143,7 @@ def _take_cell(
 
 @compiled
 def absorb_scans(core: int, variance: float, matrix: Floats, right: Floats) -> tuple[float, float]:
-    """Eliminate the biases of lasers in scans, from column `core` on, from the equations.
+    """Eliminate biases of lasers in scans, the columns from `core` on, from the equations.
 
     No equation contains two of them. Returns the same terms as `absorb_cells`.
     """
@@ -163,7 +163,7 @@ def absorb_scans(core: int, variance: float, matrix: Floats, right: Floats) -> t
 
 @compiled
 def solved(matrix: Floats, right: Floats) -> tuple[float, float]:
-    """Return ``log |A|`` and ``b' A^-1 b`` for a matrix A; nan unless it is positive definite."""
+    """Return ``log |A|`` and ``b' A^-1 b`` (b: `right`); nan if A is not positive definite."""
     size = len(matrix)
     lower, y = np.zeros((size, size)), np.zeros(size)
     determinant, product = 0.0, 0.0

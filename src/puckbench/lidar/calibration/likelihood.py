@@ -46,7 +46,7 @@ class Sigmas:
 
     @property
     def ray(self) -> tuple[float, float, float]:
-        """Coefficients of `Observations.features`."""
+        """Coefficients of `Observations.features` in the standard deviation of ray noise."""
         return self.ray_sigma_m, self.ray_incidence_m, self.ray_range
 
 
@@ -57,7 +57,10 @@ BIASES, RAYS = NAMES[:3], NAMES[3:]
 
 @dataclass(frozen=True)
 class Equations:
-    """Normal equations for errors z of covariance V, ``z' V^-1 z`` (`squares`), and ``log |V|``."""
+    """Normal equations for errors z with covariance V.
+
+    `squares` is ``z' V^-1 z``, and `log_determinant` is ``log |V|``.
+    """
 
     matrix: Floats
     right: Floats
@@ -107,7 +110,7 @@ class RestrictedLikelihood:
         return self._kept[ray]
 
     def _mixed(self, sigmas: Sigmas) -> Equations:
-        """Return Henderson's mixed model equations for planes, mean and scaled lasers."""
+        """Return Henderson's mixed model equations for planes, mean and scaled laser biases."""
         found = self._absorbed(sigmas)
         rows = self._in_parts(found.matrix, sigmas)
         matrix = self._in_parts(rows.T, sigmas)
@@ -118,7 +121,7 @@ class RestrictedLikelihood:
         return Equations(matrix, right, found.squares, found.log_determinant)
 
     def _in_parts(self, rows: Floats, sigmas: Sigmas) -> Floats:
-        """Map rows of planes and lasers to rows of planes, mean, and lasers in units of sigma."""
+        """Map rows for planes and lasers to rows for planes, mean, and lasers in units of sigma."""
         planes = 3 * self.seen.surfaces
         lasers = rows[planes:]
         mean = lasers.sum(axis=0)[None, :] if self.seen.tells_mean else lasers[:0]

@@ -116,7 +116,7 @@ def _check(table: pd.DataFrame) -> None:
 
 
 def _along_rays(rows: pd.DataFrame) -> pd.DataFrame:
-    """Fit each plane by least squares, and add the columns `_FOUND`."""
+    """Fit each plane by least squares, and add range errors and their basis (columns `_FOUND`)."""
     height = _heights(rows)
     values = rows[["plane_u_m", "plane_v_m", "residual_m"]].to_numpy(dtype=np.float64)
     points = values - np.outer(height, [0.0, 0.0, 1.0])

@@ -26,7 +26,7 @@ class Surfaces:
     objects: tuple[SceneObject, ...]
 
     def values(self, by_name: Mapping[str, float], default: float) -> Floats:
-        """Return a value for each triangle, (t,), by its object's name or else semantic class."""
+        """Return each triangle's value, (t,), by its object's name, or by its semantic class."""
         numbers = [by_name.get(x.name, by_name.get(x.semantic, default)) for x in self.objects]
         return np.array([*numbers, default])[self.object_id]
 
@@ -88,8 +88,8 @@ class ErrorModel(Model):
     def perturb_rays(self, rays: Rays, sensor: Sensor, draws: Draws) -> Rays:
         """Return the rays that are fired instead of the nominal `rays` (frames, steps, lasers).
 
-        A model with `merge_hits` may fire k rays for each, laser by laser: (frames, steps,
-        lasers * k). Return `rays` itself to fire the nominal ones.
+        A model with `merge_hits` may fire k rays for each nominal one, laser by laser: (frames,
+        steps, lasers * k). Return `rays` itself to fire the nominal ones.
         """
         return rays
 

@@ -80,7 +80,7 @@ def packets_of_capture(capture: Capture, name: str | None = None) -> PacketLog:
 def whole_packets(
     payloads: Sequence[bytes], received: Sequence[float], about: dict[str, Any]
 ) -> PacketLog:
-    """Return the distinct undamaged packets among payloads of 1,206 bytes, and count the others."""
+    """Return the distinct undamaged packets among 1,206-byte payloads, and counts of the others."""
     first: dict[bytes, float] = {}
     for payload, time in zip(payloads, received, strict=True):
         first.setdefault(payload, time)

@@ -168,7 +168,7 @@ def _azimuths(
 ) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
     """Return turn and azimuth (0.01 degrees) of each firing, (p, sequences, 16).
 
-    `share` is the time between two lasers over that between two firing sequences.
+    `share` is the ratio of the time between two lasers to that between two firing sequences.
     """
     azimuth = packets["blocks"]["azimuth"][:, :: 2 if _dual(mode) else 1].astype(np.int32)
     wraps = np.diff(azimuth.ravel(), prepend=azimuth[0, 0]) < -CENTIDEGREES // 2

@@ -192,8 +192,7 @@ def _fitted_cone(level: Floats, z: Floats) -> tuple[float, float]:
 def _fitted_offset(level: Floats, azimuth: Floats, step: float) -> tuple[float, float]:
     """Return a beam's distance from the axis, and its phase (azimuth modulo the encoder's step).
 
-    The distance is chosen so that the phases of all points agree best: it maximises the length of
-    their circular mean.
+    The distance maximises the length of the circular mean of all points' phases.
     """
     best, width = 0.0, _MOST_SIDEWAYS_M
     turns = azimuth / step

@@ -229,9 +229,9 @@ class _View:
     def grown(self, plane: Plane, free: Mask) -> tuple[Plane, Mask]:
         """Extend a candidate plane to its largest patch; return the refitted plane and the patch.
 
-        Only `free` returns, those not part of an earlier plane, are used. Selection of the patch
-        and refitting alternate until the patch no longer changes. Each laser's bias is subtracted,
-        since a laser with a large bias would lose its pixels.
+        Only `free` returns (see `candidate`) are used. Selection of the patch and refitting
+        alternate until the patch no longer changes. Each laser's bias is subtracted, since a laser
+        with a large bias would lose its pixels.
         """
         patch = np.zeros(self.image.shape, dtype=bool)
         bias = np.zeros(len(patch))

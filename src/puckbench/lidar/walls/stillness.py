@@ -27,7 +27,7 @@ _LASER_STRIDE = 7.0
 class Still:
     """An interval at rest, turns `first` to `last`.
 
-    `shift_m` is the largest `turn_shift` from the first turn to another.
+    `shift_m` is the largest `turn_shift` from the first turn to another one of the interval.
     """
 
     first: int
@@ -40,7 +40,10 @@ class Still:
 
 
 def still_rows(table: RecordedReturns, limit_m: float = SHIFT_M) -> tuple[RecordedReturns, Still]:
-    """Return the longest interval at rest, two turns or more; raise InputError if none exists."""
+    """Return the rows of the longest interval at rest, and the interval.
+
+    Raises InputError if no interval has two turns or more.
+    """
     turns = _turns(table)
     if len(turns) < 2:
         raise InputError("a recording of one turn does not show whether the sensor stood still")
@@ -64,8 +67,9 @@ def still_rows(table: RecordedReturns, limit_m: float = SHIFT_M) -> tuple[Record
 def turn_shift(reference: RecordedReturns, other: RecordedReturns) -> float:
     """Return the difference of distances between two turns, m; inf with too few returns.
 
-    Distances of a laser are interpolated to the same azimuths. Medians in sectors average out
-    noise; their third quartile, the result, detects a moving sensor, but not a passing person.
+    Distances of a laser are interpolated to the same azimuths. Medians of differences in sectors of
+    azimuth average out noise. The result, the third quartile of the medians, detects a moving
+    sensor, but not a passing person.
     """
     change, azimuth = _changes(reference, other)
     sector = np.floor(azimuth * (_SECTORS / math.tau)).astype(np.intp) % _SECTORS
