@@ -1,11 +1,11 @@
 """Context-adaptive entropy coding of a latent: an entropy model's tables, mixed with adaptive
 contexts.
 
-The tables treat each value by itself. But the latent of a surface resembles that of the surface
-beside it, and the occupancy of a voxel's neighbours, which the decoder knows, tells how the surface
-lies. Adaptive contexts learn both from the cloud itself. Each value is coded as binary decisions:
-whether it is zero, its sign, and its magnitude in unary. All arithmetic is on integers, so that
-every machine decodes the same.
+The tables treat each value by itself. But the latent at a voxel resembles the latents at
+neighbouring voxels, and the occupancy of these, which the decoder knows, shows the orientation of
+the surface. Adaptive contexts learn both dependencies from the cloud itself. Each value is coded as
+binary decisions: whether it is zero, its sign, and its magnitude in unary. All arithmetic is on
+integers, so that all machines decode identically.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ _MAX_VALUE_BYTES = 80
 
 
 class _Tables(NamedTuple):
-    """The tables of a prior, concatenated without their escape symbols.
+    """The frequency tables of a prior, concatenated without their escape symbols.
 
     Parameters
     ----------
@@ -89,7 +89,7 @@ class _Neighbourhood(NamedTuple):
 
 
 class Prior(NamedTuple):
-    """The entropy model's distributions of values (n, channels).
+    """The distributions that the entropy model gives to values (n, channels).
 
     Parameters
     ----------
@@ -107,7 +107,9 @@ class Prior(NamedTuple):
 
 
 def factorised_prior(tables: tuple[FrequencyTable, ...], count: int) -> Prior:
-    """Return the prior of an entropy bottleneck: a table for each channel at all `count` voxels."""
+    """Return the prior of an entropy bottleneck, which uses the same table for a channel at all
+    `count` voxels.
+    """
     number = np.tile(np.arange(len(tables), dtype=np.int32), (count, 1))
     return Prior(tables, number, np.zeros_like(number))
 
@@ -131,7 +133,9 @@ def encode_with_contexts(latent: Integers, neighbours: NeighbourTable, prior: Pr
 
 
 def decode_with_contexts(data: bytes, neighbours: NeighbourTable, prior: Prior) -> Integers:
-    """Decode the latent of `encode_with_contexts`; raise InputError if the data are damaged."""
+    """Decode a latent that `encode_with_contexts` encoded; raise InputError if the data are
+    damaged.
+    """
     values = np.zeros(prior.number.shape, np.int64)
     bits = bit_reader(data)
     _code(bits, values, neighbours, prior)
@@ -313,7 +317,9 @@ def _frequency(tables: _Tables, row: int, channel: int, first: int, last: int) -
 def _code_decision(
     mixer: Mixer, around: _Neighbourhood, starts: Ints, decision: int, yes: int, no: int, bit: int
 ) -> int:
-    """Encode or decode a decision; `yes` and `no` are its outcomes' frequencies in the tables."""
+    """Encode or decode a decision; `yes` and `no` are the frequencies of its outcomes according
+    to the tables.
+    """
     for place in range(len(_SIZES)):
         mixer.contexts[place] = starts[place] + decision * _SIZES[place] + around.contexts[place]
     probability = min((yes << 12) // (yes + no), 4095) if yes + no > 0 else 2048

@@ -1,7 +1,7 @@
 """The sets of trained weights of each network: shipped sets, files and folders, without PyTorch.
 
 A set trained by puckbench is a safetensors file (``*.safetensors``) with a `WeightsHeader` in its
-metadata. The authors of a network publish one file per rate, whose name tells the rate.
+metadata. The authors of a network publish one file per rate, whose name contains the rate.
 """
 
 from __future__ import annotations
@@ -69,12 +69,15 @@ def shipped() -> dict[str, Path]:
 
 
 def weights_path(where: str | Path) -> Path:
-    """Return the file of the shipped set with this name, or else the argument as a path."""
+    """Return the file of the shipped set with this name; if there is none, return the argument
+    as a path.
+    """
     return shipped().get(str(where), Path(where))
 
 
 def weights_files(where: str) -> list[Path]:
-    """Return the weights, of any network, in a shipped set, file or folder.
+    """Return the files of weights, of any network, that a name or path stands for: a shipped
+    set, a file or a folder.
 
     Raises InputError if there is no such set, file or folder.
     """

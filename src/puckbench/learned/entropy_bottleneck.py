@@ -64,7 +64,9 @@ class FrequencyTable:
 
 
 def frequency_tables(bottleneck: EntropyBottleneck) -> tuple[FrequencyTable, ...]:
-    """Return tables computed in double precision, which omit a mass of 2**-20 at either end."""
+    """Return a table per channel, computed in double precision, without the rarest values at
+    either end (a mass of 2**-20 each).
+    """
     with torch.no_grad():
         exact = EntropyBottleneck(bottleneck.channels).double()
         exact.load_state_dict(bottleneck.state_dict())

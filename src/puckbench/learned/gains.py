@@ -60,8 +60,9 @@ class MultiRateNetwork(nn.Module):
 
 
 def parameter_groups(model: MultiRateNetwork) -> list[dict[str, Any]]:
-    """Return optimiser groups: parameters of one rate, which are trained less often, learn
-    faster."""
+    """Return optimiser groups; parameters of a single rate, which are trained less often, get a
+    higher learning rate.
+    """
     of_rates = [model.log_gains, *model.entropy_bottlenecks.parameters()]
     ids = set(map(id, of_rates))
     shared = [value for value in model.parameters() if id(value) not in ids]

@@ -1,8 +1,8 @@
 """The level of the grid that a cloud is coded on, chosen by its density.
 
-On a dense surface a voxel has about four occupied children; on a cloud that is sparse on its grid
+On a dense surface a voxel has about four occupied children. On a cloud that is sparse on its grid
 it has about one, whose position no network can predict. The authors of PCGCv1 and PCGCv2 choose a
-smaller scale for sparse clouds by hand; here the density chooses the grid. Levels count quarter
+smaller scale for sparse clouds by hand; this module chooses it by the density. Levels count quarter
 octaves; an octave doubles the side of voxels.
 """
 
@@ -85,7 +85,8 @@ def choose_grid_level(points: Floats, mean_occupied_children: float, offset: flo
 
 
 def on_dense_grids(points: Floats, mean_occupied_children: Sequence[float]) -> list[Voxels]:
-    """Return the voxels of points (n, 3) on the finest grids that reach these densities.
+    """Return the voxels of points (n, 3) on the finest grid that reaches each density, every
+    grid once.
 
     The input's grid is coarsened by whole octaves.
     """

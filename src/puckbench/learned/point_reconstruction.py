@@ -2,10 +2,10 @@
 
 A decoder keeps the most likely voxels. On a sparse grid it cannot know which voxels of a 2x2x2
 block of siblings were occupied, only that one or two were; on a dense grid several points share a
-voxel. So points are placed for blocks: the mean number per block, or more where more voxels are
-expected, side by side at the centroid of the block's occupancy probabilities, projected onto the
-plane of the neighbouring blocks. Where the network is confident of its voxels, points are placed
-for voxels instead.
+voxel. Therefore points are placed for blocks. Each block gets the mean number of points, or more if
+more of its voxels are expected to be occupied. They are placed side by side at the centroid of the
+block's occupancy probabilities, projected onto the plane of the neighbouring blocks. Where the
+network is confident of its voxels, points are placed for voxels instead.
 """
 
 from __future__ import annotations
@@ -140,7 +140,7 @@ def _placed(centres: Floats, counts: Floats, projection: float) -> Floats:
 def _whole_counts(counts: Floats, neighbour_counts: Floats) -> NDArray[np.int64]:
     """Round counts (m,) to integers of at least 1, with about the same sum.
 
-    The remainder goes to those with the fewest neighbours, near which voxels were lost.
+    The remainder goes to the centres with the fewest neighbours, near which voxels were lost.
     """
     whole = np.floor(counts)
     remainder = int(np.rint(counts.sum()) - whole.sum())

@@ -82,7 +82,9 @@ def _decode_group(coder: Any, count: int, table: FrequencyTable) -> Integers:
 
 
 def _categorical(table: FrequencyTable) -> Any:
-    """Return constriction's model of a table; it rounds frequencies equally on every machine."""
+    """Return the probability model that constriction's coder makes of a table; its rounding is
+    the same on every machine.
+    """
     import constriction
 
     frequencies = table.frequencies.astype(np.float64)

@@ -225,7 +225,7 @@ def _tables_of_tensors(arrays: Arrays) -> Tables:
 
 
 def _json_of_tables(tables: Tables) -> list[list[dict[str, Any]]]:
-    """Convert tables to JSON, which enters the digests of the authors' weights."""
+    """Convert tables to JSON, which is hashed into the digests of the authors' weights."""
     return [
         [{"lowest": t.lowest, "frequencies": t.frequencies.tolist()} for t in rate]
         for rate in tables

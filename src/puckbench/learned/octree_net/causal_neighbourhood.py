@@ -1,6 +1,6 @@
 """The causal neighbourhood of a voxel's children: what encoder and decoder know before coding them.
 
-A voxel's children and the ring around them are 4x4x4 cells; cell (x, y, z) is bit ``x + 4 y + 16
+A voxel's children and the cells around them form 4x4x4 cells. Cell (x, y, z) is bit ``x + 4 y + 16
 z`` of a mask, and the children are the inner eight. A cell is unknown while its parent is occupied
 but not coded yet.
 """
@@ -90,10 +90,11 @@ def _find_neighbourhood(level: LevelState, rows: Ints, cells: CellMasks) -> None
 
 @compiled_in_place
 def _share_outside_layer(outside: int, count: int) -> int:
-    """Quantise to 0, 1 or 2 the share of neighbours outside the voxel's layer across an axis.
+    """Quantise to 0, 1 or 2 the share of neighbours outside the voxel's layer perpendicular to an
+    axis.
 
-    The share is 18 / 26 if all neighbours are occupied, 0 if only those in a plane across the axis,
-    6 / 8 if only those in a plane along it.
+    The share is 18 / 26 if all neighbours are occupied, 0 if only those in a plane perpendicular to
+    the axis, 6 / 8 if only those in a plane that contains the axis.
     """
     return (20 * outside >= 9 * count) + (20 * outside >= 13 * count)
 
@@ -137,8 +138,9 @@ def _bit(cell: int) -> np.int64:
 
 
 def _cells_at(positions: list[list[int]], distance: int | None) -> Ints:
-    """Return masks (8,) of the cells at a distance from each child; None selects those not
-    touching it."""
+    """Return masks (8,) of the cells at a distance (1 to 3 steps along axes) from each child,
+    or, for None, of those that do not touch it.
+    """
     masks = np.zeros(CHILDREN, np.int64)
     for child, position in enumerate(positions):
         for cell in product(range(4), repeat=3):

@@ -141,7 +141,9 @@ class OctreeLevel(Generic[F]):
     features: F
 
     def next(self, code: Code, max_voxels: int, last: bool) -> OctreeLevel[F]:
-        """Encode or decode the next finer level; if it is the `last`, it has only keys."""
+        """Encode or decode the next finer level; if it is the `last`, only its keys are
+        computed.
+        """
         features, slots = self._code_children(code)
         if len(slots) > max_voxels:
             raise InputError("the stream is damaged (its number of voxels)")

@@ -1,4 +1,4 @@
-"""The network for coding, computed by the layers of the model on the model's device.
+"""Inference of the sparse octree net by PyTorch, on the device of the model.
 
 Sums are exact (see `fixed_point`), so that frequencies equal those of the compiled layers bit for
 bit.

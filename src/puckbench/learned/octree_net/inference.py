@@ -1,4 +1,4 @@
-"""The network for coding a level's voxels: integers without gradients, in chunks.
+"""Inference of the sparse octree net for coding a level's voxels, in chunks and without gradients.
 
 Coders use `LevelPredictor` and `VoxelGroup`, which this module implements for the CPU. Sums are
 exact, so that results equal those of the layers of the model.
@@ -81,7 +81,7 @@ class CompiledFeatures:
 
 @dataclass(frozen=True)
 class CompiledPredictor:
-    """The integers of a model in flat arrays, for compiled layers."""
+    """The integer weights of a model in flat arrays, for compiled layers."""
 
     channels: int
     root: Floats32  # features of a voxel of the top level

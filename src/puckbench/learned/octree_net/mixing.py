@@ -1,9 +1,9 @@
 """Context mixing of symbols: the network's probabilities combined with adaptive statistics.
 
-The network was trained on scans in general; adaptive contexts learn the statistics of this one.
-Each bit of a symbol is the occupancy of one child; the network's probability is mixed with those of
-contexts of the causal neighbourhood. All arithmetic is on integers, so that every machine decodes
-the same.
+The network was trained on many scans; adaptive contexts learn the statistics of the scan to code.
+Each bit of a symbol is the occupancy of one child. The network's probability of a bit is mixed with
+those of contexts of the causal neighbourhood. All arithmetic is on integers, so that all machines
+decode identically.
 """
 
 from __future__ import annotations

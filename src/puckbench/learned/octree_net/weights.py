@@ -1,4 +1,4 @@
-"""Weights of the sparse octree net: integers, which half precision represents exactly."""
+"""Weights of the sparse octree net: integers, all of which half precision can represent exactly."""
 
 from __future__ import annotations
 

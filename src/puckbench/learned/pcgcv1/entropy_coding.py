@@ -45,8 +45,9 @@ def decode_hyper(data: bytes, is_coded: Bools, tables: tuple[FrequencyTable, ...
 
 
 def encode_conditional(y_hat: Integers, indexes: TableIndexes) -> bytes:
-    """Encode a latent of any shape, with the frequency table and centre that `indexes` has per
-    value."""
+    """Encode a latent of any shape; `indexes` holds the frequency table and the centre of each
+    value.
+    """
     order, sizes = _by_table(indexes)
     values = (y_hat - indexes.centre).ravel()[order]
     ends = np.cumsum([size for _, size in sizes])
@@ -91,7 +92,9 @@ class LatentPositions:
 
 
 def latent_positions(support: CodedCubes) -> LatentPositions | None:
-    """Return the positions, or None if there are none, too many, or some too far apart."""
+    """Return the positions, or None if there are none or too many, or if the cubes are too far
+    apart.
+    """
     cube, *inside = np.nonzero(support.blocks)
     if not 0 < len(cube) <= _MAX_POSITIONS:
         return None

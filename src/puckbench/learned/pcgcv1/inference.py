@@ -1,8 +1,8 @@
-"""PCGCv1 for coding, one cube at a time: the arithmetic of `model`, arranged for vector units.
+"""Inference of PCGCv1 for coding, one cube at a time, arranged for vector units.
 
 A vector unit computes sixteen output channels at once, but most layers at full resolution have
-four, eight or one. Such a layer computes several neighbouring voxels jointly: a kernel of 3x3x(2 +
-p) voxels with a stride of p has p times the outputs. One thread computes a cube.
+four, eight or one. Such a layer computes p neighbouring voxels jointly: a kernel of 3x3x(2 + p)
+voxels with a stride of p has p times as many output channels. One thread computes a cube.
 """
 
 from __future__ import annotations

@@ -32,7 +32,9 @@ class _Layer:
 
 
 class IntegerHyperSynthesis:
-    """Chooses the tables of a latent; raises InputError if large weights make sums inexact."""
+    """Chooses the frequency tables of a latent; raises InputError if sums are inexact because
+    weights are too large.
+    """
 
     def __init__(self, network: HyperSynthesis) -> None:
         self.conv1, self.conv2 = _layer(network.conv1), _layer(network.conv2)

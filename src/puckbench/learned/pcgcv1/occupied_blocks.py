@@ -1,8 +1,8 @@
 """Occupied blocks of cubes, which the stream holds beside the latent.
 
-A block is the 4x4x4 voxels of a position of the latent. Networks trained with blocks omit the
-latent of empty blocks, and the decoder places at least one voxel in each occupied block and none
-elsewhere, which avoids holes and outliers. In the paper the latent is coded everywhere.
+A block is the 4x4x4 voxels that one position of the latent represents. Networks trained with blocks
+omit the latent of empty blocks. Their decoder places at least one voxel in each occupied block and
+none elsewhere, which avoids holes and outliers. In the paper the latent is coded everywhere.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""PCGCv2 for coding, computed by the layers of the model on the model's device."""
+"""Inference of PCGCv2 by PyTorch, on the device of the model."""
 
 from __future__ import annotations
 

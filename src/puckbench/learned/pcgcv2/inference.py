@@ -1,7 +1,8 @@
-"""PCGCv2 for coding: the arithmetic of `model` without gradients, with fused layers.
+"""Inference of PCGCv2 for coding: `model` without gradients, with fused layers.
 
-A pointwise convolution is computed as part of the 3x3x3 convolution beside it. Biases and ReLUs are
-applied while a chunk of rows is in the cache. Memory is kept from layer to layer.
+A pointwise convolution is computed as part of the 3x3x3 convolution next to it. Biases and ReLUs
+are applied while a chunk of rows is in the cache. Layers write their results to the buffers of
+earlier layers, since allocating memory for each would cost time.
 """
 
 from __future__ import annotations

@@ -87,7 +87,8 @@ def write_coded(coded: Pcgcv2Stream) -> bytes:
 
 
 def read_stream(stream: bytes) -> Pcgcv2Stream | Floats:
-    """Parse a stream, which holds points (n, 3) if the cloud is small; check counts first.
+    """Parse a stream, which holds points (n, 3) if the cloud is small; check its counts before
+    any computation.
 
     Raises InputError for damaged bytes, or another codec or version.
     """
@@ -142,7 +143,10 @@ def _read_block(reader: Reader) -> CodedBlock:
 
 
 def _check_counts(counts: tuple[int, int, int, int]) -> None:
-    """Check that voxels have one to eight children on average (at stride 2 at most eight)."""
+    """Raise InputError if the numbers of voxels at strides 1, 2, 4 and 8 are impossible.
+
+    A voxel has one to eight children on average; voxels at stride 2 may also have none.
+    """
     stride_1, stride_2, stride_4, stride_8 = counts
     is_possible = (
         1 <= stride_8 <= stride_4 <= 8 * stride_8

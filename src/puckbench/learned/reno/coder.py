@@ -68,7 +68,9 @@ class RenoCoder:
         return tree
 
     def decode(self, tree: CodedTree) -> Keys:
-        """Return the keys of a stream; raise InputError if they differ from the encoded keys."""
+        """Return the keys of a stream's voxels; raise InputError if they differ from the encoded
+        keys.
+        """
 
         def code(number: int, frequencies: Cumulative) -> Symbols:
             return decode_symbols(tree.symbols[number], frequencies)

@@ -32,7 +32,7 @@ def target_features(
     table: NeighbourTable,
     pool: ThreadPool,
 ) -> Floats32:
-    """Return the features of children from those of their parents.
+    """Compute the features of child voxels from the features of their parents.
 
     `slots` (n,) are the children's slots (see `sparse.voxels`), `table` holds their neighbours.
     """
@@ -73,8 +73,9 @@ def predicted(
     pool: ThreadPool,
     first: Symbols = _NO_SYMBOLS,
 ) -> Cumulative:
-    """Return cumulative frequencies (n, 17) of first symbols (half 0), or of second symbols
-    given the first (half 1)."""
+    """Return the cumulative frequencies (n, 17) of first symbols (half 0), or of second symbols
+    (half 1) if the `first` symbols are known.
+    """
     layers, predict = weights.heads[half], head(weights.channels)
     rows = len(features) // weights.channels
     result = np.empty((rows, VALUES + 1), np.int32)

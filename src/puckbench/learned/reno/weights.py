@@ -108,6 +108,8 @@ def _weights(digest: bytes, arrays: Mapping[str, Floats32]) -> RenoWeights:
 
 
 def _head(name: str, arrays: Mapping[str, Floats32]) -> RenoHead:
-    """Return a head with transposed matrices, since PyTorch stores them as (out, in)."""
+    """Return a head from a checkpoint's arrays; its matrices are transposed, since PyTorch
+    stores them as (out, in).
+    """
     hidden, logits = (np.ascontiguousarray(arrays[f"{name}.{i}.weight"].T).ravel() for i in (0, 2))
     return RenoHead(hidden, arrays[f"{name}.0.bias"], logits, arrays[f"{name}.2.bias"])

@@ -33,8 +33,9 @@ Matrices = tuple[Tensor, ...]
 
 @dataclass(frozen=True)
 class Neighbourhood:
-    """The set of voxels that a layer works on: how to gather, multiply and scatter their
-    features."""
+    """The neighbours of the voxels that a layer works on, with functions that gather, multiply
+    and scatter their features.
+    """
 
     gather_scatter: GatherScatter
     kernel_map: KernelMap  # says whether a row is a voxel or a parent with eight children

@@ -1,4 +1,4 @@
-"""Gathering of neighbours' features, and scattering of products to the rows that they belong to.
+"""Gathering of neighbours' features into contiguous memory, and adding of products to output rows.
 
 There are two implementations with equal results: compiled loops for the CPU, and PyTorch's indexing
 for any device.
@@ -36,7 +36,9 @@ class NeighbourPairs(NamedTuple):
 
 @dataclass(frozen=True)
 class PairLayout:
-    """Position of a chunk's pairs in flat memory, grouped by the number of joined children."""
+    """Position of a chunk's pairs in flat memory, grouped by the number of children that their
+    offset connects.
+    """
 
     counts: NDArray[np.int64]  # (27,), pairs of each offset, 0 at the centre
     starts: NDArray[np.int64]  # (27,), first element of each offset, for one channel
@@ -207,7 +209,9 @@ def segments(buffer: Tensor, layout: PairLayout, width: int) -> Segments:
 
 
 def _flat(features: Tensor) -> tuple[Any, int, int]:
-    """Return flat memory from the first feature on, and its strides of rows and children."""
+    """Return flat memory that begins with the first feature, and the strides of its rows and
+    children.
+    """
     flat = features.as_strided((_elements_after(features),), (1,), features.storage_offset())
     return flat.numpy(), features.stride(0), features.stride(1)
 

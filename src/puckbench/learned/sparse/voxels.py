@@ -101,7 +101,7 @@ def _root(keys: Keys) -> VoxelSet:
 
 
 def children_voxels(parents: VoxelSet, keys: Keys, pool: ThreadPool | None = None) -> VoxelSet:
-    """Return the set of children with keys (n,), at least one for each parent."""
+    """Return the set of children with keys (n,); each parent must have at least one."""
     first = np.append(np.flatnonzero(np.diff(keys >> 3, prepend=-1)), len(keys))
     rows = np.full((len(parents), CHILDREN), -1, dtype=np.int32)
     rows[np.repeat(np.arange(len(parents)), np.diff(first)), keys & 7] = np.arange(len(keys))
@@ -126,7 +126,7 @@ def keys_of_slots(parents: Keys, slots: NDArray[np.int64]) -> Keys:
 def selected_children(
     parents: VoxelSet, slots: NDArray[np.int64], pool: ThreadPool | None = None
 ) -> VoxelSet:
-    """Return the set of children in ascending slots; a parent may have none."""
+    """Return the set of children in ascending slots; parents without children are allowed."""
     has_child = np.zeros(len(parents), dtype=bool)
     has_child[slots >> 3] = True
     row = np.where(has_child, np.cumsum(has_child) - 1, -1).astype(np.int32)
@@ -137,7 +137,9 @@ def selected_children(
 
 @cache
 def _ring_parents() -> NDArray[np.int64]:
-    """Return, for each cell of a 4x4x4 neighbourhood, its parent's offset and its child number."""
+    """Return, for each cell of a 4x4x4 neighbourhood, the offset of the cell's parent and its
+    child number.
+    """
     position = np.arange(64) // 4 ** np.arange(3)[:, None] % 4 - 1
     parents, within = position // 2 + 1, position % 2
     return np.stack([3 ** np.arange(3) @ parents, 2 ** np.arange(3) @ within])

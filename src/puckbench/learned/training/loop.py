@@ -66,7 +66,9 @@ class BaseTrainer(ABC, Generic[M, L]):
 
     @abstractmethod
     def row(self, loss: L) -> dict[str, float]:
-        """Return a loss as a row of the training curve, with the minimised quantity first."""
+        """Return a loss as a row of the training curve; the first column is the quantity that is
+        minimised.
+        """
 
     def optimiser_step(self, loss: Tensor) -> None:
         for group in self.optimiser.param_groups:

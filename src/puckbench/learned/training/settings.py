@@ -80,7 +80,7 @@ class BaseTraining(Model, ABC):
     def export(self, path: Path, model: Any, card: Mapping[str, Any]) -> None: ...
 
     def rates(self, codec_rates: Rates) -> dict[str, Mapping[str, Any]]:
-        """Return the rates of the codec's configuration at which the weights will code."""
+        """Return those rates of the codec's configuration that the trained weights support."""
         return dict(codec_rates)
 
 
@@ -120,6 +120,8 @@ class MultiRateTraining(BaseTraining):
         )
 
     def rates(self, codec_rates: Rates) -> dict[str, Mapping[str, Any]]:
-        """Return the rates with one of the lambdas; if there are none, a rate per lambda."""
+        """Return the rates whose lambda is trained; if there are none, return one rate for each
+        lambda.
+        """
         trained = {name: rate for name, rate in codec_rates.items() if rate["lmbda"] in self.lmbdas}
         return trained or {f"lmbda_{lmbda:g}": {"lmbda": lmbda} for lmbda in self.lmbdas}
