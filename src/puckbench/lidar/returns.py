@@ -136,7 +136,7 @@ class Returns:
         """Return points (n, 3) in m, in the order of turns, columns, lasers and kinds.
 
         The conversion is that of the VLP-16 User Manual 63-9243 Rev. E, section 9.2. `distances`,
-        m, in the shapes of the turns' ranges, replace these.
+        m, replace the ranges of the turns, and have the same shapes.
         """
         if distances is None:
             distances = [turn.ranges.astype(np.float64) * self.quantum_m for turn in self.turns]

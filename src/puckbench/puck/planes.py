@@ -76,9 +76,9 @@ def fitted_planes(
     """Assign each return to a plane, and fit the planes.
 
     Adjacent columns are `column` rad apart. In a full turn, `closes` is True, and the last column
-    is next to the first. `std` is the standard deviation of a range, m. Two sets are merged if this
-    increases the mean squared distance from the plane by at most about `tolerance` times the noise
-    variance.
+    is next to the first. `std` is the standard deviation of a range, m. Two sets are merged if the
+    mean squared distance between them exceeds that due to noise by at most `tolerance` times the
+    noise variance.
     """
     ranges, rows = image
     variance = std * std
@@ -165,7 +165,7 @@ def _cut(
 ) -> int:
     """Cut rows into pieces and return their number; write the piece of each return to `labels`.
 
-    A piece ends at a jump of the range, or where two lines fit its returns far better than one.
+    A piece ends at a jump or gap, or where two lines fit its returns far better than one.
     """
     count = 0
     for laser in range(ranges.shape[0]):

@@ -83,7 +83,7 @@ class RangeModel(NamedTuple):
 class ModelSize(NamedTuple):
     """Sizes of the models for an effort.
 
-    The models use only the first features, experts and contexts, as many as are stated here.
+    The models use the first features, experts and contexts up to these numbers.
     """
 
     features: int

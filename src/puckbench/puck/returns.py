@@ -31,7 +31,7 @@ def encode_returns(returns: Returns, options: CodingOptions | None = None) -> by
 
 
 def decode_returns(stream: bytes) -> Returns:
-    """Decode a stream from `encode_returns`; raise InputError if damaged or of another kind."""
+    """Decode the output of `encode_returns`; raise InputError for a damaged or another stream."""
     without_turns, bodies = _read(stream)
     decoder = TurnDecoder(without_turns.layout)
     return replace(without_turns, turns=tuple(decoder.decode(body) for body in bodies))

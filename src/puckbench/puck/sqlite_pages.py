@@ -29,7 +29,7 @@ def page_size(data: Bytes) -> int:
 def without_links(data: Bytes, page: int, first: int, end: int) -> Bytes:
     """Return bytes `first` to `end` of a file without its page links.
 
-    `page` is the page size, or 0 if the file is not an SQLite file and thus has no links.
+    `page` is the page size, or 0 for a file without links.
     """
     if not page:
         return data[first:end]

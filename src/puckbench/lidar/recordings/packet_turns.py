@@ -72,7 +72,7 @@ def packet_kind(product: int, mode: int) -> PacketKind:
 
 
 def find_packets(data: Payloads) -> NDArray[np.int64]:
-    """Return ascending, non-overlapping positions of data packets of `SENSORS` in bytes (n,)."""
+    """Return ascending positions of non-overlapping packets of `SENSORS` in the bytes `data`."""
     last = len(data) - PACKET_BYTES + 1
     if last < 1:
         return np.zeros(0, np.int64)
