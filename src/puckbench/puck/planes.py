@@ -186,7 +186,7 @@ def _cut(
 
 @inlined
 def _reached(ranges: Floats, start: int, column: float, std: float, places: Places) -> int:
-    """Write the columns from `start` to the next jump or gap to `places`; return their number."""
+    """Write to `places` the columns from `start` to the next jump or gap; return their number."""
     places[0] = before = start
     length, at = 1, start + 1
     while at < len(ranges) and length < _LONGEST_PIECE and at - before < _GAP:

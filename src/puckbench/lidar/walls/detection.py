@@ -52,8 +52,8 @@ class PlaneSearch(Model):
     inlier_sigmas
         Returns farther from the plane than this number of robust standard deviations are not used.
     least_laser_share
-        Least ratio of a laser's returns on a plane to the median laser's; one with fewer follows an
-        edge.
+        Least ratio of a laser's returns on a plane to the median laser's; a laser with fewer
+        follows an edge.
     least_returns, least_lasers
         Least number of returns per turn, and of lasers, on a plane.
     least_width_m, least_height_m
