@@ -58,7 +58,7 @@ class Availability(NamedTuple):
 
 
 class SharedWork(Protocol):
-    """Work that the rates of one cloud share: the first call does it, later calls reuse it."""
+    """Work that the first call with a cloud does, and that calls at its other rates reuse."""
 
     saved: Cost = NO_COST
     """Cost of the work that the last call reused."""
@@ -83,7 +83,7 @@ class Codec(CodecFacts, ABC):
 
     @property
     def has_surfaces(self) -> bool:
-        """Whether streams can be decoded to surfaces, which needs a `_decode_mesh` of the class."""
+        """Whether streams can be decoded to surfaces, which a class does in `_decode_mesh`."""
         return type(self)._decode_mesh is not Codec._decode_mesh
 
     def available(self) -> Availability:
@@ -94,16 +94,17 @@ class Codec(CodecFacts, ABC):
         """Load weights and compile loops before the timed calls."""
 
     def cost(self, here: Cost) -> Cost:
-        """Return the cost of the last call; `here` is its cost in this process.
+        """Return the cost of the last call, given the cost measured in this process (`here`).
 
-        Only codecs that run programs return another cost.
+        By default the two are equal. Codecs that run external programs return the programs' cost.
         """
         return here
 
     def shared_work(self) -> SharedWork | None:
-        """Return a new object that calls with one cloud at several rates share, by default None.
+        """Return a new object that stores work which is the same for all rates of one cloud.
 
-        A codec that returns an object implements `_encode_sharing`.
+        The caller passes the object to `encode` for each rate. A codec that returns an object must
+        implement `_encode_sharing`; by default there is none.
         """
         return None
 
@@ -210,7 +211,10 @@ class Codec(CodecFacts, ABC):
         raise InputError(f"codec {self.name}: codes points, not surfaces")
 
     def _encode_sharing(self, points: Floats, parameters: Parameters, shared: Any) -> bytes:
-        """Encode as `_encode`, with an object returned by `shared_work`, and set its `saved`."""
+        """Encode as `_encode` does, with an object returned by `shared_work`.
+
+        Set the object's attribute `saved` to the cost of the reused work.
+        """
         return self._encode(points, parameters)
 
     @abstractmethod

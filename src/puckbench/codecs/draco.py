@@ -32,7 +32,10 @@ DRACO_RATES = {f"r{bits - 3}": {"quantization_bits": bits} for bits in range(4, 
 
 
 def _most_points(stream: bytes) -> int:
-    """Return the largest plausible point count, so that a damaged header cannot fill the memory."""
+    """Return the largest number of points that a stream of this size can plausibly contain.
+
+    A stream whose header contains a larger number is refused before it can fill the memory.
+    """
     return min(65536 + 8192 * len(stream), most_points(len(stream)))
 
 
@@ -46,7 +49,11 @@ class DracoOptions(Model):
 
 
 def _quantisation(points: Floats, parameters: Parameters) -> dict[str, Any]:
-    """Return the encoder's arguments for a rate: bits in the cloud's cube, or a grid step."""
+    """Return the arguments that make the encoder quantise coordinates as a rate requires.
+
+    A rate has either the number of bits per coordinate in the cloud's bounding cube, or the step of
+    a grid in m.
+    """
     if "step_m" not in parameters:
         return {"quantization_bits": parameters["quantization_bits"]}
     step = float(parameters["step_m"])

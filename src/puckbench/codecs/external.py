@@ -22,7 +22,9 @@ _SECONDS, _SECONDS_PER_BYTE = 30, 1e-4
 
 
 class ExternalCodec(Codec):
-    """A codec that runs programs; a subclass lists them, and calls `run` to encode and decode.
+    """A codec that runs external programs.
+
+    A subclass lists the programs in `programs`, and calls `run` to encode and decode.
 
     The cost of a call is that of its programs, including reading and writing of their files.
     """
@@ -50,7 +52,7 @@ class ExternalCodec(Codec):
         return super().decode(stream)
 
     def cost(self, here: Cost) -> Cost:
-        """Return the time and memory of the programs that the last call ran."""
+        """Return the time and memory that the programs run by the last call took."""
         return self._cost or here
 
     def run(self, command: Sequence[str | Path], source: Path) -> None:

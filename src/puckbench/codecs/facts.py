@@ -1,4 +1,4 @@
-"""Properties of codecs that plans, tables and figures need: name, style, rates, memory, pace."""
+"""Properties of codecs for plans, tables and figures: name, plot style, rates, memory and time."""
 
 from __future__ import annotations
 
@@ -20,12 +20,15 @@ LENGTHS_MM = (100, 50, 20, 10, 5, 2, 1)
 
 
 def lengths(*millimetres: int) -> dict[str, Parameters]:
-    """Return rates for clouds in metres; ``10mm`` has the parameter ``step_m`` 0.01."""
+    """Return rates for clouds in metres, one for each step in millimetres.
+
+    For example, the rate ``10mm`` has the parameter ``step_m`` with the value 0.01.
+    """
     return {f"{length}mm": {"step_m": length / 1000} for length in millimetres or LENGTHS_MM}
 
 
 class Memory(NamedTuple):
-    """Estimated memory for encoding or decoding a cloud: a constant in MB, and bytes per point."""
+    """Estimated memory of a call: a constant in MB, plus a number of bytes for each point."""
 
     base_mb: float = 400.0
     bytes_per_point: float = 1000.0
@@ -36,9 +39,10 @@ class Memory(NamedTuple):
 
 
 class Pace(NamedTuple):
-    """Estimated time of encoding and decoding at a rate: a constant in s, and s per million points.
+    """Estimated time of encoding and decoding at one rate.
 
-    `encoding` is the fraction of the time that encoding takes.
+    It is a constant in s, plus a number of seconds per million points. `encoding` is the fraction
+    of the time that encoding takes; decoding takes the rest.
     """
 
     base_s: float = 0.1
@@ -126,7 +130,7 @@ class CodecFacts:
 
     @property
     def needs_scaled(self) -> bool:
-        """Whether rates are steps of a scaled cloud's grid; false if the option `unit` is set."""
+        """Whether rates refer to the grid of scaled clouds; they do not if `unit` is set."""
         return self.grid > 0 and getattr(self.options, "unit", None) is None
 
     def weights_of(self, rate: str) -> str:

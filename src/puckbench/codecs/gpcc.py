@@ -43,7 +43,7 @@ LOSSLESS_STEP_M = 0.002
 
 
 class UnitOptions(Model):
-    """Option `unit`: the step of the input's grid, which a rate with scale 1 keeps."""
+    """The option `unit`, the step of the input's grid, which a rate with scale 1 does not change."""
 
     unit: float | None = Field(
         None,
@@ -79,8 +79,8 @@ class GridOptions(UnitOptions):
 class GridCodec(Codec):
     """Base class of the codecs that use puckbench's G-PCC coder or the reference software.
 
-    A rate is the `scale` that coordinates are multiplied by before they are rounded or, of clouds
-    in metres, the step that they are rounded to.
+    A rate is the factor `scale` by which coordinates are multiplied before they are rounded or, for
+    clouds in metres, the grid step to which they are rounded.
     """
 
     rates: Mapping[str, Parameters] = EIGHTHS
@@ -123,7 +123,7 @@ class GridCodec(Codec):
         return self._loses(parameters)
 
     def _loses(self, parameters: Parameters) -> bool:
-        """Whether a rate is lossy: a scale below 1, or a grid of more than 2 mm."""
+        """Whether a rate is lossy: it has a scale below 1, or a grid step of more than 2 mm."""
         if "step_m" in parameters:
             return float(parameters["step_m"]) > LOSSLESS_STEP_M
         return scale_of(parameters) < 1
@@ -132,7 +132,7 @@ class GridCodec(Codec):
     def _code(
         self, points: Floats, grid: InputGrid, parameters: Parameters, returns: Returns | None
     ) -> bytes:
-        """Encode points (n, 3), with their returns if known, as a stream without wrapper."""
+        """Encode points (n, 3), and their returns if there are any, as a stream without wrapper."""
 
     @abstractmethod
     def _units(self, stream: bytes) -> Floats:
@@ -140,7 +140,10 @@ class GridCodec(Codec):
 
 
 class OnGrid(NamedTuple):
-    """Integers (n, 3) for points at (positions + origin) / scale, and the points' sensor."""
+    """Points on a grid as integers: a point is at (`positions` + `origin`) / `scale`.
+
+    `sensor` describes the sensor of the points, if there is one.
+    """
 
     positions: Ints
     origin: Ints

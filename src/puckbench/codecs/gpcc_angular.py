@@ -51,7 +51,11 @@ class GpccAngular(SensorCodec):
         return encode_geometry(points.positions, tools, points.scale, points.origin, points.sensor)
 
     def _tools(self, parameters: Parameters) -> GpccOptions:
-        """Return the coding tools of a rate; limits on the height of nodes are fixed in metres."""
+        """Return the coding tools for a rate.
+
+        Two options limit the height of octree nodes, as logarithms of grid steps. They are computed
+        from the step of the rate, so that the limits in metres are the same at every rate.
+        """
         step = float(parameters.get("step_m", self.options.step))
         finer = int(math.log2(0.001 / step)) if step < 1 else 0
         sizes = {

@@ -1,4 +1,6 @@
-"""Base classes of codecs with networks, which find the weights for a rate or for a stream.
+"""Base classes of codecs with a neural network.
+
+They find the file of weights for a rate when encoding, and that of a stream when decoding.
 
 PyTorch is imported by the first call that encodes or decodes.
 """
@@ -49,14 +51,17 @@ R = TypeVar("R", bound=MultiRateWeights)
 
 
 class GridOptions(TypedDict, total=False):
-    """Arguments of `encode` that choose the grid (see `puckbench.learned.choose_grid_level`)."""
+    """Arguments of a network's encoder that choose the grid.
+
+    See `puckbench.learned.choose_grid_level`.
+    """
 
     mean_occupied_children: float
     grid_level_offset: float
 
 
 class LearnedOptions(Model):
-    """Weights of a network, and where it runs."""
+    """Options for the weights of a network, and for the device on which it runs."""
 
     weights: str = Field(description="a shipped set's name, a file, or a folder of weights")
     threads: int | None = Field(None, ge=1, description="of the network; by default PyTorch's")
@@ -66,8 +71,8 @@ class LearnedOptions(Model):
 class Learned(Codec, Generic[W]):
     """A codec whose network has one set of weights for all rates.
 
-    A subclass sets `network` and implements reading of weights, encoding and decoding. If there are
-    several files of weights, encoding uses the first by name.
+    A subclass sets `network`, and implements methods that read weights, encode and decode. If the
+    option `weights` selects several files, the encoder uses the first one in alphabetical order.
     """
 
     network: NetworkType
@@ -109,7 +114,10 @@ class Learned(Codec, Generic[W]):
         return self.options.weights
 
     def _known_files(self) -> Iterator[Path]:
-        """Yield the weights files that streams may refer to: from the options, and shipped ones."""
+        """Yield the weights files in which the decoder searches for those of a stream.
+
+        They are the files that the option `weights` selects, and those that puckbench contains.
+        """
         yield from self.weights_files()
         yield from self.network.shipped()
 
@@ -192,7 +200,7 @@ class LearnedByLambda(Learned[R]):
         return where
 
     def _known_files(self) -> Iterator[Path]:
-        """Yield the files as `Learned._known_files`, and the authors' files if downloaded."""
+        """Yield the files that `Learned._known_files` yields, and the authors' if downloaded."""
         yield from super()._known_files()
         if Path(PUBLISHED_WEIGHTS).is_dir():
             yield from self.network.files(PUBLISHED_WEIGHTS)
@@ -202,7 +210,7 @@ class LearnedByLambda(Learned[R]):
         return np.trunc(points)
 
     def _grid(self, parameters: Parameters) -> GridOptions:
-        """Return the grid density for encoding at a rate, by default that of the input's grid."""
+        """Return the options that choose the grid for a rate; by default it is the input's grid."""
         return GridOptions()
 
     def _encode(self, points: Floats, parameters: Parameters) -> bytes:
@@ -212,12 +220,15 @@ class LearnedByLambda(Learned[R]):
         return self.network.by_lmbda(self._where()).get(float(parameters["lmbda"]))
 
     def _numbered(self, parameters: Parameters) -> tuple[R, int]:
-        """Return the weights for a rate, and the index of the rate in them."""
+        """Return the weights for a rate, and the rate's index among the rates of the weights."""
         weights = self._weights(parameters)
         return weights, weights.lmbdas.index(float(parameters["lmbda"]))
 
     def _of_rate(self, digest: bytes, rate: int) -> R:
-        """Return the weights that a stream identifies; raise InputError if they lack its rate."""
+        """Return the weights with the digest in a stream.
+
+        Raises InputError if they have no rate with the index in the stream.
+        """
         weights = self._made_with(digest)
         if rate >= len(weights.lmbdas):
             raise InputError("the stream is damaged (its rate)")
@@ -282,7 +293,7 @@ class Improved(LearnedByLambda[R]):
 
 
 def _trial_cloud() -> Floats:
-    """Return voxels (n, 3), a cube and a wave, that reach every compiled function."""
+    """Return voxels (n, 3) of a cube and a wave, whose encoding calls every compiled function."""
     block = np.stack(np.meshgrid(*[np.arange(8.0)] * 3), axis=-1).reshape(-1, 3)
     x, y = np.stack(np.meshgrid(*[np.arange(40.0)] * 2), axis=-1).reshape(-1, 2).T
     wave = np.rint(20 + 8 * np.sin(x / 6) * np.cos(y / 5))
@@ -290,6 +301,6 @@ def _trial_cloud() -> Floats:
 
 
 def _digest(path: Path) -> str:
-    """Return the digest that identifies a weights file: that in its header, else its SHA-256."""
+    """Return the digest in the header of a weights file or, if it has none, the file's SHA-256."""
     kept = header_of(path).digest if path.suffix == SUFFIX else None
     return kept or sha256(path)[:_DIGITS]

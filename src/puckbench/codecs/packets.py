@@ -14,7 +14,8 @@ class PacketsCodec(ReturnsCodec):
     """Lossless codec of data packets from a VLP-16, Puck Hi-Res or HDL-32E.
 
     A subclass provides the compression. Packets contain reflectivities and times. Virtual scans are
-    refused: without reflectivities, their packets would be smaller than any sensor's.
+    refused: they have no reflectivities, so that their packets would be compressed to fewer bytes
+    than those of a real sensor.
     """
 
     metric_rates = lengths(2)

@@ -1,9 +1,10 @@
 """The codecs PCGCv2, as its authors published it, and PCGCv2+, which is puckbench's.
 
-Points are rounded to voxels and equal voxels merged. The network is made for dense surfaces. PCGCv2
-encodes a cloud on its input grid, in the thesis [0, 1023]; PCGCv2+ coarsens the grid of a sparse
-cloud until voxels have the rate's `mean_occupied_children`. A rate's `lmbda` is the Lagrangian
-weight of the training, `rho` the ratio of decoded to input voxels.
+Points are rounded to voxels, and equal voxels are merged. The network is made for dense surfaces.
+PCGCv2 encodes a cloud on the grid of the input, which is [0, 1023] in the thesis. PCGCv2+ coarsens
+the grid of a sparse cloud until a voxel has on average as many occupied children as the parameter
+`mean_occupied_children` of the rate requires. `lmbda` is the Lagrangian weight of the training, and
+`rho` is the ratio of decoded to input voxels.
 """
 
 from __future__ import annotations
@@ -55,7 +56,7 @@ class Pcgcv2(LearnedByLambda["Pcgcv2Weights"]):
     grid = 1.0
 
     def _tools(self) -> CodingTools:
-        """Return the coding tools in use that the authors' program lacks."""
+        """Return the coding tools in use that the program of PCGCv2's authors does not have."""
         from puckbench.learned.pcgcv2.stream import CodingTools
 
         return CodingTools(0)

@@ -1,4 +1,4 @@
-"""The codec `primitives`: planes and surfaces of revolution, voxels, or both together."""
+"""The codec `primitives`, which encodes planes and surfaces of revolution, voxels, or both."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _SURFACES: dict[str, dict[str, float]] = {
 
 
 class PrimitivesOptions(Model):
-    """Option for the encoding of clouds in metres."""
+    """The option that permits the encoding of clouds in metres."""
 
     unit: float | None = Field(
         None,
@@ -87,7 +87,10 @@ class Primitives(Codec):
     _MOST: ClassVar[Parameters] = {**_SURFACES["r3"], "refinement": 1, "max_voxel_size": 16}
 
     def shared_work(self) -> SurfaceCache | None:
-        """Return a cache for the surface, or None if a subclass overrides `_encode`."""
+        """Return a cache for the fitted surface, which all rates of a cloud share.
+
+        Return None if a subclass overrides `_encode`, because `_encode` does not receive the cache.
+        """
         from puckbench.primitives.mode_decision import SurfaceCache
 
         return SurfaceCache() if type(self)._encode is Primitives._encode else None

@@ -42,7 +42,11 @@ def variants() -> dict[str, Entry]:
 
 
 def codecs() -> dict[str, type[Codec]]:
-    """Return codecs by name, sorted by rank: puckbench's, of installed packages, and variants."""
+    """Return the classes of all codecs by name, sorted by their attribute `rank`.
+
+    They are the codecs of puckbench and of installed packages, and the variants in
+    ``variants.yaml``.
+    """
     classes = {name: codec_class(name) for name in (*CODECS.names(), *variants())}
     return dict(sorted(classes.items(), key=lambda item: (item[1].rank, item[0])))
 
@@ -85,7 +89,10 @@ def codec_class(name: str, entry: Entry | None = None) -> type[Codec]:
 
 
 def _with_looks(codec: type[Codec], entry: Entry) -> type[Codec]:
-    """Derive a class with the plot style of an entry; return the class itself if it has none."""
+    """Return a subclass of a codec with the plot style that a configuration's entry contains.
+
+    If the entry contains no plot style, return the class of the codec itself.
+    """
     looks = {key: entry[key] for key in LOOKS if entry.get(key) is not None}
     return _derived(codec, looks) if looks else codec
 
@@ -143,7 +150,7 @@ def entry(name: str, changes: Entry | None = None) -> dict[str, Any]:
 
 
 def place_of(name: str, changes: Entry | None = None) -> str:
-    """Return ``module:Class`` of a codec, or ``file.py:Class`` for a user's file."""
+    """Return where the class of a codec is defined, as ``module:Class`` or ``file.py:Class``."""
     base = (changes or {}).get("class", name)
     base = variants().get(base, {}).get("class", base)
     if base not in CODECS:
@@ -167,7 +174,11 @@ def open_codec(name: str, changes: Entry | None = None) -> Codec:
 
 
 def _rates(name: str, offered: Entry, requested: Entry | Sequence[str] | None) -> dict[str, Any]:
-    """Return the requested rates: parameters by name, some of the `offered` rates, or all."""
+    """Return the parameters of the requested rates by name.
+
+    `requested` is a mapping with these parameters, a list of names of `offered` rates, or None for
+    all offered rates.
+    """
     if isinstance(requested, Mapping):
         return dict(requested)
     unknown = [rate for rate in requested or () if rate not in offered]
@@ -177,7 +188,7 @@ def _rates(name: str, offered: Entry, requested: Entry | Sequence[str] | None) -
 
 
 def codes_surfaces(name: str, changes: Entry | None = None) -> bool:
-    """Whether `decode_mesh` of a codec returns labelled primitives."""
+    """Whether a codec can decode a mesh with labelled primitives (see `Codec.decode_mesh`)."""
     return bool((changes or {}).get("surfaces", codec_class(name, changes).surfaces))
 
 
@@ -203,7 +214,7 @@ def open_training(codec: str, changes: Entry | None, settings: Entry) -> BaseTra
 
 
 def has_weights(name: str, changes: Entry | None = None) -> bool:
-    """Whether a codec has trained weights (option `weights`) and a training."""
+    """Whether a codec can be trained, and has weights that its option `weights` selects."""
     return bool(_training(name, changes))
 
 
@@ -212,7 +223,10 @@ def _training(name: str, changes: Entry | None) -> str:
 
 
 def codec_of(stream: bytes) -> str:
-    """Return the first codec by rank whose magic bytes begin a stream, or raise InputError."""
+    """Return the name of the codec whose magic bytes are at the beginning of a stream.
+
+    If there are several, return the one with the lowest rank. Raises InputError if there is none.
+    """
     stream = without_unit(unshifted(stream).stream).stream
     for name, codec in codecs().items():
         if codec.magic and stream.startswith(codec.magic):
@@ -226,5 +240,5 @@ def codec_of(stream: bytes) -> str:
 
 
 def module_of(place: str) -> str:
-    """Return the module or file from ``module:Class``, for the fingerprint of its code."""
+    """Return the part before the colon of ``module:Class`` or ``file.py:Class``."""
     return place.rpartition(":")[0]

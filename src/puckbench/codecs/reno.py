@@ -1,8 +1,9 @@
 """The codec RENO: points of clouds in metres on grids with power-of-two steps, as published.
 
-The authors' parameter posQ is the step in mm. Coordinates are counted in mm from a corner 131,072
-mm below the origin, divided by posQ and rounded, halves to the even integer. Apart from halves,
-decoded points equal those of `gpcc` with merged duplicates at the same step.
+The authors' parameter posQ is the step in mm. The encoder expresses coordinates in mm relative to a
+corner 131,072 mm below the origin, divides them by posQ and rounds them; a fraction of exactly one
+half is rounded to the even integer. Except for such fractions, decoded points are the same as those
+of `gpcc` with merged duplicates at the same step.
 """
 
 from __future__ import annotations
@@ -71,7 +72,10 @@ class Reno(Learned["RenoWeights"]):
         self._decode(self._encode(corner, {"step_m": 1.024}))
 
     def most_extent(self, rate: str) -> float:
-        """Return the largest extent that a cloud may have, less the offset of the authors' grid."""
+        """Return the largest extent in m that a cloud may have at a rate.
+
+        It is smaller than for other codecs, because the authors' grid begins at an offset.
+        """
         return super().most_extent(rate) - 2 * _OFFSET * _MM
 
     def _where(self) -> str:

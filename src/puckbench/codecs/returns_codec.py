@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 def step_in_quanta(returns: Returns, parameters: Parameters) -> int:
-    """Return the range step of a rate in quanta of the sensor, at least 1."""
+    """Return the step to which a rate rounds ranges, as a number (at least 1) of sensor quanta."""
     return max(1, round(float(parameters["step_m"]) / returns.quantum_m))
 
 

@@ -1,7 +1,9 @@
-"""Points rounded to gpcc's grids, and compressed losslessly by a small learned octree coder.
+"""The codec that rounds points to a grid and compresses the grid points by a small network.
 
-A rate is the grid's scale or, of clouds in metres, its step, so that decoded points are those of
-`gpcc` with merged duplicates, and only the streams differ.
+The network predicts the occupancy of the nodes of an octree, and the compression of the grid points
+is lossless. A rate is the scale of the grid or, for clouds in metres, its step. The grids are those
+of the codec `gpcc`. Therefore the decoded points are the same as those of `gpcc` if it merges
+duplicates; only the streams differ.
 """
 
 from __future__ import annotations

@@ -4,8 +4,8 @@ Numba's cache checks only the file of a function, so it may reuse machine code t
 outdated function of another file. Here the folder of the cache is named after the contents of the
 function's file and of all files that it imports.
 
-With ``NUMBA_BOUNDSCHECK=1`` an index outside its array raises IndexError in compiled loops, which
-are three times slower and cached separately.
+With ``NUMBA_BOUNDSCHECK=1``, an index outside an array raises IndexError in compiled loops. These
+loops are three times slower, and are cached separately.
 """
 
 from __future__ import annotations
@@ -50,7 +50,10 @@ _LOCATORS = f"{__name__}.SourcesLocator,IPythonCacheLocator"
 
 
 class SourcesLocator(InTreeCacheLocator):
-    """Finds the cache folder of a function, named after the contents of its sources."""
+    """Finds numba's cache folder for a function.
+
+    The name of the folder is a digest of the function's file and of all files that it imports.
+    """
 
     def __init__(self, py_func: Callable[..., Any], py_file: str) -> None:
         super().__init__(py_func, py_file)  # type: ignore[no-untyped-call]

@@ -38,7 +38,7 @@ _PORTION, _HEAD = 1 << 20, 1 << 10
 
 
 def plain_suffix(path: Path) -> str:
-    """Return the suffix without that of the compression: ``.ply`` for ``a.PLY.gz``."""
+    """Return the suffix of a file before compression, in lower case: ``.ply`` for ``a.PLY.gz``."""
     return plain_name(path).suffix.lower()
 
 
@@ -51,7 +51,10 @@ def limit_of(path: Path) -> int:
 
 
 def read_content(path: Path, most: int | None = None) -> bytes:
-    """Read a file, decompressed according to its suffix: the first `most` bytes, or all."""
+    """Read a file, and decompress it if its suffix is that of a compression program.
+
+    Return the first `most` bytes of the result, by default all.
+    """
     if most is None and path.suffix.lower() not in COMPRESSED:
         return read_bytes(path)
     content = io.BytesIO()
@@ -67,9 +70,9 @@ def read_content(path: Path, most: int | None = None) -> bytes:
 
 @contextmanager
 def unpacked(path: Path) -> Iterator[Path]:
-    """Decompress a file to a temporary file if it is compressed, and yield the path to read.
+    """Yield the path of a file or, if it is compressed, of a decompressed temporary copy.
 
-    An InputError raised inside the `with` block names the compressed file.
+    The message of an InputError raised inside the `with` block contains the name of the original.
     """
     if path.suffix.lower() not in COMPRESSED:
         yield path

@@ -131,10 +131,10 @@ def installation() -> dict[str, str]:
 
 
 def loops_folder(sources: Path) -> Path:
-    """Return the cache folder for compiled loops from a folder of sources.
+    """Return the folder in which the compiled loops of a folder of sources are cached.
 
-    It is ``NUMBA_CACHE_DIR``, else ``__pycache__`` beside the sources or, if that is read-only,
-    ``puckbench`` in the user's cache.
+    It is the environment variable ``NUMBA_CACHE_DIR`` if it is set. Otherwise it is ``__pycache__``
+    beside the sources or, if that is read-only, ``puckbench`` in the user's cache folder.
     """
     if folder := os.environ.get("NUMBA_CACHE_DIR"):
         return Path(folder)

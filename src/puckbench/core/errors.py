@@ -54,7 +54,10 @@ def error_text(error: BaseException) -> str:
 
 
 def among(name: str, names: Iterable[str]) -> str:
-    """Return the end of a message about an unknown name: the known names, and a similar one."""
+    """Return the end of a message about an unknown name.
+
+    It lists the valid names, and suggests one that is similar to the unknown name.
+    """
     names = list(names)
     return f" (known: {', '.join(names)}){closest(name, names)}"
 

@@ -1,7 +1,7 @@
 """The source files that a Python file imports, directly or indirectly.
 
-These are files of puckbench, of the file's package, and of its folder; other installed packages are
-ignored.
+The search covers files of puckbench, of the package that contains the file, and of the file's
+folder. Other installed packages are ignored.
 """
 
 from __future__ import annotations

@@ -26,7 +26,7 @@ def optional_parameters(function: Callable[..., Any]) -> set[str]:
 
 
 def caption_of(function: Callable[..., Any]) -> str:
-    """Return the docstring of a function up to its first section, in reStructuredText."""
+    """Return the part of a function's docstring before its first section, in reStructuredText."""
     return _SECTION.split(getdoc(function) or "")[0]
 
 

@@ -37,8 +37,9 @@ class Measured(NamedTuple, Generic[T]):
     seconds, least_s, most_s
         Median, minimum and maximum over the repetitions.
     peak_mib
-        Peak resident memory less that before the call, without pages of files (mostly code; on
-        Linux). With glibc, memory freed by earlier calls does not lower it.
+        Increase of the resident memory from before the call to its peak. On Linux, pages of files
+        (mostly code) are excluded. With glibc, memory that earlier calls freed is returned to the
+        system before the call, so that reusing it counts.
     """
 
     result: T
@@ -68,7 +69,8 @@ def measured(
     Parameters
     ----------
     whole
-        Returns the total cost of a call, given its cost in this process.
+        Returns the total cost of a call, given its cost in this process. It may add the cost of
+        external programs.
     each
         Called with the result of every repetition; its time is not measured.
     """

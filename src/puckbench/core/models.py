@@ -31,7 +31,7 @@ def parsed(model: type[M], values: Any, what: str) -> M:
     Parameters
     ----------
     values
-        Values by name, in which lists may replace tuples, and integers floats.
+        Values by name. A list is accepted for a tuple, and an integer for a float.
     what
         Beginning of error messages.
 
@@ -65,7 +65,7 @@ def _immutable(value: Any) -> Any:
 
 @dataclass(frozen=True)
 class _Fault:
-    """An invalid value: its location, pydantic's error type, the value and the allowed values."""
+    """An invalid value, with its location, pydantic's type of the error, and the allowed values."""
 
     where: tuple[str, ...]
     kind: str

@@ -5,14 +5,16 @@ A plug-in is one file with one class or function, registered where it is defined
     @CODECS.register("grid")
     class Grid(Codec): ...
 
-Puckbench's plug-ins are in ``puckbench/<folder>/`` or ``puckbench/*/<folder>/``. A list of them
-needs the import of all modules, so these import heavy packages inside functions only. A search for
-one first imports the module whose name is the longest prefix of the plug-in's. Other packages
-declare entry points in the group ``puckbench.<kind>s``. A user names a place.
+Puckbench's plug-ins are in ``puckbench/<folder>/`` or ``puckbench/*/<folder>/``. To list them, a
+registry imports all these modules, which therefore import heavy packages inside functions only. To
+find one plug-in, a registry first imports the module whose name is the longest prefix of the
+plug-in's name. Other packages declare their plug-ins as entry points in the group
+``puckbench.<kind>s``. Users refer to theirs by a place.
 
-A *place*, ``module:Name`` or ``path/to/file.py:Name``, refers to code, which loading runs. `load`
-refuses a place that was not passed to `trust`, as those of the command line and a configuration
-are. Names in streams, tables and other data are never trusted.
+A *place*, ``module:Name`` or ``path/to/file.py:Name``, refers to a class or function in a file of
+code. Loading it runs this code. Therefore `load` refuses all places except those passed to `trust`,
+which are named on the command line or in a configuration. Names in streams, tables and other data
+are never trusted.
 """
 
 from __future__ import annotations
@@ -40,7 +42,7 @@ _trusted: set[str] = set()
 
 
 def trust(names: Iterable[str | None]) -> None:
-    """Allow this process to load the code at those names that are places."""
+    """Permit this process to import code from the places among the names; ignore other names."""
     _trusted.update(name for name in names if is_place(name))
 
 
@@ -113,7 +115,10 @@ class Registry(Generic[T]):
             importlib.import_module(modules[max(beginnings, key=len)])
 
     def add(self, place: str) -> None:
-        """Add a trusted place as a plug-in with the name after the colon, which must be unused."""
+        """Add the plug-in at a trusted place ``module:Name`` under the name after the colon.
+
+        Raises InputError if another plug-in already has this name.
+        """
         module, _, name = place.rpartition(":")
         if not module or self._added.get(name, place) != place or name in self._ours:
             fault = "that name is taken" if module else "must be module:Name or file.py:Name"
@@ -135,11 +140,15 @@ class Registry(Generic[T]):
         return self._modules[name] if self._is_ours(name) else self._place(name).rpartition(":")[0]
 
     def place_of(self, name: str) -> str:
-        """Return the name or place by which another process finds the plug-in."""
+        """Return the name or place with which another process can load the plug-in."""
         return self._added.get(name, name)
 
     def get(self, name: str) -> T:
-        """Return the plug-in with a name or at a trusted place."""
+        """Return the plug-in with a name, or the one at a place.
+
+        A place is ``module:Name`` or ``path/to/file.py:Name``. Raises InputError unless the place
+        is trusted, that is, named by the command line or a configuration (see `trust`).
+        """
         if self._is_ours(name):
             return self._plugins[self._modules[name], name]
         target = load(self._place(name), f"{self.kind} {name}")
@@ -176,7 +185,11 @@ def _modules(folder: str) -> Iterator[str]:
 
 
 def load(place: str, purpose: str) -> Any:
-    """Import and return the object at a trusted place; error messages begin with `purpose`."""
+    """Import and return the object at a place, such as ``module:Name`` or ``file.py:Name``.
+
+    Raises InputError, with a message that begins with `purpose`, if the place is not trusted or the
+    import fails.
+    """
     module, _, name = place.rpartition(":")
     if not module:
         raise InputError(f"{purpose}: '{place}' is not of the form module:Name or file.py:Name")

@@ -82,7 +82,8 @@ def read_yaml(path: Path, alike: bool = False) -> Any:
     Parameters
     ----------
     alike
-        Whether to refuse values that YAML 1.1 reads differently, for files that Snakemake reads.
+        Whether to refuse values that YAML 1.1 and 1.2 read differently. This is necessary for files
+        that Snakemake reads too, because it uses YAML 1.1.
     """
     data = read_bytes(path)
     try:
@@ -135,7 +136,11 @@ def _scalars(node: Node) -> Iterator[tuple[str, ScalarNode]]:
 
 
 def _nodes(node: Node, sizes: dict[int, int]) -> Iterator[Node]:
-    """Yield a node after its descendants, and set `sizes` to node counts with aliases expanded."""
+    """Yield the nodes of a tree, each after its descendants.
+
+    Store in `sizes`, by the identity of a node, the number of nodes in its subtree after the
+    expansion of aliases.
+    """
     if id(node) in sizes:
         if not sizes[id(node)]:
             raise InputError(f"{_line(node)}: an alias refers to a node that contains it")

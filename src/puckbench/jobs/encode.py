@@ -99,7 +99,11 @@ class Encode(Encoding):
     frame: CoordinateFrame | None = None
 
     def run(self, cloud: Path, stream: Path, prepared: Path | None = None) -> dict[str, Any]:
-        """Write the stream and its record; the cloud was prepared from the file `prepared`."""
+        """Encode the cloud, and write the stream and its record.
+
+        If `prepared` is a path, first prepare the cloud in the file `cloud`, and write the prepared
+        cloud to that path.
+        """
         codec = open_codec(self.codec, self.changes)
         codec.parameters_of(self.rate)
         original = self._cloud(codec, cloud, prepared)

@@ -10,7 +10,11 @@ from puckbench.jobs.registry import JOBS, Job
 
 @JOBS.register("report")
 class Report(Job):
-    """Build the report; `code` has the places of the user's figures and tables."""
+    """Build the report page.
+
+    `code` contains the places (``module:Name`` or ``file.py:Name``) of the user's figures and
+    tables, which this job is permitted to import.
+    """
 
     contents: dict[str, Any]
     code: tuple[str, ...] = ()

@@ -58,9 +58,11 @@ def failure_of(log: Path, logs: Path) -> Failure | None:
 
 
 def write_failures(path: Path, failures: list[Failure]) -> Path | None:
-    """Write a configuration file that excludes failed clouds and curves.
+    """Write a configuration file that excludes the clouds and curves whose jobs failed.
 
-    Return None if another job failed, because tables then cannot be made.
+    Return the path, with which a second run can make the tables. Write no file and return None if
+    nothing failed, or if a job failed that belongs to no cloud, because the second run would fail
+    too.
     """
     path.unlink(missing_ok=True)
     if not failures or not all(failure.cloud for failure in failures):

@@ -201,7 +201,10 @@ def _deltas(
 
 
 def _judged(rows: pd.DataFrame) -> pd.DataFrame:
-    """Add the columns ``lossless`` and peak of PSNRs, which older runs lack."""
+    """Add two columns that tables of older runs lack.
+
+    They are ``lossless``, whether a decoded cloud has no error, and the peak of the PSNRs.
+    """
     table = with_peaks(rows).assign(**{LOSSLESS: lossless_rows(rows)})
     return table if PEAK in table else table.assign(**{PEAK: nan})
 

@@ -57,8 +57,10 @@ def _las(points: Floats, step: float) -> Any:
 
 
 def decode_laz(stream: bytes) -> Floats:
-    """Decode the points (n, 3) from a stream of `encode_laz`; raise InputError if it is damaged or
-    another LAZ stream, for which there is `puckbench.io.las`.
+    """Decode the points (n, 3) from a stream written by `encode_laz`.
+
+    Raises InputError if the stream is damaged, or if another program wrote it. To read LAZ files of
+    other programs, use `puckbench.io.las`.
     """
     import lazrs
 

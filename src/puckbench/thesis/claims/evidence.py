@@ -66,7 +66,11 @@ class Evidence:
 
     @cached_property
     def medians(self) -> pd.DataFrame:
-        """Medians over clouds by ``dataset``, ``codec`` (role), ``rate`` and its ``number``."""
+        """Return a table of the medians over the clouds for each data set, codec and rate.
+
+        The column ``codec`` contains the codec's role in the claims, such as ``gpcc``; ``number``
+        is the index of the rate in the order of the rates.
+        """
         import pandas as pd
 
         columns = ["dataset", "codec", "rate", *MEASURED]

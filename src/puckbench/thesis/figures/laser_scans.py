@@ -151,7 +151,10 @@ def _part(scans: pd.DataFrame, distance_m: float, surface: str | None) -> pd.Dat
 
 
 def _shown(scans: pd.DataFrame, distance_m: float, surface: str | None = None) -> pd.DataFrame:
-    """Return a random sample of rows from the capture, else from the virtual sensor."""
+    """Return a random sample of a table's rows at a distance and, if specified, on a surface.
+
+    The rows come from the real capture or, if the table has none, from the virtual sensor.
+    """
     part = _part(scans, distance_m, surface)
     model = compared(part)[0]
     return subsample(part[part["model"] == model], SAMPLE, model)
