@@ -39,10 +39,9 @@ class Memory(NamedTuple):
 
 
 class Pace(NamedTuple):
-    """Estimated time of encoding and decoding at one rate.
+    """Estimated time of encoding and decoding at a rate: a constant in s, and s per million points.
 
-    It is a constant in s, plus a number of seconds per million points. `encoding` is the fraction
-    of the time that encoding takes; decoding takes the rest.
+    `encoding` is the fraction of the time that encoding takes.
     """
 
     base_s: float = 0.1

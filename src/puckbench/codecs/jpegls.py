@@ -1,9 +1,9 @@
 """Range images by JPEG-LS (ITU-T T.87), through imagecodecs and CharLS.
 
-A lossy rate rounds ranges to steps of several quanta of the sensor. The encoder then writes the
-rounded ranges in quanta, in the near-lossless mode of JPEG-LS with errors of at most half a step,
-and the decoder recovers the steps exactly. This takes fewer bits than lossless coding of the
-numbers of steps, because the contexts of JPEG-LS do not distinguish such small values well.
+A lossy rate rounds ranges to steps of several quanta of the sensor. The encoder writes the ranges
+in quanta, in the near-lossless mode of JPEG-LS with errors of at most half a step, and the decoder
+recovers the steps exactly. This takes fewer bits than lossless coding of the numbers of steps,
+whose small values the contexts of JPEG-LS distinguish less well.
 """
 
 from __future__ import annotations

@@ -1,9 +1,8 @@
 """The codec that rounds points to a grid and compresses the grid points by a small network.
 
-The network predicts the occupancy of the nodes of an octree, and the compression of the grid points
-is lossless. A rate is the scale of the grid or, for clouds in metres, its step. The grids are those
-of the codec `gpcc`. Therefore the decoded points are the same as those of `gpcc` if it merges
-duplicates; only the streams differ.
+The network predicts the occupancy of octree nodes; the compression of the grid points is lossless.
+A rate is the scale of the grid or, for clouds in metres, its step. The grids are those of the codec
+`gpcc`, so that decoded points are the same as those of `gpcc` with merged duplicates.
 """
 
 from __future__ import annotations

@@ -75,22 +75,11 @@ def read_rooms(path: Path) -> list[HouseRoom]:
 def build_room(
     room: HouseRoom, folder: Path, what: str
 ) -> tuple[Mesh, Floats | None, dict[str, int]]:
-    """Make one mesh from the walls, floors and furniture of a room.
+    """Make one mesh from the house's surfaces in a room and the furniture models in `folder`.
 
-    Parameters
-    ----------
-    folder
-        Folder with the models of the furniture.
-    what
-        Beginning of the message of the InputError that is raised if nothing in the room has a
-        surface.
-
-    Returns
-    -------
-    tuple
-        The labelled mesh in metres with z up; the lowest and highest corner (2, 3) of the surfaces
-        that belong to the house, or None if all surfaces are furniture; and the number of items
-        without a surface, by reason.
+    Return the labelled mesh in metres with z up; the lowest and highest corner (2, 3) of the
+    house's surfaces, or None if there is only furniture; and the number of items without a surface, by
+    reason. Raises InputError, with a message that begins with `what`, if no item has a surface.
     """
     left_out = Counter(room.left_out)
     placed: list[tuple[_PlacedItem, Floats, NDArray[np.int64]]] = []

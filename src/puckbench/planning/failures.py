@@ -60,9 +60,8 @@ def failure_of(log: Path, logs: Path) -> Failure | None:
 def write_failures(path: Path, failures: list[Failure]) -> Path | None:
     """Write a configuration file that excludes the clouds and curves whose jobs failed.
 
-    Return the path, with which a second run can make the tables. Write no file and return None if
-    nothing failed, or if a job failed that belongs to no cloud, because the second run would fail
-    too.
+    Write no file and return None if nothing failed, or if a failed job belongs to no cloud, because
+    then a run without these clouds would fail too.
     """
     path.unlink(missing_ok=True)
     if not failures or not all(failure.cloud for failure in failures):
