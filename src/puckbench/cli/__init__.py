@@ -54,7 +54,7 @@ class _Remarks(logging.Handler):
 
 
 def _show_remarks() -> None:
-    """Print the warnings that functions write to the log ``puckbench``, each once."""
+    """Make the logger ``puckbench`` print each distinct warning once."""
     log = logging.getLogger("puckbench")
     log.handlers = [other for other in log.handlers if not isinstance(other, _Remarks)]
     log.addHandler(_Remarks())

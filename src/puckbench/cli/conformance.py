@@ -24,7 +24,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
-    """Count the streams that are decoded, refused and failed, and list the last two kinds."""
+    """Count the streams that are decoded, refused and failed; list the refused and failed ones."""
     from puckbench.codecs.registry import codecs, open_codec
     from puckbench.gpcc.conformance import FOLDER, conformance_streams, program_decoder, verdicts
 

@@ -139,7 +139,7 @@ def run(options: argparse.Namespace) -> dict[str, Any] | None:
 
 
 def _without_failures(path: Path) -> Path | None:
-    """Return the file with failed jobs, which the run wrote if there were any."""
+    """Return the file that lists failed jobs, which a run writes if there are any."""
     failed = trusted(read_config(path)).failures_file
     return failed if failed.exists() else None
 
@@ -183,7 +183,7 @@ def _print_summary(path: Path, study: str | None, rest: Path | None) -> None:
 
 
 def _outputs(path: Path, rest: Path | None) -> OutputJobs:
-    """Plan the tables and figures of a configuration, without failed jobs in the file `rest`."""
+    """Plan the tables and figures of a configuration, without the failed jobs listed in `rest`."""
     changes = read_config(rest) if rest else {}
     return Workflow({**read_config(path), **changes}, check_scenes=True).outputs
 

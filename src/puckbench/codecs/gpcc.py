@@ -43,7 +43,7 @@ LOSSLESS_STEP_M = 0.002
 
 
 class UnitOptions(Model):
-    """The option `unit`: the step of the input's grid, which a rate with scale 1 does not change."""
+    """The option `unit`: the step of the input's grid, which a rate with scale 1 preserves."""
 
     unit: float | None = Field(
         None,

@@ -91,7 +91,7 @@ class Recordings(DataSet):
         return Scene(name, safe_name(path.stem), returns=cloud_returns, about=about)
 
     def _place(self, name: str) -> tuple[Path, int | None]:
-        """Return the recording and first turn of a cloud; no turn if the name is a recording's."""
+        """Return the recording and first turn of a cloud; None as turn for a recording's name."""
         recording, _, number = name.rpartition("_")
         if recording in self._recordings and number.isdecimal() and f"{int(number):04d}" == number:
             return self._recordings[recording], int(number)
@@ -119,7 +119,7 @@ class Recordings(DataSet):
 
     @cached_property
     def _clouds(self) -> Mapping[str, tuple[Path, int | None]]:
-        """Recording and first turn of each cloud; no turn for recordings without cloud."""
+        """The recording and first turn of each cloud; None as turn if a recording has no cloud."""
         table: dict[str, tuple[Path, int | None]] = {}
         faulty: dict[str, tuple[Path, int | None]] = {}
         for name, path in self._recordings.items():

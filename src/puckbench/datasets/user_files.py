@@ -139,7 +139,7 @@ def without_duplicates(paths: Iterable[Path]) -> list[Path]:
 
 
 def scene_names(paths: Iterable[Path]) -> list[str]:
-    """Return names of files without suffixes, with folders or suffixes where names are equal."""
+    """Return the files' names without suffixes; equal names are extended by folder or suffix."""
     listed = list(paths)
     plain = {path: plain_name(path) for path in listed}
     stems = Counter(safe_name(plain[path].stem).lower() for path in listed)

@@ -56,7 +56,7 @@ def read_xyzrgb(path: Path) -> TextCloud:
 
 
 def _mended(data: bytes) -> tuple[bytes, int, int]:
-    """Return the text without such foreign bytes, and the numbers of repaired and dropped lines."""
+    """Return a text with repaired lines, and the numbers of repaired and dropped lines."""
     if not data.translate(None, _ALLOWED):
         return data, 0, 0
     pieces, done, repaired, dropped = [], 0, 0, 0

@@ -63,7 +63,7 @@ def float32_rows(data: bytes, count: int, path: Path) -> Rows:
 def detect_column_count(values: NDArray[Any]) -> int | None:
     """Estimate the number of columns from values (n,) stored row by row; return None if unclear.
 
-    It is the lag whose mean rank difference is clearly the smallest.
+    It is the lag at which the mean difference between the ranks of values is clearly smallest.
     """
     sample = values[:_MAX_VALUES]
     if len(sample) < _MIN_VALUES:
@@ -97,7 +97,10 @@ def _detected_layout(data: bytes, path: Path) -> tuple[str, ...]:
 
 
 def _candidate_counts(values: Rows, size: int) -> list[int]:
-    """Return likely column counts that divide the file's size, else possible ones, else one."""
+    """Return the numbers of columns for which the values are likely.
+
+    If there are none, return those for which the values are possible, otherwise a single number.
+    """
     rows = {count: values.reshape(-1, count) for count in _LAYOUTS if size % (4 * count) == 0}
     possible = [count for count in rows if _are_coordinates(rows[count])]
     likely = [count for count in possible if _is_likely(rows[count])]

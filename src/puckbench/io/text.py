@@ -50,7 +50,7 @@ class _Header:
 
 
 def read_text(path: Path) -> Columns:
-    """Read the numeric columns of a text file; a line before the points, or convention, names them.
+    """Read the numeric columns of a text file, with names from its header or by convention.
 
     Values are separated by commas, semicolons, tabs or spaces, and may have a decimal comma.
     """

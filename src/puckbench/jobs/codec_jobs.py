@@ -32,10 +32,11 @@ class CodecJob(Job):
         return self._loaded[name]
 
     def codec_of(self, coded: Coded) -> str:
-        """Return the codec's name: that of the job, else that recognised in the stream or in its
-        record.
+        """Return the name of the codec of a stream.
 
-        Raises InputError if there is none, or if the name in the record is not registered.
+        It is the job's codec if this is set, otherwise the one recognised by the stream's magic
+        bytes, otherwise the one in the stream's record. Raises InputError if there is none, or if
+        the name in the record is not registered.
         """
         if self.codec:
             return self.codec
@@ -51,7 +52,7 @@ class CodecJob(Job):
         return name
 
     def read_stream(self, path: Path, rate: str | None = None) -> tuple[str, Coded]:
-        """Read a stream, or that of a rate in a curve, and return it with its codec's name."""
+        """Read the stream in a file, or that of a rate in a curve's file; return its codec and it."""
         coded = read_coded(path, rate)
         with naming(path):
             return self.codec_of(coded), coded

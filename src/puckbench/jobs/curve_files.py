@@ -69,7 +69,7 @@ def _checked(record: dict[str, Any], what: str) -> dict[str, Any]:
 
 
 def read_coded(path: Path, rate: str | None = None) -> Coded:
-    """Read a stream with the record beside it, or that of a rate in a curve."""
+    """Read a stream and its record from two files, or those of a rate from the file of a curve."""
     if path.suffix.lower() != SUFFIX:
         beside = record_file(path)
         record = read_object(beside) if beside.exists() else {}

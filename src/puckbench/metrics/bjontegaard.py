@@ -62,8 +62,9 @@ class BjontegaardDelta:
 
 
 def rate_distortion_curve(rates: Floats, qualities: Floats) -> RateDistortionCurve:
-    """Return the curve from points (k,), without missing values and dominated points, for which a
-    cheaper point has at least their quality.
+    """Return the curve through points (k,), without missing values and dominated points.
+
+    A point is dominated if another one has fewer bits and at least the same quality.
     """
     is_finite = np.isfinite(rates) & np.isfinite(qualities)
     rates, qualities = rates[is_finite], qualities[is_finite]

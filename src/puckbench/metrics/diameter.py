@@ -29,8 +29,9 @@ def _distances(points: Floats, centre: Floats) -> Floats:
 
 
 def _far_pair(points: Floats) -> tuple[Floats, float]:
-    """Jump to the farthest point until the distance stops growing; return that segment's centre and
-    length.
+    """Find two points far apart by going repeatedly from a point to the farthest one.
+
+    Return the centre and the length of the segment between them.
     """
     point, centre, length = points[0], points[0], -1.0
     while True:
@@ -73,8 +74,9 @@ def _box_squared(boxes: Floats, i: int, j: int) -> float:
 
 @compiled
 def _cap_squared(points: Floats, boxes: Floats, i: int, j: int) -> float:
-    """Return a tighter bound for two boxes, from the exact extent along the line between their
-    centres.
+    """Return an upper bound of the squared distance between points in two boxes.
+
+    It follows from the points' exact extent along the line between the boxes' centres.
     """
     x = boxes[i, 0, 0] + boxes[i, 1, 0] - boxes[j, 0, 0] - boxes[j, 1, 0]
     y = boxes[i, 0, 1] + boxes[i, 1, 1] - boxes[j, 0, 1] - boxes[j, 1, 1]

@@ -45,8 +45,9 @@ def range_errors(original: Returns, decoded: Returns) -> dict[str, float]:
 def range_errors_of_points(original: Floats, decoded: Floats) -> dict[str, float]:
     """Return `range_errors` for decoded points (m, 3), in m, with the sensor at the origin.
 
-    The range error of a return is the offset to its nearest decoded point along the ray. If k
-    returns have the same point and it was decoded m times, k - m returns are lost or m - k added.
+    The range error of a return is the component, along its ray, of the offset to the nearest
+    decoded point. If k returns have the same point, which was decoded m times, k - m returns are
+    lost or m - k added.
     """
     from pykdtree.kdtree import KDTree
 

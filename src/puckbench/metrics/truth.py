@@ -20,11 +20,11 @@ from puckbench.metrics.units import distortion_in_metres
 
 
 class Truth:
-    """The true surface of a cloud, with search indices, for all decoded clouds: a mesh in metres,
-    or points in the reference's coordinates.
+    """The true surface of a cloud, with search indices that all decoded clouds share.
 
-    `seen` are points on its visible part, by default sampled on the mesh; `clean`, which replaces
-    `seen`, is the clean scan along the same rays.
+    The surface is a mesh in metres, or points in the coordinates of the reference cloud. `seen` are
+    points on its visible part, by default sampled on the mesh. `clean` is the clean scan along the
+    same rays, which replaces `seen` if it is set.
     """
 
     def __init__(

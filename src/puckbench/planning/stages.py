@@ -15,7 +15,10 @@ from puckbench.planning.workflow import Workflow
 
 @dataclass(frozen=True)
 class Stage:
-    """The files that one step of a run makes; `planned` are paths in the folder, without suffix."""
+    """The files that one step of a run makes in `folder`.
+
+    `planned` contains their paths relative to the folder, without `suffix`.
+    """
 
     folder: Path
     suffix: str

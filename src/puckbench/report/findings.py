@@ -65,7 +65,7 @@ class FindingsColumn:
         return self.ranking[0] if self.ranking and not self.ties else None
 
     def tested(self, is_better: Callable[[str, str], bool]) -> FindingsColumn:
-        """Return the column with `ties`, from tests of the first codec against each other codec."""
+        """Return the column with `ties`: the codecs that the first codec is not better than."""
         best, *others = self.ranking or ("",)
         return replace(self, ties=tuple(c for c in others if not is_better(best, c)))
 
@@ -179,7 +179,10 @@ def _bits(
 def _needs_fewer_bits(
     metrics: pd.DataFrame, rows: pd.DataFrame, metric: str
 ) -> Callable[[str, str], bool]:
-    """Return a test whether a codec's BD-rate against another is significantly negative."""
+    """Return a function that tells whether a codec's BD-rate against another is negative.
+
+    Only significantly negative BD-rates count.
+    """
     anchor, by_codec = rows["anchor"].iloc[0], rows.set_index("codec").to_dict("index")
 
     def is_better(first: str, other: str) -> bool:
@@ -273,7 +276,7 @@ def _times(metrics: pd.DataFrame, codecs: Sequence[str]) -> Iterator[FindingsCol
 
 
 def _is_less(metrics: pd.DataFrame, column: str) -> Callable[[str, str], bool]:
-    """Return a test whether a codec's medians over rates are lower than another's."""
+    """Return a function that tells whether a codec's medians by rate are lower than another's."""
     medians = metrics.groupby(["cloud", "codec"])[column].median().unstack()
 
     def is_less(first: str, other: str) -> bool:

@@ -39,7 +39,8 @@ _FEW_PIXELS = 1 << 20
 def encode_range_images(returns: Returns, quanta: int, encode_image: EncodeImage) -> bytes:
     """Encode returns, with ranges rounded to steps of `quanta` quanta.
 
-    In the second image, a pixel is 0 if both returns of a beam are equal.
+    A sensor that records two returns per beam gives two images. In the second one, a pixel is 0 if
+    both returns are equal.
     """
     layout, turns = returns.layout, returns.turns
     quanta = min(quanta, _MAX_QUANTA)
@@ -106,7 +107,10 @@ def _images(turn: Turn, layout: Layout, quanta: int) -> list[Image]:
 
 
 def _swapped(image: Image, first: Image) -> Image:
-    """Exchange 0 and the first image's pixel in the second image; a second call reverts this."""
+    """Replace pixels of the second image that equal the first image's by 0, and 0 by these.
+
+    A second call restores the image.
+    """
     return np.where(image == first, 0, np.where(image == 0, first, image)).astype(np.uint16)
 
 

@@ -138,7 +138,7 @@ def _check(metrics: pd.DataFrame, anchor: str, qualities: Sequence[str]) -> None
 
 
 def _with_quality(metrics: pd.DataFrame, column: str) -> pd.DataFrame:
-    """Return rows that have a quality in dB, and lossless rows if their data set has qualities."""
+    """Return the rows with a quality in dB, and the lossless rows of data sets with such rows."""
     lossless = lossless_rows(metrics) & is_shape_metric(column)
     quality = np.where(lossless, np.nan, _quality(metrics, column))
     rows = metrics.assign(**{LOSSLESS: lossless, "quality": quality})

@@ -30,10 +30,10 @@ call. A call that ran alone on the machine counts by itself."""
 
 @dataclass(frozen=True)
 class Evidence:
-    """Tables of a run, and the roles that its data sets and codecs play in the thesis.
+    """Tables of a run, and the data sets and codecs of the thesis that those of the run represent.
 
-    `datasets` maps names to roles; `codecs` and `stand_ins` map roles to names. If `of_medians`,
-    `metrics` contains medians.
+    `datasets` maps names to roles, that is, to the thesis's names; `codecs` and `stand_ins` map
+    roles to names. If `of_medians` is true, `metrics` contains medians.
     """
 
     metrics: pd.DataFrame | None = None
@@ -97,8 +97,9 @@ class Evidence:
         return self.of_medians or self.clouds_of(datasets, *codecs) >= MIN_CLOUDS
 
     def calls(self, codec: str) -> int:
-        """Return the number of valid timed calls, the least over rates and data sets. A call is
-        valid if repeated `MIN_REPEATS` times or made while no other job ran.
+        """Return the number of valid timed calls of a codec at the rate and data set with fewest.
+
+        A call is valid if it was repeated `MIN_REPEATS` times or made while no other job ran.
         """
         if self.metrics is None:
             return 0

@@ -222,7 +222,10 @@ def _comparisons(
     holds: Callable[[float], bool],
     bases: Sequence[str] = CLASSICAL,
 ) -> list[Part]:
-    """Return a part for each learned and base codec; it holds if the ratios on all data sets do."""
+    """Return a part for each pair of a learned codec and a codec in `bases`.
+
+    The part holds if `holds` is true for the summary of the ratios on every data set.
+    """
     evidence, parts = evidence.with_stand_ins(), []
     for codec in LEARNED:
         for base in bases:

@@ -149,7 +149,10 @@ def _distance(histogram: Floats, other: Floats) -> float:
 
 
 def _chance(rows: pd.DataFrame, total: Floats) -> float:
-    """Return the 95 % quantile of distances from one replicate to all, or nan."""
+    """Return the 95 % quantile of the distances between the residuals of one replicate and of all.
+
+    Return nan if there are fewer than two replicates.
+    """
     residuals = rows["residual_m"].to_numpy(dtype=np.float64)
     parts = rows.groupby("replicate").indices.values()
     if len(parts) < 2:
