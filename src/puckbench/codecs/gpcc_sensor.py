@@ -11,12 +11,11 @@ if TYPE_CHECKING:
 
 
 class SensorCodec(OwnCodec):
-    """Encodes a cloud with the lasers of its sensor if it has returns, else without."""
+    """A codec that uses the lasers of the sensor to encode a cloud if the cloud has returns."""
 
     takes: ClassVar[Takes] = "either"
 
     def encode_returns(self, returns: Returns, rate: str) -> bytes:
-        """Encode the returns of a spinning sensor at a rate; raise InputError as `encode` does."""
         parameters, points = self.parameters_of(rate), returns.points()
         check_points(points, f"codec {self.name}")
         return self._encoded(points, parameters, returns)

@@ -52,7 +52,7 @@ def codecs() -> dict[str, type[Codec]]:
 
 
 def is_codec(name: str) -> bool:
-    """Whether a codec has this name without an entry in a configuration."""
+    """Whether puckbench or an installed package has a codec with this name."""
     return name in variants() or name in CODECS
 
 

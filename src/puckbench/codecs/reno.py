@@ -67,7 +67,6 @@ class Reno(Learned["RenoWeights"]):
     network = RENO
 
     def load(self) -> None:
-        """Load the weights, and run the functions that are compiled on first use."""
         corner = np.stack(np.meshgrid(*[np.arange(12.0)] * 3), axis=-1).reshape(-1, 3)
         self._decode(self._encode(corner, {"step_m": 1.024}))
 

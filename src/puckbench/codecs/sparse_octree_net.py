@@ -58,7 +58,6 @@ class SparseOctreeNet(Learned["OctreeNetWeights"]):
         self.grid = self.options.step / finest
 
     def load(self) -> None:
-        """Load the weights, and run the functions that are compiled on first use."""
         self._try([{"scale": 1}])
 
     def _stream(self, points: Floats, parameters: Parameters) -> bytes:

@@ -140,7 +140,7 @@ def shares(
     """Return a codec's bits in percent of the octree coder's, at errors from 0.5 to 50 mm and on
     lossless grids.
 
-    `complete` contains the rows of the octree coder with all duplicate points.
+    `complete` contains the rows of the octree coder that keeps all duplicate points.
     """
     anchors = dict(iter(octree.groupby("cloud")))
     lossless = {**anchors, **dict(iter(complete.groupby("cloud")))}

@@ -38,7 +38,7 @@ Lines = dict[str, tuple[Floats, Floats]]
 
 
 def check_curve_columns(metrics: pd.DataFrame, metric: PlottedMetric) -> None:
-    """Raise InputError unless a table has a curve's columns, with values for log axes."""
+    """Raise InputError unless a table has the columns for a curve on logarithmic axes."""
     columns = (BPP.column, metric.column)
     require_rows(metrics, ("dataset", "cloud", "codec", "rate", *columns), "metrics")
     require_numbers(metrics, columns, "metrics")

@@ -52,7 +52,7 @@ class CodecJob(Job):
         return name
 
     def read_stream(self, path: Path, rate: str | None = None) -> tuple[str, Coded]:
-        """Read the stream in a file, or that of a rate in a curve's file; return its codec and it."""
+        """Read a stream, or that of a rate in a curve's file; return its codec's name and it."""
         coded = read_coded(path, rate)
         with naming(path):
             return self.codec_of(coded), coded

@@ -9,7 +9,7 @@ from puckbench.jobs.registry import JOBS, Job
 
 @JOBS.register("join_streams")
 class JoinStreams(Job):
-    """Join the archives of a curve's parts."""
+    """Join the archives of streams from several jobs that each encoded some rates of a curve."""
 
     def run(self, parts: tuple[Path, ...], curve: Path) -> dict[str, Any]:
         coded = {rate: one for part in parts for rate, one in read_curve(part).items()}
@@ -19,7 +19,7 @@ class JoinStreams(Job):
 
 @JOBS.register("join_rows")
 class JoinRows(Job):
-    """Join the result rows of a curve's parts."""
+    """Join the result rows from several jobs that each measured some rates of a curve."""
 
     def run(self, parts: tuple[Path, ...], rows: Path) -> dict[str, Any]:
         results = read_rows(parts)

@@ -35,7 +35,7 @@ class Prepare(Job):
     Parameters
     ----------
     crop
-        Coordinates of a scan by which points lie in the box.
+        Which coordinates of a scan decide whether a point lies in the box.
     box
         Two corners in m, in place of the box in a file.
     size

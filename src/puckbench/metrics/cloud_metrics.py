@@ -43,8 +43,9 @@ def geometry_metrics(
 def picture_metrics(
     reference: PointCloud, decoded: PointCloud, pixels: int, geometry: Mapping[str, float]
 ) -> dict[str, float]:
-    """Return metrics from rendered views, `pixels` wide (none for 0), and of colour, if both clouds
-    have colours.
+    """Return metrics of rendered views, and of colour if both clouds have colours.
+
+    Views are `pixels` wide; with 0 there are none.
     """
     values: dict[str, float] = {}
     if pixels:

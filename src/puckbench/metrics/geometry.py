@@ -68,7 +68,6 @@ class ReferenceCloud:
 
     @cached_property
     def rounding(self) -> float:
-        """The largest error, in the cloud's unit, that rounding of coordinates can cause."""
         return rounding(self.cloud)
 
 
@@ -162,8 +161,8 @@ def _checked_normals(reference: PointCloud) -> Floats:
 def transfer_normals(normals: Floats, size: int, ab: Neighbours, ba: Neighbours) -> Floats:
     """Return normals (size, 3) for B from those of A (n, 3), by the rule of MPEG's pc_error.
 
-    A point of B gets the mean, not normalised, of the normals of the points of A whose nearest
-    neighbour it is, else of its nearest neighbours in A.
+    A point of B gets the mean, not normalised, of the normals of those points of A whose nearest
+    neighbour it is. If there are none, it gets the mean for its nearest neighbours in A.
     """
     sums, counts = _sums_of_takers(normals, size, ab.starts, ab.exact, ab.index)
     _add_own_nearest(normals, ba.starts, ba.exact, ba.index, sums, counts)

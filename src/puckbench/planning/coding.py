@@ -37,7 +37,7 @@ _MOST_SECONDS = 600
 
 @dataclass(frozen=True)
 class Curve:
-    """Rates that one job encodes, all or some, for a codec and a coordinate frame."""
+    """The rates (all or some) that one job encodes, for a codec and a coordinate frame."""
 
     codec: str
     frame: CoordinateFrame
@@ -73,7 +73,7 @@ class CodingJobs:
 
     @cached_property
     def cut(self) -> list[str]:
-        """Codecs with split curves."""
+        """Codecs whose curves are divided among several jobs."""
         counts = Counter((curve.codec, curve.frame) for curve in self.curves)
         return list(dict.fromkeys(codec for (codec, _), count in counts.items() if count > 1))
 

@@ -56,7 +56,7 @@ def _code_digest(file: Path) -> str:
 
 
 class _Code(ast.NodeTransformer):
-    """Removes statements without effect, and help texts."""
+    """Removes docstrings, imports for type checkers, and help texts of options."""
 
     def visit_Expr(self, node: ast.Expr) -> ast.AST | None:
         return None if isinstance(node.value, ast.Constant) else self.generic_visit(node)

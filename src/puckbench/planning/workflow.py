@@ -39,7 +39,7 @@ def run_jobs_with(source: str) -> None:
 
 
 def package_alone(folder: Path) -> Path:
-    """Make a folder that contains only this package, for jobs with all other packages installed."""
+    """Make a folder that contains only puckbench, so that jobs can import it; return its path."""
     package, link = Path(__file__).parents[1], folder.resolve() / "puckbench"
     if not link.is_symlink() or link.readlink() != package:
         link.parent.mkdir(parents=True, exist_ok=True)

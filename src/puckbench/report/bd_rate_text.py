@@ -42,7 +42,7 @@ def delta_note(row: _Row | None) -> str:
 
 
 def holds_zero(row: _Row) -> bool:
-    """Whether the interval, or the range of two clouds, contains 0 or is missing."""
+    """Whether the confidence interval (for two clouds, the range) contains 0 or is missing."""
     low, high = _ends(row)
     return not (low > 0 or high < 0)
 

@@ -60,7 +60,7 @@ class Contents(Model):
         return parsed(cls, value, "contents of the report")
 
     def under(self, folder: Path) -> Contents:
-        """Return the contents with all files in a copy of the results below another folder."""
+        """Return the contents with paths changed to a copy of the results in another folder."""
 
         def moved(files: Mapping[str, str]) -> dict[str, str]:
             return {name: str(folder / file) for name, file in files.items()}

@@ -66,7 +66,7 @@ def _dataset_role(settings: DataSetConfig, is_scanned: bool) -> str:
 def codec_role(codec: Codec) -> str:
     """Return the role of a codec, the thesis's codec that it represents, or an empty string.
 
-    G-PCC's plain octree represents `GPCC_AS_RUN` with truncated coordinates, else `GPCC`.
+    G-PCC's plain octree represents `GPCC_AS_RUN` if it truncates coordinates, otherwise `GPCC`.
     """
     if codec.based_on or (isinstance(codec, Draco) and codec.options.method == "sequential"):
         return ""
@@ -82,7 +82,7 @@ def codec_roles(plan: Plan) -> dict[str, str]:
 
 
 def stand_in_roles(plan: Plan) -> dict[str, str]:
-    """Return for each role the first codec whose base codec has this role."""
+    """Return, for each role, the first codec that is derived from a codec with this role."""
     bases = {name: codec.based_on for name, codec in plan.opened.items()}
     return _first({name: codec_role(open_codec(base)) for name, base in bases.items() if base})
 

@@ -47,8 +47,9 @@ def far(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def compared(table: pd.DataFrame) -> list[str]:
-    """Return `REAL`, if there are captures, and the model to compare: the thesis's choice, else
-    `vlp16`, else the first.
+    """Return `REAL`, if there are captures, and the error model to compare with them.
+
+    This is the first model in `_VIRTUAL` that the table contains, otherwise its first model.
     """
     models = [model for model in ordered_models(table["model"]) if model != REAL]
     preferred = [model for model in _VIRTUAL if model in models]

@@ -15,7 +15,10 @@ from puckbench.thesis.representatives import (
 
 @NEEDS.register("claims")
 def claims_options(plan: Plan) -> Options | None:
-    """Return roles; a plan without a sensor study needs a data set with a role."""
+    """Return the roles of data sets and codecs.
+
+    Return None if the plan has data sets, but none with a role and no sensor study.
+    """
     datasets = dataset_roles(plan)
     if plan.datasets and not datasets and plan.study is None:
         return None
@@ -31,7 +34,7 @@ def gpcc_scales_options(plan: Plan) -> Options | None:
 
 @NEEDS.register("thesis_medians")
 def thesis_medians_options(plan: Plan) -> Options | None:
-    """Return roles, if a rate has a name of the thesis's."""
+    """Return the roles of data sets and codecs if a rate has the name of a thesis's rate."""
     datasets, codecs = dataset_roles(plan), codec_roles(plan)
     has_rates = any(plan.codecs[name]["rates"].keys() & RATES for name in codecs.values())
     return {"datasets": datasets, "codecs": codecs} if datasets and has_rates else None

@@ -41,10 +41,10 @@ MAX_ROWS = 500_000
 
 
 def joined_files(files: Sequence[tuple[str, Path]], kind: str) -> pd.DataFrame:
-    """Concatenate Parquet tables with the columns in `COLUMNS` for a kind; `files` are models and
-    paths.
+    """Concatenate Parquet tables with the columns in `COLUMNS` for a kind.
 
-    Raises InputError if a column is missing.
+    `files` contains the name of an error model and a path for each table. Raises InputError if a
+    column is missing.
     """
     table = pd.concat([_part(*file, COLUMNS[kind]) for file in files], ignore_index=True)
     return table.astype({"model": "category", "surface": "category"})
