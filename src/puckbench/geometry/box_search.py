@@ -25,9 +25,9 @@ LEAVES_AT_ONCE = 1024
 class NearestTwo(NamedTuple):
     """Nearest points of m queries, with the smallest squared distances (m,).
 
-    ``rows`` (m, 2) are the two nearest points. If one point is nearest, both columns contain it; if
-    several points are tied, they contain any two of them. ``ties`` (m,) counts the tied points (at
-    most 3), and ``exact`` (m,) those exactly at the smallest distance.
+    ``rows`` (m, 2) hold the nearest points: without a tie the same point twice, with ties any two
+    of the tied points. ``ties`` (m,) counts the tied points (at most 3), and ``exact`` (m,) those
+    exactly at the smallest distance.
     """
 
     squared: Floats

@@ -24,7 +24,7 @@ Kernels need it because unsigned and signed integers together would become float
 
 
 def compiled(function: Function) -> Function:
-    """Compile, with a cache, a function that creates arrays."""
+    """Compile a function that may create arrays, and cache the machine code."""
     return compiling.compiled(function, **_OPTIONS)
 
 

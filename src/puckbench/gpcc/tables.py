@@ -134,7 +134,9 @@ _TURN_X = {
 
 
 def _turned(neigh_pattern: int) -> list[int]:
-    """Return the position of each child after rotating a pattern to that of its class."""
+    """Return the new index of each child after rotating a neighbour pattern to the
+    representative of its class.
+    """
     turns = [(_SAME, _Z90, _Z180, _Z270)[_TURN_Z[neigh_pattern & 15]]]
     if neigh_pattern & 48 == 16:
         turns.append(_MIRROR_Z)

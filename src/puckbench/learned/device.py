@@ -26,8 +26,8 @@ def why_not(name: DeviceName) -> str:
 def placed(model: M, name: DeviceName) -> M:
     """Move a model to a device; raise InputError if the device does not exist.
 
-    Products are computed in full single precision there, so that sums that are exact on a CPU are
-    exact on the device too.
+    CUDA devices then compute products in full single precision, so that sums that are exact on a
+    CPU are exact there too.
     """
     import torch
 

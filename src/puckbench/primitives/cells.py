@@ -62,7 +62,9 @@ def _cell_of_positions(positions: Floats, centred: bool) -> Ints:
 def _group(
     points: Floats, origin: Floats, side: float, centred: bool, first: Ints
 ) -> tuple[Ints, Floats, Ints]:
-    """Return the cells' keys (m,) and sums (m, 4) of x, y, z and 1, and each point's cell (n,)."""
+    """Return the keys (m,) of the cells, the sums (m, 4) of x, y, z and 1 in each, and the cell
+    (n,) of each point.
+    """
     cell_of = np.empty(len(points), np.int64)
     keys, sums = np.empty(1024, np.int64), np.zeros((1024, 4))
     slots = np.full(4096, -1)
@@ -127,8 +129,8 @@ def measure_centre_distances(
 ) -> None:
     """Write the distance of points from their cell's centre along the farthest axis, in cells.
 
-    It is infinite in cells that are not occupied. The keys are of occupied cells, minus the lower
-    of `cell_bounds`.
+    It is infinite for points outside all occupied cells. `keys` are the keys of the occupied cells
+    relative to the lower of `cell_bounds`.
     """
     low, high = cell_bounds
     size = 4

@@ -1,10 +1,10 @@
-"""Hybrid mode: codes a surface, and voxels that correct the points of the surface.
+"""Hybrid mode: combines a surface with voxels, which locate the input points on and near it.
 
-A surface alone reproduces neither the positions of the input points on it nor their noise. Voxels
-alone reproduce both, but locate the surface less precisely. A hybrid moves each voxel along the
-normal of the nearest surface point. The encoder sends the displacement as a fraction of the
-distance to the surface, one for each class of distances. The decoder also keeps the surface's
-points in occupied voxels, which makes the decoded cloud as dense as the input.
+A surface alone reproduces neither the positions of the points on it nor their noise. Voxels alone
+reproduce both, but locate the surface less precisely. A hybrid moves each voxel along the normal of
+the nearest surface point. The encoder sends the displacement as a fraction of the distance to the
+surface, one for each class of distances. The decoder also keeps the surface's points in occupied
+voxels, which makes the decoded cloud as dense as the input.
 """
 
 from __future__ import annotations

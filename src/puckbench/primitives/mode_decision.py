@@ -154,8 +154,7 @@ def _select_mode(
     max_bytes: int,
     search: VoxelSearch,
 ) -> _Selection:
-    """Return the finest surface that is better than voxels of equal size in bytes, or voxels if
-    there is none.
+    """Select the finest surface that is better than voxels of equal size in bytes.
 
     If no surface is better, the product of the errors decides between the coarsest surface and
     voxels, and between voxels alone and a hybrid with that surface.
@@ -188,9 +187,10 @@ def _encode_coarse_hybrid(
     voxels: CodedVoxels,
     search: VoxelSearch,
 ) -> bytes | None:
-    """Return the best hybrid no larger than the voxels alone, or None if it is not better.
+    """Return the best hybrid no larger than the voxels alone, or None if it is not better than
+    these.
 
-    Surfaces coarser than `coded` are tried while they improve the hybrid.
+    Surfaces coarser than `coded` are tried as long as they improve the hybrid.
     """
     criterion = _hybrid_criterion(cloud, estimator, 0.0)
     voxel_cost = criterion.cost(estimator.measure(cloud.in_units(voxels.points)))
@@ -214,7 +214,7 @@ def _hybrid_criterion(
 ) -> hybrid_mode.HybridCriterion:
     """Return a criterion whose cost is the product of the errors.
 
-    The surface error counts less with more refinement.
+    With a higher refinement the error of the surface has less weight.
     """
 
     def nearest_offsets(decoded: Floats) -> NearestOffsets:

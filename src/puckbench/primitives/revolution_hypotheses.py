@@ -34,7 +34,8 @@ def block_samples(xyz: Floats, radius: float) -> tuple[Ints, BlockedSamples]:
 def make_hypotheses(
     xyz: Floats, normals: Floats, seeds: Ints, spacing: float, tolerance: float
 ) -> Floats:
-    """Return spheres, cylinders and cones (m, 9), not yet bounded, through samples with normals.
+    """Return spheres, cylinders and cones (m, 9), not yet bounded, through two or three samples
+    with normals.
 
     Each of the `seeds` (m,), rows of samples with the given spacing, is combined with two others at
     each of three spans. `tolerance` is the least radius; a sphere or cylinder may miss the second

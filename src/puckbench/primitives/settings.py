@@ -66,8 +66,8 @@ class PrimitiveSettings(Model):
     )
 
     def adapted_to(self, noise: float) -> PrimitiveSettings:
-        """Return coarser settings if the noise, in units, exceeds that for which the rates are
-        tuned.
+        """Return settings made coarser in proportion if the noise, in units, exceeds the noise
+        for which the rates are tuned.
 
         Otherwise small leaves and fine planes would follow the noise.
         """

@@ -208,7 +208,7 @@ def _refine(
     unassigned: Mask,
     tolerances: tuple[float, float],
 ) -> RevolutionSurface:
-    """Fit a surface to its inliers, with a tolerance that decreases from fit to fit.
+    """Fit a surface to its inliers repeatedly, each time with a smaller tolerance.
 
     A surface that crosses between two others thus converges to one of them.
     """

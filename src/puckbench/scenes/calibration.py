@@ -37,7 +37,7 @@ def calibration_origin(name: str) -> tuple[float, float, float]:
 def calibration_scene(distance: float, *, room: bool = False) -> tuple[Mesh, Floats]:
     """Return a scene with the sensor `distance` metres from the wall, and the sensor's position.
 
-    The scene is turned by 180 degrees about z, so that the sensor looks towards +y.
+    The scene is turned by 180 degrees: the wall is in direction +y from the sensor.
     """
     name = f"wall_floor_{distance:g}m"
     mesh, half_turn = make_calibration(name, room=room), np.array([-1.0, -1.0, 1.0])

@@ -14,7 +14,7 @@ from puckbench.geometry.mesh import Primitive
 
 @dataclass(frozen=True)
 class Shape:
-    """A primitive in a normalised position: a plane is z = 0; an axis is z; a centre or apex is 0.
+    """A primitive in a normalised position: plane z = 0, axis z, centre or apex at the origin.
 
     `kind` is that of `puckbench.geometry.mesh.Primitive`. ``lengths`` (radii, half axes) scale with
     the frame of the surface, ``ratios`` (angles, exponents) do not.

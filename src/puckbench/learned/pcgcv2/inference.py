@@ -1,8 +1,7 @@
 """Inference of PCGCv2 for coding: `model` without gradients, with fused layers.
 
 A pointwise convolution is computed as part of the 3x3x3 convolution next to it. Biases and ReLUs
-are applied while a chunk of rows is in the cache. Layers write their results to the buffers of
-earlier layers, since allocating memory for each would cost time.
+are applied while a chunk of rows is in the cache. Layers reuse the memory of previous layers.
 """
 
 from __future__ import annotations

@@ -32,7 +32,7 @@ def target_features(
     table: NeighbourTable,
     pool: ThreadPool,
 ) -> Floats32:
-    """Compute the features of child voxels from the features of their parents.
+    """Return the features of child voxels, computed from the features of their parents.
 
     `slots` (n,) are the children's slots (see `sparse.voxels`), `table` holds their neighbours.
     """

@@ -60,8 +60,8 @@ class GatherScatter(Protocol):
     ) -> Segments:
         """Gather the features (n, children, channels) of a chunk's neighbours at each offset.
 
-        The centre is left out. With `at_output` gather the rows' own features, at the children that
-        are written.
+        The centre is left out. With `at_output`, gather the features of the rows themselves
+        instead, at the children that the convolution writes.
         """
 
     def scatter_add(

@@ -33,7 +33,9 @@ class Scratch:
 
 
 class ThreadPool:
-    """Threads with working memory each. Without an executor the calling thread does all work."""
+    """Threads, each with its working memory. Without an executor the calling thread does all
+    work.
+    """
 
     def __init__(self, threads: int, executor: ThreadPoolExecutor | None = None) -> None:
         self.threads = threads

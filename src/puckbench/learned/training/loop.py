@@ -41,7 +41,7 @@ class BaseTrainer(ABC, Generic[M, L]):
     done
         Number of completed steps.
     identity
-        Further properties that a checkpoint must share, such as the data.
+        Further properties, such as the data, in which a checkpoint must agree.
     curve
         A row for each completed step, filled by the caller.
     """

@@ -96,8 +96,8 @@ class MultiRateTraining(BaseTraining):
     min_kept_fraction
         Minimum fraction of its voxels that a cube keeps, so that training includes sparser clouds.
     mean_occupied_children
-        Numbers of occupied children per voxel. For each, clouds are trained on at the finest grid,
-        by whole octaves, with this mean.
+        Densities, as mean numbers of occupied children per voxel. Clouds are used on the finest
+        grid, coarsened by whole octaves, that reaches each density.
     """
 
     lmbdas: Lmbdas = (0.25, 0.5, 1.0, 2.0, 4.0, 6.0, 10.0)
