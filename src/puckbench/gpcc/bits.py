@@ -51,7 +51,7 @@ class SyntaxElements(ABC):
         setattr(record, name, tuple(values))
 
     def signed(self, value: int) -> int:
-        """Read or write a signed number as its index in the sequence 0, 1, -1, 2, -2 and so on."""
+        """Read or write a signed number as its index in the sequence 0, 1, -1, 2, -2, ..."""
         code = self.exp_golomb(2 * abs(value) - (value > 0))
         return (code + 1) // 2 if code & 1 else -(code // 2)
 

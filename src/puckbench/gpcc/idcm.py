@@ -87,8 +87,8 @@ def is_idcm_eligible(
 
 @inlined
 def can_be_direct(unique_points: bool, leaves: int, points: int) -> bool:
-    """Return whether the encoder codes a node by IDCM that holds `points` points at `leaves`
-    distinct positions.
+    """Return whether the encoder uses IDCM for a node with `points` points at `leaves` distinct
+    positions.
     """
     if points > _MAX_EQUAL_POINTS:
         return False

@@ -291,9 +291,7 @@ def _search_leaf(search: Search, first: int, end: int, found: int, at: tuple[int
 
 @inlined
 def _keep(search: Search, found: int, row: int, distance: int) -> None:
-    """Insert a row into the sorted results, after rows at the same distance; `found` is the
-    number of results so far.
-    """
+    """Insert a row into the `found` sorted results, after those at the same distance."""
     place = min(found, NEIGHBOURS - 1)
     while place > 0 and search.distances[place - 1] > distance:
         search.distances[place] = search.distances[place - 1]

@@ -57,9 +57,9 @@ _RECIPROCALS = np.rint((1 << 20) * 8 / np.arange(8, 16)).astype(np.int64)
 
 
 class Given(NamedTuple):
-    """Data to encode; the decoder's values replace `points` and `positions`.
+    """Data to encode; during encoding the decoder's values replace `points` and `positions`.
 
-    positions: (n, 3) coordinates to predict, `points` or spherical.
+    positions: (n, 3) coordinates to predict: `points`, or spherical coordinates.
     stack: (n,) pending nodes.
     progress: (4,) next root, size of the stack, nodes until the next QP offset, coded nodes.
     """

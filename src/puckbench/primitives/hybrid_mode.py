@@ -74,7 +74,8 @@ class HybridCandidate(NamedTuple):
 
 
 def decode(header: HybridHeader, xyz: Floats, normals: Floats) -> Floats:
-    """Return the points of a hybrid from the points (m, 3) and unit normals of its surface.
+    """Return the points of a hybrid stream whose decoded surface has the points `xyz` (m, 3) and
+    unit normals.
 
     Raises InputError if the stream is damaged.
     """

@@ -95,7 +95,9 @@ def _sample_hypotheses(
 def _annulus_samples(
     xyz: Floats, seed: int, ranges: Ints, radius: float, selection: tuple[int, int]
 ) -> tuple[int, tuple[int, int]]:
-    """Count the samples about `radius` from a seed; return the count and two selected samples."""
+    """Count the samples at a distance of about `radius` from a seed; return the count and two of
+    them.
+    """
     min_squared, max_squared = (_MIN_DISTANCE * radius) ** 2, radius * radius
     count, first, second = 0, -1, -1
     for k in range(len(ranges)):

@@ -74,7 +74,7 @@ def detect_revolutions(
 def bounded_inliers(
     surface: RevolutionSurface, xyz: Floats, normals: Floats, tolerance: float
 ) -> Mask:
-    """Return the mask (n,) of the inliers between a surface's ends."""
+    """Return the mask (n,) of the inliers that lie between the two ends of a surface."""
     inliers = _inliers(surface, xyz, normals, tolerance)
     arc_length = surface.coordinates(xyz[inliers])[0]
     inliers[inliers] = (arc_length >= surface.first_row - 1) & (
