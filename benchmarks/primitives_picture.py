@@ -48,7 +48,6 @@ def opened(points: Floats, low: Floats, high: Floats) -> Any:
 
 
 def by_error(points: Floats, truth: Mesh) -> Any:
-    """Colours (n, 3) by the distance to the true surface."""
     import matplotlib
 
     distance_m = np.linalg.norm(points - closest_surface_points(truth, points).xyz, axis=1)
@@ -65,7 +64,6 @@ def _bytes(colours: Floats) -> Any:
 
 
 def pictures(cloud: PointCloud, truth: Mesh, decoded: Floats, names: Any) -> dict[str, Any]:
-    """Title -> picture; clouds in metres."""
     low, high = np.quantile(cloud.xyz, [0.001, 0.999], axis=0)
     kept = opened(decoded, low, high)
     scan, decoded, names = cloud.xyz[opened(cloud.xyz, low, high)], decoded[kept], names[kept]
@@ -96,7 +94,6 @@ def _cropped(shown: dict[str, Any]) -> dict[str, Any]:
 
 
 def draw(shown: dict[str, Any]) -> Figure:
-    """Four panels, and what the colours of the errors mean."""
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize
     from matplotlib.figure import Figure
@@ -114,7 +111,6 @@ def draw(shown: dict[str, Any]) -> Figure:
 
 
 def main() -> None:
-    """Write the picture."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("out", type=Path)
     parser.add_argument("--results", type=Path, default=Path("results"))
@@ -139,7 +135,6 @@ def main() -> None:
 
 
 def _quantize(path: Path) -> None:
-    """Make the file small: 256 colours."""
     from PIL import Image
 
     with Image.open(path) as picture:

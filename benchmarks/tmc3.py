@@ -54,7 +54,6 @@ class Reference:
         return (self._folder / "stream.bin").read_bytes()
 
     def decode(self, stream: bytes) -> Floats:
-        """The points of a stream."""
         (self._folder / "stream.bin").write_bytes(stream)
         out = self._folder / "out.ply"
         self._run({"mode": 1, "outputBinaryPly": 1, "reconstructedDataPath": out})
@@ -81,7 +80,6 @@ class Reference:
 
 
 def sensor_options(sensor: SensorDescription) -> dict[str, Any]:
-    """A sensor by the names of TMC3."""
     lasers = sorted(zip(sensor.tan_elevation, sensor.height, strict=True))
     return {
         "angularEnabled": 1,
@@ -110,7 +108,6 @@ def judged(mine: bytes, theirs: bytes, faults: Mapping[str, bool]) -> Checked:
 
 
 def differ(a: Floats, b: Floats) -> bool:
-    """Whether two clouds are not the same points, in any order."""
     return not np.array_equal(a[np.lexsort(a.T)], b[np.lexsort(b.T)])
 
 
@@ -127,25 +124,20 @@ def decode_with_both(
 
 
 class Tally:
-    """Prints cases, and what they come to."""
-
     cases = failed = identical = coded = refused = 0
 
     def add(self, where: str, found: Checked) -> None:
-        """Count and print a case."""
         self.cases, self.failed = self.cases + 1, self.failed + bool(found.fault)
         self.coded, self.identical = self.coded + (found.ours > 0), self.identical + found.same
         said = found.fault or ("identical" if found.same else "the same points")
         print(f"{where}: {found.ours} / {found.reference} bytes, {said}", flush=True)
 
     def refuse(self, where: str, error: Exception) -> None:
-        """Count and print a case that could not be coded."""
         self.refused += 1
         why = str(error).rpartition("]")[2].lstrip("' ")
         print(f"{where}: {why}", flush=True)
 
     def end(self) -> None:
-        """Print the sums and exit, with status 1 if any case failed."""
         print(f"{self.cases} cases, {self.identical} of {self.coded} byte-identical, ", end="")
         print(f"{self.failed} failed; not coded: {self.refused}")
         sys.exit(self.failed > 0)

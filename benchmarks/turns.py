@@ -104,7 +104,6 @@ def odd_turns() -> Iterator[Turn]:
 def all_turns(
     recordings: list[Path], step_deg: float | None, clean_step_deg: float | None, most: int
 ) -> Iterator[Turn]:
-    """Every cloud of a cross-check, with at most some turns of each recording."""
     for name in SENSORS:
         yield virtual_turn(name, step_deg=step_deg)
     yield virtual_turn("vlp16", "none", 2, clean_step_deg)

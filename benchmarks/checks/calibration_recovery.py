@@ -64,7 +64,6 @@ def repeated(hidden: str, repetition: int, step_deg: float) -> tuple[Calibration
 
 
 def held(found: Calibration, truth: dict[str, Any]) -> Counter[str]:
-    """How many intervals of each parameter hold the truth."""
     bias = np.array(truth["bias_m"])
     counts = Counter({name: _holds(one, truth[name]) for name, one in found.sigmas.items()})
     assert found.mean is not None

@@ -81,8 +81,6 @@ VECTORS = {"gpcc": "*.bin", "gpcc_angular": "spin*.bin", "gpcc_predictive": "t[r
 
 
 class Line(NamedTuple):
-    """What became of a stream: its number, processor seconds, MiB, and ``points`` or the error."""
-
     number: int
     seconds: float
     mib: float
@@ -95,8 +93,6 @@ class Line(NamedTuple):
 
 @dataclass
 class Tally:
-    """Counts of one decoder."""
-
     counts: Counter[str] = field(default_factory=Counter)
     slowest: tuple[float, int] = (0.0, -1)
     largest: tuple[float, int] = (0.0, -1)
@@ -146,7 +142,6 @@ def _has(find_spec: Any) -> bool:
 
 
 def opened(decoder: str) -> Any:
-    """The codec of a decoder, ready to run."""
     if decoder in OTHERS:
         return OTHERS[decoder]()
     name = decoder.partition(" ")[0]
@@ -168,7 +163,6 @@ def opened(decoder: str) -> Any:
 
 
 def streams(decoder: str, codec: Any) -> list[bytes]:
-    """What is damaged: the same in every run."""
     if decoder in OTHERS:
         whole: list[bytes] = codec.streams()
         return whole
@@ -188,7 +182,6 @@ def streams(decoder: str, codec: Any) -> list[bytes]:
 
 
 def returns_of(codec: Any) -> list[Returns]:
-    """Returns of several sensors, those that a codec takes."""
     found = []
     for make in EXAMPLES.values():
         with suppress(InputError):
@@ -232,7 +225,6 @@ def shapes() -> np.ndarray:
 
 
 def made(decoder: str, whole: list[bytes], number: int, kind: str) -> bytes:
-    """Stream `number` of a decoder, from `whole` ones."""
     name = decoder.partition(" ")[0]
     if kind == "both":
         kind, number = ("damaged", "structured")[number % 2], number // 2
@@ -269,14 +261,12 @@ def work(decoder: str, first: int, end: int, kind: str) -> None:
 
 
 def mib_of(decoder: str) -> int:
-    """The memory that a stream may take."""
     if decoder in READERS:
         return READER_MIB
     return DRACO_MIB if decoder.startswith("draco") else MIB
 
 
 def seconds_of(decoder: str) -> int:
-    """The processor's seconds that a stream may take."""
     if decoder in READERS:
         return READER_SECONDS
     is_learned = decoder not in OTHERS and _is_network(decoder.partition(" ")[0])
@@ -333,7 +323,6 @@ def results(decoder: str, first: int, end: int, seconds: float, kind: str) -> It
 
 
 def campaign(decoder: str, options: argparse.Namespace, seconds: float) -> Tally:
-    """All streams of one decoder."""
     tally = Tally()
     end = options.first + options.streams
     for line in results(decoder, options.first, end, seconds, options.kind):

@@ -65,7 +65,6 @@ OCTREE_DECODER_MODES = {
 
 
 def tmc3_options(options: GpccOptions, sensor: SensorDescription) -> dict[str, Any]:
-    """Our options by the names of TMC3, and the sensor."""
     first, second, third = options.planar_thresholds
     return {
         "mergeDuplicatedPoints": int(options.merge_duplicates),
@@ -88,7 +87,6 @@ def tmc3_options(options: GpccOptions, sensor: SensorDescription) -> dict[str, A
 
 
 def checked(reference: Reference, turn: Turn, changes: dict[str, Any]) -> Checked:
-    """Code with both, decode each stream with both."""
     known = {**COMMON, **changes}
     scale = known.pop("scale", 1)
     split: dict[str, Any] = {

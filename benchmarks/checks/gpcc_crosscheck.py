@@ -27,7 +27,6 @@ RATES = {name: {"scale": scale} for name, scale in SCALES.items()}
 
 
 def checked(ours: Codec, reference: Codec, points: Floats, rate: str) -> Checked:
-    """Code with both, decode each stream with both."""
     mine, theirs = ours.encode(points, rate), reference.encode(points, rate)
     decoded = reference.decode(theirs)
     faults = {
@@ -39,7 +38,6 @@ def checked(ours: Codec, reference: Codec, points: Floats, rate: str) -> Checked
 
 
 def clouds(full: bool) -> Iterator[tuple[str, Floats]]:
-    """Name and points of each cloud."""
     noisy, sampled = scanned_room("vlp16_divergence", 1.0), sampled_object(50_000)
     yield "noisy room", noisy
     yield "clean room", scanned_room("none", 1.0)

@@ -78,7 +78,6 @@ ORDERS = {"given": 0, "morton": 1, "azimuth": 2, "radius": 3}
 
 
 def tmc3_options(options: PredictiveOptions, sensor: SensorDescription | None) -> dict[str, Any]:
-    """Our options by the names of TMC3, and the sensor."""
     named: dict[str, Any] = {
         "geomTreeType": 1,
         "mergeDuplicatedPoints": int(options.merge_duplicates),
@@ -106,7 +105,6 @@ def tmc3_options(options: PredictiveOptions, sensor: SensorDescription | None) -
 
 
 def checked(reference: Reference, turn: Turn, changes: dict[str, Any]) -> Checked:
-    """Code with both, decode each stream with both."""
     known = {**AS_TMC3, **changes}
     sensor = turn.sensor if known.pop("angular", True) else None
     options = PredictiveOptions(**known)

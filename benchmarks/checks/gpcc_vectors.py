@@ -174,7 +174,6 @@ VECTORS: dict[str, tuple[str, str, float, tuple[str, ...]]] = {
 
 @cache
 def cloud(name: str) -> Floats:
-    """The cloud of a name in the table; the same in every run."""
     line = np.arange(40.0)[:, None]
     shapes: dict[str, Callable[[], Floats]] = {
         "turn": small_turn,
@@ -198,7 +197,6 @@ def cloud(name: str) -> Floats:
 
 
 def made(tmc3: str, folder: Path, name: str) -> dict[str, Any]:
-    """Write one stream; its line in the manifest."""
     source, profile, scale, more = VECTORS[name]
     points, stream = cloud(source), folder / f"{name}.bin"
     options = [*PROFILES[profile], *more]
@@ -226,7 +224,6 @@ def silent(*command: str) -> None:
 
 
 def ordered(points: Floats) -> Floats:
-    """Points sorted by x, y, z, little-endian."""
     return points[np.lexsort(points.T[::-1])].astype("<f8")
 
 

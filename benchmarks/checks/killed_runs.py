@@ -37,8 +37,6 @@ LONGEST_SHARE = 0.5
 
 @dataclass
 class Folder:
-    """A folder in which the workflow runs."""
-
     path: Path
     config: Path
     target: str
@@ -49,7 +47,6 @@ class Folder:
         return self.path / "results"
 
     def start(self) -> subprocess.Popen[bytes]:
-        """A run in a process group of its own."""
         self.path.mkdir(exist_ok=True)
         program = [
             sys.executable,
@@ -70,12 +67,10 @@ class Folder:
             )
 
     def half_written(self) -> int:
-        """Temporary files that are there now."""
         return sum(".tmp" in path.name for path in self.results.rglob(".*"))
 
 
 def undisturbed(folder: Folder) -> float:
-    """Seconds of a run from nothing to its end."""
     start = time.perf_counter()
     if folder.start().wait():
         raise SystemExit((folder.path / "run.log").read_text()[-2000:])
@@ -116,7 +111,6 @@ def main() -> None:
 
 
 def campaign(place: Path, options: argparse.Namespace) -> int:
-    """All kills; the number of findings."""
     config, longest = options.config.resolve(), options.longest
     reference = Folder(options.like or place / "undisturbed", config, options.target, cores=2)
     if options.like is None:

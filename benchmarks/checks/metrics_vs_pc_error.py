@@ -82,7 +82,6 @@ def write_ply(path: Path, cloud: PointCloud) -> None:
 
 
 def run_tool(tool: Path, folder: Path, threads: int) -> dict[str, float]:
-    """The tool's values and its own count of seconds."""
     clouds = ["-a", str(folder / "a.ply"), "-b", str(folder / "b.ply")]
     command = [str(tool), *clouds, "-r", "1023", "-d", "1"]
     command += [f"--nbThreads={threads}"]
@@ -93,7 +92,6 @@ def run_tool(tool: Path, folder: Path, threads: int) -> dict[str, float]:
 
 
 def run_ours(reference: PointCloud, decoded: Floats) -> dict[str, float]:
-    """Our values and seconds."""
     from puckbench.metrics.geometry import distortion
 
     start = time.perf_counter()
@@ -124,7 +122,6 @@ def compare(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def main() -> None:
-    """Print one line for each measurement."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("tool", type=Path)
     parser.add_argument("--threads", type=int, default=1, help="of both (default: the tool's, 1)")

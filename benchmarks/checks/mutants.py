@@ -206,7 +206,6 @@ def tested(words: list[str], seconds: float) -> int | None:
 
 
 def campaign(module: str, tests: str, each: int, seed: int) -> tuple[int, int]:
-    """Numbers of mutants of a module that were tested, and that survived."""
     source = ROOT / "src" / "puckbench" / f"{module}.py"
     place = TREE / source.relative_to(ROOT)
     words = [f"tests/{name}.py" for name in tests.split()]

@@ -37,8 +37,6 @@ T = TypeVar("T")
 
 @dataclass
 class Case:
-    """A codec at a rate, and the least cost of its calls."""
-
     codec: Codec
     rate: str
     seconds: Floats = field(default_factory=lambda: np.full((2, 2), np.inf))
@@ -48,7 +46,6 @@ class Case:
     error: float = 0.0
 
     def run(self, cloud: PointCloud) -> None:
-        """Encode and decode once."""
         self.stream, *encoding = self._timed(lambda: self.codec.encode_cloud(cloud, self.rate))
         decoded, *decoding = self._timed(lambda: self.codec.decode_cloud(self.stream))
         for column, pair in enumerate(zip(encoding, decoding, strict=True)):
@@ -64,7 +61,6 @@ class Case:
 
 
 def opened_cloud(name: str, points: int) -> PointCloud:
-    """Generate a cloud, or read it from its file."""
     if name == "room":
         return PointCloud(scanned_room("vlp16_divergence", 0.1 * 1_152_000 / points))
     if name == "object":

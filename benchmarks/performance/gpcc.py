@@ -43,8 +43,6 @@ ONE_SLICE = {"enforceLevelLimits": 0, "sliceMaxPoints": MOST, "positionSliceQpFr
 
 
 class Case(NamedTuple):
-    """What is coded: by our call, and by TMC3 with its options."""
-
     name: str
     points: Floats
     options: dict[str, Any]
@@ -102,7 +100,6 @@ def seconds(call: Callable[[], object]) -> float:
 
 
 def row(reference: Reference, case: Case, repeats: int) -> str:
-    """Return one line of the table."""
     ours = case.encode()
     decode_geometry(ours).positions()
     least = np.full((2, 2), np.inf)  # encode and decode; TMC3 and ours

@@ -38,7 +38,6 @@ def main() -> None:
 
 
 def dry_run(folder: Path, name: str, words: list[str]) -> None:
-    """Plan in a process of its own and print what it cost."""
     command = [sys.executable, "-m", "snakemake", *DRY, *words]
     start = time.perf_counter()
     with (folder / "out.txt").open("w") as out:

@@ -40,7 +40,6 @@ def strongest(path: Path) -> tuple[Layout, list[Turn], float]:
 
 
 def lossless(name: str, layout: Layout, turns: list[Turn], seconds: float, repeats: int) -> None:
-    """Print bits per return and speeds of each effort."""
     returns = sum(turn.returns for turn in turns)
     longest = max(len(turn.azimuths) for turn in turns)
     whole = [turn for turn in turns if len(turn.azimuths) > 0.9 * longest]
@@ -64,7 +63,6 @@ def lossless(name: str, layout: Layout, turns: list[Turn], seconds: float, repea
 
 
 def files(path: Path) -> None:
-    """Print the sizes of the whole file."""
     xz = len(lzma.compress(path.read_bytes(), preset=9 | lzma.PRESET_EXTREME))
     with TemporaryDirectory() as folder:
         small, back = Path(folder, "small"), Path(folder, "back")

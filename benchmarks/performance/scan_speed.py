@@ -52,7 +52,6 @@ def least_times(actions: list[Callable[[], object]], repeats: int) -> Floats:
 
 
 def bare_cast(mesh: Mesh, sweep: Sweep, origin: Floats) -> Callable[[], object]:
-    """The cast alone: scene built, rays ready, one call."""
     import open3d as o3d
 
     table = scan(mesh, SENSOR, sweep, open_error_model("none"), origin, np.random.default_rng(0))

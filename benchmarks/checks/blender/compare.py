@@ -74,7 +74,6 @@ def scenes(mesh: Path | None) -> list[Scene]:
 
 
 def cast_by_us(scene: Scene, repeats: int) -> Ours:
-    """All rays of the sweep in one call, and the time of a whole scan with range noise."""
     caster, frames = RayCaster(scene.mesh, scene.origin), range(SWEEP.frames)
     rays, poses = SWEEP.rays(SENSOR, frames), SWEEP.poses(SENSOR, frames)
     cast = caster.cast(rays, poses, (0.0, FARTHEST_M))
