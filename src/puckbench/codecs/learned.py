@@ -38,7 +38,7 @@ class Weights(Protocol):
         """Return the 8 bytes by which streams identify the weights."""
 
 
-class MultiRateWeights(Weights, Protocol):
+class RateWeights(Weights, Protocol):
     """A set of weights for several rates."""
 
     @property
@@ -47,14 +47,19 @@ class MultiRateWeights(Weights, Protocol):
 
 
 W = TypeVar("W", bound=Weights)
-R = TypeVar("R", bound=MultiRateWeights)
+R = TypeVar("R", bound=RateWeights)
 
 
+<<<<<<< HEAD
 class GridOptions(TypedDict, total=False):
     """Arguments of a network's encoder that choose the grid.
 
     See `puckbench.learned.choose_grid_level`.
     """
+=======
+class GridArguments(TypedDict, total=False):
+    """Arguments of `encode` that choose the grid (see `puckbench.learned.choose_grid_level`)."""
+>>>>>>> e1ab1fd0 (Specific names: GridArguments, RateWeights, TimeEstimate)
 
     mean_occupied_children: float
     grid_level_offset: float
@@ -209,9 +214,15 @@ class LearnedByLambda(Learned[R]):
         """Truncate points (n, 3) to integers, as the authors' readers of PLY files do."""
         return np.trunc(points)
 
+<<<<<<< HEAD
     def _grid(self, parameters: Parameters) -> GridOptions:
         """Return the options that choose the grid for a rate; by default it is the input's grid."""
         return GridOptions()
+=======
+    def _grid(self, parameters: Parameters) -> GridArguments:
+        """Return the grid density for encoding at a rate, by default that of the input's grid."""
+        return GridArguments()
+>>>>>>> e1ab1fd0 (Specific names: GridArguments, RateWeights, TimeEstimate)
 
     def _encode(self, points: Floats, parameters: Parameters) -> bytes:
         return super()._encode(self._as_read(points), parameters)
@@ -285,8 +296,8 @@ class Improved(LearnedByLambda[R]):
     def _as_read(self, points: Floats) -> Floats:
         return points
 
-    def _grid(self, parameters: Parameters) -> GridOptions:
-        return GridOptions(
+    def _grid(self, parameters: Parameters) -> GridArguments:
+        return GridArguments(
             mean_occupied_children=float(parameters.get("mean_occupied_children", 1)),
             grid_level_offset=float(parameters.get("grid_level_offset", 0)),
         )

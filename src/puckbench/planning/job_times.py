@@ -73,7 +73,7 @@ class JobKind:
 
 
 @dataclass(frozen=True)
-class Estimate:
+class TimeEstimate:
     """The estimated time for similar jobs.
 
     `seconds` is the time of one job, None if no similar job was measured; `measured` is the number
@@ -172,20 +172,20 @@ def _points(results: Path, dataset: str, cloud: str) -> int:
     return points
 
 
-def estimated(kinds: Iterable[JobKind], times: Iterable[JobTime]) -> list[Estimate]:
+def estimated(kinds: Iterable[JobKind], times: Iterable[JobTime]) -> list[TimeEstimate]:
     usable = [time for time in times if time.points or time.job not in _OF_CLOUDS]
     return [_estimate(kind, usable) for kind in kinds]
 
 
-def _estimate(kind: JobKind, job_times: list[JobTime]) -> Estimate:
+def _estimate(kind: JobKind, job_times: list[JobTime]) -> TimeEstimate:
     """Estimate the time from the most similar jobs: equal rates, and both with or without truth."""
     codecs = [time for time in job_times if (time.job, time.codec) == (kind.job, kind.codec)]
     times = [time for time in codecs if time.rates == kind.rates] or codecs
     if not times:
-        return Estimate(kind, None)
+        return TimeEstimate(kind, None)
     alike = [time for time in times if time.truth == kind.truth] or times
     largest = max(time.points for time in alike)
     fitted = Measurements.of((time.points, time.of(kind.rates, kind.repeats)) for time in alike)
     reach = kind.points / largest if largest else 0.0
     exact = any(time.rates == kind.rates for time in times)
-    return Estimate(kind, fitted.at(kind.points), len(alike), reach, exact)
+    return TimeEstimate(kind, fitted.at(kind.points), len(alike), reach, exact)

@@ -15,7 +15,7 @@ from puckbench.cli.types import integer
 from puckbench.core.errors import InputError
 
 if TYPE_CHECKING:
-    from puckbench.planning.job_times import Estimate
+    from puckbench.planning.job_times import TimeEstimate
     from puckbench.thesis.checklist import Reproduction
 
 _EXTRAPOLATED = 1.1
@@ -94,7 +94,7 @@ def _estimated(reproduction: Reproduction, run_folder: Path) -> dict[str, Any]:
     from puckbench.planning.stages import job_kinds
 
     estimates = estimated(job_kinds(reproduction.bench), read_job_times(run_folder))
-    groups: dict[str, list[Estimate]] = defaultdict(list)
+    groups: dict[str, list[TimeEstimate]] = defaultdict(list)
     for estimate in estimates:
         groups[f"{estimate.kind.job} {estimate.kind.codec}".rstrip()].append(estimate)
     answer: dict[str, Any] = {name: _line(group) for name, group in groups.items()}
@@ -107,19 +107,19 @@ def _estimated(reproduction: Reproduction, run_folder: Path) -> dict[str, Any]:
     return answer
 
 
-def _measured(estimates: list[Estimate]) -> list[Estimate]:
+def _measured(estimates: list[TimeEstimate]) -> list[TimeEstimate]:
     return [estimate for estimate in estimates if estimate.seconds is not None]
 
 
-def _hours(estimates: list[Estimate]) -> float:
+def _hours(estimates: list[TimeEstimate]) -> float:
     return sum(estimate.hours for estimate in estimates)
 
 
-def _jobs(estimates: list[Estimate]) -> int:
+def _jobs(estimates: list[TimeEstimate]) -> int:
     return sum(estimate.kind.jobs for estimate in estimates)
 
 
-def _line(group: list[Estimate]) -> str:
+def _line(group: list[TimeEstimate]) -> str:
     jobs, measured = _jobs(group), _measured(group)
     if not measured:
         return f"{jobs} jobs, not measured"
@@ -137,6 +137,6 @@ def _line(group: list[Estimate]) -> str:
     return f"{hours:.2f} core-hours: {jobs} jobs of {seconds:.1f} s ({'; '.join(notes)})"
 
 
-def _sample(measured: list[Estimate]) -> int:
+def _sample(measured: list[TimeEstimate]) -> int:
     kinds = {(each.kind.truth, each.kind.rates): each.measured for each in measured}
     return sum(kinds.values())
