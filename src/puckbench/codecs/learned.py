@@ -50,16 +50,11 @@ W = TypeVar("W", bound=Weights)
 R = TypeVar("R", bound=RateWeights)
 
 
-<<<<<<< HEAD
-class GridOptions(TypedDict, total=False):
+class GridArguments(TypedDict, total=False):
     """Arguments of a network's encoder that choose the grid.
 
     See `puckbench.learned.choose_grid_level`.
     """
-=======
-class GridArguments(TypedDict, total=False):
-    """Arguments of `encode` that choose the grid (see `puckbench.learned.choose_grid_level`)."""
->>>>>>> e1ab1fd0 (Specific names: GridArguments, RateWeights, TimeEstimate)
 
     mean_occupied_children: float
     grid_level_offset: float
@@ -214,15 +209,9 @@ class LearnedByLambda(Learned[R]):
         """Truncate points (n, 3) to integers, as the authors' readers of PLY files do."""
         return np.trunc(points)
 
-<<<<<<< HEAD
-    def _grid(self, parameters: Parameters) -> GridOptions:
-        """Return the options that choose the grid for a rate; by default it is the input's grid."""
-        return GridOptions()
-=======
     def _grid(self, parameters: Parameters) -> GridArguments:
-        """Return the grid density for encoding at a rate, by default that of the input's grid."""
+        """Return the options that choose the grid for a rate; by default it is the input's grid."""
         return GridArguments()
->>>>>>> e1ab1fd0 (Specific names: GridArguments, RateWeights, TimeEstimate)
 
     def _encode(self, points: Floats, parameters: Parameters) -> bytes:
         return super()._encode(self._as_read(points), parameters)
