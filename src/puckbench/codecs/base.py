@@ -94,9 +94,9 @@ class Codec(CodecFacts, ABC):
         """Load weights and compile loops before the timed calls."""
 
     def cost(self, here: Cost) -> Cost:
-        """Return the cost of the last call, given the cost measured in this process (`here`).
+        """Return the cost of the last call, by default the cost measured in this process (`here`).
 
-        By default the two are equal. Codecs that run external programs return the programs' cost.
+        Codecs that run external programs return the programs' cost.
         """
         return here
 

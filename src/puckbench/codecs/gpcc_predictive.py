@@ -28,7 +28,7 @@ class TreeOptions(GridOptions):
 
 
 def _coarse(radius_log2: int, azimuth_log2: int) -> dict[str, Parameters]:
-    """Return a rate, by its name, with the given steps of radius and azimuth as logarithms."""
+    """Return a rate by its name, from the base-2 logarithms of its radius and azimuth steps."""
     steps = {"radius_inv_scale_log2": radius_log2, "azimuth_scale_log2": azimuth_log2}
     return {f"{1 << radius_log2}mm": {"step_m": 0.001, **steps}}
 

@@ -54,7 +54,7 @@ class FileSet(DataSet):
 
     @abstractmethod
     def _takes(self, path: Path) -> bool:
-        """Whether a file contains a scene, judged by its first bytes."""
+        """Whether a file contains a scene, according to its first bytes."""
 
     def _file(self, name: str) -> Path:
         return look_up(self._table, name, self.what)

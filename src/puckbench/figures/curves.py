@@ -125,7 +125,7 @@ def shared_limits(
     default: Range | None = None,
     fitted: bool = False,
 ) -> Range:
-    """Return the limits of an axis that all panels share: the range in `style`, else `default` or
+    """Return the limits of an axis that all panels share: the range in `style`, or `default`, or
     that of the metric, widened by decades to contain the values.
 
     With `fitted`, limits are fitted to the values if the style has none.

@@ -52,7 +52,7 @@ class CodecJob(Job):
         return name
 
     def read_stream(self, path: Path, rate: str | None = None) -> tuple[str, Coded]:
-        """Read a stream, or that of a rate in a curve's file; return its codec's name and it."""
+        """Return a stream, read from its file or from a curve's, after the name of its codec."""
         coded = read_coded(path, rate)
         with naming(path):
             return self.codec_of(coded), coded

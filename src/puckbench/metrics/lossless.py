@@ -42,8 +42,8 @@ def without_rounding(errors: Mapping[str, float], limit: float) -> dict[str, flo
 
 
 def lossless_rows(metrics: pd.DataFrame) -> NDArray[np.bool_]:
-    """Return a mask (n,) of lossless result rows, judged by their errors if the column `LOSSLESS`
-    is missing.
+    """Return a mask (n,) of lossless result rows, recognised by their errors if the column
+    `LOSSLESS` is missing.
     """
     flags = metrics.get(LOSSLESS)
     by_error = np.zeros(len(metrics), bool)

@@ -23,7 +23,7 @@ _ALIKE = 1.001
 
 
 def with_peaks(metrics: pd.DataFrame) -> pd.DataFrame:
-    """Add the column `PEAK`, which results of older runs lack, computed from errors and PSNRs."""
+    """Add the column `PEAK` to results of older runs, computed from their errors and PSNRs."""
     if PEAK in metrics or not {"d1_mse", "d1_psnr"} <= set(metrics):
         return metrics
     peaks = np.sqrt(metrics["d1_mse"].astype(float) * 10 ** (metrics["d1_psnr"] / 10) / 3)

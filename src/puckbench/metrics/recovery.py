@@ -93,8 +93,8 @@ def recovery(true: Segmentation, decoded: Segmentation, points: Floats) -> list[
 
 @dataclass(frozen=True)
 class _Overlaps:
-    """Numbers of points on pairs of true and decoded primitives, indices of the matches, and the
-    number of each true primitive's points on its match.
+    """Numbers of points of each true primitive in all and on its match, kinds of all and of the
+    counted primitives, and indices (true, decoded) of the matches.
     """
 
     true_sizes: Ints

@@ -1,4 +1,4 @@
-"""Checks of scenes before a run: damaged meshes, no place for a sensor, clouds without points.
+"""Checks of scenes before a run: damaged meshes, no position for a sensor, clouds without points.
 
 The results are cached with those of the run until files or settings change.
 """

@@ -56,7 +56,7 @@ def compare_with_reference(
     Parameters
     ----------
     codecs
-        Codecs in the run; by default those that the reference lacks, else all.
+        Codecs in the run; by default those that the reference lacks or, without such codecs, all.
     qualities
         Metrics; by default those of the reference's Bjontegaard deltas.
     common

@@ -13,8 +13,8 @@ _DISTANCES = ("cd_plane", "hausdorff_sq_plane")
 
 
 def median_rows() -> Iterator[dict[str, Any]]:
-    """Yield the medians as result rows, with roles as data set and codec; only the first and last
-    rate have a ``bpp``.
+    """Yield the medians as result rows, in which roles name data sets and codecs; only the first
+    and last rate have a ``bpp``.
     """
     import yaml
 

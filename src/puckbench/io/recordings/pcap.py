@@ -77,7 +77,7 @@ class Capture:
 
 
 def read_datagrams(data: bytes) -> Capture:
-    """Read the complete UDP datagrams; raise InputError if no link layer is known."""
+    """Read the complete UDP datagrams; raise InputError if no link layer is supported."""
     if not is_packet_capture(data):
         raise InputError("not a packet capture (.pcap, .pcapng)")
     packets, datagrams = CapturedPackets(data), list[Datagram]()

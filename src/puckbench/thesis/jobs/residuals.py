@@ -28,7 +28,7 @@ class WallScanJob(Job):
 
 @JOBS.register("residuals")
 class Residuals(WallScanJob):
-    """Measure plane residuals in `runs` scans from each distance; `refit` as in `Procedure`."""
+    """Measure plane residuals in `runs` scans from each distance; see `Procedure` for `refit`."""
 
     runs: int = Field(3, ge=1)
     refit: bool = False

@@ -17,7 +17,7 @@ from puckbench.thesis.representatives import (
 def claims_options(plan: Plan) -> Options | None:
     """Return the roles of data sets and codecs.
 
-    Return None if the plan has data sets, but none with a role and no sensor study.
+    Return None if no data set represents one of the thesis's, and there is no sensor study.
     """
     datasets = dataset_roles(plan)
     if plan.datasets and not datasets and plan.study is None:
