@@ -68,7 +68,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> dict[str, Any] | str:
-    """Write the figure and the table of deltas; return the answer, as text without ``--json``."""
+    """Write the figure and the deltas; return the answer, as text unless ``--json`` is set."""
     answer = _compared(options)
     return answer if options.json else text(answer)
 

@@ -14,7 +14,7 @@ Units = PositiveFloat | dict[str, PositiveFloat]
 
 
 def is_named(path: Path, name: str) -> bool:
-    """Whether a path ends with the parts of a name."""
+    """Whether the last parts of a path are those of a name, such as ``folder/file.ply``."""
     parts = Path(name).parts
     return bool(parts) and path.parts[-len(parts) :] == parts
 

@@ -66,7 +66,7 @@ class FigureEntry:
 
     @property
     def sort_key(self) -> list[float]:
-        """Parts of the number, because 5.2 precedes 5.10."""
+        """Key for sorting figures by their numbers as integers, because 5.2 precedes 5.10."""
         return [float(part) for part in self.number.split(".")] if self.number else [math.inf]
 
     @property

@@ -76,7 +76,7 @@ def _with_keys(units: Units, short: dict[int, int], doubles: dict[int, float]) -
 
 
 def _unit(code: int | None, size: float | None = None) -> float | None:
-    """Return the length in metres of a unit: an EPSG code, or the size in the file."""
+    """Return a unit's length in metres by its EPSG code; `size` is that of a user-defined unit."""
     from pyproj.database import get_units_map
 
     if code == _USER_DEFINED:

@@ -9,7 +9,7 @@ from puckbench.jobs.registry import JOBS, Job
 
 @JOBS.register("figure")
 class Figure(Job):
-    """Draw a registered figure in a style of several layers."""
+    """Draw a registered figure in a style merged from several layers of options."""
 
     figure: str
     style: tuple[dict[str, Any], ...] = ()

@@ -43,7 +43,7 @@ class CloudsTable(OfNames):
 
 @JOBS.register("plan_table")
 class PlanTable(Job):
-    """Write a table of a plan: ``left_out`` or ``codecs``."""
+    """Write a table of rows that the plan contains: ``left_out`` or ``codecs``."""
 
     table: str
     rows: tuple[dict[str, str], ...]

@@ -19,7 +19,7 @@ class Reference(Job):
     def run(
         self, metrics: Path, clouds: Path, out: Path, scan_errors: Path | None = None
     ) -> dict[str, Any]:
-        """Write the file, without times if other work on the machine disturbed them."""
+        """Write reference results, without times if other work on the machine disturbed them."""
         from puckbench.io.tables import read_table
         from puckbench.jobs.cost import read_costs
         from puckbench.report.contents import Contents

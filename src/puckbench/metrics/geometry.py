@@ -162,7 +162,7 @@ def transfer_normals(normals: Floats, size: int, ab: Neighbours, ba: Neighbours)
     """Return normals (size, 3) for B from those of A (n, 3), by the rule of MPEG's pc_error.
 
     A point of B gets the mean, not normalised, of the normals of those points of A whose nearest
-    neighbour it is. If there are none, it gets the mean for its nearest neighbours in A.
+    neighbour it is. If there are none, it gets the mean normal of its nearest neighbours in A.
     """
     sums, counts = _sums_of_takers(normals, size, ab.starts, ab.exact, ab.index)
     _add_own_nearest(normals, ba.starts, ba.exact, ba.index, sums, counts)

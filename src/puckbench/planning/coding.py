@@ -203,7 +203,7 @@ class CodingJobs:
         return frozenset(folder / name for name in self.clouds.prepared(has_returns=True))
 
     def truth(self, dataset: str, cloud: str) -> dict[str, str]:
-        """Return the files of true surface and points that decoded clouds are compared with."""
+        """Return the files of the true surface and points that decoded clouds are compared with."""
         data = self.clouds.dataset(dataset)
         if not data.has_truth:
             return {}

@@ -260,7 +260,7 @@ class UserRun:
 
 
 def _files(text: str) -> Iterator[Path]:
-    """Yield files, and folders that contain one recording."""
+    """Yield the files, and the folders of one recording each, at a path or for a pattern."""
     path = Path(text)
     if path.is_dir() and not recordings.is_bag_folder(path):
         yield from (each for each in sorted(path.rglob("*")) if is_file_or_lost(each))

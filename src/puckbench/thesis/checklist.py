@@ -104,7 +104,7 @@ class Reproduction:
         return Item(title, name, state, note)
 
     def _item_without_data(self, title: str, name: str) -> Item:
-        """Return the state if no plan can be made: a file that exists counts as done."""
+        """Return an item and its state without a plan; a file that exists counts as done."""
         absent = [scenes for scenes in self._scenes_of(name) if scenes in self.absent]
         file, chapter_5_file = (_file(name, root) for root in (self.results, _CHAPTER_5_RESULTS))
         files = [file] if absent else [file, chapter_5_file]
