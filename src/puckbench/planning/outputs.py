@@ -88,7 +88,7 @@ class OutputJobs:
 
     @cached_property
     def result_tables(self) -> dict[str, Inputs]:
-        """Tables, except the sensor study's, whose inputs the plan makes and whose needs it meets."""
+        """Tables, except the sensor study's, with inputs that the plan makes and needs it meets."""
         there = {"metrics", "clouds"} if self.plan.datasets else set()
         there |= set(self.study_tables)
         return {
