@@ -169,7 +169,7 @@ class CodecFacts:
         Raises
         ------
         InputError
-            The rates are for scaled clouds and the cloud is in metres, or vice versa.
+            The rates need scaled clouds or clouds in metres, and the cloud is not of this kind.
         """
         offered = self.rates_of(frame) or self.rates or self.metric_rates
         requested = offered if rate is None else (rate,)

@@ -4,8 +4,8 @@
 
 The kernel counts the memory of the process that starts a command as memory of the command. If the
 benchmark started a program directly, the clouds in the benchmark's memory would be counted in the
-program's peak. This module prints seconds, peak memory in KiB and exit status (a negative number is
-a signal) as JSON. The output of the command goes to standard error.
+program's peak. This module prints seconds, peak memory in KiB and exit status (negative: a signal)
+as JSON. The output of the command goes to standard error.
 """
 
 import json

@@ -42,7 +42,7 @@ def class_style(name: str, codec: type[CodecFacts] | None) -> PlotStyle:
 
 
 def read_looks(folder: Path) -> dict[str, dict[str, str]]:
-    """Return `looks_layer` of the table ``codecs`` in a folder, or no options if it is missing."""
+    """Return the plot styles in a folder's table ``codecs`` (see `looks_layer`), if it exists."""
     from puckbench.io.tables import read_table
 
     path = folder / "codecs.parquet"

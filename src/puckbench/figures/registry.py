@@ -43,7 +43,8 @@ class FigureEntry:
     number
         Number in a publication, by which figures are sorted, or empty.
     needs
-        Conditions on a plan besides the inputs: names of needs, `at` a distance, or error models.
+        Conditions on a plan besides the inputs: names of registered needs, or distances (`at`) and
+        error models of the sensor study.
     frame
         Coordinate frame of the drawn clouds.
     """

@@ -58,8 +58,8 @@ def draco_shifted_by_duplicates(evidence: Evidence) -> list[Part]:
 
 
 def elongation_has_no_effect(evidence: Evidence) -> list[Part]:
-    """Test claim 13: for each codec the rank correlation of elongation and CD is below
-    `VISIBLE`.
+    """Test claim 13: for each codec the rank correlation of elongation and Chamfer distance is
+    below `VISIBLE`.
     """
     table = evidence.metrics
     rooms = [

@@ -1,4 +1,4 @@
-"""Claims about rate, distortion and time (thesis section 6.2)."""
+"""Claims about rate, distortion and time (thesis section 6.2); CD is the Chamfer distance."""
 
 from __future__ import annotations
 
