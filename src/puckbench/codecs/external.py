@@ -39,7 +39,6 @@ class ExternalCodec(Codec):
         return ()
 
     def available(self) -> Availability:
-        """Whether the programs are installed."""
         missing = [name for name in self.programs if shutil.which(name) is None]
         return Availability(not missing, f"no program '{missing[0]}'" if missing else "")
 

@@ -48,7 +48,6 @@ class ReturnsCodec(Codec):
             return self._decode_returns(stream)
 
     def decode_cloud(self, stream: bytes) -> PointCloud:
-        """Decode returns and their points."""
         returns = self.decode_returns(stream)
         return PointCloud(returns.points(), returns=returns)
 

@@ -26,7 +26,7 @@ def in_threads(function: Callable[[Item], Result], items: Iterable[Item]) -> lis
 
 
 def few_at_once(function: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[Result]:
-    """Yield the function's results for the items in order; compute one item per thread at a time.
+    """Call a function for the items, in batches with one item per thread; yield results in order.
 
     A caller that stops early wastes at most one batch.
     """

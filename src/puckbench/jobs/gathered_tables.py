@@ -23,7 +23,7 @@ class OfNames(Job):
 
 @JOBS.register("rows_table")
 class RowsTable(OfNames):
-    """Gather all result rows of a kind."""
+    """Gather the result rows of one kind from the files of all jobs."""
 
     kind: Literal["metrics", "scan_errors", "recovery"]
 

@@ -262,7 +262,7 @@ class Plan:
 
     @cached_property
     def scanned(self) -> tuple[tuple[str, str], ...]:
-        """Scans that are compared with the truth before encoding."""
+        """Scans whose distance to the true surface is measured before encoding."""
         datasets = {name for name, data in self.datasets.items() if data.is_scanned_from_truth}
         return tuple(cloud for cloud in self.clouds if cloud[0] in datasets)
 
