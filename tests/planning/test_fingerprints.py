@@ -101,7 +101,7 @@ def test_an_edited_error_model_re_makes_its_scans_alone(tree: Path) -> None:
 
 def test_a_packages_docstring_re_makes_nothing(tree: Path) -> None:
     assert _changed(tree, "gpcc/__init__.py", '"""', '"""More about ') == set()
-    assert _changed(tree, "geometry/__init__.py", '"""', '"""More about ') == set()
+    assert _changed(tree, "scenes/__init__.py", '"""', '"""More about ') == set()
 
 
 def test_comments_and_docstrings_do_not_count(tmp_path: Path) -> None:
