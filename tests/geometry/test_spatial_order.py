@@ -8,7 +8,7 @@ from hypothesis.extra.numpy import arrays
 
 from puckbench.core.seeding import generator
 from puckbench.geometry.cloud import Floats
-from puckbench.geometry.spatial_order import distinct_rows
+from puckbench.geometry.spatial_order import distinct_points
 
 POINTS = st.integers(1, 60).flatmap(
     lambda n: arrays(np.float64, (n, 3), elements=st.sampled_from([-0.0, 0.0, 1.0, 1e-9, -1e6]))
@@ -21,17 +21,17 @@ def test_the_first_of_equal_points_is_kept(points: Floats) -> None:
     firsts = {}
     for row, point in enumerate(points.tolist()):
         firsts.setdefault(tuple(point), row)
-    assert sorted(distinct_rows(points)) == sorted(firsts.values())
+    assert sorted(distinct_points(points)[0]) == sorted(firsts.values())
 
 
 def test_an_outlier_does_not_merge_the_points_of_a_crowded_cell() -> None:
     points = generator(3, "crowd").random((5000, 3))
     points[0] = 1e9
-    assert len(distinct_rows(np.tile(points, (3, 1)))) == 5000
+    assert len(distinct_points(np.tile(points, (3, 1)))[0]) == 5000
 
 
 @pytest.mark.parametrize("extent", [1.0, 1023.0])
 def test_corners_of_a_cube_are_visited_in_morton_order(extent: float) -> None:
     corners = np.array([[x, y, z] for z in (0, 1) for y in (0, 1) for x in (0, 1)]) * extent
     shuffled = generator(4, "corners").permutation(corners)
-    np.testing.assert_array_equal(shuffled[distinct_rows(shuffled)], corners)
+    np.testing.assert_array_equal(shuffled[distinct_points(shuffled)[0]], corners)

@@ -11,7 +11,7 @@ from collections.abc import Container, Sequence
 from pathlib import Path
 from typing import NoReturn
 
-from puckbench import __version__
+import puckbench
 from puckbench.cli.answers import text_of
 from puckbench.cli.registry import Answer, command, help_texts
 from puckbench.core.errors import InputError
@@ -95,7 +95,7 @@ def parser_of(
     names: Container[str], parser_class: type[argparse.ArgumentParser] = _Parser
 ) -> argparse.ArgumentParser:
     """Return a parser of all commands, with arguments only for those in `names`."""
-    parser = parser_class(prog="puckbench", description=sys.modules["puckbench"].__doc__)
+    parser = parser_class(prog="puckbench", description=puckbench.__doc__)
     parser.add_argument("--version", action="store_true", help="print the version")
     parser.add_argument(
         "-v",
@@ -120,10 +120,10 @@ def _run(name: str | None, options: argparse.Namespace, parser: argparse.Argumen
 
 def _version(verbose: bool) -> str:
     if not verbose:
-        return f"puckbench {__version__}"
+        return f"puckbench {puckbench.__version__}"
     from puckbench.core.environment import installation
 
-    return text_of({"puckbench": __version__, **installation()})
+    return text_of({"puckbench": puckbench.__version__, **installation()})
 
 
 def _fail(message: str, status: int = 2) -> int:

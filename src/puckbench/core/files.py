@@ -92,6 +92,14 @@ def _is_leftover(path: Path) -> bool:
     return False
 
 
+def text_end(path: Path, most_bytes: int) -> str:
+    """Return the end of a text, without white space behind it."""
+    with path.open("rb") as stream:
+        stream.seek(0, os.SEEK_END)
+        stream.seek(max(0, stream.tell() - most_bytes))
+        return stream.read().decode(errors="replace").rstrip()
+
+
 def write_bytes(path: Path, data: bytes) -> None:
     with written_whole(path) as temporary:
         temporary.write_bytes(data)

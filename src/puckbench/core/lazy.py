@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
+from functools import cache
 from importlib import import_module
 from typing import Any
 
@@ -36,12 +36,11 @@ def lazy(package: str, **modules: tuple[str, ...]) -> PublicNames:
     """
     module_of = {name: module for module, names in modules.items() for name in names}
 
+    @cache
     def get_attribute(name: str) -> Any:
         if name not in module_of:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
-        value = getattr(import_module(f"{package}.{module_of[name]}"), name)
-        setattr(sys.modules[package], name, value)
-        return value
+        return getattr(import_module(f"{package}.{module_of[name]}"), name)
 
     names = sorted(module_of)
     return get_attribute, lambda: names, names

@@ -25,13 +25,11 @@ DIGIT_BITS = 8
 DIGIT_MASK = (1 << DIGIT_BITS) - 1
 
 
-def distinct_rows(points: Floats) -> Rows:
-    """Return the rows (m,) of distinct points in Morton order; the first of equal points is
-    kept."""
-    return distinct_points(points)[0]
-
-
 def distinct_points(points: Floats) -> tuple[Rows, Floats]:
+    """Return the rows (m,) of distinct points and the points (m, 3), in Morton order.
+
+    Of equal points, the first is kept.
+    """
     keys = morton_keys(points)
     order = sort_keys(keys)
     ordered = points.take(order, axis=0)

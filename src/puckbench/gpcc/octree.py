@@ -314,8 +314,9 @@ def _code_node(
 def _planar_masks(
     axes: int, planar_mode: int, plane_pos_bits: int, planar_possible: int
 ) -> PlanarMasks:
-    """Return the masks that planar modes imply; along an axis that is not split, all children
-    are in the lower plane.
+    """Return the masks of the children that the planar modes exclude.
+
+    Along an axis that is not split, all children are in the lower plane.
     """
     planar_mode |= ((axes >> 2 & 1) | (axes & 2) | (axes & 1) << 2) ^ 7
     return PlanarMasks(

@@ -11,7 +11,7 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator
 
-from puckbench.core.files import json_of
+from puckbench.core.files import json_of, text_end
 from puckbench.core.models import Model, parsed
 
 WORK = ("codec", "points", "rates", "repeats", "call_s", "truth")
@@ -82,10 +82,7 @@ class _Cost(Model, extra="ignore"):
 
 def read_cost(log: Path) -> dict[str, Any] | None:
     """Return the cost at the end of a log; None if the job has failed or not finished."""
-    with log.open("rb") as stream:
-        stream.seek(0, 2)
-        stream.seek(max(0, stream.tell() - _TAIL_BYTES))
-        last = stream.read().decode(errors="replace").rstrip().rpartition("\n")[2]
+    last = text_end(log, _TAIL_BYTES).rpartition("\n")[2]
     if not last.startswith(BEGIN):
         return None
     found: dict[str, Any] = json_of(last.encode(), str(log))

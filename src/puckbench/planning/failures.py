@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
+from puckbench.core.files import text_end, write_bytes
 from puckbench.core.yaml_files import yaml_text
 from puckbench.jobs.cost import BEGIN as COST
 
@@ -70,7 +71,7 @@ def write_failures(path: Path, failures: list[Failure]) -> Path | None:
         "/".join(filter(None, [f.dataset, f.cloud, f.codec])): f"{f.reason}; log: {f.log}"
         for f in failures
     }
-    path.write_text(yaml_text({"failed": reasons}), encoding="utf-8")
+    write_bytes(path, yaml_text({"failed": reasons}).encode())
     return path
 
 
@@ -94,10 +95,7 @@ def _without_names(reason: str, curve: str, codec: str) -> str:
 
 
 def _reason(log: Path) -> str | None:
-    with log.open("rb") as stream:
-        stream.seek(0, 2)
-        stream.seek(max(0, stream.tell() - _TAIL_BYTES))
-        text = stream.read().decode(errors="replace").rstrip()
+    text = text_end(log, _TAIL_BYTES)
     last = text.rpartition("\n")[2]
     if last.startswith(COST):
         return None

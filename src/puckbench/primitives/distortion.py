@@ -29,12 +29,10 @@ class Distortion(NamedTuple):
 
 
 class NearestOffsets(NamedTuple):
-    """Vectors to each point (a, 3) and to each smoothed sample (b, 3) from the decoded point
-    nearest to it.
-    """
+    """Vectors from the nearest decoded points to the cloud's points and the smoothed samples."""
 
-    of_points: Floats
-    of_samples: Floats
+    of_points: Floats  # (a, 3)
+    of_samples: Floats  # (b, 3)
 
     def nearer(self, other: NearestOffsets) -> NearestOffsets:
         return NearestOffsets(*map(_shorter, self, other))

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from torch import Tensor
 
 from puckbench.learned.device import device_of
 from puckbench.learned.pcgcv2.inference import AnalysisResult, decoded_blocks
@@ -14,9 +15,8 @@ from puckbench.learned.pcgcv2.model import SCALES, PCGCv2
 from puckbench.learned.point_reconstruction import SiblingBlocks
 from puckbench.learned.sparse.convolution import device_neighbourhood
 from puckbench.learned.sparse.kernel_map import block_kernel_map, voxel_kernel_map
-from puckbench.learned.sparse.layers import kept_children
 from puckbench.learned.sparse.thread_pool import ThreadPool
-from puckbench.learned.sparse.voxels import Keys, VoxelSet, pyramid, selected_children
+from puckbench.learned.sparse.voxels import Keys, VoxelSet, pyramid
 
 
 def analyse(model: PCGCv2, keys: Keys, pool: ThreadPool) -> AnalysisResult:
@@ -39,13 +39,11 @@ def synthesise(
     child_per_parent: bool = True,
 ) -> SiblingBlocks:
     device = device_of(model)
-    parents, features = coarse, torch.from_numpy(y_hat).to(device)
-    for scale, keep in enumerate(reversed(counts)):
+
+    def one_scale(scale: int, features: Tensor, parents: VoxelSet) -> tuple[Tensor, Tensor]:
         neighbourhood = device_neighbourhood(parents.neighbours, block_kernel_map(), pool, device)
         children, logits = model.g_s.scale(scale)(features, neighbourhood)
-        all_logits = logits.cpu().numpy()
-        kept = kept_children(all_logits, keep, child_per_parent)
-        if scale + 1 < SCALES:
-            features = children.flatten(0, 1)[torch.from_numpy(kept).to(device)]
-            parents = selected_children(parents, kept, pool)
-    return decoded_blocks(parents, all_logits, kept)
+        return children, logits
+
+    features = torch.from_numpy(y_hat).to(device)
+    return decoded_blocks(one_scale, features, coarse, counts, pool, child_per_parent)

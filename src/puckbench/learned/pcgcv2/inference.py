@@ -6,7 +6,7 @@ are applied while a chunk of rows is in the cache. Layers reuse the memory of pr
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -246,21 +246,39 @@ def synthesise(
 
     `counts` are the numbers of voxels that `kept_children` keeps at strides 1, 2 and 4.
     """
-    parents, features = coarse, torch.from_numpy(y_hat)
     # one allocation for the largest scale
     _reserve(model, (len(coarse), *counts[:0:-1]), pool)
-    for scale, keep in enumerate(reversed(counts)):
-        children, logits = _synthesis_scale(model, scale, features, parents, pool)
-        kept = kept_children(logits.numpy(), keep, child_per_parent)
-        if scale + 1 < SCALES:
-            features = children.view(-1, children.shape[2])[torch.from_numpy(kept)]
-            parents = selected_children(parents, kept, pool)
-    return decoded_blocks(parents, logits.numpy(), kept)
+
+    def one_scale(scale: int, features: Tensor, parents: VoxelSet) -> tuple[Tensor, Tensor]:
+        return _synthesis_scale(model, scale, features, parents, pool)
+
+    return decoded_blocks(
+        one_scale, torch.from_numpy(y_hat), coarse, counts, pool, child_per_parent
+    )
 
 
 def decoded_blocks(
-    parents: VoxelSet, logits: NDArray[np.float32], kept: NDArray[np.int64]
+    one_scale: Callable[[int, Tensor, VoxelSet], tuple[Tensor, Tensor]],
+    features: Tensor,
+    coarse: VoxelSet,
+    counts: Sequence[int],
+    pool: ThreadPool,
+    child_per_parent: bool,
 ) -> SiblingBlocks:
+    """Return the voxels that remain after all scales, with their siblings.
+
+    `one_scale` returns the features (n, 8, channels) and logits (n, 8) of the children of n voxels,
+    whose features (n, channels) it takes; all are on one device.
+    """
+    parents = coarse
+    for scale, keep in enumerate(reversed(counts)):
+        children, device_logits = one_scale(scale, features, parents)
+        logits = device_logits.cpu().numpy()
+        kept = kept_children(logits, keep, child_per_parent)
+        if scale + 1 < SCALES:
+            rows = torch.from_numpy(kept).to(children.device)
+            features = children.flatten(0, 1)[rows]
+            parents = selected_children(parents, kept, pool)
     is_kept = np.zeros(logits.shape, dtype=bool)
     is_kept.reshape(-1)[kept] = True
     return sibling_blocks(morton_voxels(parents.keys), logits, is_kept)

@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     import pandas as pd
 
 MEAN_ROUNDING_M = 0.005
-"""Half a centimetre, to which the thesis prints the mean."""
+"""Rounding error of the mean, which the thesis prints to a centimetre."""
 STD_ROUNDING_M = 0.0005
-"""Half a millimetre, to which it prints the standard deviation."""
+"""Rounding error of the standard deviation, which the thesis prints to a millimetre."""
 FAR_TOO_WIDE = 2.0
 """Ratio of spreads. The thesis cites two standard deviations as the real sensor's error."""
 ALMOST_NO_DIFFERENCE = 0.0198 / 0.0186 - 1
