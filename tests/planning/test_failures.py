@@ -66,3 +66,15 @@ def test_failed_clouds_and_curves_are_a_configuration(tmp_path: Path) -> None:
     table = Failure("", "", "", "tables/x", "no rows", Path("x.log"))
     assert write_failures(path, [curve, table]) is None
     assert not path.exists()
+
+
+def test_clouds_that_a_configuration_excluded_stay_excluded(tmp_path: Path) -> None:
+    path, before = tmp_path / "failed.yaml", {"d/a": "damaged; log: a.log"}
+    assert write_failures(path, [], {}) is None
+    cloud = Failure("d", "b", "", "clouds/d/b", "no room", Path("b.log"))
+    assert write_failures(path, [cloud], before) == path
+    everything = {"failed": {**before, "d/b": "no room; log: b.log"}}
+    assert read_yaml(path) == everything
+    table = Failure("", "", "", "tables/x", "no rows", Path("x.log"))
+    assert write_failures(path, [table], before) is None
+    assert read_yaml(path) == everything

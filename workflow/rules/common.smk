@@ -148,7 +148,7 @@ onerror:
     failed = failed_jobs(plan.results / "logs", BEGUN)
     for line in failure_lines(failed):
         print(line, file=sys.stderr, flush=True)
-    rest = write_failures(plan.config.failures_file, failed)
+    rest = write_failures(plan.config.failures_file, failed, plan.config.failed)
     if rest and CALLER_PRINTS_SUMMARY not in os.environ:
         files = shlex.join(map(str, [*workflow.configfiles, rest]))
         line = f"tables and report without them: snakemake --configfile {files} --cores {CORES}"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -58,20 +58,24 @@ def failure_of(log: Path, logs: Path) -> Failure | None:
     return Failure(dataset, cloud, codec, what, reason, log)
 
 
-def write_failures(path: Path, failures: list[Failure]) -> Path | None:
+def write_failures(
+    path: Path, failures: list[Failure], before: Mapping[str, str] | None = None
+) -> Path | None:
     """Write a configuration file that excludes the clouds and curves whose jobs failed.
 
-    Write no file and return None if nothing failed, or if a failed job belongs to no cloud, because
-    then a run without these clouds would fail too.
+    It keeps the failures that this run's configuration excluded (`before`). Write no file and
+    return None if nothing failed, or if a failed job belongs to no cloud, because then a run
+    without these clouds would fail too.
     """
-    path.unlink(missing_ok=True)
     if not failures or not all(failure.cloud for failure in failures):
+        if not before:
+            path.unlink(missing_ok=True)
         return None
     reasons = {
         "/".join(filter(None, [f.dataset, f.cloud, f.codec])): f"{f.reason}; log: {f.log}"
         for f in failures
     }
-    write_bytes(path, yaml_text({"failed": reasons}).encode())
+    write_bytes(path, yaml_text({"failed": {**(before or {}), **reasons}}).encode())
     return path
 
 
