@@ -7,7 +7,7 @@ import pytest
 
 from puckbench.core.yaml_files import read_yaml
 from puckbench.planning.failures import Failure, failed_jobs, failure_lines, write_failures
-from puckbench.planning.running import now
+from puckbench.planning.running import held_since, hold_results
 
 DONE = '{"job": "evaluate_curve", "processor_s": 1.0, "wall_s": 1.0}'
 
@@ -18,13 +18,13 @@ def _log(path: Path, *lines: str) -> None:
 
 
 def test_errors_of_this_run_are_told_once_each_with_a_log(tmp_path: Path) -> None:
-    begun = now()
+    _log(tmp_path / "old.log", "puckbench: of another run")
+    hold_results(tmp_path)
     _log(tmp_path / "coded" / "d" / "a" / "c.log", "rate 1 of 8", "puckbench: codec c: disk full")
     _log(tmp_path / "coded" / "d" / "b" / "c.log", "puckbench: codec c: disk full")
     _log(tmp_path / "scans" / "s.log", "puckbench: remark", DONE)
-    _log(tmp_path / "old.log", "puckbench: of another run")
-    os.utime(tmp_path / "old.log", (begun - 1, begun - 1))
-    (line,) = failure_lines(failed_jobs(tmp_path, begun))
+    os.utime(tmp_path / "old.log", (held_since() - 0.01,) * 2)
+    (line,) = failure_lines(failed_jobs(tmp_path, held_since()))
     log = tmp_path / "coded" / "d" / "a" / "c.log"
     assert line == (f"puckbench: codec c, cloud d/a: disk full; log: {log} (and 1 more)")
 
@@ -42,7 +42,7 @@ def test_a_log_without_a_message_tells_how_its_process_ended(
     tmp_path: Path, lines: tuple[str, ...], reason: str
 ) -> None:
     _log(tmp_path / "clouds" / "d" / "a.log", *lines)
-    (failure,) = failed_jobs(tmp_path, now())
+    (failure,) = failed_jobs(tmp_path, since=0.0)
     assert (failure.dataset, failure.cloud, failure.codec) == ("d", "a", "")
     assert reason in failure.reason
 
@@ -50,7 +50,7 @@ def test_a_log_without_a_message_tells_how_its_process_ended(
 def test_of_many_errors_some_are_told(tmp_path: Path) -> None:
     for number in range(15):
         _log(tmp_path / f"{number:02}.log", f"puckbench: fault {number}")
-    lines = list(failure_lines(failed_jobs(tmp_path, now())))
+    lines = list(failure_lines(failed_jobs(tmp_path, since=0.0)))
     assert len(lines) == 11
     assert lines[-1] == "puckbench: 5 more errors, in the logs"
 

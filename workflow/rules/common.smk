@@ -28,9 +28,9 @@ from puckbench.planning.run_time import (
 )
 from puckbench.planning.running import (
     check_room,
+    held_since,
     hold_results,
     left_out_lines,
-    now,
 )
 from puckbench.planning.workflow import Workflow, package_alone, run_jobs_with
 from snakemake_logger_plugin_puckbench import BARS
@@ -110,7 +110,6 @@ os.environ[TIMEOUT] = str(bench.config.timing.timeout_s or "")
 if workflow.is_main_process:  # each job on a cluster reads this file again
     # Without space for its records Snakemake would end with a traceback.
     or_stop(check_room, Path(".snakemake"))
-BEGUN = now()
 for bar in BARS:  # with --logger puckbench, as `puckbench run` has it
     work_of = job_seconds(bench)
     here = (CORES or 1, machine_sample(), compiling_seconds(bench))
@@ -137,7 +136,7 @@ onstart:
 onsuccess:
     end_bars()
     if CALLER_PRINTS_SUMMARY not in os.environ:
-        for line in closing_lines(plan.results, outputs.titles, outputs.anchor, BEGUN):
+        for line in closing_lines(plan.results, outputs.titles, outputs.anchor, held_since()):
             print(line, flush=True)
         for line in left_out_lines(plan.left_out_rows()):
             print(line, flush=True)
@@ -145,7 +144,7 @@ onsuccess:
 
 onerror:
     end_bars()
-    failed = failed_jobs(plan.results / "logs", BEGUN)
+    failed = failed_jobs(plan.results / "logs", held_since())
     for line in failure_lines(failed):
         print(line, file=sys.stderr, flush=True)
     rest = write_failures(plan.config.failures_file, failed, plan.config.failed)

@@ -18,54 +18,74 @@ class GpccOptions(Model):
         default=8,
         ge=0,
         le=8,
-        description="neighbours count within cubes of 2^this nodes; below 2 only siblings do, and "
-        "the next two options have no effect",
+        description="log2 of the side, in nodes, of the cube in which neighbours are available; "
+        "below 2 only siblings are, and the next two options have no effect",
     )
     adjacent_child_contextualization: bool = Field(
-        default=True, description="contexts from the children of neighbours coded before"
+        default=True, description="use contexts from the children of neighbours coded before"
     )
     intra_pred_max_node_size_log2: int = Field(
-        default=0, ge=0, le=21, description="smaller nodes are predicted from their neighbours"
+        default=0,
+        ge=0,
+        le=21,
+        description="nodes with a smaller log2 of their side are predicted from neighbours",
     )
-    planar: bool = Field(default=False, description="planar coding mode")
+    planar: bool = Field(default=False, description="use the planar coding mode")
     planar_thresholds: tuple[_PlanarThreshold, _PlanarThreshold, _PlanarThreshold] = Field(
         default=(77, 99, 113),
-        description="rates of planes that the most, second and least frequent axis need",
+        description="lowest rates of planar nodes along the most, second and least planar axis at "
+        "which the mode is used, of 127",
     )
-    qtbt: bool = Field(default=False, description="the root is a box instead of a cube")
+    qtbt: bool = Field(
+        default=False, description="split a box instead of a cube (quadtree and binary tree)"
+    )
     max_num_qtbt_before_ot: int = Field(
-        default=4, ge=0, le=63, description="levels that first split the longest sides alone"
+        default=4,
+        ge=0,
+        le=63,
+        description="number of first levels that split only the longest sides",
     )
     min_qtbt_size_log2: int = Field(
-        default=0, ge=0, le=21, description="nodes with such a side split only their longest sides"
+        default=0,
+        ge=0,
+        le=21,
+        description="log2 of the shortest side at which nodes split only their longest sides",
     )
     angular_max_node_min_dim_log2_to_split_z: int = Field(
         default=8,
         ge=0,
         le=21,
-        description="with a sensor: log2 of the height up to which nodes are split late along z",
+        description="with a sensor: log2 of the largest height of nodes whose split along z is "
+        "deferred",
     )
     angular_max_diff_to_split_z: int = Field(
-        default=1, ge=0, le=21, description="with a sensor: log2 of height / width to be split late"
+        default=1,
+        ge=0,
+        le=21,
+        description="with a sensor: log2 of the smallest ratio of height to width of these nodes",
     )
     planar_buffer: bool = Field(
-        default=True, description="with a sensor: contexts also from planes coded before"
+        default=True, description="with a sensor: use contexts from planes coded before"
     )
     inferred_direct_coding_mode: int = Field(
         default=0,
         ge=0,
         le=3,
-        description="0 off, 1 isolated nodes, 2 nodes without neighbours, 3 any node",
+        description="nodes whose points may be coded directly: 0 none, 1 isolated, 2 without "
+        "neighbours, 3 any",
     )
     planar_mode_idcm_use: int = Field(
-        default=0, ge=0, le=32, description="isolated nodes of 32 that mode 1 may code directly"
+        default=0,
+        ge=0,
+        le=32,
+        description="share of isolated nodes, in 32nds, that mode 1 may code directly",
     )
     joint_two_point_idcm: bool = Field(
-        default=True, description="common leading bits of two direct points are coded once"
+        default=True, description="code common leading bits of two direct points once"
     )
-    merge_duplicates: bool = Field(default=True, description="keep one of equal points, else all")
+    merge_duplicates: bool = Field(default=True, description="keep one of several equal points")
     slice_max_points: int = Field(
-        default=1_100_000, ge=1, le=1 << 24, description="points in a slice, at most"
+        default=1_100_000, ge=1, le=1 << 24, description="maximum number of points in a slice"
     )
 
 

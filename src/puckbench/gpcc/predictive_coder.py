@@ -40,37 +40,41 @@ class PredictiveOptions(Model):
     """Coding tools of predictive geometry; a sensor switches angular coding on."""
 
     order: Order = Field(
-        "azimuth", description="of the points, in which trees are built: as they come, or sorted"
+        "azimuth", description="order of the points in trees: that of the input, or sorted"
     )
     azimuth_sort_precision: float = Field(
-        1024.0, ge=0, description="steps of the azimuth in a radian; within one, radii order points"
+        1024.0,
+        ge=0,
+        description="azimuth steps per radian; points within a step are sorted by radius",
     )
     azimuth_scale_log2: int = Field(
-        12, ge=0, le=18, description="a turn has 2^(12 + this) steps of the azimuth"
+        12, ge=0, le=18, description="log2 of the azimuth steps per turn, minus 12"
     )
     azimuth_speed: int | None = Field(
-        None, ge=1, description="steps of the azimuth between two firings; by default the sensor's"
+        None, ge=1, description="azimuth steps between two firings; by default those of the sensor"
     )
     radius_inv_scale_log2: int = Field(
-        0, ge=0, le=20, description="a step of the radius has 2^this coding units"
+        0, ge=0, le=20, description="log2 of the coding units in a step of the radius"
     )
     azimuth_scaling: bool = Field(
-        True, description="residuals of the azimuth are lengths of arcs instead of angles"
+        True, description="code residuals of the azimuth as arc lengths instead of angles"
     )
     base_qp: int | None = Field(
-        None, ge=0, le=MOST_QP, description="residuals in x, y, z are quantised by this QP"
+        None, ge=0, le=MOST_QP, description="quantisation parameter (QP) of residuals in x, y, z"
     )
-    qp_multiplier_log2: int = Field(0, ge=0, le=3, description="QPs are multiplied by 2^this")
+    qp_multiplier_log2: int = Field(0, ge=0, le=3, description="log2 of the factor of QPs")
     qp_interval_log2: int = Field(
-        8, ge=0, le=30, description="QP offsets are signalled for every 2^this nodes"
+        8, ge=0, le=30, description="log2 of the number of nodes between two QP offsets"
     )
     slice_qp_interval_log2: int | None = Field(
-        None, ge=0, le=30, description="the same in a slice; by default that of the stream"
+        None, ge=0, le=30, description="the same for a slice; by default that of the stream"
     )
-    tree_max_points: int = Field(default=1_100_000, ge=1, description="points in a tree, at most")
-    merge_duplicates: bool = Field(default=False, description="keep one of equal points, else all")
+    tree_max_points: int = Field(
+        default=1_100_000, ge=1, description="maximum number of points in a tree"
+    )
+    merge_duplicates: bool = Field(default=False, description="keep one of several equal points")
     slice_max_points: int = Field(
-        default=1_100_000, ge=1, le=1 << 24, description="points in a slice, at most"
+        default=1_100_000, ge=1, le=1 << 24, description="maximum number of points in a slice"
     )
 
 

@@ -62,8 +62,8 @@ class PrepareReturns(Job):
     ) -> dict[str, Any]:
         """Write the cloud, its returns and, if `truth` is set, the true points.
 
-        `source` is a recording, or a Parquet table with a scan of whole turns or with firings. The
-        true points of a recording are its points.
+        `source` is a recording, or a Parquet table of a scan (whole turns) or of a recording's
+        firings. The true points of a recording are its own points.
         """
         from puckbench.jobs.preparation import prepare
 

@@ -51,49 +51,49 @@ Places = Annotated[tuple[str, ...], AfterValidator(_different)]
 
 
 class SceneSource(Model):
-    """Where scenes come from, and which of them are used."""
+    """A loader of scenes, and the scenes to use."""
 
     loader: str = Field(
-        description="Name of a loader (`puckbench datasets` lists them with their options), or a "
-        "class of your own: `module:Class` or `path/to/file.py:Class`."
+        description="Name of a loader (`puckbench datasets` lists them with their options), or "
+        "your own class: `module:Class` or `path/to/file.py:Class`."
     )
     options: Options = Field({}, description="Options of the loader.")
-    seed: Seed | None = Field(None, description="Seed of generated scenes; the run's if not given.")
+    seed: Seed | None = Field(None, description="Seed of generated scenes; by default the run's.")
     select: Annotated[tuple[str, ...], Field(min_length=1), AfterValidator(_different)] | None = (
-        Field(None, description="Names of the scenes to use; all if not given.")
+        Field(None, description="Names of the scenes to use; by default all.")
     )
     limit: int | None = Field(
-        None, ge=1, description="Use at most this many scenes, the first by name."
+        None, ge=1, description="Maximum number of scenes; the first by name are used."
     )
 
 
 class SceneSetConfig(SceneSource):
-    """Scenes: where the geometry comes from."""
+    """Scenes: the source of the geometry."""
 
     stand_in: SceneSource | None = Field(
-        None, description="The scene set used in place of this one with `stand_in: true`."
+        None, description="Scene set that replaces this one with `stand_in: true`."
     )
 
 
 class DataSetConfig(Model):
     """Clouds made from the scenes of a scene set."""
 
-    title: str | None = Field(None, description="Name in figures; the data set's own if not given.")
+    title: str | None = Field(None, description="Title in figures; by default the data set's name.")
     scenes: str = Field(description="Name of a scene set.")
     make: Literal["sample", "scan", "cloud"] = Field(
-        description="How a scene becomes a cloud. `sample`: points at random on the surface; "
-        "`scan`: a sweep of the virtual sensor; `cloud`: the captured points themselves."
+        description="How a cloud is made from a scene. `sample`: random points on the surface; "
+        "`scan`: a scan by the virtual sensor; `cloud`: the captured points."
     )
     seed: Seed | None = Field(
-        None, description="Seed of the sampling and of the sensor's errors; the run's if not given."
+        None, description="Seed of the sampling and of the sensor's errors; by default the run's."
     )
-    points: int = Field(500_000, ge=1, description="Points sampled (`make: sample`).")
+    points: int = Field(500_000, ge=1, description="Number of sampled points (`make: sample`).")
     sensor: str = Field(
-        "vlp16", description="Name of a sensor, or a YAML file with one (`make: scan`)."
+        "vlp16", description="Name of a sensor, or a YAML file that defines one (`make: scan`)."
     )
     sweep: Options | str = Field(
         {},
-        description="Name of a preset (`thesis`, `thesis_room`, `spin`) or changes to the thesis's "
+        description="Name of a sweep (`thesis`, `thesis_room`, `spin`), or changes to the thesis's "
         "sweep (`make: scan`).",
     )
     errors: str = Field("none", description="Error model (`make: scan`).")
@@ -101,37 +101,38 @@ class DataSetConfig(Model):
     height_m: float = Field(
         1.3,
         gt=0,
-        description="Height of the sensor above the floor where the scene names no position, in m.",
+        description="Height of the sensor above the floor in m, if the scene has no position for "
+        "it.",
     )
     origin: Position | dict[str, Position] | None = Field(
         None,
-        description="Where the sensor stands, `[x, y, z]` in m, or a table of scenes and places; "
-        "where none is named, at the scene's own place, else at a free one near the middle.",
+        description="Position of the sensor, `[x, y, z]` in m, or a table of positions by scene. "
+        "By default the position in the scene, or an unoccupied one near the middle.",
     )
     codecs: Annotated[tuple[str, ...], Field(min_length=1), AfterValidator(_different)] | None = (
-        Field(None, description="Names of the codecs that code it; all that can if not given.")
+        Field(None, description="Names of the codecs to run; by default all that can code it.")
     )
     crop: Literal["clean", "noisy", "none"] = Field(
         "clean",
-        description="Crop a scan to the room's box by its `clean` coordinates, by its `noisy` ones "
-        "(as the thesis ran), or not at all.",
+        description="Crop a scan to the room's bounding box by its `clean` coordinates, by its "
+        "`noisy` ones (as the thesis did), or not at all.",
     )
     size: Annotated[int, Field(ge=2)] | Literal["grid", "metric"] = Field(
         1024,
-        description="Clouds are scaled to the cube [0, size - 1]. `grid`: voxels are coded as they "
-        "came, on their own grid (`make: cloud`). `metric`: clouds stay in metres, in the frame of "
-        "the sensor where one measured them, and rates are lengths (`10mm`).",
+        description="Clouds are scaled to the cube [0, size - 1]. `grid`: voxels keep their grid "
+        "(`make: cloud`). `metric`: clouds stay in metres, in the frame of their sensor if there "
+        "is one, and rates are lengths (`10mm`).",
     )
     peak: float | None = Field(
         None,
         gt=0,
         description="Peak of the PSNRs, in the unit of the clouds; by default `size - 1`, and 30 m "
-        "with `size: metric` (MPEG's 30,000 of 1 mm; papers on KITTI take 59.7).",
+        "with `size: metric` (MPEG uses 30,000 units of 1 mm; papers on KITTI use 59.7).",
     )
     anywhere: bool = Field(
         False,
-        description="Scan even where the sensor would stand outside the scene or inside an object, "
-        "or pass through walls.",
+        description="Scan even if the sensor is outside the scene or inside an object, or passes "
+        "through walls.",
     )
     truth: bool = Field(
         True,
@@ -141,19 +142,19 @@ class DataSetConfig(Model):
     recovery: bool = Field(
         True,
         description="Compare the geometric primitives of codecs that code surfaces with the labels "
-        "of the scenes, where scenes have them.",
+        "of the scenes, if there are labels.",
     )
     views: int = Field(
         0,
         ge=0,
-        description="Width in pixels of the six pictures that are compared (PCC Arena: 1920; at "
-        "least 11); 0: none.",
+        description="Width in pixels of the six rendered views that are compared (PCC Arena: 1920; "
+        "at least 11); 0: no views.",
     )
     neighbours: int = Field(
-        30, ge=3, description="Neighbouring points from which a normal is estimated."
+        30, ge=3, description="Number of neighbouring points for the estimate of a normal."
     )
     stand_in: Options = Field(
-        {}, description="Keys of this data set that are others with `stand_in: true`."
+        {}, description="Values of keys that replace this data set's with `stand_in: true`."
     )
 
     _stands_in = field_validator("stand_in")(classmethod(_own_keys))
@@ -182,32 +183,32 @@ class DataSetConfig(Model):
 
 
 class CodecConfig(Model):
-    """Changes to a codec of that name, or a codec of one's own."""
+    """Changes to the codec of this name, a variant of another codec, or your own codec."""
 
     class_: str | None = Field(
         None,
         alias="class",
-        description="Codec that it is a variant of, by name, or the class of your own: "
+        description="Name of the codec of which this is a variant, or your own class: "
         "`module:Class` or `path/to/file.py:Class`.",
     )
     title: str | None = Field(None, description="Title in legends and tables.")
     colour: str | None = Field(
         None, pattern="^#[0-9A-Fa-f]{6}$", description="Colour of its curves, `#rrggbb`."
     )
-    marker: str | None = Field(None, description="Marker of its points, one of Matplotlib's.")
+    marker: str | None = Field(None, description="Marker of its points, as in Matplotlib.")
     line: Line | None = Field(None, description="Style of its lines.")
     training: str | None = Field(
-        None, description="Class of the settings of its training, if it has a network."
+        None, description="Class with the settings of its training, if it has a network."
     )
     options: Options = Field({}, description="Changes to the codec's options.")
     surfaces: bool | None = Field(
         None,
-        description="Whether `_decode_mesh` of a codec of your own gives labelled primitives.",
+        description="Whether `_decode_mesh` of your own codec returns labelled primitives.",
     )
     rates: tuple[str, ...] | dict[RateName, Options] | None = Field(
         None,
-        description="Names of the rates to run, or a table of new ones (name to parameters); all "
-        "of the codec's if not given.",
+        description="Names of the rates to run, or a table of new rates (name to parameters); by "
+        "default all rates of the codec.",
     )
     metric_rates: tuple[str, ...] | dict[RateName, Options] | None = Field(
         None, description="As `rates`, for clouds in metres (`size: metric`): names such as `10mm`."
@@ -220,24 +221,24 @@ class CodecConfig(Model):
 class TrainingConfig(Model):
     """Weights of a learned codec to train (`snakemake train`)."""
 
-    codec: str = Field(description="Whose weights.")
-    datasets: tuple[str, ...] = Field(min_length=1, description="Data sets to learn from.")
+    codec: str = Field(description="Codec whose weights are trained.")
+    datasets: tuple[str, ...] = Field(min_length=1, description="Data sets of the training.")
     start: str | None = Field(
         None,
-        description="Weights to start from: those of a training above it, a shipped set's name, "
-        "or a file; random if not given.",
+        description="Initial weights: the name of an earlier training or of shipped weights, or a "
+        "file; by default random.",
     )
     validate_: tuple[str, ...] = Field(
         (),
         alias="validate",
-        description="Data sets on whose clouds the weights are measured, for the model card.",
+        description="Data sets for the validation, whose results are in the model card.",
     )
     validate_every: int = Field(
-        0, ge=0, description="Steps between two measurements; 0: measure at the end alone."
+        0, ge=0, description="Steps between two validations; 0: only at the end."
     )
-    steps: int | None = Field(None, ge=1, description="Steps; the codec's if not given.")
+    steps: int | None = Field(None, ge=1, description="Number of steps; by default the codec's.")
     seed: Seed | None = Field(
-        None, description="Seed of weights, cubes and noise; the run's if not given."
+        None, description="Seed of weights, cubes and noise; by default the run's."
     )
     options: Options = Field({}, description="Further settings of the codec's training.")
 
@@ -245,7 +246,7 @@ class TrainingConfig(Model):
 class ErrorModelConfig(Model):
     """An error model of the sensor study."""
 
-    errors: str | None = Field(None, description="Error model; the name itself if not given.")
+    errors: str | None = Field(None, description="Error model; by default the one of this name.")
     error_options: Options = Field({}, description="Changes to the error model's parameters.")
 
 
@@ -253,7 +254,7 @@ class CaptureConfig(Model):
     """A recording of a real sensor."""
 
     path: str = Field(description="File of the recording.")
-    options: Options = Field({}, description="Options of its residuals.")
+    options: Options = Field({}, description="Options of the measurement of its residuals.")
 
 
 _MODELS = ("none", "hdl64e", "vlp16", "vlp16_divergence", "vlp16_incidence")
@@ -263,34 +264,34 @@ class StudyConfig(Model):
     """The sensor's errors measured on a wall and a floor (thesis chapter 5, Procedure 1)."""
 
     seed: Seed | None = Field(
-        None, description="Seed of the sensor's errors; the run's if not given."
+        None, description="Seed of the sensor's errors; by default the run's."
     )
     models: dict[Name, ErrorModelConfig | None] = Field(
         {name: ErrorModelConfig() for name in _MODELS},
         min_length=1,
-        description="Error models to measure, by the name that tables and figures give them.",
+        description="Error models to measure, by their names in tables and figures.",
     )
     captures: dict[Name, CaptureConfig] = Field(
         {},
-        description="Recordings of a real sensor to measure beside them, by name; in figures and "
-        "tables all of them are the model `real`.",
+        description="Recordings of a real sensor to measure too, by name; in figures and tables "
+        "they are together the model `real`.",
     )
     distances_m: Annotated[
         tuple[Annotated[float, Field(lt=30)], ...], AfterValidator(_different)
     ] = Field(
         (1.0, 2.0, 3.0, 4.0, 5.0),
         min_length=1,
-        description="Distances of the sensor from the wall, in m; scans are drawn from 1 and 5.",
+        description="Distances of the sensor from the wall, in m; a figure shows scans at 1 and 5.",
     )
     far_m: Annotated[float, Field(ge=30)] | None = Field(
-        30.0, description="One more distance, for the effect of beam divergence (Figure 5.19)."
+        30.0, description="A further distance, for the effect of beam divergence (Figure 5.19)."
     )
-    runs: int = Field(3, ge=1, description="Scans from each distance.")
+    runs: int = Field(3, ge=1, description="Number of scans at each distance.")
     rows: int = Field(
-        10_000, ge=1, description="Residuals of each scan that are kept, chosen at random."
+        10_000, ge=1, description="Number of residuals that are kept of each scan, at random."
     )
     refit: bool = Field(
-        False, description="Least-squares planes instead of RANSAC's own, which the thesis used."
+        False, description="Refit planes by least squares; the thesis used the planes of RANSAC."
     )
 
     @field_validator("models")
@@ -302,19 +303,20 @@ class StudyConfig(Model):
 
 
 class TimingConfig(Model):
-    """How times are taken; `timing: exclusive` is short for `timing: {exclusive: true}`."""
+    """Measurement of times; `timing: exclusive` is short for `timing: {exclusive: true}`."""
 
     repeats: int = Field(
-        3, ge=1, description="Repetitions of each encoding and decoding; the median time counts."
+        3,
+        ge=1,
+        description="Number of times each encoding and decoding is run; the median time is "
+        "reported.",
     )
-    exclusive: bool = Field(
-        False, description="Whether nothing else runs while a job with timed calls does."
-    )
-    threads: int = Field(1, ge=1, description="Threads that a timed call may use.")
+    exclusive: bool = Field(False, description="Run no other job beside a job with timed calls.")
+    threads: int = Field(1, ge=1, description="Maximum number of threads of a timed call.")
     timeout_s: float | None = Field(
         None,
         gt=0,
-        description="Seconds after which a job fails; no limit if not given.",
+        description="Seconds after which a job fails; by default no limit.",
     )
 
 
@@ -322,7 +324,7 @@ class RateDeltaConfig(Model):
     """The Bjontegaard deltas of every codec against one of them."""
 
     anchor: str | None = Field(
-        None, description="Codec that the others are compared with; the first one if not given."
+        None, description="Codec with which the others are compared; by default the first."
     )
     metrics: Annotated[tuple[str, ...], AfterValidator(_different)] = Field(
         ("d1_psnr", "d2_psnr"),
@@ -334,7 +336,7 @@ class RateDeltaConfig(Model):
 
 
 class ReportConfig(Model):
-    """What the report page shows of the example clouds."""
+    """The report page and its example clouds."""
 
     title: str = Field(
         "Point-cloud compression on virtual LiDAR scans",
@@ -342,14 +344,18 @@ class ReportConfig(Model):
         description="Heading of the page.",
     )
     rates: int = Field(
-        3, ge=1, description="Rates of each codec whose decoded clouds are shown, evenly spread."
+        3,
+        ge=1,
+        description="Number of rates of each codec whose decoded clouds are shown, evenly spread.",
     )
-    points: int = Field(20_000, ge=100, description="Points of a cloud in the viewer, at most.")
+    points: int = Field(
+        20_000, ge=100, description="Maximum number of points of a cloud in the viewer."
+    )
     most_mb: float = Field(
         8.0,
         gt=0,
-        description="Megabytes that all clouds take in the page, at most; where they are many, "
-        "they have fewer points.",
+        description="Maximum size of all clouds in the page in megabytes; many clouds have fewer "
+        "points each.",
     )
 
 
@@ -370,24 +376,24 @@ class ExamplesConfig(Model):
 
 
 class FiguresConfig(Model):
-    """How figures look, and which clouds they show."""
+    """Style of the figures, and the clouds that they show."""
 
-    style: Options = Field({}, description="Changes to the look of all figures.")
+    style: Options = Field({}, description="Changes to the style of all figures.")
     options: dict[str, Options] = Field(
-        {}, description="Changes to the look of one figure, by its name."
+        {}, description="Changes to the style of a figure, by the figure's name."
     )
     own: Places = Field(
         (),
-        description="Figures of your own: functions, `module:function` or "
-        "`path/to/file.py:function`, by whose names they are called.",
+        description="Your own figures, named after their functions: `module:function` or "
+        "`path/to/file.py:function`.",
     )
     examples: ExamplesConfig = Field(
         ExamplesConfig(),
         description="Example clouds of figures 6.1-6.3, each `dataset/cloud`: `object`, `raw`, "
-        "`clean`, `noisy`, `spin`; a figure is drawn when all that it shows are named.",
+        "`clean`, `noisy`, `spin`. A figure is drawn if all its clouds are named.",
     )
     stand_in: Options = Field(
-        {}, description="Keys of `figures` that are others with `stand_in: true`."
+        {}, description="Values of keys that replace those of `figures` with `stand_in: true`."
     )
     _stands_in = field_validator("stand_in")(classmethod(_own_keys))
 
@@ -396,72 +402,76 @@ class Config(Model):
     """A checked configuration of a run."""
 
     results: Annotated[str, StringConstraints(pattern=r"^[\w./ -]+$")] = Field(
-        "results", description="Folder of everything that is made."
+        "results", description="Folder of all results."
     )
     seed: Seed = Field(
         2022, description="Seed of all randomness; a data set or scene set may have its own."
     )
     stand_in: bool = Field(
         False,
-        description="Use the generated data that stand in for those on disk, wherever any are "
-        "named.",
+        description="Use generated data in place of data on disk, for all entries that have a "
+        "`stand_in`.",
     )
     strict: bool = Field(
         False,
-        description="Stop before anything runs where a scene cannot be used (a damaged mesh, no "
-        "room for the sensor); else it is left out and named in the table `left_out`.",
+        description="Stop before anything runs if a scene cannot be used (a damaged mesh, no room "
+        "for the sensor). By default it is left out, and listed in the table `left_out`.",
     )
     unused: dict[str, str] = Field(
         {},
-        description="What `puckbench run` leaves out, such as unusable files, and why: for "
+        description="Files and other things that `puckbench run` leaves out, and the reasons; for "
         "the table `left_out`.",
     )
     failed: dict[FailedName, str] = Field(
         {},
         description="Clouds (`dataset/cloud`) and curves (`dataset/cloud/codec`) that are left out "
-        "because their jobs failed, and why. A run writes them to `RESULTS/failed.yaml`; with this "
-        "second configuration file, tables and report are made of the rest.",
+        "because their jobs failed, and the reasons. A run writes them to `RESULTS/failed.yaml`; a "
+        "run with this second configuration file makes tables and report of the others.",
     )
     scenes: dict[Name, SceneSetConfig] = Field(
-        description="Scene sets by name: where the geometry comes from."
+        description="Scene sets by name: sources of geometry."
     )
     datasets: dict[Name, DataSetConfig] = Field(
-        description="Data sets by name: clouds made from a scene set; figures keep this order."
+        description="Data sets by name, in the order of figures: clouds made from a scene set."
     )
     codecs: dict[Name, CodecConfig | None] = Field(
         {"draco": CodecConfig()}, min_length=1, description="Codecs by name."
     )
     tables: Places = Field(
         (),
-        description="Tables of your own: functions, `module:function` or "
-        "`path/to/file.py:function`, by whose names they are called.",
+        description="Your own tables, named after their functions: `module:function` or "
+        "`path/to/file.py:function`.",
     )
     metrics: Places = Field(
         (),
-        description="Further metrics of every decoded cloud: their names (`density`), or functions "
-        "of your own, `module:function` or `path/to/file.py:function`.",
+        description="Further metrics of every decoded cloud: names (`density`), or your own "
+        "functions, `module:function` or `path/to/file.py:function`.",
     )
     train: dict[Name, TrainingConfig] = Field(
-        {}, description="Weights of learned codecs to train, by name: `snakemake train`."
+        {},
+        description="Trainings of learned codecs by the name of the weights, for `snakemake "
+        "train`.",
     )
     sensor_study: StudyConfig | Literal[False] | None = Field(
         None,
         description="The sensor's errors measured on a wall and a floor: figures 5.1-5.21 and "
-        "their tables; `{}` takes all defaults.",
+        "their tables; `{}` means all defaults.",
     )
-    timing: TimingConfig = Field(TimingConfig(), description="How times are taken.")
+    timing: TimingConfig = Field(TimingConfig(), description="Measurement of times.")
     bd_rate: RateDeltaConfig = Field(
         RateDeltaConfig(),
-        description="Against which codec, and in what, the others are compared.",
+        description="Codec and metrics for the comparison of codecs by Bjontegaard deltas.",
     )
-    figures: FiguresConfig = Field(FiguresConfig(), description="How figures look.")
+    figures: FiguresConfig = Field(
+        FiguresConfig(), description="Style of the figures, and the clouds that they show."
+    )
     report: ReportConfig = Field(
-        ReportConfig(), description="What the report page shows of the example clouds."
+        ReportConfig(), description="The report page and its example clouds."
     )
     container: str = Field(
         "puckbench.sif",
         pattern=r"^\S+$",
-        description="Image that jobs run in with `--software-deployment-method apptainer`: a file "
+        description="Image in which jobs run with `--software-deployment-method apptainer`: a file "
         "or `docker://...`.",
     )
 

@@ -63,9 +63,9 @@ def write_failures(
 ) -> Path | None:
     """Write a configuration file that excludes the clouds and curves whose jobs failed.
 
-    It keeps the failures that this run's configuration excluded (`before`). Write no file and
-    return None if nothing failed, or if a failed job belongs to no cloud, because then a run
-    without these clouds would fail too.
+    The file also contains `before`, the clouds and curves that this run excluded already. Write no
+    file and return None if nothing failed, or if a failed job belongs to no cloud, because then a
+    run without these clouds would fail too.
     """
     if not failures or not all(failure.cloud for failure in failures):
         if not before:
@@ -93,7 +93,7 @@ def failure_lines(failures: list[Failure]) -> Iterator[str]:
 
 
 def _without_names(reason: str, curve: str, codec: str) -> str:
-    """Leave out the file of the curve and the codec, which `Failure.what` names."""
+    """Remove the curve's file and the codec's name from a reason; `Failure.what` has them."""
     reason = re.sub(rf"\S*coded/{re.escape(curve)}\.zip: ", "", reason, count=1)
     return reason.replace(f"codec {codec}: ", "", 1)
 

@@ -61,7 +61,7 @@ class JobTime:
 
 @dataclass(frozen=True)
 class JobKind:
-    """Number of similar jobs in a plan, with attributes as in `JobTime`."""
+    """Similar jobs of a plan: their number, and the attributes of `JobTime`."""
 
     job: str
     jobs: int

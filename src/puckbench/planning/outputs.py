@@ -148,7 +148,7 @@ class OutputJobs:
         }
 
     def _frames_of(self, table: str) -> tuple[CoordinateFrame, ...]:
-        """Return the coordinate frames of clouds in an input; all frames if it has no clouds."""
+        """Return the frames of the clouds in a table; all frames if its rows are not of clouds."""
         if table not in _OF_CLOUDS:
             return get_args(CoordinateFrame)
         if table in _OF_CURVES:

@@ -87,7 +87,7 @@ class DataSetPlan:
 
     @property
     def is_scanned_from_truth(self) -> bool:
-        """Whether its clouds are scans of a surface that decoded clouds are compared with."""
+        """Whether the clouds are scans of a surface with which decoded clouds are compared."""
         return self.has_truth and self.settings.is_scan
 
 

@@ -1,4 +1,7 @@
-"""Planned jobs, with the data whose change makes Snakemake repeat them."""
+"""Planned jobs: their settings, and a fingerprint of their code.
+
+Snakemake repeats a job if either changes.
+"""
 
 from __future__ import annotations
 

@@ -1,8 +1,9 @@
-"""Lock the results folder, check the disk space, and list excluded inputs."""
+"""Before a run: lock the results folder, check the disk space, and list what is left out."""
 
 from __future__ import annotations
 
-import time
+import math
+import os
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryFile
@@ -32,8 +33,9 @@ def hold_results(results: Path) -> None:
         raise InputError(f"{results}: another run is writing to this folder") from error
     except OSError as error:
         raise unreadable(results, error, "not writable") from error
-    _held.append(lock)
     check_room(results)
+    os.utime(lock.name)
+    _held.append(lock)
     remove_leftovers(results)
 
 
@@ -54,9 +56,9 @@ def left_out_lines(rows: Sequence[Mapping[str, str]]) -> Iterator[str]:
         yield f"left out: {len(rows) - _MOST_LEFT_OUT} more (tables/left_out.csv)"
 
 
-def now() -> float:
-    """Return a time stamp that is not later than those of files written after this call.
+def held_since() -> float:
+    """Return the time at which this process locked its results; infinity if it has not.
 
-    The clock of a file server may be a minute behind this machine's.
+    It is a time stamp in seconds, by the clock of their file system.
     """
-    return time.time() - 60
+    return os.fstat(_held[-1].fileno()).st_mtime if _held else math.inf

@@ -23,7 +23,7 @@ def study_configuration(
     results: str,
     datasets: Sequence[str] = (),
 ) -> Options:
-    """Return the configuration of a study, with the user's codecs.
+    """Return the configuration that runs the user's codecs on the clouds of a reference study.
 
     Raises InputError if the study has no such data set, its data are missing, a codec cannot encode
     any of its clouds, or its configuration is invalid or names code.

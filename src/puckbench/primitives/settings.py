@@ -28,7 +28,7 @@ class PrimitiveSettings(Model):
         default=1.0, ge=0, description="largest number of bits per point of a surface or of voxels"
     )
     max_voxel_size: float = Field(
-        default=UNITS / 4, ge=0, description="largest side of a voxel, whatever the number of bits"
+        default=UNITS / 4, ge=0, description="largest side of a voxel, even if it needs more bits"
     )
     refinement: float = Field(
         default=0.0,

@@ -1,1 +1,1 @@
-"""Conditions on a plan for the production of tables and figures."""
+"""Conditions under which a plan can make a table or figure."""

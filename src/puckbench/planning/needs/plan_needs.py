@@ -1,4 +1,4 @@
-"""Conditions on a plan for the benchmark's tables and figures."""
+"""Conditions that tables and figures refer to: several codecs, spins with a true surface ..."""
 
 from __future__ import annotations
 
