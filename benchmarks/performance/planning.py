@@ -2,9 +2,9 @@
 
     python -m benchmarks.performance.planning [CONFIG]
 
-Three dry runs, each in a process: config/thesis.yaml with stand-ins (996 clouds, five codecs at six
-to eight rates), planned and no more (--quiet); one tenth of it by Snakemake's --batch; and once
-more with every job and its reasons. Prints jobs, processor and wall seconds, and peak memory.
+Two dry runs, each in a process: config/thesis.yaml with stand-ins (996 clouds, five codecs at six
+to eight rates), planned and no more (--quiet), and once more with every job and its reasons. Prints
+jobs, processor and wall seconds, and peak memory.
 """
 
 from __future__ import annotations
@@ -33,7 +33,6 @@ def main() -> None:
         ]
         print(f"{'':10} {'jobs':>7} {'cpu s':>7} {'wall s':>7} {'MiB':>6}")
         dry_run(folder, "planned", words)
-        dry_run(folder, "a tenth", ["--batch", "metrics_table=1/10", *words])
         dry_run(folder, "every job", [*EACH, *words])
 
 

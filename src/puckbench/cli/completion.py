@@ -11,7 +11,7 @@ SHELLS = ("bash", "zsh", "fish")
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("shell", choices=SHELLS, help="whose script to print")
+    parser.add_argument("shell", choices=SHELLS, help="shell whose completion script is printed")
 
 
 def run(options: argparse.Namespace) -> str:

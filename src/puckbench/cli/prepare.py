@@ -57,7 +57,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "--crop-on",
         choices=("clean", "noisy"),
         default="clean",
-        help="coordinates of a scan that are cropped by (default: %(default)s)",
+        help="coordinates of a scan that decide which points are cropped (default: %(default)s)",
     )
     parser.add_argument(
         "--scale",

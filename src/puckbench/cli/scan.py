@@ -13,14 +13,18 @@ from puckbench.jobs.scan import Scan
 def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("mesh", type=Path, help="mesh file, or captured room (.json)")
     parser.add_argument("out", type=Path, help="scan table to write (.parquet)")
-    parser.add_argument("--sensor", default="vlp16", help="name or YAML file (default: vlp16)")
+    parser.add_argument(
+        "--sensor", default="vlp16", help="its name, or a YAML file (default: vlp16)"
+    )
     parser.add_argument("--errors", default="none", help="error model (default: none)")
-    parser.add_argument("--error-options", type=json_object, default={}, help="JSON")
+    parser.add_argument(
+        "--error-options", type=json_object, default={}, help="changes to its parameters (JSON)"
+    )
     parser.add_argument(
         "--sweep",
         type=_sweep,
         default="thesis",
-        help="name of a preset, or options of the 4 s sweep that differ (JSON)",
+        help="name of a sweep, or changes to the sweep of 4 s (JSON)",
     )
     parser.add_argument(
         "--origin",

@@ -13,14 +13,16 @@ from puckbench.cli.types import integer, json_object, selected
 def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("out", type=Path, help="residual table to write (.parquet)")
     parser.add_argument("--model", default="vlp16", help="error model (default: vlp16)")
-    parser.add_argument("--model-options", type=json_object, default={}, help="JSON")
+    parser.add_argument(
+        "--model-options", type=json_object, default={}, help="changes to its parameters (JSON)"
+    )
     parser.add_argument(
         "--distances",
         nargs="+",
         type=float,
         default=[1.0, 2.0, 3.0, 4.0, 5.0],
         metavar="M",
-        help="from the sensor to the wall, in metres: 1 to 5, or 30 (default: 1 2 3 4 5)",
+        help="distances from the sensor to the wall, in metres: 1 to 5, or 30 (default: 1 2 3 4 5)",
     )
     parser.add_argument(
         "--runs", type=integer(1), default=3, help="scans from each distance (default: 3)"
@@ -41,7 +43,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "--capture-options",
         type=json_object,
         default={},
-        help="JSON (docs/reference/capture_options.md)",
+        help="changes to the measurement (JSON, docs/reference/capture_options.md)",
     )
 
 

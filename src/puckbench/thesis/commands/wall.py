@@ -13,14 +13,16 @@ from puckbench.cli.types import integer, json_object, selected
 def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("out", type=Path, help="table of points to write (.parquet)")
     parser.add_argument("--model", default="vlp16", help="error model (default: vlp16)")
-    parser.add_argument("--model-options", type=json_object, default={}, help="JSON")
+    parser.add_argument(
+        "--model-options", type=json_object, default={}, help="changes to its parameters (JSON)"
+    )
     parser.add_argument(
         "--distances",
         nargs="+",
         type=float,
         default=[1.0, 5.0],
         metavar="M",
-        help="from the sensor to the wall, in metres: 1 to 5, or 30 (default: 1 5)",
+        help="distances from the sensor to the wall, in metres: 1 to 5, or 30 (default: 1 5)",
     )
     parser.add_argument("--seed", type=integer(0), default=0)
     parser.add_argument(
