@@ -36,8 +36,8 @@ def test_every_key_of_the_configuration_has_its_table() -> None:
     ("model", "row"),
     [
         (config.SceneSetConfig, "| `loader` | required | Name of a loader"),
-        (config.DataSetConfig, "| `points` | `500000` | Points sampled"),
-        (config.CodecConfig, "| `class` |  | Codec that it is a variant of"),
+        (config.DataSetConfig, "| `points` | `500000` | Number of sampled points"),
+        (config.CodecConfig, "| `class` |  | Name of the codec of which"),
         (config.StudyConfig, "| `models` | `none, hdl64e, vlp16, vlp16_divergence, vlp16_inciden"),
         (config.RateDeltaConfig, '| `metrics` | `["d1_psnr", "d2_psnr"]` | Columns'),
     ],
