@@ -205,7 +205,8 @@ class LogHandler(LogHandlerBase):
         if self._bar:
             self._bar.console.print(text, highlight=False, markup=False)
         elif text not in {"", "None"}:  # an event without a text
-            print(text, file=sys.stderr, flush=True)  # noqa: T201
+            # One write, so that lines of other threads stay whole.
+            print(f"{text}\n", end="", file=sys.stderr, flush=True)  # noqa: T201
 
 
 def _tells_of_failed_job(record: logging.LogRecord) -> bool:

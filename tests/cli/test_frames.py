@@ -15,6 +15,7 @@ from puckbench.geometry.cloud import PointCloud
 from puckbench.io.clouds import read_cloud, write_cloud
 from puckbench.io.meshes import read_mesh, write_mesh
 from puckbench.library import compare, open_codec, prepare
+from tests.io.test_cloud_formats import write_las
 
 UTM = np.array([500_000.0, 5_000_000.0, 120.0])
 OBJ = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\n"
@@ -212,3 +213,25 @@ def test_codecs_with_lengths_alone_need_a_cloud_in_metres(codec: str) -> None:
     with pytest.raises(InputError, match="the cloud is scaled"):
         compare(PointCloud(points, about={"size": 1024}), [open_codec(codec)])
     assert len(compare(PointCloud(points, about={"size": 0}), [open_codec(codec)])) == 7
+
+
+def test_a_survey_in_metres_needs_no_option(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_las(tmp_path / "site.las")
+    words = ("encode", tmp_path / "site.las", tmp_path / "out.bin", "--codec", "draco")
+    assert _json(capsys, *words, "--rate", "10mm")["points_in"] == 40
+    fault = _refused(capsys, *words, "--rate", "10mm", "--frame", "scaled")
+    assert "the cloud is scaled" in fault
+
+
+@pytest.mark.parametrize("option", ["like", "mesh"])
+def test_decoded_points_are_placed_by_a_described_cloud(
+    option: str, sphere: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    stream, bare = tmp_path / "out.bin", tmp_path / "bare.xyz"
+    np.savetxt(bare, np.eye(3))
+    _json(capsys, "encode", sphere, stream, "--codec", "draco", "--rate", "r4")
+    words = ["--like", bare] if option == "like" else ["--like", sphere, "--as-mesh"]
+    fault = _refused(capsys, "decode", stream, tmp_path / "out.ply", *words)
+    assert ("has no description" if option == "like" else "not with --as-mesh") in fault

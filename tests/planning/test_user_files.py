@@ -77,16 +77,23 @@ def test_meshes_are_scanned_where_that_is_asked_for() -> None:
 
 
 @pytest.mark.parametrize(
-    ("paths", "frame", "size"),
+    ("paths", "frame", "size", "remark"),
     [
-        (("utm.las",), None, "metric"),
-        (("utm.las", "mine/a.npy"), None, 1024),
-        (("utm.las",), "scaled", 1024),
-        (("mine/a.npy",), "metric", "metric"),
+        (("utm.las",), None, "metric", ""),
+        (("mine/a.npy",), None, 1024, "no unit in .npy: all are scaled to [0, 1023]"),
+        (("utm.las", "mine/a.npy"), None, 1024, "no unit in .npy, unlike .las: all are scaled"),
+        (("utm.las",), "scaled", 1024, ""),
+        (("mine/a.npy",), "metric", "metric", ""),
     ],
 )
-def test_the_frame_follows_the_formats(paths: tuple[str, ...], frame: Any, size: object) -> None:
-    assert made(*paths, frame=frame)["datasets"]["clouds"]["size"] == size
+def test_the_frame_follows_the_formats_and_scaling_is_told(
+    paths: tuple[str, ...], frame: Any, size: object, remark: str
+) -> None:
+    config = made(*paths, frame=frame)
+    assert config["datasets"]["clouds"]["size"] == size
+    told = config.get("unused", {}).get("metres of clouds", "")
+    assert told.startswith(remark)
+    assert bool(told) == bool(remark)
 
 
 def test_a_peak_is_that_of_clouds_in_metres() -> None:
@@ -166,7 +173,7 @@ def test_what_a_shell_finds_beside_the_clouds_is_left_out_and_named() -> None:
     asked = UserRun(("mine/a.npy", "mine.py", "mine/b.xyz"), ("draco",), "out")
     config = asked.configuration()
     assert config["scenes"]["clouds"]["options"]["path"] == ["mine/a.npy", "mine/b.xyz"]
-    assert config["unused"].keys() == {"mine.py"}
+    assert config["unused"].keys() == {"mine.py", "metres of clouds"}
     assert config["unused"]["mine.py"].startswith("no cloud, mesh or recording there (.ply")
 
 
@@ -213,6 +220,8 @@ BAD = {
     "mine/a.npy --codecs darco": ["unknown codec 'darco'", "did you mean 'draco'"],
     "mine/a.npy --codecs draco draco": ["a codec is named twice"],
     "mine/a.npy --rates r77": ["--rates: codec draco has none of r77"],
+    "mine/a.npy --rates 1mm": ["draco has none of 1mm", "r8): use --frame metric"],
+    "utm.las --rates r3": ["draco has none of r3", "mm): use --frame scaled"],
     "mine/a.npy --frame metric --codecs primitives": ["no rates for clouds in metres"],
     "mine/a.npy --codecs draco metric.py:MyCodec": [
         "codec my_codec: has no rates for scaled clouds (--frame metric)"

@@ -66,7 +66,12 @@ def test_a_surveyed_cloud_is_compared_in_one_command(tmp_path: Path) -> None:
     assert "report:  out/report.html" in rest
     assert rest[-1].endswith("then: puckbench run out/config.yaml")
     assert "left out: torn.las: not a readable LAS file" in done.stdout
-    assert (tmp_path / "out" / "report.html").exists()
+    report = (tmp_path / "out" / "report.html").read_text()
+    for reduction in ("colours, intensity", "their place: coded clouds are shifted"):
+        line = f"left out: clouds: {reduction}"
+        assert f"puckbench: {line}" in done.stderr
+        assert line in done.stdout
+        assert reduction in report
     metrics = pd.read_csv(tmp_path / "out" / "tables" / "metrics.csv")
     # Of a grid of 10 mm no coordinate is off by more than a half of that.
     assert metrics[metrics.rate == "10mm"].d1_rms_m.between(0, 0.005 * 3**0.5).all()
@@ -75,6 +80,13 @@ def test_a_surveyed_cloud_is_compared_in_one_command(tmp_path: Path) -> None:
     assert abs(cloud.to_metres(cloud.xyz) - UTM).max() < 2e-9
     assert (cloud.colours == COLOURS).all()
     assert (cloud.fields["intensity"] == INTENSITY).all()
+
+    curve = tmp_path / "out" / "coded" / "clouds" / "site" / "draco.zip"
+    words_of_decode = ["decode", str(curve), str(tmp_path / "site.ply"), "--rate", "10mm"]
+    assert main([*words_of_decode, "--like", str(tmp_path / "out/clouds/clouds/site.ply")]) == 0
+    decoded = read_cloud(tmp_path / "site.ply").xyz
+    assert (abs(decoded.min(axis=0) - UTM.min(axis=0)) < 0.01).all()
+    assert (abs(decoded.max(axis=0) - UTM.max(axis=0)) < 0.01).all()
 
     # At once again, when the table is younger than clocks of servers may differ.
     once_more = run(tmp_path, *words, *("--rates", "100mm", "50mm", "20mm", "10mm"))

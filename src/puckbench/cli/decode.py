@@ -18,10 +18,17 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="write the surface instead of points, if the stream has one",
     )
+    parser.add_argument(
+        "--like",
+        type=Path,
+        metavar="CLOUD",
+        help="the prepared cloud that was coded (.ply): write the points where its source was, in "
+        "metres",
+    )
     parser.add_argument("--rate", help="rate to decode of a curve (coded/DATASET/CLOUD/CODEC.zip)")
     codec_arguments(parser, required=False)
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
     job = Decode.given(as_mesh=options.as_mesh, rate=options.rate, **timed_options(options))
-    return job.run(options.stream, options.out)
+    return job.run(options.stream, options.out, options.like)

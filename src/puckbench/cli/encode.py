@@ -29,7 +29,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--frame",
         choices=["scaled", "metric"],
-        help="of a cloud without a description (.json) beside it",
+        help="coordinate frame of a cloud without a description (.json) beside it (default: metric "
+        "for LAS, LAZ, E57 and .bin)",
     )
     parser.add_argument(
         "--prepare",

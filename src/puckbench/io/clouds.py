@@ -28,8 +28,10 @@ from puckbench.io.ply import has_faces, read_ply, write_vertices
 from puckbench.io.point_columns import Columns, cloud_from_columns, coarse_step, ply_columns
 from puckbench.io.text import read_text
 
-__all__ = ["SUFFIXES", "read_cloud", "read_unchecked_cloud", "sidecar", "write_cloud"]
+__all__ = ["IN_METRES", "SUFFIXES", "read_cloud", "read_unchecked_cloud", "sidecar", "write_cloud"]
 
+IN_METRES = (".las", ".laz", ".e57", ".bin")
+"""Formats whose unit is the metre; other files do not state a unit."""
 _HEAD_BYTES = 1 << 10
 _log = logging.getLogger(__name__)
 _PLY_COLUMNS = {

@@ -29,6 +29,8 @@ _COLOURS = (
     ("colorred", "colorgreen", "colorblue"),
     ("diffuse_red", "diffuse_green", "diffuse_blue"),
 )
+WIDE_COLOURS = tuple(f"{name}_16" for name in _COLOURS[0])
+"""Fields of colours that do not fit in 8 bits."""
 _PACKED_COLOURS = ("rgb", "rgba")
 _RESERVED = {"x", "y", "z", "nx", "ny", "nz", "red", "green", "blue", "label"}
 _MAX_STEP = 1e-5
@@ -55,7 +57,7 @@ def cloud_from_columns(columns: Mapping[str, NDArray[Any]]) -> PointCloud:
     if wide_colours is not None:
         colours, is_exact = _eight_bits(wide_colours)
         if not is_exact:
-            fields |= {f"{name}_16": wide_colours[:, c] for c, name in enumerate(_COLOURS[0])}
+            fields |= {name: wide_colours[:, c] for c, name in enumerate(WIDE_COLOURS)}
     labels = _labels(remaining)
     if labels is None and "label" in fields:
         fields["label_"] = fields.pop("label")

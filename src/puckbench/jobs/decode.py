@@ -5,11 +5,11 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from puckbench.core.environment import run_environment
-from puckbench.core.errors import naming, noting
+from puckbench.core.errors import InputError, naming, noting
 from puckbench.core.measurement import measured
 from puckbench.geometry.cloud import PointCloud, check_points
 from puckbench.io.archives import write_archive
-from puckbench.io.clouds import cloud_bytes, write_cloud
+from puckbench.io.clouds import cloud_bytes, read_cloud, write_cloud
 from puckbench.io.meshes.writing import write_mesh
 from puckbench.jobs.codec_jobs import TimedJob
 from puckbench.jobs.curve_files import Coded, read_coded, read_curve
@@ -48,13 +48,20 @@ class Decode(Decoding):
     as_mesh: bool = False
     rate: str | None = None
 
-    def run(self, stream: Path, cloud: Path) -> dict[str, Any]:
+    def run(self, stream: Path, cloud: Path, like: Path | None = None) -> dict[str, Any]:
+        """Write the decoded cloud, in metres where the source of the cloud `like` was, if set."""
         if self.as_mesh:
+            if like:
+                raise InputError("--like: not with --as-mesh")
             return self._mesh(stream, cloud)
+        original = None if like is None else _described(like)
         with naming(stream):
             result = self.decoded(read_coded(stream, self.rate))
         about = {"source": stream.name, "codec": result.record["codec"]}
-        write_cloud(cloud, replace(result.cloud, about=about))
+        decoded = replace(result.cloud, about=about)
+        if original is not None:
+            decoded = replace(decoded, xyz=original.to_metres(decoded.xyz))
+        write_cloud(cloud, decoded)
         return result.record
 
     def _mesh(self, path: Path, out: Path) -> dict[str, Any]:
@@ -69,6 +76,13 @@ class Decode(Decoding):
             "triangles": len(mesh.triangles),
             "primitives": len(mesh.labels.primitives) if mesh.labels else 0,
         }
+
+
+def _described(path: Path) -> PointCloud:
+    cloud = read_cloud(path)
+    if cloud.frame is None:
+        raise InputError(f"{path}: has no description (.json) with scale and offset beside it")
+    return cloud
 
 
 @JOBS.register("decode_shown")

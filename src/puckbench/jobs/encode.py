@@ -9,13 +9,14 @@ from typing import Any
 
 from puckbench.codecs.base import Codec, SharedWork
 from puckbench.codecs.registry import open_codec
+from puckbench.core.content import plain_suffix
 from puckbench.core.environment import cpu_model, run_environment
 from puckbench.core.errors import naming, noting
 from puckbench.core.files import write_json, written_whole
 from puckbench.core.measurement import Measured, measured
 from puckbench.core.progress import Progress
 from puckbench.geometry.cloud import CoordinateFrame, PointCloud
-from puckbench.io.clouds import read_cloud
+from puckbench.io.clouds import IN_METRES, read_cloud
 from puckbench.jobs.codec_jobs import TimedJob, ready
 from puckbench.jobs.curve_files import REMARK, Coded, record_file, write_curve
 from puckbench.jobs.prepare import Prepare
@@ -26,8 +27,14 @@ from puckbench.lidar.returns import with_returns
 def to_code(
     codec: Codec, path: Path, frame: CoordinateFrame | None = None, rate: str | None = None
 ) -> PointCloud:
-    """Read a cloud, with its returns if the codec can use them."""
+    """Read a cloud, with its returns if the codec can use them.
+
+    By default, `frame` is that of the cloud's description, or metric if the unit of the file's
+    format is the metre.
+    """
     cloud = read_cloud(path)
+    if frame is None and plain_suffix(path) in IN_METRES:
+        frame = "metric"
     with naming(path):
         codec.check_frame(frame or cloud.frame, rate)
     return cloud if codec.takes == "points" else with_returns(cloud, path)

@@ -35,7 +35,13 @@ from puckbench.planning.config import (
     StudyConfig,
     TrainingConfig,
 )
-from puckbench.planning.scene_checks import extents, most_points, scene_faults
+from puckbench.planning.scene_checks import (
+    are_shifted,
+    attributes,
+    extents,
+    most_points,
+    scene_faults,
+)
 from puckbench.scenes.calibration import CALIBRATIONS
 
 
@@ -177,6 +183,7 @@ class Plan:
         return (
             *named,
             *self._scenes_left_out(),
+            *self._attributes_left_out(),
             *self._rates_left_out(),
             *self._codecs_left_out(),
             *self._failures_left_out(),
@@ -189,6 +196,22 @@ class Plan:
                 file = _file_of(dataset, scenes, scene)
                 reason = fault.removeprefix(f"{file}: ")
                 yield {"dataset": dataset, "scene": scene, "file": file, "reason": reason}
+
+    def _attributes_left_out(self) -> Iterator[dict[str, str]]:
+        """Yield rows on what the user's clouds lose: attributes, and coordinates of a survey."""
+        for data in self.datasets.values():
+            if not read_first(self.scenes[data.scenes].scenes):
+                continue
+            checks, reasons = self._checks(data.name), []
+            if names := attributes(checks, data.clouds):
+                reasons.append(f"{', '.join(names)}: codecs code coordinates only")
+            if data.frame == "metric" and are_shifted(checks, data.clouds):
+                reasons.append(
+                    "their place: coded clouds are shifted to the origin, and `puckbench decode "
+                    "--like CLOUD.ply` shifts decoded ones back"
+                )
+            for reason in reasons:
+                yield {"dataset": data.name, "scene": "", "file": data.name, "reason": reason}
 
     def _codecs_left_out(self) -> Iterator[dict[str, str]]:
         for codec in self.codecs:

@@ -15,8 +15,10 @@ from puckbench.core.files import read_object, write_json
 from puckbench.core.models import Model, parsed
 from puckbench.core.progress import Progress
 from puckbench.datasets.scene import Scene, SceneSet, read_first
-from puckbench.geometry.cloud import Floats, bounds, check_extent
+from puckbench.geometry.cloud import Floats, PointCloud, bounds, check_extent
 from puckbench.geometry.extent import warn_of_implausible_extent
+from puckbench.geometry.scaling import origin_shift
+from puckbench.io.point_columns import WIDE_COLOURS
 from puckbench.jobs.scan import Scan
 from puckbench.planning.config import DataSetConfig
 from puckbench.planning.planned_job import planned
@@ -75,6 +77,8 @@ class _Check(Model):
     fault: str | None
     points: int | None = None
     extent_m: float | None = None
+    attributes: tuple[str, ...] = ()
+    is_shifted: bool = False
 
 
 def _read_checks(results_file: Path) -> dict[str, dict[str, Any]]:
@@ -90,9 +94,22 @@ def extents(results_file: Path, scenes: Iterable[str]) -> dict[str, float]:
     return {name: checks[name]["extent_m"] for name in scenes if "extent_m" in checks.get(name, {})}
 
 
+def attributes(results_file: Path, scenes: Iterable[str]) -> list[str]:
+    """Return the names of the attributes that points of the scenes have besides coordinates."""
+    checks = _read_checks(results_file)
+    names = (name for scene in scenes for name in checks.get(scene, {}).get("attributes", ()))
+    return list(dict.fromkeys(names))
+
+
+def are_shifted(results_file: Path, scenes: Iterable[str]) -> bool:
+    """Whether a scene is far from the origin, so that its cloud in metres is shifted."""
+    checks = _read_checks(results_file)
+    return any(checks.get(scene, {}).get("is_shifted") for scene in scenes)
+
+
 def _state(scenes: SceneSet, files: Iterable[Path], settings: DataSetConfig, name: str) -> str:
     options = scenes.model_dump_json(exclude={"path"}) if isinstance(scenes, Model) else ""
-    job: tuple[object, ...] = (settings.make, settings.is_metric, options, "extent_m")
+    job: tuple[object, ...] = (settings.make, settings.is_metric, options, "attributes")
     if settings.is_scan:
         job += (planned(scan_record(settings, name, seed=0)),)
     stats = [stat for path in files for stat in _stats(path)]
@@ -110,7 +127,7 @@ def _stats(path: Path) -> Iterator[tuple[str, int, int]]:
 
 def _found(
     scenes: SceneSet, name: str, settings: DataSetConfig
-) -> tuple[str | None, dict[str, float]]:
+) -> tuple[str | None, dict[str, Any]]:
     from puckbench.geometry.mesh import check_mesh
 
     try:
@@ -120,7 +137,12 @@ def _found(
         cloud = scene.cloud
         points = scene.returns.points() if scene.returns else None if cloud is None else cloud.xyz
         if points is not None and settings.make == "cloud":
-            return None, {"points": len(points), "extent_m": _extent(points)}
+            return None, {
+                "points": len(points),
+                "extent_m": _extent(points),
+                "is_shifted": bool(origin_shift(points).any()),
+                "attributes": [] if cloud is None else _attributes(cloud),
+            }
         if scene.mesh is None:
             how = f"make: cloud, not {settings.make}"
             return f"it holds points, which are taken as they are ({how})", {}
@@ -134,6 +156,12 @@ def _found(
     except InputError as error:
         return " ".join(str(error).split()), {}
     return None, {"extent_m": _extent(corners)}
+
+
+def _attributes(cloud: PointCloud) -> list[str]:
+    arrays = {"normals": cloud.normals, "colours": cloud.colours, "labels": cloud.labels}
+    names = [name for name, values in {**arrays, **cloud.fields}.items() if values is not None]
+    return [name for name in names if name not in WIDE_COLOURS]  # these are the colours again
 
 
 def _extent(points: Floats) -> float:

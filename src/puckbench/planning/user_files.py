@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 from puckbench.core.content import plain_suffix
 from puckbench.core.errors import NARROWER, InputError, naming
@@ -21,6 +21,7 @@ from puckbench.datasets.user_files import is_file_or_lost
 from puckbench.geometry.cloud import CoordinateFrame
 from puckbench.geometry.scaling import METRIC
 from puckbench.io import clouds, meshes
+from puckbench.io.clouds import IN_METRES
 from puckbench.io.ply import has_faces
 from puckbench.planning.config import checked, trusted
 from puckbench.planning.plan import Plan
@@ -31,8 +32,6 @@ Options = dict[str, Any]
 
 CONFIG = "config.yaml"
 """File name of the configuration in the results folder."""
-IN_METRES = (".las", ".laz", ".e57", ".bin")
-"""Formats of clouds whose unit is the metre."""
 _CUBE = 1024
 _TURNS = 10
 """Number of turns of recordings, evenly spread."""
@@ -74,7 +73,7 @@ class UserRun:
         Names, ``path/to/file.py:Class`` or ``module:Class``; the first is the anchor.
     frame
         Coordinate frame of clouds and meshes; by default metres if all cloud formats are among
-        `IN_METRES`.
+        `puckbench.io.clouds.IN_METRES`.
     rates
         Names of rates, or ``("all",)``; by default all, or four if all take long.
     points
@@ -201,7 +200,7 @@ class UserRun:
     def _dataset(self, kind: Kind, scenes: Options) -> Options:
         if kind == "recordings":
             return {"scenes": kind, "make": "cloud", "size": METRIC}
-        frame = self.frame or ("scaled" if kind == "meshes" else _frame(scenes))
+        frame = self.frame or ("scaled" if kind == "meshes" else self._frame_of_clouds(scenes))
         size = {"size": METRIC if frame == "metric" else _CUBE}
         if kind == "clouds":
             return {"scenes": kind, "make": "cloud", **size}
@@ -209,6 +208,21 @@ class UserRun:
             return {"scenes": kind, "make": "sample", "points": self.points, **size}
         sweep = "spin" if frame == "metric" else {"duration_s": 1.0}
         return {"scenes": kind, "make": "scan", "errors": self.errors, "sweep": sweep, **size}
+
+    def _frame_of_clouds(self, scenes: Options) -> CoordinateFrame:
+        """Return the frame of clouds by their formats; note why clouds are scaled."""
+        scene_set = open_scene_set(scenes["loader"], scenes["options"])
+        files = (path for name in scene_set.names() for path in scene_set.files(name))
+        suffixes = sorted(set(map(plain_suffix, files)))
+        others = [suffix for suffix in suffixes if suffix not in IN_METRES]
+        if not others:
+            return "metric"
+        unlike = [suffix for suffix in suffixes if suffix in IN_METRES]
+        self._reductions["metres of clouds"] = (
+            f"no unit in {', '.join(others)}{', unlike ' if unlike else ''}{', '.join(unlike)}: "
+            f"all are scaled to [0, {_CUBE - 1}] (--frame metric)"
+        )
+        return "scaled"
 
     def _set_peak(self, datasets: Mapping[str, Options]) -> None:
         if self.peak is None:
@@ -237,7 +251,7 @@ class UserRun:
         for codec in plan.codecs:
             for frame in plan.frames:
                 rates = plan.rates(codec, frame)
-                selected = self._wanted(codec, rates, few) if rates else rates
+                selected = self._wanted(plan, codec, rates, few) if rates else rates
                 if few and len(selected) < len(rates):
                     counts = f"{len(selected)} of {len(rates)} rates"
                     self._reductions[f"codec {codec}"] = f"{counts}: all take long (--rates all)"
@@ -246,7 +260,7 @@ class UserRun:
                     changes[codec][keys[frame]] = list(selected)
         return changes
 
-    def _wanted(self, codec: str, rates: tuple[str, ...], few: bool) -> tuple[str, ...]:
+    def _wanted(self, plan: Plan, codec: str, rates: tuple[str, ...], few: bool) -> tuple[str, ...]:
         if few:
             return tuple(spread_out(rates, _FEW_RATES))
         if self.rates in {(), ("all",)}:
@@ -254,9 +268,17 @@ class UserRun:
         selected = tuple(rate for rate in rates if rate in self.rates)
         if not selected:
             raise InputError(
-                f"--rates: codec {codec} has none of {', '.join(self.rates)} ({', '.join(rates)})"
+                f"--rates: codec {codec} has none of {', '.join(self.rates)} "
+                f"({', '.join(rates)}){self._other_frame(plan, codec)}"
             )
         return selected
+
+    def _other_frame(self, plan: Plan, codec: str) -> str:
+        """Return the option for the coordinate frame that has the requested rates, if one has."""
+        for frame in get_args(CoordinateFrame):
+            if frame not in plan.frames and {*self.rates} & {*plan.rates(codec, frame)}:
+                return f": use --frame {frame}"
+        return ""
 
 
 def _files(text: str) -> Iterator[Path]:
@@ -293,12 +315,6 @@ def _kind(path: Path) -> Kind | None:
         suffix == ".json" and captured_rooms.is_captured_room(path)
     )
     return "meshes" if is_mesh else None
-
-
-def _frame(scenes: Options) -> CoordinateFrame:
-    found = open_scene_set(scenes["loader"], scenes["options"])
-    files = (path for name in found.names() for path in found.files(name))
-    return "metric" if all(plain_suffix(path) in IN_METRES for path in files) else "scaled"
 
 
 def codec_entries(codecs: Sequence[str]) -> dict[str, Options]:
