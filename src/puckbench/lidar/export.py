@@ -1,4 +1,4 @@
-"""Export of scans and recordings to formats of other tools, by the suffix of the file."""
+"""Export of scans and recordings to other tools' formats, chosen by the suffix of the file."""
 
 from __future__ import annotations
 
@@ -48,9 +48,9 @@ def read_source(path: Path) -> Source:
 
 
 def export(path: Path, source: Source, clean: bool = False) -> dict[str, Any]:
-    """Write a table in the format of the path's suffix, and return the counts that commands print.
+    """Write a scan or recording in the format of the path's suffix; return numbers of points.
 
-    `clean` writes true coordinates; BlenSor's format (.evd) has both.
+    With `clean`, write true coordinates; BlenSor's format (.evd) contains both.
     """
     suffix = path.suffix.lower()
     if suffix not in FORMATS:

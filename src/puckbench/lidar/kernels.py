@@ -1,4 +1,4 @@
-"""Compiled loops of a virtual scan, which write their results to arrays of the caller.
+"""Compiled loops of a virtual scan, which write their results to arrays passed as arguments.
 
 Rays are ordered by frame, azimuth step and laser. This order also applies to flat arrays (n,) and
 to the rows of the scan table.
@@ -22,7 +22,8 @@ _LEAST_COSINE = 1e-9
 def fill_planes(
     vertices: Floats, triangles: NDArray[np.int64], origin: Floats, planes: Floats
 ) -> None:
-    """Write unit normals of triangles and distances from `origin` to `planes` (t, 4).
+    """Write unit normals of triangles and distances of their planes from `origin` to `planes` (t,
+    4).
 
     They are 0 for a degenerate triangle.
     """
@@ -48,9 +49,9 @@ def fill_directions(
 ) -> None:
     """Compute world directions of rays, and write them to `directions` (n, 3).
 
-    `yaw` and `pitch` are each the sines and the cosines of the rays' angles, (frames, steps,
-    lasers). `rotations` (frames, steps, 3, 3) map from the sensor to the world. The last three
-    columns of `rays` (n, 6) receive the directions for Embree.
+    `yaw` and `pitch` are each a pair, the sines and the cosines of the rays' angles, (frames,
+    steps, lasers). `rotations` (frames, steps, 3, 3) map from the sensor to the world. The last
+    three columns of `rays` (n, 6) receive the directions for Embree.
     """
     frames, steps, lasers = yaw[0].shape
     ray = 0
@@ -79,7 +80,8 @@ def fill_distances(
     distances: Floats,
     cosines: Floats,
 ) -> None:
-    """Compute exact distances and cosines of incidence angles of rays (n,); inf and nan for a miss.
+    """Compute exact distances, m, and cosines of incidence angles of rays (n,); inf, nan for a
+    miss.
 
     `nearest` and `triangles` (n,) are the distances (inf for a miss) and triangles from Embree, and
     `planes` (t, 4) those of `fill_planes`. `starts` (steps, 3) are the rays' origins relative to
@@ -139,9 +141,8 @@ def fill_points(
     start: int,
     out: tuple[Any, ...],
 ) -> None:
-    """Write distances and points of the rays that `rows` (n,) selects to the columns `out`.
-
-    Writing begins at row `start`.
+    """Write distances and points of the rays that `rows` (n,) selects to `out`, from row `start`
+    on.
     """
     distance, x, y, z = out
     per_step = len(rows) // len(origins)
@@ -166,8 +167,9 @@ def fill_surface(
 ) -> None:
     """Write incidence, triangle, labels and normal (towards the sensor) of selected rays to `out`.
 
-    `rows` (n,) selects the rays. `hits` are the directions (n, 3), triangles (n,) and incidence
-    (n,) of all rays. `surface` has the plane (t, 4), object and primitive of each triangle.
+    Rows from `start` on are written. `rows` (n,) selects the rays. `hits` are the directions (n,
+    3), triangles (n,) and incidence (n,) of all rays. `surface` has the plane (t, 4), object and
+    primitive of each triangle.
     """
     incidence, triangle, object_id, primitive_id, nx, ny, nz = out
     row = start

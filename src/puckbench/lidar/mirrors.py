@@ -1,4 +1,4 @@
-"""Mirrors as in BlenSor: an object seen in a mirror is measured along the fired ray."""
+"""Reflection of rays as in BlenSor: an object seen in a mirror is measured along the fired ray."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _OFF_THE_MIRROR = 1e-4
 
 @dataclass(frozen=True)
 class _Paths:
-    """Paths that end on a mirror."""
+    """Rays whose paths have ended on a mirror so far: direction, end and length of each path."""
 
     rays: NDArray[np.int64]
     directions: Floats
@@ -40,9 +40,10 @@ class _Paths:
 def follow_mirrors(
     caster: RayCaster, cast: Cast, mirrors: NDArray[np.bool_], farthest: float
 ) -> Cast:
-    """Replace hits on `mirrors` (t,) by hits of the reflected rays.
+    """Replace hits on mirrors, the mask `mirrors` (t,) of triangles, by hits of reflected rays.
 
-    Their distance is the length of the whole path. A ray that only meets mirrors is a miss.
+    Their distance is the length of the whole path, at most `farthest`. A ray that only meets
+    mirrors is a miss.
     """
     shape = cast.hits.distance.shape
     distance, triangle = cast.hits.distance.ravel().copy(), cast.hits.triangle.ravel().copy()

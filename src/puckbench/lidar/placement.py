@@ -1,6 +1,6 @@
-"""Checks whether a sensor can stand or move in a scene, and search for a place where it can.
+"""Checks whether a sensor can stand or move in a scene, and search for a position where it can.
 
-A sensor is outside a scene if at most half of the rays in all directions hit it.
+A position is outside a scene if at most half of the rays in all directions hit the scene.
 """
 
 from __future__ import annotations
@@ -25,14 +25,17 @@ _IF_MEANT = "(--anywhere scans from there all the same)"
 
 
 def check_untouched(caster: RayCaster, places: Floats) -> None:
-    """Raise InputError if a position, (n, 3) relative to the caster's origin, touches the mesh."""
+    """Raise InputError if a position, (n, 3) relative to ``caster.origin``, is on the mesh."""
     touching = caster.clearances(places) < _LEAST_CLEARANCE_M
     if touching.any():
         raise InputError(f"the sensor at {_world(caster, places[touching][0])} touches the mesh")
 
 
 def check_free(caster: RayCaster, times: Floats, places: Floats) -> None:
-    """Raise InputError unless the path of a sensor (`Sweep.way`) starts and stays in free space."""
+    """Raise InputError unless a sensor's path starts in free space and crosses no surface.
+
+    The path is that of `Sweep.way`: times (n,), s, and positions (n, 3), m.
+    """
     where = f"the sensor at {_world(caster, places[0])}"
     distances, triangles = seen_around(caster, places[0])
     share = np.isfinite(distances).mean()
@@ -49,7 +52,7 @@ def check_free(caster: RayCaster, times: Floats, places: Floats) -> None:
 
 
 def seen_around(caster: RayCaster, place: Floats) -> tuple[Floats, NDArray[np.uint32]]:
-    """Return distances (inf for a miss) and triangles of rays in 256 uniform directions."""
+    """Cast rays in 256 uniform directions; return distances (inf for a miss) and triangles hit."""
     turns = np.arange(_DIRECTIONS) * np.pi * (3 - np.sqrt(5))
     z = 1 - (2 * np.arange(_DIRECTIONS) + 1) / _DIRECTIONS
     around = np.sqrt(1 - z**2)
@@ -58,7 +61,7 @@ def seen_around(caster: RayCaster, place: Floats) -> tuple[Floats, NDArray[np.ui
 
 
 def _one_object(caster: RayCaster, triangles: NDArray[np.uint32]) -> str | None:
-    """Return the name of the one object of all triangles, unless the scene has only one object."""
+    """Return the name of the object to which all triangles belong, None if there are several."""
     if caster.surfaces is None or len(np.unique(caster.surfaces.object_id)) < 2:
         return None
     seen = np.unique(caster.surfaces.object_id[triangles])
@@ -92,10 +95,10 @@ _AT_A_TIME = 256
 def free_origin(
     mesh: Mesh, height: float = 1.3, clearance: float = 0.3, inside: float = INSIDE
 ) -> Floats:
-    """Return the free grid position (3,), m, nearest to the middle of the floor plan.
+    """Return the free grid position (3,), m, that is nearest to the middle of the floor plan.
 
-    From it, a ray straight down, and more than the share `inside` of rays in all directions, must
-    hit the scene.
+    It is `height` above the floor and `clearance` from all surfaces. More than the share `inside`
+    of rays in all directions, and a ray straight down, must hit the scene.
     """
     check_mesh(mesh, "the mesh to scan")
     low, high = mesh.bounds()
@@ -123,9 +126,9 @@ def _grid(size: Floats) -> Floats:
 
 
 def _floor(caster: RayCaster, places: Floats, size: Floats) -> float:
-    """Return the height above which nine of ten downward rays end.
+    """Return the height of the floor, the 10 % quantile of the ends of downward rays.
 
-    A quantile is used since floors have a thickness, and captured rooms have stray points.
+    Some rays end below it, since captured rooms have stray points.
     """
     levels = -_below(caster, places)
     levels = levels[np.isfinite(levels)]

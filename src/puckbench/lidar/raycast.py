@@ -21,7 +21,7 @@ from puckbench.lidar.trajectory import Poses
 
 @dataclass(frozen=True)
 class Cast:
-    """Rays and hits: unit directions (n, 3), origins of azimuth steps (steps, 3) in the world."""
+    """Directions (n, 3), origins (steps, 3) of azimuth steps, and hits of rays, in the world."""
 
     directions: Floats
     origins: Floats
@@ -31,7 +31,7 @@ class Cast:
 class RayCaster:
     """Casts rays at a mesh from positions at or near `origin` (3,).
 
-    `planes` (t, 4) are unit normals of triangles, and distances from `origin`.
+    `planes` (t, 4) are unit normals of triangles, and distances of their planes from `origin`.
     """
 
     def __init__(self, mesh: Mesh, origin: Floats, threads: int = 0) -> None:
@@ -75,7 +75,9 @@ class RayCaster:
         return np.asarray(self.scene.compute_distance(queries).numpy(), dtype=np.float64)
 
     def met(self, starts: Floats, directions: Floats) -> tuple[Floats, NDArray[np.uint32]]:
-        """Return each ray's distance (float32 accuracy, inf for a miss) and triangle, (n,)."""
+        """Cast rays; return distances (n,), in float32 accuracy (inf for a miss), and triangles
+        (n,).
+        """
         answer = self._nearest(np.column_stack([starts, directions]).astype(np.float32))
         return answer["t_hit"].numpy().astype(np.float64), answer["primitive_ids"].numpy()
 

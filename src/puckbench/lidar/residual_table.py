@@ -66,7 +66,7 @@ def write_residuals(path: Path, table: pd.DataFrame) -> None:
 
 
 def read_residuals(path: Path) -> pd.DataFrame:
-    """Read a residual table; old ones lack `range_m` and the columns after it."""
+    """Read a table of plane residuals; those of older versions lack `range_m` and later columns."""
     import pandas as pd
 
     if not path.is_file():
@@ -83,9 +83,9 @@ def read_residuals(path: Path) -> pd.DataFrame:
 
 
 def about_plane(points: Floats, plane: Plane, origin: Floats) -> dict[str, Floats]:
-    """Return columns of a residual table for measured points (n, 3) and the plane fitted to them.
+    """Return the columns of a residual table for measured points (n, 3) on a fitted plane.
 
-    The normal of the plane points to the sensor's position `origin`.
+    The plane's normal must point to the sensor's position `origin` (3,).
     """
     u, v = plane_coordinates(points, plane, origin).T
     values = {
@@ -98,9 +98,9 @@ def about_plane(points: Floats, plane: Plane, origin: Floats) -> dict[str, Float
 
 
 def plane_coordinates(points: Floats, plane: Plane, origin: Floats) -> Floats:
-    """Return plane coordinates (n, 2), m, of points; the origin is the projection of the sensor.
+    """Project points to coordinates (n, 2), m, in a plane, with the projected sensor at (0, 0).
 
-    The first axis is horizontal, the second goes up the slope.
+    The first axis is horizontal, the second points upwards; `origin` is the sensor's position.
     """
     level = np.cross([0.0, 0.0, 1.0], plane.normal)
     # On a horizontal plane any axis is horizontal.

@@ -1,6 +1,7 @@
-"""Returns of a spinning sensor, real or virtual, in raw numbers and the sensor's frame.
+"""Returns of a spinning sensor, real or virtual, as the integers that the sensor reports.
 
-A turn is an image of firing columns by lasers; a Parquet file has a row for each firing.
+A turn (revolution) is an image of firing columns by lasers; a Parquet file has a row for each
+firing.
 """
 
 from __future__ import annotations
@@ -45,7 +46,7 @@ class Beams:
     heights_mm
         Heights above the sensor's origin (Velodyne's vertical corrections).
     delays
-        Times of firing as a fraction of a column's time.
+        Times of firing as a fraction of the time between firing columns.
     clockwise
         Direction of rotation, seen from above; azimuths increase in it from forward (y).
     azimuths_deg
@@ -96,7 +97,10 @@ FIRING_COLUMNS: ColumnSpecs = {
 
 @dataclass(frozen=True)
 class FiringTable(ReturnTable):
-    """Firings with and without return, in the order of turns, columns, lasers and kinds."""
+    """Table of firings with and without return, in the order of turns, columns and lasers.
+
+    In dual return mode, a firing has a row for each kind of return.
+    """
 
     schema = TableSchema("table of firings", "puckbench_firings", FIRING_COLUMNS)
 
@@ -105,7 +109,8 @@ class FiringTable(ReturnTable):
 class Returns:
     """Returns of a spinning sensor in its frame: x right, y forward, z up.
 
-    Raises InputError if arrays of a turn do not have the layout's shapes.
+    Ranges are multiples of `quantum_m`. Raises InputError if arrays of a turn do not have the
+    layout's shapes.
     """
 
     beams: Beams
@@ -133,7 +138,7 @@ class Returns:
         return sum(turn.ranges[0].size for turn in self.turns)
 
     def points(self, distances: Sequence[Floats] | None = None) -> Floats:
-        """Return points (n, 3) in m, in the order of turns, columns, lasers and kinds.
+        """Compute points (n, 3) in m, in the order of turns, columns, lasers and kinds of return.
 
         The conversion is that of the VLP-16 User Manual 63-9243 Rev. E, section 9.2. `distances`,
         m, replace the ranges of the turns, and have the same shapes.
@@ -166,9 +171,9 @@ class Returns:
         )
 
     def azimuths(self, turn: Turn) -> Floats:
-        """Return the azimuth of each firing of a turn, (columns, lasers), rad.
+        """Return the azimuth of each firing of a revolution, (columns, lasers), rad.
 
-        A block has the azimuth of its first firing; the others are interpolated in time.
+        The sensor reports the azimuth of a block's first firing; others are interpolated in time.
         """
         blocks = turn.azimuths.astype(np.float64)
         rise = np.mod(np.diff(blocks), CENTIDEGREES)
@@ -184,7 +189,7 @@ class Returns:
 
     @property
     def columns_per_turn(self) -> int:
-        """Firing columns of a whole turn, from the increase of the azimuth between blocks."""
+        """Number of firing columns per revolution, from the median increase of the azimuth."""
         rises = [np.mod(np.diff(turn.azimuths.astype(int)), CENTIDEGREES) for turn in self.turns]
         increases = np.concatenate(rises) if rises else np.zeros(0, int)
         rising = increases[increases > 0]
@@ -211,7 +216,7 @@ class Returns:
 
 
 def _returned(turn: Turn) -> NDArray[np.bool_]:
-    """Return which pixels (kinds, columns, lasers) are returns that do not repeat a first one."""
+    """Return the mask (kinds, columns, lasers) of returns; a repeated return counts once."""
     is_return = turn.ranges > 0
     if len(is_return) > 1:
         is_return[1:] &= turn.ranges[1:] != turn.ranges[:1]
@@ -275,7 +280,7 @@ def returns_file(cloud: Path) -> Path:
 
 
 def with_returns(cloud: PointCloud, path: Path) -> PointCloud:
-    """Add the returns that are stored next to a cloud's file, if there are any."""
+    """Return a cloud with the returns that are stored beside its file, if there are any."""
     beside = returns_file(path)
     return replace(cloud, returns=read_firings(beside)) if beside.exists() else cloud
 

@@ -1,6 +1,6 @@
-"""Headers of streams of returns: the layout of turns, and the sensor's beams.
+"""Encoding of the header of a stream of returns: layout of the images, and lasers of the sensor.
 
-A shipped sensor's beams are stored as its name, others as all angles.
+For a sensor that puckbench describes, the lasers are stored as its name.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def encode_layout(layout: Layout) -> bytes:
 
 
 def decode_layout(body: bytes) -> tuple[Layout, bytes]:
-    """Decode a layout; return it and the bytes after it."""
+    """Decode a layout from the beginning of `body`; return it and the bytes after it."""
     reader = Reader(body)
     *sizes, lasers = reader.take(4)
     try:
@@ -72,7 +72,7 @@ def _beams(name: str, use: int) -> Beams:
 
 
 def encode_beams(returns: Returns) -> bytes:
-    """Encode the range quantum and the beams (a shipped sensor's name, or all angles)."""
+    """Encode the range quantum and the lasers: the name of a shipped sensor, or all angles."""
     quantum = base_128(round(returns.quantum_m / _QUANTUM_UNIT_M))
     shipped = _shipped().get((returns.beams, returns.sensor))
     angles = _angles(returns.beams)
@@ -86,7 +86,6 @@ def encode_beams(returns: Returns) -> bytes:
 
 
 def _angles(beams: Beams) -> bytes:
-    """Return three numbers per laser, or five if beams have azimuths or pass beside the axis."""
     rows = [beams.elevations_deg, beams.heights_mm, beams.delays]
     if beams.azimuths_deg or beams.sideways_mm:
         none = (0.0,) * beams.lasers

@@ -1,4 +1,4 @@
-"""Virtual scans: a sensor sweeps over a mesh, with the errors of a model."""
+"""Virtual scans of a mesh: ray casting from a rotating sensor, with an error model."""
 
 from __future__ import annotations
 
@@ -39,8 +39,8 @@ _RAYS_IN_A_PORTION = 1 << 20
 class ScanJob:
     """A virtual scan of a mesh (m, z up) by a sensor at `origin` (3,).
 
-    Unless `anywhere`, the sensor must be inside the scene, outside objects, and not move through a
-    surface.
+    Unless `anywhere` is set, the sensor must be inside the scene and outside objects, and must not
+    move through a surface.
     """
 
     mesh: Mesh
@@ -73,7 +73,9 @@ class ScanJob:
         progress: Progress | None = None,
         rays_in_a_portion: int = _RAYS_IN_A_PORTION,
     ) -> Iterator[ScanTable]:
-        """Yield the rows of `table` in portions of at least a frame, to limit the memory."""
+        """Yield the scan as tables of whole frames, to limit the memory; `table` returns all at
+        once.
+        """
         scanner, rows = self._scanner(rng), 0
         at_a_time = rays_in_a_portion // scanner.rays_per_frame
         for frames in _portions(range(self.sweep.frames), at_a_time):
@@ -85,7 +87,7 @@ class ScanJob:
             raise scanner.no_return()
 
     def check(self) -> None:
-        """Raise InputError if the mesh is empty or the sensor cannot stand or move there."""
+        """Raise InputError if the mesh is empty or the sensor cannot stand or move in it."""
         self._caster()
 
     def _scanner(self, rng: np.random.Generator) -> _Scanner:

@@ -32,7 +32,7 @@ class ScanReturns:
 
 
 def returns_of_scan(table: ScanTable, clean: bool = False) -> ScanReturns:
-    """Return the measured (or `clean`, true) returns of a scan whose frames are whole turns.
+    """Return the measured (or `clean`, true) returns of a scan that consists of whole revolutions.
 
     Ranges are rounded to the sensor's quantum, azimuths of columns to 0.01 degrees; ranges that
     become 0 or exceed 16 bits are left out.

@@ -54,7 +54,7 @@ class _ScanMetadata(Model, extra="ignore"):
 
 @dataclass(frozen=True)
 class ScanTable(ReturnTable):
-    """Returns of a scan in the order of firing."""
+    """Table of a virtual scan's returns, in the order of firing."""
 
     schema = TableSchema("scan table", "puckbench", COLUMNS)
 
@@ -82,7 +82,8 @@ def write_scan(path: Path, table: ScanTable) -> None:
 
 
 def write_scan_portions(path: Path, portions: Iterator[ScanTable]) -> int:
-    """Write the portions of a scan as one Parquet file; return the number of rows."""
+    """Write tables, the successive parts of a scan, as one Parquet file; return its number of rows.
+    """
     return write_portions(path, portions)
 
 

@@ -1,4 +1,4 @@
-"""Descriptions of rotating LiDARs: a YAML file with sources for each sensor."""
+"""Descriptions of rotating LiDARs, read from YAML files that cite their sources."""
 
 from __future__ import annotations
 
@@ -18,7 +18,8 @@ _STEP_TOLERANCE = 0.05
 
 
 class Sensor(Model):
-    """A rotating LiDAR; tuples have an item for each laser id (thesis, Tables 4.1 and 4.2)."""
+    """Description of a rotating LiDAR; tuples have an item for each laser (thesis, Table 4.1, 4.2).
+    """
 
     name: str
     laser_elevation_deg: tuple[float, ...]
@@ -94,7 +95,7 @@ class Sensor(Model):
 
     @property
     def firing_times_us(self) -> tuple[float, ...]:
-        """Firing times from the start of a sequence; raises InputError if they are unknown."""
+        """Times of firing from the start of a firing sequence, us; raises InputError if unknown."""
         offsets = self._firing_offsets()
         if offsets is None:
             raise InputError(f"sensor {self.name} does not state when its lasers fire")

@@ -42,7 +42,7 @@ class Rays:
 
 
 class Sweep(Model):
-    """Rotation and motion of a sensor; the defaults are those of the thesis, section 5.2."""
+    """Rotation and motion of a virtual sensor; defaults are those of the thesis, section 5.2."""
 
     model_config = ConfigDict(use_attribute_docstrings=True)
 
@@ -117,7 +117,7 @@ class Sweep(Model):
         return self._rotations(range(self.frames))
 
     def poses(self, sensor: Sensor, frames: range) -> Poses:
-        """Return poses at each step, (frames, steps), relative to the scan's origin."""
+        """Return the sensor's pose at each step, (frames, steps), relative to the scan's origin."""
         shape = (len(frames), self.steps(sensor))
         if self._trajectory is not None:
             return self._trajectory.at(self.timestamps(sensor, frames))
@@ -130,7 +130,7 @@ class Sweep(Model):
         return self._trajectory is None and self.pitch_start_deg == 0 and self.pitch_end_deg == 0
 
     def way(self) -> tuple[Floats, Floats]:
-        """Return times (n,), s, and positions (n, 3), m, between which the motion is linear."""
+        """Return the vertices of the sensor's path: times (n,), s, and positions (n, 3), m."""
         if self._trajectory is None:
             return np.zeros(1), np.zeros((1, 3))
         keyed = self._trajectory.times
@@ -172,7 +172,9 @@ class Sweep(Model):
         return Rays(np.broadcast_to(yaw, shape), np.broadcast_to(pitch, shape))
 
     def timestamps(self, sensor: Sensor, frames: range) -> Floats:
-        """Return the start of each step, (frames, steps), in s since the start of the sweep."""
+        """Return the start of each azimuth step, (frames, steps), in s since the start of the
+        sweep.
+        """
         second_per_step = self.step_deg(sensor) / (360.0 * self.turning_hz(sensor))
         within = np.arange(self.steps(sensor)) * second_per_step
         return np.asarray(np.asarray(frames)[:, None] / self.frames_per_second + within)
@@ -227,7 +229,7 @@ SWEEPS: dict[str, dict[str, Any]] = {
 
 
 def open_sweep(settings: str | Mapping[str, Any] = "thesis") -> Sweep:
-    """Open a sweep by the name of a preset, or by values such as ``{"duration_s": 1.0}``.
+    """Create a sweep from the name of a preset, or from values such as ``{"duration_s": 1.0}``.
 
     Other values are those of the ``preset`` (default: ``thesis``). A ``trajectory`` is rows of
     poses or the path of a file, and determines the duration unless ``duration_s`` is set.
@@ -250,9 +252,9 @@ def _duration(rows: Any) -> dict[str, float]:
 
 
 def ease(time: Floats) -> Floats:
-    """Interpolate from 0 to 1 at `time` in [0, 1] by Blender's default Bezier curve (ease in, out).
+    """Interpolate smoothly from 0 to 1 at `time` in [0, 1], as Blender does by default.
 
-    Its control points are (0, 0), (h, 0), (1 - h, 1), (1, 1) with h = 1 / 2.5614.
+    The Bezier curve has the control points (0, 0), (h, 0), (1 - h, 1), (1, 1) with h = 1 / 2.5614.
     """
     h = 1 / _HANDLE_DIVISOR
     s = np.array(time, dtype=np.float64)

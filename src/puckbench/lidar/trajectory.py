@@ -41,7 +41,9 @@ class Trajectory:
     quaternions: Floats
 
     def at(self, times: Floats) -> Poses:
-        """Interpolate positions linearly and rotations by slerp; constant beyond both ends."""
+        """Interpolate positions linearly and rotations by slerp; poses are constant beyond both
+        ends.
+        """
         if len(self.times) == 1:
             first = np.zeros(times.shape, dtype=np.intp)
             return Poses(_matrices(self.quaternions[first]), self.positions[first])
@@ -129,7 +131,6 @@ def _quaternions(degrees: Floats) -> Floats:
 
 # scipy's Slerp and as_matrix differ from these two by some 1e-15, which would change moving scans.
 def _slerp(one: Floats, other: Floats, share: Floats) -> Floats:
-    """Return unit quaternions (..., 4) at `share` of the shorter arc from `one` to `other`."""
     cosine = (one * other).sum(axis=-1, keepdims=True)
     other = np.where(cosine < 0, -other, other)
     arc = np.arccos(np.clip(np.abs(cosine), 0, 1))

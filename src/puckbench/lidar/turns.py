@@ -1,4 +1,4 @@
-"""Turns (revolutions) of a spinning sensor as images of its raw numbers."""
+"""Turns (revolutions) of a spinning sensor as images of the integers that it reports."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ MAX_PIXELS = 1 << 20
 
 @dataclass(frozen=True)
 class Layout:
-    """Arrangement of the firings of a sensor in an image.
+    """Arrangement of a sensor's firings in an image of columns by lasers.
 
-    `order` is the laser ids from the lowest elevation to the highest. Columns of a block have a
-    common azimuth, such as the two of a VLP-16; blocks of a packet have a common time. In dual
+    `order` is the laser ids from the lowest elevation to the highest. Columns of a block, such as
+    the two of a VLP-16, have a common azimuth; blocks of a packet have a common time. In dual
     return mode there are two kinds of return.
     """
 
@@ -52,12 +52,12 @@ class Layout:
 
 @dataclass(frozen=True)
 class Turn:
-    """The firings of one revolution, lasers in the order of their ids.
+    """The firings of one revolution as images, with lasers in the order of their ids.
 
     Parameters
     ----------
     ranges
-        (kinds, columns, lasers), in quanta, 0 for no return.
+        (kinds of return, columns, lasers), in range quanta, 0 for no return.
     azimuths
         (blocks,), 0.01 degrees.
     times
@@ -73,7 +73,7 @@ class Turn:
 
     @property
     def returns(self) -> int:
-        """Number of returns, without second ones."""
+        """Number of returns; in dual return mode, a beam's second return does not count."""
         return int(np.count_nonzero(self.ranges[0]))
 
 
@@ -95,6 +95,9 @@ def check_turn(turn: Turn, layout: Layout) -> None:
 
 
 def clock_steps(times: Floats, hour: float) -> Floats:
-    """Return the smallest steps (n - 1,) between times (n,) of a clock that restarts every hour."""
+    """Return the steps (n - 1,) between successive times (n,) of a clock with the period `hour`.
+
+    Of the possible steps, the smallest in absolute value is chosen.
+    """
     steps: Floats = np.mod(np.diff(times) + hour / 2, hour) - hour / 2
     return steps

@@ -1,4 +1,7 @@
-"""Estimation of the parameters of range errors (explained in docs/explanation/sensor.md)."""
+"""Estimation of the parameters of a LiDAR's range errors from the residuals of planes.
+
+The method is explained in docs/explanation/sensor.md.
+"""
 
 from puckbench.lidar.calibration.calibrating import Calibration, CalibrationOptions, calibrate
 from puckbench.lidar.calibration.files import model_file, write_calibration

@@ -25,10 +25,11 @@ FRAME, SPOT = "frame", "spot"
 class CalibrationOptions:
     """Options of a calibration.
 
-    `cells` are groups of returns with a common bias: ``"frame"``, one laser in one frame (virtual
+    Returns of a cell have a common bias. `cells` is ``"frame"``, one laser in one frame (virtual
     scans), or ``"spot"``, one laser in one direction (a sensor at rest). For spots, `frame_sigma_m`
     is the unevenness of the walls, and the lasers' mean bias is assumed to be zero. `parameters`
-    names the `Sigmas` to estimate; the others are zero.
+    names the fields of `Sigmas` to estimate; the others are zero. Ranges are multiples of
+    `quantum_m`.
     """
 
     cells: str = FRAME
@@ -52,8 +53,9 @@ class Domain:
 class Calibration:
     """Estimated parameters of range errors with 95 % intervals.
 
-    `biases`, m, are relative to the mean of the lasers, and empty for several devices; `mean` is
-    None if it cannot be separated from the planes.
+    `sigmas` are estimates by name. `biases`, m, one for each laser, are relative to their mean, and
+    empty for several devices. The mean bias `mean`, m, is None if the planes' positions, which are
+    estimated too, can compensate it.
     """
 
     sigmas: dict[str, Estimate]
@@ -69,7 +71,7 @@ class Calibration:
 def calibrate(
     tables: Sequence[pd.DataFrame], settings: CalibrationOptions | None = None
 ) -> Calibration:
-    """Estimate the parameters of range errors from one table of residuals per device.
+    """Estimate the parameters of range errors from tables of plane residuals, one for each device.
 
     The estimate is that of restricted maximum likelihood (Patterson and Thompson, "Recovery of
     inter-block information when block sizes are unequal", Biometrika 58, 1971).
@@ -95,7 +97,7 @@ def calibrate(
 
 
 def _with_lasers(best: Sigmas, found: dict[str, Estimate]) -> Sigmas:
-    """Replace a laser sigma that was estimated as zero by the upper end of its interval."""
+    """Replace the sigma of the lasers' biases, if it is zero, by the upper end of its interval."""
     lasers = found.get("laser_sigma_m")
     if lasers is None or lasers.value > 1e-6:
         return best

@@ -1,4 +1,4 @@
-"""Files of a calibration: residual tables and the model file."""
+"""Files of a calibration: input tables of residuals, and the estimated parameters as YAML."""
 
 from __future__ import annotations
 
@@ -23,7 +23,10 @@ _RECORDING_QUANTUM_M = 0.002
 
 
 def read_tables(paths: Sequence[Path], model: str | None) -> tuple[list[pd.DataFrame], str]:
-    """Return a model's rows of residual tables, and its name; None stands for the only model."""
+    """Read the residuals of an error model from each table; return them with the model's name.
+
+    If `model` is None, the tables must have a single model.
+    """
     tables = [read_residuals(path) for path in paths]
     models = sorted({str(name) for table in tables for name in table["model"].unique()})
     if model is None and len(models) > 1:
@@ -42,7 +45,10 @@ def settings_for(
     parameters: Sequence[str] | None = None,
     quantum_mm: float | None = None,
 ) -> CalibrationOptions:
-    """Return the calibration options for a model; None stands for the model's default."""
+    """Return the options for calibrating an error model, or a real sensor (the model ``real``).
+
+    For None, the option depends on the model.
+    """
     real = model == REAL
     quantum_m = (_RECORDING_QUANTUM_M if real else 0.0) if quantum_mm is None else quantum_mm / 1000
     default = SPOT if real else FRAME
@@ -54,7 +60,10 @@ _DIGITS = 6
 
 
 def model_file(found: Calibration, sources: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Return the content of a model file; `sources` come from `described_table`."""
+    """Return the content of the YAML file of a calibration: parameters, intervals and `sources`.
+
+    The sources are the names and hashes of the input tables (`described_table`).
+    """
     return {
         "format": FORMAT,
         "parameters": _parameters(found),
@@ -75,7 +84,7 @@ def model_file(found: Calibration, sources: Sequence[Mapping[str, Any]]) -> dict
 
 
 def write_calibration(path: Path, found: Calibration, tables: Sequence[Path]) -> dict[str, Any]:
-    """Write the model file of a calibration from `tables` as YAML, and return its content."""
+    """Write the parameters that were estimated from `tables` to a YAML file; return its content."""
     content = model_file(found, [described_table(table) for table in tables])
     write_bytes(path, yaml_text(content).encode())
     return content
@@ -118,7 +127,7 @@ def _intervals(found: Calibration) -> dict[str, Any]:
 
 
 def _by_laser(found: Calibration) -> list[Estimate]:
-    """Return a bias for each laser id; that of a laser without returns is 0 +- two sigmas."""
+    """Return the bias of each laser id; without returns it is 0, within two sigmas."""
     reach = 2 * found.sigmas["laser_sigma_m"].value if "laser_sigma_m" in found.sigmas else 0.0
     seen = dict(zip(found.laser_ids, found.biases, strict=True))
     unseen = Estimate(0.0, -reach, reach)

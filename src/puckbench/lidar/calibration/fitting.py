@@ -1,4 +1,4 @@
-"""Maximum-likelihood estimates of the sigmas of range errors."""
+"""Maximum-likelihood estimates of the standard deviations of range errors."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Estimate:
 def free_parameters(seen: Observations, wanted: Sequence[str] = NAMES) -> tuple[str, ...]:
     """Return which of the requested parameters the observations can determine.
 
-    A scan's bias, for example, needs two scans of a laser.
+    For example, the sigma of biases per scan needs several scans of a laser.
     """
     for name in wanted:
         if name not in NAMES:
@@ -73,9 +73,9 @@ def _check_features(seen: Observations, chosen: Sequence[int]) -> None:
 def fit(
     likelihood: RestrictedLikelihood, free: Sequence[str], start: Sigmas | None = None
 ) -> Sigmas:
-    """Maximise the restricted likelihood over the sigmas named in `free`.
+    """Maximise the restricted likelihood over the fields of `Sigmas` that `free` names.
 
-    The search begins at `start`, which also fixes the other sigmas.
+    The other fields keep their values in `start`, where the search begins.
     """
     first = start or _start(likelihood, free)
     if not free:
@@ -105,7 +105,7 @@ def fit(
 def _searched(
     above: Deviance, start: Floats, units: Floats, bounds: Sequence[tuple[float | None, None]]
 ) -> Floats:
-    """Minimise `above` by a search from `start`, with variables scaled by `units`."""
+    """Minimise a deviance by L-BFGS-B from `start`, with variables scaled by `units`."""
     from scipy import optimize
 
     minimize: Any = optimize.minimize  # its stubs do not allow pairs as bounds
@@ -122,11 +122,12 @@ def _searched(
 def intervals(
     likelihood: RestrictedLikelihood, free: Sequence[str], best: Sigmas, widening: float = 1.0
 ) -> dict[str, Estimate]:
-    """Return 95 % intervals of the estimated sigmas: m, m per rad^2, and m per m.
+    """Return estimates with 95 % intervals, by the names in `free`: m, m per rad^2, and m per m.
 
-    They come from the curvature of the likelihood (observed Fisher information). A bias's sigma
-    with a standard error above 10 % has the interval of its profile likelihood instead, which may
-    begin at zero. Intervals of ray noise are multiplied by `widening` (`RayShape.widening`).
+    The intervals come from the curvature of the likelihood (observed Fisher information). If a
+    bias's sigma has a standard error above 10 %, its interval is that of the profile likelihood,
+    which may begin at zero. Intervals of ray noise are multiplied by `widening`
+    (`RayShape.widening`).
     """
     deviance = _in_millimetres(likelihood, free, best)
     centre = _values(best, free)
@@ -164,7 +165,7 @@ def _sigmas(values: Floats, free: Sequence[str], base: Sigmas) -> Sigmas:
 
 
 def _start(likelihood: RestrictedLikelihood, free: Sequence[str]) -> Sigmas:
-    """Return initial sigmas: the standard deviation of the errors within groups."""
+    """Return initial sigmas: all are the standard deviation of the errors within groups."""
     seen = likelihood.seen
     count = np.diff(seen.groups)
     within = np.repeat(np.add.reduceat(seen.error, seen.groups[:-1]) / count, count)
@@ -196,7 +197,7 @@ def _step(deviance: Deviance, centre: Floats, index: int) -> float:
 
 
 def _curvature(deviance: Deviance, centre: Floats, inner: Sequence[int], steps: Floats) -> Floats:
-    """Return second differences (k, k) of the deviance for `steps` of the variables `inner`."""
+    """Return second differences (k, k) of the deviance with respect to the variables `inner`."""
     result = np.empty((len(inner), len(inner)))
 
     def at(*moves: tuple[int, float]) -> float:
@@ -218,7 +219,9 @@ def _curvature(deviance: Deviance, centre: Floats, inner: Sequence[int], steps: 
 def _profile(
     likelihood: RestrictedLikelihood, free: Sequence[str], best: Sigmas, name: str
 ) -> Estimate:
-    """Return the profile likelihood interval of one bias's sigma; other biases are refitted."""
+    """Return the profile likelihood interval of the sigma `name`; sigmas of other biases are
+    refitted.
+    """
     from scipy.optimize import brentq
 
     # The rays' sigma is thousands of times more precise, and fixed.

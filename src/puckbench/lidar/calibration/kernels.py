@@ -1,7 +1,7 @@
-"""Compiled loops of the likelihood: normal equations from which biases are eliminated.
+"""Compiled loops of the likelihood: sums over returns, and normal equations without biases.
 
-A return's row of the design matrix has five entries: the basis (b0, b1, b2) of its plane, 1 for its
-laser, and 1 for its laser in its scan.
+A return's row of the design matrix has five non-zero entries: three coefficients (b0, b1, b2) of
+its plane, 1 for its laser, and 1 for its laser in its scan.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ def group_sums(
     least: tuple[float, float],
     sums: Floats,
 ) -> None:
-    """Fill `sums` (g, 16) with the terms of each group in the normal equations.
+    """Write the terms of each group of returns in the normal equations to `sums` (g, 16).
 
     With weight w = 1 / variance, basis b and error z these are w, w b (3), w b b (6), w z, w z b
-    (3), w z z and the log variances. `values` are errors (n,), basis (n, 3) and features (n, 3);
-    `sigma` are the features' coefficients in a ray's sigma, m. `least` are the least sigma and an
-    added variance.
+    (3), w z z and the log variances. `groups` are the first rows, and `values` errors (n,), basis
+    (n, 3) and features (n, 3). The features' coefficients `sigma` give the standard deviation, m,
+    which is at least least[0]; least[1] is added to its square.
     """
     errors, basis, features = values
     for group in range(len(groups) - 1):
@@ -71,9 +71,9 @@ def absorb_cells(
     """Add ``X' V^-1 X`` to `matrix` (p, p) and ``X' V^-1 z`` to `right` (p,).
 
     The covariance V of the errors z has the rays' variances on its diagonal, and `variance` between
-    returns of a cell; the formula of Sherman and Morrison inverts it. `codes` are each group's
-    cell, surface, and columns of laser and of laser in scan. Returns the decrease of ``z' V^-1 z``
-    and the increase of ``log |V|`` due to the cells.
+    returns with the same cell bias; the formula of Sherman and Morrison inverts it. `codes` are
+    each group's cell, surface, and columns of laser and of laser in scan. Returns the decrease of
+    ``z' V^-1 z`` and the increase of ``log |V|`` due to the biases.
     """
     cell, surface, laser, scan = codes
     taken, added, first = 0.0, 0.0, 0
@@ -124,7 +124,7 @@ def _take_cell(
     matrix: Floats,
     right: Floats,
 ) -> None:
-    """Subtract the matrix of rank one that eliminates a cell's bias."""
+    """Eliminate the bias of the cell of groups `first` to `last` by an update of rank one."""
     shrunk, weight, product = about
     width = 3 * (last - first) + 2
     columns, outer = np.empty(width, dtype=np.int64), np.empty(width)
@@ -143,9 +143,10 @@ def _take_cell(
 
 @compiled
 def absorb_scans(core: int, variance: float, matrix: Floats, right: Floats) -> tuple[float, float]:
-    """Eliminate biases of lasers in scans, the columns from `core` on, from the equations.
+    """Eliminate the biases of lasers in scans, the columns from `core` on, from the equations.
 
-    No equation contains two of them. Returns the same terms as `absorb_cells`.
+    Each is normal with the variance `variance`; no equation contains two. Returns the decrease of
+    ``z' V^-1 z`` and the increase of ``log |V|``, as `absorb_cells` does.
     """
     taken, added = 0.0, 0.0
     for scan in range(core, len(matrix)):
@@ -163,7 +164,10 @@ def absorb_scans(core: int, variance: float, matrix: Floats, right: Floats) -> t
 
 @compiled
 def solved(matrix: Floats, right: Floats) -> tuple[float, float]:
-    """Return ``log |A|`` and ``b' A^-1 b`` (b: `right`); nan if A is not positive definite."""
+    """Return ``log |A|`` and ``b' A^-1 b`` for A = `matrix` and b = `right`.
+
+    They are nan if A is not positive definite.
+    """
     size = len(matrix)
     lower, y = np.zeros((size, size)), np.zeros(size)
     determinant, product = 0.0, 0.0

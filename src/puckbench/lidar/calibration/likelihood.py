@@ -46,7 +46,6 @@ class Sigmas:
 
     @property
     def ray(self) -> tuple[float, float, float]:
-        """Coefficients of `Observations.features` in the standard deviation of ray noise."""
         return self.ray_sigma_m, self.ray_incidence_m, self.ray_range
 
 
@@ -57,7 +56,7 @@ BIASES, RAYS = NAMES[:3], NAMES[3:]
 
 @dataclass(frozen=True)
 class Equations:
-    """Normal equations for errors z with covariance V.
+    """Normal equations ``matrix @ x = right`` for errors z with covariance V.
 
     `squares` is ``z' V^-1 z``, and `log_determinant` is ``log |V|``.
     """
@@ -100,7 +99,9 @@ class RestrictedLikelihood:
         return np.asarray(scale**2 + self.quantum_m**2 / 12)
 
     def _sums(self, ray: tuple[float, float, float]) -> Floats:
-        """Return `group_sums`, cached since most steps of a search change only biases."""
+        """Return the result of `group_sums` for coefficients of ray noise, cached for the last
+        ones.
+        """
         if ray not in self._kept:
             seen, least = self.seen, (_LEAST_SIGMA_M, self.quantum_m**2 / 12)
             sums = np.empty((len(seen.surface), WIDTH))
@@ -121,7 +122,7 @@ class RestrictedLikelihood:
         return Equations(matrix, right, found.squares, found.log_determinant)
 
     def _in_parts(self, rows: Floats, sigmas: Sigmas) -> Floats:
-        """Map rows for planes and lasers to rows for planes, mean, and lasers in units of sigma."""
+        """Change the variables from laser biases to their mean and their deviations over sigma."""
         planes = 3 * self.seen.surfaces
         lasers = rows[planes:]
         mean = lasers.sum(axis=0)[None, :] if self.seen.tells_mean else lasers[:0]
@@ -129,7 +130,9 @@ class RestrictedLikelihood:
         return np.vstack([rows[:planes], mean, drawn])
 
     def _absorbed(self, sigmas: Sigmas) -> Equations:
-        """Return normal equations of planes and lasers, after elimination of other biases."""
+        """Return normal equations of planes and laser biases; biases of scans and cells are
+        eliminated.
+        """
         seen, sums = self.seen, self._sums(sigmas.ray)
         lasers = 3 * seen.surfaces
         core = lasers + len(seen.laser_ids)

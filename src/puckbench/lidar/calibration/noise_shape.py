@@ -1,6 +1,7 @@
 """Distribution of ray noise, Gaussian or Laplace, and its kurtosis.
 
-The difference of successive returns of a laser on a surface contains ray noise only.
+They are estimated from differences of successive returns of a laser on a surface, in which the
+biases cancel.
 """
 
 from __future__ import annotations
@@ -28,14 +29,15 @@ class RayShape:
     def widening(self) -> float:
         """Factor by which standard errors of a sigma exceed those under Gaussian noise.
 
-        The variance of a scale's score ``e^2 - 1`` is the kurtosis minus one, and 2 for Gaussian
-        noise.
+        The score of a scale parameter is ``e^2 - 1`` for standardised noise e. Its variance is the
+        kurtosis minus one, which is 2 for Gaussian noise.
         """
         return float(np.sqrt(max(self.kurtosis - 1, 0.5) / 2))
 
 
 def ray_shape(likelihood: RestrictedLikelihood, sigmas: Sigmas) -> RayShape:
-    """Estimate the distribution of ray noise; assume a Gaussian with under 30 pairs of returns."""
+    """Estimate the distribution of ray noise; with fewer than 30 pairs of returns, it is Gaussian.
+    """
     pairs = _standard_differences(likelihood, sigmas)
     if len(pairs) < 30:
         return RayShape("gaussian", 0.0, 3.0)
@@ -46,7 +48,7 @@ def ray_shape(likelihood: RestrictedLikelihood, sigmas: Sigmas) -> RayShape:
 
 
 def _standard_differences(likelihood: RestrictedLikelihood, sigmas: Sigmas) -> Floats:
-    """Return error differences of successive returns in a group, divided by a ray's sigma."""
+    """Return differences of successive errors in a group, divided by the sigma of ray noise."""
     seen = likelihood.seen
     group = np.repeat(np.arange(len(seen.surface)), np.diff(seen.groups))
     first = np.flatnonzero((np.arange(len(seen)) - seen.groups[group]) % 2 == 0)
@@ -62,9 +64,9 @@ def _log_gaussian(difference: Floats) -> Floats:
 
 
 def _log_laplace(difference: Floats) -> Floats:
-    """Return the log of the density ``(1 + |d| / b) exp(-|d| / b) / (4 b)``.
+    """Return the log density of the difference d of two Laplace variables with scale b.
 
-    It is the density of the difference d of two Laplace noises.
+    The density is ``(1 + |d| / b) exp(-|d| / b) / (4 b)``; the variance is 2.
     """
     scaled = np.abs(difference) * _ROOT
     return np.asarray(np.log1p(scaled) - scaled + np.log(_ROOT / 4))

@@ -1,4 +1,4 @@
-"""Range errors from residual tables, one row per return.
+"""Range errors from tables of plane residuals, which have a row for each return.
 
 The range error is the distance of the measured point from the ray's intersection with the fitted
 plane. A plane at distance h with normal n meets a ray d at the range r with ``1 / r = n d / h``.
@@ -35,17 +35,17 @@ Codes = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Observations:
-    """Range errors relative to an uncertain plane per surface; rows sorted by cell and surface.
+    """Range errors of returns on planes whose parameters are uncertain, sorted by cell and surface.
 
-    A cell is one laser in one frame (or spot) of one scan. A group is the part of a cell on one
-    surface. Lasers of different devices have different numbers.
+    A cell is one laser in one frame (or direction) of one scan. A group is the part of a cell on
+    one surface. Lasers of different devices have different numbers.
 
     Parameters
     ----------
     error
         (n,) m.
     basis
-        (n, 3) coefficients of the surface's plane.
+        (n, 3) derivatives of the error with respect to the surface's plane parameters.
     features
         (n, 3) 1, squared incidence (rad^2) and range (m).
     groups
@@ -86,7 +86,10 @@ class Observations:
 
 
 def observations(tables: Sequence[pd.DataFrame], *, cells: str = "frame") -> Observations:
-    """Return range errors from one residual table per device; `cells` is ``frame`` or ``spot``."""
+    """Compute range errors from one table of plane residuals for each device.
+
+    `cells` is ``frame`` or ``spot`` (see `CalibrationOptions`).
+    """
     if not tables:
         raise InputError("a calibration needs at least one residual table")
     for table in tables:
@@ -116,7 +119,7 @@ def _check(table: pd.DataFrame) -> None:
 
 
 def _along_rays(rows: pd.DataFrame) -> pd.DataFrame:
-    """Fit each plane by least squares, and add range errors and their basis (columns `_FOUND`)."""
+    """Fit a plane to the points of each surface, and add the columns of `_beyond_plane`."""
     height = _heights(rows)
     values = rows[["plane_u_m", "plane_v_m", "residual_m"]].to_numpy(dtype=np.float64)
     points = values - np.outer(height, [0.0, 0.0, 1.0])
@@ -131,7 +134,7 @@ def _along_rays(rows: pd.DataFrame) -> pd.DataFrame:
 def _heights(rows: pd.DataFrame) -> Floats:
     """Return the distance from the sensor to each return's plane, m, (n,).
 
-    It is a median, since recorded ranges do not start at the sensor's origin.
+    It is the median over the plane, since recorded ranges do not start at the sensor's origin.
     """
     names = ["range_m", "plane_u_m", "plane_v_m", "residual_m"]
     far, u, v, residual = rows[names].to_numpy(dtype=np.float64).T
@@ -141,7 +144,10 @@ def _heights(rows: pd.DataFrame) -> Floats:
 
 
 def _beyond_plane(points: Floats) -> Floats:
-    """Return the columns `_FOUND` for points (n, 3) on a plane; their z is along its normal."""
+    """Fit a plane to points (n, 3), z along its normal, by least squares.
+
+    Returns the columns range error, range of the plane, cosine of incidence and basis (3).
+    """
     terms = np.column_stack([np.ones(len(points)), points[:, :2]])
     (offset, *slopes), *_ = np.linalg.lstsq(terms, points[:, 2], rcond=None)
     normal = np.array([-slopes[0], -slopes[1], 1.0])
@@ -185,7 +191,6 @@ def _grouped(rows: pd.DataFrame, cells: str) -> Observations:
 
 
 def _of_rings(basis: Floats, coded: pd.DataFrame) -> Floats:
-    """Replace `basis` (n, 3) by its mean over all returns of a laser on a surface."""
     rings = [coded["surface"].to_numpy(), coded["laser"].to_numpy()]
     return pd.DataFrame(basis).groupby(rings).transform("mean").to_numpy()
 

@@ -1,4 +1,4 @@
-"""Base class of error models that depend on the width of a laser's beam."""
+"""Base class of error models that depend on the angular width of a laser beam."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from puckbench.lidar.sensor import Sensor
 
 
 class BeamOfWidth(Vlp16):
-    """Variant of the error model `Vlp16` with parameters for the width of the beam."""
+    """Base class of variants of the error model `Vlp16` whose beams have an angular width."""
 
     yaw_width_deg: NonNegativeFloat | None = None
     """Full width of the beam; none: the sensor's divergence."""

@@ -21,11 +21,11 @@ _Return = Literal["first", "strongest", "last", "mean"]
 
 @ERROR_MODELS.register("beam_footprint")
 class BeamFootprint(BeamOfWidth):
-    """Apply `Vlp16` to the return of a beam with the sensor's divergence.
+    """Error model of a beam of several rays, whose echo gets the range noise of `Vlp16`.
 
-    Rays of equal energy cover the elliptical cross-section in a sunflower pattern, with a random
-    rotation for each beam. Hits at similar ranges form an echo at their mean range (a mixed pixel).
-    The point lies on the nominal ray.
+    Rays of equal energy cover the beam's elliptical cross-section in a sunflower pattern, with a
+    random rotation for each beam. Hits at similar ranges form an echo at their mean range (a mixed
+    pixel). The measured point lies on the beam's axis.
     """
 
     title, colour = "Beam footprint", "#999933"
@@ -51,7 +51,8 @@ class BeamFootprint(BeamOfWidth):
         return Rays(yaw.reshape(shape), pitch.reshape(shape), placed_as_fired=False)
 
     def merge_hits(self, hits: Hits, sensor: Sensor) -> Hits:
-        """Return the echo of each beam, with the triangle and incidence of its middle ray."""
+        """Return the echo of each beam, with the triangle and incidence of the ray nearest to it.
+        """
         from puckbench.lidar.kernels import fill_echoes
 
         shape = (*hits.distance.shape[:2], sensor.lasers)

@@ -24,7 +24,7 @@ _NOT_IN_FILES = {"file", "device"}
 
 @ERROR_MODELS.register("calibrated")
 class Calibrated(ErrorModel):
-    """Range noise as `puckbench calibrate` estimates it from plane residuals.
+    """Error model with the range noise that `puckbench calibrate` estimates from plane residuals.
 
     A measured range is ``d + range_mean_m + laser bias + scan bias + frame bias + ray noise``. The
     standard deviation of the ray noise is ``ray_sigma_m + ray_incidence_m theta^2 + ray_range d``
@@ -93,7 +93,6 @@ class Calibrated(ErrorModel):
         return noisy
 
     def _ray_sigma(self, hits: Hits) -> Floats:
-        """Return the standard deviation of each ray's noise, m, finite for a miss too."""
         low, high = self.ranges_m or (0.0, np.inf)
         angle = np.minimum(np.nan_to_num(hits.incidence), self.most_incidence_rad or np.pi / 2)
         far = np.clip(np.where(np.isfinite(hits.distance), hits.distance, low), low, high)
@@ -123,7 +122,8 @@ def shipped_calibration(name: str) -> Path:
 
 
 def read_parameters(file: str) -> dict[str, Any]:
-    """Read the parameters of `Calibrated` from a model file (YAML), or a shipped one by name."""
+    """Read the parameters of `Calibrated` from a YAML file: a path, or the name of a shipped file.
+    """
     path = Path(file)
     path = path if path.suffix in {".yaml", ".yml"} else shipped_calibration(file)
     content = read_yaml(path)

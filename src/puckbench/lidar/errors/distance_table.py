@@ -15,10 +15,10 @@ from puckbench.lidar.sensor import Sensor
 
 @ERROR_MODELS.register("distance_table")
 class DistanceTable(ErrorModel):
-    """Range noise with mean and sigma that depend on the true distance.
+    """Range noise whose mean mu and standard deviation sigma depend on the true distance d.
 
-    A measured range is ``d + N(mu(d), sigma(d))``. Both are interpolated linearly and constant
-    beyond the table.
+    A measured range is ``d + N(mu(d), sigma(d))``. Both are interpolated linearly in a table, and
+    constant beyond its ends.
     """
 
     title, colour = "Distance table", "#661100"

@@ -1,4 +1,5 @@
-"""Base class of error models: hooks before and after ray casting, and their random streams."""
+"""Base class of error models of virtual sensors, with methods called before and after ray casting.
+"""
 
 from __future__ import annotations
 
@@ -26,14 +27,15 @@ class Surfaces:
     objects: tuple[SceneObject, ...]
 
     def values(self, by_name: Mapping[str, float], default: float) -> Floats:
-        """Return each triangle's value, (t,), by its object's name, or by its semantic class."""
+        """Return a value for each triangle, (t,), by the name or the semantic class of its object.
+        """
         numbers = [by_name.get(x.name, by_name.get(x.semantic, default)) for x in self.objects]
         return np.array([*numbers, default])[self.object_id]
 
 
 @dataclass(frozen=True)
 class Hits:
-    """Hits of the rays of successive frames; arrays are (frames, steps, rays of a step).
+    """Hits of the rays of successive frames; arrays are (frames, azimuth steps, rays of a step).
 
     `distance`, m, is inf without a hit in the sensor's range. `incidence`, the angle between ray
     and surface normal, rad, is then nan, and `triangle` undefined.
@@ -46,10 +48,10 @@ class Hits:
 
 
 class Draws:
-    """Named random streams of one scan, all derived from its generator.
+    """Random generators of one scan by name, all derived from the scan's generator.
 
-    Streams continue from call to call. If a hook uses each stream for one purpose and draws a fixed
-    number per ray or frame, results do not depend on the number of frames in a call.
+    If a method of an error model uses each generator for one purpose, and draws a fixed count of
+    numbers for each ray or frame, results do not depend on the number of frames per call.
     """
 
     def __init__(self, rng: np.random.Generator) -> None:
@@ -57,23 +59,24 @@ class Draws:
         self._running: dict[str, np.random.Generator] = {}
 
     def running(self, name: str) -> np.random.Generator:
-        """Return a stream that continues after its last use."""
+        """Return a generator that continues where its last use ended."""
         if name not in self._running:
             self._running[name] = self.fixed(name)
         return self._running[name]
 
     def fixed(self, name: str) -> np.random.Generator:
-        """Return a stream from its beginning."""
+        """Return a new generator, at the beginning of its sequence."""
         digest = hashlib.sha256(name.encode()).digest()[:16]
         words = np.frombuffer(digest, dtype="<u4").tolist()
         return np.random.Generator(np.random.PCG64(np.random.SeedSequence(self._key + words)))
 
 
 class ErrorModel(Model):
-    """Base class of error models: parameters with units in their names, and hooks that do nothing.
+    """Base class of error models: parameters with units in their names, and methods to override.
 
-    Hooks are called for successive groups of frames, and must be pure functions of their arguments.
-    They must draw random numbers for every ray, hit or not, so that rays do not affect each other.
+    The methods are called for successive groups of frames, and by default change nothing. They must
+    be pure functions of their arguments. They must draw random numbers for every ray, hit or not,
+    so that rays do not affect each other.
     """
 
     model_config = ConfigDict(use_attribute_docstrings=True)
@@ -94,7 +97,8 @@ class ErrorModel(Model):
         return rays
 
     def merge_hits(self, hits: Hits, sensor: Sensor) -> Hits:
-        """Combine the hits of all fired rays (frames, steps, lasers * k) to one for each laser."""
+        """Combine the hits of all fired rays (frames, steps, lasers * k) into one for each laser.
+        """
         return hits
 
     def perturb_ranges(self, hits: Hits, sensor: Sensor, draws: Draws) -> Floats:

@@ -6,6 +6,6 @@ from puckbench.lidar.errors.registry import ERROR_MODELS
 
 @ERROR_MODELS.register("none")
 class NoErrors(ErrorModel):
-    """Nominal rays and true distances."""
+    """Error model that changes nothing: nominal rays, and true distances."""
 
     title, colour = "No noise", "#777777"

@@ -17,7 +17,7 @@ from puckbench.lidar.sweep import Rays
 
 
 class Receiver(Model):
-    """A receiver; with the defaults no return within 140 m is lost.
+    """Loss of returns in a sensor's receiver; with the defaults none within 140 m is lost.
 
     Attenuation (as in BlenSor's code; equation 5.3 of the thesis has a misprint): at a true
     distance d from `attenuation_from_m` on, a return needs a diffuse reflectivity of at least
@@ -48,7 +48,7 @@ class Receiver(Model):
     opaque."""
 
     def received(self, measured: Floats, hits: Hits, draws: Draws) -> Floats:
-        """Return measured distances rounded to the range quantum, inf for a lost return."""
+        """Round measured distances to the range quantum, and set those of lost returns to inf."""
         lost = self._too_dark(hits) | self._dropped(hits, draws)
         if self.range_quantum_mm is not None:
             quantum = self.range_quantum_mm * 1e-3
@@ -102,7 +102,7 @@ class Received(ErrorModel):
 
 
 def mirrors_of(model: ErrorModel, surfaces: Surfaces | None) -> NDArray[np.bool_] | None:
-    """Return which triangles, (t,), are mirrors for a model's receiver; None without mirrors."""
+    """Return a mask (t,) of the triangles that a model's receiver treats as mirrors, or None."""
     names = model.receiver.mirrors if isinstance(model, Received) else ()
     if not names:
         return None

@@ -14,11 +14,11 @@ from puckbench.lidar.sensor import Sensor
 
 @ERROR_MODELS.register("surface_normal")
 class SurfaceNormal(Vlp16):
-    """Measured points are displaced by noise along the true normal of the surface.
+    """Error model that displaces measured points along the true normal of the surface.
 
     Plane residuals then have the scale `normal_sigma_m` at any incidence, like those of the real
-    wall and floor (0.014 m), while those of noise along the ray decrease with its cosine. The
-    noise of `Vlp16` along the ray can be added; its default is 0 here.
+    wall and floor (0.014 m), while those of noise along the ray decrease with its cosine. The noise
+    of `Vlp16` along the ray can be added; its default is 0 here.
     """
 
     title, colour = "Surface normal", "#882255"

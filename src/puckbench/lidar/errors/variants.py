@@ -1,4 +1,4 @@
-"""Error models that are other models with different parameters."""
+"""Error models that are other error models with different parameters."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ from puckbench.lidar.errors.vlp16 import Vlp16
 
 @ERROR_MODELS.register("vlp16_table51")
 class Vlp16Table51(Vlp16):
-    """`Vlp16` with the sigmas of the thesis's Table 5.1, which differ from section 5.4."""
+    """Error model `Vlp16` with the sigmas of the thesis's Table 5.1, which differ from section 5.4.
+    """
 
     title, colour, variant_of = "VLP-16, Table\u00a05.1", "#6699CC", Vlp16
 
@@ -21,7 +22,7 @@ class Vlp16Table51(Vlp16):
 
 @ERROR_MODELS.register("hdl64e")
 class Hdl64e(Vlp16):
-    """`Vlp16` with BlenSor's defaults, which are those of the HDL-64E."""
+    """Error model `Vlp16` with the defaults of the simulator BlenSor, those of the HDL-64E."""
 
     title, colour, variant_of = "HDL-64E", "#CC79A7", Vlp16
 
@@ -30,7 +31,7 @@ class Hdl64e(Vlp16):
 
 @ERROR_MODELS.register("thesis_room")
 class ThesisRoom(Vlp16):
-    """Errors of the thesis's room scans, with the ray sigma of BlenSor's ``scan_range``."""
+    """Error model `Vlp16` with the ray noise of the thesis's room scans (sigma 20 mm)."""
 
     title, colour, variant_of = "Thesis, rooms", "#117733", Vlp16
 
@@ -39,7 +40,7 @@ class ThesisRoom(Vlp16):
 
 @ERROR_MODELS.register("vlp16_measured")
 class Vlp16Measured(Calibrated):
-    """`Calibrated` with the parameters of two real sensors (vlp16_measured.yaml)."""
+    """Error model `Calibrated` with the parameters of two real VLP-16 (vlp16_measured.yaml)."""
 
     title, colour, variant_of = "Measured", "#56B4E9", Calibrated
 

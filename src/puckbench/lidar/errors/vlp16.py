@@ -14,11 +14,11 @@ from puckbench.lidar.sensor import Sensor
 
 @ERROR_MODELS.register("vlp16")
 class Vlp16(ErrorModel):
-    """Each range has the bias of its laser and noise of its ray (thesis, equation 5.4).
+    """Range noise with a bias for each laser and independent noise for each ray (thesis, eq. 5.4).
 
-    A measured range is ``d + bias[laser] + N(ray_mean_m, ray_sigma_m)`` with
-    ``bias ~ N(0, bias_sigma_m)``. The default sigmas are those of the thesis, section 5.4, and of
-    its code; its Table 5.1 has others.
+    A measured range is ``d + bias[laser] + N(ray_mean_m, ray_sigma_m)`` with ``bias ~ N(0,
+    bias_sigma_m)``. The default sigmas are those of the thesis, section 5.4, and of its code; its
+    Table 5.1 has others.
     """
 
     title, colour = "VLP-16", "#0072B2"
@@ -45,7 +45,7 @@ class Vlp16(ErrorModel):
         return noisy
 
     def ray_scale(self, hits: Hits) -> Floats | float:
-        """Return the scale of each ray's noise, m, finite for a miss too, or one for all rays."""
+        """Return the scale of the noise, m, for each ray, or one for all; finite for a miss too."""
         return self.ray_sigma_m
 
     def _bias(self, frames: int, sensor: Sensor, draws: Draws) -> Floats:

@@ -16,10 +16,10 @@ from puckbench.lidar.sweep import Rays
 
 @ERROR_MODELS.register("vlp16_divergence")
 class Vlp16Divergence(BeamOfWidth):
-    """`Vlp16` with rays in random directions within the beam (thesis, section 5.5.3).
+    """Error model `Vlp16` with rays in random directions within the beam (thesis, section 5.5.3).
 
-    Yaw and pitch change by up to half of the beam's widths, uniformly distributed. The reported
-    angles are the nominal ones.
+    Yaw and pitch change by up to half of the beam's angular widths, uniformly distributed. The
+    reported angles are the nominal ones.
     """
 
     title, colour = "Beam divergence", "#009E73"

@@ -11,7 +11,7 @@ from puckbench.lidar.errors.vlp16 import Vlp16
 
 @ERROR_MODELS.register("vlp16_incidence")
 class Vlp16Incidence(Vlp16):
-    """`Vlp16` with ray noise that increases with the incidence angle (thesis, section 5.5.4).
+    """Error model `Vlp16` with ray noise that increases with incidence (thesis, section 5.5.4).
 
     The scale of a ray's noise is ``ray_sigma_m + (incidence_factor * theta)^2`` for the incidence
     theta in rad. The default factor, in sqrt(m) / rad, adds 6.2 mm at 45 degrees, 11.0 mm at 60

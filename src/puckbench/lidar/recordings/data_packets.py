@@ -1,4 +1,4 @@
-"""Selection of the data packets of one sensor from a capture or a bag."""
+"""Selection of the data packets of one Velodyne sensor from a packet capture or a ROS bag."""
 
 from __future__ import annotations
 
@@ -42,7 +42,10 @@ _READ = ("VLP-16", "Puck Hi-Res", "HDL-32E")
 
 
 class PayloadKind(IntEnum):
-    """Classes of payloads that have the size of a data packet."""
+    """Kinds of UDP payloads that have the size of a Velodyne data packet, 1,206 bytes.
+
+    A whole packet can be decoded; FOREIGN means that no Velodyne sent the payload.
+    """
 
     WHOLE, DAMAGED, UNKNOWN, FOREIGN = range(4)
 
@@ -59,10 +62,10 @@ def payload_kinds(payloads: NDArray[np.uint8]) -> NDArray[np.int8]:
 
 
 def packets_of_capture(capture: Capture, name: str | None = None) -> PacketLog:
-    """Return the undamaged data packets of one stream of a capture.
+    """Return the undamaged data packets of one stream of a packet capture.
 
     `name` is ``sender:port to receiver:port`` or its beginning; None selects the only stream with
-    data packets. `about` of the result counts what is left out (`LEFT_OUT`).
+    data packets. `about` of the result counts what was left out (`LEFT_OUT`).
     """
     sized = [datagram for datagram in capture.datagrams if datagram.length == PACKET_BYTES]
     payloads = joined([datagram.payload for datagram in sized], [], {}).payloads
@@ -80,7 +83,11 @@ def packets_of_capture(capture: Capture, name: str | None = None) -> PacketLog:
 def whole_packets(
     payloads: Sequence[bytes], received: Sequence[float], about: dict[str, Any]
 ) -> PacketLog:
-    """Return the distinct undamaged packets among 1,206-byte payloads, and counts of the others."""
+    """Return the distinct undamaged packets among 1,206-byte payloads.
+
+    `received` are times, s. `about` of the result is that of the argument, with counts of payloads
+    that were left out.
+    """
     first: dict[bytes, float] = {}
     for payload, time in zip(payloads, received, strict=True):
         first.setdefault(payload, time)

@@ -1,4 +1,7 @@
-"""Reading of clouds from other decoders (CSV, PLY, PCD, LAS) with a laser for each point."""
+"""Reading of clouds (CSV, PLY, PCD, LAS) that other programs decoded from a sensor's packets.
+
+A column must contain the laser of each point.
+"""
 
 from __future__ import annotations
 
@@ -117,7 +120,10 @@ def _numbered(column: NDArray[Any], sensor: Sensor) -> NDArray[np.intp]:
 
 
 def _check_cones(xyz: Floats, lasers: NDArray[np.intp], sensor: Sensor) -> None:
-    """Raise InputError unless points lie on their lasers' cones, vertically corrected or not."""
+    """Raise InputError unless each laser's points have its elevation.
+
+    The lasers' vertical offsets may have been added to the points or not.
+    """
     level = np.hypot(xyz[:, 0], xyz[:, 1])
     corrections = np.asarray(sensor.vertical_correction_mm or np.zeros(sensor.lasers)) / 1000
     worst = []

@@ -1,4 +1,4 @@
-"""Conversion between data packets of Velodyne's spinning sensors and turns.
+"""Conversion between data packets of Velodyne sensors and turns (range images of revolutions).
 
 The VLP-16, the Puck Hi-Res and the HDL-32E have the same format (VLP-16 User Manual 63-9243 Rev. E,
 chapter 9; HDL-32E User Manual 63-9113 Rev. M, appendix C).
@@ -42,7 +42,7 @@ Payloads = NDArray[np.uint8]
 
 @dataclass(frozen=True)
 class PacketKind:
-    """Product and return mode of packets (their last two bytes), and the layout of their turns."""
+    """Product and return mode of packets (their last two bytes), and the layout of their images."""
 
     product: int
     mode: int
@@ -72,7 +72,7 @@ def packet_kind(product: int, mode: int) -> PacketKind:
 
 
 def find_packets(data: Payloads) -> NDArray[np.int64]:
-    """Return ascending positions of non-overlapping packets of `SENSORS` in the bytes `data`."""
+    """Return the positions, in order, of the data packets of `SENSORS` in the bytes `data`."""
     last = len(data) - PACKET_BYTES + 1
     if last < 1:
         return np.zeros(0, np.int64)
@@ -102,9 +102,10 @@ def _without_overlaps(places: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def split_turns(payloads: Payloads) -> Iterator[tuple[PacketKind, Payloads]]:
-    """Split packets (p, 1206) into turns; a turn begins with the packet that passes azimuth 0.
+    """Split packets (p, 1206) into revolutions; each begins with the packet that passes azimuth 0.
 
-    A turn also ends where the kind of packets changes, or at the largest number of blocks.
+    A new part also begins where the sensor or the return mode changes, or after the largest number
+    of blocks that a `Layout` permits.
     """
     packets = _viewed(payloads)
     azimuths = packets["blocks"]["azimuth"].astype(np.int64)
@@ -122,7 +123,7 @@ def split_turns(payloads: Payloads) -> Iterator[tuple[PacketKind, Payloads]]:
 
 
 def turn_of(kind: PacketKind, payloads: Payloads) -> Turn:
-    """Convert packets (p, 1206) to a turn, in which a beam's strongest return comes first."""
+    """Convert packets (p, 1206) to a turn; of two returns of a beam, the strongest comes first."""
     packets = _viewed(payloads)
     blocks = packets["blocks"]
     return Turn(
@@ -147,7 +148,7 @@ def is_whole(payloads: Payloads) -> NDArray[np.bool_]:
 
 
 def returns_of_packets(payloads: Payloads) -> Returns:
-    """Decode packets (p, 1206) to returns; the first and the last turn may be incomplete.
+    """Decode packets (p, 1206) to returns; the first and the last revolution may be incomplete.
 
     Raises InputError for damaged packets, or several sensors or return modes.
     """
@@ -164,7 +165,7 @@ def returns_of_packets(payloads: Payloads) -> Returns:
 
 
 def packets_of(kind: PacketKind, turn: Turn) -> Payloads:
-    """Return the packets from which `turn_of` made a turn."""
+    """Convert a turn back to packets (p, 1206), the inverse of `turn_of`."""
     layout = kind.layout
     if turn.times is None or turn.reflectivities is None:
         raise InputError("the stream holds no times or reflectivities, so no packets")
@@ -187,7 +188,6 @@ def _viewed(payloads: Payloads) -> NDArray[np.void]:
 
 
 def _imaged(kind: PacketKind, values: NDArray[Any]) -> NDArray[Any]:
-    """Rearrange values of blocks (p, 12, 2, 16) as images (kinds, columns, lasers)."""
     layout = kind.layout
     paired = values.reshape(-1, layout.kinds, _CHANNELS)[:, ::-1]
     images = paired.transpose(1, 0, 2).reshape(layout.kinds, -1, layout.lasers)

@@ -1,7 +1,8 @@
 """Decoding of VLP-16 data packets into a table of returns.
 
-A packet has 12 blocks of an azimuth (0.01 degrees) and two firings of 16 lasers (distance in 2 mm,
-reflectivity), and the time of its first firing (VLP-16 User Manual 63-9243 Rev. E, chapter 9).
+A packet has 12 blocks, each of an azimuth (0.01 degrees) and two firings of 16 lasers (distance in
+units of 2 mm, reflectivity), and the time of its first firing (VLP-16 User Manual 63-9243 Rev. E,
+chapter 9).
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ class PacketLog:
         return len(self.payloads)
 
     def between(self, start_s: float, end_s: float) -> PacketLog:
-        """Return packets received from `start_s` to before `end_s` seconds after the first one."""
+        """Return packets received `start_s` to `end_s` seconds after the first one."""
         since = self.received - self.received[:1]
         rows = (since >= start_s) & (since < end_s)
         return PacketLog(self.payloads[rows], self.received[rows], self.about)
@@ -83,8 +84,8 @@ def decode_packets(payloads: NDArray[np.uint8], sensor: Sensor | None = None) ->
 
     The azimuth of a firing is interpolated between its block and the next. With range R, elevation
     w and azimuth a, x = R cos(w) sin(a), y = R cos(w) cos(a), z = R sin(w) + the laser's vertical
-    correction. Two equal returns of a beam are one row. The default sensor is the one that the
-    packets name.
+    correction. Two equal returns of a beam are one row. By default, the packets' product code
+    determines the sensor.
     """
     packets = np.ascontiguousarray(payloads).view(PACKET)[:, 0]
     mode = _checked_mode(packets)
@@ -126,7 +127,7 @@ def with_points(columns: dict[str, NDArray[Any]], sensor: Sensor) -> dict[str, N
 
 
 def packet_seconds(packets: NDArray[Any]) -> Floats:
-    """Return seconds since the first packet, (p,), from a clock that restarts every hour."""
+    """Return seconds since the first packet, (p,); the packets' clock restarts every hour."""
     steps = clock_steps(packets["time_us"].astype(np.float64) * 1e-6, HOUR_S)
     return np.concatenate([[0.0], np.cumsum(steps)])
 
@@ -156,7 +157,7 @@ def _checked_mode(packets: NDArray[Any]) -> int:
 
 
 def _firing_times(sensor: Sensor) -> tuple[float, float]:
-    """Return microseconds from one firing sequence to the next, and from laser to laser."""
+    """Return the times, in microseconds, between firing sequences and between lasers."""
     firing, laser = sensor.firing_sequence_us, sensor.firing_interval_us
     if sensor.lasers != LASERS or firing is None or laser is None:
         raise InputError(f"sensor {sensor.name} is not described as a VLP-16 (16 lasers, firing)")
@@ -166,7 +167,7 @@ def _firing_times(sensor: Sensor) -> tuple[float, float]:
 def _azimuths(
     packets: NDArray[Any], mode: int, share: float
 ) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
-    """Return turn and azimuth (0.01 degrees) of each firing, (p, sequences, 16).
+    """Return revolution and azimuth (0.01 degrees) of each firing, (p, sequences, 16).
 
     `share` is the ratio of the time between two lasers to that between two firing sequences.
     """
@@ -193,9 +194,9 @@ def _by_firing(returns: NDArray[Any], mode: int) -> NDArray[Any]:
 
 
 def _kinds(distance: NDArray[np.uint16], mode: int) -> NDArray[np.int16]:
-    """Return the kind of each return, in the shape of `distance`; -1 for a repeated return.
+    """Return the kind of each return (last, strongest, both), in the shape of `distance`.
 
-    In dual mode, the last return comes before the strongest (or the second strongest).
+    It is -1 for the second of two equal returns. In dual mode, the last return comes first.
     """
     kinds = np.full(distance.shape, LAST if MODES[mode] == "last" else STRONGEST, dtype=np.int16)
     if _dual(mode):

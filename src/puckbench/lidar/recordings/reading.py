@@ -1,4 +1,4 @@
-"""Reading of recordings in any format as packets, as turns or as a table of returns."""
+"""Reading of recordings in all supported formats."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def read_recording(
     time_unit: TimeUnit | None = None,
     source: Path | None = None,
 ) -> RecordedReturns:
-    """Read the returns of a VLP-16 or a Puck Hi-Res.
+    """Read the returns in a recording of a VLP-16 or a Puck Hi-Res.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def read_recording(
         A packet capture (.pcap, .pcapng), a ROS bag (.bag, .db3, .mcap, or its folder), a cloud
         (see `decoded_clouds.read_points`), or a table of `write_returns` (.parquet).
     sensor, time_unit
-        By default, what the recording states or suggests.
+        Model of the sensor, and unit of a cloud's times; by default inferred from the file.
     start_s, end_s
         Interval to read, in seconds after the first packet or point.
     stream, source
@@ -91,7 +91,10 @@ def read_recording(
 def read_turns(
     path: Path, start_s: float = 0.0, stream: str | None = None, source: Path | None = None
 ) -> tuple[Returns, dict[str, int]]:
-    """Return the turns of a recording from `start_s` seconds on, and counts of what is left out."""
+    """Read the revolutions of a recording from `start_s` seconds on, and counts of damaged data.
+
+    `stream` and `source` are those of `read_packets`.
+    """
     with naming(source or path):
         log = _interval(read_packets(path, stream, source), start_s, math.inf)
         left_out = {name: int(log.about[name]) for name in LEFT_OUT if log.about.get(name)}

@@ -1,4 +1,4 @@
-"""Tables of recorded returns: a row for each return, in the sensor's frame; Parquet on disk."""
+"""Tables of a real sensor's returns, in its coordinate frame, stored as Parquet files."""
 
 from __future__ import annotations
 
@@ -33,8 +33,6 @@ RETURN_COLUMNS: ColumnSpecs = {
 
 @dataclass(frozen=True)
 class RecordedReturns(ReturnTable):
-    """Returns of a real sensor in the order of firing."""
-
     schema = TableSchema("table of returns", "puckbench_capture", RETURN_COLUMNS)
 
 

@@ -35,10 +35,11 @@ Steps = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class RecoveredReturns:
-    """Returns that were recovered from a frame as one turn.
+    """Returns that were recovered from a frame of points, as one revolution of the sensor.
 
     `rows` (n,) are the indices of the returns among the frame's points, in the order of
-    ``returns.points()``. `xyz` (m, 3) are all points of the frame, relative to the moving sensor.
+    ``returns.points()``. `xyz` (m, 3) are all points of the frame, in the moving sensor's
+    coordinates.
     """
 
     returns: Returns
@@ -46,7 +47,7 @@ class RecoveredReturns:
     xyz: Floats
 
     def about(self) -> dict[str, float]:
-        """Return the number of points left out, and how far recovery moved the others, mm."""
+        """Return the number of points left out, and by how many mm the others changed."""
         moved = np.linalg.norm(self.returns.points() - self.xyz[self.rows], axis=1)
         return {
             "points_left_out": len(self.xyz) - len(self.rows),
@@ -65,7 +66,10 @@ class _Beam:
 
 
 def split_rings(azimuths: Floats) -> list[NDArray[np.intp]]:
-    """Return the rows of each ring; a new ring begins where azimuths (n,), rad, decrease."""
+    """Split the points of a frame into rings, one for each laser; return the indices of each ring.
+
+    A new ring begins where azimuths (n,), rad, decrease.
+    """
     ends = np.flatnonzero(np.diff(azimuths) < -np.pi) + 1
     return list(np.split(np.arange(len(azimuths)), ends))
 
@@ -73,10 +77,10 @@ def split_rings(azimuths: Floats) -> list[NDArray[np.intp]]:
 def recovered_returns(
     xyz: Floats, rings: Sequence[NDArray[np.intp]], step_deg: float, sensor: str
 ) -> RecoveredReturns:
-    """Recover returns from the points of a frame, and fit the beams of the lasers.
+    """Recover returns from the points of a frame, and fit the parameters of each laser.
 
     Points (n, 3), m, are in the coordinates of a sensor that rotates counter-clockwise (x right, y
-    forward). `rings` are the rows of each laser's points; `step_deg`, the encoder's step, is a
+    forward). `rings` are the indices of each laser's points; `step_deg`, the encoder's step, is a
     multiple of 0.01.
     """
     level = np.hypot(xyz[:, 0], xyz[:, 1])
@@ -103,11 +107,12 @@ def recovered_returns(
 
 
 def recovered_firings(xyz: Floats, sensor: str) -> RecoveredReturns:
-    """Recover returns from a frame with all firings of a sensor that rotates clockwise.
+    """Recover returns from a frame that contains firings without a return too (range 0).
 
-    Points (columns, lasers, 3), m, are in the sensor's coordinates (x right, y forward) at the end
-    of the turn. The data set corrected them for the car's motion. This motion is estimated from the
-    firings without a return (range 0), and the correction is undone.
+    Points (columns, lasers, 3), m, are in the coordinates of a sensor that rotates clockwise (x
+    right, y forward) at the end of the revolution. The data set corrected them for the car's
+    motion. This motion is estimated from the firings without a return, and the correction is
+    undone.
     """
     columns, lasers = xyz.shape[:2]
     left = 1 - np.arange(columns) / max(columns - 1, 1)
@@ -138,6 +143,7 @@ def _first_place(xyz: Floats, left: Floats) -> Floats:
     """Return the sensor's position (3,) at the first firing; zeros if it cannot be estimated.
 
     Firings of range 0 reveal the position, since several lasers of a column then have equal points.
+    `left` is the remaining share of the revolution for each column.
     """
     same = [np.unique(np.round(column, 4), axis=0, return_counts=True) for column in xyz]
     places = np.array([points[np.argmax(counts)] for points, counts in same])
@@ -151,9 +157,10 @@ def _first_place(xyz: Floats, left: Floats) -> Floats:
 def _without_turning(
     xyz: Floats, whole: NDArray[np.bool_], left: Floats
 ) -> tuple[Floats, list[_Beam]]:
-    """Undo the sensor's pitch and roll during a turn; return the points and the lasers' beams.
+    """Undo the sensor's pitch and roll during a revolution; return the points and the lasers.
 
-    A least squares fit of the points' elevations determines both.
+    Both are fitted to the points' elevations by least squares. `whole` is the mask of returns, and
+    `left` the remaining share of the revolution for each column.
     """
     columns, lasers = np.nonzero(whole)
     points = xyz[columns, lasers]
@@ -177,7 +184,7 @@ def _without_turning(
 
 
 def _fitted_cone(level: Floats, z: Floats) -> tuple[float, float]:
-    """Fit z = level * tangent + height, repeatedly without outliers; return tangent and height."""
+    """Fit ``z = level * tangent + height`` without outliers; return tangent and height."""
     near = np.ones(len(level), bool)
     fit = np.zeros(2)
     for _ in range(3):
@@ -190,9 +197,9 @@ def _fitted_cone(level: Floats, z: Floats) -> tuple[float, float]:
 
 
 def _fitted_offset(level: Floats, azimuth: Floats, step: float) -> tuple[float, float]:
-    """Return a beam's distance from the axis, and its phase (azimuth modulo the encoder's step).
+    """Return a laser's distance from the axis, m, and its azimuth modulo the encoder's step, rad.
 
-    The distance maximises the length of the circular mean of all points' phases.
+    The distance maximises the length of the circular mean of these azimuths.
     """
     best, width = 0.0, _MOST_SIDEWAYS_M
     turns = azimuth / step
@@ -206,7 +213,8 @@ def _fitted_offset(level: Floats, azimuth: Floats, step: float) -> tuple[float, 
 
 
 def _aligned(places: Sequence[Steps], around: int, step_deg: float) -> list[int]:
-    """Return by how many steps to shift each ring, so that all lasers fire at the same steps."""
+    """Return by how many encoder steps to shift each ring, so that all lasers fire at equal steps.
+    """
     most = round(_MOST_TURNED_DEG / step_deg)
     fired = np.zeros(around)
     shifts = [0] * len(places)
@@ -225,7 +233,7 @@ def _aligned(places: Sequence[Steps], around: int, step_deg: float) -> list[int]
 
 @dataclass(frozen=True)
 class _Columns:
-    """Azimuths of columns, azimuths of lasers relative to these, and direction of rotation."""
+    """Azimuths of firing columns, azimuths of lasers relative to them, and sense of rotation."""
 
     azimuths_deg: Floats
     turned_deg: Floats

@@ -1,4 +1,4 @@
-"""Inference of the unit of times in clouds from other decoders."""
+"""Inference of the unit (s, ms, us or ns) of the time column of a point cloud."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ _DAY_S = 86400.0
 
 
 def unit_of(times: NDArray[Any], azimuth: Floats) -> TimeUnit | None:
-    """Return the unit of times (n,), or None if it cannot be inferred.
+    """Infer the unit of times (n,); return None if that is impossible.
 
-    It is the unit in which azimuths (n,), rad, rotate about ten times a second. If there is none,
-    it is the unit in which times since 1970 lie in this century. Otherwise it is s, but None if the
-    times are different integers.
+    It is the unit in which the sensor, at azimuths (n,), rad, rotates about ten times a second. If
+    no unit fits, it is the one in which times since 1970 lie in this century. Otherwise the unit is
+    s, but None for integers.
     """
     unit = _unit_by_rotation(times, azimuth) or _unit_since_1970(times)
     is_whole = times.dtype.kind in "iu" and np.ptp(times) > 0
@@ -35,7 +35,7 @@ def unit_of(times: NDArray[Any], azimuth: Floats) -> TimeUnit | None:
 
 
 def seconds_of(times: NDArray[Any], unit: TimeUnit) -> Floats:
-    """Convert times to s; integers and times since 1970 are counted from the earliest one."""
+    """Convert times to s; integers and times since 1970 become relative to the earliest time."""
     if times.dtype.kind in "iu" or _unit_since_1970(times) == unit:
         times = times - times.min()
     seconds: Floats = np.asarray(times, dtype=np.float64) / _PER_SECOND[unit]

@@ -1,4 +1,4 @@
-"""Writing of scans as packet captures of a VLP-16, which ROS and VeloView can replay."""
+"""Writing of virtual scans as packet captures of a VLP-16, which ROS and VeloView can replay."""
 
 from __future__ import annotations
 
@@ -38,9 +38,9 @@ _REFLECTIVITY = 100
 
 
 def write_pcap(path: Path, table: ScanTable, noisy: bool = True) -> dict[str, int]:
-    """Write a scan of a VLP-16 as a packet capture; return the numbers of packets and returns.
+    """Write a virtual scan by a VLP-16 as a packet capture; return numbers of packets and returns.
 
-    Distances are rounded to 2 mm and azimuths to 0.01 degrees, in the sensor's frame.
+    Distances, measured or true (`noisy` false), are rounded to 2 mm and azimuths to 0.01 degrees.
     """
     log = scan_packets(table, noisy)
     write_bytes(path, pcap_bytes(log))
@@ -48,10 +48,10 @@ def write_pcap(path: Path, table: ScanTable, noisy: bool = True) -> dict[str, in
 
 
 def scan_packets(table: ScanTable, noisy: bool = True) -> PacketLog:
-    """Return the packets of a scan, with columns in the order in which a real sensor fires them.
+    """Convert a virtual scan to packets, with columns in the order in which a real sensor fires.
 
     A real VLP-16 rotates clockwise, also while its lasers fire. The virtual one rotates
-    counter-clockwise and fires a column at one azimuth. Therefore the columns of a turn are
+    counter-clockwise and fires a column at one azimuth. Therefore the columns of a revolution are
     reversed, and each becomes two blocks of equal azimuth.
     """
     rotation_hz = _rotation_hz(table)

@@ -1,1 +1,1 @@
-"""Walls, floors and ceilings in recordings of real sensors, and the range noise on them."""
+"""Detection of walls, floors and ceilings in recordings, and analysis of range noise on them."""

@@ -33,14 +33,14 @@ _TAKEN_THRESHOLDS = 3
 
 
 class PlaneSearch(Model):
-    """Criteria for planes of a recording.
+    """Criteria for the detection of planes in a recording.
 
     Parameters
     ----------
     threshold_m
-        A return farther from a plane is not on it, after subtraction of its laser's bias.
+        Largest distance of a return on a plane, after subtraction of its laser's bias.
     share_on_plane
-        A pixel of the range image is on the plane if at least this share of its returns is.
+        Least share of a range image pixel's returns on the plane, if the pixel belongs to it.
     most_planes
         Number of patches that are examined, the largest first.
     up
@@ -89,7 +89,7 @@ class PlaneSearch(Model):
 
 @dataclass(frozen=True)
 class DetectedPlane:
-    """A plane with its normal towards the sensor, and rows (n,) of the returns on it.
+    """A plane with its normal towards the sensor, and indices (n,) of the returns on it.
 
     `width_m` is the horizontal extent of the returns, `height_m` the perpendicular one.
     """
@@ -142,7 +142,7 @@ def surface_of(
 ) -> DetectedPlane:
     """Fit a plane robustly to the returns in `rows`, and select the returns that lie on it.
 
-    With fewer than three returns, none is selected.
+    The fit begins with the plane `start`. With fewer than three returns, none is selected.
     """
     part = table.select(rows)
     if len(rows) < 3:
@@ -202,7 +202,6 @@ class _View:
     least: int
 
     def near(self, plane: Plane, thresholds: float = 1.0) -> Mask:
-        """Select the returns that are near a plane and not at grazing incidence."""
         close = np.abs(plane.distances(self.points)) < thresholds * self.search.threshold_m
         # The cosine of the incidence is the plane's distance over the point's.
         steep = np.linalg.norm(self.points, axis=1) * self.search.least_cosine <= abs(plane.offset)
@@ -210,10 +209,9 @@ class _View:
         return near
 
     def candidate(self, free: Mask, rng: np.random.Generator) -> Plane | None:
-        """Return the plane with the most returns among samples, or None if it has too few.
+        """Sample planes through three nearby returns; return the one near most returns, or None.
 
-        Each sample is a plane through three nearby returns that are `free`: not part of an earlier
-        plane.
+        Only returns in the mask `free` (n,), on no earlier plane, are used.
         """
         rows = np.flatnonzero(free)
         if len(rows) < self.least:
@@ -227,9 +225,9 @@ class _View:
         return Plane(normals[best], float(offsets[best]))
 
     def grown(self, plane: Plane, free: Mask) -> tuple[Plane, Mask]:
-        """Extend a candidate plane to its largest patch; return the refitted plane and the patch.
+        """Extend a plane to its largest connected patch; return the refitted plane and the patch.
 
-        Only `free` returns (see `candidate`) are used. Selection of the patch and refitting
+        Only returns in the mask `free` (n,) are used. Selection of the patch and refitting
         alternate until the patch no longer changes. Each laser's bias is subtracted, since a laser
         with a large bias would lose its pixels.
         """
@@ -250,7 +248,7 @@ class _View:
         return plane, patch
 
     def _bias(self, plane: Plane, rows: Mask) -> Floats:
-        """Return each laser's median distance from a plane, clipped to the threshold."""
+        """Return each laser's median distance from a plane, m, clipped to the threshold."""
         chosen = rows & self.near(plane, 2)
         distances = plane.distances(self.points[chosen])
         lasers = self.image.laser_rank[chosen]
@@ -261,7 +259,7 @@ class _View:
     def _samples(self, rows: NDArray[np.intp], rng: np.random.Generator) -> tuple[Floats, Floats]:
         """Return normals (k, 3) and offsets (k,) of planes through samples of three nearby returns.
 
-        Oblique planes, neither vertical nor horizontal, are left out.
+        Only vertical or horizontal planes, within `PlaneSearch.tilt_deg`, are returned.
         """
         order = rows[np.argsort(self.azimuth[rows], kind="stable")]
         span = max(3, int(len(order) * _SAMPLE_SPAN_RAD / math.tau))

@@ -19,7 +19,7 @@ COLUMNS = 360
 
 @dataclass(frozen=True)
 class RangeImage:
-    """Pixel of each return (n,), and the shape of the image."""
+    """Range image of a recording: the flat pixel index of each return (n,), and the shape."""
 
     pixel: NDArray[np.intp]
     shape: tuple[int, int]
@@ -32,7 +32,7 @@ class RangeImage:
 
     @property
     def laser_rank(self) -> NDArray[np.intp]:
-        """Image row of each return, (n,)."""
+        """Row of the image for each return, (n,)."""
         return self.pixel // self.shape[1]
 
     def counts(self, rows: Mask) -> Floats:
@@ -46,7 +46,8 @@ class RangeImage:
 
 
 def largest_patch(pixels: Mask, returns: Floats) -> Mask:
-    """Return the connected patch with the most returns; gaps of up to two pixels are bridged."""
+    """Return the largest connected patch of pixels, counted in returns, across gaps of two pixels.
+    """
     from scipy import ndimage
 
     # The seam of the image is moved to the column with the fewest pixels, to not cut a patch.
@@ -59,7 +60,7 @@ def largest_patch(pixels: Mask, returns: Floats) -> Mask:
 
 
 def widened(pixels: Mask) -> Mask:
-    """Add the eight neighbours of each pixel."""
+    """Dilate a mask by the eight neighbours of each pixel."""
     beside = pixels | np.roll(pixels, 1, axis=1) | np.roll(pixels, -1, axis=1)
     padded = np.pad(beside, ((1, 1), (0, 0)))
     wide: Mask = padded[:-2] | padded[1:-1] | padded[2:]
@@ -67,6 +68,6 @@ def widened(pixels: Mask) -> Mask:
 
 
 def without_ends(pixels: Mask) -> Mask:
-    """Remove the ends of horizontal runs of pixels, whose returns mix surfaces."""
+    """Erode a mask by one pixel along rows, since returns at the ends mix two surfaces."""
     inner: Mask = pixels & np.roll(pixels, 1, axis=1) & np.roll(pixels, -1, axis=1)
     return inner

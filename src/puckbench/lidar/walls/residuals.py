@@ -36,7 +36,7 @@ from puckbench.lidar.walls.stillness import SHIFT_M, Still, still_rows
 
 
 class Crop(Model):
-    """A plane selected by a box in the sensor's frame: two corners, m."""
+    """A surface selected by a box in the sensor's frame: lowest and highest corner, m."""
 
     surface: Literal["wall", "floor", "ceiling"]
     box: tuple[tuple[float, ...], ...]
@@ -109,9 +109,9 @@ _LEAST_RETURNS = 50
 
 @dataclass(frozen=True)
 class RecordedPlanes:
-    """Returns of a recording's interval at rest, and the planes in it.
+    """Returns of a recording while the sensor was at rest, and the planes in it.
 
-    `still` is None if the option `still_s` sets the interval.
+    `still` is the interval at rest, None if the option `still_s` sets it.
     """
 
     table: RecordedReturns
@@ -123,9 +123,10 @@ class RecordedPlanes:
 def recorded_planes(
     path: Path, options: RecordingOptions, source: Path | None = None
 ) -> RecordedPlanes:
-    """Read a recording, crop it to an interval at rest, and find its planes.
+    """Read a recording, select an interval in which the sensor is at rest, and detect planes.
 
     In dual return mode only beams with two equal returns are used, since the others hit an edge.
+    Messages name `source` if `path` is a temporary copy.
     """
     sensor = load_sensor(options.sensor) if options.sensor else None
     start, end = options.still_s or (0.0, math.inf)
@@ -142,9 +143,9 @@ def recorded_planes(
 
 
 def recording_residuals(planes: RecordedPlanes) -> pd.DataFrame:
-    """Return the residual table of a recording.
+    """Return the table of plane residuals of a recording.
 
-    The column `run` is the number of the plane from 1, and `frame` the turn.
+    The column `run` is the number of the plane from 1, and `frame` the revolution.
     """
     parts = [
         _rows_of(planes.table.select(surface.rows), surface, number)

@@ -1,7 +1,7 @@
 """Ray noise and laser biases in recordings of a sensor at rest.
 
 A deviation is the difference between a measured range and the distance to the fitted plane along
-the ray. Ray noise is the spread between turns of one laser's deviations in one direction.
+the ray. Ray noise is the spread between revolutions of a laser's deviations in one direction.
 """
 
 from __future__ import annotations
@@ -28,10 +28,11 @@ _LEAST_RETURNS, _LEAST_COMMON_LASERS = 20, 6
 
 @dataclass(frozen=True)
 class RayNoise:
-    """Standard deviation of deviations between turns, computed in bins of laser and azimuth.
+    """Standard deviation of range deviations between revolutions, in bins of laser and azimuth.
 
     `median_std_m` is the median of the bins' standard deviations. For Gaussian noise it is too
-    small, by 17 % with three turns and 4 % with ten. `sigma_m`, from the pooled variances, is not.
+    small, by 17 % with three revolutions and 4 % with ten. `sigma_m`, from the pooled variances, is
+    not.
     """
 
     median_std_m: float
@@ -41,7 +42,7 @@ class RayNoise:
 
 @dataclass(frozen=True)
 class LaserBias:
-    """Mean deviation of each laser on a plane, m, and its number of returns.
+    """Mean range deviation of each laser on a plane, m, and its number of returns.
 
     The fitted plane absorbs a bias that is common to all lasers or linear in their elevation.
     """
@@ -59,8 +60,8 @@ class LaserBias:
 class Repeatability:
     """Agreement of the lasers' biases between different planes.
 
-    `correlation` is the mean over `pairs` of planes, and `shared_std_m` the square root of the mean
-    covariance: the standard deviation of the part of the biases that recurs on every plane.
+    `correlation` is the mean over pairs of planes. `shared_std_m`, the square root of the mean
+    covariance, is the standard deviation of the part of the biases that recurs on every plane.
     """
 
     pairs: int
@@ -69,7 +70,10 @@ class Repeatability:
 
 
 def range_deviation(residual: Floats, incidence: Floats) -> Floats:
-    """Return the measured range minus the plane's, m; residuals are positive towards the sensor."""
+    """Return the measured range minus the range of the plane along the ray, m.
+
+    `residual`, the distance from the plane, m, is positive towards the sensor.
+    """
     return np.asarray(-residual / np.cos(incidence))
 
 
@@ -81,10 +85,10 @@ def ray_noise(
     step_rad: float,
     least_turns: int = LEAST_TURNS,
 ) -> RayNoise | None:
-    """Return the spread of deviations (n,) between turns, in bins of laser and azimuth.
+    """Return the spread of range deviations (n,) between revolutions, in bins of laser and azimuth.
 
-    Returns None if no bin has returns in at least `least_turns` turns, or if `step_rad`, the width
-    of the bins, is nan.
+    Bins are `step_rad` wide and need returns in at least `least_turns` revolutions. Returns None if
+    there is no such bin, or if `step_rad` is nan.
     """
     if len(deviation) == 0 or np.isnan(step_rad):
         return None
@@ -103,7 +107,7 @@ def ray_noise(
 
 
 def laser_bias(deviation: Floats, laser: NDArray[Any]) -> LaserBias:
-    """Return the mean deviation of each laser with at least 20 returns."""
+    """Return the mean range deviation of each laser that has at least 20 returns."""
     counts = np.bincount(laser)
     lasers = np.flatnonzero(counts >= _LEAST_RETURNS)
     sums = np.bincount(laser, deviation)
@@ -149,7 +153,7 @@ class PlaneStatistics:
 
     @property
     def unevenness_m(self) -> float | None:
-        """Standard deviation of the wall's shape: deviations less laser biases and ray noise."""
+        """Standard deviation of the wall's shape: that of deviations less biases and ray noise."""
         if self.noise is None or len(self.bias.lasers) == 0:
             return None
         means = np.zeros(int(self.rows["laser_id"].max()) + 1)

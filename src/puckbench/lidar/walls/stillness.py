@@ -1,4 +1,4 @@
-"""Intervals in which a sensor was at rest: successive turns measure the same distances."""
+"""Detection of intervals in which a sensor was at rest: revolutions measure equal distances."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ _LASER_STRIDE = 7.0
 
 @dataclass(frozen=True)
 class Still:
-    """An interval at rest, turns `first` to `last`.
+    """An interval at rest, from revolution `first` to `last`.
 
-    `shift_m` is the largest `turn_shift` from the first turn to another one of the interval.
+    `shift_m` is the largest `turn_shift` from the first revolution to another of the interval.
     """
 
     first: int
@@ -40,9 +40,10 @@ class Still:
 
 
 def still_rows(table: RecordedReturns, limit_m: float = SHIFT_M) -> tuple[RecordedReturns, Still]:
-    """Return the rows of the longest interval at rest, and the interval.
+    """Return the longest part of a recording in which the sensor is at rest, and its interval.
 
-    Raises InputError if no interval has two turns or more.
+    Distances may change by at most `limit_m`. Raises InputError if no interval has two revolutions
+    or more.
     """
     turns = _turns(table)
     if len(turns) < 2:
@@ -65,7 +66,7 @@ def still_rows(table: RecordedReturns, limit_m: float = SHIFT_M) -> tuple[Record
 
 
 def turn_shift(reference: RecordedReturns, other: RecordedReturns) -> float:
-    """Return the difference of distances between two turns, m; inf with too few returns.
+    """Return the change of distances between two revolutions, m; inf with too few returns.
 
     Distances of a laser are interpolated to the same azimuths. Medians of differences in sectors of
     azimuth average out noise. The result, the third quartile of the medians, detects a moving
@@ -87,7 +88,7 @@ def _turns(table: RecordedReturns) -> dict[int, NDArray[np.intp]]:
 
 
 def _changes(reference: RecordedReturns, other: RecordedReturns) -> tuple[Floats, Floats]:
-    """Return the change of distance and the azimuth of each return that can be compared."""
+    """Return changes of distance (k,), m, and azimuths (k,), rad, of comparable returns."""
     places, wanted = _places(reference), _places(other)
     order = np.argsort(places, kind="stable")
     places, distance = places[order], reference["distance"][order]
