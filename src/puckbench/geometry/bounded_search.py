@@ -1,4 +1,4 @@
-"""Nearest neighbour search with a limit on its work.
+"""Nearest neighbour search that stops after a maximum number of visited points and boxes.
 
 For queries at the centre of a sphere of points, a search tree has to visit all points. The limit
 keeps such clouds from blocking a decoder.
@@ -15,7 +15,7 @@ from puckbench.geometry.spatial_order import Rows
 
 
 def nearest_within(queries: Floats, points: BoxTree, max_visits: int) -> tuple[Floats, Rows] | None:
-    """Return the distance (m,) and the row (m,) of each query's nearest point.
+    """Return the distance and the index of the nearest point of each query, (m,) each.
 
     Return None if all queries (m, 3) together have to visit more than `max_visits` points and
     boxes.
@@ -69,8 +69,9 @@ def _squared_gap(query: Floats, low: Floats, high: Floats) -> float:
 
 @inlined
 def _push(nodes: Rows, gaps: Floats, base: int, size: int, node: int, gap: float) -> None:
-    """Push a node on a query's stack, whose nodes from `base` on are sorted by distance (`gap`),
-    with the nearest on top.
+    """Push a node on a query's stack, sorted by distance (`gap`) with the nearest node on top.
+
+    The stack begins at index `base` of the arrays `nodes` and `gaps`.
     """
     place = size
     while place > base and gaps[place - 1] < gap:

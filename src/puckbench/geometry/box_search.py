@@ -1,6 +1,6 @@
-"""Exact nearest two points of many queries, by a dual-tree search over trees of bounding boxes.
+"""Exact search of the two nearest points of many queries: two trees of bounding boxes.
 
-All queries of a leaf (about twenty) descend the tree of the points together.
+The queries of a leaf (about twenty) descend the tree of the points together.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ LEAVES_AT_ONCE = 1024
 class NearestTwo(NamedTuple):
     """Nearest points of m queries, with the smallest squared distances (m,).
 
-    ``rows`` (m, 2) hold the nearest points: without a tie the same point twice, with ties any two
-    of the tied points. ``ties`` (m,) counts the tied points (at most 3), and ``exact`` (m,) those
-    exactly at the smallest distance.
+    ``rows`` (m, 2) are indices of two points at this distance; without a tie, the same point twice.
+    ``ties`` (m,) counts the points (up to 3) whose squared distances differ by less than
+    `SAME_DISTANCE`, and ``exact`` (m,) those exactly at the smallest distance.
     """
 
     squared: Floats
@@ -37,7 +37,7 @@ class NearestTwo(NamedTuple):
 
 
 class _Block(NamedTuple):
-    """Search state of a leaf's q queries.
+    """State of the search for the q queries of a leaf.
 
     ``limits`` (q,) are the squared distances beyond which points are skipped, ``squared`` (q, 3)
     the smallest squared distances, and ``places`` (q, 2) the columns of the nearest points.
@@ -54,7 +54,7 @@ class _Stack(NamedTuple):
 
 
 def nearest_two(queries: BoxTree, points: BoxTree) -> NearestTwo:
-    """Return the two nearest points of each query, as rows of the trees' input arrays."""
+    """Return the two nearest points of each query, as indices into the trees' input arrays."""
     m = len(queries.rows)
     nearest = NearestTwo(np.empty(m), *(np.empty(shape, np.int64) for shape in ((m, 2), m, m)))
     parts = range(0, len(queries.leaves), LEAVES_AT_ONCE)

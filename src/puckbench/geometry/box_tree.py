@@ -13,16 +13,16 @@ LEAF_SIZE = 24
 
 
 class BoxTree(NamedTuple):
-    """Octree of bounding boxes over points in Morton order, from the root down.
+    """Octree of bounding boxes over points in Morton order; parents come before children.
 
     Parameters
     ----------
     columns
-        Coordinates, (3, n).
+        Coordinates, (3, n), in Morton order.
     rows
-        Row of each column in the input array, (n,).
+        Index of each column in the input array, (n,).
     starts, ends
-        Node i holds the columns ``starts[i]`` to ``ends[i]``.
+        Node i contains the columns ``starts[i]`` to ``ends[i]``.
     first, children
         Node i has ``children[i]`` child nodes from ``first[i]`` on.
     boxes
@@ -60,9 +60,6 @@ def box_tree(points: Floats) -> BoxTree:
 
 @compiled
 def _nodes(points: Floats, rows: Rows, keys: Keys) -> tuple[Rows, Rows, Rows, Rows]:
-    """Return the starts, ends, first children and child counts of all nodes; crowded cells are
-    sorted again in place.
-    """
     capacity = 2 * len(rows)
     starts, ends = np.empty(capacity, np.int64), np.empty(capacity, np.int64)
     first, children = np.empty(capacity, np.int64), np.empty(capacity, np.int64)
@@ -89,8 +86,6 @@ def _nodes(points: Floats, rows: Rows, keys: Keys) -> tuple[Rows, Rows, Rows, Ro
 
 @compiled
 def _splitting_shift(keys: Keys, start: int, end: int, shift: int) -> int:
-    """Return the shift of the first level, from `shift` down, that splits the keys, or -3 if
-    none does."""
     while shift >= 0 and keys[start] >> shift == keys[end - 1] >> shift:
         shift -= 3
     return shift

@@ -1,5 +1,6 @@
-"""Closest points on a triangle mesh: triangles are searched in single precision, points computed
-in double.
+"""Closest points on a triangle mesh.
+
+The closest triangle is searched in single precision, the point on it computed in double.
 """
 
 from __future__ import annotations
@@ -25,14 +26,14 @@ class SurfacePoints:
 
 
 def mesh_in_frame(mesh: Mesh, scale: float, offset: Floats | tuple[float, float, float]) -> Mesh:
-    """Transform a mesh from metres to a cloud's frame: ``(vertices - offset) * scale``."""
+    """Transform a mesh from metres to a cloud's coordinates: ``(vertices - offset) * scale``."""
     return replace(mesh, vertices=(mesh.vertices - np.asarray(offset)) * scale)
 
 
 class SearchableMesh:
-    """A triangle mesh with a search tree (Embree, single precision) for the closest triangle.
+    """A triangle mesh with a search structure (Embree, single precision) for closest triangles.
 
-    At a shared edge, any of its triangles is the closest.
+    At a shared edge, any of its triangles may be the closest.
     """
 
     def __init__(self, mesh: Mesh) -> None:

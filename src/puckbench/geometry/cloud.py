@@ -1,4 +1,4 @@
-"""Point clouds: coordinates with optional attributes and a description."""
+"""Point clouds: coordinates with optional attributes and a dictionary that describes them."""
 
 from __future__ import annotations
 
@@ -85,9 +85,7 @@ class PointCloud:
 
     @property
     def frame(self) -> CoordinateFrame | None:
-        """Whether the coordinates are scaled or in metres; None if the description has no
-        ``size``.
-        """
+        """Coordinate frame: scaled or metres; None if the description has no ``size``."""
         size = self.about.get("size")
         if size is None:
             return None
@@ -95,7 +93,7 @@ class PointCloud:
 
     @property
     def peak(self) -> float | None:
-        """Peak value of MPEG's PSNRs, in the cloud's units, or None if unknown."""
+        """Peak value of MPEG's PSNRs, in the cloud's unit, or None if unknown."""
         if self.frame == "scaled":
             return float(self.about["size"]) - 1
         peak = self.about.get("peak")
@@ -105,7 +103,7 @@ class PointCloud:
         return self.select(np.flatnonzero(np.isfinite(self.xyz).all(axis=1)))
 
     def select(self, rows: NDArray[Any]) -> PointCloud:
-        """Return the points that a mask or indices select; the sensor's returns are omitted."""
+        """Return the points that a mask or indices select, without the sensor's returns."""
         return replace(
             self,
             xyz=self.xyz[rows],
@@ -117,7 +115,7 @@ class PointCloud:
         )
 
     def to_metres(self, points: Floats) -> Floats:
-        """Transform points (m, 3) by ``points / scale + offset``."""
+        """Transform points (m, 3) from the cloud's unit to metres: ``points / scale + offset``."""
         scale, offset = self.about.get("scale", 1.0), self.about.get("offset", (0.0, 0.0, 0.0))
         return np.asarray(points / scale + np.asarray(offset))
 
@@ -147,7 +145,10 @@ def check_extent(points: Floats, source: str) -> None:
 
 
 def check_points(points: Floats, source: str) -> None:
-    """Raise InputError unless the points are a non-empty, finite (n, 3) array."""
+    """Raise InputError unless the points are a non-empty, finite (n, 3) array.
+
+    `source` begins the message.
+    """
     if points.ndim != 2 or points.shape[1] != 3:
         raise InputError(f"{source}: expected points of shape (n, 3), got {points.shape}")
     if len(points) == 0:

@@ -1,4 +1,4 @@
-"""Triangle meshes with labelled triangles: the ground truth of a scene."""
+"""Triangle meshes in which each triangle may have labels: its object and geometric primitive."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _LENGTHS = ("radius", "major_radius", "minor_radius", "sizes")
 
 @dataclass(frozen=True)
 class Primitive:
-    """A geometric primitive that a surface lies on (thesis section 7).
+    """A geometric primitive on which a part of a surface lies (thesis section 7).
 
     `kind` is "plane", "cylinder", "sphere", "cone", "torus", "superquadric" or "freeform".
     `parameters` are in world coordinates (metres, radians); directions are unit vectors. A plane
@@ -34,7 +34,7 @@ class Primitive:
 
 @dataclass(frozen=True)
 class SceneObject:
-    """The name (``"chair_3"``) and the semantic class (``"chair"``) of an object."""
+    """An object in a scene: name (``"chair_3"``) and semantic class (``"chair"``)."""
 
     name: str
     semantic: str
@@ -55,7 +55,7 @@ class Labels:
 
 @dataclass(frozen=True)
 class Mesh:
-    """A triangle mesh with z up: vertices (v, 3) in metres, vertex indices (t, 3), ground truth."""
+    """A triangle mesh with z up: vertices (v, 3) in metres, triangles (t, 3), optional labels."""
 
     vertices: Floats
     triangles: NDArray[np.int64]

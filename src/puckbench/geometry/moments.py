@@ -1,7 +1,7 @@
-"""Least-squares planes from weighted moments of points.
+"""Least-squares planes from the weighted moments of points.
 
 The ten moments are the weight, three first moments and six second moments (xx, xy, xz, yy, yz, zz).
-A plane (nx, ny, nz, d) holds the points p with n.p = d, |n| = 1.
+A plane (nx, ny, nz, d) contains the points p with n.p = d, |n| = 1.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def squared_distance(moments: Floats, plane: Floats) -> float:
 
 @compiled_in_place
 def fit_plane(moments: Floats, plane: Floats) -> float:
-    """Write the least-squares plane (4,); return the weighted sum of squared distances to it."""
+    """Fit a plane to moments, write it to `plane` (4,), and return its `squared_distance`."""
     w = moments[0]
     x, y, z = moments[1] / w, moments[2] / w, moments[3] / w
     xx, xy, xz, yy, yz, zz = _covariance(moments)
@@ -67,7 +67,7 @@ def _covariance(moments: Floats) -> tuple[float, float, float, float, float, flo
 
 @inlined
 def _least_eigenvalue(xx: float, xy: float, xz: float, yy: float, yz: float, zz: float) -> float:
-    """Return the smallest eigenvalue in the closed form of Smith 1961."""
+    """Return the smallest eigenvalue of a symmetric 3x3 matrix (closed form of Smith 1961)."""
     q = (xx + yy + zz) / 3
     off = xy * xy + xz * xz + yz * yz
     p = np.sqrt(((xx - q) ** 2 + (yy - q) ** 2 + (zz - q) ** 2 + 2 * off) / 6)
@@ -84,7 +84,7 @@ def _least_eigenvalue(xx: float, xy: float, xz: float, yy: float, yz: float, zz:
 def _null_vector(
     xx: float, xy: float, xz: float, yy: float, yz: float, zz: float, out: Floats
 ) -> None:
-    """Write the unit null vector of a singular symmetric matrix.
+    """Write the unit null vector of a singular symmetric 3x3 matrix to `out`.
 
     It is the longest cross product of two rows.
     """

@@ -29,8 +29,8 @@ LEAF_SIZE = 16
 class Neighbours:
     """Nearest neighbours of m queries, including ties.
 
-    The neighbours of query i are the rows ``index[starts[i]:starts[i + 1]]``, nearest first, at the
-    squared distance ``squared[i]``; the first ``exact[i]`` are exactly at this distance.
+    The neighbours of query i are the points ``index[starts[i]:starts[i + 1]]``, nearest first, at
+    the squared distance ``squared[i]``; the first ``exact[i]`` are exactly at this distance.
     """
 
     squared: Floats
@@ -41,7 +41,7 @@ class Neighbours:
 
 @dataclass(frozen=True)
 class _Group:
-    """Queries (rows) for which the same number of sorted neighbours was searched."""
+    """Queries for which an equal number of neighbours, sorted by distance, was searched."""
 
     rows: Rows
     index: Indices
@@ -59,7 +59,6 @@ class SearchablePoints:
         return KDTree(self._points, leafsize=LEAF_SIZE)
 
     def nearest(self, queries: SearchablePoints) -> Neighbours:
-        """Return all nearest neighbours, including ties, of the queries."""
         two = nearest_two(queries._boxes, self._boxes)
         rows, groups = np.flatnonzero(two.ties > 2), []
         for k in _neighbour_counts():
@@ -105,7 +104,9 @@ def _sort_by_distance(queries: Floats, points: Floats, index: Indices) -> Floats
 
 @compiled
 def _count_ties(squared: Floats) -> tuple[Rows, Rows]:
-    """Return the numbers (m,) of neighbours that tie by pc_error's rule, and that tie exactly."""
+    """Return how many of each query's neighbours tie by pc_error's rule, and how many exactly,
+    (m,).
+    """
     m, k = squared.shape
     counts, exact = np.ones(m, np.int64), np.ones(m, np.int64)
     for i in range(m):

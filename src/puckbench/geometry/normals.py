@@ -7,10 +7,9 @@ from puckbench.geometry.spatial_order import morton_order
 
 
 def estimate_normals(points: Floats, neighbours: int = 30) -> Floats:
-    """Return unit normals (n, 3) of arbitrary sign, estimated by Open3D from nearest neighbours
-    (thesis section 6.1.2).
+    """Estimate unit normals (n, 3) of arbitrary sign from nearest neighbours (thesis, 6.1.2).
 
-    Fewer than three points get (0, 0, 1).
+    Open3D computes them. If there are fewer than three points, normals are (0, 0, 1).
     """
     import open3d as o3d
 

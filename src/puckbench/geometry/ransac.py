@@ -40,9 +40,9 @@ def ransac_plane(
     threshold_m: float = THRESHOLD_M,
     refit: bool = False,
 ) -> Plane:
-    """Fit a plane to points (n, 3) by PCL's RandomSampleConsensus (thesis section 5.1.2).
+    """Fit a plane to points (n, 3) by RANSAC, as PCL does (thesis, section 5.1.2).
 
-    It draws at most 1000 samples for 99 % confidence. With `refit` return the least-squares plane
+    At most 1000 samples are drawn, for 99 % confidence. With `refit` return the least-squares plane
     of the inliers, which are within `threshold_m`. Raises InputError if all points lie on one line.
     """
     if len(points) < 3:
@@ -66,11 +66,11 @@ def least_squares_plane(points: Floats) -> Plane:
 def robust_plane(
     points: Floats, start: Plane, *, sigmas: float = 5.0, rounds: int = 20
 ) -> tuple[Plane, NDArray[np.bool_]]:
-    """Alternately select the inliers of a plane and fit a least-squares plane to them, until
-    they do not change.
+    """Fit a plane to points (n, 3) repeatedly, each time to the inliers of the plane before.
 
-    This is done at most `rounds` times. Inliers lie within `sigmas` robust standard deviations of
-    the median distance. Return the plane and the mask (n,) of inliers.
+    Inliers lie within `sigmas` robust standard deviations of the median distance. The fit ends
+    after `rounds`, or when the inliers do not change. Return the plane and the mask (n,) of
+    inliers.
     """
     plane, inliers = start, np.zeros(len(points), dtype=bool)
     for _ in range(rounds):

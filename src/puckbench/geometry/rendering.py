@@ -18,10 +18,9 @@ _BACKGROUND = 255.0
 
 @dataclass(frozen=True)
 class View:
-    """A perspective camera, or an orthographic one if `height` gives the image's height in scene
-    units.
+    """A camera at `eye` that looks at `target`, with a vertical field of view.
 
-    The `eye` looks at the `target`, with a vertical field of view.
+    It is orthographic if `height`, the image's height in scene units, is set.
     """
 
     eye: Vector
@@ -31,7 +30,7 @@ class View:
     height: float | None = None
 
     def axes(self) -> tuple[Floats, Floats, Floats]:
-        """Return the unit vectors right, up and forward."""
+        """Return the camera's unit vectors right, up and forward."""
         forward = _unit(np.subtract(self.target, self.eye))
         right = np.cross(forward, np.asarray(self.up, dtype=np.float64))
         if np.linalg.norm(right) < 1e-9:
@@ -40,7 +39,7 @@ class View:
         return right, np.cross(right, forward), forward
 
     def half_extent(self) -> float:
-        """Return half the image's height, at distance 1 in a perspective view."""
+        """Half the image's height in scene units, at distance 1 in a perspective view."""
         if self.height is not None:
             return self.height / 2
         return float(np.tan(np.radians(self.field_of_view_deg) / 2))
@@ -64,8 +63,7 @@ def three_quarter_view(
     aspect: float = 4 / 3,
     field_of_view_deg: float = 35.0,
 ) -> View:
-    """Return the closest perspective view, from a given direction, that shows a whole box (2,
-    3)."""
+    """Return the closest perspective view that shows a whole box (2, 3) from a direction."""
     azimuth, elevation = np.radians([azimuth_deg, elevation_deg])
     direction = np.array([np.cos(azimuth), np.sin(azimuth), 0.0]) * np.cos(elevation)
     direction[2] = np.sin(elevation)
@@ -91,7 +89,7 @@ def render_cloud(
     """Draw points (n, 3) as discs with a depth buffer; return an image (height, width, 3).
 
     Colours are RGB (n, 3), or grey by default; sizes are in pixels; `shade` applies eye-dome
-    lighting.
+    lighting (darker pixels behind near ones).
     """
     width, height = size
     if colours is None:
@@ -116,8 +114,7 @@ def _unit(vectors: Floats) -> Floats:
 
 
 def _eye_dome_brightness(depth: Floats) -> Floats:
-    """Return each pixel's brightness, from 1 down to 0.35 for pixels far behind their
-    neighbours."""
+    """Return each pixel's brightness: 1, or less (down to 0.35) far behind its neighbours."""
     finite = np.isfinite(depth)
     if not finite.any():
         return np.ones(depth.shape)

@@ -19,8 +19,9 @@ _GRID_TOLERANCE = 1e-3
 
 
 class Scaling(NamedTuple):
-    """A transform from metres: ``scaled = (metres - offset) * scale``; offset (3,) in metres,
-    scale in 1 / metre.
+    """A transform from metres: ``scaled = (metres - offset) * scale``.
+
+    `offset` (3,) is in metres, `scale` in 1 / metre.
     """
 
     scale: float
@@ -41,8 +42,7 @@ def origin_shift(points: Floats) -> Floats:
 
 
 def cube_scaling(points: Floats, size: int = 1024) -> Scaling:
-    """Return the scaling of points in metres to [0, size - 1]^3, as in PCC Arena (thesis section
-    6.1.6).
+    """Return the scaling of points (n, 3), m, to [0, size - 1]^3, as in PCC Arena (thesis, 6.1.6).
 
     The minimum of each axis is subtracted, then all axes are multiplied by (size - 1) over the
     largest coordinate.
@@ -57,8 +57,8 @@ def cube_scaling(points: Floats, size: int = 1024) -> Scaling:
 def grid_scaling(points: Floats, about: Mapping[str, Any]) -> Scaling:
     """Return the scaling of voxel centres (n, 3) in metres to integers.
 
-    Raises InputError unless the points are on the ``grid`` of the cloud's description (side of a
-    voxel in ``metres``, ``origin``: centre of voxel (0, 0, 0)).
+    The cloud's description `about` must have a ``grid``: the side of a voxel in ``metres``, and
+    ``origin``, the centre of voxel (0, 0, 0). Raises InputError unless the points are on this grid.
     """
     grid = about.get("grid")
     if grid is None:

@@ -1,4 +1,4 @@
-"""Sorting points along a Morton curve, and removing duplicates.
+"""Sorting of points along a Morton curve, and removal of duplicates.
 
 Neighbours on the curve are close in space, so that the processor's cache speeds up searches
 fourfold.
@@ -26,7 +26,7 @@ DIGIT_MASK = (1 << DIGIT_BITS) - 1
 
 
 def distinct_points(points: Floats) -> tuple[Rows, Floats]:
-    """Return the rows (m,) of distinct points and the points (m, 3), in Morton order.
+    """Return the distinct points (m, 3), in Morton order, after their indices (m,).
 
     Of equal points, the first is kept.
     """
@@ -77,7 +77,7 @@ def _keys_in_cube(points: Floats, lowest: Floats, voxels_per_unit: float) -> Key
 
 @compiled
 def sort_keys(keys: Keys) -> Rows:
-    """Sort the keys in place, by radix sort, and return their stable order (n,)."""
+    """Sort the keys in place, by a stable radix sort, and return their previous indices (n,)."""
     order = np.arange(len(keys))
     if np.all(keys[1:] >= keys[:-1]):
         return order
@@ -113,8 +113,9 @@ def _sort_by_digit(
 
 @compiled
 def _first_of_equal_points(points: Floats, keys: Keys) -> Rows:
-    """Return the positions of the points that differ from all previous points; the input is
-    sorted by `keys`, which are equal for equal points.
+    """Return the positions of points that differ from all previous points.
+
+    Points are sorted by `keys`, which are equal for equal points.
     """
     n = len(points)
     repeated, shares_key = keys[1:] == keys[:-1], np.zeros(n, np.bool_)

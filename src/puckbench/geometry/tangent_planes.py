@@ -17,11 +17,11 @@ _BLOCKS_PER_TASK = 16384
 
 
 class TangentPlanes(NamedTuple):
-    """Planes around m voxels; lengths are in voxels.
+    """Tangent planes at m voxels; lengths are in voxels.
 
     ``normals`` (m, 3) are 0 where there are too few voxels; ``distances`` (m,) are signed distances
-    of the voxels from their planes, ``thickness`` (m,) root mean square distances and ``counts``
-    (m,) numbers of fitted voxels.
+    of the voxels from their planes, ``thickness`` (m,) root mean square distances of all fitted
+    voxels, and ``counts`` (m,) their numbers.
     """
 
     normals: Floats
@@ -60,10 +60,10 @@ def _fit(
     rows: tuple[int, int],
     planes: TangentPlanes,
 ) -> None:
-    """Write the planes of the voxels in blocks rows[0] to rows[1].
+    """Write to `planes` the planes of the voxels in blocks rows[0] to rows[1].
 
-    `voxels` holds coordinates grouped by block, and their rows in `planes`; `blocks` holds sorted
-    keys, first voxels and integer moments, whose sums are exact.
+    `voxels` has coordinates sorted by block, and indices into `planes`; `blocks` has sorted keys,
+    first voxels and integer moments, whose sums are exact.
     """
     xyz, order = voxels
     keys, starts, block_moments = blocks
@@ -101,9 +101,7 @@ def _fit(
 
 @compiled_in_place
 def _first_key_in_row(key: int, row: int) -> int:
-    """Return the key of the first block in a row of three blocks; nine such rows make up the 27
-    blocks around a block.
-    """
+    """Return the lowest key in row 0 to 8 of the 3 x 3 x 3 blocks around a block."""
     return key + ((row // 3 - 1) << 2 * _BITS) + ((row % 3 - 1) << _BITS) - 1
 
 

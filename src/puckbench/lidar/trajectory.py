@@ -130,16 +130,16 @@ def _quaternions(degrees: Floats) -> Floats:
 
 
 # scipy's Slerp and as_matrix differ from these two by some 1e-15, which would change moving scans.
-def _slerp(one: Floats, other: Floats, share: Floats) -> Floats:
-    cosine = (one * other).sum(axis=-1, keepdims=True)
-    other = np.where(cosine < 0, -other, other)
+def _slerp(start: Floats, end: Floats, share: Floats) -> Floats:
+    cosine = (start * end).sum(axis=-1, keepdims=True)
+    end = np.where(cosine < 0, -end, end)
     arc = np.arccos(np.clip(np.abs(cosine), 0, 1))
     # For such a small arc the error of linear interpolation is below its square.
     near = arc < 1e-6
     sine = np.sin(np.where(near, 1.0, arc))
     first = np.where(near, 1 - share, np.sin((1 - share) * arc) / sine)
     second = np.where(near, share, np.sin(share * arc) / sine)
-    turned = first * one + second * other
+    turned = first * start + second * end
     return np.asarray(turned / np.linalg.norm(turned, axis=-1, keepdims=True))
 
 

@@ -1,1 +1,1 @@
-"""Generated scenes: furnished rooms, objects and calibration targets with labelled triangles."""
+"""Generated 3D scenes: rooms, objects, streets and calibration targets with labelled triangles."""

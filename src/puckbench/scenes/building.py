@@ -1,4 +1,4 @@
-"""A generated building that has as many rooms of each type as the areas of the S3DIS data set."""
+"""A generated building with as many rooms of each type as the six areas of the S3DIS data set."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ _RIGID = {"auditorium_1"}  # its seats stand on steps of a fixed depth
 
 @cache
 def room_types() -> dict[str, str]:
-    """Return each room's type, by name (Area_1_office_1)."""
+    """Return the type of each room ("office") by its name ("Area_1_office_1")."""
     return {
         f"{area}_{kind}_{number}": kind
         for area, counts in AREAS.items()
@@ -65,9 +65,7 @@ def room_types() -> dict[str, str]:
 
 
 def building_room(name: str, seed: int) -> RoomSpec:
-    """Return the specification of a building's room: a catalogue room of the same type,
-    stretched at random.
-    """
+    """Return the specification of a room of the building: a stretched room of the catalogue."""
     kind = room_types()[name]
     rng = generator(seed, "building", name)
     base = str(rng.choice(ROOM_CHOICES[kind]))
@@ -76,7 +74,7 @@ def building_room(name: str, seed: int) -> RoomSpec:
 
 
 def stretched(spec: RoomSpec, x: float, y: float) -> RoomSpec:
-    """Stretch a room's floor plan by factors of at least 1; furniture keeps its size."""
+    """Stretch a room's floor plan by factors `x` and `y` of at least 1; furniture keeps its size."""
     return replace(
         spec,
         outline=tuple((x * a, y * b) for a, b in spec.outline),
@@ -96,7 +94,6 @@ def _moved(placement: Placement, x: float, y: float) -> Placement:
 
 
 def _grown(placement: Placement, x: float, y: float) -> Any:
-    """Return a function that makes a placed beam, duct or pipe as long as the stretched room."""
     maker = placement.maker
     if not isinstance(maker, partial) or placement.where == "floor":
         return maker

@@ -1,4 +1,4 @@
-"""Calibration scenes of the error measurements: a wall and a floor (thesis section 5.1)."""
+"""Scenes for the measurement of range errors: a wall and a floor (thesis section 5.1)."""
 
 from __future__ import annotations
 

@@ -14,10 +14,10 @@ _TOUCH = 0.005
 
 @dataclass
 class FloorPlan:
-    """Occupied space of a room.
+    """Floor of a room (m), and the space that objects occupy.
 
-    It consists of the corners of the counter-clockwise floor (n, 2) and of occupied rectangles (4,
-    2), with the range of z that is occupied above each rectangle.
+    `outline` is the counter-clockwise corners (n, 2) of the floor. Each occupied space is above a
+    rectangle (4, 2), in a range of z.
     """
 
     outline: Floats
@@ -29,9 +29,7 @@ class FloorPlan:
         self.heights.append((low, high))
 
     def is_free(self, rectangle: Floats, low: float, high: float) -> bool:
-        """Return whether the space above a rectangle, between two heights, is inside the room
-        and free.
-        """
+        """Return whether the space above a rectangle, in a range of z, is in the room and free."""
         if not self.contains(rectangle):
             return False
         if not self.rectangles:
@@ -78,9 +76,7 @@ def _inside(points: Floats, polygon: Floats) -> NDArray[np.bool_]:
 
 
 def _overlaps(rectangle: Floats, others: Floats) -> NDArray[np.bool_]:
-    """Return a mask (k,) of the `others` (k, 4, 2) that overlap a rectangle (separating axis
-    theorem).
-    """
+    """Return which of the rectangles `others` (k, 4, 2) overlap `rectangle` (separating axes)."""
     own_axes = np.broadcast_to(
         np.stack([rectangle[1] - rectangle[0], rectangle[3] - rectangle[0]]), (len(others), 2, 2)
     )

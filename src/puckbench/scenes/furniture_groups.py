@@ -1,4 +1,4 @@
-"""Groups of furniture: a desk with its chair, a table with chairs around it."""
+"""Groups of furniture, such as a desk with its chair, or a table with chairs around it."""
 
 from __future__ import annotations
 
@@ -69,8 +69,9 @@ def lectern(cad: Modeller) -> Item:
 def stepped_floor(
     cad: Modeller, width: float, step: tuple[float, float], count: int, at_back: float
 ) -> Item:
-    """Make `count` steps that rise towards +y; `step` is the depth and rise of each, and the
-    last one is `at_back` deep.
+    """Make `count` steps that rise towards +y.
+
+    `step` is the depth and height of each; the last one is `at_back` deep.
     """
     depth, rise = step
     parts: list[Surface] = []

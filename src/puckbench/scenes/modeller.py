@@ -1,4 +1,4 @@
-"""Makes tessellated solids, and random choices, for models of furniture and objects."""
+"""A maker of tessellated solids for models of furniture and objects."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Modeller:
-    """Makes solids, tessellated according to their size, and draws random choices.
+    """Makes solids, tessellated according to their size, and draws random dimensions.
 
     Parameters
     ----------
     rng
-        Source of all choices, in the order of the calls.
+        Source of all random numbers, in the order of the calls.
     detail
-        Factor of the number of segments (1: 12 mm segments, 16 to 96 per turn).
+        Factor of the number of segments (1: 12 mm segments, 16 to 96 per full circle).
     unit
         Metres per unit of the model, for the tessellation.
     """
@@ -35,7 +35,7 @@ class Modeller:
     unit: float = 1.0
 
     def steps(self, radius: float) -> int:
-        """Return the number of segments of a full turn, a multiple of 4."""
+        """Return the number of segments of a full circle, a multiple of 4."""
         segments = np.clip(2 * np.pi * radius * self.unit / 0.012, 16, 96) * self.detail
         return max(8, 4 * round(float(segments) / 4))
 
@@ -66,7 +66,7 @@ class Modeller:
         return solids.pipe(points, radius, bend, self.steps(radius))
 
     def legs(self, foot: Point, top: Point, height: float, radius: float) -> list[Surface]:
-        """Make four rods from the corners (+-x, +-y) of `foot` to those of `top`."""
+        """Make four rods from the corners (+-x, +-y) of `foot`, on z = 0, to those of `top`."""
         sides = [(a, b) for a in (-1, 1) for b in (-1, 1)]
         return [
             self.rod((a * foot[0], b * foot[1], 0), (a * top[0], b * top[1], height), radius)
@@ -76,9 +76,7 @@ class Modeller:
     def handle(
         self, start: Sequence[float], end: Sequence[float], y: float, radius: float
     ) -> Surface:
-        """Make a bar handle between two points of a front in the x-z plane; the bar is at a
-        given y.
-        """
+        """Make a bar handle, at the given y, between two points of a front in the x-z plane."""
         path = [start, (start[0], y, start[2]), (end[0], y, end[2]), end]
         return self.pipe(path, radius, 2 * radius)
 
@@ -105,8 +103,7 @@ class Modeller:
         return solids.revolve(profile, self.steps(radius), degrees)
 
     def vessel(self, points: Sequence[Point], wall: float) -> Surface:
-        """Make an open vessel whose smooth outside passes through (r, z) points, from bottom to
-        rim."""
+        """Make an open vessel whose smooth outside passes through (r, z) points, bottom to rim."""
         outside = outlines.catmull_rom(
             np.array(points, dtype=np.float64), max(3, self.steps(0.2) // 8)
         )

@@ -1,4 +1,4 @@
-"""Generated objects like those of the CAPOD data set: 15 classes of parametric models."""
+"""Generated objects of 15 classes, which are those of the CAPOD data set."""
 
 from __future__ import annotations
 

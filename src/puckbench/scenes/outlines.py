@@ -1,4 +1,4 @@
-"""Planar outlines of lines, arcs and curves."""
+"""Planar outlines made of lines, arcs and curves."""
 
 from __future__ import annotations
 
@@ -159,7 +159,7 @@ def _area(points: Floats) -> float:
 
 
 def _bridged(vertices: Floats, ring: list[int], hole: Ints) -> list[int]:
-    """Join a clockwise hole to the ring by the shortest connecting segment that crosses no edge."""
+    """Connect a hole to a ring of vertex indices by the shortest segment that crosses no edge."""
     start = int(np.argmax(vertices[hole, 0]))
     hole = np.roll(hole, -start)
     tip = vertices[hole[0]]

@@ -13,7 +13,7 @@ from puckbench.scenes.surfaces import Shape, Surface, freeform, join, primitive
 
 @dataclass(frozen=True)
 class Piece:
-    """An object: its kind ("mug"), semantic class ("clutter"), surface and pose (4, 4)."""
+    """An object or a part of it: kind ("mug"), semantic class ("clutter"), surface and pose (4, 4)."""
 
     kind: str
     semantic: str
@@ -32,7 +32,7 @@ FurnitureMeshes = Mapping[str, Sequence[Mesh]]
 
 
 def posed(item: Iterable[Piece], pose: Floats) -> Item:
-    """Transform all pieces of an item by a similarity (4, 4)."""
+    """Transform all pieces of an item by a similarity transform (4, 4)."""
     return [piece.transformed(pose) for piece in item]
 
 
@@ -48,10 +48,10 @@ def _box_corners(piece: Piece) -> Floats:
 
 
 def with_meshes(item: Item, furniture: FurnitureMeshes, rng: np.random.Generator) -> Item:
-    """Replace pieces by meshes (in metres, z up, facing -y) of the same semantic class.
+    """Replace generated pieces of furniture by meshes of the same semantic class.
 
-    A mesh of similar proportions is drawn at random and stretched to the size of the piece. The
-    content of a replaced bookcase is removed.
+    The meshes are in metres, z up, facing -y. A mesh of similar proportions is drawn at random and
+    stretched to the size of the piece. The content of a replaced bookcase is removed.
     """
     if item[0].semantic == "bookcase" and furniture.get("bookcase"):
         item = item[:1]
@@ -74,7 +74,10 @@ def _replaced(piece: Piece, meshes: Sequence[Mesh], rng: np.random.Generator) ->
 
 
 def build_mesh(pieces: Sequence[Piece]) -> Mesh:
-    """Make a labelled mesh; number objects by kind and merge equal primitives of an object."""
+    """Merge pieces into a labelled mesh; objects are named by kind and number ("chair_3").
+
+    Equal primitives of an object are merged.
+    """
     counts: Counter[str] = Counter()
     objects, shape_ids, object_ids = [], [], []
     primitives: list[Primitive] = []
@@ -97,9 +100,7 @@ def build_mesh(pieces: Sequence[Piece]) -> Mesh:
 
 
 def _distinct(surface: Surface) -> tuple[Ints, list[Primitive]]:
-    """Return, for each shape of a surface, the index of its primitive (s,), and the distinct
-    primitives.
-    """
+    """Return the distinct primitives of a surface, and the index into them for each shape, (s,)."""
     numbers: dict[tuple[Shape, bytes], int] = {}
     primitives: list[Primitive] = []
     index = np.empty(len(surface.shapes), dtype=np.int64)
@@ -114,9 +115,6 @@ def _distinct(surface: Surface) -> tuple[Ints, list[Primitive]]:
 
 
 def _keys(surface: Surface) -> tuple[list[bytes], list[bytes]]:
-    """Return two lists of keys by which equal shapes are recognised: their frames, and for
-    planes normal and offset.
-    """
     frames = surface.frames
     normals = frames[:, :3, 2] / np.linalg.norm(frames[:, :3, 2], axis=1, keepdims=True)
     offsets = np.sum(normals * frames[:, :3, 3], axis=1, keepdims=True)

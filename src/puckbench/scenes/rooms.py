@@ -21,8 +21,8 @@ def make_room(
     """Return the labelled mesh of a furnished room in `room_catalogue.ROOMS` or
     `building.room_types`.
 
-    `detail` multiplies the number of segments of curved parts; `furniture` replaces the generated
-    pieces of a semantic class.
+    `detail` multiplies the number of segments of curved parts. Meshes in `furniture` replace the
+    generated furniture of their semantic class.
     """
     spec = room_spec(name, seed)
     cad = Modeller(generator(seed, "room", name), detail)
@@ -34,14 +34,14 @@ def make_room(
 
 
 def origin(name: str, seed: int = 0) -> tuple[float, float, float]:
-    """Return a sensor position 1.3 m high, randomly displaced by up to 5 cm."""
+    """Return a sensor position in a room, 1.3 m high, randomly displaced by up to 5 cm."""
     spec = room_spec(name, seed)
     x, y = np.array(spec.origin) + generator(seed, "origin", name).uniform(-0.05, 0.05, 2)
     return (float(x), float(y), SENSOR_HEIGHT)
 
 
 def room_box(name: str, seed: int = 0) -> Floats:
-    """Return the room's bounding box (2, 3), without recesses."""
+    """Return the room's bounding box (2, 3), m, without recesses."""
     spec = room_spec(name, seed)
     outline = np.array(spec.outline)
     return np.array([[*outline.min(axis=0), 0.0], [*outline.max(axis=0), spec.height]])

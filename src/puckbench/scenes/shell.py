@@ -23,7 +23,7 @@ class Opening:
     Parameters
     ----------
     wall
-        Index of the outline's edge.
+        Index of the edge of the room's outline.
     at
         Centre, as a share of the wall's length from the end of the edge.
     sill
@@ -48,7 +48,7 @@ def window(
 
 
 def wall_frame(outline: Floats, wall: int) -> tuple[Floats, float]:
-    """Return pose (4, 4) and length of a wall.
+    """Return the pose (4, 4) and the length of wall number `wall` of an outline (n, 2).
 
     The pose has x along the wall, y outwards, and its origin at the edge's end.
     """
@@ -63,7 +63,7 @@ def wall_frame(outline: Floats, wall: int) -> tuple[Floats, float]:
 
 
 def shell(cad: Modeller, outline: Floats, height: float, openings: tuple[Opening, ...]) -> Item:
-    """Return floor, ceiling and walls of a room, facing inwards."""
+    """Make the floor, ceiling and walls of a room, facing inwards."""
     ground = outlines.polygon(*[(float(x), float(y)) for x, y in outline])
     item = [Piece("floor", "floor", flat(ground))]
     item.append(Piece("ceiling", "ceiling", flat(ground).flipped().at(z=height)))

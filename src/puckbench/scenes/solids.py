@@ -53,7 +53,7 @@ def extrude(outline: Outline, height: float, holes: Sequence[Outline] = ()) -> S
 
 
 def revolve(profile: Outline, steps: int, degrees: float = 360.0) -> Surface:
-    """Revolve a profile of (r, z) points, with the outside on its right, about z.
+    """Revolve a profile of (r, z) points, which has the solid on its left, about z.
 
     A closed body starts on the axis below and ends on the axis above. Lines give planes, cylinders
     and cones, arcs spheres and tori; curves are freeform.
@@ -87,7 +87,7 @@ def torus(major: float, minor: float, steps: int, around: int) -> Surface:
 def superquadric(
     sizes: tuple[float, float, float], exponents: tuple[float, float], steps: int
 ) -> Surface:
-    """Make a superellipsoid with half axes `sizes`, which are a, b and c in its equation:
+    """Make a superellipsoid with half axes a, b, c (`sizes`) and exponents e1, e2 in its equation:
 
     |z/c|^(2/e1) + (|x/a|^(2/e2) + |y/b|^(2/e2))^(e2/e1) = 1; exponents (1, 1) give an ellipsoid,
     smaller ones a rounded box.
@@ -105,9 +105,9 @@ def superquadric(
 
 
 def tube(path: Floats, radius: float | Floats, steps: int, *, closed: bool = False) -> Surface:
-    """Sweep a circle along a path (n, 3); its radius is constant or differs between the points.
+    """Sweep a circle along a path (n, 3), with one radius for all points or one for each.
 
-    The result is freeform with flat ends.
+    The result is a freeform surface with flat ends, or without ends if `closed`.
     """
     sections = _rings(path, np.broadcast_to(radius, len(path)), steps, closed)
     if closed:
@@ -116,8 +116,9 @@ def tube(path: Floats, radius: float | Floats, steps: int, *, closed: bool = Fal
 
 
 def loft(sections: Floats) -> Surface:
-    """Connect closed sections (k, n, 3), counter-clockwise seen against the path's direction,
-    and close both ends.
+    """Connect successive closed sections (k, n, 3) by a surface, and close both ends.
+
+    Seen against the direction of the path, sections are counter-clockwise.
     """
     skin = grid(sections.swapaxes(0, 1), closed=(True, False))
     return join([skin, _fan(sections[0]).flipped(), _fan(sections[-1])])
@@ -158,7 +159,7 @@ def _power(values: Floats, exponent: float) -> Floats:
 
 
 def _side(segment: Segment, height: float) -> Surface:
-    """Extrude a segment upwards to a wall that faces the right of the segment's direction."""
+    """Extrude a segment upwards; the surface faces the right of the segment's direction."""
     bottom = np.column_stack([segment.points, np.zeros(len(segment.points))])
     points = np.stack([bottom, bottom + np.array([0.0, 0.0, height])], axis=1)
     if segment.kind == "arc":
@@ -180,7 +181,7 @@ def _turned(segment: Segment, angles: Floats, closed: bool) -> Surface:
 
 
 def _turned_shape(segment: Segment) -> tuple[Shape, Floats]:
-    """Return the primitive that revolving a segment of a profile generates, and its frame."""
+    """Return the kind of surface that revolving a segment of a profile makes, and its frame."""
     (r0, z0), (r1, z1) = segment.points[[0, -1]]
     frame = np.eye(4)
     if segment.kind == "arc":
@@ -243,7 +244,10 @@ def _cap(centre: Floats, axis: Floats, radius: float, steps: int, first: bool) -
 def _elbow(
     corner: Floats, radius: float, bend: float, steps: int
 ) -> tuple[Surface, Floats, Floats]:
-    """Return a torus section that rounds a corner (3, 3), with its start and end."""
+    """Return a torus section that rounds a pipe's corner, and the points where it starts and ends.
+
+    `corner` (3, 3) is the point before, the corner and the point after.
+    """
     before, at, after = corner
     towards = (before - at) / np.linalg.norm(before - at)
     onwards = (after - at) / np.linalg.norm(after - at)

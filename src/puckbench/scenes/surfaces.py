@@ -1,4 +1,4 @@
-"""Triangulated surfaces with the geometric primitive of each triangle."""
+"""Triangulated surfaces that keep the geometric primitive of each triangle."""
 
 from __future__ import annotations
 
@@ -14,10 +14,11 @@ from puckbench.geometry.mesh import Primitive
 
 @dataclass(frozen=True)
 class Shape:
-    """A primitive in a normalised position: plane z = 0, axis z, centre or apex at the origin.
+    """A geometric primitive in a normalised pose: plane z = 0, axis z, centre or apex at the
+    origin.
 
     `kind` is that of `puckbench.geometry.mesh.Primitive`. ``lengths`` (radii, half axes) scale with
-    the frame of the surface, ``ratios`` (angles, exponents) do not.
+    the pose of the primitive, ``ratios`` (angles, exponents) do not.
     """
 
     kind: str
@@ -55,7 +56,7 @@ class Surface:
         return join([self, other])
 
     def transformed(self, pose: Floats) -> Surface:
-        """Apply a similarity (4, 4); after a reflection normals still point outwards."""
+        """Apply a similarity transform (4, 4); after a reflection normals still point outwards."""
         flip = float(np.linalg.det(pose[:3, :3])) < 0
         return replace(
             self,
@@ -75,8 +76,10 @@ class Surface:
         roll: float = 0.0,
         scale: float = 1.0,
     ) -> Surface:
-        """Return the surface scaled, then rotated about y (`roll`), x (`tilt`) and z (`turn`),
-        in degrees, and then translated.
+        """Scale the surface, rotate it about y (`roll`), x (`tilt`) and z (`turn`), and translate
+        it.
+
+        Angles are in degrees.
         """
         return self.transformed(pose(x, y, z, turn=turn, tilt=tilt, roll=roll, scale=scale))
 
@@ -85,7 +88,7 @@ class Surface:
         return [self.at(a * x, b * y, z) for a in (-1, 1) for b in (-1, 1)]
 
     def mirrored(self, axis: int = 0) -> Surface:
-        """Reflect the surface in the plane through the origin whose normal is an axis."""
+        """Reflect the surface in the plane x = 0, y = 0 or z = 0 (`axis` 0, 1, 2)."""
         mirror = np.eye(4)
         mirror[axis, axis] = -1.0
         return self.transformed(mirror)
@@ -138,7 +141,9 @@ def pose(
     roll: float = 0.0,
     scale: float = 1.0,
 ) -> Floats:
-    """Return the matrix (4, 4) that scales, rolls, tilts, turns and translates, in this order."""
+    """Return the matrix (4, 4) that scales, then rotates about y (`roll`), x (`tilt`) and z
+    (`turn`), in degrees, and then translates.
+    """
     matrix = np.eye(4)
     matrix[:3, :3] = scale * rotation(2, turn) @ rotation(0, tilt) @ rotation(1, roll)
     matrix[:3, 3] = x, y, z
@@ -168,9 +173,7 @@ def frame_along(axis: Floats, origin: Floats) -> Floats:
 def one_shape(
     vertices: Floats, triangles: Ints, shape: Shape, frame: Floats | None = None
 ) -> Surface:
-    """Make a surface whose triangles all belong to one primitive; triangles of zero area are
-    removed.
-    """
+    """Make a surface whose triangles all lie on one primitive; triangles of zero area are removed."""
     a, b, c = vertices[triangles].swapaxes(0, 1)
     size = np.linalg.norm(np.cross(b - a, c - a), axis=1)
     valid = triangles[size > 1e-12]
@@ -196,10 +199,10 @@ def grid(
     *,
     closed: tuple[bool, bool] = (False, False),
 ) -> Surface:
-    """Make a surface through a grid of points (m, n, 3); its normals are the cross products of
-    the row and column directions.
+    """Make a surface through a grid of points (m, n, 3).
 
-    `closed` connects the last row (column) to the first.
+    Its normals are the cross products of the row and column directions. `closed` connects the last
+    row (column) to the first.
     """
     rows, columns, _ = points.shape
     index = np.arange(rows * columns).reshape(rows, columns)
@@ -212,7 +215,7 @@ def grid(
 
 
 def primitive(shape: Shape, frame: Floats) -> Primitive:
-    """Return the primitive that a shape becomes in its frame (4, 4)."""
+    """Transform a normalised shape by a frame (4, 4) to a primitive."""
     scale = float(np.cbrt(abs(np.linalg.det(frame[:3, :3]))))
     axes = frame[:3, :3] / scale
     return Primitive(shape.kind, _PARAMETERS[shape.kind](shape, frame[:3, 3], axes, scale))

@@ -1,1 +1,1 @@
-"""Furniture: each function makes an item that stands on z = 0, with its front towards -y."""
+"""Models of furniture; each function makes an item on z = 0, with its front towards -y."""

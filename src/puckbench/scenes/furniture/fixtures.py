@@ -1,4 +1,4 @@
-"""Fixtures of walls and ceilings.
+"""Models of fixtures on walls and ceilings.
 
 Wall fixtures have their back at y = 0 and the floor at z = 0; ceiling fixtures hang from z = 0.
 """

@@ -1,4 +1,4 @@
-"""Small objects on tables, shelves and floors."""
+"""Models of small objects on tables, shelves and floors."""
 
 from __future__ import annotations
 

@@ -48,7 +48,7 @@ def desk(cad: Modeller) -> Item:
 def scattered(
     cad: Modeller, makers: Sequence[Maker], spots: Sequence[tuple[float, float]], height: float
 ) -> Item:
-    """Place random small objects on most of the positions (x, y) at a height."""
+    """Place random small objects at most of the positions `spots` (x, y), at a height."""
     item: Item = []
     for x, y in spots:
         if cad.chance(0.8):
@@ -108,9 +108,7 @@ def meeting_table(cad: Modeller, length: float = 2.4, width: float = 1.1) -> Ite
 
 
 def _boat(length: float, width: float, steps: int) -> outlines.Outline:
-    """Return the outline of a boat-shaped table top: its ends are straight and its long sides
-    are arcs.
-    """
+    """Return the outline of a table top whose ends are straight and whose long sides are arcs."""
     x, end, sag = length / 2, width * 0.36, width * 0.14
     radius = (x**2 + sag**2) / (2 * sag)
     half = float(np.degrees(np.arcsin(x / radius)))

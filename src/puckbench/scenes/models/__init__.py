@@ -1,3 +1,1 @@
-"""Parametric objects: each class has a function that makes the object with a given member
-number.
-"""
+"""Parametric models of objects; the function of each class makes its member with a number."""

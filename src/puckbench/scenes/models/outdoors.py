@@ -196,7 +196,6 @@ def _with_arches(
     radius: float,
     steps: int,
 ) -> outlines.Outline:
-    """Return the side view of a car body, a rounded polygon with wheel arches."""
     low = side[0][1]
     half = float(np.sqrt(radius**2 - (low - 0.33) ** 2))
     start = float(np.degrees(np.arctan2(low - 0.33, -half)))
@@ -224,9 +223,7 @@ def _point(values: Floats) -> outlines.Point:
 
 
 def _tapered(outline: outlines.Outline, low: float, high: float) -> Surface:
-    """Make a cabin from its side view; its width changes linearly from `low` at the bottom to
-    `high` at the roof.
-    """
+    """Extrude the side view of a car's cabin; its width decreases linearly from `low` to `high`."""
     points = outlines.loop(outline)
     foot, roof = points[:, 1].min(), points[:, 1].max()
     half = (low + (high - low) * (points[:, 1] - foot) / (roof - foot)) / 2
@@ -264,7 +261,7 @@ def _conifer(cad: Modeller) -> list[Surface]:
 def _grow(
     cad: Modeller, start: Floats, heading: Floats, length: float, thick: float, depth: int
 ) -> tuple[list[Surface], list[Floats]]:
-    """Return branches and their tips; each branch bends and splits into two or three."""
+    """Return the branches of a tree and their tips; each branch splits into two or three."""
     middle = start + heading * length * 0.5 + cad.rng.normal(0, 0.05 * length, 3)
     end = start + heading * length
     path = cad.smooth([start.tolist(), middle.tolist(), end.tolist()], 4)

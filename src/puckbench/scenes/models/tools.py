@@ -74,7 +74,6 @@ def _mallet(cad: Modeller) -> Surface:
 
 
 def _right_half(outline: Outline) -> Outline:
-    """Return the part of a profile with r > 0, closed along the axis."""
     points = outlines.loop(outline)
     low, high = float(points[:, 1].min()), float(points[:, 1].max())
     segments = [

@@ -55,7 +55,6 @@ def _crowned(length: float) -> Surface:
 
 
 def _hip(length: float) -> Surface:
-    """Make the end of the road at x > 0, where the cambered surface slopes down to the gutter."""
     x = length / 2 - _CORNER
     return _facet((x, -ROAD, 0.0), (x, ROAD, 0.0), (x - _HIP, 0.0, CROWN))
 
@@ -99,7 +98,6 @@ def _far(length: float) -> list[tuple[str, str, Surface]]:
 
 
 def _edge(length: float, inset: float, end: float, steps: int) -> Outline:
-    """Return the edge of a block of houses up to y = end, offset inwards by `inset`."""
     x, inner, y = length / 2 - inset, length / 2 - _CORNER, ROAD + _CORNER
     return (
         *outlines.line((-x, end), (-x, y)),

@@ -1,4 +1,4 @@
-"""Houses on z = 0, centred in x, with the facade at y = 0 facing -y."""
+"""Models of houses on z = 0, centred in x, with the facade at y = 0 facing -y."""
 
 from __future__ import annotations
 
@@ -143,7 +143,7 @@ def _door(cad: Modeller, opening: _Opening) -> tuple[Surface, Surface]:
 
 
 def _walls(cad: Modeller, facade: _Facade, depth: float) -> Surface:
-    """Make side and back walls, and a flat, eaves-fronted or gable-fronted roof."""
+    """Make side walls, back wall and a roof, which is flat, eaves-fronted or gable-fronted."""
     x, z, rise = facade.width / 2, facade.height, cad.between(0.25, 0.42)
     roof = cad.pick(("flat", "along", "along", "across"))
     if roof == "across" and facade.width < 12:

@@ -1,4 +1,4 @@
-"""Layout of a street: rows of houses, plants, street furniture, parked cars and a free lane."""
+"""Layout of a street: rows of houses, plants, street furniture, parked cars, and a free lane."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def street_origin() -> tuple[float, float, float]:
 
 
 def free_way(length: float) -> tuple[float, float]:
-    """Return the range of x in which a sensor can travel, at least 1 m from any object."""
+    """Return the interval of x, m, on which a sensor is at least 1 m from any object."""
     return (-length / 2, length / 2)
 
 
@@ -89,7 +89,10 @@ class _Street:
 
 @dataclass(frozen=True)
 class _Lot:
-    """A building lot or a green; its centre, its width and the gap before it are in metres."""
+    """A building lot, or a green without a house; lengths are in metres.
+
+    `middle` is the centre along the street, and `gap` the distance to the lot before.
+    """
 
     middle: float
     width: float
@@ -112,7 +115,7 @@ def _lots(cad: Modeller, start: float, end: float) -> Iterator[_Lot]:
 
 
 def _sides() -> tuple[tuple[str, Floats], ...]:
-    """Return each side's name and frame, which has x along the street and y away from it."""
+    """Return name and frame (4, 4) of both sides; x is along the street, y away from it."""
     return (("left", np.eye(4)), ("right", pose(turn=180)))
 
 
@@ -181,7 +184,7 @@ def _border(cad: Modeller) -> Callable[[Modeller, float], Item]:
 
 
 def _ends(street: _Street) -> None:
-    """Place houses across the end at x > 0, and a low wall and trees at the other end."""
+    """Place houses across the street's end at x > 0, and a wall and trees at the other end."""
     cad, away = street.cad("ends"), street.length / 2 + CROSS_STREET + END_PAVEMENT
     ahead, behind = pose(turn=-90), pose(turn=90)
     for lot in _lots(cad, 1.0 - HALF_WIDTH, HALF_WIDTH - 1.0):
@@ -216,7 +219,7 @@ def _street_furniture(street: _Street) -> None:
 def _scatter(
     street: _Street, cad: Modeller, frame: Floats, maker: Maker, per_200_m: int, y: float
 ) -> None:
-    """Place items at random free positions along a side, at most `per_200_m` for every 200 m."""
+    """Place items at random free positions along a side, at most `per_200_m` per 200 m of it."""
     end = street.length / 2 - 8.0
     for _ in range(max(1, round(per_200_m * street.length / 200.0))):
         street.put(maker(cad), frame @ pose(cad.between(-end, end), y, PAVEMENT_Z))

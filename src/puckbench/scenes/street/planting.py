@@ -1,4 +1,4 @@
-"""Trees, bushes and hedges with foliage of small random pieces."""
+"""Models of trees, bushes and hedges with foliage of small random pieces."""
 
 from __future__ import annotations
 
@@ -53,10 +53,9 @@ def hedge(cad: Modeller, length: float) -> Item:
 
 
 def foliage(cad: Modeller, middles: Floats, radii: Floats, count: int, size: float) -> Surface:
-    """Return `count` leaves in k ellipsoids.
+    """Make `count` leaves in k ellipsoids with centres `middles` and half axes `radii` (k, 3), m.
 
-    They are shared among the ellipsoids by volume and are denser near the ellipsoids' surfaces.
-    `middles` and `radii` are centres and half axes (k, 3), in metres.
+    They are shared among the ellipsoids by volume, and denser near the ellipsoids' surfaces.
     """
     volumes = radii.prod(axis=1)
     ellipsoid = cad.rng.choice(len(radii), count, p=volumes / volumes.sum())
