@@ -26,7 +26,7 @@ AXES_BITS = np.array(
 
 @inlined
 def first_child_code(morton: int, axes: int) -> int:
-    """Return the code of a node's first child, on an octree level that splits `axes` (a bit mask)."""
+    """Return the code of a node's first child, on an octree level that splits `axes` (bit mask)."""
     if axes == 7:
         return morton << 3
     split: int = AXES_BITS[axes]
@@ -55,7 +55,7 @@ def compact_bits(bits: int) -> int:
 
 @inlined
 def spread_bits(bits: int) -> int:
-    """Move adjacent bits to every third bit, starting with the lowest; inverse of `compact_bits`."""
+    """Move adjacent bits to every third bit, starting with the lowest (see `compact_bits`)."""
     bits = (bits | bits << 32) & 0x001F00000000FFFF
     bits = (bits | bits << 16) & 0x001F0000FF0000FF
     bits = (bits | bits << 8) & 0x100F00F00F00F00F

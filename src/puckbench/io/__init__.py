@@ -1,1 +1,1 @@
-"""File formats of clouds, meshes, recordings and tables."""
+"""Readers and writers of file formats for clouds, meshes, recordings and tables."""

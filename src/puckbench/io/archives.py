@@ -20,7 +20,7 @@ _REGULAR_FILE = 0o100644 << 16
 
 
 def write_archive(path: Path, members: Mapping[str, bytes]) -> None:
-    """Write members in order; the bytes depend only on the members."""
+    """Write members by name, in order; equal members give equal bytes."""
     with written_whole(path) as temporary, zipfile.ZipFile(temporary, "w") as archive:
         for name, data in members.items():
             member = zipfile.ZipInfo(name, _EPOCH)
@@ -29,7 +29,7 @@ def write_archive(path: Path, members: Mapping[str, bytes]) -> None:
 
 
 def read_archive(path: Path) -> dict[str, bytes]:
-    """Read the members by name; raise InputError if any is compressed."""
+    """Read all members by name; raise InputError if any is compressed."""
     data = read_bytes(path)
     with naming(path), reading("archive", *_DAMAGE), zipfile.ZipFile(BytesIO(data)) as archive:
         members = archive.infolist()

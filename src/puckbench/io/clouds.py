@@ -1,4 +1,4 @@
-"""Point cloud files: read all formats in `SUFFIXES`, write binary PLY with a description."""
+"""Point cloud files: readers for all formats in `SUFFIXES`, and a writer of binary PLY."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ _PLY_COLUMNS = {
 
 
 def cloud_bytes(cloud: PointCloud) -> bytes:
-    """Return a cloud as the bytes of a PLY file, without its description."""
+    """Return a cloud as the bytes of a PLY file, without the description `about`."""
     with TemporaryDirectory() as folder:
         path = Path(folder, "cloud.ply")
         write_cloud(path, cloud, describe=False)
@@ -61,7 +61,7 @@ def read_archived_cloud(archive: Path, name: str) -> PointCloud:
 
 
 def write_cloud(path: Path, cloud: PointCloud, describe: bool = True) -> None:
-    """Write a cloud as binary PLY with float64 coordinates, and its description.
+    """Write a cloud as binary PLY with float64 coordinates, and its description as JSON beside it.
 
     Both files appear only when both are complete.
     """
@@ -86,7 +86,7 @@ def read_cloud(
     drop_invalid: bool = False,
     bin_columns: str | None = None,
 ) -> PointCloud:
-    """Read a point cloud in any format in `SUFFIXES`, with the description beside a PLY file.
+    """Read a point cloud in any format in `SUFFIXES`, and the description (JSON) beside a PLY.
 
     Missing returns (`puckbench.geometry.missing_returns`) are removed and counted in the
     description.
@@ -129,7 +129,10 @@ def read_unchecked_cloud(
     bin_columns: str | None = None,
     convert: bool = True,
 ) -> PointCloud:
-    """Read a cloud without checks; with `convert`, LAS coordinates are converted to metres."""
+    """Read a cloud as `read_cloud` does, which may be empty or have points that are not finite.
+
+    With `convert`, LAS coordinates are converted to metres.
+    """
     columns = _read_columns(path, bin_columns, convert)
     with naming(path):
         cloud = cloud_from_columns(columns)

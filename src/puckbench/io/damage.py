@@ -1,4 +1,4 @@
-"""Conversion of exceptions in parsers to one-line messages."""
+"""Conversion of the exceptions of file parsers to one-line messages."""
 
 from __future__ import annotations
 
@@ -14,7 +14,10 @@ _NEEDS_NAME = (AssertionError, AttributeError, LookupError, TypeError)
 
 @contextmanager
 def reading(kind: str, *errors: type[Exception]) -> Iterator[None]:
-    """Convert exceptions of the listed types, raised in the `with` block, to an InputError."""
+    """Convert exceptions of the types `errors`, raised in the `with` block, to an InputError.
+
+    `kind` names the file format in the message ("LAS file").
+    """
     try:
         yield
     except errors as error:

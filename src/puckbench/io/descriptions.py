@@ -27,10 +27,10 @@ def write_description(path: Path, kind: Kind, about: Mapping[str, Any]) -> None:
 
 
 def read_description(path: Path, counts: Mapping[str, int] | None = None) -> dict[str, Any] | None:
-    """Read the description beside a file, or return None.
+    """Read the description (JSON) beside a file, or return None.
 
-    A JSON file of another program, or with other `counts` (such as ``points``), is ignored with a
-    warning.
+    A JSON file of another program, or whose counts (such as ``points``) differ from `counts`, is
+    ignored with a warning.
     """
     beside = sidecar(path)
     if beside == path or not beside.exists():

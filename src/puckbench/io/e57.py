@@ -27,7 +27,7 @@ _MAX_LIST_LENGTH = 120
 def read_e57(path: Path) -> Columns:
     """Read the points of all scans, transformed by the scans' poses into one frame.
 
-    Invalid points are NaN; the column ``scan`` numbers several scans.
+    Invalid points are NaN. If there are several scans, the column ``scan`` has their numbers.
     """
     return parse_isolated(parse_e57, path, "E57 file").columns
 

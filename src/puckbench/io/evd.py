@@ -1,4 +1,4 @@
-"""EVD files of BlenSor: blocks of returns, ended by a block with the count -1."""
+"""EVD files of the simulator BlenSor: blocks of returns, then a block with the count -1."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _WHITE = 255.0
 
 
 def write_evd(path: Path, table: ReturnTable) -> None:
-    """Write returns as one block; a row has 11 numbers, a white colour, and an object or 0."""
+    """Write a table of returns as one block: for each return 11 numbers, white, and its object."""
     rows = np.empty(len(table), dtype=_ROW)
     for place, name in enumerate(_NUMBERS):
         rows["numbers"][:, place] = table[name]

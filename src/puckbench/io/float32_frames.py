@@ -1,7 +1,7 @@
 """LiDAR frames as float32 values without a header (.bin), as in KITTI and nuScenes.
 
-The number of values per point is not stored. It is estimated as the lag at which values differ
-least, because values in a column are similar.
+The number of values per point is not stored. It is estimated as the lag (distance between values in
+the file) at which values differ least, because values in a column are similar.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ def detect_column_count(values: NDArray[Any]) -> int | None:
 
 
 def check_column_count(path: Path, data: bytes, count: int) -> None:
-    """Raise InputError if the values suggest a number of columns other than `count`."""
+    """Raise InputError if float32 values (`data`) suggest a number of columns that is not `count`."""
     detected = detect_column_count(np.frombuffer(data[: len(data) // 4 * 4], dtype="<f4"))
     if detected not in (None, count):
         raise InputError(f"{path}: its points have {detected} values each, not {count}")
@@ -97,10 +97,7 @@ def _detected_layout(data: bytes, path: Path) -> tuple[str, ...]:
 
 
 def _candidate_counts(values: Rows, size: int) -> list[int]:
-    """Return the numbers of columns for which the values are likely.
-
-    If there are none, return those for which the values are possible, otherwise a single number.
-    """
+    """Return the numbers of columns that are likely, else the possible ones, else one number."""
     rows = {count: values.reshape(-1, count) for count in _LAYOUTS if size % (4 * count) == 0}
     possible = [count for count in rows if _are_coordinates(rows[count])]
     likely = [count for count in possible if _is_likely(rows[count])]

@@ -1,4 +1,4 @@
-"""Run parsers of other packages in a worker process with limits on memory and time.
+"""A worker process, with limits on memory and time, for file parsers of other packages.
 
 A damaged file may crash a parser or make it fill the memory. The worker is replaced after a crash
 or timeout, and returns no pickled objects. On macOS only the time is limited.

@@ -1,7 +1,7 @@
 """LAS and LAZ files (ASPRS), read and written by laspy and lazrs.
 
-Written files contain the laser as user data, the frame as point source id, and the timestamp as GPS
-time.
+Written files contain the laser number as user data, the frame as point source id, and the timestamp
+as GPS time.
 """
 
 from __future__ import annotations
@@ -55,14 +55,14 @@ def write_las(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
 
 
 def read_las(path: Path) -> dict[str, NDArray[Any]]:
-    """Read the columns that `write_las` writes, in metres."""
+    """Read the columns of a file that `write_las` wrote, in metres."""
     columns = parse_isolated(parse_las, path, "LAS file").columns
     names = {**{axis: axis for axis in _AXES}, **_COLUMN_NAMES}
     return {names[name]: part for name, part in columns.items() if name in names}
 
 
 def read_las_points(path: Path, convert: bool = True) -> dict[str, NDArray[Any]]:
-    """Read ``x``, ``y``, ``z`` and all dimensions that are not 0 everywhere.
+    """Read the columns ``x``, ``y``, ``z``, and all other dimensions that are not 0 everywhere.
 
     With `convert`, coordinates are converted to metres by the file's reference system. Raises
     InputError if they are in degrees.

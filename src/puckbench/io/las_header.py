@@ -1,4 +1,4 @@
-"""Comparison of LAS and LAZ headers (ASPRS LAS 1.0 to 1.5) with the size of the file."""
+"""Checks that the headers of LAS and LAZ files (ASPRS LAS 1.0 to 1.5) agree with the file size."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _MAX_COMPRESSION = 1000
 
 @dataclass(frozen=True)
 class _Header:
-    """Offsets and sizes of a file's parts in bytes; the offset of absent parts is 0."""
+    """Offsets and sizes of a file's parts in bytes; an absent part has the offset 0."""
 
     length: int
     begin: int

@@ -19,7 +19,7 @@ _DOUBLES = 34736
 
 @dataclass(frozen=True)
 class Units:
-    """Units of x, y (horizontal) and z in metres, None if unknown; x and y may be in degrees."""
+    """Metres per unit of x and y, and of z, None if unknown; x and y may be in degrees."""
 
     horizontal: float | None = None
     vertical: float | None = None
@@ -76,7 +76,7 @@ def _with_keys(units: Units, short: dict[int, int], doubles: dict[int, float]) -
 
 
 def _unit(code: int | None, size: float | None = None) -> float | None:
-    """Return a unit's length in metres by its EPSG code; `size` is that of a user-defined unit."""
+    """Return the length of a unit with an EPSG code, m; `size` is that of a user-defined unit."""
     from pyproj.database import get_units_map
 
     if code == _USER_DEFINED:
@@ -86,7 +86,7 @@ def _unit(code: int | None, size: float | None = None) -> float | None:
 
 
 def _metres(factor: float) -> float | None:
-    """Return a unit's length, with the exact value for a rounded foot; None if impossible."""
+    """Return a unit's length, m, exact if it is near a foot or metre; None if it is impossible."""
     if not 0 < factor < math.inf:
         return None
     exact = (METRE, FOOT, US_SURVEY_FOOT)

@@ -46,8 +46,7 @@ _log = logging.getLogger(__name__)
 
 
 def read_npy(path: Path) -> Columns:
-    """Read points from an array (n, 3 or more), an array with named fields, or an archive of
-    arrays.
+    """Read points from a NumPy array (n, 3 or more), with or without named fields, or an archive.
 
     A floating-point array (rows, columns, 3 or more) is a range image, whose pixels are points.
     """
@@ -95,7 +94,7 @@ def _array_columns(array: NDArray[Any]) -> Columns:
 
 
 def _named_columns(name: str, values: NDArray[Any]) -> Columns:
-    """Split an array (n, ...) into columns: normals (n, 3) become nx, ny, nz."""
+    """Split an array (n, ...) into named columns, such as normals (n, 3) into nx, ny, nz."""
     flat = values.reshape(len(values), prod(values.shape[1:]))
     names = _COLUMN_NAMES.get(name.lower(), ())
     if flat.shape[1] == len(names):

@@ -11,7 +11,7 @@ _VALUE_BYTES = 8
 
 
 def check_parquet_memory(path: Path) -> None:
-    """Raise InputError if a file's values exceed the memory of `parser_limits`.
+    """Raise InputError if the decoded values exceed the memory of `isolated.parser_limits`.
 
     A small file can contain a huge number of equal values.
     """
@@ -30,7 +30,7 @@ def check_parquet_memory(path: Path) -> None:
 
 
 def parquet_metadata(path: Path) -> dict[bytes, bytes]:
-    """Return the metadata in a Parquet file's schema; nothing for files in other formats."""
+    """Return the metadata of a Parquet file's schema, an empty mapping for other formats."""
     from pyarrow import ArrowException, parquet
 
     try:

@@ -1,7 +1,7 @@
 """PCD files of the Point Cloud Library.
 
-This module parses files itself, because pypcd4 accepts truncated files, and runs out of memory on
-damaged headers.
+This module parses files itself, because the package pypcd4 accepts truncated files, and runs out of
+memory on damaged headers.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ _ROW = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("label", "<u4"), ("t
 
 
 def write_pcd(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
-    """Write x, y, z in single precision, laser (as PCL's ``label``) and timestamp."""
+    """Write x, y, z (single precision), the laser number as PCL's ``label``, and the timestamp."""
     rows = np.empty(len(columns["x"]), dtype=_ROW)
     for name in _ROW.names or ():
         rows[name] = columns["laser_id" if name == "label" else name]

@@ -40,9 +40,9 @@ class _Element:
 
 @dataclass(frozen=True)
 class _Header:
-    """A header of `size` bytes; `lines` are without comments.
+    """A header of `size` bytes; `lines` are its bytes without comments.
 
-    ``is_plain``: plyfile can read the header unchanged. ``is_text``: the data are ASCII.
+    ``is_plain``: the package plyfile can read the header. ``is_text``: the data are ASCII.
     """
 
     size: int
@@ -136,7 +136,7 @@ def has_faces(path: Path) -> bool:
 
 
 def read_ply(path: Path) -> dict[str, NDArray[Any]]:
-    """Read the scalar properties (n,) of the vertices by name."""
+    """Read the scalar properties of the vertices as columns (n,) by name."""
     elements = read_elements(path)
     if "vertex" not in elements:
         raise InputError(f"{path}: not a readable PLY file (no vertices)")
@@ -155,7 +155,7 @@ def write_ply(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
 
 
 def write_vertices(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
-    """Write as `write_ply`, but not atomically."""
+    """Write a file as `write_ply` does, but not atomically."""
     from plyfile import PlyData, PlyElement
 
     kinds = [(name, part.dtype) for name, part in columns.items()]

@@ -75,7 +75,7 @@ def cloud_from_columns(columns: Mapping[str, NDArray[Any]]) -> PointCloud:
 
 
 def default_columns(rows: NDArray[Any]) -> Columns:
-    """Name the columns of an array (n, 3 or more) by convention.
+    """Name the columns of an array (n, 3 or more) that has no column names, by convention.
 
     Of four columns, the last is the intensity. Of six, the last three are colours if they are
     integers from 0 to 255, else normals. Of seven, four are intensity and colours in either order.
@@ -97,7 +97,7 @@ def default_columns(rows: NDArray[Any]) -> Columns:
 
 
 def ply_columns(fields: Mapping[str, NDArray[Any]]) -> Columns:
-    """Convert numeric fields without loss to types and names of PLY.
+    """Convert numeric fields without loss to the types and names that PLY permits.
 
     64-bit integers are stored in the smallest sufficient type, or split in two.
     """
@@ -144,7 +144,7 @@ def has_coordinates(names: Iterable[str]) -> bool:
 
 
 def coarse_step(columns: Mapping[str, NDArray[Any]]) -> float | None:
-    """Return the spacing of float32 coordinates if it is coarse compared with the extent."""
+    """Return the spacing of float32 coordinates if it is coarse for the cloud's size, else None."""
     parts = [columns[name] for name in _first_triple(columns, _XYZ)]
     if not parts or any(_native(part).dtype != np.float32 or not len(part) for part in parts):
         return None
@@ -188,7 +188,7 @@ def _pop_packed_colours(columns: Columns) -> NDArray[np.uint8] | None:
 
 
 def _eight_bits(colours: NDArray[Any]) -> tuple[NDArray[np.uint8], bool]:
-    """Return colours (n, 3) as integers from 0 to 255, and whether the conversion is exact."""
+    """Convert colours (n, 3) to integers from 0 to 255; also return whether this is exact."""
     if colours.dtype.kind == "f":
         high = np.nan_to_num(colours).max(initial=0)
         scaled = np.clip(np.nan_to_num(colours * (_MAX_COLOUR if high <= 1 else 1)), 0, _MAX_COLOUR)

@@ -32,7 +32,7 @@ class TableSchema:
 
 @dataclass(frozen=True)
 class ReturnTable:
-    """Columns (n,) by name, and a description of the returns."""
+    """Table of LiDAR returns: columns (n,) by name, and a dictionary that describes them."""
 
     schema: ClassVar[TableSchema]
 
@@ -51,7 +51,7 @@ class ReturnTable:
         return self.vectors("x", "y", "z")
 
     def vectors(self, *names: str) -> Floats:
-        """Return columns as an array (n, number of names)."""
+        """Return the columns with these names as one array (n, number of names)."""
         return np.column_stack([self.columns[name] for name in names])
 
     def select(self, rows: NDArray[Any]) -> Self:
@@ -74,9 +74,9 @@ def write_return_table(path: Path, table: ReturnTable) -> None:
 
 
 def write_portions(path: Path, portions: Iterator[ReturnTable]) -> int:
-    """Write a table in portions, each as a row group; return the number of rows.
+    """Write tables as one Parquet file, each as a row group; return the number of rows.
 
-    The file gets the description of the first portion.
+    The file gets the description of the first table.
     """
     from pyarrow import parquet
 

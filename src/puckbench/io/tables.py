@@ -1,4 +1,4 @@
-"""CSV and Parquet tables of results."""
+"""Reader of tables of results (CSV and Parquet)."""
 
 from __future__ import annotations
 

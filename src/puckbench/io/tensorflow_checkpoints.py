@@ -54,7 +54,7 @@ def _rows(table: bytes) -> Iterator[tuple[bytes, bytes]]:
 
 
 def _block(table: bytes, start: int, size: int) -> Iterator[tuple[bytes, bytes]]:
-    """Yield keys and values in a block, which omits a key's common prefix with the previous key."""
+    """Yield the keys and values of a block, in which keys omit prefixes of the key before."""
     if table[start + size] != 0:
         raise ValueError("compressed")
     block = table[start : start + size]

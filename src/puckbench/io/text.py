@@ -65,7 +65,7 @@ def read_csv(path: Path) -> Columns:
 
 
 def write_csv(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
-    """Write columns below their names, with the fewest digits that preserve each value."""
+    """Write columns with their names above, with the fewest digits that preserve each value."""
     import pyarrow as pa
     from pyarrow import csv
 
@@ -143,7 +143,7 @@ def _separator(line: str) -> str:
 
 
 def _is_one_value(words: Sequence[str]) -> bool:
-    """Whether words between two tabs form one value: a number, or text without numbers."""
+    """Return whether words between two tabs form one value: a number, or text without numbers."""
     return len(words) == 1 or (bool(words) and not any(map(_NUMBER.fullmatch, words)))
 
 
@@ -189,7 +189,7 @@ def _has_names(comment: str) -> bool:
 
 
 def _matching_names(line: str, separator: str, columns: Sequence[NDArray[Any]]) -> list[str]:
-    """Return the names in a line if they suffice for all `columns` that are not empty."""
+    """Return the column names in a line; there may be fewer than columns if the rest is empty."""
     splits = [_split(line, each) for each in (separator, *_SEPARATORS)]
     matching = [
         names
@@ -222,7 +222,7 @@ def _with_default_names(
 
 
 def _without_pandas_header(columns: list[NDArray[Any]]) -> list[NDArray[Any]]:
-    """Remove the column numbers and the index that pandas adds."""
+    """Remove the row of column numbers and the index column that pandas adds."""
     first = [float(each[0]) for each in columns]
     has_index = bool(np.isnan(first[0])) and len(columns) > _MIN_NUMBERS
     if first[has_index:] != [*map(float, range(len(columns) - has_index))]:

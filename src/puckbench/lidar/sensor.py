@@ -18,7 +18,7 @@ _STEP_TOLERANCE = 0.05
 
 
 class Sensor(Model):
-    """Description of a rotating LiDAR; tuples have an item for each laser (thesis, Table 4.1, 4.2)."""
+    """A rotating LiDAR; tuples have an item for each laser (thesis, Tables 4.1 and 4.2)."""
 
     name: str
     laser_elevation_deg: tuple[float, ...]

@@ -13,7 +13,7 @@ from puckbench.scenes.surfaces import Shape, Surface, freeform, join, primitive
 
 @dataclass(frozen=True)
 class Piece:
-    """An object or a part of it: kind ("mug"), semantic class ("clutter"), surface and pose (4, 4)."""
+    """An object or its part: kind ("mug"), semantic class ("clutter"), surface and pose (4, 4)."""
 
     kind: str
     semantic: str

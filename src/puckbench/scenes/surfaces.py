@@ -173,7 +173,7 @@ def frame_along(axis: Floats, origin: Floats) -> Floats:
 def one_shape(
     vertices: Floats, triangles: Ints, shape: Shape, frame: Floats | None = None
 ) -> Surface:
-    """Make a surface whose triangles all lie on one primitive; triangles of zero area are removed."""
+    """Make a surface whose triangles all lie on one primitive, without those of zero area."""
     a, b, c = vertices[triangles].swapaxes(0, 1)
     size = np.linalg.norm(np.cross(b - a, c - a), axis=1)
     valid = triangles[size > 1e-12]

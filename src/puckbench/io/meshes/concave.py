@@ -11,8 +11,7 @@ _TOLERANCE = 1e-6
 
 
 def concave_faces(vertices: Floats, triangles: Ints, face: Ints, faces: int) -> Ints:
-    """Return the faces, ascending, that are not tiled by fans of triangles from their first
-    corners.
+    """Return the faces that triangle fans around their first corners do not tile, ascending.
 
     A fan tiles a face if all triangles have the polygon's orientation. `face` (t,), ascending, is
     the face of each of the `triangles` (t, 3).
@@ -36,7 +35,7 @@ def concave_faces(vertices: Floats, triangles: Ints, face: Ints, faces: int) -> 
 
 
 def clip_ears(points: Floats) -> Ints:
-    """Triangulate a polygon (n, 3); return corner indices (t, 3).
+    """Triangulate a polygon with corners (n, 3) in space; return corner indices (t, 3).
 
     The corners need not be coplanar. An edge that occurs twice may join a hole to the outline.
     """

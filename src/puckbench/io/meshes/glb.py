@@ -1,4 +1,4 @@
-"""GLB scenes (binary glTF 2.0, Khronos Group 2021), read as one mesh."""
+"""Reader of GLB scenes (binary glTF 2.0, Khronos Group 2021), as one mesh."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _IDENTITY = np.eye(4)
 
 
 def read_glb(path: Path) -> Polygons:
-    """Read all meshes of a scene at their nodes' positions, in metres with y up.
+    """Read all meshes of a scene with the transforms of their nodes, in metres with y up.
 
     Lines and points are counted as skipped. Raises InputError if the file uses compression, other
     files, or an extension for instancing.
@@ -159,7 +159,6 @@ class _Scene:
             raise InputError("its scene is too large for a file of this size")
 
     def _rows(self, source: dict[str, Any], component: str, shape: tuple[int, ...]) -> NDArray[Any]:
-        """Return an array in a buffer view; raise ValueError or TypeError if it is too large."""
         view = self.tree["bufferViews"][source["bufferView"]]
         if view.get("buffer", 0) != 0:
             raise InputError("its buffers are not within it")
@@ -191,7 +190,7 @@ def _matrix(node: dict[str, Any]) -> Floats:
 
 
 def _transformed(vertices: Floats, triangles: Ints, matrix: Floats) -> tuple[Floats, Ints]:
-    """Transform a mesh; if the matrix reflects, reverse triangles to keep normals outwards."""
+    """Transform a mesh by a matrix; if it reflects, reverse triangles to keep normals outwards."""
     transformed = vertices @ matrix[:3, :3].T + matrix[:3, 3]
     return transformed, triangles[:, ::-1] if np.linalg.det(matrix) < 0 else triangles
 

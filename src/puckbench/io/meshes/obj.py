@@ -1,4 +1,4 @@
-"""Wavefront OBJ meshes, with polygons of any size and relative indices."""
+"""Reader of Wavefront OBJ meshes, with polygons of any size and relative indices."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def _materials(lines: list[bytes], kinds: list[bytes]) -> tuple[tuple[str, ...],
 
 
 def _absolute(corners: Ints, sizes: Ints, kinds: list[bytes]) -> Ints:
-    """Convert negative indices, which count back from the last vertex before the face."""
+    """Replace negative indices, which count back from the last vertex before the face."""
     vertex_counts = np.fromiter(accumulate(kind == b"v" for kind in kinds), dtype=np.int64)
     is_face = np.fromiter((kind == b"f" for kind in kinds), dtype=np.bool_)
     vertices_before: NDArray[np.int64] = np.repeat(vertex_counts[is_face], sizes)

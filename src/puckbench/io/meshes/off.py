@@ -1,4 +1,4 @@
-"""OFF meshes."""
+"""Reader of OFF meshes (Object File Format)."""
 
 from __future__ import annotations
 
@@ -20,7 +20,8 @@ _HEADER = re.compile(rb"(?:ST)?C?N?OFF(?![A-Za-z])", re.IGNORECASE)
 def read_off(path: Path) -> Polygons:
     """Read an ASCII OFF file without its colours and normals.
 
-    The header may be missing, or on the line of the counts even without a space (ModelNet40).
+    The header line ``OFF`` may be missing or, as in ModelNet40, on the line of the counts without a
+    space.
     """
     counts, rows = _counts_and_rows(read_bytes(path), path)
     vertices, faces = counts

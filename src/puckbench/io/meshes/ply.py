@@ -1,4 +1,4 @@
-"""PLY meshes, with labels in files written by puckbench."""
+"""Reader of PLY meshes; files that puckbench wrote contain a label for each face."""
 
 from __future__ import annotations
 

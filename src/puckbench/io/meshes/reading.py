@@ -1,4 +1,4 @@
-"""Read meshes in all supported formats, as triangles with z up."""
+"""Reader of meshes in all supported formats, as triangles with z up."""
 
 from __future__ import annotations
 
@@ -51,11 +51,11 @@ def warn_of_skipped(path: Path, skipped: Mapping[str, int]) -> None:
 
 
 def read_mesh_report(path: Path, up: str = "z") -> tuple[Mesh, dict[str, Any]]:
-    """Read a mesh as `read_mesh` does, with a report.
+    """Read a mesh as `read_mesh` does; return it with a report on the file.
 
-    It has ``format``, ``faces``, ``polygons`` (faces of more than three corners), ``triangles`` (of
-    the returned mesh), ``zero_area`` (triangles removed from unlabelled meshes) and ``skipped``
-    (other elements by name).
+    The report has ``format``, ``faces``, ``polygons`` (faces of more than three corners),
+    ``triangles`` (of the returned mesh), ``zero_area`` (triangles removed from unlabelled meshes)
+    and ``skipped`` (other elements by name).
     """
     if up not in ("y", "z"):
         raise InputError(f"up: {up!r} is not an axis that can point up (allowed: y, z)")
@@ -68,7 +68,7 @@ def read_mesh_report(path: Path, up: str = "z") -> tuple[Mesh, dict[str, Any]]:
 
 
 def mesh_from_polygons(polygons: Polygons, source: str, kind: str) -> tuple[Mesh, dict[str, Any]]:
-    """Triangulate and check polygons; return the mesh and the report of `read_mesh_report`."""
+    """Triangulate and check polygons; return the mesh and a report as of `read_mesh_report`."""
     mesh, _ = triangulate(polygons, source)
     check_mesh(mesh, source)
     if not np.isfinite(mesh.vertices).all():  # vertices without a triangle
@@ -93,7 +93,7 @@ def _without_unused_vertices(mesh: Mesh) -> Mesh:
 
 
 def _has_no_area(mesh: Mesh) -> NDArray[np.bool_]:
-    """Return a mask (t,) of triangles without area, except for rounding errors."""
+    """Return a mask (t,) of triangles whose area is zero except for rounding errors."""
     corners = mesh.corners()
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
     return np.asarray(mesh.areas() <= 1e-12 * longest**2)

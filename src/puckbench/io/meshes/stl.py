@@ -1,4 +1,4 @@
-"""STL meshes, binary and ASCII."""
+"""Reader of STL meshes, binary and ASCII."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def _is_ascii(data: bytes) -> bool:
 
 
 def _ascii(data: bytes, path: Path) -> Polygons:
-    """Parse the loops in ASCII data, which in some files have more than three corners."""
+    """Parse the faces in ASCII data; in some files they have more than three corners."""
     if b"endsolid" not in data.lower():
         raise InputError(f"{path}: truncated: the solid has no end")
     parts = _PARTS.findall(data)

@@ -1,4 +1,4 @@
-"""Write meshes as binary PLY with float64 vertices and labelled faces."""
+"""Writer of meshes as binary PLY with float64 vertices and labelled faces."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ LABELS = [("object_id", "<i4"), ("primitive_id", "<i4")]
 
 
 def write_mesh(path: Path, mesh: Mesh, about: dict[str, Any] | None = None) -> None:
-    """Write a PLY file and its description, either both or none."""
+    """Write a PLY file, and the description `about` as JSON beside it, either both or none."""
     check_mesh(mesh, str(path))
     counts = {"vertices": len(mesh.vertices), "triangles": len(mesh.triangles)}
     vertices = np.ascontiguousarray(mesh.vertices, dtype="<f8")

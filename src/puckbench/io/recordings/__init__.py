@@ -1,1 +1,1 @@
-"""Payloads of packet captures and ROS bags."""
+"""Readers of packet captures and ROS bags, which return payloads and messages as bytes."""

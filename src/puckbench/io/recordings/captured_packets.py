@@ -25,7 +25,7 @@ _RESOLUTION, _OFFSET = 9, 14
 
 
 class CapturedPacket(NamedTuple):
-    """Position of a packet in the file, its original length, and its time in s since 1970."""
+    """Position of a packet in a capture file, its original length, and its time in s since 1970."""
 
     link: int
     received: float
@@ -42,10 +42,10 @@ class Interface(NamedTuple):
 
 
 class CapturedPackets:
-    """Iterable of the packets in a file.
+    """Iterable of the packets in a pcap or pcapng file.
 
-    After iteration, `end` is the end of the last complete record or block, `links` are the link
-    types, and `unreadable` is the number of inconsistent packet blocks.
+    After iteration, `end` is the offset after the last complete record or block, `links` are the
+    link types, and `unreadable` is the number of inconsistent packet blocks.
     """
 
     def __init__(self, data: bytes) -> None:
@@ -90,7 +90,7 @@ class CapturedPackets:
                 yield packet._replace(received=received)
 
     def _block(self, order: str) -> tuple[str, int, int, int] | None:
-        """Return byte order, type, start and end of the next block; None if it is truncated."""
+        """Return byte order, type, start and end of the next pcapng block; None if truncated."""
         data, at = self._data, self.end
         if at + _MIN_BLOCK_BYTES > len(data):
             return None

@@ -52,8 +52,9 @@ class Datagram(NamedTuple):
 class Capture:
     """Complete UDP datagrams of a packet capture, and counts of its other content.
 
-    `cut` packets are truncated by the snap length (`cut_sizes`: by length in bytes and port);
-    `others` have other protocols. `bytes_cut_off` is the size of an incomplete last packet.
+    `cut` is the number of packets truncated by the snap length (`cut_sizes`: by length in bytes and
+    port); `others` counts packets of other protocols. `bytes_cut_off` is the size of an incomplete
+    last packet.
     """
 
     datagrams: list[Datagram]

@@ -1,4 +1,4 @@
-"""Messages in ROS bags (ROS 1 .bag, ROS 2 .db3, .mcap and folders), read without ROS."""
+"""Reader of messages in ROS bags (ROS 1 .bag, ROS 2 .db3, .mcap and folders), without ROS."""
 
 from __future__ import annotations
 
@@ -46,13 +46,12 @@ class Messages:
 
 
 def bag_format(start: bytes) -> str | None:
-    """Return the suffix for bags that begin with these bytes, or None."""
+    """Return the file suffix of ROS bags that begin with the bytes `start`, or None."""
     return next((suffix for magic, suffix in _MAGICS.items() if start.startswith(magic)), None)
 
 
 def read_messages(path: Path, kind: str, definitions: Mapping[str, str]) -> Messages:
-    """Read the messages of the only topic whose type is `kind`, such as
-    ``velodyne_msgs/msg/VelodyneScan``.
+    """Read the messages of the only topic whose type is `kind` ("velodyne_msgs/msg/VelodyneScan").
 
     `definitions` define the type and its parts; definitions in the bag are not used, because they
     would be compiled. Raises InputError if the file is damaged, or has no or several topics of the
@@ -75,7 +74,7 @@ def read_messages(path: Path, kind: str, definitions: Mapping[str, str]) -> Mess
 
 
 def parse_bag(path: Path, kind: str, folder: str) -> ParsedFile:
-    """Read the messages of the only topic of a type, in the calling process.
+    """Read the messages of the only topic whose type is `kind`, with a folder for temporary files.
 
     The columns are ``data``, the joined bytes of all messages, and their ``sizes``.
     """
@@ -126,7 +125,7 @@ def _listed(names: list[str]) -> str:
 
 
 def _messages(files: list[Path], kind: str, folder: Path, topics: Topics) -> StoredMessages:
-    """Yield topic and bytes of each message of a type; add all topics, with types, to `topics`."""
+    """Yield topic and bytes of the messages whose type is `kind`; add all topics to `topics`."""
     for file in files:
         with _storage(file, folder, kind) as (types, messages):
             topics |= types
@@ -155,7 +154,7 @@ def _storage(file: Path, folder: Path, kind: str) -> Iterator[tuple[Topics, Stor
 
 
 def _check_chunks(reader: Any) -> None:
-    """Raise ValueError if chunks overlap, because these would be read repeatedly."""
+    """Raise ValueError if chunks of a bag overlap, because these would be read repeatedly."""
     if hasattr(reader, "chunks"):
         ranges = [(start, chunk.datapos + chunk.datasize) for start, chunk in reader.chunks.items()]
         count = len(reader.chunk_infos)

@@ -1,4 +1,4 @@
-"""ROS 2 bags in SQLite (.db3), whose schema is not trusted."""
+"""Reader of ROS 2 bags in SQLite (.db3) that does not rely on their schema."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ StoredMessages = Iterator[tuple[str, bytes]]
 
 @contextmanager
 def sqlite_storage(path: Path, folder: Path, kind: str) -> Iterator[tuple[Topics, StoredMessages]]:
-    """Open a database; yield the types by topic, and an iterator of topic and bytes of messages.
+    """Open a database; yield types by topic, and an iterator of the messages (topic, bytes).
 
     A database with side files (write-ahead log, journal) is copied to `folder`, because reading
     changes them. Raises apsw.Error if the database is damaged or reading takes too many steps.

@@ -36,7 +36,7 @@ class RayShape:
 
 
 def ray_shape(likelihood: RestrictedLikelihood, sigmas: Sigmas) -> RayShape:
-    """Estimate the distribution of ray noise; with fewer than 30 pairs of returns, it is Gaussian."""
+    """Estimate the distribution of ray noise; it is Gaussian for fewer than 30 pairs of returns."""
     pairs = _standard_differences(likelihood, sigmas)
     if len(pairs) < 30:
         return RayShape("gaussian", 0.0, 3.0)

@@ -51,7 +51,7 @@ class BeamFootprint(BeamOfWidth):
         return Rays(yaw.reshape(shape), pitch.reshape(shape), placed_as_fired=False)
 
     def merge_hits(self, hits: Hits, sensor: Sensor) -> Hits:
-        """Return the echo of each beam, with the triangle and incidence of the ray nearest to it."""
+        """Return the echo of each beam, with triangle and incidence of the ray nearest to it."""
         from puckbench.lidar.kernels import fill_echoes
 
         shape = (*hits.distance.shape[:2], sensor.lasers)

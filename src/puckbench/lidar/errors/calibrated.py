@@ -122,7 +122,7 @@ def shipped_calibration(name: str) -> Path:
 
 
 def read_parameters(file: str) -> dict[str, Any]:
-    """Read the parameters of `Calibrated` from a YAML file: a path, or the name of a shipped file."""
+    """Read the parameters of `Calibrated` from a YAML file: a path, or a shipped file's name."""
     path = Path(file)
     path = path if path.suffix in {".yaml", ".yml"} else shipped_calibration(file)
     content = read_yaml(path)

@@ -1,4 +1,4 @@
-"""Base class of error models of virtual sensors, with methods called before and after ray casting."""
+"""Base class of error models of virtual sensors: methods called before and after ray casting."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Surfaces:
     objects: tuple[SceneObject, ...]
 
     def values(self, by_name: Mapping[str, float], default: float) -> Floats:
-        """Return a value for each triangle, (t,), by the name or the semantic class of its object."""
+        """Return a value for each triangle, (t,), by its object's name or semantic class."""
         numbers = [by_name.get(x.name, by_name.get(x.semantic, default)) for x in self.objects]
         return np.array([*numbers, default])[self.object_id]
 
@@ -95,7 +95,7 @@ class ErrorModel(Model):
         return rays
 
     def merge_hits(self, hits: Hits, sensor: Sensor) -> Hits:
-        """Combine the hits of all fired rays (frames, steps, lasers * k) into one for each laser."""
+        """Combine the hits of all fired rays (frames, steps, lasers * k) into one per laser."""
         return hits
 
     def perturb_ranges(self, hits: Hits, sensor: Sensor, draws: Draws) -> Floats:

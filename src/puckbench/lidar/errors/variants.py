@@ -11,7 +11,7 @@ from puckbench.lidar.errors.vlp16 import Vlp16
 
 @ERROR_MODELS.register("vlp16_table51")
 class Vlp16Table51(Vlp16):
-    """Error model `Vlp16` with the sigmas of the thesis's Table 5.1, which differ from section 5.4."""
+    """Error model `Vlp16` with the sigmas of the thesis's Table 5.1 instead of section 5.4."""
 
     title, colour, variant_of = "VLP-16, Table\u00a05.1", "#6699CC", Vlp16
 

@@ -1,4 +1,4 @@
-"""Recordings of real sensors: reading of packet captures, ROS bags and clouds, writing of packets."""
+"""Recordings of real sensors: reading packet captures, ROS bags and clouds, writing packets."""
 
 from puckbench.lidar.recordings.packets import decode_packets
 from puckbench.lidar.recordings.reading import read_recording

@@ -213,7 +213,7 @@ def _fitted_offset(level: Floats, azimuth: Floats, step: float) -> tuple[float, 
 
 
 def _aligned(places: Sequence[Steps], around: int, step_deg: float) -> list[int]:
-    """Return by how many encoder steps to shift each ring, so that all lasers fire at equal steps."""
+    """Return by how many encoder steps to shift each ring, so that all lasers fire together."""
     most = round(_MOST_TURNED_DEG / step_deg)
     fired = np.zeros(around)
     shifts = [0] * len(places)

@@ -46,7 +46,7 @@ class RangeImage:
 
 
 def largest_patch(pixels: Mask, returns: Floats) -> Mask:
-    """Return the largest connected patch of pixels, counted in returns, across gaps of two pixels."""
+    """Return the connected patch of pixels with the most returns, across gaps of two pixels."""
     from scipy import ndimage
 
     # The seam of the image is moved to the column with the fewest pixels, to not cut a patch.
