@@ -1,4 +1,4 @@
-"""Data sets, generated or on disk: one file each.
+"""Data sets of scenes (meshes or point clouds), generated or on disk; each has its own file.
 
 To add one, register a class in a file here or elsewhere (``path/to/file.py:Class``). A set of mesh
 files below a folder needs only::

@@ -1,4 +1,4 @@
-"""Meshes with labels of the areas of 2D-3D-S, in the coordinate frame of S3DIS."""
+"""Reader of the labelled meshes of 2D-3D-S (Stanford), in the coordinate frame of S3DIS."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _TOLERANCE_M = 0.1
 
 
 def in_frame_of_s3dis(points: Floats, area: str) -> Floats:
-    """Transform points (n, 3) of an area ("1", ..., "5b"), z up, to S3DIS's coordinate frame."""
+    """Transform points (n, 3) of a 2D-3D-S area ("1", ..., "5b") to S3DIS's coordinate frame."""
     if area != "5b":
         return points
     x, y, z = points.T
@@ -37,7 +37,7 @@ def in_frame_of_s3dis(points: Floats, area: str) -> Floats:
 
 @dataclass(frozen=True)
 class AreaMesh:
-    """A mesh of an area in the coordinate frame of S3DIS, in metres with z up.
+    """A mesh of an area (part of a building) of 2D-3D-S, in S3DIS's frame, in metres with z up.
 
     `materials` are names that contain class and room; `material_id` (t,) is the index of each
     triangle's material, or -1.
@@ -48,7 +48,7 @@ class AreaMesh:
     material_id: NDArray[np.int64]
 
     def share_inside(self, room: str, box: Floats) -> float:
-        """Return the share of a room's triangles whose centroid is in a box (2, 3).
+        """Return the share of the triangles labelled with a room whose centroid is in a box (2, 3).
 
         If no triangle has the room's label, return 1 if the box contains any centroid, else 0.
         """
@@ -77,7 +77,7 @@ class AreaMesh:
 
 
 def read_area_mesh(path: Path, area: str) -> AreaMesh:
-    """Read ``semantic.obj``; the last area is cached for its other rooms and parts."""
+    """Read the mesh ``semantic.obj`` of an area; the last mesh that was read is cached."""
     if not path.is_file():
         raise InputError(f"{path}: no such file")
     return _read(path, area, path.stat().st_mtime_ns)
@@ -104,7 +104,7 @@ def class_of(material: str) -> str:
 
 
 def room_of(material: str) -> str | None:
-    """Return the room in the name of a material, such as "office_6"."""
+    """Return the room ("office_6") in the name of a material."""
     match = _MATERIAL.fullmatch(material)
     return match[2] if match else None
 

@@ -24,9 +24,9 @@ T = TypeVar("T")
 
 
 class DataSet(Model):
-    """A data set with the methods of `puckbench.datasets.scene.SceneSet`.
+    """Base class of data sets, which implement `puckbench.datasets.scene.SceneSet`.
 
-    Its fields are its options, documented by the text below each field.
+    Its fields are its options; the text below a field documents it.
     """
 
     model_config = ConfigDict(use_attribute_docstrings=True)
@@ -44,7 +44,7 @@ class GeneratedSet(DataSet):
 class Provenance:
     """Licence and source of a data set.
 
-    `expected` is the end of messages about missing files ("expected KITTI, with ...").
+    `expected` ends messages about missing files ("expected KITTI, with ...").
     """
 
     licence: str
@@ -78,7 +78,7 @@ class FolderSet(DataSet, ABC):
         return look_up(self._table, name, self.path)
 
     def _whole(self) -> Self:
-        """Return the whole data set, without options that select scenes."""
+        """Return the data set without options that select scenes."""
         return type(self)(path=self.path)
 
     def _missing(self, what: str) -> InputError:
@@ -94,13 +94,13 @@ class MeshFolderSet(FolderSet):
 
     @abstractmethod
     def _group(self, path: Path) -> str:
-        """Return the class, room type or building of the scene in a file."""
+        """Return the group of the scene in a file: its class, room type or building."""
 
     def _source(self, path: Path) -> str:
         return path.name
 
     def _read(self, path: Path) -> tuple[Mesh, dict[str, Any]]:
-        """Return the mesh in metres with z up, and the report of the reader."""
+        """Read a mesh, in metres with z up; return it with the reader's report."""
         return read_mesh_report(path, up="z")
 
     def load(self, name: str) -> Scene:
@@ -120,7 +120,7 @@ def freeform_labels(object_id: NDArray[np.int32], objects: Iterable[SceneObject]
 
 
 def numbered_objects(classes: Iterable[str]) -> tuple[SceneObject, ...]:
-    """Return an object for each class, with the name chair_1, chair_2, table_1, ..."""
+    """Return an object for each class name, named chair_1, chair_2, table_1, ..."""
     counts: Counter[str] = Counter()
     objects = []
     for name in classes:
@@ -146,7 +146,7 @@ def look_up(table: Mapping[str, T], name: str, where: str) -> T:
 def select_names(
     option: str, requested: tuple[str, ...] | int | None, available: list[str]
 ) -> list[str]:
-    """Return the names that an option requests: listed ones, the first few, or all (None)."""
+    """Return the names that an option requests: those listed, the first few, or all (None)."""
     if requested is None:
         return available
     if isinstance(requested, int):

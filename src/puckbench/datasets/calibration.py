@@ -10,7 +10,7 @@ from puckbench.scenes.calibration import CALIBRATIONS, calibration_origin, make_
 
 @LOADERS.register("calibration")
 class Calibration(GeneratedSet):
-    """Wall and floor at a distance from the sensor (thesis section 5.1)."""
+    """Generated scenes of a wall and a floor, at distances from the sensor (thesis section 5.1)."""
 
     of_clouds: ClassVar[bool] = False
     primitives: ClassVar[bool] = True

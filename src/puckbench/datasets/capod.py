@@ -23,7 +23,7 @@ _CLASSES, _OBJECTS = 15, 180
 
 @LOADERS.register("capod")
 class Capod(MeshFolderSet):
-    """Objects ``class<k>/m<N>.obj`` listed in ``CAPOD.cla``.
+    """Objects of CAPOD in files ``class<k>/m<N>.obj``, listed in ``CAPOD.cla``.
 
     Scenes are named m001 to m180 and grouped by class. The objects have no unit; it is assumed to
     be 1 m.

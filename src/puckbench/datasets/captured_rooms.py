@@ -1,4 +1,4 @@
-"""Rooms captured by a headset: a mesh, with detected planes and boxes."""
+"""Rooms captured by a virtual reality headset: a mesh, and detected planes and boxes."""
 
 from __future__ import annotations
 
@@ -36,11 +36,12 @@ _PARALLEL = 0.7
 
 @LOADERS.register("captured_rooms")
 class CapturedRooms(FolderSet):
-    """Scene captures as JSON (five in the npm package @iwer/sem), in metres, rotated to z up.
+    """Rooms captured by a headset, in JSON files (five in the npm package @iwer/sem).
 
-    Every triangle is labelled with the smallest entity that it belongs to: a parallel plane patch
-    (wall, door, ...) within 5 cm, else a box (table, sofa, ...) around it, else a patch within 15
-    cm, else "clutter". All surfaces are measured, hence "freeform".
+    Meshes are in metres, rotated to z up. Every triangle is labelled with the smallest entity that
+    it belongs to: a parallel plane patch (wall, door, ...) within 5 cm, else a box (table, sofa,
+    ...) around it, else a patch within 15 cm, else "clutter". All surfaces are measured, hence
+    "freeform".
     """
 
     of_clouds: ClassVar[bool] = False
@@ -81,9 +82,9 @@ def read_capture(path: Path, name: str | None = None) -> Scene:
 
 @dataclass(frozen=True)
 class _PlacedEntity:
-    """Rotation (3, 3) and position (3,) of an entity, and its extent in its coordinate frame.
+    """A detected plane patch or box: rotation (3, 3), position (3,), and extent along its axes.
 
-    The y axis of a flat entity is its normal.
+    The y axis of a plane patch is its normal.
     """
 
     semantic: str
@@ -134,7 +135,7 @@ def _room_mesh(entities: list[Entity], path: Path) -> Mesh:
 
 
 def _placed_entities(entities: list[Entity]) -> list[_PlacedEntity]:
-    """Return all boxes, and the plane patches whose label no box has."""
+    """Return all boxes, and the plane patches with labels that no box has."""
     boxes = [_box(entity) for entity in entities if "bounded3D_META" in entity]
     boxed = {box.semantic for box in boxes}
     flats = [_patch(entity) for entity in entities if "bounded2D_META" in entity]

@@ -1,4 +1,4 @@
-"""A generated building that has the areas and rooms of S3DIS."""
+"""Data set of a generated building that has the areas and rooms of S3DIS."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from puckbench.scenes.rooms import make_room, origin, room_box
 
 @LOADERS.register("embedded_areas")
 class EmbeddedAreas(GeneratedSet):
-    """Generated furnished rooms in place of those of S3DIS, each different, grouped by type.
+    """Generated furnished rooms, as many of each type as S3DIS has, grouped by type.
 
-    Scenes are named Area_1_office_1.
+    Each room differs from the others. Scenes are named Area_1_office_1.
     """
 
     of_clouds: ClassVar[bool] = False

@@ -12,7 +12,7 @@ from puckbench.scenes.objects import CLASSES, MEMBERS, make_object
 
 @LOADERS.register("embedded_objects")
 class EmbeddedObjects(GeneratedSet):
-    """Objects of 15 classes (airplane, ..., vase) with 12 members each, grouped by class.
+    """Generated objects of 15 classes (airplane, ..., vase), 12 each, grouped by class.
 
     Scenes are named chair_03. The longest side is 1 m.
     """

@@ -18,7 +18,7 @@ _CREDITS = "CREDITS.md"
 
 @dataclass(frozen=True)
 class FetchResult:
-    """Result of a download.
+    """Result of the download of a data set.
 
     `status` is "fetched", "present" (unchanged) or "failed"; `message` has the reason or a warning.
     """
@@ -30,10 +30,10 @@ class FetchResult:
 
 
 def fetch_data(root: Path, names: Iterable[str] = ()) -> list[FetchResult]:
-    """Download free data sets into folders with their names.
+    """Download free data sets, each into the folder of `root` with its name.
 
     Unchanged folders are kept; a failure does not stop the other downloads. By default, all sources
-    with ``by_default`` are fetched.
+    with ``by_default`` are downloaded.
     """
     requested = list(names) or [name for name, source in SOURCES.items() if source.by_default]
     unknown = [name for name in requested if name not in SOURCES]
@@ -52,7 +52,7 @@ def _fetch_or_fail(name: str, folder: Path) -> FetchResult:
 
 
 def fetch_source(source: PackageSource, folder: Path) -> str:
-    """Download a package, put its files into `folder`, and return a warning or an empty string."""
+    """Download a package and extract its files into `folder`; return a warning, or ""."""
     workspace = folder.with_name(f".fetching-{folder.name}")
     shutil.rmtree(workspace, ignore_errors=True)  # left there by a run that was killed
     workspace.mkdir(parents=True)

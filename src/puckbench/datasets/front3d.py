@@ -30,12 +30,12 @@ _CREDIT = (
 
 @LOADERS.register("front3d")
 class Front3D(DataSet):
-    """Rooms of the houses ``<id>.json``, with furniture ``<model>/raw_model.obj``.
+    """Rooms of 3D-FRONT's houses ``<id>.json``, with furniture ``<model>/raw_model.obj``.
 
-    Listing rooms reads the houses; the data set has 6,813, so selecting some saves minutes. Scenes
-    are named <house>_LivingRoom-1234 and grouped by room type. Units are metres; y up is rotated to
-    z up. Walls, floors and furniture are labelled objects. Furniture without ``valid: true``, or
-    with a missing model file, is left out and counted in `about`.
+    All 6,813 houses are read to list the rooms; selecting houses saves minutes. Scenes are named
+    <house>_LivingRoom-1234 and grouped by room type. Units are metres; y up is rotated to z up.
+    Walls, floors and furniture are labelled objects. Furniture without ``valid: true``, or with a
+    missing model file, is left out and counted in `about`.
     """
 
     of_clouds: ClassVar[bool] = False

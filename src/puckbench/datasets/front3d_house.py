@@ -1,4 +1,4 @@
-"""Rooms in a house of 3D-FRONT."""
+"""Reader of the rooms in a house of 3D-FRONT."""
 
 from __future__ import annotations
 
@@ -33,13 +33,13 @@ class _Pose:
     scale: Floats
 
     def apply(self, points: Floats) -> Floats:
-        """Transform points (n, 3) from the model's to the house's coordinates, y up."""
+        """Transform points (n, 3) from the coordinates of the model to those of the house, y up."""
         return np.asarray((points * self.scale) @ _rotation(self.quaternion).T + self.position)
 
 
 @dataclass(frozen=True)
 class _PlacedItem:
-    """A surface of the house, or furniture with the id of its 3D-FUTURE model."""
+    """A surface of a house, or a piece of furniture with the id of its 3D-FUTURE model."""
 
     semantic: str
     pose: _Pose
@@ -49,7 +49,7 @@ class _PlacedItem:
 
 @dataclass(frozen=True)
 class HouseRoom:
-    """A room with its items; `left_out` is the number of items without a surface, by reason."""
+    """A room of a house; `left_out` counts, by reason, items that have no surface."""
 
     name: str
     kind: str

@@ -55,12 +55,12 @@ _STEP_DEG = 0.09
 
 @LOADERS.register("kitti")
 class Kitti(FolderSet):
-    """Frames ``<n>.bin`` of float32 x, y, z, intensity, in metres, z up, the sensor at the origin.
+    """Frames ``<n>.bin`` of float32 x, y, z, intensity, in metres, z up, the sensor at (0, 0, 0).
 
-    The folder is the object benchmark, the odometry or the raw drives. Scenes are named
-    training_000000 and grouped by part. Intensity is ignored. With `returns`, a frame is the
-    sensor's turn, recovered from its points: laser, encoder step and range in steps of 2 mm, which
-    reproduce the points to about 1 mm; x is then right and y forward.
+    The folder is that of the object benchmark, the odometry or the raw drives. Scenes are named
+    training_000000 (part and frame) and grouped by part. Intensity is ignored. With the option
+    `returns`, each frame is converted to the sensor's returns: laser, encoder step and range in
+    steps of 2 mm, which reproduce the points to about 1 mm; x is then right and y forward.
     """
 
     of_clouds: ClassVar[bool] = True

@@ -1,4 +1,4 @@
-"""Matterport3D (Chang 2017): 90 buildings as meshes from panoramic depth cameras, by region."""
+"""Matterport3D (Chang 2017): 90 buildings as meshes, made from panoramic depth images."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ _BUILDINGS = 90
 
 @LOADERS.register("matterport3d")
 class Matterport3D(MeshFolderSet):
-    """Regions (rooms) ``<building>/region_segmentations/region<k>.ply``, in metres, z up.
+    """Rooms (regions) in files ``<building>/region_segmentations/region<k>.ply``, in metres, z up.
 
-    The folder contains the buildings (``v1/scans``), whose archives may be unpacked into a second
-    folder of the building's name. Scenes are named <building>_region0 and grouped by building.
+    The folder is ``v1/scans``; unpacked archives may add a second folder of the building's name.
+    Scenes are named <building>_region0 and grouped by building.
     """
 
     provenance = Provenance(

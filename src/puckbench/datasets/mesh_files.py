@@ -15,7 +15,7 @@ from puckbench.io.ply import has_faces
 
 @LOADERS.register("mesh_files")
 class MeshFiles(FileSet):
-    """Meshes in OBJ, OFF, PLY, STL and GLB files, and captured rooms (.json)."""
+    """The user's mesh files (OBJ, OFF, PLY, STL, GLB) and captured rooms (.json)."""
 
     of_clouds: ClassVar[bool] = False
     suffixes = (*SUFFIXES, ".json")

@@ -16,7 +16,7 @@ from puckbench.io.meshes import SUFFIXES, read_mesh_report, warn_of_skipped
 
 @LOADERS.register("mesh_folder")
 class MeshFolder(MeshFolderSet):
-    """OBJ, OFF, PLY, STL and GLB files of a folder, grouped by subfolder."""
+    """Mesh files (OBJ, OFF, PLY, STL, GLB) of a folder, grouped by subfolder."""
 
     provenance = Provenance("", "", f"expected meshes: {', '.join(SUFFIXES)}")
 

@@ -24,7 +24,7 @@ _EXPECTED = (
 
 @LOADERS.register("modelnet40")
 class ModelNet40(MeshFolderSet):
-    """Models ``<class>/{train,test}/<class>_0001.off``.
+    """CAD models in files ``<class>/{train,test}/<class>_0001.off``.
 
     Scenes are named chair_0001 and grouped by class. The models have no unit; it is assumed to be 1
     m. Z is up.
@@ -77,7 +77,7 @@ class ModelNet40(MeshFolderSet):
 
 
 def _is_glued(path: Path) -> bool:
-    """Whether the counts follow the header without a space: ``OFF3514 3546 0``."""
+    """Return whether an OFF header is followed by counts without a space: ``OFF3514 3546 0``."""
     try:
         with path.open("rb") as stream:
             return stream.read(4)[3:].isdigit()

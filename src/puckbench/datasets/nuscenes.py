@@ -1,4 +1,4 @@
-"""nuScenes (Caesar 2020): sweeps of an HDL-32E on a car, with the ring of each point.
+"""nuScenes (Caesar 2020): frames of an HDL-32E on a car, with the laser (ring) of each point.
 
 References
 ----------
@@ -39,12 +39,12 @@ _NUMBERS, _RINGS = 5, 32
 
 @LOADERS.register("nuscenes")
 class NuScenes(FolderSet):
-    """Sweeps ``<log>__LIDAR_TOP__<time>.pcd.bin``, in metres, the sensor at the origin.
+    """LiDAR frames in files ``<drive>__LIDAR_TOP__<time>.pcd.bin``, in metres.
 
-    Scenes are named samples_<log>_<time> and grouped by log. With `returns`, a sweep is the
-    sensor's turn, recovered from the rings: the motion compensation is undone by means of the
-    firings without return. Laser, azimuth and range in steps of 2 mm reproduce the points to some
-    millimetres.
+    The sensor is at (0, 0, 0). Scenes are named samples_<drive>_<time> and grouped by drive. With
+    the option `returns`, each frame is converted to the sensor's returns: firings without a return
+    reveal the car's motion, which is removed. Laser, azimuth and range in steps of 2 mm reproduce
+    the points to some millimetres.
     """
 
     of_clouds: ClassVar[bool] = True

@@ -15,10 +15,10 @@ from puckbench.io.ply import has_faces
 
 @LOADERS.register("point_clouds")
 class PointClouds(FileSet):
-    """Clouds in PLY, PCD, LAS, LAZ, E57, text (XYZ, CSV, TXT, ASC, PTS), NumPy and KITTI files.
+    """The user's cloud files: PLY, PCD, LAS, LAZ, E57, text, NumPy and KITTI.
 
-    Colours, intensity and all other attributes are kept. All files are read before a run; invalid
-    ones are left out and reported.
+    Text files are XYZ, CSV, TXT, ASC and PTS. Colours, intensity and all other attributes are kept.
+    All files are read before a run; invalid ones are left out and reported.
     """
 
     of_clouds: ClassVar[bool] = True

@@ -1,4 +1,4 @@
-"""Published numbers of items in data sets."""
+"""Counts of items (scenes, classes, ...) in data sets, to compare with published numbers."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Protocol, runtime_checkable
 
 @dataclass(frozen=True)
 class Count:
-    """Number of items on disk, and their published number."""
+    """Number of items in the local copy of a data set, and the published number."""
 
     what: str
     held: int
@@ -22,4 +22,4 @@ class Count:
 @runtime_checkable
 class Counted(Protocol):
     def counts(self) -> list[Count]:
-        """Return the counts for the whole data set, whatever its options."""
+        """Return the counts for the whole data set, without options that select scenes."""

@@ -1,6 +1,6 @@
-"""Download of the weights that the authors of PCGCv1, PCGCv2 and RENO published.
+"""Download of the neural network weights that the authors of PCGCv1, PCGCv2 and RENO published.
 
-published_weights.yaml and reno_weights.yaml list the files, at fixed commits, with hashes.
+published_weights.yaml and reno_weights.yaml list the files, with commits and hashes.
 """
 
 from __future__ import annotations
@@ -36,7 +36,10 @@ def published_files(name: str = PCGC) -> dict[str, Any]:
 def download(
     folder: Path, host: str = HOST, published: Mapping[str, Any] | None = None, name: str = PCGC
 ) -> Path:
-    """Download weights and their licences into a reproducible tar archive, and check all hashes."""
+    """Download weights and their licences from GitHub into a tar archive, and check all hashes.
+
+    `name` is the list of files, and the name of the archive in `folder`.
+    """
     published = published or published_files(name)
     package = folder / f"{name}.tar"
     with tarfile.open(package, "w") as archive:

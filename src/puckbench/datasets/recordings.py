@@ -1,4 +1,4 @@
-"""Turns of real spinning LiDARs from recordings, as returns in the sensor's coordinate frame."""
+"""Data set of recordings by spinning LiDARs, as returns in the sensor's coordinate frame."""
 
 from __future__ import annotations
 
@@ -36,12 +36,12 @@ _MOST_KEPT = 1 << 28
 
 @LOADERS.register("recordings")
 class Recordings(DataSet):
-    """Turns of recordings: packet captures (.pcap, .pcapng) and ROS bags (.bag, .db3, .mcap).
+    """Revolutions in packet captures (.pcap, .pcapng) and ROS bags (.bag, .db3, .mcap).
 
-    Sensors: VLP-16, Puck Hi-Res and HDL-32E with one or two returns per beam; also compressed
-    (.puck). Only whole turns are used. Scenes are named after file and first turn (drive_0012).
-    Unusable recordings are left out and reported; damaged and repeated packets are left out and
-    counted.
+    The sensors are VLP-16, Puck Hi-Res and HDL-32E with one or two returns per beam. Recordings may
+    be compressed (.puck). Only whole revolutions are used. Scenes are named after the file and the
+    first revolution (drive_0012). Unusable recordings are left out and reported; damaged and
+    repeated packets are left out and counted.
     """
 
     of_clouds: ClassVar[bool] = True
@@ -63,12 +63,12 @@ class Recordings(DataSet):
     ``192.168.1.201:2368 to 255.255.255.255:2368`` (sender, receiver)."""
 
     def names(self) -> list[str]:
-        """Read all recordings; return the names of `unusable` ones, then those of clouds."""
+        """Read all recordings; return first the names of `unusable` ones, then those of clouds."""
         return list(self._clouds)
 
     @property
     def unusable(self) -> list[str]:
-        """Names of recordings that give no cloud; `load` raises the reason."""
+        """Names of recordings that contain no whole cloud; `load` raises the reason."""
         return [name for name, (_, first) in self._clouds.items() if first is None]
 
     def files(self, name: str) -> list[Path]:
@@ -91,7 +91,10 @@ class Recordings(DataSet):
         return Scene(name, safe_name(path.stem), returns=cloud_returns, about=about)
 
     def _place(self, name: str) -> tuple[Path, int | None]:
-        """Return the recording and first turn of a cloud; None as turn for a recording's name."""
+        """Return the recording of a scene, and the index of its first revolution.
+
+        If `name` is that of a recording, the index is None.
+        """
         recording, _, number = name.rpartition("_")
         if recording in self._recordings and number.isdecimal() and f"{int(number):04d}" == number:
             return self._recordings[recording], int(number)
@@ -100,7 +103,6 @@ class Recordings(DataSet):
         return look_up(self._clouds, name, str(self.path))
 
     def _firsts(self, whole: Returns) -> range:
-        """Return the first turn of each cloud, without the incomplete turns at both ends."""
         return range(1, len(whole.turns) - self.turns, self.turns * self.every)
 
     def _no_turns(self, whole: Returns) -> str:
@@ -119,7 +121,10 @@ class Recordings(DataSet):
 
     @cached_property
     def _clouds(self) -> Mapping[str, tuple[Path, int | None]]:
-        """The recording and first turn of each cloud; None as turn if a recording has no cloud."""
+        """Recording and index of the first revolution by scene name.
+
+        Unusable recordings come first, each with its name and the index None.
+        """
         table: dict[str, tuple[Path, int | None]] = {}
         faulty: dict[str, tuple[Path, int | None]] = {}
         for name, path in self._recordings.items():
@@ -134,7 +139,7 @@ class Recordings(DataSet):
 
 
 def recordings_at(text: str) -> list[Path]:
-    """Return the recordings at a path, in a folder, or for a pattern.
+    """Return the recordings at a path, in a folder, or that match a pattern (``drives/*.pcap``).
 
     The folder of a ROS 2 bag is one recording. A compressed copy next to its original is ignored.
     """
@@ -212,7 +217,7 @@ _kept: dict[tuple[Path, float, str | None, _State], tuple[Returns, dict[str, int
 
 
 def _read(path: Path, start_s: float, stream: str | None) -> tuple[Returns, dict[str, int]]:
-    """Read the turns, and the counts of lost data; cache both until the file changes."""
+    """Read the revolutions, and counts of lost data; cache both until the file changes."""
     from puckbench.lidar.recordings.reading import read_turns
 
     key = (path, start_s, stream, _state(path))

@@ -29,7 +29,7 @@ _EXPECTED = "expected S3DIS, with Area_1, ..., Area_6"
 
 @LOADERS.register("s3dis")
 class S3DIS(FolderSet):
-    """Rooms ``Area_<n>/<room>/<room>.txt`` with ``Annotations/*.txt``.
+    """Rooms in text files ``Area_<n>/<room>/<room>.txt``, with ``Annotations/*.txt``.
 
     Scenes are named Area_1_office_1 and grouped by room type (office).
     """
@@ -118,7 +118,7 @@ def _texts(folder: Path) -> list[Path]:
 
 
 def _room_file(folder: Path) -> Path:
-    """Return the room's file or, if it is misnamed (Area_6/copyRoom_1), the only text file."""
+    """Return a room's point file, or the only text file if it is misnamed (Area_6/copyRoom_1)."""
     named, texts = folder / f"{folder.name}.txt", _texts(folder)
     if named in texts:
         return named
@@ -128,7 +128,7 @@ def _room_file(folder: Path) -> Path:
 
 
 def _annotations(folder: Path) -> tuple[list[Path], list[Path]]:
-    """Return the annotation files, and copies ("wall_3 (1).txt") to ignore."""
+    """Return the annotation files; also the duplicates to ignore, such as "wall_3 (1).txt"."""
     texts = _texts(folder / "Annotations")
     names = {path.stem for path in texts}
     copies = [p for p in texts if _COPY.search(p.stem) and _COPY.sub("", p.stem) in names]

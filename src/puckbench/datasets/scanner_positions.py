@@ -1,4 +1,4 @@
-"""Scanner positions in the rooms of 2D-3D-S."""
+"""Readers of the scanner positions in the rooms of 2D-3D-S."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def listed_file(folder: Path, area: str) -> Path:
 
 
 def listed_positions(path: Path, area: str) -> dict[str, Position]:
-    """Read the scanner position (m) for each room from JSON ``{"office_6_1": [x, y, z], ...}``.
+    """Read the scanner position (m) in each room from JSON ``{"office_6_1": [x, y, z], ...}``.
 
     Keys end with the number of the area, 5 for "5a" and "5b".
     """
@@ -39,7 +39,7 @@ def listed_positions(path: Path, area: str) -> dict[str, Position]:
 
 
 def pose_files(area_folder: Path) -> dict[str, list[Path]]:
-    """Return the pose files for each room, one for each tripod position."""
+    """Return the camera pose files of each room, one for each tripod position."""
     for name in _FOLDERS:
         rooms: dict[str, dict[str, Path]] = {}
         for path in sorted((area_folder / name).glob("camera_*.json")):
@@ -55,7 +55,7 @@ def pose_files(area_folder: Path) -> dict[str, list[Path]]:
 
 
 def camera_position(path: Path) -> Position:
-    """Read a camera position (m) from a file, which in older releases contains a list of poses."""
+    """Read a camera position (m) from a pose file; that of older releases has a list of poses."""
     content = read_json(path)
     pose = content[0] if isinstance(content, list) and content else content
     if not isinstance(pose, dict) or "camera_location" not in pose:

@@ -1,4 +1,4 @@
-"""ScanNet (Dai 2017): 1,513 rooms as meshes from a depth camera."""
+"""ScanNet (Dai 2017): 1,513 scans of rooms as meshes, made with a depth camera."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ _PUBLISHED = 1513
 
 @LOADERS.register("scannet")
 class ScanNet(MeshFolderSet):
-    """Rooms ``scene0000_00/scene0000_00_vh_clean_2.ply``, in metres, z up.
+    """Rooms in files ``scene0000_00/scene0000_00_vh_clean_2.ply``, in metres, z up.
 
-    The folder contains the scans, or ``scans`` with them. Scenes are named after their scans and
-    grouped by the ``sceneType`` of the scan's ``.txt``, or "unknown" (hidden test set).
+    The folders of the rooms are in the data set's folder, or in its subfolder ``scans``. Scenes are
+    named scene0000_00, and grouped by ``sceneType`` in scene0000_00.txt ("unknown" without it).
     """
 
     provenance = Provenance("ScanNet's terms of use, not redistributable", _CREDIT, _EXPECTED)

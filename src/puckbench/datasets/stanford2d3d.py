@@ -1,4 +1,4 @@
-"""2D-3D-S, Stanford's meshes of the areas of S3DIS (Armeni 2017)."""
+"""2D-3D-S (Armeni 2017): meshes of the buildings of S3DIS, split into areas."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class _Room:
 
     @property
     def in_s3dis(self) -> str:
-        """The room's name in S3DIS, where areas 5a and 5b are both Area_5."""
+        """Name of the room in S3DIS, where areas 5a and 5b are both Area_5."""
         return f"Area_{self.area[0]}_{self.room}"
 
 
@@ -67,8 +67,8 @@ class _Room:
 class Stanford2D3D(DataSet):
     """Rooms in the meshes of 2D-3D-S (``area_<n>/3d/semantic.obj``), each with a scanner position.
 
-    Scenes are named area_1_office_1 and grouped by room type. A room in both 5a and 5b is two
-    scenes with one box, as in the thesis.
+    Scenes are named area_1_office_1 and grouped by room type. If a room is in both areas 5a and 5b,
+    it is two scenes with one bounding box, as in the thesis.
     """
 
     of_clouds: ClassVar[bool] = False

@@ -1,4 +1,4 @@
-"""Models of the Stanford 3D Scanning Repository (bunny, dragon, ...), as PLY."""
+"""Models of the Stanford 3D Scanning Repository (bunny, dragon, ...), as PLY files."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ _BY_FILE = {model.file: model for model in _MODELS.values()}
 
 @LOADERS.register("stanford_scans")
 class StanfordScans(MeshFolderSet):
-    """Models by file name, anywhere below a folder.
+    """Scanned models (bunny, dragon, ...) in PLY files, anywhere below a folder.
 
     All are in the group "scan". Reduced versions (``bun_zipper_res2.ply``) and range scans are
     ignored.

@@ -12,10 +12,10 @@ from puckbench.scenes.street.layout import free_way, make_street, street_origin
 
 @LOADERS.register("street")
 class Street(GeneratedSet):
-    """Streets with houses, trees, parked cars and a free lane along x.
+    """Generated streets with houses, trees, parked cars, and a lane along x that is free.
 
-    Scenes are named street_1, street_2, ... `about` has ``free_way_m``, the range of x, relative to
-    the scene's origin, along which a sensor can move.
+    Scenes are named street_1, street_2, ... ``about["free_way_m"]`` is the interval of x, relative
+    to the scene's origin, on which a sensor can move.
     """
 
     of_clouds: ClassVar[bool] = False

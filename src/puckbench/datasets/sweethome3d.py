@@ -1,4 +1,4 @@
-"""Sweet Home 3D's furniture: 820 models in five catalogues, as packaged by Debian."""
+"""Furniture of Sweet Home 3D: 820 models in five catalogues, as packaged by Debian."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _ESCAPE = re.compile(r"\\u([0-9A-Fa-f]{4})")
 
 @dataclass(frozen=True)
 class CatalogueModel:
-    """A model in a catalogue.
+    """A furniture model in a catalogue.
 
     `size` is width, depth and height in m; `rotation` (3, 3) turns the model (y up) before scaling.
     """
@@ -50,7 +50,7 @@ class CatalogueModel:
 
 @LOADERS.register("sweethome3d")
 class SweetHome3D(DataSet):
-    """Models of the ``.sh3f`` catalogues, scaled to the catalogued sizes.
+    """Furniture models of the ``.sh3f`` catalogues, scaled to the sizes listed there.
 
     Scenes are named scopia-chair2 (catalogue and model) and grouped by semantic class. A model
     stands on z = 0, centred at x = y = 0, facing -y.
@@ -91,7 +91,7 @@ class SweetHome3D(DataSet):
         return sorted(name for name, model in self._table.items() if model.semantic == semantic)
 
     def furniture(self, per_class: int = 8, most_triangles: int = 20_000) -> dict[str, list[Mesh]]:
-        """Return the first `per_class` models of each class that are not large, as furniture."""
+        """Return meshes by class, `per_class` each, with at most `most_triangles` triangles."""
         meshes_by_class = {}
         for semantic in self.classes or FURNITURE:
             scenes = map(self.load, self.of_class(semantic))

@@ -1,4 +1,4 @@
-"""Length units in the user's files."""
+"""Length units of the user's files."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Units = PositiveFloat | dict[str, PositiveFloat]
 
 
 def is_named(path: Path, name: str) -> bool:
-    """Whether the last parts of a path are those of a name, such as ``folder/file.ply``."""
+    """Return whether a path ends with the parts of a name, such as ``folder/file.ply``."""
     parts = Path(name).parts
     return bool(parts) and path.parts[-len(parts) :] == parts
 

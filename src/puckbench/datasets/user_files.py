@@ -22,8 +22,8 @@ _LOG = logging.getLogger(__name__)
 class FileSet(DataSet):
     """Base class of data sets in which each scene is one of the user's files.
 
-    Scenes are grouped by folder and have the names of their files, with folders and suffixes if
-    names are equal.
+    Scenes are grouped by folder and named after their files; the names contain folder or suffix
+    where names would be equal.
     """
 
     suffixes: ClassVar[tuple[str, ...]]
@@ -54,7 +54,7 @@ class FileSet(DataSet):
 
     @abstractmethod
     def _takes(self, path: Path) -> bool:
-        """Whether a file contains a scene, according to its first bytes."""
+        """Return whether a file contains a scene, according to its first bytes."""
 
     def _file(self, name: str) -> Path:
         return look_up(self._table, name, self.what)

@@ -38,10 +38,10 @@ _EXPECTED = (
 
 @LOADERS.register("voxelised8i")
 class Voxelised8i(FolderSet):
-    """Frames ``<sequence>_vox<bits>_<frame>.ply`` anywhere below a folder.
+    """Point clouds in files ``<sequence>_vox<bits>_<frame>.ply`` anywhere below a folder.
 
     Scenes are named after their files and grouped by sequence. Colours are kept. Y up is rotated to
-    z up. Coordinates off the grid are an InputError.
+    z up. Coordinates that are not integers on the grid raise InputError.
     """
 
     of_clouds: ClassVar[bool] = True
@@ -113,7 +113,6 @@ def _bits(name: str) -> int:
 
 
 def _on_grid(cloud: PointCloud, bits: int, path: Path) -> PointCloud:
-    """Return the cloud; raise InputError unless coordinates are integers from 0 to 2^bits - 1."""
     off = _off_grid(cloud.xyz, 2**bits - 1)
     if off:
         raise InputError(f"{path}: {off} of {len(cloud)} points are not on the grid of {bits} bits")

@@ -1,4 +1,4 @@
-"""Text files with lines ``x y z r g b``, damaged as in S3DIS."""
+"""Reader of text files with lines ``x y z r g b``, some of them damaged as in S3DIS."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _MOST_RUNS = 8
 
 @dataclass(frozen=True)
 class TextCloud:
-    """Points (n, 3) and colours (n, 3), and numbers of repaired and dropped lines."""
+    """Points (n, 3) and colours (n, 3) of a text file, and counts of repaired and dropped lines."""
 
     xyz: Floats
     colours: NDArray[np.uint8]
@@ -38,7 +38,7 @@ class TextCloud:
 def read_xyzrgb(path: Path) -> TextCloud:
     """Read a cloud from text, and repair or drop damaged lines.
 
-    Bytes that occur in neither numbers nor white space are read as the digit 0 or as a space,
+    Bytes that occur in neither numbers nor white space are replaced by the digit 0 or by a space,
     whichever gives six numbers. Lines without six numbers, or with colours outside 0 to 255, are
     dropped.
     """
@@ -56,7 +56,7 @@ def read_xyzrgb(path: Path) -> TextCloud:
 
 
 def _mended(data: bytes) -> tuple[bytes, int, int]:
-    """Return a text with repaired lines, and the numbers of repaired and dropped lines."""
+    """Return the text with damaged lines repaired or dropped, and the number of each."""
     if not data.translate(None, _ALLOWED):
         return data, 0, 0
     pieces, done, repaired, dropped = [], 0, 0, 0
@@ -80,7 +80,7 @@ def _complete_lines(data: bytes) -> tuple[Floats, int]:
 
 
 def _parsed(data: bytes) -> Floats | None:
-    """Parse numbers (n, 6); return None if a word is not a number."""
+    """Parse lines of six numbers as (n, 6); return None if a word is not a number."""
     import pandas as pd
 
     if not data.strip():
@@ -100,7 +100,7 @@ def _fitting(rows: Floats) -> NDArray[np.bool_]:
 
 
 def _readings(line: bytes) -> Iterator[bytes]:
-    """Yield versions of a damaged line, in which foreign bytes are digits 0 or spaces."""
+    """Yield repaired versions of a line, in which foreign bytes are digits 0 or spaces."""
     parts = _FOREIGN.split(line)  # good, foreign, good, ...
     good, foreign = parts[::2], parts[1::2]
     if len(foreign) > _MOST_RUNS:
