@@ -26,8 +26,9 @@ _ROUNDING = 1e-12
 
 @dataclass(frozen=True)
 class RateDistortionCurve:
-    """Points (k,) of a rate-distortion curve, strictly increasing in ln(rate) and quality (dB), and
-    the number of excluded dominated points.
+    """A rate-distortion curve: points (k,), strictly increasing in ln(rate) and quality (dB).
+
+    `dropped` counts excluded dominated points (see `rate_distortion_curve`).
     """
 
     log_rate: Floats
@@ -64,7 +65,7 @@ class BjontegaardDelta:
 def rate_distortion_curve(rates: Floats, qualities: Floats) -> RateDistortionCurve:
     """Return the curve through points (k,), without missing values and dominated points.
 
-    A point is dominated if another one has fewer bits and at least the same quality.
+    A point is dominated if another point has fewer bits and at least the same quality.
     """
     is_finite = np.isfinite(rates) & np.isfinite(qualities)
     rates, qualities = rates[is_finite], qualities[is_finite]
@@ -93,8 +94,9 @@ def bjontegaard_delta(anchor: RateDistortionCurve, tested: RateDistortionCurve) 
 def _difference(
     anchor: tuple[Floats, Floats], tested: tuple[Floats, Floats]
 ) -> tuple[float | None, str, float]:
-    """Return the mean of y (tested minus anchor) over the common range of x, the reason if it is
-    missing, and the overlap.
+    """Return the mean of y (tested minus anchor) over the common range of x.
+
+    Return also the reason if there is no mean, and the overlap of the ranges.
     """
     low, high = _common(anchor[0], tested[0])
     overlap = max(0.0, high - low) / float(min(np.ptp(anchor[0]), np.ptp(tested[0])))

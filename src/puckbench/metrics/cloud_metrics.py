@@ -15,7 +15,7 @@ def geometry_metrics(
     decoded: Floats | DistinctPoints,
     peak: float | None = None,
 ) -> dict[str, float]:
-    """Return all geometry metrics: in the reference's units, as PSNRs, and in metres.
+    """Return all geometry metrics of a decoded cloud: distances in units and metres, and PSNRs.
 
     If rounding explains all errors, they are set to 0, and the entry ``lossless`` marks this. The
     peak of the D1 and D2 PSNRs is in the reference's units, by default `PointCloud.peak`. D2 needs
@@ -45,7 +45,8 @@ def picture_metrics(
 ) -> dict[str, float]:
     """Return metrics of rendered views, and of colour if both clouds have colours.
 
-    Views are `pixels` wide; with 0 there are none.
+    Images of views are `pixels` wide; with 0 there are none. `geometry` is the result of
+    `geometry_metrics`.
     """
     values: dict[str, float] = {}
     if pixels:

@@ -52,14 +52,18 @@ def colour_distortion(reference: PointCloud, decoded: PointCloud) -> dict[str, f
 
 
 def luminance_distance(a: Floats, b: Floats) -> float:
-    """Return the Euclidean distance between two clouds' normalised luma histograms of 256 bins."""
+    """Return the distance between the normalised luma histograms (256 bins) of two clouds.
+
+    `a` and `b` are luma values, (n,) and (m,).
+    """
     shares = [np.histogram(y, _BINS, (0.0, 1.0))[0] / len(y) for y in (a, b)]
     return float(np.linalg.norm(shares[0] - shares[1]))
 
 
 def joint_quality(distortion: Mapping[str, float], colour: Mapping[str, float]) -> float:
-    """Return PCC Arena's joint metric of ``cd_plane`` and ``luminance_l2``, lower is better (Viola,
-    Subramanyam and Cesar 2020).
+    """Return PCC Arena's joint metric of geometry (``cd_plane``) and colour (``luminance_l2``).
+
+    Lower is better (Viola, Subramanyam and Cesar 2020).
     """
     if "cd_plane" not in distortion:
         return math.nan

@@ -13,7 +13,7 @@ FRAME = "frame"
 
 
 def rows_in_frame(table: pd.DataFrame, frame: CoordinateFrame) -> pd.DataFrame:
-    """Return the rows of clouds in a frame; without the column `FRAME`, all are scaled."""
+    """Return the result rows of clouds in a frame; without the column `FRAME`, all are scaled."""
     if FRAME not in table:
         return table if frame == "scaled" else table.iloc[:0]
     rows = table[(table[FRAME] == "metric") == (frame == "metric")]
@@ -21,7 +21,7 @@ def rows_in_frame(table: pd.DataFrame, frame: CoordinateFrame) -> pd.DataFrame:
 
 
 def rows_in_metres(metrics: pd.DataFrame) -> pd.DataFrame:
-    """Return the rows of clouds in metres; raise InputError if there are none."""
+    """Return the result rows of clouds in metres; raise InputError if there are none."""
     rows = rows_in_frame(metrics, "metric")
     if rows.empty:
         raise InputError("metrics table: no results of clouds in metres")

@@ -13,8 +13,9 @@ OUTLIER_DEVIATIONS = 2.0
 
 
 def density(points: Floats) -> dict[str, float]:
-    """Return spacing, density and outliers of a cloud (n, 3), from the k = 16 neighbours of at most
-    100,000 distinct points.
+    """Return spacing, density and outliers of a cloud (n, 3), from the nearest k = 16 neighbours.
+
+    At most 100,000 distinct points are used.
 
     Returns
     -------
@@ -62,8 +63,9 @@ def _shares(name: str, values: Floats) -> dict[str, float]:
 
 
 def density_in_metres(values: dict[str, float], scale: float) -> dict[str, float]:
-    """Convert the result of `density` by `scale` units per metre; names get ``_m``, or ``_m2`` for
-    density.
+    """Convert the result of `density` by `scale` units per metre.
+
+    The suffix ``_m``, for density ``_m2``, is added to names.
     """
     converted = {}
     for name, value in values.items():

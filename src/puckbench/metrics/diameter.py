@@ -29,9 +29,9 @@ def _distances(points: Floats, centre: Floats) -> Floats:
 
 
 def _far_pair(points: Floats) -> tuple[Floats, float]:
-    """Find two points far apart by going repeatedly from a point to the farthest one.
+    """Return centre and length of the segment between two points that are far apart.
 
-    Return the centre and the length of the segment between them.
+    The search goes repeatedly from a point to the farthest one.
     """
     point, centre, length = points[0], points[0], -1.0
     while True:
@@ -74,7 +74,7 @@ def _box_squared(boxes: Floats, i: int, j: int) -> float:
 
 @compiled
 def _cap_squared(points: Floats, boxes: Floats, i: int, j: int) -> float:
-    """Return an upper bound of the squared distance between points in two boxes.
+    """Return an upper bound of the squared distance between points in boxes i and j.
 
     It follows from the points' exact extent along the line between the boxes' centres.
     """

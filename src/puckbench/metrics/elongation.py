@@ -6,16 +6,18 @@ from puckbench.geometry.cloud import Floats, check_points
 
 
 def elongation(points: Floats) -> float:
-    """Return the ratio of the shortest to the longest side of a cloud's bounding box (thesis
-    section 6.1), 0 for one point.
+    """Return the ratio of the shortest to the longest side of a cloud's bounding box.
+
+    It is 0 for a single point (thesis section 6.1).
     """
     check_points(points, "elongation")
     return _ratio(np.ptp(points, axis=0))
 
 
 def oriented_elongation(points: Floats) -> float:
-    """Return the elongation of Open3D's oriented bounding box, as in the thesis: its axes are the
-    principal axes of the convex hull's vertices.
+    """Return the `elongation` of Open3D's oriented bounding box, as in the thesis.
+
+    The box's axes are the principal axes of the convex hull's vertices.
     """
     from scipy.spatial import ConvexHull, QhullError
 

@@ -23,8 +23,10 @@ from puckbench.metrics.lossless import rounding
 
 @dataclass(frozen=True)
 class SquaredErrors:
-    """Squared errors to point and to plane, (n,) from the reference (A) to the decoded cloud (B)
-    and (m,) from B to A, and the distinct points (m, 3) of B.
+    """Squared point-to-point and point-to-plane errors between two clouds.
+
+    They are (n,) from the distinct points of the reference (A) to the decoded cloud (B), and (m,)
+    from the distinct points (m, 3) of B to A.
     """
 
     decoded: Floats
@@ -74,8 +76,7 @@ class ReferenceCloud:
 def distortion(
     reference: PointCloud | ReferenceCloud, decoded: Floats | DistinctPoints
 ) -> dict[str, float]:
-    """Return D1, D2, Chamfer and Hausdorff distances of a decoded cloud, as MPEG's pc_error
-    computes them.
+    """Return D1, D2, Chamfer and Hausdorff distances, as MPEG's program pc_error computes them.
 
     Duplicate points count once, with the normal of the first. Decoded points get their normals from
     the reference (`transfer_normals`). Point-to-plane errors are projected onto the nearest
@@ -159,10 +160,11 @@ def _checked_normals(reference: PointCloud) -> Floats:
 
 
 def transfer_normals(normals: Floats, size: int, ab: Neighbours, ba: Neighbours) -> Floats:
-    """Return normals (size, 3) for B from those of A (n, 3), by the rule of MPEG's pc_error.
+    """Return normals (size, 3) for the decoded cloud B from those of the reference A (n, 3).
 
-    A point of B gets the mean, not normalised, of the normals of those points of A whose nearest
-    neighbour it is. If there are none, it gets the mean normal of its nearest neighbours in A.
+    By the rule of MPEG's pc_error, a point of B gets the mean, not normalised, of the normals of
+    those points of A whose nearest neighbour it is. If there are none, it gets the mean normal of
+    its nearest neighbours in A. `ab` are neighbours in B of points of A, `ba` the reverse.
     """
     sums, counts = _sums_of_takers(normals, size, ab.starts, ab.exact, ab.index)
     _add_own_nearest(normals, ba.starts, ba.exact, ba.index, sums, counts)
@@ -199,9 +201,6 @@ def _add_own_nearest(
 def _projected(
     queries: Floats, points: Floats, normals: Floats, starts: Rows, index: Rows
 ) -> Floats:
-    """Return squared errors (m,) along the neighbours' normals, averaged over equidistant
-    neighbours.
-    """
     squared = np.zeros(len(queries))
     for i in range(len(queries)):
         for j in range(starts[i], starts[i + 1]):

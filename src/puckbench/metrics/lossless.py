@@ -1,4 +1,4 @@
-"""Detection of lossless clouds, whose errors come only from rounding of coordinates."""
+"""Detection of losslessly coded clouds, whose errors come only from rounding of coordinates."""
 
 from __future__ import annotations
 
@@ -35,15 +35,16 @@ def rounding(cloud: PointCloud) -> float:
 
 
 def without_rounding(errors: Mapping[str, float], limit: float) -> dict[str, float]:
-    """Set errors from `distortion` to 0 if none exceeds `limit`; add the entry `LOSSLESS`."""
+    """Set errors from `distortion` to 0 if none exceeds `limit`, and add the entry `LOSSLESS`."""
     is_lossless = errors["hausdorff_point"] <= limit
     kept = {k: 0.0 if is_lossless and k not in _COUNTS else v for k, v in errors.items()}
     return {**kept, LOSSLESS: is_lossless}
 
 
 def lossless_rows(metrics: pd.DataFrame) -> NDArray[np.bool_]:
-    """Return a mask (n,) of lossless result rows, recognised by their errors if the column
-    `LOSSLESS` is missing.
+    """Return a mask (n,) of result rows without loss.
+
+    If the column `LOSSLESS` is missing, rows with errors 0 are lossless.
     """
     flags = metrics.get(LOSSLESS)
     by_error = np.zeros(len(metrics), bool)
@@ -57,8 +58,9 @@ def lossless_rows(metrics: pd.DataFrame) -> NDArray[np.bool_]:
 
 
 def with_lossless_best(metrics: pd.DataFrame) -> pd.DataFrame:
-    """Give lossless clouds a finite PSNR above all others, so that quantiles over clouds include
-    them.
+    """Replace the infinite PSNRs of lossless clouds by a finite value above all others.
+
+    Quantiles over clouds can then include them.
     """
     psnrs = [name for name in map(str, metrics) if "_psnr" in name and is_shape_metric(name)]
     rows = lossless_rows(metrics)
@@ -66,7 +68,7 @@ def with_lossless_best(metrics: pd.DataFrame) -> pd.DataFrame:
 
 
 def without_lossless(quantiles: pd.DataFrame) -> pd.DataFrame:
-    """Remove lossless values from quantiles of the table returned by `with_lossless_best`."""
+    """Remove the values that stand for lossless clouds (`with_lossless_best`) from quantiles."""
     psnrs = [name for name in map(str, quantiles) if "_psnr" in name]
     return quantiles.assign(**{n: quantiles[n].mask(quantiles[n] > MOST_DB) for n in psnrs})
 

@@ -29,8 +29,10 @@ METRICS: Registry[Metric] = Registry("metric", "further_metrics")
 def further_metrics(
     names: Iterable[str], reference: PointCloud, decoded: PointCloud, columns: Collection[str]
 ) -> dict[str, float]:
-    """Return the values of optional metrics, by registered name or ``path/to/file.py:function``;
-    raise InputError if a metric returns a name in `columns`.
+    """Return the values of optional metrics of a decoded cloud.
+
+    A name is that of a registered metric, or ``path/to/file.py:function``. Raises InputError if a
+    metric returns a name in `columns`.
     """
     results: dict[str, float] = {}
     for name in names:

@@ -23,7 +23,7 @@ _ALIKE = 1.001
 
 
 def with_peaks(metrics: pd.DataFrame) -> pd.DataFrame:
-    """Add the column `PEAK` to results of older runs, computed from their errors and PSNRs."""
+    """Add the column `PEAK` (peak of the PSNRs) to older results, from their errors and PSNRs."""
     if PEAK in metrics or not {"d1_mse", "d1_psnr"} <= set(metrics):
         return metrics
     peaks = np.sqrt(metrics["d1_mse"].astype(float) * 10 ** (metrics["d1_psnr"] / 10) / 3)
@@ -32,7 +32,7 @@ def with_peaks(metrics: pd.DataFrame) -> pd.DataFrame:
 
 
 def check_peaks(metrics: pd.DataFrame, columns: Iterable[str]) -> None:
-    """Raise InputError if `columns` have PSNRs of a cloud with several peaks."""
+    """Raise InputError if PSNRs in `columns` have several peaks in the results of a cloud."""
     if PEAK not in metrics or not set(WITH_PEAK) & set(columns):
         return
     for (dataset, cloud), part in metrics.groupby(["dataset", "cloud"])[PEAK]:
@@ -44,7 +44,7 @@ def check_peaks(metrics: pd.DataFrame, columns: Iterable[str]) -> None:
 
 
 def without_mixed_peaks(metrics: pd.DataFrame) -> pd.DataFrame:
-    """Remove, with a warning, the PSNRs of data sets whose clouds have several peaks."""
+    """Remove, with a warning, the PSNRs of data sets whose results have several peaks."""
     if PEAK not in metrics:
         return metrics
     of_sets = metrics.groupby("dataset")[PEAK]
@@ -60,7 +60,7 @@ def without_mixed_peaks(metrics: pd.DataFrame) -> pd.DataFrame:
 
 
 def peaks_of_datasets(metrics: pd.DataFrame) -> dict[str, str]:
-    """Return text such as "30 m" for the PSNRs' peak in each data set."""
+    """Return the peak of the PSNRs of each data set as text, such as "30 m"."""
     table = with_peaks(metrics)
     if PEAK not in table:
         return {}
@@ -72,6 +72,6 @@ def peaks_of_datasets(metrics: pd.DataFrame) -> dict[str, str]:
 
 
 def peak_phrase(metrics: pd.DataFrame) -> str:
-    """Return text such as "peak 1023 or 30 m" for all peaks; empty if there are no PSNRs."""
+    """Return all peaks of the PSNRs as text, such as "peak 1023 or 30 m", or an empty text."""
     several = dict.fromkeys(peaks_of_datasets(metrics).values())
     return f"peak {' or '.join(several)}" if several else ""

@@ -22,8 +22,8 @@ def parameter_differences(true: Primitive, decoded: Primitive, centre: Floats) -
     Returns
     -------
     dict
-        ``angle_deg`` between normals or axes; ``position_m`` of planes or axes at `centre` (3,), of
-        sphere centres or of cone apexes; ``radius_m``; ``half_angle_deg``.
+        ``angle_deg`` between normals or axes; ``position_m``, the distance of planes or axes near
+        `centre` (3,), of sphere centres or of cone apexes; ``radius_m``; ``half_angle_deg``.
     """
     return _DIFFERENCES[true.kind](true.parameters, decoded.parameters, centre)
 
@@ -43,7 +43,7 @@ def _to_cylinder(cylinder: Parameters, points: Floats) -> Floats:
 
 
 def _to_cone(cone: Parameters, points: Floats) -> Floats:
-    """Return signed distances to a half cone; behind its apex, distances to the apex."""
+    """Return signed distances to a cone's surface; behind its apex, distances to the apex."""
     along, across = _along_and_across(cone["apex"], cone["axis"], points)
     cosine, sine = np.cos(cone["half_angle"]), np.sin(cone["half_angle"])
     past = along * cosine + across * sine < 0

@@ -16,16 +16,18 @@ def psnr(mse: float, peak: float, factor: float = 1.0) -> float:
 
 
 def cd_psnr(values: Mapping[str, float], diameter: float) -> dict[str, float]:
-    """Return PCC Arena's PSNRs in dB, ``cd_psnr_point`` and ``cd_psnr_plane``, from the Chamfer
-    distances returned by `distortion`; the peak is the reference's diameter.
+    """Return PCC Arena's PSNRs in dB, ``cd_psnr_point`` and ``cd_psnr_plane``.
+
+    `values` are those of `distortion` (Chamfer distances); the peak is the reference's diameter.
     """
     kinds = [kind for kind in ("point", "plane") if f"cd_{kind}" in values]
     return {f"cd_psnr_{kind}": psnr(values[f"cd_{kind}"], diameter) for kind in kinds}
 
 
 def mpeg_psnr(values: Mapping[str, float], peak: float) -> dict[str, float]:
-    """Return MPEG's PSNRs in dB, ``d1_psnr`` and ``d2_psnr``, from errors returned by `distortion`,
-    with pc_error's factor of 3.
+    """Return MPEG's PSNRs in dB, ``d1_psnr`` and ``d2_psnr``, with pc_error's factor of 3.
+
+    `values` are those of `distortion`.
     """
     kinds = [kind for kind in ("d1", "d2") if f"{kind}_mse" in values]
     return {f"{kind}_psnr": psnr(values[f"{kind}_mse"], peak, factor=3) for kind in kinds}

@@ -30,7 +30,10 @@ ALL = "all"
 
 @dataclass(frozen=True)
 class Segmentation:
-    """The primitive of each of n points: `numbers` (n,) are indices into `primitives`."""
+    """A partition of n points into geometric primitives.
+
+    `numbers` (n,) are indices into `primitives`.
+    """
 
     numbers: Ints
     primitives: Sequence[Primitive]
@@ -41,8 +44,9 @@ class Segmentation:
 
 
 def decoded_in_metres(surface: Mesh, cloud: PointCloud) -> Segmentation:
-    """Return `decoded_segmentation`, in metres, of a surface that was decoded in the coordinates of
-    `cloud`; the points lie on the true surface.
+    """Assign the points of a cloud on the true surface to the primitives of a decoded surface.
+
+    The surface is in the cloud's coordinates; the result (see `decoded_segmentation`) is in metres.
     """
     scale, offset = cloud.about.get("scale", 1.0), cloud.about.get("offset", (0.0, 0.0, 0.0))
     placed = labelled_mesh_in_metres(surface, scale, np.asarray(offset))
@@ -51,8 +55,9 @@ def decoded_in_metres(surface: Mesh, cloud: PointCloud) -> Segmentation:
 
 
 def decoded_segmentation(mesh: Mesh, labels: Labels, points: Floats) -> Segmentation:
-    """Assign each of `points` (n, 3) to the closest object of a decoded surface, represented by its
-    largest primitive.
+    """Assign each of `points` (n, 3) to the closest object of a decoded surface.
+
+    The object's largest primitive represents it.
     """
     triangles = closest_surface_points(mesh, points).triangles
     primitive_ids = _largest_primitives(mesh.areas(), labels)
@@ -70,8 +75,7 @@ def _largest_primitives(areas: Floats, labels: Labels) -> Ints:
 
 
 def recovery(true: Segmentation, decoded: Segmentation, points: Floats) -> list[dict[str, Any]]:
-    """Compare decoded with true primitives of `points` (n, 3), in metres, for each kind and for all
-    kinds.
+    """Compare decoded with true primitives of `points` (n, 3), in metres.
 
     Two primitives match if they have the same kind and the intersection of their points exceeds
     half of the union. Primitives with fewer than `MIN_SHARE` of the points, freeform surfaces and
@@ -80,10 +84,11 @@ def recovery(true: Segmentation, decoded: Segmentation, points: Floats) -> list[
     Returns
     -------
     list of dict
-        ``kind`` ("all" first); ``true``, ``found`` (decoded) and ``matched``, the numbers of
-        primitives; ``precision``; ``recall``; ``label_accuracy``, share of the points on true
-        primitives that lie on the match. Medians over matches: ``residual_m``, root mean square
-        distance of a true primitive's points to the match, and `parameter_differences`.
+        For all kinds and each kind: ``kind`` ("all" first); ``true``, ``found`` (decoded) and
+        ``matched``, the numbers of primitives; ``precision``; ``recall``; ``label_accuracy``, share
+        of the points on true primitives that lie on the match. Medians over matches:
+        ``residual_m``, root mean square distance of a true primitive's points to the match, and
+        `parameter_differences`.
     """
     table = _Overlaps.of(true, decoded)
     pairs = [_pair(true, decoded, points, *pair) for pair in table.matches]
@@ -93,8 +98,10 @@ def recovery(true: Segmentation, decoded: Segmentation, points: Floats) -> list[
 
 @dataclass(frozen=True)
 class _Overlaps:
-    """Numbers of points of each true primitive in all and on its match, kinds of all and of the
-    counted primitives, and indices (true, decoded) of the matches.
+    """Point counts and matches of true and decoded primitives.
+
+    `true_sizes` and `points_on_match` count points of each true primitive, in all and on its match.
+    `true_kinds` and `decoded_kinds` are those of the primitives that count.
     """
 
     true_sizes: Ints

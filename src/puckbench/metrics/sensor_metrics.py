@@ -14,8 +14,9 @@ if TYPE_CHECKING:
 
 
 def range_errors(original: Returns, decoded: Returns) -> dict[str, float]:
-    """Return range errors in mm over firings with returns in both scans, and numbers of lost and
-    added returns; raise InputError if the firings differ.
+    """Return range errors in mm, and numbers of lost and added returns, of a decoded scan.
+
+    Errors are over firings with returns in both scans. Raises InputError if the firings differ.
     """
     pairs = list(zip(original.turns, decoded.turns, strict=False))
     if len(original.turns) != len(decoded.turns) or any(
@@ -43,7 +44,7 @@ def range_errors(original: Returns, decoded: Returns) -> dict[str, float]:
 
 
 def range_errors_of_points(original: Floats, decoded: Floats) -> dict[str, float]:
-    """Return `range_errors` for decoded points (m, 3), in m, with the sensor at the origin.
+    """Return the metrics of `range_errors` for decoded points (m, 3), m, the sensor at the origin.
 
     The range error of a return is the component, along its ray, of the offset to the nearest
     decoded point. If k returns have the same point, which was decoded m times, k - m returns are
@@ -66,11 +67,11 @@ def range_errors_of_points(original: Floats, decoded: Floats) -> dict[str, float
 
 
 def entropy_bits(noise: Floats, groups: NDArray[np.integer], step: float) -> float:
-    """Return the entropy, in bits, of noise (n,) quantised to steps, with Miller's bias correction
-    (1955): a lower bound for lossless coding.
+    """Return the entropy, in bits, of noise (n,) quantised to steps: a bound for lossless coding.
 
-    The mean noise of each group, a laser in a turn, is subtracted, because a codec can learn it;
-    `groups` (n,) contains the group of each value."""
+    It has Miller's bias correction (1955). The mean noise of each group, a laser in a turn, is
+    subtracted, because a codec can learn it; `groups` (n,) contains the group of each value.
+    """
     means = np.bincount(groups, noise) / np.maximum(np.bincount(groups), 1)
     counts = np.unique(np.rint((noise - means[groups]) / step), return_counts=True)[1]
     if len(counts) < 2:
@@ -81,8 +82,10 @@ def entropy_bits(noise: Floats, groups: NDArray[np.integer], step: float) -> flo
 
 
 def real_time_metrics(about: Mapping[str, Any], row: Mapping[str, Any]) -> dict[str, float]:
-    """Return the bitrate at the sensor's speed and coding speeds relative to it, or nothing if the
-    description `about` lacks ``turns`` or ``seconds``.
+    """Return the bitrate at the sensor's rotation speed, and coding speeds relative to it.
+
+    `about` is the cloud's description; if it lacks ``turns`` or ``seconds``, return nothing. `row`
+    is the result row.
     """
     turns, seconds = about.get("turns"), about.get("seconds")
     if not turns or not seconds:

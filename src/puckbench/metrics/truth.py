@@ -20,11 +20,11 @@ from puckbench.metrics.units import distortion_in_metres
 
 
 class Truth:
-    """The true surface of a cloud, with search indices that all decoded clouds share.
+    """The true surface of a cloud, with search indices for comparison with decoded clouds.
 
     The surface is a mesh in metres, or points in the coordinates of the reference cloud. `seen` are
-    points on its visible part, by default sampled on the mesh. `clean` is the clean scan along the
-    same rays, which replaces `seen` if it is set.
+    points on its visible part, by default sampled on the mesh. `clean`, if set, replaces them:
+    points without noise along the rays of the scan.
     """
 
     def __init__(
@@ -63,8 +63,9 @@ def truth_distortion(
     mesh: Mesh | SearchableMesh | None,
     decoded: Floats | DistinctPoints,
 ) -> dict[str, float]:
-    """Return the entries of `distortion`, with the prefix ``truth_``, between the true surface (A)
-    and a decoded cloud (B).
+    """Return the entries of `distortion` from the true surface (A) to a decoded cloud (B).
+
+    Their names begin with ``truth_``.
 
     * A to B: from `visible`, points with true normals on the part of the surface that the sensor
       saw.
@@ -80,8 +81,10 @@ def scan_distortion(
     mesh: Mesh | SearchableMesh | None,
     decoded: Floats | DistinctPoints,
 ) -> dict[str, float]:
-    """Return `truth_distortion` for a decoded scan and, with the prefix ``clean_``, `distortion`
-    from the clean scan: the intersections (n, 3) of rays and surface, with true normals.
+    """Return `truth_distortion` of a decoded scan, and `distortion` from the clean scan.
+
+    Names of the latter begin with ``clean_``. The clean scan consists of the intersections (n, 3)
+    of rays and surface, with true normals.
     """
     errors = squared_errors(clean, decoded)
     to_points = {f"clean_{key}": value for key, value in summarise_errors(errors).items()}

@@ -5,8 +5,9 @@ from collections.abc import Mapping
 
 
 def distortion_in_metres(values: Mapping[str, float], scale: float) -> dict[str, float]:
-    """Return root mean square errors and Hausdorff distances in metres, such as ``d1_rms_m`` from
-    ``d1_mse``; `values` come from `distortion`, with `scale` units per metre.
+    """Return root mean square errors and Hausdorff distances in metres.
+
+    `values` come from `distortion`, with `scale` units per metre; ``d1_mse`` becomes ``d1_rms_m``.
     """
     roots = {
         name.removesuffix("_mse") + "_rms_m": math.sqrt(value) / scale
@@ -22,7 +23,7 @@ def distortion_in_metres(values: Mapping[str, float], scale: float) -> dict[str,
 
 
 def in_square_millimetres(values: Mapping[str, float]) -> dict[str, float]:
-    """Return ``d1_mm2`` and ``d2_mm2`` from ``d1_mse`` and ``d2_mse`` of a cloud in metres."""
+    """Return ``d1_mm2`` and ``d2_mm2``, from ``d1_mse`` and ``d2_mse`` of a cloud in metres."""
     return {
         name.removesuffix("_mse") + "_mm2": 1e6 * value
         for name, value in values.items()

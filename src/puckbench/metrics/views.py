@@ -1,4 +1,4 @@
-"""Metrics of six rendered views of a cloud along the axes, as in PCC Arena."""
+"""Metrics of rendered images of a cloud: six views along the axes, as in PCC Arena."""
 
 from __future__ import annotations
 
@@ -52,10 +52,10 @@ def view_metrics(
 def view(
     cloud: PointCloud, axis: int, bounds: Floats, pixels: int, radius: int, coloured: bool
 ) -> Image:
-    """Render a grey image (pixels, pixels) of a cloud; `axis` 0 to 5 means from +x, -x, +y, -y, +z,
-    -z.
+    """Render a grey image (pixels, pixels) of a cloud along an axis.
 
-    The longest side of `bounds` (2, 3) fills the image except for margins of 2 %.
+    `axis` 0 to 5 means from +x, -x, +y, -y, +z, -z. The longest side of `bounds` (2, 3) fills the
+    image except for margins of 2 %.
     """
     direction = np.array(_AXES[axis], dtype=np.float64)
     centre, extent = bounds.mean(axis=0), float(np.ptp(bounds, axis=0).max()) or 1.0
@@ -70,8 +70,9 @@ def view(
 
 
 def closing_radius(points: Floats, pixels: int) -> int:
-    """Return the disc radius in pixels that closes most gaps between points on a surface: twice the
-    median nearest-neighbour distance, at least 1.
+    """Return the disc radius in pixels that closes most gaps between points on a surface.
+
+    It is twice the median nearest-neighbour distance, and at least 1.
     """
     from puckbench.metrics.density import density
 

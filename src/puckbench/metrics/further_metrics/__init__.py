@@ -1,1 +1,1 @@
-"""Optional metrics, which a configuration names."""
+"""Optional metrics, which are computed if a configuration lists them."""

@@ -6,9 +6,7 @@ from puckbench.metrics.metric_registry import METRICS
 
 @METRICS.register("density")
 def decoded_density(reference: PointCloud, decoded: PointCloud) -> dict[str, float]:
-    """Return spacing, density and outliers of the decoded cloud, in metres (see
-    `puckbench.metrics.density.density`).
-    """
+    """Return the metrics of `puckbench.metrics.density.density` for a decoded cloud, in metres."""
     from puckbench.metrics.density import density, density_in_metres
 
     values = density_in_metres(density(decoded.xyz), reference.about.get("scale", 1.0))

@@ -105,14 +105,15 @@ def bd_rate(
 
 
 def log_ratios(metrics: pd.DataFrame, anchor: str, tested: str, quality: str) -> Floats:
-    """Return mean ln(rate / anchor rate) at equal quality, (n,), for clouds that have one."""
+    """Return mean ln(rate / anchor rate) at equal quality for each cloud that has it, (n,)."""
     both = metrics[metrics["codec"].isin([anchor, tested])]
     return bd_rate_clouds(both, anchor, [quality])["log_ratio"].dropna().to_numpy(float)
 
 
 def is_below_zero(differences: Floats, seed: int = 0) -> bool:
-    """Return whether the 95 % interval of the mean of paired differences (n,) is negative or, if
-    there are too few for a bootstrap, all are.
+    """Return whether the mean of paired differences (n,) is significantly negative.
+
+    The 95 % interval must be negative or, with too few values for a bootstrap, all values.
     """
     rng = generator(seed, "paired differences")
     high = bootstrap_interval(differences, RESAMPLES, rng)[1]
@@ -138,7 +139,6 @@ def _check(metrics: pd.DataFrame, anchor: str, qualities: Sequence[str]) -> None
 
 
 def _with_quality(metrics: pd.DataFrame, column: str) -> pd.DataFrame:
-    """Return the rows with a quality in dB, and the lossless rows of data sets with such rows."""
     lossless = lossless_rows(metrics) & is_shape_metric(column)
     quality = np.where(lossless, np.nan, _quality(metrics, column))
     rows = metrics.assign(**{LOSSLESS: lossless, "quality": quality})

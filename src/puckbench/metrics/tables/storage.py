@@ -76,7 +76,7 @@ def _row(rows: pd.DataFrame) -> dict[str, Any]:
 
 
 def _of_least_error(rows: pd.DataFrame) -> pd.DataFrame:
-    """Return the rows at the rate with the least median error, then the fewest bits."""
+    """Return the rows of the rate with the least median error or, of equals, the fewest bits."""
     medians = rows.groupby("rate", sort=False)[["d1_rms_mm", "bpp"]].median()
     finest = str(medians.sort_values(["d1_rms_mm", "bpp"]).index[0])
     return rows.loc[rows["rate"] == finest]
@@ -89,13 +89,14 @@ def _kept(error_mm: float) -> str:
 
 
 def rounding_mm(grid_mm: float) -> float:
-    """Return the root mean square error of rounding points to a grid, plus a tolerance."""
+    """Return the root mean square error of rounding points to a grid, mm, plus a tolerance."""
     return _ROUNDING * grid_mm / 2
 
 
 def bits_at_error(bits: pd.Series[float], error_mm: pd.Series[float], at_mm: float) -> float:
-    """Return the bits at an error, interpolated between lossy rates in log bits and log error; nan
-    if impossible.
+    """Return the bits at an error, interpolated between lossy rates, or nan.
+
+    The interpolation is linear in log bits and log error.
     """
     error, rate = error_mm.to_numpy(float), bits.to_numpy(float)
     lossy = error > 0
