@@ -1,10 +1,11 @@
-"""Logger plug-in of Snakemake: how long a run will take, then one bar with what is left.
+"""Logger plug-in of Snakemake that shows a progress bar with the remaining time of a run.
 
-``puckbench run`` shows it (``--logger puckbench``). Of Snakemake's own lines it prints those before
-the jobs, then warnings and errors; the rest is in Snakemake's log file.
+``puckbench run`` uses it (``snakemake --logger puckbench``). It also prints an estimate before the
+first job, Snakemake's messages before it, and warnings and errors. Other messages are only in
+Snakemake's log file.
 
-Snakemake imports this module before it reads a workflow, which chooses the `puckbench` to run: so
-nothing of that is imported here.
+Snakemake imports this module before the workflow, which may run another copy of `puckbench`.
+Therefore functions import from `puckbench` only when they are called.
 """
 
 from __future__ import annotations
@@ -32,12 +33,12 @@ _OVERDUE_S, _OVERDUE_FACTOR = 60.0, 5.0
 
 @dataclass
 class _Job:
-    """A running job; told: how often it was reported as overdue."""
+    """A running job, and how often it was reported as running longer than expected."""
 
     rule: str
     name: str
     began: float
-    told: int = 0
+    reports: int = 0
 
 
 BARS: list[LogHandler] = []
@@ -45,7 +46,7 @@ BARS: list[LogHandler] = []
 
 
 class LogHandler(LogHandlerBase):
-    """Follows a run by the events that Snakemake logs."""
+    """Log handler that counts jobs, by Snakemake's log events, and prints the progress."""
 
     has_filter: bool = True  # Snakemake's would keep the events of jobs from it
     has_formatter: bool = False
@@ -75,23 +76,23 @@ class LogHandler(LogHandlerBase):
         cores: int,
         notes: Mapping[str, str],
     ) -> None:
-        """Take the estimates of a workflow.
+        """Store the expected durations of a workflow's jobs, from which the progress is computed.
 
         Parameters
         ----------
         job_s
-            Work of a job, by the name of its rule.
+            Returns the expected seconds of one job of a rule.
         run_s
-            Seconds of a run of jobs (rule -> how many).
+            Returns the expected seconds of a run, for the number of jobs of each rule.
         cores
-            Of the run.
+            Number of processor cores of the run.
         notes
-            Lines to print when a rule's job has ended.
+            Line to print after each job of a rule, by the name of the rule.
         """
         self._job_s, self._run_s, self._cores, self._notes = job_s, run_s, cores, notes
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Take in an event, and show what has changed."""
+        """Process a log event of Snakemake, and update the display."""
         if not self.writes_to_stream:  # Snakemake writes
             return
         event: Any = getattr(record, "event", None)
@@ -109,7 +110,7 @@ class LogHandler(LogHandlerBase):
             self._print(self.format(record))
 
     def close(self) -> None:
-        """End the bar, if there is one."""
+        """Remove the progress bar, and stop the timer."""
         self.acquire()
         if self._bar:
             self._bar.stop()
@@ -120,7 +121,7 @@ class LogHandler(LogHandlerBase):
         super().close()
 
     def _take_run(self, event: dict[str, Any]) -> None:
-        """The jobs of the run are known: tell how long they will take."""
+        """Print the number of jobs and the expected duration of the run, and show the bar."""
         jobs = {
             rule: count for rule, count in event["stats"].items() if rule not in {"all", "total"}
         }
@@ -138,12 +139,12 @@ class LogHandler(LogHandlerBase):
         self._watch_jobs()
 
     def _watch_jobs(self) -> None:
-        """Tell of overdue jobs, now and from time to time."""
+        """Report jobs that run longer than expected; repeat this every 30 s."""
         for job in list(self._running.values()):
             running_s = time.monotonic() - job.began
             expected_s = max(1.0, self._job_s(job.rule))
-            if running_s > max(_OVERDUE_S, _OVERDUE_FACTOR * expected_s) * 2**job.told:
-                job.told += 1
+            if running_s > max(_OVERDUE_S, _OVERDUE_FACTOR * expected_s) * 2**job.reports:
+                job.reports += 1
                 expected = f"{_duration(expected_s)} were expected"
                 self._tell(f"still running: {job.name}, {_duration(running_s)}; {expected}")
         self._watch = threading.Timer(_SECONDS_BETWEEN_LINES, self._watch_jobs)
@@ -169,7 +170,7 @@ class LogHandler(LogHandlerBase):
         self._show()
 
     def _take_error(self, event: dict[str, Any]) -> None:
-        """Print why a job failed, by its log."""
+        """Print the reason for a job's failure, from its log file."""
         from pathlib import Path
 
         from puckbench.planning.failures import failure_of
@@ -181,7 +182,10 @@ class LogHandler(LogHandlerBase):
                 self._tell(f"failed: {failure}")
 
     def left_s(self) -> float:
-        """Return the seconds left: first by the estimate, more and more by the finished jobs."""
+        """Return the estimated remaining time, s.
+
+        Its weight shifts from the expected durations to those of the finished jobs.
+        """
         if not self._work or not self._done_work:
             return self._expected_s
         share = min(1.0, self._done_work / self._work)
@@ -210,7 +214,7 @@ class LogHandler(LogHandlerBase):
 
 
 def _tells_of_failed_job(record: logging.LogRecord) -> bool:
-    """Whether a record says no more than that a job failed, which `LogEvent.JOB_ERROR` told."""
+    """Return whether a message only repeats that a job failed (see `LogEvent.JOB_ERROR`)."""
     message = record.getMessage()
     return (
         "CalledProcessError in file" in message

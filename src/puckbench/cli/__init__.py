@@ -1,4 +1,4 @@
-"""The command line; `puckbench.cli.registry` has its commands."""
+"""The command line of puckbench; `puckbench.cli.registry` lists its commands."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from puckbench.core.files import unwritable
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit status.
 
-    The status is 0; 1 if the answer's `failed` is not 0; 2 after a one-line message about invalid
-    input; or 130 after an interrupt by the user.
+    The status is 0; 1 if the command's answer has a ``failed`` that is not 0; 2 after a one-line
+    message about invalid input; or 130 after an interrupt by the user.
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
     _show_remarks()
@@ -54,14 +54,14 @@ class _Remarks(logging.Handler):
 
 
 def _show_remarks() -> None:
-    """Make the logger ``puckbench`` print each distinct warning once."""
+    """Configure the logger ``puckbench`` to print each distinct warning once."""
     log = logging.getLogger("puckbench")
     log.handlers = [other for other in log.handlers if not isinstance(other, _Remarks)]
     log.addHandler(_Remarks())
 
 
 def _show(text: str) -> None:
-    """Print an answer; raise InputError if this fails, unless the pipe was closed."""
+    """Print a command's answer; raise InputError if this fails, unless the pipe was closed."""
     try:
         print(text)  # noqa: T201
         sys.stdout.flush()
@@ -73,7 +73,7 @@ def _show(text: str) -> None:
 
 
 def _parser(words: Sequence[str]) -> tuple[argparse.ArgumentParser, str | None]:
-    """Return a parser and the command's name, without importing modules of other commands."""
+    """Return a parser for command-line words, and the command; other commands are not imported."""
     name, texts = next((word for word in words if not word.startswith("-")), None), help_texts()
     parser = parser_of([name] if name in texts else [])
     if name is not None and name not in texts:
@@ -84,7 +84,7 @@ def _parser(words: Sequence[str]) -> tuple[argparse.ArgumentParser, str | None]:
 
 
 class _Parser(argparse.ArgumentParser):
-    """A parser that raises its errors as one-line InputErrors."""
+    """An argument parser that raises errors as `InputError` instead of exiting."""
 
     def error(self, message: str) -> NoReturn:
         name = self.prog.removeprefix("puckbench").strip()
@@ -94,7 +94,7 @@ class _Parser(argparse.ArgumentParser):
 def parser_of(
     names: Container[str], parser_class: type[argparse.ArgumentParser] = _Parser
 ) -> argparse.ArgumentParser:
-    """Return a parser of all commands, with arguments only for those in `names`."""
+    """Return a parser of all commands; only those in `names` have their arguments."""
     parser = parser_class(prog="puckbench", description=puckbench.__doc__)
     parser.add_argument("--version", action="store_true", help="print the version")
     parser.add_argument(

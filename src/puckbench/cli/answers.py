@@ -1,4 +1,4 @@
-"""Text for a terminal from a command's answer: a line for each value, and tables."""
+"""Formatting of a command's answer as text: a line for each value, and tables."""
 
 from __future__ import annotations
 
@@ -24,7 +24,10 @@ def text_of(answer: Mapping[str, Any]) -> str:
 
 
 def table(rows: Sequence[Sequence[str]]) -> list[str]:
-    """Format rows as lines; the first row is the heading, the last column is wrapped."""
+    """Format rows as lines of aligned columns.
+
+    The first row is the heading; the last column is wrapped.
+    """
     from rich import box
     from rich.console import Console
     from rich.table import Table
@@ -45,7 +48,7 @@ def table(rows: Sequence[Sequence[str]]) -> list[str]:
 
 
 def _rows(value: Any) -> list[list[str]]:
-    """Return heading and rows for a list or mapping of mappings, nothing for other values."""
+    """Return a table's heading and rows for nested mappings; an empty list for other values."""
     if isinstance(value, Mapping) and value and all(isinstance(v, Mapping) for v in value.values()):
         value = [{"": name, **row} for name, row in value.items()]
     if not isinstance(value, list) or not value or not all(isinstance(v, Mapping) for v in value):

@@ -1,4 +1,4 @@
-"""`puckbench capture`: convert a capture to a table of returns."""
+"""`puckbench capture`: convert a packet capture or a ROS bag to a table of returns."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Arguments shared by commands that encode: the codec, its options, and repetitions."""
+"""Command-line arguments shared by commands that encode: codec, options, repetitions."""
 
 from __future__ import annotations
 

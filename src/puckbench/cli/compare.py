@@ -68,7 +68,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> dict[str, Any] | str:
-    """Write the figure and the deltas; return the answer, as text unless ``--json`` is set."""
+    """Write the figure and the deltas; return the answer as text, or as values for ``--json``."""
     answer = _compared(options)
     return answer if options.json else text(answer)
 

@@ -1,4 +1,4 @@
-"""`puckbench completion`: write the shell script that completes commands, options and names."""
+"""`puckbench completion`: write a script for the shell's completion of words (Tab key)."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def run(options: argparse.Namespace) -> str:
 
 
 class _CompletedParser(argparse.ArgumentParser):
-    """A parser that stores for shtab how to complete each argument.
+    """A parser that tells the package shtab how the shell completes each argument.
 
     An argument with type `Path` is completed with files, and an argument for a codec, figure or
     other plug-in with the registered names.

@@ -1,4 +1,4 @@
-"""`puckbench conformance`: test a G-PCC decoder on stored streams."""
+"""`puckbench conformance`: test a G-PCC decoder on streams stored with their decoded clouds."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
-    """Count the streams that are decoded, refused and failed; list the refused and failed ones."""
+    """Decode the streams; count decoded, refused and failed ones, and list the latter two."""
     from puckbench.codecs.registry import codecs, open_codec
     from puckbench.gpcc.conformance import FOLDER, conformance_streams, program_decoder, verdicts
 

@@ -1,4 +1,4 @@
-"""`puckbench datasets`: list the loaders of scene sets, or count the scenes of one."""
+"""`puckbench datasets`: list the data set classes, or count the scenes of a data set."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
-    """Return options of each loader; with ``--check`` actual and published counts for one."""
+    """Return the options of each class or, with ``--check``, actual and published counts."""
     if options.check:
         trust([options.check])
         return _checked(options.check, options.options)

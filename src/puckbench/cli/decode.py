@@ -1,4 +1,4 @@
-"""`puckbench decode`: decode a stream."""
+"""`puckbench decode`: decode a codec's stream to a point cloud."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`puckbench encode`: encode a cloud."""
+"""`puckbench encode`: encode a point cloud by a codec."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`puckbench export`: write a scan or a capture in another format."""
+"""`puckbench export`: write a scan or a packet capture in another format."""
 
 from __future__ import annotations
 

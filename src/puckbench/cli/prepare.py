@@ -1,4 +1,4 @@
-"""`puckbench prepare`: crop a cloud, estimate its normals, and scale it."""
+"""`puckbench prepare`: crop a point cloud, estimate its normals, and scale it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`puckbench recovery`: compare the primitives in a stream with the labels of the scene."""
+"""`puckbench recovery`: compare the geometric primitives in a stream with those of a scene."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
-    """Return the result row, with empty ``kinds`` if the stream has no surface."""
+    """Return the result row; ``kinds`` is empty if the stream has no surface."""
     job = Recovery.given(dataset=options.dataset, rate=options.rate, **codec_options(options))
     row = job.run(options.stream, options.points, options.scene, options.row)
     if row["kinds"] or options.json:

@@ -139,7 +139,7 @@ def run(options: argparse.Namespace) -> dict[str, Any] | None:
 
 
 def _without_failures(path: Path) -> Path | None:
-    """Return the file that lists failed jobs, which a run writes if there are any."""
+    """Return the configuration file that leaves out the failed jobs, None if no job failed."""
     failed = trusted(read_config(path)).failures_file
     return failed if failed.exists() else None
 
@@ -183,7 +183,7 @@ def _print_summary(path: Path, study: str | None, rest: Path | None) -> None:
 
 
 def _outputs(path: Path, rest: Path | None) -> OutputJobs:
-    """Plan the tables and figures of a configuration, without the failed jobs listed in `rest`."""
+    """Plan the tables and figures of a configuration, with the changes in the file `rest`."""
     changes = read_config(rest) if rest else {}
     return Workflow({**read_config(path), **changes}, check_scenes=True).outputs
 

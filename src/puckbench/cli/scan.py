@@ -1,4 +1,4 @@
-"""`puckbench scan`: scan a mesh with a virtual sensor."""
+"""`puckbench scan`: scan a mesh with a virtual LiDAR."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`puckbench scene`: write a scene as a mesh or cloud."""
+"""`puckbench scene`: write a data set's scene as a mesh or cloud."""
 
 from __future__ import annotations
 

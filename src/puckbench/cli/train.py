@@ -57,7 +57,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
-    """Train from the checkpoint beside `out`, if there is one, and write the weights."""
+    """Train a network and write its weights; continue from the checkpoint beside `out`, if any."""
     settings = {
         name: value
         for name, value in selected(options, "steps", "seed").items()

@@ -1,4 +1,4 @@
-"""Argument types, and functions that commands share."""
+"""Argument types of the command line, and functions that commands share."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def json_object(text: str) -> dict[str, Any]:
 
 
 def files_by_name(values: dict[str, Any], option: str) -> dict[str, Path]:
-    """Return the paths in a JSON object; raise InputError if a value is not a string."""
+    """Return the file paths in a JSON object `values`; raise InputError if one is not a string."""
     for name, value in values.items():
         if not isinstance(value, str):
             raise InputError(f"{option}: {name}: '{value}' is not a file name")

@@ -1,4 +1,4 @@
-"""The contract of codecs: a class with rates, `_encode` and `_decode`, registered under a name.
+"""The interface of codecs: a class with rates, `_encode` and `_decode`, registered by name.
 
 This module has the classes that encode and decode; `puckbench.codecs.facts` has the properties that
 plans and figures need. A user's codec is one file::
@@ -58,7 +58,7 @@ class Availability(NamedTuple):
 
 
 class SharedWork(Protocol):
-    """Work that the first call with a cloud does, and that calls at its other rates reuse."""
+    """Intermediate results for a cloud that its first encoding stores, and other rates reuse."""
 
     saved: Cost = NO_COST
     """Cost of the work that the last call reused."""
@@ -83,7 +83,7 @@ class Codec(CodecFacts, ABC):
 
     @property
     def has_surfaces(self) -> bool:
-        """Whether streams can be decoded to surfaces, which a class does in `_decode_mesh`."""
+        """Whether the codec can decode streams to triangles (`_decode_mesh` is implemented)."""
         return type(self)._decode_mesh is not Codec._decode_mesh
 
     def available(self) -> Availability:
@@ -94,17 +94,17 @@ class Codec(CodecFacts, ABC):
         """Load weights and compile loops before the timed calls."""
 
     def cost(self, here: Cost) -> Cost:
-        """Return the cost of the last call, by default the cost measured in this process (`here`).
+        """Return the cost of the last call; `here` is the cost measured in this process.
 
-        Codecs that run external programs return the programs' cost.
+        Codecs that run external programs return the programs' cost instead.
         """
         return here
 
     def shared_work(self) -> SharedWork | None:
-        """Return a new object that stores work which is the same for all rates of one cloud.
+        """Return a new object to store intermediate results that all rates of one cloud share.
 
         The caller passes the object to `encode` for each rate. A codec that returns an object must
-        implement `_encode_sharing`; by default there is none.
+        implement `_encode_sharing`; by default the object is None.
         """
         return None
 
@@ -211,7 +211,7 @@ class Codec(CodecFacts, ABC):
         raise InputError(f"codec {self.name}: codes points, not surfaces")
 
     def _encode_sharing(self, points: Floats, parameters: Parameters, shared: Any) -> bytes:
-        """Encode as `_encode` does, with an object returned by `shared_work`.
+        """Encode as `_encode` does, and store or reuse results in an object of `shared_work`.
 
         Set the object's attribute `saved` to the cost of the reused work.
         """

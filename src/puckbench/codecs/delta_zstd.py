@@ -19,9 +19,9 @@ class DeltaZstdOptions(Model):
 
 @CODECS.register("delta_zstd")
 class DeltaZstd(Codec):
-    """Differences between successive points by Zstandard, Cloudini's scheme; keeps the order.
+    """Differences between successive points, compressed by Zstandard (the scheme of Cloudini).
 
-    A rate is the step that coordinates are rounded to.
+    The order of the points is kept. A rate is the step to which coordinates are rounded.
     """
 
     title = "Delta + Zstandard"

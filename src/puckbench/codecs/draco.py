@@ -34,7 +34,7 @@ DRACO_RATES = {f"r{bits - 3}": {"quantization_bits": bits} for bits in range(4, 
 def _most_points(stream: bytes) -> int:
     """Return the largest number of points that a stream of this size can plausibly contain.
 
-    A stream whose header contains a larger number is refused before it can fill the memory.
+    If the header contains a larger number, the stream is refused before it can fill the memory.
     """
     return min(65536 + 8192 * len(stream), most_points(len(stream)))
 
@@ -70,9 +70,10 @@ def _quantisation(points: Floats, parameters: Parameters) -> dict[str, Any]:
 
 @CODECS.register("draco")
 class Draco(Codec):
-    """Draco (Google), by default with its kd-tree; either method decodes the other's streams.
+    """Google's Draco, with its kd-tree or its sequential method (an option).
 
     A rate is a number of position quantisation bits or, of clouds in metres, the step of the grid.
+    Streams of both methods can be decoded whatever the option.
     """
 
     title = "Draco"

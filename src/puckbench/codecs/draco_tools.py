@@ -18,7 +18,7 @@ from puckbench.geometry.cloud import Floats
 
 
 class DracoToolOptions(Model):
-    """Effort, and the names or paths of Draco's two command-line tools."""
+    """Options of Draco's command-line tools: their names or paths, and the encoder's effort."""
 
     compression_level: int = Field(10, ge=0, le=10, description="effort; 10 makes least bytes")
     encoder: str = "draco_encoder"
@@ -27,7 +27,7 @@ class DracoToolOptions(Model):
 
 @CODECS.register("draco_cli")
 class DracoCli(ExternalCodec):
-    """Draco's tools ``draco_encoder`` and ``draco_decoder``; the streams are those of `Draco`."""
+    """Draco by its tools ``draco_encoder`` and ``draco_decoder``; streams are those of `Draco`."""
 
     title = "Draco (reference tool)"
     use = "checking Draco against its own tools"

@@ -97,7 +97,7 @@ def write_points(path: Path, points: NDArray[Any], kind: str) -> None:
 
 
 def read_points(path: Path, what: str) -> Floats:
-    """Read the points (m, 3) of the PLY file that a program wrote.
+    """Read the points (m, 3) of a PLY file that an external program wrote.
 
     Raises
     ------

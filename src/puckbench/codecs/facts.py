@@ -1,4 +1,4 @@
-"""Properties of codecs for plans, tables and figures: name, plot style, rates, memory and time."""
+"""Properties of codecs for plans, tables and figures: title, plot style, rates, memory, time."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def lengths(*millimetres: int) -> dict[str, Parameters]:
 
 
 class Memory(NamedTuple):
-    """Estimated memory of a call: a constant in MB, plus a number of bytes for each point."""
+    """Estimated memory of encoding or decoding: a constant in MB, plus bytes for each point."""
 
     base_mb: float = 400.0
     bytes_per_point: float = 1000.0
@@ -39,7 +39,7 @@ class Memory(NamedTuple):
 
 
 class Pace(NamedTuple):
-    """Estimated time of encoding and decoding at a rate: a constant in s, and s per million points.
+    """Estimated time to encode and decode a cloud: a constant in s, plus s per million points.
 
     `encoding` is the fraction of the time that encoding takes.
     """
@@ -129,7 +129,7 @@ class CodecFacts:
 
     @property
     def needs_scaled(self) -> bool:
-        """Whether rates refer to the grid of scaled clouds; they do not if `unit` is set."""
+        """Whether rates are for scaled clouds only; they are not if the option `unit` is set."""
         return self.grid > 0 and getattr(self.options, "unit", None) is None
 
     def weights_of(self, rate: str) -> str:
@@ -149,10 +149,9 @@ class CodecFacts:
         return self.metric_rates if frame == "metric" and not has_unit else self.rates
 
     def most_extent(self, rate: str) -> float:
-        """Return the largest extent along an axis, in m, that a cloud may have; infinite for scaled
-        clouds.
+        """Return the largest extent along an axis, in m, that a cloud may have at a rate.
 
-        A run skips the rate for wider clouds.
+        It is infinite for scaled clouds. A run skips the rate for wider clouds.
         """
         return self.most_steps * float(self.parameters_of(rate).get("step_m", math.inf))
 

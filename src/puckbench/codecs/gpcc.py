@@ -194,7 +194,7 @@ def scale_of(parameters: Parameters) -> float:
 
 @CODECS.register("gpcc")
 class Gpcc(OwnCodec):
-    """G-PCC's octree geometry, by our coder, with the tools of the common test conditions."""
+    """G-PCC's octree geometry by puckbench's coder, with the tools of MPEG's test conditions."""
 
     title = "G-PCC"
     use = "the anchor; lossless coding on a grid"

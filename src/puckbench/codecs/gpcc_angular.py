@@ -27,12 +27,12 @@ class AngularOptions(GridOptions):
 
 @CODECS.register("gpcc_angular")
 class GpccAngular(SensorCodec):
-    """G-PCC's octree, of a cloud with returns in the contexts of its sensor's lasers.
+    """G-PCC's octree in angular mode: the contexts depend on the lasers of the cloud's sensor.
 
-    The tools are those of MPEG's common test conditions for spinning sensors: points of one grid
-    position are merged where there is loss. Only points of isolated nodes are coded directly, also
-    without loss, where the conditions do so in any node (`direct_coding` 3), which takes more bits.
-    Rates of clouds in metres are steps of the grid.
+    The tools are those of MPEG's common test conditions for spinning sensors; lossy rates merge
+    points of one grid position. Only points of isolated nodes are coded directly. The lossless
+    conditions code points in any node directly (`direct_coding` 3), which takes more bits. Rates of
+    clouds in metres are steps of the grid.
     """
 
     title = "G-PCC (angular octree)"

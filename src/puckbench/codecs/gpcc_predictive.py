@@ -1,4 +1,4 @@
-"""G-PCC's predictive geometry, in spherical coordinates if the cloud has its sensor's returns."""
+"""G-PCC's predictive geometry, in spherical coordinates if the cloud has a sensor's returns."""
 
 from __future__ import annotations
 
@@ -28,17 +28,16 @@ class TreeOptions(GridOptions):
 
 
 def _coarse(radius_log2: int, azimuth_log2: int) -> dict[str, Parameters]:
-    """Return a rate by its name, from the base-2 logarithms of its radius and azimuth steps."""
     steps = {"radius_inv_scale_log2": radius_log2, "azimuth_scale_log2": azimuth_log2}
     return {f"{1 << radius_log2}mm": {"step_m": 0.001, **steps}}
 
 
 @CODECS.register("gpcc_predictive")
 class GpccPredictive(SensorCodec):
-    """G-PCC's predictive geometry, of a cloud with returns in its sensor's spherical coordinates.
+    """G-PCC's predictive geometry, in spherical coordinates if the cloud has a sensor's returns.
 
-    Of clouds in metres, rates of 4 mm and more are steps of the radius, without a sensor of x, y
-    and z; on the grids of 2 mm and 1 mm nothing is lost.
+    For clouds in metres, a rate of 4 mm or more is the step of the radius or, without a sensor, of
+    x, y and z; rates of 2 mm and 1 mm are grids that are coded without loss.
     """
 
     title = "G-PCC (predictive)"

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 class SensorCodec(OwnCodec):
-    """A codec that uses the lasers of the sensor to encode a cloud if the cloud has returns."""
+    """Base class of codecs that use the sensor's lasers to encode clouds with returns."""
 
     takes: ClassVar[Takes] = "either"
 

@@ -1,4 +1,4 @@
-"""Range images by JPEG-LS (ITU-T T.87), through imagecodecs and CharLS.
+"""Range images compressed by JPEG-LS (ITU-T T.87), through imagecodecs and CharLS.
 
 A lossy rate rounds ranges to steps of several quanta of the sensor. The encoder writes the ranges
 in quanta, in the near-lossless mode of JPEG-LS with errors of at most half a step, and the decoder
@@ -22,7 +22,7 @@ _END = b"\xff\xd9"
 
 @CODECS.register("jpegls")
 class JpegLs(RangeImageCodec):
-    """Range images by JPEG-LS, exact or near-lossless."""
+    """Range images compressed by JPEG-LS, lossless or near-lossless."""
 
     title = "Range image, JPEG-LS"
     use = "turns of spinning sensors by a codec of images: quick"

@@ -18,7 +18,7 @@ class JpegXlOptions(Model):
 
 @CODECS.register("jpegxl")
 class JpegXl(RangeImageCodec):
-    """Range images by JPEG XL, which codes the steps of lossy rates without further loss."""
+    """Range images, rounded to the step of the rate, compressed losslessly by JPEG XL."""
 
     title = "Range image, JPEG XL"
     use = "turns of spinning sensors by a codec of images: few bits"

@@ -12,7 +12,10 @@ from puckbench.storage.steps import MOST_STEPS
 
 @CODECS.register("laz")
 class Laz(Codec):
-    """LAZ (LAS 1.2, point format 0) with coordinates in steps of the rate; keeps the order."""
+    """LAZ (LAS 1.2, point format 0), which keeps the order of points.
+
+    A rate is the step to which coordinates are rounded.
+    """
 
     title = "LAZ"
     use = "what surveyors' programs read"

@@ -1,8 +1,7 @@
 """Base classes of codecs with a neural network.
 
-They find the file of weights for a rate when encoding, and that of a stream when decoding.
-
-PyTorch is imported by the first call that encodes or decodes.
+The encoder uses the weights file of a rate; a stream contains a digest by which the decoder finds
+the file. PyTorch is imported by the first call that encodes or decodes.
 """
 
 from __future__ import annotations
@@ -35,11 +34,11 @@ PUBLISHED_WEIGHTS = "data/pcgc_weights"
 class Weights(Protocol):
     @property
     def digest(self) -> bytes:
-        """Return the 8 bytes by which streams identify the weights."""
+        """The 8 bytes by which streams identify the weights."""
 
 
 class RateWeights(Weights, Protocol):
-    """A set of weights for several rates."""
+    """Weights of a network for several rates."""
 
     @property
     def lmbdas(self) -> tuple[float, ...]:
@@ -69,7 +68,7 @@ class LearnedOptions(Model):
 
 
 class Learned(Codec, Generic[W]):
-    """A codec whose network has one set of weights for all rates.
+    """Base class of codecs whose network has one set of weights for all rates.
 
     A subclass sets `network`, and implements methods that read weights, encode and decode. If the
     option `weights` selects several files, the encoder uses the first one in alphabetical order.
@@ -114,7 +113,7 @@ class Learned(Codec, Generic[W]):
         return self.options.weights
 
     def _known_files(self) -> Iterator[Path]:
-        """Yield the weights files in which the decoder searches for those of a stream.
+        """Yield the files in which the decoder searches for the weights of a stream.
 
         They are the files that the option `weights` selects, and those that puckbench contains.
         """
@@ -174,16 +173,14 @@ class Learned(Codec, Generic[W]):
 
 
 class PublishedOptions(LearnedOptions):
-    """Options of a published codec."""
-
     weights: str = Field(PUBLISHED_WEIGHTS, description="a folder with the authors' weights")
 
 
 class LearnedByLambda(Learned[R]):
     """A codec as its authors published it, with separate weights for each rate.
 
-    A rate's `lmbda` is the Lagrangian weight of the distortion in the training. `Improved` adds the
-    changes made by puckbench.
+    A rate's `lmbda` is the Lagrangian weight of the distortion in the training. The subclass
+    `Improved` adds puckbench's changes.
     """
 
     Options: type[PublishedOptions] = PublishedOptions
@@ -200,7 +197,6 @@ class LearnedByLambda(Learned[R]):
         return where
 
     def _known_files(self) -> Iterator[Path]:
-        """Yield the files that `Learned._known_files` yields, and the authors' if downloaded."""
         yield from super()._known_files()
         if Path(PUBLISHED_WEIGHTS).is_dir():
             yield from self.network.files(PUBLISHED_WEIGHTS)
@@ -220,7 +216,7 @@ class LearnedByLambda(Learned[R]):
         return self.network.by_lmbda(self._where()).get(float(parameters["lmbda"]))
 
     def _numbered(self, parameters: Parameters) -> tuple[R, int]:
-        """Return the weights for a rate, and the rate's index among the rates of the weights."""
+        """Return the weights for a rate, and the rate's index in them."""
         weights = self._weights(parameters)
         return weights, weights.lmbdas.index(float(parameters["lmbda"]))
 
@@ -253,7 +249,7 @@ class ImprovedOptions(PublishedOptions):
 
 
 class Improved(LearnedByLambda[R]):
-    """A published codec with puckbench's changes and weights.
+    """Base class of published codecs with puckbench's changes and weights.
 
     The grid depends on the density of the cloud (see `choose_grid_level`), the latent is compressed
     by context mixing, and the decoder reconstructs as many points as the input had.
@@ -293,7 +289,7 @@ class Improved(LearnedByLambda[R]):
 
 
 def _trial_cloud() -> Floats:
-    """Return voxels (n, 3) of a cube and a wave, whose encoding calls every compiled function."""
+    """Return voxels (n, 3), a cube and a wave, whose encoding compiles all functions."""
     block = np.stack(np.meshgrid(*[np.arange(8.0)] * 3), axis=-1).reshape(-1, 3)
     x, y = np.stack(np.meshgrid(*[np.arange(40.0)] * 2), axis=-1).reshape(-1, 2).T
     wave = np.rint(20 + 8 * np.sin(x / 6) * np.cos(y / 5))

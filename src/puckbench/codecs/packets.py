@@ -11,9 +11,9 @@ from puckbench.storage.packets import check_whole_packets, decode_packets, encod
 
 
 class PacketsCodec(ReturnsCodec):
-    """Lossless codec of data packets from a VLP-16, Puck Hi-Res or HDL-32E.
+    """Base class of lossless codecs of a VLP-16's, Puck Hi-Res's or HDL-32E's data packets.
 
-    A subclass provides the compression. Packets contain reflectivities and times. Virtual scans are
+    A subclass compresses the packets, which contain reflectivities and times. Virtual scans are
     refused: they have no reflectivities, so that their packets would be compressed to fewer bytes
     than those of a real sensor.
     """

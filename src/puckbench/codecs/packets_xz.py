@@ -13,7 +13,7 @@ _MEMORY_BYTES = 1 << 28
 
 @CODECS.register("packets_xz")
 class PacketsXz(PacketsCodec):
-    """The sensor's data packets by LZMA (xz -9e): exact, with reflectivities and times."""
+    """Data packets compressed losslessly, with every field, by LZMA (xz -9e)."""
 
     title = "Packets, xz (with reflectivity and time)"
     use = "captures as archives keep them; with reflectivities and times"

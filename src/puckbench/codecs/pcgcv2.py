@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 class Pcgcv2(LearnedByLambda["Pcgcv2Weights"]):
     """PCGCv2 as published (Wang, Ding, Li, Ma 2021).
 
-    The most likely voxels are kept wherever they are: those of sparse parts may vanish.
+    The most likely voxels of the whole cloud are decoded, so that sparse parts may vanish.
     """
 
     title = "PCGCv2"
@@ -100,7 +100,7 @@ class Pcgcv2PlusOptions(ImprovedOptions):
 class Pcgcv2Plus(Improved["Pcgcv2Weights"], Pcgcv2):
     """PCGCv2 with puckbench's grids, context mixing, point reconstruction and weights.
 
-    Each voxel keeps its most likely child, so that no part of a cloud vanishes.
+    The most likely child of each voxel is always decoded, so that no part of a cloud vanishes.
     """
 
     title = "PCGCv2+"

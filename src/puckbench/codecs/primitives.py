@@ -1,4 +1,4 @@
-"""The codec `primitives`, which encodes planes and surfaces of revolution, voxels, or both."""
+"""The codec `primitives`: planes, surfaces of revolution and voxels, fitted to the points."""
 
 from __future__ import annotations
 
@@ -48,10 +48,10 @@ class PrimitivesOptions(Model):
 
 @CODECS.register("primitives")
 class Primitives(Codec):
-    """Codec of geometric primitives that are fitted to the surface under the noise.
+    """Codec of geometric primitives that are fitted to noisy points on surfaces.
 
-    A rate is the values of `Settings` that differ from its defaults; lengths are thousandths
-    (1/1023) of the cloud's longest side, the units of the cube [0, 1023].
+    A rate consists of the values of `PrimitiveSettings` that differ from its defaults; lengths are
+    thousandths (1/1023) of the cloud's longest side, the units of the cube [0, 1023].
     """
 
     title = "Primitives"

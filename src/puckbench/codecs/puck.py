@@ -1,6 +1,6 @@
-"""`puck`: codec of the ranges and azimuths of returns, lossless or near-lossless.
+"""`puck`: codec of the ranges and azimuths of a spinning LiDAR, lossless or near-lossless.
 
-A stream contains the name of a sensor that puckbench knows, or the angles of all lasers.
+A stream contains the name of a sensor that puckbench describes, or the angles of all lasers.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from puckbench.puck.records import MAGIC
 
 
 class PuckOptions(Model):
-    """Options for the content of streams and the effort."""
+    """Options that select the content of streams, and the encoder's effort."""
 
     effort: Literal["fast", "normal", "thorough"] = Field(
         "normal", description="how many estimates are taken of each range"
@@ -38,10 +38,10 @@ class PuckOptions(Model):
 
 @CODECS.register("puck")
 class Puck(ReturnsCodec):
-    """Ranges by laser and firing column, predicted and coded by context mixing.
+    """Ranges of a spinning LiDAR, predicted in the range image and coded by context mixing.
 
-    A rate is the step of the ranges; the sensor's own (2 mm) is without loss. No return is lost,
-    and no range is off by more than a step and a half.
+    A rate is the step to which ranges are rounded; with the sensor's own step (2 mm) nothing is
+    lost. All returns are decoded, and no range is off by more than a step and a half.
     """
 
     title = "Puck"

@@ -15,14 +15,14 @@ _MAGIC = b"SMOOTH"
 
 
 class PuckSmoothedOptions(PuckOptions):
-    """Options of `puck` with a smaller lambda, because large range errors bias the smoothing."""
+    """Options of `puck` with a smaller default of lambda, since large errors bias the smoothing."""
 
     lmbda: float = Field(0.002, ge=0, description=PuckOptions.model_fields["lmbda"].description)
 
 
 @CODECS.register("puck_smoothed")
 class PuckSmoothed(Puck):
-    """`puck` whose decoder fits planes to the returns and removes the biases of lasers.
+    """Codec `puck` with a decoder that fits planes to the returns, and removes biases of lasers.
 
     Decoded returns are those of `puck`, lossless at the finest rate; decoded points are estimates
     of the surface at every rate (`puckbench.puck.smoothing`).

@@ -1,4 +1,4 @@
-"""Codecs that compress range images by the image formats of imagecodecs."""
+"""Base class of codecs that compress range images by the image formats of imagecodecs."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from puckbench.storage.range_images import Image, decode_range_images, encode_ra
 
 
 class RangeImageCodec(ReturnsCodec):
-    """Codec of range images in an image format, which a subclass chooses.
+    """Base class of codecs that compress range images in an image format.
 
-    A rate is the step of the ranges; a step of 1 quantum is lossless.
+    A rate is the step to which ranges are rounded; a step of 1 quantum is lossless.
     """
 
     metric_rates = lengths(100, 50, 20, 10, 4, 2)

@@ -52,7 +52,7 @@ def codecs() -> dict[str, type[Codec]]:
 
 
 def is_codec(name: str) -> bool:
-    """Whether puckbench or an installed package has a codec with this name."""
+    """Return whether puckbench or an installed package has a codec with this name."""
     return name in variants() or name in CODECS
 
 
@@ -62,7 +62,7 @@ def codec_class(name: str, entry: Entry | None = None) -> type[Codec]:
     Parameters
     ----------
     name
-        Name of the codec, or trusted ``module:Class`` or ``path/to/file.py:Class`` (see
+        Name of the codec, or ``module:Class`` or ``path/to/file.py:Class`` if it is trusted (see
         `puckbench.core.registry.trust`).
     entry
         A configuration's entry, whose ``class`` may name another codec or ``module:Class``.
@@ -89,10 +89,7 @@ def codec_class(name: str, entry: Entry | None = None) -> type[Codec]:
 
 
 def _with_looks(codec: type[Codec], entry: Entry) -> type[Codec]:
-    """Return a subclass of a codec with the plot style that a configuration's entry contains.
-
-    If the entry contains no plot style, return the class of the codec itself.
-    """
+    """Return a subclass of a codec with the plot style in an entry, or the class if it has none."""
     looks = {key: entry[key] for key in LOOKS if entry.get(key) is not None}
     return _derived(codec, looks) if looks else codec
 
@@ -150,7 +147,7 @@ def entry(name: str, changes: Entry | None = None) -> dict[str, Any]:
 
 
 def place_of(name: str, changes: Entry | None = None) -> str:
-    """Return where the class of a codec is defined, as ``module:Class`` or ``file.py:Class``."""
+    """Return the place where a codec's class is defined: ``module:Class`` or ``file.py:Class``."""
     base = (changes or {}).get("class", name)
     base = variants().get(base, {}).get("class", base)
     if base not in CODECS:
@@ -202,7 +199,7 @@ def training_class(name: str, changes: Entry | None = None) -> str:
 
 
 def open_training(codec: str, changes: Entry | None, settings: Entry) -> BaseTraining:
-    """Create the training of a codec from settings by name.
+    """Create the training of a codec with the given settings.
 
     Raises
     ------

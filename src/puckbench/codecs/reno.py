@@ -1,4 +1,4 @@
-"""The codec RENO: points of clouds in metres on grids with power-of-two steps, as published.
+"""The codec RENO as published, for clouds in metres on grids with power-of-two steps.
 
 The authors' parameter posQ is the step in mm. The encoder expresses coordinates in mm relative to a
 corner 131,072 mm below the origin, divides them by posQ and rounds them; a fraction of exactly one
@@ -47,7 +47,8 @@ class RenoOptions(LearnedOptions):
 class Reno(Learned["RenoWeights"]):
     """RENO as published (You, Chen, Ding, Asif, Ma 2025), with its authors' weights.
 
-    A rate is its posQ, in mm: those of the paper, and 4, for which its authors give results too.
+    A rate is the authors' parameter posQ, the step in mm: the values of the paper, and 4, for which
+    the authors publish results too.
     """
 
     title = "RENO"

@@ -12,12 +12,12 @@ if TYPE_CHECKING:
 
 
 def step_in_quanta(returns: Returns, parameters: Parameters) -> int:
-    """Return the step to which a rate rounds ranges, as a number (at least 1) of sensor quanta."""
+    """Return the step to which a rate rounds ranges, as a multiple (at least 1) of the quantum."""
     return max(1, round(float(parameters["step_m"]) / returns.quantum_m))
 
 
 class ReturnsCodec(Codec):
-    """Base class of codecs that encode the returns of a spinning sensor.
+    """Base class of codecs that encode the returns of a spinning sensor instead of points.
 
     Decoded points are computed from the decoded returns, or estimated. A subclass has
     `metric_rates` and implements `_encode_returns` and `_decode_returns`.

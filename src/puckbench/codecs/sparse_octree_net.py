@@ -1,8 +1,8 @@
-"""The codec that rounds points to a grid and compresses the grid points by a small network.
+"""The codec `sparse_octree_net`: a neural network predicts the occupancy of octree nodes.
 
-The network predicts the occupancy of octree nodes; the compression of the grid points is lossless.
-A rate is the scale of the grid or, for clouds in metres, its step. The grids are those of the codec
-`gpcc`, so that decoded points are the same as those of `gpcc` with merged duplicates.
+Points are rounded to a grid, and the grid points are compressed losslessly. A rate is the scale of
+the grid or, for clouds in metres, its step. The grids are those of the codec `gpcc`, so that
+decoded points are the same as those of `gpcc` with merged duplicates.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class OctreeNetOptions(LearnedOptions, UnitOptions):
 
 @CODECS.register("sparse_octree_net")
 class SparseOctreeNet(Learned["OctreeNetWeights"]):
-    """A learned octree coder, lossless on its grid; a rate is the scale or step, as G-PCC's."""
+    """A learned octree coder, lossless on its grid; a rate is the grid's scale or step."""
 
     title = "Sparse octree net"
     use = "G-PCC's points for 8 to 18 % fewer bits"

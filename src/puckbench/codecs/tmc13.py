@@ -52,7 +52,7 @@ class Tmc13Options(GridOptions):
 
 @CODECS.register("tmc13")
 class Tmc13(ExternalCodec, GridCodec):
-    """MPEG's program ``tmc3``; its streams are those of `Gpcc`, and each decodes the other's."""
+    """MPEG's program ``tmc3``; `Gpcc` decodes its streams, and it decodes those of `Gpcc`."""
 
     title = "TMC13 (reference tool)"
     use = "checking G-PCC against MPEG's program"

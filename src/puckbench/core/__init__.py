@@ -1,1 +1,1 @@
-"""Foundations of all packages: errors, random generators, files, threads, compiled loops."""
+"""Basic modules that all packages use: errors, random generators, files, threads, compilation."""

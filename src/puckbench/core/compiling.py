@@ -1,4 +1,4 @@
-"""Loops compiled by numba, cached on disk until one of their sources changes.
+"""Functions compiled by numba, and cached on disk until one of their source files changes.
 
 Numba's cache checks only the file of a function, so it may reuse machine code that contains an
 outdated function of another file. Here the folder of the cache is named after the contents of the
@@ -50,7 +50,7 @@ _LOCATORS = f"{__name__}.SourcesLocator,IPythonCacheLocator"
 
 
 class SourcesLocator(InTreeCacheLocator):
-    """Finds numba's cache folder for a function.
+    """Tells numba the folder in which a compiled function is cached.
 
     The name of the folder is a digest of the function's file and of all files that it imports.
     """
@@ -94,7 +94,7 @@ def compiled(function: Function, **options: Any) -> Function:
     """Compile a function on its first call; later processes load it from the cache.
 
     Arithmetic is strict IEEE 754 unless `options` change it. Compiled code releases Python's global
-    lock.
+    interpreter lock.
     """
     _config.CACHE_LOCATOR_CLASSES = _LOCATORS
     return cast(Function, numba.njit(cache=True, nogil=True, **options)(function))
@@ -105,17 +105,17 @@ def compiled_in_place(function: Function, **options: Any) -> Function:
 
 
 def inlined(function: Function) -> Function:
-    """Return a function that is compiled only as part of its callers; it must create no arrays."""
+    """Return a function that is compiled only inside its compiled callers; it creates no arrays."""
     return compiled(function, **INLINED)
 
 
 def inlined_too(function: Function) -> Function:
-    """Compile a function, and inline it in its compiled callers; it must create no arrays."""
+    """Compile a function, and also inline it in its compiled callers; it must create no arrays."""
     return compiled_in_place(function, forceinline=True)
 
 
 def intrinsic(function: Callable[..., Any], **options: Any) -> Any:
-    """Return an intrinsic, whose LLVM code `function` generates (see `numba.extending`)."""
+    """Return an intrinsic of numba: `function` generates its LLVM code (see `numba.extending`)."""
     written: Any = extending.intrinsic(**options) if options else extending.intrinsic
     return written(function)
 

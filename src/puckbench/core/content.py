@@ -1,4 +1,4 @@
-"""Files that may be compressed by a general program (.gz, .bz2, .xz, .zst)."""
+"""Reader of files that a general program may have compressed (.gz, .bz2, .xz, .zst)."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ _PORTION, _HEAD = 1 << 20, 1 << 10
 
 
 def plain_suffix(path: Path) -> str:
-    """Return the suffix of a file before compression, in lower case: ``.ply`` for ``a.PLY.gz``."""
+    """Return a file's suffix without that of compression, in lower case: .ply for ``a.PLY.gz``."""
     return plain_name(path).suffix.lower()
 
 

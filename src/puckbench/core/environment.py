@@ -1,4 +1,4 @@
-"""The run environment: processor, threads, package versions, commit, cache of compiled loops."""
+"""The environment of a run: processor, threads, package versions, commit, compilation cache."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def thread_environment(threads: int) -> dict[str, str]:
 
 
 def allowed_threads() -> int:
-    """Return ``OMP_NUM_THREADS``, by default the number of cores that the process may use."""
+    """Return ``OMP_NUM_THREADS`` or, if it is not set, the number of cores for the process."""
     limit = os.environ.get("OMP_NUM_THREADS", "").split(",")[0]
     return int(limit) if limit.isdigit() else _cores()
 
@@ -71,7 +71,7 @@ def run_environment(alone: bool) -> dict[str, Any]:
 
 @cache
 def cpu_model() -> str:
-    """Return the processor's model name, by default its architecture."""
+    """Return the processor's model name or, if it is unknown, the architecture."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError:
@@ -82,7 +82,7 @@ def cpu_model() -> str:
 
 @cache
 def libraries() -> str:
-    """Return versions of Python and packages in a line: ``python 3.11.7; numpy 2.1.3; ...``."""
+    """Return versions of Python and packages in one line: ``python 3.11.7; numpy 2.1.3; ...``."""
     versions = {"python": platform.python_version(), **installed_versions(LIBRARIES)}
     return "; ".join(f"{name} {version}" for name, version in versions.items())
 
@@ -131,7 +131,7 @@ def installation() -> dict[str, str]:
 
 
 def loops_folder(sources: Path) -> Path:
-    """Return the folder in which the compiled loops of a folder of sources are cached.
+    """Return the folder in which functions compiled from a folder of sources are cached.
 
     It is the environment variable ``NUMBA_CACHE_DIR`` if it is set. Otherwise it is ``__pycache__``
     beside the sources or, if that is read-only, ``puckbench`` in the user's cache folder.

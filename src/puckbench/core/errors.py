@@ -1,4 +1,4 @@
-"""The exception for bad input, and parts of its messages."""
+"""The exception for invalid input from the user, and parts of its messages."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def noting(note: str) -> Iterator[None]:
 
 
 def error_text(error: BaseException) -> str:
-    """Return one line with an exception's notes, class, message, file and line."""
+    """Return one line with an exception's notes, class and message, and the line that raised it."""
     notes = ", ".join(getattr(error, "__notes__", ()))
     message = " ".join(str(error).split())
     words = ": ".join(filter(None, [notes, type(error).__name__, message]))
@@ -54,15 +54,15 @@ def error_text(error: BaseException) -> str:
 
 
 def among(name: str, names: Iterable[str]) -> str:
-    """Return the end of a message about an unknown name.
+    """Return the end of an error message about the unknown `name`, to append to it.
 
-    It lists the valid names, and suggests one that is similar to the unknown name.
+    It lists the valid names, and suggests one that is similar.
     """
     names = list(names)
     return f" (known: {', '.join(names)}){closest(name, names)}"
 
 
 def closest(name: str, names: list[str]) -> str:
-    """Return ``; did you mean 'x'?`` if a name is close to the unknown one, else ``""``."""
+    """Return ``; did you mean 'x'?`` if one of `names` is similar to `name`, else ``""``."""
     near = get_close_matches(name, names, n=1)
     return f"; did you mean '{near[0]}'?" if near else ""

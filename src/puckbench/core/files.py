@@ -1,4 +1,4 @@
-"""Read files, and write them either completely or not at all."""
+"""Functions that read files, and that write them either completely or not at all."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def _is_of(error: OSError, *paths: Path) -> bool:
 
 
 def remove_leftovers(folder: Path) -> int:
-    """Remove temporary files of killed writers below a folder, and return their number."""
+    """Remove the temporary files of interrupted writers below a folder; return their number."""
     hidden = [
         Path(place, name)
         for place, _, names in os.walk(folder)
@@ -93,7 +93,7 @@ def _is_leftover(path: Path) -> bool:
 
 
 def text_end(path: Path, most_bytes: int) -> str:
-    """Return the end of a text, without white space behind it."""
+    """Read the end of a text file, at most `most_bytes`, without trailing white space."""
     with path.open("rb") as stream:
         stream.seek(0, os.SEEK_END)
         stream.seek(max(0, stream.tell() - most_bytes))
@@ -121,7 +121,7 @@ def read_json(path: Path) -> Any:
 
 
 def json_of(data: bytes, what: str) -> Any:
-    """Parse a JSON text, with the errors of `read_json`; messages begin with `what`."""
+    """Parse JSON text, with the errors of `read_json`; their messages begin with `what`."""
     try:
         value = json.loads(data, object_pairs_hook=unique_keys)
         deep = _is_deep(value)
@@ -143,7 +143,7 @@ def _is_deep(value: Any) -> bool:
 
 
 def read_object(path: Path) -> dict[str, Any]:
-    """Read a JSON file whose value is an object, with the errors of `read_json`."""
+    """Read a JSON file that contains an object; errors are those of `read_json`."""
     return object_of(read_bytes(path), str(path))
 
 

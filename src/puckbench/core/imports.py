@@ -1,7 +1,7 @@
-"""The source files that a Python file imports, directly or indirectly.
+"""Search for the source files that a Python file imports, directly or indirectly.
 
-The search covers files of puckbench, of the package that contains the file, and of the file's
-folder. Other installed packages are ignored.
+It covers files of puckbench, of the package that contains the file, and of the file's folder. Other
+installed packages are ignored.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ def _file(name: str, importer: Path) -> Path | None:
 
 @cache
 def top_folder(file: Path) -> Path:
-    """Return the folder that contains the outermost package of a file."""
+    """Return the folder that contains the top-level package of a file."""
     folder = file.parent
     while (folder / "__init__.py").exists():
         folder = folder.parent

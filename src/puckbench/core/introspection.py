@@ -1,4 +1,4 @@
-"""The inputs of a registered function from its annotations, and its caption from its docstring."""
+"""Inspection of registered functions: inputs by annotations, caption from the docstring."""
 
 from __future__ import annotations
 

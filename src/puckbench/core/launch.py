@@ -1,4 +1,4 @@
-"""Run one command under limits and print its cost, from a process that uses hardly any memory.
+"""Program that runs one command under limits and prints its cost, from a small process.
 
     python -I -S launch.py MEMORY_BYTES SECONDS COMMAND [ARGUMENT ...]
 

@@ -1,4 +1,4 @@
-"""Public names of a package, each imported when it is first used (PEP 562)."""
+"""Lazy import: public names of a package, each imported when it is first used (PEP 562)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Measurement of the time and memory of a call, without imports and warm-up."""
+"""Measurement of the run time and peak memory of a function call."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ NO_COST = Cost(0.0, 0.0)
 
 
 class Measured(NamedTuple, Generic[T]):
-    """Result and cost of a repeated call.
+    """Result and cost of a repeated function call.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ class Measured(NamedTuple, Generic[T]):
     most_s: float
 
     def costs(self, what: str) -> dict[str, float]:
-        """Return the costs as columns of a result row; names begin with `what` (``encode``)."""
+        """Return the costs as columns of a result row; `what` (``encode``) begins their names."""
         return {
             f"{what}_s": self.seconds,
             f"{what}_s_min": self.least_s,
@@ -64,7 +64,7 @@ def measured(
     whole: Callable[[Cost], Cost] = lambda here: here,
     each: Callable[[T], object] = lambda result: None,
 ) -> Measured[T]:
-    """Repeat a call, and return the last result with the measured cost.
+    """Call a function `repeats` times; return the last result with the measured cost.
 
     Parameters
     ----------

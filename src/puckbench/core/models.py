@@ -1,4 +1,4 @@
-"""Pydantic models of options and configurations, with one-line errors."""
+"""Base class of pydantic models for options and configurations, with one-line errors."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def _immutable(value: Any) -> Any:
 
 @dataclass(frozen=True)
 class _Fault:
-    """An invalid value, with its location, pydantic's type of the error, and the allowed values."""
+    """An invalid value: its location, pydantic's error type, and the allowed values."""
 
     where: tuple[str, ...]
     kind: str
@@ -75,7 +75,7 @@ class _Fault:
 
     @classmethod
     def of(cls, error: ValidationError, values: Mapping[str, Any], model: Any) -> _Fault:
-        """Return the most deeply nested fault in a validation error."""
+        """Return the most deeply nested fault in a validation error of pydantic."""
         faults = [(_place(each["loc"], values, each["type"]), each) for each in error.errors()]
         where, first = max(faults, key=lambda item: (len(item[0]), item[1]["type"] != "missing"))
         allowed = dict.fromkeys(_allowed(each) for place, each in faults if place == where)

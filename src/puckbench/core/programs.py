@@ -1,4 +1,4 @@
-"""Run external programs with limits on time and memory, and measure their cost."""
+"""Execution of external programs with limits on time and memory, and measurement of the cost."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Progress of a long command on standard error."""
+"""Display of the progress of a long command on standard error."""
 
 from __future__ import annotations
 

@@ -42,7 +42,10 @@ _trusted: set[str] = set()
 
 
 def trust(names: Iterable[str | None]) -> None:
-    """Permit this process to import code from the places among the names; ignore other names."""
+    """Permit this process to import code from the places (see the module) in `names`.
+
+    Other names are ignored.
+    """
     _trusted.update(name for name in names if is_place(name))
 
 
@@ -51,7 +54,7 @@ def is_place(name: object) -> TypeGuard[str]:
 
 
 class Registry(Generic[T]):
-    """The plug-ins of one kind.
+    """Plug-ins of one kind, such as all codecs, by name.
 
     Parameters
     ----------
@@ -76,7 +79,7 @@ class Registry(Generic[T]):
         self._added: dict[str, str] = {}
 
     def register(self, name: str, **details: Any) -> Callable[[Target], Target]:
-        """Return a decorator that registers a class or function."""
+        """Return a decorator that registers a class or function under a name."""
 
         def registered(target: Target) -> Target:
             module = target.__module__
@@ -108,7 +111,7 @@ class Registry(Generic[T]):
         return name in self._modules
 
     def _import_nearest(self, name: str) -> None:
-        """Import the module whose name is the longest prefix of the plug-in's name."""
+        """Import puckbench's module whose name is the longest prefix of the plug-in's name."""
         modules = {module.rpartition(".")[2]: module for module in _modules(self._folder)}
         beginnings = [stem for stem in modules if f"{name}_".startswith(f"{stem}_")]
         if beginnings:
@@ -136,18 +139,18 @@ class Registry(Generic[T]):
         return list(dict.fromkeys([*self._ours, *self._installed, *self._added]))
 
     def module_of(self, name: str) -> str:
-        """Return the module (or file) that defines a plug-in, for the fingerprint of its code."""
+        """Return the module or file that defines a plug-in, to compute a digest of its code."""
         return self._modules[name] if self._is_ours(name) else self._place(name).rpartition(":")[0]
 
     def place_of(self, name: str) -> str:
-        """Return the name or place with which another process can load the plug-in."""
+        """Return the name or ``module:Name`` by which another process can load a plug-in."""
         return self._added.get(name, name)
 
     def get(self, name: str) -> T:
-        """Return the plug-in with a name, or the one at a place.
+        """Return the plug-in with a name, or at a place (``module:Name`` or
+        ``path/to/file.py:Name``).
 
-        A place is ``module:Name`` or ``path/to/file.py:Name``. Raises InputError unless the place
-        is trusted, that is, named by the command line or a configuration (see `trust`).
+        Raises InputError if there is none, or the place is not trusted (see `trust`).
         """
         if self._is_ours(name):
             return self._plugins[self._modules[name], name]
@@ -244,7 +247,7 @@ def _imported_file(path: Path) -> ModuleType:
 
 
 def _check_visible(path: Path, top: Path) -> None:
-    """Raise ImportError if an installed module has the name of a module that the file imports."""
+    """Raise ImportError if `path` imports a module of its folder that an installed one hides."""
     neighbours = {file for file in reached_files(path) - {path} if top_folder(file) == top}
     for file in sorted(neighbours):
         name = file.relative_to(top).parts[0].removesuffix(".py")

@@ -1,4 +1,4 @@
-"""Random generators identified by names."""
+"""Random number generators identified by a seed and names."""
 
 from __future__ import annotations
 

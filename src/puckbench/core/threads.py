@@ -1,4 +1,4 @@
-"""Calls of a function in several threads, with results that do not depend on their number."""
+"""Parallel calls of a function in threads, with results that do not depend on their number."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ Result = TypeVar("Result")
 def in_threads(function: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
     """Call a function for each item in parallel, and return the results in order.
 
-    This is faster only if the function releases Python's global lock, as compiled loops do.
+    This is faster only if the function releases Python's global interpreter lock, as compiled loops
+    do.
     """
     queue = list(items)
     threads = min(allowed_threads(), len(queue))
@@ -26,9 +27,9 @@ def in_threads(function: Callable[[Item], Result], items: Iterable[Item]) -> lis
 
 
 def few_at_once(function: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[Result]:
-    """Call a function for the items, in batches with one item per thread; yield results in order.
+    """Call a function for items in parallel batches, and yield the results in order.
 
-    A caller that stops early wastes at most one batch.
+    A batch has one item per thread; a caller that stops early wastes at most one batch.
     """
     step = allowed_threads()
     for first in range(0, len(items), step):

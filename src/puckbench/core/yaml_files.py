@@ -1,4 +1,4 @@
-"""Read YAML 1.2 (its core schema), and write YAML that versions 1.1 and 1.2 read alike.
+"""Reader of YAML 1.2 (its core schema), and writer of YAML that version 1.1 reads alike.
 
 In YAML 1.1, which PyYAML reads, ``03000`` is 1536, ``on`` is true, ``1e3`` is a text and ``12:30``
 is 750; the last value of a repeated key counts.
@@ -138,8 +138,8 @@ def _scalars(node: Node) -> Iterator[tuple[str, ScalarNode]]:
 def _nodes(node: Node, sizes: dict[int, int]) -> Iterator[Node]:
     """Yield the nodes of a tree, each after its descendants.
 
-    Store in `sizes`, by the identity of a node, the number of nodes in its subtree after the
-    expansion of aliases.
+    Store in `sizes`, by ``id(node)``, the number of nodes in its subtree after the expansion of
+    aliases.
     """
     if id(node) in sizes:
         if not sizes[id(node)]:
@@ -187,7 +187,7 @@ def _line(part: Node | yaml.Event) -> str:
 
 
 def yaml_text(value: Mapping[str, Any]) -> str:
-    """Return a mapping as YAML in its order, with each list of numbers on one line."""
+    """Return a mapping as YAML, in its order, with each list of numbers on one line."""
     return str(
         yaml.dump(value, Dumper=_Dumper, sort_keys=False, default_flow_style=None, width=100)
     )

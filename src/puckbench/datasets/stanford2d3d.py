@@ -1,4 +1,4 @@
-"""2D-3D-S (Armeni 2017): meshes of the buildings of S3DIS, split into areas."""
+"""2D-3D-S (Armeni 2017): meshes of S3DIS's buildings, split into areas."""
 
 from __future__ import annotations
 
