@@ -48,7 +48,6 @@ def table(rows: Sequence[Sequence[str]]) -> list[str]:
 
 
 def _rows(value: Any) -> list[list[str]]:
-    """Return a table's heading and rows for nested mappings; an empty list for other values."""
     if isinstance(value, Mapping) and value and all(isinstance(v, Mapping) for v in value.values()):
         value = [{"": name, **row} for name, row in value.items()]
     if not isinstance(value, list) or not value or not all(isinstance(v, Mapping) for v in value):

@@ -15,7 +15,6 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> str:
-    """Return the script, which does not call Python."""
     import shtab
 
     from puckbench.cli import parser_of

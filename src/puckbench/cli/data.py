@@ -23,7 +23,6 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
-    """Download the data sets, then raise InputError if some failed."""
     items = fetch_data(options.folder, options.names)
     failed = [f"{item.name}: {item.message}" for item in items if item.status == "failed"]
     if failed:

@@ -183,7 +183,6 @@ def _print_summary(path: Path, study: str | None, rest: Path | None) -> None:
 
 
 def _outputs(path: Path, rest: Path | None) -> OutputJobs:
-    """Plan the tables and figures of a configuration, with the changes in the file `rest`."""
     changes = read_config(rest) if rest else {}
     return Workflow({**read_config(path), **changes}, check_scenes=True).outputs
 

@@ -46,7 +46,7 @@ class DracoCli(ExternalCodec):
 
     @cached_property
     def version(self) -> str:
-        """Return the encoder's SHA-256, because the tools print no version."""
+        # The tools print no version.
         found = shutil.which(self.programs[0])
         digest = hashlib.sha256(Path(found).read_bytes()).hexdigest()[:12] if found else ""
         return f"draco_encoder {digest}".strip()

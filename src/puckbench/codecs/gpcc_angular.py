@@ -15,8 +15,6 @@ _LOWEST_LOG2, _FLATTEST_LOG2 = 8, 1
 
 
 class AngularOptions(GridOptions):
-    """Options for quantisation and direct coding."""
-
     duplicates: Literal["merged", "kept", "by_rate"] = "by_rate"
     direct_coding: Literal[0, 1, 2, 3] = Field(
         1,

@@ -22,8 +22,6 @@ _END = b"\xff\xd9"
 
 @CODECS.register("jpegls")
 class JpegLs(RangeImageCodec):
-    """Range images compressed by JPEG-LS, lossless or near-lossless."""
-
     title = "Range image, JPEG-LS"
     use = "turns of spinning sensors by a codec of images: quick"
     colour = "#1B9E9E"

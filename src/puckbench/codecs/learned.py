@@ -216,7 +216,6 @@ class LearnedByLambda(Learned[R]):
         return self.network.by_lmbda(self._where()).get(float(parameters["lmbda"]))
 
     def _numbered(self, parameters: Parameters) -> tuple[R, int]:
-        """Return the weights for a rate, and the rate's index in them."""
         weights = self._weights(parameters)
         return weights, weights.lmbdas.index(float(parameters["lmbda"]))
 

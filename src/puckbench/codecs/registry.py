@@ -237,5 +237,4 @@ def codec_of(stream: bytes) -> str:
 
 
 def module_of(place: str) -> str:
-    """Return the part before the colon of ``module:Class`` or ``file.py:Class``."""
     return place.rpartition(":")[0]

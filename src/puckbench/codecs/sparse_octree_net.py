@@ -25,8 +25,6 @@ if TYPE_CHECKING:
 
 
 class OctreeNetOptions(LearnedOptions, UnitOptions):
-    """Options of the learned octree coder."""
-
     weights: str = Field(
         "sparse_octree_net_rooms", description="a shipped set's name, a file, or a folder"
     )

@@ -69,7 +69,6 @@ class Tmc13(ExternalCodec, GridCodec):
 
     @cached_property
     def version(self) -> str:
-        """Return the first line that the program prints."""
         if not self.available().ok:
             return ""
         said = subprocess.run([*self.programs, "--help"], capture_output=True, check=False).stdout

@@ -111,7 +111,6 @@ class Registry(Generic[T]):
         return name in self._modules
 
     def _import_nearest(self, name: str) -> None:
-        """Import puckbench's module whose name is the longest prefix of the plug-in's name."""
         modules = {module.rpartition(".")[2]: module for module in _modules(self._folder)}
         beginnings = [stem for stem in modules if f"{name}_".startswith(f"{stem}_")]
         if beginnings:

@@ -67,7 +67,6 @@ class Capod(MeshFolderSet):
 
 
 def _read_classes(path: Path) -> dict[str, list[int]]:
-    """Read the object numbers of each class (format of the Princeton Shape Benchmark)."""
     tokens = read_bytes(path).decode("latin-1").split()
     try:
         announced, remaining = (int(tokens[2]), int(tokens[3])), iter(tokens[4:])

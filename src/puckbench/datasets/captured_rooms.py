@@ -135,7 +135,6 @@ def _room_mesh(entities: list[Entity], path: Path) -> Mesh:
 
 
 def _placed_entities(entities: list[Entity]) -> list[_PlacedEntity]:
-    """Return all boxes, and the plane patches with labels that no box has."""
     boxes = [_box(entity) for entity in entities if "bounded3D_META" in entity]
     boxed = {box.semantic for box in boxes}
     flats = [_patch(entity) for entity in entities if "bounded2D_META" in entity]

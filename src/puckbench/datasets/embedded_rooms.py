@@ -17,8 +17,6 @@ from puckbench.scenes.rooms import make_room, origin, room_box, room_spec
 
 @LOADERS.register("embedded_rooms")
 class EmbeddedRooms(GeneratedSet):
-    """Generated furnished rooms, grouped by type."""
-
     of_clouds: ClassVar[bool] = False
     primitives: ClassVar[bool] = True
 

@@ -26,8 +26,6 @@ MeshArrays = tuple[Floats, NDArray[np.int64]]
 
 @dataclass(frozen=True)
 class _Pose:
-    """Position (3,), quaternion (x, y, z, w) and scale (3,) of an item."""
-
     position: Floats
     quaternion: Floats
     scale: Floats

@@ -91,10 +91,6 @@ class Recordings(DataSet):
         return Scene(name, safe_name(path.stem), returns=cloud_returns, about=about)
 
     def _place(self, name: str) -> tuple[Path, int | None]:
-        """Return the recording of a scene, and the index of its first revolution.
-
-        If `name` is that of a recording, the index is None.
-        """
         recording, _, number = name.rpartition("_")
         if recording in self._recordings and number.isdecimal() and f"{int(number):04d}" == number:
             return self._recordings[recording], int(number)

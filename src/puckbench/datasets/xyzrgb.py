@@ -73,14 +73,12 @@ def _mended(data: bytes) -> tuple[bytes, int, int]:
 
 
 def _complete_lines(data: bytes) -> tuple[Floats, int]:
-    """Return the lines with six numbers as (n, 6), and the number of other lines."""
     lines = [line for line in data.splitlines() if line.strip()]
     kept = [[float(number) for number in line.split()] for line in lines if _is_row(line)]
     return np.array(kept, dtype=np.float64).reshape(-1, _COLUMNS), len(lines) - len(kept)
 
 
 def _parsed(data: bytes) -> Floats | None:
-    """Parse lines of six numbers as (n, 6); return None if a word is not a number."""
     import pandas as pd
 
     if not data.strip():

@@ -69,10 +69,6 @@ def _squared_gap(query: Floats, low: Floats, high: Floats) -> float:
 
 @inlined
 def _push(nodes: Rows, gaps: Floats, base: int, size: int, node: int, gap: float) -> None:
-    """Push a node on a query's stack, sorted by distance (`gap`) with the nearest node on top.
-
-    The stack begins at index `base` of the arrays `nodes` and `gaps`.
-    """
     place = size
     while place > base and gaps[place - 1] < gap:
         gaps[place], nodes[place] = gaps[place - 1], nodes[place - 1]

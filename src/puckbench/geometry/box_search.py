@@ -37,12 +37,6 @@ class NearestTwo(NamedTuple):
 
 
 class _Block(NamedTuple):
-    """State of the search for the q queries of a leaf.
-
-    ``limits`` (q,) are the squared distances beyond which points are skipped, ``squared`` (q, 3)
-    the smallest squared distances, and ``places`` (q, 2) the columns of the nearest points.
-    """
-
     limits: Floats
     squared: Floats
     places: Rows

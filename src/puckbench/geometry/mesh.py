@@ -62,7 +62,6 @@ class Mesh:
     labels: Labels | None = None
 
     def corners(self) -> Floats:
-        """Return the triangles' corners (t, 3, 3)."""
         return self.vertices[self.triangles]
 
     def areas(self) -> Floats:

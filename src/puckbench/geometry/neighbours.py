@@ -41,8 +41,6 @@ class Neighbours:
 
 @dataclass(frozen=True)
 class _Group:
-    """Queries for which an equal number of neighbours, sorted by distance, was searched."""
-
     rows: Rows
     index: Indices
     counts: Rows

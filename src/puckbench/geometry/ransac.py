@@ -104,7 +104,6 @@ def _plane_with_most_inliers(points: Floats, rng: np.random.Generator, threshold
 
 
 def _sampled_planes(points: Floats, rng: np.random.Generator) -> Iterator[tuple[Floats, Floats]]:
-    """Yield normals (k, 3) and offsets (k,) of planes through three random points, in batches."""
     for _ in range(0, _MAX_SAMPLES, _SAMPLES_PER_BATCH):
         a, b, c = points[rng.integers(len(points), size=(3, _SAMPLES_PER_BATCH))]
         normals = np.cross(b - a, c - a)

@@ -113,10 +113,6 @@ def _sort_by_digit(
 
 @compiled
 def _first_of_equal_points(points: Floats, keys: Keys) -> Rows:
-    """Return the positions of points that differ from all previous points.
-
-    Points are sorted by `keys`, which are equal for equal points.
-    """
     n = len(points)
     repeated, shares_key = keys[1:] == keys[:-1], np.zeros(n, np.bool_)
     shares_key[1:] |= repeated

@@ -60,11 +60,6 @@ def _fit(
     rows: tuple[int, int],
     planes: TangentPlanes,
 ) -> None:
-    """Write to `planes` the planes of the voxels in blocks rows[0] to rows[1].
-
-    `voxels` has coordinates sorted by block, and indices into `planes`; `blocks` has sorted keys,
-    first voxels and integer moments, whose sums are exact.
-    """
     xyz, order = voxels
     keys, starts, block_moments = blocks
     cursors = np.zeros(9, np.int64)  # next block of each row of three neighbouring blocks
@@ -107,7 +102,6 @@ def _first_key_in_row(key: int, row: int) -> int:
 
 @compiled
 def _block_moments(xyz: Ints, starts: Ints) -> Ints:
-    """Return the moments (b, 10) of each block's voxels, relative to its first voxel."""
     moments = np.zeros((len(starts) - 1, MOMENT_COUNT), np.int64)
     for i in range(len(moments)):
         begin = starts[i]

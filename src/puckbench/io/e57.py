@@ -94,7 +94,6 @@ def _scan(file: Any, number: int) -> Columns:
 
 
 def _numeric_fields(file: Any, number: int) -> Columns:
-    """Return the numeric fields of a scan as float64, exact for integers up to 2^53."""
     from pye57.libe57 import SourceDestBuffer, VectorSourceDestBuffer
 
     vector, types = file.get_header(number).points, _numpy_types()

@@ -97,7 +97,6 @@ def _detected_layout(data: bytes, path: Path) -> tuple[str, ...]:
 
 
 def _candidate_counts(values: Rows, size: int) -> list[int]:
-    """Return the numbers of columns that are likely, else the possible ones, else one number."""
     rows = {count: values.reshape(-1, count) for count in _LAYOUTS if size % (4 * count) == 0}
     possible = [count for count in rows if _are_coordinates(rows[count])]
     likely = [count for count in possible if _is_likely(rows[count])]

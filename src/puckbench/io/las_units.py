@@ -86,7 +86,6 @@ def _unit(code: int | None, size: float | None = None) -> float | None:
 
 
 def _metres(factor: float) -> float | None:
-    """Return a unit's length, m, exact if it is near a foot or metre; None if it is impossible."""
     if not 0 < factor < math.inf:
         return None
     exact = (METRE, FOOT, US_SURVEY_FOOT)

@@ -94,7 +94,6 @@ def _array_columns(array: NDArray[Any]) -> Columns:
 
 
 def _named_columns(name: str, values: NDArray[Any]) -> Columns:
-    """Split an array (n, ...) into named columns, such as normals (n, 3) into nx, ny, nz."""
     flat = values.reshape(len(values), prod(values.shape[1:]))
     names = _COLUMN_NAMES.get(name.lower(), ())
     if flat.shape[1] == len(names):

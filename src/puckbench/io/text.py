@@ -143,7 +143,6 @@ def _separator(line: str) -> str:
 
 
 def _is_one_value(words: Sequence[str]) -> bool:
-    """Return whether words between two tabs form one value: a number, or text without numbers."""
     return len(words) == 1 or (bool(words) and not any(map(_NUMBER.fullmatch, words)))
 
 
@@ -189,7 +188,6 @@ def _has_names(comment: str) -> bool:
 
 
 def _matching_names(line: str, separator: str, columns: Sequence[NDArray[Any]]) -> list[str]:
-    """Return the column names in a line; there may be fewer than columns if the rest is empty."""
     splits = [_split(line, each) for each in (separator, *_SEPARATORS)]
     matching = [
         names

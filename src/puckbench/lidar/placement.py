@@ -118,7 +118,6 @@ def free_origin(
 
 
 def _grid(size: Floats) -> Floats:
-    """Return positions (n, 3) over the floor plan relative to its middle, nearest first."""
     spacing = max(0.05, float(size[:2].max()) / _GRID)
     x, y = (np.arange(-(n := int(side / 2 / spacing)), n + 1) * spacing for side in size[:2])
     places = np.stack(np.meshgrid(x, y, [0.0], indexing="ij"), axis=-1).reshape(-1, 3)
@@ -126,12 +125,9 @@ def _grid(size: Floats) -> Floats:
 
 
 def _floor(caster: RayCaster, places: Floats, size: Floats) -> float:
-    """Return the height of the floor, the 10 % quantile of the ends of downward rays.
-
-    Some rays end below it, since captured rooms have stray points.
-    """
     levels = -_below(caster, places)
     levels = levels[np.isfinite(levels)]
+    # A quantile, since floors have a thickness, and captured rooms have stray points below them.
     return float(np.quantile(levels, 0.1)) if len(levels) else float(-size[2] / 2)
 
 

@@ -94,7 +94,6 @@ def _angles(beams: Beams) -> bytes:
 
 
 def decode_beams(body: bytes, layout: Layout) -> Returns:
-    """Decode the output of `encode_beams` as returns without turns."""
     reader = Reader(body)
     quantum = reader.number() * _QUANTUM_UNIT_M
     use, length = reader.take(2)

@@ -79,7 +79,6 @@ def rate_distortion_curve(rates: Floats, qualities: Floats) -> RateDistortionCur
 
 
 def bjontegaard_delta(anchor: RateDistortionCurve, tested: RateDistortionCurve) -> BjontegaardDelta:
-    """Return the Bjontegaard deltas of `tested` against `anchor`."""
     if min(len(anchor.quality), len(tested.quality)) < MIN_POINTS:
         return BjontegaardDelta(None, None, TOO_FEW_POINTS, TOO_FEW_POINTS)
     ratio, rate_status, overlap = _difference(
@@ -94,10 +93,6 @@ def bjontegaard_delta(anchor: RateDistortionCurve, tested: RateDistortionCurve) 
 def _difference(
     anchor: tuple[Floats, Floats], tested: tuple[Floats, Floats]
 ) -> tuple[float | None, str, float]:
-    """Return the mean of y (tested minus anchor) over the common range of x.
-
-    Return also the reason if there is no mean, and the overlap of the ranges.
-    """
     low, high = _common(anchor[0], tested[0])
     overlap = max(0.0, high - low) / float(min(np.ptp(anchor[0]), np.ptp(tested[0])))
     if overlap == 0:

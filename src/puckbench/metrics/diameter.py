@@ -45,7 +45,6 @@ def _far_pair(points: Floats) -> tuple[Floats, float]:
 
 @compiled
 def _largest_squared(points: Floats, largest: float) -> float:
-    """Return the maximum of `largest` and the squared distances between spatially sorted points."""
     boxes = _boxes(points)
     for i in range(len(boxes)):
         for j in range(i + 1):

@@ -98,12 +98,6 @@ def recovery(true: Segmentation, decoded: Segmentation, points: Floats) -> list[
 
 @dataclass(frozen=True)
 class _Overlaps:
-    """Point counts and matches of true and decoded primitives.
-
-    `true_sizes` and `points_on_match` count points of each true primitive, in all and on its match.
-    `true_kinds` and `decoded_kinds` are those of the primitives that count.
-    """
-
     true_sizes: Ints
     points_on_match: Ints
     kinds: NDArray[np.object_]

@@ -177,7 +177,6 @@ def _crosses(start: Floats, end: Floats, edges: Floats) -> bool:
 
 
 def _ears(vertices: Floats, ring: list[int]) -> Ints:
-    """Return the triangles of a closed ring of vertex indices, by ear clipping."""
     triangles = []
     ring = list(ring)
     at = 0

@@ -54,7 +54,6 @@ def _overhead(maker: Maker, x: float, y: float, turn: float = 0.0) -> Placement:
 
 
 def _pipe(height: float, *points: tuple[float, float, float]) -> Placement:
-    """Place a pipe through points whose z is relative to `height`."""
     return Placement(partial(fixtures.pipe_run, points=points), "fixed", at=(0.0, 0.0, height))
 
 

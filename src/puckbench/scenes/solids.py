@@ -159,7 +159,6 @@ def _power(values: Floats, exponent: float) -> Floats:
 
 
 def _side(segment: Segment, height: float) -> Surface:
-    """Extrude a segment upwards; the surface faces the right of the segment's direction."""
     bottom = np.column_stack([segment.points, np.zeros(len(segment.points))])
     points = np.stack([bottom, bottom + np.array([0.0, 0.0, height])], axis=1)
     if segment.kind == "arc":
@@ -181,7 +180,6 @@ def _turned(segment: Segment, angles: Floats, closed: bool) -> Surface:
 
 
 def _turned_shape(segment: Segment) -> tuple[Shape, Floats]:
-    """Return the kind of surface that revolving a segment of a profile makes, and its frame."""
     (r0, z0), (r1, z1) = segment.points[[0, -1]]
     frame = np.eye(4)
     if segment.kind == "arc":
@@ -203,9 +201,6 @@ def _turned_shape(segment: Segment) -> tuple[Shape, Floats]:
 
 
 def _fan(ring: Floats) -> Surface:
-    """Make a triangle fan that closes a ring (n, 3), facing the side from which it is
-    counter-clockwise.
-    """
     count = len(ring)
     vertices = np.concatenate([ring, ring.mean(axis=0, keepdims=True)])
     index = np.arange(count)
@@ -214,7 +209,6 @@ def _fan(ring: Floats) -> Surface:
 
 
 def _rings(path: Floats, radii: Floats, steps: int, closed: bool) -> Floats:
-    """Return circles (n, steps, 3) around a path, with minimal twist."""
     ahead = np.roll(path, -1, axis=0) - np.roll(path, 1, axis=0)
     if not closed:
         ahead[0], ahead[-1] = path[1] - path[0], path[-1] - path[-2]

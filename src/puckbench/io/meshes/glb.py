@@ -105,7 +105,6 @@ class _Scene:
                 yield _transformed(vertices, triangles, matrix)
 
     def _mesh_poses(self) -> Iterator[tuple[int, Floats]]:
-        """Yield each node's mesh, with the matrix (4, 4) from its coordinates to the scene's."""
         nodes, scenes = self._nodes, self.tree.get("scenes")
         roots = scenes[self.tree.get("scene", 0)].get("nodes", []) if scenes else _roots(nodes)
         stack = [(root, _IDENTITY) for root in reversed(roots)]

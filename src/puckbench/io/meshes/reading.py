@@ -93,7 +93,6 @@ def _without_unused_vertices(mesh: Mesh) -> Mesh:
 
 
 def _has_no_area(mesh: Mesh) -> NDArray[np.bool_]:
-    """Return a mask (t,) of triangles whose area is zero except for rounding errors."""
     corners = mesh.corners()
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
     return np.asarray(mesh.areas() <= 1e-12 * longest**2)

@@ -29,7 +29,6 @@ def _is_ascii(data: bytes) -> bool:
 
 
 def _ascii(data: bytes, path: Path) -> Polygons:
-    """Parse the faces in ASCII data; in some files they have more than three corners."""
     if b"endsolid" not in data.lower():
         raise InputError(f"{path}: truncated: the solid has no end")
     parts = _PARTS.findall(data)

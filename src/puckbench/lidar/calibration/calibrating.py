@@ -97,17 +97,16 @@ def calibrate(
 
 
 def _with_lasers(best: Sigmas, found: dict[str, Estimate]) -> Sigmas:
-    """Replace the sigma of the lasers' biases, if it is zero, by the upper end of its interval."""
     lasers = found.get("laser_sigma_m")
     if lasers is None or lasers.value > 1e-6:
         return best
+    # An estimate of zero would set all biases of lasers to zero.
     return replace(best, laser_sigma_m=lasers.high)
 
 
 def _biases(
     likelihood: RestrictedLikelihood, best: Sigmas
 ) -> tuple[Estimate, tuple[Estimate, ...]]:
-    """Return the mean bias of the lasers and the difference of each laser from it."""
     values, covariance = likelihood.biases(best)
     lasers = len(values)
     rows = np.vstack([np.full(lasers, 1 / lasers), np.eye(lasers) - 1 / lasers])

@@ -127,7 +127,7 @@ def _intervals(found: Calibration) -> dict[str, Any]:
 
 
 def _by_laser(found: Calibration) -> list[Estimate]:
-    """Return the bias of each laser id; without returns it is 0, within two sigmas."""
+    # The bias of a laser without returns is 0, within two sigmas.
     reach = 2 * found.sigmas["laser_sigma_m"].value if "laser_sigma_m" in found.sigmas else 0.0
     seen = dict(zip(found.laser_ids, found.biases, strict=True))
     unseen = Estimate(0.0, -reach, reach)

@@ -105,7 +105,6 @@ def fit(
 def _searched(
     above: Deviance, start: Floats, units: Floats, bounds: Sequence[tuple[float | None, None]]
 ) -> Floats:
-    """Minimise a deviance by L-BFGS-B from `start`, with variables scaled by `units`."""
     from scipy import optimize
 
     minimize: Any = optimize.minimize  # its stubs do not allow pairs as bounds
@@ -165,7 +164,6 @@ def _sigmas(values: Floats, free: Sequence[str], base: Sigmas) -> Sigmas:
 
 
 def _start(likelihood: RestrictedLikelihood, free: Sequence[str]) -> Sigmas:
-    """Return initial sigmas: all are the standard deviation of the errors within groups."""
     seen = likelihood.seen
     count = np.diff(seen.groups)
     within = np.repeat(np.add.reduceat(seen.error, seen.groups[:-1]) / count, count)
@@ -174,7 +172,6 @@ def _start(likelihood: RestrictedLikelihood, free: Sequence[str]) -> Sigmas:
 
 
 def _standard_errors(deviance: Deviance, centre: Floats, free: Sequence[str]) -> Floats:
-    """Return standard errors from the curvature of the deviance; nan for a sigma of zero."""
     inner = [i for i, name in enumerate(free) if name not in BIASES or centre[i] > 1e-3]
     steps = np.array([_step(deviance, centre, i) for i in inner])
     curvature = _curvature(deviance, centre, inner, steps)
@@ -197,7 +194,6 @@ def _step(deviance: Deviance, centre: Floats, index: int) -> float:
 
 
 def _curvature(deviance: Deviance, centre: Floats, inner: Sequence[int], steps: Floats) -> Floats:
-    """Return second differences (k, k) of the deviance with respect to the variables `inner`."""
     result = np.empty((len(inner), len(inner)))
 
     def at(*moves: tuple[int, float]) -> float:

@@ -124,7 +124,6 @@ def _take_cell(
     matrix: Floats,
     right: Floats,
 ) -> None:
-    """Eliminate the bias of the cell of groups `first` to `last` by an update of rank one."""
     shrunk, weight, product = about
     width = 3 * (last - first) + 2
     columns, outer = np.empty(width, dtype=np.int64), np.empty(width)

@@ -99,13 +99,11 @@ class RestrictedLikelihood:
         return np.asarray(scale**2 + self.quantum_m**2 / 12)
 
     def _sums(self, ray: tuple[float, float, float]) -> Floats:
-        """Return the result of `group_sums` for coefficients of ray noise, cached for the last
-        ones.
-        """
         if ray not in self._kept:
             seen, least = self.seen, (_LEAST_SIGMA_M, self.quantum_m**2 / 12)
             sums = np.empty((len(seen.surface), WIDTH))
             group_sums(seen.groups, (seen.error, seen.basis, seen.features), ray, least, sums)
+            # Most steps of a search change only sigmas of biases, so the last sums are kept.
             self._kept.clear()
             self._kept[ray] = sums
         return self._kept[ray]
@@ -130,9 +128,6 @@ class RestrictedLikelihood:
         return np.vstack([rows[:planes], mean, drawn])
 
     def _absorbed(self, sigmas: Sigmas) -> Equations:
-        """Return normal equations of planes and laser biases; biases of scans and cells are
-        eliminated.
-        """
         seen, sums = self.seen, self._sums(sigmas.ray)
         lasers = 3 * seen.surfaces
         core = lasers + len(seen.laser_ids)

@@ -47,7 +47,6 @@ def ray_shape(likelihood: RestrictedLikelihood, sigmas: Sigmas) -> RayShape:
 
 
 def _standard_differences(likelihood: RestrictedLikelihood, sigmas: Sigmas) -> Floats:
-    """Return differences of successive errors in a group, divided by the sigma of ray noise."""
     seen = likelihood.seen
     group = np.repeat(np.arange(len(seen.surface)), np.diff(seen.groups))
     first = np.flatnonzero((np.arange(len(seen)) - seen.groups[group]) % 2 == 0)
@@ -63,9 +62,6 @@ def _log_gaussian(difference: Floats) -> Floats:
 
 
 def _log_laplace(difference: Floats) -> Floats:
-    """Return the log density of the difference d of two Laplace variables with scale b.
-
-    The density is ``(1 + |d| / b) exp(-|d| / b) / (4 b)``; the variance is 2.
-    """
+    # The density is (1 + |d| / b) exp(-|d| / b) / (4 b), for two Laplace noises of variance 1.
     scaled = np.abs(difference) * _ROOT
     return np.asarray(np.log1p(scaled) - scaled + np.log(_ROOT / 4))

@@ -77,7 +77,6 @@ class Observations:
 
     @property
     def scans(self) -> int:
-        """Number of pairs of a laser and a scan."""
         return int(self.scan.max()) + 1
 
     @property
@@ -119,7 +118,6 @@ def _check(table: pd.DataFrame) -> None:
 
 
 def _along_rays(rows: pd.DataFrame) -> pd.DataFrame:
-    """Fit a plane to the points of each surface, and add the columns of `_beyond_plane`."""
     height = _heights(rows)
     values = rows[["plane_u_m", "plane_v_m", "residual_m"]].to_numpy(dtype=np.float64)
     points = values - np.outer(height, [0.0, 0.0, 1.0])
@@ -132,14 +130,11 @@ def _along_rays(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def _heights(rows: pd.DataFrame) -> Floats:
-    """Return the distance from the sensor to each return's plane, m, (n,).
-
-    It is the median over the plane, since recorded ranges do not start at the sensor's origin.
-    """
     names = ["range_m", "plane_u_m", "plane_v_m", "residual_m"]
     far, u, v, residual = rows[names].to_numpy(dtype=np.float64).T
     each = np.sqrt(np.maximum(far**2 - u**2 - v**2, 0)) + residual
     keys = [rows[name] for name in _PLANE]
+    # A median, since recorded ranges do not start at the sensor's origin.
     return np.asarray(pd.Series(each, rows.index).groupby(keys).transform("median"))
 
 

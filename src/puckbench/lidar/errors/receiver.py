@@ -79,8 +79,6 @@ class Receiver(Model):
 
 
 class Received(ErrorModel):
-    """An error model combined with a receiver."""
-
     model: ErrorModel
     receiver: Receiver
 

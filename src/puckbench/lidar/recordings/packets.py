@@ -112,7 +112,6 @@ def decode_packets(payloads: NDArray[np.uint8], sensor: Sensor | None = None) ->
 
 
 def with_points(columns: dict[str, NDArray[Any]], sensor: Sensor) -> dict[str, NDArray[Any]]:
-    """Add the columns elevation, x, y and z."""
     laser = columns["laser_id"]
     elevation = np.radians(sensor.laser_elevation_deg)[laser]
     level = columns["distance"] * np.cos(elevation)
@@ -157,7 +156,6 @@ def _checked_mode(packets: NDArray[Any]) -> int:
 
 
 def _firing_times(sensor: Sensor) -> tuple[float, float]:
-    """Return the times, in microseconds, between firing sequences and between lasers."""
     firing, laser = sensor.firing_sequence_us, sensor.firing_interval_us
     if sensor.lasers != LASERS or firing is None or laser is None:
         raise InputError(f"sensor {sensor.name} is not described as a VLP-16 (16 lasers, firing)")

@@ -248,7 +248,6 @@ class _View:
         return plane, patch
 
     def _bias(self, plane: Plane, rows: Mask) -> Floats:
-        """Return each laser's median distance from a plane, m, clipped to the threshold."""
         chosen = rows & self.near(plane, 2)
         distances = plane.distances(self.points[chosen])
         lasers = self.image.laser_rank[chosen]

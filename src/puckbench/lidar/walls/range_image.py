@@ -32,7 +32,6 @@ class RangeImage:
 
     @property
     def laser_rank(self) -> NDArray[np.intp]:
-        """Row of the image for each return, (n,)."""
         return self.pixel // self.shape[1]
 
     def counts(self, rows: Mask) -> Floats:

@@ -88,7 +88,6 @@ def _turns(table: RecordedReturns) -> dict[int, NDArray[np.intp]]:
 
 
 def _changes(reference: RecordedReturns, other: RecordedReturns) -> tuple[Floats, Floats]:
-    """Return changes of distance (k,), m, and azimuths (k,), rad, of comparable returns."""
     places, wanted = _places(reference), _places(other)
     order = np.argsort(places, kind="stable")
     places, distance = places[order], reference["distance"][order]

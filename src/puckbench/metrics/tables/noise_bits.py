@@ -63,7 +63,6 @@ def _bits(curve: pd.DataFrame) -> dict[str, Any]:
 
 
 def _scans_of_several_models(clouds: pd.DataFrame) -> pd.DataFrame:
-    """Select clouds whose rays were scanned under several error models; number equal rays."""
     if not {*_CLOUD, "sensor", "error_model", "noise_bits"} <= set(clouds):
         raise InputError("clouds table: no cloud has an entropy of noise (column noise_bits)")
     noisy = clouds.dropna(subset=["noise_bits"])

@@ -76,7 +76,6 @@ def _row(rows: pd.DataFrame) -> dict[str, Any]:
 
 
 def _of_least_error(rows: pd.DataFrame) -> pd.DataFrame:
-    """Return the rows of the rate with the least median error or, of equals, the fewest bits."""
     medians = rows.groupby("rate", sort=False)[["d1_rms_mm", "bpp"]].median()
     finest = str(medians.sort_values(["d1_rms_mm", "bpp"]).index[0])
     return rows.loc[rows["rate"] == finest]

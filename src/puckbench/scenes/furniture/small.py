@@ -84,7 +84,6 @@ def bottle(cad: Modeller) -> Item:
 
 
 def book(cad: Modeller, height: float = 0.24, thickness: float = 0.03) -> Item:
-    """Make a flat book with its spine at -x."""
     width = height * 0.72
     boards = [cad.box(width, height, 0.003).at(z=z) for z in (0.0, thickness - 0.003)]
     pages = cad.box(width - 0.008, height - 0.01, thickness - 0.006).at(x=0.001, z=0.003)

@@ -108,7 +108,6 @@ def meeting_table(cad: Modeller, length: float = 2.4, width: float = 1.1) -> Ite
 
 
 def _boat(length: float, width: float, steps: int) -> outlines.Outline:
-    """Return the outline of a table top whose ends are straight and whose long sides are arcs."""
     x, end, sag = length / 2, width * 0.36, width * 0.14
     radius = (x**2 + sag**2) / (2 * sag)
     half = float(np.degrees(np.arcsin(x / radius)))

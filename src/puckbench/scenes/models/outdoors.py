@@ -47,7 +47,6 @@ def airplane(cad: Modeller, member: int) -> Item:
 
 
 def _fuselage(cad: Modeller, radius: float, length: float) -> Surface:
-    """Make a body around the x axis, from the tail at x = 0 to the nose."""
     shares = [
         (0.0, 0.0),
         (0.25, 0.04),
@@ -65,7 +64,6 @@ def _fuselage(cad: Modeller, radius: float, length: float) -> Surface:
 
 
 def _wing(cad: Modeller, root: float, tip: float, span: float, sweep: float) -> Surface:
-    """Make a swept wing along +y with its leading edge towards +x."""
     angles = np.linspace(0, 2 * np.pi, max(16, cad.steps(1) // 2), endpoint=False)
     at = np.linspace(0, 1, max(6, round(12 * cad.detail)))
     chord = (root + (tip - root) * at) * np.append(np.ones(len(at) - 1), 0.8)
@@ -223,7 +221,6 @@ def _point(values: Floats) -> outlines.Point:
 
 
 def _tapered(outline: outlines.Outline, low: float, high: float) -> Surface:
-    """Extrude the side view of a car's cabin; its width decreases linearly from `low` to `high`."""
     points = outlines.loop(outline)
     foot, roof = points[:, 1].min(), points[:, 1].max()
     half = (low + (high - low) * (points[:, 1] - foot) / (roof - foot)) / 2
@@ -261,7 +258,6 @@ def _conifer(cad: Modeller) -> list[Surface]:
 def _grow(
     cad: Modeller, start: Floats, heading: Floats, length: float, thick: float, depth: int
 ) -> tuple[list[Surface], list[Floats]]:
-    """Return the branches of a tree and their tips; each branch splits into two or three."""
     middle = start + heading * length * 0.5 + cad.rng.normal(0, 0.05 * length, 3)
     end = start + heading * length
     path = cad.smooth([start.tolist(), middle.tolist(), end.tolist()], 4)

@@ -93,7 +93,6 @@ def _design_facade(cad: Modeller, width: float) -> _Facade:
 
 
 def _wall_with_openings(width: float, height: float, openings: Sequence[_Opening]) -> Surface:
-    """Make a wall at y = 0, facing -y, that leaves out the openings."""
     xs = np.unique([-width / 2, width / 2, *(x for opening in openings for x in opening.sides)])
     zs = np.unique(
         [0.0, height, *(z for opening in openings for z in (opening.z, opening.z + opening.height))]
@@ -143,7 +142,6 @@ def _door(cad: Modeller, opening: _Opening) -> tuple[Surface, Surface]:
 
 
 def _walls(cad: Modeller, facade: _Facade, depth: float) -> Surface:
-    """Make side walls, back wall and a roof, which is flat, eaves-fronted or gable-fronted."""
     x, z, rise = facade.width / 2, facade.height, cad.between(0.25, 0.42)
     roof = cad.pick(("flat", "along", "along", "across"))
     if roof == "across" and facade.width < 12:

@@ -184,7 +184,6 @@ def _border(cad: Modeller) -> Callable[[Modeller, float], Item]:
 
 
 def _ends(street: _Street) -> None:
-    """Place houses across the street's end at x > 0, and a wall and trees at the other end."""
     cad, away = street.cad("ends"), street.length / 2 + CROSS_STREET + END_PAVEMENT
     ahead, behind = pose(turn=-90), pose(turn=90)
     for lot in _lots(cad, 1.0 - HALF_WIDTH, HALF_WIDTH - 1.0):
