@@ -19,7 +19,7 @@ _LEAST_QP = 58
 
 
 class TreeOptions(GridOptions):
-    """Options for quantisation and for the order in which trees are built."""
+    """Options of the predictive geometry: quantisation, and order of the points in a tree."""
 
     duplicates: Literal["merged", "kept", "by_rate"] = "kept"
     order: Literal["given", "morton", "azimuth", "radius"] = Field(

@@ -55,7 +55,7 @@ def pose_files(area_folder: Path) -> dict[str, list[Path]]:
 
 
 def camera_position(path: Path) -> Position:
-    """Read a camera position (m) from a pose file; that of older releases has a list of poses."""
+    """Read a camera position (m) from a pose file; in older releases it has a list of poses."""
     content = read_json(path)
     pose = content[0] if isinstance(content, list) and content else content
     if not isinstance(pose, dict) or "camera_location" not in pose:

@@ -79,7 +79,7 @@ def detect_column_count(values: NDArray[Any]) -> int | None:
 
 
 def check_column_count(path: Path, data: bytes, count: int) -> None:
-    """Raise InputError if float32 values (`data`) suggest a number of columns besides `count`."""
+    """Raise InputError if the values suggest a number of columns other than `count`."""
     detected = detect_column_count(np.frombuffer(data[: len(data) // 4 * 4], dtype="<f4"))
     if detected not in (None, count):
         raise InputError(f"{path}: its points have {detected} values each, not {count}")

@@ -48,7 +48,7 @@ class Beams:
     delays
         Times of firing as a fraction of the time between firing columns.
     clockwise
-        Direction of rotation, seen from above; azimuths increase in it from forward (y).
+        Direction of rotation, seen from above, and of azimuths, which are 0 forward (y).
     azimuths_deg
         Azimuths relative to that of the column; empty: all 0.
     sideways_mm

@@ -44,7 +44,7 @@ def range_errors(original: Returns, decoded: Returns) -> dict[str, float]:
 
 
 def range_errors_of_points(original: Floats, decoded: Floats) -> dict[str, float]:
-    """Return the metrics of `range_errors` for decoded points (m, 3), m, the sensor at the origin.
+    """Return the metrics of `range_errors` for decoded points (m, 3), m, relative to the sensor.
 
     The range error of a return is the component, along its ray, of the offset to the nearest
     decoded point. If k returns have the same point, which was decoded m times, k - m returns are

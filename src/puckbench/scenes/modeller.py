@@ -76,7 +76,7 @@ class Modeller:
     def handle(
         self, start: Sequence[float], end: Sequence[float], y: float, radius: float
     ) -> Surface:
-        """Make a bar handle, at the given y, between two points of a front in the x-z plane."""
+        """Make a bar handle at depth `y` between two points of a furniture front (x-z plane)."""
         path = [start, (start[0], y, start[2]), (end[0], y, end[2]), end]
         return self.pipe(path, radius, 2 * radius)
 

@@ -1,4 +1,4 @@
-"""Compiled loops of the likelihood: sums over returns, and normal equations without biases.
+"""Compiled loops of the likelihood: sums over returns, and elimination of normal biases.
 
 A return's row of the design matrix has five non-zero entries: three coefficients (b0, b1, b2) of
 its plane, 1 for its laser, and 1 for its laser in its scan.

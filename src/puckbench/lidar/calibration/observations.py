@@ -139,10 +139,6 @@ def _heights(rows: pd.DataFrame) -> Floats:
 
 
 def _beyond_plane(points: Floats) -> Floats:
-    """Fit a plane to points (n, 3), z along its normal, by least squares.
-
-    Returns the columns range error, range of the plane, cosine of incidence and basis (3).
-    """
     terms = np.column_stack([np.ones(len(points)), points[:, :2]])
     (offset, *slopes), *_ = np.linalg.lstsq(terms, points[:, 2], rcond=None)
     normal = np.array([-slopes[0], -slopes[1], 1.0])

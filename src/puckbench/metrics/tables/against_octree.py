@@ -30,14 +30,13 @@ GRIDS_MM = (2.0, 1.0)
 def against_octree(metrics: pd.DataFrame) -> pd.DataFrame:
     """Bits per return of each codec at equal errors and on equal grids, and the percentage saved
     against ``gpcc``, G-PCC's octree coder without the sensor. Papers use this anchor with options
-    that take up to 6 % more bits (``gpcc_no_sensor``). Values are medians over the clouds that have
-    one.
+    that take up to 6 % more bits (``gpcc_no_sensor``). Values are medians over clouds.
 
     ``at_5_mm``: at a D1 root mean square error of 5 mm, interpolated linearly between rates in log
-    bits and log error. ``grid_1_mm``: lossless coding on a grid of 1 mm, that is, the fewest bits
-    of a rate that returns as many points as it was given, with at most the error of rounding to the
-    grid; its anchor is ``gpcc_lossless``, which keeps duplicate points, if the run has it. Empty:
-    no rate reaches the error. ``coarsest_mm`` and ``finest_mm``: range of the errors of all rates.
+    bits and log error. ``grid_1_mm``: the fewest bits of a rate that keeps the number of points,
+    with at most the error of rounding to a grid of 1 mm; its anchor is ``gpcc_lossless``, which
+    keeps duplicate points, if the run has it. Empty: no rate reaches the error. ``coarsest_mm`` and
+    ``finest_mm``: range of the errors of all rates.
     """
     import pandas as pd
 

@@ -25,11 +25,10 @@ def noise_bits(metrics: pd.DataFrame, clouds: pd.DataFrame) -> pd.DataFrame:
     medians over the clouds, empty if no rate reaches the error.
 
     ``noise_bits``: entropy of the model's noise in steps of the sensor's ranges, after subtracting
-    the mean error of each laser in each turn. ``grid_1_mm``: exact, or lossless on a grid of 1 mm,
-    that is, the fewest bits of a rate with at most the D1 error of rounding to the grid.
-    ``at_5_mm``: at a D1 root mean square error of 5 mm, interpolated linearly between rates in log
-    bits and log error. ``added_...``: difference to the error model with the least noise.
-    ``models``: number of error models of the rays.
+    the mean error of each laser in each turn. ``grid_1_mm``: the fewest bits of a rate with at most
+    the D1 error of rounding to a grid of 1 mm. ``at_5_mm``: at a D1 root mean square error of 5 mm,
+    interpolated linearly between rates in log bits and log error. ``added_...``: difference to the
+    error model with the least noise. ``models``: number of error models of the rays.
     """
     import pandas as pd
 
