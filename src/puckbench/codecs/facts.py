@@ -156,7 +156,7 @@ class CodecFacts:
         return self.most_steps * float(self.parameters_of(rate).get("step_m", math.inf))
 
     def check_frame(self, frame: CoordinateFrame | None, rate: str | None = None) -> None:
-        """Raise InputError if the rates are not for the coordinate frame of a cloud.
+        """Raise InputError if the codec has no rates for the coordinate frame of a cloud.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""Reader of files that a general program may have compressed (.gz, .bz2, .xz, .zst)."""
+"""Reader of files that may be compressed by gzip, bzip2, xz or zstd."""
 
 from __future__ import annotations
 

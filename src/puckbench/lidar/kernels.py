@@ -22,8 +22,7 @@ _LEAST_COSINE = 1e-9
 def fill_planes(
     vertices: Floats, triangles: NDArray[np.int64], origin: Floats, planes: Floats
 ) -> None:
-    """Write unit normals of triangles and distances of their planes from `origin` to `planes` (t,
-    4).
+    """Write unit normals of triangles and their planes' distances from `origin` to `planes` (t, 4).
 
     They are 0 for a degenerate triangle.
     """

@@ -1,1 +1,1 @@
-"""Parametric models of objects; the function of each class makes its member with a number."""
+"""Parametric models of objects: the function of a class makes its variant number `member`."""
