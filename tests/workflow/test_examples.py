@@ -24,6 +24,7 @@ from tests.support.bench import ROOT, Bench
 from tests.support.pages import blocks, commands, page, write_files
 
 CODEC = "docs/how-to/bring_a_codec.md"
+COMPARE = "docs/how-to/compare.md"
 DATA = "docs/how-to/bring_data.md"
 LIBRARY = "docs/how-to/use_as_a_library.md"
 ONE_RESULT = "docs/how-to/make_one_result.md"
@@ -133,12 +134,12 @@ def test_the_run_that_the_readme_shows_is_planned(
     assert list(config["codecs"]) == ["draco", "gpcc", "grid"]
 
 
-def test_the_commands_of_the_readme_run_one_after_the_other(tmp_path: Path) -> None:
-    steps = next(block for block in blocks("README.md", "sh") if "puckbench scan" in block)
+def _shell(folder: Path, steps: str) -> str:
+    """What the commands of a page print in a folder; each has to succeed."""
     bin_folder = Path(sys.executable).parent
     done = subprocess.run(
         ["bash", "-e", "-c", steps],
-        cwd=tmp_path,
+        cwd=folder,
         env={
             **os.environ,
             "PYTHONPATH": str(ROOT / "src"),
@@ -148,8 +149,24 @@ def test_the_commands_of_the_readme_run_one_after_the_other(tmp_path: Path) -> N
         text=True,
         check=False,
     )
-    assert done.returncode == 0, done.stderr
-    assert "truth_cd_plane" in done.stdout
+    assert done.returncode == 0, done.stderr[-4000:]
+    return done.stdout
+
+
+def test_the_codec_of_its_page_is_compared_with_published_results(tmp_path: Path) -> None:
+    write_files(tmp_path, CODEC)
+    printed = _shell(tmp_path, blocks(COMPARE, "sh")[0])
+    assert re.search(r"^grid +0\.\d+ to 3\.\d+", printed, re.MULTILINE)
+    assert re.search(r"^Draco, default .*%", printed, re.MULTILINE)
+    assert (tmp_path / "out" / "report.html").exists()
+    assert len(pd.read_csv(tmp_path / "out" / "tables" / "metrics.csv")) == 4 * 3
+    assert (tmp_path / "out" / "comparison" / "default.pdf").exists()
+
+
+def test_the_commands_of_the_readme_run_one_after_the_other(tmp_path: Path) -> None:
+    steps = next(block for block in blocks("README.md", "sh") if "puckbench scan" in block)
+    printed = _shell(tmp_path, steps)
+    assert "truth_cd_plane" in printed
     size, packed = ((tmp_path / f"recording.{end}").stat().st_size for end in ("pcap", "puck"))
     assert 0 < 10 * packed < size
 
