@@ -55,6 +55,20 @@ def test_claims_are_printed_for_a_terminal(
     assert "    HOLDS IN PART" in lines
 
 
+def test_a_claim_is_not_broken_inside_parentheses(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    here = "rises: yes (1 to 2 m); falls: no (0.1 to 0.2 m; real 0.3 m) [7 rows]"
+    row = {"number": 4, "claim": "It rises.", "verdict": "holds", "here": here}
+    pd.DataFrame([row]).to_csv(tmp_path / "claims.csv", index=False)
+    assert main(["claims", str(tmp_path / "claims.csv")]) == 0
+    parts = [line for line in capsys.readouterr().out.splitlines() if line.startswith("    - ")]
+    assert parts == [
+        "    - rises: yes (1 to 2 m)",
+        "    - falls: no (0.1 to 0.2 m; real 0.3 m) [7 rows]",
+    ]
+
+
 def test_one_claim_as_json(results: Path, capsys: pytest.CaptureFixture[str]) -> None:
     capsys.readouterr()
     path = str(results / "tables" / "claims.csv")

@@ -81,6 +81,37 @@ def test_a_figure_of_a_users_file_is_drawn(tmp_path: Path) -> None:
     assert out.read_bytes().startswith(b"\x89PNG")
 
 
+def test_a_figure_takes_the_style_of_codecs_from_a_file_and_is_written_as_svg(
+    tmp_path: Path,
+) -> None:
+    rows = [
+        {"dataset": "objects", "cloud": "a", "codec": codec, "rate": f"r{rate}", "bpp": rate}
+        | {"cd_plane": 4 - rate, "frame": "scaled"}
+        for codec in ("draco", "gpcc")
+        for rate in (1, 2, 3)
+    ]
+    pd.DataFrame(rows).to_csv(tmp_path / "metrics.csv", index=False)
+    style = tmp_path / "style.yaml"
+    style.write_text('colours: {draco: "#123456"}\ncodec_titles: {draco: My title}\n')
+    outputs = [tmp_path / "a.svg", tmp_path / "b.svg"]
+    inputs = json.dumps({"metrics": str(tmp_path / "metrics.csv")})
+    for out in outputs:
+        assert main(["figure", "fig_6_6", str(out), "--inputs", inputs, "--style", str(style)]) == 0
+    svg, again = (out.read_text() for out in outputs)
+    assert svg == again
+    assert svg.startswith("<?xml")
+    assert "#123456" in svg
+
+
+def test_the_help_of_figure_says_what_each_shows(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["figure", "--help"])
+    lines = capsys.readouterr().out.splitlines()
+    for name, entry in figure_entries().items():
+        (line,) = [line for line in lines if line.startswith(f"  {name} ")]
+        assert line.split(maxsplit=1)[1] == f"{entry.title} ({', '.join(entry.inputs)})"
+
+
 def test_a_table_of_a_users_file_is_made(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -8,21 +8,42 @@ from pathlib import Path
 from typing import Any
 
 from puckbench.cli.types import files_by_name, json_object
+from puckbench.core.yaml_files import read_yaml
 from puckbench.figures.plot_styles import read_looks
-from puckbench.figures.registry import FIGURES
+from puckbench.figures.registry import figure_entries
 from puckbench.jobs.figure import Figure
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    names = ", ".join(FIGURES.names())
-    parser.add_argument("figure", help=f"one of {names}, or path/to/file.py:function")
-    parser.add_argument("out", type=Path, nargs="+", help="files to write (.pdf, .png)")
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    parser.epilog = "\n".join(
+        [
+            "figures:",
+            *(
+                f"  {name:18} {entry.title} ({', '.join(entry.inputs)})"
+                for name, entry in figure_entries().items()
+            ),
+        ]
+    )
+    parser.add_argument("figure", help="one of the figures below, or path/to/file.py:function")
+    parser.add_argument("out", type=Path, nargs="+", help="files to write (.pdf, .png, .svg)")
     parser.add_argument(
         "--inputs", type=json_object, required=True, help='JSON: {"metrics": "metrics.csv", ...}'
     )
     parser.add_argument(
-        "--style", type=json.loads, default=[], help="JSON: one object of FigureStyle, or several"
+        "--style",
+        type=_style,
+        default=[],
+        help="changes to the style, as in a configuration (figures: style): a YAML file, or JSON. "
+        'Of codecs: {"colours": {"draco": "#336699"}, "markers": {"draco": "s"}, "codec_titles": '
+        '{"draco": "..."}, "lines": {"draco": ":"}}',
     )
+
+
+def _style(text: str) -> Any:
+    if text.endswith((".yaml", ".yml")):
+        return read_yaml(Path(text))
+    return json.loads(text)
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:

@@ -19,13 +19,14 @@ if TYPE_CHECKING:
 _NO_METADATA: dict[str, dict[str, Any]] = {
     ".pdf": {"Creator": None, "Producer": None, "CreationDate": None},
     ".png": {"Software": None},
+    ".svg": {"Creator": None, "Date": None},
 }
 
 
 def draw_files(
     name: str, inputs: Mapping[str, Path], outputs: Sequence[Path], style: FigureStyle
 ) -> None:
-    """Draw a registered figure, or ``path/to/file.py:function``, to .pdf or .png files.
+    """Draw a registered figure, or ``path/to/file.py:function``, to .pdf, .png or .svg files.
 
     `inputs` are CSV or Parquet files of tables and PLY files of clouds. Raises InputError if an
     input is missing, unreadable or empty.
@@ -65,7 +66,7 @@ def lay_out(figure: Figure) -> None:
 
 
 def save_figure(figure: Figure, path: Path) -> None:
-    """Write a figure as .pdf or .png; call this in the style's context.
+    """Write a figure as .pdf, .png or .svg; call this in the style's context.
 
     Raises InputError for another suffix or if writing fails.
     """
@@ -77,5 +78,5 @@ def save_figure(figure: Figure, path: Path) -> None:
 
 def _metadata(path: Path) -> dict[str, Any]:
     if path.suffix not in _NO_METADATA:
-        raise InputError(f"{path}: a figure is written as {' or '.join(_NO_METADATA)}")
+        raise InputError(f"{path}: a figure is written as {', '.join(_NO_METADATA)}")
     return _NO_METADATA[path.suffix]
