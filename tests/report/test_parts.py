@@ -485,3 +485,21 @@ def test_units_are_those_of_the_clouds_frames() -> None:
     assert unit_in_frames("grid units²", {"metric"}) == "m²"
     assert unit_in_frames("grid units", {"metric", "scaled"}) == "grid units or m"
     assert unit_in_frames("dB", {"metric"}) == "dB"
+
+
+def test_a_heading_names_the_units_of_all_rows() -> None:
+    table = pd.DataFrame({"dataset": ["a", "b"], "cd_plane": [1.0, 2.0], "frame": [None, "metric"]})
+    assert "<small>grid units² or m²</small>" in table_html(table)
+    assert "<small>m²</small>" in table_html(table[1:])
+    assert "<small>grid units²</small>" in table_html(table.drop(columns="frame"))
+
+
+def test_panels_in_grid_units_and_in_metres_have_units_of_their_own() -> None:
+    metrics = _metrics()
+    spins = metrics.assign(dataset="spins", frame="metric")
+    made = plot_payload(pd.concat([metrics, spins], ignore_index=True), FigureStyle())
+    frames = {dataset["name"]: dataset["frame"] for dataset in made["datasets"]}
+    assert frames.pop("spins") == "metric"
+    assert set(frames.values()) == {"scaled"}
+    (distance,) = [metric for metric in made["metrics"] if metric["name"] == "cd_plane"]
+    assert distance["units"] == {"scaled": "grid units²", "metric": "m²"}

@@ -14,7 +14,7 @@ from puckbench.storage.steps import MOST_STEPS
 
 
 class DeltaZstdOptions(Model):
-    level: int = Field(19, ge=1, le=22, description="of Zstandard; Cloudini's own is 1")
+    level: int = Field(19, ge=1, le=22, description="level of Zstandard; Cloudini uses 1")
 
 
 @CODECS.register("delta_zstd")

@@ -40,7 +40,9 @@ def _most_points(stream: bytes) -> int:
 
 
 class DracoOptions(Model):
-    compression_level: int = Field(10, ge=0, le=10, description="effort; 10 makes least bytes")
+    compression_level: int = Field(
+        10, ge=0, le=10, description="effort; 10 gives the smallest streams"
+    )
     method: Literal["kd_tree", "sequential"] = Field(
         "kd_tree",
         description="the kd-tree reorders points; the sequential method keeps their order and "

@@ -20,7 +20,9 @@ from puckbench.geometry.cloud import Floats
 class DracoToolOptions(Model):
     """Options of Draco's command-line tools: their names or paths, and the encoder's effort."""
 
-    compression_level: int = Field(10, ge=0, le=10, description="effort; 10 makes least bytes")
+    compression_level: int = Field(
+        10, ge=0, le=10, description="effort; 10 gives the smallest streams"
+    )
     encoder: str = "draco_encoder"
     decoder: str = "draco_decoder"
 

@@ -23,7 +23,7 @@ class TreeOptions(GridOptions):
 
     duplicates: Literal["merged", "kept", "by_rate"] = "kept"
     order: Literal["given", "morton", "azimuth", "radius"] = Field(
-        "azimuth", description="of the points, in which trees are built"
+        "azimuth", description="order of the points in trees"
     )
 
 

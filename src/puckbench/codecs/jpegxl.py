@@ -13,7 +13,9 @@ _BOX = b"jxlc"
 
 
 class JpegXlOptions(Model):
-    effort: int = Field(10, ge=1, le=10, description="of the encoder; 10 makes least bytes")
+    effort: int = Field(
+        10, ge=1, le=10, description="effort of the encoder; 10 gives the smallest streams"
+    )
 
 
 @CODECS.register("jpegxl")

@@ -63,8 +63,10 @@ class LearnedOptions(Model):
     """Options for the weights of a network, and for the device on which it runs."""
 
     weights: str = Field(description="a shipped set's name, a file, or a folder of weights")
-    threads: int | None = Field(None, ge=1, description="of the network; by default PyTorch's")
-    device: DeviceName = Field("cpu", description="where the network runs")
+    threads: int | None = Field(
+        None, ge=1, description="number of threads of the network; by default PyTorch's"
+    )
+    device: DeviceName = Field("cpu", description="device on which the network runs")
 
 
 class Learned(Codec, Generic[W]):

@@ -32,8 +32,10 @@ if TYPE_CHECKING:
 
 
 class Pcgcv1Options(PublishedOptions):
-    min_points: int = Field(20, ge=1, description="of a cube that the network codes")
-    sparse_cubes: bool = Field(False, description="code cubes with fewer points too, without loss")
+    min_points: int = Field(
+        20, ge=1, description="minimum number of points of a cube that the network codes"
+    )
+    sparse_cubes: bool = Field(False, description="also code cubes with fewer points, without loss")
 
 
 @CODECS.register("pcgcv1")
@@ -101,7 +103,7 @@ class Pcgcv1(LearnedByLambda["Pcgcv1Weights"]):
 
 class Pcgcv1PlusOptions(ImprovedOptions, Pcgcv1Options):
     weights: str = Field("pcgcv1_mixed", description="a shipped set's name, a file, or a folder")
-    sparse_cubes: bool = Field(True, description="code cubes with fewer points too, without loss")
+    sparse_cubes: bool = Field(True, description="also code cubes with fewer points, without loss")
 
 
 @CODECS.register("pcgcv1_plus")

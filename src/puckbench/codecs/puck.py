@@ -24,7 +24,7 @@ class PuckOptions(Model):
     """Options that select the content of streams, and the encoder's effort."""
 
     effort: Literal["fast", "normal", "thorough"] = Field(
-        "normal", description="how many estimates are taken of each range"
+        "normal", description="number of estimates of each range"
     )
     lmbda: float = Field(
         0.05,
@@ -32,8 +32,8 @@ class PuckOptions(Model):
         description="Lagrangian weight of rate against squared error, in squared steps a nat; "
         "above 0 ranges may be off by more than half a step (lossy rates only)",
     )
-    times: bool = Field(False, description="code the times of packets too")
-    reflectivities: bool = Field(False, description="code reflectivities too")
+    times: bool = Field(False, description="also code the times of packets")
+    reflectivities: bool = Field(False, description="also code reflectivities")
 
 
 @CODECS.register("puck")

@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 
 from puckbench.figures.binning import ordered_rates
 from puckbench.figures.style import FigureStyle
+from puckbench.geometry.cloud import CoordinateFrame
 from puckbench.metrics.coordinate_frames import FRAME
 from puckbench.metrics.lossless import with_lossless_best, without_lossless
 from puckbench.metrics.peaks import WITH_PEAK, peak_phrase, without_mixed_peaks
-from puckbench.report.column_labels import ColumnLabel, has_label, ordered_labels, unit_in_frames
+from puckbench.report.column_labels import (
+    ColumnLabel,
+    column_label,
+    has_label,
+    ordered_labels,
+    unit_in_frames,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -33,7 +40,10 @@ def plot_payload(metrics: pd.DataFrame, style: FigureStyle) -> dict[str, Any]:
     datasets = style.ordered_datasets(metrics["dataset"])
     codecs = style.ordered_codecs(metrics["codec"])
     return {
-        "datasets": [{"name": name, "title": style.title(name)} for name in datasets],
+        "datasets": [
+            {"name": name, "title": style.title(name), "frame": _frame_of(metrics, name)}
+            for name in datasets
+        ],
         "codecs": [codec_payload(name, style) for name in codecs],
         "metrics": [_described(item) for item in labels if item.column != "bpp"],
         "cells": _cells(metrics, [item.column for item in labels], datasets, codecs),
@@ -76,8 +86,18 @@ def _with_peak(item: ColumnLabel, peak: str) -> ColumnLabel:
     return replace(item, words=f"{item.words}, {peak}") if has_peak else item
 
 
-def _described(item: ColumnLabel) -> dict[str, str]:
-    return {"name": item.column, "words": item.words, "unit": item.unit, "group": item.group}
+def _frame_of(metrics: pd.DataFrame, dataset: str) -> CoordinateFrame:
+    """Return the coordinate frame of a data set's clouds."""
+    of_dataset = metrics[metrics["dataset"] == dataset]
+    is_metric = FRAME in of_dataset and bool(of_dataset[FRAME].notna().any())
+    return "metric" if is_metric else "scaled"
+
+
+def _described(item: ColumnLabel) -> dict[str, Any]:
+    unit = column_label(item.column).unit
+    units = {frame: unit_in_frames(unit, {frame}) for frame in get_args(CoordinateFrame)}
+    described = {"name": item.column, "words": item.words, "unit": item.unit}
+    return {**described, "units": units, "group": item.group}
 
 
 def _cells(

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from puckbench.figures.style import FigureStyle
-from puckbench.report.column_labels import has_label, name_in_words, table_heading
+from puckbench.report.column_labels import (
+    has_label,
+    name_in_words,
+    table_heading,
+    unit_in_frames,
+)
 from puckbench.report.page import rendered
 
 if TYPE_CHECKING:
@@ -50,8 +55,9 @@ def table_html(
 
     ordered = table[_in_order(table)]
     titles = [_titles(str(name), style or FigureStyle()) for name in ordered]
+    frames = set(table["frame"].fillna("scaled")) if "frame" in table else set()
     values = {
-        "columns": [_column(ordered[name], list(map(str, table))) for name in ordered],
+        "columns": [_column(ordered[name], list(map(str, table)), frames) for name in ordered],
         "rows": [
             [title(cell_text(value)) for title, value in zip(titles, row, strict=True)]
             for row in ordered.head(MOST_ROWS).itertuples(index=False)
@@ -95,13 +101,14 @@ def _model_title(name: str) -> str:
     return (ERROR_MODELS.get(name).title if name in ERROR_MODELS else "") or name_in_words(name)
 
 
-def _column(values: pd.Series[Any], names: list[str]) -> TableColumn:
+def _column(values: pd.Series[Any], names: list[str], frames: Collection[str]) -> TableColumn:
     name = str(values.name)
     quantile = _SPREAD.fullmatch(name)
     kinds = ["number"] if values.dtype.kind in "fiu" else []
     kinds += ["spread"] if quantile and quantile[1] in names else []
     kinds += ["bookkeeping"] if _is_bookkeeping(values) else []
-    return TableColumn(name, *table_heading(name, names), " ".join(kinds))
+    words, unit = table_heading(name, names)
+    return TableColumn(name, words, unit_in_frames(unit, frames), " ".join(kinds))
 
 
 def cell_text(value: Any) -> str:

@@ -94,24 +94,36 @@ class Plot {
     this.svg.setAttribute("aria-label", `${this.metric.words} against bits per point`);
     this.svg.replaceChildren();
     this.points = [];
-    panel.label = wrapped(labelOf(this.metric), (panel.height - 50) / CHARACTER);
-    panel.left = 48 + LINE * panel.label.length;
-    const scales = this.scales(panel);
-    names.forEach((dataset, n) => this.drawPanel(dataset, scales, panel,
-      [(n % columns) * panel.width, Math.floor(n / columns) * panel.height]));
+    const labels = new Map(names.map(({ frame }) => [this.metric.units[frame], this.axisLabel(frame, panel)]));
+    panel.left = 48 + LINE * Math.max(...[...labels.values()].map((lines) => lines.length));
+    names.forEach((dataset, n) => {
+      const unit = this.metric.units[dataset.frame];
+      this.drawPanel(dataset, this.scales(panel, unit), { ...panel, label: labels.get(unit) },
+        [(n % columns) * panel.width, Math.floor(n / columns) * panel.height]);
+    });
     this.points[0]?.node.setAttribute("tabindex", 0);
     this.numbers.replaceChildren(this.table());
   }
 
-  /** The same axes for all panels. */
-  scales(panel) {
+  axisLabel(frame, panel) {
+    const { words, units } = this.metric;
+    return wrapped(labelOf({ words, unit: units[frame] }), (panel.height - 50) / CHARACTER);
+  }
+
+  /** The same axes for all panels, but for values in grid units and in metres. */
+  scales(panel, unit) {
     const { metric, spread, logX, logY } = this.state;
     const cells = this.cells();
-    const values = (name) => cells.flatMap(({ values }) => (spread ? values[name] : [values[name][1]]));
+    const inUnit = cells.filter((cell) => this.unitOf(cell) === unit);
+    const values = (from, name) => from.flatMap(({ values }) => (spread ? values[name] : [values[name][1]]));
     return {
-      x: scaleOf(values("bpp"), logX, panel.left, panel.width - MARGIN.right),
-      y: scaleOf(values(metric), logY, panel.height - MARGIN.bottom, MARGIN.top),
+      x: scaleOf(values(cells, "bpp"), logX, panel.left, panel.width - MARGIN.right),
+      y: scaleOf(values(inUnit, metric), logY, panel.height - MARGIN.bottom, MARGIN.top),
     };
+  }
+
+  unitOf({ dataset }) {
+    return this.metric.units[this.data.datasets.find(({ name }) => name === dataset).frame];
   }
 
   drawPanel(dataset, { x, y }, panel, [left, top]) {
@@ -163,12 +175,11 @@ class Plot {
   /** What is said of a point: codec and rate, bits, value, how many clouds. */
   words(codec, { dataset, rate, clouds, values }) {
     const title = this.data.datasets.find(({ name }) => name === dataset).title;
-    const { words, unit } = this.metric;
     return [
       `${codec.title}, ${rate}`,
       `${title}, ${clouds} ${clouds === 1 ? "cloud" : "clouds"}`,
       `${spreadText(values.bpp)} bpp`,
-      `${words}: ${spreadText(values[this.metric.name])} ${unit}`.trim(),
+      `${this.metric.words}: ${spreadText(values[this.metric.name])} ${this.unitOf({ dataset })}`.trim(),
     ];
   }
 
