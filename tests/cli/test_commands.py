@@ -247,6 +247,7 @@ def test_every_command_explains_itself(command: str, capsys: pytest.CaptureFixtu
         (["prepare", "{cloud}", "o.ply", "--crop", "1", "2"], "six numbers"),
         (["prepare", "{cloud}", "o.ply", "--crop", "-9", "-9", "-9", "-8", "-8", "-8"], "no point"),
         (["prepare", "{mesh}", "o.ply"], "mesh.ply: a mesh, not a cloud"),
+        (["prepare", "{cloud}", "o.ply", "--turns", "2-1"], "last turn is before the first"),
         (["prepare", "{nan}", "o.ply"], "nan.ply: 1 of 2 points are not finite"),
         (["figure", "fig_9_9", "o.pdf", "--inputs", "{{}}"], "unknown figure 'fig_9_9'"),
         (["scene", "embedded_rooms", "cellar", "o.ply"], "cellar"),

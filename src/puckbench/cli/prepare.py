@@ -151,7 +151,10 @@ def _turns(text: str) -> tuple[int, int]:
     first, _, last = text.partition("-")
     if not first.isdecimal() or not (last or first).isdecimal():
         raise InputError(f"--turns: must be a number, or two joined by a hyphen, not '{text}'")
-    return int(first), int(last or first)
+    turns = int(first), int(last or first)
+    if turns[1] < turns[0]:
+        raise InputError(f"--turns: the last turn is before the first in '{text}'")
+    return turns
 
 
 def _size(text: str) -> int | str:
