@@ -450,7 +450,7 @@ def test_names_that_look_like_numbers_stay_text(tmp_path: Path) -> None:
 
 
 def test_a_failed_drawing_leaves_no_file(input_files: dict[str, Path], tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"a figure is written as \.pdf or \.png"):
+    with pytest.raises(InputError, match=r"a figure is written as \.pdf, \.png, \.svg"):
         draw_files("fig_6_6", input_files, [tmp_path / "a.pdf", tmp_path / "a.gif"], FigureStyle())
     with pytest.raises(InputError, match="figure fig_6_4: needs the input 'clouds'"):
         draw_files("fig_6_4", {}, [tmp_path / "a.pdf"], FigureStyle())

@@ -7,12 +7,12 @@ import os
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryFile
-from typing import TextIO
 
 from puckbench.core.errors import InputError
 from puckbench.core.files import remove_leftovers, unreadable, unwritable
 
-_held: list[TextIO] = []
+_held: list[int] = []
+"""File descriptors of the locks, which close when the process ends."""
 _ROOM = 2**20
 """Free bytes that a run needs to start."""
 _MOST_LEFT_OUT = 50
@@ -27,14 +27,14 @@ def hold_results(results: Path) -> None:
 
     try:
         results.mkdir(parents=True, exist_ok=True)
-        lock = (results / ".lock").open("w")
+        lock = os.open(results / ".lock", os.O_WRONLY | os.O_CREAT, 0o666)
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError as error:
         raise InputError(f"{results}: another run is writing to this folder") from error
     except OSError as error:
         raise unreadable(results, error, "not writable") from error
     check_room(results)
-    os.utime(lock.name)
+    os.utime(lock)
     _held.append(lock)
     remove_leftovers(results)
 
@@ -61,4 +61,4 @@ def held_since() -> float:
 
     It is a time stamp in seconds, by the clock of their file system.
     """
-    return os.fstat(_held[-1].fileno()).st_mtime if _held else math.inf
+    return os.fstat(_held[-1]).st_mtime if _held else math.inf
