@@ -29,6 +29,8 @@ _COUNT = re.compile(r"[ \t]*\d{1,18}[ \t]*", re.ASCII)
 _COUNTS = re.compile(rb"(?m)^[ \t]*(\d{1,18})[ \t]*(?:\n|\Z)")
 _NUMBER = re.compile(r"[-+]?(\d+[.,]?\d*|[.,]\d+)(e[-+]?\d+)?|[-+]?(nan|inf)", re.IGNORECASE)
 _COMMA = re.compile(r"[-+]?\d+,\d+(e[-+]?\d+)?", re.IGNORECASE)
+_CUT_DECIMALS = re.compile(rb"(?m)\d,0\d+(,|$)")
+"""A field with a leading zero: the decimals of a number with a decimal comma."""
 _SEPARATORS = ";,\t "
 _MIN_NUMBERS = 3
 """Numbers in the line of a point."""
@@ -90,6 +92,9 @@ def _table(data: bytes, path: Path) -> tuple[list[str], list[NDArray[Any]]]:
         raise InputError("the cloud is empty")
     body, count = _body(data, header)
     separator = _separator(header.first)
+    is_cut = separator == "," and not header.titles and b"." not in body
+    if is_cut and _CUT_DECIMALS.search(body):
+        raise InputError("commas separate its numbers and their decimals; separate by semicolons")
     columns = _parsed(body, separator)
     if count not in (None, len(columns[0])):
         raise InputError(f"{len(columns[0])} points, but its header says {count}")
