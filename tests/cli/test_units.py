@@ -145,14 +145,15 @@ def test_a_unit_that_is_none_is_refused(
     assert not Path("out/config.yaml").exists()
 
 
-def test_a_scan_has_a_unit_already(capsys: pytest.CaptureFixture[str]) -> None:
-    answer(capsys, "scan", "m.off", "s.parquet", "--sweep", '{"duration_s": 0.01}')
-    unit = ("--metres-per-unit", "0.001")
-    assert "s.parquet: a scan is in metres" in refused(
-        capsys, "prepare", "s.parquet", "r.ply", *unit
-    )
-    fault = "--metres-per-unit: recordings are in metres"
-    assert fault in refused(capsys, "prepare", "s.parquet", "r.ply", "--turns", "0", *unit)
+@pytest.mark.parametrize("turns", [(), ("--turns", "0")])
+@pytest.mark.parametrize("option", [("--metres-per-unit", "0.001"), ("--drop-invalid",)])
+def test_options_of_clouds_are_refused_for_scans(
+    option: tuple[str, ...], turns: tuple[str, ...], capsys: pytest.CaptureFixture[str]
+) -> None:
+    if not Path("s.parquet").exists():
+        answer(capsys, "scan", "m.off", "s.parquet", "--sweep", '{"duration_s": 0.01}')
+    said = refused(capsys, "prepare", "s.parquet", "r.ply", *turns, *option)
+    assert f"s.parquet: {option[0]} is for clouds" in said
 
 
 def test_units_of_some_files_go_to_their_sets() -> None:

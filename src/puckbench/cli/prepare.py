@@ -15,6 +15,13 @@ from puckbench.jobs.prepare_returns import PrepareReturns, is_recording
 from puckbench.lidar.recordings.data_packets import LEFT_OUT
 from puckbench.lidar.returns import returns_file
 
+_FOR_CLOUDS = {
+    "metres_per_unit": 1,
+    "drop_invalid": False,
+    "keep_missing": False,
+    "bin_columns": None,
+}
+"""Options that mean nothing for a sensor's returns, with their defaults."""
 _SHOWN = (
     *(
         "name",
@@ -116,9 +123,10 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def _prepared(options: argparse.Namespace) -> dict[str, Any]:
-    if options.turns or options.stream or is_recording(options.cloud):
-        if options.metres_per_unit != 1:
-            raise InputError("--metres-per-unit: recordings are in metres")
+    is_of_sensor = options.turns or options.stream or is_recording(options.cloud)
+    if is_of_sensor or options.cloud.suffix == ".parquet":
+        _check_options_of_clouds(options)
+    if is_of_sensor:
         return _returns(options)
     words = options.crop or []
     file = Path(words[0]) if len(words) == 1 else None
@@ -133,6 +141,13 @@ def _prepared(options: argparse.Namespace) -> dict[str, Any]:
         **selected(options, "peak", "bin_columns", "metres_per_unit"),
     )
     return job.run(options.cloud, options.out, options.truth, file, tuple(options.about))
+
+
+def _check_options_of_clouds(options: argparse.Namespace) -> None:
+    for name, default in _FOR_CLOUDS.items():
+        if getattr(options, name) != default:
+            option = f"--{name.replace('_', '-')}"
+            raise InputError(f"{options.cloud}: {option} is for clouds, not for scans, recordings")
 
 
 def _returns(options: argparse.Namespace) -> dict[str, Any]:

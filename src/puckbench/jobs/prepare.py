@@ -100,8 +100,6 @@ class Prepare(Job):
 
     def _points(self, path: Path) -> MeasuredPoints:
         if path.suffix == ".parquet":
-            if self.metres_per_unit != 1:
-                raise InputError(f"{path}: a scan is in metres: leave out --metres-per-unit")
             return _of_scan(path, self.clean)
         from puckbench.jobs.preparation import MeasuredPoints
 
