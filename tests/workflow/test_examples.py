@@ -13,14 +13,13 @@ import pandas as pd
 import pytest
 import yaml
 
-from puckbench.cli import main
 from puckbench.codecs.base import Cost
 from puckbench.codecs.registry import open_codec
 from puckbench.core.registry import trust
 from puckbench.geometry.cloud import PointCloud
 from puckbench.io.clouds import write_cloud
 from puckbench.jobs.curve_files import read_rows
-from tests.support.bench import ROOT, Bench
+from tests.support.bench import BOX, ROOT, Bench
 from tests.support.pages import blocks, commands, page, write_files
 
 CODEC = "docs/how-to/bring_a_codec.md"
@@ -117,23 +116,6 @@ def test_a_codec_and_a_data_set_of_ones_own_run_as_their_pages_show(fresh: Bench
     assert coarse.d1_mse.is_monotonic_decreasing
 
 
-def test_the_run_that_the_readme_shows_is_planned(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    write_files(tmp_path, CODEC)
-    cloud = PointCloud(np.random.default_rng(0).random((50, 3)))
-    write_cloud(tmp_path / "data" / "mine" / "a.ply", cloud, describe=False)
-    shown = [words[1:] for words in commands("README.md") if words[:2] == ["puckbench", "run"]]
-    first, again = shown
-    nothing = [sys.executable, "-c", ""]
-    monkeypatch.setattr("puckbench.cli.run.snakemake_command", lambda *_: nothing)
-    assert main(first) == 0
-    assert main(again) == 0
-    config = yaml.safe_load((tmp_path / "out" / "config.yaml").read_text())
-    assert list(config["codecs"]) == ["draco", "gpcc", "grid"]
-
-
 def _shell(folder: Path, steps: str) -> str:
     """What the commands of a page print in a folder; each has to succeed."""
     bin_folder = Path(sys.executable).parent
@@ -161,6 +143,20 @@ def test_the_codec_of_its_page_is_compared_with_published_results(tmp_path: Path
     assert (tmp_path / "out" / "report.html").exists()
     assert len(pd.read_csv(tmp_path / "out" / "tables" / "metrics.csv")) == 4 * 3
     assert (tmp_path / "out" / "comparison" / "default.pdf").exists()
+
+
+def test_files_of_ones_own_run_as_the_pages_show(tmp_path: Path) -> None:
+    write_files(tmp_path, CODEC)
+    cloud = PointCloud(np.random.default_rng(0).random((50, 3)))
+    write_cloud(tmp_path / "data" / "mine" / "a.ply", cloud, describe=False)
+    (tmp_path / "data" / "mine" / "box.off").write_text(BOX)
+    lines = "".join(block for name in ("README.md", DATA) for block in blocks(name, "sh"))
+    shown = re.findall(r"^puckbench run .+?(?= *(?:#|$))", lines, re.MULTILINE)
+    runs = [line for line in dict.fromkeys(shown) if "site/" not in line]  # as in the README
+    assert len(runs) == 3
+    _shell(tmp_path, "\n".join(runs))
+    config = yaml.safe_load((tmp_path / "out" / "config.yaml").read_text())
+    assert {"meshes", "clouds"} <= set(config["scenes"])
 
 
 def test_the_commands_of_the_readme_run_one_after_the_other(tmp_path: Path) -> None:
