@@ -6,7 +6,7 @@ FAR_M = 30.0
 """Distance of the sensor from the wall in Figure 5.19; elsewhere it is 1 to 5 m."""
 
 PRINTED_MEAN_M, PRINTED_STD_M = 0.000, 0.014
-"""Plane residuals of the real VLP-16, on walls as on floors (section 5.1.3)."""
+"""Plane residuals of the real VLP-16, equal for walls and floors (section 5.1.3)."""
 
 REAL_MEAN_M, REAL_STD_M = 0.0007, 0.0138
 """Plane residuals of the real VLP-16 in the sample of Figure 5.18."""
@@ -34,6 +34,6 @@ FITTED_TO_5_18 = {
     "vlp16_fig518": "vlp16",
     "vlp16_divergence_fig518": "vlp16_divergence",
 }
-"""Models with parameters that reproduce the standard deviations printed in Figure 5.18 for the
-models in the text: a bias of 0.020 m, and a ray noise of 0.010 m or, with divergence, 0.014 m. The
-text states 0.014 m and 0.010 m for both models."""
+"""Models whose parameters reproduce the standard deviations that Figure 5.18 prints for the models
+to which they are mapped: a bias of 0.020 m, and a ray noise of 0.010 m or, with divergence,
+0.014 m. The text states 0.014 m and 0.010 m for both models."""

@@ -36,7 +36,8 @@ _CLASSES: dict[str, tuple[type[Codec], ...]] = {
 
 
 def dataset_roles(plan: Plan) -> dict[str, str]:
-    """Return the thesis's data set (role) that each represents; clouds in metres have none.
+    """Return the thesis's data set (role) that each data set represents; clouds in metres have
+    none.
 
     Scans are clean if their error model is ``none``, else noisy. Recorded clouds are rooms. Sampled
     meshes are sampled rooms if they are also scanned, else objects.

@@ -35,9 +35,7 @@ STUDY = "the sensor study (sensor_study)"
 
 
 def real_spread(evidence: Evidence) -> list[Part]:
-    """Test claim 1: mean and standard deviation of captures' residuals round to the thesis's
-    values.
-    """
+    """Test claim 1: mean and standard deviation of real residuals round to the thesis's values."""
     if not len(_row(evidence, REAL)):
         return [untested(CAPTURES)]
     parts = []

@@ -69,9 +69,7 @@ def residuals_of(table: pd.DataFrame, model: str) -> Floats:
 
 
 def binned_moments(x: Floats, y: Floats, bins: int = 10) -> tuple[Floats, Floats, Floats]:
-    """Return centres, means and standard deviations of y in equally wide bins of x from 0 to
-    max(x).
-    """
+    """Return centres, means and standard deviations of y in bins of equal width up to max(x)."""
     edges = np.linspace(0, x.max() or 1.0, bins + 1)
     bin_of = np.clip(np.digitize(x, edges) - 1, 0, bins - 1)
     parts = [y[bin_of == index] for index in range(bins)]

@@ -149,7 +149,8 @@ def _distance(histogram: Floats, other: Floats) -> float:
 
 
 def _chance(rows: pd.DataFrame, total: Floats) -> float:
-    """Return the 95 % quantile of the distances (m) of single replicates from all (`total`).
+    """Return the 95 % quantile of the distances (m) from single replicates to all residuals
+    (`total`).
 
     Return nan if there are fewer than two replicates.
     """
