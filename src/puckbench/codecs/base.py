@@ -67,13 +67,13 @@ class SharedWork(Protocol):
 class Codec(CodecFacts, ABC):
     """Base class of codecs, which encode points to a self-contained byte string and decode it.
 
-    A subclass has `rates` and implements `_encode` and `_decode`; the rest has defaults. Planning,
-    figures and ``puckbench codecs`` import its module, which therefore imports heavy packages
-    inside methods. A call depends on its arguments alone, never on earlier calls.
+    A subclass has `rates` and implements `_encode` and `_decode`; other members have defaults.
+    Planning, figures and ``puckbench codecs`` import its module, which therefore imports slow
+    packages inside methods. A call depends on its arguments alone, never on earlier calls.
     """
 
     magic: bytes = b""
-    """First bytes of its streams, by which they are recognised."""
+    """First bytes of the codec's streams, by which they are recognised."""
     bare_magic: bytes = b""
     """First bytes of the reference program's streams, which are too few to recognise them."""
     shifts_far_clouds: bool = True
@@ -119,7 +119,7 @@ class Codec(CodecFacts, ABC):
             As for `encode`, and if the codec takes returns and the cloud has none.
         """
         if self.takes == "points" or (self.takes == "either" and cloud.returns is None):
-            more = () if shared is None else (shared,)  # a user's `encode` may not take it
+            more = () if shared is None else (shared,)  # a user's `encode` may lack the parameter
             return self.encode(cloud.xyz, rate, *more)
         if cloud.returns is None:
             raise InputError(

@@ -28,7 +28,7 @@ _POINT_CLOUD = 0
 _MOST_BITS = 30
 
 DRACO_RATES = {f"r{bits - 3}": {"quantization_bits": bits} for bits in range(4, 12)}
-"""PCC Arena's table, as the thesis ran it."""
+"""Rates of PCC Arena, which the thesis used."""
 
 
 def _most_points(stream: bytes) -> int:

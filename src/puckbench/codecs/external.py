@@ -18,19 +18,18 @@ from puckbench.io.clouds import read_cloud
 
 _MEMORY_BYTES, _MEMORY_PER_BYTE = 2**31, 400
 _SECONDS, _SECONDS_PER_BYTE = 30, 1e-4
-"""Limits of a program, and what each byte of its input adds to them."""
+"""Limits of a program's memory and time (s), and their increase for each byte of its input."""
 
 
 class ExternalCodec(Codec):
     """A codec that runs external programs.
 
-    A subclass lists the programs in `programs`, and calls `run` to encode and decode.
-
-    The cost of a call is that of its programs, including reading and writing of their files.
+    A subclass lists the programs in `programs`, and calls `run` to encode and decode. The cost of a
+    call is that of its programs, including reading and writing of their files.
     """
 
     output: str = ""
-    """What the last program printed."""
+    """Output of the last program."""
     _cost: Cost | None = None
 
     @property
@@ -51,7 +50,7 @@ class ExternalCodec(Codec):
         return super().decode(stream)
 
     def cost(self, here: Cost) -> Cost:
-        """Return the time and memory that the programs run by the last call took."""
+        """Return the time and memory of the programs that the last call ran."""
         return self._cost or here
 
     def run(self, command: Sequence[str | Path], source: Path) -> None:

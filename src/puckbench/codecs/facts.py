@@ -103,10 +103,11 @@ class CodecFacts:
     training: str = ""
     """``module:Class`` of the settings of the training, for a codec with trained weights."""
     based_on: str = ""
-    """Name of the published codec that this one modifies, and never represents in a claim."""
+    """Name of the published codec that this one modifies; claims on that codec are not tested on
+    this one, except as a stand-in."""
     grid: float = 0.0
-    """Spacing of the grid of the finest rate, in units of the input; 0 for a codec whose grid
-    adapts to the extent of the cloud."""
+    """Grid step of the finest rate, in units of the input; 0 for a codec whose grid adapts to the
+    extent of the cloud."""
     most_steps: ClassVar[float] = math.inf
     """Largest extent of a cloud along an axis, in steps of a rate that is a length."""
 

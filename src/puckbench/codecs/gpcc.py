@@ -35,11 +35,11 @@ if TYPE_CHECKING:
 EIGHTHS: Mapping[str, Parameters] = {
     f"r{eighths}": {"scale": eighths / 8} for eighths in range(1, 9)
 }
-"""PCC Arena's rates, as the thesis ran them: the factors that coordinates are multiplied by."""
+"""Rates of PCC Arena, which the thesis used: factors by which coordinates are multiplied."""
 
 
 LOSSLESS_STEP_M = 0.002
-"""Coarsest step on which the points of sensors count as losslessly coded."""
+"""Largest grid step (m) at which coding of a sensor's points counts as lossless."""
 
 
 class UnitOptions(Model):
@@ -80,7 +80,8 @@ class GridCodec(Codec):
     """Base class of the codecs that use puckbench's G-PCC coder or the reference software.
 
     A rate is the factor `scale` by which coordinates are multiplied before they are rounded or, for
-    clouds in metres, the grid step to which they are rounded.
+    clouds in metres, the grid step to which they are rounded. A stream's wrapper holds the grid's
+    unit and offset.
     """
 
     rates: Mapping[str, Parameters] = EIGHTHS
@@ -132,7 +133,7 @@ class GridCodec(Codec):
     def _code(
         self, points: Floats, grid: InputGrid, parameters: Parameters, returns: Returns | None
     ) -> bytes:
-        """Encode points (n, 3), and their returns if there are any, as a stream without wrapper."""
+        """Encode points (n, 3), and their returns if there are any, to a stream without wrapper."""
 
     @abstractmethod
     def _units(self, stream: bytes) -> Floats:
@@ -184,7 +185,7 @@ class OwnCodec(GridCodec):
 
     @abstractmethod
     def _stream(self, points: OnGrid, parameters: Parameters) -> bytes:
-        """Encode points on the grid as a stream of the standard, without wrapper."""
+        """Encode points on the grid to a stream of the standard, without wrapper."""
 
 
 def scale_of(parameters: Parameters) -> float:

@@ -70,7 +70,7 @@ class GpccPredictive(SensorCodec):
             key: value for key, value in parameters.items() if key.endswith("_log2")
         }
         radius_log2 = steps.get("radius_inv_scale_log2", 0)
-        if radius_log2 and angular:  # a step that no error of the radius reaches half of
+        if radius_log2 and angular:  # errors of the radius stay below half this step
             steps["base_qp"] = max(_LEAST_QP, 8 * radius_log2 + 2)
         elif radius_log2:
             steps["base_qp"] = 8 * radius_log2

@@ -2,8 +2,8 @@
 
 A lossy rate rounds ranges to steps of several quanta of the sensor. The encoder writes the ranges
 in quanta, in the near-lossless mode of JPEG-LS with errors of at most half a step, and the decoder
-recovers the steps exactly. This takes fewer bits than lossless coding of the numbers of steps,
-whose small values the contexts of JPEG-LS distinguish less well.
+recovers the steps exactly. Lossless coding of the numbers of steps takes more bits, since the
+contexts of JPEG-LS distinguish small values less well.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from puckbench.storage.range_images import Image
 
 _MOST_NEAR = 255
 _END = b"\xff\xd9"
-"""Marker of the end: CharLS 2.4 takes seconds to find out that a stream has none."""
+"""End marker: CharLS 2.4 takes seconds to reject a stream without it."""
 
 
 @CODECS.register("jpegls")

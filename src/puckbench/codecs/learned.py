@@ -28,7 +28,8 @@ _NEEDED = {"torch": "PyTorch", "constriction": "constriction"}
 _INSTALL = "pip install 'puckbench[learned]', or make learned where its Makefile is"
 _DIGITS = 16
 PUBLISHED_WEIGHTS = "data/pcgc_weights"
-"""Where `puckbench data pcgc_weights` puts the weights of PCGCv1's and PCGCv2's authors."""
+"""Folder to which `puckbench data pcgc_weights` writes the weights of PCGCv1's and PCGCv2's
+authors."""
 
 
 class Weights(Protocol):
@@ -208,7 +209,7 @@ class LearnedByLambda(Learned[R]):
         return np.trunc(points)
 
     def _grid(self, parameters: Parameters) -> GridArguments:
-        """Return the options that choose the grid for a rate; by default it is the input's grid."""
+        """Return arguments that choose the grid for a rate; by default it is the input's grid."""
         return GridArguments()
 
     def _encode(self, points: Floats, parameters: Parameters) -> bytes:
@@ -224,7 +225,7 @@ class LearnedByLambda(Learned[R]):
     def _of_rate(self, digest: bytes, rate: int) -> R:
         """Return the weights with the digest in a stream.
 
-        Raises InputError if they have no rate with the index in the stream.
+        Raises InputError if they have no rate with the index `rate`.
         """
         weights = self._made_with(digest)
         if rate >= len(weights.lmbdas):

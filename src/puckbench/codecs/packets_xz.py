@@ -8,7 +8,7 @@ from puckbench.codecs.registry import CODECS
 from puckbench.core.errors import InputError
 
 _MEMORY_BYTES = 1 << 28
-"""What unpacking may take: preset 9 has a dictionary of 64 MiB."""
+"""Maximum memory for decompression; preset 9 has a dictionary of 64 MiB."""
 
 
 @CODECS.register("packets_xz")

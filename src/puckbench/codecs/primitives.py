@@ -74,7 +74,7 @@ class Primitives(Codec):
     version = "8"
 
     def load(self) -> None:
-        """Compile all loops by encoding and decoding a floor with a column."""
+        """Compile all loops by coding points on a floor and a column."""
         from puckbench.primitives.mode_decision import encode
 
         rng = np.random.default_rng(0)

@@ -31,7 +31,7 @@ LOOKS = ("title", "use", "colour", "marker", "line", "rank")
 """Class attributes that an entry may change."""
 
 CODECS: Registry[type[Codec]] = Registry("codec", "codecs")
-"""Every codec class is registered here: ``@CODECS.register("name")`` above it."""
+"""Registry of codec classes; a class is registered by ``@CODECS.register("name")`` above it."""
 
 
 @cache
@@ -84,7 +84,7 @@ def codec_class(name: str, entry: Entry | None = None) -> type[Codec]:
         raise InputError(f"unknown codec '{base}'{among(base, codecs())}")
     if not (isinstance(codec, type) and issubclass(codec, Codec)):
         raise InputError(f"codec {name}: {codec!r} is not a class derived from Codec")
-    trust([codec.training])  # code that runs may name more code
+    trust([codec.training])  # trusted code may name other code
     return _with_looks(codec, entry)
 
 
@@ -138,7 +138,7 @@ def entry(name: str, changes: Entry | None = None) -> dict[str, Any]:
     """
     codec, changes = open_codec(name, changes), changes or {}
     place = place_of(name, changes)
-    trust([place])  # that of a class that is loaded already
+    trust([place])  # the place of a class that is already loaded
     options = {**changes.get("options", {}), **codec.options.model_dump()}
     complete = {"class": place, "options": options, "rates": dict(codec.rates)}
     if codec.metric_rates:
@@ -163,7 +163,7 @@ def open_codec(name: str, changes: Entry | None = None) -> Codec:
     if not any(rates.values()):
         raise InputError(f"codec {name}: neither its entry nor its class names rates")
     if not rates["metric_rates"]:
-        del rates["metric_rates"]  # a user's class may not take them
+        del rates["metric_rates"]  # a user's class may lack the parameter
     try:
         return codec(name=name, **rates, **changes.get("options", {}))
     except TypeError as error:

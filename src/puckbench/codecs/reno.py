@@ -25,10 +25,10 @@ if TYPE_CHECKING:
     from puckbench.learned.reno.weights import RenoWeights
 
 PUBLISHED_WEIGHTS = "data/reno_weights"
-"""Where `puckbench data reno_weights` puts the weights of RENO's authors."""
+"""Folder to which `puckbench data reno_weights` writes the weights of RENO's authors."""
 _MM = 0.001
 _OFFSET = 131072
-"""mm from the corner of the authors' grid to the origin."""
+"""Distance along each axis from the corner of the authors' grid to the origin, mm."""
 
 
 class RenoOptions(LearnedOptions):

@@ -19,13 +19,13 @@ def step_in_quanta(returns: Returns, parameters: Parameters) -> int:
 class ReturnsCodec(Codec):
     """Base class of codecs that encode the returns of a spinning sensor instead of points.
 
-    Decoded points are computed from the decoded returns, or estimated. A subclass has
+    Decoded points are computed from the decoded returns or estimated (`estimates`). A subclass has
     `metric_rates` and implements `_encode_returns` and `_decode_returns`.
     """
 
     takes: ClassVar[Takes] = "returns"
     estimates: ClassVar[bool] = False
-    """Whether decoded points are estimates of the surface instead of those of the returns."""
+    """Whether decoded points are estimates of the surface, not the points of decoded returns."""
 
     def encode_returns(self, returns: Returns, rate: str) -> bytes:
         """Encode returns at a rate.

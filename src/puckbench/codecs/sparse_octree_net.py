@@ -1,8 +1,8 @@
 """The codec `sparse_octree_net`: a neural network predicts the occupancy of octree nodes.
 
 Points are rounded to a grid, and the grid points are compressed losslessly. A rate is the scale of
-the grid or, for clouds in metres, its step. The grids are those of the codec `gpcc`, so that
-decoded points are the same as those of `gpcc` with merged duplicates.
+the grid or, for clouds in metres, its step. The grids, and so the decoded points, are those of the
+codec `gpcc` with merged duplicates.
 """
 
 from __future__ import annotations

@@ -41,7 +41,7 @@ PROFILES["spinning"] = (
     "--planarModeIdcmUse=32",
     "--planarBufferDisabled=1",
 )
-"""Options of the program for each set of coding tools; what is not named is its default."""
+"""Options of the program for each set of coding tools; other options keep their defaults."""
 
 
 class Tmc13Options(GridOptions):
@@ -79,7 +79,7 @@ class Tmc13(ExternalCodec, GridCodec):
     ) -> bytes:
         scale = scale_of(parameters)
         with folder() as at:
-            if self.options.rounding == "truncate":  # the program does that by itself
+            if self.options.rounding == "truncate":  # the program itself truncates
                 write_points(at / "in.ply", (points - grid.offset) / grid.unit, "float64")
                 scaling = [f"--positionQuantizationScale={scale!r}"]
             else:

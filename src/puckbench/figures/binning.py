@@ -33,7 +33,7 @@ def equal_count_medians(x: Floats, y: Floats, bins: int = BINS) -> tuple[Floats,
 
 
 def medians_against(rows: pd.DataFrame, x: str, y: str) -> tuple[Floats, Floats]:
-    """Return medians of columns x and y for a codec on a data set, by increasing x.
+    """Return medians of x and y for a codec's rows on a data set, by increasing x.
 
     With fewer than `BINS` clouds, medians are per rate, because bins would mix rates.
     """

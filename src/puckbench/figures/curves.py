@@ -49,7 +49,7 @@ def check_curve_columns(metrics: pd.DataFrame, metric: PlottedMetric) -> None:
 def binned_curves(
     metrics: pd.DataFrame, metric: PlottedMetric, style: FigureStyle
 ) -> dict[str, Lines]:
-    """Return median bits per point and median metric for each data set and codec."""
+    """Return binned medians of bits per point and metric for each data set and codec."""
     curves: dict[str, Lines] = {name: {} for name in style.ordered_datasets(metrics["dataset"])}
     for dataset, lines in curves.items():
         rows = metrics[metrics["dataset"] == dataset].dropna(subset=[BPP.column, metric.column])

@@ -47,7 +47,7 @@ def draw_files(
 
 
 def read_input(kind: str, path: Path, frame: CoordinateFrame = "scaled") -> Any:
-    """Read a ``DataFrame`` (only clouds in `frame`), or a ``PointCloud`` with its returns."""
+    """Read a ``DataFrame`` (only rows in `frame`), or a ``PointCloud`` with its returns."""
     from puckbench.io.tables import read_table
     from puckbench.lidar.returns import with_returns
     from puckbench.metrics.coordinate_frames import rows_in_frame
@@ -66,12 +66,12 @@ def lay_out(figure: Figure) -> None:
 
 
 def save_figure(figure: Figure, path: Path) -> None:
-    """Write a figure as .pdf, .png or .svg; call this in the style's context.
+    """Write a figure as .pdf, .png or .svg; call this inside `FigureStyle.context`.
 
     Raises InputError for another suffix or if writing fails.
     """
     metadata = _metadata(path)
-    content = io.BytesIO()  # at a full disk matplotlib would report follow-up errors of its own
+    content = io.BytesIO()  # on a full disk, matplotlib would raise misleading errors
     figure.savefig(content, format=path.suffix[1:], metadata=metadata)
     write_bytes(path, content.getvalue())
 

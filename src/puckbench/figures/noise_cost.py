@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 _PANELS = {"grid_1_mm": "Lossless, or on a grid of 1 mm", "at_5_mm": "At a D1 error of 5 mm"}
 _MARKERS = "osD^vP"
 _LINE_IN, _AROUND_IN = 0.145, 1.1
-"""Height of a codec's line, and of the rest of the figure, inches."""
+"""Height of the line for a codec, and of the figure without these lines, inches."""
 
 Line = tuple[str, Floats]
 """Label, and value under each error model."""

@@ -23,9 +23,9 @@ Sharing = Literal["all", "row"]
 SCAN_LINE: dict[str, Any] = {"color": "#444444", "linestyle": (0, (4, 2)), "linewidth": 0.9}
 """Line style for the value of an uncoded scan."""
 _MARGIN = 1.4
-"""Factor between outermost values and fitted limits."""
+"""Factor between the outermost values and fitted limits."""
 _MOST_NAMES, _MOST_NUMBERS = 36, 60
-"""Largest numbers of rates in a row of panels that are labelled r1, r2, ... and 1, 2, ..."""
+"""Maximum number of rates in a row of panels for labels r1, r2, ..., and for labels 1, 2, ..."""
 
 
 def panel_grid(

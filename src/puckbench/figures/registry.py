@@ -23,7 +23,7 @@ from puckbench.core.registry import Registry
 from puckbench.geometry.cloud import CoordinateFrame
 
 SPINS = "spins"
-"""Requirement: virtual scans of a level, static sensor, with their true surfaces."""
+"""Need: virtual scans by a level, static sensor, with their true surfaces."""
 
 
 def at(distance_m: float) -> str:

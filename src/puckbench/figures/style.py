@@ -132,7 +132,7 @@ class FigureStyle(Model):
             "font.family": "DejaVu Sans",  # comes with matplotlib: the same on every machine
             "mathtext.fontset": "dejavusans",
             "pdf.fonttype": 42,
-            "svg.hashsalt": "puckbench",  # the same names of parts in every file
+            "svg.hashsalt": "puckbench",  # the same element names in every file
             "ps.fonttype": 42,
             "font.size": self.font_size,
             "axes.titlesize": self.font_size,

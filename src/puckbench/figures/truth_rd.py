@@ -41,7 +41,7 @@ _CLEAN = list(_REFERENCES).index("clean_")
 _EXACT = 1e-12
 """Squared grid units; below this a scan equals its clean scan."""
 _MOST_IN_A_PANEL = 9
-"""Largest number of codecs whose legend fits into a panel."""
+"""Maximum number of codecs whose legend fits into a panel."""
 
 
 @FIGURES.register(

@@ -52,7 +52,7 @@ class CodecJob(Job):
         return name
 
     def read_stream(self, path: Path, rate: str | None = None) -> tuple[str, Coded]:
-        """Return a stream, read from its file or from a curve's, after the name of its codec."""
+        """Return the name of a stream's codec, and the stream from its file or from a curve's."""
         coded = read_coded(path, rate)
         with naming(path):
             return self.codec_of(coded), coded

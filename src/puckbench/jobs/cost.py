@@ -1,4 +1,4 @@
-"""The cost of a job, the last line of its log, from which times of other runs are estimated."""
+"""The cost of a job: the last line of its log, from which times of other runs are estimated."""
 
 from __future__ import annotations
 
@@ -15,8 +15,9 @@ from puckbench.core.files import json_of, text_end
 from puckbench.core.models import Model, parsed
 
 WORK = ("codec", "points", "rates", "repeats", "call_s", "truth")
-"""Of what a job returns: its codec, the points of its cloud, rates of its curve, repetitions of
-its timed calls and the seconds of one for each rate, and whether truth was measured."""
+"""Entries of a job's result that its cost contains: codec, points of the cloud, rates of the curve,
+repetitions of the timed calls, seconds of one call for each rate in total, and whether decoded
+clouds were compared with the true surface."""
 BEGIN = '{"job": '
 """Beginning of the last line in the log of a finished job."""
 _TAIL_BYTES = 2048
@@ -25,7 +26,7 @@ _TAIL_BYTES = 2048
 def cost_line(name: str, done: Mapping[str, Any]) -> str:
     """Return the cost of a job as JSON.
 
-    The cost includes child processes, but not the imports of a forked job.
+    It includes child processes, but not the imports of a forked job.
     """
     import resource
 

@@ -18,7 +18,7 @@ STREAM, RECORD = ".bin", ".json"
 
 
 REMARK = "remark"
-"""Column of a result row: what is odd about the result, in words."""
+"""Column of result rows: a remark on an unusual result."""
 
 
 class Coded(NamedTuple):

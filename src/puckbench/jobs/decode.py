@@ -22,7 +22,7 @@ class Decoded(NamedTuple):
 
 
 class Decoding(TimedJob):
-    """Base class of jobs that decode streams; by default, streams determine their codecs."""
+    """Base class of jobs that decode streams; by default, a stream determines its codec."""
 
     def decoded(self, coded: Coded) -> Decoded:
         name = self.codec_of(coded)
@@ -49,7 +49,7 @@ class Decode(Decoding):
     rate: str | None = None
 
     def run(self, stream: Path, cloud: Path, like: Path | None = None) -> dict[str, Any]:
-        """Write the decoded cloud, in metres where the source of the cloud `like` was, if set."""
+        """Write the decoded cloud; if a prepared cloud `like` is given, in its source's metres."""
         if self.as_mesh:
             if like:
                 raise InputError("--like: not with --as-mesh")

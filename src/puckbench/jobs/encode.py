@@ -92,7 +92,7 @@ class Encoding(TimedJob):
             "repeats": self.repeats,
             **timed.costs("encode"),
             **run_environment(self.alone),
-            "encode_cpu": cpu_model(),  # decoding may be done, and recorded, elsewhere
+            "encode_cpu": cpu_model(),  # decoding may run on another machine
             **({REMARK: "repeated encodings differ"} if len(streams) > 1 else {}),
         }
         return Coded(timed.result, record)

@@ -29,12 +29,12 @@ if TYPE_CHECKING:
     from puckbench.lidar.returns import Returns
 
 _FEW_POINTS = 0.01
-"""Fraction of the input points below which a row has a remark."""
+"""Fraction of decoded to input points below which a row has a remark."""
 _KEPT = (
     *("name", "group", "scale", "diameter", "elongation"),
     *("dropped_points", "missing_returns", "file_bytes"),
 )
-"""Entries of the reference's description that a result row keeps."""
+"""Entries of the original cloud's description that a result row contains."""
 
 
 class Originals:

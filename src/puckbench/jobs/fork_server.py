@@ -38,7 +38,7 @@ LEARNED = ("torch", "constriction", "puckbench.learned")
 """Further imports for learned codecs."""
 _GPU = "/dev/nvidiactl"
 _SECONDS_TO_END = 5.0
-"""Time between the interrupt of a job and its kill."""
+"""Time between interrupting a job and killing it."""
 _INTERRUPTED = 130
 _FORK = get_context("fork")
 _servers: list[Any] = []
@@ -48,8 +48,8 @@ _servers: list[Any] = []
 def start_fork_server(threads: int, modules: Iterable[str] = MODULES) -> None:
     """Start a server for jobs started by children of this process; it ends with this process.
 
-    It needs Linux, and a machine without GPU, whose driver does not survive a fork. `threads` is
-    the number of threads that the imported libraries may use.
+    Do nothing unless on Linux without a GPU, whose driver does not survive a fork. `threads` is the
+    number of threads of the imported libraries.
     """
     import subprocess
     import tempfile
@@ -66,7 +66,7 @@ def start_fork_server(threads: int, modules: Iterable[str] = MODULES) -> None:
         env={**os.environ, **thread_environment(threads)},
         stdin=subprocess.PIPE,
         stdout=subprocess.DEVNULL,
-        start_new_session=True,  # a terminal interrupts the clients, and these their jobs
+        start_new_session=True,  # a terminal interrupts the clients, which interrupt their jobs
     )
     _servers.append(server)
 
@@ -143,7 +143,7 @@ def _watch(client: socket.socket, streams: Sequence[int], listener: socket.socke
     """Fork a job, and send its process number and exit status to the client."""
     listener.close()
     connection = Connection(client.detach())
-    with suppress(OSError, EOFError):  # the client may be gone
+    with suppress(OSError, EOFError):  # the client may have ended
         job = _FORK.Process(target=_run, args=(connection, streams, *connection.recv()))
         job.start()
         for stream in streams:
@@ -164,10 +164,10 @@ def _run(
 
     from puckbench.jobs.process import leave, main
 
-    # The kernel ends this process (SIGIO) when the client is gone.
+    # The kernel ends this process (SIGIO) when the client ends.
     fcntl.fcntl(connection.fileno(), fcntl.F_SETOWN, os.getpid())
     fcntl.fcntl(connection.fileno(), fcntl.F_SETFL, os.O_ASYNC)
-    if connection.poll():  # it was gone before
+    if connection.poll():  # it had ended before
         return
     for number, stream in enumerate(streams, start=1):
         os.dup2(stream, number)

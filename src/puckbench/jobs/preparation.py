@@ -15,7 +15,7 @@ from puckbench.metrics.psnr import PEAK_M
 
 @dataclass(frozen=True)
 class MeasuredPoints:
-    """Measured points and the true points on the surface, with equal row numbers."""
+    """Measured points, and in the same rows the true points on the surface."""
 
     cloud: PointCloud
     clean: PointCloud
@@ -47,7 +47,7 @@ def prepare(cloud: PointCloud, size: int | str = 1024, neighbours: int = 30) -> 
     from puckbench.metrics.elongation import elongation, oriented_elongation
 
     scaling, xyz, side = _scaled(cloud, size)
-    local = cloud.xyz - origin_shift(cloud.xyz)  # whose moments are not lost in large coordinates
+    local = cloud.xyz - origin_shift(cloud.xyz)  # large coordinates would lose precision
     about = {
         **cloud.about,
         "scale": float(scaling.scale),

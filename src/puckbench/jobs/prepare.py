@@ -39,13 +39,13 @@ class Prepare(Job):
     box
         Two corners in m, in place of the box in a file.
     size
-        Size of the cube; 0 for metres, ``grid`` for voxels on their grid.
+        Grid positions along a side of the cube; 0 for metres, ``grid`` for voxels.
     clean
         Whether to use the clean coordinates of a scan.
     peak
         Peak of the PSNRs of a cloud in metres, in m.
     drop_invalid
-        Whether to drop points that are not finite, in place of an error.
+        Whether to drop points that are not finite, instead of an error.
     """
 
     crop: Literal["clean", "noisy", "none"] = "clean"

@@ -24,9 +24,9 @@ from puckbench.lidar.returns import Returns, read_firings, write_firings
 from puckbench.lidar.scan_table import ScanTable
 
 _LONGEST_MARK = 24
-"""First bytes of a file that tell a capture or bag."""
+"""Number of bytes at the start of a file by which packet captures and bags are recognised."""
 _FEWEST_TURNS = 3
-"""Turns of a recording with a whole one: the first and the last may be cut."""
+"""Minimum number of turns that ensures a whole one: the first and the last may be incomplete."""
 
 
 @JOBS.register("prepare_returns")
@@ -124,7 +124,7 @@ class PrepareReturns(Job):
             "noise_bits": 0.0 if self.clean else entropy_bits(noise, lasers, selected.quantum_m),
         }
         true = PointCloud(true_points(table, scan))
-        if scan.still_at is not None:  # a moving sensor's frame turns against the world's normals
+        if scan.still_at is not None:  # a moving sensor's frame rotates, the normals do not
             description["origin"] = scan.still_at.tolist()
             true = replace(true, normals=rows.normals, labels=rows.primitive_id)
         return selected, true, description
@@ -150,7 +150,7 @@ def _read_returns(
         return returns, (0, len(returns.turns) - 1), {}
     with decompressed(path) as recording:
         returns, left_out = read_turns(recording, stream=stream, source=path)
-    first = min(1, len(returns.turns) - 1)  # turn 0 begins where the recording does, within a turn
+    first = min(1, len(returns.turns) - 1)  # turn 0 may be incomplete
     return returns, (first, first), left_out
 
 

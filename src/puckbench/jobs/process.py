@@ -27,7 +27,7 @@ _OBJECTS_PER_SEARCH = 10_000
 
 def main(words: Sequence[str]) -> int:
     gc.set_threshold(_OBJECTS_PER_SEARCH)
-    with suppress(UnsupportedOperation):  # standard error may be no file
+    with suppress(UnsupportedOperation):  # standard error may not be a file
         faulthandler.enable()
     if limit_s := float(os.environ.get(TIMEOUT) or 0):
         faulthandler.dump_traceback_later(limit_s, exit=True)
@@ -79,5 +79,5 @@ def leave(status: int) -> NoReturn:
         sys.stdout.flush()
         sys.stderr.flush()
     except OSError:
-        sys.exit(status)  # as Python tells of it
+        sys.exit(status)  # Python then reports the error
     os._exit(status)

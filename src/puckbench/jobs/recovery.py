@@ -17,11 +17,11 @@ from puckbench.jobs.curve_files import Coded, read_coded, read_curve, write_rows
 from puckbench.jobs.registry import JOBS
 
 _KEPT = ("codec", "rate", "codec_version", "points_in", "bytes", "bpp")
-"""Entries of a stream's record that a row keeps."""
+"""Entries of a stream's record that a row contains."""
 
 
 class LabelledPoints:
-    """True points with labels of primitives, and the primitives in a scene in metres."""
+    """True points with labels of primitives, and the scene's primitives in metres."""
 
     def __init__(self, points: Path, scene: Path) -> None:
         self.cloud, self.labels = read_cloud(points), _scene_labels(scene)
@@ -32,7 +32,7 @@ class Recovering(CodecJob):
     dataset: str | None = None
 
     def recovered(self, originals: LabelledPoints, name: str, coded: Coded) -> dict[str, Any]:
-        """Return the result row for a stream; ``kinds`` is empty if it has no surface."""
+        """Return the result row of a stream; without a surface, its list ``kinds`` is empty."""
         codec, surface = self._decoded_surface(coded)
         record = coded.record
         kinds = [] if surface is None else _kinds(originals.cloud, originals.labels, surface)
@@ -53,7 +53,7 @@ class Recovering(CodecJob):
         try:
             surface = codec.decode_mesh(coded.stream)
         except InputError:
-            codec.decode(coded.stream)  # a damaged stream ends here, in the decoder's words
+            codec.decode(coded.stream)  # raises the decoder's error for a damaged stream
             return name, None
         if surface.labels is None:
             raise InputError(f"codec {name} decodes a surface without labels")
@@ -62,7 +62,7 @@ class Recovering(CodecJob):
 
 @JOBS.register("recovery")
 class Recovery(Recovering):
-    """Compare the primitives of a stream, or of a rate of a curve."""
+    """Compare the primitives of a stream, or of a rate of a curve, with the scene's labels."""
 
     rate: str | None = None
 

@@ -6,12 +6,12 @@ from typing import Any
 from puckbench.jobs.registry import JOBS, Job
 
 _AFTERWARDS = {"report", "reference"}
-"""Jobs that do not count to the duration of a run."""
+"""Jobs that the duration of a run does not include."""
 
 
 @JOBS.register("reference")
 class Reference(Job):
-    """Join the tables of a run with its configuration and machine."""
+    """Write a run's tables, configuration and machine as reference results."""
 
     contents: dict[str, Any]
     bd_rate: dict[str, Any]
@@ -19,7 +19,7 @@ class Reference(Job):
     def run(
         self, metrics: Path, clouds: Path, out: Path, scan_errors: Path | None = None
     ) -> dict[str, Any]:
-        """Write reference results, without times if other work on the machine disturbed them."""
+        """Write the file, without times if other work on the machine disturbed them."""
         from puckbench.io.tables import read_table
         from puckbench.jobs.cost import read_costs
         from puckbench.report.contents import Contents

@@ -23,7 +23,7 @@ class Report(Job):
         return self.code
 
     def run(self, page: Path, below: Path | None = None) -> dict[str, Any]:
-        """Write the page from files of the run, or from their copies in the folder `below`."""
+        """Write the page from the run's files, or from copies of them in the folder `below`."""
         from puckbench.jobs.cost import read_costs
         from puckbench.report.build import build_page
         from puckbench.report.contents import Contents

@@ -31,7 +31,8 @@ from puckbench.lidar import (
 )
 
 _RAYS_IN_MEMORY = 4_000_000
-"""Of a scan that is written at once: some 600 MB; a longer one is written as it goes on."""
+"""Maximum number of rays of a scan that is written at once (about 600 MB); a longer scan is written
+in portions."""
 
 
 @JOBS.register("scan")
@@ -61,7 +62,7 @@ class Scan(Job):
         return (self.errors,)
 
     def run(self, mesh: Path, table: Path) -> dict[str, Any]:
-        named = self._named()  # unknown names are told before a large mesh is read
+        named = self._named()  # reports unknown names before a large mesh is read
         surface = read_surface(mesh, self.metres_per_unit)
         warn_of_implausible_extent(mesh, surface.bounds())
         job = self._job(named, surface, _described(mesh))

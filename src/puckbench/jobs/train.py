@@ -33,7 +33,7 @@ class Train(Job):
     start
         Initial weights: a shipped set's name or a file.
     every, validate_every
-        Steps between two checkpoints and two validations (0: one at the end).
+        Steps between checkpoints, and between validations (0: only at the end).
     peak
         Peak of the PSNRs; by default that of the validation's clouds.
     code

@@ -18,7 +18,7 @@ from puckbench.planning.planned_job import PlannedJob, planned
 from puckbench.planning.scene_checks import scan_record
 
 _BYTES_PER_POINT = 1_000
-"""Estimate of a job's memory for each point."""
+"""Estimated memory of a job for each point."""
 _FOLDERS = {"sample": ("samples", "ply"), "scan": ("scans", "parquet")}
 
 
@@ -76,7 +76,7 @@ class CloudJobs:
 
     @cache  # noqa: B019
     def scan(self, dataset: str, cloud: str) -> PlannedJob:
-        """Plan a scan, which is repeated if the files of its sensor or sweep change."""
+        """Plan a scan; its fingerprint includes the sensor, the sweep and the error model."""
         data = self.dataset(dataset)
         module, also = self._sensing(dataset)
         return planned(scan_record(data.settings, cloud, data.seed), module, also=also)

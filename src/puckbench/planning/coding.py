@@ -30,14 +30,14 @@ from puckbench.planning.planned_job import PlannedJob, planned
 from puckbench.planning.report_contents import shown_rates
 
 _BYTES_PER_PIXEL = 100
-"""Memory of a picture for each of its width times height pixels (measured: 305 MB at 1920)."""
+"""Memory of a square picture for each pixel (measured: 305 MB for a width of 1920)."""
 _MOST_SECONDS = 600
-"""Limit of the estimated time of one job; longer curves are cut into parts."""
+"""Maximum estimated time of one job; longer curves are split into parts."""
 
 
 @dataclass(frozen=True)
 class Curve:
-    """The rates (all or some) that one job encodes, for a codec and a coordinate frame."""
+    """Rates of a codec, all or some, that one job encodes for a coordinate frame."""
 
     codec: str
     frame: CoordinateFrame
@@ -58,7 +58,7 @@ class CodingJobs:
 
     @cached_property
     def curves(self) -> tuple[Curve, ...]:
-        """Curves of all codecs in all coordinate frames, split if they take too long."""
+        """Curves of all codecs in all coordinate frames; long ones are split."""
         return tuple(
             Curve(codec, frame, rates)
             for frame in self.plan.frames
@@ -73,7 +73,7 @@ class CodingJobs:
 
     @cached_property
     def cut(self) -> list[str]:
-        """Codecs whose curves are divided among several jobs."""
+        """Codecs whose curves are split among several jobs."""
         counts = Counter((curve.codec, curve.frame) for curve in self.curves)
         return list(dict.fromkeys(codec for (codec, _), count in counts.items() if count > 1))
 
@@ -100,7 +100,7 @@ class CodingJobs:
         return named[part]
 
     def rows(self, kind: str, codec: str | None = None) -> tuple[str, ...]:
-        """Return the files of ``metrics`` or ``recovery`` rows for a codec, by default for all."""
+        """Return the files of ``metrics`` or ``recovery`` rows of a codec, by default of all."""
         curves = self.plan.recovered if kind == "recovery" else self.plan.curves
         return tuple(
             f"{kind}/{'/'.join(curve)}.parquet" for curve in curves if codec in (None, curve[2])
@@ -203,7 +203,7 @@ class CodingJobs:
         return frozenset(folder / name for name in self.clouds.prepared(has_returns=True))
 
     def truth(self, dataset: str, cloud: str) -> dict[str, str]:
-        """Return the files of the true surface and points that decoded clouds are compared with."""
+        """Return the files of a cloud's true surface and true points, if available."""
         data = self.clouds.dataset(dataset)
         if not data.has_truth:
             return {}
@@ -283,7 +283,7 @@ def _name(rates: tuple[str, ...]) -> str:
 
 
 def _parts(rates: tuple[str, ...], seconds: float) -> list[tuple[str, ...]]:
-    """Split rates into parts that take a limited time; `seconds` is the time for one rate."""
+    """Split rates into parts of at most `_MOST_SECONDS`; `seconds` is the time for one rate."""
     parts = max(1, min(len(rates), math.ceil(seconds * len(rates) / _MOST_SECONDS)))
     size = math.ceil(len(rates) / parts)
     return [rates[first : first + size] for first in range(0, len(rates), size or 1)]

@@ -484,7 +484,7 @@ class Config(Model):
 
     @property
     def failures_file(self) -> Path:
-        """Return the file with `failed`, which a run writes if jobs for clouds or curves fail."""
+        """The file to which a run writes `failed` if jobs for clouds or curves fail."""
         return Path(self.results) / "failed.yaml"
 
     def codec(self, name: str) -> Options:
@@ -533,7 +533,7 @@ def with_stand_ins(config: Mapping[str, Any]) -> Options:
     """
     changed: Options = copy.deepcopy(dict(config))
     for key in ("stand_in", "strict"):
-        if changed.get(key) in ("true", "false"):  # as Snakemake's --config hands it over
+        if changed.get(key) in ("true", "false"):  # Snakemake's --config passes booleans as text
             changed[key] = changed[key] == "true"
     if changed.get("stand_in") is not True:
         return changed

@@ -15,7 +15,7 @@ PREFIX = "puckbench: "
 """Beginning of the last line in the log of a failed job."""
 _MAX_LINES = 10
 _CURVES = ("coded", "metrics", "decoded", "recovery")
-"""Folders of logs of jobs on one data set, cloud and codec."""
+"""Log folders of jobs for one data set, cloud and codec."""
 _TAIL_BYTES = 1 << 16
 _FATAL = re.compile(r"^Fatal Python error: (.+)$", re.MULTILINE)
 _TIMEOUT = re.compile(r"^Timeout \((\d+:\d\d:\d\d(?:\.\d+)?)\)!$", re.MULTILINE)
@@ -36,7 +36,7 @@ class Failure(NamedTuple):
 
 
 def failed_jobs(logs: Path, since: float) -> list[Failure]:
-    """Return the failed jobs whose logs were written since a time stamp."""
+    """Return the failed jobs whose logs were written since a time stamp (s)."""
     new = [log for log in sorted(logs.rglob("*.log")) if log.stat().st_mtime >= since]
     return [failure for log in new if (failure := failure_of(log, logs))]
 
@@ -63,9 +63,9 @@ def write_failures(
 ) -> Path | None:
     """Write a configuration file that excludes the clouds and curves whose jobs failed.
 
-    The file also contains `before`, the clouds and curves that this run excluded already. Write no
-    file and return None if nothing failed, or if a failed job belongs to no cloud, because then a
-    run without these clouds would fail too.
+    It also contains `before`, the clouds and curves that this run excluded already. Write no file
+    and return None if nothing failed, or if a failed job belongs to no cloud: excluding clouds
+    would not help.
     """
     if not failures or not all(failure.cloud for failure in failures):
         if not before:
@@ -80,7 +80,7 @@ def write_failures(
 
 
 def failure_lines(failures: list[Failure]) -> Iterator[str]:
-    """Yield a line with the first log for each codec and reason, up to a maximum number."""
+    """Yield a line for each codec and reason, up to a maximum number, with one log."""
     groups: dict[tuple[str, str], list[Failure]] = {}
     for failure in failures:
         key = failure.codec or failure.what, failure.reason
@@ -93,7 +93,7 @@ def failure_lines(failures: list[Failure]) -> Iterator[str]:
 
 
 def _without_names(reason: str, curve: str, codec: str) -> str:
-    """Remove the curve's file and the codec's name from a reason; `Failure.what` has them."""
+    """Remove from a reason the curve's file and the codec, which `Failure.what` contains."""
     reason = re.sub(rf"\S*coded/{re.escape(curve)}\.zip: ", "", reason, count=1)
     return reason.replace(f"codec {codec}: ", "", 1)
 

@@ -21,11 +21,12 @@ from puckbench.jobs.cost import read_cost
 
 _OF_CURVES = ("encode_curve", "evaluate_curve", "recovery_curve")
 _OF_CLOUDS = ("sample", "scan", "prepare", "evaluate", *_OF_CURVES)
-"""Jobs whose work grows with the points of a cloud."""
+"""Jobs whose time grows with the number of points."""
 _ONE_SIZE = 0.1
-"""Clouds have one size if their points differ by less than this fraction of the median."""
+"""Clouds count as equally large if their numbers of points differ by at most this fraction of the
+median."""
 _MOST = 1000
-"""Maximum number of jobs in a fit, which uses all pairs of them."""
+"""Maximum number of jobs in a fit, which uses all pairs of jobs."""
 
 
 @dataclass(frozen=True)
@@ -35,11 +36,11 @@ class JobTime:
     Parameters
     ----------
     rates, points
-        Numbers of rates in its curve and points in its cloud, or 0.
+        Number of rates in its curve and of points in its cloud, or 0.
     seconds
         Processor time.
     call_s, repeats
-        Total seconds of one call per rate, and number of repetitions.
+        Seconds of one call for each rate, in total, and repetitions.
     truth
         Whether a decoded cloud was compared with the true surface.
     """
@@ -61,7 +62,7 @@ class JobTime:
 
 @dataclass(frozen=True)
 class JobKind:
-    """Similar jobs of a plan: their number, and the attributes of `JobTime`."""
+    """Similar jobs of a plan: their number `jobs`, and the attributes of `JobTime`."""
 
     job: str
     jobs: int
@@ -74,7 +75,7 @@ class JobKind:
 
 @dataclass(frozen=True)
 class TimeEstimate:
-    """The estimated time for similar jobs.
+    """The estimated time of similar jobs.
 
     `seconds` is the time of one job, None if no similar job was measured; `measured` is the number
     of measured jobs; `reach` is the planned number of points divided by the largest measured
@@ -104,9 +105,9 @@ class Measurements:
         return cls(table[:, 0], table[:, 1])
 
     def at(self, points: int) -> float:
-        """Return the seconds of a job for a number of points, by Theil-Sen regression.
+        """Return the estimated seconds of a job for a number of points, by Theil-Sen regression.
 
-        Its medians ignore the slow first jobs of a run, which compile. If all clouds have about the
+        The medians ignore the slow first jobs of a run, which compile. If all clouds have about the
         same size, the time is proportional to the points.
         """
         start, slope = self._line
@@ -149,7 +150,7 @@ def _job_time(log: Path, cost: dict[str, Any]) -> JobTime:
         return JobTime(job, "", 0, 0, seconds, peak_mib=peak)
     results, _, names = str(log.with_suffix("")).rpartition("/logs/")
     _, dataset, cloud, *_ = names.split("/")
-    # The timed calls have the same share of the processor as the whole.
+    # Assume that the timed calls have the whole job's ratio of processor time to wall time.
     share = min(1.0, seconds / cost["wall_s"]) if cost["wall_s"] else 1.0
     return JobTime(
         job,

@@ -1,4 +1,4 @@
-"""Commands that start Snakemake on the workflow, of the repository or as installed."""
+"""Commands that start Snakemake on the workflow, in the repository or as installed."""
 
 from __future__ import annotations
 

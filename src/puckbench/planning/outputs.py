@@ -41,11 +41,11 @@ from puckbench.report.contents import Contents, register_user_plugins
 from puckbench.report.page import assets_version
 
 FIRST_FIGURES = ("fig_6_6", "fig_6_9")
-"""Drawn as soon as the first codec is through."""
+"""Figures that are drawn as soon as the first codec's results are complete."""
 _OF_CLOUDS = {"metrics", "clouds", "scan_errors", "recovery"}
-"""Inputs of figures whose rows are of clouds, in any frame."""
+"""Tables with a row for each cloud, or for each cloud and codec."""
 _OF_CURVES = {"metrics", "recovery"}
-"""Inputs of figures whose rows are of coded clouds."""
+"""Tables with rows for coded clouds only."""
 Inputs = dict[str, str]
 """Name of an input -> its file."""
 
@@ -88,7 +88,9 @@ class OutputJobs:
 
     @cached_property
     def result_tables(self) -> dict[str, Inputs]:
-        """Tables, except the sensor study's, with inputs that the plan makes and needs it meets."""
+        """Tables, except the sensor study's, whose input tables the plan makes and whose needs it
+        meets.
+        """
         there = {"metrics", "clouds"} if self.plan.datasets else set()
         there |= set(self.study_tables)
         return {
@@ -126,7 +128,7 @@ class OutputJobs:
 
     @property
     def anchor(self) -> str:
-        """The configured codec with which BD-rates compare, by default the first."""
+        """The codec with which BD-rates compare the others, by default the first."""
         anchor = self.config.bd_rate.anchor or next(iter(self.plan.codecs))
         if anchor not in self.plan.codecs:
             known = ", ".join(self.plan.codecs)
@@ -137,7 +139,7 @@ class OutputJobs:
 
     @cached_property
     def figures(self) -> dict[str, Inputs]:
-        """Figures that can be drawn, with the files of their inputs."""
+        """Figures with available inputs and needs, with the files of their inputs."""
         known = self._cloud_inputs() | self._study_inputs()
         return {
             name: {needed: known[needed] for needed in entry.inputs}
@@ -148,7 +150,7 @@ class OutputJobs:
         }
 
     def _frames_of(self, table: str) -> tuple[CoordinateFrame, ...]:
-        """Return the frames of the clouds in a table; all frames if its rows are not of clouds."""
+        """Return the coordinate frames of the clouds in a table, or all frames for other tables."""
         if table not in _OF_CLOUDS:
             return get_args(CoordinateFrame)
         if table in _OF_CURVES:
@@ -224,7 +226,7 @@ class OutputJobs:
 
     @cached_property
     def first_look(self) -> Gathering:
-        """Plan figures from the first codec's results, which are drawn while other codecs run."""
+        """Plan figures of the first codec's results, which are drawn while other codecs run."""
         names = self.coding.rows("metrics", self.first_codec)
         record = FirstLook(names=names, style=self._style(self.config.figures.style))
         modules = map(FIGURES.module_of, self.first_figures)
@@ -265,7 +267,7 @@ class OutputJobs:
         )
         return planned(record)
 
-    # ---- what there is to make them of
+    # ---- available inputs
 
     def _file(self, table: str, suffix: str = "parquet") -> str:
         return f"{self.plan.results}/tables/{table}.{suffix}"

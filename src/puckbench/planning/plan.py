@@ -85,7 +85,7 @@ class DataSetPlan:
     def has_true_surface(self) -> bool:
         """Whether the true surface is available in the coordinate frame of the clouds.
 
-        For a moving or tilted sensor, only true points are available.
+        A moving or tilted sensor only has true points.
         """
         if not self.has_truth or not self.has_returns:
             return self.has_truth
@@ -121,7 +121,7 @@ class StudyPlan:
 
 @dataclass(frozen=True)
 class TrainingPlan:
-    """Training and validation of weights on pairs of data set and cloud."""
+    """Training and validation of weights; clouds are pairs of data set and name."""
 
     codec: str
     entry: dict[str, Any]
@@ -135,8 +135,8 @@ class TrainingPlan:
 class Plan:
     """Scenes, data sets, clouds and codecs from a checked configuration.
 
-    With `check_scenes`, meshes are read, and unusable ones excluded. Raises InputError if a name
-    does not exist.
+    With `check_scenes`, meshes are read, and unusable ones excluded. Raises InputError for an
+    unknown name.
     """
 
     def __init__(self, config: Config, check_scenes: bool = False) -> None:
@@ -145,7 +145,7 @@ class Plan:
             name: open_scenes(name, value, config.seed) for name, value in config.scenes.items()
         }
         self.left_out: dict[str, dict[str, str]] = {}
-        """Reasons by data set and unusable scene."""
+        """Reasons for the exclusion of scenes, by data set and scene."""
         self.datasets = self._datasets()
         self.codecs = {name: codecs.entry(name, config.codec(name)) for name in config.codecs}
         if config.failed:
@@ -157,7 +157,7 @@ class Plan:
             self.trainings[name] = self._training(name, value)
         with naming("metrics"):
             for name in config.metrics:
-                if name not in METRICS:  # ours are not imported here: they are heavy
+                if name not in METRICS:  # importing puckbench's own metrics takes long
                     METRICS.get(name)
         self.study = _study(config.sensor_study, config.seed) if config.sensor_study else None
         if not self.datasets and self.study is None:
@@ -198,7 +198,7 @@ class Plan:
                 yield {"dataset": dataset, "scene": scene, "file": file, "reason": reason}
 
     def _attributes_left_out(self) -> Iterator[dict[str, str]]:
-        """Yield rows on what the user's clouds lose: attributes, and coordinates of a survey."""
+        """Yield rows on what the user's clouds lose in coding: attributes, and the origin."""
         for data in self.datasets.values():
             if not read_first(self.scenes[data.scenes].scenes):
                 continue
@@ -249,7 +249,7 @@ class Plan:
 
     @cached_property
     def too_wide(self) -> dict[tuple[str, str, str], tuple[str, ...]]:
-        """Rates that are too fine for the extent of a cloud, by data set, cloud and codec."""
+        """Rates that a cloud is too large for, by data set, cloud and codec."""
         rates_by_curve = {
             (dataset, cloud, codec): self._too_fine(codec, extent)
             for dataset, sides in self.extents.items()
@@ -264,7 +264,7 @@ class Plan:
         return tuple(rate for rate in self.rates(codec, "metric") if extent > most_extent(rate))
 
     def curve_rates(self, dataset: str, cloud: str, codec: str) -> tuple[str, ...]:
-        """Return the rates of a curve, none if its job failed earlier."""
+        """Return the rates of a codec on a cloud, none if its job failed earlier."""
         if f"{dataset}/{cloud}/{codec}" in self.config.failed:
             return ()
         rates = self.rates(codec, self.datasets[dataset].frame)
@@ -308,7 +308,7 @@ class Plan:
 
     @cached_property
     def recovered(self) -> tuple[tuple[str, str, str], ...]:
-        """Curves whose decoded primitives are compared with labels."""
+        """Curves whose decoded primitives are compared with the scenes' labels."""
         return tuple(
             curve
             for curve in self.curves
@@ -326,7 +326,7 @@ class Plan:
 
     @cached_property
     def coded(self) -> tuple[DataSetPlan, ...]:
-        """The data sets in which a codec encodes a cloud."""
+        """The data sets with a cloud that a codec encodes."""
         names = {dataset for dataset, _, _ in self.curves}
         return tuple(data for name, data in self.datasets.items() if name in names)
 
@@ -455,7 +455,7 @@ def _unusable(dataset: str, faults: Mapping[str, str]) -> InputError:
 
 
 def open_scenes(name: str, value: SceneSetConfig, seed: int) -> ScenePlan:
-    """Open a scene set, with `seed` if its options contain none."""
+    """Open a scene set, with `seed` if its entry has none."""
     own_seed = seed if value.seed is None else value.seed
     with naming(f"scenes.{name}"):
         scenes = open_scene_set(value.loader, value.options, own_seed)
@@ -470,9 +470,9 @@ def _weights(name: str, changes: Mapping[str, Any]) -> list[Path]:
 
 
 _CAPTURED_POINTS = 1_500_000
-"""Expected points of a captured cloud; most rooms of S3DIS have fewer."""
+"""Assumed number of points of a captured cloud; most rooms of S3DIS have fewer."""
 _RETURNS = 60_000
-"""Expected points of a recording's turn (HDL-32E; a VLP-16 has a third)."""
+"""Assumed number of points of a turn in a recording (HDL-32E; a VLP-16 has a third)."""
 
 
 def _points(where: str, settings: DataSetConfig) -> int:

@@ -15,11 +15,11 @@ from puckbench.jobs.registry import JOBS, Job
 from puckbench.planning.fingerprints import code_version
 
 RECORDS = Path(".snakemake", "records")
-"""Folder of the records of planned jobs."""
+"""Folder for the settings of planned jobs."""
 
 
 class PlannedJob(NamedTuple):
-    """A job's settings as JSON, and the fingerprint of its code."""
+    """A job's settings (`record`) as JSON, and the fingerprint of its code."""
 
     name: str
     record: str
@@ -44,7 +44,7 @@ def planned(record: Job, *modules: str, also: object = "") -> PlannedJob:
 
 
 class Gathering(NamedTuple):
-    """A job that reads files of many others; `names` are relative to the results folder."""
+    """A job that reads files of many other jobs; `names` are relative to the results folder."""
 
     job: PlannedJob
     names: Sequence[str]
@@ -54,8 +54,8 @@ class Gathering(NamedTuple):
 
 
 def results_folder(files: Sequence[str], names: Sequence[str], results: Path) -> str:
-    """Return the results folder, or its copy that contains `files`.
+    """Return the results folder, or the copy of it that contains `files`.
 
-    Snakemake makes copies if the results are in a remote storage.
+    Snakemake makes copies if the results are in remote storage.
     """
     return str(files[0]).removesuffix(f"/{names[0]}") if names else str(results)

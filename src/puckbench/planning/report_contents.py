@@ -9,7 +9,7 @@ from puckbench.planning.plan import Plan
 from puckbench.report.contents import Contents, Example
 
 FIRST_TABLES = ("summary", "clouds")
-"""Tables of every benchmark beside the registered ones."""
+"""Tables that come first in the report of every benchmark."""
 
 
 def planned_contents(

@@ -128,7 +128,6 @@ def _odd_results(results: Path) -> Iterator[str]:
 
 
 def _row(medians: Sequence[Row], style: FigureStyle) -> dict[str, Any]:
-    """Return the summary of a codec's medians on a data set, without the BD-rate."""
     first = medians[0]
     ranges = {name: _range(medians, name) for name in ("bpp", "d1_rms_m", "d1_psnr")}
     return {

@@ -1,4 +1,4 @@
-"""Estimate of a run's time on this machine, from times measured on another."""
+"""Estimate of a run's time on this machine, from times measured on another machine."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ SAMPLE_S = 0.05
 _START_S = 0.15
 """Seconds to start the process of a job."""
 _OF_CLOUDS = {"scene": 0.0, "sample": 1.0, "scan": 12.0, "prepare": 12.0, "scan_error": 6.0}
-"""Seconds for each million points of jobs that make and measure clouds."""
+"""Seconds per million points of jobs that make clouds, or measure scans."""
 _METRICS = {False: 1.0, True: 2.0}
-"""Seconds for a million points of a measurement at one rate, without and with truth."""
+"""Seconds per million points to measure one rate, without and with the true surface."""
 _OTHERS = {"residuals": 2.5, "wall_points": 0.8, "report_page": 10.0, "first_look": 2.0}
-"""Seconds of other jobs."""
+"""Seconds of other jobs, by rule."""
 _OTHER_S = 1.0
-"""Seconds of a figure or table."""
+"""Seconds of any other job, such as a figure or table."""
 _COMPILING_S, _COMPILING_CODEC_S = 20.0, 15.0
-"""Seconds of compiling loops for all jobs, and for each codec."""
+"""Seconds to compile the loops of all jobs, and those of each codec."""
 
 
 def job_seconds(bench: Workflow) -> Callable[[str], float]:
-    """Return a function from a rule's name to the mean seconds of its jobs."""
+    """Return a function that maps a rule's name to the mean seconds of its jobs."""
     counts = [data.points for data in bench.plan.datasets.values() for _ in data.clouds]
     millions = sum(counts) / 1e6 / max(1, len(counts))
     seconds = {name: per_million * millions for name, per_million in _OF_CLOUDS.items()} | _OTHERS
@@ -86,6 +86,6 @@ def run_seconds(
     sample_s: float,
     compiling_s: float = 0.0,
 ) -> float:
-    """Estimate the seconds that jobs (numbers by rule) take on some cores of this machine."""
+    """Estimate the seconds that jobs (numbers by rule) take on this machine with `cores` cores."""
     work = sum(count * seconds(rule) for rule, count in jobs.items()) + compiling_s
     return work * sample_s / SAMPLE_S / max(1, cores)

@@ -14,7 +14,7 @@ from puckbench.core.files import remove_leftovers, unreadable, unwritable
 _held: list[int] = []
 """File descriptors of the locks, which close when the process ends."""
 _ROOM = 2**20
-"""Free bytes that a run needs to start."""
+"""Free disk space that a run needs to start, bytes."""
 _MOST_LEFT_OUT = 50
 
 
@@ -57,8 +57,8 @@ def left_out_lines(rows: Sequence[Mapping[str, str]]) -> Iterator[str]:
 
 
 def held_since() -> float:
-    """Return the time at which this process locked its results; infinity if it has not.
+    """Return the time stamp at which this process locked its results; infinity if it has not.
 
-    It is a time stamp in seconds, by the clock of their file system.
+    It is in seconds, by the clock of the results' file system.
     """
     return os.fstat(_held[-1]).st_mtime if _held else math.inf

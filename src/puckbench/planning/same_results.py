@@ -28,7 +28,10 @@ _LEFT_OUT = re.compile(
 
 
 def differences(folder: Path, reference: Path, finished: bool = True) -> list[str]:
-    """Return a line for each file that differs."""
+    """Return a line for each file that differs.
+
+    If `finished` is false, files that are only in `reference` are ignored.
+    """
     names, reference_names = set(compared(folder)), set(compared(reference))
     lines = [f"{name}: only in {folder}" for name in sorted(names - reference_names)]
     if finished:

@@ -1,6 +1,6 @@
 """Checks of scenes before a run: damaged meshes, no position for a sensor, clouds without points.
 
-The results are cached with those of the run until files or settings change.
+The results are cached in the results folder until files or settings change.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def scan_record(settings: DataSetConfig, scene: str, seed: int) -> Scan:
 def scene_faults(
     scenes: SceneSet, names: Iterable[str], settings: DataSetConfig, results_file: Path
 ) -> dict[str, str]:
-    """Return the scenes that a data set cannot use, with reasons; cache in `results_file`."""
+    """Return the scenes that a data set cannot use, with reasons; `results_file` is the cache."""
     if settings.make == "cloud" and not read_first(scenes):
         return {}
     states = {
@@ -51,7 +51,8 @@ def scene_faults(
     results = _read_checks(results_file) if states else {}
     stale = [name for name, state in states.items() if results.get(name, {}).get("state") != state]
     what = "meshes"
-    if settings.make == "cloud":  # a package that reads its format may have been installed since
+    # Read faulty clouds again: a package that reads their format may have been installed.
+    if settings.make == "cloud":
         what, faulty = "clouds", {name for name in states if results.get(name, {}).get("fault")}
         stale = [name for name in states if name in faulty or name in stale]
     progress = Progress(f"{results_file.stem}: {what} looked at:")
@@ -95,7 +96,7 @@ def extents(results_file: Path, scenes: Iterable[str]) -> dict[str, float]:
 
 
 def attributes(results_file: Path, scenes: Iterable[str]) -> list[str]:
-    """Return the names of the attributes that points of the scenes have besides coordinates."""
+    """Return the names of the attributes, besides coordinates, of the points in the scenes."""
     checks = _read_checks(results_file)
     names = (name for scene in scenes for name in checks.get(scene, {}).get("attributes", ()))
     return list(dict.fromkeys(names))
@@ -161,7 +162,7 @@ def _found(
 def _attributes(cloud: PointCloud) -> list[str]:
     arrays = {"normals": cloud.normals, "colours": cloud.colours, "labels": cloud.labels}
     names = [name for name, values in {**arrays, **cloud.fields}.items() if values is not None]
-    return [name for name in names if name not in WIDE_COLOURS]  # these are the colours again
+    return [name for name in names if name not in WIDE_COLOURS]  # they repeat the colours
 
 
 def _extent(points: Floats) -> float:

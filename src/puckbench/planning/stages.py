@@ -77,7 +77,7 @@ def _clouds_by(bench: Workflow, make: str) -> frozenset[str]:
 
 
 def job_kinds(bench: Workflow) -> list[JobKind]:
-    """Return all jobs of a plan, in groups of similar jobs."""
+    """Return all jobs of a plan, as groups of similar jobs."""
     outputs, study = bench.outputs, bench.plan.study
     kinds = [JobKind("scene", len(stages_of(bench)["scenes"].planned))]
     for data in bench.plan.datasets.values():

@@ -15,7 +15,7 @@ from puckbench.planning.plan import Plan, StudyPlan
 from puckbench.planning.planned_job import Gathering, PlannedJob, planned
 
 WALL_POINTS = 40_000
-"""Points of each surface and distance in figures of scans."""
+"""Number of points of each surface and distance in figures of scans."""
 
 
 class StudyJobs:
@@ -55,7 +55,7 @@ class StudyJobs:
 
     @cached_property
     def gathered(self) -> dict[str, Gathering]:
-        """Tables with the rows of all error models and recordings."""
+        """Tables with the rows of all error models and captures."""
         models, captures = tuple(self.study.models), self.capture_files()
         residuals = (*(f"residuals/models/{model}.parquet" for model in models), *captures)
         points = tuple(f"wall_points/{model}.parquet" for model in models)

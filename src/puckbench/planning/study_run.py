@@ -14,7 +14,7 @@ from puckbench.report.reference_results import ReferenceResults
 
 Options = dict[str, Any]
 _NOT_KEPT = ("results", "codecs", "stand_in", "strict", "sensor_study", "train", "container")
-"""Keys of the study's configuration that are not about clouds and measures."""
+"""Keys of the study's configuration that do not define clouds or metrics."""
 
 
 def study_configuration(
@@ -46,7 +46,7 @@ def study_configuration(
     own = codec_entries(codecs)
     trust(entry.get("class") for entry in own.values())
     deltas = study["bd_rate"]
-    if deltas.get("anchor") not in own:  # then the first one is
+    if deltas.get("anchor") not in own:  # the anchor is then the first codec
         deltas = {key: value for key, value in deltas.items() if key != "anchor"}
     config = {
         **study,

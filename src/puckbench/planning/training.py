@@ -11,7 +11,7 @@ from puckbench.planning.plan import Plan, TrainingPlan
 from puckbench.planning.planned_job import PlannedJob, planned
 
 _BYTES_PER_POINT = 50
-"""Memory of a training for each point: its coordinates."""
+"""Memory of a training for the coordinates of each point."""
 
 
 class TrainingJobs:
@@ -26,7 +26,7 @@ class TrainingJobs:
         return [f"{folder}/{dataset}/{cloud}.ply" for dataset, cloud in clouds]
 
     def train(self, name: str) -> PlannedJob:
-        """Plan a training, which discards checkpoints made by other code."""
+        """Plan a training, which discards checkpoints of other code."""
         training = self.training(name)
         record = Train(
             codec=training.codec,

@@ -34,13 +34,13 @@ CONFIG = "config.yaml"
 """File name of the configuration in the results folder."""
 _CUBE = 1024
 _TURNS = 10
-"""Number of turns of recordings, evenly spread."""
+"""Number of turns, evenly spaced, that are used of a recording."""
 _BUDGET_S = 480.0
-"""Estimated seconds of all rates on one core above which fewer rates are used."""
+"""Estimated seconds of a run with all rates on one core above which fewer rates are used."""
 _FEW_RATES = 4
-"""Number of rates that a rate delta needs."""
+"""Number of rates that a BD-rate needs."""
 _MEASURING_S = 3.5
-"""Estimated seconds of measuring a million decoded points."""
+"""Estimated seconds to measure a million decoded points."""
 CODECS = ("draco", "gpcc")
 CODECS_OF_RECORDINGS = ("gpcc", "gpcc_predictive", "puck")
 """Default codecs if all files are recordings."""
@@ -54,7 +54,7 @@ _OPTIONS: dict[Kind, tuple[str, ...]] = {
     "meshes": ("up", "metres_per_unit"),
     "recordings": (),
 }
-"""Options of the loaders by what they load."""
+"""Names of the loaders' options, by kind of input."""
 _EXAMPLES: dict[str, str] = {"clouds": "object", "meshes": "object", "scans": "noisy"}
 _OWN_CLASS = re.compile(r".+\.py:(?P<file>\w+)|[\w.]+:(?P<module>\w+)")
 NOTHING_THERE = "no cloud, mesh or recording"
@@ -105,7 +105,7 @@ class UserRun:
     timeout_s: float | None = None
     options: Mapping[str, Any] = field(default_factory=dict)
     _reductions: dict[str, str] = field(default_factory=dict, init=False, repr=False)
-    """Reasons for what is left out on purpose."""
+    """Notes on turns, rates and units that the run does not use by default, by subject."""
 
     def configuration(self) -> Options:
         paths_by_kind = self._sorted_paths()
@@ -274,7 +274,7 @@ class UserRun:
         return selected
 
     def _other_frame(self, plan: Plan, codec: str) -> str:
-        """Return the option for the coordinate frame that has the requested rates, if one has."""
+        """Return a hint at the frame that has the requested rates, or an empty string."""
         for frame in get_args(CoordinateFrame):
             if frame not in plan.frames and {*self.rates} & {*plan.rates(codec, frame)}:
                 return f": use --frame {frame}"
@@ -282,7 +282,7 @@ class UserRun:
 
 
 def _files(text: str) -> Iterator[Path]:
-    """Yield the files, and the folders of one recording each, at a path or for a pattern."""
+    """Yield the files, and folders that are recordings, at a path or for a pattern."""
     path = Path(text)
     if path.is_dir() and not recordings.is_bag_folder(path):
         yield from (each for each in sorted(path.rglob("*")) if is_file_or_lost(each))

@@ -30,7 +30,7 @@ class Workflow:
 
 
 def run_jobs_with(source: str) -> None:
-    """Set the environment of jobs: this Python, a folder of sources, and their commit."""
+    """Set the environment of jobs: this Python, the folder `source` of sources, their commit."""
     for name, first in (("PATH", str(Path(sys.executable).parent)), ("PYTHONPATH", source)):
         paths = [first, *os.environ.get(name, "").split(os.pathsep)]
         os.environ[name] = os.pathsep.join(dict.fromkeys(filter(None, paths)))
@@ -39,11 +39,11 @@ def run_jobs_with(source: str) -> None:
 
 
 def package_alone(folder: Path) -> Path:
-    """Make a folder that contains only puckbench, so that jobs can import it; return its path."""
+    """Make a folder with a link to puckbench only, for jobs to import; return its path."""
     package, link = Path(__file__).parents[1], folder.resolve() / "puckbench"
     if not link.is_symlink() or link.readlink() != package:
         link.parent.mkdir(parents=True, exist_ok=True)
         new = link.with_name(f"{link.name}.{os.getpid()}")
         new.symlink_to(package)
-        new.replace(link)  # of the jobs that come here at the same time, each may
+        new.replace(link)  # atomic, since several jobs may do it at the same time
     return link.parent

@@ -10,7 +10,7 @@ from puckbench.metrics.bjontegaard import LITTLE_OVERLAP, NO_COMMON_RANGE
 from puckbench.metrics.tables.rate_deltas import MIN_CLOUDS
 
 FEW_CLOUDS = 10
-"""Below this number of clouds the number is stated."""
+"""Number of clouds below which a text states how many clouds were compared."""
 _REASONS = {
     "no_common_range": NO_COMMON_RANGE,
     "little_overlap": LITTLE_OVERLAP,
@@ -30,7 +30,7 @@ def delta_value(row: _Row | None) -> str:
 
 
 def has_delta(row: _Row | None) -> bool:
-    """Return whether a row of the table ``bd_rate`` has a reliable value."""
+    """Whether a row of the table ``bd_rate`` has a reliable value."""
     return row is not None and not _why_not(row)
 
 

@@ -68,14 +68,16 @@ def build_page(
     record: RunRecord = RunRecord(),  # noqa: B008 (frozen)
     remarks: Mapping[str, str] = MappingProxyType({}),
 ) -> str:
-    """Return the page as text, which depends only on files, machine, record and remarks.
+    """Return the HTML page, which depends only on the arguments and the files in `contents`.
 
     Parameters
     ----------
-    machine, remarks
-        Entries in the page's header by name.
+    machine
+        Entries in the page's section on the run, by name.
     folder
         Folder of the page, for relative links.
+    remarks
+        Entries in the page's header, by name.
 
     Raises
     ------

@@ -20,7 +20,7 @@ _BETWEEN_PARTS = re.compile(r"; (?![^(]*\))")
 class ClaimCard:
     """A claim with its verdict and measurements.
 
-    `kind` is the CSS class for the verdict's colour; `context` has other entries by name.
+    `kind` is the CSS class for the verdict's colour; `context` maps headings to further texts.
     """
 
     heading: str

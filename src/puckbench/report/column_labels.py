@@ -162,7 +162,7 @@ def unit_in_frames(unit: str, frames: Collection[str]) -> str:
 def table_heading(column: str, others: Collection[str] = ()) -> tuple[str, str]:
     """Return words and unit for a column in a table's heading.
 
-    `others` are the other columns, which show whether a suffix marks a statistic.
+    `others` are the table's columns; a suffix such as ``_low`` marks a statistic of one of them.
     """
     if column in _OF_TABLES:
         return _OF_TABLES[column]

@@ -23,7 +23,7 @@ Key = tuple[str, str]
 
 @dataclass(frozen=True)
 class Comparison:
-    """Results of a run and a reference study on the same clouds, with the reference's names.
+    """Results of a run and a reference study on the same clouds, named as in the reference.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ class Comparison:
     left_out
         Messages on clouds that were not compared.
     same_streams
-        Number of streams with equal size, and of all streams, by common codec.
+        Number of streams of equal size, and of all streams, for each codec of both.
     """
 
     run_rows: pd.DataFrame
@@ -90,7 +90,7 @@ def compare_with_reference(
 
 
 def _matched(clouds: pd.DataFrame, reference: ReferenceResults) -> tuple[dict[Key, Key], list[str]]:
-    """Match the run's clouds to the reference's by digest; return names, and messages on others."""
+    """Return the reference's names of clouds with equal digests, and messages on the others."""
     if DIGEST not in clouds or clouds[DIGEST].isna().any():
         raise InputError("the table of clouds has no digests: it is of an older run; run it again")
     published = reference.clouds
@@ -189,7 +189,7 @@ def _deltas(
     run_rows, reference_rows = (_judged(table) for table in (run_rows, reference_rows))
     columns = ["dataset", "cloud", "codec", "rate", "bpp", LOSSLESS, PEAK, *qualities]
     for codec in reference.style.ordered_codecs(reference_rows["codec"]):
-        anchor = f"{codec} ({reference.name})"  # no codec's name has brackets
+        anchor = f"{codec} ({reference.name})"  # no codec's name has parentheses
         rows = reference_rows.loc[reference_rows["codec"] == codec, columns].assign(codec=anchor)
         both = run_rows.loc[run_rows["dataset"].isin(set(rows["dataset"])), columns]
         for part in _with_values(both, rows, qualities):

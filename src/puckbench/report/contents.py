@@ -91,7 +91,7 @@ class Contents(Model):
 
 
 def register_user_plugins(figures: Iterable[str], tables: Iterable[str]) -> None:
-    """Register the user's figures and tables by their places; raise InputError if untrusted."""
+    """Register the user's figures and tables (``file.py:name``); raise InputError if untrusted."""
     for place in figures:
         FIGURES.add(place)
     for place in tables:

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 _NEAREST = ("truth_d2_rms_m", "truth_cd_plane")
 """Distances to the true surface; the first one in a table is used."""
 FASTEST = "Fastest"
-"""Group of times."""
+"""Group of the columns with times."""
 _REFERENCE = "reference"
 _EXACT = 1e-4
 """A scan nearer than this to the true surface counts as free of errors (m, or squared grid
@@ -65,14 +65,14 @@ class FindingsColumn:
         return self.ranking[0] if self.ranking and not self.ties else None
 
     def tested(self, is_better: Callable[[str, str], bool]) -> FindingsColumn:
-        """Return the column with `ties`: the codecs that the first codec is not better than."""
+        """Return the column with its `ties`, the codecs that the best codec is not better than."""
         best, *others = self.ranking or ("",)
         return replace(self, ties=tuple(c for c in others if not is_better(best, c)))
 
 
 @dataclass(frozen=True)
 class DatasetFindings:
-    """Statements on the best codecs for a data set by group, and all values."""
+    """Statements on a data set's best codecs, by group, and the values of all codecs."""
 
     title: str
     clouds: int
@@ -179,7 +179,7 @@ def _bits(
 def _needs_fewer_bits(
     metrics: pd.DataFrame, rows: pd.DataFrame, metric: str
 ) -> Callable[[str, str], bool]:
-    """Return a predicate that a codec's BD-rate against another is significantly negative."""
+    """Return a predicate: whether a codec's BD-rate against another is significantly negative."""
     anchor, by_codec = rows["anchor"].iloc[0], rows.set_index("codec").to_dict("index")
 
     def is_better(first: str, other: str) -> bool:
@@ -216,7 +216,7 @@ def _bd_rate(row: Mapping[Any, Any] | None) -> Cell:
 def _nearest(
     metrics: pd.DataFrame, errors: pd.DataFrame | None, codecs: Sequence[str]
 ) -> Iterator[FindingsColumn]:
-    """Yield columns with the least distance to the true surface over all rates."""
+    """Yield a column with each codec's least distance to the true surface over its rates."""
     distance = _distance_of(metrics)
     if distance is not None:
         medians = metrics.groupby(["codec", "rate"])[[distance, "bpp"]].median().dropna()
@@ -273,7 +273,7 @@ def _times(metrics: pd.DataFrame, codecs: Sequence[str]) -> Iterator[FindingsCol
 
 
 def _is_less(metrics: pd.DataFrame, column: str) -> Callable[[str, str], bool]:
-    """Return a predicate that a codec's medians over rates are significantly below another's."""
+    """Return a predicate: whether a codec's median over rates is significantly below another's."""
     medians = metrics.groupby(["cloud", "codec"])[column].median().unstack()
 
     def is_less(first: str, other: str) -> bool:

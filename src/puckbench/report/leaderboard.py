@@ -1,4 +1,4 @@
-"""The leaderboard: a page for each study with reference results, and a table of the best codecs.
+"""The leaderboard: a page and findings for each study with reference results.
 
 ``python -m puckbench.report.leaderboard FOLDER`` writes the page of every shipped study, as `make
 docs` does.

@@ -87,7 +87,6 @@ def _with_peak(item: ColumnLabel, peak: str) -> ColumnLabel:
 
 
 def _frame_of(metrics: pd.DataFrame, dataset: str) -> CoordinateFrame:
-    """Return the coordinate frame of a data set's clouds."""
     of_dataset = metrics[metrics["dataset"] == dataset]
     is_metric = FRAME in of_dataset and bool(of_dataset[FRAME].notna().any())
     return "metric" if is_metric else "scaled"

@@ -48,9 +48,9 @@ _COLUMNS = (*_CLOUD, DIGEST, "codec", "rate", "bytes", "bpp")
 _TIMED = ("encode_curve", "evaluate_curve")
 """Jobs with timed codec calls: encoding, and decoding."""
 MIN_PROCESSOR_SHARE = 0.95
-"""Least ratio of processor time to wall time of these jobs, on one thread each, on an idle machine.
-It was 0.97 for encoding and 0.99 for decoding with evaluation on an idle machine, 0.83 and 0.88
-beside other work (docs/notes/times.md)."""
+"""Ratio of processor time to wall time of these jobs, with one thread each, below which the machine
+counts as busy. It was 0.97 for encoding and 0.99 for decoding with evaluation on an idle machine,
+0.83 and 0.88 beside other work (docs/notes/times.md)."""
 
 
 class _BdRate(Model, extra="ignore"):
@@ -131,7 +131,7 @@ def shipped_studies() -> list[str]:
 
 
 def read_reference(name: str) -> ReferenceResults:
-    """Read the results of a study in puckbench, by name, or a file that ends in ``.parquet``.
+    """Read reference results: a study in puckbench, by name, or a ``.parquet`` file.
 
     Raises InputError if there is no such study, or the file is not valid.
     """
@@ -166,7 +166,7 @@ def _read(path: Path) -> ReferenceResults:
 
 
 def write_reference(path: Path, metrics: pd.DataFrame, about: Mapping[str, Any]) -> None:
-    """Write the results of a study to a file with its name; `about` is as in `ReferenceResults`.
+    """Write the results of a study, named after the file; `about` is as in `ReferenceResults`.
 
     Raises InputError if a cloud has no digest.
     """
@@ -213,7 +213,7 @@ def _write_small(path: Path, table: Any, metadata: Mapping[Any, Any]) -> None:
 
 
 def why_not_timed(costs: Iterable[Mapping[str, Any]]) -> str:
-    """Return why times cannot be compared, from the costs of jobs, or an empty string."""
+    """Return why a run's times cannot be compared, from its jobs' costs, or an empty string."""
     timed = [cost for cost in costs if cost["job"] in _TIMED]
     if not timed:
         return "no log tells whether the machine was idle"

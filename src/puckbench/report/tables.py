@@ -23,22 +23,22 @@ if TYPE_CHECKING:
     from markupsafe import Markup
 
 MOST_ROWS = 1000
-"""Largest number of rows in the page; the linked file has all."""
+"""Maximum number of rows in the page; the linked file has all."""
 _SPREAD = re.compile(r"(.+)_(q05|q25|q75|q95)")
 _BOOKKEEPING = re.compile(
     "anchor|clouds|no_common_range|too_few_points|quality_compared|shared_range|(anchor_)?dropped"
     "|little_overlap|anchor_lossless|bd_rate_percent_(least|most)|anchor_points|bd_(rate|quality)_status|log_ratio|bd_rate_percent_arithmetic|truth_points_[ab]"
     "|group|count|scans|weights|digest|(truth_|clean_)?acd_.*"
 )
-"""Columns that tell how values were obtained; like empty columns they are last and folded."""
+"""Columns that tell how values were obtained; like empty columns, they are last and hidden."""
 
 
 @dataclass(frozen=True)
 class TableColumn:
     """A column of a table in the page, with words and unit for its heading.
 
-    `kind` has CSS classes: ``number``; ``spread`` for a quantile of a median's column;
-    ``bookkeeping``.
+    `kind` has CSS classes: ``number``; ``spread`` for a quantile beside a median; ``bookkeeping``
+    (`_BOOKKEEPING`).
     """
 
     name: str

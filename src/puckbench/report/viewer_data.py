@@ -23,9 +23,9 @@ if TYPE_CHECKING:
     import pandas as pd
 
 BYTES_PER_POINT = 28 / 3
-"""Of a decoded cloud: three coordinates of two bytes and an error of one byte, in base64."""
+"""Size of a decoded point: three coordinates of two bytes and an error of one byte, in base64."""
 MOST_DECADES = 3
-"""Largest range of error colours, powers of ten."""
+"""Maximum range of the errors' colour scale, powers of ten."""
 _LEAST_DECADES = 0.3
 _STEPS = 65535
 _LEAST_POINTS = 100
@@ -33,7 +33,7 @@ _SHARES = (0.02, 0.999)
 """Quantiles of a codec's errors at the ends of the colour scale."""
 _COLOUR_STOPS = 64
 _COLOUR_MAPS = {"height": ("viridis", 0.2), "error": ("inferno", 0.25)}
-"""Colour maps and their starts; darker colours would not show on the background."""
+"""Colour maps and the fractions at which they start; darker colours are invisible on the page."""
 
 
 def viewer_payload(
@@ -56,10 +56,10 @@ def viewer_payload(
 def initial_view(
     examples: Sequence[Example], metrics: pd.DataFrame | None, scan_errors: pd.DataFrame | None
 ) -> dict[str, Any]:
-    """Return example, codec and rate of the decoded cloud that reduces the scan's distance to the
-    true surface most.
+    """Return the viewer's first example, codec and rate: those that reduce the scan's distance to
+    the true surface most.
 
-    Without a true surface the last example is returned.
+    Without a true surface, return the last example.
     """
     views = [
         (number, codec, rate)
@@ -155,7 +155,7 @@ def points_per_cloud(most: int, clouds: int, most_mb: float) -> int:
 
 
 def subsample_points(points: Floats, most: int, *names: str) -> Floats:
-    """Return at most `most` points (n, 3), in a random sample determined by `names`."""
+    """Return at most `most` points (n, 3), a random sample determined by `names`."""
     if len(points) <= most:
         return points
     rows = generator(0, "report", *names).choice(len(points), most, replace=False)
@@ -171,8 +171,8 @@ def original_for_viewer(original: PointCloud, most: int) -> ViewerCloud:
 def decoded_for_viewer(
     original: PointCloud, decoded: Iterable[tuple[str, str, Floats]], most: int
 ) -> list[tuple[str, str, ViewerCloud]]:
-    """Return decoded clouds (codec, rate, cloud) with errors; points (m, 3) are in the original's
-    frame.
+    """Return decoded clouds (codec, rate, cloud) with errors; input points (m, 3) are in the
+    original's frame.
     """
     from pykdtree.kdtree import KDTree
 

@@ -1,4 +1,4 @@
-"""Checklist of the thesis's figures and tables, with the state of each and its command."""
+"""Checklist of the thesis's figures and tables: each one's state and the command that makes it."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from puckbench.planning.stages import Stage, stages_of
 from puckbench.planning.workflow import Workflow
 
 _CHAPTER_5, _CHAPTER_5_RESULTS = "config/chapter5.yaml", Path("results/chapter5")
-"""A configuration that makes chapter 5 without any data, and its results folder."""
+"""Configuration that makes chapter 5 without any downloaded data, and its results folder."""
 
 
 @dataclass(frozen=True)
 class Item:
-    """A figure or table with its state: done, stale, missing, impossible or unplanned.
+    """A figure or table of the thesis; `state` is done, stale, missing, impossible or unplanned.
 
-    `note` is its file, the command that makes it, or the reason why it is impossible.
+    `note` is its file, the command that makes it, or the reason why it cannot be made.
     """
 
     title: str
@@ -56,7 +56,7 @@ class Reproduction:
 
     @cached_property
     def absent(self) -> dict[str, str]:
-        """Scene sets without data, with the reason for each."""
+        """Scene sets whose data cannot be read, with the error messages."""
         faults = {}
         for name, value in self.config.scenes.items():
             try:
@@ -78,7 +78,10 @@ class Reproduction:
         return stages_of(self.bench)
 
     def command(self, *targets: str) -> list[str]:
-        """Return a Snakemake command, targets first, because options take all words after them."""
+        """Return the Snakemake command that makes `targets`.
+
+        Targets come first, because an option would take them for its values.
+        """
         words = ["snakemake", *targets, "--cores", str(self.cores), "--configfile", str(self.path)]
         settings = [f"{key}={str(value).lower()}" for key, value in self.changes.items()]
         return [*words, *(["--config", *settings] if settings else [])]
@@ -86,8 +89,7 @@ class Reproduction:
     def items(self, pending: Collection[str] | None = None) -> list[Item]:
         """Return every figure and table of the thesis with its state.
 
-        `pending` lists the files that Snakemake would make; by default, states depend on file
-        times.
+        `pending` lists the files that Snakemake would make; by default, file times decide.
         """
         tables = {n: f"Table {e.number}" for n, e in table_entries().items() if e.number}
         figures = {n: f"Figure {e.number}" for n, e in figure_entries().items() if e.number}
@@ -104,7 +106,7 @@ class Reproduction:
         return Item(title, name, state, note)
 
     def _item_without_data(self, title: str, name: str) -> Item:
-        """Return an item and its state without a plan; a file that exists counts as done."""
+        """Return an item if scene sets are absent and no plan exists; an existing file is done."""
         absent = [scenes for scenes in self._scenes_of(name) if scenes in self.absent]
         file, chapter_5_file = (_file(name, root) for root in (self.results, _CHAPTER_5_RESULTS))
         files = [file] if absent else [file, chapter_5_file]
@@ -140,7 +142,7 @@ class Reproduction:
         return {**self.bench.outputs.study_tables, **self.bench.outputs.figures}
 
     def _is_fresh(self, path: Path, output_time: float) -> bool:
-        """Whether an input is older than its output, and newer than the files it is made of."""
+        """Whether an input is older than its output, and newer than its own inputs."""
         if not path.exists() or path.stat().st_mtime > output_time:
             return False
         stage = {"metrics": "metrics", "clouds": "about"}.get(path.stem)

@@ -13,7 +13,7 @@ _DISTANCES = ("cd_plane", "hausdorff_sq_plane")
 
 
 def median_rows() -> Iterator[dict[str, Any]]:
-    """Yield the medians as result rows, in which roles name data sets and codecs; only the first
+    """Yield the medians as result rows, with roles as names of data sets and codecs; only the first
     and last rate have a ``bpp``.
     """
     import yaml

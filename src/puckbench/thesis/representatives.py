@@ -1,4 +1,4 @@
-"""Which data sets and codecs in a run represent those of the thesis."""
+"""Which of the thesis's data sets and codecs those in a run represent."""
 
 from __future__ import annotations
 
@@ -36,10 +36,11 @@ _CLASSES: dict[str, tuple[type[Codec], ...]] = {
 
 
 def dataset_roles(plan: Plan) -> dict[str, str]:
-    """Return the role of each data set, except clouds in metres.
+    """Return the thesis's data set (role) that each data set represents; clouds in metres have
+    none.
 
-    Scans are clean if their error model is ``none``, else noisy. Recorded clouds are rooms. Samples
-    are sampled rooms if their scenes are also scanned, else objects.
+    Scans are clean if their error model is ``none``, else noisy. Recorded clouds are rooms. Sampled
+    meshes are sampled rooms if they are also scanned, else objects.
     """
     sources = {name: _source(plan.scenes[data.scenes]) for name, data in plan.datasets.items()}
     scaled = {
@@ -64,7 +65,7 @@ def _dataset_role(settings: DataSetConfig, is_scanned: bool) -> str:
 
 
 def codec_role(codec: Codec) -> str:
-    """Return the role of a codec, the thesis's codec that it represents, or an empty string.
+    """Return the thesis's codec (role) that a codec represents, or an empty string.
 
     G-PCC's plain octree represents `GPCC_AS_RUN` if it truncates coordinates, otherwise `GPCC`.
     """
@@ -82,7 +83,7 @@ def codec_roles(plan: Plan) -> dict[str, str]:
 
 
 def stand_in_roles(plan: Plan) -> dict[str, str]:
-    """Return, for each role, the first codec that is derived from a codec with this role."""
+    """Return, for each codec of the thesis, the first codec that is derived from it."""
     bases = {name: codec.based_on for name, codec in plan.opened.items()}
     return _first({name: codec_role(open_codec(base)) for name, base in bases.items() if base})
 
@@ -96,7 +97,9 @@ def _first(roles: Mapping[str, str]) -> dict[str, str]:
 
 
 def grid_scales(plan: Plan) -> dict[str, dict[str, float]]:
-    """Return the scale of each rate for the G-PCC codecs that encode a data set with a role."""
+    """Return the grid's scale by codec and rate, for G-PCC codecs that encode a data set with a
+    role.
+    """
     return {
         name: {rate: float(values["scale"]) for rate, values in codec.rates.items()}
         for name, codec in plan.opened.items()

@@ -85,7 +85,7 @@ def table_of(rows: Iterable[dict[str, Any]], keys: Sequence[str]) -> pd.DataFram
         raise InputError("no results to put into a table")
     if table.duplicated(list(keys)).any():
         raise InputError(f"two results have the same {', '.join(keys)}")
-    for name in _COUNTS & set(table):  # where some rows have none, pandas would make floats of them
+    for name in _COUNTS & set(table):  # pandas makes floats of integers if values are missing
         table[name] = table[name].astype("Int64")
     first = [name for name in _FIRST if name in table]
     return table[first + sorted(str(name) for name in table if name not in first)]
@@ -146,7 +146,7 @@ def codecs(rows: Sequence[Mapping[str, str]]) -> pd.DataFrame:
 
 
 PLAN_TABLES = {"left_out": left_out, "codecs": codecs}
-"""Tables whose rows a plan has."""
+"""Tables whose rows are known before the run: the functions that make them, by name."""
 
 
 @TABLES.register("scan_errors", title="Errors of the scans themselves", gathered=True)

@@ -1,4 +1,4 @@
-"""Conditions that tables and figures refer to: several codecs, spins with a true surface ..."""
+"""Needs of tables and figures, such as several codecs, or turns with a true surface."""
 
 from __future__ import annotations
 

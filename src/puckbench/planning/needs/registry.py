@@ -24,7 +24,7 @@ NEEDS: Registry[Need] = Registry("need", "needs")
 
 
 def met_needs(plan: Plan) -> dict[str, Options]:
-    """Return the names of the needs that a plan meets, with their options.
+    """Return the options of each need that a plan meets, by the need's name.
 
     Distances and error models of the sensor study also count as needs.
     """

@@ -1,4 +1,4 @@
-"""The claims of the thesis; docs/notes/claims.md has the rules of their tests."""
+"""The claims of the thesis; docs/notes/claims.md has the rules by which they are tested."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from puckbench.thesis.claims.verdicts import Part
 
 @dataclass(frozen=True)
 class Claim:
-    """A claim, the thesis's numbers, and the figures of a run that show it."""
+    """A claim, its section and numbers in the thesis, its test, and figures that show it."""
 
     words: str
     section: str

@@ -24,15 +24,15 @@ if TYPE_CHECKING:
 
 MIN_ROOMS = 16
 VISIBLE = 0.5
-"""Rank correlation: a quarter of the variance, significant at 5 % with `MIN_ROOMS` rooms. A
-weaker one is not visible in a scatter plot, which the thesis shows."""
+"""Rank correlation that explains a quarter of the variance and, with `MIN_ROOMS` rooms, is
+significant at 5 %. A weaker one is not visible in a scatter plot."""
 MORE_DUPLICATES = 0.05
-"""Share of the points: fewer additional duplicates cannot double the bits."""
+"""Fraction of the points: fewer additional duplicates cannot double the bits."""
 
 
 def draco_shifted_by_duplicates(evidence: Evidence) -> list[Part]:
-    """Test claim 12: at Draco's first rate scans need more than `TWICE` the bits per point of
-    objects and have more duplicate points.
+    """Test claim 12: at Draco's first rate, scans need more than `TWICE` times the bits per point
+    of objects, and more of their points are duplicates.
     """
     if DRACO not in evidence.codecs:
         return [untested(CODEC_NEEDS[DRACO])]
@@ -58,8 +58,8 @@ def draco_shifted_by_duplicates(evidence: Evidence) -> list[Part]:
 
 
 def elongation_has_no_effect(evidence: Evidence) -> list[Part]:
-    """Test claim 13: for each codec the rank correlation of elongation and Chamfer distance is
-    below `VISIBLE`.
+    """Test claim 13: for each codec, the absolute rank correlation of a room's elongation and its
+    Chamfer distance is below `VISIBLE`.
     """
     table = evidence.metrics
     rooms = [
@@ -123,7 +123,7 @@ def _has_enough_rooms(table: pd.DataFrame | None, dataset: str) -> bool:
 
 
 def _correlation(rows: pd.DataFrame) -> float:
-    """Return the median over rates of Spearman's correlation, or 0 if a variable is constant."""
+    """Return Spearman's correlation of elongation and CD, median over rates; 0 if undefined."""
     correlations = [
         float(part[["elongation", "cd_plane"]].rank().corr().to_numpy(dtype=float)[0, 1])
         for _, part in rows.groupby("rate")

@@ -16,23 +16,24 @@ if TYPE_CHECKING:
 
 MEASURED = ("bpp", "cd_plane", "hausdorff_sq_plane", "encode_s", "decode_s")
 MIN_RATES = 4
-"""Rates of a curve, so that it has two halves with a slope."""
+"""Minimum number of rates of a curve, so that each half has a slope."""
 MIN_COMMON_RATES = 3
-"""Rates at which two curves are compared at equal bits."""
+"""Minimum number of rates at which two curves are compared at equal bits."""
 MIN_CLOUDS = 4
-"""Clouds in all data sets of a part, since quartiles need four."""
+"""Minimum number of clouds, in all data sets together, for a statement; quartiles need four."""
 MIN_CALLS = 5
-"""Timed calls for each rate and data set, over clouds and repetitions."""
+"""Minimum number of timed calls for each rate and data set, over clouds and repetitions."""
 MIN_REPEATS = 3
-"""Timed calls of a cloud and rate beside other jobs: the median of three is robust to a disturbed
-call. A call that ran alone on the machine counts by itself."""
+"""Minimum number of timed calls for a cloud and rate while other jobs run: the median of three is
+robust to one disturbed call. A single call suffices if no other job ran."""
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """Tables of a run, and the data sets and codecs of the thesis that those of the run represent.
+    """Tables of a run, and the thesis's data sets and codecs (roles) that those of the run
+    represent.
 
-    `datasets` maps names to roles, that is, to the thesis's names; `codecs` and `stand_ins` map
+    `datasets` maps names to roles; `codecs` and `stand_ins` (codecs derived from the thesis's) map
     roles to names. If `of_medians` is true, `metrics` contains medians.
     """
 
@@ -66,10 +67,9 @@ class Evidence:
 
     @cached_property
     def medians(self) -> pd.DataFrame:
-        """Return a table of the medians over the clouds for each data set, codec and rate.
+        """Medians over the clouds for each data set, codec and rate.
 
-        The column ``codec`` contains the codec's role in the claims, such as ``gpcc``; ``number``
-        is the index of the rate in the order of the rates.
+        ``codec`` contains the codec's role, such as ``gpcc``; ``number`` is the index of the rate.
         """
         import pandas as pd
 
@@ -97,7 +97,7 @@ class Evidence:
         return self.of_medians or self.clouds_of(datasets, *codecs) >= MIN_CLOUDS
 
     def calls(self, codec: str) -> int:
-        """Return the number of valid timed calls of a codec at the rate and data set with fewest.
+        """Return a codec's number of valid timed calls, the minimum over data sets and rates.
 
         A call is valid if it was repeated `MIN_REPEATS` times or made while no other job ran.
         """
@@ -113,14 +113,13 @@ class Evidence:
         return int(valid.groupby([rows["dataset"], rows["rate"]]).sum().min())
 
     def rates(self, dataset: str, codec: str, column: str) -> Floats:
-        """Return the medians (n,) of a column by rate, without missing values."""
+        """Return a column's medians over clouds (n,), one for each rate, without missing values."""
         rows = self.medians
         rows = rows[(rows["dataset"] == dataset) & (rows["codec"] == codec)]
         return rows.sort_values("number")[column].dropna().to_numpy(dtype=float)
 
     def at_equal_rate(self, dataset: str, tested: str, base: str, column: str) -> pd.DataFrame:
-        """Return a table with ``bpp``, ascending, and the ``ratio`` of one codec's medians to
-        another's.
+        """Return the ``ratio`` of the medians of two codecs, `tested` to `base`, at equal ``bpp``.
 
         Values of `base` are interpolated linearly in the logarithms of bits and value. The table is
         empty if a curve has fewer than `MIN_RATES` rates or the curves have fewer than

@@ -44,11 +44,11 @@ CODEC_NEEDS = {
     PCGCV2: "the codec pcgcv2 with its authors' weights",
 }
 TWICE = 2.0
-"""Ratio of squared distances, 3 dB. Halving the grid's step divides squared distances by four."""
+"""Ratio of squared distances: 3 dB. Halving the grid's step divides squared distances by four."""
 ONE_DB = 1.26
 """Ratio of squared distances: the width of a marker in Figure 6.6."""
 MUCH_LESS_AFFECTED = 17 / 11
-"""Growth of PCGCv2's time, from 11 to 17 s, in the thesis's Figure 6.5."""
+"""Factor by which PCGCv2's time grows, from 11 to 17 s, in the thesis's Figure 6.5."""
 COMPARISON_NEEDS = (
     f"{MIN_RATES} rates of both, {MIN_COMMON_RATES} of them in a common range, "
     f"and {MIN_CLOUDS} clouds"
@@ -60,8 +60,8 @@ TIME_NEEDS = (
 
 
 def improves_and_levels_off(evidence: Evidence) -> list[Part]:
-    """Test claim 6: CD is lower at the last rate than at the first, and for all codecs but Draco it
-    falls by less than `TWICE` over the upper half of the rates.
+    """Test claim 6: CD is lower at the last rate than at the first; over the upper half of the
+    rates it falls by a factor below `TWICE`, except for Draco.
     """
     parts = []
     for codec in (*CLASSICAL, *LEARNED):
@@ -89,8 +89,8 @@ def learned_match_at_low_rates(evidence: Evidence) -> list[Part]:
 
 
 def gpcc_wins_at_high_rates(evidence: Evidence) -> list[Part]:
-    """Test claim 11: a learned codec's CD at its highest rate in G-PCC's range is above G-PCC's at
-    equal bits.
+    """Test claim 11: at the highest of its rates within G-PCC's range, a learned codec's CD is
+    above G-PCC's at equal bits.
     """
     return _comparisons(
         evidence, "cd_plane", "loses to", _last, lambda ratio: ratio > 1, (GPCC_AS_RUN, GPCC)
@@ -98,8 +98,8 @@ def gpcc_wins_at_high_rates(evidence: Evidence) -> list[Part]:
 
 
 def learned_lag_in_hausdorff(evidence: Evidence) -> list[Part]:
-    """Test claim 8: the median ratio of a codec's squared Hausdorff distance to G-PCC's at equal
-    bits is above 1, and greater on scans than on objects.
+    """Test claim 8: the median ratio of a learned codec's squared Hausdorff distance to G-PCC's at
+    equal bits is above 1, and greater on scans than on objects.
     """
     evidence = evidence.with_stand_ins()
     column, bases = "hausdorff_sq_plane", (GPCC_AS_RUN, GPCC)
@@ -127,8 +127,8 @@ def learned_lag_in_hausdorff(evidence: Evidence) -> list[Part]:
 
 
 def time_grows(evidence: Evidence) -> list[Part]:
-    """Test claim 9: the ratio of times at the last and first rate is at most `MUCH_LESS_AFFECTED`
-    for PCGCv2, above it for the others, and greatest for G-PCC.
+    """Test claim 9: the time at the last rate divided by that at the first is at most
+    `MUCH_LESS_AFFECTED` for PCGCv2, above it for the others, and greatest for G-PCC.
     """
     parts, growths, samples = [], {}, []
     for codec in (DRACO, GPCC_AS_RUN, GPCC, PCGCV1, PCGCV2):
@@ -157,8 +157,8 @@ def time_grows(evidence: Evidence) -> list[Part]:
 
 
 def alike_on_all_data(evidence: Evidence) -> list[Part]:
-    """Test claim 10: the ratio of the greatest to the least median CD over data sets has a median
-    over rates below `TWICE`.
+    """Test claim 10: the greatest median CD of a data set divided by the least is, in the median
+    over rates, below `TWICE`.
     """
     measured_datasets = evidence.measured_datasets & set(evidence.datasets)
     kinds = {evidence.datasets[name] for name in measured_datasets}
@@ -222,9 +222,9 @@ def _comparisons(
     holds: Callable[[float], bool],
     bases: Sequence[str] = CLASSICAL,
 ) -> list[Part]:
-    """Return a part for each pair of a learned codec and a codec in `bases`.
+    """Return a part of a claim for each learned codec and each codec in `bases`.
 
-    The part holds if `holds` is true for the summary of the ratios on every data set.
+    It holds if, on every data set, `holds` is true for the `summary` of the ratios at equal bits.
     """
     evidence, parts = evidence.with_stand_ins(), []
     for codec in LEARNED:

@@ -1,11 +1,11 @@
-"""Roles of the thesis's data sets and codecs, which those in a run can play."""
+"""Roles: the thesis's data sets and codecs, which those in a run can represent."""
 
 from __future__ import annotations
 
 from puckbench.thesis.published_rates import CLEAN, NOISY, OBJECTS, ROOMS
 
 SAMPLED = "sampled rooms"
-"""Rooms whose points are sampled from their meshes, so that their number is a setting."""
+"""Rooms whose points are sampled on meshes, so that the number of points is a setting."""
 
 DRACO, GPCC, GPCC_AS_RUN, PCGCV1, PCGCV2 = "draco", "gpcc", "gpcc_as_run", "pcgcv1", "pcgcv2"
 CLASSICAL = (DRACO, GPCC_AS_RUN, GPCC)
@@ -15,4 +15,4 @@ ALL_ROOMS = (ROOMS, SAMPLED)
 DATASETS = (OBJECTS, ROOMS, SAMPLED, CLEAN, NOISY)
 
 RATES = frozenset(f"r{number}" for number in range(1, 9))
-"""Names of the thesis's rates."""
+"""Names of the rates in the thesis."""

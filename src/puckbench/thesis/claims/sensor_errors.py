@@ -23,19 +23,19 @@ MEAN_ROUNDING_M = 0.005
 STD_ROUNDING_M = 0.0005
 """Rounding error of the standard deviation, which the thesis prints to a millimetre."""
 FAR_TOO_WIDE = 2.0
-"""Ratio of spreads. The thesis cites two standard deviations as the real sensor's error."""
+"""Ratio of standard deviations: the thesis states the real sensor's error as two of them."""
 ALMOST_NO_DIFFERENCE = 0.0198 / 0.0186 - 1
-"""Relative difference between the spreads with and without divergence in the thesis."""
+"""Relative difference of the standard deviations with and without divergence in the thesis."""
 FLAT = BIN_STDS_M[8] / median(BIN_STDS_M)
-"""Ratio of a group's spread to the groups' median up to which there is no dependence. In Figure
-5.15 the thesis calls ratios up to 1.13 flat, and 1.31 an increase."""
+"""Largest ratio of a group's standard deviation to the median of all groups that counts as no
+dependence. In Figure 5.15 the thesis calls ratios up to 1.13 flat, and 1.31 an increase."""
 MIN_RESIDUALS = 100
 CAPTURES = "captures of a real VLP-16 (sensor_study: captures)"
 STUDY = "the sensor study (sensor_study)"
 
 
 def real_spread(evidence: Evidence) -> list[Part]:
-    """Test claim 1: captures' mean and standard deviation round to the printed values."""
+    """Test claim 1: mean and standard deviation of real residuals round to the thesis's values."""
     if not len(_row(evidence, REAL)):
         return [untested(CAPTURES)]
     parts = []
@@ -72,8 +72,8 @@ def default_noise_too_wide(evidence: Evidence) -> list[Part]:
 
 
 def divergence_is_negligible(evidence: Evidence) -> list[Part]:
-    """Test claim 3: the standard deviations with and without divergence differ by at most
-    `ALMOST_NO_DIFFERENCE` or less than their 95 % intervals.
+    """Test claim 3: the standard deviations with and without divergence differ by at most the
+    fraction `ALMOST_NO_DIFFERENCE`, or by less than their 95 % intervals.
     """
     parts = []
     for distance in ("5", f"{FAR_M:g}"):
@@ -95,8 +95,9 @@ def divergence_is_negligible(evidence: Evidence) -> list[Part]:
 
 
 def incidence_not_modelled(evidence: Evidence) -> list[Part]:
-    """Test claim 4: the range error of ``vlp16_incidence`` rises with incidence, but the logarithm
-    of its distance to the true surface rises less than half as much as in Figure 5.15.
+    """Test claim 4: with the angle of incidence the range error of ``vlp16_incidence`` rises, but
+    its distance to the true surface rises by less than the square root of the factor in Figure
+    5.15.
     """
     table = evidence.incidence_effect
     rows = None if table is None else table[table["model"] == "vlp16_incidence"]
@@ -122,7 +123,7 @@ def no_dependence_on_distance_or_laser(evidence: Evidence) -> list[Part]:
     """Test claim 5: the standard deviations of all distances, and of all lasers, are within a
     factor `FLAT` of their median.
 
-    In captures each distance is another plane, so that only lasers are compared.
+    A capture has another plane at each distance, so that only its lasers are compared.
     """
     model = "vlp16_divergence"
     parts = [

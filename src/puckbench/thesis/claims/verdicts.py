@@ -26,7 +26,7 @@ def untested(need: str) -> Part:
 
 
 def verdict(parts: Sequence[Part]) -> str:
-    """Return the verdict on a claim, with its needs if untested, and titles of stand-ins."""
+    """Return the verdict as text, with what an untested claim needs, or the stand-in codecs."""
     tested = [part.holds for part in parts if part.holds is not None]
     if not tested:
         return UNTESTED + needs_text(parts)

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from puckbench.thesis.checklist import Reproduction
 
 _EXTRAPOLATED = 1.1
-"""Planned over measured points from which an estimate is called an extrapolation."""
+"""Ratio of planned to measured points above which an estimate is called an extrapolation."""
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -82,7 +82,7 @@ def _pending(reproduction: Reproduction) -> list[tuple[str, str]]:
 
 
 def _jobs_by_rule(pending: list[tuple[str, str]], results: Path) -> dict[str, int]:
-    """Count the pending jobs by rule; the files of a job differ only in folder and suffix."""
+    # The files of one job differ only in their folder and suffix.
     names = {
         (rule, Path(file).relative_to(results).with_suffix("").parts[1:]) for file, rule in pending
     }

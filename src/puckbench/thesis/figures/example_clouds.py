@@ -143,10 +143,10 @@ def _picture(cloud: PointCloud, frame: _Frame, pixels: tuple[int, int]) -> Image
 
 
 def _colour_map() -> Colormap:
-    """Return viridis without its darkest part, in which shading is invisible."""
     import matplotlib
     from matplotlib.colors import ListedColormap
 
+    # Shading is invisible in the darkest part.
     return ListedColormap(matplotlib.colormaps["viridis"](np.linspace(_DARKEST, 1, 256)))
 
 

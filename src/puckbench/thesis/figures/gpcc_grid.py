@@ -33,7 +33,7 @@ _D1 = PlottedMetric("cd_point", "CD, point-to-point", "grid units²", (0.1, 100)
 _ROWS = (BPP.within(0.01, 10), _D1)
 _SCALE = "Scale (small markers: no power of two)"
 _SMALL = 0.55
-"""Relative size of the markers at other scales; not all shapes can be hollow."""
+"""Relative size of markers at scales that are not powers of two; not all shapes can be hollow."""
 _COLUMNS = ("dataset", "codec", "scale", "dyadic")
 _COLOURS = ("#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7", "#332288", "#777777")
 _MARKERS = ("o", "s", "^", "D", "P", "v", "X")

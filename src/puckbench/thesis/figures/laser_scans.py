@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 SAMPLE = 60_000
-"""Points drawn of a scan; more would cover each other."""
+"""Maximum number of points drawn per scan; more would hide each other."""
 
 _COLUMNS = ("model", "surface", "distance_m", "laser_id", "elevation_deg", "x_m", "y_m", "z_m")
 _LABELS = {
@@ -151,9 +151,8 @@ def _part(scans: pd.DataFrame, distance_m: float, surface: str | None) -> pd.Dat
 
 
 def _shown(scans: pd.DataFrame, distance_m: float, surface: str | None = None) -> pd.DataFrame:
-    """Return a random sample of a table's rows at a distance and, if specified, on a surface.
-
-    The rows come from the real capture or, if the table has none, from the virtual sensor.
+    """Return random rows at a distance and, if specified, on a surface, of the real capture or, if
+    the table has none, of the virtual sensor.
     """
     part = _part(scans, distance_m, surface)
     model = compared(part)[0]

@@ -29,7 +29,7 @@ _UNREGISTERED = {
     "vlp16_fig518": ModelStyle("VLP-16, as\u00a05.18", "#88CCEE"),
     "vlp16_divergence_fig518": ModelStyle("Divergence, as\u00a05.18", "#44AA99"),
 }
-# First the order of thesis Figure 5.18.
+# The models of thesis Figure 5.18 come first, in its order.
 _ORDER = (
     *(REAL, "none", "hdl64e", "vlp16", "vlp16_divergence", "vlp16_incidence", "vlp16_measured"),
     *("calibrated", "surface_normal", "beam_footprint", "distance_table", "vlp16_table51"),
@@ -68,7 +68,9 @@ def ordered_models(models: Iterable[str]) -> list[str]:
 
 
 def add_model_legend(figure: Figure, models: Sequence[str], style: FigureStyle) -> None:
-    """Add a legend of the models and, if there is no capture, of the published value."""
+    """Add a legend of the models and, without a capture, of the real standard deviation in the
+    thesis.
+    """
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 

@@ -84,4 +84,4 @@ def _label_counts(axes: Axes) -> None:
 
     axes.set_ylabel("Number of points per cloud")
     axes.yaxis.set_major_formatter(EngFormatter(sep=" "))
-    axes.set_ylim(0, 1.08 * axes.dataLim.ymax)  # no mark lies on the frame
+    axes.set_ylim(0, 1.08 * axes.dataLim.ymax)  # so that no marker lies on the frame

@@ -47,9 +47,8 @@ def far(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def compared(table: pd.DataFrame) -> list[str]:
-    """Return `REAL`, if there are captures, and the error model to compare with them.
-
-    This is the first model in `_VIRTUAL` that the table contains, otherwise its first model.
+    """Return `REAL`, if there are captures, and a virtual error model to compare with them: the
+    first in `_VIRTUAL` that the table contains, otherwise the table's first.
     """
     models = [model for model in ordered_models(table["model"]) if model != REAL]
     preferred = [model for model in _VIRTUAL if model in models]
@@ -70,7 +69,7 @@ def residuals_of(table: pd.DataFrame, model: str) -> Floats:
 
 
 def binned_moments(x: Floats, y: Floats, bins: int = 10) -> tuple[Floats, Floats, Floats]:
-    """Return centres, means and standard deviations of y in equal bins of x from 0 to max(x)."""
+    """Return centres, means and standard deviations of y in bins of equal width up to max(x)."""
     edges = np.linspace(0, x.max() or 1.0, bins + 1)
     bin_of = np.clip(np.digitize(x, edges) - 1, 0, bins - 1)
     parts = [y[bin_of == index] for index in range(bins)]

@@ -52,8 +52,8 @@ def _density(residuals: Floats, bandwidth: float) -> tuple[Floats, Floats]:
 
 
 def symmetric_limit(residuals: Floats, min_m: float) -> float:
-    """Return the limit of the y axis: the larger of `min_m` and the largest residual, rounded up to
-    5 cm.
+    """Return the limit (m) of a symmetric y axis: `min_m` or, if it is larger, the largest absolute
+    residual rounded up to 5 cm.
     """
     largest = float(np.abs(residuals).max(initial=0.0))
     if largest <= min_m:

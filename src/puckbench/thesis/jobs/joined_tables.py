@@ -7,13 +7,13 @@ from puckbench.jobs.gathered_tables import OfNames
 from puckbench.jobs.registry import JOBS
 
 _MAX_ROWS = 20_000
-"""Rows of a recording that are compared: twenty replicates of each model are drawn on each."""
+"""Maximum number of rows per recording; on each, every error model is simulated twenty times."""
 _KEPT = ["model", "replicate", "capture", "distance_m", "run", "laser_id", "residual_m"]
 
 
 @JOBS.register("joined_table")
 class JoinedTable(OfNames):
-    """Join tables; `models` has the value of the column ``model`` for each."""
+    """Join tables of a kind; `models` has the value of the column ``model`` for each table."""
 
     kind: Literal["residuals", "scans"]
     models: tuple[str, ...]
@@ -29,7 +29,7 @@ class JoinedTable(OfNames):
 
 @JOBS.register("compared_residuals")
 class ComparedResiduals(OfNames):
-    """Draw residuals of error models on the rays of recorded walls."""
+    """Simulate residuals of error models on the rays of recorded walls."""
 
     def run(self, results: Path, parquet: Path) -> dict[str, Any]:
         from puckbench.io.tables import write_table

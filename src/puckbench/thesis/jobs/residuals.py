@@ -12,7 +12,7 @@ from puckbench.jobs.registry import JOBS, Job
 
 
 class WallScanJob(Job):
-    """Base class of jobs that scan a wall and a floor with an error model from `distances` (m), and
+    """Base class of jobs that scan a wall and a floor from `distances` (m) with an error model, and
     keep at most `keep` random rows per scan.
     """
 

@@ -1,4 +1,4 @@
-"""Options of tables and figures that compare a run with the thesis, and their conditions."""
+"""Options for tables and figures that compare a run with the thesis; None if not applicable."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def gpcc_scales_options(plan: Plan) -> Options | None:
 
 @NEEDS.register("thesis_medians")
 def thesis_medians_options(plan: Plan) -> Options | None:
-    """Return the roles of data sets and codecs if a rate has the name of a thesis's rate."""
+    """Return the roles of data sets and codecs, or None without roles or rates of the thesis."""
     datasets, codecs = dataset_roles(plan), codec_roles(plan)
     has_rates = any(plan.codecs[name]["rates"].keys() & RATES for name in codecs.values())
     return {"datasets": datasets, "codecs": codecs} if datasets and has_rates else None

@@ -24,7 +24,7 @@ COMPARED = ("hdl64e", "vlp16", "vlp16_divergence", "vlp16_measured")
 WALL_KEYS = ["capture", "distance_m", "run"]
 REPLICATES = 20
 _FRAME_RAD = np.radians(15.0)
-"""Azimuth of a frame of the thesis's sweep, for which a bias is drawn."""
+"""Azimuth range of a frame of the thesis's sweep; error models draw a new bias for each frame."""
 
 
 def default_models() -> dict[str, ErrorModel]:
@@ -58,8 +58,8 @@ def compared_residuals(
     replicates: int = REPLICATES,
     seed: int = 0,
 ) -> pd.DataFrame:
-    """Return residuals from least-squares planes, of `real_walls` and of each model on the same
-    rays.
+    """Return the residuals of `real_walls` from least-squares planes, and those of each model in
+    `replicates` simulations on the same rays.
 
     A `Calibrated` model draws another device for each capture and replicate.
     """

@@ -37,11 +37,11 @@ COLUMNS = {
 """Columns of joined tables of residuals and of points, which figures and statistics use."""
 
 MAX_ROWS = 500_000
-"""Rows of each table that are kept, chosen at random: captures can have any length."""
+"""Maximum number of rows kept of each table, chosen at random: captures can have any length."""
 
 
 def joined_files(files: Sequence[tuple[str, Path]], kind: str) -> pd.DataFrame:
-    """Concatenate Parquet tables with the columns in `COLUMNS` for a kind.
+    """Concatenate the columns ``COLUMNS[kind]`` of Parquet tables.
 
     `files` contains the name of an error model and a path for each table. Raises InputError if a
     column is missing.

@@ -26,7 +26,7 @@ SWEEP = Sweep(frames_skipped=1)
 class Procedure:
     """Settings of Procedure 1, by default the thesis's.
 
-    `refit` fits planes to RANSAC's inliers by least squares; `keep` limits the rows of a scan.
+    `refit` fits planes to RANSAC's inliers by least squares; `keep` limits the rows of each scan.
     """
 
     model: str
@@ -59,7 +59,7 @@ def residual_table(
 def scan_residuals(procedure: Procedure, distance: float, run: int, seed: int) -> pd.DataFrame:
     """Return the residuals of one scan in firing order, those of the wall first.
 
-    Points belong to the surface that their nominal ray hits, so that cropping removes no noise.
+    A point belongs to the surface that its nominal ray hits; cropping would remove noisy points.
     """
     mesh, origin = calibration_scene(distance)
     sensor = load_sensor(procedure.sensor)

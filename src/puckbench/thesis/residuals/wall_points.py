@@ -61,7 +61,7 @@ def _points(
     x, y, z = rows.xyz_noisy.T
     numbers = {
         "elevation_deg": elevations[rows["laser_id"]],
-        # A sweep faces +y, so the scene is rotated by half a turn.
+        # Undo the half turn of the scene, by which the sweep (+y) faces the wall.
         "x_m": -x,
         "y_m": -y,
         "z_m": z,

@@ -118,7 +118,7 @@ def _calibrated(tables: Sequence[pd.DataFrame], settings: CalibrationOptions) ->
 
 
 class _Blocks:
-    """Histograms (blocks, bins) of residuals, one for each wall and laser."""
+    """Histograms (blocks, bins) of residuals, one for each replicate, wall and laser."""
 
     def __init__(self, counts: Floats) -> None:
         self.counts = counts
@@ -149,7 +149,8 @@ def _distance(histogram: Floats, other: Floats) -> float:
 
 
 def _chance(rows: pd.DataFrame, total: Floats) -> float:
-    """Return the 95 % quantile of the distances between the residuals of one replicate and of all.
+    """Return the 95 % quantile of the distances (m) from single replicates to all residuals
+    (`total`).
 
     Return nan if there are fewer than two replicates.
     """

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 KEYS = ("model", "surface", "distance_m", "laser_id")
 ALL = "all"
-"""Value of a key for all its values together; for the distance, for those below `FAR_M`."""
+"""Value of a key in rows over all its values; of the distance, over those below `FAR_M`."""
 
 _PLACE = ("surface", "distance_m")
 _SURFACES = ("wall", "floor")
@@ -63,7 +63,7 @@ def _moments(scans: pd.DataFrame, keys: list[str]) -> pd.DataFrame:
     total = scans.groupby(keys)[["n", "one", "two"]].transform("sum")
     mean = total["one"] / total["n"]
     variance = (total["two"] / total["n"] - mean**2).clip(lower=0)
-    # Contributions of each scan to the errors of mean and variance, to the first order.
+    # First-order contributions of each scan to the errors of mean and variance.
     mean_error = scans["one"] - mean * scans["n"]
     square = scans["two"] - 2 * mean * scans["one"] + mean**2 * scans["n"]
     variance_error = square - variance * scans["n"]
