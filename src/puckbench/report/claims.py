@@ -13,7 +13,8 @@ if TYPE_CHECKING:
 
 TABLE = "claims"
 _CLASSES = {"holds": "good", "holds in part": "partly", "does not hold": "bad"}
-_BETWEEN_PARTS = re.compile(r"; (?![^(]*\))")
+_SEPARATOR = re.compile(r"; (?![^(]*\))")
+"""A semicolon outside parentheses."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +66,7 @@ def _card(row: Mapping[str, str], figures: Mapping[str, str]) -> ClaimCard:
         remark=remark,
         kind=_CLASSES.get(verdict, "open"),
         text=row["claim"],
-        measured=_measured_parts(row.get("here", "")),
+        measured=measured_parts(row.get("here", "")),
         context={name: text for name, text in context.items() if text},
         figures=tuple((name, figures[name]) for name in names),
     )
@@ -76,5 +77,6 @@ def _split_verdict(verdict: str) -> tuple[str, str]:
     return words[0], words[1] if len(words) > 1 else ""
 
 
-def _measured_parts(text: str) -> tuple[str, ...]:
-    return tuple(part for part in _BETWEEN_PARTS.split(text) if part)
+def measured_parts(text: str) -> tuple[str, ...]:
+    """Split the measurements of a claim, which semicolons separate."""
+    return tuple(part for part in _SEPARATOR.split(text) if part)

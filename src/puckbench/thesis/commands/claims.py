@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 from puckbench.cli.registry import COMMANDS
 from puckbench.core.errors import InputError
-
-_BETWEEN_PARTS = re.compile(r"; (?![^(]*\))")
-"""A semicolon outside parentheses."""
+from puckbench.report.claims import measured_parts
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -48,7 +45,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
 def _lines(row: dict[str, str]) -> Iterator[str]:
     yield from _wrapped("", f"{row['claim']} ({row.get('section', '')})")
     yield from _wrapped("    ", row["verdict"].upper() if row["here"] else row["verdict"])
-    for part in filter(None, _BETWEEN_PARTS.split(row["here"])):
+    for part in measured_parts(row["here"]):
         yield from _wrapped("    - ", part)
     labels = {"not_tested": "not tested", "thesis": "thesis", "thesis_verdict": "by its medians"}
     for name, label in labels.items():
