@@ -41,8 +41,8 @@ class PrimitivesOptions(Model):
     unit: float | None = Field(
         None,
         gt=0,
-        description="any length makes the codec code clouds in metres too, at the same rates, which "
-        "are shares of a cloud's extent",
+        description="any length makes the codec code clouds in metres too, at the same rates, "
+        "which are shares of a cloud's extent",
     )
 
 
