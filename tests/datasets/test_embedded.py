@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from puckbench.core.errors import InputError
-from puckbench.datasets.calibration import Calibration
+from puckbench.datasets.calibration import CalibrationScenes
 from puckbench.datasets.embedded_objects import EmbeddedObjects
 from puckbench.datasets.embedded_rooms import EmbeddedRooms
 from puckbench.datasets.registry import open_scene_set
@@ -100,7 +100,7 @@ def test_an_object_has_its_class_as_group() -> None:
 
 
 def test_a_calibration_scene_has_the_sensor_at_its_distance() -> None:
-    scene = Calibration(scenes=("wall_floor_5m",)).load("wall_floor_5m")
+    scene = CalibrationScenes(scenes=("wall_floor_5m",)).load("wall_floor_5m")
     assert scene.mesh is not None
     assert scene.origin is not None
     assert scene.origin[1] == 5

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field
 
 from puckbench import __version__
-from puckbench.codecs.base import Codec, Pace, Parameters, lengths
+from puckbench.codecs.base import Codec, Pace, Parameters, Takes, lengths
 from puckbench.codecs.registry import CODECS
 from puckbench.core.errors import InputError, naming
 from puckbench.core.models import Model
-from puckbench.geometry.cloud import Floats
+from puckbench.geometry.cloud import Floats, check_points
 from puckbench.gpcc.container import unwrap, wrap
 from puckbench.gpcc.grid import (
     DEFAULT_GRID,
@@ -186,6 +186,17 @@ class OwnCodec(GridCodec):
     @abstractmethod
     def _stream(self, points: OnGrid, parameters: Parameters) -> bytes:
         """Encode points on the grid to a stream of the standard, without wrapper."""
+
+
+class SensorCodec(OwnCodec):
+    """Base class of codecs that use the sensor's lasers to encode clouds with returns."""
+
+    takes: ClassVar[Takes] = "either"
+
+    def encode_returns(self, returns: Returns, rate: str) -> bytes:
+        parameters, points = self.parameters_of(rate), returns.points()
+        check_points(points, f"codec {self.name}")
+        return self._encoded(points, parameters, returns)
 
 
 def scale_of(parameters: Parameters) -> float:

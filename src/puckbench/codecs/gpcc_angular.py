@@ -6,8 +6,7 @@ from typing import Literal
 from pydantic import Field
 
 from puckbench.codecs.base import Pace, Parameters
-from puckbench.codecs.gpcc import GridOptions, OnGrid
-from puckbench.codecs.gpcc_sensor import SensorCodec
+from puckbench.codecs.gpcc import GridOptions, OnGrid, SensorCodec
 from puckbench.codecs.registry import CODECS
 from puckbench.gpcc.options import PROFILES, SPINNING, GpccOptions
 

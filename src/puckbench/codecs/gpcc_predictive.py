@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from pydantic import Field
 
 from puckbench.codecs.base import Pace, Parameters, lengths
-from puckbench.codecs.gpcc import GridOptions, OnGrid
-from puckbench.codecs.gpcc_sensor import SensorCodec
+from puckbench.codecs.gpcc import GridOptions, OnGrid, SensorCodec
 from puckbench.codecs.registry import CODECS
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ from puckbench.scenes.calibration import CALIBRATIONS, calibration_origin, make_
 
 
 @LOADERS.register("calibration")
-class Calibration(GeneratedSet):
+class CalibrationScenes(GeneratedSet):
     """Generated scenes of a wall and a floor, at distances from the sensor (thesis section 5.1)."""
 
     of_clouds: ClassVar[bool] = False

@@ -28,7 +28,7 @@ _MAX_COMPRESSION = 1000
 
 
 @dataclass(frozen=True)
-class _Header:
+class _LasHeader:
     """Offsets and sizes of a file's parts in bytes; an absent part has the offset 0."""
 
     length: int
@@ -60,7 +60,7 @@ def check_las_header(path: Path) -> None:
         _LOG.warning(message, path, header.points, count)
 
 
-def _header(start: bytes) -> _Header:
+def _header(start: bytes) -> _LasHeader:
     if start[:4] != b"LASF":
         raise ValueError("it does not begin with LASF")
     if len(start) < _HEADER_BYTES[0]:
@@ -78,10 +78,10 @@ def _header(start: bytes) -> _Header:
         extended_at, extended_records, points = _EXTENDED.unpack_from(start, _EXTENDED_AT)
     is_compressed = bool(kind & _COMPRESSED)
     others = (waveforms, extended_at, extended_records)
-    return _Header(length, begin, records, point_bytes, points, is_compressed, *others)
+    return _LasHeader(length, begin, records, point_bytes, points, is_compressed, *others)
 
 
-def _check_points(header: _Header, size: int) -> None:
+def _check_points(header: _LasHeader, size: int) -> None:
     if not header.length <= header.begin <= size:
         raise ValueError(f"its points begin at byte {header.begin} of {size}")
     if not header.point_bytes:
@@ -109,7 +109,7 @@ def _check_records(
             raise ValueError("its variable length records are cut short")
 
 
-def _points_beyond(header: _Header, size: int) -> int:
+def _points_beyond(header: _LasHeader, size: int) -> int:
     end = header.begin + header.points * header.point_bytes
     after = [offset for offset in (header.waveforms, header.extended_at) if offset >= end]
     return int((min([size, *after]) - end) // header.point_bytes)

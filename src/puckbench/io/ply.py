@@ -39,7 +39,7 @@ class _Element:
 
 
 @dataclass(frozen=True)
-class _Header:
+class _PlyHeader:
     """A header of `size` bytes; `lines` are its bytes without comments.
 
     ``is_plain``: the package plyfile can read the header. ``is_text``: the data are ASCII.
@@ -89,7 +89,7 @@ def _parse(source: Path, path: Path) -> Any:
         raise unreadable(path, error) from error
 
 
-def _header(head: bytes, path: Path) -> _Header:
+def _header(head: bytes, path: Path) -> _PlyHeader:
     begin = re.match(rb"ply[ \t]*(\r\n|\n|\r)", head)
     ending = begin[1] if begin else b"\n"
     blanks = rb"[ \t\r]*" if ending == b"\n" else rb"[ \t]*"
@@ -104,7 +104,7 @@ def _header(head: bytes, path: Path) -> _Header:
     plain = b"".join(b" ".join(words) + b"\n" for words in lines)
     has_no_blanks = (begin[0], end[0]) == (b"ply" + ending, b"end_header" + ending)
     is_plain = has_no_blanks and head[: end.end()].isascii()
-    return _Header(end.end(), plain, is_plain, is_text, elements)
+    return _PlyHeader(end.end(), plain, is_plain, is_text, elements)
 
 
 def _elements(lines: list[list[bytes]], is_text: bool) -> Iterator[_Element]:
@@ -119,7 +119,7 @@ def _elements(lines: list[list[bytes]], is_text: bool) -> Iterator[_Element]:
         yield _Element(lines[start][1].decode("ascii", "replace"), count, min_bytes)
 
 
-def _check_size(header: _Header, size: int, path: Path) -> None:
+def _check_size(header: _PlyHeader, size: int, path: Path) -> None:
     min_bytes = sum(element.count * element.min_bytes for element in header.elements)
     if header.size + min_bytes > size + header.is_text:
         counts = ", ".join(f"{element.count} of {element.name}" for element in header.elements)

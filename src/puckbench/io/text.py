@@ -42,7 +42,7 @@ _log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
-class _Header:
+class _TextHeader:
     """Lines before the points: column titles, comments, and the number of points (PTS)."""
 
     titles: Sequence[str]
@@ -104,7 +104,7 @@ def _table(data: bytes, path: Path) -> tuple[list[str], list[NDArray[Any]]]:
     return _with_default_names(columns, header.first, path)
 
 
-def _header(lines: Iterable[str]) -> _Header:
+def _header(lines: Iterable[str]) -> _TextHeader:
     titles: list[str] = []
     comments: list[str] = []
     has_count = False
@@ -118,13 +118,13 @@ def _header(lines: Iterable[str]) -> _Header:
         elif not has_count and _COUNT.fullmatch(line):
             has_count = True
         elif numbers >= _MIN_NUMBERS or numbers == len(words):
-            return _Header(titles, comments, has_count, line)
+            return _TextHeader(titles, comments, has_count, line)
         else:
             titles.append(line)
-    return _Header(titles, comments, has_count, "")
+    return _TextHeader(titles, comments, has_count, "")
 
 
-def _body(data: bytes, header: _Header) -> tuple[bytes, int | None]:
+def _body(data: bytes, header: _TextHeader) -> tuple[bytes, int | None]:
     if header.comments or b"#" in data or b"//" in data:
         data = _COMMENTS.sub(b"", data)
     count = None
@@ -174,7 +174,7 @@ def _parsed(data: bytes, separator: str) -> list[NDArray[Any]]:
     ]
 
 
-def _names(header: _Header, separator: str, columns: Sequence[NDArray[Any]]) -> list[str]:
+def _names(header: _TextHeader, separator: str, columns: Sequence[NDArray[Any]]) -> list[str]:
     lines = header.titles or list(filter(_has_names, header.comments[-_MAX_COMMENTS:]))
     candidates = [names for line in lines if (names := _matching_names(line, separator, columns))]
     if lines and not candidates:
