@@ -80,8 +80,8 @@ def test_meshes_are_scanned_where_that_is_asked_for() -> None:
     ("paths", "frame", "size", "remark"),
     [
         (("utm.las",), None, "metric", ""),
-        (("mine/a.npy",), None, 1024, "no unit in .npy: all are scaled to [0, 1023]"),
-        (("utm.las", "mine/a.npy"), None, 1024, "no unit in .npy, unlike .las: all are scaled"),
+        (("mine/a.npy",), None, 1024, "none in .npy: all clouds are scaled to [0, 1023]"),
+        (("utm.las", "mine/a.npy"), None, 1024, "none in .npy, unlike .las: all clouds are scaled"),
         (("utm.las",), "scaled", 1024, ""),
         (("mine/a.npy",), "metric", "metric", ""),
     ],
@@ -91,7 +91,7 @@ def test_the_frame_follows_the_formats_and_scaling_is_told(
 ) -> None:
     config = made(*paths, frame=frame)
     assert config["datasets"]["clouds"]["size"] == size
-    told = config.get("unused", {}).get("metres of clouds", "")
+    told = config.get("unused", {}).get("unit of clouds", "")
     assert told.startswith(remark)
     assert bool(told) == bool(remark)
 
@@ -173,7 +173,7 @@ def test_what_a_shell_finds_beside_the_clouds_is_left_out_and_named() -> None:
     asked = UserRun(("mine/a.npy", "mine.py", "mine/b.xyz"), ("draco",), "out")
     config = asked.configuration()
     assert config["scenes"]["clouds"]["options"]["path"] == ["mine/a.npy", "mine/b.xyz"]
-    assert config["unused"].keys() == {"mine.py", "metres of clouds"}
+    assert config["unused"].keys() == {"mine.py", "unit of clouds"}
     assert config["unused"]["mine.py"].startswith("no cloud, mesh or recording there (.ply")
 
 

@@ -147,7 +147,7 @@ def test_tables_and_report_have_what_succeeded(finished: tuple[Path, str, str, i
     assert set(table["codec"]) == {"draco", "random", "loses"}
     left_out = pd.read_csv(folder / "out/tables/left_out.csv")
     curves = {f"codec {codec}, cloud clouds/c" for codec in FAULTS}
-    assert set(left_out["file"]) == {"metres of clouds", *curves}
+    assert set(left_out["file"]) == {"unit of clouds", *curves}
     page = (folder / "out/report.html").read_text()
     assert "list index out of range" in page
     assert "Draco" in output

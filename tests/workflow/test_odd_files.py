@@ -66,7 +66,7 @@ def test_a_folder_of_odd_files_ends_in_a_table_a_report_and_what_was_left_out(
     assert done.returncode == 0, done.stderr[-4000:]
     whys = {f"odd/{name}": why for name, (_, why) in ODD.items()}
     whys |= {"notes.md": "no cloud, mesh or recording", "none.ply": "no such file"}
-    whys["metres of clouds"] = "no unit in .npy, .ply, .xyz: all are scaled to [0, 1023]"
+    whys["unit of clouds"] = "none in .npy, .ply, .xyz: all clouds are scaled to [0, 1023]"
     lines = done.stdout.splitlines()
     assert lines[1].split()[:3] == ["Clouds", "Draco", str(len(GOOD))]
     told = [line for line in lines if line.startswith("left out: ")]

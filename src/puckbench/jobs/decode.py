@@ -81,7 +81,8 @@ class Decode(Decoding):
 def _described(path: Path) -> PointCloud:
     cloud = read_cloud(path)
     if cloud.frame is None:
-        raise InputError(f"{path}: has no description (.json) with scale and offset beside it")
+        needed = "no description (.json) with scale and offset is beside it"
+        raise InputError(f"{path}: {needed}; name the prepared cloud, as in results/clouds/")
     return cloud
 
 

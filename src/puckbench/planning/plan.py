@@ -208,7 +208,7 @@ class Plan:
             if data.frame == "metric" and are_shifted(checks, data.clouds):
                 reasons.append(
                     "their place: coded clouds are shifted to the origin, and `puckbench decode "
-                    "--like CLOUD.ply` shifts decoded ones back"
+                    f"--like {self.results}/clouds/{data.name}/CLOUD.ply` shifts decoded ones back"
                 )
             for reason in reasons:
                 yield {"dataset": data.name, "scene": "", "file": data.name, "reason": reason}

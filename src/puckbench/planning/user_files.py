@@ -218,9 +218,9 @@ class UserRun:
         if not others:
             return "metric"
         unlike = [suffix for suffix in suffixes if suffix in IN_METRES]
-        self._reductions["metres of clouds"] = (
-            f"no unit in {', '.join(others)}{', unlike ' if unlike else ''}{', '.join(unlike)}: "
-            f"all are scaled to [0, {_CUBE - 1}] (--frame metric)"
+        self._reductions["unit of clouds"] = (
+            f"none in {', '.join(others)}{', unlike ' if unlike else ''}{', '.join(unlike)}: all "
+            f"clouds are scaled to [0, {_CUBE - 1}]; --frame metric keeps them in metres"
         )
         return "scaled"
 
