@@ -1,4 +1,4 @@
-"""The hyper-synthesis transform h_s in integers: equal results on every machine.
+"""The hyper-synthesis transform h_s in integers, with equal results on every machine.
 
 Weights are rounded to 2**-16 and features to 2**-12. Products and sums are integers below 2**53,
 which double precision represents exactly, so that encoder and decoder choose the same tables (see
@@ -32,8 +32,8 @@ class _Layer:
 
 
 class IntegerHyperSynthesis:
-    """Chooses the frequency tables of a latent; raises InputError if sums are inexact because
-    weights are too large.
+    """Chooses a latent's frequency tables; raises InputError if weights are too large to be
+    exact.
     """
 
     def __init__(self, network: HyperSynthesis) -> None:

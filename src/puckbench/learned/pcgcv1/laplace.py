@@ -78,7 +78,7 @@ def _scale_borders() -> Int64s:
 
 @cache
 def laplace_table(number: int) -> FrequencyTable:
-    """Return a table by its number; its integers are relative to the centre."""
+    """Return the table with this number; its integers are relative to the centre."""
     level, offset = number >> OFFSET_BITS, number & (OFFSETS - 1)
     scale = float(_scale(Decimal(level)))
     reach = int(scale * _TAIL_SCALES) + 1
@@ -98,7 +98,7 @@ def _powers(level: int, max_exponent: int) -> NDArray[np.float64]:
 
 
 def likelihood(latent: Tensor, location: Tensor, scale: Tensor) -> Tensor:
-    """Return, for training, the probability of the unit interval around each value."""
+    """Return the probability of the unit interval around each value, for training."""
     scale = scale.clamp_min(MIN_SCALE)
     distance = (latent - location).abs()
     mass = _cumulative(0.5 - distance, scale) - _cumulative(-0.5 - distance, scale)

@@ -33,7 +33,9 @@ Matrices = tuple[Tensor, ...]
 
 @dataclass(frozen=True)
 class Neighbourhood:
-    """The neighbours of a layer's voxels, with what convolutions need to process them in chunks."""
+    """The neighbours of a layer's voxels, with kernel map, threads and chunk sizes of
+    convolutions.
+    """
 
     gather_scatter: GatherScatter
     kernel_map: KernelMap  # says whether a row is a voxel or a parent with eight children

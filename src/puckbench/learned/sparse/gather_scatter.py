@@ -35,9 +35,7 @@ class NeighbourPairs(NamedTuple):
 
 @dataclass(frozen=True)
 class PairLayout:
-    """Positions of a chunk's pairs in flat memory, by the number of children that an offset
-    connects.
-    """
+    """Positions of a chunk's pairs in flat memory, grouped by how many children they connect."""
 
     counts: NDArray[np.int64]  # (27,), pairs of each offset, 0 at the centre
     starts: NDArray[np.int64]  # (27,), first element of each offset, for one channel
@@ -195,7 +193,7 @@ def layout_of(counts: NDArray[np.int64], kernel_map: KernelMap) -> PairLayout:
 
 
 def segments(buffer: Tensor, layout: PairLayout, width: int) -> Segments:
-    """Split flat memory into one view for the pairs of each offset."""
+    """Split flat memory into views, one for the pairs of each offset."""
     views: Segments = [None] * OFFSETS
     at = 0
     for children, offsets, pairs in layout.groups:

@@ -19,7 +19,7 @@ T = TypeVar("T")
 
 
 class Scratch:
-    """Flat float32 buffers by name, as large as the largest request so far."""
+    """Named float32 buffers, each as large as its largest request so far."""
 
     def __init__(self) -> None:
         self._buffers: dict[str, Tensor] = {}
@@ -64,7 +64,7 @@ class ThreadPool:
 
 @contextmanager
 def thread_pool(threads: int | None = None) -> Iterator[ThreadPool]:
-    """Open a pool, by default of PyTorch's number of threads; PyTorch uses one thread in each."""
+    """Open a pool, by default with PyTorch's number of threads; inside, PyTorch itself uses one."""
     before = torch.get_num_threads()
     threads = threads or before
     torch.set_num_threads(1)

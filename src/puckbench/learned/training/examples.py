@@ -32,8 +32,8 @@ class CubeExamples:
     kind: ClassVar[str] = "training cubes"  # name of the stream of random numbers
 
     def batch(self, step: int) -> list[Keys]:
-        """Return the keys of a step's cubes in random symmetries; raise InputError if all are
-        sparse.
+        """Return a step's cubes, in random symmetries, as keys; raise InputError if no cube has
+        enough voxels.
         """
         rng = generator(self.seed, self.kind, str(step))
         return [self._cube(rng) for _ in range(self.batch_size)]
@@ -75,7 +75,7 @@ def random_symmetry(
 
 
 def join_clouds(clouds: Sequence[Keys]) -> Keys:
-    """Join the Morton keys of clouds to one set in which no two clouds touch."""
+    """Join the Morton keys of clouds into one set in which no two clouds touch."""
     bits = max(int(keys[-1]).bit_length() for keys in clouds)
     cell = 3 * (-(-bits // 3) + 1)  # twice the side, which leaves a gap
     if cell + (len(clouds) - 1).bit_length() > 60:
