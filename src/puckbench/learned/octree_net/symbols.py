@@ -23,8 +23,8 @@ Frequencies = NDArray[np.int32]
 EVEN, ODD = (0, 3, 5, 6), (1, 2, 4, 7)
 VALUES = 16
 GROUPS = 4
-"""Number of groups of voxels, coded in order. The four voxels of a square across an axis are in
-four groups, so that for three of them the position of a plane is known."""
+"""Number of groups of voxels, coded in order. The four voxels of a layer of a 2x2x2 block are in
+four groups, so that the first shows the position of a plane to the other three."""
 _GROUP = np.array([0, 1, 2, 3, 3, 2, 1, 0])
 _CODES = np.arange(256)
 _FREQUENCY_BITS = 16
@@ -50,7 +50,7 @@ def symbols_of(keys: Keys) -> tuple[Symbols, Symbols]:
 
 
 def groups_of(keys: Keys) -> list[NDArray[np.int64]]:
-    """Return the ascending rows of each group; opposite corners of a 2x2x2 block share a group."""
+    """Return the ascending rows of each group; opposite corners of a 2x2x2 block share one."""
     group = _GROUP[keys & 7]
     return [np.flatnonzero(group == g) for g in range(GROUPS)]
 
@@ -72,8 +72,8 @@ def powers_of_two() -> Frequencies:
 def frequencies(logits: NDArray[np.float32]) -> Frequencies:
     """Return integer frequencies (n, 16) of symbols from logits (n, 16).
 
-    Logits are to the base 2, in multiples of 1 / UNITS. The most likely value gets 65,536, any
-    other at least 8.
+    Logits are to the base 2, in multiples of 1 / UNITS. The most likely value gets 65,536, others
+    at least 8.
     """
     units = logits * np.float32(UNITS)
     distances = (units.max(axis=1, keepdims=True) - units).astype(np.int32)

@@ -32,9 +32,7 @@ class _Layer:
 
 
 class IntegerHyperSynthesis:
-    """Chooses a latent's frequency tables; raises InputError if weights are too large to be
-    exact.
-    """
+    """Chooses a latent's frequency tables; raises InputError if weights are too large."""
 
     def __init__(self, network: HyperSynthesis) -> None:
         self.conv1, self.conv2 = _layer(network.conv1), _layer(network.conv2)

@@ -61,9 +61,7 @@ def fused(layer: SparseConvolution, kernel_map: KernelMap) -> FusedConvolution:
 
 
 def fused_branches(block: InceptionResNet, kernel_map: KernelMap) -> FusedConvolution:
-    """Fuse the first layers of both branches: the central matrix of conv0_0 also computes
-    conv1_0.
-    """
+    """Fuse the first layers of both branches: conv0_0's central matrix also computes conv1_0."""
     neighbour_matrices = matrices_of(block.conv0_0.kernel.detach(), kernel_map)
     channels, quarter = block.conv0_0.kernel.shape[1:]
     pointwise = torch.kron(torch.eye(kernel_map.children), block.conv1_0.kernel.detach()[0])
@@ -114,9 +112,7 @@ def residual_block(
     hidden: Tensor,
     out: Tensor,
 ) -> Tensor:
-    """Apply a block to features (n, children, c), with scratch memory `hidden` (n, children, c /
-    2).
-    """
+    """Apply a block to features (n, children, c); `hidden` (n, children, c / 2) is workspace."""
     convolved(
         features, fused_branches(block, neighbourhood.kernel_map), neighbourhood, hidden, relu=True
     )

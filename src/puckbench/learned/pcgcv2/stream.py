@@ -87,8 +87,7 @@ def write_coded(coded: Pcgcv2Stream) -> bytes:
 
 
 def read_stream(stream: bytes) -> Pcgcv2Stream | Floats:
-    """Parse a stream, or return the points (n, 3) of a small cloud; check counts before
-    computation.
+    """Parse a stream, or return the points (n, 3) of a small cloud; counts are checked first.
 
     Raises InputError for damaged bytes, or another codec or version.
     """

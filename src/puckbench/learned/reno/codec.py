@@ -55,7 +55,7 @@ def encode(points: Floats, weights: RenoWeights, posq: float, threads: int | Non
 def decode(stream: bytes, weights: RenoWeights, threads: int | None = None) -> Floats:
     """Return the points (m, 3), in mm, of a stream that was made with these weights.
 
-    Raises InputError if they differ from the encoded points, because this machine's arithmetic
+    Raises InputError if they differ from the encoded points, since this machine's arithmetic
     differs.
     """
     content = read_stream(stream)

@@ -68,9 +68,7 @@ class RenoCoder:
         return tree
 
     def decode(self, tree: CodedTree) -> Keys:
-        """Return the keys of a stream's voxels; raise InputError if they differ from the encoded
-        ones.
-        """
+        """Return the keys of a stream's voxels; raise InputError if they are not those encoded."""
 
         def code(number: int, frequencies: Cumulative) -> Symbols:
             return decode_symbols(tree.symbols[number], frequencies)
