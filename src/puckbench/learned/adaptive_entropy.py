@@ -53,7 +53,7 @@ class _Tables(NamedTuple):
     first
         (tables + 1,), where each table begins in `below`.
     below
-        Cumulative frequencies before each integer.
+        For each integer, the sum of the frequencies of smaller integers.
     number, centre
         As in `Prior`.
     """
@@ -77,7 +77,7 @@ class _Neighbourhood(NamedTuple):
     counts
         (2,), numbers of these neighbours, in total and at faces.
     contexts
-        The contexts of a value, without the offset of the decision.
+        The contexts of a value, to which a decision's offset is added.
     """
 
     patterns: Ints
@@ -212,7 +212,7 @@ def _offset(shell: int, place: int) -> int:
 
 @compiled_in_place
 def _find_contexts(around: _Neighbourhood, values: Ints, row: int, channel: int) -> None:
-    """Compute the contexts of a value, without the offset of the decision.
+    """Compute the contexts of a value, to which a decision's offset is added later.
 
     "Neighbours" are those coded before, except where occupancy is named. The contexts are:
 

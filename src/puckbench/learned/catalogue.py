@@ -74,7 +74,7 @@ def weights_path(where: str | Path) -> Path:
 
 
 def weights_files(where: str) -> list[Path]:
-    """Return the files of weights, of any network, of a shipped set, a file or a folder.
+    """Return the weights files, of any network, in a shipped set, file or folder.
 
     Raises InputError if there is no such set, file or folder.
     """
@@ -124,7 +124,7 @@ class NetworkType:
         return (self.lmbda(match[1]),) if match else ()
 
     def by_lmbda(self, where: str) -> dict[float, Path]:
-        """Return the file for each lambda; of several, the last by name."""
+        """Return the weights file for each rate's lambda; of several files, the last by name."""
         return {lmbda: path for path in self.files(where) for lmbda in self.lmbdas_of(path)}
 
     def _published(self, path: Path) -> re.Match[str] | None:

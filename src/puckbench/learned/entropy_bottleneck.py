@@ -66,8 +66,8 @@ class FrequencyTable:
 
 
 def frequency_tables(bottleneck: EntropyBottleneck) -> tuple[FrequencyTable, ...]:
-    """Return a table per channel, computed in double precision, without the tails (probability
-    2**-20 each).
+    """Return a frequency table per channel, computed in double precision; the tails (probability
+    2**-20 each) are left to the escape symbol.
     """
     with torch.no_grad():
         exact = EntropyBottleneck(bottleneck.channels).double()

@@ -87,7 +87,7 @@ def choose_grid_level(points: Floats, mean_occupied_children: float, offset: flo
 def on_dense_grids(points: Floats, mean_occupied_children: Sequence[float]) -> list[Voxels]:
     """Return the voxels of points (n, 3) on the finest grid that reaches each density.
 
-    Grids are the input's, coarsened by whole octaves; each is used once.
+    The input's grid is coarsened by whole octaves. Equal grids are used once.
     """
     octaves = {
         math.ceil(octaves_of_points(points, children)) for children in mean_occupied_children

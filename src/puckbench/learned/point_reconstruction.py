@@ -58,7 +58,7 @@ class SiblingBlocks(NamedTuple):
 
 
 def sibling_blocks(positions: Voxels, logits: NDArray[np.float32], kept: Bools) -> SiblingBlocks:
-    """Return the blocks with a kept voxel, given positions (m, 3), logits (m, 8) and `kept` (m,
+    """Return the blocks with a kept voxel, given positions (m, 3), logits and kept voxels (m,
     8).
     """
     from scipy.special import expit
@@ -125,7 +125,7 @@ def reconstructed_points(blocks: SiblingBlocks, units: int) -> Floats:
 
 
 def _placed(centres: Floats, counts: Floats, projection: float) -> Floats:
-    """Place about counts (m,) points side by side around centres (m, 3), on local planes.
+    """Place about `counts` (m,) points side by side around centres (m, 3), on local planes.
 
     Centres lie within 1/2 of distinct integers. A plane is fitted to the centres around each.
     """

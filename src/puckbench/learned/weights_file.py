@@ -239,7 +239,7 @@ _UNREADABLE = (
 
 
 def read_checkpoint(path: Path, fault: str) -> dict[str, Any]:
-    """Read a PyTorch checkpoint without running its code; raise InputError(`fault`) if that
+    """Read a PyTorch checkpoint without running its code; raise InputError with `fault` if this
     fails.
     """
     try:

@@ -141,7 +141,7 @@ class OctreeLevel(Generic[F]):
     features: F
 
     def next(self, code: Code, max_voxels: int, last: bool) -> OctreeLevel[F]:
-        """Encode or decode the next finer level; of the `last`, only keys are computed."""
+        """Encode or decode the next finer level; if it is the `last`, compute only its keys."""
         features, slots = self._code_children(code)
         if len(slots) > max_voxels:
             raise InputError("the stream is damaged (its number of voxels)")

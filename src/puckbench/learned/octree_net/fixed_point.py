@@ -59,7 +59,7 @@ def activation(values: Tensor) -> Tensor:
 
 
 def largest_sum(kernel: Tensor, bias: Tensor) -> int:
-    """Return the largest possible sum of a layer and the residual stream, in units of sums."""
+    """Return the largest possible sum of a layer's output and the residual stream, in 2**-14."""
     rows = kernel.detach().double().flatten(0, -2).abs().sum(dim=0) * WEIGHT_UNITS
     bound = rows * MAX_ACTIVATION + bias.detach().double().abs() * (WEIGHT_UNITS * UNITS)
     return int(bound.max()) + MAX_RESIDUAL * WEIGHT_UNITS

@@ -50,7 +50,7 @@ def symbols_of(keys: Keys) -> tuple[Symbols, Symbols]:
 
 
 def groups_of(keys: Keys) -> list[NDArray[np.int64]]:
-    """Return the ascending rows of each group; opposite corners of a 2x2x2 block share one."""
+    """Return the ascending rows of each group; opposite corners of a 2x2x2 block share a group."""
     group = _GROUP[keys & 7]
     return [np.flatnonzero(group == g) for g in range(GROUPS)]
 
@@ -63,7 +63,9 @@ def slots_of(first: Symbols, second: Symbols) -> NDArray[np.int64]:
 
 @cache
 def powers_of_two() -> Frequencies:
-    """Return 2**(16 - d / UNITS), rounded, for d = 0, 1, .. down to `_MIN_FREQUENCY`."""
+    """Return the rounded frequencies 2**(16 - d / UNITS) of logits d = 0, 1, .. units below the
+    largest, down to `_MIN_FREQUENCY`.
+    """
     steps = range((_FREQUENCY_BITS - 3) * UNITS + 1)
     exact = [Decimal(2) ** (_FREQUENCY_BITS - Decimal(d) / UNITS) for d in steps]
     return np.array([round(power) for power in exact], dtype=np.int32)

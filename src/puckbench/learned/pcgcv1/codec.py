@@ -28,7 +28,7 @@ def encode(
     point_reconstruction: bool = True,
     threads: int | None = None,
 ) -> bytes:
-    """Encode points.
+    """Encode points with PCGCv1.
 
     Parameters
     ----------

@@ -69,7 +69,9 @@ def occupancy(keys: Int64s, side: int) -> NDArray[np.float32]:
 
 
 def most_likely(logits: NDArray[np.float32], count: int) -> Int64s:
-    """Return the ascending keys of a cube's `count` largest logits; ties go to lower keys."""
+    """Return the ascending keys (indices) of a cube's `count` largest logits; ties go to lower
+    ones.
+    """
     if count >= len(logits):
         return np.arange(len(logits))
     threshold = np.partition(logits, len(logits) - count)[len(logits) - count]

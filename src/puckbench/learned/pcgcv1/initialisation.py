@@ -29,7 +29,7 @@ _EMPTY_PER_OCCUPIED = 3.0
 
 
 def initialise(model: PCGCv1, cube_size: int) -> None:
-    """Scale a new model's weights to unit variance of each layer's output for a sphere."""
+    """Scale a new model's weights so that each layer's output for a sphere has unit variance."""
     with torch.no_grad(), _rescaled(model):
         y = model.g_a(sphere(cube_size))
         model.h_s(model.h_a(y))

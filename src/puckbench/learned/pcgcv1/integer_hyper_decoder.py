@@ -32,7 +32,9 @@ class _Layer:
 
 
 class IntegerHyperSynthesis:
-    """Chooses a latent's frequency tables; raises InputError if weights are too large."""
+    """Chooses a latent's frequency tables; raises InputError if weights are too large to be
+    exact.
+    """
 
     def __init__(self, network: HyperSynthesis) -> None:
         self.conv1, self.conv2 = _layer(network.conv1), _layer(network.conv2)
@@ -43,7 +45,7 @@ class IntegerHyperSynthesis:
         )
 
     def tables(self, z_hat: NDArray[np.int32]) -> TableIndexes:
-        """Return the tables of y (channels, 2 s, 2 s, 2 s) from z_hat (channels, s, s, s)."""
+        """Return table indexes of y (channels, 2 s, 2 s, 2 s) from z_hat (channels, s, s, s)."""
         with torch.no_grad():
             features = (
                 torch.from_numpy(z_hat)[None].double().clamp(-_MAX_FEATURE, _MAX_FEATURE) * UNITS

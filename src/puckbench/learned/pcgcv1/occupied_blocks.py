@@ -53,7 +53,7 @@ def pooled(blocks: Bools) -> Bools:
 
 
 def rows_of(values: NDArray[N], blocks: Bools) -> NDArray[N]:
-    """Return the values (n, channels), from (m, channels, s, s, s), at true blocks (m, s, s, s)."""
+    """Return rows (n, channels) of values (m, channels, s, s, s) at true blocks (m, s, s, s)."""
     return np.moveaxis(values, 1, -1)[blocks]
 
 

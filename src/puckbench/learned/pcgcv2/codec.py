@@ -35,7 +35,7 @@ def encode(
     point_reconstruction: bool = True,
     threads: int | None = None,
 ) -> bytes:
-    """Encode points.
+    """Encode points with PCGCv2.
 
     Parameters
     ----------

@@ -1,4 +1,6 @@
-"""Weights of PCGCv2: sets trained by puckbench, and the authors' checkpoints, renamed."""
+"""Weights of PCGCv2: sets trained by puckbench, and the authors' checkpoints with renamed
+parameters.
+"""
 
 from __future__ import annotations
 

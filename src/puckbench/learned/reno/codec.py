@@ -55,8 +55,8 @@ def encode(points: Floats, weights: RenoWeights, posq: float, threads: int | Non
 def decode(stream: bytes, weights: RenoWeights, threads: int | None = None) -> Floats:
     """Return the points (m, 3), in mm, of a stream that was made with these weights.
 
-    Raises InputError if they differ from the encoded points, since this machine's arithmetic
-    differs.
+    Raises InputError if this machine computes differently, so that these are not the encoded
+    points.
     """
     content = read_stream(stream)
     check_digest(weights.digest, content.digest)
@@ -71,7 +71,7 @@ def decoded_points(content: RenoStream, weights: RenoWeights, threads: int | Non
 
 
 def _grid_offsets(points: Floats) -> NDArray[np.int64]:
-    """Return each axis' offset in units of 131,072 mm: where possible 1, as the authors'.
+    """Return each axis' grid offset in units of 131,072 mm: the authors' 1 where that suffices.
 
     Clouds below or far beyond the corner of the authors' grid get another corner.
     """

@@ -33,9 +33,7 @@ Matrices = tuple[Tensor, ...]
 
 @dataclass(frozen=True)
 class Neighbourhood:
-    """The neighbours of a layer's voxels, with kernel map, threads and chunk sizes of
-    convolutions.
-    """
+    """Neighbours of a layer's voxels, with kernel map, threads and chunk sizes of convolutions."""
 
     gather_scatter: GatherScatter
     kernel_map: KernelMap  # says whether a row is a voxel or a parent with eight children
@@ -63,7 +61,7 @@ def neighbourhood_of(
 def device_neighbourhood(
     table: NeighbourTable, kernel_map: KernelMap, pool: ThreadPool, device: torch.device
 ) -> Neighbourhood:
-    """Return the neighbourhood of a neighbour table (27, n), for any device."""
+    """Like `neighbourhood_of`, but with PyTorch's indexing on every device, also the CPU."""
     gather_scatter = TorchGatherScatter(torch.from_numpy(table).long().to(device))
     return Neighbourhood(gather_scatter, kernel_map, pool, _DEVICE_CHUNK_FLOATS, _DEVICE_ROWS)
 

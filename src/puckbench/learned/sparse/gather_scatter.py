@@ -72,7 +72,7 @@ class _Chunk(NamedTuple):
 
 
 class CompiledGatherScatter:
-    """Compiled loops for tensors on the CPU, over a neighbour table (27, n) int32."""
+    """Gathers and scatters on the CPU by compiled loops, for a neighbour table (27, n) int32."""
 
     def __init__(self, table: NDArray[np.int32]) -> None:
         self._pairs = _pairs_of(table)
@@ -124,7 +124,7 @@ class CompiledGatherScatter:
 
 
 class TorchGatherScatter:
-    """PyTorch's indexing on any device, over a neighbour table (27, n) int64 on that device."""
+    """Gathers and scatters on any device by PyTorch, for a neighbour table (27, n) int64 on it."""
 
     def __init__(self, table: Tensor) -> None:
         self.table = table

@@ -124,7 +124,7 @@ def keys_of_slots(parents: Keys, slots: NDArray[np.int64]) -> Keys:
 def selected_children(
     parents: VoxelSet, slots: NDArray[np.int64], pool: ThreadPool | None = None
 ) -> VoxelSet:
-    """Return the set of the children in ascending slots; a parent may have none."""
+    """Return the set of the children with these ascending slots; a parent may have none."""
     has_child = np.zeros(len(parents), dtype=bool)
     has_child[slots >> 3] = True
     row = np.where(has_child, np.cumsum(has_child) - 1, -1).astype(np.int32)
@@ -135,7 +135,7 @@ def selected_children(
 
 @cache
 def _ring_parents() -> NDArray[np.int64]:
-    """Return each cell's parent offset and child number, in a 4x4x4 neighbourhood."""
+    """Return the parent's offset and child number of each of 4x4x4 cells around eight siblings."""
     position = np.arange(64) // 4 ** np.arange(3)[:, None] % 4 - 1
     parents, within = position // 2 + 1, position % 2
     return np.stack([3 ** np.arange(3) @ parents, 2 ** np.arange(3) @ within])
