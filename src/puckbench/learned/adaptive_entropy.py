@@ -1,11 +1,10 @@
-"""Context-adaptive entropy coding of a latent: an entropy model's tables, mixed with adaptive
-contexts.
+"""Context-adaptive entropy coding of a latent: the entropy model's tables, mixed with contexts.
 
-The tables treat each value by itself. But the latent at a voxel resembles the latents at
-neighbouring voxels, and the occupancy of these, which the decoder knows, shows the orientation of
-the surface. Adaptive contexts learn both dependencies from the cloud itself. Each value is coded as
-binary decisions: whether it is zero, its sign, and its magnitude in unary. All arithmetic is on
-integers, so that all machines decode identically.
+The tables treat each value by itself. But the latent at a voxel resembles that of its neighbours,
+and depends on which neighbours are occupied, which the decoder knows. Adaptive contexts learn both
+dependencies from the cloud itself. Each value is coded as binary decisions: whether it is zero, its
+sign, and its magnitude in unary. All arithmetic is on integers, so that all machines decode
+identically.
 """
 
 from __future__ import annotations
@@ -37,11 +36,11 @@ _MAX_UNARY = 20
 """Magnitudes up to here are coded in unary, larger ones by an Elias gamma code."""
 _MAX_MAGNITUDE = _MAX_UNARY + 2**16 - 1
 _DECISIONS = 12
-"""Binary decisions of a value: zero, sign, magnitudes 1 to 4 and beyond, of either sign."""
+"""Binary decisions of a value: zero, sign, magnitudes 1 to 4 and larger, of either sign."""
 _SIZES = (16 * 8, 20 * 5, 15 * 8, 4096, 64 * 6, 256 * 6, 64 * 8)
 """Numbers of contexts of the seven kinds, see `_find_contexts`."""
 _MAX_VALUE_BYTES = 80
-"""Bytes of a value: all its decisions, each at most log2(65,536 / 32) bits."""
+"""Maximum bytes of a value: all its decisions, each at most log2(65,536 / 32) bits."""
 
 
 class _Tables(NamedTuple):
@@ -54,7 +53,7 @@ class _Tables(NamedTuple):
     first
         (tables + 1,), where each table begins in `below`.
     below
-        Cumulative frequencies before each integer.
+        For each integer, the sum of the frequencies of smaller integers.
     number, centre
         As in `Prior`.
     """
@@ -67,7 +66,7 @@ class _Tables(NamedTuple):
 
 
 class _Neighbourhood(NamedTuple):
-    """The causal neighbourhood of a voxel, and working memory.
+    """The causal neighbourhood of a voxel, in memory that is reused for the next voxel.
 
     Parameters
     ----------
@@ -76,9 +75,9 @@ class _Neighbourhood(NamedTuple):
     rows, weights
         Neighbours coded before the voxel, those at faces first, and their weights in means.
     counts
-        (2,), numbers of such neighbours, in all and at faces.
+        (2,), numbers of these neighbours, in total and at faces.
     contexts
-        The contexts of a value, without the offset of the decision.
+        The contexts of a value, to which a decision's offset is added.
     """
 
     patterns: Ints
@@ -94,9 +93,9 @@ class Prior(NamedTuple):
     Parameters
     ----------
     tables
-        The tables in use.
+        The frequency tables.
     number
-        (n, channels), the table of each value.
+        (n, channels), the index of each value's table.
     centre
         (n, channels), the value to which zero in the table corresponds.
     """
@@ -107,22 +106,22 @@ class Prior(NamedTuple):
 
 
 def factorised_prior(tables: tuple[FrequencyTable, ...], count: int) -> Prior:
-    """Return the prior of an entropy bottleneck, which uses the same table for a channel at all
-    `count` voxels.
+    """Return the prior of an entropy bottleneck: a table per channel, equal at all `count`
+    voxels.
     """
     number = np.tile(np.arange(len(tables), dtype=np.int32), (count, 1))
     return Prior(tables, number, np.zeros_like(number))
 
 
 def encode_with_contexts(latent: Integers, neighbours: NeighbourTable, prior: Prior) -> bytes:
-    """Encode a latent at voxels.
+    """Encode a latent.
 
     Parameters
     ----------
     latent
         Integers (n, channels), in the order of the voxels; beyond 16 bits they are clipped.
     neighbours
-        (27, n), table of the voxels' neighbours.
+        (27, n), neighbour table of the voxels.
     prior
         Distributions of the values by the entropy model.
     """
@@ -133,9 +132,7 @@ def encode_with_contexts(latent: Integers, neighbours: NeighbourTable, prior: Pr
 
 
 def decode_with_contexts(data: bytes, neighbours: NeighbourTable, prior: Prior) -> Integers:
-    """Decode a latent that `encode_with_contexts` encoded; raise InputError if the data are
-    damaged.
-    """
+    """Decode the latent of `encode_with_contexts`; raise InputError if the data are damaged."""
     values = np.zeros(prior.number.shape, np.int64)
     bits = bit_reader(data)
     _code(bits, values, neighbours, prior)
@@ -215,17 +212,17 @@ def _offset(shell: int, place: int) -> int:
 
 @compiled_in_place
 def _find_contexts(around: _Neighbourhood, values: Ints, row: int, channel: int) -> None:
-    """Compute the contexts of a value, without the offset of the decision.
+    """Compute the contexts of a value, to which a decision's offset is added later.
 
-    They are, in this order:
+    "Neighbours" are those coded before, except where occupancy is named. The contexts are:
 
-    0. mean magnitude of the neighbours coded before, and their number
-    1. mean of such neighbours at faces, and the largest magnitude
+    0. mean magnitude of the neighbours, and their number
+    1. mean of the neighbours at faces, and the largest magnitude
     2. the two previous channels, and the sum of magnitudes of all previous channels
-    3. which edges have neighbours
-    4. which faces have neighbours, and the neighbours' mean
-    5. which corners have neighbours, and the neighbours' mean
-    6. which faces have neighbours, and the sum of magnitudes of all previous channels
+    3. occupancy at the edges
+    4. occupancy at the faces, and the neighbours' mean
+    5. occupancy at the corners, and the neighbours' mean
+    6. occupancy at the faces, and the sum of magnitudes of all previous channels
     """
     mean, face, spread, largest = _neighbour_statistics(around, values, channel)
     before, last, second = 0, 0, 0
@@ -249,7 +246,7 @@ def _find_contexts(around: _Neighbourhood, values: Ints, row: int, channel: int)
 def _neighbour_statistics(
     around: _Neighbourhood, values: Ints, channel: int
 ) -> tuple[int, int, int, int]:
-    """Return mean, mean at faces, mean magnitude and largest magnitude of previous neighbours."""
+    """Return mean, mean at faces, mean magnitude, largest magnitude of neighbours coded before."""
     total, face, magnitude, weight, largest = 0, 0, 0, 0, 0
     for place in range(around.counts[0]):
         value, factor = values[around.rows[place], channel], around.weights[place]
@@ -317,9 +314,7 @@ def _frequency(tables: _Tables, row: int, channel: int, first: int, last: int) -
 def _code_decision(
     mixer: Mixer, around: _Neighbourhood, starts: Ints, decision: int, yes: int, no: int, bit: int
 ) -> int:
-    """Encode or decode a decision; `yes` and `no` are the frequencies of its outcomes according
-    to the tables.
-    """
+    """Encode or decode a decision; `yes` and `no` are the tables' frequencies of its outcomes."""
     for place in range(len(_SIZES)):
         mixer.contexts[place] = starts[place] + decision * _SIZES[place] + around.contexts[place]
     probability = min((yes << 12) // (yes + no), 4095) if yes + no > 0 else 2048

@@ -1,4 +1,4 @@
-"""The sets of trained weights of each network: shipped sets, files and folders, without PyTorch.
+"""Search for sets of trained weights, shipped or in files and folders, without PyTorch.
 
 A set trained by puckbench is a safetensors file (``*.safetensors``) with a `WeightsHeader` in its
 metadata. The authors of a network publish one file per rate, whose name contains the rate.
@@ -49,9 +49,9 @@ def header_of(path: Path) -> WeightsHeader:
         raise unreadable(path, error) from error
 
 
+# Headers are cached by the file's state, since each call of a codec needs one.
 @lru_cache(maxsize=64)
 def _header(path: Path, _mtime: int, size: int) -> WeightsHeader:
-    """Cache headers by file state, since each call of a codec asks for them."""
     from safetensors import SafetensorError, safe_open
 
     if size > MAX_FILE_BYTES:
@@ -69,15 +69,12 @@ def shipped() -> dict[str, Path]:
 
 
 def weights_path(where: str | Path) -> Path:
-    """Return the file of the shipped set with this name; if there is none, return the argument
-    as a path.
-    """
+    """Return the file of a shipped set with this name, or else the argument as a path."""
     return shipped().get(str(where), Path(where))
 
 
 def weights_files(where: str) -> list[Path]:
-    """Return the files of weights, of any network, that a name or path stands for: a shipped
-    set, a file or a folder.
+    """Return the weights files, of any network, in a shipped set, file or folder.
 
     Raises InputError if there is no such set, file or folder.
     """
@@ -127,8 +124,7 @@ class NetworkType:
         return (self.lmbda(match[1]),) if match else ()
 
     def by_lmbda(self, where: str) -> dict[float, Path]:
-        """Return the file for each lambda; if several files have a lambda, the last by name is
-        used."""
+        """Return the weights file for each rate's lambda; of several files, the last by name."""
         return {lmbda: path for path in self.files(where) for lmbda in self.lmbdas_of(path)}
 
     def _published(self, path: Path) -> re.Match[str] | None:

@@ -1,4 +1,4 @@
-"""The device of a network: the CPU, or a CUDA device with the same arithmetic."""
+"""The device on which a network runs: the CPU, or a CUDA device with the same arithmetic."""
 
 from __future__ import annotations
 
@@ -26,8 +26,7 @@ def why_not(name: DeviceName) -> str:
 def placed(model: M, name: DeviceName) -> M:
     """Move a model to a device; raise InputError if the device does not exist.
 
-    CUDA devices then compute products in full single precision, so that sums that are exact on a
-    CPU are exact there too.
+    CUDA then computes products in full single precision: sums that are exact on a CPU stay exact.
     """
     import torch
 

@@ -48,7 +48,9 @@ class EntropyBottleneck(nn.Module):
         return values
 
     def likelihood(self, latent: Tensor) -> Tensor:
-        """Return the probability of the unit interval around each value (n, channels)."""
+        """Return the probability of the unit interval around each value of a latent (n,
+        channels).
+        """
         values = latent.T[:, None]
         lower, upper = self.logits_cumulative(values - 0.5), self.logits_cumulative(values + 0.5)
         sign = -torch.sign(lower + upper).detach()  # the tail in which sigmoids are precise
@@ -64,8 +66,8 @@ class FrequencyTable:
 
 
 def frequency_tables(bottleneck: EntropyBottleneck) -> tuple[FrequencyTable, ...]:
-    """Return a table per channel, computed in double precision, without the rarest values at
-    either end (a mass of 2**-20 each).
+    """Return a frequency table per channel, computed in double precision; the tails (probability
+    2**-20 each) are left to the escape symbol.
     """
     with torch.no_grad():
         exact = EntropyBottleneck(bottleneck.channels).double()

@@ -60,8 +60,8 @@ class MultiRateNetwork(nn.Module):
 
 
 def parameter_groups(model: MultiRateNetwork) -> list[dict[str, Any]]:
-    """Return optimiser groups; parameters of a single rate, which are trained less often, get a
-    higher learning rate.
+    """Return optimiser groups; parameters of one rate, trained less often, get a higher learning
+    rate.
     """
     of_rates = [model.log_gains, *model.entropy_bottlenecks.parameters()]
     ids = set(map(id, of_rates))
@@ -73,7 +73,7 @@ def parameter_groups(model: MultiRateNetwork) -> list[dict[str, Any]]:
 
 
 def initialise_gains(model: MultiRateNetwork, lmbdas: Sequence[float]) -> None:
-    """Set each rate's gains to the square root of its lambda, relative to the largest lambda."""
+    """Set each rate's gains to sqrt(lambda / largest lambda)."""
     if len(lmbdas) != model.shape.rates:
         raise InputError("the model has another number of rates than the training")
     with torch.no_grad():

@@ -1,9 +1,9 @@
-"""The level of the grid that a cloud is coded on, chosen by its density.
+"""Choice of the grid on which a cloud is coded, by the cloud's density.
 
-On a dense surface a voxel has about four occupied children. On a cloud that is sparse on its grid
-it has about one, whose position no network can predict. The authors of PCGCv1 and PCGCv2 choose a
-smaller scale for sparse clouds by hand; this module chooses it by the density. Levels count quarter
-octaves; an octave doubles the side of voxels.
+On a dense surface a voxel has about four occupied children. If the cloud is sparse on its grid, it
+has about one, whose position no network can predict. The authors of PCGCv1 and PCGCv2 choose a
+smaller scale for sparse clouds by hand; this module chooses it by the density. A level is a number
+of quarter octaves; an octave doubles the side of voxels.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ QUARTERS = 4
 MAX_QUARTER_OCTAVES = 80
 """Coarsest level in a stream."""
 _MIN_VOXELS = 64
-"""Minimum voxels from which the density is estimated."""
+"""Minimum number of voxels from which the density is estimated."""
 
 
 def octaves_to_density(keys: Keys, mean_occupied_children: float) -> float:
     """Return by how many octaves a grid must be coarsened until it is dense enough.
 
-    It is dense enough if an occupied voxel of the next octave has `mean_occupied_children` on
-    average, interpolated linearly. If no grid is, return 0. The keys (n,) are sorted and distinct.
+    It is dense enough if voxels twice as large have `mean_occupied_children` on average,
+    interpolated linearly. If no grid is, return 0. The Morton keys (n,) are sorted and distinct.
     """
     previous = 0.0
     for octave in range(AXIS_BITS):
@@ -59,7 +59,7 @@ def octaves_of_points(points: Floats, mean_occupied_children: float) -> float:
 
 
 def choose_grid_level(points: Floats, mean_occupied_children: float, offset: float = 0.0) -> int:
-    """Choose the grid on which a cloud is coded.
+    """Choose the level of the grid on which a cloud is coded.
 
     The grid is coarsened until voxels have enough occupied children on average, and then by the
     offset.
@@ -71,7 +71,7 @@ def choose_grid_level(points: Floats, mean_occupied_children: float, offset: flo
     mean_occupied_children
         Mean number of occupied children of a voxel. With 1 or less the input's grid is kept.
     offset
-        In octaves; if negative, the grid becomes finer again.
+        In octaves (factors of two); if negative, the grid becomes finer again.
 
     Returns
     -------
@@ -85,10 +85,9 @@ def choose_grid_level(points: Floats, mean_occupied_children: float, offset: flo
 
 
 def on_dense_grids(points: Floats, mean_occupied_children: Sequence[float]) -> list[Voxels]:
-    """Return the voxels of points (n, 3) on the finest grid that reaches each density, every
-    grid once.
+    """Return the voxels of points (n, 3) on the finest grid that reaches each density.
 
-    The input's grid is coarsened by whole octaves.
+    The input's grid is coarsened by whole octaves. Equal grids are used once.
     """
     octaves = {
         math.ceil(octaves_of_points(points, children)) for children in mean_occupied_children

@@ -2,10 +2,10 @@
 
 A decoder keeps the most likely voxels. On a sparse grid it cannot know which voxels of a 2x2x2
 block of siblings were occupied, only that one or two were; on a dense grid several points share a
-voxel. Therefore points are placed for blocks. Each block gets the mean number of points, or more if
+voxel. Therefore points are placed per block. A block gets the mean number of points, or more if
 more of its voxels are expected to be occupied. They are placed side by side at the centroid of the
-block's occupancy probabilities, projected onto the plane of the neighbouring blocks. Where the
-network is confident of its voxels, points are placed for voxels instead.
+block's occupancy probabilities, projected onto the plane of the neighbouring blocks. If the network
+is confident of the kept voxels, points are placed per voxel instead.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ UNITS = 256
 """Unit of points per voxel in streams: 1 / 256."""
 _MAX_POINTS_PER_VOXEL = 9
 _CONFIDENT = 0.8
-"""A network is confident of its voxels if the kept ones have this share of all probabilities."""
+"""A network is confident if the kept voxels have this share of the sum of all probabilities."""
 _SPARSE, _DENSE = 1.2, 3.0
 """Mean voxels of a block between which its number of points changes from the mean of all blocks to
 the number that its probabilities predict."""
 _SHRINKAGE = 0.8
 """Shrinkage factor of a centroid's distance from its block's centre: networks are overconfident."""
 _VOXEL_PROJECTION, _BLOCK_PROJECTION = 0.3, 0.5
-"""Share of its distance from the neighbours' plane that a point moves, against noise."""
+"""Fraction of the distance to the local plane by which a voxel or block moves, against noise."""
 _SUBDIVISION = 16
 """Steps per side of the grid on which planes are fitted."""
 _MAX_LOGIT = 50.0
@@ -45,7 +45,7 @@ CORNERS = np.array([[k & 1, k >> 1 & 1, k >> 2] for k in range(8)])
 
 
 class SiblingBlocks(NamedTuple):
-    """Blocks of 2x2x2 voxels; a decoder keeps some voxels of each."""
+    """Blocks of 2x2x2 sibling voxels, of which a decoder keeps some."""
 
     positions: Voxels  # (m, 3), distinct, in blocks
     probabilities: Floats  # (m, 8), of occupancy, in the order of `CORNERS`
@@ -58,7 +58,9 @@ class SiblingBlocks(NamedTuple):
 
 
 def sibling_blocks(positions: Voxels, logits: NDArray[np.float32], kept: Bools) -> SiblingBlocks:
-    """Return the blocks with a kept voxel, from positions (m, 3), logits and kept voxels (m, 8)."""
+    """Return the blocks with a kept voxel, given positions (m, 3), logits and kept voxels (m,
+    8).
+    """
     from scipy.special import expit
 
     rows = kept.any(axis=1)
@@ -102,8 +104,8 @@ def reconstructed_points(blocks: SiblingBlocks, units: int) -> Floats:
     """Return points (n, 3), in voxels, for the decoded blocks.
 
     `units` is the number of points per voxel in 256ths. Each voxel has one point in its centre if
-    `units` is 0, if the voxels span 2**20 or more, or if the network is confident of voxels with
-    one point each.
+    `units` is 0, if the voxels span 2**20 or more, or if the network is confident and `units` is
+    256.
     """
     voxels = blocks.voxels().astype(np.float64)
     if not units or np.ptp(voxels, axis=0).max() >= _MAX_SPAN:
@@ -123,9 +125,9 @@ def reconstructed_points(blocks: SiblingBlocks, units: int) -> Floats:
 
 
 def _placed(centres: Floats, counts: Floats, projection: float) -> Floats:
-    """Place about counts (m,) points side by side around centres (m, 3), on local planes.
+    """Place about `counts` (m,) points side by side around centres (m, 3), on local planes.
 
-    Centres lie within 1/2 of distinct integers. Planes are fitted to neighbouring centres.
+    Centres lie within 1/2 of distinct integers. A plane is fitted to the centres around each.
     """
     from puckbench.geometry.tangent_planes import fit_tangent_planes
 
@@ -140,7 +142,7 @@ def _placed(centres: Floats, counts: Floats, projection: float) -> Floats:
 def _whole_counts(counts: Floats, neighbour_counts: Floats) -> NDArray[np.int64]:
     """Round counts (m,) to integers of at least 1, with about the same sum.
 
-    The remainder goes to the centres with the fewest neighbours, near which voxels were lost.
+    Counts are rounded up at the centres with the fewest neighbours, near which voxels were lost.
     """
     whole = np.floor(counts)
     remainder = int(np.rint(counts.sum()) - whole.sum())

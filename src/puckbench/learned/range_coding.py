@@ -1,4 +1,4 @@
-"""Entropy coding with fixed integer tables, by constriction's range coder."""
+"""Entropy coding with fixed integer tables, by the range coder of the library constriction."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ def decode_latent(data: bytes, count: int, tables: tuple[FrequencyTable, ...]) -
 def encode_groups(groups: Iterable[tuple[Integers, FrequencyTable]]) -> bytes:
     """Encode groups of integers (n,), each with its table.
 
-    For a value outside its group's table the escape symbol is coded; the value follows the group in
-    16 bits, clipped if necessary.
+    A value outside its group's table is coded as the escape symbol; it follows the group in 16
+    bits, clipped if necessary.
     """
     import constriction
 
@@ -82,9 +82,7 @@ def _decode_group(coder: Any, count: int, table: FrequencyTable) -> Integers:
 
 
 def _categorical(table: FrequencyTable) -> Any:
-    """Return the probability model that constriction's coder makes of a table; its rounding is
-    the same on every machine.
-    """
+    """Return constriction's probability model for a table, rounded equally on every machine."""
     import constriction
 
     frequencies = table.frequencies.astype(np.float64)

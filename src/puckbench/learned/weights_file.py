@@ -1,6 +1,6 @@
 """Sets of trained weights: a safetensors file with parameters, frequency tables and a model card.
 
-Parameters are kept in half precision. The integer frequency tables of entropy models are computed
+Parameters are stored in half precision. The integer frequency tables of entropy models are computed
 once, when a set is written, since floating-point arithmetic differs between machines. Encoder and
 decoder only read them.
 """
@@ -68,7 +68,7 @@ def write_weights(
     state: Mapping[str, Tensor],
     integers: Mapping[str, NDArray[np.int32]] | None = None,
 ) -> None:
-    """Write a set; `header_fields` are the fields of its header except `sha256`."""
+    """Write a set of weights; `header_fields` are the fields of its header except `sha256`."""
     tensors: dict[str, NDArray[Any]] = {
         name: value.detach().cpu().half().contiguous().numpy() for name, value in state.items()
     }
@@ -199,8 +199,8 @@ def _tables_of(model: MultiRateNetwork) -> Tables:
 def _tensors_of_tables(tables: Tables) -> dict[str, NDArray[np.int32]]:
     """Pack frequency tables into three arrays.
 
-    These are the lowest value and the length of each table (rates, channels), and all frequencies
-    one after another (n,).
+    These are the lowest value and the length of each table (rates, channels), and the concatenated
+    frequencies (n,).
     """
     all_tables = [table for rate in tables for table in rate]
     shape = (len(tables), -1)
@@ -225,7 +225,7 @@ def _tables_of_tensors(arrays: Arrays) -> Tables:
 
 
 def _json_of_tables(tables: Tables) -> list[list[dict[str, Any]]]:
-    """Convert tables to JSON, which is hashed into the digests of the authors' weights."""
+    """Convert tables to JSON, from which the digests of the authors' weights are computed."""
     return [
         [{"lowest": t.lowest, "frequencies": t.frequencies.tolist()} for t in rate]
         for rate in tables
@@ -239,8 +239,9 @@ _UNREADABLE = (
 
 
 def read_checkpoint(path: Path, fault: str) -> dict[str, Any]:
-    """Read a PyTorch checkpoint without running its code; if that fails, raise InputError with
-    `fault`."""
+    """Read a PyTorch checkpoint without running its code; raise InputError with `fault` if this
+    fails.
+    """
     try:
         checkpoint = torch.load(path, map_location="cpu", weights_only=True)
     except (*_UNREADABLE, pickle.UnpicklingError) as error:

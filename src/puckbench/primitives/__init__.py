@@ -1,4 +1,4 @@
-"""Codec of point clouds as geometric primitives: planes in an octree, and surfaces of revolution.
+"""Point-cloud codec of geometric primitives: planes in an octree, and surfaces of revolution.
 
 `encode` encodes an (n, 3) array of coordinates with `PrimitiveSettings`. `decode` returns points,
 `decode_surface` returns points with normals, and `decode_mesh` returns labelled triangles.

@@ -1,4 +1,4 @@
-"""Groups points by the cubic cells of a regular grid."""
+"""Grouping of points by the cubic cells of a regular grid."""
 
 from __future__ import annotations
 
@@ -21,8 +21,9 @@ class CellGroups(NamedTuple):
     cell_of: Ints  # (n,) index of each point's cell
 
     def sorted_rows(self) -> tuple[Ints, Ints]:
-        """Return the rows (n,) of the points sorted by cell, and the position (m,) of each
-        cell's first."""
+        """Return the indices (n,) of the points sorted by cell, and each cell's first position
+        (m,).
+        """
         counts = self.counts.astype(np.int64)
         starts = np.cumsum(counts) - counts
         return _counting_sort(self.cell_of, starts), starts
@@ -31,10 +32,10 @@ class CellGroups(NamedTuple):
 def group_by_cell(
     points: Floats, side: float, origin: Floats | None = None, *, centred: bool = False
 ) -> CellGroups:
-    """Group points (n, 3), n > 0, by the cells of a grid, fastest if they are in a spatial order.
+    """Group points (n, 3), n > 0, by cells of a grid; fastest if close points follow each other.
 
-    The points must span fewer than 2^21 cells per axis. `origin` (3,) is the centre of cell (0, 0,
-    0) if `centred`, otherwise its least corner; it defaults to zeros.
+    The points must span fewer than 2^21 cells per axis. `origin` (3,), by default zeros, is the
+    centre of cell (0, 0, 0) if `centred`, otherwise its least corner.
     """
     origin = np.zeros(3) if origin is None else origin
     low, _ = bounds(points)
@@ -50,7 +51,7 @@ def group_by_cell(
 
 
 def cell_keys(cells: Ints) -> Ints:
-    """Return keys (n,) that sort like the cells (n, 3), whose coordinates must be in [0, 2^21)."""
+    """Return integer keys (n,) in the same order as cells (n, 3) with coordinates in [0, 2^21)."""
     return (cells[:, 0] << 2 * _BITS) | (cells[:, 1] << _BITS) | cells[:, 2]
 
 
@@ -62,8 +63,8 @@ def _cell_of_positions(positions: Floats, centred: bool) -> Ints:
 def _group(
     points: Floats, origin: Floats, side: float, centred: bool, first: Ints
 ) -> tuple[Ints, Floats, Ints]:
-    """Return the keys (m,) of the cells, the sums (m, 4) of x, y, z and 1 in each, and the cell
-    (n,) of each point.
+    """Return the cells' keys (m,), each cell's sums of x, y, z and 1 (m, 4), and the index of each
+    point's cell (n,).
     """
     cell_of = np.empty(len(points), np.int64)
     keys, sums = np.empty(1024, np.int64), np.zeros((1024, 4))
@@ -127,7 +128,7 @@ def measure_centre_distances(
     cell_bounds: tuple[Ints, Ints],
     centre_distances: Floats,
 ) -> None:
-    """Write the distance of points from their cell's centre along the farthest axis, in cells.
+    """Write each point's Chebyshev distance from the centre of its cell, in sides of a cell.
 
     It is infinite for points outside all occupied cells. `keys` are the keys of the occupied cells
     relative to the lower of `cell_bounds`.

@@ -1,4 +1,4 @@
-"""Decoder of streams to patches, and of patches to points with normals."""
+"""Decoder of streams to primitives with occupancy maps, and of these to points with normals."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ from puckbench.primitives.stream import (
 from puckbench.primitives.traversal import code_octree
 
 _PLANE_STEP_EXPONENT = 0.5
-"""The quantisation step of a larger leaf's plane is divided by the ratio of sides to this power."""
+"""A plane's quantisation step is divided by (its leaf's side / the least side) to this power."""
 
 
 class DecodedSurface(NamedTuple):
@@ -65,7 +65,7 @@ class DecodedSurface(NamedTuple):
 
 
 class Patches(NamedTuple):
-    """Primitives of a stream with their occupancy maps, before points are reconstructed."""
+    """Decoded primitives with their occupancy maps, from which points are reconstructed."""
 
     header: SurfaceHeader
     geometry: OctreeGeometry
@@ -97,8 +97,7 @@ def decode(stream: bytes) -> Floats:
 
 
 def decode_surface(stream: bytes) -> DecodedSurface:
-    """Decode a stream to points of the surface with normals; the voxels of a hybrid stream are
-    ignored.
+    """Decode the primitives of a stream, but not a hybrid's voxels, to points with normals.
 
     Raises
     ------
@@ -131,7 +130,7 @@ def read_patches(stream: bytes) -> Patches:
 
 
 def reconstruct_surface(patches: Patches) -> DecodedSurface:
-    """Reconstruct all points; raise InputError if there are none or too many."""
+    """Return points on all primitives; raise InputError if none or more than `MAX_POINTS`."""
     xyz, leaf_of_point = reconstruct_planes(patches)
     planes = patches.leaves.plane_index[leaf_of_point]
     normals = patches.header.rotate_back(patches.leaves.planes[planes, :3])
@@ -143,8 +142,9 @@ def reconstruct_surface(patches: Patches) -> DecodedSurface:
 
 
 def reconstruct_planes(patches: Patches) -> tuple[Floats, Ints]:
-    """Return the points (m, 3) of all planes in the cloud's coordinates, and each point's leaf
-    (m,)."""
+    """Return points (m, 3) on all planes, in the cloud's coordinates, and each point's leaf index
+    (m,).
+    """
     header = patches.header
     density = (header.points_across, header.column_spacing)
     arguments = (patches.geometry, patches.leaves, patches.occupancy, *density)

@@ -1,9 +1,9 @@
-"""Displacement of voxels along the normals of the surrounding voxels.
+"""Displacement of voxels along the normals of planes fitted to the voxels around them.
 
-If a voxel is off the plane of its neighbours, its points lie mostly on the side towards the plane.
-A plane also misses the centres of coarse voxels. The encoder therefore sends optimal displacements,
-as fractions of the distance to the local plane, one for each class of this distance and of the
-thickness of the surface.
+If the centre of a voxel is off this local plane, its points lie mostly on the side towards the
+plane. The encoder therefore sends displacement factors: fractions of the distance to the local
+plane that minimise the squared error, one for each class of voxels with similar distance and
+surface thickness.
 """
 
 from __future__ import annotations
@@ -19,15 +19,17 @@ from puckbench.primitives.octree_arrays import Ints
 from puckbench.primitives.stream import BLOCK_SIZES, CLASSES, DisplacementTable
 
 _DISTANCE_BOUNDS = np.array([0.25, 0.5, 0.75, 1.0, 1.5])
-"""Bounds of the classes, in voxels."""
+"""Bounds of the classes of distances, in voxels."""
 _THICKNESS_BOUNDS = np.array([0.3, 0.5, 0.9])
+"""Bounds of the classes of thickness, in voxels."""
 FACTOR_ONE = 64
-"""Factor of a displacement by the whole distance to the plane."""
+"""Factor that moves a voxel onto its local plane."""
 
 
 class LocalPlanes(NamedTuple):
-    """Local planes of voxels: normals (m, 3), signed distances (m,) in voxels, displacement
-    classes (m,)."""
+    """Local planes of voxels: normals (m, 3), signed distances (m,) in voxels, and the voxels'
+    classes (m,) of displacement factors.
+    """
 
     normals: Floats
     distances: Floats
@@ -36,7 +38,7 @@ class LocalPlanes(NamedTuple):
     def displace(
         self, points: Floats | Ints, factors: NDArray[np.int8], side: float = 1.0
     ) -> Floats:
-        """Move points (m, 3) of voxels towards the local planes by the factors of their classes.
+        """Move points (m, 3) towards their local planes by their class's factor times the distance.
 
         `side` is the side of a voxel.
         """
@@ -44,10 +46,9 @@ class LocalPlanes(NamedTuple):
         return np.asarray(points - displacement[:, None] * self.normals)
 
     def fit_factors(self, offsets: Floats, weights: Floats) -> tuple[NDArray[np.int8], float]:
-        """Return the factors (CLASSES,) that minimise the squared error, and the error that they
-        save.
+        """Return the factors (CLASSES,) of least squared error, and the reduction of the error.
 
-        The offsets (m, 3) are voxels minus the means of their points.
+        `offsets` (m, 3) are the voxels minus the means of their points.
         """
         residuals = (offsets * self.normals).sum(axis=1)
         products = np.bincount(self.classes, weights * residuals * self.distances, CLASSES)
@@ -59,12 +60,12 @@ class LocalPlanes(NamedTuple):
 
 
 def displace(voxels: Ints, table: DisplacementTable) -> Floats:
-    """Return the displaced centres (m, 3) of voxels (m, 3), in units of a voxel."""
+    """Return the displaced centres (m, 3) of voxels (m, 3), in voxels."""
     return _local_planes(voxels, table.block_size).displace(voxels, table.factors)
 
 
 class FittedTable(NamedTuple):
-    """A table, the weighted squared error that it saves, and the displaced voxels (m, 3)."""
+    """Displacement factors, their reduction of the squared error, and displaced voxels (m, 3)."""
 
     table: DisplacementTable
     gain: float
@@ -72,8 +73,9 @@ class FittedTable(NamedTuple):
 
 
 def fit_displacements(voxels: Ints, means: Floats, weights: Floats) -> FittedTable:
-    """Fit the table that minimises the squared error between displaced voxels and their points'
-    means."""
+    """Fit the displacement factors of least squared error between displaced voxels and the means of
+    their points.
+    """
     offsets = voxels - means
 
     def fit(block_size: int) -> tuple[float, DisplacementTable, LocalPlanes]:

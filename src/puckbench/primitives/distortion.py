@@ -1,7 +1,7 @@
 """The encoder's estimate of distortion, against the cloud and against its smoothed samples.
 
-The smoothed samples stand for the true surface, because a decoded cloud that reproduces the noise
-is no nearer to that surface.
+The smoothed samples represent the surface without noise. Reproducing the noise does not bring a
+decoded cloud nearer to them.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from puckbench.primitives.octree_arrays import Ints
 
 _LEAF_SIZE = 16
 _MAX_QUERIES, _MAX_FAST_QUERIES = 20_000, 8_000
-"""Largest number of queries per direction, in a full and in a fast estimate."""
+"""Largest number of nearest-point queries per direction, in a full and in a fast estimate."""
 
 
 class Distortion(NamedTuple):
@@ -64,8 +64,8 @@ class DistortionEstimator:
     def measure(self, decoded: Floats, offsets: NearestOffsets | None = None) -> Distortion:
         """Estimate the distortion of decoded points (k, 3).
 
-        If the result of `nearest_offsets` is passed as `offsets`, a `subsample` of the points
-        suffices.
+        `offsets` is the result of `nearest_offsets` for these points; with it, a `subsample` of the
+        points suffices.
         """
         queries = subsample(decoded)
         of_points, of_samples = offsets or self.nearest_offsets(decoded)
@@ -79,7 +79,7 @@ class DistortionEstimator:
         return Distortion(point, plane, self._surface_error(of_samples, queries, rows))
 
     def surface_error(self, decoded: Floats) -> float:
-        """Estimate the error against the smoothed samples only, from fewer points."""
+        """Estimate only `Distortion.surface`, from fewer points."""
         samples, queries = (subsample(xyz, _MAX_FAST_QUERIES) for xyz in (self.samples, decoded))
         of_samples = samples - decoded[search_tree(decoded).query(samples)[1]]
         rows = self.sample_tree.query(queries)[1]

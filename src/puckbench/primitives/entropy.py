@@ -1,10 +1,9 @@
-"""Binary arithmetic coding with context mixing: each bit's probability is mixed from three
-contexts.
+"""Binary arithmetic coding with context mixing: a bit's probability is mixed from three contexts.
 
 The contexts' adaptive probabilities are mixed in the logistic domain with learnt weights (Mahoney
-2005, "Adaptive weighing of context models for lossless data compression"). With integer arithmetic
-all machines decode identically. Encoder and decoder call the same ``code_...`` functions: with an
-encoder they write the argument, with a decoder they ignore it and return the decoded value.
+2005, "Adaptive weighing of context models for lossless data compression"). Arithmetic is on
+integers, so that all machines decode identically. Encoder and decoder call the same ``code_...``
+functions: an encoder writes the argument, a decoder ignores it and returns the decoded value.
 """
 
 from __future__ import annotations
@@ -32,7 +31,7 @@ from puckbench.primitives.octree_arrays import Ints
 _LEARNING_RATE = 14
 _MAX_UNARY = 12
 CONTEXTS_PER_NUMBER = 40
-"""Consecutive contexts that `code_number` uses from each of its two first contexts on."""
+"""Number of consecutive contexts that `code_number` uses from `first_a` and from `first_b` on."""
 
 
 class ContextCoder(NamedTuple):
@@ -71,8 +70,9 @@ def is_writing(coder: ContextCoder) -> bool:
 
 @compiled_in_place
 def code_bit(coder: ContextCoder, bit: int, mixer: int, contexts: tuple[int, int, int]) -> int:
-    """Encode or decode a bit with three contexts and the mixing weights of `mixer`; return the
-    bit."""
+    """Encode or decode a bit with three contexts and the weights of a mixer, given by index; return
+    the bit.
+    """
     a, b, c = contexts
     weights, stretch = coder.weights[mixer], coder.stretch
     a_logit = stretch[coder.probabilities[a] >> 4]
@@ -104,8 +104,8 @@ def code_number(coder: ContextCoder, value: int, mixer: int, first_a: int, first
     """Encode or decode a signed integer: zero flag, sign, magnitude (unary up to 12, then Elias
     gamma).
 
-    It uses `CONTEXTS_PER_NUMBER` contexts from `first_a` on, as many from `first_b` on, and three
-    mixers from `mixer` on.
+    It uses `CONTEXTS_PER_NUMBER` contexts from index `first_a` on, as many from `first_b` on, and
+    three mixers from index `mixer` on.
     """
     if code_bit(coder, 1 if value == 0 else 0, mixer, (first_a, first_b, first_a)) == 1:
         return 0

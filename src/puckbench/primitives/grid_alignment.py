@@ -1,7 +1,7 @@
 """Grid alignment: candidate axes and offsets of the octree's grid with respect to the walls.
 
-A wall between two nodes, or near the corners of many nodes, costs more bits and error than one in
-the middle of its nodes. The encoder tries each candidate to learn its cost.
+A wall between octree nodes, or through the corners of many, costs more bits and error than one
+through the middle of nodes.
 """
 
 from __future__ import annotations
@@ -20,15 +20,16 @@ _MIN_ALIGNED_LEAF_SIZE = 12.0
 
 
 def frame_candidates(cloud: PreparedCloud) -> list[SurfaceMode]:
-    """Return grids along the cloud's axes, starting at two corners, and along its Manhattan
-    frame."""
+    """Return candidates with grids along the cloud's axes (from the corner of the points or of the
+    surface) and along its Manhattan frame.
+    """
     rotation = estimate_manhattan_frame(cloud.surface.normals)
     modes = [SurfaceMode(grid_offset=point_corner_offset(cloud)), SurfaceMode()]
     return [*modes, SurfaceMode(rotation)] if any(rotation) else modes
 
 
 def diagonal_offset_candidates(cloud: PreparedCloud, mode: SurfaceMode) -> list[SurfaceMode]:
-    """Return copies of the mode with other grid offsets, or none if the leaves are small."""
+    """Return copies of the candidate with other grid offsets, or none if the leaves are small."""
     offsets = _DIAGONAL_OFFSETS if _has_large_leaves(cloud) else ()
     return [mode._replace(grid_offset=(offset, offset, offset)) for offset in offsets]
 
@@ -36,8 +37,9 @@ def diagonal_offset_candidates(cloud: PreparedCloud, mode: SurfaceMode) -> list[
 def axis_offset_candidates(
     cloud: PreparedCloud, mode: SurfaceMode, axis: int
 ) -> Iterator[SurfaceMode]:
-    """Yield copies of the mode with the grid moved along one axis, or none if the leaves are
-    small."""
+    """Yield copies of the candidate with the grid moved along one axis, or none if the leaves are
+    small.
+    """
     for step in _AXIS_OFFSETS if _has_large_leaves(cloud) else ():
         offset = list(mode.grid_offset)
         offset[axis] += step

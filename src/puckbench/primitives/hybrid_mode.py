@@ -49,8 +49,7 @@ _MIN_VOXEL_SHARE = 0.1
 """Fraction of the budget below which voxels are not worth their header."""
 
 _MAX_SEARCH_STEPS = 1 << 28
-"""Largest number of points and boxes that a decoder compares with voxels: a second or two of
-work."""
+"""Largest number of points and boxes that a decoder compares with voxels, in a second or two."""
 
 
 class SurfacePart(NamedTuple):
@@ -74,8 +73,8 @@ class HybridCandidate(NamedTuple):
 
 
 def decode(header: HybridHeader, xyz: Floats, normals: Floats) -> Floats:
-    """Return the points of a hybrid stream whose decoded surface has the points `xyz` (m, 3) and
-    unit normals.
+    """Return the points of a hybrid stream, given the points `xyz` (m, 3) and unit normals (m, 3)
+    of its decoded surface.
 
     Raises InputError if the stream is damaged.
     """
@@ -99,7 +98,7 @@ def encode(
     max_voxel_size: float,
     criterion: HybridCriterion,
 ) -> HybridCandidate | None:
-    """Encode a cloud as a surface and the finest voxels that fit the budget.
+    """Encode a cloud as a surface and the finest voxels with which both fit into `max_bytes`.
 
     Return None if the surface leaves too few bytes for voxels, if there are too many voxels, or if
     they are too far from the surface.
@@ -121,8 +120,8 @@ def has_voxel_budget(surface: bytes, max_bytes: int) -> bool:
 def _best_candidate(
     point_count: int, surface: SurfacePart, coded: CodedVoxels, criterion: HybridCriterion
 ) -> HybridCandidate:
-    """Return the cheapest hybrid among all keep distances (see `HybridHeader`), with and without
-    displacement of the voxels.
+    """Return the hybrid of least cost among all keep distances (see `HybridHeader`), with and
+    without displacements of the voxel mode.
     """
     grid, groups = coded.grid, coded.groups
     tree, weights = box_tree(surface.xyz), voxel_mode.voxel_weights(groups)

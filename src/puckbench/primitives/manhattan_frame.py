@@ -19,11 +19,11 @@ _INITIAL_STEP_DEG = 7.5
 _TOLERANCE = radians(2.0)
 _MIN_COSINES = tuple(cos(radians(degrees)) for degrees in (20.0, 10.0, 5.0, 4.0, 3.0))
 _PRIOR_WEIGHT = 1e-7
-"""Weight of the current rotation. It decides what the normals leave open, for example the
+"""Weight of the current rotation, which decides what the normals do not determine, for example the
 rotation around the normal of a single wall."""
 _MAX_ITERATIONS = 60
 _MIN_GAIN, _MIN_IMPROVEMENT = 0.02, 1e-6
-"""Least gain in aligned share of a rotation over none, and over another rotation."""
+"""Least gain in the share of aligned normals over no rotation, and over another rotation."""
 
 
 def rotation_matrix(rotation_vector: RotationVector) -> Floats:
@@ -60,7 +60,7 @@ def rotate_inverse(vectors: Floats, rotation: Floats) -> Floats:
 def estimate_manhattan_frame(normals: Floats) -> RotationVector:
     """Return the rotation after which most unit normals (n, 3) are parallel to the axes.
 
-    It rotates from the cloud's axes to the scene's; it is zero if a rotation gains little.
+    It is zero if no rotation aligns many more normals than the cloud's own axes.
     """
     sampled = subsample(normals, _MAX_NORMALS)
     best, least_share = (0, 0, 0), _aligned_share(sampled, np.eye(3)) + _MIN_GAIN
@@ -90,7 +90,7 @@ def _aligned_share(normals: Floats, rotation: Floats) -> float:
 def _refine(normals: Floats, rotation: Floats) -> Floats:
     """Refine a rotation by aligning normals with the axes that they are close to (Kabsch 1976).
 
-    In each round normals must be closer.
+    Each iteration uses only normals within a smaller angle of an axis.
     """
     rotation = rotation.copy()
     for min_cosine in _MIN_COSINES:
@@ -110,7 +110,7 @@ def _refine(normals: Floats, rotation: Floats) -> Floats:
 
 @compiled
 def _project_to_rotation(matrix: Floats, rotation: Floats) -> bool:
-    """Write the rotation nearest to a matrix, by Newton's iteration (Higham 1986).
+    """Write to `rotation` the rotation nearest to a matrix, by Newton's iteration (Higham 1986).
 
     Return False if the matrix is singular or a reflection.
     """
@@ -132,8 +132,8 @@ def _project_to_rotation(matrix: Floats, rotation: Floats) -> bool:
 
 
 def _quantise(rotation: Floats) -> RotationVector:
-    """Return the quantised rotation; of all rotations that map the axes to the same lines, the
-    one of least angle is used.
+    """Quantise the rotation of least angle among those that differ by exchanged or reversed
+    axes.
     """
     order = np.abs(rotation).argmax(axis=1)
     if len(set(order.tolist())) == 3:

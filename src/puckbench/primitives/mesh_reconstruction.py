@@ -32,8 +32,9 @@ _MIN_CONE_ANGLE = 0.02
 def decode_mesh(stream: bytes) -> Mesh:
     """Decode the surface of a stream to labelled triangles in the cloud's coordinates.
 
-    A label's primitive is a plane (unit normal and offset, ``normal . p = offset``), cylinder, cone
-    or sphere; its object is a segment of merged leaves or a surface of revolution.
+    A triangle's label names its primitive, which is a plane (unit normal and offset, ``normal . p =
+    offset``), cylinder, cone or sphere, and its object: a segment of merged leaves or a surface of
+    revolution.
 
     Raises
     ------
@@ -111,7 +112,7 @@ def _revolution_primitive(header: SurfaceHeader, surface: RevolutionSurface) -> 
 def _cover_with_rectangles(
     geometry: OctreeGeometry, leaves: Leaves, occupancy: Bytes, quads: Floats, leaf_of_quad: Ints
 ) -> int:
-    """Write rectangles (m, 4, 3) that cover all occupied columns, and each rectangle's leaf (m,).
+    """Write corners of rectangles (m, 4, 3) that cover all occupied columns, and their leaves (m,).
 
     Return how many are needed, which may be more than fit into the arrays.
     """
@@ -140,8 +141,8 @@ def _cover_with_rectangles(
 
 @compiled
 def _take_rectangle(columns: Bytes, a: int, b: int) -> tuple[int, int]:
-    """Find the rectangle of nonzero cells that starts at (a, b), set them to zero, and return
-    the corner after its last cell.
+    """Find a rectangle of nonzero values with first corner (a, b), set them to zero, and return the
+    corner after its last value.
     """
     end_b = b
     while end_b < columns.shape[1] and columns[a, end_b]:

@@ -44,23 +44,23 @@ from puckbench.primitives.surface_mode import (
 from puckbench.primitives.voxel_mode import CodedVoxels, VoxelSearch
 
 _LAMBDA_FACTORS = (2.0, 4.0)
-"""Multiples of the rate's lambda for coarser surfaces, tried if the surface loses against voxels.
+"""Multiples of the rate's lambda for coarser surfaces, tried if voxels are better than the surface.
 
-Voxels of many bytes follow noise and scattered points, surfaces do not; a surface of fewer bytes
-may still win against voxels of as few."""
+With many bytes, voxels reproduce noise and scattered points, which surfaces do not. With fewer
+bytes, a surface may still be better than voxels of the same size."""
 _HYBRID_LAMBDA_FACTORS = (8.0, 16.0, 32.0)
 """Further multiples, for surfaces in hybrids."""
 _MAX_REJECTED = 3
 """Number of surfaces of revolution, rejected one after another, that ends the search."""
 _MIN_COST_RATIO = 0.98
-"""A grid offset replaces another only below this ratio of costs; smaller gains may be chance."""
+"""Ratio of costs below which a grid offset replaces another; smaller gains may be due to chance."""
 _REFINEMENT_DEFAULTS = {
     name: PrimitiveSettings.model_fields[name].default
     for name in ("refinement", "refined_bpp", "max_voxel_size")
 }
 _POINT_TOLERANCE, _MAX_POINT_RATIO = 1.05, 1.25
-"""Largest point-to-point error of a surface, relative to plain voxels. It is never zero, because a
-surface does not code where on it the points lie."""
+"""Largest point-to-point errors of a surface, relative to voxels without displacements, in two
+comparisons. The error is never zero, because a surface does not code where on it the points lie."""
 
 
 def encode(points: Floats, settings: PrimitiveSettings, cache: SurfaceCache | None = None) -> bytes:
@@ -73,7 +73,7 @@ def encode(points: Floats, settings: PrimitiveSettings, cache: SurfaceCache | No
     settings
         Parameters of the rate.
     cache
-        Cache for several rates of one cloud.
+        Saves repeated searches for the surface if several rates of a cloud are encoded.
 
     Returns
     -------
@@ -98,7 +98,7 @@ class SurfaceCache:
     """Keeps the encoded surface of a cloud for rates that differ only in their refinement.
 
     A rate without refinement always repeats the search, so that calls can be timed. `saved` is the
-    cost of the search that the last call took from the cache.
+    time and memory of the search that the last call took from the cache.
     """
 
     def __init__(self) -> None:
@@ -156,8 +156,8 @@ def _select_mode(
 ) -> _Selection:
     """Select the finest surface that is better than voxels of equal size in bytes.
 
-    If no surface is better, the product of the errors decides between the coarsest surface and
-    voxels, and between voxels alone and a hybrid with that surface.
+    If none is, the product of the errors (see `Distortion`) decides between the coarsest surface
+    and voxels, and then between voxels alone and a hybrid with that surface.
     """
     if best.coded is None:
         return _Selection(search.encode_to_budget(max_bytes).stream, None)
@@ -187,8 +187,7 @@ def _encode_coarse_hybrid(
     voxels: CodedVoxels,
     search: VoxelSearch,
 ) -> bytes | None:
-    """Return the best hybrid no larger than the voxels alone, or None if it is not better than
-    these.
+    """Return the best hybrid of at most as many bytes as the voxels, or None if these are better.
 
     Surfaces coarser than `coded` are tried as long as they improve the hybrid.
     """
@@ -212,9 +211,8 @@ def _encode_coarse_hybrid(
 def _hybrid_criterion(
     cloud: PreparedCloud, estimator: DistortionEstimator, refinement: float
 ) -> hybrid_mode.HybridCriterion:
-    """Return a criterion whose cost is the product of the errors.
-
-    With a higher refinement the error of the surface has less weight.
+    """Return a criterion whose cost is the product of the errors in `Distortion`, that of the
+    surface to the power 1 - refinement.
     """
 
     def nearest_offsets(decoded: Floats) -> NearestOffsets:
@@ -230,7 +228,7 @@ def _hybrid_criterion(
 
 
 def _encode_refined(result: _SearchResult, settings: PrimitiveSettings) -> bytes:
-    """Encode a hybrid, or voxels of equal size if these are better.
+    """Encode a hybrid, or voxels of equal size in bytes if these are better.
 
     If a surface was selected without refinement, voxels replace its hybrid only if they preserve
     the surface (see `_voxels_lose_surface`). Otherwise the product of the errors decides.
@@ -260,9 +258,9 @@ def _voxels_lose_surface(
 ) -> bool:
     """Return whether voxels lose more accuracy of the surface than they gain at the points.
 
-    This is so if either error at the points is not smaller than the hybrid's. Otherwise the product
-    of the ratios of errors, voxels to hybrid, decides: the surface error counts twice as much as
-    each error at the points if the refinement is 2/3, and not at all if it is 1.
+    They do if their point or plane error is not less than the hybrid's. Otherwise they do if the
+    product of the ratios of errors (voxels to hybrid) is at least 1, where the ratio of surface
+    errors has the power 6 (1 - refinement).
     """
     if voxels.point >= hybrid.point or voxels.plane >= hybrid.plane:
         return True
@@ -274,10 +272,10 @@ def _voxels_lose_surface(
 def _refined_budget(
     search: VoxelSearch, selected_bytes: int, settings: PrimitiveSettings
 ) -> tuple[int, float]:
-    """Return the budget of the refinement in bytes, and the largest side of its voxels in units.
+    """Return a refined stream's budget in bytes, and the largest side of its voxels in units.
 
-    The budget grows exponentially with the refinement. Refinement 1 may exceed `refined_bpp`,
-    because its voxels are at most `max_voxel_size`.
+    The budget grows exponentially with the refinement. At refinement 1 voxels are at most
+    `max_voxel_size`, even if they need more than `refined_bpp`.
     """
     low, high = bounds(search.points)
     unit = float((high - low).max()) / UNITS

@@ -12,8 +12,8 @@ _MIN_POINTS = 8
 
 
 def estimate_noise(points: Floats, cell_size: float) -> float:
-    """Return the noise's standard deviation: the lower quartile of the deviations in all cells,
-    weighted by their points.
+    """Return the noise's standard deviation: the lower quartile, weighted by points, of the
+    deviations from the planes of all cells.
 
     A quartile is used because curved and crossing surfaces raise the deviation of only some cells.
     The result is 0 if no cell has enough points.

@@ -14,9 +14,7 @@ _MAX_ITERATIONS = 4
 
 
 class OccupancyCriterion(NamedTuple):
-    """Smoothed samples with which decoded points are compared, and weights of the errors;
-    lengths are in cells.
-    """
+    """Smoothed samples with which decoded points are compared, and costs; lengths are in cells."""
 
     xyz: Floats  # (n, 3) samples
     normals: Floats  # (n, 3) unit normals
@@ -42,8 +40,9 @@ NO_CRITERION = OccupancyCriterion(
 
 @compiled_in_place
 def distortion_reduction(criterion: OccupancyCriterion, point: Floats) -> float:
-    """Return by how much decoded points in a sampling cell at `point` (3,) reduce the
-    distortion."""
+    """Return by how much decoded points at `point` (3,), on the area of a sampling cell, reduce the
+    distortion.
+    """
     row, squared = _nearest_sample(criterion, point)
     if row < 0:
         return -criterion.area_weight * criterion.max_error
@@ -59,7 +58,7 @@ def distortion_reduction(criterion: OccupancyCriterion, point: Floats) -> float:
 
 @compiled_in_place
 def _nearest_sample(criterion: OccupancyCriterion, point: Floats) -> tuple[int, float]:
-    """Return the nearest sample (-1 if none is within two cells) and its squared distance."""
+    """Return the nearest sample's index (-1 if none is within two cells) and squared distance."""
     exact_radius = np.inf  # samples outside the 27 cells around the point are farther than this
     for k in range(3):
         from_lower = point[k] - (int(point[k] / criterion.spacing) - 1) * criterion.spacing
@@ -92,12 +91,12 @@ def _nearest_within(
 
 @compiled
 def optimise_occupancy_map(gains: Floats, edge_cost: float, surrounding: Ints, bits: Bytes) -> None:
-    """Write the map (n, n) that maximises its total gain minus the cost of its edges.
+    """Write to `bits` the map (n, n) that maximises its total gain minus the cost of its edges.
 
     The optimisation is by iterated conditional modes (Besag, "On the statistical analysis of dirty
-    pictures", 1986). `gains` (n, n) are the distortions that occupied columns save, which may be
-    negative. An edge is between adjacent columns of which one is occupied. `surrounding` (n + 2, n
-    + 2) holds the states of the columns around the map.
+    pictures", 1986). `gains` (n, n) are the reductions of the distortion by occupied columns. An
+    edge is between adjacent columns of which one is occupied. `surrounding` (n + 2, n + 2) holds
+    the states of the columns around the map.
     """
     side = len(gains)
     for a in range(side):

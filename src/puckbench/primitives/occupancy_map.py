@@ -1,8 +1,8 @@
 """Occupancy maps of planes: one bit per column of cells, coded with contexts.
 
 As for the patches of V-PCC, an occupancy map marks the part of a plane that the surface covers. A
-column is one cell wide and runs along the plane's dominant axis. The states of all columns lie in
-one grid of cells, so that the contexts of a map reach into the maps of neighbouring leaves.
+column is one cell wide and runs along the plane's dominant axis. The states of all columns are
+stored in one grid of cells, so that contexts also use columns of neighbouring leaves.
 """
 
 from __future__ import annotations
@@ -134,7 +134,9 @@ def _decide_columns(
 def _column_gain(
     plane: Floats, axis: int, a: int, b: int, criterion: OccupancyCriterion, p: Floats
 ) -> float:
-    """Return the mean distortion that a column's four points save; `p` (3,) is scratch memory."""
+    """Return by how much an occupied column, sampled at four points, reduces the distortion; `p`
+    (3,) is scratch memory.
+    """
     gain = 0.0
     for k in range(4):
         p_u, p_v = a + 0.25 + 0.5 * (k & 1), b + 0.25 + 0.5 * (k >> 1)

@@ -1,4 +1,4 @@
-"""Octree of a surface's samples, pruned where one plane costs less than its children."""
+"""Octree of a surface's samples, pruned at nodes where one plane costs less than the children."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ class PlaneOctreeLevel(NamedTuple):
 def build_octree(
     xyz: Floats, normals: Floats, weights: Floats, radius: float, depth: int
 ) -> list[PlaneOctreeLevel]:
-    """Build all levels from the root (0) to the cells (`depth`); lengths are in cells.
+    """Build an octree of samples; return its levels from the root (0) to the cells (`depth`).
 
-    Each sample represents a disc of the given radius.
+    Each sample represents a disc of the given radius, in cells.
     """
     cells = np.floor(xyz).astype(np.int64).clip(0, (1 << depth) - 1)
     keys = morton_codes(cells, np.arange(3))
@@ -72,7 +72,7 @@ def prune_octree(
 
 
 def collect_leaves(levels: list[PlaneOctreeLevel]) -> tuple[Ints, Leaves]:
-    """Return the leaves, and their indices (n,) among the nodes of all levels."""
+    """Return the leaves' indices (n,) among the nodes of all levels, and the leaves."""
     depth = len(levels) - 1
     corner, side, level_indices = [], [], []
     is_reached, start = np.ones(1, bool), 0

@@ -15,7 +15,7 @@ from puckbench.geometry.cloud import Floats
 
 Ints = NDArray[np.int64]
 IndexGrid = NDArray[np.int32]
-"""Grid of 1 + index, 0 for none."""
+"""Grid of cells that holds 1 + an index, or 0 for none."""
 Bytes = NDArray[np.uint8]
 
 UNKNOWN, EMPTY, OCCUPIED = 0, 1, 2
@@ -42,7 +42,7 @@ class Leaves(NamedTuple):
 
 
 class EncoderNodes(NamedTuple):
-    """Nodes of all levels, one level after the other; the decoder does not have them."""
+    """Octree nodes of all levels, one level after the other, known to the encoder only."""
 
     moments: Floats  # (n, 10) of the samples in the node
     first_child: Ints  # (n + 1,) index of the first child
@@ -60,7 +60,7 @@ def leaf_at(geometry: OctreeGeometry, leaf_grid: IndexGrid, x: int, y: int, z: i
 
 @compiled_in_place
 def dominant_axis(plane: Floats) -> int:
-    """Return the axis nearest to a plane's normal, along which the plane's columns run."""
+    """Return the axis nearest to a plane's normal; columns of occupancy maps run along it."""
     axis = 0
     for k in range(1, 3):
         if abs(plane[k]) > abs(plane[axis]):
@@ -70,6 +70,6 @@ def dominant_axis(plane: Floats) -> int:
 
 @compiled_in_place
 def plane_height(plane: Floats, axis: int, u: float, v: float) -> float:
-    """Return a plane's coordinate along `axis` where the two axes after it are at u and v."""
+    """Return a plane's coordinate along `axis` where the next two axes (cyclic) are at u and v."""
     across = plane[(axis + 1) % 3] * u + plane[(axis + 2) % 3] * v
     return float((plane[3] - across) / plane[axis])

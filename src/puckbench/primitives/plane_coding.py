@@ -1,7 +1,7 @@
-"""Coding of a leaf's plane: merged with the plane of a neighbouring leaf, or predicted from it.
+"""Coding of a leaf's plane: a neighbouring leaf's plane, or a new one predicted from it.
 
 As in the merge mode of video codecs, the encoder may signal the index of a neighbour's plane
-instead of a plane. A new plane is fitted to the leaf's whole region (see `region_merging`), and
+instead of a new plane. A new plane is fitted to the leaf's whole region (see `region_merging`), and
 quantised more finely if the region is larger.
 """
 
@@ -28,7 +28,7 @@ _MAX_EXTENT_LOG2 = 4
 """Largest log2 of a region's extent, in sides of the leaf."""
 _MAX_CONTACTS = 64
 
-# First context and mixer of each kind, relative to `base`.
+# Index of the first context and of the first mixer of each kind of bit, relative to `base`.
 _MERGE = 0
 _AXIS = _MERGE + 192
 _PARAMETERS = _AXIS + 12
@@ -49,10 +49,10 @@ def code_plane(
     leaves: Leaves,
     leaf_grid: IndexGrid,
 ) -> None:
-    """Encode or decode the plane of a leaf, and add the leaf.
+    """Encode or decode the plane of a leaf, and append the leaf to `leaves`.
 
-    The encoder minimises squared distance + lmbda * estimated bits. `base` is the first context and
-    mixer; `node` (4,) holds its coordinates at its level, and its index in `nodes`.
+    The encoder minimises squared distance + lmbda * estimated bits. `base` holds the first context
+    and mixer, `node` (4,) the leaf's coordinates at its level and its index in `nodes`.
     """
     side_log2 = geometry.depth - level
     side = 1 << side_log2
@@ -122,8 +122,9 @@ def _merge_candidates(
     leaf_grid: IndexGrid,
     candidates: Ints,
 ) -> int:
-    """Write the planes of adjacent leaves that cross a cube, most contact first; return their
-    number."""
+    """Write the planes of adjacent leaves that pass near a cube, longest contact first; return
+    their number.
+    """
     contacts, planes = np.zeros(_MAX_CONTACTS, np.int64), np.zeros(_MAX_CONTACTS, np.int64)
     count = _count_contacts(geometry, corner, side, leaves, leaf_grid, contacts, planes)
     kept = 0
@@ -199,7 +200,9 @@ def _decide_plane(
     max_extent_log2: int,
     indices: Ints,
 ) -> tuple[int, int]:
-    """Return the merge index of least cost, and the extent of a new plane."""
+    """Return the cheapest candidate's index (their count for a new plane) and a new plane's
+    extent.
+    """
     plane = np.empty(4)
     extent_log2, bits = _quantise_region_plane(
         geometry, moments[1], leaves, candidates, cube, max_extent_log2, indices, plane
@@ -224,7 +227,9 @@ def _quantise_region_plane(
     indices: Ints,
     plane: Floats,
 ) -> tuple[int, float]:
-    """Quantise a region's plane with the extent of least cost; return the extent and the bits."""
+    """Quantise a region's plane with the cheapest extent; return log2 of the extent, and the
+    bits.
+    """
     fitted, dequantised = np.empty(4), np.empty(4)
     fit_plane(region, fitted)
     trial_indices, predicted = np.zeros(4, np.int64), np.zeros(4, np.int64)

@@ -1,4 +1,4 @@
-"""Preparation of a cloud: scaling to units, noise estimation, smoothed samples of the surface."""
+"""Preparation of a cloud: scaling, noise estimation, smoothed samples of the surface."""
 
 from __future__ import annotations
 
@@ -65,7 +65,9 @@ def prepare(points: Floats, settings: PrimitiveSettings) -> PreparedCloud:
 
 
 def column_size(surface: SurfaceSamples, settings: PrimitiveSettings) -> float:
-    """Return the side of a column in units, which is limited from below by the samples' spacing."""
+    """Return the side of an occupancy-map column in units, enlarged to suit the samples' spacing
+    and `MAX_CELLS`.
+    """
     doublings = np.log2(0.6 * surface.spacing / settings.column_size)
     column = settings.column_size * 2.0 ** max(0, np.ceil(doublings - 1e-9))
     while np.prod(np.ptp(surface.xyz, axis=0) / column + 2) > MAX_CELLS:
@@ -78,11 +80,9 @@ def axis_aligned_column_size(cloud: PreparedCloud) -> float:
 
 
 def _smoothed_surface(points: Floats, noise: float, settings: PrimitiveSettings) -> SurfaceSamples:
-    """Smooth samples from cells that hold a few points each.
-
-    The cell size is a power of sqrt(2), so that no rate has larger cells than a lower rate.
-    """
+    """Return smoothed samples, one per cell of a grid whose cells hold a few points each."""
     target_spacing = max(_SPACING_PER_COLUMN * settings.column_size, _SPACING_PER_NOISE * noise)
+    # Spacings are powers of sqrt(2), so that no rate has larger cells than a lower rate.
     octaves = np.log2(max(_DEFAULT_SPACING / target_spacing, 1.0))
     spacing = float(_DEFAULT_SPACING * 2.0 ** (-np.ceil(2 * octaves - 1e-9) / 2))
     samples = downsample(points, spacing)

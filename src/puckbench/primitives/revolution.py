@@ -1,7 +1,7 @@
-"""Surfaces of revolution (cylinders, cones, spheres), unrolled to rows of square columns.
+"""Surfaces of revolution (cylinders, cones, spheres) with unrolled occupancy maps.
 
-A row is a ring around the axis. It is one cell high along the profile and has as many columns of
-one cell as fit around it. All lengths are in cells.
+A row of a map is a ring around the axis. It is one cell high along the profile and has as many
+columns of one cell as fit around it. All lengths are in cells.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ class RevolutionSurface(NamedTuple):
         return int(self.columns_per_row().sum())
 
     def profile(self, arc_length: Floats) -> tuple[Floats, Floats]:
-        """Return, for arc lengths, the radius and the height above the origin along the axis."""
+        """Return the radius and height above the origin at arc lengths (n,) along the profile."""
         return _profile(self, arc_length)
 
     def points_at(self, arc_length: Floats, azimuth: Floats) -> tuple[Floats, Floats]:
@@ -73,7 +73,9 @@ class RevolutionSurface(NamedTuple):
         return _points_at(self, *self.profile(arc_length), azimuth)
 
     def coordinates(self, xyz: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-        """Return arc length, azimuth, signed distance (n,) and normal (n, 3) of points (n, 3)."""
+        """Return arc lengths, azimuths, signed distances (n,) and normals (n, 3) of points (n,
+        3).
+        """
         return _coordinates(self, xyz)
 
 
@@ -153,7 +155,9 @@ def _coordinates(surface: RevolutionSurface, xyz: Floats) -> tuple[Floats, Float
 def distance_to(
     surface: RevolutionSurface, sine: float, cosine: float, point: Floats
 ) -> tuple[float, float, float]:
-    """Return a point's signed distance, height above the origin, and distance from the axis."""
+    """Return a point's signed distance from a surface, height above its origin, and distance from
+    its axis.
+    """
     x, y, z = (
         point[0] - surface.origin[0],
         point[1] - surface.origin[1],
@@ -179,7 +183,9 @@ def normal_at(
     height: float,
     radius: float,
 ) -> Vector:
-    """Return a surface's unit normal at its point nearest to the point `radial` from its origin."""
+    """Return the unit normal at the surface point nearest to a point; `radial` is that point minus
+    the origin.
+    """
     if surface.kind == SPHERE:
         return multiply(1 / max(length(radial), 1e-9), radial)
     axis = vector(surface.axis)
@@ -212,7 +218,7 @@ def pack_parameters(surface: RevolutionSurface) -> bytes:
 
 
 def is_representable(surface: RevolutionSurface) -> bool:
-    """Return whether `pack_parameters` can represent a surface; degenerate surfaces are allowed."""
+    """Return whether `pack_parameters` can represent a surface; its parameters may be infinite."""
     if not np.isfinite([*surface.origin, *surface.axis, surface.radius, surface.angle]).all():
         return False
     representable = bool(np.abs(surface.origin * _POSITION).max() < (1 << 15) - 1)
@@ -223,7 +229,7 @@ def is_representable(surface: RevolutionSurface) -> bool:
 
 
 def unpack_parameters(stream: bytes) -> list[RevolutionSurface]:
-    """Return the surfaces packed by `pack_parameters`; raise InputError if they are damaged."""
+    """Return the surfaces packed by `pack_parameters`; raise InputError if they are invalid."""
     surfaces = [
         _unpack_surface(stream[k : k + REVOLUTION_BYTES])
         for k in range(0, len(stream), REVOLUTION_BYTES)
@@ -280,7 +286,8 @@ def code_unrolled_map(coder: ContextCoder, columns: Ints, bits: Bytes) -> None:
 def _adjacent_columns(bits: Bytes, start: int, count: int, j: int, columns: int) -> int:
     """Return the bits of the three columns of another row that are nearest to column j.
 
-    `start` and `count` locate the other row; `columns` is the number of columns in j's row.
+    `start` and `count` are the other row's first column and length, `columns` the length of j's
+    row.
     """
     if count == 0 or start < 0:
         return 0

@@ -1,8 +1,6 @@
 """Robust least-squares fit of a surface of revolution to samples.
 
-Levenberg-Marquardt steps minimise the loss sqrt(1 + z) - 1, where z is the squared distance in
-units of `loss_scale`. Linear algebra is compiled here, because the last bits of results from
-libraries depend on the processor.
+Levenberg-Marquardt steps minimise the loss sqrt(1 + z) - 1, where z is (distance / `loss_scale`)^2.
 """
 
 from __future__ import annotations
@@ -104,6 +102,7 @@ def _linearise(
     return loss
 
 
+# No library solves this, because the last bits of its result would depend on the processor.
 @compiled_in_place
 def _solve(matrix: Floats, gradient: Floats, damping: float, factor: Floats, step: Floats) -> None:
     for k in range(_UNKNOWN_COUNT):

@@ -35,11 +35,11 @@ def make_hypotheses(
     xyz: Floats, normals: Floats, seeds: Ints, spacing: float, tolerance: float
 ) -> Floats:
     """Return spheres, cylinders and cones (m, 9), not yet bounded, through two or three samples
-    with normals.
+    with normals (see `surface_of_hypothesis`).
 
-    Each of the `seeds` (m,), rows of samples with the given spacing, is combined with two others at
-    each of three spans. `tolerance` is the least radius; a sphere or cylinder may miss the second
-    sample by twice this distance.
+    Each seed, the index of a sample, is combined with two other samples at each of three distances.
+    `spacing` is that of the samples, `tolerance` the least radius; a sphere or cylinder may miss
+    the second sample by twice this distance.
     """
     max_radius = float(np.ptp(xyz, axis=0).max()) / 2
     hypotheses, count = np.empty((3 * len(SPANS) * len(seeds), _FIELDS)), 0
@@ -76,7 +76,9 @@ def _sample_hypotheses(
     hypotheses: Floats,
     count: int,
 ) -> int:
-    """Write hypotheses through each seed and two samples at a distance of about `radius`."""
+    """Write hypotheses through each seed and two samples at 0.6 to 1 times `radius`; return their
+    number.
+    """
     ranges = np.empty((9, 2), np.int64)
     for seed in seeds:
         block = np.searchsorted(blocks.starts, seed, side="right") - 1
@@ -95,8 +97,8 @@ def _sample_hypotheses(
 def _annulus_samples(
     xyz: Floats, seed: int, ranges: Ints, radius: float, selection: tuple[int, int]
 ) -> tuple[int, tuple[int, int]]:
-    """Count the samples at a distance of about `radius` from a seed; return the count and two of
-    them.
+    """Count the samples at 0.6 to 1 times `radius` from a seed; also return the two with the
+    numbers `selection`.
     """
     min_squared, max_squared = (_MIN_DISTANCE * radius) ** 2, radius * radius
     count, first, second = 0, -1, -1

@@ -26,7 +26,7 @@ Mask = NDArray[np.bool_]
 
 
 class RevolutionCosts(NamedTuple):
-    """Squared errors, distances and costs of fitting surfaces of revolution, in cells."""
+    """Costs, squared errors and distances for `fit_revolutions`, in cells."""
 
     omission_error: float  # of a sample that no column represents
     tangential_weight: float  # of the squared distance in excess of a sampling cell
@@ -43,7 +43,9 @@ def to_grid(
     cell_size: float,
     grid_offset: tuple[float, float, float],
 ) -> RevolutionSurface:
-    """Transform a surface from units to cells of a rotated grid that starts at `corner`."""
+    """Transform a surface from units to cells of a rotated grid, where `corner` is at
+    `grid_offset`.
+    """
     origin, axis = rotate(np.stack([surface.origin, surface.axis]), rotation)
     origin = (origin - corner) / cell_size + grid_offset
     return surface._replace(origin=origin, axis=axis, radius=surface.radius / cell_size)
@@ -56,10 +58,10 @@ def fit_revolutions(
     weights: Floats,
     costs: RevolutionCosts,
 ) -> tuple[list[UnrolledMap], Mask]:
-    """Fit surfaces with occupancy maps to samples, one after the other.
+    """Bound surfaces by their inliers and choose their occupancy maps, one after the other.
 
-    The samples' weights (n,) average 1. Return the surfaces that explain samples, and the mask (n,)
-    of unexplained samples.
+    The samples' `weights` (n,) average 1. Return the surfaces whose maps contain samples, and the
+    mask (n,) of the other samples.
     """
     unexplained = np.ones(len(xyz), bool)
     maps: list[UnrolledMap] = []

@@ -14,11 +14,11 @@ _MIN_COSINE = float(np.cos(np.radians(20)))
 _CHUNK = 1 << 18
 """Number of points whose moments are computed at a time."""
 _MAX_ADDED_ERROR = 0.2
-"""Squared error in columns that a merge may add, per point of the smaller segment."""
+"""Squared error in squared columns that a merge may add, per point of the smaller segment."""
 
 
 def segment_points(patches: Patches) -> tuple[Floats, Ints]:
-    """Return the points (m, 3) of all primitives, and each point's segment (m,)."""
+    """Return the points (m, 3) of all primitives, and the index of each point's segment (m,)."""
     xyz, leaf_of_point = reconstruct_planes(patches)
     leaf_segments = _merge_leaves(patches, xyz, leaf_of_point)
     plane_segments, segments = np.unique(leaf_segments[leaf_of_point], return_inverse=True)
@@ -30,7 +30,7 @@ def segment_points(patches: Patches) -> tuple[Floats, Ints]:
 
 
 def segment_leaves(patches: Patches) -> Ints:
-    """Return each leaf's segment (n,), as the index of one of the segment's leaves."""
+    """Return each leaf's segment (n,), as the index of one leaf of the segment."""
     return _merge_leaves(patches, *reconstruct_planes(patches))
 
 

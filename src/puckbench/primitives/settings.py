@@ -1,4 +1,4 @@
-"""Settings of the codec. Lengths are in units of 1/1023 of the cloud's longest side."""
+"""Settings of the codec of primitives."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _REFERENCE_NOISE = 1.3
 
 
 class PrimitiveSettings(Model):
-    """Parameters of a rate. Squared errors are in squared units.
+    """Parameters of a rate. Lengths are in units of 1/1023 of the cloud's longest side.
 
     The surface mode codes planes in the leaves of an octree and surfaces of revolution, each with
     an occupancy map. The voxel mode codes the voxels of a G-PCC octree and displaces them along
@@ -66,10 +66,9 @@ class PrimitiveSettings(Model):
     )
 
     def adapted_to(self, noise: float) -> PrimitiveSettings:
-        """Return settings made coarser in proportion if the noise, in units, exceeds the noise
-        for which the rates are tuned.
+        """Return coarser settings, in proportion, if the noise in units exceeds a reference value.
 
-        Otherwise small leaves and fine planes would follow the noise.
+        Otherwise small leaves and fine planes would reproduce the noise.
         """
         factor = max(noise / _REFERENCE_NOISE, 1.0)
         length_names = ("min_leaf_size", "column_size", "plane_step")

@@ -54,7 +54,7 @@ Mask = NDArray[np.bool_]
 def detect_revolutions(
     xyz: Floats, normals: Floats, spacing: float, tolerance: float
 ) -> list[RevolutionSurface]:
-    """Return fitted and bounded surfaces of revolution, those with most samples first.
+    """Return fitted and bounded surfaces of revolution, those with most inliers first.
 
     `spacing` is that of the samples (n, 3), `tolerance` the largest distance of an inlier.
     """
@@ -113,7 +113,9 @@ def _find_curved(blocked: BlockedSamples, normals: Floats, radius: float, curved
 
 @compiled_in_place
 def _nearest_bend(xyz: Floats, normals: Floats, i: int, ranges: Ints, radius: float) -> float:
-    """Return the squared distance to the nearest sample with a different normal, or radius^2."""
+    """Return the squared distance to the nearest sample whose normal differs by 10 to 37 degrees,
+    or radius^2.
+    """
     squared_bend = radius * radius
     for k in range(len(ranges)):
         for j in range(ranges[k, 0], ranges[k, 1]):
@@ -176,8 +178,8 @@ def _select(
     spacing: float,
     tolerances: tuple[float, float],
 ) -> list[RevolutionSurface]:
-    """Select and refine hypotheses one by one, each time the one that explains most of the
-    samples not yet explained.
+    """Select and refine hypotheses one by one, each time the one with most inliers that no earlier
+    one has.
     """
     tolerance = tolerances[1]
     counts, unexplained = inliers.sum(axis=1), np.ones(inliers.shape[1], bool)
@@ -208,10 +210,8 @@ def _refine(
     unassigned: Mask,
     tolerances: tuple[float, float],
 ) -> RevolutionSurface:
-    """Fit a surface to its inliers repeatedly, each time with a smaller tolerance.
-
-    A surface that crosses between two others thus converges to one of them.
-    """
+    """Fit a surface to its inliers repeatedly, each time with a smaller tolerance."""
+    # Smaller tolerances let a hypothesis between two surfaces converge to one of them.
     for tolerance in (*tolerances, tolerances[1] / 2):
         rows = np.flatnonzero(unassigned & _inliers(surface, xyz, normals, tolerance))
         if len(rows) < 12:
@@ -241,7 +241,9 @@ def _height(surface: RevolutionSurface, point: Floats) -> float:
 def clip_to_inliers(
     surface: RevolutionSurface, xyz: Floats, normals: Floats, unassigned: Mask, tolerance: float
 ) -> RevolutionSurface:
-    """Bound a surface by its unassigned inliers; with too few inliers it gets no rows."""
+    """Bound a surface along its profile by its unassigned inliers; with too few, set its row count
+    to 0.
+    """
     inliers = unassigned & _inliers(surface, xyz, normals, tolerance)
     if inliers.sum() < _MIN_INLIERS / 2:
         return surface._replace(row_count=0)

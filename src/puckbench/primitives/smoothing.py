@@ -139,7 +139,7 @@ def _smooth(
 
 @compiled
 def ranges_near(blocks: BlockedSamples, block: int, block_radius: int, ranges: Ints) -> Ints:
-    """Return the ranges of the samples within `block_radius` blocks of a block.
+    """Return index ranges (k, 2) of the samples within `block_radius` blocks of a block.
 
     Adjacent blocks along z form one range.
     """
@@ -194,10 +194,8 @@ def _list_neighbours(
     radius: float,
     neighbours: Floats,
 ) -> int:
-    """Write offsets and weights (4, n) of a sample's neighbours; return their number.
-
-    Each step is a separate loop over whole rows, so that the compiler can vectorise it.
-    """
+    """Write offsets and weights (4, n) of a sample's neighbours; return their number."""
+    # Each step is a separate loop over whole rows, so that the compiler can vectorise it.
     p, q, r = sample
     a, b, c = normal
     x, y, z, weights = candidates[0], candidates[1], candidates[2], candidates[3]

@@ -55,14 +55,14 @@ MAX_REVOLUTION_POINTS = 1 << 22
 MAX_DISPLACED = 1 << 22
 """Largest number of voxels that may be displaced."""
 MAX_HYBRID_VOXELS = 1 << 20
-"""Largest number of voxels of a hybrid: to find a voxel's nearest point takes microseconds."""
+"""Largest number of voxels of a hybrid. The nearest surface point of each takes microseconds."""
 BLOCK_SIZES = (1, 2, 4)
 """Possible sides of a block in voxels. The voxels of 3 x 3 x 3 blocks determine a local plane."""
 CLASSES = 24
 """Number of classes of voxels; the voxels of a class have the same displacement factor."""
 
 MAX_KEEP_DISTANCE = 8
-"""Half the side of a voxel, in sixteenths of a voxel."""
+"""Largest keep distance: half the side of a voxel, in 1/16 voxels."""
 
 
 class VoxelGrid(NamedTuple):
@@ -90,8 +90,8 @@ class VoxelHeader(NamedTuple):
 class HybridHeader(NamedTuple):
     """Contents of a hybrid stream.
 
-    Points of the surface are kept if they lie within keep_distance of the centre of an occupied
-    voxel along each axis.
+    A point of the surface is kept if, along each axis, it lies within keep_distance of the centre
+    of an occupied voxel.
     """
 
     keep_distance: int  # in 1/16 voxels

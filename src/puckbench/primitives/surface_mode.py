@@ -71,8 +71,8 @@ _REGION_ERROR_PER_NOISE = 1.0
 """Largest squared error that a merge may add per point, in variances of the noise."""
 _MIN_REGION_COSINE = 0.5
 _MIN_LAMBDA_PER_NOISE = 3.0
-"""Least squared error per bit for edges and regions, in variances of the noise. With a smaller
-weight they would follow the noise that smoothing leaves."""
+"""Least lambda (squared error per bit) for edges and regions, in variances of the noise. With a
+smaller lambda they would reproduce the noise that remains after smoothing."""
 _OMISSION_ERROR, _TANGENTIAL_WEIGHT, _MAX_ERROR = 20.0, 0.1, 100.0
 _MIN_OMISSION_ERROR = 0.3
 """Least squared error of an omitted sample, in squared columns."""
@@ -81,13 +81,13 @@ _TOLERANCE_PER_COLUMN, _TOLERANCE_PER_NOISE = 0.3, 0.5
 """Tolerance of inliers of a surface of revolution, in columns plus standard deviations of the
 noise."""
 _MIN_PLANE_SAMPLES = 16
-"""Approximate number of samples left to planes if surfaces of revolution explain all."""
+"""Approximate number of samples kept for planes if all are inliers of surfaces of revolution."""
 _POINT_SPACING = 2.0
 _MAX_POINTS_ACROSS, _MAX_COLUMN_SPACING = 16, 16
 
 
 class SurfaceMode(NamedTuple):
-    """A candidate of the surface mode: octree grid and surfaces of revolution."""
+    """A candidate for coding as a surface: the octree grid's placement, surfaces of revolution."""
 
     rotation: RotationVector = (0, 0, 0)  # from the cloud's axes to the grid's
     grid_offset: tuple[float, float, float] = (0.5, 0.5, 0.5)  # columns from grid to surface
@@ -99,21 +99,21 @@ class CodedSurface(NamedTuple):
     patches: Patches
 
     def decoded(self) -> DecodedSurface:
-        """Return the surface as a decoder reconstructs it, without decoding the stream."""
+        """Return what the decoder reconstructs, without decoding the stream."""
         header, _ = unpack_surface(self.stream)
         return reconstruct_surface(self.patches._replace(header=header))
 
 
 def revolution_candidates(cloud: PreparedCloud) -> tuple[RevolutionSurface, ...]:
-    """Return cylinders, cones and spheres in units, those with most samples first."""
+    """Detect cylinders, cones and spheres, in units; those with most inliers come first."""
     surface = cloud.surface
     spacing, tolerance = surface.spacing, _tolerance(cloud)
     return tuple(detect_revolutions(surface.xyz, surface.normals, spacing, tolerance))
 
 
 def point_corner_offset(cloud: PreparedCloud) -> tuple[float, float, float]:
-    """Return the offset of a grid that begins at the corner of the points instead of the corner
-    of the surface.
+    """Return the grid offset of a grid that begins at the least corner of the points, not of the
+    smoothed surface.
     """
     corner = np.maximum(cloud.surface.xyz.min(axis=0), 0)
     x, y, z = (0.5 + corner / axis_aligned_column_size(cloud)).tolist()
@@ -121,9 +121,10 @@ def point_corner_offset(cloud: PreparedCloud) -> tuple[float, float, float]:
 
 
 def encode_surface(cloud: PreparedCloud, mode: SurfaceMode) -> CodedSurface | None:
-    """Encode a cloud in the surface mode.
+    """Encode a cloud as a surface.
 
-    Return None if the header is invalid, or decoding gives no points or more than the input.
+    Return None if a decoder's limits are exceeded, or decoding gives no points or more than the
+    input.
     """
     surface, corner = _rotate_surface(cloud, mode.rotation)
     column_side = column_size(surface, cloud.settings)
@@ -217,7 +218,7 @@ def _fit_revolutions(
     corner: Floats,
     column_side: float,
 ) -> tuple[list[UnrolledMap], SurfaceSamples]:
-    """Return the surfaces of revolution with their maps, and the samples left for planes."""
+    """Return the surfaces of revolution with their maps, and the samples that planes represent."""
     if not mode.revolutions:
         return [], surface
     placement = (rotation_matrix(mode.rotation), corner, column_side, mode.grid_offset)
@@ -240,8 +241,8 @@ def _fit_revolutions(
 def _plan_octree(
     surface: SurfaceSamples, settings: PrimitiveSettings, column_side: float
 ) -> tuple[SurfaceHeader, list[PlaneOctreeLevel]]:
-    """Return the octree's levels, and a header whose grid, point density and revolutions are not
-    yet set.
+    """Return a header without placement, point density and surfaces of revolution, and the octree's
+    levels.
     """
     shape = np.floor(surface.xyz.max(axis=0)).astype(np.int64) + 1
     depth = (int(shape.max()) - 1).bit_length()
@@ -323,7 +324,7 @@ def _occupancy_criterion(
 
 
 def _point_density(patches: Patches, max_points: int, column_side: float) -> tuple[int, int] | None:
-    """Return points_across and column_spacing for the most points that `max_points` allows."""
+    """Return points_across and column_spacing for the most points up to `max_points`, or None."""
     arrays = (patches.geometry, patches.leaves, patches.occupancy)
     revolution_columns = sum(int(unrolled.bits.sum()) for unrolled in patches.revolutions)
     max_points = min(max_points, MAX_POINTS)

@@ -1,7 +1,7 @@
 """Tree traversal: encodes or decodes the octree of planes level by level, from the root down.
 
 A node is a leaf, which has a plane, or is split. The encoder chooses planes during the traversal,
-because only then the neighbouring planes that predict them are known.
+because they are predicted from neighbouring planes, which are not known before.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from puckbench.primitives.stream import MAX_NODES
 # States of the nodes of a level.
 _UNKNOWN, _EMPTY, _OCCUPIED, _SPLIT = 0, 1, 2, 3
 
-# First context and mixer of each kind.
+# Index of the first context and of the first mixer of each kind of bit.
 _FACES = 0
 _SIBLINGS = _FACES + 729
 _COUNTS = _SIBLINGS + 8 * 128
@@ -89,7 +89,7 @@ def _code_leaves(
 ) -> bool:
     """Encode or decode which nodes of a level are leaves, and their planes.
 
-    The index of a leaf's node is set to -1.
+    In `level_nodes` the index of a leaf becomes -1.
     """
     for i in range(len(level_nodes)):
         node = level_nodes[i]
@@ -113,8 +113,9 @@ def _code_splits(
     nodes: EncoderNodes,
     children: Ints,
 ) -> int:
-    """List the children of a level's split nodes; return their number, or -1 if there are too
-    many."""
+    """Encode or decode the occupied children of a level's split nodes; return their number, or -1
+    if there are too many.
+    """
     count = 0
     for i in range(len(level_nodes)):
         if level_nodes[i, 3] >= 0:

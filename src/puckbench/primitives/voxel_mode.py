@@ -34,7 +34,7 @@ _BUDGET_SLACK = 0.04
 _MIN_ERROR_PER_BYTE = 0.5
 """Least relative reduction of the squared error by a table, per relative increase of the bytes."""
 _TYPICAL_SLOPE = 2.2
-"""Exponent with which bytes fall as voxels grow."""
+"""Typical exponent b of the relation bytes ~ voxel size ** -b."""
 
 
 class Trial(NamedTuple):
@@ -168,7 +168,7 @@ class DecodedVoxels(NamedTuple):
 
 
 def read_voxels(stream: bytes) -> DecodedVoxels:
-    """Decode voxels; raise InputError if the stream has none or more than `MAX_HYBRID_VOXELS`."""
+    """Decode a stream of voxels; raise InputError if it has none or over `MAX_HYBRID_VOXELS`."""
     header, payload = unpack(stream)
     if not isinstance(header, VoxelHeader):
         raise InputError("the stream holds no voxels")
@@ -187,14 +187,14 @@ def _to_cloud(xyz: Floats | Ints, grid: VoxelGrid) -> Floats:
 
 
 def voxel_weights(groups: CellGroups) -> Floats:
-    """Return the weights (m,) of voxels: half of the total is shared by their numbers of points,
-    half equally.
+    """Return weights (m,) of voxels: half of the total in proportion to numbers of points, half
+    equal.
     """
     return np.asarray(groups.counts / groups.counts.sum() + 1 / len(groups.counts))
 
 
 def _fit_displacements(groups: CellGroups, voxel_bytes: int) -> FittedTable | None:
-    """Return the best table, or None if it does not save enough error for its bytes."""
+    """Return the best displacement table, or None if it saves too little error for its bytes."""
     if len(groups.cells) > MAX_DISPLACED:
         return None
     weights = voxel_weights(groups)
@@ -205,7 +205,7 @@ def _fit_displacements(groups: CellGroups, voxel_bytes: int) -> FittedTable | No
 
 
 def _initial_voxel_size(points: Floats, extent: float, max_bytes: int) -> float:
-    """Estimate a voxel size from the voxels that cover the surface, at two bits each."""
+    """Estimate the voxel size that fits a budget if a surface's voxels take two bits each."""
     target = max(4.0 * max_bytes, 8.0)
     voxel_size = extent / 64
     count = len(group_by_cell(points, voxel_size, centred=True).cells)

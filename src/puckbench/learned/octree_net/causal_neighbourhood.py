@@ -22,17 +22,16 @@ _STEPS = (1, 4, 16)
 
 
 class CellMasks(NamedTuple):
-    """Indices of cells, and sets of cells as masks of 64 bits."""
+    """Indices of cells, and sets of cells as 64-bit masks."""
 
     # (27, 256), occupied children of the neighbour at each offset, by their occupancy
     occupied: Ints
     whole: Ints  # (27,), all children of the neighbour at each offset
     own: Ints  # (8,), cells of the voxel's children
     beyond: Ints  # (8, 3), cells that share a face with a child outside the voxel, along x, y and z
-    second: Ints  # (8, 3), cells two steps from a child on the other side
-    # (8, 3), cells that share an edge with a child, with both faces at it outside the voxel
-    edges: Ints
-    across: Ints  # (8, 6), cells that share an edge with a child, with one of the faces outside
+    second: Ints  # (8, 3), cells two steps inwards from a child, along x, y and z
+    edges: Ints  # (8, 3), cells one step outwards from a child along each of two axes
+    across: Ints  # (8, 6), cells one step outwards along an axis and one inwards along another
     faces: Ints  # (8,), all cells that share a face with a child
     ring: Ints  # (8,), cells that share an edge
     corners: Ints  # (8,), cells that share a corner
@@ -59,7 +58,7 @@ def empty_state(neighbours: NeighbourTable) -> LevelState:
 
 
 def find_neighbourhood(level: LevelState, rows: Ints) -> None:
-    """Compute the causal neighbourhoods of some voxels, before their first symbols are coded."""
+    """Compute the causal neighbourhoods of voxels, before their first symbols are coded."""
     _find_neighbourhood(level, rows, CELLS)
 
 
@@ -90,11 +89,10 @@ def _find_neighbourhood(level: LevelState, rows: Ints, cells: CellMasks) -> None
 
 @compiled_in_place
 def _share_outside_layer(outside: int, count: int) -> int:
-    """Quantise to 0, 1 or 2 the share of neighbours outside the voxel's layer perpendicular to an
-    axis.
+    """Quantise to 0, 1 or 2 the fraction of neighbours outside the voxel's layer across an axis.
 
-    The share is 18 / 26 if all neighbours are occupied, 0 if only those in a plane perpendicular to
-    the axis, 6 / 8 if only those in a plane that contains the axis.
+    The fraction is 18 / 26 if all neighbours are occupied, 0 if only those in a plane perpendicular
+    to the axis, 6 / 8 if only those in a plane that contains the axis.
     """
     return (20 * outside >= 9 * count) + (20 * outside >= 13 * count)
 
@@ -138,8 +136,8 @@ def _bit(cell: int) -> np.int64:
 
 
 def _cells_at(positions: list[list[int]], distance: int | None) -> Ints:
-    """Return masks (8,) of the cells at a distance (1 to 3 steps along axes) from each child,
-    or, for None, of those that do not touch it.
+    """Return masks (8,) of the cells at a distance (1 to 3 steps along axes) from each child; for
+    None, of those that do not touch it.
     """
     masks = np.zeros(CHILDREN, np.int64)
     for child, position in enumerate(positions):

@@ -39,7 +39,7 @@ def encode(
     Raises
     ------
     InputError
-        If points are not finite, or span more than 20 bits.
+        If points are not finite, or span more than 2**20 voxels.
     """
     check_points(points, "octree_net.encode")
     positions, origin = quantise(points, grid, scale, "nearest")

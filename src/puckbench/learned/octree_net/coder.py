@@ -68,7 +68,7 @@ class DecodingLimits(NamedTuple):
 
 @dataclass(frozen=True)
 class OctreeNetCoder:
-    """Codes voxels; results do not depend on the number of threads."""
+    """Codes voxels by their Morton keys; results do not depend on the number of threads."""
 
     model: OctreeNet
     threads: int | None = None
@@ -141,9 +141,7 @@ class OctreeLevel(Generic[F]):
     features: F
 
     def next(self, code: Code, max_voxels: int, last: bool) -> OctreeLevel[F]:
-        """Encode or decode the next finer level; if it is the `last`, only its keys are
-        computed.
-        """
+        """Encode or decode the next finer level; if it is the `last`, compute only its keys."""
         features, slots = self._code_children(code)
         if len(slots) > max_voxels:
             raise InputError("the stream is damaged (its number of voxels)")
@@ -155,8 +153,7 @@ class OctreeLevel(Generic[F]):
         return OctreeLevel(self.network, self.pool, voxels, child_features)
 
     def _code_children(self, code: Code) -> tuple[F, Rows]:
-        """Return the updated features, and the slots (8 * row + child number) of occupied
-        children."""
+        """Return the updated features, and the occupied children's slots (8 * row + child)."""
         table = self.voxels.neighbours
         features = self.network.convolved(self.features, table, self.pool)
         symbols, state = np.empty((2, len(self.voxels)), dtype=np.uint8), empty_state(table)

@@ -1,7 +1,6 @@
 """Inference of the sparse octree net by PyTorch, on the device of the model.
 
-Sums are exact (see `fixed_point`), so that frequencies equal those of the compiled layers bit for
-bit.
+Sums are exact (see `fixed_point`), so that frequencies equal those of the compiled layers.
 """
 
 from __future__ import annotations

@@ -18,7 +18,7 @@ from torch import Tensor
 
 WEIGHT_UNITS = 2**9
 UNITS = 2**5
-"""Units per 1 of activations, of the residual stream and of logits."""
+"""Activations, residual stream and logits are multiples of 1 / UNITS."""
 MAX_WEIGHT = 2**11 - 1
 """In units; integers up to it are exact in half precision, in which weights are kept."""
 MAX_ACTIVATION = 255
@@ -37,7 +37,7 @@ class _StraightThrough(torch.autograd.Function):
 
 
 def quantised(values: Tensor, units: int = UNITS) -> Tensor:
-    """Round to multiples of 1 / units, halves to even; gradients pass unchanged."""
+    """Round to multiples of 1 / units, ties to even; gradients pass unchanged."""
     result: Tensor = _StraightThrough.apply(values, units)  # type: ignore[no-untyped-call]
     return result
 
@@ -48,18 +48,18 @@ def quantised_weight(values: Tensor) -> Tensor:
 
 
 def residual(values: Tensor) -> Tensor:
-    """Clip sums and round them to the unit of the residual stream, the features between layers."""
+    """Clip sums and round them to units of the residual stream (the features between layers)."""
     bound = MAX_RESIDUAL / UNITS
     return quantised(values.clamp(-bound, bound))
 
 
 def activation(values: Tensor) -> Tensor:
-    """Apply the clipped ReLU, with 8-bit results, through which layers read the residual stream."""
+    """Apply the clipped ReLU (8-bit results) to the residual stream, before a layer."""
     return values.clamp(0, MAX_ACTIVATION / UNITS)
 
 
 def largest_sum(kernel: Tensor, bias: Tensor) -> int:
-    """Return the largest possible sum of a layer added to the residual stream, in units of sums."""
+    """Return the largest possible sum of a layer's output and the residual stream, in 2**-14."""
     rows = kernel.detach().double().flatten(0, -2).abs().sum(dim=0) * WEIGHT_UNITS
     bound = rows * MAX_ACTIVATION + bias.detach().double().abs() * (WEIGHT_UNITS * UNITS)
     return int(bound.max()) + MAX_RESIDUAL * WEIGHT_UNITS

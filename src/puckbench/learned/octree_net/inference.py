@@ -1,7 +1,7 @@
 """Inference of the sparse octree net for coding a level's voxels, in chunks and without gradients.
 
 Coders use `LevelPredictor` and `VoxelGroup`, which this module implements for the CPU. Sums are
-exact, so that results equal those of the layers of the model.
+exact, so that results equal those of the model's layers.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ F = TypeVar("F")
 
 
 class VoxelGroup(Protocol):
-    """Voxels of a level that are coded together; each method works on a chunk of them."""
+    """Voxels of a level that are coded together; methods work on chunks of them."""
 
     @property
     def number(self) -> int: ...
@@ -64,7 +64,7 @@ class LevelPredictor(Protocol[F]):
         """Return features of a level's voxels before any of their children are known."""
 
     def group(self, number: int, rows: Rows, features: F, table: NeighbourTable) -> VoxelGroup:
-        """Return a group of the level's voxels, after all previous groups are coded."""
+        """Return a group of the level's voxels; all previous groups must be coded."""
 
     def child_features(self, features: F, slots: Rows, pool: ThreadPool) -> F: ...
 

@@ -35,7 +35,7 @@ _TREE_NODES = VALUES - 1
 _BIT_KINDS = 2 * GROUPS * _TREE_NODES
 """Kinds of bits: by group, by first or second symbol, by the bits of the symbol so far."""
 _BIT_PLACES = 8
-"""Places of bits: by first or second symbol, by the number of the bit."""
+"""Places of bits: by first or second symbol, by the index of the bit."""
 _STATES = 27
 """States of three cells, each empty, unknown or occupied."""
 _FACE_COUNTS = 7 * 4
@@ -75,7 +75,7 @@ _MIXER = MixerOptions(
     tables=2,
 )
 _MAX_VOXEL_BYTES = 11
-"""Bytes of the eight bits of a voxel, each at most log2(65,536 / 32) bits."""
+"""Maximum bytes of a voxel: eight decisions of at most log2(65,536 / 32) bits each."""
 _CHILDREN = np.array([EVEN, ODD])
 
 
@@ -97,8 +97,8 @@ def code_symbols(
 ) -> None:  # fmt: skip
     """Encode the symbols (m,) of voxels `rows` (m,) of a level, or decode them in place.
 
-    `level` must contain the voxels' causal neighbourhoods, `group` is the number of their group,
-    and `second` selects their second symbols. The network predicts `frequencies` (m, 16).
+    `level` must contain the voxels' causal neighbourhoods. `group` is the index of their group, and
+    `second` selects their second symbols. `frequencies` (m, 16) are the network's prediction.
     """
     _code_symbols(
         mixer, level, group, int(second), rows, symbols, frequencies, _CHILDREN, _STARTS, CELLS
@@ -157,7 +157,7 @@ def _find_contexts(
     mixer: Mixer, cells: CellMasks, starts: Ints, child: int, place: int, logit_step: int,
     occupied: int, unknown: int,
 ) -> None:  # fmt: skip
-    """Compute the contexts of a child's bit and its rows of weights.
+    """Compute the contexts of a child's bit, and its sets of mixing weights.
 
     The caller adds the parts that depend on the kind of the bit. The contexts are, in this order:
 

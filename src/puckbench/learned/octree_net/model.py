@@ -1,9 +1,9 @@
-"""The sparse octree net: features of voxels, their symbols, and the features of their children.
+"""The sparse octree net: it predicts the symbols of voxels, level by level, from features.
 
-All levels of the octree share the weights. Features pass from level to level. The voxels of a level
-are coded in groups, and a convolution before each group sees the symbols of the previous groups.
-RENO (see `puckbench.learned.reno`) also predicts occupancy level by level with a small sparse
-network.
+All levels of the octree share the weights. The features of a level's voxels give those of their
+children. The voxels of a level are coded in groups, and a convolution before each group uses the
+symbols of the previous groups. RENO (see `puckbench.learned.reno`) also predicts occupancy level by
+level with a small sparse network.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ class SymbolHead(nn.Module):
 
 
 class OctreeNet(nn.Module):
-    """Predicts one level after the other from features (n, channels) in fixed point."""
+    """Predicts occupancy level by level, from features (n, channels) in fixed point."""
 
     def __init__(self, shape: OctreeNetShape) -> None:
         super().__init__()

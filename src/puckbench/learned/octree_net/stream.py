@@ -1,10 +1,10 @@
-"""The stream of the sparse octree net: digest of the weights, grid, and parts of the cloud.
+"""The stream of the sparse octree net, in this order:
 
-magic "PBON", version, CRC-32 of the rest
-digest of the weights (8 bytes), scale (float64), origin (3 int32), grid: 0, or 1 and unit and
-offset (4 float64); number of parts (uint8)
-each part: voxels, levels that the network codes, bytes of the top level and of the symbols (uint32,
-uint8, uint16, uint32), the top level, the symbols
+* magic "PBON", version, CRC-32 of the rest
+* digest of the weights (8 bytes), scale (float64), origin (3 int32), grid (0, or 1 and unit and
+  offset, 4 float64), number of parts (uint8)
+* each part of the cloud: number of voxels (uint32) and of levels that the network codes (uint8),
+  lengths in bytes of the top level (uint16) and of the symbols (uint32), top level, symbols
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ MAX_VOXELS = 2**21
 """Maximum voxels of a part; larger clouds are cut to bound working memory."""
 _MAX_TOTAL = 2**25
 _TOTAL, _TOTAL_PER_BYTE = 5 * 2**19, 64
-"""Maximum voxels of all parts, and more for each byte of their symbols."""
+"""Maximum voxels of all parts, and additional voxels per byte of their symbols."""
 _MAX_VOXELS_PER_BYTE = 2**14
 """Eight binary decisions of at least 0.0007 bits each decode at most 8 voxels."""
 _NODES, _NODES_PER_BYTE = 2**17, 4
-"""Maximum voxels of the levels above the finest, and more for each byte, beside 3/8 of the finest
-level's voxels (a plane has a third). The network takes about 4 microseconds for each."""
+"""Maximum voxels of the levels above the finest, and additional voxels per byte, besides 3/8 of the
+finest level's voxels (a plane needs 1/3). The network takes about 4 microseconds for each."""
 _MIN_SCALE = 2.0**-400
 """Smaller scales could exceed the range of coordinates."""
 _FRAMING = Framing(MAGIC, VERSION, "sparse octree net")
@@ -119,7 +119,7 @@ def _read_parts(body: bytes, at: int) -> tuple[CodedPart, ...]:
 
 
 def max_nodes(part: CodedPart) -> int:
-    """Return the maximum number of voxels above the finest level that a part's size allows."""
+    """Return the maximum number of voxels above the finest level for a part's size."""
     return _NODES + 3 * part.count // 8 + _NODES_PER_BYTE * len(part.symbols)
 
 

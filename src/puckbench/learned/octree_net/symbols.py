@@ -23,8 +23,8 @@ Frequencies = NDArray[np.int32]
 EVEN, ODD = (0, 3, 5, 6), (1, 2, 4, 7)
 VALUES = 16
 GROUPS = 4
-"""Number of groups of voxels, coded in order. The four voxels of a square across an axis are in
-four groups, so that for three of them the position of a plane is known."""
+"""Number of groups of voxels, coded in order. The four voxels of a layer of a 2x2x2 block are in
+four groups, so that the first shows the position of a plane to the other three."""
 _GROUP = np.array([0, 1, 2, 3, 3, 2, 1, 0])
 _CODES = np.arange(256)
 _FREQUENCY_BITS = 16
@@ -63,7 +63,9 @@ def slots_of(first: Symbols, second: Symbols) -> NDArray[np.int64]:
 
 @cache
 def powers_of_two() -> Frequencies:
-    """Return 2**(16 - d / UNITS), rounded, for d = 0, 1, .. down to `_MIN_FREQUENCY`."""
+    """Return the rounded frequencies 2**(16 - d / UNITS) of logits d = 0, 1, .. units below the
+    largest, down to `_MIN_FREQUENCY`.
+    """
     steps = range((_FREQUENCY_BITS - 3) * UNITS + 1)
     exact = [Decimal(2) ** (_FREQUENCY_BITS - Decimal(d) / UNITS) for d in steps]
     return np.array([round(power) for power in exact], dtype=np.int32)
@@ -72,8 +74,8 @@ def powers_of_two() -> Frequencies:
 def frequencies(logits: NDArray[np.float32]) -> Frequencies:
     """Return integer frequencies (n, 16) of symbols from logits (n, 16).
 
-    Logits are to the base 2, in multiples of 1 / UNITS. The most likely value gets 65,536, any
-    other at least 8.
+    Logits are to the base 2, in multiples of 1 / UNITS. The most likely value gets 65,536, others
+    at least 8.
     """
     units = logits * np.float32(UNITS)
     distances = (units.max(axis=1, keepdims=True) - units).astype(np.int32)

@@ -1,7 +1,7 @@
 """Training of the sparse octree net: bits of a batch's symbols as the loss, and the optimiser step.
 
-The network computes in fixed point during training too, so that nothing is lost when weights become
-integers. Rounding passes gradients unchanged.
+The network computes in fixed point during training too, so that the conversion of weights to
+integers changes nothing. Rounding passes gradients unchanged.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ from puckbench.learned.training.loop import BaseTrainer
 from puckbench.learned.training.settings import BaseTraining
 
 _MAX_ROW = 0.9 * MAX_SUM / (MAX_ACTIVATION * WEIGHT_UNITS)
-"""Maximum sum of a layer's weights onto one feature, with which sums stay exact."""
+"""Maximum sum of the absolute weights of one output feature, with which its sums stay exact."""
 
 
 def bits_per_level(model: OctreeNet, keys: Keys, levels: int, pool: ThreadPool) -> list[Tensor]:
     """Return the bits of all symbols in each of the `levels` levels above the voxels with these
-    keys, coarsest level first.
+    keys, coarsest first.
     """
     device = model.root.device
     sets, child_maps = pyramid(keys, levels, pool)
@@ -95,7 +95,7 @@ class OctreeNetTrainer(BaseTrainer[OctreeNet, float]):
 
 
 def limit_weights(model: OctreeNet) -> None:
-    """Shrink the weights of each output feature whose sums might become inexact."""
+    """Scale down the weights of output features whose sums might become inexact."""
     with torch.no_grad():
         for layer in model.modules():
             if isinstance(layer, FixedPointLayer):

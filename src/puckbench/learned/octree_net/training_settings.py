@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class OctreeNetTraining(BaseTraining):
-    """Training of the sparse octree net; `cube_size` should be a power of two.
+    """Settings for training the sparse octree net; `cube_size` should be a power of two.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Weights of the sparse octree net: integers, all of which half precision can represent exactly."""
+"""Weights of the sparse octree net: integers that half precision represents exactly."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class OctreeNetWeights:
 
 
 def save_weights(path: Path, model: OctreeNet, card: Mapping[str, Any]) -> None:
-    """Write the network's integers; raise InputError if its sums might not be exact."""
+    """Write the network's integers; raise InputError if its sums might be inexact."""
     model.check_exact()
     header_fields = {
         "network": OCTREE_NET.name,
@@ -42,7 +42,7 @@ def save_weights(path: Path, model: OctreeNet, card: Mapping[str, Any]) -> None:
 
 
 def load_weights(where: str | Path, device: DeviceName = "cpu") -> OctreeNetWeights:
-    """Read trained weights by the name of a shipped set, or a path.
+    """Read trained weights: a shipped set by name, or a set by path.
 
     Raises InputError if the set is damaged, of another network, or so large that sums would be
     inexact.

@@ -28,7 +28,7 @@ def encode(
     point_reconstruction: bool = True,
     threads: int | None = None,
 ) -> bytes:
-    """Encode points.
+    """Encode points with PCGCv1.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ def encode(
     min_points
         Minimum voxels of a cube that the network codes.
     sparse_cubes
-        Code the other cubes losslessly, instead of dropping them as the authors do.
+        Code sparser cubes losslessly, instead of dropping them as the authors do.
     context_mixing
         Mix the Laplace distributions of the latent with adaptive contexts.
     point_reconstruction

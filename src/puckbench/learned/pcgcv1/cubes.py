@@ -1,4 +1,4 @@
-"""Voxels in cubes of a fixed side, and the most likely voxels of a cube."""
+"""Division of voxels into cubes, and selection of a cube's most likely voxels."""
 
 from __future__ import annotations
 
@@ -69,7 +69,9 @@ def occupancy(keys: Int64s, side: int) -> NDArray[np.float32]:
 
 
 def most_likely(logits: NDArray[np.float32], count: int) -> Int64s:
-    """Return the keys of the `count` largest logits of a cube, ascending; ties go to lower keys."""
+    """Return the ascending keys (indices) of a cube's `count` largest logits; ties go to lower
+    ones.
+    """
     if count >= len(logits):
         return np.arange(len(logits))
     threshold = np.partition(logits, len(logits) - count)[len(logits) - count]
@@ -79,7 +81,7 @@ def most_likely(logits: NDArray[np.float32], count: int) -> Int64s:
 
 
 def sibling_blocks_of(logits: NDArray[np.float32], keys: Int64s) -> SiblingBlocks:
-    """Return a cube's 2x2x2 blocks, from its logits (side**3,) and the keys of voxels to keep."""
+    """Return the 2x2x2 blocks of a cube, from its logits (side**3,) and the keys of kept voxels."""
     kept = np.zeros(len(logits), dtype=bool)
     kept[keys] = True
     across = round(len(logits) ** (1 / 3)) // 2

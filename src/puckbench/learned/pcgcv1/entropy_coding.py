@@ -30,11 +30,11 @@ from puckbench.learned.sparse.voxels import AXIS_BITS, NeighbourTable, morton_ke
 
 Integers = NDArray[np.int32]
 _MAX_POSITIONS = 2**20
-"""Maximum positions of the latent for context mixing, which takes about 500 bytes for each."""
+"""Maximum positions of the latent for context mixing; each takes about 500 bytes of memory."""
 
 
 def encode_hyper(z_hat: Integers, is_coded: Bools, tables: tuple[FrequencyTable, ...]) -> bytes:
-    """Encode the hyper-latents (cubes, channels, s, s, s) at positions with `is_coded`."""
+    """Encode hyper-latents (cubes, channels, s, s, s) where `is_coded` (cubes, s, s, s) is true."""
     return encode_latent(np.moveaxis(z_hat, 1, -1)[is_coded], tables)
 
 
@@ -45,9 +45,7 @@ def decode_hyper(data: bytes, is_coded: Bools, tables: tuple[FrequencyTable, ...
 
 
 def encode_conditional(y_hat: Integers, indexes: TableIndexes) -> bytes:
-    """Encode a latent of any shape; `indexes` holds the frequency table and the centre of each
-    value.
-    """
+    """Encode a latent of any shape; `indexes` holds each value's frequency table and centre."""
     order, sizes = _by_table(indexes)
     values = (y_hat - indexes.centre).ravel()[order]
     ends = np.cumsum([size for _, size in sizes])
@@ -75,7 +73,7 @@ def _by_table(indexes: TableIndexes) -> tuple[NDArray[np.intp], list[tuple[int, 
 
 @dataclass(frozen=True)
 class LatentPositions:
-    """The positions, in all cubes, at which the latent is coded with context mixing."""
+    """Positions in all cubes at which the latent is coded with context mixing."""
 
     order: Int64s  # (n,), from the order of cubes to Morton order
     neighbours: NeighbourTable  # (27, n), in Morton order
@@ -92,9 +90,7 @@ class LatentPositions:
 
 
 def latent_positions(support: CodedCubes) -> LatentPositions | None:
-    """Return the positions, or None if there are none or too many, or if the cubes are too far
-    apart.
-    """
+    """Return the positions, or None if there are none, too many, or some too far apart."""
     cube, *inside = np.nonzero(support.blocks)
     if not 0 < len(cube) <= _MAX_POSITIONS:
         return None
@@ -118,7 +114,7 @@ def checksum(indexes: TableIndexes) -> int:
 
 
 def encode_counts(counts: Iterable[int], max_value: int) -> bytes:
-    """Encode integers from 1 to `max_value`: an adaptively coded length in bits, then the bits."""
+    """Encode integers from 1 to `max_value` as a length in bits, coded adaptively, and the bits."""
     import constriction
 
     coder = constriction.stream.queue.RangeEncoder()

@@ -32,16 +32,16 @@ _LANES = 16
 _TILE = 4
 """Maximum voxels computed jointly along an axis; the layer with one output computes 4x4."""
 _CHUNK_ROWS = 16384
-"""Voxels of a chunk that stays in the cache while a block is finished."""
+"""Voxels of a chunk that stays in the cache while the last layers of a block are applied."""
 _MARGIN = 16
-"""Margin around the voxels of a cube. Seven layers of three reach seven voxels to each side, so
-that features near a false border are wrong: `_INVALID_MARGIN` is discarded."""
+"""Margin around the voxels of a cube. Seven 3x3x3 layers reach seven voxels to each side, so that
+features within `_INVALID_MARGIN` of a border inside the cube are wrong and discarded."""
 _INVALID_MARGIN = 8
 _SYNTHESIS_MARGIN = 8
 """Margin around the blocks whose logits are needed: seven layers, and one voxel where a transposed
 convolution lacks the previous input."""
 _SIDE_MULTIPLE = 16
-"""Sides of the computed part of a cube are multiples of it, since oneDNN keeps a program and
+"""Sides of the computed part of a cube are multiples of this, since oneDNN keeps a program and
 megabytes of memory for each layer and shape."""
 Floats32 = NDArray[np.float32]
 Integers = NDArray[np.int32]
@@ -49,7 +49,7 @@ Integers = NDArray[np.int32]
 
 class Transforms(Protocol):
     def analyse(self, occupied: Floats32, rate: int) -> tuple[Integers, Integers]:
-        """Transform occupancy (side, side, side) to y_hat and z_hat (channels, s, s, s)."""
+        """Transform occupancy (side, side, side) to y_hat and z_hat, (channels, s, s, s) each."""
 
     def synthesise(self, y_hat: Integers, rate: int, blocks: Bools) -> Floats32:
         """Transform y_hat (channels, s, s, s) to logits of a cube's voxels (side**3,), z fastest.
@@ -92,7 +92,7 @@ class CpuTransforms:
             return quantised(y), quantised(z)
 
     def _stride_two(self, occupied: Floats32) -> Tensor:
-        """Return features at stride 2; far from all voxels they are those of an empty cube."""
+        """Return features at stride 2; far from all voxels these are copied from an empty cube."""
         sides = occupied.shape
         box = _bounding_box(occupied, _MARGIN, _SIDE_MULTIPLE)
         part = self._stride_two_dense(occupied[tuple(slice(low, high) for low, high in box)])
@@ -182,7 +182,7 @@ def _strided_conv(features: Tensor, layer: ConvolutionKernel) -> Tensor:
 
 
 def _conv3d(features: Tensor, layer: ConvolutionKernel, stride: list[int], padding: int) -> Tensor:
-    """Call oneDNN where available; PyTorch would choose a slower algorithm for one image."""
+    # PyTorch's own choice for one image is slower than oneDNN.
     if not torch.backends.mkldnn.is_available():  # type: ignore[no-untyped-call]
         return conv3d(features, layer.kernel, layer.bias, stride, padding)
     paddings, dilation = [padding] * 3, [1, 1, 1]

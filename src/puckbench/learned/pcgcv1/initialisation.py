@@ -25,7 +25,7 @@ _DEVIATIONS = {"conv1_2": 0.3, "conv2_3": 0.3, "g_a.conv_out": 4.0, "h_a.conv3":
                "g_s.conv_out": 0.5}  # fmt: skip
 """Standard deviations other than one: of residuals, of the rounded values, and of the logits."""
 _EMPTY_PER_OCCUPIED = 3.0
-"""Ratio of the voxels' weights in the loss, with which the logits begin."""
+"""Empty voxels per occupied voxel according to the initial logits."""
 
 
 def initialise(model: PCGCv1, cube_size: int) -> None:

@@ -1,4 +1,4 @@
-"""The hyper-synthesis transform h_s in integers: equal results on every machine.
+"""The hyper-synthesis transform h_s in integers, with equal results on every machine.
 
 Weights are rounded to 2**-16 and features to 2**-12. Products and sums are integers below 2**53,
 which double precision represents exactly, so that encoder and decoder choose the same tables (see
@@ -32,8 +32,8 @@ class _Layer:
 
 
 class IntegerHyperSynthesis:
-    """Chooses the frequency tables of a latent; raises InputError if sums are inexact because
-    weights are too large.
+    """Chooses a latent's frequency tables; raises InputError if weights are too large to be
+    exact.
     """
 
     def __init__(self, network: HyperSynthesis) -> None:
@@ -45,7 +45,7 @@ class IntegerHyperSynthesis:
         )
 
     def tables(self, z_hat: NDArray[np.int32]) -> TableIndexes:
-        """Return the tables of y (channels, 2 s, 2 s, 2 s) from z_hat (channels, s, s, s)."""
+        """Return table indexes of y (channels, 2 s, 2 s, 2 s) from z_hat (channels, s, s, s)."""
         with torch.no_grad():
             features = (
                 torch.from_numpy(z_hat)[None].double().clamp(-_MAX_FEATURE, _MAX_FEATURE) * UNITS

@@ -1,9 +1,9 @@
 """The conditional entropy model: Laplace distributions of integers, as 1,024 integer tables.
 
-The hyper-synthesis transform gives location and scale of each value of the latent, in units of 1 /
-`UNITS`. They select one of 64 scales and one of 16 offsets between two integers. The tables are
-part of the format: a correctly rounded exponential and multiplications give the same tables on
-every machine.
+The hyper-synthesis transform gives location and scale of each value of the latent, in units of
+2**-12. They select one of 64 scales and one of 16 offsets between two integers. The tables are part
+of the format: a correctly rounded exponential and multiplications give the same tables on every
+machine.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def joined(join: Join, parts: Sequence[TableIndexes]) -> TableIndexes:
 
 
 def build_indexes(location: Int64s, scale: Int64s) -> TableIndexes:
-    """Choose tables from locations and scales in units of 1 / `UNITS`."""
+    """Choose tables from locations and scales in units of 2**-12."""
     step = UNIT_BITS - OFFSET_BITS
     offset = (location + (1 << step - 1)) >> step
     level = np.searchsorted(_scale_borders(), scale)
@@ -71,14 +71,14 @@ _CONTEXT = Context(prec=40)
 
 @cache
 def _scale_borders() -> Int64s:
-    """Return the borders between successive scale levels, in units of 1 / `UNITS`."""
+    """Return the borders between successive scale levels, in units of 2**-12."""
     halves = (Decimal(level) + Decimal("0.5") for level in range(SCALES - 1))
     return np.array([int((_scale(half) * UNITS).to_integral_value()) for half in halves])
 
 
 @cache
 def laplace_table(number: int) -> FrequencyTable:
-    """Return a table by its number; its integers are relative to the centre."""
+    """Return the table with this number; its integers are relative to the centre."""
     level, offset = number >> OFFSET_BITS, number & (OFFSETS - 1)
     scale = float(_scale(Decimal(level)))
     reach = int(scale * _TAIL_SCALES) + 1
@@ -98,7 +98,7 @@ def _powers(level: int, max_exponent: int) -> NDArray[np.float64]:
 
 
 def likelihood(latent: Tensor, location: Tensor, scale: Tensor) -> Tensor:
-    """Return, for training, the probability of the unit interval around each value."""
+    """Return the Laplace probability of the unit interval around each value, for training."""
     scale = scale.clamp_min(MIN_SCALE)
     distance = (latent - location).abs()
     mass = _cumulative(0.5 - distance, scale) - _cumulative(-0.5 - distance, scale)

@@ -1,4 +1,4 @@
-"""Occupied blocks of cubes, which the stream holds beside the latent.
+"""Occupied blocks of cubes, which the stream holds in addition to the latent.
 
 A block is the 4x4x4 voxels that one position of the latent represents. Networks trained with blocks
 omit the latent of empty blocks. Their decoder places at least one voxel in each occupied block and
@@ -53,12 +53,12 @@ def pooled(blocks: Bools) -> Bools:
 
 
 def rows_of(values: NDArray[N], blocks: Bools) -> NDArray[N]:
-    """Return the values (n, channels), from (m, channels, s, s, s), at true blocks (m, s, s, s)."""
+    """Return rows (n, channels) of values (m, channels, s, s, s) at true blocks (m, s, s, s)."""
     return np.moveaxis(values, 1, -1)[blocks]
 
 
 def most_likely_per_block(logits: NDArray[np.float32], blocks: Bools, count: int) -> Int64s:
-    """Return the `count` sorted keys of the voxels of a cube that a decoder keeps.
+    """Return the ascending keys of the `count` voxels of a cube that a decoder keeps.
 
     They are the most likely voxel of each occupied block (s, s, s), then the most likely others by
     their logits (side**3,).

@@ -1,13 +1,13 @@
-"""The stream of PCGCv1: digest of the weights, positions of cubes, voxel counts, latents.
+"""The stream of PCGCv1, in this order:
 
-magic "PCG1", version, CRC-32 of the rest
-digest of the weights (8 bytes), index of the rate, scale (double), whether the latent is coded with
-    context mixing (1 byte), points per voxel in 256ths (2 bytes; 0: one in the centre)
-base-128 numbers: bytes of positions, of counts, of sparse voxels and of the latent, number of cubes
-positions of the cubes, or of their occupied blocks if the weights were trained with these (octree),
-    voxels to keep in each cube, voxels of sparse cubes (octree), the latent
-each batch of cubes: CRC-32 of the tables of the latent, base-128 number of bytes of the
-    hyper-latents, the hyper-latents
+* magic "PCG1", version, CRC-32 of the rest
+* digest of the weights (8 bytes), index of the rate, scale (double), whether the latent is coded
+  with context mixing (1 byte), points per voxel in 256ths (2 bytes; 0: one in the centre)
+* base-128 numbers: lengths in bytes of positions, counts, sparse voxels and latent; number of cubes
+* positions of the cubes, or of their occupied blocks if the weights were trained with these
+  (octree); voxels to keep in each cube; voxels of sparse cubes (octree); latent
+* each batch of cubes: CRC-32 of the tables of the latent, length of the hyper-latents in bytes
+  (base-128), hyper-latents
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ BATCH = 32
 _SCALES = (2.0**-400, 2.0**16)
 """Bounds of the scale; smaller ones could exceed the range of coordinates."""
 _VOXELS, _VOXELS_PER_BYTE = 3 * 2**20, 2**13
-"""Maximum voxels of all cubes, and more for each byte: 12 cubes of 64, which take about 3 s, and
-one more for 32 bytes; cubes of scans have more than 140 bytes."""
+"""Maximum voxels of all cubes, and additional voxels per byte: 12 cubes of side 64, which take
+about 3 s, and one more cube per 32 bytes. Cubes of scans have more than 140 bytes."""
 _KEPT, _KEPT_PER_BYTE = 2**19, 2**10
 _SPARSE, _SPARSE_PER_BYTE = 2**16, 16
 _FRAMING = Framing(MAGIC, VERSION, "PCGCv1")

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class Pcgcv1Training(MultiRateTraining):
-    """Training of PCGCv1; `channels` are those of g_a at strides 1, 2 and 4.
+    """Settings for training PCGCv1; `channels` are those of g_a at strides 1, 2 and 4.
 
     Cubes may be smaller than the codec's, since the network is convolutional.
 

@@ -63,8 +63,7 @@ class Pcgcv1Weights:
 
 
 def load_weights(where: str | Path, device: DeviceName = "cpu") -> Pcgcv1Weights:
-    """Read trained weights by the name of a shipped set, or the path of a set or an authors'
-    archive.
+    """Read trained weights: a shipped set by name, or a set or an authors' archive by path.
 
     The transform h_s stays on the CPU, where its sums are exact.
     """

@@ -20,7 +20,7 @@ from puckbench.learned.pcgcv2.weights import Pcgcv2Weights
 from puckbench.learned.weights_file import check_made_with, check_rate
 
 _MAX_RAW_POINTS = 64
-"""Clouds of at most this many points are stored uncompressed: a network cannot help there."""
+"""Clouds of at most this many points are stored uncompressed: a network would save nothing."""
 
 
 def encode(
@@ -35,7 +35,7 @@ def encode(
     point_reconstruction: bool = True,
     threads: int | None = None,
 ) -> bytes:
-    """Encode points.
+    """Encode points with PCGCv2.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ def encode(
     Raises
     ------
     InputError
-        If points are not finite, or span more than 2**20 voxels.
+        If points are not finite, exceed 32-bit integers, or span more than 2**20 voxels.
     """
     check_points(points, "pcgcv2.encode")
     check_rate(weights, rate)

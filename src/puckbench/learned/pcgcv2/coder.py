@@ -1,4 +1,4 @@
-"""Coding of voxels with PCGCv2, block by block."""
+"""Coding of voxels with PCGCv2, in blocks of at most about `MAX_VOXELS`."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ class Pcgcv2Coder:
     point_reconstruction: bool = True
 
     def encode(self, voxels: Triples, quarter_octaves: int = 0) -> Pcgcv2Stream:
-        """Encode voxels (n, 3), in any order, on a grid level; duplicates count as points."""
+        """Encode voxels (n, 3) of a grid level, in any order; duplicates count as points."""
         origin = voxels.min(axis=0) // STRIDE * STRIDE
         if (voxels.max(axis=0) - origin).max() >= 2**AXIS_BITS:
             raise InputError(f"the cloud spans more than {2**AXIS_BITS} voxels")
@@ -143,8 +143,7 @@ def _coarse_keys(block: CodedBlock) -> Keys:
 
 
 def split(keys: Keys, max_voxels: int) -> list[Keys]:
-    """Split sorted keys into equal parts of about `max_voxels`, without dividing voxels of
-    stride 8."""
+    """Split sorted keys into equal parts of about `max_voxels`; a voxel of stride 8 stays whole."""
     parts = -(-len(keys) // max_voxels)
     borders = np.flatnonzero(np.diff(keys >> 3 * SCALES)) + 1
     targets = np.arange(1, parts) * len(keys) // parts

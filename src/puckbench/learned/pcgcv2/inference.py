@@ -1,7 +1,7 @@
 """Inference of PCGCv2 for coding: `model` without gradients, with fused layers.
 
-A pointwise convolution is computed as part of the 3x3x3 convolution next to it. Biases and ReLUs
-are applied while a chunk of rows is in the cache. Layers reuse the memory of previous layers.
+Pointwise convolutions are computed as part of an adjacent 3x3x3 convolution. Biases and ReLUs are
+applied while a chunk of rows is in the cache. Layers reuse the memory of previous layers.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ from puckbench.learned.sparse.voxels import (
 )
 
 _CHUNK_ROWS = 4096
-"""Rows of a chunk where no neighbours are gathered."""
+"""Rows of a chunk in layers without neighbours."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ def fused(layer: SparseConvolution, kernel_map: KernelMap) -> FusedConvolution:
 
 
 def fused_branches(block: InceptionResNet, kernel_map: KernelMap) -> FusedConvolution:
-    """Fuse the first layers of both branches: the centre of conv0_0 also computes conv1_0."""
+    """Fuse the first layers of both branches: conv0_0's central matrix also computes conv1_0."""
     neighbour_matrices = matrices_of(block.conv0_0.kernel.detach(), kernel_map)
     channels, quarter = block.conv0_0.kernel.shape[1:]
     pointwise = torch.kron(torch.eye(kernel_map.children), block.conv1_0.kernel.detach()[0])
@@ -112,8 +112,7 @@ def residual_block(
     hidden: Tensor,
     out: Tensor,
 ) -> Tensor:
-    """Apply a block to features (n, children, c); `hidden` (n, children, c / 2) is scratch
-    memory."""
+    """Apply a block to features (n, children, c); `hidden` (n, children, c / 2) is workspace."""
     convolved(
         features, fused_branches(block, neighbourhood.kernel_map), neighbourhood, hidden, relu=True
     )
@@ -267,8 +266,8 @@ def decoded_blocks(
 ) -> SiblingBlocks:
     """Return the voxels that remain after all scales, with their siblings.
 
-    `one_scale` returns the features (n, 8, channels) and logits (n, 8) of the children of n voxels,
-    whose features (n, channels) it takes; all are on one device.
+    `one_scale` computes, from the features (n, channels) of n voxels, the features (n, 8, channels)
+    and logits (n, 8) of their children; all are on one device.
     """
     parents = coarse
     for scale, keep in enumerate(reversed(counts)):

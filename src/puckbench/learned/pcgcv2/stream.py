@@ -1,11 +1,11 @@
-"""The stream of PCGCv2: digest of the weights, voxel counts of each scale, coordinates, latent.
+"""The stream of PCGCv2, in this order:
 
-magic "PCG2", version, kind, CRC-32 of the rest
-kind 0, a cloud too small for a network: its points, three little-endian doubles each
-kind 1: digest of the weights (8 bytes), index of the rate, grid level in quarter octaves, coding
-    tools (1: child per parent, 2: context mixing), points per voxel in 256ths (2 bytes; 0: one in
-    the centre); base-128 numbers: origin (signed), number of blocks; each block: voxels at strides
-    1, 2, 4 and 8, bytes of coordinates and of the latent, coordinates, latent
+* magic "PCG2", version, kind, CRC-32 of the rest
+* kind 0, a cloud too small for a network: its points, three little-endian doubles each
+* kind 1: digest of the weights (8 bytes), index of the rate, grid level in quarter octaves, coding
+  tools (1: child per parent, 2: context mixing), points per voxel in 256ths (2 bytes; 0: one in
+  the centre); base-128 numbers: origin (3, signed), number of blocks; each block: voxels at
+  strides 1, 2, 4 and 8, lengths in bytes of coordinates and latent; coordinates, latent
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ MAX_VOXELS = 2**20
 MAX_BLOCKS = 64
 _RAW, _NETWORK = 0, 1
 _COARSE, _COARSE_PER_BYTE = 2**16, 2**8
-"""Maximum voxels at strides 2, 4 and 8, and more for each byte of the stream. The network takes
-about 40 microseconds for each; scans have at most about 60 per byte."""
+"""Maximum voxels at strides 2, 4 and 8, and additional voxels per byte of the stream. The network
+takes about 40 microseconds for each; scans have at most about 60 per byte."""
 _FRAMING = Framing(MAGIC, VERSION, "PCGCv2", header=1)
 _HEADER = struct.Struct("<8sBBBH")
 
@@ -87,8 +87,7 @@ def write_coded(coded: Pcgcv2Stream) -> bytes:
 
 
 def read_stream(stream: bytes) -> Pcgcv2Stream | Floats:
-    """Parse a stream, which holds points (n, 3) if the cloud is small; check its counts before
-    any computation.
+    """Parse a stream, or return the points (n, 3) of a small cloud; counts are checked first.
 
     Raises InputError for damaged bytes, or another codec or version.
     """

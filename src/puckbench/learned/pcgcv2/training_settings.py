@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class Pcgcv2Training(MultiRateTraining):
-    """Training of PCGCv2; `channels` are those of g_a at strides 1, 2, 4 and 8."""
+    """Settings for training PCGCv2; `channels` are those of g_a at strides 1, 2, 4 and 8."""
 
     channels: tuple[Channels, Channels, Channels, Channels] = (16, 32, 64, 32)
 

@@ -1,5 +1,6 @@
 """Weights of PCGCv2: sets trained by puckbench, and the authors' checkpoints with renamed
-parameters."""
+parameters.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +31,7 @@ _BOTTLENECK = {"matrices": "_matrices", "biases": "_biases", "factors": "_factor
 
 
 def load_weights(where: str | Path, device: DeviceName = "cpu") -> Pcgcv2Weights:
-    """Read trained weights by the name of a shipped set, or the path of a set or a checkpoint."""
+    """Read trained weights: a shipped set by name, or a set or an authors' checkpoint by path."""
     path = weights_path(where)
     weights = load_multi_rate(
         path,

@@ -1,7 +1,7 @@
 """Encode points in millimetres to the bytes of a RENO stream, and decode them.
 
-The grid is that of the authors' program: millimetres from a corner 131,072 mm below the origin,
-divided by the grid step (posQ in the program) and rounded, halves to even.
+The grid is that of the authors' program: distances in millimetres from a corner 131,072 mm below
+the origin are divided by the grid step (posQ in the program) and rounded, ties to even.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def encode(points: Floats, weights: RenoWeights, posq: float, threads: int | Non
     Raises
     ------
     InputError
-        If points are not finite or span more than 20 bits, or posQ is not in half precision.
+        If points are not finite or span more than 2**20 voxels, or posQ is not in half precision.
     """
     check_points(points, "reno.encode")
     if float(np.float16(posq)) != posq or posq <= 0:
@@ -55,8 +55,8 @@ def encode(points: Floats, weights: RenoWeights, posq: float, threads: int | Non
 def decode(stream: bytes, weights: RenoWeights, threads: int | None = None) -> Floats:
     """Return the points (m, 3), in mm, of a stream that was made with these weights.
 
-    Raises InputError if they differ from the encoded points, because this machine computes
-    differently.
+    Raises InputError if this machine computes differently, so that these are not the encoded
+    points.
     """
     content = read_stream(stream)
     check_digest(weights.digest, content.digest)
@@ -71,7 +71,7 @@ def decoded_points(content: RenoStream, weights: RenoWeights, threads: int | Non
 
 
 def _grid_offsets(points: Floats) -> NDArray[np.int64]:
-    """Return the offset of each axis, in 131,072 mm: the authors' value of 1 where that suffices.
+    """Return each axis' grid offset in units of 131,072 mm: the authors' 1 where that suffices.
 
     Clouds below or far beyond the corner of the authors' grid get another corner.
     """

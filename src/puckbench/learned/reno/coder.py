@@ -42,7 +42,7 @@ OTHER_RESULT = (
 
 @dataclass(frozen=True)
 class RenoCoder:
-    """Codes voxels; results do not depend on the number of threads."""
+    """Codes voxels by their Morton keys; results do not depend on the number of threads."""
 
     weights: RenoWeights
     threads: int | None = None
@@ -68,9 +68,7 @@ class RenoCoder:
         return tree
 
     def decode(self, tree: CodedTree) -> Keys:
-        """Return the keys of a stream's voxels; raise InputError if they differ from the encoded
-        keys.
-        """
+        """Return the keys of a stream's voxels; raise InputError if they are not those encoded."""
 
         def code(number: int, frequencies: Cumulative) -> Symbols:
             return decode_symbols(tree.symbols[number], frequencies)
@@ -87,7 +85,7 @@ class RenoCoder:
     def _traverse(
         self, keys: Keys, occupancy: Occupancy, levels: int, code: Code, max_nodes: int
     ) -> Keys:
-        """Encode or decode from the base down; return the keys of the finest level."""
+        """Encode or decode from the coarsest level down; return the keys of the finest level."""
         with thread_pool(self.threads) as pool:
             level = pyramid(keys, 0)[0][0]
             for number in range(levels):

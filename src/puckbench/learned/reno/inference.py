@@ -73,8 +73,8 @@ def predicted(
     pool: ThreadPool,
     first: Symbols = _NO_SYMBOLS,
 ) -> Cumulative:
-    """Return the cumulative frequencies (n, 17) of first symbols (half 0), or of second symbols
-    (half 1) if the `first` symbols are known.
+    """Return cumulative frequencies (n, 17) of first symbols (half 0), or of second symbols (half
+    1) given the `first`.
     """
     layers, predict = weights.heads[half], head(weights.channels)
     rows = len(features) // weights.channels

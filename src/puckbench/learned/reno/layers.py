@@ -1,8 +1,8 @@
 """Compiled layers of RENO: convolutions, and heads that return cumulative frequencies.
 
-Everything is computed in IEEE 754 arithmetic in one order, whatever the number of threads, so that
-encoder and decoder agree to the last bit (see `add_fused_products`). Libraries round the
-exponential function differently, hence it is computed here.
+All is computed in IEEE 754 arithmetic in one order, whatever the number of threads, so that encoder
+and decoder agree to the last bit (see `add_fused_products`). Libraries round the exponential
+function differently; hence it is computed here.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _BLOCK_ROWS = 128
 """Rows whose sums fit the first-level cache."""
 _ZERO = np.float32(0)
 _SPREAD = float(2**CDF_BITS - VALUES)
-"""Total frequency that is left after each value has a frequency of one."""
+"""Total frequency minus one for each value."""
 _LEAST_EXPONENT = 64
 _POWERS = 2.0 ** np.arange(-_LEAST_EXPONENT, 1)
 _TERMS = np.array([1 / math.factorial(n) for n in range(13, -1, -1)])
@@ -38,8 +38,8 @@ _LOG2_E, _LN_2 = 1 / math.log(2), math.log(2)
 def convolution(channels: int) -> Callable[..., None]:
     """Compile a 3x3x3 convolution and ReLU, before which a residual may be added.
 
-    Features of voxels outside the set count as zero. The sum of a row starts with the residual; its
-    neighbours follow by offset, x fastest.
+    Features of voxels outside the set count as zero. A sum starts with the residual; neighbours are
+    added in the order of offsets, x fastest.
     """
 
     def convolve(
@@ -125,7 +125,7 @@ def cumulate(logits: Floats32, at: int, out: Cumulative) -> None:
 
 @compiled
 def exponential(x: float) -> float:
-    """Return the exponential of x <= 0 to about 1e-14; below -44 it is 0."""
+    """Return the exponential of x <= 0, accurate to about 1e-14; below -44 it is 0."""
     if not -44.0 < x <= 0.0:
         return 0.0 * x  # NaN for a NaN or infinite x
     power = math.floor(x * _LOG2_E + 0.5)

@@ -1,12 +1,12 @@
-"""The stream of RENO: the stream of the authors' program, after a header that identifies it.
+"""The stream of RENO: a header that identifies it, then the stream of the authors' program.
 
-magic "RENO", version, CRC-32 of the rest
-digest of the weights (8 bytes), number and CRC-32 of the decoded voxels (2 uint32; the CRC is of
-    their keys in Morton order, 8 bytes each); base-128 numbers: offsets of the axes in 131,072 mm
-    (signed)
-as the authors' program: posQ in mm (float16), voxels of the base (int32), their coordinates (3
-    int32 each) and occupancies (uint8 each), number of runs of symbols (uint16), each run's bytes
-    (uint32) and the run: first and second symbols of each level below the base
+* magic "RENO", version, CRC-32 of the rest
+* digest of the weights (8 bytes), number of decoded voxels (uint32), CRC-32 of their keys in Morton
+  order, 8 bytes each (uint32); grid offsets of the axes in 131,072 mm (3 signed base-128 numbers)
+* as the authors' program: posQ in mm (float16), number of voxels of the coarsest level, the base
+  (int32), their coordinates (3 int32 each) and occupancies (uint8 each), number of runs of symbols
+  (uint16), each run's length in bytes (uint32) and the run: first and second symbols of each level
+  below the base
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ from puckbench.learned.sparse.voxels import AXIS_BITS, morton_keys
 
 MAGIC, VERSION = b"RENO", 1
 MAX_BASE = 64
-"""Bound of the base, which has fewer voxels."""
+"""The base has fewer voxels than this."""
 MAX_LEVEL = 2**22
 """Maximum voxels of a level that the network codes; each takes about 600 bytes of memory."""
 _NODES, _NODES_PER_BYTE = 2**17, 16
-"""Maximum voxels of all such levels, and more for each byte of the symbols."""
+"""Maximum voxels of all such levels, and additional voxels per byte of the symbols."""
 _MAX_OFFSET = 2**30
 _FRAMING = Framing(MAGIC, VERSION, "RENO")
 _HEADER = struct.Struct("<8sII")
@@ -101,8 +101,7 @@ def _check_base(tree: CodedTree) -> None:
 
 
 def max_nodes(tree: CodedTree) -> int:
-    """Return the maximum number of network-coded voxels, in all levels, for the size of a
-    stream."""
+    """Return the maximum number of network-coded voxels, in all levels, for a stream's size."""
     return _NODES + _NODES_PER_BYTE * sum(map(len, tree.symbols))
 
 

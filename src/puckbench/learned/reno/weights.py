@@ -108,8 +108,6 @@ def _weights(digest: bytes, arrays: Mapping[str, Floats32]) -> RenoWeights:
 
 
 def _head(name: str, arrays: Mapping[str, Floats32]) -> RenoHead:
-    """Return a head from a checkpoint's arrays; its matrices are transposed, since PyTorch
-    stores them as (out, in).
-    """
+    # transposed, since PyTorch stores matrices as (out, in)
     hidden, logits = (np.ascontiguousarray(arrays[f"{name}.{i}.weight"].T).ravel() for i in (0, 2))
     return RenoHead(hidden, arrays[f"{name}.0.bias"], logits, arrays[f"{name}.2.bias"])

@@ -21,21 +21,19 @@ from puckbench.learned.sparse.thread_pool import Scratch, ThreadPool
 from puckbench.learned.sparse.voxels import CENTRE, OFFSETS, NeighbourTable
 
 _CHUNK_FLOATS = 2**20
-"""Approximate number of gathered features of a chunk: larger chunks leave the caches of small
-machines, smaller ones spend more time in Python, which two threads cannot share."""
+"""Approximate number of gathered features of a chunk: larger chunks do not fit the caches of small
+machines, smaller ones spend more time in Python, which only one thread at a time can run."""
 _MIN_ROWS, _MAX_ROWS = 64, 4096
 _DEVICE_CHUNK_FLOATS, _DEVICE_ROWS = 2**26, 2**20
-"""The same for another device, where starting a computation takes longer than a small chunk."""
+"""The same for another device, where starting a computation costs more than a small chunk."""
 
 Matrices = tuple[Tensor, ...]
-"""For each offset between rows the matrix (count * channels read, count * channels written)."""
+"""For each offset between rows, a matrix (count * input channels, count * output channels)."""
 
 
 @dataclass(frozen=True)
 class Neighbourhood:
-    """The neighbours of the voxels that a layer works on, with functions that gather, multiply
-    and scatter their features.
-    """
+    """Neighbours of a layer's voxels, with kernel map, threads and chunk sizes of convolutions."""
 
     gather_scatter: GatherScatter
     kernel_map: KernelMap  # says whether a row is a voxel or a parent with eight children
@@ -54,7 +52,7 @@ def neighbourhood_of(
     pool: ThreadPool,
     device: torch.device | None = None,
 ) -> Neighbourhood:
-    """Return the neighbourhood of a table (27, n) for tensors on a device, by default the CPU."""
+    """Return the neighbourhood of a neighbour table (27, n), for a device (by default the CPU)."""
     if device is None or device.type == "cpu":
         return Neighbourhood(CompiledGatherScatter(table), kernel_map, pool)
     return device_neighbourhood(table, kernel_map, pool, device)
@@ -63,7 +61,7 @@ def neighbourhood_of(
 def device_neighbourhood(
     table: NeighbourTable, kernel_map: KernelMap, pool: ThreadPool, device: torch.device
 ) -> Neighbourhood:
-    """Return the neighbourhood of a table (27, n), with PyTorch's indexing on any device."""
+    """Like `neighbourhood_of`, but with PyTorch's indexing on every device, also the CPU."""
     gather_scatter = TorchGatherScatter(torch.from_numpy(table).long().to(device))
     return Neighbourhood(gather_scatter, kernel_map, pool, _DEVICE_CHUNK_FLOATS, _DEVICE_ROWS)
 
@@ -112,7 +110,7 @@ def _products_buffer(features: Tensor, scratch: Scratch, size: int) -> Tensor:
 
 
 class _Convolution(torch.autograd.Function):
-    """`convolve` with one kernel matrix for each pair of children: (pairs, c, d)."""
+    """Differentiable `convolve`, with kernel matrices (pairs, c, d) for all pairs of children."""
 
     @staticmethod
     def forward(

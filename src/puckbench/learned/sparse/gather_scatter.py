@@ -1,7 +1,6 @@
 """Gathering of neighbours' features into contiguous memory, and adding of products to output rows.
 
-There are two implementations with equal results: compiled loops for the CPU, and PyTorch's indexing
-for any device.
+Compiled loops for the CPU, and PyTorch's indexing for any device, have equal results.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ Segments = list[Tensor | None]
 
 
 class NeighbourPairs(NamedTuple):
-    """Pairs of a row and its neighbour, sorted by offset, then by row, without the centre."""
+    """Pairs of a row and a neighbour other than itself, sorted by offset, then by row."""
 
     firsts: NDArray[np.int64]  # (28,); offset k has the pairs firsts[k] to firsts[k + 1]
     rows: NDArray[np.int32]  # of each pair
@@ -36,9 +35,7 @@ class NeighbourPairs(NamedTuple):
 
 @dataclass(frozen=True)
 class PairLayout:
-    """Position of a chunk's pairs in flat memory, grouped by the number of children that their
-    offset connects.
-    """
+    """Positions of a chunk's pairs in flat memory, grouped by how many children they connect."""
 
     counts: NDArray[np.int64]  # (27,), pairs of each offset, 0 at the centre
     starts: NDArray[np.int64]  # (27,), first element of each offset, for one channel
@@ -58,10 +55,10 @@ class GatherScatter(Protocol):
         scratch: Scratch,
         at_output: bool = False,
     ) -> Segments:
-        """Gather the features (n, children, channels) of a chunk's neighbours at each offset.
+        """Gather features (n, children, channels) of a chunk's neighbours at each offset but zero.
 
-        The centre is left out. With `at_output`, gather the features of the rows themselves
-        instead, at the children that the convolution writes.
+        With `at_output`, gather the features of the rows themselves instead, at the children that
+        the convolution writes.
         """
 
     def scatter_add(
@@ -75,7 +72,7 @@ class _Chunk(NamedTuple):
 
 
 class CompiledGatherScatter:
-    """Compiled loops for tensors on the CPU, over a neighbour table (27, n) int32."""
+    """Gathers and scatters on the CPU by compiled loops, for a neighbour table (27, n) int32."""
 
     def __init__(self, table: NDArray[np.int32]) -> None:
         self._pairs = _pairs_of(table)
@@ -113,7 +110,7 @@ class CompiledGatherScatter:
     def scatter_add(
         self, products: Segments, sums: Tensor, kernel_map: KernelMap, rows: slice
     ) -> None:
-        """Add products, whose memory layout must be that of `segments`."""
+        """Add products, in the memory layout of `segments`, to `sums`."""
         first = next((products[k] for k in kernel_map.order if products[k] is not None), None)
         if first is not None:
             chunk = self._chunk(kernel_map, rows)
@@ -127,7 +124,7 @@ class CompiledGatherScatter:
 
 
 class TorchGatherScatter:
-    """PyTorch's indexing on any device, over a neighbour table (27, n) int64 on that device."""
+    """Gathers and scatters on any device by PyTorch, for a neighbour table (27, n) int64 on it."""
 
     def __init__(self, table: Tensor) -> None:
         self.table = table
@@ -209,9 +206,7 @@ def segments(buffer: Tensor, layout: PairLayout, width: int) -> Segments:
 
 
 def _flat(features: Tensor) -> tuple[Any, int, int]:
-    """Return flat memory that begins with the first feature, and the strides of its rows and
-    children.
-    """
+    """Return flat memory from the first feature on, and the strides of rows and children."""
     flat = features.as_strided((_elements_after(features),), (1,), features.storage_offset())
     return flat.numpy(), features.stride(0), features.stride(1)
 

@@ -14,7 +14,7 @@ from puckbench.learned.sparse.voxels import CHILDREN, OFFSETS, ChildMap
 
 
 class SparseLayer(nn.Module):
-    """A layer with a kernel (offsets, c, d), whose offsets have x fastest, and a bias (d,)."""
+    """A layer with a kernel (offsets, c, d), offsets with x fastest, and a bias (d,)."""
 
     def __init__(self, offsets: int, in_channels: int, out_channels: int) -> None:
         super().__init__()
@@ -73,7 +73,7 @@ class GenerativeTransposedConvolution(SparseLayer):
 
 
 def top_k(logits: NDArray[np.float32], count: int) -> NDArray[np.int64]:
-    """Return the rows of the `count` >= 1 largest logits, ascending; ties go to lower rows."""
+    """Return the ascending indices of the `count` >= 1 largest logits; ties go to lower indices."""
     if count >= len(logits):
         return np.arange(len(logits))
     least = np.partition(logits, len(logits) - count)[len(logits) - count]
@@ -86,10 +86,10 @@ def top_k(logits: NDArray[np.float32], count: int) -> NDArray[np.int64]:
 def kept_children(
     logits: NDArray[np.float32], count: int, child_per_parent: bool = True
 ) -> NDArray[np.int64]:
-    """Return the ascending slots of the `count` most likely children by their logits (m, 8).
+    """Return the ascending slots of the `count` most likely children, given logits (m, 8).
 
-    With `child_per_parent` the most likely child of each parent has priority. Otherwise a parent
-    may lose all children, which leaves a hole.
+    A slot is 8 * parent + child. With `child_per_parent` the most likely child of each parent has
+    priority. Otherwise a parent may lose all children, which leaves a hole.
     """
     if not child_per_parent:
         return top_k(logits.reshape(-1), count)

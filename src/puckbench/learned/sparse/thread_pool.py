@@ -1,7 +1,7 @@
 """A thread pool whose threads keep their working memory from layer to layer.
 
 One thread computes a chunk of rows completely, so that results do not depend on the number of
-threads. Mapping and clearing memory for each layer would take as long as the arithmetic.
+threads. Allocating memory for each layer would take as long as the arithmetic.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ T = TypeVar("T")
 
 
 class Scratch:
-    """Flat float32 buffers by name, each as large as the largest request so far."""
+    """Named float32 buffers, each as large as its largest request so far."""
 
     def __init__(self) -> None:
         self._buffers: dict[str, Tensor] = {}
 
     def take(self, name: str, size: int) -> Tensor:
-        """Return `size` uninitialised floats; later requests of the name share the memory."""
+        """Return `size` uninitialised floats, which later requests of this name overwrite."""
         buffer = self._buffers.get(name)
         if buffer is None or len(buffer) < size:
             buffer = self._buffers[name] = torch.empty(size, dtype=torch.float32)
@@ -33,9 +33,7 @@ class Scratch:
 
 
 class ThreadPool:
-    """Threads, each with its working memory. Without an executor the calling thread does all
-    work.
-    """
+    """Threads, each with its working memory; without an executor, only the calling thread."""
 
     def __init__(self, threads: int, executor: ThreadPoolExecutor | None = None) -> None:
         self.threads = threads
@@ -66,8 +64,7 @@ class ThreadPool:
 
 @contextmanager
 def thread_pool(threads: int | None = None) -> Iterator[ThreadPool]:
-    """Open a pool, by default with PyTorch's number of threads; inside it PyTorch uses one
-    thread."""
+    """Open a pool, by default with PyTorch's number of threads; inside, PyTorch itself uses one."""
     before = torch.get_num_threads()
     threads = threads or before
     torch.set_num_threads(1)

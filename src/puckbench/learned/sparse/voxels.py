@@ -24,9 +24,9 @@ if TYPE_CHECKING:
 Keys = NDArray[np.int64]
 NeighbourTable = NDArray[np.int32]
 AXIS_BITS = 20
-"""Coordinates are below 2**20, so that a key and its neighbours fit 63 bits."""
+"""Coordinates are below 2**20, so that the keys of a voxel and of its neighbours fit 63 bits."""
 OFFSETS = 27
-"""Neighbours within one voxel, itself among them: ``(dx + 1) + 3 (dy + 1) + 9 (dz + 1)``."""
+"""Offsets of neighbours, 0 included, have the numbers ``(dx + 1) + 3 (dy + 1) + 9 (dz + 1)``."""
 FACES = (12, 14, 10, 16, 4, 22)
 """Offsets of the neighbours that share a face, in both directions along x, y and z."""
 CENTRE = 13
@@ -38,8 +38,6 @@ _X_LOWEST = np.array([2, 1, 0])
 
 @dataclass(frozen=True)
 class VoxelSet:
-    """Distinct voxels in Morton order."""
-
     keys: Keys  # (n,), ascending
     neighbours: NeighbourTable  # (27, n), row of the voxel at each offset, or -1
 
@@ -78,7 +76,7 @@ def parents_of(keys: Keys) -> tuple[Keys, ChildMap]:
 def pyramid(
     keys: Keys, scales: int, pool: ThreadPool | None = None
 ) -> tuple[list[VoxelSet], list[ChildMap]]:
-    """Return the set with keys (n,), its `scales` coarser sets, and the maps between, finest first.
+    """Return the voxels with keys (n,), `scales` coarser sets, and their child maps, finest first.
 
     Neighbour tables are made from the coarsest set down, without a search: the neighbours of a
     child are children of its parent's neighbours.
@@ -101,7 +99,7 @@ def _root(keys: Keys) -> VoxelSet:
 
 
 def children_voxels(parents: VoxelSet, keys: Keys, pool: ThreadPool | None = None) -> VoxelSet:
-    """Return the set of children with keys (n,); each parent must have at least one."""
+    """Return the set of the children with keys (n,); each parent must have at least one."""
     first = np.append(np.flatnonzero(np.diff(keys >> 3, prepend=-1)), len(keys))
     rows = np.full((len(parents), CHILDREN), -1, dtype=np.int32)
     rows[np.repeat(np.arange(len(parents)), np.diff(first)), keys & 7] = np.arange(len(keys))
@@ -126,7 +124,7 @@ def keys_of_slots(parents: Keys, slots: NDArray[np.int64]) -> Keys:
 def selected_children(
     parents: VoxelSet, slots: NDArray[np.int64], pool: ThreadPool | None = None
 ) -> VoxelSet:
-    """Return the set of children in ascending slots; parents without children are allowed."""
+    """Return the set of the children with these ascending slots; a parent may have none."""
     has_child = np.zeros(len(parents), dtype=bool)
     has_child[slots >> 3] = True
     row = np.where(has_child, np.cumsum(has_child) - 1, -1).astype(np.int32)
@@ -137,9 +135,7 @@ def selected_children(
 
 @cache
 def _ring_parents() -> NDArray[np.int64]:
-    """Return, for each cell of a 4x4x4 neighbourhood, the offset of the cell's parent and its
-    child number.
-    """
+    """Return the parent's offset and child number of each of 4x4x4 cells around eight siblings."""
     position = np.arange(64) // 4 ** np.arange(3)[:, None] % 4 - 1
     parents, within = position // 2 + 1, position % 2
     return np.stack([3 ** np.arange(3) @ parents, 2 ** np.arange(3) @ within])

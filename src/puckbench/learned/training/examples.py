@@ -1,4 +1,4 @@
-"""Training examples: random cubes of clouds on the integer grid."""
+"""Training examples: random cubes cut from clouds on the integer grid."""
 
 from __future__ import annotations
 
@@ -19,20 +19,22 @@ Voxels = NDArray[np.integer[Any]]
 
 @dataclass(frozen=True)
 class CubeExamples:
-    """Batches of random cubes, which depend only on the batch number and the seed."""
+    """Batches of random cubes that depend only on the batch number and the seed."""
 
     clouds: Sequence[NDArray[Any]]  # voxels (n, 3)
     cube_size: int = 64  # voxels along an edge
     batch_size: int = 4  # cubes of a batch
     min_voxels: int = 200  # of a cube
-    # drawn log-uniformly for each cube, so that sparser clouds are learned from too
+    # each cube keeps a log-uniformly drawn fraction of its voxels, so that training includes
+    # sparser clouds
     min_kept_fraction: float = 1.0
     seed: int = 1
     kind: ClassVar[str] = "training cubes"  # name of the stream of random numbers
 
     def batch(self, step: int) -> list[Keys]:
-        """Return the cubes of a step in random symmetries; raise InputError if none has enough
-        voxels."""
+        """Return a step's cubes, in random symmetries, as keys; raise InputError if no cube has
+        enough voxels.
+        """
         rng = generator(self.seed, self.kind, str(step))
         return [self._cube(rng) for _ in range(self.batch_size)]
 
@@ -73,7 +75,7 @@ def random_symmetry(
 
 
 def join_clouds(clouds: Sequence[Keys]) -> Keys:
-    """Join the keys of several clouds in one set in which no two clouds touch."""
+    """Join the Morton keys of clouds into one set in which no two clouds touch."""
     bits = max(int(keys[-1]).bit_length() for keys in clouds)
     cell = 3 * (-(-bits // 3) + 1)  # twice the side, which leaves a gap
     if cell + (len(clouds) - 1).bit_length() > 60:

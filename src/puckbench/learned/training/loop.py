@@ -41,13 +41,13 @@ class BaseTrainer(ABC, Generic[M, L]):
     done
         Number of completed steps.
     identity
-        Further properties, such as the data, in which a checkpoint must agree.
+        Further properties, such as the data, that must equal those of a checkpoint.
     curve
         A row for each completed step, filled by the caller.
     """
 
     max_gradient_norm: float | None = None
-    """Gradient clipping norm."""
+    """Norm to which gradients are clipped."""
 
     def __init__(
         self, model: M, training: BaseTraining, groups: Sequence[Mapping[str, Any]] = ()
@@ -66,9 +66,7 @@ class BaseTrainer(ABC, Generic[M, L]):
 
     @abstractmethod
     def row(self, loss: L) -> dict[str, float]:
-        """Return a loss as a row of the training curve; the first column is the quantity that is
-        minimised.
-        """
+        """Return a loss as a row of the training curve; the first column is minimised."""
 
     def optimiser_step(self, loss: Tensor) -> None:
         for group in self.optimiser.param_groups:
@@ -142,7 +140,7 @@ def train(
     every: int = 500,
     report: Callable[[int, L], None] = _ignore,
 ) -> None:
-    """Train to the last step, and resume from the checkpoint if the file exists.
+    """Train to the last step; resume from the checkpoint if the file exists.
 
     `clouds` returns the batch of a step. It must depend on the number of the step alone, so that a
     resumed training equals an uninterrupted one. `every` is the number of steps between

@@ -1,8 +1,7 @@
 """Settings of the training of learned codecs, as pydantic models.
 
-A codec's registration names in `training` a class derived from `BaseTraining`, whose fields are the
-options of a configuration and of ``puckbench train --options``. This module does not import
-PyTorch.
+A codec names a subclass of `BaseTraining` in `training`. Its fields are the options of a
+configuration and of ``puckbench train --options``. This module does not import PyTorch.
 """
 
 from __future__ import annotations
@@ -23,7 +22,8 @@ if TYPE_CHECKING:
     from puckbench.learned.training.loop import BaseTrainer
 
 _MIN_VOXELS, _SIZE = 200, 64
-"""Minimum voxels of a cube of this size; of smaller cubes in proportion to the area of a face."""
+"""Least number of voxels in a cube of this size; smaller cubes need fewer, in proportion to the
+area of a face."""
 
 Rates = Mapping[str, Mapping[str, Any]]
 Channels = Annotated[int, Field(gt=0, multiple_of=4)]
@@ -62,7 +62,7 @@ class BaseTraining(Model, ABC):
 
     @abstractmethod
     def trainer(self) -> AbstractContextManager[BaseTrainer[Any, Any]]:
-        """Open a new model with its optimiser, on CUDA where available, else on the CPU."""
+        """Open a new model and its optimiser, on CUDA if available, otherwise on the CPU."""
 
     @abstractmethod
     def examples(self, clouds: Sequence[Floats]) -> CubeExamples: ...
@@ -80,7 +80,7 @@ class BaseTraining(Model, ABC):
     def export(self, path: Path, model: Any, card: Mapping[str, Any]) -> None: ...
 
     def rates(self, codec_rates: Rates) -> dict[str, Mapping[str, Any]]:
-        """Return those rates of the codec's configuration that the trained weights support."""
+        """Return those rates of the codec that the trained weights support."""
         return dict(codec_rates)
 
 
@@ -120,7 +120,7 @@ class MultiRateTraining(BaseTraining):
         )
 
     def rates(self, codec_rates: Rates) -> dict[str, Mapping[str, Any]]:
-        """Return the rates whose lambda is trained; if there are none, return one rate for each
+        """Return the rates whose lambda is trained; if there are none, one rate per trained
         lambda.
         """
         trained = {name: rate for name, rate in codec_rates.items() if rate["lmbda"] in self.lmbdas}
