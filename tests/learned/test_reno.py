@@ -245,7 +245,7 @@ def test_clouds_beyond_the_authors_grid_come_back(codec: Codec, points: list[lis
 
 
 def test_values_that_the_stream_cannot_hold_are_refused(codec: Codec, folder: Path) -> None:
-    with pytest.raises(InputError, match="spans more than 20 bits at posQ 8"):
+    with pytest.raises(InputError, match="needs more than 20 bits per coordinate at posQ 8"):
         codec.encode(np.array([[0.0, 0, 0], [9000, 0, 0]]), "8mm")
     with pytest.raises(InputError, match=r"posQ 4097 is not a number in half precision"):
         _with_rate(folder, 4.097).encode(METRES, "r1")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import trimesh
 
@@ -115,6 +116,21 @@ def test_a_metric_cloud_in_millimetres_is_remarked_upon_and_a_scaled_one_is_not(
         config = {"results": str(tmp_path / "out"), "scenes": scenes, "datasets": {"room": data}}
         Plan(checked(config), check_scenes=True)
         assert len(caplog.records) == (size == "metric")
+
+
+def test_points_that_are_left_out_are_counted(tmp_path: Path) -> None:
+    for name, missing in (("a", 7), ("b", 11), ("c", 0)):
+        points = np.random.default_rng(0).random((100, 4)) + 1
+        points[:missing, :3] = np.nan
+        np.save(tmp_path / f"{name}.npy", points)
+    scenes = {"mine": {"loader": "point_clouds", "options": {"path": str(tmp_path)}}}
+    datasets = {"taken": {"scenes": "mine", "make": "cloud"}}
+    config = {"results": str(tmp_path / "results"), "scenes": scenes, "datasets": datasets}
+    points_line, attributes_line = left_out_lines(
+        Plan(checked(config), check_scenes=True).left_out_rows()
+    )
+    assert points_line == "left out: taken: 18 points that are missing returns or not finite"
+    assert attributes_line == "left out: taken: intensity: codecs code coordinates only"
 
 
 def test_a_scene_is_looked_at_again_when_its_unit_changes(meshes: Path) -> None:

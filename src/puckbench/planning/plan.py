@@ -38,6 +38,7 @@ from puckbench.planning.config import (
 from puckbench.planning.scene_checks import (
     are_shifted,
     attributes,
+    dropped_points,
     extents,
     most_points,
     scene_faults,
@@ -198,11 +199,13 @@ class Plan:
                 yield {"dataset": dataset, "scene": scene, "file": file, "reason": reason}
 
     def _attributes_left_out(self) -> Iterator[dict[str, str]]:
-        """Yield rows on what the user's clouds lose in coding: attributes, and the origin."""
+        """Yield rows on what the user's clouds lose: points, attributes, and the origin."""
         for data in self.datasets.values():
             if not read_first(self.scenes[data.scenes].scenes):
                 continue
             checks, reasons = self._checks(data.name), []
+            if count := dropped_points(checks, data.clouds):
+                reasons.append(f"{count:,} points that are missing returns or not finite")
             if names := attributes(checks, data.clouds):
                 reasons.append(f"{', '.join(names)}: codecs code coordinates only")
             if data.frame == "metric" and are_shifted(checks, data.clouds):

@@ -80,6 +80,7 @@ class _Check(Model):
     extent_m: float | None = None
     attributes: tuple[str, ...] = ()
     is_shifted: bool = False
+    dropped_points: int = 0
 
 
 def _read_checks(results_file: Path) -> dict[str, dict[str, Any]]:
@@ -108,9 +109,15 @@ def are_shifted(results_file: Path, scenes: Iterable[str]) -> bool:
     return any(checks.get(scene, {}).get("is_shifted") for scene in scenes)
 
 
+def dropped_points(results_file: Path, scenes: Iterable[str]) -> int:
+    """Return the number of points that the scenes' files have and their clouds do not."""
+    checks = _read_checks(results_file)
+    return sum(checks.get(scene, {}).get("dropped_points", 0) for scene in scenes)
+
+
 def _state(scenes: SceneSet, files: Iterable[Path], settings: DataSetConfig, name: str) -> str:
     options = scenes.model_dump_json(exclude={"path"}) if isinstance(scenes, Model) else ""
-    job: tuple[object, ...] = (settings.make, settings.is_metric, options, "attributes")
+    job: tuple[object, ...] = (settings.make, settings.is_metric, options, "dropped points")
     if settings.is_scan:
         job += (planned(scan_record(settings, name, seed=0)),)
     stats = [stat for path in files for stat in _stats(path)]
@@ -143,6 +150,7 @@ def _found(
                 "extent_m": _extent(points),
                 "is_shifted": bool(origin_shift(points).any()),
                 "attributes": [] if cloud is None else _attributes(cloud),
+                "dropped_points": scene.about.get("dropped_points", 0),
             }
         if scene.mesh is None:
             how = f"make: cloud, not {settings.make}"

@@ -46,7 +46,8 @@ def encode(points: Floats, weights: RenoWeights, posq: float, threads: int | Non
     offsets = _grid_offsets(points)
     voxels = np.rint((points + offsets * float(OFFSET)) / posq).astype(np.int64)
     if voxels.max() >= 2**AXIS_BITS:
-        raise InputError(f"the cloud spans more than {AXIS_BITS} bits at posQ {posq:g}{NARROWER}")
+        needed = f"more than {AXIS_BITS} bits per coordinate at posQ {posq:g}"
+        raise InputError(f"the cloud needs {needed}{NARROWER}")
     tree = RenoCoder(weights, threads).encode(unique_keys(morton_keys(voxels)))
     x, y, z = offsets.tolist()
     return write_stream(RenoStream(weights.digest, posq, (x, y, z), tree))
