@@ -7,7 +7,7 @@ import pytest
 from puckbench.codecs.registry import codec_class, open_codec
 from puckbench.core.errors import InputError
 from puckbench.gpcc import syntax
-from puckbench.gpcc.bits import Reader
+from puckbench.gpcc.bits import BitReader
 from puckbench.gpcc.container import MAGIC, unwrap
 
 SCALES = {"r": {"scale": 1.0}, "half": {"scale": 0.5}, "odd": {"scale": 0.7}, "fine": {"scale": 4}}
@@ -127,7 +127,7 @@ def test_without_a_sensor_options_are_those_of_papers_on_lidar(rate: str, direct
     stream = open_codec("gpcc_no_sensor").encode(_cloud() / 100, rate)
     units = dict(syntax.payloads(unwrap(stream).stream))
     gps = syntax.GeometryParameterSet()
-    syntax.geometry_parameter_set(Reader(units[syntax.GEOMETRY_PARAMETER_SET]), gps)
+    syntax.geometry_parameter_set(BitReader(units[syntax.GEOMETRY_PARAMETER_SET]), gps)
     assert gps.inferred_direct_coding_mode == direct
     assert gps.geom_idcm_rate_minus1 == 31  # planarModeIdcmUse 32
     assert gps.geom_unique_points_flag == (direct == 1)  # mergeDuplicatedPoints

@@ -10,7 +10,7 @@ from puckbench.codecs.registry import open_codec
 from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import PointCloud
 from puckbench.gpcc import syntax
-from puckbench.gpcc.bits import Reader
+from puckbench.gpcc.bits import BitReader
 from puckbench.gpcc.container import unwrap
 from puckbench.io.clouds import write_cloud
 from puckbench.jobs.encode import to_code
@@ -23,7 +23,7 @@ RATES = list(open_codec("gpcc_predictive").metric_rates)
 def _parameter_set(stream: bytes) -> syntax.GeometryParameterSet:
     units = dict(syntax.payloads(unwrap(stream).stream))
     gps = syntax.GeometryParameterSet()
-    syntax.geometry_parameter_set(Reader(units[syntax.GEOMETRY_PARAMETER_SET]), gps)
+    syntax.geometry_parameter_set(BitReader(units[syntax.GEOMETRY_PARAMETER_SET]), gps)
     return gps
 
 

@@ -11,7 +11,7 @@ from puckbench.core.errors import InputError
 from puckbench.core.files import read_json
 from puckbench.gpcc import predictive_coder, syntax
 from puckbench.gpcc.azimuth_order import azimuth_order
-from puckbench.gpcc.bits import Reader
+from puckbench.gpcc.bits import BitReader
 from puckbench.gpcc.coder import decode_geometry
 from puckbench.gpcc.conformance import FOLDER
 from puckbench.gpcc.prediction_search import add_position, empty_search, nearest
@@ -252,7 +252,7 @@ def test_fields_beyond_what_can_be_computed_are_refused(field: str, value: int, 
     stream = encode_predictive_geometry(CUBE, PredictiveOptions(base_qp=8), sensor=SENSOR)
     units = dict(syntax.payloads(stream))
     gps = syntax.GeometryParameterSet()
-    syntax.geometry_parameter_set(Reader(units[1]), gps)
+    syntax.geometry_parameter_set(BitReader(units[1]), gps)
     units[1] = syntax.written(syntax.geometry_parameter_set, replace(gps, **{field: value}))
     with pytest.raises(InputError, match=said):
         decode_geometry(b"".join(syntax.encapsulate(*unit) for unit in units.items()))

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from puckbench.core.errors import InputError
 from puckbench.gpcc import syntax
-from puckbench.gpcc.bits import Reader, Writer
+from puckbench.gpcc.bits import BitReader, BitWriter
 from puckbench.gpcc.conformance import FOLDER
 
 # TMC13 release-v14.0, one point at (5, 6, 7), neighbour contexts within 2^8.
@@ -18,7 +18,7 @@ REFERENCE_GPS = bytes.fromhex("00c1f880")
 
 
 def _read(function: Callable[..., None], record: Any, data: bytes, *others: Any) -> Any:
-    function(Reader(data), record, *others)
+    function(BitReader(data), record, *others)
     return record
 
 
@@ -42,11 +42,11 @@ def test_a_geometry_parameter_set_of_tmc13_is_read() -> None:
     ("number", "code"), [(0, "1"), (1, "010"), (2, "011"), (3, "00100"), (6, "00111")]
 )
 def test_exp_golomb_codes_are_the_standards(number: int, code: str) -> None:
-    writer = Writer()
+    writer = BitWriter()
     writer.exp_golomb(number)
     padded = code.ljust(8, "0")
     assert writer.bytes() == bytes([int(padded, 2)])
-    assert Reader(writer.bytes()).exp_golomb(0) == number
+    assert BitReader(writer.bytes()).exp_golomb(0) == number
 
 
 @given(st.integers(-(2**31) + 1, 2**31 - 1))
@@ -54,10 +54,10 @@ def test_signed_numbers_come_back(value: int) -> None:
     class Record:
         number = value
 
-    writer = Writer()
+    writer = BitWriter()
     writer.se(Record, "number")
     Record.number = 0
-    Reader(writer.bytes()).se(Record, "number")
+    BitReader(writer.bytes()).se(Record, "number")
     assert Record.number == value
 
 
@@ -250,7 +250,7 @@ def test_every_truncation_is_an_error(data: bytes) -> None:
 
 
 def test_attributes_are_skipped() -> None:
-    writer = Writer()
+    writer = BitWriter()
     writer.bits(32, 0)
     writer.bits(14, 0b0000_00001_00000)
     for number in (0, 0, 0, 0):

@@ -1,7 +1,7 @@
 """Bitwise reading and writing of syntax elements.
 
-One function describes the syntax of a structure for both `Reader` and `Writer`, with the standard's
-descriptors u(n), ue(v) and se(v) for the attributes of a record.
+One function describes the syntax of a structure for both `BitReader` and `BitWriter`, with the
+standard's descriptors u(n), ue(v) and se(v) for the attributes of a record.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ _TRUNCATED = "G-PCC stream: a parameter set or header is truncated"
 
 
 class SyntaxElements(ABC):
-    """Common interface of `Reader` and `Writer`; n is a number of bits."""
+    """Common interface of `BitReader` and `BitWriter`; n is a number of bits."""
 
     writing: bool
 
@@ -66,7 +66,7 @@ class SyntaxElements(ABC):
         return ((1 << zeros) | self.bits(zeros, (value + 1) & ((1 << length) - 1))) - 1
 
 
-class Writer(SyntaxElements):
+class BitWriter(SyntaxElements):
     writing = True
 
     def __init__(self) -> None:
@@ -86,7 +86,7 @@ class Writer(SyntaxElements):
         return int("1" + "".join(map(str, self._bits)), 2).to_bytes(len(self._bits) // 8 + 1)[1:]
 
 
-class Reader(SyntaxElements):
+class BitReader(SyntaxElements):
     """Reads syntax elements; raises InputError past the end."""
 
     writing = False

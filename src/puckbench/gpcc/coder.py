@@ -14,7 +14,7 @@ from puckbench.core.errors import InputError
 from puckbench.geometry.morton import MOST_BITS, Ints, morton_points
 from puckbench.geometry.spatial_order import bounding_corners
 from puckbench.gpcc import syntax
-from puckbench.gpcc.bits import Reader
+from puckbench.gpcc.bits import BitReader
 from puckbench.gpcc.contexts import Contexts, initial_contexts
 from puckbench.gpcc.options import PROFILES, GpccOptions
 from puckbench.gpcc.predictive import initial_probabilities
@@ -298,15 +298,15 @@ class _StreamReader:
                 raise InputError(f"G-PCC stream: more than {MAX_PARAMETER_BYTES} parameter bytes")
         if payload_type == syntax.SEQUENCE_PARAMETER_SET:
             sps = syntax.SequenceParameterSet()
-            syntax.sequence_parameter_set(Reader(payload), sps)
+            syntax.sequence_parameter_set(BitReader(payload), sps)
             self._sps.setdefault(sps.sps_seq_parameter_set_id, sps)
         elif payload_type == syntax.GEOMETRY_PARAMETER_SET:
             gps = syntax.GeometryParameterSet()
-            syntax.geometry_parameter_set(Reader(payload), gps)
+            syntax.geometry_parameter_set(BitReader(payload), gps)
             syntax.check_tools(gps)
             self._gps.setdefault(gps.gps_geom_parameter_set_id, gps)
         elif payload_type == syntax.TILE_INVENTORY:
-            syntax.tile_inventory(Reader(payload), syntax.TileInventory())
+            syntax.tile_inventory(BitReader(payload), syntax.TileInventory())
         elif payload_type == syntax.GEOMETRY_DATA_UNIT:
             self._slices.append(self._decoded(payload))
 

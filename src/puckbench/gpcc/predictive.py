@@ -78,7 +78,7 @@ class Tools(NamedTuple):
     sphere: Sphere
 
 
-class Nodes(NamedTuple):
+class TreeNodes(NamedTuple):
     """Nodes in coding order; `stack` holds the parents of pending nodes."""
 
     points: NDArray[np.int32]
@@ -284,7 +284,7 @@ def predicted(positions: NDArray[np.int32], before: Three, mode: int, tools: Too
 
 
 @entry
-def decode_trees(coder: Any, contexts: Probabilities, tools: Tools, nodes: Nodes) -> int:
+def decode_trees(coder: Any, contexts: Probabilities, tools: Tools, nodes: TreeNodes) -> int:
     """Decode all trees of a slice; return the number of points or a negative error code."""
     done = 0
     while True:
@@ -294,7 +294,9 @@ def decode_trees(coder: Any, contexts: Probabilities, tools: Tools, nodes: Nodes
 
 
 @inlined
-def _decode_tree(coder: Any, contexts: Probabilities, tools: Tools, nodes: Nodes, done: int) -> int:
+def _decode_tree(
+    coder: Any, contexts: Probabilities, tools: Tools, nodes: TreeNodes, done: int
+) -> int:
     count, pending = len(nodes.parents), 1
     if done >= count:
         return TOO_MANY_POINTS
@@ -330,7 +332,7 @@ def _decode_tree(coder: Any, contexts: Probabilities, tools: Tools, nodes: Nodes
 
 @inlined
 def _decode_position(
-    coder: Any, contexts: Probabilities, tools: Tools, nodes: Nodes, node: int, qp: int
+    coder: Any, contexts: Probabilities, tools: Tools, nodes: TreeNodes, node: int, qp: int
 ) -> bool:
     mode = code_pred_mode(coder, contexts, 0)
     before = ancestors(nodes.parents, node)
@@ -365,7 +367,7 @@ def _decode_position(
 
 
 @kernel
-def _repeat(nodes: Nodes, angular: bool, node: int, copies: int) -> None:
+def _repeat(nodes: TreeNodes, angular: bool, node: int, copies: int) -> None:
     for k in range(node + 1, node + 1 + copies):
         for axis in range(3):
             nodes.points[k, axis] = nodes.points[node, axis]

@@ -9,7 +9,7 @@ from puckbench.geometry.morton import Ints
 from puckbench.gpcc import predictive, predictive_encoder
 from puckbench.gpcc.arithmetic import consumed, encoder, enlarged, finish
 from puckbench.gpcc.prediction_tree import Int32s, PredictionTree
-from puckbench.gpcc.predictive import Nodes, Probabilities, Tools
+from puckbench.gpcc.predictive import Probabilities, Tools, TreeNodes
 from puckbench.gpcc.predictive_encoder import NODE_BYTES, Given
 from puckbench.gpcc.slices import CodedSlice, sensor_position, slice_decoder
 from puckbench.gpcc.spherical import sphere
@@ -78,8 +78,8 @@ def tools_of(
     )
 
 
-def empty_nodes(points: int, *, angular: bool) -> Nodes:
-    return Nodes(
+def empty_nodes(points: int, *, angular: bool) -> TreeNodes:
+    return TreeNodes(
         np.empty((points, 3), dtype=np.int32),
         np.empty((points if angular else 0, 3), dtype=np.int32),
         np.empty(points, dtype=np.int32),

@@ -25,7 +25,7 @@ from puckbench.gpcc.arithmetic import (
     finish,
     restart,
 )
-from puckbench.gpcc.bits import Reader
+from puckbench.gpcc.bits import BitReader
 from puckbench.gpcc.contexts import Contexts, initial_contexts
 from puckbench.gpcc.syntax import (
     OCTREE,
@@ -98,7 +98,7 @@ def encode_octree(
 
 def read_slice(payload: bytes, sps: SequenceParameterSet, gps: GeometryParameterSet) -> CodedSlice:
     """Split a geometry data unit; raise InputError if it is invalid."""
-    reader = Reader(payload)
+    reader = BitReader(payload)
     header = GeometryHeader()
     geometry_header(reader, header, sps, gps)
     if gps.geom_tree_type == OCTREE:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from puckbench.core.errors import InputError
-from puckbench.gpcc.bits import Reader, SyntaxElements, Writer
+from puckbench.gpcc.bits import BitReader, BitWriter, SyntaxElements
 
 Three = tuple[int, int, int]
 
@@ -204,7 +204,7 @@ def sequence_parameter_set(io: SyntaxElements, sps: SequenceParameterSet) -> Non
 
 
 def _pass_over_attribute(io: SyntaxElements) -> None:
-    if not isinstance(io, Reader):
+    if not isinstance(io, BitReader):
         raise TypeError("attributes are only read")
     for _ in ("attr_components_minus1", "attr_instance_id", "attr_bitdepth_minus1"):
         io.exp_golomb(0)
@@ -414,7 +414,7 @@ def tile_inventory(io: SyntaxElements, inventory: TileInventory) -> None:
 
 
 def written(syntax: Callable[..., None], *records: Any) -> bytes:
-    writer = Writer()
+    writer = BitWriter()
     syntax(writer, *records)
     return writer.bytes()
 
