@@ -23,7 +23,7 @@ LOGIT_LIMIT = 8 * LOGIT_UNIT
 MIN_PROBABILITY = 32
 """Smallest probability of a bit, which then costs 11 bits; a certain bit costs 0.0007 bits."""
 MAX_MEMORY = 160
-"""Maximum memory of an adaptive probability, in bits."""
+"""Maximum number of coded bits after which an adaptive probability changes at a constant rate."""
 _TOP = (1 << 32) - 1
 _TAIL = 4
 PAST_THE_END = 8
@@ -70,9 +70,7 @@ def read_to_its_end(coder: BitCoder) -> bool:
 
 @compiled_in_place
 def exhausted(coder: BitCoder) -> bool:
-    """Return whether a reader is further past the end of its bytes than an intact stream
-    requires.
-    """
+    """Return whether a reader has read further past its end than an intact stream requires."""
     registers = coder.registers
     past = registers[POSITION] > len(coder.buffer) + PAST_THE_END
     return bool(registers[WRITING] == 0 and past)
@@ -96,7 +94,7 @@ def logistic_tables() -> tuple[NDArray[np.int64], NDArray[np.int64]]:
 
 
 def learning_rates() -> NDArray[np.int64]:
-    """Return the adaptation rate, in 1 / ONE, after each number of coded bits up to MAX_MEMORY."""
+    """Return an adaptive probability's rates of change (1 / ONE) after 0 to MAX_MEMORY bits."""
     return np.rint(ONE / (np.arange(MAX_MEMORY + 1) + 1.6)).astype(np.int64)
 
 

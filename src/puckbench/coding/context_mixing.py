@@ -41,9 +41,9 @@ COUNT_BITS = 9
 CERTAINTY = (1 << PROBABILITY_BITS) - 1
 """The probability 1 of a counter."""
 BUCKETS = 33
-"""Entries of a correction table, at equal distances of the mixture."""
+"""Entries of a correction table, at equal steps of the mixture."""
 BIAS = 77
-"""Constant input of every mixture, in units of the logistic domain."""
+"""Constant input of every mixture, a logit."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class MixerOptions:
     weights
         Initial weight of each expert, then of each context.
     memory
-        Number of bits after which a counter's rate is constant.
+        Number of bits after which a counter adapts at a constant rate.
     tables
         Number of sets (1 or 2), from the first on, that have a correction table for each row.
     """
@@ -87,8 +87,8 @@ class MixerSizes(NamedTuple):
 class Mixer(NamedTuple):
     """State of a mixer.
 
-    For each bit the caller sets the experts' logits in `inputs`, the counter of each context in
-    `contexts` and the row of weights of each set in `rows`.
+    For each bit the caller writes the experts' logits to `inputs`, the counter of each context to
+    `contexts`, and the row of weights of each set to `rows`.
 
     Parameters
     ----------
@@ -218,7 +218,7 @@ def logit_of(counters: Counters, counter: int, stretch: Integers) -> int:
 @inlined
 def learn_bit(counters: Counters, counter: int, target: int, rates: Integers, memory: int) -> None:
     """Move a counter's probability towards a coded bit; `target` is the bit times `CERTAINTY`."""
-    place = np.uint64(counter)  # numba would look whether a signed index is below 0
+    place = np.uint64(counter)  # Numba would test whether a signed index is negative
     state = np.int64(counters[place])
     seen = state & ((1 << COUNT_BITS) - 1)
     step = ((target - (state >> COUNT_BITS)) * rates[np.uint64(seen)]) >> 16
@@ -227,7 +227,7 @@ def learn_bit(counters: Counters, counter: int, target: int, rates: Integers, me
 
 @inlined
 def corrected(corrections: Integers, row: int, bucket: int, share: int) -> int:
-    """Return the corrected probability of a 1, interpolated between two buckets of a table's row.
+    """Return the corrected probability of a 1, interpolated between two buckets of a row.
 
     `share` is the weight of the second bucket, in 1 / 128.
     """

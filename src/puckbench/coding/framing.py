@@ -11,10 +11,10 @@ _CHECK = struct.Struct("<I")
 
 @dataclass(frozen=True)
 class Framing:
-    """The layout of a stream.
+    """Format of a stream: magic number, version (1 byte), header, CRC-32 of the body, and body.
 
-    It consists of magic number (4 bytes), version (1 byte), header (not covered by the CRC), CRC-32
-    of the body, and body.
+    header: number of bytes of the header, which the CRC does not cover.
+    title: name of the format in error messages.
     """
 
     magic: bytes
@@ -30,9 +30,7 @@ class Framing:
         return self._start + header + _CHECK.pack(zlib.crc32(body)) + body
 
     def unframed(self, stream: bytes) -> tuple[bytes, bytes]:
-        """Return the header and the body of a stream; raise InputError if its magic number,
-        version or CRC is wrong.
-        """
+        """Return header and body; raise InputError if magic number, version or CRC is wrong."""
         start, end = len(self._start), len(self._start) + self.header + _CHECK.size
         if len(stream) < end:
             raise InputError("the stream is truncated")

@@ -39,7 +39,7 @@ Lanes = tuple[int, ...]
 LANES = 8
 """Lengths of integer vectors are multiples of this."""
 _BLOCK = 4
-"""Pairs of rows whose sums are kept in registers."""
+"""Number of pairs of rows whose sums are kept in registers."""
 _BYTES = 4
 _config: Any = numba.config
 _WORD, _LONG = ir.IntType(32), ir.IntType(64)
@@ -109,7 +109,10 @@ def fused_multiply_add(a: np.float32, b: np.float32, c: np.float32) -> np.float3
 
 
 Write = Callable[[Any, Any, Any, Any], Any]
-"""Writes the code of one call: from numba's context, LLVM's builder, the signature and values."""
+"""Function that writes the LLVM code of a call.
+
+Its arguments are Numba's context, LLVM's builder, and the signature and arguments of the call.
+"""
 
 
 def _or_loop(write: Write, loop: Callable[..., None]) -> Write:

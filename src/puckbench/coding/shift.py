@@ -21,11 +21,11 @@ MAGIC = b"PBSH"
 _FAR = 64
 """A cloud is far away if its largest coordinate exceeds this multiple of its extent.
 
-Single precision then resolves less than 2^-18 of the extent.
+Adjacent numbers in single precision are then more than 2^-18 of the extent apart.
 """
 _FINE = 1 << 20
 """With the step of a grid, a cloud is also far away if its largest coordinate exceeds this multiple
-of the step: single precision then resolves less than an eighth of a step."""
+of the step. Up to it, numbers in single precision are at most an eighth of a step apart."""
 _LONGEST = 150
 """Maximum bytes of a shift; the integer part of any double has fewer."""
 
@@ -38,8 +38,7 @@ class Shifted(NamedTuple):
 def shift_of(points: Floats, step: float | None = None) -> Floats | None:
     """Return the integers (3,) to subtract from points (n, 3), or None if no shift is needed.
 
-    Points near the origin need none if single precision resolves an eighth of the codec's grid
-    `step`.
+    Points near the origin need none if single precision resolves an eighth of the `step` of a grid.
     """
     ends = bounds(points)
     with np.errstate(over="ignore"):

@@ -3,7 +3,7 @@
 The elevation of a laser predicts which half of a node is occupied along z, and the azimuth of its
 last shot predicts the half along x or y (`determineContextAngleForPlanar`, `findLaser`,
 `AzimuthalPhiZi` in TMC13). Elevations are tangents in units of 2^-18, heights are in eighths of a
-coding unit, azimuths in units of 2^-20 radians.
+coding unit, azimuths in units of 2^-20 radians, inverse distances in units of 2^-32.
 """
 
 from __future__ import annotations
@@ -32,10 +32,12 @@ _LARGEST_GAP = 128 << 18
 
 
 class Angular(NamedTuple):
-    """A sensor relative to a slice, and the last azimuth of each laser.
+    """A sensor relative to a slice, and the azimuth of each laser's last shot.
 
+    height: negative heights of the lasers (`syntax.Laser.z`).
+    least_gap: smallest difference between two lasers' elevations.
     step, steps: azimuth between two shots, and its inverse in units of 2^-30.
-    fault: (1,) nonzero if a stream named a laser that does not exist.
+    fault: (1,) nonzero if a stream names a laser that does not exist.
     """
 
     origin: Ints
@@ -49,7 +51,7 @@ class Angular(NamedTuple):
 
 
 class PlaneAngles(NamedTuple):
-    """Contexts of a node's planes along x, y and z (-1: none), and the node's laser."""
+    """Contexts of a node's planes along x, y and z (-1: none), and the laser that sees the node."""
 
     x: int
     y: int
@@ -77,18 +79,14 @@ def angular_state(elevation: Ints, height: Ints, turns: Ints, origin: Ints) -> A
 
 @inlined
 def tangent_of(height: int, root: int) -> int:
-    """Return the tangent of the elevation of a height in half units; `root` is the inverse
-    distance from the axis.
-    """
+    """Return the tangent of the elevation of a height, in half units, at distance 1 / `root`."""
     product = height * root
     return int32(product >> 15 if product >= 0 else -(-product >> 15))
 
 
 @inlined
 def corrected_elevation(angular: Angular, laser: int, root: int) -> int:
-    """Return a laser's tangent, corrected for the laser's height; `root` is the inverse distance
-    from the axis.
-    """
+    """Return the tangent of the elevation of a laser's beam at distance 1 / `root`."""
     product = angular.height[laser] * root
     shift = -(product >> 17) if product >= 0 else -product >> 17
     return int32(angular.elevation[laser] + shift)
@@ -118,7 +116,7 @@ def laser_of(elevation: Ints, x: int, y: int, z: int) -> int:
 
 @inlined
 def predicted_azimuth(angular: Angular, laser: int, azimuth: int) -> int:
-    """Return the azimuth of the laser's shot nearest to `azimuth`."""
+    """Return the azimuth of the shot nearest to `azimuth`, extrapolated from the laser's last."""
     last = angular.azimuth[laser]
     if last == _NO_AZIMUTH:
         return azimuth
@@ -128,8 +126,10 @@ def predicted_azimuth(angular: Angular, laser: int, azimuth: int) -> int:
 
 @inlined
 def azimuth_ctx(left: int, right: int, contrast: int) -> int:
-    """Return the context of a bit that selects one of two halves, from the azimuth of each minus
-    the predicted azimuth.
+    """Return the context of a bit that selects a half of a node along x or y.
+
+    left, right: azimuth of each half minus the predicted azimuth.
+    contrast: log2 of the ratio above which they are very different.
     """
     context = 2 if (left >= 0) == (right >= 0) else 0
     left, right = abs(left), abs(right)
@@ -141,7 +141,10 @@ def azimuth_ctx(left: int, right: int, contrast: int) -> int:
 
 @inlined
 def elevation_ctx(difference: int, half_height: int) -> int:
-    """Return the context from the laser's height above a node's middle."""
+    """Return the context of a bit that selects a half of a node along z.
+
+    difference: elevation of the laser minus that of the node's middle.
+    """
     context = 0 if difference >= 0 else 1
     if int32(difference - half_height) >= 0 or int32(difference + half_height) < 0:
         context += 2
@@ -194,11 +197,10 @@ def plane_angles(
 
 @inlined
 def angular_eligible_axes(angles: PlaneAngles, eligible_axes: int, axes: int) -> int:
-    """Return the axes along which a node's planes are coded in angular mode.
+    """Return the axes (1 x, 2 y, 4 z) along which a node's planes are coded in angular mode.
 
-    These are the axes that have an angular context, and z if it is eligible without one. The result
-    and `eligible_axes` are masks of 1 (x), 2 (y) and 4 (z); `axes`, the axes that the level splits,
-    is a mask of 4 (x), 2 (y) and 1 (z).
+    These have an angular context, except that z may also be eligible without one.
+    `axes` (4 x, 2 y, 1 z) are those that the level splits.
     """
     found = eligible_axes & 4
     found |= integer(angles.x >= 0) | integer(angles.y >= 0) << 1 | integer(angles.z >= 0) << 2

@@ -1,8 +1,8 @@
-"""Adaptive binary arithmetic coding of G-PCC (ISO/IEC 23090-9), in both directions.
+"""Adaptive binary arithmetic encoder and decoder of G-PCC (ISO/IEC 23090-9).
 
-Each function encodes a bit with an `Encoder`, or decodes it with a `Decoder`, and returns it.
-Contexts hold the probability of a zero in 16 bits, as in the Schroedinger coder (`schroarith`) of
-TMC13.
+With an `Encoder`, the coding functions encode and return the given value; with a `Decoder`, they
+ignore it and return the decoded one. A context is the probability of a zero in 16 bits, as in the
+Schroedinger coder (`schroarith`) of TMC13.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ _DOUBLINGS = np.array([15 - (32 * max(i, 1)).bit_length() for i in range(512)], 
 class Encoder(NamedTuple):
     """Arithmetic encoder.
 
-    state: low end and range of the interval, number of bits of the low end above 16, bytes written.
+    state: lower end and range of the interval; bits of the lower end beyond 16; bytes written.
     """
 
     state: NDArray[np.int64]
@@ -43,9 +43,9 @@ class Encoder(NamedTuple):
 class Decoder(NamedTuple):
     """Arithmetic decoder.
 
-    state: code value; range; bits that the code value holds beyond 16; bytes read; length of the
-    stream; 1 if bypass bits are in `bypass`, 0 if in the stream; index of the next bit in `bypass`.
-    bypass: bypass bits stored apart from the stream, one per byte.
+    state: code value; range; bits of the code value beyond 16; bytes read; bytes of the stream; 1
+    if bypass bits are in `bypass`, 0 if in the stream; index of the next bit in `bypass`.
+    bypass: bypass bits that are not in the stream, one per byte.
     """
 
     state: NDArray[np.int64]
@@ -96,7 +96,7 @@ def bypass_step(coder: Any, state: State, bit: int) -> tuple[int, State]:
 
 
 def exhausted(coder: Any) -> bool:
-    """Return whether a decoder has read past the end."""
+    """Return whether a decoder has read past the end of its data."""
     raise NotImplementedError("compiled only")
 
 
@@ -207,7 +207,6 @@ def _carry(data: Bytes, place: int) -> None:
 
 @kernel
 def _next_word(data: Bytes, place: int) -> int:
-    """Read four bytes at an index; bytes past the end are 0xFF."""
     word = 0
     for k in range(4):
         byte = integer(data[place + k]) if place + k < len(data) else 0xFF
@@ -269,7 +268,7 @@ def code_bypass(coder: Any, bit: int) -> int:
 def code_exp_golomb(
     coder: Any, contexts: NDArray[np.uint16], prefix: int, value: int, order: int = 0
 ) -> int:
-    """Encode or decode a number in Exp-Golomb code with at most 24 prefix bits."""
+    """Encode or decode an Exp-Golomb code; its prefix bits, at most 24, share a context."""
     base = 0
     while order < 24 and code_bit(coder, contexts, prefix, integer(value - base >= 1 << order)):
         base += 1 << order

@@ -1,6 +1,6 @@
-"""Sorting of points by azimuth, radius and slope as in TMC13.
+"""Sorting of points by azimuth, radius and slope (height / radius) in the order of TMC13.
 
-TMC13 uses the unstable ``std::sort``; this module repeats the introsort of the GNU C++ library.
+TMC13 uses the unstable ``std::sort``; here, as in the GNU C++ library, it is an introsort.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ _DEEPEST = 128
 
 
 def azimuth_order(around: Ints, precision: float) -> Ints:
-    """Return the rows (n,) that sort points (n, 3), which are relative to the axis.
+    """Return the indices (n,) that sort points (n, 3), which are relative to the sensor.
 
-    precision: steps of the azimuth per radian, or 0 for exact azimuths.
+    precision: azimuth steps per radian, or 0 for exact azimuths.
     """
     keys = np.empty((len(around), 3))
     _fill_keys(around, precision, keys)
@@ -48,7 +48,7 @@ def _fill_keys(around: Ints, precision: float, keys: Keys) -> None:
 
 @entry
 def _sort(rows: Ints, keys: Keys, stack: Ints) -> bool:
-    """Sort rows; return False if quicksort needs too many partitions."""
+    """Sort `rows` in place; return False if quicksort needs too many partitions."""
     depth, limit = 1, 0
     while len(rows) >> limit > 1:
         limit += 1
@@ -80,7 +80,6 @@ def _is_before(keys: Keys, a: int, b: int) -> bool:
 
 @inlined
 def _parted(rows: Ints, keys: Keys, first: int, end: int) -> int:
-    """Partition rows by the median of three; return the start of the upper part."""
     chosen = _median(rows, keys, first + 1, first + (end - first) // 2, end - 1)
     rows[first], rows[chosen] = rows[chosen], rows[first]
     pivot = integer(rows[first])

@@ -1,7 +1,7 @@
 """Bitwise reading and writing of syntax elements.
 
-One function describes the syntax of a structure for both `BitReader` and `BitWriter`, with the
-standard's descriptors u(n), ue(v) and se(v) for the attributes of a record.
+The same function reads a structure with a `BitReader` and writes it with a `BitWriter`. Its methods have
+the names of the standard's descriptors u(n), ue(v) and se(v).
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ _TRUNCATED = "G-PCC stream: a parameter set or header is truncated"
 
 
 class SyntaxElements(ABC):
-    """Common interface of `BitReader` and `BitWriter`; n is a number of bits."""
+    """BitReader or writer of the attribute `name` of a `record`; n is a number of bits."""
 
     writing: bool
 
@@ -43,7 +43,7 @@ class SyntaxElements(ABC):
         setattr(record, name, tuple(self.bits(n, int(v)) for v in getattr(record, name)))
 
     def s3(self, record: Any, name: str, n: int) -> None:
-        """Read or write three magnitudes, each followed by its sign."""
+        """Read or write three signed numbers: the magnitude of each, then its sign."""
         values = []
         for value in getattr(record, name):
             magnitude = self.bits(n, abs(int(value)))
@@ -113,5 +113,5 @@ class BitReader(SyntaxElements):
 
     @property
     def position(self) -> int:
-        """Number of bytes read, including the current one."""
+        """Number of bytes read; one that is partly read counts."""
         return -(-self._place // 8)

@@ -1,4 +1,4 @@
-"""G-PCC bitstreams of integer points with their scale and origin."""
+"""Encoder of integer points as octree bitstreams, and decoder of all supported bitstreams."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ MAX_POINTS = 1 << 24
 MAX_LEVELS = 1 << 14
 """Maximum number of octree levels over all slices of a stream; it limits the time needed."""
 _LEVELS_OF_TREES = 2
-"""Number of levels that a slice of prediction trees counts as."""
+"""Number of octree levels that a slice of prediction trees counts as."""
 MAX_TREE_SLICES = MAX_LEVELS // _LEVELS_OF_TREES
 MAX_PARAMETER_BYTES = 1 << 16
 """Maximum number of bytes of parameter sets and tile inventories, which are read bit by bit."""
@@ -65,7 +65,7 @@ _AXIS_ORDERS = (
 
 @dataclass(frozen=True)
 class DecodedGeometry:
-    """Geometry of a stream.
+    """Decoded geometry of a stream.
 
     points: (m, 3) int64; their positions are (points * global_scale + origin) / scale.
     metres: seq_unit_is_metres_flag; if False, the application defines the unit.
@@ -78,7 +78,7 @@ class DecodedGeometry:
     metres: bool = False
 
     def positions(self) -> NDArray[np.float64]:
-        """Return positions (m, 3) in the cloud's coordinates, bit for bit those of TMC13."""
+        """Return positions (m, 3) in the cloud's coordinates, equal to TMC13's bit for bit."""
         step = self.scale.denominator / self.scale.numerator
         corner = np.array(self.origin, dtype=np.float64) * step
         positions = self.points.astype(np.float64)
@@ -126,7 +126,7 @@ def encode_geometry(
 
 
 def checked_points(points: NDArray[Any]) -> tuple[Ints, Ints]:
-    """Return points as int64 and their minimum; raise InputError if they cannot be encoded."""
+    """Return points (n, 3) as int64 and their minimum (3,); raise InputError if not encodable."""
     points = np.asarray(points)
     if points.ndim != 2 or points.shape[1] != 3:
         raise InputError(f"G-PCC: expected points of shape (n, 3), got {points.shape}")
@@ -273,7 +273,7 @@ def _data_unit(
 
 
 def decode_geometry(stream: bytes) -> DecodedGeometry:
-    """Decode a stream of one frame; raise InputError if it is damaged or uses unsupported tools."""
+    """Decode a stream of one frame; raise InputError if it is damaged or a tool is unsupported."""
     contents = _StreamReader()
     for payload_type, payload in syntax.payloads(stream):
         contents.take(payload_type, payload)

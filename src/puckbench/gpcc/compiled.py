@@ -1,4 +1,4 @@
-"""Decorators that compile the kernels of G-PCC."""
+"""Decorators that compile functions of G-PCC with Numba."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _INTERNAL = {**_KERNEL, "no_cpython_wrapper": True}
 integer = cast(Callable[[Any], int], np.int64)
 """Convert a narrower integer or a truth value to a 64-bit integer.
 
-Kernels need it because unsigned and signed integers together would become floats.
+Compiled functions need it because Numba converts unsigned with signed integers to floats.
 """
 
 
@@ -29,15 +29,15 @@ def compiled(function: Function) -> Function:
 
 
 def entry(function: Function) -> Function:
-    """Compile a kernel that Python calls and that creates no arrays."""
+    """Compile a function that Python calls and that creates no arrays."""
     return compiling.compiled(function, **_KERNEL)
 
 
 def kernel(function: Function) -> Function:
-    """Compile a kernel that only other kernels call."""
+    """Compile a function that only compiled functions call."""
     return compiling.compiled(function, **_INTERNAL)
 
 
 def part(function: Function) -> Function:
-    """Inline a kernel into its only caller."""
+    """Inline a function into its only caller."""
     return compiling.compiled(function, inline="always", **_INTERNAL)

@@ -73,7 +73,7 @@ def conformance_streams(folder: Path = FOLDER) -> list[ConformanceStream]:
 
 
 def _stream(folder: Path, name: str, about: dict[str, Any]) -> ConformanceStream:
-    listed = "decoded_sorted_float64_sha256"  # where a manifest is a list
+    listed = "decoded_sorted_float64_sha256"  # name of the digest if the manifest is a list
     return ConformanceStream(
         name,
         folder / f"{name}.bin",

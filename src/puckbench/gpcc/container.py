@@ -1,7 +1,9 @@
-"""Container of a G-PCC stream: a magic number and the input grid, which G-PCC cannot signal.
+"""Container of a G-PCC stream and its input grid, which G-PCC cannot signal.
 
-    4 bytes  "PBGP"
-    1 byte   0: the stream follows; 1: unit and offset (4 float64, little-endian), then the stream
+    4 bytes   "PBGP"
+    1 byte    1 if a grid follows, otherwise 0
+    32 bytes  grid, if any: step, and origin x, y, z (float64, little-endian)
+    stream
 
 A bare stream, as TMC13 writes it, starts with payload type 0 and a length of four bytes.
 """

@@ -35,7 +35,12 @@ _COUNT = 124
 
 
 class Contexts(NamedTuple):
-    """Probabilities of a zero, and maps from neighbourhoods to occupancy contexts."""
+    """Adaptive state of an octree coder.
+
+    probabilities: of a zero, in units of 2^-16, for each context.
+    ctx_idx_maps: for each neighbourhood, a number whose upper five bits select the context of an
+        occupancy bit.
+    """
 
     probabilities: NDArray[np.uint16]
     ctx_idx_maps: NDArray[np.uint8]

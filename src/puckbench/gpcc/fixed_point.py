@@ -1,6 +1,6 @@
-"""Integer inverse square root and arc tangent, bit for bit those of G-PCC's angular mode.
+"""Integer inverse square root and arc tangent of angular mode, equal to TMC13's bit for bit.
 
-See `irsqrt` and `iatan2` in TMC13. Angles are in units of 2^-20 radians.
+TMC13 calls them `irsqrt` and `iatan2`. Angles are in units of 2^-20 radians.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ _ARC_SINES = np.rint(np.arcsin(np.minimum(np.arange(364), 362) / 512) * 2**20).a
 
 @inlined
 def int32(number: int) -> int:
-    """Wrap a number to 32 bits with sign, as TMC13 does."""
+    """Wrap a number to a signed 32-bit integer, as TMC13 does."""
     return ((number & 0xFFFFFFFF) ^ 0x80000000) - 0x80000000
 
 
@@ -87,7 +87,7 @@ def _arc_tangent(y: int, x: int) -> int:
 
 @kernel
 def arc_tangent(y: int, x: int) -> int:
-    """Return the angle of (x, y), each below 2^30, in (-pi, pi], or 0 for the origin."""
+    """Return the angle of (x, y) in (-pi, pi], or 0 for the origin; |x| and |y| are below 2^30."""
     x_size, y_size = abs(x), abs(y)
     angle = _arc_tangent(min(x_size, y_size), max(x_size, y_size))
     if y_size > x_size:

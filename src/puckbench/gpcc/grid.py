@@ -1,6 +1,4 @@
-"""Quantisation of real coordinates to the integer grid that G-PCC codes, and conversion from
-grid steps to coordinates.
-"""
+"""Conversion of real coordinates to the integers that G-PCC codes, and back."""
 
 from __future__ import annotations
 
@@ -15,13 +13,13 @@ from puckbench.geometry.cloud import Floats, bounds
 Rounding = Literal["nearest", "truncate"]
 ROUNDINGS: tuple[Rounding, ...] = ("nearest", "truncate")
 MOST_BITS = 21
-"""Maximum number of bits of a coordinate: the bounding box of the profiles' default level."""
+"""Maximum number of bits of a coordinate, as in the default level of the standard's profiles."""
 _FARTHEST = 2.0**30
 """Larger coordinates do not fit into the sequence origin of a stream."""
 
 
 class InputGrid(NamedTuple):
-    """Step and origin of the input coordinates."""
+    """Grid of the input coordinates: its step (`unit`) and origin (`offset`)."""
 
     unit: float = 1.0
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -31,15 +29,16 @@ DEFAULT_GRID = InputGrid()
 
 
 class Quantised(NamedTuple):
-    """Non-negative positions (n, 3), and the origin (3,) to add to them."""
+    """Non-negative positions (n, 3) in steps, and the origin (3,) to add to them."""
 
     positions: NDArray[np.int64]
     origin: NDArray[np.int64]
 
 
 def input_grid(points: Floats, unit: float, scale: float) -> InputGrid:
-    """Return the grid on which a cloud is coded; its origin is nonzero only if the coordinates
-    are large.
+    """Return a grid with step `unit` for points (n, 3) that are coded in steps of unit / scale.
+
+    Its origin is zero, or the points' minimum if coordinates are too large for a stream.
     """
     ends = bounds(points)
     if np.abs(ends).max() < _FARTHEST * unit / max(scale, 1.0):
@@ -59,8 +58,8 @@ def quantise(
     Parameters
     ----------
     rounding
-        ``nearest`` rounds once. ``truncate`` repeats TMC13 for floating-point files: truncate to
-        the input grid, then round in single precision.
+        ``nearest`` rounds once. ``truncate`` truncates to multiples of ``grid.unit``, then rounds
+        in single precision, as TMC13 does for floating-point files.
 
     Raises
     ------

@@ -1,6 +1,6 @@
-"""Inferred direct coding mode (IDCM): coordinates of the one or two points of a node.
+"""Inferred direct coding mode (IDCM): coordinates of a node's one or two distinct points.
 
-See `isDirectModeEligible` and `encodePointPosition` in TMC13's geometry_octree.
+In TMC13: `isDirectModeEligible`, `encodePointPosition`.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ _ALL_AXES = 0xFFFFFFFF
 
 
 class IdcmNode(NamedTuple):
-    """A node coded by IDCM; planar mode has coded the planes of the axes in `planar_mode`."""
+    """A node coded by IDCM; `planar_mode` and `plane_pos_bits`: see `planar.planar_mode_of`."""
 
     morton: int
     node_size_log2: tuple[int, int, int]
@@ -58,7 +58,7 @@ class IdcmNode(NamedTuple):
 
 
 def idcm_enable_mask(mode: int, planar_enabled: bool, rate_minus1: int) -> int:
-    """Return a bit mask of which of 32 successive eligible nodes may use IDCM."""
+    """Return a mask of 32 bits: which of 32 successive eligible nodes may use IDCM."""
     if mode == 0:
         return 0
     if mode != 1 or not planar_enabled:
@@ -111,7 +111,7 @@ def code_direct_positions(
 ) -> tuple[int, int]:
     """Encode or decode the points of a node; return the numbers of distinct and of all points.
 
-    given, coded: (2, 3) distinct points before and after coding, relative to the node.
+    given, coded: (2, 3) distinct points to encode, and the result, relative to the node.
     """
     pair = code_bit(coder, contexts.probabilities, CTX_NUM_IDCM_POINTS_GT1, integer(leaves == 2))
     dup_point_cnt = 0
@@ -178,7 +178,7 @@ def _code_same_bits_of_axis(
 ) -> bool:
     """Encode or decode two points' common leading bits along an axis, and the first difference.
 
-    equal: whether the points are equal along the previous axes. Return whether all bits are equal.
+    equal: whether the points are equal along previous axes. Return whether all bits are equal.
     """
     same = integer(1)
     ctx = 0
@@ -215,9 +215,7 @@ def _code_by_angles(
     coded: Ints,
     bits_left: Ints,
 ) -> None:
-    """Encode or decode points with a sensor: first x or y without contexts, then the other
-    coordinates with angular contexts.
-    """
+    """Encode or decode x or y without contexts, then the rest with contexts of angular mode."""
     x, y, z = node_corner(angular, node.morton, node.node_size_log2)
     direct = integer(abs(x) <= abs(y))
     if pair and node.joint_2pt_idcm:
@@ -292,9 +290,9 @@ def _code_azimuth(
     bits_left: Ints,
     i: int,
 ) -> int:
-    """Encode or decode a point's x or y along `axis`, and return it.
+    """Encode or decode a point's x or y, whichever is `axis`, and return it.
 
-    The result, `corner` and `other` are relative to the sensor.
+    The result, the node's `corner` and the `other` coordinate are relative to the sensor.
     """
     left = bits_left[axis]
     place: int = corner + (coded[i, axis] << left)
@@ -359,7 +357,7 @@ def _code_elevation(
 def local_points(
     leaves: Ints, node_size_log2: tuple[int, int, int], local: Ints, ordered: bool
 ) -> None:
-    """Write the coordinates of one or two leaves relative to their node."""
+    """Write one or two leaves, relative to their node, to `local`, sorted if `ordered`."""
     for i in range(len(leaves)):
         for axis in range(3):
             local[i, axis] = compact_bits(leaves[i] >> (2 - axis)) & (
@@ -381,9 +379,8 @@ def order_by_angles(
 ) -> None:
     """Sort a node's two points into the order in which angular mode codes them.
 
-    If the points are coded jointly, they are sorted by x or y, whichever is coded without contexts.
-    If they are equal along this axis, or are coded separately, and lie in the same child node, they
-    are swapped if `second_first`.
+    Points coded jointly are sorted by x or y, whichever is coded without contexts. If they are
+    equal there, or coded separately, `second_first` swaps points of the same child node.
     """
     one_child = True
     for axis in range(3):

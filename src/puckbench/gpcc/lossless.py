@@ -1,7 +1,7 @@
 """Lossless coding of voxels with the octree of G-PCC and a short header.
 
-The header holds the minimum corner, the number of voxels and the bits of the box's sides as
-base-128 numbers.
+The header holds the minimum corner, the number of voxels and the bit lengths of the bounding box's
+sides as base-128 numbers.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _AXES = np.arange(3)
 
 
 def encode_voxels(voxels: NDArray[Any]) -> bytes:
-    """Encode the set of voxels (n, 3), integers of any sign.
+    """Encode the set of distinct voxels (n, 3), integers of any sign.
 
     Raises
     ------

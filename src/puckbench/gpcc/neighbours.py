@@ -1,8 +1,8 @@
-"""Occupied face neighbours of a node and their children, from an atlas of occupancies.
+"""Occupied neighbours of an octree node, found in a map of occupancies (atlas).
 
 The atlas covers a cube of 2**neighbour_avail_boundary_log2 nodes per side; neighbours outside count
-as empty. Without an atlas only siblings count. In TMC13: `makeGeometryNeighPattern`, `MortonMap3D`,
-`predictGeometryOccupancyIntra`.
+as empty. Without an atlas, only siblings are known. In TMC13: `makeGeometryNeighPattern`,
+`MortonMap3D`, `predictGeometryOccupancyIntra`.
 """
 
 from __future__ import annotations
@@ -27,7 +27,8 @@ from puckbench.gpcc.compiled import integer, kernel
 Ints = NDArray[np.int64]
 Bytes = NDArray[np.uint8]
 
-# Children in the upper half along x, y, z, and their index distance from the lower half.
+# Along x, y, z: mask of the children in the upper half, and their index minus that of the lower
+# child beside them.
 UPPER = np.array([0xF0, 0xCC, 0xAA], dtype=np.int64)
 _STEP = np.array([4, 2, 1], dtype=np.int64)
 _AXIS = np.array([X_BITS, Y_BITS, Z_BITS], dtype=np.int64)
@@ -106,10 +107,11 @@ _GRID_SHIFT = np.ascontiguousarray(_GRID_PLACING[..., 1])
 
 
 class OccupancyAtlas(NamedTuple):
-    """Occupancies of the parents, and of the nodes coded so far, in the current cube, by Morton
-    code.
+    """Occupancies in a cube of nodes, indexed by Morton code.
 
-    side: log2 of the nodes per side, or 0 without an atlas.
+    parents: of the nodes' parents.
+    nodes: of the nodes coded so far.
+    side: log2 of the nodes per side, or 0 if only siblings are known.
     """
 
     parents: Bytes
@@ -126,7 +128,10 @@ def empty_atlas(boundary: int) -> OccupancyAtlas:
 def update_atlas(
     atlas: OccupancyAtlas, morton: Ints, occupancy: Bytes, axes: int, previous: int, first: int
 ) -> int:
-    """Move the atlas to the cube of parent `first`; return the first parent of the next cube."""
+    """Replace the parents from index `previous` by those of the cube that starts at `first`.
+
+    Returns the index of the first parent of the next cube.
+    """
     inside = (1 << 3 * atlas.side) - 1
     for i in range(previous, first):
         atlas.parents[parent_code(first_child_code(morton[i], axes) & inside, axes)] = 0
@@ -163,8 +168,10 @@ def _adjacent_occupancy(
 
 @kernel
 def face_neighbours(atlas: OccupancyAtlas, axes: int, base: int, occupancy: int) -> int:
-    """Return which of a parent's children have occupied face neighbours: eight bits for each of
-    six directions.
+    """Return six masks of a parent's children, one byte each.
+
+    Byte k: children with an occupied neighbour in the direction of bit k of a neighbour pattern
+    (see `tables`).
     """
     address = parent_code(base & ((1 << 3 * atlas.side) - 1), axes)
     faces = 0
@@ -195,11 +202,11 @@ def neigh_pattern_of(faces: int, child: int) -> int:
 def refine_by_adjacent_children(
     atlas: OccupancyAtlas, axes: int, node: int, neigh_pattern: int
 ) -> tuple[int, int, int, int, int]:
-    """Refine a neighbour pattern by the children of the three neighbours coded before.
+    """Remove the neighbours x-1, y-1, z-1 without a child beside the node from `neigh_pattern`.
 
-    Returns the pattern; masks of children with over 0 and over 1 occupied neighbours outside the
-    node (adjacencyGt0, adjacencyGt1) and with an unoccupied one (adjacencyUnocc); and the
-    occupancies of the neighbours x-1, y-1, z-1, one byte each.
+    Returns the pattern; masks of the node's children that touch over 0 (adjacencyGt0) and over 1
+    (adjacencyGt1) occupied, and any unoccupied (adjacencyUnocc), children of these neighbours; and
+    the neighbours' occupancies, one byte each.
     """
     inside = (1 << 3 * atlas.side) - 1
     address = node & inside
@@ -225,10 +232,9 @@ def refine_by_adjacent_children(
 
 @kernel
 def neighbour_grid(atlas: OccupancyAtlas, axes: int, base: int) -> int:
-    """Return the occupancy of the 4 x 4 x 4 nodes in and around a parent, as a 64-bit mask.
+    """Return a 64-bit mask of the occupied nodes in a 4 x 4 x 4 grid around a parent's children.
 
-    The eight children of the parent are in the middle, at coordinates 1 and 2 along each axis. Bit
-    16 x + 4 y + z of the mask is set if the node at (x, y, z) is occupied.
+    Bit 16 x + 4 y + z is the node at (x, y, z); the children have coordinates 1 and 2.
     """
     inside = (1 << 3 * atlas.side) - 1
     address = parent_code(base & inside, axes)
@@ -251,8 +257,8 @@ def neighbour_grid(atlas: OccupancyAtlas, axes: int, base: int) -> int:
 
 @inlined
 def _moved(address: int, within: int, bits: int, place: int) -> int:
-    """Move a node's address by place - 1 nodes along the axis of `bits`; return the axis's bits,
-    or -1 if the result is outside the cube.
+    """Return the bits `bits` (of an axis) of a Morton code moved by `place` - 1 nodes along this
+    axis, or -1 outside the cube.
     """
     own = address & bits
     if place == 1:
@@ -264,8 +270,9 @@ def _moved(address: int, within: int, bits: int, place: int) -> int:
 
 @kernel
 def predict_occupancy(grid: int, child: int) -> tuple[int, int]:
-    """Return two masks of the children of a parent's child: those whose occupancy is predicted,
-    and those predicted to be occupied.
+    """Predict a node's occupancy from its neighbours; `grid` is that of `neighbour_grid`.
+
+    Returns two masks of its children: those with a prediction, those predicted as occupied.
     """
     neighbourhood = (grid >> _CHILD_CELL[child]) & _AROUND
     threshold = 4 if bit_count(neighbourhood) < 14 else 5

@@ -1,6 +1,6 @@
 """Bitwise coding of a node's occupancy (`encodeOccupancyBitwise` of TMC13).
 
-Each bit has a context selected by 18 adaptive maps of context indices (`CtxMapOctreeOccupancy`).
+The context of each bit comes from one of 18 adaptive maps (`CtxMapOctreeOccupancy`).
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from puckbench.gpcc.tables import (
 
 
 class OccupancyNeighbourhood(NamedTuple):
-    """Neighbourhood that selects the contexts of a node's occupancy.
+    """Neighbourhood that selects the contexts of a node's occupancy (see `neighbours`).
 
     neighbours_known: whether neighbours outside the parent are known.
     """
@@ -37,7 +37,11 @@ class OccupancyNeighbourhood(NamedTuple):
 
 
 class PlanarMasks(NamedTuple):
-    """Children outside the occupied planes, and axes along which the node may be planar."""
+    """Masks from the planar modes of a node.
+
+    mask_planar_x, y, z: children outside the only occupied plane.
+    planar_possible: axes (1 x, 2 y, 4 z) except those along which planar mode is coded as unused.
+    """
 
     mask_planar_x: int
     mask_planar_y: int
@@ -76,7 +80,7 @@ def code_occupancy(
 
 @kernel
 def _pair_of_children(masks: PlanarMasks) -> int:
-    """Return the two children that two coded planes imply, or 0 without two planes."""
+    """Return the mask of the two children that two coded planes leave, or 0."""
     child = _known_child(masks)
     if masks.mask_planar_x and masks.mask_planar_y:
         return 3 << child
@@ -143,7 +147,7 @@ def _code_bits(
     coder: Any, contexts: Contexts, neighbourhood: OccupancyNeighbourhood, occupancy: int
 ) -> int:
     no_neighbour = neighbourhood.neigh_pattern == 0
-    # A single child without neighbours is coded differently, so two children are occupied.
+    # Without neighbours, a single child is coded otherwise; here, at least two are occupied.
     most_zeros = 6 if no_neighbour else 7
     state = load(coder)
     coded, coded_before, zeros = 0, 0, 0

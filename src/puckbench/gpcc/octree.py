@@ -1,4 +1,4 @@
-"""One level of the geometry octree: planar modes, and IDCM points or occupancy of every node.
+"""Coding of an octree level: for each node, planar modes, and occupancy or IDCM points.
 
 Nodes are coded in breadth-first order, as in TMC13's `GeometryOctreeEncoder` and
 `GeometryOctreeDecoder`. A decoder has no `Source`.
@@ -74,7 +74,7 @@ class Level(NamedTuple):
 
     coded_axes, coded_axes_prev_level: axes (4 x, 2 y, 1 z) that this level and the one above split.
     last: whether the children are leaves.
-    idcm_enable_mask: eligible nodes that may use IDCM, from the lowest bit.
+    idcm_enable_mask: bit i tells whether the i-th of 32 successive eligible nodes may use IDCM.
     """
 
     coded_axes: int
@@ -91,10 +91,11 @@ class Level(NamedTuple):
 
 
 class Nodes(NamedTuple):
-    """Nodes (n,) with children.
+    """Nodes (n,) of a level that have children.
 
-    idcm_eligible: bit mask of the children that may use IDCM.
+    idcm_eligible: mask of the children that may use IDCM.
     first_child: in an encoder, index of the first child within its level.
+    laser: index of the laser that sees the node, or NO_LASER.
     """
 
     morton: Ints
@@ -107,9 +108,10 @@ class Nodes(NamedTuple):
 class Source(NamedTuple):
     """A level of the octree to encode.
 
-    first_leaf: index of each node's first leaf, and the number of leaves.
-    counts: points at each leaf, unless merged.
-    second_first: see `tree.Tree`.
+    first_leaf: index of each node's first leaf, then the number of leaves.
+    leaves: Morton code of each leaf.
+
+    Other fields: see `tree.TreeLevel` and `tree.Tree`.
     """
 
     occupancy: Bytes
@@ -123,9 +125,10 @@ class Source(NamedTuple):
 class SliceState(NamedTuple):
     """State that persists over the levels of a slice.
 
-    counters: points decoded and allowed; nodes kept in this level, and their children;
+    leaves: Morton codes of the decoded points.
+    counters: points decoded and allowed; nodes with children in this level; their children;
         idcm_enable_mask.
-    given, coded, left: scratch memory of IDCM.
+    given, coded, left: working memory of IDCM.
     """
 
     atlas: OccupancyAtlas
@@ -138,7 +141,10 @@ class SliceState(NamedTuple):
 
 
 class ParentNode(NamedTuple):
-    """A parent; `faces` and `grid` describe its children's neighbours."""
+    """A node whose children are coded.
+
+    faces, grid: results of `neighbours.face_neighbours` and `neighbours.neighbour_grid`.
+    """
 
     first_child_code: int
     sibling_occupancy: int
@@ -260,8 +266,7 @@ def _code_node(
     child: int,
     index: int,
 ) -> tuple[int, int, int]:
-    """Encode or decode one node; return its occupancy (0 with IDCM), neighbour pattern and
-    laser."""
+    """Encode or decode a node; return its occupancy (0 with IDCM), neighbour pattern and laser."""
     morton = parent.first_child_code | child
     neigh_pattern = neigh_pattern_of(parent.faces, child)
     gt0, gt1, unocc, adjacent_occupancies = 0, 0, 0, 0
@@ -314,10 +319,7 @@ def _code_node(
 def _planar_masks(
     axes: int, planar_mode: int, plane_pos_bits: int, planar_possible: int
 ) -> PlanarMasks:
-    """Return the masks of the children that the planar modes exclude.
-
-    Along an axis that is not split, all children are in the lower plane.
-    """
+    # Along an axis that is not split, all children are in the lower plane.
     planar_mode |= ((axes >> 2 & 1) | (axes & 2) | (axes & 1) << 2) ^ 7
     return PlanarMasks(
         planar_mask(planar_mode, plane_pos_bits, 0),
@@ -331,7 +333,6 @@ def _planar_masks(
 def _idcm_eligible_children(
     level: Level, sibling_occupancy: int, neigh_pattern: int, occupancy: int, counters: Ints
 ) -> int:
-    """Return which children may use IDCM, and rotate the mask of eligible nodes in `counters`."""
     if level.idcm_mode == 0:
         return 0
     parent = 8 if level.root else POPCOUNT[sibling_occupancy]

@@ -1,4 +1,4 @@
-"""Encoder options, named as in TMC13, and profiles of them."""
+"""Options of the octree encoder, named as in TMC13, and useful sets of them (profiles)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _PlanarThreshold = Annotated[int, Field(ge=0, le=127)]
 
 
 class GpccOptions(Model):
-    """Coding tools of octree geometry."""
+    """Options of the octree encoder."""
 
     neighbour_avail_boundary_log2: int = Field(
         default=8,

@@ -1,6 +1,6 @@
-"""Planar coding mode: it signals that all occupied children lie in one of an axis's two planes.
+"""Planar mode: signals that a node's occupied children lie in one of two planes along an axis.
 
-It is used along axes on which such planes are frequent, and where nodes are sparse
+It is used where nodes are sparse, along axes on which such planes are frequent
 (`OctreePlanarState`, `OctreePlanarBuffer` of TMC13).
 """
 
@@ -33,11 +33,12 @@ _ADJACENT_PLANES_CTX = np.array([0, 1, 2, 0], dtype=np.int64)
 
 
 class PlanarState(NamedTuple):
-    """Adaptive rates of planar modes, and the buffer of the last planar nodes.
+    """Adaptive rates of planar modes, and a buffer of the last planes.
 
-    rates: frequency of planes along x, y, z, and local density of nodes.
-    thresholds: minimum rates of the most, second and least frequent axis.
-    position, plane_index: (3, rows) of the last planar node at each position along an axis.
+    rates: of planar nodes along x, y, z, in 1/2048; mean number of occupied children, in 1/1024.
+    thresholds: minimum rates of the most, second and least planar axis.
+    position, plane_index: (3, rows) of the last node at each coordinate of an axis: position across
+        the axis, and occupied plane (negative: none).
     """
 
     enabled: bool
@@ -78,7 +79,7 @@ def update_planar_rates(state: PlanarState, occupancy: int) -> None:
 
 @inlined
 def planar_eligible_axes(state: PlanarState, axes: int) -> int:
-    """Return which of the split `axes` (4 x, 2 y, 1 z) may use planar mode (as 1 x, 2 y, 4 z)."""
+    """Return the axes (1 x, 2 y, 4 z), among the split `axes` (4 x, 2 y, 1 z), for planar mode."""
     rates = state.rates
     if rates[3] >= _MAX_DENSITY:
         return 0
@@ -95,10 +96,8 @@ def planar_eligible_axes(state: PlanarState, axes: int) -> int:
 
 @kernel
 def planar_mode_of(occupancy: int) -> tuple[int, int]:
-    """Return two masks (1 x, 2 y, 4 z) for an occupancy.
-
-    The first has the axes along which only one plane is occupied, the second those of them whose
-    upper plane is occupied.
+    """Return two masks (1 x, 2 y, 4 z): axes along which one plane is occupied, and those of them
+    along which it is the upper plane.
     """
     planar_mode, plane_pos_bits = 0, 0
     for axis in range(3):
@@ -120,7 +119,8 @@ def planar_mask(planar_mode: int, plane_pos_bits: int, axis: int) -> int:
 class PlanarNode(NamedTuple):
     """Neighbourhood that selects the contexts of planar modes.
 
-    adjacent_occupancies: occupancies of the neighbours x-1, y-1, z-1, one byte each.
+    adjacent_occupancies: of the neighbours x-1, y-1, z-1, one byte each.
+    angles: contexts along x, y, z, see `angular.PlaneAngles`.
     """
 
     morton: int
@@ -143,7 +143,7 @@ def code_planar_modes(
 ) -> tuple[int, int, int]:
     """Encode or decode the planar modes along the eligible axes.
 
-    Returns planar_mode, plane_pos_bits, and the axes along which the node may be planar.
+    Returns the masks of `planar_mode_of`, and `PlanarMasks.planar_possible`.
     """
     planar_mode, plane_pos_bits, planar_possible = 0, 0, 7
     if eligible_axes == 0:
@@ -173,10 +173,7 @@ def _code_planar_mode(
     planar_mode: int,
     plane_pos_bits: int,
 ) -> int:
-    """Encode or decode whether a node is planar along an axis, and which plane is occupied.
-
-    Return the index of the plane, or -1 if the node is not planar.
-    """
+    """Encode or decode which plane along an axis is the only occupied one; -1 if both are."""
     row, position, far_ctx, last_plane = 0, 0, 0, -1
     if state.buffered:
         row = compact_bits(node.morton >> (2 - axis)) & (_ROWS - 1)

@@ -1,7 +1,7 @@
-"""Nearest positions in a growing set: a forest of k-d trees whose sizes are powers of two.
+"""Search of nearest positions in a growing set, with k-d trees whose sizes are powers of two.
 
 An added position is merged with all smaller trees into the first free size (Bentley's logarithmic
-method). Ties go to the position visited first, as in TMC13.
+method). Of equally near positions, the first visited is kept, as in TMC13.
 """
 
 from __future__ import annotations
@@ -26,12 +26,13 @@ _FAR = (1 << 62) - 1
 
 
 class Search(NamedTuple):
-    """The forest; the tree of size 2^k starts at row 2^k and node 2^(k + 1).
+    """The k-d trees; that of 2^k positions starts at `rows[2^k]` and `nodes[2^(k + 1)]`.
 
-    owners: (n,) number added with each position.
+    owners: (n,) node that predicts each position.
+    rows: indices of positions.
     nodes: (2 n, 5) axis, maximum of the lower half, minimum of the upper half, two children; or for
-        a leaf -1, first row, last row.
-    nearest, distances: (3,) rows and squared distances of the result.
+        a leaf -1, and its start and end in `rows`.
+    nearest, distances: (3,) result: indices of positions, and squared distances.
     """
 
     positions: Int32s
@@ -174,10 +175,7 @@ def _take_values(search: Search, first: int, end: int, axis: int) -> None:
 
 @inlined
 def _split(search: Search, first: int, end: int, frame: Ints) -> tuple[int, int, int]:
-    """Partition rows at a cut that halves the longest side of the box in `frame[3:]`.
-
-    Returns axis, cut, and first row above it.
-    """
+    """Partition rows near the middle of a box's longest side; return axis, cut and upper start."""
     longest = max(frame[6] - frame[3], frame[7] - frame[4], frame[8] - frame[5])
     axis, spread, low, high, taken = 0, -1, 0, 0, 0
     for k in range(3):
@@ -204,7 +202,6 @@ def _split(search: Search, first: int, end: int, frame: Ints) -> tuple[int, int,
 
 @inlined
 def _parted(search: Search, left: int, first: int, end: int, cut: int) -> int:
-    """Move rows with values below `cut` to the front; return their end."""
     rows, values, right = search.rows, search.values, end - 1
     while True:
         while left <= right and values[left] < cut:
@@ -221,7 +218,7 @@ def _parted(search: Search, left: int, first: int, end: int, cut: int) -> int:
 
 @kernel
 def nearest(search: Search, x: int, y: int, z: int) -> int:
-    """Write the nearest positions, at most 3, to `search.nearest`, and return their number."""
+    """Write the positions nearest to a point, at most 3, to `search`; return their number."""
     found, count = 0, search.counters[0]
     search.distances[NEIGHBOURS - 1] = _FAR
     tree = 0
@@ -291,7 +288,6 @@ def _search_leaf(search: Search, first: int, end: int, found: int, at: tuple[int
 
 @inlined
 def _keep(search: Search, found: int, row: int, distance: int) -> None:
-    """Insert a row into the `found` sorted results, after those at the same distance."""
     place = min(found, NEIGHBOURS - 1)
     while place > 0 and search.distances[place - 1] > distance:
         search.distances[place] = search.distances[place - 1]

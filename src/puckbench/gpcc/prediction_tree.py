@@ -1,7 +1,7 @@
-"""Order of a slice's points and their parents, as chosen by the encoder of TMC13.
+"""Order and parents of a slice's points, as chosen by the encoder of TMC13.
 
 With a sensor, the points of each laser form a chain, and the first points of the chains are linked.
-Without a sensor, a point's parent is the node whose predictions are nearest.
+Otherwise, a point's parent is the node with the nearest prediction.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ ROOT, DUPLICATE = -1, -2
 class PredictionTree(NamedTuple):
     """Nodes (n,), one for each point.
 
-    parents: row of the parent, ROOT or DUPLICATE.
-    children: (n, 3) rows; the first `num_children` are valid.
-    copies: number of following duplicates.
+    parents: index of the parent, ROOT or DUPLICATE.
+    children: (n, 3) indices; the first `num_children` are valid.
+    copies: number of duplicates that follow.
     """
 
     parents: Int32s
@@ -40,10 +40,10 @@ class PredictionTree(NamedTuple):
 
 
 def ordered(points: Int32s, order: Order, centre: tuple[int, int, int], precision: float) -> Ints:
-    """Return the rows (n,) of points (n, 3) in the order in which a tree is built.
+    """Return the indices (n,) that sort points (n, 3) into the order in which a tree is built.
 
     centre: origin of azimuth and radius.
-    precision: steps of the azimuth per radian, or 0 for exact azimuths.
+    precision: azimuth steps per radian, or 0 for exact azimuths.
     """
     if order == "given":
         return np.arange(len(points))
@@ -86,7 +86,7 @@ def _chain(
     node: int,
     end: int,
 ) -> None:
-    """Build one tree; `lasers` (2, n) holds each laser's first and last node."""
+    """Build a tree of points from `node` to `end`; `lasers` (2, n): each one's first and last."""
     ox, oy, oz = around.origin
     while node < end:
         found = spherical(
@@ -139,9 +139,6 @@ def _grow(points: Int32s, tree: PredictionTree, search: Search, node: int, end: 
 
 @kernel
 def _add_predictions(points: Int32s, tree: PredictionTree, search: Search, node: int) -> None:
-    """Add the positions that a node predicts for its children: its point, the continuation of a
-    line, a parallelogram.
-    """
     x, y, z = integer(points[node, 0]), integer(points[node, 1]), integer(points[node, 2])
     add_position(search, node, x, y, z)
     parent = integer(tree.parents[node])

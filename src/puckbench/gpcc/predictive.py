@@ -1,4 +1,4 @@
-"""Syntax and decoding of prediction trees, the geometry of `geom_tree_type` 1.
+"""Predictive geometry (`geom_tree_type` 1): coding of syntax elements, and decoder.
 
 The points are nodes of trees in depth-first order; each is predicted from up to three ancestors and
 corrected by a residual. Angular coding predicts in spherical coordinates, and a second residual
@@ -79,7 +79,7 @@ class Tools(NamedTuple):
 
 
 class TreeNodes(NamedTuple):
-    """Nodes in coding order; `stack` holds the parents of pending nodes."""
+    """Decoded nodes in coding order; `stack` holds the parents of nodes to decode."""
 
     points: NDArray[np.int32]
     spherical: NDArray[np.int32]
@@ -117,7 +117,7 @@ def code_pred_mode(coder: Any, contexts: Probabilities, mode: int) -> int:
 
 @kernel
 def code_phi_multiplier(coder: Any, contexts: Probabilities, multiplier: int) -> int:
-    """Encode or decode the number of azimuth steps added to the prediction."""
+    """Encode or decode the number of azimuth steps (`azimuth_speed`) added to the prediction."""
     if not code_bit(coder, contexts, CTX_PHI_GT, integer(multiplier != 0)):
         return 0
     value = abs(multiplier) - 1
@@ -142,7 +142,7 @@ def _code_phi_rest(coder: Any, contexts: Probabilities, value: int) -> int:
 
 @kernel
 def code_qp_offset(coder: Any, contexts: Probabilities, offset: int) -> int:
-    """Encode or decode the difference between the next nodes' QP and the slice's."""
+    """Encode or decode the quantisation parameter of the next nodes minus that of the slice."""
     # TMC13 writes the sign before the magnitude but reads it after; our encoder writes only 0.
     if not code_bit(coder, contexts, CTX_QP_OFFSET_ABS_GT0, integer(offset != 0)):
         return 0
@@ -191,7 +191,7 @@ def _code_component(
 def code_num_bits(
     coder: Any, contexts: Probabilities, width: int, group: int, magnitude: int
 ) -> int:
-    """Encode or decode the number of bits of a magnitude, in `width` bits, highest first."""
+    """Encode or decode the bit length of a magnitude: `width` bits, highest first."""
     bits = 0
     while magnitude >> bits > 0:
         bits += 1
@@ -204,7 +204,7 @@ def code_num_bits(
 
 @inlined
 def code_residual2(coder: Any, contexts: Probabilities, residual: Three) -> Three:
-    """Encode or decode the x, y, z residual of angular coding."""
+    """Encode or decode the second residual (x, y, z) of angular coding."""
     return (
         _code_component2(coder, contexts, 0, residual[0]),
         _code_component2(coder, contexts, 1, residual[1]),

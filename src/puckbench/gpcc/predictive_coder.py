@@ -1,4 +1,4 @@
-"""Encoding with G-PCC's predictive geometry, which `coder.decode_geometry` decodes."""
+"""Encoder of predictive geometry; `coder.decode_geometry` decodes its streams."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _WIDEST = (5, 5, 5)
 
 
 class PredictiveOptions(Model):
-    """Coding tools of predictive geometry; a sensor switches angular coding on."""
+    """Options of the predictive encoder; those of azimuth and radius need a sensor."""
 
     order: Order = Field(
         "azimuth", description="order of the points in trees: that of the input, or sorted"
@@ -215,9 +215,7 @@ def _coded(
 
 
 def _residual_bits(points: NDArray[np.int32], tools: Tools) -> Three:
-    """Return, for each axis, the number of bits that hold the bit length of a residual, as in
-    TMC13.
-    """
+    """Return how many bits hold the bit length of a residual along each axis, as in TMC13."""
     sides = [max(int(side).bit_length(), 1) for side in points.max(axis=0)]
     if tools.angular:
         return _angular_residual_bits(sides, tools)
@@ -247,5 +245,4 @@ def _divided(value: int, shift: int) -> int:
 
 
 def _ceil_log2(value: int) -> int:
-    """Return the number of bits of `value` - 1, or 32 for 0, as TMC13 does."""
-    return (value - 1).bit_length() if value else 32
+    return (value - 1).bit_length() if value else 32  # as in TMC13

@@ -1,6 +1,6 @@
 """Encoding of prediction trees: each node uses the prediction with the lowest estimated cost.
 
-Estimates have the single precision of TMC13, so that the decisions are equal.
+Costs have the single precision of TMC13, so that the decisions are equal.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ fit into the bits given in the slice header.
 """
 
 NODE_BYTES = 600
-"""Maximum number of bytes of a node: about 500 bits of at most one byte each."""
+"""Maximum number of bytes of a node: about 500 coded bits, each of which adds at most a byte."""
 
 _COSTS = (-np.log2(np.maximum(np.arange(129), 1) / 128.0)).astype(np.float32)
 _MOST_COST = np.float32(np.finfo(np.float32).max)
@@ -57,10 +57,10 @@ _RECIPROCALS = np.rint((1 << 20) * 8 / np.arange(8, 16)).astype(np.int64)
 
 
 class Given(NamedTuple):
-    """Data to encode; during encoding the decoder's values replace `points` and `positions`.
+    """Data to encode; during encoding, decoded values replace `points` and `positions`.
 
     positions: (n, 3) coordinates to predict: `points`, or spherical coordinates.
-    stack: (n,) pending nodes.
+    stack: (n,) nodes whose parents are coded.
     progress: (4,) next root, size of the stack, nodes until the next QP offset, coded nodes.
     """
 
@@ -148,9 +148,6 @@ def _encode_position(
 def _encode_place(
     coder: Any, contexts: Probabilities, tools: Tools, given: Given, node: int, choice: Choice
 ) -> None:
-    """Encode the second residual, which corrects x, y, z, and write the positions that a decoder
-    will reconstruct.
-    """
     around, positions = tools.sphere, given.positions
     if tools.azimuth_scaling:
         radius = choice.prediction[0] + choice.residual[0]

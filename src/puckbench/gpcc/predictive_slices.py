@@ -1,4 +1,4 @@
-"""Encoding and decoding of the prediction trees in geometry data units."""
+"""Encoding and decoding of the prediction trees of a slice."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def decode_trees(
     axes: Three,
     origin: Three,
 ) -> Ints:
-    """Decode the points (n, 3) of a slice; `axes` are the coded axes of x, y, z."""
+    """Decode the points (n, 3) of a slice; `axes` are the indices of the coded axes of x, y, z."""
     tools = tools_of(coded.header, gps, axes, origin)
     nodes = empty_nodes(coded.points, angular=tools.angular)
     coder = slice_decoder(coded, sps)
@@ -56,7 +56,7 @@ def decode_trees(
 def tools_of(
     header: GeometryHeader, gps: GeometryParameterSet, axes: Three, origin: Three
 ) -> Tools:
-    """Return the tools of a slice; raise InputError if they are invalid."""
+    """Return the coding tools of a slice; raise InputError if they are invalid."""
     multiplier = gps.geom_qp_multiplier_log2
     slice_qp = (gps.geom_base_qp + header.geom_slice_qp_offset) << multiplier
     if not 0 <= slice_qp <= predictive.MOST_QP:

@@ -23,7 +23,7 @@ _RAISED_MM = 50
 
 @dataclass(frozen=True)
 class SensorDescription:
-    """A rotating sensor in the units and coordinates of its points.
+    """A rotating sensor, in the coordinates of its points.
 
     Parameters
     ----------
@@ -56,10 +56,7 @@ class SensorDescription:
             raise InputError("G-PCC: the sensor's lasers do not fit into a stream")
 
     def lasers(self) -> list[Laser]:
-        """Return the lasers as a parameter set stores them, lowest elevation first.
-
-        Their z is the negative of their height, because TMC13 subtracts it.
-        """
+        """Return the lasers as in a parameter set: lowest elevation first, heights negated."""
         pairs = sorted(zip(self.tan_elevation, self.height, strict=True))
         return [
             Laser(_rounded(tan * _THETA_ONE), _rounded(-height * _Z_ONE), self.steps_per_turn)
@@ -84,9 +81,8 @@ def describe_sensor(
 ) -> SensorDescription:
     """Describe a sensor for a cloud whose coordinates are in steps of `unit_m` metres.
 
-    A decoder finds a node's laser by the direction of the node from the sensor's position.
-    `position` is therefore raised to the height at which the beams of the upper lasers cross the
-    axis of rotation (their median).
+    `position` is raised to the median height at which the upper beams cross the axis of rotation,
+    because decoders find a node's laser by the node's direction from it.
     """
     height = np.asarray(beams.heights_mm)
     upper = np.argsort(beams.elevations_deg)[len(height) // 2 :]

@@ -45,8 +45,8 @@ from puckbench.gpcc.tree import Tree, leaf_codes, leaf_starts, node_sizes_log2
 _DAMAGED = "G-PCC stream: a slice's data are damaged or truncated"
 _BYPASS_CHUNK = 256
 
-# Maximum bytes of a node: eight bits of at most one byte each and planes; coordinates and counts of
-# IDCM points, with more in angular mode; counts of eight leaves.
+# Maximum number of bytes of a node: for occupancy and planes; for IDCM points, and in addition in
+# angular mode; for the point counts of eight leaves.
 _NODE_BYTES, _DIRECT_BYTES, _LASER_BYTES, _LEAVES_BYTES = 16, 128, 64, 256
 
 
@@ -97,7 +97,7 @@ def encode_octree(
 
 
 def read_slice(payload: bytes, sps: SequenceParameterSet, gps: GeometryParameterSet) -> CodedSlice:
-    """Split a geometry data unit; raise InputError if it is invalid."""
+    """Split a geometry data unit into its parts; raise InputError if it is invalid."""
     reader = BitReader(payload)
     header = GeometryHeader()
     geometry_header(reader, header, sps, gps)
@@ -161,10 +161,9 @@ def slice_decoder(coded: CodedSlice, sps: SequenceParameterSet) -> Decoder:
 def _demultiplexed(data: Bytes) -> tuple[Bytes, Bytes]:
     """Split a stream of chunks into arithmetic-coded bytes and bypass bits.
 
-    A chunk has up to 256 bytes. The first byte is the number of arithmetic-coded bytes, which
-    follow it. The bytes after them, read from the last to the first, hold the bypass bits; they end
-    with padding bits and the number of padding bits (three bits). The second array that is returned
-    has one bypass bit per byte.
+    A chunk has up to 256 bytes: the number of arithmetic-coded bytes, these bytes, and bytes of
+    bypass bits, in reverse order. The bypass bits end with padding bits and their number (three
+    bits). The second array returned has one bypass bit per byte.
     """
     coded, bits = [np.empty(0, np.uint8)], [np.empty(0, np.uint8)]
     for start in range(0, len(data), _BYPASS_CHUNK):
@@ -289,7 +288,7 @@ def _initial_state(gps: GeometryParameterSet, depth: int, max_points: int) -> oc
 def sensor_state(
     header: GeometryHeader, gps: GeometryParameterSet, axes: Three, origin: Three
 ) -> angular.Angular | None:
-    """Return the sensor relative to a slice; `axes` are the coded axes of x, y, z."""
+    """Return the sensor relative to a slice; `axes`: indices of the coded axes of x, y, z."""
     if not gps.geom_angular_mode_enabled_flag:
         return None
     table = [(laser.theta, laser.z, laser.num_phi_per_turn) for laser in gps.lasers]
@@ -301,7 +300,7 @@ def sensor_state(
 def sensor_position(
     header: GeometryHeader, gps: GeometryParameterSet, axes: Three, origin: Three
 ) -> Three:
-    """Return the sensor's position relative to the slice's origin, along the coded axes."""
+    """Return the sensor's position, along the coded axes, relative to the slice's origin."""
     x, y, z = header.gdu_angular_origin_xyz
     if not gps.geom_slice_angular_origin_present_flag:
         x, y, z = (a - b for a, b in zip(gps.gps_angular_origin_xyz, origin, strict=True))

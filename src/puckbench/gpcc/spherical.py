@@ -1,4 +1,4 @@
-"""Integer spherical coordinates of a sensor's points: radius, azimuth and laser.
+"""Integer spherical coordinates of a point: radius, azimuth and laser.
 
 Angular coding predicts in these coordinates and converts them to x, y, z by fixed-point sines.
 """
@@ -31,6 +31,7 @@ class Sphere(NamedTuple):
 
     radius_log2: log2 of the coding units per radius step.
     azimuth_log2: log2 of the azimuth steps per turn.
+    theta, z: elevations and heights of the lasers, see `syntax.Laser`.
     origin: sensor relative to the slice's origin, along the coded axes.
     """
 
@@ -42,7 +43,7 @@ class Sphere(NamedTuple):
 
 
 def sphere(gps: GeometryParameterSet, origin: Three) -> Sphere:
-    """Return the parameters of a stream; raise InputError if its step sizes are unsupported."""
+    """Return the parameters of a slice; raise InputError if the step sizes are unsupported."""
     azimuth_log2 = gps.geom_angular_azimuth_scale_log2_minus11 + 12
     radius_log2 = gps.geom_angular_radius_inv_scale_log2
     if azimuth_log2 > _MOST_AZIMUTH_LOG2 or radius_log2 > _MOST_RADIUS_LOG2:
@@ -94,7 +95,7 @@ def _quarter_sine(azimuth: int, azimuth_log2: int) -> int:
 
 @inlined
 def cartesian(around: Sphere, radius: int, azimuth: int, laser: int) -> Three:
-    """Return x, y, z relative to the sensor."""
+    """Convert spherical coordinates to x, y, z relative to the sensor."""
     r = int32(radius << around.radius_log2)
     height = halved_away((around.theta[laser] * r) << 2, _THETA_LOG2 - _Z_LOG2)
     return (
@@ -106,7 +107,7 @@ def cartesian(around: Sphere, radius: int, azimuth: int, laser: int) -> Three:
 
 @kernel
 def azimuth_of_arc(arc: int, radius: int, azimuth_log2: int) -> int:
-    """Return the angle, in azimuth steps, of an arc whose length is in eighths of a radius step.
+    """Convert an arc, in units of 1 / (8 `radius`) turns, to azimuth steps.
 
     The division uses TMC13's approximate reciprocal: 48/17 - 32/17 r and one step of Newton's
     method.

@@ -1,7 +1,7 @@
 """High-level syntax of G-PCC geometry: parameter sets, tile inventory, data units, encapsulation.
 
 Names and order of the syntax elements follow TMC13 (`hls.h`, `io_hls.cpp`), encapsulation follows
-Annex B of ISO/IEC 23090-9. Points are in the coding axis order, x, y, z in the order of the file.
+Annex B of ISO/IEC 23090-9.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ class Laser:
 
 @dataclass
 class GeometryParameterSet:
-    """Coding tools; gps_angular_origin_xyz is relative to the sequence's origin."""
+    """Coding tools; the sensor (gps_angular_origin_xyz) is relative to the sequence's origin."""
 
     gps_geom_parameter_set_id: int = 0
     gps_seq_parameter_set_id: int = 0
@@ -120,7 +120,7 @@ class GeometryParameterSet:
 
 @dataclass
 class GeometryHeader:
-    """Header of a slice; gdu_angular_origin_xyz is relative to the slice's origin."""
+    """Header of a slice; the sensor (gdu_angular_origin_xyz) is relative to the slice's origin."""
 
     gdu_geometry_parameter_set_id: int = 0
     gdu_reserved_zero_3bits: int = 0
@@ -285,9 +285,9 @@ def _angular_origin(io: SyntaxElements, record: Any, name: str) -> None:
 
 
 def _laser_table(io: SyntaxElements, gps: GeometryParameterSet, *, turns: bool) -> None:
-    """Read or write the differences of lasers from predicted ones.
+    """Read or write each laser as its difference from a prediction.
 
-    The elevations of the third and later lasers are predicted by linear extrapolation.
+    This is the previous laser; from the third laser on, elevations are extrapolated linearly.
     """
     count = io.exp_golomb(len(gps.lasers) - 1 if io.writing else 0) + 1
     _refuse(count > MAX_LASERS, f"a sensor of more than {MAX_LASERS} lasers")

@@ -134,8 +134,8 @@ _TURN_X = {
 
 
 def _turned(neigh_pattern: int) -> list[int]:
-    """Return the new index of each child after rotating a neighbour pattern to the
-    representative of its class.
+    """Return each child's index after rotating a neighbour pattern to the representative of its
+    symmetry class.
     """
     turns = [(_SAME, _Z90, _Z180, _Z270)[_TURN_Z[neigh_pattern & 15]]]
     if neigh_pattern & 48 == 16:
@@ -172,6 +172,8 @@ CTX_MAP_BASE = np.array(
     [_map_bases(tuple(_SIBLING_CLASSES.get(p, 0) for p in range(64))), _map_bases(_CLASSES_9)],
     dtype=np.int64,
 )
-"""Indices: whether neighbours outside the parent are known, pattern, coded bit."""
+"""Offsets into a context map, indexed by whether neighbours outside the parent are known,
+neighbour pattern, and coded bit.
+"""
 
 POPCOUNT = np.array([bin(i).count("1") for i in range(256)], dtype=np.int64)

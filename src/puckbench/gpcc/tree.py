@@ -24,10 +24,11 @@ def coded_axes(
     min_qtbt_size_log2: int = 0,
     late_z: tuple[int, int] | None = None,
 ) -> list[int]:
-    """Return the axes (4 x, 2 y, 1 z) that each level splits (tree_lvl_coded_axis_list).
+    """Return a mask of the axes (4 x, 2 y, 1 z) that each level splits: tree_lvl_coded_axis_list.
 
-    The parameters are log2 of the root's sides and options of `GpccOptions`; with a sensor,
-    `late_z` is angular_max_node_min_dim_log2_to_split_z and angular_max_diff_to_split_z.
+    bits: log2 of the root's sides.
+    late_z: with a sensor, angular_max_node_min_dim_log2_to_split_z and angular_max_diff_to_split_z
+        of `GpccOptions`, as the other parameters.
     """
     if not qtbt:
         return [7] * max(bits)
@@ -59,7 +60,7 @@ def _split_late_along_z(size: list[int], height: int, factor: int) -> list[bool]
 
 
 def node_sizes_log2(levels: list[int]) -> list[Bits]:
-    """Return log2 of the node size at each level, ending with (0, 0, 0)."""
+    """Return log2 of a node's sides at each level, ending with (0, 0, 0) of the leaves."""
     sizes = [(0, 0, 0)]
     for axes in reversed(levels):
         x, y, z = sizes[-1]
@@ -77,10 +78,12 @@ class TreeLevel:
 
 @dataclass(frozen=True)
 class Tree:
-    """Levels from the root down, sorted keys of the leaves, and number of points at each leaf.
+    """Octree of a slice: levels from the root down, and leaves.
 
-    second_first: whether a leaf that shares a node with one other point precedes it, although that
-    point came first in the cloud.
+    keys: interleaved coordinate bits of each leaf, sorted.
+    counts: number of points at each leaf.
+    second_first: 1 for a leaf if TMC13 puts it after the next, the only other in its node; empty
+        unless requested.
     """
 
     levels: list[TreeLevel]
@@ -94,7 +97,7 @@ def build_tree(
 ) -> Tree:
     """Build the octree of points (n, 3); the origin of the root is `corner` (3,).
 
-    ordered: whether the order of points counts, after removing duplicates if `merged`.
+    ordered: whether to determine `second_first`, after removing duplicates if `merged`.
     """
     keys = _keys(points, corner, _key_tables(_key_positions(levels)))
     second_first = np.empty(0, dtype=np.uint8)
@@ -134,7 +137,7 @@ def leaf_codes(tree: Tree, levels: list[int]) -> Ints:
 
 
 def _key_positions(levels: list[int]) -> tuple[list[int], list[int], list[int]]:
-    """Return, for each axis, the positions of its bits in a sorting key, lowest first."""
+    """Return, for each axis, the positions of its bits in a key, lowest first."""
     positions: tuple[list[int], list[int], list[int]] = ([], [], [])
     position = 0
     for axes in reversed(levels):
@@ -191,12 +194,11 @@ def _digit_positions(levels: list[int]) -> Ints:
 
 @compiled
 def _sorted_as_coded(keys: Ints, positions: Ints) -> Bytes:
-    """Sort keys in place, level by level, into the order of TMC13's in-place counting sort.
+    """Sort keys in place, level by level, with the swaps of TMC13's counting sort.
 
-    Return a flag for each key: 1 if it shares a node with only one other key, is now before it, and
-    was after it in the input.
+    Returns `second_first` (see `Tree`) for each key.
     """
-    # The in-place swaps change the order of points within a child.
+    # The swaps change the order of points within a child.
     behind = np.zeros(len(keys), dtype=np.uint8)
     stack = np.empty((8 * len(positions) + 8, 3), dtype=np.int64)
     place = np.empty(8, dtype=np.int64)

@@ -1,8 +1,8 @@
-"""Compression of the returns of spinning LiDARs, lossless or nearly so.
+"""Compression of the returns of spinning LiDARs, without loss or with quantised ranges.
 
-A turn (one revolution) is coded as an image of ranges, with a row for each firing column and a
-column for each laser. Azimuths, times and reflectivities are coded with it. Recordings are restored
-bit for bit.
+A turn (one revolution) is coded as an image of ranges, with a row for each firing of all lasers and
+a column for each laser. Azimuths, times and reflectivities are coded with it. Recordings are
+restored bit for bit.
 """
 
 from typing import TYPE_CHECKING

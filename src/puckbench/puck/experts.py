@@ -1,7 +1,7 @@
 """Experts, each of which predicts a number by a probability distribution.
 
-The mean is the expert's estimate. The scale is the mean absolute error of its earlier estimates in
-the same situation. The distributions give the probabilities of binary decisions about the number.
+Its mean is the expert's estimate, its scale the mean absolute error of earlier estimates in the
+same situation (context). It gives the probabilities of binary decisions about the number.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ FINE = 16
 _ONE = 4096
 """Probability 1 of the distributions."""
 _REACH = 1024
-"""Entries on each side of the mean in the table of the distribution."""
+"""Entries of the table of the distribution on each side of its mean."""
 _PER_ERROR = 128
 """Entries of that table per mean absolute error."""
 _LEAST_SCALE = 2 * 256
@@ -43,18 +43,18 @@ class Experts(NamedTuple):
     scales: Words  # (experts, situations), mean absolute errors in 1 / (256 FINE)
     distribution: NDArray[np.int16]  # tables
     logits: NDArray[np.int16]
-    every: Lanes  # a tuple whose length is known to the compiler
+    every: Lanes  # a tuple whose length, the number of experts, is known to the compiler
 
 
 def new_experts(scales: Words, count: int) -> Experts:
-    """Return `count` experts; `scales` (at least `count`, situations) are their initial scales."""
+    """Return `count` experts; `scales` (`count` or more, situations) are their initial scales."""
     means, inverse, lower, upper, edge = np.zeros((5, count), np.int64)
     return Experts(means, inverse, lower, upper, edge, scales, *_tables(), (0,) * count)
 
 
 @cache
 def _tables() -> tuple[NDArray[np.int16], NDArray[np.int16]]:
-    """Return two tables: a cumulative distribution (Gaussian, wide tails), and 256 ln(k + 2)."""
+    """Return tables: a cumulative distribution (Gaussian with wide tails), and 256 ln(k + 2)."""
     errors = np.arange(-_REACH, _REACH + 1) / _PER_ERROR
     gaussian = np.array([0.5 + 0.5 * erf(error / sqrt(pi)) for error in errors])
     logistic = 1 / (1 + np.exp(-errors / 2))

@@ -48,7 +48,7 @@ def predicted(state: LeastSquares, which: int) -> int:
 
 @inlined
 def learn_target(state: LeastSquares, which: int, target: int, damp: int, slow: int) -> None:
-    """Add an observation with weight 2**-damp; multiply all earlier weights by 1 - 2**-slow."""
+    """Add the features and `target` with weight 2**-damp; scale older weights by 1 - 2**-slow."""
     features, targets, lanes = state.features, state.targets, state.lanes
     first, predictor = which * len(state.every), np.uint64(which)
     for i in range(len(state.every)):

@@ -35,8 +35,8 @@ def code_number(
 ) -> int:
     """Encode or decode a number from 0 to (FARTHEST + step) // step by context mixing; return it.
 
-    The experts estimate step * number. The `centre` is at least 1, and `unit` is the length of the
-    first steps away from it.
+    The experts estimate `step` * `number`. The expected number `centre` is at least 1; `unit` is
+    the distance of the first decisions away from it.
     """
     return _traverse(mixer, experts, False, 0, number, centre, unit, step)
 
@@ -45,7 +45,7 @@ def code_number(
 def code_unmixed_number(
     mixer: Mixer, experts: Experts, start: int, number: int, centre: int, unit: int, step: int
 ) -> int:
-    """Code a number like `code_number`, but with one counter per decision; `start` is the first."""
+    """Code a number like `code_number`, but with one counter per decision, from `start` on."""
     return _traverse(mixer, experts, True, start, number, centre, unit, step)
 
 

@@ -17,13 +17,13 @@ class CodingOptions:
     Parameters
     ----------
     step
-        Ranges are coded as multiples of this many quanta; 1 is lossless.
+        Ranges are coded as multiples of this number of quanta (steps of the sensor); 1 is lossless.
     lmbda
         Lagrangian weight of the rate in nats against the squared error in quanta squared, rounded
         to sixteenths. If it is above 0, a multiple next to the nearest one may be coded because it
         costs fewer bits.
     times, reflectivities
-        Whether to encode these if a turn has them.
+        Whether to encode them if a turn has them.
     effort
         Size of the models: larger ones compress better and take longer.
     key_every

@@ -53,10 +53,10 @@ _loop = partial(compiled_in_place, error_model="numpy")
 
 
 class RangeRows(NamedTuple):
-    """A range image and its equations ``range = row . m`` of planes; lasers from lowest to highest.
+    """A range image; lasers from lowest to highest.
 
-    `ranges` (lasers, columns), m, are 0 for no return; each of `rows` (lasers, columns, 3) is a
-    range times its point.
+    `ranges` (lasers, columns), in metres, are 0 for no return; `rows` (lasers, columns, 3) are
+    ranges times points, as in the equation ``range = row . m`` of a plane m.
     """
 
     ranges: Floats
@@ -64,7 +64,10 @@ class RangeRows(NamedTuple):
 
 
 class LabelledPlanes(NamedTuple):
-    """The plane number of each return (lasers, columns), -1 for none, and each plane's m (n, 3)."""
+    """The plane of each return (lasers, columns), -1 for none, and the vectors m (n, 3) of planes.
+
+    A plane consists of the points p with m . p = 1.
+    """
 
     labels: Labels
     vectors: Floats
@@ -76,8 +79,8 @@ def fitted_planes(
     """Assign each return to a plane, and fit the planes.
 
     Adjacent columns are `column` rad apart. In a full turn, `closes` is True, and the last column
-    is next to the first. `std` is the standard deviation of a range, m. Two sets are merged if the
-    mean squared distance between them exceeds that due to noise by at most `tolerance` times the
+    is next to the first. `std` is the standard deviation of a range, m. Two sets of returns are
+    merged if their mean squared distance exceeds that due to noise by at most `tolerance` times the
     noise variance.
     """
     ranges, rows = image
@@ -186,7 +189,6 @@ def _cut(
 
 @inlined
 def _reached(ranges: Floats, start: int, column: float, std: float, places: Places) -> int:
-    """Write to `places` the columns from `start` to the next jump or gap; return their number."""
     places[0] = before = start
     length, at = 1, start + 1
     while at < len(ranges) and length < _LONGEST_PIECE and at - before < _GAP:
@@ -210,11 +212,7 @@ def _first_part(
     scratch: tuple[Floats, Floats],
     places: Places,
 ) -> int:
-    """Return how many of the listed returns form the first piece.
-
-    If two lines fit the returns far better than one, the piece ends with the first line; otherwise
-    it has all `length` returns.
-    """
+    """Return the length of the first of two lines if they fit far better than one, or `length`."""
     both, plane = scratch
     first, second = both[0], both[1]
     second[:] = 0
@@ -385,10 +383,7 @@ def _move_borders(
 
 @inlined
 def _last_of(labels: Labels, start: int, step: int) -> int:
-    """Return the last column that has the label of column `start`, in the direction `step`.
-
-    The search stops at another label, or after `_BORDER` returns.
-    """
+    """Return the last of up to `_BORDER` columns with the label of `start` in direction `step`."""
     last, count, at = start, 0, start
     while 0 <= at < len(labels) and count < _BORDER:
         if labels[at] == labels[start]:

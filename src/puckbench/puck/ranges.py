@@ -52,7 +52,7 @@ _LEVELS = 16
 """Levels of the prediction errors around a firing (its activity)."""
 _SITUATIONS = 4 * _LEVELS
 _JUMP = 24
-"""A larger difference between columns, in quanta, is a step to another surface."""
+"""A larger difference between columns, in quanta, is taken for a change to another surface."""
 _FIRST_ERROR = 3 * FINE
 
 
@@ -83,7 +83,7 @@ class RangeModel(NamedTuple):
 class ModelSize(NamedTuple):
     """Sizes of the models for an effort.
 
-    The models use the first features, experts and contexts up to these numbers.
+    A model uses the first of all features, experts and contexts, up to these numbers.
     """
 
     features: int
@@ -302,8 +302,8 @@ def _predict(
     """Predict a range, and return five values.
 
     They are a base range, the predicted difference from it in quarter quanta, the level of recent
-    errors (activity), 1 if the previous turn has a return at this place or else 0, and the
-    situation. The situation is the index of the experts' scales.
+    errors (activity), 1 if the previous turn has a return at this place or else 0, and the index of
+    the experts' scales (situation).
     """
     base = _base(model, image, before, c, laser, t)
     _write_features(model, image, before, c, laser, t, base)
@@ -347,7 +347,7 @@ def _cheaper_index(value: int, index: int, mean: int, scale: int, step: int, lmb
 def _base(
     model: RangeModel, image: RangeContext, before: RangeContext, c: int, laser: int, t: int
 ) -> int:
-    """Return the range from which the features are differences.
+    """Return the range that is subtracted from other ranges in the features.
 
     It is the laser's last range, otherwise that of the laser below, or of the previous turn.
     """
@@ -361,7 +361,7 @@ def _base(
 
 @inlined
 def _change(later: int, earlier: int) -> int:
-    """Return the difference of two ranges, given in quanta, in quarter quanta.
+    """Return the difference of two ranges (in quanta) in quarter quanta.
 
     Return 0 if a range is missing (0), or if they differ by more than 60 quanta.
     """

@@ -248,8 +248,8 @@ class _PacketEncoder:
     ) -> Iterator[_Batch]:
         """Yield three encodings of `data`, of which the caller uses the first within the limits.
 
-        They encode packets as turns, compress all bytes by LZMA, and store all bytes uncompressed.
-        Only the last always satisfies the decoder's limits.
+        They encode packets as turns, compress all bytes by LZMA, or store all bytes uncompressed.
+        Only the last is always within the decoder's limits.
         """
         yield self._batch(data, places, report)
         self._turns = None

@@ -2,7 +2,7 @@
 
 Some values are guessed. If a second return equals the first, the guess is the first one's value.
 For a firing without a return, it is the value of the laser's last firing without one. The stream
-states whether a guess is right. A value without a right guess is coded itself.
+states whether a guess is right. Only values without a right guess are coded.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class ReflectivityModel(NamedTuple):
 class ReflectivityContext(NamedTuple):
     """Reflectivities of a turn and arrays that predict them, (PAD + columns, lasers) each."""
 
-    values: Words  # a writer encodes them, a reader fills them in
+    values: Words  # an encoder reads them, a decoder writes them
     held: Words  # 1 + the value of the laser's last return up to this column
     ranges: Words  # 0 for no return
     then: Words  # reflectivities and ranges of the previous turn
@@ -58,7 +58,7 @@ class ReflectivityContext(NamedTuple):
 
 
 def new_reflectivity_model(bits: BitCoder, lasers: int, lean: bool = False) -> ReflectivityModel:
-    """Return an untrained model; a `lean` one has few contexts and takes a quarter of the time."""
+    """Return a new model; a `lean` one has few contexts and takes a quarter of the time."""
     sizes = np.array([lasers * 2, 257, 257, 257, 32 * 33, 32 * 33, 256 * 5, 32 * 32, 16 * 33])
     sizes *= _TREE
     zeros = np.zeros(lasers, np.int64)

@@ -1,4 +1,4 @@
-"""Streams of returns: the layout, the sensor's beams, and the turns."""
+"""Streams of returns: the layout of the data, the sensor's beams, and the turns (revolutions)."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def encode_returns(returns: Returns, options: CodingOptions | None = None) -> by
 
 
 def decode_returns(stream: bytes) -> Returns:
-    """Decode the output of `encode_returns`; raise InputError for a damaged or another stream."""
+    """Decode the output of `encode_returns`; raise InputError for any other or a damaged stream."""
     without_turns, bodies = _read(stream)
     decoder = TurnDecoder(without_turns.layout)
     return replace(without_turns, turns=tuple(decoder.decode(body) for body in bodies))

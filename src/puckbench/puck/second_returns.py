@@ -57,8 +57,8 @@ def code_second_returns(
     """Encode or decode the second ranges of a turn; return False if the decoded stream ended early.
 
     Rows from PAD on of `ranges` (PAD + columns, lasers) are filled; `first` are the first ranges.
-    `then` and `then_first` are the second and the first ranges of the previous turn. When encoding,
-    `source` and `source_first` are the original second and first ranges.
+    `then` and `then_first` are the second and the first ranges of the previous turn, `nearest` as
+    in `ranges.code_ranges`. When encoding, `source` and `source_first` are the original ranges.
     """
     step = model.step
     for c in range(PAD, len(ranges)):
@@ -113,7 +113,7 @@ def _code_other(
     model: SecondReturnModel, ranges: Words, first: Words, then: Words, then_first: Words, c: int,
     laser: int, t: int, number: int,
 ) -> int:  # fmt: skip
-    """Code `number` for a second range unlike the first: 1 + its steps, or 0 for no return."""
+    """Code a second range that differs from the first: 1 + its steps, or 0 for no return."""
     means, step = model.experts.means, model.step
     means[0] = FINE * (first[c, laser] + step) if first[c, laser] > 0 else 0
     means[1] = FINE * (model.other[laser] + step) if model.other[laser] > 0 else 0

@@ -1,4 +1,4 @@
-"""Coding of nearly linear sequences of numbers: azimuths of blocks, and times of packets."""
+"""Coding of nearly linear sequences of numbers: azimuths of data blocks, and times of packets."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def _code_next(model: SequenceModel, number: int) -> int:
 
 @inlined
 def _code_plain(model: SequenceModel, number: int) -> int:
-    """Code a number far from its prediction, with bits of probability 1 / 2."""
+    """Code a number far from its prediction as 32 bits without contexts."""
     value = 0
     for k in range(_RAW_BITS - 1, -1, -1):
         value = value << 1 | code(model.mixer.bits, (number >> k) & 1, ONE // 2)

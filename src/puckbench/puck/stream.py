@@ -1,4 +1,4 @@
-"""Encoding of turns of one layout as a stream, and decoding of turns from any stream."""
+"""Encoding of turns (revolutions) of one layout as a stream, and decoding from any stream."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ Coarsely quantised scans without noise have few bits per range.
 _SMALL_BYTES, _MANY_RANGES = 1 << 20, 6 << 20
 """A stream of up to 1 MiB holds at most 6 Mi ranges: some seconds of a recording."""
 _RANGES_PER_TURN = 1024
-"""Ranges that are added for each turn, since even a key turn of two takes 1 ms to decode."""
+"""Ranges that are added for each turn, since decoding even two ranges of a key turn takes 1 ms."""
 
 
 def count_ranges(layout: Layout, body: bytes) -> int:
-    """Return the number of ranges that a turn's header states, plus `_RANGES_PER_TURN`."""
+    """Return the number of ranges in a coded turn, plus `_RANGES_PER_TURN`."""
     reader = Reader(body)
     reader.take(1)
     reader.number()
@@ -50,7 +50,7 @@ def check_ranges(ranges: int, size: int) -> None:
 def encode_turns(
     turns: Iterable[Turn], layout: Layout, options: CodingOptions | None = None
 ) -> bytes:
-    """Encode turns of one layout, in the order of time, as one stream without beams.
+    """Encode turns of one layout, in chronological order, as one stream without the sensor's beams.
 
     Raises InputError if the arrays of a turn do not have the layout's shapes.
 
@@ -74,7 +74,7 @@ def encode_turns(
 def decode_turns(stream: bytes, first: int = 0, end: int | None = None) -> list[Turn]:
     """Decode turns `first` to `end` - 1 of a stream, or of a compressed recording.
 
-    Decoding starts at the last key turn that is not after `first`.
+    Decoding starts at the last turn up to `first` that can be decoded alone.
     """
     layout: Layout | None = None
     bodies: list[tuple[Layout, bytes]] = []

@@ -51,7 +51,7 @@ _LEAN = 32
 """Flag: reflectivities are coded with few contexts."""
 _CLOCK = 1 << 32
 _FARTHEST_COLUMN = 200
-"""A column of the previous turn is a context up to this distance, 0.01 degrees."""
+"""A column of the previous turn is a context up to this distance in units of 0.01 degrees."""
 _FIRST_ERROR = 48
 _BYTES_PER_DECISION = 2
 """The most that a decision costs: its bit has a probability of at least 2**-11."""
@@ -75,7 +75,7 @@ class _State:
 
 @dataclass
 class _CodedTurn:
-    """A coded turn, as context of the next one; lists have an item for each kind of return."""
+    """A coded turn, as context of the next; lists have an item for each return of a beam."""
 
     azimuths: Ints
     strongest: RangeContext

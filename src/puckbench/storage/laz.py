@@ -1,6 +1,4 @@
-"""Encoder and decoder for points as LAZ, the compressed LAS 1.2 (point format 0), by laspy and
-lazrs.
-"""
+"""Encoder and decoder for points as LAZ: compressed LAS 1.2, point format 0, by laspy and lazrs."""
 
 from __future__ import annotations
 
@@ -20,14 +18,14 @@ _DATE = date(2000, 1, 1)
 """The same points give the same bytes on any day."""
 _HEADER_BYTES = 227
 _STARTS = struct.Struct("<HIIBHI")
-"""At byte 94: bytes of the header, where points begin, further records, format, bytes of a point,
-points."""
+"""At byte 94: size of the header, position of the points, number of variable length records, point
+format, size of a point, number of points."""
 _POINT_FORMAT, _POINT_BYTES, _COMPRESSED = 0, 20, 128
 _STARTS_AT, _SCALES_AT = 94, 131
 _RECORD_HEADER_BYTES = 54
 _MOST_SCALE = 1e290
 _CHUNKS_AT, _CHUNKS = struct.Struct("<q"), struct.Struct("<II")
-"""Before the points: where the table of chunks is. At its start: its version, and their number."""
+"""Before the points: position of the chunk table. At its start: version, and number of chunks."""
 
 
 def encode_laz(points: Floats, step: float) -> bytes:
@@ -100,9 +98,7 @@ def _checked_header(stream: bytes, begin: int, vlr: bytes) -> tuple[int, Floats]
 
 
 def _check_chunks(stream: bytes, begin: int, chunks: int) -> None:
-    """Raise InputError if the number of chunks is wrong, because lazrs would allocate memory for
-    them.
-    """
+    """Raise InputError if the number of chunks is wrong; lazrs would allocate memory for them."""
     (at,) = _CHUNKS_AT.unpack_from(stream, begin)
     if not begin < at <= len(stream) - _CHUNKS.size or _CHUNKS.unpack_from(stream, at)[1] != chunks:
         raise InputError("the stream is damaged (its table of chunks)")

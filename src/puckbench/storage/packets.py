@@ -1,6 +1,6 @@
-"""Encoder and decoder for the sensor's data packets, as archives of captures store them.
+"""Encoder and decoder for returns as data packets of the sensor, as in recordings.
 
-A body is:
+A stream's body is:
 
     the number of turns, and the number of packets in each, base 128
     the packets, 1,206 bytes each, compressed
@@ -28,7 +28,7 @@ from puckbench.lidar.turns import Turn
 
 _FEW_PACKETS = 1024
 _MANY_PACKETS, _BYTES_PER_PACKET = 1 << 15, 64
-"""Packets that any stream may hold, and bytes of a further packet: each has 400 returns or more,
+"""Packets allowed in any stream, and bytes that allow another: each packet has hundreds of returns,
 and those of a stream of 1 MB take some seconds."""
 
 
@@ -71,7 +71,6 @@ def check_whole_packets(returns: Returns) -> PacketKind:
 
 
 def _check_packets(count: int, packed: bytes) -> None:
-    """Raise InputError if the number of packets is implausible for the size of the stream."""
     few = _FEW_PACKETS + len(packed) // 2
     if count > min(few, _MANY_PACKETS + len(packed) // _BYTES_PER_PACKET):
         raise InputError(
@@ -98,7 +97,7 @@ def _completed(turn: Turn, kind: PacketKind) -> Turn:
 
 
 def _returns(payloads: np.ndarray, counts: list[int]) -> Returns:
-    """Return the returns in packets (p, 1206); `counts` are the numbers of packets in each turn."""
+    """Decode packets (p, 1206) to returns; `counts` are the numbers of packets of the turns."""
     if (payloads[:, -2:] != payloads[0, -2:]).any():
         raise InputError("the stream is damaged (packets of several sensors)")
     kind = packet_kind(int(payloads[0, -1]), int(payloads[0, -2]))

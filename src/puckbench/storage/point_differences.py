@@ -1,6 +1,6 @@
 """Encoder and decoder for differences between successive points, compressed by Zstandard.
 
-This is Cloudini's scheme for ROS messages ``PointCloud2``, with another stream format. A body is:
+This is Cloudini's scheme for ROS messages ``PointCloud2``, in another format. A stream's body is:
 
     float64  the step, m
     the number of points, base 128
@@ -25,8 +25,8 @@ _MAX_BYTES_PER_POINT = 15
 
 
 def encode_differences(points: Floats, step: float, level: int) -> bytes:
-    """Encode points (n, 3) in m, rounded to `step`, in their order, at a Zstandard level from 1 to
-    22; raise InputError if coordinates exceed 31 bits.
+    """Encode points (n, 3) in m, rounded to `step`, in their order; `level` (1 to 22) is that of
+    Zstandard. Raise InputError if coordinates exceed 31 bits.
     """
     steps = in_steps(points, step)
     differences = np.diff(steps, axis=0, prepend=np.zeros((1, 3), np.int64))

@@ -1,7 +1,7 @@
 """Encoder and decoder for turns as range images: a row for each laser, a column for each firing.
 
-Rows are ordered from the highest laser down. Pixels have 16 bits and count steps of the range, from
-1; 0 means no return. A body has these parts, each after its length, base 128:
+Rows are ordered from the highest laser down. Pixels have 16 bits and count range steps, from 1; 0
+means no return. A stream's body has these parts, each after its length, base 128:
 
     the layout (`lidar.returns_header`)
     the beams and the quantum (`lidar.returns_header`)
@@ -28,19 +28,20 @@ from puckbench.lidar.turns import Layout, Turn
 
 Image = NDArray[np.uint16]
 EncodeImage = Callable[[Image, int], bytes]
-"""Encode the pixels (rows, columns), steps of a number of quanta, without loss."""
+"""Encode an image (rows, columns) without loss; the number is the quanta in a step of a pixel."""
 DecodeImage = Callable[[bytes, tuple[int, int], int], Image]
-"""Decode an image of a shape; InputError for a damaged stream or another shape."""
+"""Decode an image; arguments are the stream, the shape, and the quanta in a step. Raises InputError
+if the stream is damaged or has another shape."""
 _MAX_QUANTA = 1 << 15
 _PIXELS_PER_BYTE = 4096
 _FEW_PIXELS = 1 << 20
 
 
 def encode_range_images(returns: Returns, quanta: int, encode_image: EncodeImage) -> bytes:
-    """Encode returns, with ranges rounded to steps of `quanta` quanta.
+    """Encode returns, with ranges rounded to steps of `quanta` quanta (steps of the sensor).
 
-    A sensor that records two returns per beam gives two images. In the second one, a pixel is 0 if
-    both returns are equal.
+    A sensor that records two returns per beam gives two images. In the second, a pixel is 0 if both
+    returns are equal.
     """
     layout, turns = returns.layout, returns.turns
     quanta = min(quanta, _MAX_QUANTA)
@@ -107,7 +108,7 @@ def _images(turn: Turn, layout: Layout, quanta: int) -> list[Image]:
 
 
 def _swapped(image: Image, first: Image) -> Image:
-    """Replace pixels of the second image that equal the first image's by 0, and 0 by these.
+    """Replace pixels equal to those of the first image by 0, and 0 by pixels of the first image.
 
     A second call restores the image.
     """

@@ -10,11 +10,11 @@ from puckbench.geometry.cloud import Floats
 _POINTS_PER_BYTE = 256
 _FEW_POINTS = 65536
 MOST_STEPS = float(2**30)
-"""Largest extent of a cloud for `in_steps`, if it lies within a kilometre of the origin."""
+"""Largest extent of a cloud, in steps, for `in_steps` if it is within a kilometre of the origin."""
 
 
 def in_steps(points: Floats, step: float) -> NDArray[np.int64]:
-    """Round points (n, 3) to integer steps; raise InputError beyond 31 bits."""
+    """Round points (n, 3) in m to integer steps; raise InputError if they exceed 31 bits."""
     if np.abs(points).max() / step >= 2**31 - 1:
         raise InputError(f"the cloud reaches beyond 2^31 steps of {step:g} m{NARROWER}")
     return np.rint(points / step).astype(np.int64)
