@@ -1,7 +1,7 @@
 """Bitwise reading and writing of syntax elements.
 
-The same function reads a structure with a `BitReader` and writes it with a `BitWriter`. Its methods have
-the names of the standard's descriptors u(n), ue(v) and se(v).
+One function both reads a structure, with a `BitReader`, and writes it, with a `BitWriter`. Methods
+have the names of the standard's descriptors u(n), ue(v) and se(v).
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ _TRUNCATED = "G-PCC stream: a parameter set or header is truncated"
 
 
 class SyntaxElements(ABC):
-    """BitReader or writer of the attribute `name` of a `record`; n is a number of bits."""
+    """Reader or writer of the attribute `name` of a `record`; n is a number of bits."""
 
     writing: bool
 
