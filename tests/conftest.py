@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 from collections.abc import Iterator
 
 import pytest
@@ -14,6 +15,13 @@ settings.register_profile("any machine", deadline=None, suppress_health_check=li
 settings.load_profile("any machine")
 
 NOTICE.is_printed = True  # tests compare what else stands on standard error
+
+
+@pytest.fixture(scope="module", autouse=True)
+def no_old_objects_in_collections() -> None:
+    """Exclude the objects of earlier modules from garbage collection, which every timing calls."""
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.fixture(scope="module")
