@@ -225,6 +225,30 @@ def test_a_survey_in_metres_needs_no_option(
     assert "the cloud is scaled" in fault
 
 
+def test_a_cloud_is_prepared_for_its_rate_and_its_place_comes_from_that_file(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    site, metric, scaled = (tmp_path / name for name in ("site.las", "metric.ply", "scaled.ply"))
+    streams = {ready: ready.with_suffix(".bin") for ready in (metric, scaled)}
+    write_las(site)
+    for ready, rate in ((metric, "10mm"), (scaled, "r4")):
+        words = ("encode", site, streams[ready], "--codec", "gpcc", "--rate", rate)
+        assert _json(capsys, *words, "--prepare", ready)["points_in"] == 40
+    assert read_cloud(metric).frame == "metric"
+    assert read_cloud(scaled).frame == "scaled"
+    words = ("--codec", "gpcc", "--rate", "10mm", "--frame", "scaled", "--prepare")
+    assert "is scaled" in _refused(
+        capsys, "encode", site, tmp_path / "c.bin", *words, tmp_path / "c.ply"
+    )
+    assert not (tmp_path / "c.ply").exists()
+    out = tmp_path / "out.ply"
+    _json(capsys, "decode", streams[metric], out, "--like", metric)
+    assert np.abs(read_cloud(out).xyz.min(axis=0) - read_cloud(site).xyz.min(axis=0)).max() < 0.02
+    _json(capsys, "encode", site, streams[metric], "--codec", "gpcc", "--rate", "10mm")
+    fault = _refused(capsys, "decode", streams[metric], out, "--like", scaled)
+    assert "not coded from" in fault
+
+
 @pytest.mark.parametrize("option", ["like", "mesh"])
 def test_decoded_points_are_placed_by_a_described_cloud(
     option: str, sphere: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]

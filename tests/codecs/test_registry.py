@@ -49,6 +49,22 @@ def test_a_class_of_ones_own_names_its_rates(tmp_path: Path) -> None:
         open_codec("raw", {"class": f"{tmp_path}/bare.py:Raw"})
 
 
+@pytest.mark.parametrize("name", ["gpcc", "gpcc_predictive", "gpcc_arena", "sparse_octree_net"])
+def test_a_rate_without_its_parameter_is_one_line(name: str) -> None:
+    with pytest.raises(InputError, match=f"codec {name}: a rate lacks the parameter 'scale'"):
+        open_codec(name, {"rates": {"r1": {"step": 2}}})
+    for scale, fault in ((0, "division by zero"), ("much", "unsupported operand")):
+        with pytest.raises(InputError, match=f"codec {name}: .*{fault}"):
+            open_codec(name, {"rates": {"r1": {"scale": scale}}})
+
+
+def test_an_empty_stream_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "raw.py").write_text(OWN.replace(".tobytes()", ".tobytes()[:0]"))
+    changes = {"class": f"{tmp_path}/raw.py:Raw", "rates": {"r1": {"kind": "<f4"}}}
+    with pytest.raises(InputError, match="codec raw: _encode returned an empty stream"):
+        open_codec("raw", changes).encode(np.eye(3), "r1")
+
+
 def test_a_data_class_in_a_file_may_postpone_its_annotations(tmp_path: Path) -> None:
     (tmp_path / "one.py").write_text(
         "from __future__ import annotations\n"

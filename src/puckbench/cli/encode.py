@@ -36,7 +36,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "--prepare",
         type=Path,
         metavar="PLY",
-        help="prepare the cloud, write it to this file and code it",
+        help="prepare the cloud, write it to this file and code it: in metres if the rate is a "
+        "length, else scaled (or as --frame says)",
     )
     codec_arguments(parser, required=True)
 

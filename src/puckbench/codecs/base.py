@@ -173,6 +173,8 @@ class Codec(CodecFacts, ABC):
             raise InputError(
                 f"codec {self.name}: _encode returned {type(stream).__name__}, not bytes"
             )
+        if not stream:
+            raise InputError(f"codec {self.name}: _encode returned an empty stream")
         return stream if shift is None else shifted(stream, shift)
 
     def decode(self, stream: bytes) -> Floats:

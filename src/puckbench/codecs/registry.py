@@ -166,7 +166,9 @@ def open_codec(name: str, changes: Entry | None = None) -> Codec:
         del rates["metric_rates"]  # a user's class may lack the parameter
     try:
         return codec(name=name, **rates, **changes.get("options", {}))
-    except TypeError as error:
+    except KeyError as error:
+        raise InputError(f"codec {name}: a rate lacks the parameter {error}") from error
+    except (TypeError, ValueError, ArithmeticError) as error:
         raise InputError(f"codec {name}: {error}") from error
 
 

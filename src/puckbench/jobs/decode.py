@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 from puckbench.core.environment import run_environment
 from puckbench.core.errors import InputError, naming, noting
 from puckbench.core.measurement import measured
-from puckbench.geometry.cloud import PointCloud, check_points
+from puckbench.geometry.cloud import PointCloud, bounds, check_points
 from puckbench.io.archives import write_archive
 from puckbench.io.clouds import cloud_bytes, read_cloud, write_cloud
 from puckbench.io.meshes.writing import write_mesh
@@ -60,6 +60,7 @@ class Decode(Decoding):
         about = {"source": stream.name, "codec": result.record["codec"]}
         decoded = replace(result.cloud, about=about)
         if original is not None:
+            _check_place(decoded, original, f"{stream}: not coded from {like}")
             decoded = replace(decoded, xyz=original.to_metres(decoded.xyz))
         write_cloud(cloud, decoded)
         return result.record
@@ -76,6 +77,14 @@ class Decode(Decoding):
             "triangles": len(mesh.triangles),
             "primitives": len(mesh.labels.primitives) if mesh.labels else 0,
         }
+
+
+def _check_place(decoded: PointCloud, original: PointCloud, fault: str) -> None:
+    """Raise InputError if decoded points lie far outside the box of the original ones."""
+    low, high = bounds(original.xyz)
+    margin = (high - low).max()
+    if (decoded.xyz < low - margin).any() or (decoded.xyz > high + margin).any():
+        raise InputError(f"{fault}: the decoded points lie elsewhere")
 
 
 def _described(path: Path) -> PointCloud:
