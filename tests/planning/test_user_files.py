@@ -108,9 +108,20 @@ def test_a_peak_is_that_of_clouds_in_metres() -> None:
 
 
 def test_recordings_are_compared_in_codecs_of_sensors_where_none_are_named() -> None:
-    assert list(made("drive.pcap", codecs=())["codecs"]) == ["gpcc", "gpcc_predictive", "puck"]
-    for paths in (("mine/a.npy",), ("mine/a.npy", "drive.pcap")):
-        assert list(made(*paths, codecs=())["codecs"]) == ["draco", "gpcc"]
+    of_sensors = ["gpcc", "gpcc_predictive", "puck"]
+    assert list(made("drive.pcap", codecs=())["codecs"]) == of_sensors
+    assert list(made("mine/a.npy", codecs=())["codecs"]) == ["draco", "gpcc"]
+    assert list(made("mine/a.npy", "drive.pcap", codecs=())["codecs"]) == ["draco", *of_sensors]
+
+
+def test_a_usual_codec_without_a_requested_rate_is_left_out_and_named() -> None:
+    config = made("drive.pcap", codecs=(), rates=("100mm", "10mm"))
+    assert list(config["codecs"]) == ["gpcc", "puck"]
+    assert config["unused"]["codec gpcc_predictive"].startswith("none of the requested rates (it")
+    with pytest.raises(InputError, match="codec gpcc_predictive has none of 100mm"):
+        made("drive.pcap", codecs=("puck", "gpcc_predictive"), rates=("100mm", "10mm"))
+    with pytest.raises(InputError, match="--frame scaled: recordings are coded in metres"):
+        made("drive.pcap", codecs=("primitives",), frame="scaled")
 
 
 def test_a_recording_that_cannot_be_used_is_left_out_and_named() -> None:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import glob
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal, get_args
 
+from puckbench.codecs.registry import codec_class
 from puckbench.core.content import plain_suffix
 from puckbench.core.errors import NARROWER, InputError, naming
 from puckbench.core.files import write_bytes
@@ -43,7 +44,7 @@ _MEASURING_S = 3.5
 """Estimated seconds to measure a million decoded points."""
 CODECS = ("draco", "gpcc")
 CODECS_OF_RECORDINGS = ("gpcc", "gpcc_predictive", "puck")
-"""Default codecs if all files are recordings."""
+"""Default codecs of clouds and meshes, and of recordings."""
 _LOADERS: dict[Kind, str] = {
     "clouds": "point_clouds",
     "meshes": "mesh_files",
@@ -114,13 +115,14 @@ class UserRun:
         scenes = {kind: self._scenes(kind, paths) for kind, paths in paths_by_kind.items()}
         datasets = {self._name(kind): self._dataset(kind, scenes[kind]) for kind in paths_by_kind}
         self._set_peak(datasets)
-        usual = CODECS_OF_RECORDINGS if set(paths_by_kind) == {"recordings"} else CODECS
+        if self.frame == "scaled" and set(paths_by_kind) == {"recordings"}:
+            raise InputError("--frame scaled: recordings are coded in metres")
         config: Options = {
             "results": self.results,
             **({"strict": True} if self.strict else {}),
             "scenes": scenes,
             "datasets": datasets,
-            "codecs": codec_entries(self.codecs or usual),
+            "codecs": codec_entries(self.codecs or self._default_codecs(set(paths_by_kind))),
             **({"metrics": list(self.metrics)} if self.metrics else {}),
             "timing": {"repeats": 1, **({"timeout_s": self.timeout_s} if self.timeout_s else {})},
         }
@@ -242,6 +244,23 @@ class UserRun:
                 yield kind, f"{dataset}/{data.clouds[0]}"
 
     # ---- codecs
+
+    def _default_codecs(self, kinds: Collection[Kind]) -> tuple[str, ...]:
+        """Return the usual codecs that have a requested rate, or all if none has."""
+        clouds = CODECS if set(kinds) != {"recordings"} else ()
+        usual = dict.fromkeys([*clouds, *(CODECS_OF_RECORDINGS if "recordings" in kinds else ())])
+        offered = {name: codec_class(name) for name in usual}
+        lacking = [
+            name
+            for name, codec in offered.items()
+            if {*self.rates} - {"all"} and not {*self.rates} & {*codec.rates, *codec.metric_rates}
+        ]
+        if len(lacking) == len(usual):
+            return tuple(usual)
+        for name in lacking:
+            has = ", ".join([*offered[name].metric_rates, *offered[name].rates])
+            self._reductions[f"codec {name}"] = f"none of the requested rates (it has {has})"
+        return tuple(name for name in usual if name not in lacking)
 
     def _chosen_rates(self, plan: Plan) -> dict[str, Options]:
         check_codecs(plan)
