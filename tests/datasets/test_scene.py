@@ -15,7 +15,8 @@ from puckbench.geometry.cloud import PointCloud
 
 
 def test_names_are_file_name_safe() -> None:
-    assert safe_name("copy room/1 (ä).txt") == "copy_room_1_.txt"
+    assert safe_name("copy room/1 (ä).txt") == "copy_room_1_a_.txt"
+    assert unique_names(["Höhen Straße 1", "Hühe", "H he"]) == ["Hohen_Strasse_1", "Huhe", "H_he"]
     assert safe_name("../..") == "unnamed"
 
 

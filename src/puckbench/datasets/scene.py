@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import unicodedata
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -94,7 +95,10 @@ def read_first(scenes: SceneSet) -> bool:
 
 
 def safe_name(text: str) -> str:
-    return re.sub(r"[^A-Za-z0-9_.-]+", "_", text).strip("._") or "unnamed"
+    """Return a name for files, in ASCII: accents are removed, other characters replaced by _."""
+    letters = unicodedata.normalize("NFKD", text).replace("ß", "ss")
+    plain = "".join(letter for letter in letters if not unicodedata.combining(letter))
+    return re.sub(r"[^A-Za-z0-9_.-]+", "_", plain).strip("._") or "unnamed"
 
 
 def unique_names(texts: Iterable[str]) -> list[str]:
