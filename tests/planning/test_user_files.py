@@ -124,6 +124,14 @@ def test_a_usual_codec_without_a_requested_rate_is_left_out_and_named() -> None:
         made("drive.pcap", codecs=("primitives",), frame="scaled")
 
 
+def test_a_compressed_copy_of_a_recording_is_left_out_and_named() -> None:
+    Path("drives").mkdir()
+    Path("drive.pcap").rename("drives/a.pcap")
+    Path("drives/a.puck").touch()
+    told = made("drives")["unused"]
+    assert told["drives/a.puck"] == "taken for a copy of the recording of its name"
+
+
 def test_a_recording_that_cannot_be_used_is_left_out_and_named() -> None:
     Path("torn.pcap").write_bytes(b"no capture at all")
     config = made("*.pcap")

@@ -162,7 +162,7 @@ def _below(folder: Path) -> Iterator[Path]:
     for path in sorted(folder.iterdir()):
         if path.is_dir() and not path.name.startswith("."):
             yield from [path] if is_bag_folder(path) else _below(path)
-        elif _is_recording(path) and not _is_copy(path):
+        elif _is_recording(path) and not is_copy(path):
             yield path
 
 
@@ -171,7 +171,8 @@ def _is_recording(path: Path) -> bool:
     return has_suffix and is_file_or_lost(path)
 
 
-def _is_copy(path: Path) -> bool:
+def is_copy(path: Path) -> bool:
+    """Whether a compressed recording has the name of another recording in its folder."""
     others = (path.with_suffix(suffix) for suffix in RECORDING_SUFFIXES if suffix != COMPRESSED)
     return path.suffix.lower() == COMPRESSED and any(other.exists() for other in others)
 

@@ -183,6 +183,9 @@ class UserRun:
         options = {"path": paths[0] if len(paths) == 1 else paths, **options}
         limit = self.limit
         if kind == "recordings":
+            for path in (path for text in paths if Path(text).is_dir() for path in _files(text)):
+                if recordings.is_copy(path):
+                    self._reductions[str(path)] = "taken for a copy of the recording of its name"
             scenes = open_scene_set(_LOADERS[kind], options)
             unusable = len(scenes.unusable) if isinstance(scenes, recordings.Recordings) else 0
             names, limit = scenes.names(), limit or _TURNS
