@@ -215,7 +215,7 @@ def test_a_ply_is_not_written_under_the_name_of_another_format(
     cloud: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     other = cloud.with_suffix(".xyz")
-    assert "a PLY file is written" in _refused(capsys, "prepare", cloud, other)
+    assert "only PLY files are written" in _refused(capsys, "prepare", cloud, other)
     assert not other.exists()
 
 

@@ -129,11 +129,11 @@ CASES = [
         "ragged.xyz", "1 2 3\n4 5 6 7\n", error="not a table of numbers .*Expected 3 columns, got 4"
     ),
     _case("cut_decimals.csv", "1,5,2,05,3,1\n1,7,2,5,3,1\n", error="separate by semicolons"),
-    _case("names_of_surveyors.csv", "E,N,H\n1,2,3\n", error="E, N, H\\); rename them"),
+    _case("names_of_surveyors.csv", "E,N,H\n1,2,3\n", error="E, N, H\\); name three"),
     _case("two_columns.xyz", "1 2\n3 4\n", error="not a table of numbers"),
     _case("word_for_a_number.csv", "x,y,z\n1,2,3\n4,5,six\n", error="column z has 'six'"),
     _case("word_for_a_number.xyz", "1 2 3\n4 5 six\n", error="not a table of numbers"),
-    _case("no_coordinates.csv", "a,b,c\n1,2,3\n", error="no x, y, z .their columns: a, b, c"),
+    _case("no_coordinates.csv", "a,b,c\n1,2,3\n", error="no x, y, z .columns: a, b, c"),
     _case("feet.csv", "X [ft],Y [ft],Z [ft]\n1,2,3\n", error="no x, y, z"),
     _case("binary.xyz", b"1 2 3\n\0\0\0", error="not a text file"),
     _case("page.xyz", "<!DOCTYPE html>\n<html>1 2 3</html>", error="a page of the web .HTML"),

@@ -66,7 +66,7 @@ def write_cloud(path: Path, cloud: PointCloud, describe: bool = True) -> None:
     Both files appear only when both are complete.
     """
     if path.suffix.lower() in SUFFIXES[1:]:
-        raise InputError(f"{path}: a PLY file is written: name it so (export writes others)")
+        raise InputError(f"{path}: only PLY files are written; name it .ply")
     columns = {
         axis: column.astype(kind)
         for name, (axes, kind) in _PLY_COLUMNS.items()

@@ -48,7 +48,7 @@ def cloud_from_columns(columns: Mapping[str, NDArray[Any]]) -> PointCloud:
     xyz = _pop_triple(remaining, _XYZ)
     if xyz is None:
         names = ", ".join(columns) or "none"
-        raise InputError(f"the points have no x, y, z (their columns: {names}); rename them")
+        raise InputError(f"the points have no x, y, z (columns: {names}); name three of them so")
     normals, wide_colours = _pop_triple(remaining, _NORMALS), _pop_triple(remaining, _COLOURS)
     if wide_colours is None:
         wide_colours = _pop_packed_colours(remaining)
