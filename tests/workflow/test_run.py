@@ -76,6 +76,8 @@ def test_a_surveyed_cloud_is_compared_in_one_command(tmp_path: Path) -> None:
     # Of a grid of 10 mm no coordinate is off by more than a half of that.
     assert metrics[metrics.rate == "10mm"].d1_rms_m.between(0, 0.005 * 3**0.5).all()
     assert metrics.bpp.groupby(metrics.codec).min()["steps"] > 40
+    clouds = pd.read_csv(tmp_path / "out" / "tables" / "clouds.csv")
+    assert clouds["source"].tolist() == ["site.las"]
     cloud = read_cloud(tmp_path / "out" / "clouds" / "clouds" / "site.ply")
     assert abs(cloud.to_metres(cloud.xyz) - UTM).max() < 2e-9
     assert (cloud.colours == COLOURS).all()

@@ -113,9 +113,9 @@ def cloud_row(dataset: str, file: Path) -> dict[str, Any]:
     distance of two points, in grid units), scale (grid units per metre), share of duplicates,
     distance to the nearest point (m), points per square metre (median, 5 and 95 %), share of
     outliers and digest of the coordinates. Also points that were left out (``dropped_points``) and
-    how many of them were missing returns. Of clouds in metres with a sensor's returns also the
-    number of turns, their time in seconds, and the entropy of the noise in steps of the sensor's
-    ranges (bits).
+    how many of them were missing returns, and the user's file (``source``). Of clouds in metres
+    with a sensor's returns also the number of turns, their time in seconds, and the entropy of the
+    noise in steps of the sensor's ranges (bits).
     """
     about = read_object(file)
     if missing := sorted({*_OF_CLOUDS, "name", "size_m"} - about.keys()):
@@ -124,6 +124,8 @@ def cloud_row(dataset: str, file: Path) -> dict[str, Any]:
     kept = {key: about[key] for key in _OF_CLOUDS}
     kept |= {key: value for key, value in about.items() if key.startswith(_STATISTICS)}
     kept |= {key: about[key] for key in ("digest", *_LEFT_OUT) if key in about}
+    if "format" in about:
+        kept["source"] = about["source"]
     if about.get("size") == 0:
         kept |= {FRAME: "metric"} | {key: about[key] for key in _OF_SPINS if key in about}
     return {"dataset": dataset, "cloud": about["name"], **kept, **size}
