@@ -119,6 +119,11 @@ CASES = [
     _case(
         "too_many_names_in_a_comment.xyz", "# y x z w\n1 2 3\n", error="4 names .* for 3 columns"
     ),
+    _case(
+        "numbered.csv",
+        "1,0.5,2.5,3\n2,1.5,2.5,3\n3,2.5,3.5,3\n4,2.5,4.5,3\n",
+        error="its first column counts the points: name the columns in its first line",
+    ),
     _case("twice.csv", "x,y,z,X\n1,2,3,4\n", error="two columns are named x"),
     _case(
         "grid.asc",

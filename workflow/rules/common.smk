@@ -125,8 +125,9 @@ onstart:
     or_stop(hold_results, plan.results)
     if not plan.config.failed:
         plan.config.failures_file.unlink(missing_ok=True)
-    for line in left_out_lines(plan.left_out_rows()):
-        print(f"puckbench: {line}", file=sys.stderr, flush=True)
+    if not plan.config.failed:  # else the run that failed has printed them
+        for line in left_out_lines(plan.left_out_rows()):
+            print(f"puckbench: {line}", file=sys.stderr, flush=True)
     if workflow.local_exec and not workflow.deployment_settings.deployment_method:
         # For jobs that run on this machine and in this environment.
         learned = LEARNED if any(plan.weights.values()) else ()
@@ -145,8 +146,9 @@ onsuccess:
 onerror:
     end_bars()
     failed = failed_jobs(plan.results / "logs", held_since())
-    for line in failure_lines(failed):
-        print(line, file=sys.stderr, flush=True)
+    if not BARS:  # which print each failure at once
+        for line in failure_lines(failed):
+            print(line, file=sys.stderr, flush=True)
     rest = write_failures(plan.config.failures_file, failed, plan.config.failed)
     if rest and CALLER_PRINTS_SUMMARY not in os.environ:
         files = shlex.join(map(str, [*workflow.configfiles, rest]))

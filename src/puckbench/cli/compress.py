@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import argparse
+import logging
 from pathlib import Path
 from typing import Any
+
+_LOG = logging.getLogger(__name__)
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -28,4 +31,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     from puckbench.puck import CodingOptions, compress
 
     coding = CodingOptions(effort=options.effort, key_every=options.key_every)
-    return compress(options.recording, options.out, coding, Progress("byte")).as_json()
+    summary = compress(options.recording, options.out, coding, Progress("byte"))
+    if not summary.packets:
+        _LOG.warning("%s: no data packets of a modelled sensor: LZMA alone", options.recording)
+    return summary.as_json()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 from pathlib import Path
 from typing import Any
 
@@ -43,7 +42,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def _style(text: str) -> Any:
     if text.endswith((".yaml", ".yml")):
         return read_yaml(Path(text))
-    return json.loads(text)
+    return json_object(text)
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:

@@ -87,7 +87,12 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         help="names of rates, or all (default: all, or four if all would take long)",
     )
     add("--metrics", nargs="+", metavar="METRIC", help="further metrics: density, file.py:function")
-    add("--limit", type=integer(1), help="number of files of a kind that are used, at most")
+    add(
+        "--limit",
+        type=integer(1),
+        help="number of clouds or meshes, or of turns of each recording (default: 10), that are "
+        "used, at most",
+    )
     add(
         "--scan",
         action="store_true",
@@ -120,7 +125,7 @@ def run(options: argparse.Namespace) -> dict[str, Any] | None:
     status = _run_workflow(
         snakemake_command(path, options.cores, *words), options.json, prints_summary
     )
-    rest = _without_failures(path) if status and not words else None
+    rest = _without_failures(path) if status == 1 and not words else None
     if rest:
         print("puckbench: now tables and report of the others", file=sys.stderr)  # noqa: T201
         command = snakemake_command(path, options.cores, over=rest)

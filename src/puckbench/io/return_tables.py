@@ -106,7 +106,7 @@ def read_return_table(path: Path, kind: type[T]) -> T:
         rows = parquet.read_table(path)
         names = rows.column_names
     except (OSError, UnicodeDecodeError, pa.ArrowException) as error:
-        reason = "no such file" if not path.exists() else "not a readable Parquet file"
+        reason = f"not a {schema.name} (Parquet)" if path.exists() else "no such file"
         raise InputError(f"{path}: {reason}") from error
     missing = [name for name in schema.columns if name not in names]
     if missing:

@@ -221,6 +221,8 @@ def _with_default_names(
     points = _without_pandas_header(columns)
     if points is not columns:
         _log.warning("%s: its first line numbers the columns, and is no point", path)
+    if _counts_points(points):
+        raise InputError("its first column counts the points: name the columns in its first line")
     return list(default_columns(np.column_stack(points))), points
 
 
@@ -232,6 +234,16 @@ def _without_pandas_header(columns: list[NDArray[Any]]) -> list[NDArray[Any]]:
         return columns
     is_integer = all((each == np.rint(each)).all() for each in columns)
     return columns if is_integer and not has_index else [each[1:] for each in columns[has_index:]]
+
+
+def _counts_points(columns: list[NDArray[Any]]) -> bool:
+    """Whether more columns than coordinates begin with consecutive integers among fractions."""
+    first, second = columns[:2]
+    return (
+        len(columns) > _MIN_NUMBERS < len(first)
+        and bool((np.diff(first) == 1).all() and (first == np.rint(first)).all())
+        and bool((second != np.rint(second)).any())
+    )
 
 
 def _is_empty(column: NDArray[Any]) -> bool:

@@ -358,6 +358,8 @@ def check_codecs(plan: Plan, advice: bool = True) -> None:
 
 def _codec(text: str) -> tuple[str, Options]:
     own = _OWN_CLASS.fullmatch(text)
+    if own is None and text.endswith(".py"):
+        raise InputError(f"--codecs {text}: add the name of its class ({text}:Class)")
     if own is None:
         return text, {}
     words = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", own["file"] or own["module"])
