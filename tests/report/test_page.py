@@ -10,6 +10,7 @@ from html import unescape
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from numpy.typing import NDArray
 
@@ -84,6 +85,19 @@ def test_nothing_in_the_page_comes_from_outside(text: str) -> None:
     assert "@import" not in text
     policy = re.findall(r'http-equiv="Content-Security-Policy" content="(.*?)"', text)[0]
     assert unescape(policy).startswith("default-src 'none'; img-src data:; style-src")
+
+
+def test_a_run_that_tests_no_claim_shows_none(
+    contents: tuple[Contents, Path], tmp_path: Path
+) -> None:
+    given, folder = contents
+    claims = pd.read_csv(given.tables["claims"])
+    claims["verdict"] = "not tested: needs other clouds"
+    claims.to_csv(tmp_path / "claims.csv", index=False)
+    tables = {**given.tables, "claims": str(tmp_path / "claims.csv")}
+    page = build_page(given.model_copy(update={"tables": tables}), MACHINE, folder, RECORD)
+    assert 'id="claims"' not in page
+    assert "needs other clouds" not in page
 
 
 def test_names_are_text_and_no_markup(text: str) -> None:

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
 TABLE = "claims"
 _CLASSES = {"holds": "good", "holds in part": "partly", "does not hold": "bad"}
+_UNTESTED = "not tested"
 _SEPARATOR = re.compile(r"; (?![^(]*\))")
 """A semicolon outside parentheses."""
 
@@ -39,6 +40,10 @@ class Claims:
     cards: tuple[ClaimCard, ...]
     link: str
 
+    def __bool__(self) -> bool:
+        """Whether a claim was tested."""
+        return any(card.verdict != _UNTESTED for card in self.cards)
+
     @property
     def counts(self) -> Mapping[str, int]:
         return Counter(card.verdict for card in self.cards)
@@ -58,7 +63,7 @@ def _card(row: Mapping[str, str], figures: Mapping[str, str]) -> ClaimCard:
         "By the published numbers": row.get("thesis_verdict", ""),
     }
     context["Could not be tested without"] = (
-        "" if verdict == "not tested" else row.get("not_tested", "")
+        "" if verdict == _UNTESTED else row.get("not_tested", "")
     )
     return ClaimCard(
         heading=f"{row['number']} · Section {row['section']}",
