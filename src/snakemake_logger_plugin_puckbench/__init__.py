@@ -62,6 +62,7 @@ class LogHandler(LogHandlerBase):
         ).filter
         self.expect(lambda _: 1.0, lambda _: 0.0, 1, {})
         self._running: dict[int, _Job] = {}
+        self._failures: set[tuple[str, str]] = set()
         self._jobs = self._done = 0
         self._work = self._done_work = self._expected_s = 0.0
         self._began = self._told = time.monotonic()
@@ -170,7 +171,7 @@ class LogHandler(LogHandlerBase):
         self._show()
 
     def _take_error(self, event: dict[str, Any]) -> None:
-        """Print the reason for a job's failure, from its log file."""
+        """Print the reason for a job's failure, from its log file, once for each codec."""
         from pathlib import Path
 
         from puckbench.planning.failures import failure_of
@@ -179,7 +180,10 @@ class LogHandler(LogHandlerBase):
         for log in map(Path, event.get("log") or ()):
             logs = next((folder for folder in log.parents if folder.name == "logs"), None)
             if logs and log.exists() and (failure := failure_of(log, logs)):
-                self._tell(f"failed: {failure}")
+                key = failure.codec or failure.what, failure.reason
+                if key not in self._failures:
+                    self._tell(f"failed: {failure}")
+                self._failures.add(key)
 
     def left_s(self) -> float:
         """Return the estimated remaining time, s.

@@ -53,6 +53,11 @@ class OnItsSide(Good):
         return super()._decode(stream).T
 
 
+class NotFinite(Good):
+    def _decode(self, stream):
+        return super()._decode(stream) * np.inf
+
+
 class Hungry(Good):
     def _encode(self, points, parameters):
         return np.zeros(10**16).tobytes()
@@ -77,6 +82,11 @@ class Random(Good):
         return super()._decode(stream[:-12])
 
 
+class Wavers(Good):
+    def _decode(self, stream):
+        return super()._decode(stream) + np.random.default_rng().random()
+
+
 class Loses(Good):
     def _decode(self, stream):
         return super()._decode(stream)[:10]
@@ -86,12 +96,14 @@ FAULTS = {
     "nothing": "rate r1: _encode returned NoneType, not bytes",
     "flat": "rate r1: _decode returned an array of shape (9000,), not an array of shape (m, 3)",
     "on_its_side": "_decode returned an array of shape (3, 3000), not an array of shape (m, 3)",
+    "not_finite": "rate r1: decoded points: 3000 of 3000 points are not finite",
     "hungry": "MemoryError",
     "crashes": "the process died: Segmentation fault",
     "hangs": "took longer than its limit",
 }
 REMARKS = {
     "random": "repeated encodings differ",
+    "wavers": "repeated decodings differ",
     "loses": "10 of 3,000 points came back",
 }
 
@@ -102,8 +114,8 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str, str, 
     (folder / "faulty.py").write_text(CODECS)
     xy = np.random.default_rng(0).random((3000, 2)) * 1000
     np.savetxt(folder / "c.xyz", np.column_stack([xy, 200 + 50 * np.sin(xy[:, 0] / 90)]))
-    names = ("Raises", "Nothing", "Flat", "OnItsSide", "Hungry", "Crashes", "Hangs")
-    own = [f"faulty.py:{name}" for name in (*names, "Random", "Loses")]
+    names = ("Raises", "Nothing", "Flat", "OnItsSide", "NotFinite", "Hungry", "Crashes", "Hangs")
+    own = [f"faulty.py:{name}" for name in (*names, "Random", "Wavers", "Loses")]
     words = ["run", "c.xyz", "--codecs", "draco", *own, "--rates", "r1", "r2", "--timeout", "30"]
     process = subprocess.run(
         [sys.executable, "-m", "puckbench", *words, "--cores", "2"],
@@ -125,7 +137,11 @@ def test_a_fault_is_one_line_that_names_codec_cloud_and_log(
     codec: str, finished: tuple[Path, str, str, int]
 ) -> None:
     folder, output, errors, _ = finished
-    lines = [line for line in errors.splitlines() if line.startswith(f"puckbench: codec {codec},")]
+    lines = [
+        line
+        for line in errors.splitlines()
+        if line.startswith(f"puckbench: failed: codec {codec},")
+    ]
     (line,) = lines
     assert "cloud clouds/c" in line
     assert FAULTS[codec] in line
@@ -144,7 +160,7 @@ def test_an_odd_result_is_told(codec: str, finished: tuple[Path, str, str, int])
 def test_tables_and_report_have_what_succeeded(finished: tuple[Path, str, str, int]) -> None:
     folder, output, _, _ = finished
     table = pd.read_csv(folder / "out/tables/metrics.csv")
-    assert set(table["codec"]) == {"draco", "random", "loses"}
+    assert set(table["codec"]) == {"draco", "random", "wavers", "loses"}
     left_out = pd.read_csv(folder / "out/tables/left_out.csv")
     curves = {f"codec {codec}, cloud clouds/c" for codec in FAULTS}
     assert set(left_out["file"]) == {"unit of clouds", *curves}

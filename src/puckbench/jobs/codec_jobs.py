@@ -64,6 +64,10 @@ class TimedJob(CodecJob):
     repeats: int = 1
     alone: bool = False
 
+    def runs_twice(self, codec: Codec) -> bool:
+        """Whether one rate of a codec, the user's own, is run twice to compare the results."""
+        return self.repeats == 1 and not type(codec).__module__.startswith("puckbench.")
+
     def work(self, points: int, rates: int, call_s: float) -> dict[str, Any]:
         return {
             "codec": self.codec,

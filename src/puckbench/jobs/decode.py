@@ -4,6 +4,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from puckbench.core.environment import run_environment
 from puckbench.core.errors import InputError, naming, noting
 from puckbench.core.measurement import measured
@@ -12,7 +14,7 @@ from puckbench.io.archives import write_archive
 from puckbench.io.clouds import cloud_bytes, read_cloud, write_cloud
 from puckbench.io.meshes.writing import write_mesh
 from puckbench.jobs.codec_jobs import TimedJob
-from puckbench.jobs.curve_files import Coded, read_coded, read_curve
+from puckbench.jobs.curve_files import REMARK, Coded, read_coded, read_curve
 from puckbench.jobs.registry import JOBS
 
 
@@ -24,14 +26,21 @@ class Decoded(NamedTuple):
 class Decoding(TimedJob):
     """Base class of jobs that decode streams; by default, a stream determines its codec."""
 
-    def decoded(self, coded: Coded) -> Decoded:
+    def decoded(self, coded: Coded, again: bool = False) -> Decoded:
+        """Decode and time a stream; with `again`, decode a user's codec twice and compare."""
         name = self.codec_of(coded)
         codec = self.loaded(name)
         with noting(f"rate {coded.record.get('rate', '?')}"):
             timed = measured(lambda: codec.decode_cloud(coded.stream), self.repeats, codec.cost)
-        check_points(timed.result.xyz, f"codec {name}: decoded points")
+            check_points(timed.result.xyz, f"codec {name}: decoded points")
+            again = again and self.runs_twice(codec)
+            differ = again and not np.array_equal(
+                codec.decode_cloud(coded.stream).xyz, timed.result.xyz
+            )
+        remarks = [coded.record.get(REMARK), "repeated decodings differ" if differ else None]
         record = {
             **coded.record,
+            **({REMARK: "; ".join(filter(None, remarks))} if any(remarks) else {}),
             "codec": name,
             "bytes": len(coded.stream),
             "points_out": len(timed.result),

@@ -142,10 +142,10 @@ class EncodeCurve(Encoding):
         original = to_code(codec, cloud)
         rates = tuple(codec.rates_of(original.frame or "scaled"))
         ready(codec)
-        is_foreign = self.repeats == 1 and not type(codec).__module__.startswith("puckbench.")
+        twice = self.runs_twice(codec)
         progress, coded, shared = Progress("rate"), {}, codec.shared_work()
         for done, rate in enumerate(rates, start=1):
-            coded[rate] = self.coded(codec, original, rate, shared, again=is_foreign and done == 1)
+            coded[rate] = self.coded(codec, original, rate, shared, again=twice and done == 1)
             progress(done, len(rates))
         write_curve(curve, coded)
         seconds = sum(one.record["encode_s"] for one in coded.values())

@@ -162,7 +162,7 @@ class EvaluateCurve(Evaluating):
         results = []
         with naming(curve):
             for done, stream in enumerate(coded.values(), start=1):
-                results.append(self.row(originals, self.decoded(stream)))
+                results.append(self.row(originals, self.decoded(stream, again=done == 1)))
                 progress(done, len(coded))
         write_rows(rows, results)
         seconds = sum(row["decode_s"] for row in results)
