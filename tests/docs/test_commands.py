@@ -16,6 +16,7 @@ from snakemake.utils import update_config
 
 from puckbench.cli import _parser, main
 from puckbench.io.clouds import read_cloud
+from puckbench.io.meshes import read_mesh
 from puckbench.lidar.returns import read_firings
 from puckbench.planning.config import checked
 from puckbench.planning.workflow import Workflow
@@ -163,11 +164,22 @@ def recordings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[...,
     return write
 
 
-def _run(name: str) -> None:
-    """Run the page's commands of puckbench, one after the other."""
+def _run(name: str, *others: str) -> None:
+    """Run the page's commands of puckbench, one after the other, but for some subcommands."""
     for words in commands(name):
-        if words[0] == "puckbench":
+        if words[0] == "puckbench" and words[1] not in others:
             assert main(words[1:]) == 0, words
+
+
+def test_the_readme_and_the_codecs_pages_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    _run("README.md", "run", "--help")  # tests/workflow/test_examples.py starts its runs
+    for path in sorted((ROOT / "docs" / "explanation" / "codecs").glob("*.md")):
+        if "puckbench data" not in path.read_text():  # which fetches the weights of others
+            _run(str(path.relative_to(ROOT)))
+    assert len(read_mesh(Path("planes.ply")).triangles) > 100
 
 
 def test_a_calibration_runs(recordings: Callable[..., None]) -> None:
