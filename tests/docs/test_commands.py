@@ -172,10 +172,13 @@ def _run(name: str, *others: str) -> None:
 
 
 def test_the_readme_and_the_codecs_pages_run(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
     _run("README.md", "run", "--help")  # tests/workflow/test_examples.py starts its runs
+    assert "truth_cd_plane" in capsys.readouterr().out
+    size, packed = (Path(f"recording.{end}").stat().st_size for end in ("pcap", "puck"))
+    assert 0 < 10 * packed < size
     for path in sorted((ROOT / "docs" / "explanation" / "codecs").glob("*.md")):
         if "puckbench data" not in path.read_text():  # which fetches the weights of others
             _run(str(path.relative_to(ROOT)))

@@ -159,14 +159,6 @@ def test_files_of_ones_own_run_as_the_pages_show(tmp_path: Path) -> None:
     assert {"meshes", "clouds"} <= set(config["scenes"])
 
 
-def test_the_commands_of_the_readme_run_one_after_the_other(tmp_path: Path) -> None:
-    steps = next(block for block in blocks("README.md", "sh") if "puckbench scan" in block)
-    printed = _shell(tmp_path, steps)
-    assert "truth_cd_plane" in printed
-    size, packed = ((tmp_path / f"recording.{end}").stat().st_size for end in ("pcap", "puck"))
-    assert 0 < 10 * packed < size
-
-
 def test_the_default_run_makes_every_result_that_the_pages_name(tmp_path: Path) -> None:
     """What the pages ask Snakemake for without a configuration is planned, not run."""
     for name in ("workflow", "config", "benchmarks"):
