@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from puckbench import __version__
+from puckbench.core.errors import InputError
+from puckbench.jobs.calibrate import Calibrate
 from puckbench.lidar.calibration.calibrating import Calibration, CalibrationOptions, Domain
 from puckbench.lidar.calibration.files import model_file, settings_for
 from puckbench.lidar.calibration.fitting import Estimate
@@ -122,3 +125,8 @@ def test_recordings_are_read_by_spots_and_steps_of_two_millimetres(
     model: str, given: dict[str, Any], expected: CalibrationOptions
 ) -> None:
     assert settings_for(model, **given) == expected
+
+
+def test_without_a_recording_there_is_nothing_to_calibrate_to(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"no recording to calibrate to \(sensor_study: captures"):
+        Calibrate().run(tmp_path / "model.yaml")

@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+import yaml
 
 from puckbench.codecs.registry import open_codec
 from puckbench.figures.registry import figure_entries
@@ -166,7 +167,12 @@ def test_captures_stand_beside_the_models_and_judge_them(restored: Bench) -> Non
     capture = restored.capture()
     # Results of their own, so that those of the other tests stay as they are.
     restored.configure({"results": "judged", "sensor_study.captures": {"box": {"path": capture}}})
-    restored.made("judged/figures/model_verdict.png", "judged/tables/thesis_numbers.csv")
+    calibrated = "judged/residuals/calibrated.yaml"
+    restored.made(
+        "judged/figures/model_verdict.png", "judged/tables/thesis_numbers.csv", calibrated
+    )
+    model = yaml.safe_load((restored.folder / calibrated).read_text())
+    assert model["provenance"]["counts"]["devices"] == 1
     tables = restored.folder / "judged" / "tables"
     residuals = pd.read_parquet(tables / "residuals.parquet")
     real = residuals[residuals["model"] == "real"]

@@ -3,6 +3,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, Literal
 
+from puckbench.core.errors import InputError
 from puckbench.jobs.registry import JOBS, Job
 
 
@@ -15,10 +16,12 @@ class Calibrate(Job):
     parameters: tuple[str, ...] | None = None
     quantum_mm: float | None = None
 
-    def run(self, residuals: tuple[Path, ...], model: Path) -> dict[str, Any]:
+    def run(self, model: Path, residuals: tuple[Path, ...] = ()) -> dict[str, Any]:
         from puckbench.lidar.calibration import calibrate, write_calibration
         from puckbench.lidar.calibration.files import read_tables, settings_for
 
+        if not residuals:
+            raise InputError("no recording to calibrate to (sensor_study: captures)")
         tables, name = read_tables(list(residuals), self.model)
         parameters = None if self.parameters is None else list(self.parameters)
         settings = settings_for(name, self.cells, parameters, self.quantum_mm)
