@@ -53,6 +53,15 @@ class Pace(NamedTuple):
         return self.base_s + self.per_million_s * points / 1_000_000
 
 
+class _RateParameters(dict[str, Any]):
+    def __init__(self, parameters: Parameters, name: str) -> None:
+        super().__init__(parameters)
+        self._name = name
+
+    def __missing__(self, key: str) -> Any:
+        raise InputError(f"{self._name} lacks the parameter {key!r}")
+
+
 class CodecFacts:
     """Properties of a codec that do not depend on its input.
 
@@ -201,8 +210,11 @@ class CodecFacts:
         )
 
     def parameters_of(self, rate: str) -> Parameters:
-        """Return the parameters of a rate; raise InputError if its name is unknown."""
+        """Return the parameters of a rate; raise InputError if its name is unknown.
+
+        A parameter that the rate lacks raises InputError too, when it is read.
+        """
         offered = {**self.rates, **self.metric_rates}
         if rate not in offered:
             raise InputError(f"codec {self.name}: unknown rate '{rate}'{among(rate, offered)}")
-        return offered[rate]
+        return _RateParameters(offered[rate], f"codec {self.name}: rate {rate}")

@@ -166,6 +166,8 @@ def open_codec(name: str, changes: Entry | None = None) -> Codec:
         del rates["metric_rates"]  # a user's class may lack the parameter
     try:
         return codec(name=name, **rates, **changes.get("options", {}))
+    except KeyError as error:
+        raise InputError(f"codec {name}: a rate lacks the parameter {error}") from error
     except (TypeError, ValueError, ArithmeticError) as error:
         raise InputError(f"codec {name}: {error}") from error
 
@@ -174,13 +176,9 @@ def _rates(name: str, offered: Entry, requested: Entry | Sequence[str] | None) -
     """Return the parameters of the requested rates by name.
 
     `requested` is a mapping with these parameters, a list of names of `offered` rates, or None for
-    all offered rates. Parameters must include those that all offered rates have.
+    all offered rates.
     """
     if isinstance(requested, Mapping):
-        required = set.intersection(*map(set, offered.values())) if offered else set()
-        for rate, parameters in requested.items():
-            if missing := sorted(required - set(parameters)):
-                raise InputError(f"codec {name}: rate {rate} lacks the parameter {missing[0]}")
         return dict(requested)
     unknown = [rate for rate in requested or () if rate not in offered]
     if unknown:
