@@ -73,9 +73,9 @@ def turns(recording: str | Path, stream: str | None = None) -> Iterator[PointClo
 
     path = Path(recording)
     with decompressed(path) as readable:
-        returns, _ = read_turns(readable, stream=stream, source=path)
-    for turn in returns.turns[1:-1]:  # the first and the last may be incomplete
-        whole = replace(returns, turns=(turn,))
+        recorded = read_turns(readable, stream=stream, source=path)
+    for number in recorded.whole:
+        whole = replace(recorded.returns, turns=(recorded.returns.turns[number],))
         yield PointCloud(whole.points(), returns=whole)
 
 

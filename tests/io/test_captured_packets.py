@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable
+from random import Random
 
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from puckbench.io.recordings.captured_packets import CapturedPackets, is_packet_capture
@@ -262,6 +263,33 @@ def test_the_contents_of_a_capture_are_counted() -> None:
         "3 bytes of a packet that is not whole"
     )
     assert (capture.fragments, capture.others, capture.cut) == (2, 2, 0)
+
+
+@given(
+    st.binary(min_size=100, max_size=5000),
+    st.integers(1, 60),
+    st.sampled_from([4, 6]),
+    st.randoms(use_true_random=False),
+)
+def test_fragments_of_a_datagram_are_joined_in_any_order(
+    payload: bytes, eighths: int, version: int, random: Random
+) -> None:
+    whole = udp(payload)
+    frames = []
+    for at in range(0, len(whole), 8 * eighths):
+        part, more = whole[at : at + 8 * eighths], at + 8 * eighths < len(whole)
+        if version == 4:
+            frames.append(ethernet(ipv4(part, fragment=0x2000 * more | at // 8) + bytes(3)))
+        else:
+            head = struct.pack(">BBHI", 17, 0, at | more, 99)
+            frames.append(ethernet(ipv6(head + part, kind=44), 0x86DD))
+    random.shuffle(frames)
+    assume(len(frames) > 1)
+    other = ethernet(ipv4(bytes(16), fragment=0x2010, protocol=6))
+    capture = read_datagrams(pcap(frames[0], other, *frames[1:], frames[0]))
+    (datagram,) = capture.datagrams
+    assert datagram.payload == payload
+    assert capture.fragments == 2
 
 
 @given(st.binary(max_size=300), st.sampled_from(["pcap", "pcapng"]), st.integers(0, 200))

@@ -26,6 +26,7 @@ from puckbench.datasets.user_files import (
 )
 
 if TYPE_CHECKING:
+    from puckbench.lidar.recordings.reading import RecordedTurns
     from puckbench.lidar.returns import Returns
 
 COMPRESSED = ".puck"
@@ -72,7 +73,7 @@ class Recordings(DataSet):
         return [name for name, (_, first) in self._clouds.items() if first is None]
 
     def files(self, name: str) -> list[Path]:
-        return [self._place(name)[0]]
+        return _files(self._place(name)[0])
 
     def options_of(self, name: str) -> dict[str, Any]:
         path, first = self._place(name)
@@ -81,10 +82,11 @@ class Recordings(DataSet):
 
     def load(self, name: str) -> Scene:
         path, first = self._place(name)
-        recording, left_out = _read(path, self.start_s, self.stream)
+        recorded = _read(path, self.start_s, self.stream)
+        recording, left_out = recorded.returns, recorded.left_out
         if first is None:
             raise InputError(f"{path}: {self._no_turns(recording)}")
-        if first not in self._firsts(recording):
+        if first not in self._firsts(recorded.whole):
             look_up(self._clouds, name, str(self.path))
         about = {"source": path.name, "first_turn": first, "sensor": recording.sensor, **left_out}
         cloud_returns = replace(recording, turns=recording.turns[first : first + self.turns])
@@ -98,8 +100,8 @@ class Recordings(DataSet):
             return self._recordings[name], None
         return look_up(self._clouds, name, str(self.path))
 
-    def _firsts(self, whole: Returns) -> range:
-        return range(1, len(whole.turns) - self.turns, self.turns * self.every)
+    def _firsts(self, whole: range) -> range:
+        return range(whole.start, whole.stop - self.turns + 1, self.turns * self.every)
 
     def _no_turns(self, whole: Returns) -> str:
         lacking = "no whole turn" if self.turns == 1 else f"not {self.turns} whole turns"
@@ -125,7 +127,7 @@ class Recordings(DataSet):
         faulty: dict[str, tuple[Path, int | None]] = {}
         for name, path in self._recordings.items():
             try:
-                firsts = self._firsts(_read(path, self.start_s, self.stream)[0])
+                firsts = self._firsts(_read(path, self.start_s, self.stream).whole)
             except InputError:
                 firsts = range(0)
             table |= {f"{name}_{first:04d}": (path, first) for first in firsts}
@@ -209,26 +211,34 @@ def _is_compressed(path: Path) -> bool:
 
 
 _State = tuple[tuple[str, int, int], ...]
-_kept: dict[tuple[Path, float, str | None, _State], tuple[Returns, dict[str, int]]] = {}
+_kept: dict[tuple[Path, float, str | None, _State], RecordedTurns] = {}
 """Recordings that were read, the last one at the end."""
 
 
-def _read(path: Path, start_s: float, stream: str | None) -> tuple[Returns, dict[str, int]]:
-    """Read the revolutions, and counts of lost data; cache both until the file changes."""
+def _read(path: Path, start_s: float, stream: str | None) -> RecordedTurns:
+    """Read the revolutions, and cache them until the file changes."""
     from puckbench.lidar.recordings.reading import read_turns
 
     key = (path, start_s, stream, _state(path))
     if key not in _kept:
         with decompressed(path) as recording:
             _kept[key] = read_turns(recording, start_s, stream, path)
-        sizes = [sum(turn.ranges.nbytes for turn in each.turns) for each, _ in _kept.values()]
+        sizes = [sum(turn.ranges.nbytes for turn in each.turns) for each, *_ in _kept.values()]
         while len(_kept) > 1 and sum(sizes) > _MOST_KEPT:
             del _kept[next(iter(_kept))]
             del sizes[0]
     return _kept[key]
 
 
+def _files(path: Path) -> list[Path]:
+    """Return a recording and, if it exists, the file of its sensor's metadata."""
+    from puckbench.lidar.recordings.ouster import metadata_beside
+
+    beside = None if path.is_dir() else metadata_beside(path)
+    return [path] if beside is None else [path, beside]
+
+
 def _state(path: Path) -> _State:
-    files = sorted(path.iterdir()) if path.is_dir() else [path]
+    files = sorted(path.iterdir()) if path.is_dir() else _files(path)
     stats = ((one.name, one.stat()) for one in files if one.exists())
     return tuple((name, stat.st_size, stat.st_mtime_ns) for name, stat in stats)

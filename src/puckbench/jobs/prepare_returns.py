@@ -25,8 +25,6 @@ from puckbench.lidar.scan_table import ScanTable
 
 _LONGEST_MARK = 24
 """Number of bytes at the start of a file by which packet captures and bags are recognised."""
-_FEWEST_TURNS = 3
-"""Minimum number of turns that ensures a whole one: the first and the last may be incomplete."""
 
 
 @JOBS.register("prepare_returns")
@@ -90,14 +88,26 @@ class PrepareReturns(Job):
                 raise InputError(f"stream '{self.stream}': only packet captures have streams")
             if ScanTable.schema.metadata_key.encode() in parquet_metadata(path):
                 return self._read_scan(path)
-            returns, whole, left_out = _read_returns(path, self.stream)
-            selected = self._chosen(returns, whole)
-        if self.turns is None and is_recording(path) and len(returns.turns) < _FEWEST_TURNS:
-            logging.getLogger(__name__).warning("%s: has no whole turn: takes a part of one", path)
+            returns, usual, left_out = self._recorded(path)
+            selected = self._chosen(returns, usual)
         return selected, None, {"source": path.name, "sensor": returns.sensor, **left_out}
 
-    def _chosen(self, returns: Returns, whole: tuple[int, int]) -> Returns:
-        first, last = self.turns or whole
+    def _recorded(self, path: Path) -> tuple[Returns, tuple[int, int], dict[str, int]]:
+        """Return revolutions, the first and the last of those to take, and counts of lost data."""
+        from puckbench.lidar.recordings.reading import read_turns
+
+        if not is_recording(path):
+            returns = read_firings(path)
+            return returns, (0, len(returns.turns) - 1), {}
+        with decompressed(path) as recording:
+            returns, whole, left_out = read_turns(recording, stream=self.stream, source=path)
+        if not whole and self.turns is None:
+            logging.getLogger(__name__).warning("%s: has no whole turn: takes a part of one", path)
+        first = whole[0] if whole else min(1, len(returns.turns) - 1)
+        return returns, (first, first), left_out
+
+    def _chosen(self, returns: Returns, usual: tuple[int, int]) -> Returns:
+        first, last = self.turns or usual
         if not 0 <= first <= last < len(returns.turns):
             most = len(returns.turns) - 1
             raise InputError(f"has turns 0 to {most}, not {first} to {last}")
@@ -138,20 +148,6 @@ def is_recording(path: Path) -> bool:
         return False
     start = read_content(path, _LONGEST_MARK)
     return is_packet_capture(start) or bag_format(start) is not None
-
-
-def _read_returns(
-    path: Path, stream: str | None
-) -> tuple[Returns, tuple[int, int], dict[str, int]]:
-    from puckbench.lidar.recordings.reading import read_turns
-
-    if not is_recording(path):
-        returns = read_firings(path)
-        return returns, (0, len(returns.turns) - 1), {}
-    with decompressed(path) as recording:
-        returns, left_out = read_turns(recording, stream=stream, source=path)
-    first = min(1, len(returns.turns) - 1)  # turn 0 may be incomplete
-    return returns, (first, first), left_out
 
 
 def _timing(returns: Returns) -> dict[str, Any]:

@@ -39,7 +39,7 @@ USUAL_QUANTUM_M = 0.002
 _LARGEST_INCREASE_DEG = 1.0
 """A larger increase of the azimuth between blocks means missing blocks, unless it is one step."""
 
-_HOUR_US = 3.6e9
+HOUR_US = 3.6e9
 
 Firing = Literal["sequential", "simultaneous"]
 
@@ -174,8 +174,12 @@ class Returns:
         parts = [self._points(*each) for each in zip(self.turns, distances, strict=True)]
         return np.concatenate(parts) if parts else np.zeros((0, 3))
 
+    def indices(self, turn: Turn) -> tuple[NDArray[np.intp], ...]:
+        """Return column, laser and kind of each return of a revolution, in the order of points."""
+        return np.nonzero(_returned(turn).transpose(1, 2, 0))
+
     def _points(self, turn: Turn, distances: Floats) -> Floats:
-        columns, lasers, kinds = np.nonzero(_returned(turn).transpose(1, 2, 0))
+        columns, lasers, kinds = self.indices(turn)
         distance = distances[kinds, columns, lasers]
         azimuth = self.azimuths(turn)[columns, lasers]
         elevation = np.radians(self.beams.elevations_deg)[lasers]
@@ -247,7 +251,7 @@ class Returns:
         clock = np.concatenate(times).astype(np.float64) if times else np.zeros(0)
         if len(clock) < 2:
             return None
-        steps = clock_steps(clock, _HOUR_US)
+        steps = clock_steps(clock, HOUR_US)
         span = float(np.ptp(np.concatenate([[0.0], np.cumsum(steps)])))
         return span * len(clock) / len(steps) * 1e-6 or None
 
@@ -284,7 +288,7 @@ def write_firings(path: Path, returns: Returns) -> None:
 
 def _described(part: Beams | Layout) -> dict[str, Any]:
     """Return the fields of `part`, without later ones that have their defaults."""
-    later: dict[str, Any] = {"radial_mm": (), "azimuth_steps": CENTIDEGREES}
+    later: dict[str, Any] = {"radial_mm": (), "azimuth_steps": CENTIDEGREES, "shifts": ()}
     return {name: value for name, value in asdict(part).items() if later.get(name) != value}
 
 

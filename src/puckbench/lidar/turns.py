@@ -17,6 +17,7 @@ MAX_LASERS = 128
 MAX_COLUMNS = 1 << 14
 """Limit of the columns of a turn; the slowest Puck has 3,617."""
 MAX_PIXELS = 1 << 20
+MAX_SHIFT = 1 << 12
 MAX_RANGE = (1 << 24) - 1
 """Limit of ranges of 32 bits, in quanta."""
 
@@ -31,7 +32,8 @@ class Layout:
     `order` is the laser ids from the lowest elevation to the highest. Columns of a block, such as
     the two of a VLP-16, have a common azimuth; blocks of a packet have a common time. In dual
     return mode there are two kinds of return. `azimuth_steps` is the number of units of azimuth in
-    a revolution: by default 36,000 of 0.01 degrees; for an Ouster the number of columns.
+    a revolution: by default 36,000 of 0.01 degrees; for an Ouster the number of columns. `shifts`
+    has, for each laser id, by how many columns its beam is ahead of the others; empty: all 0.
     """
 
     order: tuple[int, ...]
@@ -39,6 +41,7 @@ class Layout:
     blocks_per_time: int = 1
     kinds: int = 1
     azimuth_steps: int = CENTIDEGREES
+    shifts: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
         if sorted(self.order) != list(range(len(self.order))) or not self.order:
@@ -49,6 +52,10 @@ class Layout:
             raise ValueError("columns of a block and blocks of a time are 1 to 255")
         if not 1 <= self.azimuth_steps <= MAX_AZIMUTH_STEPS:
             raise ValueError(f"azimuth steps of a revolution are 1 to {MAX_AZIMUTH_STEPS}")
+        if len(self.shifts) not in (0, self.lasers) or any(
+            abs(shift) > MAX_SHIFT for shift in self.shifts
+        ):
+            raise ValueError(f"shifts of lasers are at most {MAX_SHIFT} columns")
 
     @property
     def lasers(self) -> int:

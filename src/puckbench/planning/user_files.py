@@ -10,6 +10,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal, get_args
 
+from puckbench.codecs.facts import select_rates
 from puckbench.codecs.registry import codec_class
 from puckbench.core.content import plain_suffix
 from puckbench.core.errors import NARROWER, InputError, naming
@@ -256,7 +257,10 @@ class UserRun:
         lacking = [
             name
             for name, codec in offered.items()
-            if {*self.rates} - {"all"} and not {*self.rates} & {*codec.rates, *codec.metric_rates}
+            if {*self.rates} - {"all"}
+            and not any(
+                select_rates(each, self.rates) for each in (codec.rates, codec.metric_rates)
+            )
         ]
         if len(lacking) == len(usual):
             return tuple(usual)
@@ -273,7 +277,7 @@ class UserRun:
         for codec in plan.codecs:
             for frame in plan.frames:
                 rates = plan.rates(codec, frame)
-                selected = self._wanted(plan, codec, rates, few) if rates else rates
+                selected = self._wanted(plan, codec, frame, few) if rates else rates
                 if few and len(selected) < len(rates):
                     counts = f"{len(selected)} of {len(rates)} rates"
                     self._reductions[f"codec {codec}"] = f"{counts}: all take long (--rates all)"
@@ -282,12 +286,13 @@ class UserRun:
                     changes[codec][keys[frame]] = list(selected)
         return changes
 
-    def _wanted(self, plan: Plan, codec: str, rates: tuple[str, ...], few: bool) -> tuple[str, ...]:
+    def _wanted(self, plan: Plan, codec: str, frame: CoordinateFrame, few: bool) -> tuple[str, ...]:
+        rates = plan.rates(codec, frame)
         if few:
             return tuple(spread_out(rates, _FEW_RATES))
         if self.rates in {(), ("all",)}:
             return rates
-        selected = tuple(rate for rate in rates if rate in self.rates)
+        selected = tuple(select_rates(plan.opened[codec].rates_of(frame), self.rates))
         if not selected:
             raise InputError(
                 f"--rates: codec {codec} has none of {', '.join(self.rates)} "
@@ -298,7 +303,8 @@ class UserRun:
     def _other_frame(self, plan: Plan, codec: str) -> str:
         """Return a hint at the frame that has the requested rates, or an empty string."""
         for frame in get_args(CoordinateFrame):
-            if frame not in plan.frames and {*self.rates} & {*plan.rates(codec, frame)}:
+            offered = plan.opened[codec].rates_of(frame)
+            if frame not in plan.frames and select_rates(offered, self.rates):
                 return f": use --frame {frame}"
         return ""
 

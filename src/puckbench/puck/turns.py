@@ -181,9 +181,18 @@ def _by_elevation(turn: Turn, layout: Layout) -> Turn:
     values = turn.reflectivities
     return replace(
         turn,
-        ranges=turn.ranges[..., order],
-        reflectivities=None if values is None else values[..., order],
+        ranges=_shifted(turn.ranges, layout, 1)[..., order],
+        reflectivities=None if values is None else _shifted(values, layout, 1)[..., order],
     )
+
+
+def _shifted(images: Values, layout: Layout, sign: int) -> NDArray[Any]:
+    """Shift the columns of each laser; with sign 1, a column then has beams of one direction."""
+    if not layout.shifts:
+        return images
+    count = images.shape[1]
+    rows = (np.arange(count)[:, None] - sign * np.array(layout.shifts)) % count
+    return np.take_along_axis(images, rows[None], axis=1)
 
 
 def _range_type(is_wide: bool) -> type[np.uint16] | type[np.uint32]:
@@ -266,14 +275,16 @@ def _with_coder(model: _Model, bits: BitCoder) -> _Model:
 
 
 def _decoded(state: _State, coded: _CodedTurn, times: NDArray[np.uint32] | None) -> Turn:
-    order = np.argsort(state.layout.order)
+    layout, order = state.layout, np.argsort(state.layout.order)
     kinds = [kind[PAD:] for kind in coded.ranges]
     ranges: Ranges = np.stack(kinds).astype(_range_type(state.is_wide))
     values = None
     if coded.reflectivities:
         kinds = [kind[PAD:] for kind in coded.reflectivities]
         values = np.stack(kinds).astype(np.uint8).take(order, axis=2)
-    return Turn(ranges.take(order, axis=2), coded.azimuths.astype(np.uint16), times, values)
+        values = _shifted(values, layout, -1)
+    ranges = _shifted(ranges.take(order, axis=2), layout, -1)
+    return Turn(ranges, coded.azimuths.astype(np.uint16), times, values)
 
 
 def _code_kinds(

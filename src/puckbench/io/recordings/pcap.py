@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from ipaddress import ip_address
 from struct import unpack_from
@@ -52,7 +52,8 @@ class Datagram(NamedTuple):
 class Capture:
     """Complete UDP datagrams of a packet capture, and counts of its other content.
 
-    `cut` is the number of packets truncated by the snap length (`cut_sizes`: by length in bytes and
+    `fragments` is the number of IP fragments whose datagram is incomplete; `cut` is the number of
+    packets truncated by the snap length (`cut_sizes`: by length in bytes and
     port); `others` counts packets of other protocols. `bytes_cut_off` is the size of an incomplete
     last packet.
     """
@@ -81,18 +82,21 @@ def read_datagrams(data: bytes) -> Capture:
     """Read the complete UDP datagrams; raise InputError if no link layer is supported."""
     if not is_packet_capture(data):
         raise InputError("not a packet capture (.pcap, .pcapng)")
-    packets, datagrams = CapturedPackets(data), list[Datagram]()
-    cut, fragments, others = 0, 0, 0
+    packets, datagrams, fragments = CapturedPackets(data), list[Datagram](), _Fragments()
+    cut, others = 0, 0
     cut_sizes: Counter[tuple[int, int]] = Counter()
     for packet in packets:
         content = data[packet.start : packet.end]
         ip_packet = _ip_packet(content, packet.link)
+        if ip_packet is not None and ip_packet.fragment is not None:
+            content = fragments.joined(content, ip_packet)
+            ip_packet = ip_packet._replace(fragment=None, payload=0)
+            if not content:
+                continue
         datagram = None if ip_packet is None else _datagram(content, ip_packet, packet.received)
         if datagram is not None and len(datagram.payload) == datagram.length:
             datagrams.append(datagram)
-        elif ip_packet is not None and ip_packet.is_fragment:
-            fragments += 1
-        elif datagram is not None or len(content) < packet.length:
+        elif datagram is not None or packet.end - packet.start < packet.length:
             cut += 1
             if datagram is not None:
                 cut_sizes[datagram.length, datagram.stream.receiver_port] += 1
@@ -100,7 +104,9 @@ def read_datagrams(data: bytes) -> Capture:
             others += 1
     _check_links(packets.links)
     remainder = len(data) - packets.end
-    return Capture(datagrams, cut, cut_sizes, fragments, others + packets.unreadable, remainder)
+    return Capture(
+        datagrams, cut, cut_sizes, fragments.left, others + packets.unreadable, remainder
+    )
 
 
 def udp_datagram(content: bytes, link: int = _ETHERNET) -> Datagram | None:
@@ -109,11 +115,71 @@ def udp_datagram(content: bytes, link: int = _ETHERNET) -> Datagram | None:
     return None if packet is None else _datagram(content, packet)
 
 
+class _Fragment(NamedTuple):
+    identification: bytes
+    offset: int
+    is_last: bool
+    end: int
+    """Position of the fragment's end in the frame."""
+
+
 class _IpPacket(NamedTuple):
     addresses: bytes
     protocol: int
-    is_fragment: bool
     payload: int
+    fragment: _Fragment | None = None
+
+
+@dataclass
+class _Parts:
+    """Fragments of an IP packet by offset, and the packet's size once it is known."""
+
+    parts: dict[int, bytes] = field(default_factory=dict)
+    count: int = 0
+    size: int = 0
+    whole: int | None = None
+
+    def add(self, fragment: _Fragment, data: bytes) -> None:
+        self.count += 1
+        self.size += len(data) - len(self.parts.get(fragment.offset, b""))
+        self.parts[fragment.offset] = data
+        if fragment.is_last:
+            self.whole = fragment.offset + len(data)
+
+    def joined(self) -> bytes:
+        """Return the payload of the packet; empty if fragments are missing or overlap."""
+        if self.size != self.whole:
+            return b""
+        at = 0
+        for offset in sorted(self.parts):
+            if offset != at:
+                return b""
+            at += len(self.parts[offset])
+        return b"".join(self.parts[offset] for offset in sorted(self.parts))
+
+
+class _Fragments:
+    """Joins the fragments of IP packets, which may be in any order (RFC 791, RFC 8200)."""
+
+    def __init__(self) -> None:
+        self._packets: dict[tuple[bytes, int, bytes], _Parts] = {}
+
+    @property
+    def left(self) -> int:
+        """Number of fragments of incomplete packets."""
+        return sum(packet.count for packet in self._packets.values())
+
+    def joined(self, frame: bytes, packet: _IpPacket) -> bytes:
+        """Add a fragment, and return the payload of its packet if it is complete, else nothing."""
+        if packet.fragment is None:
+            return b""
+        key = (packet.addresses, packet.protocol, packet.fragment.identification)
+        parts = self._packets.setdefault(key, _Parts())
+        parts.add(packet.fragment, frame[packet.payload : packet.fragment.end])
+        content = parts.joined()
+        if content:
+            del self._packets[key]
+        return content
 
 
 def _ip_packet(frame: bytes, link: int) -> _IpPacket | None:
@@ -130,22 +196,29 @@ def _ipv4(frame: bytes, start: int) -> _IpPacket | None:
     header = 4 * (frame[start] & 15)
     if header < 20:
         return None
-    is_fragment = bool(unpack_from(">H", frame, start + 6)[0] & 0x3FFF)
-    addresses = frame[start + 12 : start + 20]
-    return _IpPacket(addresses, frame[start + 9], is_fragment, start + header)
+    size, identification, place = unpack_from(">H2sH", frame, start + 2)
+    addresses, fragment = frame[start + 12 : start + 20], None
+    if place & 0x3FFF:
+        end = start + size
+        fragment = _Fragment(identification, 8 * (place & 0x1FFF), not place & 0x2000, end)
+    return _IpPacket(addresses, frame[start + 9], start + header, fragment)
 
 
 def _ipv6(frame: bytes, start: int) -> _IpPacket:
     protocol, at = frame[start + 6], start + 40
     while protocol in _EXTENSIONS and at + 8 <= len(frame):
         protocol, at = frame[at], at + 8 + 8 * frame[at + 1]
-    addresses = frame[start + 8 : start + 40]
-    return _IpPacket(addresses, protocol, protocol == _FRAGMENT, at)
+    addresses, fragment = frame[start + 8 : start + 40], None
+    if protocol == _FRAGMENT and at + 8 <= len(frame):
+        protocol, place, identification = unpack_from(">BxH4s", frame, at)
+        end, at = start + 40 + unpack_from(">H", frame, start + 4)[0], at + 8
+        fragment = _Fragment(identification, place & 0xFFF8, not place & 1, end)
+    return _IpPacket(addresses, protocol, at, fragment)
 
 
 def _datagram(frame: bytes, packet: _IpPacket, received: float = 0.0) -> Datagram | None:
     start = packet.payload + 8
-    if packet.protocol != _UDP or packet.is_fragment or len(frame) < start:
+    if packet.protocol != _UDP or packet.fragment or len(frame) < start:
         return None
     length = max(unpack_from(">H", frame, start - 4)[0] - 8, 0)
     stream = _stream(packet.addresses, frame[start - 8 : start - 4])

@@ -1,10 +1,11 @@
-"""Selection of the data packets of one Velodyne sensor from a packet capture or a ROS bag."""
+"""Selection of the data packets of one sensor from a packet capture or a ROS bag."""
 
 from __future__ import annotations
 
 import logging
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from enum import IntEnum
 from itertools import compress
 from pathlib import Path
@@ -15,6 +16,12 @@ from numpy.typing import NDArray
 
 from puckbench.core.errors import InputError
 from puckbench.io.recordings.pcap import Capture, Datagram, Stream
+from puckbench.lidar.recordings.ouster import (
+    is_size_of_packets,
+    metadata_beside,
+    read_sensor,
+    serial_of,
+)
 from puckbench.lidar.recordings.packet_turns import is_whole
 from puckbench.lidar.recordings.packets import (
     BLOCKS,
@@ -72,12 +79,54 @@ def packets_of_capture(capture: Capture, name: str | None = None) -> PacketLog:
     kinds = payload_kinds(payloads)
     if not (kinds == PayloadKind.WHOLE).any():
         raise InputError(_why_none(capture, payloads, kinds))
-    stream = _select_stream(list(compress(sized, kinds == PayloadKind.WHOLE)), name)
+    stream = _select_stream(list(compress(sized, kinds == PayloadKind.WHOLE)), name, _products)
     velodyne = compress(sized, kinds != PayloadKind.FOREIGN)
     packets = [datagram for datagram in velodyne if datagram.stream == stream]
-    about = {"format": "pcap", **_counts(capture, len(packets), kinds)}
+    about = {"format": "pcap", **_counts(capture, len(packets))}
+    if foreign := int((kinds == PayloadKind.FOREIGN).sum()):
+        about["foreign_packets"] = foreign
     received = [packet.received for packet in packets]
     return whole_packets([packet.payload for packet in packets], received, about)
+
+
+def ouster_packets(capture: Capture, recording: Path, name: str | None = None) -> PacketLog | None:
+    """Return the packets of an Ouster sensor, or None if a Velodyne sent the capture's.
+
+    The sensor's metadata are beside the recording (`ouster.metadata_beside`); `name` is as in
+    `packets_of_capture`.
+
+    Raises
+    ------
+    InputError
+        The metadata are missing, or are those of another sensor.
+    """
+    sizes = Counter(datagram.length for datagram in capture.datagrams)
+    metadata = metadata_beside(recording)
+    if PACKET_BYTES in sizes:
+        return None
+    if metadata is None:
+        size = next((size for size, _ in sizes.most_common() if is_size_of_packets(size)), None)
+        if size is None:
+            return None
+        raise InputError(
+            f"{sizes[size]:,} datagrams of {size:,} bytes, as an Ouster sends: put the metadata of "
+            f"the sensor beside it ({recording.stem}.json)"
+        )
+    sensor = read_sensor(metadata)
+    size = sensor.packet.itemsize
+    sized = [datagram for datagram in capture.datagrams if datagram.length == size]
+    described = f"{metadata.name} ({sensor.name}, {sensor.profile}, packets of {size:,} bytes)"
+    if not sized:
+        raise InputError(f"{capture.contents()}, which {described} does not describe")
+    stream = _select_stream(sized, name, lambda _: sensor.name)
+    packets = [datagram for datagram in sized if datagram.stream == stream]
+    serials = Counter(serial_of(sensor, packet.payload) for packet in packets)
+    if sensor.serial and not {None, sensor.serial} & serials.keys():
+        other = serials.most_common(1)[0][0]
+        raise InputError(f"packets of the sensor {other}, and {described} is of {sensor.serial}")
+    about = {"format": "pcap", **_counts(capture, len(packets), size)}
+    payloads, received = [one.payload for one in packets], [one.received for one in packets]
+    return replace(joined(payloads, received, about, size), sensor=sensor)
 
 
 def whole_packets(
@@ -112,13 +161,9 @@ def log_left_out(path: Path, about: Mapping[str, Any]) -> None:
         logging.getLogger(__name__).warning("%s: left out %s", path, ", ".join(parts))
 
 
-def _counts(capture: Capture, packets: int, kinds: NDArray[np.int8]) -> dict[str, int]:
+def _counts(capture: Capture, packets: int, size: int = PACKET_BYTES) -> dict[str, int]:
     datagrams = len(capture.datagrams) - packets
-    parts = {
-        "foreign_packets": int((kinds == PayloadKind.FOREIGN).sum()),
-        "cut_packets": _cut_packets(capture),
-        "fragments": capture.fragments,
-    }
+    parts = {"cut_packets": _cut_packets(capture, size), "fragments": capture.fragments}
     return {
         "other_packets": datagrams + capture.others + capture.cut + capture.fragments,
         "bytes_cut_off": capture.bytes_cut_off,
@@ -126,16 +171,21 @@ def _counts(capture: Capture, packets: int, kinds: NDArray[np.int8]) -> dict[str
     }
 
 
-def _cut_packets(capture: Capture) -> int:
-    return sum(count for (size, _), count in capture.cut_sizes.items() if size == PACKET_BYTES)
+def _cut_packets(capture: Capture, size: int = PACKET_BYTES) -> int:
+    return sum(count for (length, _), count in capture.cut_sizes.items() if length == size)
 
 
-def _select_stream(packets: Sequence[Datagram], name: str | None) -> Stream:
+def _select_stream(
+    packets: Sequence[Datagram], name: str | None, sensor: Callable[[Sequence[Datagram]], str]
+) -> Stream:
     streams = Counter(packet.stream for packet in packets)
     matches = [stream for stream in streams if name is None or _is_named(stream, name)]
     if len(matches) == 1:
         return matches[0]
-    listed = "; ".join(_described(stream, packets) for stream in list(streams)[:_MOST_LISTED])
+    listed = "; ".join(
+        _described(stream, [packet for packet in packets if packet.stream == stream], sensor)
+        for stream in list(streams)[:_MOST_LISTED]
+    )
     more = "; ..." if len(streams) > _MOST_LISTED else ""
     fault = "" if name is None else f", {len(matches) or 'none'} of them '{name}'"
     raise InputError(
@@ -149,20 +199,24 @@ def _is_named(stream: Stream, name: str) -> bool:
     return full_name.startswith(name) and full_name[len(name) : len(name) + 1] in ("", ":", " ")
 
 
-def _described(stream: Stream, packets: Sequence[Datagram]) -> str:
-    products = Counter(packet.payload[-1] for packet in packets if packet.stream == stream)
-    sensors = " and ".join(PRODUCTS[product] for product in products)
-    count = products.total()
-    return f"{stream}, {count:,} packet{'s' * (count != 1)} of {sensors}"
+def _described(
+    stream: Stream, packets: Sequence[Datagram], sensor: Callable[[Sequence[Datagram]], str]
+) -> str:
+    count = len(packets)
+    return f"{stream}, {count:,} packet{'s' * (count != 1)} of {sensor(packets)}"
+
+
+def _products(packets: Sequence[Datagram]) -> str:
+    return " and ".join(PRODUCTS[code] for code in Counter(each.payload[-1] for each in packets))
 
 
 def _why_none(capture: Capture, payloads: NDArray[np.uint8], kinds: NDArray[np.int8]) -> str:
     faults = f" ({_faults(payloads, kinds)})" if len(payloads) else ""
-    advice = f"read are recordings of {', '.join(_READ)}; of another sensor, clouds"
+    advice = f"recordings of {', '.join(_READ)} and Ouster are read; of another sensor, clouds"
     if _cut_packets(capture):
         advice = "record whole packets (tcpdump -s 0)"
     elif capture.fragments:
-        advice = "fragments are not put together"
+        advice = "other fragments are missing"
     return (
         f"no whole data packet of a Velodyne ({PACKET_BYTES:,} bytes), but "
         f"{capture.contents()}{faults}: {advice}"

@@ -8,8 +8,8 @@ chapter 9).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,16 +20,23 @@ from puckbench.lidar.recordings.returns import BOTH, LAST, STRONGEST, RecordedRe
 from puckbench.lidar.sensor import Sensor, load_sensor
 from puckbench.lidar.turns import CENTIDEGREES, clock_steps
 
+if TYPE_CHECKING:
+    from puckbench.lidar.recordings.ouster import OusterSensor
+
 PACKET_BYTES = 1206
 
 
 @dataclass(frozen=True)
 class PacketLog:
-    """Payloads (p, 1206) and their reception times (p,), s since 1970, in the recorded order."""
+    """Payloads (p, bytes) and their reception times (p,), s since 1970, in the recorded order.
+
+    `sensor` is the metadata of an Ouster sensor; packets of a Velodyne need none.
+    """
 
     payloads: NDArray[np.uint8]
     received: Floats
     about: dict[str, Any] = field(default_factory=dict)
+    sensor: OusterSensor | None = None
 
     def __len__(self) -> int:
         return len(self.payloads)
@@ -38,13 +45,16 @@ class PacketLog:
         """Return packets received `start_s` to `end_s` seconds after the first one."""
         since = self.received - self.received[:1]
         rows = (since >= start_s) & (since < end_s)
-        return PacketLog(self.payloads[rows], self.received[rows], self.about)
+        return replace(self, payloads=self.payloads[rows], received=self.received[rows])
 
 
 def joined(
-    payloads: Sequence[bytes], received: Sequence[float], about: dict[str, Any]
+    payloads: Sequence[bytes],
+    received: Sequence[float],
+    about: dict[str, Any],
+    size: int = PACKET_BYTES,
 ) -> PacketLog:
-    data = np.frombuffer(b"".join(payloads), dtype=np.uint8).reshape(-1, PACKET_BYTES)
+    data = np.frombuffer(b"".join(payloads), dtype=np.uint8).reshape(-1, size)
     return PacketLog(data, np.asarray(received, dtype=np.float64), about)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 from puckbench.core.errors import InputError, naming
 from puckbench.core.files import read_bytes
@@ -14,13 +15,15 @@ from puckbench.io.recordings.ros_bags import bag_format, read_messages
 from puckbench.lidar.recordings.data_packets import (
     LEFT_OUT,
     log_left_out,
+    ouster_packets,
     packets_of_capture,
     whole_packets,
 )
 from puckbench.lidar.recordings.decoded_clouds import SUFFIXES, read_points
+from puckbench.lidar.recordings.ouster import ouster_turns
 from puckbench.lidar.recordings.packet_turns import returns_of_packets
 from puckbench.lidar.recordings.packets import PacketLog, decode_packets
-from puckbench.lidar.recordings.returns import RecordedReturns, read_returns
+from puckbench.lidar.recordings.returns import RecordedReturns, read_returns, table_of_returns
 from puckbench.lidar.recordings.times import TimeUnit
 from puckbench.lidar.returns import Returns
 from puckbench.lidar.sensor import Sensor
@@ -52,7 +55,7 @@ def read_recording(
     time_unit: TimeUnit | None = None,
     source: Path | None = None,
 ) -> RecordedReturns:
-    """Read the returns in a recording of a VLP-16 or a Puck Hi-Res.
+    """Read the returns in a recording of a VLP-16, a Puck Hi-Res or an Ouster.
 
     Parameters
     ----------
@@ -79,7 +82,7 @@ def read_recording(
             table = _between(read_points(path, sensor, time_unit), start_s, end_s)
         else:
             log = _interval(read_packets(path, stream, source), start_s, end_s)
-            decoded = decode_packets(log.payloads, sensor)
+            decoded = _decoded(log, sensor)
             table = replace(decoded, about={**decoded.about, **log.about})
         if len(table) == 0:
             raise InputError("no return in the recording")
@@ -88,17 +91,28 @@ def read_recording(
     return replace(table, about={**table.about, "source": source.name})
 
 
+class RecordedTurns(NamedTuple):
+    """Revolutions of a recording, the range of whole ones, and counts of damaged data."""
+
+    returns: Returns
+    whole: range
+    left_out: dict[str, int]
+
+
 def read_turns(
     path: Path, start_s: float = 0.0, stream: str | None = None, source: Path | None = None
-) -> tuple[Returns, dict[str, int]]:
-    """Read the revolutions of a recording from `start_s` seconds on, and counts of damaged data.
+) -> RecordedTurns:
+    """Read the revolutions of a recording from `start_s` seconds on.
 
     `stream` and `source` are those of `read_packets`.
     """
     with naming(source or path):
         log = _interval(read_packets(path, stream, source), start_s, math.inf)
         left_out = {name: int(log.about[name]) for name in LEFT_OUT if log.about.get(name)}
-        return returns_of_packets(log.payloads), left_out
+        if log.sensor:
+            return RecordedTurns(*ouster_turns(log.sensor, log.payloads), left_out)
+        returns = returns_of_packets(log.payloads)
+        return RecordedTurns(returns, range(1, len(returns.turns) - 1), left_out)
 
 
 def read_packets(path: Path, stream: str | None = None, source: Path | None = None) -> PacketLog:
@@ -109,18 +123,22 @@ def read_packets(path: Path, stream: str | None = None, source: Path | None = No
     """
     source = source or path
     with naming(source):
-        log = _packets_of_bag(path, stream) if path.is_dir() else _packets_of_file(path, stream)
+        if path.is_dir():
+            log = _packets_of_bag(path, stream)
+        else:
+            log = _packets_of_file(path, stream, source)
     log_left_out(source, log.about)
     return log
 
 
-def _packets_of_file(path: Path, stream: str | None) -> PacketLog:
+def _packets_of_file(path: Path, stream: str | None, source: Path) -> PacketLog:
     data = read_bytes(path)
     if bag_format(data):
         return _packets_of_bag(path, stream)
     if not is_packet_capture(data):
         raise InputError(_unknown_format(data))
-    return packets_of_capture(read_datagrams(data), stream)
+    capture = read_datagrams(data)
+    return ouster_packets(capture, source, stream) or packets_of_capture(capture, stream)
 
 
 def _unknown_format(data: bytes) -> str:
@@ -139,6 +157,16 @@ def _packets_of_bag(path: Path, stream: str | None) -> PacketLog:
     received = [packet.stamp.sec + packet.stamp.nanosec * 1e-9 for packet in packets]
     about = {"format": bag.format, "topic": bag.topic, "messages": len(bag.messages)}
     return whole_packets([packet.data.tobytes() for packet in packets], received, about)
+
+
+def _decoded(log: PacketLog, sensor: Sensor | None) -> RecordedReturns:
+    if log.sensor is None:
+        return decode_packets(log.payloads, sensor)
+    if sensor:
+        raise InputError(f"sensor {sensor.name}: the metadata of the capture describe another")
+    table = table_of_returns(ouster_turns(log.sensor, log.payloads).returns)
+    kinds = "dual" if table["return_kind"].any() else "strongest"
+    return replace(table, about={**table.about, "returns": kinds, "packets": len(log)})
 
 
 def _interval(log: PacketLog, start_s: float, end_s: float) -> PacketLog:

@@ -4,6 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from puckbench.io.return_tables import (
     ColumnSpecs,
@@ -12,6 +16,8 @@ from puckbench.io.return_tables import (
     read_return_table,
     write_return_table,
 )
+from puckbench.lidar.returns import HOUR_US, Returns
+from puckbench.lidar.turns import Turn, clock_steps
 
 STRONGEST, LAST, BOTH = 0, 1, 2
 """Kinds of return; BOTH is a single return of a beam in dual return mode."""
@@ -34,6 +40,42 @@ RETURN_COLUMNS: ColumnSpecs = {
 @dataclass(frozen=True)
 class RecordedReturns(ReturnTable):
     schema = TableSchema("table of returns", "puckbench_capture", RETURN_COLUMNS)
+
+
+def table_of_returns(returns: Returns) -> RecordedReturns:
+    """Convert returns to a table with a row for each return, in the order of `Returns.points`.
+
+    Times of a sensor without a clock are 0.
+    """
+    parts = [_rows(returns, turn) for turn in returns.turns]
+    counts = [len(part["laser_id"]) for part in parts]
+    columns = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    steps = clock_steps(columns["timestamp"], HOUR_US)
+    columns["timestamp"] = np.append(0.0, np.cumsum(steps))[: sum(counts)] * 1e-6
+    columns["turn"] = np.repeat(np.arange(len(parts)), counts)
+    columns |= dict(zip("xyz", returns.points().T, strict=True))
+    kinds = RETURN_COLUMNS.items()
+    table = {name: columns[name].astype(kind, copy=False) for name, (kind, *_) in kinds}
+    return RecordedReturns(table, {"sensor": returns.sensor})
+
+
+def _rows(returns: Returns, turn: Turn) -> dict[str, NDArray[Any]]:
+    layout, unknown = returns.layout, np.zeros(turn.ranges.shape)
+    columns, lasers, kinds = returns.indices(turn)
+    at = (kinds, columns, lasers)
+    is_only = turn.ranges[0, columns, lasers] == turn.ranges[-1, columns, lasers]
+    times = np.zeros(1) if turn.times is None else turn.times.astype(np.float64)
+    packets = columns // layout.columns_per_block // layout.blocks_per_time
+    values = unknown if turn.reflectivities is None else turn.reflectivities
+    return {
+        "timestamp": times[packets % len(times)],
+        "laser_id": lasers,
+        "return_kind": np.where(is_only & (layout.kinds == 2), BOTH, kinds),
+        "azimuth": np.mod(returns.azimuths(turn)[columns, lasers], 2 * np.pi),
+        "elevation": np.radians(returns.beams.elevations_deg)[lasers],
+        "distance": returns.distances(turn)[at],
+        "reflectivity": values[at],
+    }
 
 
 def write_returns(path: Path, table: RecordedReturns) -> None:
