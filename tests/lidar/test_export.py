@@ -193,7 +193,7 @@ def test_no_return_is_an_error(table: ScanTable, tmp_path: Path, suffix: str) ->
 def test_other_files_are_no_tables(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "a.parquet").write_bytes(b"something else")
     assert main(["export", str(tmp_path / "a.parquet"), str(tmp_path / "a.ply")]) == 2
-    assert "a.parquet: not a readable Parquet file" in capsys.readouterr().err
+    assert "a.parquet: not a scan table (Parquet)" in capsys.readouterr().err
     assert main(["export", str(tmp_path / "b.parquet"), str(tmp_path / "a.ply")]) == 2
     assert "b.parquet: no such file" in capsys.readouterr().err
 

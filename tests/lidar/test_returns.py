@@ -175,7 +175,7 @@ def test_another_table_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no such file"):
         read_firings(path)
     path.write_bytes(b"PAR1 nothing")
-    with pytest.raises(InputError, match="not a readable Parquet file"):
+    with pytest.raises(InputError, match=r"not a table of firings \(Parquet\)"):
         read_firings(path)
 
 

@@ -80,11 +80,11 @@ def test_a_wrong_file_is_named_in_one_line(tmp_path: Path, table: ScanTable) -> 
     with pytest.raises(InputError, match=r"scan\.parquet: no such file"):
         read_scan(path)
     path.write_bytes(b"PAR1 not really")
-    with pytest.raises(InputError, match=r"scan\.parquet: not a readable Parquet file"):
+    with pytest.raises(InputError, match=r"scan\.parquet: not a scan table \(Parquet\)"):
         read_scan(path)
     write_scan(path, table)
     path.write_bytes(path.read_bytes()[:5000])
-    with pytest.raises(InputError, match=r"scan\.parquet: not a readable Parquet file"):
+    with pytest.raises(InputError, match=r"scan\.parquet: not a scan table \(Parquet\)"):
         read_scan(path)
     write_scan(path, table)
     parquet.write_table(parquet.read_table(path).drop_columns(["yaw", "nz"]), path)
