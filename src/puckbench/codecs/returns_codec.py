@@ -12,8 +12,11 @@ if TYPE_CHECKING:
 
 
 def step_in_quanta(returns: Returns, parameters: Parameters) -> int:
-    """Return the step to which a rate rounds ranges, as a multiple (at least 1) of the quantum."""
-    return max(1, round(float(parameters["step_m"]) / returns.quantum_m))
+    """Return the number of quanta (at least 1) to which a rate rounds ranges.
+
+    It is the largest multiple of the quantum that does not exceed the rate's step.
+    """
+    return max(1, int(float(parameters["step_m"]) / returns.quantum_m + 1e-6))
 
 
 class ReturnsCodec(Codec):

@@ -384,7 +384,7 @@ def _seconds(plan: Plan) -> float:
 def _check_width(plan: Plan, codec: str, frame: CoordinateFrame, rates: Sequence[str]) -> None:
     names = [name for name in plan.in_frame(frame) if plan.codes(codec, name)]
     curves = [curve for curve in plan.curves if curve[0] in names and curve[2] == codec]
-    if names and not any({*rates}.intersection(plan.curve_rates(*curve)) for curve in curves):
+    if names and not any({*rates}.difference(plan.too_wide.get(curve, ())) for curve in curves):
         raise InputError(f"codec {codec}: every cloud is too wide for its rates{NARROWER}")
 
 
