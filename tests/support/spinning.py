@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from puckbench.lidar import load_sensor
 from puckbench.lidar.recordings.packets import FLAG
 
-VLP16, PUCK_HIRES, HDL32E = 0x22, 0x24, 0x21
+VLP16, PUCK_HIRES, HDL32E, VLP32C = 0x22, 0x24, 0x21, 0x28
 STRONGEST, DUAL = 0x37, 0x39
-SENSORS = {VLP16: "vlp16", PUCK_HIRES: "puck_hires", HDL32E: "hdl32e"}
+SENSORS = {VLP16: "vlp16", PUCK_HIRES: "puck_hires", HDL32E: "hdl32e", VLP32C: "vlp32c"}
 RETURN = np.dtype([("distance", "<u2"), ("reflectivity", "u1")])
 BLOCK = np.dtype([("flag", "<u2"), ("azimuth", "<u2"), ("returns", RETURN, 32)])
 PACKET = np.dtype([("blocks", BLOCK, 12), ("time", "<u4"), ("mode", "u1"), ("product", "u1")])
@@ -33,7 +33,7 @@ def spin(
     elevation = np.radians(sensor.laser_elevation_deg)
     metres = _room(angle, elevation) + random.normal(0, 0.006, (blocks, columns, sensor.lasers))
     returned = random.random(metres.shape) < 0.8
-    distance = np.where(returned, np.rint(metres / 0.002), 0).astype(np.uint16)
+    distance = np.where(returned, np.rint(metres / (sensor.range_quantum_mm / 1000)), 0).astype(np.uint16)
     reflectivity = (20 + 10 * np.sin(3 * angle) + random.integers(0, 4, metres.shape)).astype("u1")
     table = np.zeros((packets, 12), BLOCK)
     table["flag"] = FLAG

@@ -81,13 +81,13 @@ class Beams:
         """
         lasers = sensor.lasers
         heights = None if is_virtual else sensor.vertical_correction_mm
+        azimuths = None if is_virtual else sensor.laser_azimuth_deg
         delays = (0.0,) * lasers
         if firing == "sequential":
             sequence = sensor.firing_sequence_us or np.inf
             delays = tuple(float(time / sequence) for time in sensor.firing_times_us)
-        return cls(
-            sensor.laser_elevation_deg, heights or (0.0,) * lasers, delays, clockwise=not is_virtual
-        )
+        heights = heights or (0.0,) * lasers
+        return cls(sensor.laser_elevation_deg, heights, delays, not is_virtual, azimuths or ())
 
     @property
     def lasers(self) -> int:

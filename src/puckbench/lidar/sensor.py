@@ -31,6 +31,8 @@ class Sensor(Model):
     divergence_vertical_deg: NonNegativeFloat = 0.0
     """Divergences are full widths of the beam."""
     vertical_correction_mm: tuple[float, ...] | None = None
+    laser_azimuth_deg: tuple[float, ...] | None = None
+    """Azimuths of lasers relative to the sensor's; virtual scans leave them out."""
     range_quantum_mm: PositiveFloat | None = None
     firing_sequence_us: PositiveFloat | None = None
     firing_interval_us: PositiveFloat | None = None
@@ -54,6 +56,9 @@ class Sensor(Model):
         corrections = self.vertical_correction_mm
         if corrections is not None and len(corrections) != self.lasers:
             raise InputError(f"{len(corrections)} vertical_correction_mm for {self.lasers} lasers")
+        azimuths = self.laser_azimuth_deg
+        if azimuths is not None and len(azimuths) != self.lasers:
+            raise InputError(f"{len(azimuths)} laser_azimuth_deg for {self.lasers} lasers")
         if self.min_range_m >= self.max_range_m:
             raise InputError(
                 f"min_range_m {self.min_range_m} is not below max_range_m {self.max_range_m}"

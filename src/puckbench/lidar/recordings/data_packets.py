@@ -45,7 +45,7 @@ LEFT_OUT = {
 """Counts of what is left out of a recording, with their descriptions."""
 _MOST_LISTED = 4
 _HDL64E_FLAGS = (0xEEFF, 0xDDFF)
-_READ = ("VLP-16", "Puck Hi-Res", "HDL-32E")
+_READ = ("VLP-16", "Puck Hi-Res", "HDL-32E", "VLP-32C")
 
 
 class PayloadKind(IntEnum):

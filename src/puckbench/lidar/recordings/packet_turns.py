@@ -1,7 +1,8 @@
 """Conversion between data packets of Velodyne sensors and turns (range images of revolutions).
 
-The VLP-16, the Puck Hi-Res and the HDL-32E have the same format (VLP-16 User Manual 63-9243 Rev. E,
-chapter 9; HDL-32E User Manual 63-9113 Rev. M, appendix C).
+The VLP-16, the Puck Hi-Res, the HDL-32E and the VLP-32C have the same format (VLP-16 User Manual
+63-9243 Rev. E, chapter 9; HDL-32E User Manual 63-9113 Rev. M, appendix C; VLP-32C User Manual
+63-9325).
 """
 
 from __future__ import annotations
@@ -19,7 +20,6 @@ from puckbench.core.errors import InputError
 from puckbench.lidar.recordings.packets import (
     BLOCK,
     BLOCKS,
-    DISTANCE_UNIT_M,
     DUAL_MODE,
     FLAG,
     MODES,
@@ -28,11 +28,11 @@ from puckbench.lidar.recordings.packets import (
     PRODUCTS,
 )
 from puckbench.lidar.recordings.packets import SENSORS as PUCKS
-from puckbench.lidar.returns import Beams, Returns
+from puckbench.lidar.returns import USUAL_QUANTUM_M, Beams, Returns
 from puckbench.lidar.sensor import load_sensor
 from puckbench.lidar.turns import CENTIDEGREES, Layout, Turn
 
-SENSORS = {0x21: "hdl32e", **PUCKS}
+SENSORS = {0x21: "hdl32e", 0x28: "vlp32c", **PUCKS}
 """Names of sensors by the product byte of their packets."""
 _CHANNELS = 32
 _BLOCK_BYTES = BLOCK.itemsize
@@ -50,7 +50,8 @@ class PacketKind:
 
     def returns(self, turns: Iterable[Turn]) -> Returns:
         sensor = load_sensor(SENSORS[self.product])
-        return Returns(Beams.of(sensor), self.layout, tuple(turns), DISTANCE_UNIT_M, sensor.name)
+        quantum = (sensor.range_quantum_mm or 0.0) / 1000 or USUAL_QUANTUM_M
+        return Returns(Beams.of(sensor), self.layout, tuple(turns), quantum, sensor.name)
 
 
 @cache
@@ -58,17 +59,18 @@ def packet_kind(product: int, mode: int) -> PacketKind:
     if product not in SENSORS:
         name = PRODUCTS.get(product, "an unknown sensor")
         raise InputError(
-            f"packets of {name} (product 0x{product:02X}), not of a VLP-16, a Puck Hi-Res or an "
-            "HDL-32E"
+            f"packets of {name} (product 0x{product:02X}), not of a VLP-16, a Puck Hi-Res, an "
+            "HDL-32E or a VLP-32C"
         )
     if mode not in MODES:
         raise InputError(f"return mode 0x{mode:02X}, where one of 0x37, 0x38, 0x39 is expected")
     sensor = load_sensor(SENSORS[product])
     order = tuple(int(laser) for laser in np.argsort(sensor.laser_elevation_deg, kind="stable"))
     kinds = 2 if mode == DUAL_MODE else 1
-    return PacketKind(
-        product, mode, Layout(order, _CHANNELS // sensor.lasers, BLOCKS // kinds, kinds)
-    )
+    ahead = np.array(sensor.laser_azimuth_deg or ()) / sensor.azimuth_step_deg
+    shifts = tuple(np.rint(ahead).astype(int).tolist())
+    blocks, columns = BLOCKS // kinds, _CHANNELS // sensor.lasers
+    return PacketKind(product, mode, Layout(order, columns, blocks, kinds, shifts=shifts))
 
 
 def find_packets(data: Payloads) -> NDArray[np.int64]:

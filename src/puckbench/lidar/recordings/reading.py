@@ -21,12 +21,13 @@ from puckbench.lidar.recordings.data_packets import (
 )
 from puckbench.lidar.recordings.decoded_clouds import SUFFIXES, read_points
 from puckbench.lidar.recordings.ouster import ouster_turns
-from puckbench.lidar.recordings.packet_turns import returns_of_packets
-from puckbench.lidar.recordings.packets import PacketLog, decode_packets
+from puckbench.lidar.recordings.packet_turns import SENSORS, returns_of_packets
+from puckbench.lidar.recordings.packets import MODES, PacketLog, decode_packets
+from puckbench.lidar.recordings.packets import SENSORS as PUCKS
 from puckbench.lidar.recordings.returns import RecordedReturns, read_returns, table_of_returns
 from puckbench.lidar.recordings.times import TimeUnit
 from puckbench.lidar.returns import Returns
-from puckbench.lidar.sensor import Sensor
+from puckbench.lidar.sensor import Sensor, load_sensor
 
 SCAN = "velodyne_msgs/msg/VelodyneScan"
 MESSAGES = {
@@ -55,7 +56,7 @@ def read_recording(
     time_unit: TimeUnit | None = None,
     source: Path | None = None,
 ) -> RecordedReturns:
-    """Read the returns in a recording of a VLP-16, a Puck Hi-Res or an Ouster.
+    """Read the returns in a recording.
 
     Parameters
     ----------
@@ -160,12 +161,18 @@ def _packets_of_bag(path: Path, stream: str | None) -> PacketLog:
 
 
 def _decoded(log: PacketLog, sensor: Sensor | None) -> RecordedReturns:
-    if log.sensor is None:
+    if log.sensor is None and log.payloads[0, -1] in PUCKS:
         return decode_packets(log.payloads, sensor)
     if sensor:
-        raise InputError(f"sensor {sensor.name}: the metadata of the capture describe another")
-    table = table_of_returns(ouster_turns(log.sensor, log.payloads).returns)
-    kinds = "dual" if table["return_kind"].any() else "strongest"
+        raise InputError(f"sensor {sensor.name}: only packets of a Puck can have another sensor")
+    if log.sensor:
+        table = table_of_returns(ouster_turns(log.sensor, log.payloads).returns)
+        kinds = "dual" if log.sensor.layout.kinds == 2 else "strongest"
+    else:
+        product, mode = log.payloads[0, -1], log.payloads[0, -2]
+        sequence_us = load_sensor(SENSORS[product]).firing_sequence_us or 0.0
+        table = table_of_returns(returns_of_packets(log.payloads), sequence_us)
+        kinds = MODES[mode]
     return replace(table, about={**table.about, "returns": kinds, "packets": len(log)})
 
 

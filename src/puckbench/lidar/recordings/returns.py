@@ -42,16 +42,17 @@ class RecordedReturns(ReturnTable):
     schema = TableSchema("table of returns", "puckbench_capture", RETURN_COLUMNS)
 
 
-def table_of_returns(returns: Returns) -> RecordedReturns:
+def table_of_returns(returns: Returns, sequence_us: float = 0.0) -> RecordedReturns:
     """Convert returns to a table with a row for each return, in the order of `Returns.points`.
 
-    Times of a sensor without a clock are 0.
+    A packet's time is that of its first column; other columns follow every `sequence_us`
+    microseconds. Times of a sensor without a clock are 0.
     """
-    parts = [_rows(returns, turn) for turn in returns.turns]
+    parts = [_rows(returns, turn, sequence_us) for turn in returns.turns]
     counts = [len(part["laser_id"]) for part in parts]
     columns = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-    steps = clock_steps(columns["timestamp"], HOUR_US)
-    columns["timestamp"] = np.append(0.0, np.cumsum(steps))[: sum(counts)] * 1e-6
+    packets = np.append(0.0, np.cumsum(clock_steps(columns["packet_us"], HOUR_US)))
+    columns["timestamp"] = (packets[: sum(counts)] + columns["delay_us"]) * 1e-6
     columns["turn"] = np.repeat(np.arange(len(parts)), counts)
     columns |= dict(zip("xyz", returns.points().T, strict=True))
     kinds = RETURN_COLUMNS.items()
@@ -59,20 +60,21 @@ def table_of_returns(returns: Returns) -> RecordedReturns:
     return RecordedReturns(table, {"sensor": returns.sensor})
 
 
-def _rows(returns: Returns, turn: Turn) -> dict[str, NDArray[Any]]:
-    layout, unknown = returns.layout, np.zeros(turn.ranges.shape)
+def _rows(returns: Returns, turn: Turn, sequence_us: float) -> dict[str, NDArray[Any]]:
+    layout, beams, unknown = returns.layout, returns.beams, np.zeros(turn.ranges.shape)
     columns, lasers, kinds = returns.indices(turn)
     at = (kinds, columns, lasers)
     is_only = turn.ranges[0, columns, lasers] == turn.ranges[-1, columns, lasers]
     times = np.zeros(1) if turn.times is None else turn.times.astype(np.float64)
-    packets = columns // layout.columns_per_block // layout.blocks_per_time
+    packets, column = np.divmod(columns, layout.columns_per_block * layout.blocks_per_time)
     values = unknown if turn.reflectivities is None else turn.reflectivities
     return {
-        "timestamp": times[packets % len(times)],
+        "packet_us": times[packets % len(times)],
+        "delay_us": sequence_us * (column + np.asarray(beams.delays)[lasers]),
         "laser_id": lasers,
         "return_kind": np.where(is_only & (layout.kinds == 2), BOTH, kinds),
         "azimuth": np.mod(returns.azimuths(turn)[columns, lasers], 2 * np.pi),
-        "elevation": np.radians(returns.beams.elevations_deg)[lasers],
+        "elevation": np.radians(beams.elevations_deg)[lasers],
         "distance": returns.distances(turn)[at],
         "reflectivity": values[at],
     }
