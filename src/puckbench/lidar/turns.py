@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,11 +17,11 @@ MAX_LASERS = 128
 MAX_COLUMNS = 1 << 14
 """Limit of the columns of a turn; the slowest Puck has 3,617."""
 MAX_PIXELS = 1 << 20
-MAX_SHIFT = 1 << 12
 MAX_RANGE = (1 << 24) - 1
 """Limit of ranges of 32 bits, in quanta."""
 
 
+_Value = TypeVar("_Value", bound=np.generic)
 Ranges = NDArray[np.uint16 | np.uint32]
 
 
@@ -32,8 +32,9 @@ class Layout:
     `order` is the laser ids from the lowest elevation to the highest. Columns of a block, such as
     the two of a VLP-16, have a common azimuth; blocks of a packet have a common time. In dual
     return mode there are two kinds of return. `azimuth_steps` is the number of units of azimuth in
-    a revolution: by default 36,000 of 0.01 degrees; for an Ouster the number of columns. `shifts`
-    has, for each laser id, by how many columns its beam is ahead of the others; empty: all 0.
+    a revolution: by default 36,000 of 0.01 degrees; for an Ouster the number of columns. If lasers
+    of a column have different azimuths, `shifts` are the columns by which coders move the values of
+    each laser so that all of a column have nearly the same azimuth; empty: all 0.
     """
 
     order: tuple[int, ...]
@@ -53,9 +54,9 @@ class Layout:
         if not 1 <= self.azimuth_steps <= MAX_AZIMUTH_STEPS:
             raise ValueError(f"azimuth steps of a revolution are 1 to {MAX_AZIMUTH_STEPS}")
         if len(self.shifts) not in (0, self.lasers) or any(
-            abs(shift) > MAX_SHIFT for shift in self.shifts
+            abs(shift) >= MAX_COLUMNS for shift in self.shifts
         ):
-            raise ValueError(f"shifts of lasers are at most {MAX_SHIFT} columns")
+            raise ValueError(f"shifts are less than {MAX_COLUMNS} columns, of each laser or none")
 
     @property
     def lasers(self) -> int:
@@ -112,6 +113,27 @@ def check_turn(turn: Turn, layout: Layout) -> None:
         raise InputError(f"a turn of {blocks} blocks (1 to {layout.max_blocks})")
     if turn.ranges.max(initial=0) > MAX_RANGE:
         raise InputError(f"ranges of a turn exceed {MAX_RANGE} quanta")
+
+
+def by_elevation(values: NDArray[_Value], layout: Layout) -> NDArray[_Value]:
+    """Return values (kinds, columns, lasers) of a turn, shifted, from the lowest laser up."""
+    if not layout.shifts:
+        return values[..., list(layout.order)]
+    return values[:, _shifted_columns(values, layout), list(layout.order)]
+
+
+def by_laser(values: NDArray[_Value], layout: Layout) -> NDArray[_Value]:
+    """Return the values of a turn from the result of `by_elevation`."""
+    if not layout.shifts:
+        return values.take(np.argsort(layout.order), axis=2)
+    original = np.empty_like(values)
+    original[:, _shifted_columns(values, layout), list(layout.order)] = values
+    return original
+
+
+def _shifted_columns(values: NDArray[Any], layout: Layout) -> NDArray[np.intp]:
+    columns = np.arange(values.shape[1])[:, None] - np.asarray(layout.shifts)[list(layout.order)]
+    return np.asarray(columns % values.shape[1])
 
 
 def has_wide_ranges(turn: Turn) -> bool:

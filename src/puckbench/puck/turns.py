@@ -21,7 +21,16 @@ from puckbench.coding.binary_coder import (
 from puckbench.coding.byte_io import Reader, base_128
 from puckbench.coding.context_mixing import Ints, Mixer, Words
 from puckbench.core.errors import InputError
-from puckbench.lidar.turns import MAX_RANGE, Layout, Ranges, Turn, check_turn, has_wide_ranges
+from puckbench.lidar.turns import (
+    MAX_RANGE,
+    Layout,
+    Ranges,
+    Turn,
+    by_elevation,
+    by_laser,
+    check_turn,
+    has_wide_ranges,
+)
 from puckbench.puck.options import EFFORTS, MAX_STEP, CodingOptions
 from puckbench.puck.ranges import (
     MODEL_SIZES,
@@ -177,22 +186,12 @@ def turn_step(body: bytes) -> int:
 
 
 def _by_elevation(turn: Turn, layout: Layout) -> Turn:
-    order = list(layout.order)
     values = turn.reflectivities
     return replace(
         turn,
-        ranges=_shifted(turn.ranges, layout, 1)[..., order],
-        reflectivities=None if values is None else _shifted(values, layout, 1)[..., order],
+        ranges=by_elevation(turn.ranges, layout),
+        reflectivities=None if values is None else by_elevation(values, layout),
     )
-
-
-def _shifted(images: Values, layout: Layout, sign: int) -> NDArray[Any]:
-    """Shift the columns of each laser; with sign 1, a column then has beams of one direction."""
-    if not layout.shifts:
-        return images
-    count = images.shape[1]
-    rows = (np.arange(count)[:, None] - sign * np.array(layout.shifts)) % count
-    return np.take_along_axis(images, rows[None], axis=1)
 
 
 def _range_type(is_wide: bool) -> type[np.uint16] | type[np.uint32]:
@@ -275,15 +274,13 @@ def _with_coder(model: _Model, bits: BitCoder) -> _Model:
 
 
 def _decoded(state: _State, coded: _CodedTurn, times: NDArray[np.uint32] | None) -> Turn:
-    layout, order = state.layout, np.argsort(state.layout.order)
     kinds = [kind[PAD:] for kind in coded.ranges]
     ranges: Ranges = np.stack(kinds).astype(_range_type(state.is_wide))
     values = None
     if coded.reflectivities:
         kinds = [kind[PAD:] for kind in coded.reflectivities]
-        values = np.stack(kinds).astype(np.uint8).take(order, axis=2)
-        values = _shifted(values, layout, -1)
-    ranges = _shifted(ranges.take(order, axis=2), layout, -1)
+        values = by_laser(np.stack(kinds).astype(np.uint8), state.layout)
+    ranges = by_laser(ranges, state.layout)
     return Turn(ranges, coded.azimuths.astype(np.uint16), times, values)
 
 
