@@ -177,12 +177,12 @@ CAPTURES = [
     Returns(
         "unknown_alone.pcap",
         content(pcap(ethernet(ipv4(udp(payload(0, 0x12, 0x7F)))))),
-        error=r"\(1 of product 0x7F and return mode 0x12\): read are recordings of VLP-16",
+        error=r"\(1 of product 0x7F and return mode 0x12\): recordings of VLP-16, ",
     ),
     Returns(
         "hdl64e.pcap",
         content(pcap(ethernet(ipv4(udp(HDL64E))))),
-        error=r"1 datagram of 1,206 bytes to port 2368 \(1 of an HDL-64E\): read are recordings of",
+        error=r"1 datagram of 1,206 bytes to port 2368 \(1 of an HDL-64E\): recordings of",
     ),
     Returns(
         "cut_off.pcap",
@@ -218,8 +218,8 @@ CAPTURES = [
     Returns(
         "ouster.pcap",
         content(OUSTER),
-        error=r"ouster.pcap: no whole data packet of a Velodyne \(1,206 bytes\), but 3 datagrams "
-        r"of 6,464 bytes to port 7502, 1 datagram of 48 bytes to port 7503: read are recordings of",
+        error=r"ouster.pcap: 3 datagrams of 6,464 bytes, as an Ouster sends: put the metadata of the "
+        r"sensor beside it \(ouster.json\)$",
     ),
     Returns(
         "fragments.pcap",

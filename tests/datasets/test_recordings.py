@@ -351,7 +351,7 @@ def altered(packets: np.ndarray, changes: dict[tuple[int, int], int]) -> np.ndar
     [
         (np.concatenate([spin(packets=60), spin(HDL32E, packets=60)]), "more than one sensor"),
         (np.concatenate([spin(packets=60), spin(mode=DUAL, packets=60)]), "or return mode"),
-        (altered(spin(packets=60), {(9, 1205): 0x28}), "packets of VLP-32C"),
+        (altered(spin(packets=60), {(9, 1205): 0x31}), "packets of Velarray"),
         (altered(spin(packets=60), {(9, 1204): 0x38}), "or return mode"),
         (spin(packets=60) * 0, "60 datagrams of 1,206 bytes to port 2368 .60 without the flags"),
     ],

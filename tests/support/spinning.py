@@ -33,7 +33,9 @@ def spin(
     elevation = np.radians(sensor.laser_elevation_deg)
     metres = _room(angle, elevation) + random.normal(0, 0.006, (blocks, columns, sensor.lasers))
     returned = random.random(metres.shape) < 0.8
-    distance = np.where(returned, np.rint(metres / (sensor.range_quantum_mm / 1000)), 0).astype(np.uint16)
+    distance = np.where(returned, np.rint(metres / (sensor.range_quantum_mm / 1000)), 0).astype(
+        np.uint16
+    )
     reflectivity = (20 + 10 * np.sin(3 * angle) + random.integers(0, 4, metres.shape)).astype("u1")
     table = np.zeros((packets, 12), BLOCK)
     table["flag"] = FLAG
