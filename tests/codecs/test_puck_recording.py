@@ -33,6 +33,7 @@ from tests.support.spinning import (
     HDL32E,
     STRONGEST,
     VLP16,
+    VLP32C,
     nothing_seen,
     pcap,
     rows,
@@ -59,7 +60,7 @@ def recorded() -> list[bytes]:
 
 
 @pytest.mark.parametrize("effort", ["fast", "normal", "thorough"])
-@pytest.mark.parametrize("product", [VLP16, HDL32E])
+@pytest.mark.parametrize("product", [VLP16, HDL32E, VLP32C])
 @pytest.mark.parametrize("mode", [STRONGEST, DUAL])
 def test_a_packet_capture_comes_back(tmp_path: Path, product: int, mode: int, effort: str) -> None:
     data = pcap(rows(spin(product, mode, packets=50)))

@@ -218,8 +218,8 @@ CAPTURES = [
     Returns(
         "ouster.pcap",
         content(OUSTER),
-        error=r"ouster.pcap: 3 datagrams of 6,464 bytes, as an Ouster sends: put the metadata of the "
-        r"sensor beside it \(ouster.json\)$",
+        error=r"ouster.pcap: 3 datagrams of 6,464 bytes, as an Ouster sends: put the metadata of "
+        r"the sensor beside it \(ouster.json\)$",
     ),
     Returns(
         "fragments.pcap",

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from puckbench.core.errors import InputError
-from puckbench.lidar.recordings import packet_turns
+from puckbench.lidar.recordings import packet_turns, read_recording
 from puckbench.lidar.recordings.packet_turns import (
     find_packets,
     is_whole,
@@ -19,10 +20,22 @@ from puckbench.lidar.recordings.packet_turns import (
     split_turns,
     turn_of,
 )
-from tests.support.spinning import DUAL, HDL32E, PACKET, PUCK_HIRES, STRONGEST, VLP16, rows, spin
+from tests.support.spinning import (
+    DUAL,
+    HDL32E,
+    PACKET,
+    PUCK_HIRES,
+    STRONGEST,
+    VLP16,
+    VLP32C,
+    pcap,
+    rows,
+    spin,
+)
 
 LAST = 0x38
-KINDS = [(product, mode) for product in (VLP16, PUCK_HIRES, HDL32E) for mode in (STRONGEST, DUAL)]
+PRODUCTS = (VLP16, PUCK_HIRES, HDL32E, VLP32C)
+KINDS = [(product, mode) for product in PRODUCTS for mode in (STRONGEST, DUAL)]
 
 
 def changed(payloads: NDArray[np.uint8], packet: int, byte: int, value: int) -> NDArray[np.uint8]:
@@ -47,6 +60,8 @@ def at(azimuths: list[int]) -> NDArray[np.uint8]:
         (VLP16, DUAL, 2, 6, 2, 16),
         (HDL32E, STRONGEST, 1, 12, 1, 32),
         (HDL32E, DUAL, 1, 6, 2, 32),
+        (VLP32C, STRONGEST, 1, 12, 1, 32),
+        (VLP32C, DUAL, 1, 6, 2, 32),
     ],
 )
 def test_layouts_are_those_of_the_manuals(
@@ -73,7 +88,7 @@ def test_packets_are_found_wherever_they_are_in_the_bytes() -> None:
     for gap, packet in enumerate(packets):
         places.append(len(data))
         data += packet + b"\xff\xee" * (gap % 3)
-    assert len(data) - places[-1] == 1206 + 4
+    assert len(data) - places[-1] == 1206 + 2
     assert find_packets(np.frombuffer(data, np.uint8)).tolist() == places
     assert find_packets(np.frombuffer(data[:-4], np.uint8)).tolist() == places
     assert find_packets(np.frombuffer(data[:-5], np.uint8)).tolist() == places[:-1]
@@ -188,3 +203,34 @@ def test_turns_that_are_not_of_whole_packets_are_refused() -> None:
             packets_of(kind, lacking)
     with pytest.raises(InputError, match="a packet that is not whole"):
         packets_of(kind, replace(turn, azimuths=turn.azimuths[:-1]))
+
+
+@pytest.mark.parametrize(
+    ("product", "sequence_us", "elevation", "ahead", "quantum_m", "start_mm"),
+    [(VLP32C, 55.296, 15.0, -1.4, 0.004, 42.4), (HDL32E, 46.08, 5.33, 0.0, 0.002, 28.96)],
+)
+def test_captures_of_sensors_of_32_lasers_are_tables(
+    product: int, sequence_us: float, elevation: float, ahead: float, quantum_m: float,
+    start_mm: float, tmp_path: Path,
+) -> None:  # fmt: skip
+    """The points of the 15th pair's second laser, by the sensors' descriptions elsewhere."""
+    payloads = spin(product, packets=3, rise=20)
+    table = payloads.view(PACKET)[:, 0]
+    table["blocks"]["azimuth"] = 100 + 20 * np.arange(36).reshape(3, 12)
+    table["time"] = [10, 10 + round(12 * sequence_us), 10 + round(24 * sequence_us)]
+    (path := tmp_path / "a.pcap").write_bytes(pcap(rows(payloads)))
+    read = read_recording(path)
+    laser = {VLP32C: 29, HDL32E: 23}[product]
+    delay_us = 2.304 * 14 if product == VLP32C else 1.152 * 23
+    seen = read.select(read["laser_id"] == laser)
+    quanta = table["blocks"]["returns"]["distance"].reshape(36, 32)[:, laser].astype(float)
+    columns = np.flatnonzero(quanta)
+    azimuth = np.radians((100 + 20 * (columns + delay_us / sequence_us)) / 100 + ahead)
+    distance, angle = quanta[columns] * quantum_m, np.radians(elevation)
+    level = distance * np.cos(angle)
+    z = distance * np.sin(angle) - start_mm / 1000 * np.tan(angle)
+    expected = np.column_stack([level * np.sin(azimuth), level * np.cos(azimuth), z])
+    np.testing.assert_allclose(seen.xyz, expected, atol=1e-4)
+    np.testing.assert_allclose(
+        np.diff(seen["timestamp"]), np.diff(columns) * sequence_us * 1e-6, atol=1e-6
+    )
