@@ -87,8 +87,8 @@ def test_packets_are_found_wherever_they_are_in_the_bytes() -> None:
     data, places = b"\xff" * 97, []
     for gap, packet in enumerate(packets):
         places.append(len(data))
-        data += packet + b"\xff\xee" * (gap % 3)
-    assert len(data) - places[-1] == 1206 + 2
+        data += packet + b"\xff\xee" * ((gap + 1) % 3)
+    assert len(data) - places[-1] == 1206 + 4
     assert find_packets(np.frombuffer(data, np.uint8)).tolist() == places
     assert find_packets(np.frombuffer(data[:-4], np.uint8)).tolist() == places
     assert find_packets(np.frombuffer(data[:-5], np.uint8)).tolist() == places[:-1]

@@ -45,6 +45,7 @@ def test_vlp16_fires_sixteen_lasers_300_000_times_a_second() -> None:
         ("puck_hires", 16, (-10, 10), 0.3e6),
         ("hdl32e", 32, (-30.67, 10.67), 0.7e6),
         ("hdl64e_s2", 64, (-24.8, 2.0), 1.333e6),
+        ("vlp32c", 32, (-25, 15), 0.6e6),
     ],
 )
 def test_shipped_sensors_have_their_data_sheets_numbers(
@@ -61,7 +62,7 @@ def test_shipped_sensors_have_their_data_sheets_numbers(
 
 
 def test_every_shipped_sensor_is_tested() -> None:
-    assert sensor_names() == ["hdl32e", "hdl64e_s2", "puck_hires", "vlp16"]
+    assert sensor_names() == ["hdl32e", "hdl64e_s2", "puck_hires", "vlp16", "vlp32c"]
 
 
 def test_puck_hires_has_two_thirds_of_the_pucks_angles_and_its_corrections_are_odd() -> None:
@@ -77,6 +78,15 @@ def test_hdl32e_fires_its_lower_and_upper_bank_in_turn_a_third_of_four_degrees_a
     angles = load_sensor("hdl32e").laser_elevation_deg
     assert np.diff(angles[0::2]) == pytest.approx(4 / 3, abs=0.011)
     assert np.diff(angles[1::2]) == pytest.approx(4 / 3, abs=0.011)
+
+
+@pytest.mark.parametrize(("name", "start_mm"), [("hdl32e", 28.96), ("vlp32c", 42.4)])
+def test_beams_of_sensors_of_32_lasers_start_at_one_distance_from_the_axis(
+    name: str, start_mm: float
+) -> None:
+    sensor = load_sensor(name)
+    heights = -start_mm * np.tan(np.radians(sensor.laser_elevation_deg))
+    np.testing.assert_allclose(sensor.vertical_correction_mm, heights, atol=0.051)
 
 
 def test_a_users_own_sensor_is_a_yaml_file(tmp_path: Path) -> None:
@@ -100,6 +110,7 @@ def test_a_users_own_sensor_is_a_yaml_file(tmp_path: Path) -> None:
         ("laser_elevation_deg: []", "laser_elevation_deg is empty"),
         ("laser_elevation_deg: [-1, 91]", "beyond 90 degrees"),
         ("vertical_correction_mm: [1]", "1 vertical_correction_mm for 2 lasers"),
+        ("laser_azimuth_deg: [1]", "1 laser_azimuth_deg for 2 lasers"),
         ("min_range_m: 40", "min_range_m 40.0 is not below max_range_m 30.0"),
         ("min_range_m: -1", "min_range_m is -1, but must be greater than or equal to 0"),
         ("name: 5", "name is 5, but must be a valid string"),

@@ -11,7 +11,7 @@ from puckbench.storage.packets import check_whole_packets, decode_packets, encod
 
 
 class PacketsCodec(ReturnsCodec):
-    """Base class of lossless codecs of a VLP-16's, Puck Hi-Res's or HDL-32E's data packets.
+    """Base class of lossless codecs of the data packets of Velodyne sensors.
 
     A subclass compresses the packets, which contain reflectivities and times. Virtual scans are
     refused: they have no reflectivities, so that their packets would be compressed to fewer bytes

@@ -40,9 +40,10 @@ class Recordings(DataSet):
     """Revolutions in packet captures (.pcap, .pcapng) and ROS bags (.bag, .db3, .mcap).
 
     The sensors are VLP-16, Puck Hi-Res, HDL-32E, VLP-32C and Ouster (with its metadata beside the
-    capture), with one or two returns per beam. Recordings may be compressed (.puck). Only whole revolutions
-    are used. Scenes are named after the file and the first revolution (drive_0012). Unusable
-    recordings are left out and reported; damaged and repeated packets are left out and counted.
+    capture), with one or two returns per beam. Recordings may be compressed (.puck). Only whole
+    revolutions are used. Scenes are named after the file and the first revolution (drive_0012).
+    Unusable recordings are left out and reported; damaged and repeated packets are left out and
+    counted.
     """
 
     of_clouds: ClassVar[bool] = True
