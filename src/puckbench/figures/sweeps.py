@@ -143,5 +143,5 @@ def draw_images(example_spin: PointCloud, style: FigureStyle) -> Figure:
 
 def _image(returns: Returns) -> Floats:
     """Return ranges (lasers, columns), m, of the first turn's first returns; nan if missing."""
-    ranges = returns.turns[0].ranges[0][:, list(returns.layout.order)].T * returns.quantum_m
+    ranges = returns.distances(returns.turns[0])[0][:, list(returns.layout.order)].T
     return np.where(ranges > 0, ranges, np.nan)

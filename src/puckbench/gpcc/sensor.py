@@ -85,6 +85,9 @@ def describe_sensor(
     because decoders find a node's laser by the node's direction from it.
     """
     height = np.asarray(beams.heights_mm)
+    if beams.radial_mm:
+        along = np.cos(np.radians(beams.azimuths_deg or 0.0)) * np.asarray(beams.radial_mm)
+        height = height - along * np.tan(np.radians(beams.elevations_deg))
     upper = np.argsort(beams.elevations_deg)[len(height) // 2 :]
     raised = round(float(np.median(height[upper])) / _RAISED_MM) * _RAISED_MM / 1000 / unit_m
     x, y, z = position

@@ -25,12 +25,19 @@ from puckbench.io.return_tables import (
     write_return_table,
 )
 from puckbench.lidar.sensor import Sensor
-from puckbench.lidar.turns import CENTIDEGREES, Layout, Turn, check_turn, clock_steps
+from puckbench.lidar.turns import (
+    CENTIDEGREES,
+    Layout,
+    Turn,
+    check_turn,
+    clock_steps,
+    has_wide_ranges,
+)
 
 USUAL_QUANTUM_M = 0.002
 """Velodyne's range quantum, the default for sensors that state none."""
-_LARGEST_INCREASE = 100
-"""A larger increase of the azimuth between blocks, in 0.01 degrees, means missing blocks."""
+_LARGEST_INCREASE_DEG = 1.0
+"""A larger increase of the azimuth between blocks means missing blocks, unless it is one step."""
 
 _HOUR_US = 3.6e9
 
@@ -53,6 +60,9 @@ class Beams:
         Azimuths relative to that of the column; empty: all 0.
     sideways_mm
         Distances at which beams pass the axis, in the direction of rotation; empty: all 0.
+    radial_mm
+        Distances from the axis, in the direction of the column's azimuth, at which beams start and
+        from which ranges are measured; empty: all 0.
     """
 
     elevations_deg: tuple[float, ...]
@@ -61,6 +71,7 @@ class Beams:
     clockwise: bool = True
     azimuths_deg: tuple[float, ...] = ()
     sideways_mm: tuple[float, ...] = ()
+    radial_mm: tuple[float, ...] = ()
 
     @classmethod
     def of(cls, sensor: Sensor, firing: Firing = "sequential", is_virtual: bool = False) -> Self:
@@ -105,12 +116,19 @@ class FiringTable(ReturnTable):
     schema = TableSchema("table of firings", "puckbench_firings", FIRING_COLUMNS)
 
 
+class _FiringTableInSteps(FiringTable):
+    """Table of firings whose layout has another number of azimuth steps than 36,000."""
+
+    _azimuth = ("<i4", "step (see metadata)", FIRING_COLUMNS["azimuth"][2])
+    schema = replace(FiringTable.schema, columns={**FIRING_COLUMNS, "azimuth": _azimuth})
+
+
 @dataclass(frozen=True)
 class Returns:
     """Returns of a spinning sensor in its frame: x right, y forward, z up.
 
-    Ranges are multiples of `quantum_m`. Raises InputError if arrays of a turn do not have the
-    layout's shapes.
+    The distance from the start of a beam is a range times `quantum_m`, plus `range_offset_m`.
+    Raises InputError if arrays of a turn do not have the layout's shapes.
     """
 
     beams: Beams
@@ -118,11 +136,12 @@ class Returns:
     turns: tuple[Turn, ...]
     quantum_m: float = USUAL_QUANTUM_M
     sensor: str = ""
+    range_offset_m: float = 0.0
 
     def __post_init__(self) -> None:
         if self.beams.lasers != self.layout.lasers:
             raise InputError(f"{self.beams.lasers} beams for {self.layout.lasers} lasers")
-        more = (self.beams.azimuths_deg, self.beams.sideways_mm)
+        more = (self.beams.azimuths_deg, self.beams.sideways_mm, self.beams.radial_mm)
         if any(len(values) not in (0, self.layout.lasers) for values in more):
             raise InputError("azimuths or offsets of other lasers than the layout's")
         for turn in self.turns:
@@ -137,6 +156,13 @@ class Returns:
         """Number of firings, with and without return."""
         return sum(turn.ranges[0].size for turn in self.turns)
 
+    def distances(self, turn: Turn) -> Floats:
+        """Return the distances (kinds, columns, lasers), m, of a revolution, 0 for no return."""
+        distances: Floats = turn.ranges.astype(np.float64) * self.quantum_m
+        if self.range_offset_m:
+            distances[turn.ranges > 0] += self.range_offset_m
+        return distances
+
     def points(self, distances: Sequence[Floats] | None = None) -> Floats:
         """Compute points (n, 3) in m, in the order of turns, columns, lasers and kinds of return.
 
@@ -144,7 +170,7 @@ class Returns:
         m, replace the ranges of the turns, and have the same shapes.
         """
         if distances is None:
-            distances = [turn.ranges.astype(np.float64) * self.quantum_m for turn in self.turns]
+            distances = [self.distances(turn) for turn in self.turns]
         parts = [self._points(*each) for each in zip(self.turns, distances, strict=True)]
         return np.concatenate(parts) if parts else np.zeros((0, 3))
 
@@ -161,6 +187,10 @@ class Returns:
                 right + sideways * np.cos(azimuth),
                 forward - sideways * np.sin(azimuth),
             )
+        if self.beams.radial_mm:
+            radial = np.asarray(self.beams.radial_mm)[lasers] / 1000
+            turned = self.column_azimuths(turn)[columns, lasers]
+            right, forward = right + radial * np.sin(turned), forward + radial * np.cos(turned)
         height = np.asarray(self.beams.heights_mm)[lasers] / 1000
         return np.column_stack(
             [
@@ -171,33 +201,40 @@ class Returns:
         )
 
     def azimuths(self, turn: Turn) -> Floats:
-        """Return the azimuth of each firing of a revolution, (columns, lasers), rad.
+        """Return the azimuth of each firing of a revolution, (columns, lasers), rad."""
+        fired = self._fired_deg(turn)
+        if self.beams.azimuths_deg:
+            fired = fired + np.asarray(self.beams.azimuths_deg)
+        return np.asarray(np.radians(fired))
 
-        The sensor reports the azimuth of a block's first firing; others are interpolated in time.
-        """
-        blocks = turn.azimuths.astype(np.float64)
-        rise = np.mod(np.diff(blocks), CENTIDEGREES)
+    def column_azimuths(self, turn: Turn) -> Floats:
+        """Return the azimuths of firings (columns, lasers), rad, without those of the lasers."""
+        return np.asarray(np.radians(self._fired_deg(turn)))
+
+    def _fired_deg(self, turn: Turn) -> Floats:
+        # The sensor reports the azimuth of a block's first firing; others are interpolated in time.
+        blocks, steps_per_deg = turn.azimuths.astype(np.float64), self.layout.azimuth_steps / 360
+        rise = np.mod(np.diff(blocks), self.layout.azimuth_steps)
         rise = np.concatenate([rise, rise[-1:] if len(rise) else [0.0]])
-        usual = rise <= _LARGEST_INCREASE
+        usual = rise <= max(_LARGEST_INCREASE_DEG * steps_per_deg, 1)
         rise = np.where(usual, rise, np.median(rise[usual]) if usual.any() else 0.0)
         per_block = self.layout.columns_per_block
         share = (np.arange(per_block)[:, None] + np.asarray(self.beams.delays)) / per_block
-        fired = (blocks[:, None, None] + rise[:, None, None] * share) / 100
-        if self.beams.azimuths_deg:
-            fired = fired + np.asarray(self.beams.azimuths_deg)
-        return np.asarray(np.radians(fired.reshape(-1, self.layout.lasers)))
+        fired = (blocks[:, None, None] + rise[:, None, None] * share) / steps_per_deg
+        return np.asarray(fired.reshape(-1, self.layout.lasers))
 
     @property
     def columns_per_turn(self) -> int:
         """Number of firing columns per revolution, from the median increase of the azimuth."""
-        rises = [np.mod(np.diff(turn.azimuths.astype(int)), CENTIDEGREES) for turn in self.turns]
+        steps = self.layout.azimuth_steps
+        rises = [np.mod(np.diff(turn.azimuths.astype(int)), steps) for turn in self.turns]
         increases = np.concatenate(rises) if rises else np.zeros(0, int)
         rising = increases[increases > 0]
         if not len(rising):
             return 1
         median = float(np.median(rising))
         usual = rising[np.abs(rising - median) <= 0.5 * median]
-        return max(round(CENTIDEGREES * self.layout.columns_per_block / float(usual.mean())), 1)
+        return max(round(steps * self.layout.columns_per_block / float(usual.mean())), 1)
 
     def split(self) -> Iterator[Returns]:
         for turn in self.turns:
@@ -231,12 +268,24 @@ def write_firings(path: Path, returns: Returns) -> None:
         for name, (kind, *_) in FIRING_COLUMNS.items()
     }
     about = {
-        "beams": asdict(returns.beams),
-        "layout": asdict(layout),
+        "beams": _described(returns.beams),
+        "layout": _described(layout),
         "quantum_m": returns.quantum_m,
         "sensor": returns.sensor,
     }
-    write_return_table(path, FiringTable(columns, about))
+    if returns.range_offset_m:
+        about["range_offset_m"] = returns.range_offset_m
+    if any(has_wide_ranges(turn) for turn in returns.turns):
+        about["range_bits"] = 32
+    in_centidegrees = layout.azimuth_steps == CENTIDEGREES
+    kind = FiringTable if in_centidegrees else _FiringTableInSteps
+    write_return_table(path, kind(columns, about))
+
+
+def _described(part: Beams | Layout) -> dict[str, Any]:
+    """Return the fields of `part`, without later ones that have their defaults."""
+    later: dict[str, Any] = {"radial_mm": (), "azimuth_steps": CENTIDEGREES}
+    return {name: value for name, value in asdict(part).items() if later.get(name) != value}
 
 
 def _rows(number: int, turn: Turn, layout: Layout) -> dict[str, NDArray[Any]]:
@@ -270,7 +319,8 @@ def read_firings(path: Path) -> Returns:
             beams = Beams(**{key: _tuples(value) for key, value in about["beams"].items()})
             layout = Layout(**{key: _tuples(value) for key, value in about["layout"].items()})
             turns = tuple(_turns(table, layout))
-            return Returns(beams, layout, turns, about["quantum_m"], about["sensor"])
+            offset = float(about.get("range_offset_m", 0.0))
+            return Returns(beams, layout, turns, about["quantum_m"], about["sensor"], offset)
         except (KeyError, TypeError, ValueError) as error:
             raise InputError("not a whole table of firings") from error
 
@@ -290,6 +340,7 @@ def _tuples(value: Any) -> Any:
 
 
 def _turns(table: FiringTable, layout: Layout) -> Iterator[Turn]:
+    width = np.uint32 if table.about.get("range_bits") == 32 else np.uint16
     edges = np.flatnonzero(np.diff(table["turn"], prepend=-1, append=-1))
     for first, end in pairwise(edges):
         shape = (-1, layout.lasers, layout.kinds)
@@ -301,7 +352,7 @@ def _turns(table: FiringTable, layout: Layout) -> Iterator[Turn]:
         per_time = layout.columns_per_block * layout.blocks_per_time
         times = image["time"][::per_time, 0, 0]
         yield Turn(
-            ranges.astype(np.uint16),
+            ranges.astype(width),
             image["azimuth"][:: layout.columns_per_block, 0, 0].astype(np.uint16),
             times.astype(np.uint32) if (times >= 0).all() else None,
             reflectivity.astype(np.uint8) if (reflectivity >= 0).all() else None,

@@ -14,9 +14,13 @@ from puckbench.coding.byte_io import Reader, base_128
 from puckbench.core.errors import InputError
 from puckbench.lidar.returns import Beams, Firing, Returns
 from puckbench.lidar.sensor import load_sensor, sensor_names
-from puckbench.lidar.turns import Layout
+from puckbench.lidar.turns import CENTIDEGREES, Layout
 
 _QUANTUM_UNIT_M = 1e-7
+_HAS_STEPS = 128
+"""Flag of the kinds of return: the number of azimuth steps, 16 bits less 1, is at the end."""
+_CLOCKWISE, _HAS_OFFSET = 1, 2
+"""Flags of the sense of rotation; with the second, the range offset (8 bytes, m) follows."""
 _MOST_NAME_BYTES = 255
 _DAMAGED = "the stream is damaged or truncated"
 _USES: tuple[tuple[Firing, bool], ...] = (
@@ -28,16 +32,22 @@ _USES: tuple[tuple[Firing, bool], ...] = (
 
 
 def encode_layout(layout: Layout) -> bytes:
-    sizes = [layout.columns_per_block, layout.blocks_per_time, layout.kinds, layout.lasers]
-    return bytes([*sizes, *_paired(layout.order)])
+    kinds, steps = layout.kinds, b""
+    if layout.azimuth_steps != CENTIDEGREES:
+        kinds, steps = kinds | _HAS_STEPS, (layout.azimuth_steps - 1).to_bytes(2, "little")
+    sizes = [layout.columns_per_block, layout.blocks_per_time, kinds, layout.lasers]
+    return bytes([*sizes, *_paired(layout.order)]) + steps
 
 
 def decode_layout(body: bytes) -> tuple[Layout, bytes]:
     """Decode a layout from the beginning of `body`; return it and the bytes after it."""
     reader = Reader(body)
-    *sizes, lasers = reader.take(4)
+    columns, blocks, kinds, lasers = reader.take(4)
+    order, steps = _read_order(reader, lasers), CENTIDEGREES
+    if kinds & _HAS_STEPS:
+        steps = int.from_bytes(reader.take(2), "little") + 1
     try:
-        return Layout(_read_order(reader, lasers), *sizes), reader.rest()
+        return Layout(order, columns, blocks, kinds & ~_HAS_STEPS, steps), reader.rest()
     except ValueError as error:
         raise InputError(f"the stream is damaged ({error})") from error
 
@@ -72,24 +82,27 @@ def _beams(name: str, use: int) -> Beams:
 
 
 def encode_beams(returns: Returns) -> bytes:
-    """Encode the range quantum and the lasers: the name of a shipped sensor, or all angles."""
+    """Encode quantum and offset of ranges, and the lasers: a shipped sensor's name, or angles."""
     quantum = base_128(round(returns.quantum_m / _QUANTUM_UNIT_M))
-    shipped = _shipped().get((returns.beams, returns.sensor))
+    offset = np.array([returns.range_offset_m], "<f8").tobytes() if returns.range_offset_m else b""
+    shipped = None if offset else _shipped().get((returns.beams, returns.sensor))
     angles = _angles(returns.beams)
     if shipped:
         name, use = shipped
         checksum = zlib.crc32(angles).to_bytes(4, "little")
         return quantum + bytes([use + 1, len(name)]) + name.encode() + checksum
     title = returns.sensor.encode()[:_MOST_NAME_BYTES]
-    head = bytes([0, len(title)]) + title + bytes([returns.beams.clockwise])
-    return quantum + head + angles
+    flags = returns.beams.clockwise * _CLOCKWISE | bool(offset) * _HAS_OFFSET
+    return quantum + bytes([0, len(title)]) + title + bytes([flags]) + offset + angles
 
 
 def _angles(beams: Beams) -> bytes:
     rows = [beams.elevations_deg, beams.heights_mm, beams.delays]
-    if beams.azimuths_deg or beams.sideways_mm:
-        none = (0.0,) * beams.lasers
+    none = (0.0,) * beams.lasers
+    if beams.azimuths_deg or beams.sideways_mm or beams.radial_mm:
         rows += [beams.azimuths_deg or none, beams.sideways_mm or none]
+    if beams.radial_mm:
+        rows.append(beams.radial_mm)
     return np.array(rows, "<f8").tobytes()
 
 
@@ -105,13 +118,14 @@ def decode_beams(body: bytes, layout: Layout) -> Returns:
         if zlib.crc32(_angles(beams)).to_bytes(4, "little") != reader.rest():
             raise InputError(f"the stream was made with other laser angles of the sensor {name}")
         return Returns(beams, layout, (), quantum, sensor)
-    clockwise = reader.take(1)[0] == 1
+    flags = reader.take(1)[0]
+    offset = float(np.frombuffer(reader.take(8), "<f8")[0]) if flags & _HAS_OFFSET else 0.0
     angle_bytes = reader.rest()
-    if len(angle_bytes) not in (24 * layout.lasers, 40 * layout.lasers):
+    if len(angle_bytes) not in [8 * rows * layout.lasers for rows in (3, 5, 6)]:
         raise InputError(_DAMAGED)
     angles = np.frombuffer(angle_bytes, "<f8").reshape(-1, layout.lasers)
-    if not np.isfinite(angles).all() or not quantum > 0:
+    if not np.isfinite([*angles.flat, offset]).all() or not quantum > 0:
         raise InputError(_DAMAGED)
     elevations, heights, delays, *more = (tuple(row.tolist()) for row in angles)
-    beams = Beams(elevations, heights, delays, clockwise, *more)
-    return Returns(beams, layout, (), quantum, name)
+    beams = Beams(elevations, heights, delays, bool(flags & _CLOCKWISE), *more)
+    return Returns(beams, layout, (), quantum, name, offset)

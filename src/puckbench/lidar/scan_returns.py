@@ -14,9 +14,7 @@ from puckbench.lidar.returns import USUAL_QUANTUM_M, Beams, Firing, Returns
 from puckbench.lidar.scan_table import ScanTable
 from puckbench.lidar.sensor import Sensor
 from puckbench.lidar.sweep import Sweep
-from puckbench.lidar.turns import CENTIDEGREES, Layout, Turn
-
-_MOST_QUANTA = 0xFFFF
+from puckbench.lidar.turns import CENTIDEGREES, MAX_RANGE, Layout, Turn
 
 
 @dataclass(frozen=True)
@@ -35,7 +33,7 @@ def returns_of_scan(table: ScanTable, clean: bool = False) -> ScanReturns:
     """Return the measured (or `clean`, true) returns of a scan that consists of whole revolutions.
 
     Ranges are rounded to the sensor's quantum, azimuths of columns to 0.01 degrees; ranges that
-    become 0 or exceed 16 bits are left out.
+    become 0, or exceed 16 bits (32 if the sensor's range does), are left out.
     """
     sensor = parsed(Sensor, table.about.get("sensor"), "the scan's sensor")
     sweep = parsed(Sweep, table.about.get("sweep"), "the scan's sweep")
@@ -49,10 +47,12 @@ def returns_of_scan(table: ScanTable, clean: bool = False) -> ScanReturns:
     beams = Beams.of(sensor, firing, is_virtual=True)
     quantum = sensor.range_quantum_mm / 1000 if sensor.range_quantum_mm else USUAL_QUANTUM_M
     quanta = np.rint(table["distance" if clean else "distance_noisy"] / quantum)
-    rows = np.flatnonzero((quanta > 0) & (quanta <= _MOST_QUANTA))
+    is_wide = sensor.max_range_m / quantum > 0xFFFF
+    rows = np.flatnonzero((quanta > 0) & (quanta <= (MAX_RANGE if is_wide else 0xFFFF)))
     laser, step = table["laser_id"][rows], sweep.step_deg(sensor)
     column = np.rint(np.degrees(table["yaw"][rows]) / step - np.asarray(beams.delays)[laser])
-    images = np.zeros((sweep.frames, 1, sweep.steps(sensor), sensor.lasers), np.uint16)
+    shape = (sweep.frames, 1, sweep.steps(sensor), sensor.lasers)
+    images = np.zeros(shape, np.uint32 if is_wide else np.uint16)
     images[table["frame"][rows], 0, column.astype(np.intp), laser] = quanta[rows]
     order = tuple(int(laser) for laser in np.argsort(sensor.laser_elevation_deg, kind="stable"))
     azimuths = np.rint(np.arange(images.shape[2]) * step * 100) % CENTIDEGREES

@@ -12,10 +12,16 @@ from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats
 
 CENTIDEGREES = 36000
+MAX_AZIMUTH_STEPS = 1 << 16
 MAX_LASERS = 128
 MAX_COLUMNS = 1 << 14
 """Limit of the columns of a turn; the slowest Puck has 3,617."""
 MAX_PIXELS = 1 << 20
+MAX_RANGE = (1 << 24) - 1
+"""Limit of ranges of 32 bits, in quanta."""
+
+
+Ranges = NDArray[np.uint16] | NDArray[np.uint32]
 
 
 @dataclass(frozen=True)
@@ -24,13 +30,15 @@ class Layout:
 
     `order` is the laser ids from the lowest elevation to the highest. Columns of a block, such as
     the two of a VLP-16, have a common azimuth; blocks of a packet have a common time. In dual
-    return mode there are two kinds of return.
+    return mode there are two kinds of return. `azimuth_steps` is the number of units of azimuth in
+    a revolution: by default 36,000 of 0.01 degrees; for an Ouster the number of columns.
     """
 
     order: tuple[int, ...]
     columns_per_block: int = 1
     blocks_per_time: int = 1
     kinds: int = 1
+    azimuth_steps: int = CENTIDEGREES
 
     def __post_init__(self) -> None:
         if sorted(self.order) != list(range(len(self.order))) or not self.order:
@@ -39,6 +47,8 @@ class Layout:
             raise ValueError(f"at most {MAX_LASERS} lasers and two kinds")
         if not 1 <= self.columns_per_block <= 255 or not 1 <= self.blocks_per_time <= 255:
             raise ValueError("columns of a block and blocks of a time are 1 to 255")
+        if not 1 <= self.azimuth_steps <= MAX_AZIMUTH_STEPS:
+            raise ValueError(f"azimuth steps of a revolution are 1 to {MAX_AZIMUTH_STEPS}")
 
     @property
     def lasers(self) -> int:
@@ -57,16 +67,17 @@ class Turn:
     Parameters
     ----------
     ranges
-        (kinds of return, columns, lasers), in range quanta, 0 for no return.
+        (kinds of return, columns, lasers), in range quanta, 0 for no return; 32 bits hold up to
+        `MAX_RANGE`.
     azimuths
-        (blocks,), 0.01 degrees.
+        (blocks,), in the layout's azimuth steps.
     times
         (ceil(blocks / blocks_per_time),), microseconds.
     reflectivities
         In the shape of `ranges`.
     """
 
-    ranges: NDArray[np.uint16]
+    ranges: Ranges
     azimuths: NDArray[np.uint16]
     times: NDArray[np.uint32] | None = None
     reflectivities: NDArray[np.uint8] | None = None
@@ -81,7 +92,7 @@ def check_turn(turn: Turn, layout: Layout) -> None:
     blocks = len(turn.azimuths)
     shape = (layout.kinds, blocks * layout.columns_per_block, layout.lasers)
     arrays: list[tuple[str, Any, tuple[int, ...], str]] = [
-        ("ranges", turn.ranges, shape, "uint16"),
+        ("ranges", turn.ranges, shape, "uint32" if has_wide_ranges(turn) else "uint16"),
         ("azimuths", turn.azimuths, (blocks,), "uint16"),
         ("times", turn.times, (-(-blocks // layout.blocks_per_time),), "uint32"),
         ("reflectivities", turn.reflectivities, shape, "uint8"),
@@ -92,6 +103,13 @@ def check_turn(turn: Turn, layout: Layout) -> None:
             raise InputError(f"{name} of a turn are {actual}, not {kind} {expected}")
     if not 0 < blocks <= layout.max_blocks:
         raise InputError(f"a turn of {blocks} blocks (1 to {layout.max_blocks})")
+    if turn.ranges.max(initial=0) > MAX_RANGE:
+        raise InputError(f"ranges of a turn exceed {MAX_RANGE} quanta")
+
+
+def has_wide_ranges(turn: Turn) -> bool:
+    """Return whether ranges have 32 bits; otherwise they have 16."""
+    return turn.ranges.dtype == np.uint32
 
 
 def clock_steps(times: Floats, hour: float) -> Floats:

@@ -31,9 +31,7 @@ def range_errors(original: Returns, decoded: Returns) -> dict[str, float]:
         lost += int(np.count_nonzero(had_return & ~has_return))
         added += int(np.count_nonzero(has_return & ~had_return))
         in_both = had_return & has_return
-        error = (
-            after.ranges[in_both] * decoded.quantum_m - before.ranges[in_both] * original.quantum_m
-        ) * 1000
+        error = 1000 * (decoded.distances(after) - original.distances(before))[in_both]
         count += len(error)
         squared += float(error @ error)
         largest = max(largest, float(np.abs(error).max(initial=0.0)))

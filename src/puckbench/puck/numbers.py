@@ -21,8 +21,6 @@ from puckbench.coding.integers import leading_zeros
 from puckbench.core.compiling import inlined
 from puckbench.puck.experts import FINE, Experts, narrow, write_logits
 
-FARTHEST = (1 << 16) - 1
-"""The largest range of a packet."""
 NODES = 64
 """Number of kinds of decisions, each with its contexts and weights."""
 _STEPS = 11
@@ -31,31 +29,32 @@ _LATER_HALVINGS = 62
 
 @inlined
 def code_number(
-    mixer: Mixer, experts: Experts, number: int, centre: int, unit: int, step: int
+    mixer: Mixer, experts: Experts, number: int, centre: int, unit: int, step: int, farthest: int
 ) -> int:
-    """Encode or decode a number from 0 to (FARTHEST + step) // step by context mixing; return it.
+    """Encode or decode a number from 0 to (farthest + step) // step by context mixing; return it.
 
     The experts estimate `step` * `number`. The expected number `centre` is at least 1; `unit` is
     the distance of the first decisions away from it.
     """
-    return _traverse(mixer, experts, False, 0, number, centre, unit, step)
+    return _traverse(mixer, experts, False, 0, number, centre, unit, step, farthest)
 
 
 @inlined
 def code_unmixed_number(
-    mixer: Mixer, experts: Experts, start: int, number: int, centre: int, unit: int, step: int
-) -> int:
+    mixer: Mixer, experts: Experts, start: int, number: int, centre: int, unit: int, step: int,
+    farthest: int,
+) -> int:  # fmt: skip
     """Code a number like `code_number`, but with one counter per decision, from `start` on."""
-    return _traverse(mixer, experts, True, start, number, centre, unit, step)
+    return _traverse(mixer, experts, True, start, number, centre, unit, step, farthest)
 
 
 @inlined
 def _traverse(
     mixer: Mixer, experts: Experts, is_unmixed: bool, start: int, number: int, centre: int,
-    unit: int, step: int,
+    unit: int, step: int, farthest: int,
 ) -> int:  # fmt: skip
     # `is_unmixed` is a constant in both callers, so that the compiler removes the other branch.
-    low, high = 0, in_steps(FARTHEST, step) + 2
+    low, high = 0, in_steps(farthest, step) + 2
     side, steps, reach = 0, 0, 0
     if centre < high:
         side = _decide(mixer, experts, is_unmixed, start, number, centre, 0, step)

@@ -35,7 +35,6 @@ from puckbench.puck.least_squares import (
     solve,
 )
 from puckbench.puck.numbers import (
-    FARTHEST,
     NODES,
     code_number,
     code_unmixed_bit,
@@ -77,7 +76,8 @@ class RangeModel(NamedTuple):
     gap: Ints  # columns since it began or ceased to return,
     error: Ints  # the running mean of its errors
     memory: Ints  # the last signed error, the number of returns
-    parameters: Ints  # step, lambda, number of predictors, returns between solver updates
+    parameters: Ints  # step, lambda, number of predictors, returns between solver updates, and
+    # the largest range
 
 
 class ModelSize(NamedTuple):
@@ -109,7 +109,7 @@ _COMMON_FEATURES = 10
 
 
 def new_range_model(
-    bits: BitCoder, lasers: int, size: ModelSize, step: int, lmbda: int
+    bits: BitCoder, lasers: int, size: ModelSize, step: int, lmbda: int, farthest: int
 ) -> RangeModel:
     sizes = np.array([100, _SITUATIONS, 90, 90, 100, 90, lasers, 100]) * NODES
     mask_sizes = np.array([2304, 216 * lasers, 2592, 1296, 3264, 64 * lasers])
@@ -132,7 +132,7 @@ def new_range_model(
         new_least_squares(size.predictors, size.features),
         zeros, zeros.copy(), zeros.copy(), zeros + _FIRST_ERROR,
         np.zeros(2, np.int64),
-        np.array([step, lmbda, size.predictors, size.solver_interval], np.int64),
+        np.array([step, lmbda, size.predictors, size.solver_interval, farthest], np.int64),
     )  # fmt: skip
 
 
@@ -248,9 +248,9 @@ def _code_range(
     begin(model.experts, situation)
     _write_contexts(model, image, before, c, laser, t, base, situation, mean)
     index, centre, unit = _quantise(model, source[c, laser], mean, situation)
-    step = model.parameters[0]
-    index = code_number(model.value, model.experts, index, centre, unit, step)
-    value = min(max(index * step, 1), FARTHEST)
+    step, farthest = model.parameters[0], model.parameters[4]
+    index = code_number(model.value, model.experts, index, centre, unit, step, farthest)
+    value = min(max(index * step, 1), farthest)
     _learn_range(model, image, c, laser, value, base, first, group, situation)
 
 
@@ -284,12 +284,14 @@ def _code_range_unmixed(
     base, first, activity, is_known, situation = _predict(model, image, before, c, laser, t)
     mean = FINE * base + 4 * first
     index, centre, unit = _quantise(model, source[c, laser], mean, situation)
-    step, then = model.parameters[0], 9
+    step, farthest, then = model.parameters[0], model.parameters[4], 9
     if is_known == 1:
         then = level_of(before.smooth[t, laser] - mean, FINE * unit * step)
     start = (then * _LEVELS + activity) * NODES
-    index = code_unmixed_number(model.value, model.experts, start, index, centre, unit, step)
-    value = min(max(index * step, 1), FARTHEST)
+    index = code_unmixed_number(
+        model.value, model.experts, start, index, centre, unit, step, farthest
+    )
+    value = min(max(index * step, 1), farthest)
     wrong = min(abs(FINE * value - mean), 4000) * 256
     model.experts.scales[0, situation] += (wrong - model.experts.scales[0, situation]) >> 6
     _learn_range(model, image, c, laser, value, base, first, 0, situation)

@@ -13,7 +13,7 @@ from puckbench.coding.binary_coder import BitCoder, exhausted
 from puckbench.coding.context_mixing import Ints, Mixer, MixerOptions, Words, code_bit, new_mixer
 from puckbench.core.compiling import compiled_in_place, inlined
 from puckbench.puck.experts import FINE, Experts, begin, learn, new_experts
-from puckbench.puck.numbers import FARTHEST, NODES, code_number, halves
+from puckbench.puck.numbers import NODES, code_number, halves
 from puckbench.puck.ranges import PAD
 
 _SAME_ROWS = 8
@@ -28,9 +28,12 @@ class SecondReturnModel(NamedTuple):
     experts: Experts
     other: Ints
     step: int
+    farthest: int
 
 
-def new_second_return_model(bits: BitCoder, lasers: int, step: int) -> SecondReturnModel:
+def new_second_return_model(
+    bits: BitCoder, lasers: int, step: int, farthest: int
+) -> SecondReturnModel:
     same = MixerOptions(
         experts=0, contexts=3, counters=1024 + lasers * 8 + 640, rows=_SAME_ROWS,
         weights=[0.4] * 3, learning_rate=14, final_learning_rate=3, memory=160,
@@ -46,6 +49,7 @@ def new_second_return_model(bits: BitCoder, lasers: int, step: int) -> SecondRet
         new_experts(scales, len(scales)),
         np.zeros(lasers, np.int64),
         step,
+        farthest,
     )
 
 
@@ -70,7 +74,7 @@ def code_second_returns(
                 continue
             number = (source[c, laser] + step // 2) // step + 1 if source[c, laser] > 0 else 0
             number = _code_other(model, ranges, first, then, then_first, c, laser, t, number)
-            ranges[c, laser] = min(max((number - 1) * step, 1), FARTHEST) if number > 0 else 0
+            ranges[c, laser] = min(max((number - 1) * step, 1), model.farthest) if number > 0 else 0
             if number > 0:
                 model.other[laser] = ranges[c, laser]
         if exhausted(model.same.bits):
@@ -129,7 +133,8 @@ def _code_other(
     )
     m.contexts[0], m.contexts[1], m.rows[0] = 0, (1 + known) * NODES, 0
     centre = 1
-    found = code_number(m, model.experts, number, centre, max(16 // step, 1), step)
+    unit = max(16 // step, 1)
+    found = code_number(m, model.experts, number, centre, unit, step, model.farthest)
     if found > 0:
         learn(model.experts, 0, FINE * step * found, 4)
     return found

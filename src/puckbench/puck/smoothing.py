@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from puckbench.core.compiling import compiled_in_place, inlined
 from puckbench.geometry.cloud import Floats
-from puckbench.lidar.returns import Beams, Returns
+from puckbench.lidar.returns import Returns
 from puckbench.lidar.turns import Turn
 from puckbench.puck.planes import (
     LabelledPlanes,
@@ -78,8 +78,8 @@ def smoothed_distances(returns: Returns, turn: Turn, step_m: float) -> Floats:
     level = np.cos(elevations)[:, None]
     up = np.broadcast_to(np.sin(elevations)[:, None], azimuths.shape)
     directions = np.stack([level * side, level * np.cos(azimuths), up], axis=2)
-    origins = _origins(returns.beams, azimuths, order)
-    distances: Floats = turn.ranges.astype(np.float64) * returns.quantum_m
+    origins = _origins(returns, turn, azimuths, order)
+    distances = returns.distances(turn)
     coded = np.ascontiguousarray(distances[0][:, order].T)
     steps = np.mod(np.diff(azimuths[0]), 2 * np.pi)
     column = float(np.median(steps)) if len(steps) else 0.0
@@ -88,14 +88,21 @@ def smoothed_distances(returns: Returns, turn: Turn, step_m: float) -> Floats:
     return distances
 
 
-def _origins(beams: Beams, azimuths: Floats, order: NDArray[np.intp]) -> Floats:
+def _origins(returns: Returns, turn: Turn, azimuths: Floats, order: NDArray[np.intp]) -> Floats:
+    beams = returns.beams
     origins = np.zeros((*azimuths.shape, 3))
     origins[..., 2] = (np.asarray(beams.heights_mm)[order] / 1000)[:, None]
     if beams.sideways_mm:
         sideways = (np.asarray(beams.sideways_mm)[order] / 1000)[:, None]
-        right = sideways * np.cos(azimuths)
-        origins[..., 0] = right if beams.clockwise else -right
+        origins[..., 0] = sideways * np.cos(azimuths)
         origins[..., 1] = -sideways * np.sin(azimuths)
+    if beams.radial_mm:
+        radial = (np.asarray(beams.radial_mm)[order] / 1000)[:, None]
+        turned = returns.column_azimuths(turn)[:, order].T
+        origins[..., 0] += radial * np.sin(turned)
+        origins[..., 1] += radial * np.cos(turned)
+    if not beams.clockwise:
+        origins[..., 0] = -origins[..., 0]
     return origins
 
 

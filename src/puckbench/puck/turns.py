@@ -21,7 +21,7 @@ from puckbench.coding.binary_coder import (
 from puckbench.coding.byte_io import Reader, base_128
 from puckbench.coding.context_mixing import Ints, Mixer, Words
 from puckbench.core.errors import InputError
-from puckbench.lidar.turns import CENTIDEGREES, Layout, Turn, check_turn
+from puckbench.lidar.turns import MAX_RANGE, Layout, Ranges, Turn, check_turn, has_wide_ranges
 from puckbench.puck.options import EFFORTS, MAX_STEP, CodingOptions
 from puckbench.puck.ranges import (
     MODEL_SIZES,
@@ -49,14 +49,18 @@ _EFFORT = 3
 """Position of the effort's bits in a turn's flags."""
 _LEAN = 32
 """Flag: reflectivities are coded with few contexts."""
+_WIDE = 64
+"""Flag: ranges have 32 bits."""
 _CLOCK = 1 << 32
-_FARTHEST_COLUMN = 200
-"""A column of the previous turn is a context up to this distance in units of 0.01 degrees."""
+_FARTHEST_COLUMN = 180
+"""A column of the previous turn is a context up to this fraction of a revolution away."""
 _FIRST_ERROR = 48
+_DECISIONS, _WIDE_DECISIONS = 48, 80
+"""Decisions for a range of 16 or 32 bits, at most about as many."""
 _BYTES_PER_DECISION = 2
 """The most that a decision costs: its bit has a probability of at least 2**-11."""
 
-Values = NDArray[np.uint16] | NDArray[np.uint8]
+Values = Ranges | NDArray[np.uint8]
 _Model = TypeVar("_Model", RangeModel, SecondReturnModel, SequenceModel, ReflectivityModel)
 
 
@@ -65,6 +69,7 @@ class _State:
     layout: Layout
     step: int
     effort: int
+    is_wide: bool
     azimuths: SequenceModel
     ranges: RangeModel
     second: SecondReturnModel
@@ -84,15 +89,16 @@ class _CodedTurn:
     held: list[Words] = field(default_factory=list)
 
 
-def _new_state(layout: Layout, step: int, lmbda: float, effort: int) -> _State:
+def _new_state(layout: Layout, step: int, lmbda: float, effort: int, is_wide: bool) -> _State:
     bits, lasers = bit_writer(0), layout.lasers
+    farthest = MAX_RANGE if is_wide else 0xFFFF
     size = MODEL_SIZES[EFFORTS[effort]]
     sixteenths = max(round(16 * lmbda), 1) if lmbda > 0 else 0
     return _State(
-        layout, step, effort,
-        new_sequence_model(bits, CENTIDEGREES),
-        new_range_model(bits, lasers, size, step, sixteenths),
-        new_second_return_model(bits, lasers, step),
+        layout, step, effort, is_wide,
+        new_sequence_model(bits, layout.azimuth_steps),
+        new_range_model(bits, lasers, size, step, sixteenths, farthest),
+        new_second_return_model(bits, lasers, step, farthest),
         new_sequence_model(bits, _CLOCK),
         [],
     )  # fmt: skip
@@ -108,12 +114,14 @@ class TurnEncoder:
         check_turn(turn, self.layout)
         options = self.options
         effort = EFFORTS.index(options.effort)
-        is_key = self._state is None or 0 < options.key_every <= self._since_key
-        if self._state is None or is_key:
-            self._state = _new_state(self.layout, options.step, options.lmbda, effort)
-            self._since_key = 0
+        is_wide = has_wide_ranges(turn)
+        is_key = 0 < options.key_every <= self._since_key
+        if self._state is None or is_key or is_wide != self._state.is_wide:
+            self._state = _new_state(self.layout, options.step, options.lmbda, effort, is_wide)
+            self._since_key, is_key = 0, True
         self._since_key += 1
         flags = is_key * _KEY | effort << _EFFORT | (options.effort == "fast") * _LEAN
+        flags |= is_wide * _WIDE
         flags |= (options.times and turn.times is not None) * _TIMES
         flags |= (options.reflectivities and turn.reflectivities is not None) * _REFLECTIVITIES
         writer = _PartWriter()
@@ -136,22 +144,24 @@ class TurnDecoder:
         effort = flags >> _EFFORT & 3
         if (
             effort >= len(EFFORTS)
-            or flags > 2 * _LEAN - 1
+            or flags > 2 * _WIDE - 1
             or not 1 <= step <= MAX_STEP
             or not 1 <= blocks <= self.layout.max_blocks
         ):
             raise InputError("the stream is damaged (a turn's header)")
+        is_wide = bool(flags & _WIDE)
         if flags & _KEY:
-            self._state = _new_state(self.layout, step, 0, effort)
+            self._state = _new_state(self.layout, step, 0, effort, is_wide)
         state = self._state
-        if state is None or (step, effort) != (state.step, state.effort):
+        if state is None or (step, effort, is_wide) != (state.step, state.effort, state.is_wide):
             raise InputError("the turn needs the turn before it")
         self._state = None  # no other turn may use the models of a damaged turn
-        coded, times = _code_turn(state, _blank(blocks, self.layout), flags, _PartReader(reader))
+        blank = _blank(blocks, self.layout, is_wide)
+        coded, times = _code_turn(state, blank, flags, _PartReader(reader))
         if reader.rest():
             raise InputError("the stream is damaged (a turn's length)")
         self._state = state
-        return _decoded(self.layout, coded, times)
+        return _decoded(state, coded, times)
 
 
 def is_key(body: bytes) -> bool:
@@ -176,11 +186,15 @@ def _by_elevation(turn: Turn, layout: Layout) -> Turn:
     )
 
 
-def _blank(blocks: int, layout: Layout) -> Turn:
+def _range_type(is_wide: bool) -> type[np.uint16] | type[np.uint32]:
+    return np.uint32 if is_wide else np.uint16
+
+
+def _blank(blocks: int, layout: Layout, is_wide: bool) -> Turn:
     shape = (layout.kinds, blocks * layout.columns_per_block, layout.lasers)
     packets = -(-blocks // layout.blocks_per_time)
     return Turn(
-        np.zeros(shape, np.uint16),
+        np.zeros(shape, _range_type(is_wide)),
         np.zeros(blocks, np.uint16),
         np.zeros(packets, np.uint32),
         np.zeros(shape, np.uint8),
@@ -251,9 +265,9 @@ def _with_coder(model: _Model, bits: BitCoder) -> _Model:
     return model._replace(**mixers)
 
 
-def _decoded(layout: Layout, coded: _CodedTurn, times: NDArray[np.uint32] | None) -> Turn:
-    order = np.argsort(layout.order)
-    ranges = np.stack([kind[PAD:] for kind in coded.ranges]).astype(np.uint16)
+def _decoded(state: _State, coded: _CodedTurn, times: NDArray[np.uint32] | None) -> Turn:
+    order = np.argsort(state.layout.order)
+    ranges = np.stack([kind[PAD:] for kind in coded.ranges]).astype(_range_type(state.is_wide))
     values = None
     if coded.reflectivities:
         kinds = [kind[PAD:] for kind in coded.reflectivities]
@@ -266,7 +280,7 @@ def _code_kinds(
 ) -> _CodedTurn:
     layout, previous = state.layout, state.previous
     sources = [_padded(kind) for kind in turn.ranges]
-    decisions = (len(sources[0]) - PAD) * layout.lasers * 48
+    decisions = sources[0][PAD:].size * (_WIDE_DECISIONS if state.is_wide else _DECISIONS)
     image = RangeContext(*(np.zeros_like(sources[0]) for _ in range(4)))
     image.errors[:PAD] = _FIRST_ERROR
     before = RangeContext(*(np.zeros((1, layout.lasers), np.int32) for _ in range(4)))
@@ -339,24 +353,24 @@ def _extended(values: Words) -> Words:
 
 def _nearest_columns(state: _State, azimuths: Ints) -> Ints:
     """For each column, return the row of the nearest column in the previous turn, or 0."""
-    per_block = state.layout.columns_per_block
+    per_block, steps = state.layout.columns_per_block, state.layout.azimuth_steps
     if state.previous is None:
         return np.zeros(len(azimuths) * per_block, np.int64)
-    now = _column_azimuths(azimuths, per_block)
-    then = _column_azimuths(state.previous.azimuths, per_block)
-    turn = CENTIDEGREES * per_block
+    now = _column_azimuths(azimuths, per_block, steps)
+    then = _column_azimuths(state.previous.azimuths, per_block, steps)
+    turn = steps * per_block
     now += -((now[0] - then[0] + turn // 2) // turn) * turn
     right = np.searchsorted(then, now).clip(1, max(len(then) - 1, 1))
     right = np.minimum(right, len(then) - 1)
     left = np.maximum(right - 1, 0)
     nearest = np.where(now - then[left] <= then[right] - now, left, right)
-    is_near = np.abs(then[nearest] - now) < _FARTHEST_COLUMN * per_block
+    is_near = np.abs(then[nearest] - now) < max(steps // _FARTHEST_COLUMN, 1) * per_block
     return np.where(is_near, nearest + PAD, 0).astype(np.int64)
 
 
-def _column_azimuths(azimuths: Ints, per_block: int) -> Ints:
-    # In units of 0.01 degrees / columns of a block, ascending.
-    rises = np.diff(azimuths) % CENTIDEGREES
+def _column_azimuths(azimuths: Ints, per_block: int, steps: int) -> Ints:
+    # In azimuth steps / columns of a block, ascending.
+    rises = np.diff(azimuths) % steps
     starts = azimuths[0] + np.concatenate([[0], np.cumsum(rises)])
     last = rises[-1:] if len(rises) else np.zeros(1, np.int64)
     within = np.arange(per_block) * np.concatenate([rises, last])[:, None]

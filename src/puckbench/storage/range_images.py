@@ -1,18 +1,20 @@
 """Encoder and decoder for turns as range images: a row for each laser, a column for each firing.
 
 Rows are ordered from the highest laser down. Pixels have 16 bits and count range steps, from 1; 0
-means no return. A stream's body has these parts, each after its length, base 128:
+means no return. Pixels of 32 bits are in two images: their lower and their upper 16 bits. A
+stream's body has these parts, each after its length, base 128:
 
     the layout (`lidar.returns_header`)
     the beams and the quantum (`lidar.returns_header`)
-    the quanta of a step, the number of turns, the blocks of each turn, base 128
+    the quanta of a step (plus 2^16 for pixels of 32 bits), the number of turns, the blocks of each
+        turn, base 128
     differences between successive azimuths (16 bits, zigzag), low bytes first, by Zstandard
     an image for each turn and kind of return, by an image codec
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -24,7 +26,7 @@ from puckbench.coding.zstandard import compressed, decompressed
 from puckbench.core.errors import InputError
 from puckbench.lidar.returns import Returns
 from puckbench.lidar.returns_header import decode_beams, decode_layout, encode_beams, encode_layout
-from puckbench.lidar.turns import Layout, Turn
+from puckbench.lidar.turns import MAX_RANGE, Layout, Ranges, Turn, has_wide_ranges
 
 Image = NDArray[np.uint16]
 EncodeImage = Callable[[Image, int], bytes]
@@ -33,6 +35,7 @@ DecodeImage = Callable[[bytes, tuple[int, int], int], Image]
 """Decode an image; arguments are the stream, the shape, and the quanta in a step. Raises InputError
 if the stream is damaged or has another shape."""
 _MAX_QUANTA = 1 << 15
+_WIDE = 1 << 16
 _PIXELS_PER_BYTE = 4096
 _FEW_PIXELS = 1 << 20
 
@@ -45,8 +48,11 @@ def encode_range_images(returns: Returns, quanta: int, encode_image: EncodeImage
     """
     layout, turns = returns.layout, returns.turns
     quanta = min(quanta, _MAX_QUANTA)
-    numbers = [quanta, len(turns), *(len(turn.azimuths) for turn in turns)]
-    images = [image for turn in turns for image in _images(turn, layout, quanta)]
+    is_wide = any(map(has_wide_ranges, turns))
+    width = _WIDE if is_wide else 0
+    numbers = [quanta | width, len(turns), *(len(turn.azimuths) for turn in turns)]
+    pixels = [image for turn in turns for image in _images(turn, layout, quanta)]
+    images = [part for image in pixels for part in (_halves(image) if is_wide else [image])]
     parts = [
         encode_layout(layout),
         encode_beams(returns),
@@ -64,16 +70,20 @@ def decode_range_images(body: bytes, decode_image: DecodeImage) -> Returns:
     reader = Reader(body)
     layout = decode_layout(_part(reader))[0]
     bare = decode_beams(_part(reader), layout)
-    quanta, blocks = _numbers(Reader(_part(reader)))
+    quanta, is_wide, blocks = _numbers(Reader(_part(reader)))
+    each = layout.kinds * (2 if is_wide else 1)
     if any(not 0 < count <= layout.max_blocks for count in blocks):
         raise InputError("the stream is damaged (its turns)")
     columns = [count * layout.columns_per_block for count in blocks]
-    _check_pixels(sum(columns) * layout.lasers * layout.kinds, reader.body)
+    _check_pixels(sum(columns) * layout.lasers * each, reader.body)
     azimuths = np.split(_unpacked_azimuths(_part(reader), sum(blocks)), np.cumsum(blocks)[:-1])
     turns = []
     for width, azimuth in zip(columns, azimuths, strict=True):
         shape = (layout.lasers, width)
-        images = [decode_image(_part(reader), shape, quanta) for _ in range(layout.kinds)]
+        images: list[Ranges] = [decode_image(_part(reader), shape, quanta) for _ in range(each)]
+        if is_wide:
+            pairs = zip(images[::2], images[1::2], strict=True)
+            images = [low | high.astype(np.uint32) << 16 for low, high in pairs]
         turns.append(_turn(images, azimuth, layout, quanta))
     if reader.rest():
         raise InputError("the stream is damaged (bytes at its end)")
@@ -84,12 +94,13 @@ def _part(reader: Reader) -> bytes:
     return reader.take(reader.number())
 
 
-def _numbers(reader: Reader) -> tuple[int, list[int]]:
-    """Read the number of quanta per step, and the number of blocks in each turn."""
+def _numbers(reader: Reader) -> tuple[int, bool, list[int]]:
+    """Read the quanta per step, whether pixels have 32 bits, and the blocks of each turn."""
     quanta, turns = reader.number(), reader.number()
+    is_wide, quanta = bool(quanta & _WIDE), quanta & ~_WIDE
     if not 0 < quanta <= _MAX_QUANTA or not 0 < turns <= len(reader.body):
         raise InputError("the stream is damaged (its numbers)")
-    return quanta, [reader.number() for _ in range(turns)]
+    return quanta, is_wide, [reader.number() for _ in range(turns)]
 
 
 def _check_pixels(pixels: int, body: bytes) -> None:
@@ -98,28 +109,37 @@ def _check_pixels(pixels: int, body: bytes) -> None:
         raise InputError(f"{pixels} pixels in {len(body)} bytes: more than they may hold")
 
 
-def _images(turn: Turn, layout: Layout, quanta: int) -> list[Image]:
+def _images(turn: Turn, layout: Layout, quanta: int) -> list[Ranges]:
     ranges = turn.ranges.astype(np.int64)[:, :, list(layout.order)[::-1]].transpose(0, 2, 1)
-    steps = np.where(ranges > 0, (ranges - 1) // quanta + 1, 0).astype(np.uint16)
+    steps: Ranges = np.where(ranges > 0, (ranges - 1) // quanta + 1, 0).astype(turn.ranges.dtype)
     images = [np.ascontiguousarray(steps[0])]
     if layout.kinds == 2:
         images.append(_swapped(steps[1], steps[0]))
     return images
 
 
-def _swapped(image: Image, first: Image) -> Image:
+def _halves(image: Ranges) -> list[Image]:
+    return [(image & 0xFFFF).astype(np.uint16), (image >> 16).astype(np.uint16)]
+
+
+def _swapped(image: Ranges, first: Ranges) -> Ranges:
     """Replace pixels equal to those of the first image by 0, and 0 by pixels of the first image.
 
     A second call restores the image.
     """
-    return np.where(image == first, 0, np.where(image == 0, first, image)).astype(np.uint16)
+    other = np.where(image == 0, first, image)
+    swapped: Ranges = np.where(image == first, 0, other).astype(image.dtype)
+    return swapped
 
 
-def _turn(images: list[Image], azimuths: NDArray[np.uint16], layout: Layout, quanta: int) -> Turn:
+def _turn(
+    images: Sequence[Ranges], azimuths: NDArray[np.uint16], layout: Layout, quanta: int
+) -> Turn:
     steps = np.stack([images[0], *(_swapped(other, images[0]) for other in images[1:])])
     middle = (steps.astype(np.int64) - 1) * quanta + 1 + (quanta - 1) // 2
-    ranges = np.zeros((layout.kinds, steps.shape[2], layout.lasers), np.uint16)
-    pixels = np.where(steps > 0, np.minimum(middle, 0xFFFF), 0).astype(np.uint16)
+    farthest = MAX_RANGE if steps.dtype == np.uint32 else 0xFFFF
+    pixels = np.where(steps > 0, np.minimum(middle, farthest), 0)
+    ranges: Ranges = np.zeros((layout.kinds, steps.shape[2], layout.lasers), steps.dtype)
     ranges[:, :, list(layout.order)[::-1]] = pixels.transpose(0, 2, 1)
     return Turn(ranges, azimuths)
 

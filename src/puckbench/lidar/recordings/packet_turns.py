@@ -171,6 +171,8 @@ def packets_of(kind: PacketKind, turn: Turn) -> Payloads:
         raise InputError("the stream holds no times or reflectivities, so no packets")
     if len(turn.azimuths) != len(turn.times) * layout.blocks_per_time:
         raise InputError("the stream holds a packet that is not whole")
+    if turn.ranges.max(initial=0) > 0xFFFF:
+        raise InputError("a range exceeds the 16 bits of a packet")
     packets = np.zeros(len(turn.times), dtype=PACKET)
     blocks = packets["blocks"]
     blocks["flag"] = FLAG
