@@ -21,7 +21,7 @@ MAX_RANGE = (1 << 24) - 1
 """Limit of ranges of 32 bits, in quanta."""
 
 
-Ranges = NDArray[np.uint16] | NDArray[np.uint32]
+Ranges = NDArray[np.uint16 | np.uint32]
 
 
 @dataclass(frozen=True)

@@ -267,7 +267,8 @@ def _with_coder(model: _Model, bits: BitCoder) -> _Model:
 
 def _decoded(state: _State, coded: _CodedTurn, times: NDArray[np.uint32] | None) -> Turn:
     order = np.argsort(state.layout.order)
-    ranges = np.stack([kind[PAD:] for kind in coded.ranges]).astype(_range_type(state.is_wide))
+    kinds = [kind[PAD:] for kind in coded.ranges]
+    ranges: Ranges = np.stack(kinds).astype(_range_type(state.is_wide))
     values = None
     if coded.reflectivities:
         kinds = [kind[PAD:] for kind in coded.reflectivities]

@@ -52,7 +52,11 @@ def encode_range_images(returns: Returns, quanta: int, encode_image: EncodeImage
     width = _WIDE if is_wide else 0
     numbers = [quanta | width, len(turns), *(len(turn.azimuths) for turn in turns)]
     pixels = [image for turn in turns for image in _images(turn, layout, quanta)]
-    images = [part for image in pixels for part in (_halves(image) if is_wide else [image])]
+    images = [
+        (image >> shift & 0xFFFF).astype(np.uint16)
+        for image in pixels
+        for shift in ((0, 16) if is_wide else (0,))
+    ]
     parts = [
         encode_layout(layout),
         encode_beams(returns),
@@ -83,7 +87,7 @@ def decode_range_images(body: bytes, decode_image: DecodeImage) -> Returns:
         images: list[Ranges] = [decode_image(_part(reader), shape, quanta) for _ in range(each)]
         if is_wide:
             pairs = zip(images[::2], images[1::2], strict=True)
-            images = [low | high.astype(np.uint32) << 16 for low, high in pairs]
+            images = [(low + high * np.uint32(1 << 16)).astype(np.uint32) for low, high in pairs]
         turns.append(_turn(images, azimuth, layout, quanta))
     if reader.rest():
         raise InputError("the stream is damaged (bytes at its end)")
@@ -118,10 +122,6 @@ def _images(turn: Turn, layout: Layout, quanta: int) -> list[Ranges]:
     return images
 
 
-def _halves(image: Ranges) -> list[Image]:
-    return [(image & 0xFFFF).astype(np.uint16), (image >> 16).astype(np.uint16)]
-
-
 def _swapped(image: Ranges, first: Ranges) -> Ranges:
     """Replace pixels equal to those of the first image by 0, and 0 by pixels of the first image.
 
@@ -139,9 +139,9 @@ def _turn(
     middle = (steps.astype(np.int64) - 1) * quanta + 1 + (quanta - 1) // 2
     farthest = MAX_RANGE if steps.dtype == np.uint32 else 0xFFFF
     pixels = np.where(steps > 0, np.minimum(middle, farthest), 0)
-    ranges: Ranges = np.zeros((layout.kinds, steps.shape[2], layout.lasers), steps.dtype)
+    ranges = np.zeros((layout.kinds, steps.shape[2], layout.lasers), np.int64)
     ranges[:, :, list(layout.order)[::-1]] = pixels.transpose(0, 2, 1)
-    return Turn(ranges, azimuths)
+    return Turn(ranges.astype(steps.dtype), azimuths)
 
 
 def _packed_azimuths(azimuths: NDArray[np.uint16]) -> bytes:
