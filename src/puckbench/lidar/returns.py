@@ -284,7 +284,7 @@ def write_firings(path: Path, returns: Returns) -> None:
 
 def _described(part: Beams | Layout) -> dict[str, Any]:
     """Return the fields of `part`, without later ones that have their defaults."""
-    later: dict[str, Any] = {"radial_mm": (), "azimuth_steps": CENTIDEGREES}
+    later: dict[str, Any] = {"radial_mm": (), "azimuth_steps": CENTIDEGREES, "shifts": ()}
     return {name: value for name, value in asdict(part).items() if later.get(name) != value}
 
 

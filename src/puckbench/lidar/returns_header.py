@@ -17,8 +17,9 @@ from puckbench.lidar.sensor import load_sensor, sensor_names
 from puckbench.lidar.turns import CENTIDEGREES, Layout
 
 _QUANTUM_UNIT_M = 1e-7
-_HAS_STEPS = 128
-"""Flag of the kinds of return: the number of azimuth steps, 16 bits less 1, is at the end."""
+_HAS_STEPS, _HAS_SHIFTS = 128, 64
+"""Flags beside the kinds of return: the number of azimuth steps less 1, and the shifts of the
+lasers, are at the end, in 16 bits each."""
 _CLOCKWISE, _HAS_OFFSET = 1, 2
 """Flags of the sense of rotation; with the second, the range offset (8 bytes, m) follows."""
 _MOST_NAME_BYTES = 255
@@ -32,22 +33,30 @@ _USES: tuple[tuple[Firing, bool], ...] = (
 
 
 def encode_layout(layout: Layout) -> bytes:
-    kinds, steps = layout.kinds, b""
+    kinds, more = layout.kinds, b""
     if layout.azimuth_steps != CENTIDEGREES:
-        kinds, steps = kinds | _HAS_STEPS, (layout.azimuth_steps - 1).to_bytes(2, "little")
+        kinds |= _HAS_STEPS
+        more = (layout.azimuth_steps - 1).to_bytes(2, "little")
+    if layout.shifts:
+        kinds |= _HAS_SHIFTS
+        more += np.array(layout.shifts, "<i2").tobytes()
     sizes = [layout.columns_per_block, layout.blocks_per_time, kinds, layout.lasers]
-    return bytes([*sizes, *_paired(layout.order)]) + steps
+    return bytes([*sizes, *_paired(layout.order)]) + more
 
 
 def decode_layout(body: bytes) -> tuple[Layout, bytes]:
     """Decode a layout from the beginning of `body`; return it and the bytes after it."""
     reader = Reader(body)
     columns, blocks, kinds, lasers = reader.take(4)
-    order, steps = _read_order(reader, lasers), CENTIDEGREES
+    order, steps, shifts = _read_order(reader, lasers), CENTIDEGREES, b""
     if kinds & _HAS_STEPS:
         steps = int.from_bytes(reader.take(2), "little") + 1
+    if kinds & _HAS_SHIFTS:
+        shifts = reader.take(2 * lasers)
+    kinds &= ~(_HAS_STEPS | _HAS_SHIFTS)
+    columns_of_lasers = tuple(np.frombuffer(shifts, "<i2").tolist())
     try:
-        return Layout(order, columns, blocks, kinds & ~_HAS_STEPS, steps), reader.rest()
+        return Layout(order, columns, blocks, kinds, steps, columns_of_lasers), reader.rest()
     except ValueError as error:
         raise InputError(f"the stream is damaged ({error})") from error
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,7 @@ MAX_RANGE = (1 << 24) - 1
 """Limit of ranges of 32 bits, in quanta."""
 
 
+_Value = TypeVar("_Value", bound=np.generic)
 Ranges = NDArray[np.uint16 | np.uint32]
 
 
@@ -31,7 +32,9 @@ class Layout:
     `order` is the laser ids from the lowest elevation to the highest. Columns of a block, such as
     the two of a VLP-16, have a common azimuth; blocks of a packet have a common time. In dual
     return mode there are two kinds of return. `azimuth_steps` is the number of units of azimuth in
-    a revolution: by default 36,000 of 0.01 degrees; for an Ouster the number of columns.
+    a revolution: by default 36,000 of 0.01 degrees; for an Ouster the number of columns. If lasers
+    of a column have different azimuths, `shifts` are the columns by which coders move the values of
+    each laser so that all of a column have nearly the same azimuth; empty: all 0.
     """
 
     order: tuple[int, ...]
@@ -39,6 +42,7 @@ class Layout:
     blocks_per_time: int = 1
     kinds: int = 1
     azimuth_steps: int = CENTIDEGREES
+    shifts: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
         if sorted(self.order) != list(range(len(self.order))) or not self.order:
@@ -49,6 +53,10 @@ class Layout:
             raise ValueError("columns of a block and blocks of a time are 1 to 255")
         if not 1 <= self.azimuth_steps <= MAX_AZIMUTH_STEPS:
             raise ValueError(f"azimuth steps of a revolution are 1 to {MAX_AZIMUTH_STEPS}")
+        if len(self.shifts) not in (0, self.lasers) or any(
+            abs(shift) >= MAX_COLUMNS for shift in self.shifts
+        ):
+            raise ValueError(f"shifts are less than {MAX_COLUMNS} columns, of each laser or none")
 
     @property
     def lasers(self) -> int:
@@ -105,6 +113,27 @@ def check_turn(turn: Turn, layout: Layout) -> None:
         raise InputError(f"a turn of {blocks} blocks (1 to {layout.max_blocks})")
     if turn.ranges.max(initial=0) > MAX_RANGE:
         raise InputError(f"ranges of a turn exceed {MAX_RANGE} quanta")
+
+
+def by_elevation(values: NDArray[_Value], layout: Layout) -> NDArray[_Value]:
+    """Return values (kinds, columns, lasers) of a turn, shifted, from the lowest laser up."""
+    if not layout.shifts:
+        return values[..., list(layout.order)]
+    return values[:, _shifted_columns(values, layout), list(layout.order)]
+
+
+def by_laser(values: NDArray[_Value], layout: Layout) -> NDArray[_Value]:
+    """Return the values of a turn from the result of `by_elevation`."""
+    if not layout.shifts:
+        return values.take(np.argsort(layout.order), axis=2)
+    original = np.empty_like(values)
+    original[:, _shifted_columns(values, layout), list(layout.order)] = values
+    return original
+
+
+def _shifted_columns(values: NDArray[Any], layout: Layout) -> NDArray[np.intp]:
+    columns = np.arange(values.shape[1])[:, None] - np.asarray(layout.shifts)[list(layout.order)]
+    return np.asarray(columns % values.shape[1])
 
 
 def has_wide_ranges(turn: Turn) -> bool:

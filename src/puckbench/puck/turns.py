@@ -21,7 +21,16 @@ from puckbench.coding.binary_coder import (
 from puckbench.coding.byte_io import Reader, base_128
 from puckbench.coding.context_mixing import Ints, Mixer, Words
 from puckbench.core.errors import InputError
-from puckbench.lidar.turns import MAX_RANGE, Layout, Ranges, Turn, check_turn, has_wide_ranges
+from puckbench.lidar.turns import (
+    MAX_RANGE,
+    Layout,
+    Ranges,
+    Turn,
+    by_elevation,
+    by_laser,
+    check_turn,
+    has_wide_ranges,
+)
 from puckbench.puck.options import EFFORTS, MAX_STEP, CodingOptions
 from puckbench.puck.ranges import (
     MODEL_SIZES,
@@ -177,12 +186,11 @@ def turn_step(body: bytes) -> int:
 
 
 def _by_elevation(turn: Turn, layout: Layout) -> Turn:
-    order = list(layout.order)
     values = turn.reflectivities
     return replace(
         turn,
-        ranges=turn.ranges[..., order],
-        reflectivities=None if values is None else values[..., order],
+        ranges=by_elevation(turn.ranges, layout),
+        reflectivities=None if values is None else by_elevation(values, layout),
     )
 
 
@@ -266,14 +274,14 @@ def _with_coder(model: _Model, bits: BitCoder) -> _Model:
 
 
 def _decoded(state: _State, coded: _CodedTurn, times: NDArray[np.uint32] | None) -> Turn:
-    order = np.argsort(state.layout.order)
     kinds = [kind[PAD:] for kind in coded.ranges]
     ranges: Ranges = np.stack(kinds).astype(_range_type(state.is_wide))
     values = None
     if coded.reflectivities:
         kinds = [kind[PAD:] for kind in coded.reflectivities]
-        values = np.stack(kinds).astype(np.uint8).take(order, axis=2)
-    return Turn(ranges.take(order, axis=2), coded.azimuths.astype(np.uint16), times, values)
+        values = by_laser(np.stack(kinds).astype(np.uint8), state.layout)
+    ranges = by_laser(ranges, state.layout)
+    return Turn(ranges, coded.azimuths.astype(np.uint16), times, values)
 
 
 def _code_kinds(

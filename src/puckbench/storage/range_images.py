@@ -1,8 +1,8 @@
 """Encoder and decoder for turns as range images: a row for each laser, a column for each firing.
 
-Rows are ordered from the highest laser down. Pixels have 16 bits and count range steps, from 1; 0
-means no return. Pixels of 32 bits are in two images: their lower and their upper 16 bits. A
-stream's body has these parts, each after its length, base 128:
+Rows are ordered from the highest laser down, and shifted as the layout says. Pixels have 16 bits
+and count range steps, from 1; 0 means no return. Pixels of 32 bits are in two images: their lower
+and their upper 16 bits. A stream's body has these parts, each after its length, base 128:
 
     the layout (`lidar.returns_header`)
     the beams and the quantum (`lidar.returns_header`)
@@ -26,7 +26,15 @@ from puckbench.coding.zstandard import compressed, decompressed
 from puckbench.core.errors import InputError
 from puckbench.lidar.returns import Returns
 from puckbench.lidar.returns_header import decode_beams, decode_layout, encode_beams, encode_layout
-from puckbench.lidar.turns import MAX_RANGE, Layout, Ranges, Turn, has_wide_ranges
+from puckbench.lidar.turns import (
+    MAX_RANGE,
+    Layout,
+    Ranges,
+    Turn,
+    by_elevation,
+    by_laser,
+    has_wide_ranges,
+)
 
 Image = NDArray[np.uint16]
 EncodeImage = Callable[[Image, int], bytes]
@@ -114,7 +122,7 @@ def _check_pixels(pixels: int, body: bytes) -> None:
 
 
 def _images(turn: Turn, layout: Layout, quanta: int) -> list[Ranges]:
-    ranges = turn.ranges.astype(np.int64)[:, :, list(layout.order)[::-1]].transpose(0, 2, 1)
+    ranges = by_elevation(turn.ranges.astype(np.int64), layout)[:, :, ::-1].transpose(0, 2, 1)
     steps: Ranges = np.where(ranges > 0, (ranges - 1) // quanta + 1, 0).astype(turn.ranges.dtype)
     images = [np.ascontiguousarray(steps[0])]
     if layout.kinds == 2:
@@ -138,10 +146,8 @@ def _turn(
     steps = np.stack([images[0], *(_swapped(other, images[0]) for other in images[1:])])
     middle = (steps.astype(np.int64) - 1) * quanta + 1 + (quanta - 1) // 2
     farthest = MAX_RANGE if steps.dtype == np.uint32 else 0xFFFF
-    pixels = np.where(steps > 0, np.minimum(middle, farthest), 0)
-    ranges = np.zeros((layout.kinds, steps.shape[2], layout.lasers), np.int64)
-    ranges[:, :, list(layout.order)[::-1]] = pixels.transpose(0, 2, 1)
-    return Turn(ranges.astype(steps.dtype), azimuths)
+    pixels = np.where(steps > 0, np.minimum(middle, farthest), 0).astype(steps.dtype)
+    return Turn(by_laser(pixels.transpose(0, 2, 1)[:, :, ::-1], layout), azimuths)
 
 
 def _packed_azimuths(azimuths: NDArray[np.uint16]) -> bytes:
