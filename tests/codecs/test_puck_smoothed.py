@@ -146,15 +146,17 @@ def test_heights_of_lasers_are_taken_into_account() -> None:
 
 
 @pytest.mark.parametrize("clockwise", [True, False])
-def test_beams_beside_the_axis_are_taken_into_account(clockwise: bool) -> None:
-    """Beams pass the axis 26 mm to either side, as those of an HDL-64E; walls are all around."""
+@pytest.mark.parametrize("offsets", ["sideways_mm", "radial_mm"])
+def test_beams_beside_the_axis_are_taken_into_account(clockwise: bool, offsets: str) -> None:
+    """Beams pass the axis 26 mm to either side, as those of an HDL-64E, or start 26 mm before or
+    behind it; walls are all around."""
     lasers, columns, quantum = 16, 900, 0.002
     turn = Turn(
         np.ones((1, columns, lasers), np.uint16), (40 * np.arange(columns)).astype(np.uint16)
     )
     beams = Beams(
         tuple(np.linspace(-15, 15, lasers).tolist()), (0.0,) * lasers, (0.0,) * lasers,
-        sideways_mm=(26.0, -26.0) * (lasers // 2), clockwise=clockwise,
+        clockwise=clockwise, **{offsets: (26.0, -26.0) * (lasers // 2)},
     )  # fmt: skip
     returns = Returns(beams, Layout(tuple(range(lasers))), (turn,), quantum, "Beside")
     starts = returns.points([np.zeros((1, columns, lasers))])

@@ -1,5 +1,7 @@
 """The sensor as G-PCC's parameter sets describe it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -8,8 +10,9 @@ from puckbench.gpcc.coder import encode_geometry
 from puckbench.gpcc.options import PROFILES, SPINNING
 from puckbench.gpcc.sensor import SensorDescription, describe_sensor
 from puckbench.gpcc.syntax import Laser
-from puckbench.lidar.returns import Beams
+from puckbench.lidar.returns import Beams, Returns
 from puckbench.lidar.sensor import load_sensor
+from puckbench.lidar.turns import Layout, Turn
 
 # Tangents and heights in mm of the VLP-16's lasers upwards, as given to TMC13, and what it wrote.
 TANGENTS = (-0.267949, -0.230868, -0.194380, -0.158384, -0.122785, -0.087489, -0.052408, -0.017455)
@@ -88,3 +91,15 @@ def test_the_position_is_from_the_sequences_origin() -> None:
 def test_what_no_stream_can_hold_is_refused(tangents: tuple, heights: tuple, steps: int) -> None:
     with pytest.raises(InputError, match="sensor"):
         SensorDescription(tangents, heights, steps)
+
+
+def test_beams_that_start_beside_the_axis_cross_it_lower_or_higher() -> None:
+    """A point at distance d is at the height and the radius that the description relates."""
+    beams = Beams((30.0, -20.0), (5.0, 7.0), (0.0, 0.0), azimuths_deg=(4.0, -4.0))
+    beams = replace(beams, radial_mm=(27.67, 27.67))
+    sensor = describe_sensor(beams, 0.001, 1024)
+    turn = Turn(np.full((1, 1, 2), 9000, np.uint32), np.zeros(1, np.uint16))
+    layout = Layout((1, 0), azimuth_steps=1024)
+    x, y, z = 1000 * Returns(beams, layout, (turn,), 0.001).points().T
+    crossed = z - np.hypot(x, y) * np.array(sensor.tan_elevation) - sensor.position[2]
+    np.testing.assert_allclose(crossed, sensor.height, atol=0.01)

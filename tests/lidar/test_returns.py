@@ -162,12 +162,11 @@ def test_a_file_brings_everything_back(name: str, tmp_path: Path) -> None:
     returns = EXAMPLES[name]()
     write_firings(tmp_path / "returns.parquet", returns)
     again = read_firings(tmp_path / "returns.parquet")
-    assert (again.beams, again.layout, again.quantum_m, again.sensor) == (
-        returns.beams, returns.layout, returns.quantum_m, returns.sensor
-    )  # fmt: skip
+    assert replace(again, turns=()) == replace(returns, turns=())
     for one, other in zip(returns.turns, again.turns, strict=True):
         for field in ("ranges", "azimuths", "times", "reflectivities"):
             np.testing.assert_array_equal(getattr(one, field), getattr(other, field))
+        assert one.ranges.dtype == other.ranges.dtype
 
 
 def test_another_table_is_refused(tmp_path: Path) -> None:

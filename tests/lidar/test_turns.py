@@ -7,7 +7,18 @@ import numpy as np
 import pytest
 
 from puckbench.core.errors import InputError
-from puckbench.lidar.turns import MAX_COLUMNS, MAX_PIXELS, Layout, Turn, check_turn, clock_steps
+from puckbench.lidar.turns import (
+    MAX_COLUMNS,
+    MAX_PIXELS,
+    MAX_RANGE,
+    Layout,
+    Turn,
+    by_elevation,
+    by_laser,
+    check_turn,
+    clock_steps,
+    has_wide_ranges,
+)
 
 PUCK = Layout((0, 2, 1), columns_per_block=2, blocks_per_time=3, kinds=2)
 
@@ -25,6 +36,10 @@ PUCK = Layout((0, 2, 1), columns_per_block=2, blocks_per_time=3, kinds=2)
         ({"columns_per_block": 256}, "are 1 to 255"),
         ({"blocks_per_time": 0}, "are 1 to 255"),
         ({"blocks_per_time": 256}, "are 1 to 255"),
+        ({"azimuth_steps": 0}, "are 1 to 65536"),
+        ({"azimuth_steps": 65537}, "are 1 to 65536"),
+        ({"shifts": (1, 2)}, "less than 16384 columns"),
+        ({"shifts": (1, 2, -16384)}, "less than 16384 columns"),
     ],
 )
 def test_layouts_have_limits(changes: dict[str, Any], fault: str) -> None:
@@ -38,7 +53,8 @@ def test_layouts_reach_their_limits() -> None:
     # 2^20 pixels of 128 lasers are 8,192 columns.
     assert widest.max_blocks == 32
     assert vars(Layout((0,))) == {
-        "order": (0,), "columns_per_block": 1, "blocks_per_time": 1, "kinds": 1
+        "order": (0,), "columns_per_block": 1, "blocks_per_time": 1, "kinds": 1,
+        "azimuth_steps": 36000, "shifts": (),
     }  # fmt: skip
 
 
@@ -100,6 +116,29 @@ def test_a_turn_has_one_block_or_more_and_no_more_than_the_layout_allows() -> No
     for blocks in (0, 33):
         with pytest.raises(InputError, match=rf"a turn of {blocks} blocks \(1 to 32\)"):
             check_turn(image(blocks, layout), layout)
+
+
+def test_ranges_have_16_bits_or_up_to_24_of_32() -> None:
+    turn = image(7)
+    wide = replace(turn, ranges=turn.ranges.astype(np.uint32))
+    assert (has_wide_ranges(turn), has_wide_ranges(wide)) == (False, True)
+    wide.ranges[1, 2, 0] = MAX_RANGE
+    check_turn(wide, PUCK)
+    wide.ranges[1, 2, 0] += 1
+    with pytest.raises(InputError, match="exceed 16777215 quanta"):
+        check_turn(wide, PUCK)
+
+
+def test_shifts_bring_the_lasers_of_one_direction_into_one_column() -> None:
+    """As Ouster's destaggering: row by row, np.roll by the shift of the laser."""
+    layout = replace(PUCK, shifts=(2, -1, 0))
+    values = np.arange(2 * 14 * 3).reshape(2, 14, 3)
+    shifted = by_elevation(values, layout)
+    for place, laser in enumerate(layout.order):
+        rolled = np.roll(values[:, :, laser], layout.shifts[laser], axis=1)
+        assert np.array_equal(shifted[:, :, place], rolled)
+    assert np.array_equal(by_laser(shifted, layout), values)
+    assert np.array_equal(by_laser(by_elevation(values, PUCK), PUCK), values)
 
 
 def test_returns_are_counted_of_the_first_kind() -> None:

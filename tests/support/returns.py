@@ -1,4 +1,4 @@
-"""Returns of spinning sensors for tests: recorded ones, and those of a sensor of nobody's."""
+"""Returns of spinning sensors for tests: recorded ones, and those of two sensors of nobody's."""
 
 from __future__ import annotations
 
@@ -32,4 +32,38 @@ def homemade(columns: int = 90, seed: int = 3) -> Returns:
     return Returns(beams, Layout((1, 4, 2, 0, 3)), (turn, turn), 0.004, "Homemade")
 
 
-EXAMPLES = {"recorded": recorded, "dual": dual, "homemade": homemade}
+def staggered(columns: int = 128, seed: int = 4) -> Returns:
+    """Two turns of a sensor like an Ouster's: the lasers of a column fire at once, from beside the
+    axis and with azimuths of their own; ranges do not fit in 16 bits."""
+    random = np.random.default_rng(seed)
+    lasers, shifts = 20, np.array([3, 1, -1, -3] * 5)
+    turns = []
+    for number in range(2):
+        column = np.arange(columns)[:, None] + shifts
+        angle = (column + 2 * number) / columns * 2 * np.pi
+        ranges = 66_000 + 4000 * np.sin(2 * angle) + 50 * np.arange(lasers)
+        ranges += random.normal(0, 3, ranges.shape)
+        ranges[random.random(ranges.shape) < 0.1] = 0
+        shades = (100 + 90 * np.cos(angle) + random.integers(0, 3, ranges.shape)).astype(np.uint8)
+        turns.append(
+            Turn(
+                np.rint(ranges).astype(np.uint32)[None],
+                np.arange(columns, dtype=np.uint16),
+                (np.arange(columns // 16) * 1563 + 100_000 * number).astype(np.uint32),
+                shades[None],
+            )
+        )
+    beams = Beams(
+        tuple(np.linspace(20, -22, lasers).tolist()),
+        tuple(np.linspace(30, 40, lasers).tolist()),
+        (0.0,) * lasers,
+        azimuths_deg=tuple((shifts * 360 / columns + 0.1).tolist()),
+        sideways_mm=(0.0,) * lasers,
+        radial_mm=(27.67,) * lasers,
+    )
+    order = tuple(range(lasers))[::-1]
+    layout = Layout(order, blocks_per_time=16, azimuth_steps=columns, shifts=tuple(shifts.tolist()))
+    return Returns(beams, layout, tuple(turns), 0.002, "Staggered", -0.02767)
+
+
+EXAMPLES = {"recorded": recorded, "dual": dual, "homemade": homemade, "staggered": staggered}

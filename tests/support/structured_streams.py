@@ -348,7 +348,8 @@ def puck(streams: Sequence[bytes], random: Random) -> bytes:
     """Turns whose header and parts are at their limits, behind checks that fit."""
     lasers = int(random.choice([1, 2, 16, 32, 64, 128, 129]))
     order = bytes(random.permutation(lasers).astype(np.uint8))
-    layout = bytes([limit(random, 8), limit(random, 8), limit(random, 2), lasers]) + order
+    kinds = limit(random, 2) | int(random.choice([0, 64, 128, 192]))
+    layout = bytes([limit(random, 8), limit(random, 8), kinds, lasers]) + order + _filling(random)
     if random.random() < 0.8:  # one that is allowed
         layout = bytes(
             [1 + limit(random, 2), 12, 1 + limit(random, 1), 16, *range(0x10, 0x110, 0x22)]
@@ -388,7 +389,7 @@ def _turns(whole: Sequence[Record], random: Random) -> list[Record]:
         for _ in range(int(random.integers(1, 4))):
             parts = [_filling(random) for _ in range(int(random.integers(1, 7)))]
             numbers = [1 + limit(random, 12), limit(random, 14)]
-            turns.append(_turn(limit(random, 6) | 1, numbers, parts))
+            turns.append(_turn(limit(random, 7) | 1, numbers, parts))
         return [Record(RecordKind.TURN, body) for body in turns]
     turns *= int(random.choice([1, 1, 2]))
     share = random.choice([0.1, 0.5])
@@ -412,7 +413,7 @@ def _changed_turn(body: bytes, random: Random) -> bytes:
         parts.append(reader.take(reader.number()))
     place = int(random.integers(3 + len(parts)))
     if place == 0:
-        flags = limit(random, 6) | 1
+        flags = limit(random, 7) | 1
     elif place < 3:
         numbers[place - 1] = limit(random, 14)
     else:
