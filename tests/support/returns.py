@@ -41,7 +41,7 @@ def staggered(columns: int = 128, seed: int = 4) -> Returns:
     for number in range(2):
         column = np.arange(columns)[:, None] + shifts
         angle = (column + 2 * number) / columns * 2 * np.pi
-        ranges = 66_000 + 4000 * np.sin(2 * angle) + 50 * np.arange(lasers)
+        ranges = 45_000 + 30_000 * np.sin(angle) + 50 * np.arange(lasers)
         ranges += random.normal(0, 3, ranges.shape)
         ranges[random.random(ranges.shape) < 0.1] = 0
         shades = (100 + 90 * np.cos(angle) + random.integers(0, 3, ranges.shape)).astype(np.uint8)
