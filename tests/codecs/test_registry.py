@@ -69,28 +69,6 @@ def test_a_parameter_that_a_rate_lacks_is_one_line(name: str, parameter: str) ->
         codec.encode(np.eye(3), "r1")
 
 
-def test_a_rate_may_be_any_length_where_rates_are_steps() -> None:
-    codec = open_codec("gpcc", {"metric_rates": ["7um", "3mm", "2cm", "10mm", "1m"]})
-    steps = [rate["step_m"] for rate in codec.metric_rates.values()]
-    assert steps == [1, 0.02, 0.01, 0.003, 7e-6]
-    points = np.array([[0.0, 0.0, 0.0], [1.0049, 0.5, 0.25]])
-    decoded = codec.decode(codec.encode(points, "3mm"))
-    np.testing.assert_allclose(np.sort(decoded, axis=0), np.sort(points, axis=0), atol=0.0016)
-    np.testing.assert_allclose(decoded / 0.003, np.rint(decoded / 0.003), atol=1e-6)
-
-
-@pytest.mark.parametrize(
-    ("name", "rate"),
-    [
-        *(("gpcc", rate) for rate in ("0mm", "-3mm", "3km", "1.5mm", "3")),
-        *((name, "3mm") for name in ("gpcc_predictive", "packets_xz", "pcgcv2_plus")),
-    ],
-)
-def test_other_names_are_unknown_rates(name: str, rate: str) -> None:
-    with pytest.raises(InputError, match=f"codec {name}: unknown rate '{rate}'"):
-        open_codec(name).parameters_of(rate)
-
-
 def test_an_empty_stream_is_refused(tmp_path: Path) -> None:
     (tmp_path / "raw.py").write_text(OWN.replace(".tobytes()", ".tobytes()[:0]"))
     changes = {"class": f"{tmp_path}/raw.py:Raw", "rates": {"r1": {"kind": "<f4"}}}

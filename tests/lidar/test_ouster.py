@@ -117,8 +117,10 @@ def test_a_recording_goes_through_every_command(
     assert set(table["turn"]) == {0, 1}
     assert main(["prepare", "drive.pcap", "turn.ply", "--turns", "1-1"]) == 0
     original = read_cloud(Path("turn.ply"))
-    for codec, rate in (("puck", "1mm"), ("gpcc", "1mm")):
-        assert main(["encode", "turn.ply", "turn.bin", "--codec", codec, "--rate", rate]) == 0
+    entry = json.dumps({"metric_rates": {"1mm": {"step_m": 0.001}}})
+    for codec in ("puck", "gpcc"):
+        words = ["encode", "turn.ply", "turn.bin", "--codec", codec, "--rate", "1mm"]
+        assert main([*words, "--entry", entry]) == 0
         assert main(["decode", "turn.bin", "decoded.ply"]) == 0
         decoded = read_cloud(Path("decoded.ply"))
         assert len(decoded) == pytest.approx(len(original), rel=0.01)

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-import re
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, ClassVar, Literal, NamedTuple
@@ -16,8 +15,6 @@ from puckbench.geometry.cloud import CoordinateFrame
 Parameters = Mapping[str, Any]
 Line = Literal["-", "--", "-.", ":"]
 Takes = Literal["points", "returns", "either"]
-_LENGTH = re.compile(r"(\d{1,6})(m|cm|mm|um)")
-_PER_M = {"m": 1, "cm": 100, "mm": 1000, "um": 10**6}
 LENGTHS_MM = (100, 50, 20, 10, 5, 2, 1)
 """Usual rates of clouds in metres, the smallest bitrate first."""
 
@@ -28,24 +25,6 @@ def lengths(*millimetres: int) -> dict[str, Parameters]:
     For example, the rate ``10mm`` has the parameter ``step_m`` with the value 0.01.
     """
     return {f"{length}mm": {"step_m": length / 1000} for length in millimetres or LENGTHS_MM}
-
-
-def select_rates(
-    offered: Mapping[str, Parameters], names: Collection[str]
-) -> dict[str, Parameters]:
-    """Return the parameters of the named rates, the smallest bitrate first.
-
-    Names that are not offered are left out. If all offered rates have a step as their only
-    parameter, any length is a rate: a whole number of m, cm, mm or um, such as ``3mm``.
-    """
-    selected = {name: rate for name, rate in offered.items() if name in names}
-    if len(offered) < 2 or any(rate.keys() != {"step_m"} for rate in offered.values()):
-        return selected
-    for name in names:
-        length = _LENGTH.fullmatch(name)
-        if name not in offered and length and int(length[1]):
-            selected[name] = {"step_m": int(length[1]) / _PER_M[length[2]]}
-    return dict(sorted(selected.items(), key=lambda rate: -rate[1]["step_m"]))
 
 
 class Memory(NamedTuple):
@@ -203,7 +182,7 @@ class CodecFacts:
         """
         offered = self.rates_of(frame) or self.rates or self.metric_rates
         requested = offered if rate is None else (rate,)
-        if any(name in self.metric_rates or name not in self.rates for name in requested):
+        if any(name in self.metric_rates for name in requested):
             self._check_metric(frame)
         elif self.needs_scaled and frame != "scaled":
             self._refuse_unscaled(frame)
@@ -236,7 +215,6 @@ class CodecFacts:
         A parameter that the rate lacks raises InputError too, when it is read.
         """
         offered = {**self.rates, **self.metric_rates}
-        selected = {**select_rates(self.rates, [rate]), **select_rates(self.metric_rates, [rate])}
-        if rate not in selected:
+        if rate not in offered:
             raise InputError(f"codec {self.name}: unknown rate '{rate}'{among(rate, offered)}")
-        return _RateParameters(selected[rate], f"codec {self.name}: rate {rate}")
+        return _RateParameters(offered[rate], f"codec {self.name}: rate {rate}")

@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any
 from pydantic import create_model
 
 from puckbench.codecs.base import Codec
-from puckbench.codecs.facts import select_rates
 from puckbench.coding.shift import unshifted
 from puckbench.coding.unit import without_unit
 from puckbench.core.errors import InputError, among
@@ -181,13 +180,10 @@ def _rates(name: str, offered: Entry, requested: Entry | Sequence[str] | None) -
     """
     if isinstance(requested, Mapping):
         return dict(requested)
-    if requested is None:
-        return dict(offered)
-    selected = select_rates(offered, requested)
-    unknown = [rate for rate in requested if rate not in selected]
+    unknown = [rate for rate in requested or () if rate not in offered]
     if unknown:
         raise InputError(f"codec {name}: unknown rate '{unknown[0]}'{among(unknown[0], offered)}")
-    return selected
+    return {key: rate for key, rate in offered.items() if requested is None or key in requested}
 
 
 def codes_surfaces(name: str, changes: Entry | None = None) -> bool:

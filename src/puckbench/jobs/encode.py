@@ -125,7 +125,8 @@ class Encode(Encoding):
 
     def _cloud(self, codec: Codec, path: Path, prepared: Path | None) -> PointCloud:
         if prepared:
-            frame = self.frame or ("scaled" if self.rate in codec.rates else "metric")
+            is_length = self.rate in codec.metric_rates and self.rate not in codec.rates
+            frame = self.frame or ("metric" if is_length else "scaled")
             codec.check_frame(frame, self.rate)
             job = Prepare(size=0) if frame == "metric" else Prepare()
             job.run(path, prepared)

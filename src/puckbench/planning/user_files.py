@@ -10,7 +10,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal, get_args
 
-from puckbench.codecs.facts import select_rates
 from puckbench.codecs.registry import codec_class
 from puckbench.core.content import plain_suffix
 from puckbench.core.errors import NARROWER, InputError, naming
@@ -257,10 +256,7 @@ class UserRun:
         lacking = [
             name
             for name, codec in offered.items()
-            if {*self.rates} - {"all"}
-            and not any(
-                select_rates(each, self.rates) for each in (codec.rates, codec.metric_rates)
-            )
+            if {*self.rates} - {"all"} and not {*self.rates} & {*codec.rates, *codec.metric_rates}
         ]
         if len(lacking) == len(usual):
             return tuple(usual)
@@ -277,7 +273,7 @@ class UserRun:
         for codec in plan.codecs:
             for frame in plan.frames:
                 rates = plan.rates(codec, frame)
-                selected = self._wanted(plan, codec, frame, few) if rates else rates
+                selected = self._wanted(plan, codec, rates, few) if rates else rates
                 if few and len(selected) < len(rates):
                     counts = f"{len(selected)} of {len(rates)} rates"
                     self._reductions[f"codec {codec}"] = f"{counts}: all take long (--rates all)"
@@ -286,13 +282,12 @@ class UserRun:
                     changes[codec][keys[frame]] = list(selected)
         return changes
 
-    def _wanted(self, plan: Plan, codec: str, frame: CoordinateFrame, few: bool) -> tuple[str, ...]:
-        rates = plan.rates(codec, frame)
+    def _wanted(self, plan: Plan, codec: str, rates: tuple[str, ...], few: bool) -> tuple[str, ...]:
         if few:
             return tuple(spread_out(rates, _FEW_RATES))
         if self.rates in {(), ("all",)}:
             return rates
-        selected = tuple(select_rates(plan.opened[codec].rates_of(frame), self.rates))
+        selected = tuple(rate for rate in rates if rate in self.rates)
         if not selected:
             raise InputError(
                 f"--rates: codec {codec} has none of {', '.join(self.rates)} "
@@ -303,8 +298,7 @@ class UserRun:
     def _other_frame(self, plan: Plan, codec: str) -> str:
         """Return a hint at the frame that has the requested rates, or an empty string."""
         for frame in get_args(CoordinateFrame):
-            offered = plan.opened[codec].rates_of(frame)
-            if frame not in plan.frames and select_rates(offered, self.rates):
+            if frame not in plan.frames and {*self.rates} & {*plan.rates(codec, frame)}:
                 return f": use --frame {frame}"
         return ""
 
@@ -384,7 +378,7 @@ def _seconds(plan: Plan) -> float:
 def _check_width(plan: Plan, codec: str, frame: CoordinateFrame, rates: Sequence[str]) -> None:
     names = [name for name in plan.in_frame(frame) if plan.codes(codec, name)]
     curves = [curve for curve in plan.curves if curve[0] in names and curve[2] == codec]
-    if names and not any({*rates}.difference(plan.too_wide.get(curve, ())) for curve in curves):
+    if names and not any({*rates}.intersection(plan.curve_rates(*curve)) for curve in curves):
         raise InputError(f"codec {codec}: every cloud is too wide for its rates{NARROWER}")
 
 
