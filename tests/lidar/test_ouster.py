@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ from puckbench.io.clouds import read_cloud
 from puckbench.lidar.recordings import read_recording, read_returns
 from puckbench.lidar.recordings.ouster import read_sensor
 from puckbench.lidar.recordings.reading import read_turns
+from tests.support.bench import ROOT
 from tests.support.ouster import (
     FORMATS,
     HEIGHT_MM,
@@ -196,3 +198,24 @@ def test_damaged_packets_are_read_to_an_end(tmp_path: Path) -> None:
         path.write_bytes(capture(sent))
         returns = read_turns(path).returns
         assert all(np.isfinite(one.points()).all() for one in returns.split())
+
+
+RECORDINGS = sorted((ROOT / "data" / "ouster_recordings").glob("*_digest.json"))
+
+
+@pytest.mark.skipif(not RECORDINGS, reason="needs puckbench data ouster_recordings")
+def test_fields_of_real_recordings_have_the_digests_of_the_sdk() -> None:
+    for path in RECORDINGS:
+        digests = json.loads(path.read_text())["scans"][0]
+        returns = read_turns(path.with_name(path.name.replace("_digest.json", ".pcap"))).returns
+        (turn,) = returns.turns
+        unit = round(returns.quantum_m * 1000)
+        assert turn.reflectivities is not None
+        for kind, suffix in zip(range(returns.layout.kinds), ("", "2"), strict=False):
+            images = {
+                "RANGE": turn.ranges[kind].T.astype("<u4") * np.uint32(unit),
+                "REFLECTIVITY": turn.reflectivities[kind].T,
+            }
+            for field, image in images.items():
+                digest = hashlib.md5(image.tobytes(), usedforsecurity=False).hexdigest()
+                assert digest == digests[field + suffix], (path, field)

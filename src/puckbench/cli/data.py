@@ -15,7 +15,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "names",
         nargs="*",
         help="sets to download: captured_rooms, sweethome3d (default: both), pcgc_weights, "
-        "reno_weights",
+        "reno_weights, ouster_recordings",
     )
     parser.add_argument(
         "--folder", type=Path, default=Path("data"), help="folder of the data (default: data)"

@@ -13,7 +13,7 @@ from functools import partial
 from pathlib import Path
 
 from puckbench.core.errors import InputError
-from puckbench.datasets import published_weights
+from puckbench.datasets import published_files
 from puckbench.datasets.captured_rooms import CapturedRooms
 from puckbench.datasets.sweethome3d import SweetHome3D
 
@@ -145,22 +145,32 @@ SOURCES = {
     ),
     "pcgc_weights": PackageSource(
         package="pcgc_weights",
-        download=published_weights.download,
+        download=published_files.download,
         unpack=tarfile.open,
         wanted=re.compile(r"[\w.-]+"),
         hashes=None,
         pinned=True,
-        credits=published_weights.credits_of,
+        credits=published_files.credits_of,
         by_default=False,
     ),
     "reno_weights": PackageSource(
         package="reno_weights",
-        download=partial(published_weights.download, name=published_weights.RENO),
+        download=partial(published_files.download, name=published_files.RENO),
         unpack=tarfile.open,
         wanted=re.compile(r"[\w.-]+"),
         hashes=None,
         pinned=True,
-        credits=published_weights.credits_of_reno,
+        credits=published_files.credits_of_reno,
+        by_default=False,
+    ),
+    "ouster_recordings": PackageSource(
+        package="ouster_recordings",
+        download=partial(published_files.download, name=published_files.OUSTER),
+        unpack=tarfile.open,
+        wanted=re.compile(r"[\w.-]+"),
+        hashes=None,
+        pinned=True,
+        credits=published_files.credits_of_ouster,
         by_default=False,
     ),
 }

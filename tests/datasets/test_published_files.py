@@ -17,7 +17,7 @@ import pytest
 from puckbench.cli import main
 from puckbench.codecs.learned import PUBLISHED_WEIGHTS
 from puckbench.codecs.registry import open_codec
-from puckbench.datasets import published_weights
+from puckbench.datasets import published_files
 from puckbench.datasets.sources import SOURCES
 from tests.support.tensorflow_checkpoint import checkpoint
 
@@ -66,7 +66,7 @@ def known(server: tuple[str, Path], monkeypatch: pytest.MonkeyPatch) -> dict[str
     archive = io.BytesIO()
     values = {name: VARIABLES[name].astype(np.float32) for name in ("c", "a", "b")}
     np.savez(archive, **values)  # type: ignore[arg-type]
-    sources, git = ["one/ckpt.index", "one/ckpt.data"], published_weights._git_name
+    sources, git = ["one/ckpt.index", "one/ckpt.data"], published_files._git_name
     files: dict[str, Any] = {
         "LICENSE-PCGCv1": {"from": ["one/LICENSE"], "sha256": _sha256(b"Apache")}
     }
@@ -81,7 +81,7 @@ def known(server: tuple[str, Path], monkeypatch: pytest.MonkeyPatch) -> dict[str
     for name, content in served.items():
         (folder / name).write_bytes(content)
     found = {"repositories": {"one": "."}, "files": files, "order": "02 00 01"}
-    download = partial(published_weights.download, host=host, published=found)
+    download = partial(published_files.download, host=host, table=found)
     monkeypatch.setitem(
         SOURCES, "pcgc_weights", replace(SOURCES["pcgc_weights"], download=download)
     )
@@ -117,7 +117,7 @@ def test_one_command_brings_the_published_codecs(
     [
         ("c8_a1_32000.pth", b"other", r"c8_a1_32000\.pth has the SHA-256 .*, not the expected"),
         ("ckpt.index", b"other", r"a0\.75b3\.npz: not a TensorFlow checkpoint"),
-        ("LICENSE", None, "LICENSE cannot be fetched .*option `weights`"),
+        ("LICENSE", None, "LICENSE cannot be fetched "),
     ],
 )
 def test_what_is_not_the_known_file_leaves_nothing(
@@ -141,16 +141,16 @@ def test_a_checkpoint_without_a_known_hash_is_known_by_its_name_in_git(
     known: dict[str, Any], server: tuple[str, Path], tmp_path: Path
 ) -> None:
     known["files"] = {"a3.5b3.npz": known["files"]["a3.5b3.npz"]}
-    assert published_weights.download(tmp_path, server[0], known).is_file()
+    assert published_files.download(tmp_path, server[0], known).is_file()
     (server[1] / "ckpt.data").write_bytes(bytes(100))
-    with pytest.raises(published_weights.InputError, match="differs from the published one"):
-        published_weights.download(tmp_path, server[0], known)
+    with pytest.raises(published_files.InputError, match="differs from the published one"):
+        published_files.download(tmp_path, server[0], known)
 
 
 def test_the_weights_of_reno_come_alike(
     server: tuple[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    table = published_weights.published_files("reno_weights")
+    table = published_files.published("reno_weights")
     assert all(len(about["sha256"]) == 64 for about in table["files"].values())
     assert {Path(name).stem for name in table["files"]} == {*RENO_SETS, "LICENSE-RENO"}
     for about in table["files"].values():
@@ -161,7 +161,7 @@ def test_the_weights_of_reno_come_alike(
     table["repositories"] = {"reno": "."}
     source = SOURCES["reno_weights"]
     assert isinstance(source.download, partial)
-    download = partial(source.download, host=server[0], published=table)
+    download = partial(source.download, host=server[0], table=table)
     monkeypatch.setitem(SOURCES, "reno_weights", replace(source, download=download))
     monkeypatch.chdir(tmp_path)
     assert main(["data", "reno_weights"]) == 0
@@ -172,11 +172,25 @@ def test_the_weights_of_reno_come_alike(
         assert codec.weights_of("8mm") == f"{name} {_sha256(name.encode())[:16]}"
 
 
+def test_recordings_of_ouster_sensors_have_metadata_digests_and_a_licence() -> None:
+    table = published_files.published("ouster_recordings")
+    assert all(len(about["sha256"]) == 64 for about in table["files"].values())
+    names = {Path(name) for name in table["files"]}
+    captures = {name for name in names if name.suffix == ".pcap"}
+    assert len(captures) == 6
+    whole = {name for name in captures if "_lb_n3" not in name.stem}
+    described = {name.with_suffix(".json") for name in whole}
+    digests = {name.with_name(f"{name.stem}_digest.json") for name in whole}
+    rest = {Path("LICENSE-OUSTER-SDK"), Path("OS-1-128_v2.3.0_1024x10.json")}
+    assert names == captures | described | digests | rest
+    assert "BSD 3-Clause" in SOURCES["ouster_recordings"].credits(Path())
+
+
 def test_the_real_table_has_every_rate_and_licence() -> None:
-    files = published_weights.published_files()["files"]
+    files = published_files.published()["files"]
     wanted = {f"a{rate}b3.npz" for rate in RATES["pcgcv1"]}
     wanted |= {f"c8_a{rate}_32000.pth" for rate in RATES["pcgcv2"]}
     assert set(files) == wanted | {"LICENSE-PCGCv1", "LICENSE-PCGCv2"}
-    assert len(bytes.fromhex(published_weights.published_files()["order"])) == 222
+    assert len(bytes.fromhex(published_files.published()["order"])) == 222
     assert {name for name, about in files.items() if "sha256" not in about} == {"a3.5b3.npz"}
-    assert published_weights._git_name(b"") == "e69de29bb2d1d6434b8b29ae775ad8c2e48c5391"
+    assert published_files._git_name(b"") == "e69de29bb2d1d6434b8b29ae775ad8c2e48c5391"

@@ -1,6 +1,6 @@
-"""Download of the neural network weights that the authors of PCGCv1, PCGCv2 and RENO published.
+"""Download of files that others published on GitHub: weights of networks, and recordings.
 
-published_weights.yaml and reno_weights.yaml list the files, with commits and hashes.
+Tables (.yaml) beside this module list the files, with commits and hashes.
 """
 
 from __future__ import annotations
@@ -21,11 +21,15 @@ _MAX_BYTES = 2**26
 _OPTIMISER = "main_optimizer/"
 
 
-PCGC, RENO = "pcgc_weights", "reno_weights"
-_TABLES = {PCGC: "published_weights.yaml", RENO: "reno_weights.yaml"}
+PCGC, RENO, OUSTER = "pcgc_weights", "reno_weights", "ouster_recordings"
+_TABLES = {
+    PCGC: "published_weights.yaml",
+    RENO: "reno_weights.yaml",
+    OUSTER: "ouster_recordings.yaml",
+}
 
 
-def published_files(name: str = PCGC) -> dict[str, Any]:
+def published(name: str = PCGC) -> dict[str, Any]:
     import yaml
 
     text = Path(__file__).with_name(_TABLES[name]).read_text(encoding="utf-8")
@@ -34,19 +38,17 @@ def published_files(name: str = PCGC) -> dict[str, Any]:
 
 
 def download(
-    folder: Path, host: str = HOST, published: Mapping[str, Any] | None = None, name: str = PCGC
+    folder: Path, host: str = HOST, table: Mapping[str, Any] | None = None, name: str = PCGC
 ) -> Path:
-    """Download weights and their licences from GitHub into a tar archive, and check all hashes.
+    """Download files and their licences from GitHub into a tar archive, and check all hashes.
 
     `name` is the list of files, and the name of the archive in `folder`.
     """
-    published = published or published_files(name)
+    table = table or published(name)
     package = folder / f"{name}.tar"
     with tarfile.open(package, "w") as archive:
-        for file, entry in published["files"].items():
-            content = _file(
-                file, entry, partial(_fetch, host, published["repositories"]), published
-            )
+        for file, entry in table["files"].items():
+            content = _file(file, entry, partial(_fetch, host, table["repositories"]), table)
             member = tarfile.TarInfo(file)
             member.size = len(content)
             archive.addfile(member, io.BytesIO(content))
@@ -54,12 +56,12 @@ def download(
 
 
 def _file(
-    name: str, entry: Mapping[str, Any], fetch: Callable[[str], bytes], published: Mapping[str, Any]
+    name: str, entry: Mapping[str, Any], fetch: Callable[[str], bytes], table: Mapping[str, Any]
 ) -> bytes:
     parts = [fetch(place) for place in entry["from"]]
     if "git" in entry and [_git_name(part) for part in parts] != entry["git"]:
         raise InputError(f"{name}: the repository's content differs from the published one")
-    content = parts[0] if len(parts) == 1 else _archive(name, parts, published["order"])
+    content = parts[0] if len(parts) == 1 else _archive(name, parts, table["order"])
     digest = hashlib.sha256(content).hexdigest()
     if digest != entry.get("sha256", digest):
         raise InputError(f"{name} has the SHA-256 {digest}, not the expected {entry['sha256']}")
@@ -77,8 +79,7 @@ def _fetch(host: str, repositories: Mapping[str, str], place: str) -> bytes:
             content: bytes = answer.read(_MAX_BYTES)
     except (URLError, OSError) as error:
         reason = getattr(error, "reason", error)
-        alternative = "without a network, set the codec's option `weights` to a folder of weights"
-        raise InputError(f"{address} cannot be fetched ({reason}); {alternative}") from error
+        raise InputError(f"{address} cannot be fetched ({reason})") from error
     return content
 
 
@@ -100,6 +101,14 @@ def _archive(name: str, checkpoint: Sequence[bytes], order: str) -> bytes:
     archive = io.BytesIO()
     np.savez(archive, **{names[place]: variables[names[place]] for place in order_of_variables})  # type: ignore[arg-type]
     return archive.getvalue()
+
+
+def credits_of_ouster(_: Path) -> str:
+    return (
+        "# Recordings of Ouster sensors\n\nFrom the tests of the Ouster SDK, "
+        "github.com/ouster-lidar/ouster-sdk, copyright Ouster, Inc., BSD 3-Clause License "
+        "(LICENSE-OUSTER-SDK).\n"
+    )
 
 
 def credits_of_reno(_: Path) -> str:
