@@ -240,10 +240,10 @@ def test_another_sensors_capture_is_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     log = box_capture(10)
-    log.payloads.view(PACKET)["product"] = 0x21
+    log.payloads.view(PACKET)["product"] = 0x63
     (tmp_path / "a.pcap").write_bytes(pcap_bytes(log))
     line = fails(tmp_path / "a.pcap", tmp_path / "a.parquet", capsys)
-    assert "a recording of HDL-32E" in line
+    assert "packets of HDL-64E" in line
 
 
 @pytest.mark.parametrize(

@@ -169,10 +169,10 @@ def _decoded(log: PacketLog, sensor: Sensor | None) -> RecordedReturns:
         table = table_of_returns(ouster_turns(log.sensor, log.payloads).returns)
         kinds = "dual" if log.sensor.layout.kinds == 2 else "strongest"
     else:
-        product, mode = log.payloads[0, -1], log.payloads[0, -2]
+        returns = returns_of_packets(log.payloads)
+        mode, product = log.payloads[0, -2:].tolist()
         sequence_us = load_sensor(SENSORS[product]).firing_sequence_us or 0.0
-        table = table_of_returns(returns_of_packets(log.payloads), sequence_us)
-        kinds = MODES[mode]
+        table, kinds = table_of_returns(returns, sequence_us), MODES[mode]
     return replace(table, about={**table.about, "returns": kinds, "packets": len(log)})
 
 
