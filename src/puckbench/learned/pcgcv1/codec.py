@@ -85,7 +85,7 @@ def encode(
 
 
 def decode(stream: bytes, weights: Pcgcv1Weights, threads: int | None = None) -> Floats:
-    """Return the points (m, 3) of a stream that was made with these weights."""
+    """Return the points (m, 3) of a stream made with these weights."""
     content = read_stream(stream)
     check_made_with(weights, content.digest, content.rate)
     return Pcgcv1Decoder(weights, threads).decode(content)

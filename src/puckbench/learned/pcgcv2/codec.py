@@ -49,8 +49,6 @@ def encode(
         Grid of the voxels, see `choose_grid_level`; by default that of the input.
     rho
         Decoded voxels per occupied voxel.
-    tools
-        Coding tools in use.
     point_reconstruction
         Decode as many points as were encoded, instead of voxel centres.
     threads
@@ -80,7 +78,7 @@ def encode(
 
 
 def decode(stream: bytes, weights: Pcgcv2Weights, threads: int | None = None) -> Floats:
-    """Return the points (m, 3) of a stream that was made with these weights."""
+    """Return the points (m, 3) of a stream made with these weights."""
     content = read_stream(stream)
     if not isinstance(content, Pcgcv2Stream):
         return content

@@ -50,7 +50,7 @@ class BaseTraining(Model, ABC):
     learning_rate, final_learning_rate
         Learning rate at the start and at the end; it falls along half a cosine.
     seed
-        Seed of the initial weights, of the cubes, and of the noise that replaces rounding.
+        Seed of initial weights, cubes, and noise that replaces rounding.
     """
 
     steps: PositiveInt = 2000
@@ -91,8 +91,6 @@ class MultiRateTraining(BaseTraining):
     ----------
     lmbdas
         Lagrangian weight of the distortion for each rate.
-    channels
-        Channels of the network at its strides.
     min_kept_fraction
         Minimum fraction of its voxels that a cube keeps, so that training includes sparser clouds.
     mean_occupied_children
@@ -120,8 +118,6 @@ class MultiRateTraining(BaseTraining):
         )
 
     def rates(self, codec_rates: Rates) -> dict[str, Mapping[str, Any]]:
-        """Return the rates whose lambda is trained; if there are none, one rate per trained
-        lambda.
-        """
+        """Return the rates whose lambda is trained; if there are none, one rate per trained lambda."""
         trained = {name: rate for name, rate in codec_rates.items() if rate["lmbda"] in self.lmbdas}
         return trained or {f"lmbda_{lmbda:g}": {"lmbda": lmbda} for lmbda in self.lmbdas}
