@@ -27,8 +27,6 @@ def encode(
     ----------
     points
         (n, 3), n >= 1; quantised as by `puckbench.gpcc.quantise`; duplicates are merged.
-    weights
-        Trained network.
     scale
         Steps of the coded grid per step of the input grid.
     grid

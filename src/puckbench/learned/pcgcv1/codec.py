@@ -34,8 +34,6 @@ def encode(
     ----------
     points
         (n, 3), n >= 1, in steps of the finest grid.
-    weights
-        Trained network.
     rate
         Index of the rate among ``weights.lmbdas``, lowest bitrate first.
     scale

@@ -41,8 +41,6 @@ def encode(
     ----------
     points
         (n, 3), n >= 1, in steps of the finest grid.
-    weights
-        Trained network.
     rate
         Index of the rate among ``weights.lmbdas``, lowest bitrate first.
     mean_occupied_children, grid_level_offset

@@ -28,8 +28,6 @@ def encode(points: Floats, weights: RenoWeights, posq: float, threads: int | Non
     ----------
     points
         (n, 3), n >= 1, in mm. Points of one voxel are merged.
-    weights
-        Trained network.
     posq
         Step of the grid in mm, a number in half precision.
     threads
