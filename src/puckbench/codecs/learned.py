@@ -1,7 +1,7 @@
 """Base classes of codecs with a neural network.
 
-The encoder uses the weights file of a rate; a stream contains a digest by which the decoder finds
-the file. PyTorch is imported by the first call that encodes or decodes.
+A stream contains a digest by which the decoder finds the weights file. PyTorch is imported by the
+first call that encodes or decodes.
 """
 
 from __future__ import annotations
@@ -116,9 +116,8 @@ class Learned(Codec, Generic[W]):
         return self.options.weights
 
     def _known_files(self) -> Iterator[Path]:
-        """Yield the files in which the decoder searches for the weights of a stream.
-
-        They are the files that the option `weights` selects, and those that puckbench contains.
+        """Yield the files in which to search for a stream's weights: the option's, and
+        puckbench's.
         """
         yield from self.weights_files()
         yield from self.network.shipped()
@@ -253,8 +252,8 @@ class ImprovedOptions(PublishedOptions):
 class Improved(LearnedByLambda[R]):
     """Base class of published codecs with puckbench's changes and weights.
 
-    The grid depends on the density of the cloud (see `choose_grid_level`), the latent is compressed
-    by context mixing, and the decoder reconstructs as many points as the input had.
+    The grid depends on the cloud's density (see `choose_grid_level`), the latent is coded by
+    context mixing, and as many points are decoded as were encoded.
     """
 
     options: ImprovedOptions

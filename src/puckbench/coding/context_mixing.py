@@ -1,11 +1,10 @@
 """Context mixing in integer arithmetic: the probability of a bit is mixed from several estimates.
 
-Each estimate is a logit. It comes either from an expert, which the caller computes, or from a
-context, which is an adaptive counter that the caller selects. A mixture is the sum of the estimates
-multiplied by a row of learnt weights. The rows form one or more sets, and the caller selects one
-row in each set. The mixtures of all sets are averaged, and tables correct the result by the bits
-coded so far (secondary estimation). See Mahoney 2005, "Adaptive weighing of context models for
-lossless data compression".
+An estimate is a logit, either of an expert, which the caller computes, or of a context, an adaptive
+counter that the caller selects. A mixture is the sum of the estimates multiplied by a row of learnt
+weights, which the caller selects in each of one or more sets. The mixtures of all sets are
+averaged, and tables correct the result by the bits coded so far (secondary estimation). See Mahoney
+2005, "Adaptive weighing of context models for lossless data compression".
 """
 
 from __future__ import annotations

@@ -13,8 +13,8 @@ function                codec                           time saved
 ======================  ==============================  ==========
 
 Numba compiles a plain loop (``..._loop``) with the same results if llvmlite cannot write the vector
-code, or if indices are checked (``NUMBA_BOUNDSCHECK=1``). Arrays are flat and contiguous, and do
-not overlap.
+code, or indices are checked (``NUMBA_BOUNDSCHECK=1``). Arrays are flat, contiguous, and do not
+overlap.
 """
 
 from __future__ import annotations

@@ -17,7 +17,7 @@ from puckbench.scenes.rooms import make_room, origin, room_box
 class EmbeddedAreas(GeneratedSet):
     """Generated furnished rooms, as many of each type as S3DIS has, grouped by type.
 
-    Each room differs from the others. Scenes are named Area_1_office_1.
+    Scenes are named Area_1_office_1.
     """
 
     of_clouds: ClassVar[bool] = False

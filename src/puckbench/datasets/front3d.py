@@ -32,7 +32,7 @@ _CREDIT = (
 class Front3D(DataSet):
     """Rooms of 3D-FRONT's houses ``<id>.json``, with furniture ``<model>/raw_model.obj``.
 
-    All 6,813 houses are read to list the rooms; selecting houses saves minutes. Scenes are named
+    All 6,813 houses are read to list rooms; selecting houses saves minutes. Scenes are named
     <house>_LivingRoom-1234 and grouped by room type. Units are metres; y up is rotated to z up.
     Walls, floors and furniture are labelled objects. Furniture without ``valid: true``, or with a
     missing model file, is left out and counted in `about`.

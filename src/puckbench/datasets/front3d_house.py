@@ -73,11 +73,11 @@ def read_rooms(path: Path) -> list[HouseRoom]:
 def build_room(
     room: HouseRoom, folder: Path, what: str
 ) -> tuple[Mesh, Floats | None, dict[str, int]]:
-    """Make one mesh from the house's surfaces in a room and the furniture models in `folder`.
+    """Make a mesh of the house's surfaces in a room and the furniture models in `folder`.
 
-    Return the labelled mesh in metres with z up; the lowest and highest corner (2, 3) of the
-    house's surfaces, or None if there is only furniture; and the number of items without a surface,
-    by reason. Raises InputError, with a message that begins with `what`, if no item has a surface.
+    Return it, labelled, in metres with z up; the lowest and highest corner (2, 3) of the house's
+    surfaces, or None if there is only furniture; and the number of items without a surface, by
+    reason. Raises InputError, with a message that begins with `what`, if no item has a surface.
     """
     left_out = Counter(room.left_out)
     placed: list[tuple[_PlacedItem, Floats, NDArray[np.int64]]] = []

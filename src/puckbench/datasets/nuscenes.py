@@ -41,10 +41,10 @@ _NUMBERS, _RINGS = 5, 32
 class NuScenes(FolderSet):
     """LiDAR frames in files ``<drive>__LIDAR_TOP__<time>.pcd.bin``, in metres.
 
-    The sensor is at (0, 0, 0). Scenes are named samples_<drive>_<time> and grouped by drive. With
-    the option `returns`, each frame is converted to the sensor's returns: firings without a return
-    reveal the car's motion, which is removed. Laser, azimuth and range in steps of 2 mm reproduce
-    the points to some millimetres.
+    The sensor is at (0, 0, 0). Scenes are named samples_<drive>_<time> and grouped by drive. The
+    option `returns` converts each frame to the sensor's returns: firings without a return reveal
+    the car's motion, which is removed. Laser, azimuth and range in steps of 2 mm reproduce the
+    points to some millimetres.
     """
 
     of_clouds: ClassVar[bool] = True

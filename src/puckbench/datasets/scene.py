@@ -57,7 +57,7 @@ class SceneSet(Protocol):
     triangle; ``of_clouds``, whether scenes are clouds instead of meshes; ``of_returns``, whether
     clouds are a sensor's returns; ``of_packets``, whether these are recorded data packets;
     ``read_first``, whether clouds are read before a run. An optional method ``options_of(name)``
-    returns the options of a set with one scene, so that its jobs do not depend on other scenes.
+    returns the options of a set with one scene, whose jobs then do not depend on others.
     """
 
     def __init__(self, **options: Any) -> None: ...

@@ -27,8 +27,8 @@ class PackageSource:
 
     `download` puts the package into a folder and returns its path; `wanted` is the pattern of the
     members to extract; `hashes` are SHA-256 by file name, or None if `download` checks them. A
-    wrong hash is an error if `pinned`, else a warning. `credits` returns the credits, from the
-    folder of the extracted files.
+    wrong hash is an error if `pinned`, else a warning. `credits` returns the credits from the
+    extracted files' folder.
     """
 
     package: str

@@ -38,9 +38,8 @@ class TextCloud:
 def read_xyzrgb(path: Path) -> TextCloud:
     """Read a cloud from text, and repair or drop damaged lines.
 
-    Bytes that occur in neither numbers nor white space are replaced by the digit 0 or by a space,
-    whichever gives six numbers. Lines without six numbers, or with colours outside 0 to 255, are
-    dropped.
+    Bytes foreign to numbers are replaced by the digit 0 or a space, whichever gives six numbers.
+    Lines without six numbers, or with colours outside 0 to 255, are dropped.
     """
     data, repaired, dropped = _mended(read_bytes(path))
     rows = _parsed(data)
@@ -56,7 +55,6 @@ def read_xyzrgb(path: Path) -> TextCloud:
 
 
 def _mended(data: bytes) -> tuple[bytes, int, int]:
-    """Return the text with damaged lines repaired or dropped, and the number of each."""
     if not data.translate(None, _ALLOWED):
         return data, 0, 0
     pieces, done, repaired, dropped = [], 0, 0, 0

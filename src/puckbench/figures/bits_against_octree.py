@@ -55,13 +55,12 @@ def draw_bits_against_octree(
     metrics: pd.DataFrame, clouds: pd.DataFrame, style: FigureStyle
 ) -> Figure:
     """Bits of each codec relative to G-PCC's octree coder (``gpcc``, without the sensor, 100 %) at
-    equal D1 root mean square error. Lines: medians over the clouds, where the rates of both codecs
-    reach the error.
+    equal D1 root mean square error. Lines: medians over clouds, where both codecs' rates reach the
+    error.
 
     Hollow markers: every point coded losslessly on grids of 2 and 1 mm, at the error of rounding to
     the grid. Shaded: the savings of 10 to 15 % that papers on learned codecs report. Values outside
-    the axes are not shown. Of data sets that differ only in the sensor's error model the first is
-    shown.
+    the axes are not shown. Of data sets that differ only in the error model the first is shown.
     """
     from matplotlib.ticker import FixedLocator, PercentFormatter, StrMethodFormatter
 
@@ -100,7 +99,7 @@ def draw_bits_against_octree(
 
 def compared_datasets(metrics: pd.DataFrame, clouds: pd.DataFrame) -> set[str]:
     """Return the data sets with results of the octree coder and another codec; of those that differ
-    only in the error model, return only the first.
+    only in the error model, the first.
     """
     other_rows = metrics[metrics["codec"] != OCTREE]
     datasets = set(metrics[metrics["codec"] == OCTREE]["dataset"]) & set(other_rows["dataset"])

@@ -39,8 +39,8 @@ def draw_comparison(
     study: str,
     style: FigureStyle,
 ) -> Figure:
-    """Draw medians over the clouds, with a row of panels for each data set and a column for each
-    metric of `qualities`.
+    """Draw medians over clouds, with a row of panels for each data set and a column for each of
+    `qualities`.
 
     Lossless rates are shown by hollow markers above all PSNRs or below all errors. `study` names
     the reference in the legend.

@@ -84,7 +84,7 @@ def draw_data_sets(
     fitted: bool = False,
     scans: Mapping[str, float] = MappingProxyType({}),
 ) -> Figure:
-    """Draw curves of a metric, with a panel for each data set and a line for each codec.
+    """Draw a metric, with a panel for each data set and a line for each codec.
 
     Parameters
     ----------
@@ -125,8 +125,8 @@ def shared_limits(
     default: Range | None = None,
     fitted: bool = False,
 ) -> Range:
-    """Return the limits of an axis that all panels share: the range in `style`, or `default`, or
-    that of the metric, widened by decades to contain the values.
+    """Return the shared limits of an axis: the range in `style`, or `default`, or the metric's,
+    widened by decades to contain the values.
 
     With `fitted`, limits are fitted to the values if the style has none.
     """

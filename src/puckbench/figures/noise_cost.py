@@ -35,13 +35,13 @@ Line = tuple[str, Floats]
     frame="metric",
 )
 def draw_noise_cost(metrics: pd.DataFrame, clouds: pd.DataFrame, style: FigureStyle) -> Figure:
-    """Bits per return of the same rays in the same scenes under several error models; medians over
-    the clouds. Above: lossless, or on a grid of 1 mm. Below: at a D1 root mean square error of 5
-    mm; codecs whose rates do not reach it are not shown.
+    """Bits per return of the same rays under several error models; medians over clouds. Above:
+    lossless, or on a grid of 1 mm. Below: at a D1 root mean square error of 5 mm; codecs whose
+    rates do not reach it are not shown.
 
     First line: entropy of the model's noise in steps of the sensor's ranges, a lower bound for
-    lossless codecs. The difference to this line is the cost of the scene and of what a codec does
-    not model. The mean error of each laser in each turn is not counted, since a codec can learn it.
+    lossless codecs. The difference is the cost of the scene and of what a codec does not model. The
+    mean error of each laser in each turn is not counted, since a codec can learn it.
     """
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D

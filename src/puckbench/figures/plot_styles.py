@@ -53,7 +53,7 @@ def read_looks(folder: Path) -> dict[str, dict[str, str]]:
 
 
 def looks_layer(rows: Iterable[Mapping[str, str]]) -> dict[str, dict[str, str]]:
-    """Return options for `FigureStyle` from the plot styles in rows of the table ``codecs``."""
+    """Return options for `FigureStyle` from rows of the table ``codecs``."""
     keys = {"title": "codec_titles", "colour": "colours", "marker": "markers", "line": "lines"}
     rows = list(rows)
     layer = {option: {row["codec"]: row[key] for row in rows} for key, option in keys.items()}
@@ -61,7 +61,7 @@ def looks_layer(rows: Iterable[Mapping[str, str]]) -> dict[str, dict[str, str]]:
 
 
 def codec_rank(codec: str) -> tuple[int, str]:
-    """Return a codec's sorting key for legends: the rank of its class, then its name."""
+    """Return a codec's sorting key for legends."""
     facts = _registered(codec)
     return (CodecFacts.rank if facts is None else facts.rank, codec)
 

@@ -35,13 +35,13 @@ ALL = "all"
     category="Rate-distortion",
 )
 def draw_recovery(recovery: pd.DataFrame, style: FigureStyle) -> Figure:
-    """Recovery of geometric primitives in decoded surfaces, against bits per point: precision
-    (share of decoded primitives that are true), recall (share of true primitives that were decoded)
-    and label accuracy (share of points on true primitives that lie on the matching decoded
-    primitive). Medians over clouds, in bins as in figure 6.6.
+    """Recovery of geometric primitives against bits per point: precision (share of decoded
+    primitives that are true), recall (share of true primitives that were decoded) and label
+    accuracy (share of points on true primitives that lie on the match). Medians over clouds, in
+    bins as in figure 6.6.
 
-    Only codecs that decode labelled surfaces, on scenes with labels. Streams without primitives are
-    left out. Not in the thesis.
+    Only codecs that decode labelled surfaces. Streams without primitives are left out. Not in the
+    thesis.
     """
     columns = tuple(metric.column for metric in _METRICS)
     require_rows(

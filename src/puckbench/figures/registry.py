@@ -1,6 +1,6 @@
 """The registry of figures.
 
-A figure is a function with its registration above it; its docstring is the caption::
+A figure is a function, whose docstring is the caption::
 
     @FIGURES.register("fig_6_4", title="Point counts", category="Clouds", number="6.4")
     def draw_point_counts(clouds: pd.DataFrame, style: FigureStyle) -> Figure:
@@ -43,8 +43,8 @@ class FigureEntry:
     number
         Number in a publication, by which figures are sorted, or empty.
     needs
-        Conditions on a plan besides the inputs: names of registered needs, or distances (`at`) and
-        error models of the sensor study.
+        Further conditions on a plan: names of registered needs, or distances (`at`) and error
+        models of the sensor study.
     frame
         Coordinate frame of the drawn clouds.
     """
@@ -67,7 +67,7 @@ class FigureEntry:
 
     @property
     def sort_key(self) -> list[float]:
-        """Key for sorting figures by their numbers as integers, because 5.2 precedes 5.10."""
+        """Key for sorting by integers, because 5.2 precedes 5.10."""
         return [float(part) for part in self.number.split(".")] if self.number else [math.inf]
 
     @property

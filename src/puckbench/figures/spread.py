@@ -59,7 +59,6 @@ def draw_spread(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
 
 
 def _extremes(metrics: pd.DataFrame) -> Floats:
-    """Return the values at the ends of all whiskers, and those drawn as points."""
     groups = metrics.groupby(["dataset", "codec", "rate"])["cd_plane"]
     drawn_as_points = metrics.loc[groups.transform("size") < _FEWEST_IN_A_BOX, "cd_plane"]
     whisker_ends = groups.quantile(np.array([_QUANTILES[0], _QUANTILES[-1]]))

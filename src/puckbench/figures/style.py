@@ -33,7 +33,7 @@ class FigureStyle(Model):
     line_width, marker_size
         Points.
     datasets
-        Data sets in the order of panels; others follow.
+        Order of panels; others follow.
     axis_ranges
         (low, high) by table column, widened by decades to contain the data.
     """

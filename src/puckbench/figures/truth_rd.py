@@ -56,10 +56,10 @@ def draw_truth_chamfer(
     scan, to the clean scan of the same rays, and to the true surface. Medians over clouds, in bins
     as in figure 6.6, with equal axes in all panels.
 
-    Dashed: the distance of the scan before coding, median over the clouds; not shown if below the
-    axes. A codec that reproduces the scan keeps its noise, and its curve levels off at this line.
-    Below the line, decoded points are nearer to the reference than the scan is. If the coded scan
-    has no noise, the coded and the clean scan are the same and share one panel. Not in the thesis.
+    Dashed: the median distance of the scan before coding; not shown if below the axes. The curve of
+    a codec that reproduces the scan with its noise levels off at this line. Below it, decoded
+    points are nearer to the reference than the scan is. A coded scan without noise is the clean
+    scan, and shares its panel. Not in the thesis.
     """
     return draw_references(metrics, scan_errors, CD_PLANE, style)
 
@@ -99,11 +99,11 @@ def draw_truth_hausdorff(
 def draw_references(
     metrics: pd.DataFrame, scan_errors: pd.DataFrame, metric: PlottedMetric, style: FigureStyle
 ) -> Figure:
-    """Draw a row of panels for each data set, and a column of panels for each reference.
+    """Draw a row of panels for each data set, and a column for each reference: coded scan, clean
+    scan, true surface.
 
-    The references are the coded scan, the clean scan and the true surface. `metric` is the distance
-    to the coded scan; the columns ``clean_...`` and ``truth_...`` contain the other distances. A
-    clean scan that equals the coded scan gets no panel.
+    `metric` is the distance to the coded scan; the columns ``clean_...`` and ``truth_...`` contain
+    the other distances. A clean scan that equals the coded scan gets no panel.
     """
     references = [replace(metric, column=f"{prefix}{metric.column}") for prefix in _REFERENCES]
     for reference in references:

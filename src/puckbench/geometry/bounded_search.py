@@ -1,7 +1,7 @@
 """Nearest neighbour search that stops after a maximum number of visited points and boxes.
 
-For queries at the centre of a sphere of points, a search tree has to visit all points. The limit
-keeps such clouds from blocking a decoder.
+For queries at the centre of a sphere, a tree has to visit all points. The limit keeps such clouds
+from blocking a decoder.
 """
 
 from __future__ import annotations
@@ -17,8 +17,7 @@ from puckbench.geometry.spatial_order import Rows
 def nearest_within(queries: Floats, points: BoxTree, max_visits: int) -> tuple[Floats, Rows] | None:
     """Return the distance and the index of the nearest point of each query, (m,) each.
 
-    Return None if all queries (m, 3) together have to visit more than `max_visits` points and
-    boxes.
+    Return None if all queries (m, 3) together visit more than `max_visits` points and boxes.
     """
     squared, places = np.empty(len(queries)), np.empty(len(queries), np.int64)
     if _search(queries, points, max_visits, squared, places) > max_visits:

@@ -40,7 +40,7 @@ def squared_distance(moments: Floats, plane: Floats) -> float:
 
 @compiled_in_place
 def fit_plane(moments: Floats, plane: Floats) -> float:
-    """Fit a plane to moments, write it to `plane` (4,), and return its `squared_distance`."""
+    """Fit `plane` (4,) to moments; return its `squared_distance`."""
     w = moments[0]
     x, y, z = moments[1] / w, moments[2] / w, moments[3] / w
     xx, xy, xz, yy, yz, zz = _covariance(moments)

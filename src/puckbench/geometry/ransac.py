@@ -69,8 +69,7 @@ def robust_plane(
     """Fit a plane to points (n, 3) repeatedly, each time to the inliers of the plane before.
 
     Inliers lie within `sigmas` robust standard deviations of the median distance. The fit ends
-    after `rounds`, or when the inliers do not change. Return the plane and the mask (n,) of
-    inliers.
+    after `rounds`, or when they do not change. Return the plane and the inliers' mask (n,).
     """
     plane, inliers = start, np.zeros(len(points), dtype=bool)
     for _ in range(rounds):

@@ -1,7 +1,6 @@
 """Sorting of points along a Morton curve, and removal of duplicates.
 
-Neighbours on the curve are close in space, so that the processor's cache speeds up searches
-fourfold.
+Neighbours on the curve are close in space: the processor's cache speeds up searches fourfold.
 """
 
 from __future__ import annotations

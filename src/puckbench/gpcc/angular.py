@@ -199,8 +199,8 @@ def plane_angles(
 def angular_eligible_axes(angles: PlaneAngles, eligible_axes: int, axes: int) -> int:
     """Return the axes (1 x, 2 y, 4 z) along which a node's planes are coded in angular mode.
 
-    These have an angular context, except that z may also be eligible without one.
-    `axes` (4 x, 2 y, 1 z) are those that the level splits.
+    These have an angular context; z may also be eligible without one. `axes` (4 x, 2 y, 1 z) are
+    those that the level splits.
     """
     found = eligible_axes & 4
     found |= integer(angles.x >= 0) | integer(angles.y >= 0) << 1 | integer(angles.z >= 0) << 2

@@ -1,6 +1,6 @@
 """Sorting of points by azimuth, radius and slope (height / radius) in the order of TMC13.
 
-TMC13 uses the unstable ``std::sort``; here, as in the GNU C++ library, it is an introsort.
+TMC13's unstable ``std::sort`` is, as in the GNU C++ library, an introsort.
 """
 
 from __future__ import annotations

@@ -214,9 +214,7 @@ def _partition(
 
 
 def split_position(sorted_values: NDArray[Any]) -> int:
-    """Return an index near the middle of sorted values that, if possible, separates no equal
-    values.
-    """
+    """Return an index near the middle of sorted values that, if possible, separates no equals."""
     middle = len(sorted_values) // 2
     starts = np.searchsorted(sorted_values, sorted_values[middle], side="left")
     ends = np.searchsorted(sorted_values, sorted_values[middle], side="right")

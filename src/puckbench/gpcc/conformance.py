@@ -42,8 +42,7 @@ class ConformanceStream:
 
     @property
     def tools(self) -> str:
-        """Coding tools: `octree` or `trees`, preceded by `angular` if the stream describes a
-        sensor."""
+        """Coding tools: `octree` or `trees`, after `angular` with a sensor."""
         kind = "trees" if "--geomTreeType=1" in self.options else "octree"
         return f"angular {kind}" if "--angularEnabled=1" in self.options else kind
 

@@ -87,9 +87,7 @@ def is_idcm_eligible(
 
 @inlined
 def can_be_direct(unique_points: bool, leaves: int, points: int) -> bool:
-    """Return whether the encoder uses IDCM for a node with `points` points at `leaves` distinct
-    positions.
-    """
+    """Return whether the encoder uses IDCM for `points` points at `leaves` distinct positions."""
     if points > _MAX_EQUAL_POINTS:
         return False
     if leaves == 1 and points > 1 and not unique_points:

@@ -12,8 +12,6 @@ _PlanarThreshold = Annotated[int, Field(ge=0, le=127)]
 
 
 class GpccOptions(Model):
-    """Options of the octree encoder."""
-
     neighbour_avail_boundary_log2: int = Field(
         default=8,
         ge=0,

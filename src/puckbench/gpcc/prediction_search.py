@@ -1,7 +1,7 @@
 """Search of nearest positions in a growing set, with k-d trees whose sizes are powers of two.
 
-An added position is merged with all smaller trees into the first free size (Bentley's logarithmic
-method). Of equally near positions, the first visited is kept, as in TMC13.
+A new position and all smaller trees form one of the first free size (Bentley's logarithmic method).
+Of equally near positions, the first visited is kept, as in TMC13.
 """
 
 from __future__ import annotations

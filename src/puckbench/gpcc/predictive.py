@@ -239,9 +239,7 @@ def _code_long(coder: Any, contexts: Probabilities, axis: int, value: int) -> in
 
 @inlined
 def scaled(value: int, qp: int) -> int:
-    """Multiply a quantised number by the step size of a quantisation parameter, (1 + (QP mod 8)
-    / 8) 2^(QP div 8).
-    """
+    """Multiply a quantised number by the step size of a QP, (1 + (QP mod 8) / 8) 2^(QP div 8)."""
     return int32((value * ((8 + (qp & 7)) << (qp >> 3)) + 4) >> 3)
 
 

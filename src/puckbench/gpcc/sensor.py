@@ -64,7 +64,7 @@ class SensorDescription:
         ]
 
     def syntax_elements(self, origin: tuple[int, ...]) -> dict[str, Any]:
-        """Return the sensor's syntax elements; its position becomes relative to the sequence's
+        """Return the sensor's syntax elements, with the position relative to the sequence's
         `origin`.
         """
         x, y, z = (own - zero for own, zero in zip(self.position, origin, strict=True))
@@ -81,8 +81,8 @@ def describe_sensor(
 ) -> SensorDescription:
     """Describe a sensor for a cloud whose coordinates are in steps of `unit_m` metres.
 
-    `position` is raised to the median height at which the upper beams cross the axis of rotation,
-    because decoders find a node's laser by the node's direction from it.
+    `position` is raised to the median height at which the upper beams cross the axis, because
+    decoders find a node's laser by the direction from it.
     """
     height = np.asarray(beams.heights_mm)
     if beams.radial_mm:

@@ -162,8 +162,8 @@ def _demultiplexed(data: Bytes) -> tuple[Bytes, Bytes]:
     """Split a stream of chunks into arithmetic-coded bytes and bypass bits.
 
     A chunk has up to 256 bytes: the number of arithmetic-coded bytes, these bytes, and bytes of
-    bypass bits, in reverse order. The bypass bits end with padding bits and their number (three
-    bits). The second array returned has one bypass bit per byte.
+    bypass bits in reverse order, which end with padding bits and their number (three bits). The
+    second array has one bypass bit per byte.
     """
     coded, bits = [np.empty(0, np.uint8)], [np.empty(0, np.uint8)]
     for start in range(0, len(data), _BYPASS_CHUNK):

@@ -134,9 +134,7 @@ _TURN_X = {
 
 
 def _turned(neigh_pattern: int) -> list[int]:
-    """Return each child's index after rotating a neighbour pattern to the representative of its
-    symmetry class.
-    """
+    """Return each child's index after rotating a pattern to the representative of its class."""
     turns = [(_SAME, _Z90, _Z180, _Z270)[_TURN_Z[neigh_pattern & 15]]]
     if neigh_pattern & 48 == 16:
         turns.append(_MIRROR_Z)

@@ -185,9 +185,7 @@ def _first_ones(keys: Ints) -> Ints:
 
 
 def _digit_positions(levels: list[int]) -> Ints:
-    """Return the bit positions in a key at which the levels begin, from the highest to the
-    lowest.
-    """
+    """Return the bit positions in a key at which the levels begin, highest first."""
     widths = [axes.bit_count() for axes in reversed(levels)]
     return np.cumsum([0, *widths])[::-1].astype(np.int64)
 

@@ -34,9 +34,8 @@ class CodecJob(Job):
     def codec_of(self, coded: Coded) -> str:
         """Return the name of the codec of a stream.
 
-        It is the job's codec if this is set, otherwise the one recognised by the stream's magic
-        bytes, otherwise the one in the stream's record. Raises InputError if there is none, or if
-        the name in the record is not registered.
+        It is the job's codec, otherwise that of the stream's magic bytes, otherwise that in the
+        stream's record. Raises InputError if there is none, or the record's is not registered.
         """
         if self.codec:
             return self.codec

@@ -24,10 +24,7 @@ _TAIL_BYTES = 2048
 
 
 def cost_line(name: str, done: Mapping[str, Any]) -> str:
-    """Return the cost of a job as JSON.
-
-    It includes child processes, but not the imports of a forked job.
-    """
+    """Return a job's cost as JSON, with child processes, without a forked job's imports."""
     import resource
 
     from puckbench.core.environment import source_commit

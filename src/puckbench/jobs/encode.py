@@ -29,8 +29,8 @@ def to_code(
 ) -> PointCloud:
     """Read a cloud, with its returns if the codec can use them.
 
-    By default, `frame` is that of the cloud's description, or metric if the unit of the file's
-    format is the metre.
+    By default, `frame` is that of the description, or metric if the file's format has the metre as
+    unit.
     """
     cloud = read_cloud(path)
     if frame is None and plain_suffix(path) in IN_METRES:
@@ -50,8 +50,8 @@ def measured_encoding(
 ) -> Measured[bytes]:
     """Encode a cloud and measure the time.
 
-    The cost of `shared` work is added for each rate (see `Codec.shared_work`). `each` is called
-    with the stream of every repetition.
+    The cost of `shared` work (see `Codec.shared_work`) is added. `each` is called with the stream
+    of every repetition.
     """
     if shared is None:
         return measured(lambda: codec.encode_cloud(cloud, rate), repeats, codec.cost, each)
@@ -106,10 +106,9 @@ class Encode(Encoding):
     frame: CoordinateFrame | None = None
 
     def run(self, cloud: Path, stream: Path, prepared: Path | None = None) -> dict[str, Any]:
-        """Encode the cloud, and write the stream and its record.
+        """Write the stream and its record.
 
-        If `prepared` is a path, first prepare the cloud in the file `cloud`, and write the prepared
-        cloud to that path.
+        If `prepared` is a path, first prepare the cloud and write it there.
         """
         codec = open_codec(self.codec, self.changes)
         codec.parameters_of(self.rate)

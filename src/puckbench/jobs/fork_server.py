@@ -131,7 +131,6 @@ def serve(modules: Iterable[str]) -> None:
 
 
 def _import(name: str) -> None:
-    """Import a module, or all modules of a puckbench package; ignore errors."""
     with suppress(Exception):
         folders = getattr(importlib.import_module(name), "__path__", ())
         if name.startswith("puckbench."):

@@ -40,8 +40,6 @@ class Prepare(Job):
         Two corners in m, in place of the box in a file.
     size
         Grid positions along a side of the cube; 0 for metres, ``grid`` for voxels.
-    clean
-        Whether to use the clean coordinates of a scan.
     peak
         Peak of the PSNRs of a cloud in metres, in m.
     drop_invalid

@@ -33,8 +33,6 @@ class PrepareReturns(Job):
 
     Parameters
     ----------
-    clean
-        Whether to use the true ranges of a scan.
     turns
         First and last turn, from 0; by default all of a scan, or a recording's first whole turn.
     peak

@@ -1,7 +1,6 @@
 """The jobs, which have settings and one method, `Job.run`.
 
-``python -m puckbench.jobs NAME RECORD.json key=FILE ...`` runs a job in a process. The settings
-come from the plan, the files from the workflow's rule.
+Settings come from the plan, files from the workflow's rule.
 """
 
 from __future__ import annotations

@@ -42,8 +42,8 @@ class Scan(Job):
     Parameters
     ----------
     origin
-        Position of the sensor in m; by default the one in the scene's description or, if there is
-        none, the unoccupied position nearest to the middle, `height_m` above the floor.
+        Position of the sensor in m; by default that in the scene's description or, without one, the
+        unoccupied position nearest to the middle, `height_m` above the floor.
     anywhere
         Whether the sensor may stand outside the scene or inside an object, or pass through walls.
     """

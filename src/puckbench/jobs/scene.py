@@ -1,4 +1,4 @@
-"""Job that writes a scene: a labelled mesh, a cloud in metres (z up), or a sensor's returns."""
+"""Writing of a scene: a labelled mesh, a cloud in metres (z up), or a sensor's returns."""
 
 from __future__ import annotations
 

@@ -56,7 +56,7 @@ def _measured(codec: Codec, cloud: PointCloud, rate: str) -> Measures:
 
 
 def faults(rates: Mapping[str, Mapping[str, Any]]) -> list[str]:
-    """Return messages on successive rates whose bits do not grow or distortion does not fall."""
+    """Return messages on rates whose bits do not grow or distortion does not fall."""
     wrong = []
     for (low, before), (high, after) in pairwise(rates.items()):
         if after["bpp"] <= before["bpp"]:

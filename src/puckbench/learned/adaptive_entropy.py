@@ -1,10 +1,9 @@
 """Context-adaptive entropy coding of a latent: the entropy model's tables, mixed with contexts.
 
-The tables treat each value by itself. But the latent at a voxel resembles that of its neighbours,
-and depends on which neighbours are occupied, which the decoder knows. Adaptive contexts learn both
-dependencies from the cloud itself. Each value is coded as binary decisions: whether it is zero, its
-sign, and its magnitude in unary. All arithmetic is on integers, so that all machines decode
-identically.
+The tables treat each value by itself, but the latent at a voxel depends on that of its neighbours,
+and on which neighbours are occupied. Adaptive contexts learn both dependencies from the cloud. A
+value is coded as binary decisions: whether it is zero, its sign, and its magnitude in unary. All
+arithmetic is on integers, so that all machines decode identically.
 """
 
 from __future__ import annotations
@@ -49,9 +48,9 @@ class _Tables(NamedTuple):
     Parameters
     ----------
     lowest
-        (tables,), the first integer of each table.
+        (tables,), first integer of each table.
     first
-        (tables + 1,), where each table begins in `below`.
+        (tables + 1,), start of each table in `below`.
     below
         For each integer, the sum of the frequencies of smaller integers.
     number, centre
@@ -66,16 +65,16 @@ class _Tables(NamedTuple):
 
 
 class _Neighbourhood(NamedTuple):
-    """The causal neighbourhood of a voxel, in memory that is reused for the next voxel.
+    """The causal neighbourhood of a voxel, in reused memory.
 
     Parameters
     ----------
     patterns
-        (3,), bit masks of the occupied neighbours at faces, edges and corners.
+        (3,), bit masks of occupied neighbours at faces, edges and corners.
     rows, weights
         Neighbours coded before the voxel, those at faces first, and their weights in means.
     counts
-        (2,), numbers of these neighbours, in total and at faces.
+        (2,), their numbers, in total and at faces.
     contexts
         The contexts of a value, to which a decision's offset is added.
     """
@@ -92,8 +91,6 @@ class Prior(NamedTuple):
 
     Parameters
     ----------
-    tables
-        The frequency tables.
     number
         (n, channels), the index of each value's table.
     centre
@@ -119,11 +116,9 @@ def encode_with_contexts(latent: Integers, neighbours: NeighbourTable, prior: Pr
     Parameters
     ----------
     latent
-        Integers (n, channels), in the order of the voxels; beyond 16 bits they are clipped.
+        Integers (n, channels), in the order of the voxels; clipped to 16 bits.
     neighbours
         (27, n), neighbour table of the voxels.
-    prior
-        Distributions of the values by the entropy model.
     """
     values = np.clip(latent, -_MAX_MAGNITUDE, _MAX_MAGNITUDE).astype(np.int64)
     bits = bit_writer(_MAX_VALUE_BYTES * values.size + 16)
@@ -214,7 +209,7 @@ def _offset(shell: int, place: int) -> int:
 def _find_contexts(around: _Neighbourhood, values: Ints, row: int, channel: int) -> None:
     """Compute the contexts of a value, to which a decision's offset is added later.
 
-    "Neighbours" are those coded before, except where occupancy is named. The contexts are:
+    "Neighbours" are those coded before, except for occupancy:
 
     0. mean magnitude of the neighbours, and their number
     1. mean of the neighbours at faces, and the largest magnitude
@@ -280,7 +275,6 @@ def _code_value(
     channel: int,
     value: int,
 ) -> int:
-    """Encode or decode a value: whether it is zero, its sign, then its magnitude in unary."""
     decision = _DECISIONS * channel
     zero = _frequency(tables, row, channel, 0, 0)
     above, below = (

@@ -27,7 +27,7 @@ _TAIL_MASS = 2.0**-20
 
 
 class EntropyBottleneck(nn.Module):
-    """Learned distributions of independent channels, with parameters named as in CompressAI."""
+    """Learned distributions of channels; parameters are named as in CompressAI."""
 
     def __init__(self, channels: int) -> None:
         super().__init__()
@@ -66,9 +66,7 @@ class FrequencyTable:
 
 
 def frequency_tables(bottleneck: EntropyBottleneck) -> tuple[FrequencyTable, ...]:
-    """Return a frequency table per channel, computed in double precision; the tails (probability
-    2**-20 each) are left to the escape symbol.
-    """
+    """Return a table per channel, computed in double precision; tails of 2**-20 are escaped."""
     with torch.no_grad():
         exact = EntropyBottleneck(bottleneck.channels).double()
         exact.load_state_dict(bottleneck.state_dict())

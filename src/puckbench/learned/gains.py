@@ -1,7 +1,6 @@
 """One network for several rates: gains of the latent, and an entropy bottleneck for each rate.
 
-The latent is multiplied by gains before it is rounded, and divided by them afterwards, so that one
-set of weights serves a whole rate-distortion curve.
+The latent is multiplied by gains before rounding, and divided by them afterwards.
 
 References
 ----------
@@ -60,9 +59,7 @@ class MultiRateNetwork(nn.Module):
 
 
 def parameter_groups(model: MultiRateNetwork) -> list[dict[str, Any]]:
-    """Return optimiser groups; parameters of one rate, trained less often, get a higher learning
-    rate.
-    """
+    """Return optimiser groups; parameters of one rate get a higher learning rate."""
     of_rates = [model.log_gains, *model.entropy_bottlenecks.parameters()]
     ids = set(map(id, of_rates))
     shared = [value for value in model.parameters() if id(value) not in ids]

@@ -1,9 +1,9 @@
-"""Choice of the grid on which a cloud is coded, by the cloud's density.
+"""Choice of the grid by the cloud's density.
 
 On a dense surface a voxel has about four occupied children. If the cloud is sparse on its grid, it
 has about one, whose position no network can predict. The authors of PCGCv1 and PCGCv2 choose a
-smaller scale for sparse clouds by hand; this module chooses it by the density. A level is a number
-of quarter octaves; an octave doubles the side of voxels.
+smaller scale for sparse clouds by hand. A level is a number of quarter octaves; an octave doubles
+the side of voxels.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ _MIN_VOXELS = 64
 def octaves_to_density(keys: Keys, mean_occupied_children: float) -> float:
     """Return by how many octaves a grid must be coarsened until it is dense enough.
 
-    It is dense enough if voxels twice as large have `mean_occupied_children` on average,
-    interpolated linearly. If no grid is, return 0. The Morton keys (n,) are sorted and distinct.
+    That is, until voxels twice as large have `mean_occupied_children` on average, interpolated. If
+    no grid is, return 0. The Morton keys (n,) are sorted and distinct.
     """
     previous = 0.0
     for octave in range(AXIS_BITS):
@@ -59,7 +59,7 @@ def octaves_of_points(points: Floats, mean_occupied_children: float) -> float:
 
 
 def choose_grid_level(points: Floats, mean_occupied_children: float, offset: float = 0.0) -> int:
-    """Choose the level of the grid on which a cloud is coded.
+    """Choose the level of the grid of a cloud.
 
     The grid is coarsened until voxels have enough occupied children on average, and then by the
     offset.
@@ -71,7 +71,7 @@ def choose_grid_level(points: Floats, mean_occupied_children: float, offset: flo
     mean_occupied_children
         Mean number of occupied children of a voxel. With 1 or less the input's grid is kept.
     offset
-        In octaves (factors of two); if negative, the grid becomes finer again.
+        In octaves; if negative, the grid becomes finer.
 
     Returns
     -------

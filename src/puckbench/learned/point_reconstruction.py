@@ -2,10 +2,10 @@
 
 A decoder keeps the most likely voxels. On a sparse grid it cannot know which voxels of a 2x2x2
 block of siblings were occupied, only that one or two were; on a dense grid several points share a
-voxel. Therefore points are placed per block. A block gets the mean number of points, or more if
-more of its voxels are expected to be occupied. They are placed side by side at the centroid of the
-block's occupancy probabilities, projected onto the plane of the neighbouring blocks. If the network
-is confident of the kept voxels, points are placed per voxel instead.
+voxel. Therefore points are placed per block: the mean number, or more if more voxels are expected
+to be occupied, side by side at the centroid of the occupancy probabilities, projected onto the
+plane of the neighbouring blocks. If the network is confident of the kept voxels, points are placed
+per voxel.
 """
 
 from __future__ import annotations
@@ -93,7 +93,7 @@ def points_per_voxel(points: int, voxels: int, rho: float) -> int:
 def check_points_per_voxel(units: int, voxels: int) -> None:
     """Raise InputError for a number that `points_per_voxel` cannot have returned.
 
-    0 is allowed: it stands for one point in the centre of each voxel.
+    0 is allowed: one point in the centre of each voxel.
     """
     too_many = units > UNITS and voxels * units > 2 * _MAX_POINTS * UNITS  # each cube rounds
     if too_many or (units and not UNITS <= units <= UNITS * _MAX_POINTS_PER_VOXEL):
@@ -104,8 +104,7 @@ def reconstructed_points(blocks: SiblingBlocks, units: int) -> Floats:
     """Return points (n, 3), in voxels, for the decoded blocks.
 
     `units` is the number of points per voxel in 256ths. Each voxel has one point in its centre if
-    `units` is 0, if the voxels span 2**20 or more, or if the network is confident and `units` is
-    256.
+    `units` is 0, the voxels span 2**20 or more, or the network is confident and `units` is 256.
     """
     voxels = blocks.voxels().astype(np.float64)
     if not units or np.ptp(voxels, axis=0).max() >= _MAX_SPAN:
@@ -142,7 +141,7 @@ def _placed(centres: Floats, counts: Floats, projection: float) -> Floats:
 def _whole_counts(counts: Floats, neighbour_counts: Floats) -> NDArray[np.int64]:
     """Round counts (m,) to integers of at least 1, with about the same sum.
 
-    Counts are rounded up at the centres with the fewest neighbours, near which voxels were lost.
+    Counts with the fewest neighbours, near which voxels were lost, are rounded up.
     """
     whole = np.floor(counts)
     remainder = int(np.rint(counts.sum()) - whole.sum())

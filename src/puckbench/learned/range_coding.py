@@ -29,8 +29,8 @@ def decode_latent(data: bytes, count: int, tables: tuple[FrequencyTable, ...]) -
 def encode_groups(groups: Iterable[tuple[Integers, FrequencyTable]]) -> bytes:
     """Encode groups of integers (n,), each with its table.
 
-    A value outside its group's table is coded as the escape symbol; it follows the group in 16
-    bits, clipped if necessary.
+    A value outside its table is coded as the escape symbol; it follows the group, clipped to 16
+    bits.
     """
     import constriction
 

@@ -1,8 +1,7 @@
 """Sets of trained weights: a safetensors file with parameters, frequency tables and a model card.
 
-Parameters are stored in half precision. The integer frequency tables of entropy models are computed
-once, when a set is written, since floating-point arithmetic differs between machines. Encoder and
-decoder only read them.
+Parameters are stored in half precision. The integer frequency tables are computed once, when a set
+is written, since floating-point arithmetic differs between machines.
 """
 
 from __future__ import annotations
@@ -197,11 +196,7 @@ def _tables_of(model: MultiRateNetwork) -> Tables:
 
 
 def _tensors_of_tables(tables: Tables) -> dict[str, NDArray[np.int32]]:
-    """Pack frequency tables into three arrays.
-
-    These are the lowest value and the length of each table (rates, channels), and the concatenated
-    frequencies (n,).
-    """
+    """Pack tables as lowest values and lengths (rates, channels) and joined frequencies (n,)."""
     all_tables = [table for rate in tables for table in rate]
     shape = (len(tables), -1)
     lowest = np.array([table.lowest for table in all_tables], np.int32).reshape(shape)
@@ -225,7 +220,7 @@ def _tables_of_tensors(arrays: Arrays) -> Tables:
 
 
 def _json_of_tables(tables: Tables) -> list[list[dict[str, Any]]]:
-    """Convert tables to JSON, from which the digests of the authors' weights are computed."""
+    """Convert tables to JSON, for the digests of the authors' weights."""
     return [
         [{"lowest": t.lowest, "frequencies": t.frequencies.tolist()} for t in rate]
         for rate in tables
@@ -239,8 +234,8 @@ _UNREADABLE = (
 
 
 def read_checkpoint(path: Path, fault: str) -> dict[str, Any]:
-    """Read a PyTorch checkpoint without running its code; raise InputError with `fault` if this
-    fails.
+    """Read a PyTorch checkpoint without running its code; raise InputError with `fault` if
+    damaged.
     """
     try:
         checkpoint = torch.load(path, map_location="cpu", weights_only=True)

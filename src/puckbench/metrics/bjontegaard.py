@@ -38,7 +38,7 @@ class RateDistortionCurve:
 
 @dataclass(frozen=True)
 class BjontegaardDelta:
-    """Bjontegaard deltas between a curve and an anchor curve.
+    """Bjontegaard deltas of a curve against an anchor curve.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ class BjontegaardDelta:
     quality_db
         Mean difference in quality at equal rate.
     overlap
-        Common range of quality, as a fraction of the shorter curve's range.
+        Common range of quality, as a fraction of the shorter range.
     """
 
     log_ratio: float | None

@@ -17,9 +17,9 @@ def geometry_metrics(
 ) -> dict[str, float]:
     """Return all geometry metrics of a decoded cloud: distances in units and metres, and PSNRs.
 
-    If rounding explains all errors, they are set to 0, and the entry ``lossless`` marks this. The
-    peak of the D1 and D2 PSNRs is in the reference's units, by default `PointCloud.peak`. D2 needs
-    the reference's normals.
+    If rounding explains all errors, they are 0, with the entry ``lossless``. The peak of the D1 and
+    D2 PSNRs is in the reference's units, by default `PointCloud.peak`. D2 needs the reference's
+    normals.
     """
     from puckbench.metrics.geometry import ReferenceCloud, distortion
     from puckbench.metrics.lossless import without_rounding
@@ -45,8 +45,7 @@ def picture_metrics(
 ) -> dict[str, float]:
     """Return metrics of rendered views, and of colour if both clouds have colours.
 
-    Images of views are `pixels` wide; with 0 there are none. `geometry` is the result of
-    `geometry_metrics`.
+    Views are `pixels` wide; with 0 there are none. `geometry` is the result of `geometry_metrics`.
     """
     values: dict[str, float] = {}
     if pixels:

@@ -29,10 +29,7 @@ def _distances(points: Floats, centre: Floats) -> Floats:
 
 
 def _far_pair(points: Floats) -> tuple[Floats, float]:
-    """Return centre and length of the segment between two points that are far apart.
-
-    The search goes repeatedly from a point to the farthest one.
-    """
+    """Return centre and length of the segment between two far points, each the other's farthest."""
     point, centre, length = points[0], points[0], -1.0
     while True:
         distances = _distances(points, point)

@@ -6,9 +6,8 @@ from puckbench.geometry.cloud import Floats, check_points
 
 
 def elongation(points: Floats) -> float:
-    """Return the ratio of the shortest to the longest side of a cloud's bounding box.
-
-    It is 0 for a single point (thesis section 6.1).
+    """Return the ratio of shortest to longest side of a cloud's bounding box; 0 for a single
+    point.
     """
     check_points(points, "elongation")
     return _ratio(np.ptp(points, axis=0))

@@ -26,7 +26,7 @@ class SquaredErrors:
     """Squared point-to-point and point-to-plane errors between two clouds.
 
     They are (n,) from the distinct points of the reference (A) to the decoded cloud (B), and (m,)
-    from the distinct points (m, 3) of B to A.
+    from those of B (m, 3) to A.
     """
 
     decoded: Floats
@@ -78,14 +78,14 @@ def distortion(
 ) -> dict[str, float]:
     """Return D1, D2, Chamfer and Hausdorff distances, as MPEG's program pc_error computes them.
 
-    Duplicate points count once, with the normal of the first. Decoded points get their normals from
-    the reference (`transfer_normals`). Point-to-plane errors are projected onto the nearest
-    neighbour's normal and averaged over equidistant neighbours.
+    Duplicate points count once, with the normal of the first. Decoded points get normals by
+    `transfer_normals`. Point-to-plane errors are projected onto the nearest neighbour's normal and
+    averaged over equidistant neighbours.
 
     Parameters
     ----------
     reference
-        The original cloud (A), or a `ReferenceCloud` to save time in several comparisons.
+        The original cloud (A), or a `ReferenceCloud` for several comparisons.
     decoded
         The decoded cloud (B), (m, 3), in the coordinate frame of A.
 
@@ -162,9 +162,9 @@ def _checked_normals(reference: PointCloud) -> Floats:
 def transfer_normals(normals: Floats, size: int, ab: Neighbours, ba: Neighbours) -> Floats:
     """Return normals (size, 3) for the decoded cloud B from those of the reference A (n, 3).
 
-    By the rule of MPEG's pc_error, a point of B gets the mean, not normalised, of the normals of
-    those points of A whose nearest neighbour it is. If there are none, it gets the mean normal of
-    its nearest neighbours in A. `ab` are neighbours in B of points of A, `ba` the reverse.
+    As in MPEG's pc_error, a point of B gets the mean, not normalised, of the normals of the points
+    of A whose nearest neighbour it is or, if there are none, of its nearest neighbours in A. `ab`
+    are neighbours in B of points of A, `ba` the reverse.
     """
     sums, counts = _sums_of_takers(normals, size, ab.starts, ab.exact, ab.index)
     _add_own_nearest(normals, ba.starts, ba.exact, ba.index, sums, counts)

@@ -42,9 +42,8 @@ def without_rounding(errors: Mapping[str, float], limit: float) -> dict[str, flo
 
 
 def lossless_rows(metrics: pd.DataFrame) -> NDArray[np.bool_]:
-    """Return a mask (n,) of result rows without loss.
-
-    If the column `LOSSLESS` is missing, rows with errors 0 are lossless.
+    """Return a mask (n,) of rows without loss: by the column `LOSSLESS` or, without it, errors of
+    0.
     """
     flags = metrics.get(LOSSLESS)
     by_error = np.zeros(len(metrics), bool)
@@ -58,10 +57,7 @@ def lossless_rows(metrics: pd.DataFrame) -> NDArray[np.bool_]:
 
 
 def with_lossless_best(metrics: pd.DataFrame) -> pd.DataFrame:
-    """Replace the infinite PSNRs of lossless clouds by a finite value above all others.
-
-    Quantiles over clouds can then include them.
-    """
+    """Replace lossless clouds' infinite PSNRs by a finite value above all others, for quantiles."""
     psnrs = [name for name in map(str, metrics) if "_psnr" in name and is_shape_metric(name)]
     rows = lossless_rows(metrics)
     return metrics.assign(**{name: metrics[name].mask(rows, _BEST_DB) for name in psnrs})

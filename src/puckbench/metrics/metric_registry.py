@@ -8,9 +8,8 @@ A metric is a function with its registration above it::
         offset = reference.xyz.mean(axis=0) - decoded.xyz.mean(axis=0)
         return {"centroid_m": float(np.linalg.norm(offset)) / reference.about["scale"]}
 
-Each key of the returned dictionary becomes a column of the results, so its name should end in its
-unit. Both clouds are in the same coordinate frame, with ``reference.about["scale"]`` units per
-metre.
+Each key becomes a column of the results, so it should end in its unit. Both clouds are in one
+coordinate frame, with ``reference.about["scale"]`` units per metre.
 """
 
 from __future__ import annotations

@@ -17,7 +17,7 @@ def distances_to_primitive(primitive: Primitive, points: Floats) -> Floats:
 
 
 def parameter_differences(true: Primitive, decoded: Primitive, centre: Floats) -> dict[str, float]:
-    """Return the differences between the parameters of two primitives of the same kind.
+    """Return the differences of parameters of two primitives of a kind.
 
     Returns
     -------

@@ -55,9 +55,8 @@ def decoded_in_metres(surface: Mesh, cloud: PointCloud) -> Segmentation:
 
 
 def decoded_segmentation(mesh: Mesh, labels: Labels, points: Floats) -> Segmentation:
-    """Assign each of `points` (n, 3) to the closest object of a decoded surface.
-
-    The object's largest primitive represents it.
+    """Assign `points` (n, 3) to the largest primitive of the closest object of a decoded
+    surface.
     """
     triangles = closest_surface_points(mesh, points).triangles
     primitive_ids = _largest_primitives(mesh.areas(), labels)
@@ -77,9 +76,9 @@ def _largest_primitives(areas: Floats, labels: Labels) -> Ints:
 def recovery(true: Segmentation, decoded: Segmentation, points: Floats) -> list[dict[str, Any]]:
     """Compare decoded with true primitives of `points` (n, 3), in metres.
 
-    Two primitives match if they have the same kind and the intersection of their points exceeds
-    half of the union. Primitives with fewer than `MIN_SHARE` of the points, freeform surfaces and
-    decoded primitives on them do not count.
+    Two primitives of one kind match if the intersection of their points exceeds half of the union.
+    Primitives with fewer than `MIN_SHARE` of the points, freeform surfaces and decoded primitives
+    on them do not count.
 
     Returns
     -------

@@ -44,9 +44,8 @@ def range_errors(original: Returns, decoded: Returns) -> dict[str, float]:
 def range_errors_of_points(original: Floats, decoded: Floats) -> dict[str, float]:
     """Return the metrics of `range_errors` for decoded points (m, 3), m, relative to the sensor.
 
-    The range error of a return is the component, along its ray, of the offset to the nearest
-    decoded point. If k returns have the same point, which was decoded m times, k - m returns are
-    lost or m - k added.
+    A range error is the component, along the ray, of the offset to the nearest decoded point. If k
+    returns have the same point, which was decoded m times, k - m returns are lost or m - k added.
     """
     from pykdtree.kdtree import KDTree
 
@@ -67,8 +66,8 @@ def range_errors_of_points(original: Floats, decoded: Floats) -> dict[str, float
 def entropy_bits(noise: Floats, groups: NDArray[np.integer], step: float) -> float:
     """Return the entropy, in bits, of noise (n,) quantised to steps: a bound for lossless coding.
 
-    It has Miller's bias correction (1955). The mean noise of each group, a laser in a turn, is
-    subtracted, because a codec can learn it; `groups` (n,) contains the group of each value.
+    It has Miller's bias correction (1955). The mean noise of each of the `groups` (n,), a laser in
+    a turn, is subtracted, because a codec can learn it.
     """
     means = np.bincount(groups, noise) / np.maximum(np.bincount(groups), 1)
     counts = np.unique(np.rint((noise - means[groups]) / step), return_counts=True)[1]
@@ -82,8 +81,7 @@ def entropy_bits(noise: Floats, groups: NDArray[np.integer], step: float) -> flo
 def real_time_metrics(about: Mapping[str, Any], row: Mapping[str, Any]) -> dict[str, float]:
     """Return the bitrate at the sensor's rotation speed, and coding speeds relative to it.
 
-    `about` is the cloud's description; if it lacks ``turns`` or ``seconds``, return nothing. `row`
-    is the result row.
+    Return nothing if the cloud's description `about` lacks ``turns`` or ``seconds``.
     """
     turns, seconds = about.get("turns"), about.get("seconds")
     if not turns or not seconds:

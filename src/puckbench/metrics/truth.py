@@ -22,9 +22,9 @@ from puckbench.metrics.units import distortion_in_metres
 class Truth:
     """The true surface of a cloud, with search indices for comparison with decoded clouds.
 
-    The surface is a mesh in metres, or points in the coordinates of the reference cloud. `seen` are
-    points on its visible part, by default sampled on the mesh. `clean`, if set, replaces them:
-    points without noise along the rays of the scan.
+    The surface is a mesh in metres, or points in the reference's coordinates. `seen` are points on
+    its visible part, by default sampled on the mesh, or, if set, `clean`: points without noise
+    along the scan's rays.
     """
 
     def __init__(
@@ -63,9 +63,7 @@ def truth_distortion(
     mesh: Mesh | SearchableMesh | None,
     decoded: Floats | DistinctPoints,
 ) -> dict[str, float]:
-    """Return the entries of `distortion` from the true surface (A) to a decoded cloud (B).
-
-    Their names begin with ``truth_``.
+    """Return `distortion` from the true surface (A) to a decoded cloud (B), as ``truth_...``.
 
     * A to B: from `visible`, points with true normals on the part of the surface that the sensor
       saw.
@@ -83,8 +81,8 @@ def scan_distortion(
 ) -> dict[str, float]:
     """Return `truth_distortion` of a decoded scan, and `distortion` from the clean scan.
 
-    Names of the latter begin with ``clean_``. The clean scan consists of the intersections (n, 3)
-    of rays and surface, with true normals.
+    The latter's names begin with ``clean_``. The clean scan is the intersections (n, 3) of rays and
+    surface, with true normals.
     """
     errors = squared_errors(clean, decoded)
     to_points = {f"clean_{key}": value for key, value in summarise_errors(errors).items()}

@@ -28,7 +28,7 @@ def view_metrics(
 
     Points are drawn as discs of `radius` pixels, by default `closing_radius`. Views show luma
     (BT.709) if both clouds have colours, else depth from the near side of the reference's bounding
-    box. The background counts, so only codecs on the same cloud can be compared.
+    box. The background counts: compare only codecs on one cloud.
     """
     check_points(decoded.xyz, "decoded cloud")
     if pixels < WINDOW:
@@ -70,9 +70,8 @@ def view(
 
 
 def closing_radius(points: Floats, pixels: int) -> int:
-    """Return the disc radius in pixels that closes most gaps between points on a surface.
-
-    It is twice the median nearest-neighbour distance, and at least 1.
+    """Return the disc radius, in pixels, that closes most gaps: twice the median nearest-neighbour
+    distance, and at least 1.
     """
     from puckbench.metrics.density import density
 

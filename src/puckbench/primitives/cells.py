@@ -32,7 +32,7 @@ class CellGroups(NamedTuple):
 def group_by_cell(
     points: Floats, side: float, origin: Floats | None = None, *, centred: bool = False
 ) -> CellGroups:
-    """Group points (n, 3), n > 0, by cells of a grid; fastest if close points follow each other.
+    """Group points (n, 3), n > 0, by cells of a grid.
 
     The points must span fewer than 2^21 cells per axis. `origin` (3,), by default zeros, is the
     centre of cell (0, 0, 0) if `centred`, otherwise its least corner.
@@ -63,9 +63,7 @@ def _cell_of_positions(positions: Floats, centred: bool) -> Ints:
 def _group(
     points: Floats, origin: Floats, side: float, centred: bool, first: Ints
 ) -> tuple[Ints, Floats, Ints]:
-    """Return the cells' keys (m,), each cell's sums of x, y, z and 1 (m, 4), and the index of each
-    point's cell (n,).
-    """
+    """Return cells' keys (m,) and sums of x, y, z and 1 (m, 4), and each point's cell (n,)."""
     cell_of = np.empty(len(points), np.int64)
     keys, sums = np.empty(1024, np.int64), np.zeros((1024, 4))
     slots = np.full(4096, -1)

@@ -65,7 +65,7 @@ class DecodedSurface(NamedTuple):
 
 
 class Patches(NamedTuple):
-    """Decoded primitives with their occupancy maps, from which points are reconstructed."""
+    """Decoded primitives with their occupancy maps."""
 
     header: SurfaceHeader
     geometry: OctreeGeometry
@@ -97,7 +97,7 @@ def decode(stream: bytes) -> Floats:
 
 
 def decode_surface(stream: bytes) -> DecodedSurface:
-    """Decode the primitives of a stream, but not a hybrid's voxels, to points with normals.
+    """Decode the primitives of a stream, without a hybrid's voxels.
 
     Raises
     ------
@@ -108,7 +108,7 @@ def decode_surface(stream: bytes) -> DecodedSurface:
 
 
 def read_patches(stream: bytes) -> Patches:
-    """Decode the primitives of a stream. Raises InputError like `decode_surface`."""
+    """Decode the primitives of a stream; raises InputError like `decode_surface`."""
     header, payload = unpack_surface(stream)
     geometry = octree_geometry(header)
     leaves, leaf_grid, occupancy = allocate_arrays(header)
@@ -142,9 +142,7 @@ def reconstruct_surface(patches: Patches) -> DecodedSurface:
 
 
 def reconstruct_planes(patches: Patches) -> tuple[Floats, Ints]:
-    """Return points (m, 3) on all planes, in the cloud's coordinates, and each point's leaf index
-    (m,).
-    """
+    """Return points (m, 3) on all planes, in the cloud's coordinates, and their leaves (m,)."""
     header = patches.header
     density = (header.points_across, header.column_spacing)
     arguments = (patches.geometry, patches.leaves, patches.occupancy, *density)

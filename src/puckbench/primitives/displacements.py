@@ -1,9 +1,8 @@
 """Displacement of voxels along the normals of planes fitted to the voxels around them.
 
 If the centre of a voxel is off this local plane, its points lie mostly on the side towards the
-plane. The encoder therefore sends displacement factors: fractions of the distance to the local
-plane that minimise the squared error, one for each class of voxels with similar distance and
-surface thickness.
+plane. The encoder therefore sends displacement factors, one for each class of voxels with similar
+distance and surface thickness: fractions of the distance that minimise the squared error.
 """
 
 from __future__ import annotations
@@ -27,9 +26,7 @@ FACTOR_ONE = 64
 
 
 class LocalPlanes(NamedTuple):
-    """Local planes of voxels: normals (m, 3), signed distances (m,) in voxels, and the voxels'
-    classes (m,) of displacement factors.
-    """
+    """Local planes of voxels: normals (m, 3), signed distances (m,) in voxels, and classes (m,)."""
 
     normals: Floats
     distances: Floats
@@ -73,9 +70,7 @@ class FittedTable(NamedTuple):
 
 
 def fit_displacements(voxels: Ints, means: Floats, weights: Floats) -> FittedTable:
-    """Fit the displacement factors of least squared error between displaced voxels and the means of
-    their points.
-    """
+    """Fit the factors of least squared error between displaced voxels and their points' means."""
     offsets = voxels - means
 
     def fit(block_size: int) -> tuple[float, DisplacementTable, LocalPlanes]:

@@ -1,7 +1,6 @@
 """The encoder's estimate of distortion, against the cloud and against its smoothed samples.
 
-The smoothed samples represent the surface without noise. Reproducing the noise does not bring a
-decoded cloud nearer to them.
+The smoothed samples represent the surface without noise.
 """
 
 from __future__ import annotations
@@ -79,7 +78,7 @@ class DistortionEstimator:
         return Distortion(point, plane, self._surface_error(of_samples, queries, rows))
 
     def surface_error(self, decoded: Floats) -> float:
-        """Estimate only `Distortion.surface`, from fewer points."""
+        """Estimate `Distortion.surface` from fewer points."""
         samples, queries = (subsample(xyz, _MAX_FAST_QUERIES) for xyz in (self.samples, decoded))
         of_samples = samples - decoded[search_tree(decoded).query(samples)[1]]
         rows = self.sample_tree.query(queries)[1]

@@ -1,9 +1,9 @@
-"""Binary arithmetic coding with context mixing: a bit's probability is mixed from three contexts.
+"""Binary arithmetic coding with a probability mixed from three contexts.
 
-The contexts' adaptive probabilities are mixed in the logistic domain with learnt weights (Mahoney
-2005, "Adaptive weighing of context models for lossless data compression"). Arithmetic is on
-integers, so that all machines decode identically. Encoder and decoder call the same ``code_...``
-functions: an encoder writes the argument, a decoder ignores it and returns the decoded value.
+The adaptive probabilities are mixed in the logistic domain with learnt weights (Mahoney 2005,
+"Adaptive weighing of context models for lossless data compression"). Arithmetic is on integers, so
+that all machines decode identically. Encoder and decoder call the same ``code_...`` functions: an
+encoder writes the argument, a decoder ignores it and returns the decoded value.
 """
 
 from __future__ import annotations
@@ -70,9 +70,7 @@ def is_writing(coder: ContextCoder) -> bool:
 
 @compiled_in_place
 def code_bit(coder: ContextCoder, bit: int, mixer: int, contexts: tuple[int, int, int]) -> int:
-    """Encode or decode a bit with three contexts and the weights of a mixer, given by index; return
-    the bit.
-    """
+    """Encode or decode a bit with three contexts and a mixer, given by index; return the bit."""
     a, b, c = contexts
     weights, stretch = coder.weights[mixer], coder.stretch
     a_logit = stretch[coder.probabilities[a] >> 4]

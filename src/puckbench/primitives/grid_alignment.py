@@ -20,8 +20,8 @@ _MIN_ALIGNED_LEAF_SIZE = 12.0
 
 
 def frame_candidates(cloud: PreparedCloud) -> list[SurfaceMode]:
-    """Return candidates with grids along the cloud's axes (from the corner of the points or of the
-    surface) and along its Manhattan frame.
+    """Return candidates with grids along the cloud's axes (from the points' or the surface's
+    corner), and along its Manhattan frame.
     """
     rotation = estimate_manhattan_frame(cloud.surface.normals)
     modes = [SurfaceMode(grid_offset=point_corner_offset(cloud)), SurfaceMode()]
@@ -37,9 +37,7 @@ def diagonal_offset_candidates(cloud: PreparedCloud, mode: SurfaceMode) -> list[
 def axis_offset_candidates(
     cloud: PreparedCloud, mode: SurfaceMode, axis: int
 ) -> Iterator[SurfaceMode]:
-    """Yield copies of the candidate with the grid moved along one axis, or none if the leaves are
-    small.
-    """
+    """Yield candidates with the grid moved along an axis, or none if the leaves are small."""
     for step in _AXIS_OFFSETS if _has_large_leaves(cloud) else ():
         offset = list(mode.grid_offset)
         offset[axis] += step

@@ -141,8 +141,8 @@ def _cover_with_rectangles(
 
 @compiled
 def _take_rectangle(columns: Bytes, a: int, b: int) -> tuple[int, int]:
-    """Find a rectangle of nonzero values with first corner (a, b), set them to zero, and return the
-    corner after its last value.
+    """Zero a rectangle of nonzero values with first corner (a, b); return the corner after its
+    last.
     """
     end_b = b
     while end_b < columns.shape[1] and columns[a, end_b]:

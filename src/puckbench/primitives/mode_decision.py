@@ -2,8 +2,7 @@
 
 Surfaces are encoded on grids along the cloud's axes and its Manhattan frame, and with or without
 each detected surface of revolution. Their cost is distortion + lambda * rate. The best surface is
-then compared with voxels of equal size in bytes. Distortion is measured against the smoothed
-samples (see `distortion`).
+then compared with voxels of equal size in bytes.
 """
 
 from __future__ import annotations
@@ -69,11 +68,9 @@ def encode(points: Floats, settings: PrimitiveSettings, cache: SurfaceCache | No
     Parameters
     ----------
     points
-        (n, 3) finite coordinates in any unit, n > 0.
-    settings
-        Parameters of the rate.
+        (n, 3), finite, in any unit, n > 0.
     cache
-        Saves repeated searches for the surface if several rates of a cloud are encoded.
+        Saves repeated searches for the surface at several rates of a cloud.
 
     Returns
     -------
@@ -98,7 +95,7 @@ class SurfaceCache:
     """Keeps the encoded surface of a cloud for rates that differ only in their refinement.
 
     A rate without refinement always repeats the search, so that calls can be timed. `saved` is the
-    time and memory of the search that the last call took from the cache.
+    time and memory that the last call saved.
     """
 
     def __init__(self) -> None:
@@ -187,7 +184,7 @@ def _encode_coarse_hybrid(
     voxels: CodedVoxels,
     search: VoxelSearch,
 ) -> bytes | None:
-    """Return the best hybrid of at most as many bytes as the voxels, or None if these are better.
+    """Return the best hybrid no larger than the voxels in bytes, or None if these are better.
 
     Surfaces coarser than `coded` are tried as long as they improve the hybrid.
     """
@@ -211,8 +208,8 @@ def _encode_coarse_hybrid(
 def _hybrid_criterion(
     cloud: PreparedCloud, estimator: DistortionEstimator, refinement: float
 ) -> hybrid_mode.HybridCriterion:
-    """Return a criterion whose cost is the product of the errors in `Distortion`, that of the
-    surface to the power 1 - refinement.
+    """Return a criterion: the product of the errors, that of the surface to the power 1 -
+    refinement.
     """
 
     def nearest_offsets(decoded: Floats) -> NearestOffsets:
@@ -230,8 +227,8 @@ def _hybrid_criterion(
 def _encode_refined(result: _SearchResult, settings: PrimitiveSettings) -> bytes:
     """Encode a hybrid, or voxels of equal size in bytes if these are better.
 
-    If a surface was selected without refinement, voxels replace its hybrid only if they preserve
-    the surface (see `_voxels_lose_surface`). Otherwise the product of the errors decides.
+    If a surface was selected without refinement, `_voxels_lose_surface` decides, otherwise the
+    product of the errors.
     """
     cloud, estimator, best, selection, trials = result
     search = VoxelSearch(cloud.source, trials)
@@ -258,9 +255,9 @@ def _voxels_lose_surface(
 ) -> bool:
     """Return whether voxels lose more accuracy of the surface than they gain at the points.
 
-    They do if their point or plane error is not less than the hybrid's. Otherwise they do if the
-    product of the ratios of errors (voxels to hybrid) is at least 1, where the ratio of surface
-    errors has the power 6 (1 - refinement).
+    They do if their point or plane error is not less than the hybrid's, or if the product of the
+    ratios of errors (voxels to hybrid) is at least 1, where that of surface errors has the power 6
+    (1 - refinement).
     """
     if voxels.point >= hybrid.point or voxels.plane >= hybrid.plane:
         return True

@@ -16,7 +16,7 @@ def estimate_noise(points: Floats, cell_size: float) -> float:
     deviations from the planes of all cells.
 
     A quartile is used because curved and crossing surfaces raise the deviation of only some cells.
-    The result is 0 if no cell has enough points.
+    It is 0 if no cell has enough points.
     """
     rows, starts = group_by_cell(points, cell_size).sorted_rows()
     centred = points[rows] - points.mean(axis=0)

@@ -40,7 +40,7 @@ NO_CRITERION = OccupancyCriterion(
 
 @compiled_in_place
 def distortion_reduction(criterion: OccupancyCriterion, point: Floats) -> float:
-    """Return by how much decoded points at `point` (3,), on the area of a sampling cell, reduce the
+    """Return how much decoded points at `point` (3,), on a sampling cell's area, reduce the
     distortion.
     """
     row, squared = _nearest_sample(criterion, point)
@@ -93,10 +93,10 @@ def _nearest_within(
 def optimise_occupancy_map(gains: Floats, edge_cost: float, surrounding: Ints, bits: Bytes) -> None:
     """Write to `bits` the map (n, n) that maximises its total gain minus the cost of its edges.
 
-    The optimisation is by iterated conditional modes (Besag, "On the statistical analysis of dirty
-    pictures", 1986). `gains` (n, n) are the reductions of the distortion by occupied columns. An
-    edge is between adjacent columns of which one is occupied. `surrounding` (n + 2, n + 2) holds
-    the states of the columns around the map.
+    Iterated conditional modes (Besag, "On the statistical analysis of dirty pictures", 1986).
+    `gains` (n, n) are the reductions of the distortion by occupied columns. An edge is between an
+    occupied and an empty column. `surrounding` (n + 2, n + 2) holds the states of columns around
+    the map.
     """
     side = len(gains)
     for a in range(side):

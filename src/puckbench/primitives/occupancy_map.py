@@ -1,8 +1,8 @@
 """Occupancy maps of planes: one bit per column of cells, coded with contexts.
 
-As for the patches of V-PCC, an occupancy map marks the part of a plane that the surface covers. A
-column is one cell wide and runs along the plane's dominant axis. The states of all columns are
-stored in one grid of cells, so that contexts also use columns of neighbouring leaves.
+As in V-PCC, an occupancy map marks the part of a plane that the surface covers. A column runs along
+the plane's dominant axis. All states are stored in one grid of cells, so that contexts also use
+neighbouring leaves.
 """
 
 from __future__ import annotations
@@ -134,8 +134,8 @@ def _decide_columns(
 def _column_gain(
     plane: Floats, axis: int, a: int, b: int, criterion: OccupancyCriterion, p: Floats
 ) -> float:
-    """Return by how much an occupied column, sampled at four points, reduces the distortion; `p`
-    (3,) is scratch memory.
+    """Return the reduction of the distortion by a column, sampled at four points; `p` (3,) is
+    scratch.
     """
     gain = 0.0
     for k in range(4):

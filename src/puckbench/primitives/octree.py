@@ -125,8 +125,7 @@ def _moments_of(xyz: Floats, weights: Floats, normals: Floats, variance: float) 
 
 @compiled
 def plane_errors(moments: Floats) -> Floats:
-    """Return, for each row of moments, the weighted squared distance (n,) to the least-squares
-    plane."""
+    """Return the weighted squared distances (n,) to the least-squares planes of moments (n, 10)."""
     costs: Floats = np.empty(len(moments))
     for i in range(len(moments)):
         costs[i] = distance_to_fit(moments[i])

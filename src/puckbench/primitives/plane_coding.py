@@ -1,8 +1,8 @@
 """Coding of a leaf's plane: a neighbouring leaf's plane, or a new one predicted from it.
 
-As in the merge mode of video codecs, the encoder may signal the index of a neighbour's plane
-instead of a new plane. A new plane is fitted to the leaf's whole region (see `region_merging`), and
-quantised more finely if the region is larger.
+The encoder signals the index of a neighbour's plane, as in the merge mode of video codecs, or a new
+plane, which is fitted to the leaf's whole region (see `region_merging`) and quantised more finely
+if the region is larger.
 """
 
 from __future__ import annotations
@@ -122,8 +122,8 @@ def _merge_candidates(
     leaf_grid: IndexGrid,
     candidates: Ints,
 ) -> int:
-    """Write the planes of adjacent leaves that pass near a cube, longest contact first; return
-    their number.
+    """Write adjacent leaves' planes that pass near a cube, longest contact first; return their
+    number.
     """
     contacts, planes = np.zeros(_MAX_CONTACTS, np.int64), np.zeros(_MAX_CONTACTS, np.int64)
     count = _count_contacts(geometry, corner, side, leaves, leaf_grid, contacts, planes)
@@ -200,7 +200,7 @@ def _decide_plane(
     max_extent_log2: int,
     indices: Ints,
 ) -> tuple[int, int]:
-    """Return the cheapest candidate's index (their count for a new plane) and a new plane's
+    """Return the cheapest candidate's index (their count for a new plane), and a new plane's
     extent.
     """
     plane = np.empty(4)
@@ -227,9 +227,7 @@ def _quantise_region_plane(
     indices: Ints,
     plane: Floats,
 ) -> tuple[int, float]:
-    """Quantise a region's plane with the cheapest extent; return log2 of the extent, and the
-    bits.
-    """
+    """Quantise a region's plane with the cheapest extent; return its log2, and the bits."""
     fitted, dequantised = np.empty(4), np.empty(4)
     fit_plane(region, fitted)
     trial_indices, predicted = np.zeros(4, np.int64), np.zeros(4, np.int64)

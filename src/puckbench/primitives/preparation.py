@@ -65,9 +65,7 @@ def prepare(points: Floats, settings: PrimitiveSettings) -> PreparedCloud:
 
 
 def column_size(surface: SurfaceSamples, settings: PrimitiveSettings) -> float:
-    """Return the side of an occupancy-map column in units, enlarged to suit the samples' spacing
-    and `MAX_CELLS`.
-    """
+    """Return a column's side in units, enlarged to suit the samples' spacing and `MAX_CELLS`."""
     doublings = np.log2(0.6 * surface.spacing / settings.column_size)
     column = settings.column_size * 2.0 ** max(0, np.ceil(doublings - 1e-9))
     while np.prod(np.ptp(surface.xyz, axis=0) / column + 2) > MAX_CELLS:

@@ -46,9 +46,9 @@ def reconstruct_points(
 ) -> int:
     """Write the points of all occupied columns as far as the arrays allow; return their number.
 
-    Each column has points_across x points_across points. If points_across is 1, only one of every
-    column_spacing x column_spacing columns has a point. The outputs are the points `xyz` (m, 3) and
-    the index of each point's leaf, `leaf_of_point` (m,).
+    Each column has points_across x points_across points, or, if points_across is 1, one of
+    column_spacing x column_spacing columns has a point. The outputs are `xyz` (m, 3), and the
+    leaves' indices `leaf_of_point` (m,).
     """
     count = 0
     cell = np.zeros(3, np.int64)

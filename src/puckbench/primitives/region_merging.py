@@ -15,9 +15,7 @@ _LOW_MASK = (1 << 32) - 1
 
 
 class MergeLimits(NamedTuple):
-    """The largest increase of the squared distance to the planes, and the largest angle between
-    the planes, at which two regions merge.
-    """
+    """The largest increase of squared distance and the largest angle at which regions merge."""
 
     fixed: float  # absolute
     per_weight: float  # per unit of weight of the smaller region
@@ -184,8 +182,8 @@ def _push(queue: _Queue, regions: _Regions, cost: float, a: int, b: int) -> None
 
 @inlined
 def _pop(queue: _Queue, regions: _Regions) -> tuple[bool, int, int]:
-    """Remove and return the first pair; also return whether its regions are unchanged since it
-    was queued.
+    """Remove and return the first pair, and whether its regions are unchanged since it was
+    queued.
     """
     pair, is_current = queue.pair[0], _is_current(queue, regions, 0)
     queue.size[0] -= 1

@@ -73,8 +73,8 @@ class RevolutionSurface(NamedTuple):
         return _points_at(self, *self.profile(arc_length), azimuth)
 
     def coordinates(self, xyz: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-        """Return arc lengths, azimuths, signed distances (n,) and normals (n, 3) of points (n,
-        3).
+        """Return arc lengths, azimuths, signed distances (n,) and normals (n, 3) of points
+        (n, 3).
         """
         return _coordinates(self, xyz)
 
@@ -84,8 +84,7 @@ class UnrolledMap(NamedTuple):
     bits: Bytes  # (columns,) row after row
 
     def occupied_columns(self) -> tuple[Ints, Ints, Ints]:
-        """Return each occupied column's row, position in the row, and number of columns in the
-        row."""
+        """Return rows, positions in the rows, and lengths of the rows, of the occupied columns."""
         columns = self.surface.columns_per_row()
         row = np.repeat(np.arange(self.surface.row_count), columns)
         column = np.arange(len(row)) - np.repeat(np.cumsum(columns) - columns, columns)
@@ -155,9 +154,7 @@ def _coordinates(surface: RevolutionSurface, xyz: Floats) -> tuple[Floats, Float
 def distance_to(
     surface: RevolutionSurface, sine: float, cosine: float, point: Floats
 ) -> tuple[float, float, float]:
-    """Return a point's signed distance from a surface, height above its origin, and distance from
-    its axis.
-    """
+    """Return a point's signed distance, height above the origin, and distance from the axis."""
     x, y, z = (
         point[0] - surface.origin[0],
         point[1] - surface.origin[1],
@@ -183,8 +180,8 @@ def normal_at(
     height: float,
     radius: float,
 ) -> Vector:
-    """Return the unit normal at the surface point nearest to a point; `radial` is that point minus
-    the origin.
+    """Return the unit normal at the nearest surface point; `radial` is the point minus the
+    origin.
     """
     if surface.kind == SPHERE:
         return multiply(1 / max(length(radial), 1e-9), radial)

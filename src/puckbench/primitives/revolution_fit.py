@@ -30,8 +30,8 @@ _UNKNOWN_COUNT = 6
 def fit_revolution(surface: RevolutionSurface, xyz: Floats, loss_scale: float) -> RevolutionSurface:
     """Fit a surface to points (n, 3).
 
-    The initial origin should be beside the points, because the fit moves it only perpendicularly to
-    the axis (for a sphere, in all directions).
+    The initial origin should be beside the points: the fit moves it only perpendicularly to the
+    axis (for a sphere, in all directions).
     """
     current = (np.empty((_UNKNOWN_COUNT, _UNKNOWN_COUNT)), np.empty(_UNKNOWN_COUNT))
     trial = (np.empty((_UNKNOWN_COUNT, _UNKNOWN_COUNT)), np.empty(_UNKNOWN_COUNT))

@@ -34,12 +34,11 @@ def block_samples(xyz: Floats, radius: float) -> tuple[Ints, BlockedSamples]:
 def make_hypotheses(
     xyz: Floats, normals: Floats, seeds: Ints, spacing: float, tolerance: float
 ) -> Floats:
-    """Return spheres, cylinders and cones (m, 9), not yet bounded, through two or three samples
-    with normals (see `surface_of_hypothesis`).
+    """Return unbounded spheres, cylinders and cones (m, 9) (see `surface_of_hypothesis`).
 
-    Each seed, the index of a sample, is combined with two other samples at each of three distances.
+    Each seed, the index of a sample, is combined with two samples at each of three distances.
     `spacing` is that of the samples, `tolerance` the least radius; a sphere or cylinder may miss
-    the second sample by twice this distance.
+    the second sample by twice this.
     """
     max_radius = float(np.ptp(xyz, axis=0).max()) / 2
     hypotheses, count = np.empty((3 * len(SPANS) * len(seeds), _FIELDS)), 0
@@ -76,7 +75,7 @@ def _sample_hypotheses(
     hypotheses: Floats,
     count: int,
 ) -> int:
-    """Write hypotheses through each seed and two samples at 0.6 to 1 times `radius`; return their
+    """Write hypotheses of each seed and two samples at 0.6 to 1 times `radius`; return their
     number.
     """
     ranges = np.empty((9, 2), np.int64)
@@ -97,8 +96,8 @@ def _sample_hypotheses(
 def _annulus_samples(
     xyz: Floats, seed: int, ranges: Ints, radius: float, selection: tuple[int, int]
 ) -> tuple[int, tuple[int, int]]:
-    """Count the samples at 0.6 to 1 times `radius` from a seed; also return the two with the
-    numbers `selection`.
+    """Count samples at 0.6 to 1 times `radius` from a seed; also return those numbered
+    `selection`.
     """
     min_squared, max_squared = (_MIN_DISTANCE * radius) ** 2, radius * radius
     count, first, second = 0, -1, -1

@@ -43,9 +43,7 @@ def to_grid(
     cell_size: float,
     grid_offset: tuple[float, float, float],
 ) -> RevolutionSurface:
-    """Transform a surface from units to cells of a rotated grid, where `corner` is at
-    `grid_offset`.
-    """
+    """Transform a surface from units to cells of a rotated grid, with `corner` at `grid_offset`."""
     origin, axis = rotate(np.stack([surface.origin, surface.axis]), rotation)
     origin = (origin - corner) / cell_size + grid_offset
     return surface._replace(origin=origin, axis=axis, radius=surface.radius / cell_size)

@@ -18,7 +18,7 @@ _MAX_ADDED_ERROR = 0.2
 
 
 def segment_points(patches: Patches) -> tuple[Floats, Ints]:
-    """Return the points (m, 3) of all primitives, and the index of each point's segment (m,)."""
+    """Return the points (m, 3) of all primitives, and their segments (m,)."""
     xyz, leaf_of_point = reconstruct_planes(patches)
     leaf_segments = _merge_leaves(patches, xyz, leaf_of_point)
     plane_segments, segments = np.unique(leaf_segments[leaf_of_point], return_inverse=True)

@@ -19,9 +19,7 @@ _REFERENCE_NOISE = 1.3
 class PrimitiveSettings(Model):
     """Parameters of a rate. Lengths are in units of 1/1023 of the cloud's longest side.
 
-    The surface mode codes planes in the leaves of an octree and surfaces of revolution, each with
-    an occupancy map. The voxel mode codes the voxels of a G-PCC octree and displaces them along
-    normals. With `refinement` > 0 the encoder codes a surface and voxels together (hybrid mode).
+    With `refinement` > 0 the encoder codes a surface and voxels together (hybrid mode).
     """
 
     max_bpp: float = Field(

@@ -1,8 +1,7 @@
 """Detection of cylinders, cones and spheres in the smoothed samples of a surface.
 
 Hypotheses from two or three samples with normals are scored by their inliers, as in the RANSAC of
-Schnabel, Wahl and Klein (2007). The samples are taken at equal steps instead of at random, so the
-result is deterministic.
+Schnabel, Wahl and Klein (2007), but samples are taken at equal steps, not at random.
 """
 
 from __future__ import annotations
@@ -113,8 +112,8 @@ def _find_curved(blocked: BlockedSamples, normals: Floats, radius: float, curved
 
 @compiled_in_place
 def _nearest_bend(xyz: Floats, normals: Floats, i: int, ranges: Ints, radius: float) -> float:
-    """Return the squared distance to the nearest sample whose normal differs by 10 to 37 degrees,
-    or radius^2.
+    """Return the squared distance to the nearest normal that differs by 10 to 37 degrees, or
+    radius^2.
     """
     squared_bend = radius * radius
     for k in range(len(ranges)):
@@ -178,9 +177,7 @@ def _select(
     spacing: float,
     tolerances: tuple[float, float],
 ) -> list[RevolutionSurface]:
-    """Select and refine hypotheses one by one, each time the one with most inliers that no earlier
-    one has.
-    """
+    """Select and refine hypotheses, each time that with most inliers that no earlier one has."""
     tolerance = tolerances[1]
     counts, unexplained = inliers.sum(axis=1), np.ones(inliers.shape[1], bool)
     unassigned = np.ones(len(xyz), bool)
@@ -241,9 +238,7 @@ def _height(surface: RevolutionSurface, point: Floats) -> float:
 def clip_to_inliers(
     surface: RevolutionSurface, xyz: Floats, normals: Floats, unassigned: Mask, tolerance: float
 ) -> RevolutionSurface:
-    """Bound a surface along its profile by its unassigned inliers; with too few, set its row count
-    to 0.
-    """
+    """Bound a surface by its unassigned inliers; with too few, set its row count to 0."""
     inliers = unassigned & _inliers(surface, xyz, normals, tolerance)
     if inliers.sum() < _MIN_INLIERS / 2:
         return surface._replace(row_count=0)
@@ -255,8 +250,8 @@ def clip_to_inliers(
 
 
 def _coverage(surface: RevolutionSurface, xyz: Floats, spacing: float) -> float:
-    """Return the fraction of a bounded surface that its samples cover, counted in patches of two
-    sample spacings a side.
+    """Return the covered fraction of a bounded surface, in patches of two sample spacings a
+    side.
     """
     arc_length, azimuth, _, _ = surface.coordinates(xyz)
     size = 2 * max(spacing, 1.0)

@@ -33,10 +33,10 @@ def smooth_samples(
 ) -> tuple[Floats, Floats]:
     """Project samples onto robust planes of their neighbours; return points and normals (n, 3).
 
-    A neighbour's weight is the square root of its number of points, because noise is correlated
-    within a cell. It decreases with the distance from the sample (0 at `radius`) and from the plane
-    (0 at `outlier_distance`, Tukey's biweight). In the second of two passes it also decreases with
-    the angle between the normals, which preserves edges. `spacing` is the side of a sampling cell.
+    A neighbour's weight, the square root of its number of points because noise is correlated within
+    a cell, decreases with the distance from the sample (0 at `radius`) and from the plane (0 at
+    `outlier_distance`). In the second of two passes it also decreases with the angle between the
+    normals, which preserves edges. `spacing` is the side of a sampling cell.
     """
     cell_radius = int(np.ceil(radius / spacing))
     order, blocks = blocks_of(samples, max(_MIN_BLOCK_SIZE, -(-cell_radius // 2)))

@@ -112,9 +112,7 @@ def revolution_candidates(cloud: PreparedCloud) -> tuple[RevolutionSurface, ...]
 
 
 def point_corner_offset(cloud: PreparedCloud) -> tuple[float, float, float]:
-    """Return the grid offset of a grid that begins at the least corner of the points, not of the
-    smoothed surface.
-    """
+    """Return the offset of a grid that begins at the points' least corner, not the surface's."""
     corner = np.maximum(cloud.surface.xyz.min(axis=0), 0)
     x, y, z = (0.5 + corner / axis_aligned_column_size(cloud)).tolist()
     return (x, y, z)
@@ -123,8 +121,7 @@ def point_corner_offset(cloud: PreparedCloud) -> tuple[float, float, float]:
 def encode_surface(cloud: PreparedCloud, mode: SurfaceMode) -> CodedSurface | None:
     """Encode a cloud as a surface.
 
-    Return None if a decoder's limits are exceeded, or decoding gives no points or more than the
-    input.
+    Return None beyond a decoder's limits, or if decoding gives no points or more than the input.
     """
     surface, corner = _rotate_surface(cloud, mode.rotation)
     column_side = column_size(surface, cloud.settings)
@@ -241,7 +238,7 @@ def _fit_revolutions(
 def _plan_octree(
     surface: SurfaceSamples, settings: PrimitiveSettings, column_side: float
 ) -> tuple[SurfaceHeader, list[PlaneOctreeLevel]]:
-    """Return a header without placement, point density and surfaces of revolution, and the octree's
+    """Return a header without placement, density and surfaces of revolution, and the octree's
     levels.
     """
     shape = np.floor(surface.xyz.max(axis=0)).astype(np.int64) + 1

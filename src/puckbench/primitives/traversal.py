@@ -1,7 +1,7 @@
-"""Tree traversal: encodes or decodes the octree of planes level by level, from the root down.
+"""Encodes or decodes the octree of planes level by level, from the root down.
 
-A node is a leaf, which has a plane, or is split. The encoder chooses planes during the traversal,
-because they are predicted from neighbouring planes, which are not known before.
+A node is a leaf with a plane, or is split. The encoder chooses planes during the traversal, because
+they are predicted from neighbouring planes.
 """
 
 from __future__ import annotations
@@ -113,8 +113,8 @@ def _code_splits(
     nodes: EncoderNodes,
     children: Ints,
 ) -> int:
-    """Encode or decode the occupied children of a level's split nodes; return their number, or -1
-    if there are too many.
+    """Encode or decode the occupied children of split nodes; return their number, -1 if too
+    many.
     """
     count = 0
     for i in range(len(level_nodes)):
@@ -240,10 +240,8 @@ def _code_occupancy(
 
 @compiled_in_place
 def _child_state(level_states: tuple[Bytes, Bytes], x: int, y: int, z: int) -> int:
-    """Return the state of a node at the finer level.
-
-    It is 0 if the node is empty, 2 if it is occupied, and 1 if this is not known yet because its
-    parent is coded later.
+    """Return the state of a finer node: 0 empty, 2 occupied, 1 unknown (its parent is coded
+    later).
     """
     states, child_states = level_states
     if min(x, y, z) < 0 or x + 2 >= child_states.shape[0]:

@@ -86,7 +86,7 @@ def encode_voxels_of_size(points: Floats, voxel_size: float) -> bytes:
 
 
 class VoxelSearch:
-    """Searches for the voxel size that fits a byte budget, starting from the sizes tried before."""
+    """Searches for the voxel size that fits a byte budget, starting from earlier sizes."""
 
     def __init__(self, points: Floats, trials: Iterable[Trial] = ()) -> None:
         self.points, self.trials = points, list(trials)
@@ -187,9 +187,7 @@ def _to_cloud(xyz: Floats | Ints, grid: VoxelGrid) -> Floats:
 
 
 def voxel_weights(groups: CellGroups) -> Floats:
-    """Return weights (m,) of voxels: half of the total in proportion to numbers of points, half
-    equal.
-    """
+    """Return weights (m,): half of the total in proportion to numbers of points, half equal."""
     return np.asarray(groups.counts / groups.counts.sum() + 1 / len(groups.counts))
 
 

@@ -30,7 +30,6 @@ def delta_value(row: _Row | None) -> str:
 
 
 def has_delta(row: _Row | None) -> bool:
-    """Whether a row of the table ``bd_rate`` has a reliable value."""
     return row is not None and not _why_not(row)
 
 
@@ -85,7 +84,6 @@ def _count(row: _Row, name: str) -> int:
 
 
 def _number(row: _Row | None, name: str) -> float:
-    """Return a value in a row, which may be text from a CSV file; nan if missing."""
     value = None if row is None else row.get(name)
     return nan if value in (None, "") else float(value)
 

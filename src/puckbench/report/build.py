@@ -162,5 +162,4 @@ def _figure_title(name: str) -> str:
 
 
 def _link(file: Path, folder: Path) -> str:
-    """Return a file's path relative to the page's folder; for a file elsewhere, its name."""
     return file.relative_to(folder).as_posix() if file.is_relative_to(folder) else file.name

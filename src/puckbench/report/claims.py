@@ -41,7 +41,6 @@ class Claims:
     link: str
 
     def __bool__(self) -> bool:
-        """Whether a claim was tested."""
         return any(card.verdict != _UNTESTED for card in self.cards)
 
     @property

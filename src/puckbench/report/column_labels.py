@@ -135,7 +135,7 @@ _TIME = re.compile(r"(en|de)code_(s|ms_per_turn|real_time)(_\w+)?")
 
 
 def is_time(column: str) -> bool:
-    """Whether a column contains times of a codec or values derived from times."""
+    """Whether a column depends on a codec's times."""
     return _TIME.fullmatch(column) is not None
 
 
@@ -162,7 +162,7 @@ def unit_in_frames(unit: str, frames: Collection[str]) -> str:
 def table_heading(column: str, others: Collection[str] = ()) -> tuple[str, str]:
     """Return words and unit for a column in a table's heading.
 
-    `others` are the table's columns; a suffix such as ``_low`` marks a statistic of one of them.
+    A suffix such as ``_low`` marks a statistic of one of the table's columns `others`.
     """
     if column in _OF_TABLES:
         return _OF_TABLES[column]

@@ -28,12 +28,9 @@ class Comparison:
     Parameters
     ----------
     deltas
-        Table as returned by `bd_rate`, with ``codec`` from the run and ``anchor`` from the
-        reference.
-    left_out
-        Messages on clouds that were not compared.
+        As from `bd_rate`, with ``codec`` from the run and ``anchor`` from the reference.
     same_streams
-        Number of streams of equal size, and of all streams, for each codec of both.
+        For each common codec, numbers of streams of equal size and of all.
     """
 
     run_rows: pd.DataFrame
@@ -56,7 +53,7 @@ def compare_with_reference(
     Parameters
     ----------
     codecs
-        Codecs in the run; by default those that the reference lacks or, without such codecs, all.
+        Codecs in the run; by default those that the reference lacks, if any.
     qualities
         Metrics; by default those of the reference's Bjontegaard deltas.
     common
@@ -201,10 +198,7 @@ def _deltas(
 
 
 def _judged(rows: pd.DataFrame) -> pd.DataFrame:
-    """Add two columns that tables of older runs lack.
-
-    They are ``lossless``, whether a decoded cloud has no error, and the peak of the PSNRs.
-    """
+    """Add ``lossless`` (no error) and the peak of the PSNRs, which tables of older runs lack."""
     table = with_peaks(rows).assign(**{LOSSLESS: lossless_rows(rows)})
     return table if PEAK in table else table.assign(**{PEAK: nan})
 

@@ -36,8 +36,6 @@ class Contents(Model):
         Places of the user's figures and tables (see `puckbench.core.registry`), loaded if trusted.
     style
         Layers of `puckbench.figures.style.FigureStyle`; later ones take precedence.
-    points
-        Maximum number of points per cloud in the viewer.
     most_mb
         Maximum total size of the clouds in the page, MB.
     """
@@ -91,7 +89,7 @@ class Contents(Model):
 
 
 def register_user_plugins(figures: Iterable[str], tables: Iterable[str]) -> None:
-    """Register the user's figures and tables (``file.py:name``); raise InputError if untrusted."""
+    """Register the user's plug-ins (``file.py:name``); raise InputError if untrusted."""
     for place in figures:
         FIGURES.add(place)
     for place in tables:

@@ -72,7 +72,7 @@ class FindingsColumn:
 
 @dataclass(frozen=True)
 class DatasetFindings:
-    """Statements on a data set's best codecs, by group, and the values of all codecs."""
+    """Statements on a data set's best codecs, by group, and all values."""
 
     title: str
     clouds: int
@@ -216,7 +216,6 @@ def _bd_rate(row: Mapping[Any, Any] | None) -> Cell:
 def _nearest(
     metrics: pd.DataFrame, errors: pd.DataFrame | None, codecs: Sequence[str]
 ) -> Iterator[FindingsColumn]:
-    """Yield a column with each codec's least distance to the true surface over its rates."""
     distance = _distance_of(metrics)
     if distance is not None:
         medians = metrics.groupby(["codec", "rate"])[[distance, "bpp"]].median().dropna()

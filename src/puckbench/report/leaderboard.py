@@ -1,7 +1,6 @@
 """The leaderboard: a page and findings for each study with reference results.
 
-``python -m puckbench.report.leaderboard FOLDER`` writes the page of every shipped study, as `make
-docs` does.
+``python -m puckbench.report.leaderboard FOLDER`` writes every shipped study's page.
 """
 
 from __future__ import annotations

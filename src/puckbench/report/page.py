@@ -1,7 +1,7 @@
 """Render the page: templates with data, style and scripts inserted.
 
-The interactive plot uses no library, because the smallest has 4.8 MB and needs a weaker content
-security policy.
+The interactive plot uses no library: the smallest has 4.8 MB and needs a weaker content security
+policy.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ TEMPLATES = ("page.html", "table.html")
 
 
 def rendered(template: str, **values: Any) -> str:
-    """Render a template in `TEMPLATES`; all values except markup are escaped."""
+    """Render a template; all values except markup are escaped."""
     return _environment().get_template(template).render(values)
 
 

@@ -1,7 +1,7 @@
 """Reference results: the result rows of a study in a Parquet file.
 
-A row contains the digest of its cloud. JSON in the schema's metadata describes how the results were
-made. The folder ``reference`` contains puckbench's files.
+A row contains its cloud's digest. JSON in the schema's metadata describes how the results were
+made.
 """
 
 from __future__ import annotations
@@ -186,10 +186,8 @@ def write_reference(path: Path, metrics: pd.DataFrame, about: Mapping[str, Any])
 
 
 def _write_small(path: Path, table: Any, metadata: Mapping[Any, Any]) -> None:
-    """Write an Arrow table to a small file.
-
-    Only text, which repeats, is dictionary encoded; floats are split by byte; the metadata is not
-    repeated in Arrow's schema.
+    """Write an Arrow table to a small file: only text is dictionary encoded, floats are split by
+    byte.
     """
     import pyarrow as pa
     from pyarrow import parquet

@@ -76,7 +76,6 @@ class RunRecord:
         return {**vars(self), **moments, "commits": list(self.commits)}
 
     def facts(self) -> dict[str, str]:
-        """Return date, duration and commits as text."""
         if not self.jobs:
             return {}
         jobs = "1 job" if self.jobs == 1 else f"{self.jobs:,} jobs"

@@ -50,7 +50,7 @@ class TableColumn:
 def table_html(
     table: pd.DataFrame, link: str | None = None, style: FigureStyle | None = None
 ) -> Markup:
-    """Return a table as HTML with the number of omitted rows and a link to its file."""
+    """Return a table as HTML with its number of omitted rows and a link."""
     from markupsafe import Markup
 
     ordered = table[_in_order(table)]

@@ -56,10 +56,8 @@ def viewer_payload(
 def initial_view(
     examples: Sequence[Example], metrics: pd.DataFrame | None, scan_errors: pd.DataFrame | None
 ) -> dict[str, Any]:
-    """Return the viewer's first example, codec and rate: those that reduce the scan's distance to
-    the true surface most.
-
-    Without a true surface, return the last example.
+    """Return the example, codec and rate that most reduce the scan's distance to the true surface;
+    without a true surface, the last example.
     """
     views = [
         (number, codec, rate)
@@ -171,8 +169,8 @@ def original_for_viewer(original: PointCloud, most: int) -> ViewerCloud:
 def decoded_for_viewer(
     original: PointCloud, decoded: Iterable[tuple[str, str, Floats]], most: int
 ) -> list[tuple[str, str, ViewerCloud]]:
-    """Return decoded clouds (codec, rate, cloud) with errors; input points (m, 3) are in the
-    original's frame.
+    """Return decoded clouds (codec, rate, cloud) with errors; `decoded` is in the original's
+    frame.
     """
     from pykdtree.kdtree import KDTree
 
@@ -203,8 +201,8 @@ def example_payload(
 
 
 def error_range(decoded: Sequence[ViewerCloud]) -> tuple[float, float]:
-    """Return the smallest and largest error of a codec's colour scale, which excludes outliers and
-    spans at most three powers of ten.
+    """Return the limits of a codec's colour scale, without outliers, at most three powers of
+    ten.
     """
     error_arrays = [shown.errors for shown in decoded if shown.errors is not None]
     errors = np.concatenate([np.empty(0), *error_arrays])
@@ -234,8 +232,8 @@ def cloud_payload(shown: ViewerCloud, limits: tuple[float, float] = (0.0, 0.0)) 
 
 
 def levels(errors: Floats, lowest: float, highest: float) -> Any:
-    """Quantise errors (n,) logarithmically to uint8: 1 means `lowest`, 255 `highest` or more, 0
-    less than `lowest`.
+    """Quantise errors (n,) logarithmically to uint8: 1 is `lowest`, 255 `highest` or more, 0
+    less.
     """
     if highest == 0:
         return np.zeros(len(errors), np.uint8)

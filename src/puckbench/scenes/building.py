@@ -74,7 +74,6 @@ def building_room(name: str, seed: int) -> RoomSpec:
 
 
 def stretched(spec: RoomSpec, x: float, y: float) -> RoomSpec:
-    """Stretch a room's floor plan by factors `x` and `y` (at least 1), but not its furniture."""
     return replace(
         spec,
         outline=tuple((x * a, y * b) for a, b in spec.outline),

@@ -69,9 +69,8 @@ def lectern(cad: Modeller) -> Item:
 def stepped_floor(
     cad: Modeller, width: float, step: tuple[float, float], count: int, at_back: float
 ) -> Item:
-    """Make `count` steps that rise towards +y.
-
-    `step` is the depth and height of each; the last one is `at_back` deep.
+    """Make `count` steps of depth and height `step`, rising towards +y; the last is
+    `at_back` deep.
     """
     depth, rise = step
     parts: list[Surface] = []

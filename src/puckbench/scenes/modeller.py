@@ -23,7 +23,7 @@ class Modeller:
     Parameters
     ----------
     rng
-        Source of all random numbers, in the order of the calls.
+        Source of all random numbers, in the calls' order.
     detail
         Factor of the number of segments (1: 12 mm segments, 16 to 96 per full circle).
     unit

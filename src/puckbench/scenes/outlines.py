@@ -100,7 +100,7 @@ def polar(radius: float, angles: Floats) -> list[Point]:
 
 
 def loop(outline: Outline) -> Floats:
-    """Return the points (n, 2) of a closed outline; points that segments share are not repeated."""
+    """Return the distinct points (n, 2) of a closed outline."""
     return np.concatenate([segment.points[:-1] for segment in outline])
 
 

@@ -50,8 +50,8 @@ def _box_corners(piece: Piece) -> Floats:
 def with_meshes(item: Item, furniture: FurnitureMeshes, rng: np.random.Generator) -> Item:
     """Replace generated pieces of furniture by meshes of the same semantic class.
 
-    The meshes are in metres, z up, facing -y. A mesh of similar proportions is drawn at random and
-    stretched to the size of the piece. The content of a replaced bookcase is removed.
+    A random mesh of similar proportions (in metres, z up, facing -y) is stretched to the piece's
+    size. The content of a replaced bookcase is removed.
     """
     if item[0].semantic == "bookcase" and furniture.get("bookcase"):
         item = item[:1]

@@ -27,7 +27,7 @@ SENSOR_FREE, SENSOR_TOP = 0.45, 2.0
 
 @dataclass(frozen=True)
 class Placement:
-    """An item to place in a room: the function that makes it, and where to place it.
+    """An item to place in a room: the function that makes it, and its place.
 
     Parameters
     ----------

@@ -34,7 +34,7 @@ def make_room(
 
 
 def origin(name: str, seed: int = 0) -> tuple[float, float, float]:
-    """Return a sensor position in a room, 1.3 m high, randomly displaced by up to 5 cm."""
+    """Return a sensor position, 1.3 m high, randomly displaced by up to 5 cm."""
     spec = room_spec(name, seed)
     x, y = np.array(spec.origin) + generator(seed, "origin", name).uniform(-0.05, 0.05, 2)
     return (float(x), float(y), SENSOR_HEIGHT)
@@ -48,7 +48,6 @@ def room_box(name: str, seed: int = 0) -> Floats:
 
 
 def room_spec(name: str, seed: int = 0) -> RoomSpec:
-    """Return the specification of a room; raise InputError for an unknown name."""
     if name in room_types():
         return building_room(name, seed)
     if name not in ROOMS:

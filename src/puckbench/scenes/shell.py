@@ -133,7 +133,6 @@ def _casing(width: float, height: float) -> list[Surface]:
 
 
 def door_leaf(cad: Modeller, width: float, height: float) -> Surface:
-    """Make a door leaf at y = 0 with two raised panels and a lever handle."""
     board = box(width, 0.04, height).at(y=0.02)
     panels = [box(width * 0.68, 0.008, z).at(0, -0.004, at) for at, z in ((0.2, 0.65), (1.05, 0.8))]
     x = width / 2 - 0.07

@@ -87,7 +87,7 @@ def torus(major: float, minor: float, steps: int, around: int) -> Surface:
 def superquadric(
     sizes: tuple[float, float, float], exponents: tuple[float, float], steps: int
 ) -> Surface:
-    """Make a superellipsoid with half axes a, b, c (`sizes`) and exponents e1, e2 in its equation:
+    """Make a superellipsoid with half axes a, b, c (`sizes`) and exponents e1, e2 in
 
     |z/c|^(2/e1) + (|x/a|^(2/e2) + |y/b|^(2/e2))^(e2/e1) = 1; exponents (1, 1) give an ellipsoid,
     smaller ones a rounded box.

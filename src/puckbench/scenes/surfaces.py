@@ -18,7 +18,7 @@ class Shape:
     origin.
 
     `kind` is that of `puckbench.geometry.mesh.Primitive`. ``lengths`` (radii, half axes) scale with
-    the pose of the primitive, ``ratios`` (angles, exponents) do not.
+    the primitive's pose, ``ratios`` (angles, exponents) do not.
     """
 
     kind: str
@@ -101,7 +101,7 @@ class Surface:
         return replace(self, triangles=self.triangles[:, ::-1], frames=frames)
 
     def deformed(self, change: Callable[[Floats], Floats]) -> Surface:
-        """Apply a function to the vertices (v, 3); the surface becomes freeform."""
+        """Apply a function to the vertices (v, 3); the result is freeform."""
         return freeform(change(self.vertices), self.triangles)
 
     def select(self, *shapes: int) -> Surface:
@@ -141,9 +141,7 @@ def pose(
     roll: float = 0.0,
     scale: float = 1.0,
 ) -> Floats:
-    """Return the matrix (4, 4) that scales, then rotates about y (`roll`), x (`tilt`) and z
-    (`turn`), in degrees, and then translates.
-    """
+    """Return the matrix (4, 4) of `Surface.at`."""
     matrix = np.eye(4)
     matrix[:3, :3] = scale * rotation(2, turn) @ rotation(0, tilt) @ rotation(1, roll)
     matrix[:3, 3] = x, y, z
@@ -173,7 +171,7 @@ def frame_along(axis: Floats, origin: Floats) -> Floats:
 def one_shape(
     vertices: Floats, triangles: Ints, shape: Shape, frame: Floats | None = None
 ) -> Surface:
-    """Make a surface whose triangles all lie on one primitive, without those of zero area."""
+    """Make a surface on one primitive, without triangles of zero area."""
     a, b, c = vertices[triangles].swapaxes(0, 1)
     size = np.linalg.norm(np.cross(b - a, c - a), axis=1)
     valid = triangles[size > 1e-12]
@@ -201,8 +199,8 @@ def grid(
 ) -> Surface:
     """Make a surface through a grid of points (m, n, 3).
 
-    Its normals are the cross products of the row and column directions. `closed` connects the last
-    row (column) to the first.
+    Normals are cross products of row and column directions. `closed` connects the last row (column)
+    to the first.
     """
     rows, columns, _ = points.shape
     index = np.arange(rows * columns).reshape(rows, columns)

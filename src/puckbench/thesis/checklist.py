@@ -80,7 +80,7 @@ class Reproduction:
     def command(self, *targets: str) -> list[str]:
         """Return the Snakemake command that makes `targets`.
 
-        Targets come first, because an option would take them for its values.
+        Targets come first, since an option would take them as values.
         """
         words = ["snakemake", *targets, "--cores", str(self.cores), "--configfile", str(self.path)]
         settings = [f"{key}={str(value).lower()}" for key, value in self.changes.items()]
@@ -106,7 +106,7 @@ class Reproduction:
         return Item(title, name, state, note)
 
     def _item_without_data(self, title: str, name: str) -> Item:
-        """Return an item if scene sets are absent and no plan exists; an existing file is done."""
+        """Return an item if scene sets are absent and there is no plan."""
         absent = [scenes for scenes in self._scenes_of(name) if scenes in self.absent]
         file, chapter_5_file = (_file(name, root) for root in (self.results, _CHAPTER_5_RESULTS))
         files = [file] if absent else [file, chapter_5_file]

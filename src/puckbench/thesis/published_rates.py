@@ -13,8 +13,8 @@ _DISTANCES = ("cd_plane", "hausdorff_sq_plane")
 
 
 def median_rows() -> Iterator[dict[str, Any]]:
-    """Yield the medians as result rows, with roles as names of data sets and codecs; only the first
-    and last rate have a ``bpp``.
+    """Yield the medians as result rows, with roles as names; only first and last rates have a
+    ``bpp``.
     """
     import yaml
 

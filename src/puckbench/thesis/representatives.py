@@ -83,7 +83,7 @@ def codec_roles(plan: Plan) -> dict[str, str]:
 
 
 def stand_in_roles(plan: Plan) -> dict[str, str]:
-    """Return, for each codec of the thesis, the first codec that is derived from it."""
+    """Return the first codec derived from each codec of the thesis."""
     bases = {name: codec.based_on for name, codec in plan.opened.items()}
     return _first({name: codec_role(open_codec(base)) for name, base in bases.items() if base})
 
@@ -97,9 +97,7 @@ def _first(roles: Mapping[str, str]) -> dict[str, str]:
 
 
 def grid_scales(plan: Plan) -> dict[str, dict[str, float]]:
-    """Return the grid's scale by codec and rate, for G-PCC codecs that encode a data set with a
-    role.
-    """
+    """Return the grid's scale by codec and rate, for G-PCC codecs on a data set with a role."""
     return {
         name: {rate: float(values["scale"]) for rate, values in codec.rates.items()}
         for name, codec in plan.opened.items()

@@ -96,10 +96,10 @@ def metric_rows(files: Sequence[Path]) -> list[dict[str, Any]]:
     """Every measurement, one row per data set, cloud, codec and rate.
 
     Bytes, bits per point, times in seconds, peak memory in MiB, and all metrics in grid units
-    (``scale`` converts them to metres), or in metres of clouds in metres (``frame``). PSNRs D1 and
-    D2 have the ``peak`` beside them, in the same units; a ``lossless`` cloud has none. Columns that
-    start with ``truth_`` are measured against the true surface, those with ``clean_`` against the
-    clean scan of the same rays; both are empty where there is none.
+    (``scale`` converts them to metres) or, for clouds in metres (``frame``), in metres. D1 and D2
+    PSNRs have their ``peak`` in the same units; ``lossless`` clouds have none. Columns
+    ``truth_...`` are measured against the true surface, ``clean_...`` against the clean scan of the
+    same rays, if any.
     """
     return read_rows(files)
 
@@ -112,10 +112,9 @@ def cloud_row(dataset: str, file: Path) -> dict[str, Any]:
     box divided by the longest; ``elongation_oriented``: of the oriented box), diameter (largest
     distance of two points, in grid units), scale (grid units per metre), share of duplicates,
     distance to the nearest point (m), points per square metre (median, 5 and 95 %), share of
-    outliers and digest of the coordinates. Also points that were left out (``dropped_points``) and
-    how many of them were missing returns, and the user's file (``source``). Of clouds in metres
-    with a sensor's returns also the number of turns, their time in seconds, and the entropy of the
-    noise in steps of the sensor's ranges (bits).
+    outliers, digest of the coordinates, points left out (``dropped_points``), missing returns among
+    these, and the user's file (``source``). For clouds in metres with a sensor's returns: turns,
+    their time in seconds, and the entropy of the noise in steps of the sensor's ranges (bits).
     """
     about = read_object(file)
     if missing := sorted({*_OF_CLOUDS, "name", "size_m"} - about.keys()):
@@ -133,7 +132,7 @@ def cloud_row(dataset: str, file: Path) -> dict[str, Any]:
 
 @TABLES.register("left_out", title="What was left out", gathered=True)
 def left_out(rows: Sequence[Mapping[str, str]]) -> pd.DataFrame:
-    """The files and scenes that could not be used, and why: no result counts them."""
+    """Files and scenes that could not be used, and why."""
     import pandas as pd
 
     return pd.DataFrame(rows, columns=["dataset", "scene", "file", "reason"])
@@ -153,10 +152,10 @@ PLAN_TABLES = {"left_out": left_out, "codecs": codecs}
 
 @TABLES.register("scan_errors", title="Errors of the scans themselves", gathered=True)
 def scan_error_rows(files: Sequence[Path]) -> list[dict[str, Any]]:
-    """Each scan measured as if it had been decoded: its distance to the true surface.
+    """Each scan measured as if it had been decoded: distances.
 
-    ``truth_...`` is the distance to the true surface, ``clean_...`` that to the clean scan of the
-    same rays, in squared units of the scaled cloud and in metres (``..._m``).
+    ``truth_...``: to the true surface; ``clean_...``: to the clean scan of the same rays; in
+    squared units of the scaled cloud and in metres (``..._m``).
     """
     kept = (*CLOUD_KEYS, "group", "scale", FRAME)
     return [
@@ -169,9 +168,9 @@ def scan_error_rows(files: Sequence[Path]) -> list[dict[str, Any]]:
 def recovery_rows(files: Sequence[Path]) -> list[dict[str, Any]]:
     """Geometric primitives of each stream against the labels of the scene, over all kinds and each.
 
-    How many are true, found and matched, precision, recall, label accuracy of the points, and
-    medians over the matched of the residual and of the differences of the parameters. A stream
-    without primitives has a row of the kind "all" in which nothing is measured.
+    Numbers of true, decoded (``found``) and matched primitives, precision, recall, label accuracy
+    of the points, and medians over matches of the residual and of parameter differences. A stream
+    without primitives has an empty row of the kind "all".
     """
     return read_rows(files)
 
@@ -188,11 +187,10 @@ ROWS = {
 def summary(metrics: pd.DataFrame) -> pd.DataFrame:
     """Medians over the clouds of each data set, codec and rate, and their spread.
 
-    Beside the medians the quartiles (``_q25``, ``_q75``), the values that hold nine clouds in ten
-    (``_q05``, ``_q95``; linear between clouds, so that few clouds have a q05 near their least
-    value), and the number of clouds; figure 6.5 draws the medians per rate. ``lossless`` clouds
-    have no error but that of rounding, and no PSNR: in medians they count as better than any other.
-    PSNRs have the ``peak`` of their row, and no median where a data set has several.
+    Quartiles (``_q25``, ``_q75``), 5 % and 95 % quantiles (``_q05``, ``_q95``; interpolated between
+    clouds), and the number of clouds. ``lossless`` clouds have no error except rounding, and no
+    PSNR: in medians they count as better than any other. PSNRs have no median where a data set has
+    several peaks (``peak``).
     """
     import pandas as pd
 

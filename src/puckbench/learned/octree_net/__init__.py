@@ -1,6 +1,5 @@
 """Sparse octree net: lossless coding of voxels, with a network small enough to train on a CPU.
 
-`load_weights` reads a set of weights, `encode` and `decode` convert points to bytes and back.
 `OctreeNetCoder` codes voxels by their Morton keys, `OctreeNetTraining` sets up training.
 """
 

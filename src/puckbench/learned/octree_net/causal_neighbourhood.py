@@ -1,4 +1,4 @@
-"""The causal neighbourhood of a voxel's children: what encoder and decoder know before coding them.
+"""The causal neighbourhood of a voxel's children: cells known before they are coded.
 
 A voxel's children and the cells around them form 4x4x4 cells. Cell (x, y, z) is bit ``x + 4 y + 16
 z`` of a mask, and the children are the inner eight. A cell is unknown while its parent is occupied
@@ -91,8 +91,8 @@ def _find_neighbourhood(level: LevelState, rows: Ints, cells: CellMasks) -> None
 def _share_outside_layer(outside: int, count: int) -> int:
     """Quantise to 0, 1 or 2 the fraction of neighbours outside the voxel's layer across an axis.
 
-    The fraction is 18 / 26 if all neighbours are occupied, 0 if only those in a plane perpendicular
-    to the axis, 6 / 8 if only those in a plane that contains the axis.
+    It is 18 / 26 if all neighbours are occupied, 0 if only those in a plane perpendicular to the
+    axis, 6 / 8 if only those in a plane that contains it.
     """
     return (20 * outside >= 9 * count) + (20 * outside >= 13 * count)
 

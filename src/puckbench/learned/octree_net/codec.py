@@ -27,8 +27,6 @@ def encode(
     ----------
     points
         (n, 3), n >= 1; quantised as by `puckbench.gpcc.quantise`; duplicates are merged.
-    weights
-        Trained network.
     scale
         Steps of the coded grid per step of the input grid.
     grid
@@ -52,7 +50,7 @@ def encode(
 
 
 def decode(stream: bytes, weights: OctreeNetWeights, threads: int | None = None) -> Floats:
-    """Return the points (m, 3) of a stream that was made with these weights."""
+    """Return the points (m, 3) of a stream made with these weights."""
     content = read_stream(stream)
     check_digest(weights.digest, content.digest)
     return decoded_points(content, weights, threads)

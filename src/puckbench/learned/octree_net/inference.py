@@ -1,7 +1,6 @@
 """Inference of the sparse octree net for coding a level's voxels, in chunks and without gradients.
 
-Coders use `LevelPredictor` and `VoxelGroup`, which this module implements for the CPU. Sums are
-exact, so that results equal those of the model's layers.
+Sums are exact, so that results equal those of the model's layers.
 """
 
 from __future__ import annotations
@@ -42,7 +41,7 @@ F = TypeVar("F")
 
 
 class VoxelGroup(Protocol):
-    """Voxels of a level that are coded together; methods work on chunks of them."""
+    """Voxels of a level that are coded together, in chunks."""
 
     @property
     def number(self) -> int: ...

@@ -1,9 +1,8 @@
 """Context mixing of symbols: the network's probabilities combined with adaptive statistics.
 
-The network was trained on many scans; adaptive contexts learn the statistics of the scan to code.
-Each bit of a symbol is the occupancy of one child. The network's probability of a bit is mixed with
-those of contexts of the causal neighbourhood. All arithmetic is on integers, so that all machines
-decode identically.
+A bit of a symbol is the occupancy of a child. The network's probability of a bit is mixed with
+those of adaptive contexts, which learn the statistics of the scan from the causal neighbourhood.
+All arithmetic is on integers, so that all machines decode identically.
 """
 
 from __future__ import annotations
@@ -148,7 +147,7 @@ def _code_symbols(
 
 @compiled_in_place
 def _first_symbol(code: int, half: int) -> int:
-    """Return the first symbol of an occupancy, or 0 while this symbol is being coded."""
+    """Return the first symbol of an occupancy, or 0 while it is being coded."""
     return half * (code & 1 | code >> 2 & 2 | code >> 3 & 4 | code >> 3 & 8)
 
 
@@ -159,7 +158,7 @@ def _find_contexts(
 ) -> None:  # fmt: skip
     """Compute the contexts of a child's bit, and its sets of mixing weights.
 
-    The caller adds the parts that depend on the kind of the bit. The contexts are, in this order:
+    The caller adds the kind of the bit. In this order:
 
     0. neighbours at the voxel's faces
     1. the voxel's first symbol and its number of neighbours

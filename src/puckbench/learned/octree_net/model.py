@@ -1,9 +1,8 @@
-"""The sparse octree net: it predicts the symbols of voxels, level by level, from features.
+"""The sparse octree net: predicts the symbols of voxels, level by level, from features.
 
 All levels of the octree share the weights. The features of a level's voxels give those of their
 children. The voxels of a level are coded in groups, and a convolution before each group uses the
-symbols of the previous groups. RENO (see `puckbench.learned.reno`) also predicts occupancy level by
-level with a small sparse network.
+symbols of the previous groups.
 """
 
 from __future__ import annotations

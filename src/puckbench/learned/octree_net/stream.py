@@ -124,7 +124,7 @@ def max_nodes(part: CodedPart) -> int:
 
 
 def _check(parts: Sequence[CodedPart]) -> None:
-    """Raise InputError for parts that would take too long to decode for their size."""
+    """Raise InputError for parts that take too long to decode for their size."""
     for part in parts:
         max_voxels = min(MAX_VOXELS, 65536 + _MAX_VOXELS_PER_BYTE * len(part.symbols))
         if not 0 < part.count <= max_voxels or part.levels >= AXIS_BITS:

@@ -1,8 +1,8 @@
 """Occupancy of a voxel's eight children as two symbols, their frequencies, and groups of voxels.
 
 The first symbol holds the four children whose coordinates have an even sum, the second symbol the
-others. A child shares faces only with children of the other symbol, so that the first symbol is a
-good prediction of the second.
+others. Faces are shared only by children of different symbols, so that one symbol predicts the
+other.
 """
 
 from __future__ import annotations
@@ -63,9 +63,7 @@ def slots_of(first: Symbols, second: Symbols) -> NDArray[np.int64]:
 
 @cache
 def powers_of_two() -> Frequencies:
-    """Return the rounded frequencies 2**(16 - d / UNITS) of logits d = 0, 1, .. units below the
-    largest, down to `_MIN_FREQUENCY`.
-    """
+    """Return 2**(16 - d / UNITS), rounded, for d = 0, 1, ... down to `_MIN_FREQUENCY`."""
     steps = range((_FREQUENCY_BITS - 3) * UNITS + 1)
     exact = [Decimal(2) ** (_FREQUENCY_BITS - Decimal(d) / UNITS) for d in steps]
     return np.array([round(power) for power in exact], dtype=np.int32)

@@ -1,7 +1,7 @@
 """Training of the sparse octree net: bits of a batch's symbols as the loss, and the optimiser step.
 
-The network computes in fixed point during training too, so that the conversion of weights to
-integers changes nothing. Rounding passes gradients unchanged.
+Training computes in fixed point too, so that the conversion of weights to integers changes nothing.
+Rounding passes gradients unchanged.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ _MAX_ROW = 0.9 * MAX_SUM / (MAX_ACTIVATION * WEIGHT_UNITS)
 
 
 def bits_per_level(model: OctreeNet, keys: Keys, levels: int, pool: ThreadPool) -> list[Tensor]:
-    """Return the bits of all symbols in each of the `levels` levels above the voxels with these
-    keys, coarsest first.
+    """Return the bits of the symbols in each of the `levels` levels above the voxels, coarsest
+    first.
     """
     device = model.root.device
     sets, child_maps = pyramid(keys, levels, pool)

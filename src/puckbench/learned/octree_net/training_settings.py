@@ -24,8 +24,6 @@ class OctreeNetTraining(BaseTraining):
     ----------
     scales
         Scales of the coarsest and of the finest grid from which cubes are cut.
-    channels
-        Channels of the features.
     convolutions
         Convolutions of a level before its first group of voxels.
     symmetries

@@ -1,6 +1,5 @@
 """PCGCv1: learned point-cloud geometry coding of dense cubes with a hyper-prior.
 
-`load_weights` reads a set of weights, `encode` and `decode` convert points to bytes and back.
 `Pcgcv1Encoder` and `Pcgcv1Decoder` give access to the parts of a stream, `Pcgcv1Training` sets up
 training.
 

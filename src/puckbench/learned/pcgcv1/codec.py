@@ -34,8 +34,6 @@ def encode(
     ----------
     points
         (n, 3), n >= 1, in steps of the finest grid.
-    weights
-        Trained network.
     rate
         Index of the rate among ``weights.lmbdas``, lowest bitrate first.
     scale
@@ -85,7 +83,7 @@ def encode(
 
 
 def decode(stream: bytes, weights: Pcgcv1Weights, threads: int | None = None) -> Floats:
-    """Return the points (m, 3) of a stream that was made with these weights."""
+    """Return the points (m, 3) of a stream made with these weights."""
     content = read_stream(stream)
     check_made_with(weights, content.digest, content.rate)
     return Pcgcv1Decoder(weights, threads).decode(content)

@@ -61,7 +61,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Pcgcv1Encoder:
-    """Encodes points at one rate. The fields are the options of `codec.encode`."""
+    """Encodes points at one rate; fields are options of `codec.encode`."""
 
     weights: Pcgcv1Weights
     rate: int

@@ -1,8 +1,8 @@
 """Inference of PCGCv1 for coding, one cube at a time, arranged for vector units.
 
-A vector unit computes sixteen output channels at once, but most layers at full resolution have
-four, eight or one. Such a layer computes p neighbouring voxels jointly: a kernel of 3x3x(2 + p)
-voxels with a stride of p has p times as many output channels. One thread computes a cube.
+A vector unit computes sixteen output channels at once. Layers with fewer compute p neighbouring
+voxels jointly: a kernel of 3x3x(2 + p) voxels with a stride of p has p times as many output
+channels. One thread computes a cube.
 """
 
 from __future__ import annotations
@@ -236,8 +236,8 @@ def _logits(features: Tensor, layer: ConvolutionKernel) -> Tensor:
 class PolyphaseConv:
     """A transposed convolution and its ReLU in polyphase form, by the parity of x and y.
 
-    An even output has two inputs along an axis, an odd one has one. Four small kernels avoid the
-    products with zeros of one large kernel. Both parities of z are computed jointly.
+    Along an axis an even output has two inputs, an odd output has one. Four small kernels avoid
+    products with zeros. Both parities of z are computed jointly.
     """
 
     layers: tuple[

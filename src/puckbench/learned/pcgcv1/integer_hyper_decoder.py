@@ -1,8 +1,7 @@
 """The hyper-synthesis transform h_s in integers, with equal results on every machine.
 
 Weights are rounded to 2**-16 and features to 2**-12. Products and sums are integers below 2**53,
-which double precision represents exactly, so that encoder and decoder choose the same tables (see
-the reference of `octree_net.fixed_point`).
+which double precision represents exactly (see the reference of `octree_net.fixed_point`).
 """
 
 from __future__ import annotations
@@ -32,9 +31,7 @@ class _Layer:
 
 
 class IntegerHyperSynthesis:
-    """Chooses a latent's frequency tables; raises InputError if weights are too large to be
-    exact.
-    """
+    """Chooses a latent's frequency tables; raises InputError if sums might be inexact."""
 
     def __init__(self, network: HyperSynthesis) -> None:
         self.conv1, self.conv2 = _layer(network.conv1), _layer(network.conv2)

@@ -1,7 +1,6 @@
 """The network of PCGCv1: a dense autoencoder of cubes of voxels with a hyper-prior.
 
-g_a computes the latent y, and g_s decodes it to occupancy logits. h_a computes the hyper-latent z,
-and h_s decodes it to the distributions of y. The network may serve several rates (see `gains`).
+The network may serve several rates (see `gains`).
 
 Convolutions pad as TensorFlow's 'same': a stride of two pads one voxel at the far end only, and a
 transposed convolution keeps the first 2 n of its 2 n + 1 outputs.

@@ -1,8 +1,8 @@
-"""Occupied blocks of cubes, which the stream holds in addition to the latent.
+"""Occupied blocks of cubes.
 
 A block is the 4x4x4 voxels that one position of the latent represents. Networks trained with blocks
 omit the latent of empty blocks. Their decoder places at least one voxel in each occupied block and
-none elsewhere, which avoids holes and outliers. In the paper the latent is coded everywhere.
+none elsewhere, which avoids holes and outliers. In the paper there are no such blocks.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def cubes_with_blocks(blocks: Voxels, side: int) -> CodedCubes:
 
 
 def pooled(blocks: Bools) -> Bools:
-    """Reduce (m, s, s, s) to (m, s / 2, s / 2, s / 2): true where any of eight values is true."""
+    """Reduce (m, s, s, s) to (m, s / 2, s / 2, s / 2), true where any of eight values is."""
     m, s = len(blocks), blocks.shape[-1] // 2
     return np.asarray(blocks.reshape(m, s, 2, s, 2, s, 2).any(axis=(2, 4, 6)))
 

@@ -85,7 +85,6 @@ def load_weights(where: str | Path, device: DeviceName = "cpu") -> Pcgcv1Weights
 def save_weights(
     path: Path, model: PCGCv1, lmbdas: tuple[float, ...], card: Mapping[str, Any]
 ) -> Pcgcv1Weights:
-    """Write a network as a set of weights; return the set as `load_weights` reads it."""
     save_multi_rate(path, PCGCV1, model, lmbdas, card)
     return load_weights(path)
 

@@ -1,6 +1,5 @@
 """PCGCv2: multiscale learned point-cloud geometry coding with sparse convolutions.
 
-`load_weights` reads a set of weights, `encode` and `decode` convert points to bytes and back.
 `Pcgcv2Coder` gives access to the parts of a stream, `Pcgcv2Training` sets up training.
 
 References

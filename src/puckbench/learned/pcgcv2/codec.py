@@ -41,16 +41,12 @@ def encode(
     ----------
     points
         (n, 3), n >= 1, in steps of the finest grid.
-    weights
-        Trained network.
     rate
         Index of the rate among ``weights.lmbdas``, lowest bitrate first.
     mean_occupied_children, grid_level_offset
         Grid of the voxels, see `choose_grid_level`; by default that of the input.
     rho
         Decoded voxels per occupied voxel.
-    tools
-        Coding tools in use.
     point_reconstruction
         Decode as many points as were encoded, instead of voxel centres.
     threads
@@ -80,7 +76,7 @@ def encode(
 
 
 def decode(stream: bytes, weights: Pcgcv2Weights, threads: int | None = None) -> Floats:
-    """Return the points (m, 3) of a stream that was made with these weights."""
+    """Return the points (m, 3) of a stream made with these weights."""
     content = read_stream(stream)
     if not isinstance(content, Pcgcv2Stream):
         return content

@@ -54,7 +54,7 @@ STRIDE = 2**SCALES
 
 @dataclass(frozen=True)
 class Pcgcv2Coder:
-    """Codes voxels at one rate. The fields are the options of `codec.encode`."""
+    """Codes voxels at one rate; fields are options of `codec.encode`."""
 
     weights: Pcgcv2Weights
     rate: int

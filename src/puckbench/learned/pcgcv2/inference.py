@@ -1,4 +1,4 @@
-"""Inference of PCGCv2 for coding: `model` without gradients, with fused layers.
+"""Inference of PCGCv2 without gradients, with fused layers.
 
 Pointwise convolutions are computed as part of an adjacent 3x3x3 convolution. Biases and ReLUs are
 applied while a chunk of rows is in the cache. Layers reuse the memory of previous layers.

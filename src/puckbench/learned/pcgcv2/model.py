@@ -1,7 +1,6 @@
 """The network of PCGCv2: a sparse-convolution autoencoder with three scales.
 
-The analysis transform g_a computes the latent y, the synthesis transform g_s decodes y_hat. The
-network may serve several rates (see `gains`). It is that of section 3 and figure 1 of the paper
+The network may serve several rates (see `gains`). It is that of section 3 and figure 1 of the paper
 (see `puckbench.learned.pcgcv2`); layers are named as in the authors' program.
 """
 

@@ -46,7 +46,6 @@ def load_weights(where: str | Path, device: DeviceName = "cpu") -> Pcgcv2Weights
 def save_weights(
     path: Path, model: PCGCv2, lmbdas: tuple[float, ...], card: Mapping[str, Any]
 ) -> Pcgcv2Weights:
-    """Write a network as a set of weights; return the set as `load_weights` reads it."""
     save_multi_rate(path, PCGCV2, model, lmbdas, card)
     return load_weights(path)
 
@@ -54,8 +53,8 @@ def save_weights(
 def load_published(path: Path) -> PCGCv2:
     """Read a checkpoint of the authors; raise InputError if it is not one.
 
-    Its many denormal weights, which slow some processors down a hundredfold, are read as zeros;
-    results do not change.
+    Denormal weights, which slow some processors down a hundredfold, are read as zeros; results do
+    not change.
     """
     checkpoint = _read(path)
     model = PCGCv2(Pcgcv2Shape())

@@ -1,7 +1,6 @@
 """RENO: lossless coding of LiDAR voxels by sparse convolutions, with its authors' weights.
 
-`load_weights` reads a checkpoint of the authors, `encode` and `decode` convert points to bytes and
-back. `RenoCoder` codes voxels by their Morton keys.
+`load_weights` reads a checkpoint of the authors. `RenoCoder` codes voxels by their Morton keys.
 
 References
 ----------

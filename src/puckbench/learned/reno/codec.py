@@ -28,8 +28,6 @@ def encode(points: Floats, weights: RenoWeights, posq: float, threads: int | Non
     ----------
     points
         (n, 3), n >= 1, in mm. Points of one voxel are merged.
-    weights
-        Trained network.
     posq
         Step of the grid in mm, a number in half precision.
     threads
@@ -54,10 +52,9 @@ def encode(points: Floats, weights: RenoWeights, posq: float, threads: int | Non
 
 
 def decode(stream: bytes, weights: RenoWeights, threads: int | None = None) -> Floats:
-    """Return the points (m, 3), in mm, of a stream that was made with these weights.
+    """Return the points (m, 3), in mm, of a stream made with these weights.
 
-    Raises InputError if this machine computes differently, so that these are not the encoded
-    points.
+    Raises InputError if this machine computes differently and the points are wrong.
     """
     content = read_stream(stream)
     check_digest(weights.digest, content.digest)

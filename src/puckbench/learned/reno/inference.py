@@ -73,9 +73,7 @@ def predicted(
     pool: ThreadPool,
     first: Symbols = _NO_SYMBOLS,
 ) -> Cumulative:
-    """Return cumulative frequencies (n, 17) of first symbols (half 0), or of second symbols (half
-    1) given the `first`.
-    """
+    """Return cumulative frequencies (n, 17) of first symbols, or of second ones after `first`."""
     layers, predict = weights.heads[half], head(weights.channels)
     rows = len(features) // weights.channels
     result = np.empty((rows, VALUES + 1), np.int32)

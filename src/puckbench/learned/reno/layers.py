@@ -1,8 +1,8 @@
 """Compiled layers of RENO: convolutions, and heads that return cumulative frequencies.
 
-All is computed in IEEE 754 arithmetic in one order, whatever the number of threads, so that encoder
-and decoder agree to the last bit (see `add_fused_products`). Libraries round the exponential
-function differently; hence it is computed here.
+IEEE 754 arithmetic in one order, whatever the number of threads, makes encoder and decoder agree to
+the last bit (see `add_fused_products`). The exponential function, which libraries round
+differently, is computed here.
 """
 
 from __future__ import annotations

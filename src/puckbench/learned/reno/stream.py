@@ -106,6 +106,6 @@ def max_nodes(tree: CodedTree) -> int:
 
 
 def check_work(tree: CodedTree, nodes: int) -> None:
-    """Raise InputError if decoding a tree with `nodes` voxels would take too long for its size."""
+    """Raise InputError if decoding a tree with `nodes` voxels takes too long for its size."""
     if nodes > max_nodes(tree) or tree.count > 8 * max_nodes(tree):
         raise InputError("more voxels than a stream of its size may have")

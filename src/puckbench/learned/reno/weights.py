@@ -49,7 +49,6 @@ class RenoWeights:
 
 
 def load_weights(path: Path) -> RenoWeights:
-    """Read a checkpoint of RENO's authors."""
     from puckbench.core.files import read_bytes
     from puckbench.learned.weights_file import digest_of, read_checkpoint
 

@@ -61,7 +61,7 @@ def neighbourhood_of(
 def device_neighbourhood(
     table: NeighbourTable, kernel_map: KernelMap, pool: ThreadPool, device: torch.device
 ) -> Neighbourhood:
-    """Like `neighbourhood_of`, but with PyTorch's indexing on every device, also the CPU."""
+    """Like `neighbourhood_of`, but with PyTorch's indexing also on the CPU."""
     gather_scatter = TorchGatherScatter(torch.from_numpy(table).long().to(device))
     return Neighbourhood(gather_scatter, kernel_map, pool, _DEVICE_CHUNK_FLOATS, _DEVICE_ROWS)
 

@@ -1,4 +1,4 @@
-"""Gathering of neighbours' features into contiguous memory, and adding of products to output rows.
+"""Gathering of neighbours' features, and adding of products to output rows.
 
 Compiled loops for the CPU, and PyTorch's indexing for any device, have equal results.
 """

@@ -3,7 +3,7 @@
 There are two memory layouts. *Voxels*: a row is one voxel. *Blocks*: a row is a parent with its
 eight children side by side. An offset between parents connects 8, 4, 2 or 1 children (the parent
 itself, a face, an edge, a corner) with as many others. The convolution thus takes 27 larger matrix
-products, none redundant: 8 * 8 + 6 * 4 * 4 + 12 * 2 * 2 + 8 * 1 * 1 = 8 * 27.
+products, none redundant.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """A thread pool whose threads keep their working memory from layer to layer.
 
-One thread computes a chunk of rows completely, so that results do not depend on the number of
-threads. Allocating memory for each layer would take as long as the arithmetic.
+One thread computes a chunk of rows, so that results do not depend on the number of threads.
+Allocation for each layer would take as long as the arithmetic.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ T = TypeVar("T")
 
 
 class Scratch:
-    """Named float32 buffers, each as large as its largest request so far."""
+    """Named float32 buffers."""
 
     def __init__(self) -> None:
         self._buffers: dict[str, Tensor] = {}
@@ -64,7 +64,7 @@ class ThreadPool:
 
 @contextmanager
 def thread_pool(threads: int | None = None) -> Iterator[ThreadPool]:
-    """Open a pool, by default with PyTorch's number of threads; inside, PyTorch itself uses one."""
+    """Open a pool, by default with PyTorch's number of threads; inside, PyTorch uses one."""
     before = torch.get_num_threads()
     threads = threads or before
     torch.set_num_threads(1)

@@ -78,8 +78,7 @@ def pyramid(
 ) -> tuple[list[VoxelSet], list[ChildMap]]:
     """Return the voxels with keys (n,), `scales` coarser sets, and their child maps, finest first.
 
-    Neighbour tables are made from the coarsest set down, without a search: the neighbours of a
-    child are children of its parent's neighbours.
+    Neighbour tables need no search: a child's neighbours are children of its parent's neighbours.
     """
     sets, child_maps = [keys], []
     while len(sets) <= scales or len(sets[-1]) > 1:

@@ -75,7 +75,7 @@ def random_symmetry(
 
 
 def join_clouds(clouds: Sequence[Keys]) -> Keys:
-    """Join the Morton keys of clouds into one set in which no two clouds touch."""
+    """Join the Morton keys of clouds, so that no two clouds touch."""
     bits = max(int(keys[-1]).bit_length() for keys in clouds)
     cell = 3 * (-(-bits // 3) + 1)  # twice the side, which leaves a gap
     if cell + (len(clouds) - 1).bit_length() > 60:

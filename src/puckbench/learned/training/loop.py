@@ -41,7 +41,7 @@ class BaseTrainer(ABC, Generic[M, L]):
     done
         Number of completed steps.
     identity
-        Further properties, such as the data, that must equal those of a checkpoint.
+        Properties that must equal those of a checkpoint, such as the data.
     curve
         A row for each completed step, filled by the caller.
     """
@@ -142,9 +142,9 @@ def train(
 ) -> None:
     """Train to the last step; resume from the checkpoint if the file exists.
 
-    `clouds` returns the batch of a step. It must depend on the number of the step alone, so that a
+    `clouds` returns the batch of a step; it must depend on the step's number alone, so that a
     resumed training equals an uninterrupted one. `every` is the number of steps between
-    checkpoints, and `report` is called with the number and loss of each step.
+    checkpoints; `report` gets the number and loss of each step.
     """
     if checkpoint.exists():
         trainer.resume(checkpoint)

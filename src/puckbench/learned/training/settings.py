@@ -1,7 +1,7 @@
 """Settings of the training of learned codecs, as pydantic models.
 
-A codec names a subclass of `BaseTraining` in `training`. Its fields are the options of a
-configuration and of ``puckbench train --options``. This module does not import PyTorch.
+A codec names a subclass of `BaseTraining`, whose fields are the options of a configuration and of
+``puckbench train --options``. This module does not import PyTorch.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class BaseTraining(Model, ABC):
     learning_rate, final_learning_rate
         Learning rate at the start and at the end; it falls along half a cosine.
     seed
-        Seed of the initial weights, of the cubes, and of the noise that replaces rounding.
+        Seed of initial weights, cubes, and noise that replaces rounding.
     """
 
     steps: PositiveInt = 2000
@@ -91,8 +91,6 @@ class MultiRateTraining(BaseTraining):
     ----------
     lmbdas
         Lagrangian weight of the distortion for each rate.
-    channels
-        Channels of the network at its strides.
     min_kept_fraction
         Minimum fraction of its voxels that a cube keeps, so that training includes sparser clouds.
     mean_occupied_children
@@ -120,7 +118,7 @@ class MultiRateTraining(BaseTraining):
         )
 
     def rates(self, codec_rates: Rates) -> dict[str, Mapping[str, Any]]:
-        """Return the rates whose lambda is trained; if there are none, one rate per trained
+        """Return the rates whose lambda is trained; if there are none, a rate per trained
         lambda.
         """
         trained = {name: rate for name, rate in codec_rates.items() if rate["lmbda"] in self.lmbdas}

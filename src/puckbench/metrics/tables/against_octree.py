@@ -83,9 +83,8 @@ def _bits(curve: pd.DataFrame) -> list[float]:
 
 
 def bits_without_loss(curve: pd.DataFrame, grid_mm: float) -> float:
-    """Return the fewest bits of a rate that keeps all points within a grid's rounding error.
-
-    It is nan if there is none.
+    """Return the fewest bits of a rate that keeps all points within a grid's rounding error, or
+    nan.
     """
     complete = curve[curve["points_out"] == curve["points_in"]]
     return bits_on_grid(complete["bpp"], complete["error_mm"], grid_mm)

@@ -12,8 +12,8 @@ _RUN_ENVIRONMENT = ("cpu", "encode_cpu", "threads", "timed_alone", "repeats", "l
 
 @TABLES.register("machines", title="Machines and versions")
 def machines(metrics: pd.DataFrame) -> pd.DataFrame:
-    """Run environments in which times were measured, with the number of results of each; with one
-    row, all times can be compared.
+    """Run environments in which times were measured, with numbers of results; with one row, all
+    times can be compared.
 
     Columns: processors for decoding and encoding, threads of a timed call, whether the job ran
     alone, repetitions (times are medians; ``encode_s_min`` and ``encode_s_max`` are extremes),

@@ -21,8 +21,8 @@ _CLOUD = ["dataset", "cloud"]
 
 @TABLES.register("noise_bits", title="What the sensor's noise costs", needs=(SEVERAL_NOISES,))
 def noise_bits(metrics: pd.DataFrame, clouds: pd.DataFrame) -> pd.DataFrame:
-    """Bits per return of the same rays in the same scenes under several error models. Values are
-    medians over the clouds, empty if no rate reaches the error.
+    """Bits per return of the same rays under several error models: medians over the clouds, empty
+    if no rate reaches the error.
 
     ``noise_bits``: entropy of the model's noise in steps of the sensor's ranges, after subtracting
     the mean error of each laser in each turn. ``grid_1_mm``: the fewest bits of a rate with at most

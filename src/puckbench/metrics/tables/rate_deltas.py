@@ -38,8 +38,8 @@ def bd_rate_clouds(
     """Bjontegaard deltas of every codec against the anchor on each cloud.
 
     There is no value if the curves have less than half of the shorter curve's range in common;
-    ``bd_rate_status`` gives the reason. Lossless rates are left out of the curves, because their
-    errors are rounding errors.
+    ``bd_rate_status`` gives the reason. Lossless rates, whose errors are rounding errors, are left
+    out.
 
     Parameters
     ----------
@@ -77,9 +77,9 @@ def bd_rate(
     resamples: int = RESAMPLES,
     seed: int = 0,
 ) -> pd.DataFrame:
-    """Bjontegaard deltas of every codec against the anchor, for each data set and metric: the mean
-    change of the rate at equal quality in percent (negative: fewer bits) and the mean change of
-    quality at equal rate in dB, with 95 % bootstrap intervals over clouds.
+    """Bjontegaard deltas of every codec against the anchor, by data set and metric: mean change of
+    the rate at equal quality in percent (negative: fewer bits), and of the quality at equal rate in
+    dB, with 95 % bootstrap intervals over clouds.
 
     Deltas are computed for each cloud by PCHIP interpolation of the log rate and then averaged.
     Clouds whose curves have less than half of the shorter range in common, and lossless rates, are

@@ -94,7 +94,7 @@ def book(cad: Modeller, height: float = 0.24, thickness: float = 0.03) -> Item:
 
 
 def standing_book(cad: Modeller, height: float, thickness: float) -> Item:
-    """Make an upright book with its spine to the front and its thickness along x."""
+    """Make an upright book, spine to the front, thickness along x."""
     return posed(book(cad, height, thickness), _upright(height, thickness))
 
 

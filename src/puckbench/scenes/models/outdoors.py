@@ -13,7 +13,7 @@ from puckbench.scenes.surfaces import Surface, frame_along, join
 
 
 def airplane(cad: Modeller, member: int) -> Item:
-    """Make an airliner with two or four jets, propeller plane or glider, its nose towards +x."""
+    """Make an airliner, propeller plane or glider, its nose towards +x."""
     style = member % 4
     radius = (1.9, 1.7, 0.7, 0.5)[style] * cad.between(0.9, 1.1)
     length = (34.0, 40.0, 9.0, 8.0)[style] * cad.between(0.9, 1.1)

@@ -1,7 +1,7 @@
 """Ground of a street: a cambered road, kerbs, pavements, yards, and a junction at each end.
 
-The road lies along x, with its crown above y = 0 and its gutters at z = 0. The parts of the ground
-do not overlap and leave no gaps.
+The road lies along x, with its crown above y = 0 and its gutters at z = 0. The parts neither
+overlap nor leave gaps.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _CORNER, _HIP, _STONE = 3.0, 6.0, 0.15
 
 
 def road_height(y: float) -> float:
-    """Return the height of the road, in metres, at a distance from its centre line."""
+    """Return the road's height, m, at a distance from its centre line."""
     return CROWN * (1 - abs(y) / ROAD)
 
 

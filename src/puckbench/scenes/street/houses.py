@@ -36,7 +36,7 @@ class _Opening:
 
 @dataclass(frozen=True)
 class _Facade:
-    """Design of a facade, in metres; `reveal` is the depth of the windows behind the facade."""
+    """Design of a facade, in metres; `reveal` is the windows' depth behind it."""
 
     width: float
     height: float

@@ -91,7 +91,7 @@ class _Street:
 class _Lot:
     """A building lot, or a green without a house; lengths are in metres.
 
-    `middle` is the centre along the street, and `gap` the distance to the lot before.
+    `middle` is the centre, `gap` the distance to the lot before.
     """
 
     middle: float

@@ -55,7 +55,7 @@ def hedge(cad: Modeller, length: float) -> Item:
 def foliage(cad: Modeller, middles: Floats, radii: Floats, count: int, size: float) -> Surface:
     """Make `count` leaves in k ellipsoids with centres `middles` and half axes `radii` (k, 3), m.
 
-    They are shared among the ellipsoids by volume, and denser near the ellipsoids' surfaces.
+    They are shared by volume, and denser near the surfaces.
     """
     volumes = radii.prod(axis=1)
     ellipsoid = cad.rng.choice(len(radii), count, p=volumes / volumes.sum())

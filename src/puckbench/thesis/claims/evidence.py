@@ -30,8 +30,7 @@ robust to one disturbed call. A single call suffices if no other job ran."""
 
 @dataclass(frozen=True)
 class Evidence:
-    """Tables of a run, and the thesis's data sets and codecs (roles) that those of the run
-    represent.
+    """Tables of a run, and the roles (the thesis's data sets and codecs) that its own represent.
 
     `datasets` maps names to roles; `codecs` and `stand_ins` (codecs derived from the thesis's) map
     roles to names. If `of_medians` is true, `metrics` contains medians.
@@ -69,7 +68,7 @@ class Evidence:
     def medians(self) -> pd.DataFrame:
         """Medians over the clouds for each data set, codec and rate.
 
-        ``codec`` contains the codec's role, such as ``gpcc``; ``number`` is the index of the rate.
+        ``codec`` is the codec's role, such as ``gpcc``; ``number`` the index of the rate.
         """
         import pandas as pd
 
@@ -121,9 +120,8 @@ class Evidence:
     def at_equal_rate(self, dataset: str, tested: str, base: str, column: str) -> pd.DataFrame:
         """Return the ``ratio`` of the medians of two codecs, `tested` to `base`, at equal ``bpp``.
 
-        Values of `base` are interpolated linearly in the logarithms of bits and value. The table is
-        empty if a curve has fewer than `MIN_RATES` rates or the curves have fewer than
-        `MIN_COMMON_RATES` in common.
+        Values of `base` are interpolated linearly in log bits and log value. The table is empty if
+        a curve has fewer than `MIN_RATES` rates, or both fewer than `MIN_COMMON_RATES` in common.
         """
         import pandas as pd
 

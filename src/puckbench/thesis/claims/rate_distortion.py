@@ -224,7 +224,7 @@ def _comparisons(
 ) -> list[Part]:
     """Return a part of a claim for each learned codec and each codec in `bases`.
 
-    It holds if, on every data set, `holds` is true for the `summary` of the ratios at equal bits.
+    It holds if `holds` is true for the `summary` of the ratios at equal bits on every data set.
     """
     evidence, parts = evidence.with_stand_ins(), []
     for codec in LEARNED:

@@ -9,9 +9,9 @@ UNTESTED = "not tested: needs "
 
 @dataclass(frozen=True)
 class Part:
-    """A part of a claim: a statement with the result of its test.
+    """A statement in a claim, with its test's result.
 
-    `holds` is None if the run cannot test the statement; `measured` then names what the test needs.
+    `holds` is None if the run cannot test it; `measured` then names what the test needs.
     """
 
     statement: str

@@ -21,7 +21,6 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     "claims", arguments=arguments, help="show the verdicts of a run on the thesis's claims"
 )
 def run(options: argparse.Namespace) -> dict[str, Any]:
-    """Return the rows of the table for `--json`, otherwise the text of each claim by its number."""
     from puckbench.io.tables import read_table
 
     path = options.results

@@ -68,9 +68,7 @@ def ordered_models(models: Iterable[str]) -> list[str]:
 
 
 def add_model_legend(figure: Figure, models: Sequence[str], style: FigureStyle) -> None:
-    """Add a legend of the models and, without a capture, of the real standard deviation in the
-    thesis.
-    """
+    """Add a legend of models and, without a capture, of the thesis's real standard deviation."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 

@@ -29,9 +29,9 @@ def draw_chamfer(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
     """Chamfer distance (point-to-plane, squared grid units) against bits per point (thesis figure
     6.6).
 
-    Markers: medians of ten bins with equal numbers of results, or with few clouds of each rate;
-    hollow on the lower edge: zero (lossless). Bits code the geometry; the thesis's Draco also coded
-    other attributes of scans.
+    Markers: medians of ten bins of equally many results or, with few clouds, of each rate; hollow
+    on the lower edge: zero (lossless). Bits code the geometry; the thesis's Draco also coded other
+    attributes of scans.
     """
     return draw_data_sets(metrics, CD_PLANE, style)
 

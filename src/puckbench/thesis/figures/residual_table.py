@@ -47,8 +47,8 @@ def far(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def compared(table: pd.DataFrame) -> list[str]:
-    """Return `REAL`, if there are captures, and a virtual error model to compare with them: the
-    first in `_VIRTUAL` that the table contains, otherwise the table's first.
+    """Return `REAL`, if there are captures, and a virtual model: the first in `_VIRTUAL` that the
+    table has, else the table's first.
     """
     models = [model for model in ordered_models(table["model"]) if model != REAL]
     preferred = [model for model in _VIRTUAL if model in models]

@@ -24,9 +24,7 @@ def draw_violin(axes: Axes, at: float, residuals: Floats, colour: str, width: fl
 
 
 def violin_shape(residuals: Floats) -> dict[str, Any]:
-    """Return the statistics of residuals (n,) for `Axes.violin`, with a Gaussian kernel density of
-    Scott's width.
-    """
+    """Return statistics of residuals (n,) for `Axes.violin`: a Gaussian kernel of Scott's width."""
     low, high, std = float(residuals.min()), float(residuals.max()), float(residuals.std())
     shape: dict[str, Any] = {
         "mean": float(residuals.mean()),
@@ -52,9 +50,7 @@ def _density(residuals: Floats, bandwidth: float) -> tuple[Floats, Floats]:
 
 
 def symmetric_limit(residuals: Floats, min_m: float) -> float:
-    """Return the limit (m) of a symmetric y axis: `min_m` or, if it is larger, the largest absolute
-    residual rounded up to 5 cm.
-    """
+    """Return the limit (m) of a symmetric axis: `min_m`, or the extreme rounded up to 5 cm."""
     largest = float(np.abs(residuals).max(initial=0.0))
     if largest <= min_m:
         return min_m

@@ -13,7 +13,7 @@ _KEPT = ["model", "replicate", "capture", "distance_m", "run", "laser_id", "resi
 
 @JOBS.register("joined_table")
 class JoinedTable(OfNames):
-    """Join tables of a kind; `models` has the value of the column ``model`` for each table."""
+    """Join tables of a kind; `models` has each table's value of the column ``model``."""
 
     kind: Literal["residuals", "scans"]
     models: tuple[str, ...]

@@ -12,8 +12,8 @@ from puckbench.jobs.registry import JOBS, Job
 
 
 class WallScanJob(Job):
-    """Base class of jobs that scan a wall and a floor from `distances` (m) with an error model, and
-    keep at most `keep` random rows per scan.
+    """Base class of jobs that scan a wall and a floor from `distances` (m); at most `keep` rows a
+    scan.
     """
 
     model: str = "vlp16"

@@ -15,10 +15,7 @@ from puckbench.thesis.representatives import (
 
 @NEEDS.register("claims")
 def claims_options(plan: Plan) -> Options | None:
-    """Return the roles of data sets and codecs.
-
-    Return None if no data set represents one of the thesis's, and there is no sensor study.
-    """
+    """Return the roles of data sets and codecs; None without a role and a sensor study."""
     datasets = dataset_roles(plan)
     if plan.datasets and not datasets and plan.study is None:
         return None

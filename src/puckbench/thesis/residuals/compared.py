@@ -58,8 +58,8 @@ def compared_residuals(
     replicates: int = REPLICATES,
     seed: int = 0,
 ) -> pd.DataFrame:
-    """Return the residuals of `real_walls` from least-squares planes, and those of each model in
-    `replicates` simulations on the same rays.
+    """Return the residuals of `real_walls` from least-squares planes, and of each model in
+    `replicates` simulations.
 
     A `Calibrated` model draws another device for each capture and replicate.
     """
@@ -122,7 +122,7 @@ def _rows_of_walls(rows: pd.DataFrame) -> list[NDArray[np.intp]]:
 
 
 def _from_planes(walls: pd.DataFrame, residuals: Floats) -> Floats:
-    """Subtract the least-squares plane of each wall from residuals (n,)."""
+    """Subtract each wall's least-squares plane from residuals (n,)."""
     refitted = residuals.copy()
     places = walls[["plane_u_m", "plane_v_m"]].to_numpy(dtype=np.float64)
     for rows in _rows_of_walls(walls):

@@ -33,11 +33,9 @@ def incidence_bins(
     by: Sequence[str] = ("model",),
     highest_rad: float | None = None,
 ) -> pd.DataFrame:
-    """Return mean and standard deviation of residuals in bins of equal width of the incidence
-    angle.
+    """Return mean and standard deviation of residuals in equal bins of the incidence angle.
 
-    The bins go from 0 to `highest_rad`, by default the largest angle. Raises InputError if there
-    are no rows or bins.
+    They go from 0 to `highest_rad`, by default the largest. Raises InputError without rows or bins.
     """
     if table.empty or bins < 1:
         raise InputError("incidence bins need at least one residual and one bin")

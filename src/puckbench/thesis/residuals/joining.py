@@ -43,8 +43,8 @@ MAX_ROWS = 500_000
 def joined_files(files: Sequence[tuple[str, Path]], kind: str) -> pd.DataFrame:
     """Concatenate the columns ``COLUMNS[kind]`` of Parquet tables.
 
-    `files` contains the name of an error model and a path for each table. Raises InputError if a
-    column is missing.
+    `files` has an error model's name and a path for each table. Raises InputError if a column is
+    missing.
     """
     table = pd.concat([_part(*file, COLUMNS[kind]) for file in files], ignore_index=True)
     return table.astype({"model": "category", "surface": "category"})

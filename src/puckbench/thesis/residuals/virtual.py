@@ -57,7 +57,7 @@ def residual_table(
 
 
 def scan_residuals(procedure: Procedure, distance: float, run: int, seed: int) -> pd.DataFrame:
-    """Return the residuals of one scan in firing order, those of the wall first.
+    """Return a scan's residuals in firing order, the wall's first.
 
     A point belongs to the surface that its nominal ray hits; cropping would remove noisy points.
     """

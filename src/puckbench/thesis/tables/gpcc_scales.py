@@ -31,8 +31,6 @@ def gpcc_scales(
     ----------
     codecs
         Codecs with the roles `REFERENCE` and `AS_RUN` (truncated coordinates, default tools).
-    scales
-        Factor on coordinates for each codec and rate.
 
     Raises
     ------

@@ -152,7 +152,7 @@ def _chance(rows: pd.DataFrame, total: Floats) -> float:
     """Return the 95 % quantile of the distances (m) from single replicates to all residuals
     (`total`).
 
-    Return nan if there are fewer than two replicates.
+    It is nan with fewer than two replicates.
     """
     residuals = rows["residual_m"].to_numpy(dtype=np.float64)
     parts = rows.groupby("replicate").indices.values()

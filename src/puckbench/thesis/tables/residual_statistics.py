@@ -30,8 +30,8 @@ def residual_statistics(residuals: pd.DataFrame) -> pd.DataFrame:
 
     One row per error model ("real" for captures), surface, distance from the wall, and laser; "all"
     combines surfaces, lasers, or distances below 30 m. 95 % intervals have the half widths
-    ``mean_half_m`` and ``std_half_m``. They follow from repeated ``scans``, since returns of one
-    scan share a plane and the lasers' biases.
+    ``mean_half_m`` and ``std_half_m``, from repeated ``scans``, since returns of one scan share a
+    plane and the lasers' biases.
     """
     import pandas as pd
 

@@ -45,8 +45,7 @@ def thesis_numbers(residuals: pd.DataFrame) -> pd.DataFrame:
 
 
 def distance_to_normal(sample: Floats, mean: float, std: float) -> float:
-    """Return the earth mover's distance between a sample (n,) and a normal distribution: the mean
-    distance of the sorted sample from the distribution's quantiles.
+    """Return the earth mover's distance between a sample (n,) and a normal distribution.
 
     Raises InputError for an empty sample.
     """
