@@ -69,7 +69,7 @@ def shipped() -> dict[str, Path]:
 
 
 def weights_path(where: str | Path) -> Path:
-    """Return the file of a shipped set with this name, or the argument as a path."""
+    """Return the file of the shipped weights with this name, or the argument as a path."""
     return shipped().get(str(where), Path(where))
 
 

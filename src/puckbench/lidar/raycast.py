@@ -21,7 +21,7 @@ from puckbench.lidar.trajectory import Poses
 
 @dataclass(frozen=True)
 class Cast:
-    """Directions (n, 3), origins (steps, 3) of azimuth steps, and hits of rays, in the world."""
+    """Cast rays in world coordinates: directions (n, 3), origins of azimuth steps (steps, 3), hits."""
 
     directions: Floats
     origins: Floats

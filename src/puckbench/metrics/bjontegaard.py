@@ -63,7 +63,7 @@ class BjontegaardDelta:
 
 
 def rate_distortion_curve(rates: Floats, qualities: Floats) -> RateDistortionCurve:
-    """Return the curve through points (k,), without missing values and dominated points.
+    """Return the curve through points (k,), leaving out missing values and dominated points.
 
     A point is dominated if another point has fewer bits and at least the same quality.
     """

@@ -70,7 +70,7 @@ class FittedTable(NamedTuple):
 
 
 def fit_displacements(voxels: Ints, means: Floats, weights: Floats) -> FittedTable:
-    """Fit the factors of least squared error between displaced voxels and their points' means."""
+    """Fit by least squares how far to displace voxels towards the means of their points."""
     offsets = voxels - means
 
     def fit(block_size: int) -> tuple[float, DisplacementTable, LocalPlanes]:

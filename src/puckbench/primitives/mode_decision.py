@@ -253,11 +253,11 @@ def _encode_refined(result: _SearchResult, settings: PrimitiveSettings) -> bytes
 def _voxels_lose_surface(
     voxels: Distortion, hybrid: Distortion, settings: PrimitiveSettings
 ) -> bool:
-    """Return whether voxels lose more accuracy of the surface than they gain at the points.
+    """Return whether coding as voxels costs more surface accuracy than it gains point accuracy.
 
-    They do if their point or plane error is not less than the hybrid's, or if the product of the
-    ratios of errors (voxels to hybrid) is at least 1, where that of surface errors has the power 6
-    (1 - refinement).
+    It does if the voxels' point or plane error is not less than the hybrid's, or if ``point * plane
+    * surface ** (6 * (1 - refinement))`` is at least 1, where each factor is the voxels' error
+    divided by the hybrid's.
     """
     if voxels.point >= hybrid.point or voxels.plane >= hybrid.plane:
         return True

@@ -89,7 +89,7 @@ def write_logits(experts: Experts, edge: int, answers: Words) -> None:
 
 @inlined
 def narrow(experts: Experts, bit: int) -> None:
-    """Narrow the interval to the part above its edge if `bit` is 1, otherwise to the part below."""
+    """Narrow the number's interval to the part above the last threshold (`bit` 1) or below it."""
     for k in range(len(experts.every)):
         lower, upper, edge = experts.lower[k], experts.upper[k], experts.edge[k]
         experts.lower[k] = edge if bit == 1 else lower

@@ -6,8 +6,8 @@ Lossy coding quantises a range to the nearest multiple of the step. It uses the 
 towards the prediction instead if lambda times the saved rate exceeds the increase of the squared
 error.
 
-In the functions, c is the row of the current column, and t that of the nearest column of the
-previous turn (0: none). "West" is the same laser one column earlier; "below" and "above" are the
+In the functions, c is the index of the current column in the arrays, and t the index of the nearest
+column of the previous turn (0: there is none). "West" is the same laser one column earlier; "below" and "above" are the
 neighbouring lasers.
 """
 

@@ -213,7 +213,7 @@ def _fitted_offset(level: Floats, azimuth: Floats, step: float) -> tuple[float, 
 
 
 def _aligned(places: Sequence[Steps], around: int, step_deg: float) -> list[int]:
-    """Return by how many encoder steps to shift each ring, so that all lasers fire together."""
+    """Return by how many steps of the rotary encoder to shift each ring to align all lasers."""
     most = round(_MOST_TURNED_DEG / step_deg)
     fired = np.zeros(around)
     shifts = [0] * len(places)

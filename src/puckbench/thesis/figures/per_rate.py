@@ -37,11 +37,11 @@ _ROWS = (CD_PLANE.within(1e-2, 1e4), HD_PLANE.within(1e-2, 1e4), ENCODE_TIME, DE
     "fig_6_5", title="Medians per compression rate", category="Results per rate", number="6.5"
 )
 def draw_medians_per_rate(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
-    """Medians over clouds at each compression rate, from the fewest bits (thesis figure 6.5).
+    """Medians over clouds at each compression rate, in order of bits (thesis figure 6.5).
 
     Chamfer and squared Hausdorff distance (point-to-plane, squared grid units), encoding and
-    decoding time in seconds. Hollow on the lower edge: zero (lossless). Unlike the thesis's, times
-    exclude the start of a process.
+    decoding time in seconds. Hollow markers on the lower edge: zero (lossless). Unlike in the
+    thesis, times exclude the start of a process.
     """
     columns = tuple(quantity.column for quantity in _ROWS)
     require_rows(metrics, ("dataset", "codec", "rate", *columns), "metrics")
