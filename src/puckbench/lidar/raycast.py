@@ -21,7 +21,7 @@ from puckbench.lidar.trajectory import Poses
 
 @dataclass(frozen=True)
 class Cast:
-    """Cast rays in world coordinates: directions (n, 3), origins of azimuth steps (steps, 3), hits."""
+    """Cast rays in world coordinates: directions (n, 3), origins of steps (steps, 3), hits."""
 
     directions: Floats
     origins: Floats

@@ -7,8 +7,8 @@ towards the prediction instead if lambda times the saved rate exceeds the increa
 error.
 
 In the functions, c is the index of the current column in the arrays, and t the index of the nearest
-column of the previous turn (0: there is none). "West" is the same laser one column earlier; "below" and "above" are the
-neighbouring lasers.
+column of the previous turn (0: there is none). "West" is the same laser one column earlier; "below"
+and "above" are the neighbouring lasers.
 """
 
 from __future__ import annotations
