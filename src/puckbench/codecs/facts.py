@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, ClassVar, Literal, NamedTuple
@@ -28,40 +28,43 @@ def lengths(*millimetres: int) -> dict[str, Parameters]:
     return {f"{length}mm": {"step_m": length / 1000} for length in millimetres or LENGTHS_MM}
 
 
-_LENGTH = re.compile(r"([-+]?[\d.]+)(mm|cm|m)")
+_LENGTH = re.compile(r"([-+]?\d*\.?\d+)(mm|cm|m)")
 _MILLIMETRES = {"mm": 1, "cm": 10, "m": 1000}
 _LEAST_MM, _MOST_MM = 0.001, 100_000
 
 
-def find_rate(
-    codec: CodecFacts | type[CodecFacts], rate: str
-) -> tuple[str, Mapping[str, Any]] | None:
+def _millimetres(rate: str) -> float | None:
+    if (match := _LENGTH.fullmatch(rate)) is None:
+        return None
+    length = float(f"{float(match[1]) * _MILLIMETRES[match[2]]:.6g}")
+    if not _LEAST_MM <= length <= _MOST_MM:
+        raise InputError(f"rate '{rate}': a length must be from {_LEAST_MM:g}mm to 100m")
+    return length
+
+
+def check_lengths(rates: Iterable[str]) -> None:
+    """Raise InputError if a rate is a length below 0.001 mm or above 100 m."""
+    for rate in rates:
+        _millimetres(rate)
+
+
+def find_rate(codec: CodecFacts | type[CodecFacts], rate: str) -> tuple[str, Parameters] | None:
     """Return the name and the parameters of a codec's rate, or None if the codec lacks it.
 
     A codec has a rate for every length if it allows `any_length` and its `metric_rates` have no
     parameter but ``step_m``. Lengths are named in millimetres: ``2cm`` is the rate ``20mm``.
-
-    Raises
-    ------
-    InputError
-        The rate is a length below 0.001 mm or above 100 m.
+    Raises InputError as `check_lengths` does.
     """
     offered = {**codec.rates, **codec.metric_rates}
     if rate in offered:
         return rate, offered[rate]
-    if (match := _LENGTH.fullmatch(rate)) is None:
+    if (length := _millimetres(rate)) is None:
         return None
-    try:
-        millimetres = float(f"{float(match[1]) * _MILLIMETRES[match[2]]:.6g}")
-    except ValueError:
-        return None
-    if not _LEAST_MM <= millimetres <= _MOST_MM:
-        raise InputError(f"rate '{rate}': a length must be from {_LEAST_MM:g}mm to 100m")
-    name, steps = f"{millimetres:g}mm", codec.metric_rates.values()
+    name, steps = f"{length:g}mm", codec.metric_rates.values()
     if name in codec.metric_rates:
         return name, codec.metric_rates[name]
-    has_any = codec.any_length and len(steps) and all({*step} == {"step_m"} for step in steps)
-    return (name, {"step_m": millimetres / 1000}) if has_any else None
+    has_any = codec.any_length and steps and all({*step} == {"step_m"} for step in steps)
+    return (name, {"step_m": length / 1000}) if has_any else None
 
 
 class Memory(NamedTuple):
@@ -264,7 +267,7 @@ class CodecFacts:
         """
         return _RateParameters(self._find(rate)[1], f"codec {self.name}: rate {rate}")
 
-    def _find(self, rate: str) -> tuple[str, Mapping[str, Any]]:
+    def _find(self, rate: str) -> tuple[str, Parameters]:
         with naming(f"codec {self.name}"):
             if (item := find_rate(self, rate)) is None:
                 offered = {**self.rates, **self.metric_rates}

@@ -10,7 +10,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal, get_args
 
-from puckbench.codecs.facts import find_rate
+from puckbench.codecs.facts import check_lengths, find_rate
 from puckbench.codecs.registry import codec_class, open_codec
 from puckbench.core.content import plain_suffix
 from puckbench.core.errors import NARROWER, InputError, naming
@@ -115,6 +115,8 @@ class UserRun:
         paths_by_kind = self._sorted_paths()
         self._check_results(paths_by_kind)
         self._check_units(paths_by_kind)
+        with naming("--rates"):
+            check_lengths(self.rates)
         scenes = {kind: self._scenes(kind, paths) for kind, paths in paths_by_kind.items()}
         datasets = {self._name(kind): self._dataset(kind, scenes[kind]) for kind in paths_by_kind}
         self._set_peak(datasets)
