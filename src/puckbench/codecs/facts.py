@@ -28,8 +28,8 @@ def lengths(*millimetres: int) -> dict[str, Parameters]:
     return {f"{length}mm": {"step_m": length / 1000} for length in millimetres or LENGTHS_MM}
 
 
-_LENGTH = re.compile(r"([-+]?\d*\.?\d+)(mm|cm|m)")
-_MILLIMETRES = {"mm": 1, "cm": 10, "m": 1000}
+_LENGTH = re.compile(r"([-+]?\d*\.?\d+)(um|mm|cm|m)")
+_MILLIMETRES = {"um": 0.001, "mm": 1, "cm": 10, "m": 1000}
 _LEAST_MM, _MOST_MM = 0.001, 100_000
 
 

@@ -127,8 +127,9 @@ def _las_data(columns: Mapping[str, NDArray[Any]]) -> Any:
     las = laspy.LasData(header, laspy.ScaleAwarePointRecord.zeros(len(xyz), header=header))
     las.X, las.Y, las.Z = counts.astype(np.int32).T
     las.return_number[:] = las.number_of_returns[:] = 1
-    las.intensity = columns.get("reflectivity", np.zeros(len(xyz)))
+    unknown = np.zeros(len(xyz))
+    las.intensity = columns.get("reflectivity", unknown)
     las.user_data = columns["laser_id"]
-    las.point_source_id = np.clip(columns["turn" if "turn" in columns else "frame"], 0, 0xFFFF)
-    las.gps_time = columns["timestamp"]
+    las.point_source_id = np.clip(columns.get("turn", columns.get("frame", unknown)), 0, 0xFFFF)
+    las.gps_time = columns.get("timestamp", unknown)
     return las
