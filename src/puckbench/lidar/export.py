@@ -30,8 +30,10 @@ _KITTI_BRIGHTEST = 255
 
 
 def _pcd_columns(columns: Columns) -> Columns:
-    if "ring" in columns:
-        return columns
+    if "ring" in columns:  # the point type XYZIRT of ROS drivers
+        order = [name for name in ("x", "y", "z", "intensity", "ring", "time") if name in columns]
+        single = {"time": columns["time"].astype(np.float32)} if "time" in columns else {}
+        return {**_of(columns, *order), **single}
     label = columns["laser_id"].astype(np.uint32)
     return {**_of(columns, *"xyz"), "label": label, **_of(columns, "timestamp")}
 
