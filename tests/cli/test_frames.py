@@ -269,4 +269,4 @@ def test_decoded_points_are_placed_by_a_described_cloud(
     _json(capsys, "encode", sphere, stream, "--codec", "draco", "--rate", "r4")
     words = ["--like", bare] if option == "like" else ["--like", sphere, "--as-mesh"]
     fault = _refused(capsys, "decode", stream, tmp_path / "out.ply", *words)
-    assert ("no description" if option == "like" else "not with --as-mesh") in fault
+    assert ("unless from a prepared cloud" if option == "like" else "not with --as-mesh") in fault
