@@ -90,6 +90,17 @@ def test_a_metric_cloud_is_no_scaled_one(sphere: Path, capsys: pytest.CaptureFix
     assert _json(capsys, "encode", metric, out, "--codec", "draco", "--rate", "r8")["bytes"]
 
 
+def test_a_rate_is_any_length(sphere: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    metric, out = sphere.with_name("metric.ply"), sphere.with_suffix(".bin")
+    coding = ["--codec", "draco", "--rate"]
+    row = _json(capsys, "encode", sphere, out, *coding, "0.3cm", "--prepare", metric)
+    assert row["rate"] == "3mm"
+    error = _json(capsys, "evaluate", metric, out)["d1_rms_m"]
+    assert error == pytest.approx(0.003 / 2, rel=0.05)  # 3 axes, each uniform within the step
+    fault = _refused(capsys, "encode", metric, out, *coding, "0mm")
+    assert "--rate: codec draco: rate '0mm': a length must be from 0.001mm to 100m" in fault
+
+
 @pytest.mark.parametrize(("words", "peak"), [([], 30.0), (["--peak", 59.7], 59.7)])
 def test_a_cloud_in_metres_has_a_psnr_and_says_its_peak(
     sphere: Path, capsys: pytest.CaptureFixture[str], words: list[object], peak: float
@@ -258,4 +269,4 @@ def test_decoded_points_are_placed_by_a_described_cloud(
     _json(capsys, "encode", sphere, stream, "--codec", "draco", "--rate", "r4")
     words = ["--like", bare] if option == "like" else ["--like", sphere, "--as-mesh"]
     fault = _refused(capsys, "decode", stream, tmp_path / "out.ply", *words)
-    assert ("no description" if option == "like" else "not with --as-mesh") in fault
+    assert ("unless from a prepared cloud" if option == "like" else "not with --as-mesh") in fault

@@ -293,6 +293,17 @@ def test_lossy_rates_are_optimised_and_the_exact_one_is_as_it_was(name: str) -> 
             assert sizes[0] <= 1.001 * sizes[1]
 
 
+def test_ranges_are_rounded_to_no_more_than_the_length_of_a_rate() -> None:
+    returns, codec = recorded(), open_codec("puck", {"options": {"lmbda": 0}})
+    for rate, same, most in (("3mm", "2mm", 0), ("0.5mm", "2mm", 0), ("1.3cm", "12mm", 3)):
+        stream = codec.encode_returns(returns, rate)
+        assert stream == codec.encode_returns(returns, same)
+        decoded = codec.decode_cloud(stream).returns
+        assert decoded is not None
+        pairs = zip(returns.turns, decoded.turns, strict=True)
+        assert max(int(np.abs(a.ranges.astype(int) - b.ranges).max()) for a, b in pairs) == most
+
+
 def test_of_two_multiples_as_near_the_cheaper_one_is_taken_at_any_lambda() -> None:
     """Odd ranges lie in the middle of steps of two: the error stays as it is."""
     layout, turns = turns_of(spin(packets=150))

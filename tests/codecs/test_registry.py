@@ -94,6 +94,50 @@ def test_rates_are_chosen_in_the_tables_order() -> None:
     assert list(entry("draco", {"rates": ["r8", "r1"]})["rates"]) == ["r1", "r8"]
 
 
+def test_a_length_is_a_rate_of_a_codec_whose_rates_are_steps() -> None:
+    lengths = open_codec("gpcc", {"metric_rates": ["0.5mm", "2cm", "3mm", "1m"]}).metric_rates
+    assert list(lengths) == ["1000mm", "20mm", "3mm", "0.5mm"]  # by step, in millimetres
+    assert [rate["step_m"] for rate in lengths.values()] == [1.0, 0.02, 0.003, 0.0005]
+    both = open_codec("draco", {"rates": ["0.5mm", "r8", "30mm"]})
+    assert (list(both.rates), list(both.metric_rates)) == (["r8"], ["30mm", "0.5mm"])
+    assert list(open_codec("puck", {"rates": ["3.0mm"]}).metric_rates) == ["3mm"]
+
+
+@pytest.mark.parametrize(
+    ("name", "rate", "fault"),
+    [
+        ("gpcc", "0mm", "rate '0mm': a length must be from 0.001mm to 100m"),
+        ("gpcc", "-3mm", "rate '-3mm': a length must be"),
+        ("gpcc", "7000m", "rate '7000m': a length must be"),
+        ("gpcc", "1.2.3mm", "unknown rate '1.2.3mm'"),
+        ("gpcc", "3km", "unknown rate '3km'"),
+        ("gpcc_arena", "3mm", "unknown rate '3mm'"),  # rates of scaled clouds only
+        ("gpcc_predictive", "3mm", "unknown rate '3mm'"),  # powers of two in other coordinates
+        ("reno", "3mm", "unknown rate '3mm'"),  # those that its network is for
+        ("packets_xz", "3mm", "unknown rate '3mm'"),  # lossless
+        ("pcgcv2", "3mm", "unknown rate '3mm'"),
+    ],
+)
+def test_a_length_that_a_codec_cannot_code_is_one_line(name: str, rate: str, fault: str) -> None:
+    for key in ("metric_rates", "rates"):
+        with pytest.raises(InputError, match=f"^codec {name}: {fault}"):
+            open_codec(name, {key: [rate]})
+    with pytest.raises(InputError, match=f"^codec {name}: {fault}"):
+        open_codec(name).parameters_of(rate)
+
+
+@pytest.mark.parametrize("name", ["gpcc", "draco", "delta_zstd", "laz", "sparse_octree_net"])
+def test_points_are_coded_within_any_length(name: str) -> None:
+    codec = open_codec(name)
+    if not codec.available().ok:
+        pytest.skip(codec.available().why)
+    points = np.random.default_rng(2).random((300, 3)) * 4
+    for rate, step in (("3mm", 0.003), ("0.7cm", 0.007), ("0.45mm", 0.00045)):
+        decoded = codec.decode(codec.encode(points, rate))
+        near = np.abs(decoded[:, None] - points).max(axis=2).min(axis=0)
+        assert step / 8 < near.max() <= step / 2 * (1 + 1e-3) + 2e-7  # float32 of Draco
+
+
 def test_pcc_arenas_draco_rates() -> None:
     bits = [rate["quantization_bits"] for rate in codec_class("draco").rates.values()]
     assert bits == [4, 5, 6, 7, 8, 9, 10, 11]

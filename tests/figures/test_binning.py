@@ -90,3 +90,5 @@ def test_missing_values_do_not_count_in_medians_per_rate() -> None:
 
 def test_rates_are_ordered_by_number() -> None:
     assert ordered_rates({"r10", "r2", "r1"}) == ["r1", "r2", "r10"]
+    lengths = ["0.5mm", "2mm", "2.25mm", "2.5mm", "10mm"]
+    assert ordered_rates(set(lengths)) == lengths

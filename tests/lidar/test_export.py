@@ -12,10 +12,14 @@ import pytest
 
 from puckbench.cli import main
 from puckbench.core.errors import InputError
+from puckbench.io.clouds import read_cloud
 from puckbench.lidar import ScanTable, load_sensor, open_error_model, open_sweep, scan, write_scan
 from puckbench.lidar.export import FORMATS, export, read_source
 from puckbench.lidar.recordings import read_recording, write_returns
+from puckbench.lidar.recordings.packet_turns import returns_of_packets
+from puckbench.lidar.recordings.reading import read_packets
 from tests.support.sensor_scenes import ROOM, room
+from tests.support.spinning import DUAL, HDL32E, PUCK_HIRES, STRONGEST, VLP16, pcap, rows, spin
 
 DATA = Path(__file__).parents[1] / "data" / "capture"
 SWEEP = {"duration_s": 0.05, "azimuth_step_deg": 1.0}
@@ -233,3 +237,116 @@ def test_a_written_capture_table_is_told_from_a_scan(tmp_path: Path) -> None:
     table = read_recording(DATA / "single.pcap")
     write_returns(tmp_path / "a.parquet", table)
     assert type(read_source(tmp_path / "a.parquet")) is type(table)
+
+
+@pytest.fixture(params=[(VLP16, STRONGEST), (VLP16, DUAL), (PUCK_HIRES, STRONGEST)])
+def recording(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
+    path = tmp_path / "drive.pcap"
+    path.write_bytes(pcap(rows(spin(*request.param, packets=600, rise=40))))
+    return path
+
+
+def _columns(path: Path) -> dict[str, np.ndarray]:
+    cloud = read_cloud(path)
+    names = {"gps_time": "time", "user_data": "ring"}  # of LAS
+    fields = {names.get(name, name): np.asarray(part, float) for name, part in cloud.fields.items()}
+    return {**dict(zip("xyz", cloud.xyz.T, strict=True)), **fields}
+
+
+def _sorted(columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    order = np.lexsort((np.hypot(columns["x"], columns["y"]), columns["time"], columns["ring"]))
+    return {name: part[order] for name, part in columns.items()}
+
+
+@pytest.mark.parametrize("suffix", [".pcd", ".ply", ".csv", ".las", ".laz"])
+def test_turns_of_a_recording_have_the_returns_of_a_capture(recording: Path, suffix: str) -> None:
+    """`capture` converts packets by itself, with the times of Velodyne's manual."""
+    out = recording.with_suffix(suffix)
+    assert main(["export", str(recording), str(out), "--turns", "1-2"]) == 0
+    columns = _columns(out)
+    packets = [turn.times for turn in returns_of_packets(read_packets(recording).payloads).turns]
+    first, end = (
+        np.mod(1e-6 * (float(packets[k][0]) - float(packets[0][0])), 3600) for k in (1, 3)
+    )  # the clock restarts every hour
+    table = read_recording(recording)
+    table = table.select((table["timestamp"] > first - 1e-7) & (table["timestamp"] < end - 1e-7))
+    rings = np.unique(table["elevation"], return_inverse=True)[1]
+    expected = {axis: table[axis] for axis in "xyz"}
+    expected |= {"ring": rings, "intensity": table["reflectivity"]}
+    expected |= {"time": table["timestamp"] - first}
+    assert len(columns["x"]) == len(expected["x"])
+    columns, expected = (_sorted(each) for each in (columns, expected))
+    # Packets of `spin` last as long in dual mode as in single mode, unlike those of a sensor.
+    late = 2e-6 if table.about["returns"] == "strongest" else 1.327e-3 / 2
+    for name, most in {"ring": 0, "intensity": 0, "time": late, "x": 5e-3, "y": 5e-3}.items():
+        assert np.abs(columns[name] - expected[name]).max() <= most, name
+    assert np.abs(columns["z"] - expected["z"]).max() <= 1e-4
+
+
+def test_turns_of_a_recording_are_frames_of_kitti_and_pcl(recording: Path, tmp_path: Path) -> None:
+    out = {suffix: tmp_path / f"turn{suffix}" for suffix in (".bin", ".pcd")}
+    for path in out.values():
+        assert main(["export", str(recording), str(path)]) == 0  # the first whole turn
+    header, _, data = out[".pcd"].read_bytes().partition(b"DATA binary\n")
+    assert b"FIELDS x y z intensity ring time\nSIZE 4 4 4 4 2 4\nTYPE F F F F U F\n" in header
+    kinds = [(name, "<f4") for name in ("x", "y", "z", "intensity", "time")]
+    points = np.frombuffer(data, [*kinds[:4], ("ring", "<u2"), kinds[4]])
+    frame = np.frombuffer(out[".bin"].read_bytes(), "<f4").reshape(-1, 4)
+    assert len(points) > 5000
+    assert np.array_equal(frame[:, :3], np.column_stack([points[axis] for axis in "xyz"]))
+    assert np.allclose(255 * frame[:, 3], points["intensity"])
+    assert points["intensity"].max() > 20
+    heights = [
+        np.median((points["z"] / np.hypot(points["x"], points["y"]))[points["ring"] == k])
+        for k in range(16)
+    ]
+    assert np.all(np.diff(heights) > 0)
+    assert 0.09 < np.ptp(points["time"]) < 0.21
+
+
+def test_an_hdl_32e_and_a_compressed_recording_are_exported(tmp_path: Path) -> None:
+    drive, out = tmp_path / "drive.pcap", tmp_path / "a.ply"
+    drive.write_bytes(pcap(rows(spin(HDL32E, packets=300, rise=40))))
+    assert main(["export", str(drive), str(out), "--turns", "1"]) == 0
+    assert main(["compress", str(drive), str(tmp_path / "drive.puck")]) == 0
+    assert main(["export", str(tmp_path / "drive.puck"), str(tmp_path / "b.ply")]) == 0
+    assert out.read_bytes() == (tmp_path / "b.ply").read_bytes()
+    cloud = read_cloud(out)
+    assert set(np.unique(cloud.fields["ring"])) == set(range(32))
+    fired = np.lexsort((cloud.fields["ring"], cloud.fields["time"]))
+    assert (np.diff(cloud.fields["time"][fired]) >= 0).all()
+
+
+def test_turns_of_a_table_of_firings_are_exported(recording: Path, tmp_path: Path) -> None:
+    assert main(["prepare", str(recording), str(tmp_path / "a.ply"), "--turns", "1-2"]) == 0
+    for source, turn, out in ((recording, "2", "b.csv"), (tmp_path / "a.parquet", "1", "c.csv")):
+        assert main(["export", str(source), str(tmp_path / out), "--turns", turn]) == 0
+    assert (tmp_path / "b.csv").read_bytes() == (tmp_path / "c.csv").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("words", "fault"),
+    [
+        (["drive.pcap", "a.pcd", "--turns", "70"], "drive.pcap: has turns 0 to"),
+        (["drive.pcap", "a.pcd", "--turns", "3-1"], "--turns: the last turn is before the first"),
+        (["drive.pcap", "a.pcd", "--turns", "x"], "--turns: must be a number"),
+        (["drive.pcap", "a.evd"], "a.evd: a recording has no true coordinates"),
+        (["drive.pcap", "a.pcd", "--clean"], "a.pcd: a recording has no true coordinates"),
+        (["drive.pcap", "a.pcd", "--stream", "1.2.3.4:5"], "1.2.3.4:5"),
+        (["none.pcap", "a.pcd"], "none.pcap: no such file"),
+        (["scan.parquet", "a.pcd", "--turns", "0"], "scan.parquet: --turns is for recordings"),
+    ],
+)
+def test_turns_that_cannot_be_exported_are_one_line(
+    recording: Path,
+    scan_file: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    words: list[str],
+    fault: str,
+) -> None:
+    monkeypatch.chdir(recording.parent)
+    assert main(["export", *words]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert fault in line
+    assert not Path(words[1]).exists()

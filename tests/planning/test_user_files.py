@@ -124,6 +124,20 @@ def test_a_usual_codec_without_a_requested_rate_is_left_out_and_named() -> None:
         made("drive.pcap", codecs=("primitives",), frame="scaled")
 
 
+def test_rates_may_be_any_lengths() -> None:
+    config = made("drive.pcap", codecs=("puck", "gpcc"), rates=("0.5mm", "3mm", "2cm"))
+    assert {tuple(entry["metric_rates"]) for entry in config["codecs"].values()} == {
+        ("20mm", "3mm", "0.5mm")
+    }
+    assert list(made("drive.pcap", codecs=(), rates=("3mm",))["codecs"]) == ["gpcc", "puck"]
+    with pytest.raises(InputError, match=r"codec gpcc_predictive has none of 3mm .*1mm"):
+        made("drive.pcap", codecs=("gpcc_predictive",), rates=("3mm",))
+    with pytest.raises(InputError, match=r"--rates: rate '0mm': a length must be from 0.001mm"):
+        made("drive.pcap", rates=("0mm",))
+    with pytest.raises(InputError, match=r"codec draco has none of 3mm .*: use --frame metric"):
+        made("mine/a.npy", rates=("3mm",))
+
+
 def test_a_compressed_copy_of_a_recording_is_left_out_and_named() -> None:
     Path("drives").mkdir()
     Path("drive.pcap").rename("drives/a.pcap")

@@ -12,7 +12,9 @@ from puckbench.jobs.decode import Decode
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("stream", type=Path, help="stream to decode")
-    parser.add_argument("out", type=Path, help="PLY file to write")
+    parser.add_argument(
+        "out", type=Path, help="PLY file to write (LAS or LAZ if --like names such a file)"
+    )
     parser.add_argument(
         "--as-mesh",
         action="store_true",
@@ -21,9 +23,12 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--like",
         type=Path,
+        action="append",
+        default=[],
         metavar="CLOUD",
         help="the prepared cloud that was coded (.ply): write the points where its source was, in "
-        "metres",
+        "metres; or the original (LAS, PLY, PCD, E57, ...): write its header and the attributes "
+        "that order or position identifies; or both (--like twice)",
     )
     parser.add_argument("--rate", help="rate to decode of a curve (coded/DATASET/CLOUD/CODEC.zip)")
     codec_arguments(parser, required=False)
@@ -31,4 +36,4 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
     job = Decode.given(as_mesh=options.as_mesh, rate=options.rate, **timed_options(options))
-    return job.run(options.stream, options.out, options.like)
+    return job.run(options.stream, options.out, tuple(options.like))

@@ -19,7 +19,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--rate",
         required=True,
-        help="r1 (smallest bitrate), r2, ...; for clouds in metres a length such as 10mm",
+        help="r1 (smallest bitrate), r2, ...; for clouds in metres any length such as 3mm",
     )
     parser.add_argument(
         "--raw",

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from puckbench.cli.capture import STREAM
-from puckbench.cli.types import integer, positive, selected
+from puckbench.cli.types import integer, positive, selected, turns
 from puckbench.core.errors import InputError
 from puckbench.geometry.scaling import GRID
 from puckbench.jobs.prepare import Box, Prepare
@@ -151,25 +151,14 @@ def _check_options_of_clouds(options: argparse.Namespace) -> None:
 
 
 def _returns(options: argparse.Namespace) -> dict[str, Any]:
-    turns = None if options.turns is None else _turns(options.turns)
     job = PrepareReturns.given(
         neighbours=options.neighbours,
         clean=options.clean,
-        turns=turns,
+        turns=turns(options.turns),
         **selected(options, "peak", "stream"),
     )
     out = options.out
     return job.run(options.cloud, out, returns_file(out), options.truth, tuple(options.about))
-
-
-def _turns(text: str) -> tuple[int, int]:
-    first, _, last = text.partition("-")
-    if not first.isdecimal() or not (last or first).isdecimal():
-        raise InputError(f"--turns: must be a number, or two joined by a hyphen, not '{text}'")
-    turns = int(first), int(last or first)
-    if turns[1] < turns[0]:
-        raise InputError(f"--turns: the last turn is before the first in '{text}'")
-    return turns
 
 
 def _size(text: str) -> int | str:

@@ -84,7 +84,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "--rates",
         nargs="+",
         metavar="RATE",
-        help="names of rates, or all (default: all, or four if all would take long)",
+        help="names of rates, lengths such as 3mm, or all (default: all, or four if all would "
+        "take long)",
     )
     add("--metrics", nargs="+", metavar="METRIC", help="further metrics: density, file.py:function")
     add(

@@ -74,6 +74,19 @@ def integer(low: int) -> Any:
     return convert
 
 
+def turns(text: str | None) -> tuple[int, int] | None:
+    """Return the first and the last turn of the option ``--turns``, such as ``7`` or ``7-9``."""
+    if text is None:
+        return None
+    first, _, last = text.partition("-")
+    if not first.isdecimal() or not (last or first).isdecimal():
+        raise InputError(f"--turns: must be a number, or two joined by a hyphen, not '{text}'")
+    numbers = int(first), int(last or first)
+    if numbers[1] < numbers[0]:
+        raise InputError(f"--turns: the last turn is before the first in '{text}'")
+    return numbers
+
+
 def selected(options: argparse.Namespace, *names: str) -> dict[str, Any]:
     return {name: getattr(options, name) for name in names}
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+import re
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, ClassVar, Literal, NamedTuple
 
-from puckbench.core.errors import InputError, among
+from puckbench.core.errors import InputError, among, naming
 from puckbench.core.models import Model, parsed
 from puckbench.geometry.cloud import CoordinateFrame
 
@@ -25,6 +26,45 @@ def lengths(*millimetres: int) -> dict[str, Parameters]:
     For example, the rate ``10mm`` has the parameter ``step_m`` with the value 0.01.
     """
     return {f"{length}mm": {"step_m": length / 1000} for length in millimetres or LENGTHS_MM}
+
+
+_LENGTH = re.compile(r"([-+]?\d*\.?\d+)(um|mm|cm|m)")
+_MILLIMETRES = {"um": 0.001, "mm": 1, "cm": 10, "m": 1000}
+_LEAST_MM, _MOST_MM = 0.001, 100_000
+
+
+def _millimetres(rate: str) -> float | None:
+    if (match := _LENGTH.fullmatch(rate)) is None:
+        return None
+    length = float(f"{float(match[1]) * _MILLIMETRES[match[2]]:.6g}")
+    if not _LEAST_MM <= length <= _MOST_MM:
+        raise InputError(f"rate '{rate}': a length must be from {_LEAST_MM:g}mm to 100m")
+    return length
+
+
+def check_lengths(rates: Iterable[str]) -> None:
+    """Raise InputError if a rate is a length below 0.001 mm or above 100 m."""
+    for rate in rates:
+        _millimetres(rate)
+
+
+def find_rate(codec: CodecFacts | type[CodecFacts], rate: str) -> tuple[str, Parameters] | None:
+    """Return the name and the parameters of a codec's rate, or None if the codec lacks it.
+
+    A codec has a rate for every length if it allows `any_length` and its `metric_rates` have no
+    parameter but ``step_m``. Lengths are named in millimetres: ``2cm`` is the rate ``20mm``.
+    Raises InputError as `check_lengths` does.
+    """
+    offered = {**codec.rates, **codec.metric_rates}
+    if rate in offered:
+        return rate, offered[rate]
+    if (length := _millimetres(rate)) is None:
+        return None
+    name, steps = f"{length:g}mm", codec.metric_rates.values()
+    if name in codec.metric_rates:
+        return name, codec.metric_rates[name]
+    has_any = codec.any_length and steps and all({*step} == {"step_m"} for step in steps)
+    return (name, {"step_m": length / 1000}) if has_any else None
 
 
 class Memory(NamedTuple):
@@ -97,6 +137,9 @@ class CodecFacts:
     """For scaled clouds: parameters by the rate's name, the smallest bitrate (r1) first."""
     metric_rates: Mapping[str, Parameters] = MappingProxyType({})
     """For clouds in metres: parameters by the rate's name, a length, the smallest bitrate first."""
+    any_length: ClassVar[bool] = True
+    """Whether the step of a rate may be any length, if it is the only parameter of all
+    `metric_rates`."""
     takes: ClassVar[Takes] = "points"
     """Input of the encoder: points, the returns of a spinning sensor, or either: returns if the
     cloud has them, else points."""
@@ -182,7 +225,7 @@ class CodecFacts:
         """
         offered = self.rates_of(frame) or self.rates or self.metric_rates
         requested = offered if rate is None else (rate,)
-        if any(name in self.metric_rates for name in requested):
+        if any(map(self.is_length, requested)):
             self._check_metric(frame)
         elif self.needs_scaled and frame != "scaled":
             self._refuse_unscaled(frame)
@@ -209,12 +252,24 @@ class CodecFacts:
             f"{fault}: prepare it (puckbench prepare, or encode --prepare){remedy}"
         )
 
+    def is_length(self, rate: str) -> bool:
+        """Return whether a rate is for clouds in metres only."""
+        return rate not in self.rates and find_rate(self, rate) is not None
+
+    def rate_name(self, rate: str) -> str:
+        """Return the name of a rate in results; raise InputError if the codec lacks the rate."""
+        return self._find(rate)[0]
+
     def parameters_of(self, rate: str) -> Parameters:
         """Return the parameters of a rate; raise InputError if its name is unknown.
 
         A parameter that the rate lacks raises InputError too, when it is read.
         """
-        offered = {**self.rates, **self.metric_rates}
-        if rate not in offered:
-            raise InputError(f"codec {self.name}: unknown rate '{rate}'{among(rate, offered)}")
-        return _RateParameters(offered[rate], f"codec {self.name}: rate {rate}")
+        return _RateParameters(self._find(rate)[1], f"codec {self.name}: rate {rate}")
+
+    def _find(self, rate: str) -> tuple[str, Parameters]:
+        with naming(f"codec {self.name}"):
+            if (item := find_rate(self, rate)) is None:
+                offered = {**self.rates, **self.metric_rates}
+                raise InputError(f"unknown rate '{rate}'{among(rate, offered)}")
+        return item

@@ -19,6 +19,7 @@ class PacketsCodec(ReturnsCodec):
     """
 
     metric_rates = lengths(2)
+    any_length: ClassVar[bool] = False
     packets_alone: ClassVar[bool] = True
     pace = Pace(0.1, 4.0)
     line = ":"

@@ -15,9 +15,10 @@ from typing import TYPE_CHECKING, Any
 from pydantic import create_model
 
 from puckbench.codecs.base import Codec
+from puckbench.codecs.facts import find_rate
 from puckbench.coding.shift import unshifted
 from puckbench.coding.unit import without_unit
-from puckbench.core.errors import InputError, among
+from puckbench.core.errors import InputError, among, naming
 from puckbench.core.models import Model, parsed
 from puckbench.core.registry import Registry, is_place, load, trust
 from puckbench.core.yaml_files import read_yaml
@@ -158,8 +159,8 @@ def place_of(name: str, changes: Entry | None = None) -> str:
 def open_codec(name: str, changes: Entry | None = None) -> Codec:
     """Create a codec by its name, with the changes of a configuration's entry."""
     codec, changes = codec_class(name, changes), changes or {}
-    offered = {"rates": codec.rates, "metric_rates": codec.metric_rates}
-    rates = {key: _rates(name, table, changes.get(key)) for key, table in offered.items()}
+    with naming(f"codec {name}"):
+        rates = _rates(codec, changes)
     if not any(rates.values()):
         raise InputError(f"codec {name}: neither its entry nor its class names rates")
     if not rates["metric_rates"]:
@@ -172,18 +173,39 @@ def open_codec(name: str, changes: Entry | None = None) -> Codec:
         raise InputError(f"codec {name}: {error}") from error
 
 
-def _rates(name: str, offered: Entry, requested: Entry | Sequence[str] | None) -> dict[str, Any]:
-    """Return the parameters of the requested rates by name.
+def _rates(codec: type[Codec], changes: Entry) -> dict[str, dict[str, Any]]:
+    """Return the parameters of the requested ``rates`` and ``metric_rates`` by name.
 
-    `requested` is a mapping with these parameters, a list of names of `offered` rates, or None for
-    all offered rates.
+    An entry has for each key a mapping with these parameters, or names of rates; by default all
+    rates of the codec are requested. Lengths may be among ``rates`` too.
     """
+    tables: dict[str, Entry] = {"rates": codec.rates, "metric_rates": codec.metric_rates}
+    requested = {key: changes[key] for key in tables if changes.get(key) is not None}
+    names = requested.get("rates", ())
+    if not isinstance(names, Mapping):
+        lengths = [rate for rate in names if rate not in codec.rates and find_rate(codec, rate)]
+        if lengths:
+            requested["rates"] = [rate for rate in names if rate not in lengths]
+            requested["metric_rates"] = [*requested.get("metric_rates", ()), *lengths]
+    return {
+        key: _selected(codec, table, requested.get(key, table)) for key, table in tables.items()
+    }
+
+
+def _selected(
+    codec: type[Codec], offered: Entry, requested: Entry | Sequence[str]
+) -> dict[str, Any]:
     if isinstance(requested, Mapping):
         return dict(requested)
-    unknown = [rate for rate in requested or () if rate not in offered]
-    if unknown:
-        raise InputError(f"codec {name}: unknown rate '{unknown[0]}'{among(unknown[0], offered)}")
-    return {key: rate for key, rate in offered.items() if requested is None or key in requested}
+    selected = {}
+    for rate in requested:
+        name, parameters = find_rate(codec, rate) or (rate, None)
+        if parameters is None or (name not in offered and name in codec.rates):
+            raise InputError(f"unknown rate '{rate}'{among(rate, offered)}")
+        selected[name] = parameters
+    if selected.keys() <= offered.keys():
+        return {name: offered[name] for name in offered if name in selected}
+    return dict(sorted(selected.items(), key=lambda item: -item[1]["step_m"]))
 
 
 def codes_surfaces(name: str, changes: Entry | None = None) -> bool:

@@ -61,6 +61,7 @@ class Reno(Learned["RenoWeights"]):
     Options: type[RenoOptions] = RenoOptions
     options: RenoOptions
     magic = b"RENO"
+    any_length = False
     most_steps = float(2**20 - 2)
     memory = Memory(1000, 1500)
     pace = Pace(0.3, 12.0)

@@ -51,5 +51,5 @@ def medians_per_rate(table: pd.DataFrame, column: str) -> pd.DataFrame:
 
 
 def ordered_rates(rates: set[str]) -> list[str]:
-    """Return rates sorted by the number in their names: r2 before r10."""
-    return sorted(rates, key=lambda rate: (*map(int, re.findall(r"\d+", rate)), rate))
+    """Return rates sorted by the number in their names: r2 before r10, 0.5mm before 2mm."""
+    return sorted(rates, key=lambda rate: (*map(float, re.findall(r"\d+(?:\.\d+)?", rate)), rate))

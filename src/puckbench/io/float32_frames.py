@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from puckbench.core.content import read_content
 from puckbench.core.errors import InputError
+from puckbench.core.files import write_bytes
 from puckbench.io.point_columns import Columns
 
 Rows = NDArray[np.float32]
@@ -51,6 +52,12 @@ def read_float32_frame(path: Path, columns: str | None = None) -> Columns:
         fault = f"coordinates beyond {_MAX_COORDINATE_M:g} m or below {_MIN_COORDINATE_M:g} m"
         raise InputError(f"{path}: no frame of a LiDAR in rows of {len(names)}: {fault}")
     return {name: rows[:, place] for place, name in enumerate(names) if name != "_"}
+
+
+def write_float32_frame(path: Path, columns: Columns) -> None:
+    """Write the columns x, y, z and intensity of a frame, as KITTI does."""
+    rows = np.column_stack([columns[name] for name in _LAYOUTS[_DEFAULT_COUNT]])
+    write_bytes(path, rows.astype("<f4").tobytes())
 
 
 def float32_rows(data: bytes, count: int, path: Path) -> Rows:

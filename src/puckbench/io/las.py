@@ -18,12 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench import __version__
+from puckbench.core.content import unpacked
 from puckbench.core.errors import InputError, naming
 from puckbench.core.files import write_bytes
 from puckbench.io.damage import reading
 from puckbench.io.isolated import ParsedFile, parse_isolated
 from puckbench.io.las_header import check_las_header
-from puckbench.io.las_units import METRE, las_units, unit_name
+from puckbench.io.las_units import METRE, Units, las_units, unit_name
 
 _LOG = logging.getLogger(__name__)
 _STEP_M = 1e-4
@@ -71,6 +72,58 @@ def read_las_points(path: Path, convert: bool = True) -> dict[str, NDArray[Any]]
     return {name: part for name, part in columns.items() if name in _AXES or np.count_nonzero(part)}
 
 
+def rewrite_las(
+    path: Path, source: Path, points: NDArray[np.float64], rows: NDArray[np.int64]
+) -> None:
+    """Write points with the header and the attributes of a LAS or LAZ file.
+
+    Parameters
+    ----------
+    path
+        The file to write, LAZ by its suffix.
+    source
+        The file whose header (version, point format, scale, offset, records) is kept.
+    points
+        (m, 3), in m.
+    rows
+        (m,) index of the point in `source` whose attributes a point gets; -1: all 0.
+
+    Raises
+    ------
+    InputError
+        `source` is not readable, or a point lies outside the integers of its scale and offset.
+    """
+    import laspy
+
+    with unpacked(source) as plain:
+        data = parse_isolated(parse_las_file, plain, "LAS file").columns["bytes"]
+    las = laspy.read(BytesIO(data.tobytes()))
+    header, units = las.header, _units(las.header) or Units()
+    lengths = np.array([units.horizontal or METRE] * 2 + [units.vertical or METRE])
+    steps = np.rint((points / lengths - header.offsets) / header.scales)
+    if np.abs(steps).max() > np.iinfo(np.int32).max:
+        raise InputError(f"{path}: points outside the range of the scale and offset of {source}")
+    las.points = las.points[np.maximum(rows, 0)]
+    las.points.array[rows < 0] = 0
+    las.X, las.Y, las.Z = steps.astype(np.int32).T
+    content = BytesIO()
+    is_compressed = path.suffix.lower() == ".laz"
+    las.write(content, do_compress=is_compressed, laz_backend=laspy.LazBackend.Lazrs)
+    write_bytes(path, content.getvalue())
+
+
+def parse_las_file(path: Path) -> ParsedFile:
+    """Return the bytes of a LAS or LAZ file, without compression of the points."""
+    import laspy
+    from lazrs import LazrsError
+
+    check_las_header(path)
+    content = BytesIO()
+    with naming(path), reading("LAS file", laspy.LaspyException, LazrsError, *_DAMAGE):
+        laspy.read(path).write(content, do_compress=False)
+    return ParsedFile({"bytes": np.frombuffer(content.getvalue(), np.uint8)})
+
+
 def parse_las(path: Path, convert: bool = True) -> ParsedFile:
     import laspy
     from lazrs import LazrsError
@@ -85,12 +138,17 @@ def parse_las(path: Path, convert: bool = True) -> ParsedFile:
         return ParsedFile({**_coordinates(points, metres), **columns})
 
 
-def _metres_per_unit(header: Any, path: Path) -> tuple[float, float, float] | None:
+def _units(header: Any) -> Units | None:
     from pyproj.exceptions import CRSError
 
     try:
-        units = las_units(header)
+        return las_units(header)
     except CRSError:
+        return None
+
+
+def _metres_per_unit(header: Any, path: Path) -> tuple[float, float, float] | None:
+    if (units := _units(header)) is None:
         _LOG.warning("%s: its coordinate reference system is not readable: metres assumed", path)
         return None
     if units.is_degrees:
@@ -127,8 +185,9 @@ def _las_data(columns: Mapping[str, NDArray[Any]]) -> Any:
     las = laspy.LasData(header, laspy.ScaleAwarePointRecord.zeros(len(xyz), header=header))
     las.X, las.Y, las.Z = counts.astype(np.int32).T
     las.return_number[:] = las.number_of_returns[:] = 1
-    las.intensity = columns.get("reflectivity", np.zeros(len(xyz)))
+    unknown = np.zeros(len(xyz))
+    las.intensity = columns.get("reflectivity", unknown)
     las.user_data = columns["laser_id"]
-    las.point_source_id = np.clip(columns["turn" if "turn" in columns else "frame"], 0, 0xFFFF)
-    las.gps_time = columns["timestamp"]
+    las.point_source_id = np.clip(columns.get("turn", columns.get("frame", unknown)), 0, 0xFFFF)
+    las.gps_time = columns.get("timestamp", unknown)
     return las

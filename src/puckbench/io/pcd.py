@@ -31,25 +31,33 @@ _HEADER_DAMAGE = (KeyError, IndexError, ValueError, TypeError, OverflowError)
 _GAP = re.compile(r"_\d+")
 _HEADER = """# .PCD v0.7 - Point Cloud Data file format
 VERSION 0.7
-FIELDS x y z label timestamp
-SIZE 4 4 4 4 8
-TYPE F F F U F
-COUNT 1 1 1 1 1
+FIELDS {fields}
+SIZE {sizes}
+TYPE {types}
+COUNT {counts}
 WIDTH {points}
 HEIGHT 1
 VIEWPOINT 0 0 0 1 0 0 0
 POINTS {points}
 DATA binary
 """
-_ROW = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("label", "<u4"), ("timestamp", "<f8")])
 
 
 def write_pcd(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
-    """Write x, y, z (single precision), the laser number as PCL's ``label``, and the timestamp."""
-    rows = np.empty(len(columns["x"]), dtype=_ROW)
-    for name in _ROW.names or ():
-        rows[name] = columns["laser_id" if name == "label" else name]
-    write_bytes(path, _HEADER.format(points=len(rows)).encode() + rows.tobytes())
+    """Write a binary file with columns (n,) as fields, and x, y, z in single precision."""
+    parts = {name: part.astype("<f4") if name in "xyz" else part for name, part in columns.items()}
+    kinds = [part.dtype.newbyteorder("<") for part in parts.values()]
+    rows = np.empty(len(parts["x"]), dtype=[*zip(parts, kinds, strict=True)])
+    for name, part in parts.items():
+        rows[name] = part
+    header = _HEADER.format(
+        fields=" ".join(parts),
+        sizes=" ".join(str(kind.itemsize) for kind in kinds),
+        types=" ".join(kind.kind.upper() for kind in kinds),
+        counts=" ".join("1" for _ in kinds),
+        points=len(rows),
+    )
+    write_bytes(path, header.encode() + rows.tobytes())
 
 
 def read_pcd(path: Path) -> dict[str, NDArray[Any]]:

@@ -1,21 +1,33 @@
 from __future__ import annotations
 
+import logging
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from puckbench.codecs.facts import find_rate
+from puckbench.core.content import plain_suffix
 from puckbench.core.environment import run_environment
 from puckbench.core.errors import InputError, naming, noting
 from puckbench.core.measurement import measured
 from puckbench.geometry.cloud import PointCloud, bounds, check_points
+from puckbench.geometry.matching import Match, match_points
 from puckbench.io.archives import write_archive
 from puckbench.io.clouds import cloud_bytes, read_cloud, write_cloud
+from puckbench.io.las import rewrite_las
 from puckbench.io.meshes.writing import write_mesh
 from puckbench.jobs.codec_jobs import TimedJob
 from puckbench.jobs.curve_files import REMARK, Coded, read_coded, read_curve
 from puckbench.jobs.registry import JOBS
+
+LAS = (".las", ".laz")
+_log = logging.getLogger(__name__)
+_MOST_UNLIKE = 0.5
+"""Largest share of decoded points without an original one."""
+_Model = tuple[Path, PointCloud]
 
 
 class Decoded(NamedTuple):
@@ -57,22 +69,55 @@ class Decode(Decoding):
     as_mesh: bool = False
     rate: str | None = None
 
-    def run(self, stream: Path, cloud: Path, like: Path | None = None) -> dict[str, Any]:
-        """Write the decoded cloud; if a prepared cloud `like` is given, in its source's metres."""
+    def run(self, stream: Path, cloud: Path, like: tuple[Path, ...] = ()) -> dict[str, Any]:
+        """Write the decoded cloud, by default in the coordinates of the cloud that was coded.
+
+        `like` are the prepared cloud that was coded, whose description has the place of its source,
+        the original cloud, whose attributes are given to the points, or both. To a LAS or LAZ file,
+        points are written with the original's header.
+        """
         if self.as_mesh:
             if like:
                 raise InputError("--like: not with --as-mesh")
             return self._mesh(stream, cloud)
-        original = None if like is None else _described(like)
+        prepared, original = _models(like)
+        if cloud.suffix.lower() in LAS and (not original or plain_suffix(original[0]) not in LAS):
+            raise InputError(f"{cloud}: name it .ply, or name the original LAS file (--like)")
         with naming(stream):
-            result = self.decoded(read_coded(stream, self.rate))
+            coded = read_coded(stream, self.rate)
+            result = self.decoded(coded)
         about = {"source": stream.name, "codec": result.record["codec"]}
         decoded = replace(result.cloud, about=about)
-        if original is not None:
-            _check_place(decoded, original, f"{stream}: not coded from {like}")
-            decoded = replace(decoded, xyz=original.to_metres(decoded.xyz))
-        write_cloud(cloud, decoded)
-        return result.record
+        if prepared:
+            _check_place(decoded, prepared[1], f"{stream}: not coded from {prepared[0]}")
+            decoded = replace(decoded, xyz=prepared[1].to_metres(decoded.xyz))
+        if not original:
+            write_cloud(cloud, decoded)
+            return result.record
+        fault = f"{stream}: not coded from {original[0]}"
+        if not prepared:
+            fault += ", unless from a prepared cloud (--like it too)"
+        _check_place(decoded, original[1], fault)
+        match = match_points(original[1].xyz, decoded.xyz, self._reach(coded))
+        if (share := (match.rows < 0).mean()) > _MOST_UNLIKE:
+            off = f"{share:.0%} of the decoded points lie more than {match.reach:.3g} m"
+            raise InputError(f"{fault}: {off} off its points")
+        if cloud.suffix.lower() in LAS:
+            rewrite_las(cloud, original[0], decoded.xyz, match.rows)
+        else:
+            write_cloud(cloud, _with_attributes(decoded, original[1], match.rows))
+        lost = {"attributes_lost": match.unused, "attributes_0": int((match.rows < 0).sum())}
+        if any(lost.values()):
+            _log.warning("%s: %s", cloud, _loss(match, len(original[1])))
+        return {**result.record, "attributes_by": match.by, **lost}
+
+    def _reach(self, coded: Coded) -> float | None:
+        """Return the diagonal of a rate's step in m, if the rate is a length, else None."""
+        name = coded.record.get("rate")
+        found = find_rate(self.loaded(self.codec_of(coded)), name) if name else None
+        if found is None or {*found[1]} != {"step_m"}:
+            return None
+        return float(found[1]["step_m"]) * 3**0.5
 
     def _mesh(self, path: Path, out: Path) -> dict[str, Any]:
         name, coded = self.read_stream(path, self.rate)
@@ -96,12 +141,39 @@ def _check_place(decoded: PointCloud, original: PointCloud, fault: str) -> None:
         raise InputError(f"{fault}: the decoded points lie elsewhere")
 
 
-def _described(path: Path) -> PointCloud:
-    cloud = read_cloud(path)
-    if cloud.frame is None:
-        needed = "no description (.json) with scale and offset is beside it"
-        raise InputError(f"{path}: {needed}; name the prepared cloud, as in results/clouds/")
-    return cloud
+def _models(paths: tuple[Path, ...]) -> tuple[_Model | None, _Model | None]:
+    """Read the prepared and the original cloud among files, None for one that is not there."""
+    clouds = [(path, read_cloud(path, keep_missing=True)) for path in paths]
+    prepared, original = (
+        [item for item in clouds if (item[1].frame is None) == is_original]
+        for is_original in (False, True)
+    )
+    if max(len(prepared), len(original)) > 1:
+        raise InputError("--like: takes one prepared cloud and one original")
+    return next(iter(prepared), None), next(iter(original), None)
+
+
+def _with_attributes(
+    decoded: PointCloud, original: PointCloud, rows: NDArray[np.int64]
+) -> PointCloud:
+    """Give decoded points the attributes of rows of the original, 0 for the row -1."""
+    picked = original.select(np.maximum(rows, 0))
+    for values in (picked.normals, picked.colours, picked.labels, *picked.fields.values()):
+        if values is not None:
+            values[rows < 0] = 0
+    return replace(picked, xyz=decoded.xyz, about=decoded.about)
+
+
+def _loss(match: Match, points: int) -> str:
+    lost = []
+    if match.unused:
+        lost.append(
+            f"{match.unused:,} of {points:,} points lost their attributes (merged or moved)"
+        )
+    if unlike := int((match.rows < 0).sum()):
+        where = f"no original point within {match.reach:.3g} m"
+        lost.append(f"{unlike:,} decoded points have {where}: their attributes are 0")
+    return "; ".join(lost)
 
 
 @JOBS.register("decode_shown")

@@ -111,25 +111,25 @@ class Encode(Encoding):
         If `prepared` is a path, first prepare the cloud and write it there.
         """
         codec = open_codec(self.codec, self.changes)
-        codec.parameters_of(self.rate)
-        original = self._cloud(codec, cloud, prepared)
+        with naming("--rate"):
+            rate = codec.rate_name(self.rate)
+        original = self._cloud(codec, cloud, rate, prepared)
         if codec.takes == "either" and original.returns is None:
             why = f"no returns, so codec {self.codec} does without its sensor"
             sys.stderr.write(f"puckbench: {prepared or cloud}: {why}\n")
-        coded = self.coded(ready(codec), original, self.rate)
+        coded = self.coded(ready(codec), original, rate)
         with written_whole(stream) as temporary:
             temporary.write_bytes(coded.stream)
             write_json(record_file(stream), coded.record)
         return coded.record
 
-    def _cloud(self, codec: Codec, path: Path, prepared: Path | None) -> PointCloud:
+    def _cloud(self, codec: Codec, path: Path, rate: str, prepared: Path | None) -> PointCloud:
         if prepared:
-            is_length = self.rate in codec.metric_rates and self.rate not in codec.rates
-            frame = self.frame or ("metric" if is_length else "scaled")
-            codec.check_frame(frame, self.rate)
+            frame = self.frame or ("metric" if codec.is_length(rate) else "scaled")
+            codec.check_frame(frame, rate)
             job = Prepare(size=0) if frame == "metric" else Prepare()
             job.run(path, prepared)
-        return to_code(codec, prepared or path, self.frame, self.rate)
+        return to_code(codec, prepared or path, self.frame, rate)
 
 
 @JOBS.register("encode_curve")

@@ -81,35 +81,12 @@ class PrepareReturns(Job):
         return {**prepared.about, "points": len(prepared)}
 
     def _read(self, path: Path) -> tuple[Returns, PointCloud | None, dict[str, Any]]:
-        with naming(path):
-            if self.stream is not None and not is_recording(path):
-                raise InputError(f"stream '{self.stream}': only packet captures have streams")
-            if ScanTable.schema.metadata_key.encode() in parquet_metadata(path):
+        if ScanTable.schema.metadata_key.encode() in parquet_metadata(path):
+            with naming(path):
+                _check_stream(path, self.stream)
                 return self._read_scan(path)
-            returns, usual, left_out = self._recorded(path)
-            selected = self._chosen(returns, usual)
-        return selected, None, {"source": path.name, "sensor": returns.sensor, **left_out}
-
-    def _recorded(self, path: Path) -> tuple[Returns, tuple[int, int], dict[str, int]]:
-        """Return revolutions, the first and the last of those to take, and counts of lost data."""
-        from puckbench.lidar.recordings.reading import read_turns
-
-        if not is_recording(path):
-            returns = read_firings(path)
-            return returns, (0, len(returns.turns) - 1), {}
-        with decompressed(path) as recording:
-            returns, whole, left_out = read_turns(recording, stream=self.stream, source=path)
-        if not whole and self.turns is None:
-            logging.getLogger(__name__).warning("%s: has no whole turn: takes a part of one", path)
-        first = whole[0] if whole else min(1, len(returns.turns) - 1)
-        return returns, (first, first), left_out
-
-    def _chosen(self, returns: Returns, usual: tuple[int, int]) -> Returns:
-        first, last = self.turns or usual
-        if not 0 <= first <= last < len(returns.turns):
-            most = len(returns.turns) - 1
-            raise InputError(f"has turns 0 to {most}, not {first} to {last}")
-        return replace(returns, turns=returns.turns[first : last + 1])
+        returns, left_out = read_selected_turns(path, self.turns, self.stream)
+        return returns, None, {"source": path.name, "sensor": returns.sensor, **left_out}
 
     def _read_scan(self, path: Path) -> tuple[Returns, PointCloud, dict[str, Any]]:
         from puckbench.lidar.scan_returns import returns_of_scan, true_points
@@ -121,7 +98,7 @@ class PrepareReturns(Job):
             frames = table["frame"]
             table = table.select((frames >= self.turns[0]) & (frames <= self.turns[1]))
         scan = returns_of_scan(table, self.clean)
-        selected = self._chosen(scan.returns, (0, len(scan.returns.turns) - 1))
+        selected = _selected(scan.returns, self.turns)
         rows = table.select(scan.rows)
         noise = rows["distance_noisy"] - rows["distance"]
         lasers = rows["frame"] * selected.beams.lasers + rows["laser_id"]
@@ -146,6 +123,41 @@ def is_recording(path: Path) -> bool:
         return False
     start = read_content(path, _LONGEST_MARK)
     return is_packet_capture(start) or bag_format(start) is not None
+
+
+def _check_stream(path: Path, stream: str | None) -> None:
+    if stream is not None and not is_recording(path):
+        raise InputError(f"stream '{stream}': only packet captures have streams")
+
+
+def read_selected_turns(
+    path: Path, turns: tuple[int, int] | None, stream: str | None = None
+) -> tuple[Returns, dict[str, int]]:
+    """Read turns of a recording or of a table of firings, and counts of damaged data.
+
+    `turns` and `stream` are those of `PrepareReturns`.
+    """
+    from puckbench.lidar.recordings.reading import read_turns
+
+    with naming(path):
+        _check_stream(path, stream)
+        if not is_recording(path):
+            return _selected(read_firings(path), turns), {}
+        with decompressed(path) as recording:
+            returns, whole, left_out = read_turns(recording, stream=stream, source=path)
+        first = whole[0] if whole else min(1, len(returns.turns) - 1)
+        selected = _selected(returns, turns or (first, first))
+    if turns is None and not whole:
+        logging.getLogger(__name__).warning("%s: has no whole turn: takes a part of one", path)
+    return selected, left_out
+
+
+def _selected(returns: Returns, turns: tuple[int, int] | None) -> Returns:
+    first, last = turns or (0, len(returns.turns) - 1)
+    if not 0 <= first <= last < len(returns.turns):
+        most = len(returns.turns) - 1
+        raise InputError(f"has turns 0 to {most}, not {first} to {last}")
+    return replace(returns, turns=returns.turns[first : last + 1])
 
 
 def _timing(returns: Returns) -> dict[str, Any]:

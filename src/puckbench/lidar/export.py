@@ -2,33 +2,68 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.core.errors import InputError
 from puckbench.io.evd import write_evd
+from puckbench.io.float32_frames import write_float32_frame
 from puckbench.io.las import write_las
 from puckbench.io.parquet_files import parquet_metadata
 from puckbench.io.pcd import write_pcd
 from puckbench.io.ply import write_ply
 from puckbench.io.text import write_csv
-from puckbench.lidar.recordings.returns import RecordedReturns, read_returns
+from puckbench.lidar.recordings.returns import RecordedReturns, read_returns, table_of_returns
 from puckbench.lidar.recordings.writing import write_pcap
+from puckbench.lidar.returns import Returns
 from puckbench.lidar.scan_table import ScanTable, read_scan
 
-Source = ScanTable | RecordedReturns
+Source = ScanTable | RecordedReturns | Returns
 Columns = dict[str, NDArray[Any]]
 
+_KITTI_BRIGHTEST = 255
+"""Reflectivity of the intensity 1 in KITTI's files."""
+
+
+def _pcd_columns(columns: Columns) -> Columns:
+    if "ring" in columns:  # the point type XYZIRT of ROS drivers
+        order = [name for name in ("x", "y", "z", "intensity", "ring", "time") if name in columns]
+        single = {"time": columns["time"].astype(np.float32)} if "time" in columns else {}
+        return {**_of(columns, *order), **single}
+    label = columns["laser_id"].astype(np.uint32)
+    return {**_of(columns, *"xyz"), "label": label, **_of(columns, "timestamp")}
+
+
+def _las_columns(columns: Columns) -> Columns:
+    if "ring" not in columns:
+        return columns
+    names = {"laser_id": "ring", "reflectivity": "intensity", "timestamp": "time"}
+    others = {name: columns[other] for name, other in names.items() if other in columns}
+    return {**_of(columns, *"xyz"), **others}
+
+
+def _kitti_columns(columns: Columns) -> Columns:
+    unknown = np.zeros(len(columns["x"]))
+    reflectivity = columns.get("intensity", columns.get("reflectivity", unknown))
+    return {**_of(columns, *"xyz"), "intensity": reflectivity / _KITTI_BRIGHTEST}
+
+
+def _of(columns: Columns, *names: str) -> Columns:
+    return {name: columns[name] for name in names}
+
+
 # These formats take any columns of points; the others take virtual scans only.
-_POINTS: dict[str, Callable[[Path, Mapping[str, NDArray[Any]]], None]] = {
+_POINTS: dict[str, Callable[[Path, Columns], None]] = {
     ".ply": write_ply,
-    ".pcd": write_pcd,
+    ".pcd": lambda path, columns: write_pcd(path, _pcd_columns(columns)),
     ".csv": write_csv,
-    ".las": write_las,
-    ".laz": write_las,
+    ".las": lambda path, columns: write_las(path, _las_columns(columns)),
+    ".laz": lambda path, columns: write_las(path, _las_columns(columns)),
+    ".bin": lambda path, columns: write_float32_frame(path, _kitti_columns(columns)),
 }
 FORMATS = (*_POINTS, ".evd", ".pcap")
 
@@ -42,7 +77,7 @@ _OF_RECORDINGS = (
 )
 
 
-def read_source(path: Path) -> Source:
+def read_source(path: Path) -> ScanTable | RecordedReturns:
     is_capture = RecordedReturns.schema.metadata_key.encode() in parquet_metadata(path)
     return read_returns(path) if is_capture else read_scan(path)
 
@@ -57,10 +92,10 @@ def export(path: Path, source: Source, clean: bool = False) -> dict[str, Any]:
         raise InputError(f"{path}: unknown suffix {suffix!r} (known: {', '.join(FORMATS)})")
     if len(source) == 0:
         raise InputError(f"{path}: there is no return to export")
-    if isinstance(source, RecordedReturns):
+    if isinstance(source, RecordedReturns | Returns):
         if clean or suffix not in _POINTS:
             raise InputError(f"{path}: a recording has no true coordinates and no scan's columns")
-        _POINTS[suffix](path, {name: source[name] for name in _OF_RECORDINGS})
+        _POINTS[suffix](path, _recorded_columns(source))
     elif suffix in _POINTS:
         _POINTS[suffix](path, _scan_columns(source, clean))
     elif suffix == ".evd":
@@ -68,6 +103,32 @@ def export(path: Path, source: Source, clean: bool = False) -> dict[str, Any]:
     else:
         return {"points": len(source), **write_pcap(path, source, noisy=not clean)}
     return {"points": len(source)}
+
+
+def _recorded_columns(source: RecordedReturns | Returns) -> Columns:
+    if isinstance(source, RecordedReturns):
+        return _of(source.columns, *_OF_RECORDINGS)
+    table = table_of_returns(source, _column_us(source))
+    columns = {**_of(table.columns, *"xyz"), "ring": _rings(source)[table["laser_id"]]}
+    if all(turn.reflectivities is not None for turn in source.turns):
+        columns["intensity"] = table["reflectivity"].astype(np.float32)
+    if all(turn.times is not None for turn in source.turns):
+        columns["time"] = table["timestamp"]
+    return columns
+
+
+def _rings(returns: Returns) -> NDArray[np.uint16]:
+    """Return the ring of each laser: 0 is the lowest, as ROS drivers number them."""
+    return np.argsort(returns.layout.order).astype(np.uint16)
+
+
+def _column_us(returns: Returns) -> float:
+    """Return the time between columns, from that between packets; 0 if it is unknown."""
+    times = [turn.times for turn in returns.turns if turn.times is not None]
+    steps = np.concatenate([np.diff(part.astype(np.float64)) for part in times] or [np.zeros(0)])
+    steps = steps[steps > 0]  # the clock restarts hourly
+    columns = returns.layout.columns_per_block * returns.layout.blocks_per_time
+    return float(np.median(steps)) / columns if len(steps) else 0.0
 
 
 def _scan_columns(table: ScanTable, clean: bool) -> Columns:

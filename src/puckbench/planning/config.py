@@ -39,7 +39,7 @@ def _own_keys(cls: type[Model], values: Options) -> Options:
 
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$")]
 """Name of a data set, codec and so on; part of file names."""
-RateName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_]+$")]
+RateName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_]+(\.[A-Za-z0-9_]+)?$")]
 CloudName = Annotated[str, StringConstraints(pattern=r"^[^/]+/[^/]+$")]
 """``dataset/cloud``."""
 FailedName = Annotated[str, StringConstraints(pattern=r"^[^/]+/[^/]+(/[^/]+)?$")]
@@ -207,11 +207,12 @@ class CodecConfig(Model):
     )
     rates: tuple[str, ...] | dict[RateName, Options] | None = Field(
         None,
-        description="Names of the rates to run, or a table of new rates (name to parameters); by "
-        "default all rates of the codec.",
+        description="Names of the rates to run (lengths are metric rates), or a table of new rates "
+        "(name to parameters); by default all rates of the codec.",
     )
     metric_rates: tuple[str, ...] | dict[RateName, Options] | None = Field(
-        None, description="As `rates`, for clouds in metres (`size: metric`): names such as `10mm`."
+        None,
+        description="As `rates`, for clouds in metres (`size: metric`): any length such as `3mm`.",
     )
 
     def changes(self) -> Options:

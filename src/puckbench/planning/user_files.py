@@ -10,7 +10,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal, get_args
 
-from puckbench.codecs.registry import codec_class
+from puckbench.codecs.facts import check_lengths, find_rate
+from puckbench.codecs.registry import codec_class, open_codec
 from puckbench.core.content import plain_suffix
 from puckbench.core.errors import NARROWER, InputError, naming
 from puckbench.core.files import write_bytes
@@ -58,6 +59,8 @@ _OPTIONS: dict[Kind, tuple[str, ...]] = {
 """Names of the loaders' options, by kind of input."""
 _EXAMPLES: dict[str, str] = {"clouds": "object", "meshes": "object", "scans": "noisy"}
 _OWN_CLASS = re.compile(r".+\.py:(?P<file>\w+)|[\w.]+:(?P<module>\w+)")
+_KEYS: dict[CoordinateFrame, str] = {"scaled": "rates", "metric": "metric_rates"}
+"""Keys of a codec's entry with the names of its rates, by frame."""
 NOTHING_THERE = "no cloud, mesh or recording"
 _MARK = "# Made by puckbench run"
 
@@ -112,6 +115,8 @@ class UserRun:
         paths_by_kind = self._sorted_paths()
         self._check_results(paths_by_kind)
         self._check_units(paths_by_kind)
+        with naming("--rates"):
+            check_lengths(self.rates)
         scenes = {kind: self._scenes(kind, paths) for kind, paths in paths_by_kind.items()}
         datasets = {self._name(kind): self._dataset(kind, scenes[kind]) for kind in paths_by_kind}
         self._set_peak(datasets)
@@ -256,7 +261,7 @@ class UserRun:
         lacking = [
             name
             for name, codec in offered.items()
-            if {*self.rates} - {"all"} and not {*self.rates} & {*codec.rates, *codec.metric_rates}
+            if {*self.rates} - {"all"} and not any(find_rate(codec, rate) for rate in self.rates)
         ]
         if len(lacking) == len(usual):
             return tuple(usual)
@@ -267,38 +272,47 @@ class UserRun:
 
     def _chosen_rates(self, plan: Plan) -> dict[str, Options]:
         check_codecs(plan)
-        keys: dict[CoordinateFrame, str] = {"scaled": "rates", "metric": "metric_rates"}
         few = not self.rates and _seconds(plan) > _BUDGET_S
         changes: dict[str, Options] = {codec: {} for codec in plan.codecs}
         for codec in plan.codecs:
             for frame in plan.frames:
                 rates = plan.rates(codec, frame)
-                selected = self._wanted(plan, codec, rates, few) if rates else rates
+                selected = self._wanted(plan, codec, frame, few) if rates else rates
                 if few and len(selected) < len(rates):
                     counts = f"{len(selected)} of {len(rates)} rates"
                     self._reductions[f"codec {codec}"] = f"{counts}: all take long (--rates all)"
                 _check_width(plan, codec, frame, selected)
                 if selected != rates:
-                    changes[codec][keys[frame]] = list(selected)
+                    changes[codec][_KEYS[frame]] = list(selected)
         return changes
 
-    def _wanted(self, plan: Plan, codec: str, rates: tuple[str, ...], few: bool) -> tuple[str, ...]:
+    def _wanted(self, plan: Plan, codec: str, frame: CoordinateFrame, few: bool) -> tuple[str, ...]:
+        rates = plan.rates(codec, frame)
         if few:
             return tuple(spread_out(rates, _FEW_RATES))
         if self.rates in {(), ("all",)}:
             return rates
-        selected = tuple(rate for rate in rates if rate in self.rates)
-        if not selected:
+        is_metric, opened = frame == "metric", plan.opened[codec]
+        names = [
+            rate for rate in self.rates if rate in rates or (is_metric and opened.is_length(rate))
+        ]
+        if not names:
             raise InputError(
                 f"--rates: codec {codec} has none of {', '.join(self.rates)} "
                 f"({', '.join(rates)}){self._other_frame(plan, codec)}"
             )
-        return selected
+        changes = {**plan.config.codec(codec), _KEYS[frame]: names}
+        return tuple(open_codec(codec, changes).rates_of(frame))
 
     def _other_frame(self, plan: Plan, codec: str) -> str:
         """Return a hint at the frame that has the requested rates, or an empty string."""
         for frame in get_args(CoordinateFrame):
-            if frame not in plan.frames and {*self.rates} & {*plan.rates(codec, frame)}:
+            is_length = plan.opened[codec].is_length
+            if frame not in plan.frames and any(
+                is_length(rate) == (frame == "metric")
+                for rate in self.rates
+                if find_rate(plan.opened[codec], rate)
+            ):
                 return f": use --frame {frame}"
         return ""
 
@@ -376,9 +390,14 @@ def _seconds(plan: Plan) -> float:
 
 
 def _check_width(plan: Plan, codec: str, frame: CoordinateFrame, rates: Sequence[str]) -> None:
-    names = [name for name in plan.in_frame(frame) if plan.codes(codec, name)]
-    curves = [curve for curve in plan.curves if curve[0] in names and curve[2] == codec]
-    if names and not any({*rates}.intersection(plan.curve_rates(*curve)) for curve in curves):
+    extents = [
+        plan.extents.get(name, {}).get(cloud, 0.0)
+        for name in plan.in_frame(frame)
+        if plan.codes(codec, name)
+        for cloud in plan.datasets[name].clouds
+    ]
+    most_extent = plan.opened[codec].most_extent
+    if extents and min(extents) > max(map(most_extent, rates)):
         raise InputError(f"codec {codec}: every cloud is too wide for its rates{NARROWER}")
 
 
