@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from puckbench.lidar.recordings import decode_packets
-from puckbench.lidar.recordings.reading import SCAN
+from puckbench.lidar.recordings.velodyne_messages import SCAN
 from tests.corpus.case import Case, content
 from tests.support.bag_files import (
     LOG,
@@ -154,7 +154,7 @@ CASES = [
         "two_sensors.db3",
         topics([("/left", SCAN), ("/right", SCAN)]),
         "returns",
-        error="it has /left, /right: keep one of them",
+        error="several topics of .*: /left, /right: choose one by --topic",
     ),
     Case("no_topics.db3", topics([]), "returns", error="it has no topic"),
     Case(
