@@ -116,7 +116,7 @@ def test_a_message_in_the_middle_is_read_without_the_chunks_before_it(tmp_path: 
         path = tmp_path / f"a.{form}"
         write_texts(path, [10 * number for number in range(40)])
         data = bytearray(path.read_bytes())
-        at = data.index(b"/a 0....")
+        at = data.index(b"/b 0....")
         data[at - 60 : at + 100] = bytes(160)
         path.write_bytes(data)
         with indexed_bags.indexed_bag(path) as bag:
