@@ -87,9 +87,9 @@ def test_numbered_messages_are_those_of_the_whole_bag(tmp_path: Path, form: str,
         assert list(bag.read("/none", [0])) == []
 
 
-def write_texts(path: Path, times: list[int]) -> None:
+def write_texts(path: Path, times: list[int], compress: bool = False) -> None:
     from rosbags.rosbag1 import Writer as Writer1
-    from rosbags.rosbag2 import StoragePlugin
+    from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
     from rosbags.rosbag2 import Writer as Writer2
     from rosbags.typesys import Stores, get_typestore
 
@@ -99,6 +99,10 @@ def write_texts(path: Path, times: list[int]) -> None:
     writer = (
         Writer1(path) if is_ros1 else Writer2(folder, version=8, storage_plugin=StoragePlugin.MCAP)
     )
+    if compress and is_ros1:
+        writer.set_compression(Writer1.CompressionFormat.BZ2)
+    elif compress:
+        writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
     with writer:
         connections = [writer.add_connection(name, TEXT, typestore=types) for name in ("/a", "/b")]
         for number, time in enumerate(times):
@@ -112,12 +116,11 @@ def write_texts(path: Path, times: list[int]) -> None:
 
 def test_a_message_in_the_middle_is_read_without_the_chunks_before_it(tmp_path: Path) -> None:
     """Chunks before the message's own are damaged, which reading them would notice."""
-    for form in ("bag", "mcap"):
+    for form, at in (("bag", 4200), ("mcap", 120)):
         path = tmp_path / f"a.{form}"
-        write_texts(path, [10 * number for number in range(40)])
+        write_texts(path, [10 * number for number in range(40)], compress=True)
         data = bytearray(path.read_bytes())
-        at = data.index(b"/b 0....")
-        data[at - 60 : at + 100] = bytes(160)
+        data[at : at + 40] = bytes(40)
         path.write_bytes(data)
         with indexed_bags.indexed_bag(path) as bag:
             (message,) = bag.read("/b", [35])
