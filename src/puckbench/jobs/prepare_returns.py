@@ -41,6 +41,8 @@ class PrepareReturns(Job):
         Peak of the PSNRs in m.
     stream
         Sensor to read in a packet capture of several sensors.
+    topic
+        Topic to read in a ROS bag of several sensors.
     """
 
     neighbours: int = Field(30, ge=3)
@@ -49,6 +51,7 @@ class PrepareReturns(Job):
     error_model: str = ""
     peak: float | None = Field(None, gt=0)
     stream: str | None = None
+    topic: str | None = None
 
     def run(
         self,
@@ -86,6 +89,8 @@ class PrepareReturns(Job):
         with naming(path):
             if self.stream is not None and not is_recording(path):
                 raise InputError(f"stream '{self.stream}': only packet captures have streams")
+            if self.topic is not None and not is_recording(path):
+                raise InputError(f"topic '{self.topic}': only ROS bags have topics")
             if ScanTable.schema.metadata_key.encode() in parquet_metadata(path):
                 return self._read_scan(path)
             returns, usual, left_out = self._recorded(path)
@@ -100,7 +105,9 @@ class PrepareReturns(Job):
             returns = read_firings(path)
             return returns, (0, len(returns.turns) - 1), {}
         with decompressed(path) as recording:
-            returns, whole, left_out = read_turns(recording, stream=self.stream, source=path)
+            returns, whole, left_out = read_turns(
+                recording, 0.0, self.stream, path, self.topic
+            )
         if not whole and self.turns is None:
             logging.getLogger(__name__).warning("%s: has no whole turn: takes a part of one", path)
         first = whole[0] if whole else min(1, len(returns.turns) - 1)

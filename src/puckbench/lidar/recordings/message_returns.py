@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -51,9 +52,10 @@ def read_message_returns(
             raise InputError("no points in its messages")
         names = set.intersection(*map(set, parts))
         columns = {each: np.concatenate([part[each] for part in parts]) for each in names}
-        columns["timestamp"] -= columns["timestamp"].min()
         table = returns_of_columns(columns, sensor, "s", path)
-    return replace(table, about={**table.about, "topic": name, "messages": count})
+    seconds = table["timestamp"] - table["timestamp"].min(initial=math.inf)
+    about = {**table.about, "topic": name, "messages": count}
+    return replace(table, columns={**table.columns, "timestamp": seconds}, about=about)
 
 
 @dataclass(frozen=True)
@@ -84,10 +86,11 @@ def _parts(path: Path, topic: str, count: int, unit: TimeUnit | None) -> Iterato
     for first in range(0, count, _BATCH):
         numbers = list(range(first, min(first + _BATCH, count)))
         for number, message in zip(numbers, read_cloud_messages(path, topic, numbers), strict=True):
-            columns = _present(message.columns)
-            if not len(columns["x"]):
+            columns = message.columns
+            present = _present(columns)
+            if not len(present["x"]):
                 continue
-            clock = clock or _clock(message, columns, unit)
+            clock = clock or _clock(message, present, unit)
             kept = {name: columns[name] for name in (*LASERS, *REFLECTIVITIES) if name in columns}
             yield {
                 **kept,
