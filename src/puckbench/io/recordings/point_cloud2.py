@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,27 +22,45 @@ _MAX_VALUES = 4096
 _MAX_NAME_LENGTH = 40
 
 
-def point_columns(message: Any) -> Columns:
+class Value(NamedTuple):
+    """A value of each point: its type, offset in a point, and place in a field of the message."""
+
+    name: str
+    kind: np.dtype[Any]
+    offset: int
+    field: int
+    part: int
+
+
+def point_columns(message: Any, data: NDArray[np.uint8] | None = None) -> Columns:
     """Return the fields of a deserialised message as arrays (height * width,), by name.
 
-    A field `a` with several values per point becomes the columns `a_0`, `a_1`, ... Raises
-    InputError if the message contradicts itself or its data are too short. The columns never take
-    more memory than the message's data.
+    `data` are the bytes of the points if the message has none. A field `a` with several values per
+    point becomes the columns `a_0`, `a_1`, ... Raises InputError if the message contradicts itself
+    or its data are too short. The columns never take more memory than the data.
     """
+    data = np.asarray(message.data if data is None else data, dtype=np.uint8)
     height, width, step = int(message.height), int(message.width), int(message.point_step)
-    row_step, data = int(message.row_step), np.asarray(message.data, dtype=np.uint8)
+    row_step = int(message.row_step)
     _check_rows(height, width, step, row_step, len(data))
-    order = ">" if message.is_bigendian else "<"
     columns: Columns = {}
-    for name, offset, kind in _values(message.fields, order, step):
-        if name in columns:
-            raise InputError(f"PointCloud2: two fields are named {_shown(name)}")
+    for name, kind, offset, *_ in point_values(message):
         columns[name] = np.zeros(0, kind.newbyteorder("="))
         if height * width:
             strides = (row_step if height > 1 else step * width, step)
             values: NDArray[Any] = np.ndarray((height, width), kind, data, offset, strides)
             columns[name] = values.astype(kind.newbyteorder("=")).reshape(-1)
     return columns
+
+
+def point_values(message: Any) -> list[Value]:
+    """Return the values of a point; raise InputError if the fields contradict each other."""
+    order = ">" if message.is_bigendian else "<"
+    values = list(_values(message.fields, order, int(message.point_step)))
+    names = Counter(value.name for value in values)
+    if repeated := [name for name, count in names.items() if count > 1]:
+        raise InputError(f"PointCloud2: two fields are named {_shown(repeated[0])}")
+    return values
 
 
 def _check_rows(height: int, width: int, step: int, row_step: int, size: int) -> None:
@@ -54,10 +73,9 @@ def _check_rows(height: int, width: int, step: int, row_step: int, size: int) ->
         raise InputError(f"PointCloud2: {size} bytes of data are not {points}")
 
 
-def _values(fields: Any, order: str, step: int) -> Iterator[tuple[str, int, np.dtype[Any]]]:
-    """Yield the name, the offset in a point and the type of each value of a point."""
+def _values(fields: Any, order: str, step: int) -> Iterator[Value]:
     total = values = 0
-    for field in fields:
+    for place, field in enumerate(fields):
         if field.datatype not in _KINDS:
             name = _shown(field.name)
             raise InputError(f"PointCloud2: field {name} has the unknown type {field.datatype}")
@@ -73,7 +91,7 @@ def _values(fields: Any, order: str, step: int) -> Iterator[tuple[str, int, np.d
             continue
         for part in range(count):
             name = field.name if count == 1 else f"{field.name}_{part}"
-            yield name, offset + part * kind.itemsize, kind
+            yield Value(name, kind, offset + part * kind.itemsize, place, part)
 
 
 def _shown(name: str) -> str:

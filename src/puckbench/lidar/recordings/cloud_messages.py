@@ -1,4 +1,4 @@
-"""Clouds in ROS bags: messages of the type PointCloud2."""
+"""Clouds in ROS bags: messages of the types PointCloud2 and CompressedPointCloud2."""
 
 from __future__ import annotations
 
@@ -13,12 +13,17 @@ from puckbench.geometry.cloud import PointCloud
 from puckbench.geometry.missing_returns import missing_returns
 from puckbench.io.clouds import without_invalid, without_missing
 from puckbench.io.point_columns import Columns, cloud_from_columns
+from puckbench.io.recordings.compressed_point_cloud2 import (
+    COMPRESSED_POINT_CLOUD2,
+    DEFINITION,
+    decompressed_columns,
+)
 from puckbench.io.recordings.point_cloud2 import POINT_CLOUD2, point_columns
 from puckbench.io.recordings.ros_bags import is_bag, read_messages, read_topics
 from puckbench.io.recordings.topics import Topic, choose_topic
 from puckbench.lidar.recordings.velodyne_messages import SCAN
 
-CLOUD_KINDS = (POINT_CLOUD2,)
+CLOUD_KINDS = (POINT_CLOUD2, COMPRESSED_POINT_CLOUD2)
 """Types of messages that contain a cloud."""
 
 
@@ -54,11 +59,13 @@ def read_cloud_messages(
     path: Path, topic: str | None, numbers: Sequence[int]
 ) -> list[CloudMessage]:
     """Read messages of a topic of clouds by their numbers, sorted and from 0."""
-    bag = read_messages(path, CLOUD_KINDS, topic=topic, numbers=numbers)
+    definitions = {COMPRESSED_POINT_CLOUD2: DEFINITION}
+    bag = read_messages(path, CLOUD_KINDS, definitions, topic, numbers)
+    columns_of = point_columns if bag.kind == POINT_CLOUD2 else decompressed_columns
     clouds = []
     for number, message in zip(numbers, bag.messages, strict=True):
         with naming(f"{path}: topic {bag.topic}: message {number}"):
-            columns = point_columns(message)
+            columns = columns_of(message)
         stamp = message.header.stamp
         stamp_ns = stamp.sec * 10**9 + stamp.nanosec
         clouds.append(CloudMessage(columns, stamp_ns, message.height > 1))
