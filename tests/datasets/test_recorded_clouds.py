@@ -69,6 +69,15 @@ def test_messages_are_clouds_in_metres_with_their_attributes(tmp_path: Path, for
     assert single.load("drive_one_0003").about == source
 
 
+@pytest.mark.parametrize("form", FORMATS)
+def test_compressed_clouds_are_those_that_were_compressed(tmp_path: Path, form: str) -> None:
+    path = cloud_bag(tmp_path / f"a.{form}", {"/points": [cloud(0), cloud(1)]}, is_compressed=True)
+    scene = clouds_of(path).load("a_0001")
+    assert scene.cloud is not None
+    assert scene.cloud.xyz[:, 0].tolist() == cloud(1)["x"].tolist()
+    assert scene.cloud.fields["ring"].tolist() == cloud(1)["ring"].tolist()
+
+
 def test_each_n_th_message_is_taken(tmp_path: Path) -> None:
     scenes = clouds_of(bag_of(tmp_path / "a.bag"), every=2)
     assert scenes.names() == ["a_0000", "a_0002", "a_0004"]
