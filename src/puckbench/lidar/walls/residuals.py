@@ -83,6 +83,7 @@ class RecordingOptions(Model):
 
     sensor: str | None = None
     stream: str | None = None
+    topic: str | None = None
     time_unit: TimeUnit | None = None
     still_s: tuple[float, ...] | None = None
     most_shift_m: PositiveFloat = SHIFT_M
@@ -130,7 +131,8 @@ def recorded_planes(
     """
     sensor = load_sensor(options.sensor) if options.sensor else None
     start, end = options.still_s or (0.0, math.inf)
-    table = read_recording(path, sensor, start, end, options.stream, options.time_unit, source)
+    of_file = (options.stream, options.time_unit, source, options.topic)
+    table = read_recording(path, sensor, start, end, *of_file)
     still = None
     with naming(source or path):
         if options.still_s is None:
