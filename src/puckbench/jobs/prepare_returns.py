@@ -105,9 +105,7 @@ class PrepareReturns(Job):
             returns = read_firings(path)
             return returns, (0, len(returns.turns) - 1), {}
         with decompressed(path) as recording:
-            returns, whole, left_out = read_turns(
-                recording, 0.0, self.stream, path, self.topic
-            )
+            returns, whole, left_out = read_turns(recording, 0.0, self.stream, path, self.topic)
         if not whole and self.turns is None:
             logging.getLogger(__name__).warning("%s: has no whole turn: takes a part of one", path)
         first = whole[0] if whole else min(1, len(returns.turns) - 1)

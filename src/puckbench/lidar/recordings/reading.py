@@ -141,9 +141,7 @@ def read_packets(
     return log
 
 
-def _packets_of_file(
-    path: Path, stream: str | None, topic: str | None, source: Path
-) -> PacketLog:
+def _packets_of_file(path: Path, stream: str | None, topic: str | None, source: Path) -> PacketLog:
     data = read_bytes(path)
     if not is_packet_capture(data):
         raise InputError(_unknown_format(data))

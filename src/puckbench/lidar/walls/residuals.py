@@ -63,6 +63,8 @@ class RecordingOptions(Model):
         Name or YAML file of the sensor; by default the one that the packets name.
     stream
         Stream to read of a packet capture with several sensors, such as ``192.168.1.201:2368``.
+    topic
+        Topic to read of a ROS bag with several.
     time_unit
         Unit of the times of a cloud, ``s``, ``ms``, ``us`` or ``ns``; by default it is inferred.
     still_s
