@@ -52,7 +52,7 @@ def choose_topic(topics: Topics, kinds: Sequence[str], name: str | None = None) 
             raise InputError(f"{fault}: choose one by --topic or the option topic")
     types = listed([f"{topic} ({type_})" for topic, (type_, _) in topics.items()])
     fault = f"the ROS bag must have one topic of {' or '.join(kinds)}; it has {types}"
-    raise InputError(f"{fault}: record the driver's packets, or export its clouds (PCD)")
+    raise InputError(f"{fault}: record packets, or use its clouds (data set recorded_clouds)")
 
 
 def listed(names: Collection[str]) -> str:
