@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from puckbench.lidar.recordings import decode_packets
-from puckbench.lidar.recordings.reading import SCAN
+from puckbench.lidar.recordings.velodyne_messages import SCAN
 from tests.corpus.case import Case, content
 from tests.support.bag_files import (
     LOG,
@@ -24,7 +24,7 @@ from tests.support.bag_files import (
 
 POINTS = decode_packets(LOG.payloads).xyz
 Write = Callable[[Path], Any]
-CLOUDS = "sensor_msgs/msg/PointCloud2"
+IMAGES = "sensor_msgs/msg/Image"
 TOPICS = "CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT, type TEXT);"
 NUMBERS = "WITH RECURSIVE r(x) AS (SELECT 1 UNION ALL SELECT x + 1 FROM r"
 ENDLESS = "".join([TOPICS, "CREATE VIEW messages AS ", NUMBERS, ") SELECT x AS topic_id FROM r;"])
@@ -139,14 +139,14 @@ CASES = [
         error="chunk_named_often.mcap: not a readable ROS bag .*chunks overlap",
     ),
     Case(
-        "clouds.db3",
-        topics([("/points\n", CLOUDS), ("/tf", "tf2_msgs/msg/TFMessage")]),
+        "images.db3",
+        topics([("/pixels\n", IMAGES), ("/tf", "tf2_msgs/msg/TFMessage")]),
         "returns",
-        error=rf"one topic of {SCAN}; it has /points\? \({CLOUDS}\), /tf .*: record",
+        error=rf"one topic of {SCAN}; it has /pixels\? \({IMAGES}\), /tf .*: record",
     ),
     Case(
         "many_topics.db3",
-        topics([(f"/{n:03}", CLOUDS) for n in range(300)]),
+        topics([(f"/{n:03}", IMAGES) for n in range(300)]),
         "returns",
         error="/007 .*, 292 others: record",
     ),
@@ -154,7 +154,7 @@ CASES = [
         "two_sensors.db3",
         topics([("/left", SCAN), ("/right", SCAN)]),
         "returns",
-        error="it has /left, /right: keep one of them",
+        error="several topics of .*: /left, /right: choose one by --topic",
     ),
     Case("no_topics.db3", topics([]), "returns", error="it has no topic"),
     Case(

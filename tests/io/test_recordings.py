@@ -24,7 +24,8 @@ from puckbench.lidar.recordings import (
 )
 from puckbench.lidar.recordings.data_packets import packets_of_capture
 from puckbench.lidar.recordings.packets import PACKET, PacketLog
-from puckbench.lidar.recordings.reading import MESSAGES, SCAN, read_packets
+from puckbench.lidar.recordings.reading import read_packets
+from puckbench.lidar.recordings.velodyne_messages import MESSAGES, SCAN
 from puckbench.lidar.recordings.writing import pcap_bytes
 from tests.support.capture_bytes import ethernet, ipv4, payload, pcap, udp
 from tests.support.capture_lookalike import box_capture, scan_message

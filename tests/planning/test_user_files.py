@@ -20,6 +20,8 @@ from puckbench.planning.user_files import UserRun, write_configuration
 from puckbench.planning.workflow import Workflow
 from puckbench.report.reference_results import read_reference
 from tests.io.test_cloud_formats import write_las
+from tests.support.bag_files import sqlite_bag
+from tests.support.cloud_bags import cloud_bag
 from tests.support.spinning import pcap, rows, spin
 
 POINTS = np.random.default_rng(1).random((50, 3))
@@ -181,6 +183,59 @@ def test_folders_of_bag_folders_are_recordings() -> None:
         plan = Plan(checked(made(*paths)), check_scenes=True)
         assert list(plan.left_out["recordings"]) == ["one"]
         assert "bags/one: not a readable ROS bag" in plan.left_out["recordings"]["one"]
+
+
+def cloud(number: int) -> np.ndarray:
+    rows = np.zeros(50, [(axis, "<f4") for axis in "xyz"])
+    for axis in "xyz":
+        rows[axis] = np.random.default_rng([number, ord(axis)]).random(50)
+    return rows
+
+
+def test_clouds_of_bags_are_planned_in_metres_ten_of_them() -> None:
+    cloud_bag(Path("drive.bag"), {"/points": [cloud(number) for number in range(25)]})
+    config = made("drive.bag")
+    scenes = config["scenes"]["recorded_clouds"]
+    assert scenes["loader"] == "recorded_clouds"
+    assert scenes["options"] == {"path": "drive.bag"}
+    assert len(scenes["select"]) == 10
+    assert scenes["select"][0] == "drive_0000"
+    assert scenes["select"][-1] == "drive_0024"
+    assert config["datasets"]["recorded_clouds"]["size"] == "metric"
+    assert config["unused"]["recorded_clouds"] == "10 of 25 clouds are coded (--limit)"
+    assert made("drive.bag", frame="scaled")["datasets"]["recorded_clouds"]["size"] == 1024
+    few = made("drive.bag", limit=2)["scenes"]["recorded_clouds"]["select"]
+    assert few == ["drive_0000", "drive_0024"]
+
+
+def test_a_folder_of_both_kinds_of_bags_is_divided() -> None:
+    Path("bags").mkdir()
+    cloud_bag(Path("bags/clouds.bag"), {"/points": [cloud(0)]})
+    sqlite_bag(Path("bags/torn.db3"), [b"damaged"])
+    Path("bags/drive.pcap").write_bytes(Path("drive.pcap").read_bytes())
+    plan = Plan(checked(config := made("bags")), check_scenes=True)
+    paths = {kind: scenes["options"]["path"] for kind, scenes in config["scenes"].items()}
+    assert paths["recorded_clouds"] == "bags/clouds.bag"
+    assert sorted(paths["recordings"]) == ["bags/drive.pcap", "bags/torn.db3"]
+    assert list(plan.left_out) == ["recordings"]
+    assert list(plan.left_out["recordings"]) == ["torn"]
+    assert plan.datasets["recorded_clouds"].clouds == ("clouds_0000",)
+
+
+def test_a_topic_of_several_is_chosen() -> None:
+    cloud_bag(Path("two.mcap"), {"/a": [cloud(0)], "/b": [cloud(1), cloud(2)]})
+    with pytest.raises(InputError, match=r"two.mcap: .*: /a, /b: choose one by --topic"):
+        made("two.mcap")
+    config = made("two.mcap", options={"topic": "/b"})
+    assert config["scenes"]["recorded_clouds"]["options"] == {"path": "two.mcap", "topic": "/b"}
+    both = made("two.mcap", "drive.pcap", options={"topic": "/b"})
+    clouds = Plan(checked(both), check_scenes=True).datasets
+    assert clouds["recorded_clouds"].clouds == ("two_0000", "two_0001")
+    assert clouds["recordings"].clouds
+    with pytest.raises(InputError, match="has no topic /c; it has /a, /b"):
+        made("two.mcap", options={"topic": "/c"})
+    with pytest.raises(InputError, match="--topic: only ROS bags have topics"):
+        made("mine/a.npy", options={"topic": "/b"})
 
 
 def test_codecs_of_ones_own_are_called_after_their_class() -> None:

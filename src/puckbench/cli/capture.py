@@ -7,6 +7,7 @@ import math
 from pathlib import Path
 from typing import Any
 
+TOPIC = "which topic of a ROS bag"
 STREAM = "which sensor of a packet capture: sender:port, or 'sender:port to receiver:port'"
 
 
@@ -19,6 +20,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("out", type=Path, help="capture table to write (.parquet)")
     parser.add_argument("--sensor", help="name or YAML file (default: from the packets)")
     parser.add_argument("--stream", help=STREAM)
+    parser.add_argument("--topic", help=TOPIC)
     parser.add_argument(
         "--time-unit",
         choices=TIME_UNITS,
@@ -38,10 +40,10 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     from puckbench.lidar.recordings import read_recording, write_returns
 
     sensor = load_sensor(options.sensor) if options.sensor else None
-    interval, stream = (options.start, options.end), options.stream
+    interval, stream, unit = (options.start, options.end), options.stream, options.time_unit
     with decompressed(options.capture) as path:
         table = read_recording(
-            path, sensor, *interval, stream, options.time_unit, source=options.capture
+            path, sensor, *interval, stream, unit, options.capture, options.topic
         )
     write_returns(options.out, table)
     return {"points": len(table), "turns": int(table["turn"].max()) + 1, **table.about}

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from puckbench.cli.capture import STREAM
+from puckbench.cli.capture import STREAM, TOPIC
 from puckbench.cli.types import integer, positive, selected, turns
 from puckbench.core.errors import InputError
 from puckbench.geometry.scaling import GRID
@@ -103,9 +103,11 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "--turns",
         metavar="FIRST-LAST",
         help="use these turns of a scan or a recording, in metres in the sensor's frame, and "
-        "write their returns beside the cloud (default for a recording: its first whole turn)",
+        "write their returns beside the cloud (default for a recording: its first whole turn); of "
+        "clouds in a ROS bag, the one of this number, in metres (default: 0)",
     )
     parser.add_argument("--stream", help=STREAM)
+    parser.add_argument("--topic", help=TOPIC)
     parser.add_argument("--truth", type=Path, help="also write the true surface points of a scan")
     parser.add_argument(
         "--about",
@@ -123,24 +125,44 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def _prepared(options: argparse.Namespace) -> dict[str, Any]:
-    is_of_sensor = options.turns or options.stream or is_recording(options.cloud)
+    if is_recording(options.cloud) and _has_clouds(options):
+        return _cloud_of_bag(options)
+    is_of_sensor = options.turns or options.stream or options.topic or is_recording(options.cloud)
     if is_of_sensor or options.cloud.suffix == ".parquet":
         _check_options_of_clouds(options)
     if is_of_sensor:
         return _returns(options)
+    return _cloud(options, size=options.scale, clean=options.clean)
+
+
+def _cloud(options: argparse.Namespace, **settings: Any) -> dict[str, Any]:
     words = options.crop or []
     file = Path(words[0]) if len(words) == 1 else None
     job = Prepare.given(
         crop=options.crop_on,
         box=_box(words) if words and file is None else None,
-        size=options.scale,
         neighbours=options.neighbours,
-        clean=options.clean,
         drop_invalid=options.drop_invalid,
         keep_missing=options.keep_missing,
         **selected(options, "peak", "bin_columns", "metres_per_unit"),
+        **settings,
     )
     return job.run(options.cloud, options.out, options.truth, file, tuple(options.about))
+
+
+def _has_clouds(options: argparse.Namespace) -> bool:
+    from puckbench.lidar.recordings.cloud_messages import has_clouds
+
+    return has_clouds(options.cloud, options.topic)
+
+
+def _cloud_of_bag(options: argparse.Namespace) -> dict[str, Any]:
+    if options.stream:
+        raise InputError(f"stream '{options.stream}': only packet captures have streams")
+    first, last = turns(options.turns) or (0, 0)
+    if first != last:
+        raise InputError(f"--turns: one cloud of a ROS bag is written, not {options.turns}")
+    return _cloud(options, size=0, message=first, topic=options.topic)
 
 
 def _check_options_of_clouds(options: argparse.Namespace) -> None:
@@ -155,7 +177,7 @@ def _returns(options: argparse.Namespace) -> dict[str, Any]:
         neighbours=options.neighbours,
         clean=options.clean,
         turns=turns(options.turns),
-        **selected(options, "peak", "stream"),
+        **selected(options, "peak", "stream", "topic"),
     )
     out = options.out
     return job.run(options.cloud, out, returns_file(out), options.truth, tuple(options.about))

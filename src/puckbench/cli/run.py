@@ -33,10 +33,10 @@ _CONFIGS = (".yaml", ".yml")
 _CONFIG_OPTIONS = (
     *("codecs", "frame", "rates", "metrics", "scan", "errors", "points", "limit", "strict"),
     *("metres_per_unit", "up", "drop_invalid", "keep_missing", "bin_columns", "peak", "out"),
-    "timeout",
+    *("timeout", "topic"),
 )
 """Options that a configuration has keys for."""
-_LOADER_OPTIONS = ("up", "drop_invalid", "keep_missing", "bin_columns")
+_LOADER_OPTIONS = ("up", "drop_invalid", "keep_missing", "bin_columns", "topic")
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -94,6 +94,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         help="number of clouds or meshes, or of turns of each recording (default: 10), that are "
         "used, at most",
     )
+    add("--topic", help="topic of ROS bags to read, of several")
     add(
         "--scan",
         action="store_true",

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import glob
-from collections.abc import Iterator, Mapping
+from abc import abstractmethod
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import cached_property
@@ -30,39 +31,33 @@ if TYPE_CHECKING:
     from puckbench.lidar.returns import Returns
 
 COMPRESSED = ".puck"
-RECORDING_SUFFIXES = (".pcap", ".pcapng", ".bag", ".db3", ".mcap", COMPRESSED)
+BAG_SUFFIXES = (".bag", ".db3", ".mcap")
+RECORDING_SUFFIXES = (".pcap", ".pcapng", *BAG_SUFFIXES, COMPRESSED)
 _MOST_KEPT = 1 << 28
 """Largest size of cached recordings, bytes of ranges."""
 
 
-@LOADERS.register("recordings")
-class Recordings(DataSet):
-    """Revolutions in packet captures (.pcap, .pcapng) and ROS bags (.bag, .db3, .mcap).
+class RecordingSet(DataSet):
+    """Base class of data sets whose scenes are numbered clouds in recordings.
 
-    The sensors are VLP-16, Puck Hi-Res, HDL-32E, VLP-32C and Ouster (with its metadata beside the
-    capture), with one or two returns per beam. Recordings may be compressed (.puck). Only whole
-    revolutions are used. Scenes are named after the file and the first revolution (drive_0012).
-    Unusable recordings are left out and reported; damaged and repeated packets are left out and
-    counted.
+    Scenes are named after the file and the number (drive_0012).
     """
 
     of_clouds: ClassVar[bool] = True
-    of_returns: ClassVar[bool] = True
-    of_packets: ClassVar[bool] = True
     read_first: ClassVar[bool] = True
+    suffixes: ClassVar[tuple[str, ...]] = RECORDING_SUFFIXES
 
     path: str | tuple[str, ...] | dict[str, str]
     """A recording, a folder with all below it, a pattern (``drives/*.pcap``), a list of such, or a
     table of names and recordings. The folder of a ROS 2 bag is one recording."""
-    turns: PositiveInt = 1
-    """Turns that make one cloud."""
     every: PositiveInt = 1
     """Take each n-th of the clouds that follow one another, from the first."""
-    start_s: float = Field(0.0, ge=0)
-    """Seconds of each recording to leave out at its start."""
-    stream: str | None = None
-    """Of packet captures with several sensors, the one to read, as ``192.168.1.201:2368`` or
-    ``192.168.1.201:2368 to 255.255.255.255:2368`` (sender, receiver)."""
+    topic: str | None = None
+    """Of ROS bags with several suitable topics, the one to read."""
+
+    @abstractmethod
+    def _numbers(self, path: Path) -> range:
+        """Return the numbers of the clouds in a recording; raise InputError if it is unusable."""
 
     def names(self) -> list[str]:
         """Read all recordings; return first the names of `unusable` ones, then those of clouds."""
@@ -71,27 +66,15 @@ class Recordings(DataSet):
     @property
     def unusable(self) -> list[str]:
         """Names of recordings that contain no whole cloud; `load` raises the reason."""
-        return [name for name, (_, first) in self._clouds.items() if first is None]
+        return [name for name, (_, number) in self._clouds.items() if number is None]
 
     def files(self, name: str) -> list[Path]:
-        return _files(self._place(name)[0])
+        return [self._place(name)[0]]
 
     def options_of(self, name: str) -> dict[str, Any]:
-        path, first = self._place(name)
-        scene_name = name if first is None else name.rpartition("_")[0]
+        path, number = self._place(name)
+        scene_name = name if number is None else name.rpartition("_")[0]
         return {**self.model_dump(exclude_defaults=True), "path": {scene_name: str(path)}}
-
-    def load(self, name: str) -> Scene:
-        path, first = self._place(name)
-        recorded = _read(path, self.start_s, self.stream)
-        recording, left_out = recorded.returns, recorded.left_out
-        if first is None:
-            raise InputError(f"{path}: {self._no_turns(recording)}")
-        if first not in self._firsts(recorded.whole):
-            look_up(self._clouds, name, str(self.path))
-        about = {"source": path.name, "first_turn": first, "sensor": recording.sensor, **left_out}
-        cloud_returns = replace(recording, turns=recording.turns[first : first + self.turns])
-        return Scene(name, safe_name(path.stem), returns=cloud_returns, about=about)
 
     def _place(self, name: str) -> tuple[Path, int | None]:
         recording, _, number = name.rpartition("_")
@@ -101,6 +84,77 @@ class Recordings(DataSet):
             return self._recordings[name], None
         return look_up(self._clouds, name, str(self.path))
 
+    @cached_property
+    def _recordings(self) -> Mapping[str, Path]:
+        if isinstance(self.path, dict):
+            return {name: Path(text) for name, text in self.path.items()}
+        texts = (self.path,) if isinstance(self.path, str) else self.path
+        paths = [path for text in texts for path in recordings_at(text, self.suffixes)]
+        refuse_repeated(paths, "recording")
+        return dict(zip(scene_names(paths), paths, strict=True))
+
+    @cached_property
+    def _clouds(self) -> Mapping[str, tuple[Path, int | None]]:
+        """Recording and number of each cloud by scene name.
+
+        Unusable recordings come first, each with its name and the number None.
+        """
+        table: dict[str, tuple[Path, int | None]] = {}
+        faulty: dict[str, tuple[Path, int | None]] = {}
+        for name, path in self._recordings.items():
+            try:
+                numbers = self._numbers(path)
+            except InputError:
+                numbers = range(0)
+            table |= {f"{name}_{number:04d}": (path, number) for number in numbers}
+            if not numbers:
+                faulty[name] = (path, None)
+        return faulty | table
+
+
+@LOADERS.register("recordings")
+class Recordings(RecordingSet):
+    """Revolutions in packet captures (.pcap, .pcapng) and ROS bags (.bag, .db3, .mcap).
+
+    The sensors are VLP-16, Puck Hi-Res, HDL-32E, VLP-32C and Ouster (with its metadata beside the
+    capture), with one or two returns per beam. Recordings may be compressed (.puck). Only whole
+    revolutions are used. Scenes are named after the file and the first revolution (drive_0012).
+    Unusable recordings are left out and reported; damaged and repeated packets are left out and
+    counted.
+    """
+
+    of_returns: ClassVar[bool] = True
+    of_packets: ClassVar[bool] = True
+
+    turns: PositiveInt = 1
+    """Turns that make one cloud."""
+    start_s: float = Field(0.0, ge=0)
+    """Seconds of each recording to leave out at its start."""
+    stream: str | None = None
+    """Of packet captures with several sensors, the one to read, as ``192.168.1.201:2368`` or
+    ``192.168.1.201:2368 to 255.255.255.255:2368`` (sender, receiver)."""
+
+    def files(self, name: str) -> list[Path]:
+        return _files(self._place(name)[0])
+
+    def load(self, name: str) -> Scene:
+        path, first = self._place(name)
+        recorded = self._read(path)
+        recording, left_out = recorded.returns, recorded.left_out
+        if first is None:
+            raise InputError(f"{path}: {self._no_turns(recording)}")
+        if first not in self._firsts(recorded.whole):
+            look_up(self._clouds, name, str(self.path))
+        about = {"source": path.name, "first_turn": first, "sensor": recording.sensor, **left_out}
+        cloud_returns = replace(recording, turns=recording.turns[first : first + self.turns])
+        return Scene(name, safe_name(path.stem), returns=cloud_returns, about=about)
+
+    def _numbers(self, path: Path) -> range:
+        return self._firsts(self._read(path).whole)
+
+    def _read(self, path: Path) -> RecordedTurns:
+        return _read(path, self.start_s, self.stream, self.topic)
+
     def _firsts(self, whole: range) -> range:
         return range(whole.start, whole.stop - self.turns + 1, self.turns * self.every)
 
@@ -109,49 +163,24 @@ class Recordings(DataSet):
         turns = len(whole.turns)
         return f"{lacking} in the recording: of {turns} turns the first and the last are cut off"
 
-    @cached_property
-    def _recordings(self) -> Mapping[str, Path]:
-        if isinstance(self.path, dict):
-            return {name: Path(text) for name, text in self.path.items()}
-        texts = (self.path,) if isinstance(self.path, str) else self.path
-        paths = [path for text in texts for path in recordings_at(text)]
-        refuse_repeated(paths, "recording")
-        return dict(zip(scene_names(paths), paths, strict=True))
 
-    @cached_property
-    def _clouds(self) -> Mapping[str, tuple[Path, int | None]]:
-        """Recording and index of the first revolution by scene name.
-
-        Unusable recordings come first, each with its name and the index None.
-        """
-        table: dict[str, tuple[Path, int | None]] = {}
-        faulty: dict[str, tuple[Path, int | None]] = {}
-        for name, path in self._recordings.items():
-            try:
-                firsts = self._firsts(_read(path, self.start_s, self.stream).whole)
-            except InputError:
-                firsts = range(0)
-            table |= {f"{name}_{first:04d}": (path, first) for first in firsts}
-            if not firsts:
-                faulty[name] = (path, None)
-        return faulty | table
-
-
-def recordings_at(text: str) -> list[Path]:
+def recordings_at(text: str, suffixes: Collection[str] = RECORDING_SUFFIXES) -> list[Path]:
     """Return the recordings at a path, in a folder, or that match a pattern (``drives/*.pcap``).
 
     The folder of a ROS 2 bag is one recording. A compressed copy next to its original is ignored.
     """
     path = Path(text)
     if path.is_dir() and not is_bag_folder(path):
-        paths = without_duplicates(_below(path))
+        paths = without_duplicates(_below(path, suffixes))
         if not paths:
-            raise InputError(f"{text}: no recordings ({', '.join(RECORDING_SUFFIXES)})")
+            raise InputError(f"{text}: no recordings ({', '.join(suffixes)})")
         return paths
     if path.exists():
         return [path]
     matches = map(Path, glob.glob(text, recursive=True))  # noqa: PTH207 (any pattern)
-    paths = without_duplicates(one for one in matches if is_bag_folder(one) or _is_recording(one))
+    paths = without_duplicates(
+        path for path in matches if is_bag_folder(path) or _is_recording(path, suffixes)
+    )
     if not paths:
         raise InputError(f"{text}: no such file or folder (expected recordings)")
     return paths
@@ -161,16 +190,16 @@ def is_bag_folder(path: Path) -> bool:
     return (path / "metadata.yaml").is_file()
 
 
-def _below(folder: Path) -> Iterator[Path]:
+def _below(folder: Path, suffixes: Collection[str]) -> Iterator[Path]:
     for path in sorted(folder.iterdir()):
         if path.is_dir() and not path.name.startswith("."):
-            yield from [path] if is_bag_folder(path) else _below(path)
-        elif _is_recording(path) and not is_copy(path):
+            yield from [path] if is_bag_folder(path) else _below(path, suffixes)
+        elif _is_recording(path, suffixes) and not is_copy(path):
             yield path
 
 
-def _is_recording(path: Path) -> bool:
-    has_suffix = path.suffix.lower() in RECORDING_SUFFIXES and not path.name.startswith(".")
+def _is_recording(path: Path, suffixes: Collection[str]) -> bool:
+    has_suffix = path.suffix.lower() in suffixes and not path.name.startswith(".")
     return has_suffix and is_file_or_lost(path)
 
 
@@ -212,18 +241,24 @@ def _is_compressed(path: Path) -> bool:
 
 
 _State = tuple[tuple[str, int, int], ...]
-_kept: dict[tuple[Path, float, str | None, _State], RecordedTurns] = {}
+_Key = tuple[Path, float, str | None, str | None, _State]
+_kept: dict[_Key, RecordedTurns] = {}
 """Recordings that were read, the last one at the end."""
 
 
-def _read(path: Path, start_s: float, stream: str | None) -> RecordedTurns:
-    """Read the revolutions, and cache them until the file changes."""
+def _read(path: Path, start_s: float, stream: str | None, topic: str | None) -> RecordedTurns:
+    """Read the revolutions, and cache them until the file changes.
+
+    `topic` is for bags only.
+    """
+    from puckbench.io.recordings.ros_bags import is_bag
     from puckbench.lidar.recordings.reading import read_turns
 
-    key = (path, start_s, stream, _state(path))
+    key = (path, start_s, stream, topic, _state(path))
     if key not in _kept:
         with decompressed(path) as recording:
-            _kept[key] = read_turns(recording, start_s, stream, path)
+            topic = topic if is_bag(recording) else None
+            _kept[key] = read_turns(recording, start_s, stream, path, topic)
         sizes = [sum(turn.ranges.nbytes for turn in each.turns) for each, *_ in _kept.values()]
         while len(_kept) > 1 and sum(sizes) > _MOST_KEPT:
             del _kept[next(iter(_kept))]

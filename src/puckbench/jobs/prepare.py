@@ -44,6 +44,8 @@ class Prepare(Job):
         Peak of the PSNRs of a cloud in metres, in m.
     drop_invalid
         Whether to drop points that are not finite, instead of an error.
+    message, topic
+        Number of a cloud in a ROS bag, and its topic.
     """
 
     crop: Literal["clean", "noisy", "none"] = "clean"
@@ -56,6 +58,8 @@ class Prepare(Job):
     keep_missing: bool = False
     bin_columns: str | None = None
     metres_per_unit: PositiveFloat = 1.0
+    message: int | None = None
+    topic: str | None = None
 
     def run(
         self,
@@ -101,8 +105,7 @@ class Prepare(Job):
             return _of_scan(path, self.clean)
         from puckbench.jobs.preparation import MeasuredPoints
 
-        options = (self.keep_missing, self.drop_invalid, self.bin_columns)
-        cloud = read_unchecked_cloud(path, *options, convert=self.metres_per_unit == 1)
+        cloud = self._cloud(path)
         check_cloud(cloud, path)
         # Undo the shift of a prepared cloud, unless it is in a sensor's frame.
         if cloud.frame is not None and "sensor" not in cloud.about:
@@ -110,6 +113,16 @@ class Prepare(Job):
         if self.metres_per_unit != 1:
             cloud = replace(cloud, xyz=cloud.xyz * self.metres_per_unit)
         return MeasuredPoints(cloud, clean=cloud)
+
+    def _cloud(self, path: Path) -> PointCloud:
+        options = (self.keep_missing, self.drop_invalid)
+        if self.message is None:
+            convert = self.metres_per_unit == 1
+            return read_unchecked_cloud(path, *options, self.bin_columns, convert)
+        from puckbench.lidar.recordings.cloud_messages import read_recorded_cloud
+
+        cloud = read_recorded_cloud(path, self.message, self.topic, *options)
+        return replace(cloud, about={"source": path.name, "message": self.message, **cloud.about})
 
     def _corners(self, path: Path | None) -> Floats | None:
         if self.box is not None:

@@ -39,6 +39,8 @@ class PrepareReturns(Job):
         Peak of the PSNRs in m.
     stream
         Sensor to read in a packet capture of several sensors.
+    topic
+        Topic to read in a ROS bag of several sensors.
     """
 
     neighbours: int = Field(30, ge=3)
@@ -47,6 +49,7 @@ class PrepareReturns(Job):
     error_model: str = ""
     peak: float | None = Field(None, gt=0)
     stream: str | None = None
+    topic: str | None = None
 
     def run(
         self,
@@ -83,9 +86,9 @@ class PrepareReturns(Job):
     def _read(self, path: Path) -> tuple[Returns, PointCloud | None, dict[str, Any]]:
         if ScanTable.schema.metadata_key.encode() in parquet_metadata(path):
             with naming(path):
-                _check_stream(path, self.stream)
+                _check_selection(path, self.stream, self.topic)
                 return self._read_scan(path)
-        returns, left_out = read_selected_turns(path, self.turns, self.stream)
+        returns, left_out = read_selected_turns(path, self.turns, self.stream, self.topic)
         return returns, None, {"source": path.name, "sensor": returns.sensor, **left_out}
 
     def _read_scan(self, path: Path) -> tuple[Returns, PointCloud, dict[str, Any]]:
@@ -125,26 +128,31 @@ def is_recording(path: Path) -> bool:
     return is_packet_capture(start) or bag_format(start) is not None
 
 
-def _check_stream(path: Path, stream: str | None) -> None:
+def _check_selection(path: Path, stream: str | None, topic: str | None) -> None:
     if stream is not None and not is_recording(path):
         raise InputError(f"stream '{stream}': only packet captures have streams")
+    if topic is not None and not is_recording(path):
+        raise InputError(f"topic '{topic}': only ROS bags have topics")
 
 
 def read_selected_turns(
-    path: Path, turns: tuple[int, int] | None, stream: str | None = None
+    path: Path,
+    turns: tuple[int, int] | None,
+    stream: str | None = None,
+    topic: str | None = None,
 ) -> tuple[Returns, dict[str, int]]:
     """Read turns of a recording or of a table of firings, and counts of damaged data.
 
-    `turns` and `stream` are those of `PrepareReturns`.
+    `turns`, `stream` and `topic` are those of `PrepareReturns`.
     """
     from puckbench.lidar.recordings.reading import read_turns
 
     with naming(path):
-        _check_stream(path, stream)
+        _check_selection(path, stream, topic)
         if not is_recording(path):
             return _selected(read_firings(path), turns), {}
         with decompressed(path) as recording:
-            returns, whole, left_out = read_turns(recording, stream=stream, source=path)
+            returns, whole, left_out = read_turns(recording, 0.0, stream, path, topic)
         first = whole[0] if whole else min(1, len(returns.turns) - 1)
         selected = _selected(returns, turns or (first, first))
     if turns is None and not whole:

@@ -25,11 +25,12 @@ from puckbench.geometry.scaling import METRIC
 from puckbench.io import clouds, meshes
 from puckbench.io.clouds import IN_METRES
 from puckbench.io.ply import has_faces
+from puckbench.lidar.recordings.cloud_messages import has_clouds
 from puckbench.planning.config import checked, trusted
 from puckbench.planning.plan import Plan
 from puckbench.planning.report_contents import spread_out
 
-Kind = Literal["clouds", "meshes", "recordings"]
+Kind = Literal["clouds", "meshes", "recordings", "recorded_clouds"]
 Options = dict[str, Any]
 
 CONFIG = "config.yaml"
@@ -50,14 +51,20 @@ _LOADERS: dict[Kind, str] = {
     "clouds": "point_clouds",
     "meshes": "mesh_files",
     "recordings": "recordings",
+    "recorded_clouds": "recorded_clouds",
 }
 _OPTIONS: dict[Kind, tuple[str, ...]] = {
     "clouds": ("drop_invalid", "keep_missing", "bin_columns", "metres_per_unit"),
     "meshes": ("up", "metres_per_unit"),
-    "recordings": (),
+    "recordings": ("topic",),
+    "recorded_clouds": ("drop_invalid", "keep_missing", "topic"),
 }
 """Names of the loaders' options, by kind of input."""
-_EXAMPLES: dict[str, str] = {"clouds": "object", "meshes": "object", "scans": "noisy"}
+_RECORDED: tuple[Kind, ...] = ("recordings", "recorded_clouds")
+_EXAMPLES: dict[str, str] = {
+    **dict.fromkeys(("clouds", "meshes", "recorded_clouds"), "object"),
+    "scans": "noisy",
+}
 _OWN_CLASS = re.compile(r".+\.py:(?P<file>\w+)|[\w.]+:(?P<module>\w+)")
 _KEYS: dict[CoordinateFrame, str] = {"scaled": "rates", "metric": "metric_rates"}
 """Keys of a codec's entry with the names of its rates, by frame."""
@@ -91,7 +98,7 @@ class UserRun:
     timeout_s
         Seconds after which a job fails.
     options
-        Options for the loaders of clouds and meshes.
+        Options for the loaders.
     """
 
     paths: tuple[str, ...]
@@ -110,6 +117,8 @@ class UserRun:
     options: Mapping[str, Any] = field(default_factory=dict)
     _reductions: dict[str, str] = field(default_factory=dict, init=False, repr=False)
     """Notes on turns, rates and units that the run does not use by default, by subject."""
+    _bags: dict[Path, bool] = field(default_factory=dict, init=False, repr=False)
+    """Whether bags have clouds instead of data packets."""
 
     def configuration(self) -> Options:
         paths_by_kind = self._sorted_paths()
@@ -150,8 +159,19 @@ class UserRun:
     @cached_property
     def _kinds(self) -> list[tuple[str, set[Kind]]]:
         return [
-            (text, {kind for path in _files(text) if (kind := _kind(path))}) for text in self.paths
+            (text, {kind for path in _files(text) if (kind := self._kind(path))})
+            for text in self.paths
         ]
+
+    def _kind(self, path: Path) -> Kind | None:
+        if not (path.is_dir() or path.suffix.lower() in recordings.BAG_SUFFIXES):
+            return _kind(path)
+        if path not in self._bags:
+            try:
+                self._bags[path] = has_clouds(path, self.options.get("topic"))
+            except InputError:  # the loader reports it
+                self._bags[path] = False
+        return "recorded_clouds" if self._bags[path] else "recordings"
 
     def _sorted_paths(self) -> dict[Kind, list[str]]:
         paths_by_kind: dict[Kind, list[str]] = {}
@@ -160,9 +180,14 @@ class UserRun:
             raise InputError("{}: {}".format(*next(iter(unused.items()))))
         for text, kinds in self._kinds:
             for kind in kinds:
-                paths_by_kind.setdefault(kind, []).append(text)
-        order: tuple[Kind, ...] = ("clouds", "meshes", "recordings")
-        return {kind: paths_by_kind[kind] for kind in order if kind in paths_by_kind}
+                paths = [text]
+                if kind in _RECORDED and kinds.issuperset(_RECORDED):
+                    files = recordings.recordings_at(text)
+                    paths = [str(path) for path in files if self._kind(path) == kind]
+                paths_by_kind.setdefault(kind, []).extend(paths)
+        if "topic" in self.options and not paths_by_kind.keys() & {*_RECORDED}:
+            raise InputError("--topic: only ROS bags have topics")
+        return {kind: paths_by_kind[kind] for kind in _LOADERS if kind in paths_by_kind}
 
     def _check_results(self, paths_by_kind: Mapping[Kind, Iterable[str]]) -> None:
         results = Path(self.results).resolve()
@@ -175,29 +200,30 @@ class UserRun:
     def _check_units(self, paths_by_kind: Mapping[Kind, Iterable[str]]) -> None:
         texts = {text for paths in paths_by_kind.values() for text in paths}
         files = (path for text in texts for path in _files(text))
-        scaled = [path for path in files if _kind(path) in ("clouds", "meshes")]
+        scaled = [path for path in files if self._kind(path) in ("clouds", "meshes")]
         with naming("--metres-per-unit"):
             check_units(self.options.get("metres_per_unit", 1.0), scaled)
 
     def _scenes(self, kind: Kind, paths: list[str]) -> Options:
         options = {key: self.options[key] for key in _OPTIONS[kind] if key in self.options}
         if isinstance(units := options.get("metres_per_unit"), dict):
-            files = [path for text in paths for path in _files(text) if _kind(path) == kind]
+            files = [path for text in paths for path in _files(text) if self._kind(path) == kind]
             named = {name for name in units if any(is_named(path, name) for path in files)}
             options["metres_per_unit"] = {name: units[name] for name in units if name in named}
         options = {"path": paths[0] if len(paths) == 1 else paths, **options}
         limit = self.limit
-        if kind == "recordings":
+        if kind in _RECORDED:
             for path in (path for text in paths if Path(text).is_dir() for path in _files(text)):
                 if recordings.is_copy(path):
                     self._reductions[str(path)] = "taken for a copy of the recording of its name"
             scenes = open_scene_set(_LOADERS[kind], options)
-            unusable = len(scenes.unusable) if isinstance(scenes, recordings.Recordings) else 0
+            unusable = len(scenes.unusable) if isinstance(scenes, recordings.RecordingSet) else 0
             names, limit = scenes.names(), limit or _TURNS
             turns = len(names) - unusable
             select = [*names[:unusable], *spread_out(names[unusable:], limit)]
             if turns > limit:
-                self._reductions[kind] = f"{limit} of {turns} whole turns are coded (--limit)"
+                what = "whole turns" if kind == "recordings" else "clouds"
+                self._reductions[kind] = f"{limit} of {turns} {what} are coded (--limit)"
                 return {"loader": _LOADERS[kind], "options": options, "select": select}
             return {"loader": _LOADERS[kind], "options": options}
         return {"loader": _LOADERS[kind], "options": options, **({"limit": limit} if limit else {})}
@@ -210,14 +236,19 @@ class UserRun:
     def _dataset(self, kind: Kind, scenes: Options) -> Options:
         if kind == "recordings":
             return {"scenes": kind, "make": "cloud", "size": METRIC}
-        frame = self.frame or ("scaled" if kind == "meshes" else self._frame_of_clouds(scenes))
+        frame = self.frame or self._default_frame(kind, scenes)
         size = {"size": METRIC if frame == "metric" else _CUBE}
-        if kind == "clouds":
+        if kind in ("clouds", "recorded_clouds"):
             return {"scenes": kind, "make": "cloud", **size}
         if not self.scan:
             return {"scenes": kind, "make": "sample", "points": self.points, **size}
         sweep = "spin" if frame == "metric" else {"duration_s": 1.0}
         return {"scenes": kind, "make": "scan", "errors": self.errors, "sweep": sweep, **size}
+
+    def _default_frame(self, kind: Kind, scenes: Options) -> CoordinateFrame:
+        if kind == "recorded_clouds":
+            return "metric"
+        return "scaled" if kind == "meshes" else self._frame_of_clouds(scenes)
 
     def _frame_of_clouds(self, scenes: Options) -> CoordinateFrame:
         """Return the frame of clouds by their formats; note why clouds are scaled."""

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import shutil
 import struct
-from collections import defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
@@ -17,20 +16,18 @@ from typing import Any
 import numpy as np
 
 from puckbench.core.errors import InputError, naming
+from puckbench.core.files import unreadable
 from puckbench.io.damage import reading
 from puckbench.io.isolated import ParsedFile, parse_isolated
 from puckbench.io.point_columns import Columns
-from puckbench.io.recordings.sqlite_bags import (
-    SIDE_FILE_SUFFIXES,
-    StoredMessages,
-    Topics,
-    sqlite_storage,
-)
+from puckbench.io.recordings.indexed_bags import indexed_bag
+from puckbench.io.recordings.sqlite_bags import SIDE_FILE_SUFFIXES, sqlite_bag
+from puckbench.io.recordings.topics import BagFile, Topic, Topics, choose_topic, listed
 
 _MAGICS = {b"SQLite format 3\x00": ".db3", b"\x89MCAP0\r\n": ".mcap", b"#ROSBAG": ".bag"}
 """Suffix of each kind of bag by its first bytes."""
 _METADATA = "metadata.yaml"
-_MAX_LISTED, _MAX_NAME_LENGTH = 8, 60
+_MAX_MAGIC_LENGTH = 16
 _DAMAGE = (
     *(struct.error, OSError, EOFError, RuntimeError, ArithmeticError, AssertionError),
     *(AttributeError, LookupError, TypeError, ValueError),
@@ -40,7 +37,10 @@ _DAMAGE = (
 
 @dataclass(frozen=True)
 class Messages:
+    """Deserialised messages of a topic; `format` is "rosbag" (ROS 1) or "ros2bag"."""
+
     topic: str
+    kind: str
     messages: list[Any]
     format: str
 
@@ -50,127 +50,162 @@ def bag_format(start: bytes) -> str | None:
     return next((suffix for magic, suffix in _MAGICS.items() if start.startswith(magic)), None)
 
 
-def read_messages(path: Path, kind: str, definitions: Mapping[str, str]) -> Messages:
-    """Read the messages of the only topic whose type is `kind` ("velodyne_msgs/msg/VelodyneScan").
+def is_bag(path: Path) -> bool:
+    """Whether a path is a folder, or a file that begins as a ROS bag does."""
+    if path.is_dir():
+        return True
+    try:
+        with path.open("rb") as stream:
+            return bag_format(stream.read(_MAX_MAGIC_LENGTH)) is not None
+    except OSError as error:
+        raise unreadable(path, error) from error
 
-    `definitions` define the type and its parts; definitions in the bag are not used, because they
-    would be compiled. Raises InputError if the file is damaged, or has no or several topics of the
-    type.
+
+def read_topics(path: Path) -> Topics:
+    """Return the topics of a bag; raise InputError if it is damaged."""
+    topics = _isolated(parse_topics, path).about["topics"]
+    return {name: Topic(*topic) for name, topic in topics.items()}
+
+
+def read_messages(
+    path: Path,
+    kinds: Sequence[str],
+    definitions: Mapping[str, str] | None = None,
+    topic: str | None = None,
+    numbers: Sequence[int] | None = None,
+) -> Messages:
+    """Read messages of the topic that `puckbench.io.recordings.topics.choose_topic` chooses.
+
+    `numbers` selects messages of the topic, sorted and from 0; by default all are read.
+    `definitions` define the types in `kinds` and their parts that `rosbags` does not know;
+    definitions in the bag are not used, because they would be compiled. Raises InputError if the
+    file is damaged, or lacks the topic or a message.
     """
     from rosbags.serde import SerdeError
 
-    side_files = [path.with_name(path.name + suffix) for suffix in SIDE_FILE_SUFFIXES]
-    with TemporaryDirectory() as folder:
-        options = {"kind": kind, "folder": folder}
-        parsed = parse_isolated(parse_bag, path, "ROS bag", options, side_files)
-    topic, form = parsed.about["topic"], parsed.about["format"]
-    is_ros1 = form == "rosbag"
-    types = _types(is_ros1, tuple(definitions.items()))
-    decode = types.deserialize_ros1 if is_ros1 else types.deserialize_cdr
+    options = {
+        "kinds": list(kinds),
+        "topic": topic,
+        "numbers": None if numbers is None else list(numbers),
+    }
+    parsed = _isolated(parse_bag, path, **options)
+    topic, kind, form = (parsed.about[key] for key in ("topic", "kind", "format"))
+    types = _types(form == "rosbag", tuple((definitions or {}).items()))
+    decode = types.deserialize_ros1 if form == "rosbag" else types.deserialize_cdr
     data, ends = parsed.columns["data"], accumulate(parsed.columns["sizes"].tolist(), initial=0)
     with naming(path), reading("ROS bag", SerdeError, *_DAMAGE):
         messages = [decode(data[start:end].tobytes(), kind) for start, end in pairwise(ends)]
-    return Messages(topic, messages, form)
+    return Messages(topic, kind, messages, form)
 
 
-def parse_bag(path: Path, kind: str, folder: str) -> ParsedFile:
-    """Read the messages of the only topic whose type is `kind`, with a folder for temporary files.
+def _isolated(parse: Callable[..., ParsedFile], path: Path, **options: Any) -> ParsedFile:
+    side_files = [path.with_name(path.name + suffix) for suffix in SIDE_FILE_SUFFIXES]
+    with TemporaryDirectory() as folder:
+        return parse_isolated(parse, path, "ROS bag", {**options, "folder": folder}, side_files)
+
+
+def parse_topics(path: Path, folder: str) -> ParsedFile:
+    """List the topics of a bag, with a folder for temporary files."""
+    with _reading(path, folder):
+        files, _ = _files(path, Path(folder))
+        return ParsedFile({}, {"topics": _all_topics(_topics_of_files(files, Path(folder)))})
+
+
+def parse_bag(
+    path: Path,
+    folder: str,
+    kinds: Sequence[str],
+    topic: str | None,
+    numbers: Sequence[int] | None,
+) -> ParsedFile:
+    """Read messages, with a folder for temporary files (see `read_messages`).
 
     The columns are ``data``, the joined bytes of all messages, and their ``sizes``.
     """
+    with _reading(path, folder):
+        files, are_compressed = _files(path, Path(folder))
+        by_file = _topics_of_files(files, Path(folder))
+        topics = _all_topics(by_file)
+        name = choose_topic(topics, kinds, topic)
+        counts = [each[name].messages if name in each else 0 for each in by_file]
+        parts = [
+            _decompressed(data) if are_compressed else data
+            for data in _messages(files, Path(folder), name, counts, numbers)
+        ]
+        form = "rosbag" if _suffix(files[0]) == ".bag" else "ros2bag"
+    if numbers is not None and len(parts) < len(numbers):
+        lacking = f"{numbers[len(parts)]}; it has {sum(counts)}"
+        raise InputError(f"{path}: topic {name} has no message {lacking}, numbered from 0")
+    columns: Columns = {
+        "data": np.frombuffer(b"".join(parts), np.uint8),
+        "sizes": np.array([len(part) for part in parts], np.int64),
+    }
+    return ParsedFile(columns, {"topic": name, "kind": topics[name].kind, "format": form})
+
+
+@contextmanager
+def _reading(path: Path, folder: str) -> Iterator[None]:
+    """Convert exceptions for a damaged bag to InputErrors that name the bag."""
     import apsw
     from rosbags.rosbag1 import ReaderError as Error1
     from rosbags.rosbag2 import ReaderError as Error2
     from yaml import YAMLError
 
-    topics: Topics = {}
-    messages: dict[str, list[bytes]] = defaultdict(list)
     try:
         with naming(path), reading("ROS bag", Error1, Error2, apsw.Error, YAMLError, *_DAMAGE):
-            files, are_compressed = _files(path, Path(folder))
-            for topic, data in _messages(files, kind, Path(folder), topics):
-                messages[topic].append(_decompressed(data) if are_compressed else data)
-            form = "rosbag" if _suffix(files[0]) == ".bag" else "ros2bag"
+            yield
     except InputError as error:
         raise InputError(str(error).replace(folder, "")) from error
-    topic = _only_topic(path, kind, topics)
-    parts = messages[topic]
-    columns: Columns = {
-        "data": np.frombuffer(b"".join(parts), np.uint8),
-        "sizes": np.array([len(part) for part in parts], np.int64),
-    }
-    return ParsedFile(columns, {"topic": topic, "format": form})
 
 
-def _only_topic(path: Path, kind: str, topics: Topics) -> str:
-    matching = [topic for topic, type_ in topics.items() if type_ == kind]
-    if len(matching) == 1:
-        return matching[0]
-    if matching:
-        fault, advice = _listed(matching), "keep one of them in a bag of its own"
-    else:
-        fault = _listed([f"{topic} ({type_})" for topic, type_ in topics.items()])
-        advice = "record the driver's packets, or export its clouds (PCD)"
-    fault = f"the ROS bag must have one topic of {kind}; it has {fault}"
-    raise InputError(f"{path}: {fault}: {advice}")
-
-
-def _listed(names: list[str]) -> str:
-    shortened = [
-        "".join(letter if letter.isprintable() else "?" for letter in name)[:_MAX_NAME_LENGTH]
-        for name in sorted(names)[:_MAX_LISTED]
-    ]
-    others = [f"{len(names) - _MAX_LISTED} others"] if len(names) > _MAX_LISTED else []
-    return ", ".join([*shortened, *others]) or "no topic"
-
-
-def _messages(files: list[Path], kind: str, folder: Path, topics: Topics) -> StoredMessages:
-    """Yield topic and bytes of the messages whose type is `kind`; add all topics to `topics`."""
+def _topics_of_files(files: list[Path], folder: Path) -> list[Topics]:
+    by_file = []
     for file in files:
-        with _storage(file, folder, kind) as (types, messages):
-            topics |= types
-            yield from messages
+        with _bag_file(file, folder) as bag:
+            by_file.append(bag.topics)
+    return by_file
+
+
+def _all_topics(by_file: list[Topics]) -> Topics:
+    topics: Topics = {}
+    for name, (kind, messages) in (item for each in by_file for item in each.items()):
+        topics[name] = Topic(kind, messages + (topics[name].messages if name in topics else 0))
+    return topics
+
+
+def _messages(
+    files: list[Path],
+    folder: Path,
+    topic: str,
+    counts: list[int],
+    numbers: Sequence[int] | None,
+) -> Iterator[bytes]:
+    """Yield messages of a topic that has `counts` messages in the files."""
+    for file, (start, end) in zip(files, pairwise(accumulate(counts, initial=0)), strict=True):
+        selected = None
+        if numbers is not None:
+            selected = [number - start for number in numbers if start <= number < end]
+        if selected is None or selected:
+            with _bag_file(file, folder) as bag:
+                yield from bag.read(topic, selected)
 
 
 @contextmanager
-def _storage(file: Path, folder: Path, kind: str) -> Iterator[tuple[Topics, StoredMessages]]:
-    from rosbags.rosbag1 import Reader as Reader1
-    from rosbags.rosbag2 import Reader as Reader2
-
+def _bag_file(file: Path, folder: Path) -> Iterator[BagFile]:
     suffix = _suffix(file)
     if suffix == ".db3":
-        with sqlite_storage(file, folder, kind) as storage:
-            yield storage
+        with sqlite_bag(file, folder) as bag:
+            yield bag
         return
     link = folder / f"{len(list(folder.iterdir()))}{suffix}"  # the library requires the suffix
     link.symlink_to(file.resolve())
-    reader: Any = Reader1(link) if suffix == ".bag" else Reader2(link)
-    with reader:
-        _check_chunks(reader)
-        connections = [each for each in reader.connections if each.msgtype == kind]
-        messages = reader.messages(connections=connections) if connections else ()
-        types = {each.topic: each.msgtype for each in reader.connections}
-        yield types, ((each.topic, data) for each, _, data in messages)
-
-
-def _check_chunks(reader: Any) -> None:
-    """Raise ValueError if chunks of a bag overlap, because these would be read repeatedly."""
-    if hasattr(reader, "chunks"):
-        ranges = [(start, chunk.datapos + chunk.datasize) for start, chunk in reader.chunks.items()]
-        count = len(reader.chunk_infos)
-    else:
-        chunks = reader.storage.chunks
-        starts = [chunk.chunk_start_offset for chunk in chunks]
-        ranges = [(at, at + chunk.chunk_length) for at, chunk in zip(starts, chunks, strict=True)]
-        count = len(chunks)
-    ranges = sorted(set(ranges))
-    if len(ranges) < count or any(first[1] > second[0] for first, second in pairwise(ranges)):
-        raise ValueError("chunks overlap")
+    with indexed_bag(link) as bag:
+        yield bag
 
 
 def _suffix(file: Path) -> str:
     with file.open("rb") as stream:
-        suffix = bag_format(stream.read(16))
+        suffix = bag_format(stream.read(_MAX_MAGIC_LENGTH))
     if suffix is None:
         raise InputError(f"{file.name} is not a ROS bag")
     return suffix
@@ -185,7 +220,7 @@ def _files(path: Path, folder: Path) -> tuple[list[Path], bool]:
     files = [path / Path(name).name for name in metadata["relative_file_paths"]]
     missing = [file.name for file in files if not file.is_file()]
     if missing:
-        raise InputError(f"{_METADATA} names files that are not there: {_listed(missing)}")
+        raise InputError(f"{_METADATA} names files that are not there: {listed(missing)}")
     mode = str(metadata.get("compression_mode") or "none").lower()
     if mode != "none" and metadata.get("compression_format") != "zstd":
         raise InputError(f"compression {metadata.get('compression_format')!r} is not read")

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
 from puckbench.core.errors import InputError
+from puckbench.io.recordings.topics import BagFile, Topic, Topics
 
 SIDE_FILE_SUFFIXES = ("-wal", "-journal")
 """Suffixes of files with changes that are not in the database file."""
@@ -17,25 +19,45 @@ _CHECK_INTERVAL = 10_000
 _MIN_STEPS, _STEPS_PER_BYTE = 10_000_000, 100
 """Limit of SQLite's instructions; a row takes about twenty."""
 
-Topics = dict[str, str]
-StoredMessages = Iterator[tuple[str, bytes]]
+_ROWS = (
+    "SELECT messages.rowid FROM messages JOIN topics ON messages.topic_id = topics.id"
+    " WHERE topics.name = ? ORDER BY messages.timestamp, messages.rowid"
+)
 
 
 @contextmanager
-def sqlite_storage(path: Path, folder: Path, kind: str) -> Iterator[tuple[Topics, StoredMessages]]:
-    """Open a database; yield types by topic, and an iterator of the messages (topic, bytes).
+def sqlite_bag(path: Path, folder: Path) -> Iterator[BagFile]:
+    """Open a database.
 
     A database with side files (write-ahead log, journal) is copied to `folder`, because reading
     changes them. Raises apsw.Error if the database is damaged or reading takes too many steps.
     """
     with closing(_connection(path, folder)) as database:
         _check_tables(database)
-        topics = dict(database.execute("SELECT name, type FROM topics"))
-        query = (
-            "SELECT topics.name, messages.data FROM messages JOIN topics"
-            " ON messages.topic_id = topics.id WHERE topics.type = ? ORDER BY messages.timestamp"
-        )
-        yield topics, _binary_messages(database.execute(query, (kind,)))
+        topics = _topics(database)
+        yield BagFile(topics, lambda topic, numbers: _messages(database, topic, numbers))
+
+
+def _topics(database: Any) -> Topics:
+    query = "SELECT topic_id, count(*) FROM messages GROUP BY topic_id"
+    counts = dict(database.execute(query))
+    kinds: dict[str, str] = {}
+    messages: Counter[str] = Counter()
+    for topic_id, name, kind in database.execute("SELECT id, name, type FROM topics"):
+        kinds[str(name)] = str(kind)
+        messages[str(name)] += counts.get(topic_id, 0)
+    return {name: Topic(kind, messages[name]) for name, kind in kinds.items()}
+
+
+def _messages(database: Any, topic: str, numbers: Sequence[int] | None) -> Iterator[bytes]:
+    rows = [row for (row,) in database.execute(_ROWS, (topic,))]
+    for number in range(len(rows)) if numbers is None else numbers:
+        if number >= len(rows):
+            return
+        ((data,),) = database.execute("SELECT data FROM messages WHERE rowid = ?", (rows[number],))
+        if not isinstance(data, bytes):
+            raise ValueError("a message that is not binary")
+        yield data
 
 
 def _connection(path: Path, folder: Path) -> Any:
@@ -74,10 +96,3 @@ def _check_tables(database: Any) -> None:
         hidden = database.execute("SELECT max(hidden) FROM pragma_table_xinfo(?)", (table,))
         if kinds != [("table", 1)] or hidden.fetchall() != [(0,)]:
             raise InputError(f"not a ROS bag: the database has no plain table {table}")
-
-
-def _binary_messages(rows: Any) -> StoredMessages:
-    for topic, data in rows:
-        if not isinstance(data, bytes):
-            raise ValueError("a message that is not binary")
-        yield str(topic), data

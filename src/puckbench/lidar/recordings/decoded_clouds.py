@@ -33,9 +33,10 @@ _READERS = {
 SUFFIXES = tuple(_READERS)
 _IDS = ("laser_id", "laser", "label")
 # ROS drivers number lasers from the lowest to the highest.
-_RANKS = ("ring", "channel")
-_TIMES = ("timestamp", "time", "time_stamp", "t", "offset_time", "gps_time")
-_REFLECTIVITIES = ("reflectivity", "intensity")
+_RANKS = ("ring", "channel", "line")
+LASERS = (*_IDS, *_RANKS)
+TIMES = ("timestamp", "time", "time_stamp", "t", "offset_time", "gps_time")
+REFLECTIVITIES = ("reflectivity", "intensity")
 MOST_OFF_DEG = 0.5
 """Limit of the median angle between the points of a laser and its cone."""
 
@@ -47,14 +48,25 @@ def read_points(
 ) -> RecordedReturns:
     """Read points x, y, z (m, in the sensor's frame) with a laser column as a table of returns.
 
-    Lasers come from the column `laser_id`, `laser` or `label`, or from `ring` or `channel`, which
-    number lasers by elevation; the first column whose points lie on the cones of their lasers is
-    used. Azimuths count clockwise from y; distances follow from the horizontal range and the
-    laser's nominal elevation. Points that are not finite, or at the origin, are left out. The
-    default sensor is the VLP-16, and the default time unit is inferred.
+    The default sensor is the VLP-16, and the default time unit is inferred; see
+    `returns_of_columns`.
     """
-    device = sensor or load_sensor("vlp16")
-    columns, counts = _without_missing(path, _READERS[path.suffix.lower()](path))
+    columns = _READERS[path.suffix.lower()](path)
+    return returns_of_columns(columns, sensor or load_sensor("vlp16"), time_unit, path)
+
+
+def returns_of_columns(
+    columns: Columns, device: Sensor, time_unit: TimeUnit | None, path: Path
+) -> RecordedReturns:
+    """Convert the columns of points in the frame of a sensor to a table of returns.
+
+    Lasers come from the column `laser_id`, `laser` or `label`, or from `ring`, `channel` or `line`,
+    which number lasers by elevation; the first column whose points lie on the cones of their lasers
+    is used. Azimuths count clockwise from y; distances follow from the horizontal range and the
+    laser's nominal elevation. Points that are not finite, or at the origin, are left out. Integers
+    in a column `turn` are kept.
+    """
+    columns, counts = _without_missing(path, columns)
     xyz = np.column_stack([columns[axis] for axis in "xyz"]).astype(np.float64)
     check_points(xyz, str(path))
     laser = _lasers(columns, xyz, device)
@@ -66,9 +78,11 @@ def read_points(
         "azimuth": azimuth,
         "elevation": elevation,
         "distance": np.hypot(xyz[:, 0], xyz[:, 1]) / np.cos(elevation),
-        "reflectivity": np.clip(np.rint(_numbers(columns, _REFLECTIVITIES)[1]), 0, 255),
+        "reflectivity": np.clip(np.rint(_numbers(columns, REFLECTIVITIES)[1]), 0, 255),
         **{axis: xyz[:, place] for place, axis in enumerate("xyz")},
     }
+    if "turn" in columns and columns["turn"].dtype.kind in "iu":
+        values["turn"] = columns["turn"]
     unknown = np.zeros(len(xyz))
     table = {
         name: values.get(name, unknown).astype(kind) for name, (kind, *_) in RETURN_COLUMNS.items()
@@ -93,9 +107,9 @@ def _without_missing(path: Path, columns: Columns) -> tuple[Columns, dict[str, i
 
 
 def _lasers(columns: Columns, xyz: Floats, sensor: Sensor) -> NDArray[np.intp]:
-    names = [name for name in (*_IDS, *_RANKS) if name in columns]
+    names = [name for name in LASERS if name in columns]
     if not names:
-        raise InputError(f"no laser column ({', '.join((*_IDS, *_RANKS))})")
+        raise InputError(f"no laser column ({', '.join(LASERS)})")
     ids, by_rank = np.arange(sensor.lasers), np.argsort(sensor.laser_elevation_deg)
     faults = []
     for name in names:
@@ -140,7 +154,7 @@ def _check_cones(xyz: Floats, lasers: NDArray[np.intp], sensor: Sensor) -> None:
 
 
 def _seconds(path: Path, columns: Columns, azimuth: Floats, unit: TimeUnit | None) -> Floats:
-    name, times = _numbers(columns, _TIMES)
+    name, times = _numbers(columns, TIMES)
     inferred = unit or unit_of(times, azimuth)
     if inferred is None:
         raise InputError(

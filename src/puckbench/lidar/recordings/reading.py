@@ -11,7 +11,8 @@ from puckbench.core.errors import InputError, naming
 from puckbench.core.files import read_bytes
 from puckbench.io.recordings.captured_packets import is_packet_capture
 from puckbench.io.recordings.pcap import read_datagrams
-from puckbench.io.recordings.ros_bags import bag_format, read_messages
+from puckbench.io.recordings.ros_bags import is_bag, read_messages
+from puckbench.lidar.recordings.cloud_messages import has_clouds
 from puckbench.lidar.recordings.data_packets import (
     LEFT_OUT,
     log_left_out,
@@ -20,22 +21,16 @@ from puckbench.lidar.recordings.data_packets import (
     whole_packets,
 )
 from puckbench.lidar.recordings.decoded_clouds import SUFFIXES, read_points
+from puckbench.lidar.recordings.message_returns import read_message_returns
 from puckbench.lidar.recordings.ouster import ouster_turns
 from puckbench.lidar.recordings.packet_turns import SENSORS, returns_of_packets
 from puckbench.lidar.recordings.packets import MODES, PacketLog, decode_packets
 from puckbench.lidar.recordings.packets import SENSORS as PUCKS
 from puckbench.lidar.recordings.returns import RecordedReturns, read_returns, table_of_returns
 from puckbench.lidar.recordings.times import TimeUnit
+from puckbench.lidar.recordings.velodyne_messages import MESSAGES, SCAN
 from puckbench.lidar.returns import Returns
 from puckbench.lidar.sensor import Sensor, load_sensor
-
-SCAN = "velodyne_msgs/msg/VelodyneScan"
-MESSAGES = {
-    "velodyne_msgs/msg/VelodynePacket": "builtin_interfaces/Time stamp\nuint8[1206] data",
-    SCAN: "std_msgs/Header header\nvelodyne_msgs/VelodynePacket[] packets",
-}
-"""Messages of the ROS driver velodyne_msgs, in ROS's notation."""
-
 
 _COMPRESSED = {
     b"\x1f\x8b": "gzip",
@@ -55,6 +50,7 @@ def read_recording(
     stream: str | None = None,
     time_unit: TimeUnit | None = None,
     source: Path | None = None,
+    topic: str | None = None,
 ) -> RecordedReturns:
     """Read the returns in a recording.
 
@@ -62,12 +58,13 @@ def read_recording(
     ----------
     path
         A packet capture (.pcap, .pcapng), a ROS bag (.bag, .db3, .mcap, or its folder), a cloud
-        (see `decoded_clouds.read_points`), or a table of `write_returns` (.parquet).
+        (see `decoded_clouds.read_points`), or a table of `write_returns` (.parquet). Bags may have
+        data packets or clouds.
     sensor, time_unit
         Model of the sensor, and unit of a cloud's times; by default inferred from the file.
     start_s, end_s
         Interval to read, in seconds after the first packet or point.
-    stream, source
+    stream, source, topic
         See `read_packets`.
     """
     source = source or path
@@ -75,14 +72,20 @@ def read_recording(
         is_cloud, is_table = path.suffix.lower() in SUFFIXES, path.suffix.lower() == ".parquet"
         if stream is not None and (is_cloud or is_table):
             raise InputError(f"stream '{stream}': only packet captures have streams")
-        if time_unit is not None and not is_cloud:
+        is_bag_of_clouds = not (is_cloud or is_table) and has_clouds(path, topic)
+        if time_unit is not None and not (is_cloud or is_bag_of_clouds):
             raise InputError(f"time unit {time_unit}: only times of clouds have units")
+        if topic is not None and (is_cloud or is_table):
+            raise InputError(_no_topics(topic))
         if is_table:
             table = _between(read_returns(path), start_s, end_s)
         elif is_cloud:
             table = _between(read_points(path, sensor, time_unit), start_s, end_s)
+        elif is_bag_of_clouds:
+            returns = read_message_returns(path, topic, sensor, time_unit)
+            table = _between(returns, start_s, end_s)
         else:
-            log = _interval(read_packets(path, stream, source), start_s, end_s)
+            log = _interval(read_packets(path, stream, source, topic), start_s, end_s)
             decoded = _decoded(log, sensor)
             table = replace(decoded, about={**decoded.about, **log.about})
         if len(table) == 0:
@@ -101,14 +104,18 @@ class RecordedTurns(NamedTuple):
 
 
 def read_turns(
-    path: Path, start_s: float = 0.0, stream: str | None = None, source: Path | None = None
+    path: Path,
+    start_s: float = 0.0,
+    stream: str | None = None,
+    source: Path | None = None,
+    topic: str | None = None,
 ) -> RecordedTurns:
     """Read the revolutions of a recording from `start_s` seconds on.
 
-    `stream` and `source` are those of `read_packets`.
+    `stream`, `source` and `topic` are those of `read_packets`.
     """
     with naming(source or path):
-        log = _interval(read_packets(path, stream, source), start_s, math.inf)
+        log = _interval(read_packets(path, stream, source, topic), start_s, math.inf)
         left_out = {name: int(log.about[name]) for name in LEFT_OUT if log.about.get(name)}
         if log.sensor:
             return RecordedTurns(*ouster_turns(log.sensor, log.payloads), left_out)
@@ -116,30 +123,36 @@ def read_turns(
         return RecordedTurns(returns, range(1, len(returns.turns) - 1), left_out)
 
 
-def read_packets(path: Path, stream: str | None = None, source: Path | None = None) -> PacketLog:
+def read_packets(
+    path: Path, stream: str | None = None, source: Path | None = None, topic: str | None = None
+) -> PacketLog:
     """Read the undamaged data packets of a packet capture or a ROS bag, and log what was left out.
 
-    `stream` selects a packet capture's stream, such as ``192.168.1.201:2368``. Messages name
-    `source` if `path` is a temporary copy of it.
+    `stream` selects a packet capture's stream, such as ``192.168.1.201:2368``, `topic` a bag's
+    topic. Messages name `source` if `path` is a temporary copy of it.
     """
     source = source or path
     with naming(source):
-        if path.is_dir():
-            log = _packets_of_bag(path, stream)
+        if is_bag(path):
+            log = _packets_of_bag(path, stream, topic)
         else:
-            log = _packets_of_file(path, stream, source)
+            log = _packets_of_file(path, stream, topic, source)
     log_left_out(source, log.about)
     return log
 
 
-def _packets_of_file(path: Path, stream: str | None, source: Path) -> PacketLog:
+def _packets_of_file(path: Path, stream: str | None, topic: str | None, source: Path) -> PacketLog:
     data = read_bytes(path)
-    if bag_format(data):
-        return _packets_of_bag(path, stream)
     if not is_packet_capture(data):
         raise InputError(_unknown_format(data))
+    if topic is not None:
+        raise InputError(_no_topics(topic))
     capture = read_datagrams(data)
     return ouster_packets(capture, source, stream) or packets_of_capture(capture, stream)
+
+
+def _no_topics(topic: str) -> str:
+    return f"topic '{topic}': only ROS bags have topics"
 
 
 def _unknown_format(data: bytes) -> str:
@@ -148,10 +161,10 @@ def _unknown_format(data: bytes) -> str:
     return f"not a packet capture (.pcap, .pcapng) or ROS bag (.bag, .db3, .mcap); {hint}"
 
 
-def _packets_of_bag(path: Path, stream: str | None) -> PacketLog:
+def _packets_of_bag(path: Path, stream: str | None, topic: str | None) -> PacketLog:
     if stream is not None:
         raise InputError(f"stream '{stream}': only packet captures have streams")
-    bag = read_messages(path, SCAN, MESSAGES)
+    bag = read_messages(path, [SCAN], MESSAGES, topic)
     packets = [packet for message in bag.messages for packet in message.packets]
     if not packets:
         raise InputError("the ROS bag has no data packet of a Velodyne")

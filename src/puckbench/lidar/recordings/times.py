@@ -11,7 +11,7 @@ from puckbench.geometry.cloud import Floats
 
 TimeUnit = Literal["s", "ms", "us", "ns"]
 TIME_UNITS: tuple[TimeUnit, ...] = get_args(TimeUnit)
-_PER_SECOND: dict[TimeUnit, int] = {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}
+PER_SECOND: dict[TimeUnit, int] = {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}
 _ROTATION_HZ = 10.0
 """Sensors rotate at this rate within a factor of 2, which distinguishes units 1000 apart."""
 _LARGEST_FACTOR = 1000**0.5
@@ -36,10 +36,15 @@ def unit_of(times: NDArray[Any], azimuth: Floats) -> TimeUnit | None:
 
 def seconds_of(times: NDArray[Any], unit: TimeUnit) -> Floats:
     """Convert times to s; integers and times since 1970 become relative to the earliest time."""
-    if times.dtype.kind in "iu" or _unit_since_1970(times) == unit:
+    if times.dtype.kind in "iu" or is_since_1970(times, unit):
         times = times - times.min()
-    seconds: Floats = np.asarray(times, dtype=np.float64) / _PER_SECOND[unit]
+    seconds: Floats = np.asarray(times, dtype=np.float64) / PER_SECOND[unit]
     return seconds
+
+
+def is_since_1970(times: NDArray[Any], unit: TimeUnit) -> bool:
+    """Whether times lie in this century, counted from 1970."""
+    return _unit_since_1970(times) == unit
 
 
 def _unit_by_rotation(times: NDArray[Any], azimuth: Floats) -> TimeUnit | None:
@@ -50,14 +55,14 @@ def _unit_by_rotation(times: NDArray[Any], azimuth: Floats) -> TimeUnit | None:
     if near.sum() < max(_FEWEST_STEPS, len(near) / 2) or not turned[near].any():
         return None
     turns = turned[near].sum() / (2 * np.pi) / steps[near].sum()
-    off = {unit: abs(np.log(turns * ticks / _ROTATION_HZ)) for unit, ticks in _PER_SECOND.items()}
+    off = {unit: abs(np.log(turns * ticks / _ROTATION_HZ)) for unit, ticks in PER_SECOND.items()}
     best = min(off, key=lambda unit: off[unit])
     return best if off[best] < np.log(_LARGEST_FACTOR) else None
 
 
 def _unit_since_1970(times: NDArray[Any]) -> TimeUnit | None:
     first, last = float(times.min()), float(times.max())
-    for unit, ticks in _PER_SECOND.items():
+    for unit, ticks in PER_SECOND.items():
         is_of_day = last - first <= _DAY_S * ticks
         if is_of_day and _YEAR_2000_S * ticks <= first and last < _YEAR_2100_S * ticks:
             return unit

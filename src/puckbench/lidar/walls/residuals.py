@@ -63,6 +63,8 @@ class RecordingOptions(Model):
         Name or YAML file of the sensor; by default the one that the packets name.
     stream
         Stream to read of a packet capture with several sensors, such as ``192.168.1.201:2368``.
+    topic
+        Topic to read of a ROS bag with several.
     time_unit
         Unit of the times of a cloud, ``s``, ``ms``, ``us`` or ``ns``; by default it is inferred.
     still_s
@@ -83,6 +85,7 @@ class RecordingOptions(Model):
 
     sensor: str | None = None
     stream: str | None = None
+    topic: str | None = None
     time_unit: TimeUnit | None = None
     still_s: tuple[float, ...] | None = None
     most_shift_m: PositiveFloat = SHIFT_M
@@ -130,7 +133,8 @@ def recorded_planes(
     """
     sensor = load_sensor(options.sensor) if options.sensor else None
     start, end = options.still_s or (0.0, math.inf)
-    table = read_recording(path, sensor, start, end, options.stream, options.time_unit, source)
+    of_file = (options.stream, options.time_unit, source, options.topic)
+    table = read_recording(path, sensor, start, end, *of_file)
     still = None
     with naming(source or path):
         if options.still_s is None:

@@ -1,0 +1,51 @@
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from puckbench.core.errors import InputError
+from puckbench.datasets.base import look_up
+from puckbench.datasets.recordings import BAG_SUFFIXES, RecordingSet
+from puckbench.datasets.registry import LOADERS
+from puckbench.datasets.scene import Scene, safe_name
+from puckbench.geometry.cloud import check_extent
+from puckbench.io.clouds import check_cloud, removal_counts
+
+
+@LOADERS.register("recorded_clouds")
+class RecordedClouds(RecordingSet):
+    """Clouds (PointCloud2) in ROS bags (.bag, .db3, .mcap), in metres, with all attributes.
+
+    Scenes are named after the file and the number of the message in its topic, from 0
+    (drive_0012). Unusable bags are left out and reported.
+    """
+
+    suffixes = BAG_SUFFIXES
+
+    drop_invalid: bool = False
+    """Whether points that are not finite are left out and counted; else their cloud is not used."""
+    keep_missing: bool = False
+    """Whether missing returns (points without coordinates, or many at the origin) are kept."""
+
+    def load(self, name: str) -> Scene:
+        from puckbench.lidar.recordings.cloud_messages import cloud_topic, read_recorded_cloud
+
+        path, number = self._place(name)
+        topic, _ = cloud_topic(path, self.topic)
+        if number is None:
+            raise InputError(f"{path}: topic {topic} has no message")
+        if number % self.every:
+            look_up(self._clouds, name, str(self.path))
+        options = (topic, self.keep_missing, self.drop_invalid)
+        cloud = read_recorded_cloud(path, number, *options)
+        check_cloud(cloud, path)
+        check_extent(cloud.xyz, str(path))
+        about = {"source": path.name, "topic": topic, "message": number}
+        about |= removal_counts(cloud.about)
+        return Scene(name, safe_name(path.stem), cloud=replace(cloud, about=about), about=about)
+
+    def _numbers(self, path: Path) -> range:
+        from puckbench.lidar.recordings.cloud_messages import cloud_topic
+
+        _, (_, count) = cloud_topic(path, self.topic)
+        return range(0, count, self.every)

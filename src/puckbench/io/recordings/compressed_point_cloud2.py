@@ -1,0 +1,130 @@
+"""Columns of the points in messages of point_cloud_transport (CompressedPointCloud2)."""
+
+from __future__ import annotations
+
+import logging
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+from struct import Struct
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.core.errors import InputError
+from puckbench.io.isolated import ParsedFile, parse_isolated
+from puckbench.io.point_columns import Columns
+from puckbench.io.recordings.point_cloud2 import Value, point_columns, point_values
+
+COMPRESSED_POINT_CLOUD2 = "point_cloud_interfaces/msg/CompressedPointCloud2"
+DEFINITION = (
+    "std_msgs/Header header\nuint32 height\nuint32 width\nsensor_msgs/PointField[] fields\n"
+    "bool is_bigendian\nuint32 point_step\nuint32 row_step\nuint8[] compressed_data\n"
+    "bool is_dense\nstring format"
+)
+"""The message in ROS's notation."""
+_MAX_RATIO = 2000
+"""Largest compression ratio that is believed; deflate reaches 1032."""
+_MAX_NAME_LENGTH = 20
+_HEADER = Struct("<5s4BHI")
+"""Magic, version, kind, method, flags and number of points of a Draco stream."""
+_INEXACT = ("i4", "f8")
+"""Types that DracoPy returns in single precision."""
+_log = logging.getLogger(__name__)
+
+
+def decompressed_columns(message: Any) -> Columns:
+    """Decompress a deserialised message; return its fields as `point_columns` does.
+
+    Raises InputError if the message is damaged, or its format is not zlib, zstd or draco.
+    """
+    if message.format == "draco":
+        return _draco_columns(message)
+    if message.format not in _DECOMPRESSORS:
+        package = " (package pureini)" if message.format.startswith("cloudini") else ""
+        name = f"{message.format!r:.{_MAX_NAME_LENGTH}}{package}"
+        raise InputError(f"a cloud compressed by {name}, which is not read: zlib, zstd, draco are")
+    stream = message.compressed_data.tobytes()
+    most = max(message.height * message.row_step, message.width * message.point_step)
+    if most > _MAX_RATIO * len(stream):
+        raise InputError(f"a cloud of {most} bytes in a stream of {len(stream)}")
+    data = _DECOMPRESSORS[message.format](stream, most)
+    return point_columns(message, np.frombuffer(data, np.uint8))
+
+
+def _decompressed_zlib(stream: bytes, most: int) -> bytes:
+    decoder = zlib.decompressobj(zlib.MAX_WBITS + 32)  # with the header of gzip or zlib
+    try:
+        data = decoder.decompress(stream, most + 1)
+    except zlib.error as error:
+        raise InputError("the stream is damaged (zlib)") from error
+    if not decoder.eof or len(data) > most:
+        raise InputError("the stream is damaged (zlib)")
+    return data
+
+
+def _decompressed_zstd(stream: bytes, most: int) -> bytes:
+    import pyarrow as pa
+
+    try:
+        with pa.input_stream(pa.py_buffer(stream), compression="zstd") as decoder:
+            data = bytes(decoder.read(most + 1))
+    except OSError as error:
+        raise InputError("the stream is damaged (Zstandard)") from error
+    if len(data) > most:
+        raise InputError("the stream is damaged (Zstandard)")
+    return data
+
+
+_DECOMPRESSORS: dict[str, Callable[[bytes, int], bytes]] = {
+    "zlib": _decompressed_zlib,
+    "zstd": _decompressed_zstd,
+}
+
+
+def _draco_columns(message: Any) -> Columns:
+    """Return the attributes of a Draco stream, one for each field, in their order."""
+    stream, count = message.compressed_data.tobytes(), message.height * message.width
+    if not count:
+        return point_columns(message, np.zeros(0, np.uint8))
+    if len(stream) < _HEADER.size or _HEADER.unpack_from(stream)[-1] != count:
+        raise InputError(f"the stream is damaged (Draco): not of {count} points")
+    with TemporaryDirectory() as folder:
+        path = Path(folder, "cloud.drc")
+        path.write_bytes(stream)
+        try:
+            attributes = list(parse_isolated(parse_draco, path, "Draco stream").columns.values())
+        except InputError as error:
+            raise InputError(str(error).removeprefix(f"{path}: ")) from error
+    if len(attributes) != len(message.fields) or any(len(part) != count for part in attributes):
+        raise InputError("the attributes of the Draco stream are not those of the message")
+    columns: Columns = {}
+    for value in point_values(message):
+        if value.kind.str[1:] in _INEXACT:
+            _log.warning("field %.20r is left out: DracoPy would round it", value.name)
+            continue
+        columns[value.name] = _values(attributes[value.field], value)
+    return columns
+
+
+def _values(attribute: NDArray[Any], value: Value) -> NDArray[Any]:
+    native = value.kind.newbyteorder("=")
+    if attribute.dtype == np.uint8 and attribute.shape[1] == native.itemsize > 1:
+        return attribute.copy().view(value.kind)[:, 0].astype(native)  # bytes of a packed colour
+    if value.part >= attribute.shape[1]:
+        raise InputError("the attributes of the Draco stream are not those of the message")
+    with np.errstate(invalid="ignore"):
+        return attribute[:, value.part].astype(native)
+
+
+def parse_draco(path: Path) -> ParsedFile:
+    """Decode a point cloud; the columns are its attributes (n, values)."""
+    import DracoPy
+
+    try:
+        attributes = DracoPy.decode(path.read_bytes()).attributes
+    except (DracoPy.FileTypeException, ValueError) as error:
+        raise InputError("the stream is damaged (Draco)") from error
+    return ParsedFile({f"{place}": part["data"] for place, part in enumerate(attributes)})

@@ -1,0 +1,64 @@
+"""Topics of ROS bags, and the choice of one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator, Sequence
+from typing import NamedTuple
+
+from puckbench.core.errors import InputError
+
+_MAX_LISTED, _MAX_NAME_LENGTH = 8, 60
+
+
+class Topic(NamedTuple):
+    """The type of a topic ("sensor_msgs/msg/PointCloud2") and its number of messages."""
+
+    kind: str
+    messages: int
+
+
+Topics = dict[str, Topic]
+
+
+class BagFile(NamedTuple):
+    """The topics of one file of a bag, and a function that reads messages of a topic.
+
+    The function yields the messages whose numbers are in a sorted sequence, or all (None). Messages
+    of a topic are numbered by time.
+    """
+
+    topics: Topics
+    read: Callable[[str, Sequence[int] | None], Iterator[bytes]]
+
+
+def choose_topic(topics: Topics, kinds: Sequence[str], name: str | None = None) -> str:
+    """Return the topic `name`, or else the only one of the first type in `kinds` that occurs.
+
+    Raises InputError if there is no such topic or several.
+    """
+    if name is not None:
+        if name not in topics:
+            raise InputError(f"the ROS bag has no topic {name}; it has {listed(topics)}")
+        if (kind := topics[name].kind) not in kinds:
+            raise InputError(f"topic {name} is of {kind}, not of {' or '.join(kinds)}")
+        return name
+    for kind in kinds:
+        matching = [topic for topic, (type_, _) in topics.items() if type_ == kind]
+        if len(matching) == 1:
+            return matching[0]
+        if matching:
+            choices = listed(matching)
+            fault = f"the ROS bag has several topics of {kind}: {choices}"
+            raise InputError(f"{fault}: choose one by --topic or the option topic")
+    types = listed([f"{topic} ({type_})" for topic, (type_, _) in topics.items()])
+    fault = f"the ROS bag must have one topic of {' or '.join(kinds)}; it has {types}"
+    raise InputError(f"{fault}: record packets, or use its clouds (data set recorded_clouds)")
+
+
+def listed(names: Collection[str]) -> str:
+    shortened = [
+        "".join(letter if letter.isprintable() else "?" for letter in name)[:_MAX_NAME_LENGTH]
+        for name in sorted(names)[:_MAX_LISTED]
+    ]
+    others = [f"{len(names) - _MAX_LISTED} others"] if len(names) > _MAX_LISTED else []
+    return ", ".join([*shortened, *others]) or "no topic"

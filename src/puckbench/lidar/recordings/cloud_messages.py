@@ -1,0 +1,93 @@
+"""Clouds in ROS bags: messages of the types PointCloud2 and CompressedPointCloud2."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from puckbench.core.errors import naming
+from puckbench.geometry.cloud import PointCloud
+from puckbench.geometry.missing_returns import missing_returns
+from puckbench.io.clouds import without_invalid, without_missing
+from puckbench.io.point_columns import Columns, cloud_from_columns
+from puckbench.io.recordings.compressed_point_cloud2 import (
+    COMPRESSED_POINT_CLOUD2,
+    DEFINITION,
+    decompressed_columns,
+)
+from puckbench.io.recordings.point_cloud2 import POINT_CLOUD2, point_columns
+from puckbench.io.recordings.ros_bags import is_bag, read_messages, read_topics
+from puckbench.io.recordings.topics import Topic, choose_topic
+from puckbench.lidar.recordings.velodyne_messages import SCAN
+
+CLOUD_KINDS = (POINT_CLOUD2, COMPRESSED_POINT_CLOUD2)
+"""Types of messages that contain a cloud."""
+
+
+@dataclass(frozen=True)
+class CloudMessage:
+    """The columns of a cloud by name, its time in ns, and whether it is an image with rows."""
+
+    columns: Columns
+    stamp_ns: int
+    is_organised: bool
+
+
+def has_clouds(path: Path, topic: str | None = None) -> bool:
+    """Whether `topic` of a bag has clouds; by default whether the bag has, and no data packets."""
+    if not is_bag(path):
+        return False
+    topics = read_topics(path)
+    if topic in topics:
+        return topics[topic].kind in CLOUD_KINDS
+    kinds = {each.kind for each in topics.values()}
+    return SCAN not in kinds and not kinds.isdisjoint(CLOUD_KINDS)
+
+
+def cloud_topic(path: Path, topic: str | None = None) -> tuple[str, Topic]:
+    """Return name and size of the only topic of clouds in a bag, or of the one that is named."""
+    with naming(path):
+        topics = read_topics(path)
+        name = choose_topic(topics, CLOUD_KINDS, topic)
+    return name, topics[name]
+
+
+def read_cloud_messages(
+    path: Path, topic: str | None, numbers: Sequence[int]
+) -> list[CloudMessage]:
+    """Read messages of a topic of clouds by their numbers, sorted and from 0."""
+    definitions = {COMPRESSED_POINT_CLOUD2: DEFINITION}
+    bag = read_messages(path, CLOUD_KINDS, definitions, topic, numbers)
+    columns_of = point_columns if bag.kind == POINT_CLOUD2 else decompressed_columns
+    clouds = []
+    for number, message in zip(numbers, bag.messages, strict=True):
+        with naming(f"{path}: topic {bag.topic}: message {number}"):
+            columns = columns_of(message)
+        stamp = message.header.stamp
+        stamp_ns = stamp.sec * 10**9 + stamp.nanosec
+        clouds.append(CloudMessage(columns, stamp_ns, message.height > 1))
+    return clouds
+
+
+def read_recorded_cloud(
+    path: Path,
+    number: int,
+    topic: str | None = None,
+    keep_missing: bool = False,
+    drop_invalid: bool = False,
+) -> PointCloud:
+    """Read a message as a cloud, which may be empty or have points that are not finite.
+
+    Missing returns are removed and counted, as `puckbench.io.clouds.read_cloud` does.
+    """
+    (message,) = read_cloud_messages(path, topic, [number])
+    with naming(path):
+        cloud = cloud_from_columns(message.columns)
+    if not keep_missing and len(cloud):
+        missing = missing_returns(cloud.xyz, message.is_organised)
+        if drop_invalid or np.isfinite(cloud.xyz[~missing]).all():  # other clouds are refused
+            cloud = without_missing(cloud, missing, path)
+    return without_invalid(cloud, path) if drop_invalid else cloud

@@ -1,0 +1,127 @@
+"""Returns in clouds of ROS bags whose points have the number of their laser."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.core.errors import InputError, naming
+from puckbench.geometry.cloud import Floats
+from puckbench.io.point_columns import Columns
+from puckbench.lidar.recordings.cloud_messages import (
+    CloudMessage,
+    cloud_topic,
+    read_cloud_messages,
+)
+from puckbench.lidar.recordings.decoded_clouds import (
+    LASERS,
+    REFLECTIVITIES,
+    TIMES,
+    returns_of_columns,
+)
+from puckbench.lidar.recordings.returns import RecordedReturns
+from puckbench.lidar.recordings.times import PER_SECOND, TimeUnit, is_since_1970, unit_of
+from puckbench.lidar.sensor import Sensor
+
+_BATCH = 64
+"""Number of messages that are read at a time."""
+_UNITS: dict[str, TimeUnit] = {"t": "ns", "offset_time": "ns"}
+"""Units of Ouster and Livox, if those of the values cannot be inferred."""
+
+
+def read_message_returns(
+    path: Path, topic: str | None, sensor: Sensor | None, time_unit: TimeUnit | None = None
+) -> RecordedReturns:
+    """Read a topic of clouds as a table of returns; the turn is the message's number.
+
+    Coordinates are those of ROS: x forward, y left, z up. Times are relative to the stamps of the
+    messages, or since 1970 (see `puckbench.lidar.recordings.decoded_clouds` for the columns).
+    """
+    if sensor is None:
+        raise InputError("clouds do not state their sensor, whose lasers are needed: add --sensor")
+    name, (_, count) = cloud_topic(path, topic)
+    with naming(f"{path}: topic {name}"):
+        parts = list(_parts(path, name, count, time_unit))
+        if not parts:
+            raise InputError("no points in its messages")
+        names = set.intersection(*map(set, parts))
+        columns = {each: np.concatenate([part[each] for part in parts]) for each in names}
+        table = returns_of_columns(columns, sensor, "s", path)
+    seconds = table["timestamp"] - table["timestamp"].min(initial=math.inf)
+    about = {**table.about, "topic": name, "messages": count}
+    return replace(table, columns={**table.columns, "timestamp": seconds}, about=about)
+
+
+@dataclass(frozen=True)
+class _Clock:
+    """Conversion of a column of times to s since the first message.
+
+    Times are relative to the messages' stamps, or to `origin` if they are since 1970.
+    """
+
+    column: str
+    unit: TimeUnit
+    start_ns: int
+    origin: float | None
+
+    def seconds(self, message: CloudMessage, columns: Columns) -> Floats:
+        since = (message.stamp_ns - self.start_ns) / 1e9
+        if self.column not in columns:
+            return np.full(len(columns["x"]), since)
+        times, ticks = _signed(columns[self.column]), PER_SECOND[self.unit]
+        if self.origin is None:
+            return np.asarray(times / ticks + since, dtype=np.float64)
+        return np.asarray((times - self.origin) / ticks, dtype=np.float64)
+
+
+def _parts(path: Path, topic: str, count: int, unit: TimeUnit | None) -> Iterator[Columns]:
+    """Yield for each message the columns of its points, with their seconds and turn."""
+    clock: _Clock | None = None
+    for first in range(0, count, _BATCH):
+        numbers = list(range(first, min(first + _BATCH, count)))
+        for number, message in zip(numbers, read_cloud_messages(path, topic, numbers), strict=True):
+            columns = message.columns
+            present = _present(columns)
+            if not len(present["x"]):
+                continue
+            clock = clock or _clock(message, present, unit)
+            kept = {name: columns[name] for name in (*LASERS, *REFLECTIVITIES) if name in columns}
+            yield {
+                **kept,
+                "x": -columns["y"],
+                "y": columns["x"],
+                "z": columns["z"],
+                "timestamp": clock.seconds(message, columns),
+                "turn": np.full(len(columns["x"]), number, np.int32),
+            }
+
+
+def _present(columns: Columns) -> Columns:
+    """Return the rows that have coordinates."""
+    missing = [axis for axis in "xyz" if axis not in columns]
+    if missing:
+        raise InputError(f"no field {', '.join(missing)}")
+    rows = np.any([~np.isnan(columns[axis]) for axis in "xyz"], axis=0)
+    return {name: values[rows] for name, values in columns.items()}
+
+
+def _clock(message: CloudMessage, columns: Columns, unit: TimeUnit | None) -> _Clock:
+    name = next((name for name in TIMES if name in columns), "")
+    if not name:
+        return _Clock(name, "s", message.stamp_ns, None)
+    times = _signed(columns[name])
+    inferred = unit or unit_of(times, np.arctan2(-columns["y"], columns["x"])) or _UNITS.get(name)
+    if inferred is None:
+        raise InputError(f"the unit of field {name} cannot be inferred: add --time-unit ns")
+    origin = times.min().item() if is_since_1970(times, inferred) else None
+    return _Clock(name, inferred, message.stamp_ns, origin)
+
+
+def _signed(times: NDArray[Any]) -> NDArray[Any]:
+    return times.astype(np.int64 if times.dtype.kind in "iu" else np.float64)

@@ -1,0 +1,133 @@
+"""Tables of returns from clouds (PointCloud2) with lasers and times, as drivers publish them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from puckbench.cli import main
+from puckbench.core.errors import InputError
+from puckbench.lidar import load_sensor
+from puckbench.lidar.recordings import RecordedReturns, read_recording, read_returns
+from tests.support.cloud_bags import FORMATS, Rows, cloud_bag
+
+SENSOR = load_sensor("vlp16")
+ELEVATIONS = np.asarray(SENSOR.laser_elevation_deg)
+BY_RANK = np.argsort(ELEVATIONS)
+COLUMNS, PERIOD_S, STAMP_S = 90, 0.1, 1.7e9
+TIMES: dict[str, tuple[str, str, float, bool]] = {
+    "velodyne": ("time", "<f4", 1.0, False),
+    "ouster": ("t", "<u4", 1e9, False),
+    "hesai": ("timestamp", "<f8", 1.0, True),
+    "livox": ("offset_time", "<u4", 1e9, False),
+    "nanoseconds": ("timestamp", "<f8", 1e9, True),
+}
+"""Field, type, ticks per second, and whether times are since 1970, by driver."""
+
+
+def turn(driver: str, laser: str = "ring", number: int = 0) -> Rows:
+    """A turn of a VLP-16 in ROS's frame: x forward, y left."""
+    name, kind, ticks, is_absolute = TIMES[driver]
+    rows = np.zeros(
+        COLUMNS * 16,
+        [*((axis, "<f4") for axis in "xyz"), (laser, "<u2"), (name, kind), ("intensity", "<f4")],
+    )
+    rank = np.tile(np.arange(16), COLUMNS)
+    clockwise = np.repeat(np.arange(COLUMNS), 16) / COLUMNS * 2 * np.pi
+    elevation, distance = np.radians(ELEVATIONS[BY_RANK][rank]), 5.0 + number
+    rows["x"] = distance * np.cos(elevation) * np.cos(clockwise)
+    rows["y"] = -distance * np.cos(elevation) * np.sin(clockwise)
+    rows["z"] = distance * np.sin(elevation)
+    rows[laser], rows["intensity"] = rank, 7
+    seconds = clockwise / (2 * np.pi) * PERIOD_S
+    absolute = STAMP_S + PERIOD_S * number if is_absolute else 0.0
+    rows[name] = (absolute + seconds) * ticks
+    return rows
+
+
+def returns_of(path: Path, turns: list[Rows], **options: Any) -> RecordedReturns:
+    stamps = [STAMP_S + PERIOD_S * number for number in range(len(turns))]
+    return read_recording(cloud_bag(path, {"/points": turns}, stamps), **options)
+
+
+@pytest.mark.parametrize("form", FORMATS)
+def test_a_turn_is_a_message_in_the_frame_of_the_sensor(tmp_path: Path, form: str) -> None:
+    turns = [turn("velodyne", number=number) for number in range(3)]
+    table = returns_of(tmp_path / f"a.{form}", turns, sensor=SENSOR)
+    assert table["turn"].tolist() == np.repeat([0, 1, 2], COLUMNS * 16).tolist()
+    assert table["laser_id"].tolist() == np.tile(BY_RANK, 3 * COLUMNS).tolist()
+    assert table["distance"] == pytest.approx(np.repeat([5.0, 6.0, 7.0], COLUMNS * 16), abs=1e-5)
+    azimuths = np.repeat(np.arange(COLUMNS), 16) / COLUMNS * 2 * np.pi
+    off = np.mod(table["azimuth"] - np.tile(azimuths, 3) + np.pi, 2 * np.pi) - np.pi
+    assert np.abs(off).max() < 1e-6
+    assert set(table["reflectivity"]) == {7}
+    about = {"sensor": "VLP-16", "topic": "/points", "messages": 3, "source": f"a.{form}"}
+    assert table.about.items() >= about.items()
+
+
+@pytest.mark.parametrize("driver", TIMES)
+@pytest.mark.parametrize("laser", ["ring", "channel", "line"])
+def test_times_of_drivers_are_seconds_since_the_first(
+    tmp_path: Path, driver: str, laser: str
+) -> None:
+    turns = [turn(driver, laser, number) for number in range(3)]
+    table = returns_of(tmp_path / "a.mcap", turns, sensor=SENSOR)
+    column = np.repeat(np.arange(3 * COLUMNS), 16)
+    assert table["timestamp"] == pytest.approx(column / COLUMNS * PERIOD_S, abs=1e-6)
+
+
+def test_a_unit_can_be_named(tmp_path: Path) -> None:
+    few = turn("hesai")[:3]
+    few["timestamp"] = [0, 1000, 2000]
+    table = returns_of(tmp_path / "a.mcap", [few], sensor=SENSOR, time_unit="us")
+    assert table["timestamp"].tolist() == [0, 0.001, 0.002]
+
+
+def test_messages_without_points_are_passed_over_and_missing_returns_counted(
+    tmp_path: Path,
+) -> None:
+    rows = turn("velodyne")
+    for axis in "xyz":
+        rows[axis][:40] = np.nan
+    table = returns_of(tmp_path / "a.bag", [rows[:0], rows[:40], rows], sensor=SENSOR)
+    assert set(table["turn"]) == {2}
+    assert len(table) == COLUMNS * 16 - 40
+    assert table["timestamp"].min() == 0
+    assert table.about["missing_returns"] == 40
+
+
+def test_an_interval_is_taken_by_time(tmp_path: Path) -> None:
+    turns = [turn("ouster", number=number) for number in range(3)]
+    table = returns_of(tmp_path / "a.bag", turns, sensor=SENSOR, start_s=0.15, end_s=0.2)
+    assert set(table["turn"]) == {1}
+
+
+def test_what_is_lacking_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    turns = [turn("velodyne")]
+    path = cloud_bag(tmp_path / "a.bag", {"/points": turns, "/others": turns})
+    out = str(tmp_path / "a.parquet")
+    assert main(["capture", str(path), out, "--sensor", "vlp16", "--topic", "/others"]) == 0
+    assert len(read_returns(Path(out))) == COLUMNS * 16
+    faults = {
+        ("--topic", "/points"): "do not state their sensor, whose lasers are needed: add --sensor",
+        ("--sensor", "vlp16"): "several topics of sensor_msgs/msg/PointCloud2: /others, /points",
+        ("--sensor", "vlp16", "--topic", "/up"): "has no topic /up; it has /others, /points",
+    }
+    capsys.readouterr()
+    for options, fault in faults.items():
+        assert main(["capture", str(path), out, *options]) == 2
+        message = capsys.readouterr().err
+        assert message.startswith(f"puckbench: {path}: ")
+        assert fault in message
+    fields = {"ring": "no laser column", "x": "no field x"}
+    for field, fault in fields.items():
+        rest = turns[0][[name for name in turns[0].dtype.names or () if name != field]]
+        with pytest.raises(InputError, match=f"{field}.mcap: topic /points: {fault}"):
+            returns_of(tmp_path / f"{field}.mcap", [rest], sensor=SENSOR)
+    with pytest.raises(InputError, match="no points in its messages"):
+        returns_of(tmp_path / "b.mcap", [turns[0][:0]], sensor=SENSOR)
+    with pytest.raises(InputError, match=r"topic '/up': only ROS bags have topics"):
+        read_recording(Path(out), topic="/up")
