@@ -28,8 +28,8 @@ class GpccAngular(SensorCodec):
 
     The tools are those of MPEG's common test conditions for spinning sensors; lossy rates merge
     points of one grid position. Only points of isolated nodes are coded directly. The lossless
-    conditions code points in any node directly (`direct_coding` 3), which takes more bits. Rates of
-    clouds in metres are steps of the grid.
+    conditions code points in any node directly (`direct_coding` 3), which takes more bits. A rate
+    of clouds in metres is a step of the grid.
     """
 
     title = "G-PCC (angular octree)"

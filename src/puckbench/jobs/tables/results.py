@@ -166,10 +166,11 @@ def scan_error_rows(files: Sequence[Path]) -> list[dict[str, Any]]:
 
 @TABLES.register("recovery", title="Recovery of geometric primitives", gathered=True)
 def recovery_rows(files: Sequence[Path]) -> list[dict[str, Any]]:
-    """Geometric primitives of each stream against the labels of the scene, over all kinds and each.
+    """Geometric primitives of each stream against the scene's labels, in all and for each kind.
 
-    Numbers of true, decoded (``found``) and matched primitives, precision, recall, label accuracy
-    of the points, and medians over matches of the residual and of parameter differences. A stream
+    Columns are the numbers of labelled (``true``), decoded (``found``) and matched primitives, the
+    precision and recall, the label accuracy of the points, and the medians over matched primitives
+    of the residual and of parameter differences. A stream
     without primitives has an empty row of the kind "all".
     """
     return read_rows(files)

@@ -42,9 +42,10 @@ RESIDUAL = "Plane residual (m)"
 def draw_surfaces(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
     """Plane residuals of walls and of floors nearer than 30 m, in metres (thesis figure 5.10).
 
-    A plane residual is the signed distance of a return from the plane fitted to its surface. The
-    virtual sensor has beam divergence, if available. Violins: density, mean and extremes. Without a
-    capture, dashed: standard deviation of the thesis's real sensor.
+    A plane residual is the signed distance of a return from the plane fitted to its surface. If
+    there are residuals of a virtual sensor with beam divergence, these are shown. Violins: density,
+    mean and extremes. Dashed lines, if there is no capture: standard deviation that the thesis
+    reports for its sensor.
     """
     check_residuals(residuals)
     rows = near(residuals)
