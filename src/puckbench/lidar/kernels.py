@@ -83,9 +83,9 @@ def fill_distances(
     miss.
 
     `nearest` and `triangles` (n,) are the distances (inf for a miss) and triangles from Embree, and
-    `planes` (t, 4) those of `fill_planes`. `starts` (steps, 3) are the origins of
-    rays, in the coordinates of `planes`, and `limits` the shortest and longest range. A ray parallel to its plane keeps
-    the distance from Embree.
+    `planes` (t, 4) those of `fill_planes`. `starts` (steps, 3) are the origins of rays, in the
+    coordinates of `planes`, and `limits` the shortest and longest range. A ray parallel to its
+    plane keeps the distance from Embree.
     """
     per_step = len(directions) // len(starts)
     for ray in range(len(directions)):
