@@ -27,7 +27,8 @@ class NearestTwo(NamedTuple):
 
     ``rows`` (m, 2) are indices of two points at this distance; without a tie, the same point twice.
     ``ties`` (m,) are the numbers of points whose squared distances, in order, differ by less than
-    `SAME_DISTANCE` (1: no tie, 3: three or more), and ``exact`` (m,) those of points exactly at the smallest.
+    `SAME_DISTANCE` (1: no tie, 3: three or more), and ``exact`` (m,) those of points exactly at the
+    smallest.
     """
 
     squared: Floats
