@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from puckbench.coding.zstandard import compressed as zstd
 from puckbench.core.errors import InputError
 from puckbench.io.recordings.compressed_point_cloud2 import decompressed_columns
-from tests.io.test_point_cloud2 import Field, message_of
+from tests.io.test_point_cloud2 import Layout, message_of
 
 POINTS = 40
 ROWS = np.zeros(
@@ -40,13 +40,7 @@ POSITION, COLOUR, GENERIC = 0, 2, 4
 
 
 @dataclass(frozen=True)
-class Compressed:
-    height: int
-    width: int
-    fields: list[Field]
-    is_bigendian: bool
-    point_step: int
-    row_step: int
+class Compressed(Layout):
     compressed_data: NDArray[np.uint8]
     format: str
 

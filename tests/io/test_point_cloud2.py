@@ -26,13 +26,17 @@ class Field:
 
 
 @dataclass(frozen=True)
-class Message:
+class Layout:
     height: int
     width: int
     fields: list[Field]
     is_bigendian: bool
     point_step: int
     row_step: int
+
+
+@dataclass(frozen=True)
+class Message(Layout):
     data: NDArray[np.uint8]
 
 

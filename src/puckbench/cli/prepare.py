@@ -10,6 +10,7 @@ from puckbench.cli.capture import STREAM, TOPIC
 from puckbench.cli.types import integer, positive, selected, turns
 from puckbench.core.errors import InputError
 from puckbench.geometry.scaling import GRID
+from puckbench.io.recordings.pcap import refuse_stream
 from puckbench.jobs.prepare import Box, Prepare
 from puckbench.jobs.prepare_returns import PrepareReturns, is_recording
 from puckbench.lidar.recordings.data_packets import LEFT_OUT
@@ -157,8 +158,7 @@ def _has_clouds(options: argparse.Namespace) -> bool:
 
 
 def _cloud_of_bag(options: argparse.Namespace) -> dict[str, Any]:
-    if options.stream:
-        raise InputError(f"stream '{options.stream}': only packet captures have streams")
+    refuse_stream(options.stream)
     first, last = turns(options.turns) or (0, 0)
     if first != last:
         raise InputError(f"--turns: one cloud of a ROS bag is written, not {options.turns}")

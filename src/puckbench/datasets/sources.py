@@ -115,6 +115,19 @@ def _furniture_credits(folder: Path) -> str:
     return head + "\n".join(lines) + "\n"
 
 
+def _published(name: str, credits_of: Callable[[Path], str]) -> PackageSource:
+    return PackageSource(
+        package=name,
+        download=partial(published_files.download, name=name),
+        unpack=tarfile.open,
+        wanted=re.compile(r"[\w.-]+"),
+        hashes=None,
+        pinned=True,
+        credits=credits_of,
+        by_default=False,
+    )
+
+
 SOURCES = {
     "captured_rooms": PackageSource(
         package="@iwer/sem@2.4.0",
@@ -143,34 +156,7 @@ SOURCES = {
         pinned=False,
         credits=_furniture_credits,
     ),
-    "pcgc_weights": PackageSource(
-        package="pcgc_weights",
-        download=published_files.download,
-        unpack=tarfile.open,
-        wanted=re.compile(r"[\w.-]+"),
-        hashes=None,
-        pinned=True,
-        credits=published_files.credits_of,
-        by_default=False,
-    ),
-    "reno_weights": PackageSource(
-        package="reno_weights",
-        download=partial(published_files.download, name=published_files.RENO),
-        unpack=tarfile.open,
-        wanted=re.compile(r"[\w.-]+"),
-        hashes=None,
-        pinned=True,
-        credits=published_files.credits_of_reno,
-        by_default=False,
-    ),
-    "ouster_recordings": PackageSource(
-        package="ouster_recordings",
-        download=partial(published_files.download, name=published_files.OUSTER),
-        unpack=tarfile.open,
-        wanted=re.compile(r"[\w.-]+"),
-        hashes=None,
-        pinned=True,
-        credits=published_files.credits_of_ouster,
-        by_default=False,
-    ),
+    published_files.PCGC: _published(published_files.PCGC, published_files.credits_of),
+    published_files.RENO: _published(published_files.RENO, published_files.credits_of_reno),
+    published_files.OUSTER: _published(published_files.OUSTER, published_files.credits_of_ouster),
 }

@@ -32,6 +32,11 @@ class Match(NamedTuple):
     unused: int
     reach: float
 
+    @property
+    def unmatched(self) -> int:
+        """Number of decoded points without an original one."""
+        return int(np.count_nonzero(self.rows < 0))
+
 
 def match_points(original: Floats, decoded: Floats, reach: float | None = None) -> Match:
     """Find the original point of each decoded point.

@@ -99,14 +99,14 @@ class Decode(Decoding):
             fault += ", unless from a prepared cloud (--like it too)"
         _check_place(decoded, original[1], fault)
         match = match_points(original[1].xyz, decoded.xyz, self._reach(coded))
-        if (share := (match.rows < 0).mean()) > _MOST_UNLIKE:
+        if (share := match.unmatched / len(decoded)) > _MOST_UNLIKE:
             off = f"{share:.0%} of the decoded points lie more than {match.reach:.3g} m"
             raise InputError(f"{fault}: {off} off its points")
         if cloud.suffix.lower() in LAS:
             rewrite_las(cloud, original[0], decoded.xyz, match.rows)
         else:
             write_cloud(cloud, _with_attributes(decoded, original[1], match.rows))
-        lost = {"attributes_lost": match.unused, "attributes_0": int((match.rows < 0).sum())}
+        lost = {"attributes_lost": match.unused, "attributes_0": match.unmatched}
         if any(lost.values()):
             _log.warning("%s: %s", cloud, _loss(match, len(original[1])))
         return {**result.record, "attributes_by": match.by, **lost}
@@ -170,9 +170,9 @@ def _loss(match: Match, points: int) -> str:
         lost.append(
             f"{match.unused:,} of {points:,} points lost their attributes (merged or moved)"
         )
-    if unlike := int((match.rows < 0).sum()):
+    if match.unmatched:
         where = f"no original point within {match.reach:.3g} m"
-        lost.append(f"{unlike:,} decoded points have {where}: their attributes are 0")
+        lost.append(f"{match.unmatched:,} decoded points have {where}: their attributes are 0")
     return "; ".join(lost)
 
 

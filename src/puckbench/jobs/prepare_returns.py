@@ -17,7 +17,9 @@ from puckbench.io import meshes
 from puckbench.io.clouds import SUFFIXES, write_cloud
 from puckbench.io.parquet_files import parquet_metadata
 from puckbench.io.recordings.captured_packets import is_packet_capture
+from puckbench.io.recordings.pcap import refuse_stream
 from puckbench.io.recordings.ros_bags import bag_format
+from puckbench.io.recordings.topics import refuse_topic
 from puckbench.jobs.prepare import names_and_groups
 from puckbench.jobs.registry import JOBS, Job
 from puckbench.lidar.returns import Returns, read_firings, write_firings
@@ -129,10 +131,9 @@ def is_recording(path: Path) -> bool:
 
 
 def _check_selection(path: Path, stream: str | None, topic: str | None) -> None:
-    if stream is not None and not is_recording(path):
-        raise InputError(f"stream '{stream}': only packet captures have streams")
-    if topic is not None and not is_recording(path):
-        raise InputError(f"topic '{topic}': only ROS bags have topics")
+    if not is_recording(path):
+        refuse_stream(stream)
+        refuse_topic(topic)
 
 
 def read_selected_turns(

@@ -111,7 +111,7 @@ def check_turn(turn: Turn, layout: Layout) -> None:
             raise InputError(f"{name} of a turn are {actual}, not {kind} {expected}")
     if not 0 < blocks <= layout.max_blocks:
         raise InputError(f"a turn of {blocks} blocks (1 to {layout.max_blocks})")
-    if turn.ranges.max(initial=0) > MAX_RANGE:
+    if has_wide_ranges(turn) and turn.ranges.max(initial=0) > MAX_RANGE:
         raise InputError(f"ranges of a turn exceed {MAX_RANGE} quanta")
 
 

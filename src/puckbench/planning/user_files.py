@@ -25,7 +25,6 @@ from puckbench.geometry.scaling import METRIC
 from puckbench.io import clouds, meshes
 from puckbench.io.clouds import IN_METRES
 from puckbench.io.ply import has_faces
-from puckbench.lidar.recordings.cloud_messages import has_clouds
 from puckbench.planning.config import checked, trusted
 from puckbench.planning.plan import Plan
 from puckbench.planning.report_contents import spread_out
@@ -167,6 +166,8 @@ class UserRun:
         if not (path.is_dir() or path.suffix.lower() in recordings.BAG_SUFFIXES):
             return _kind(path)
         if path not in self._bags:
+            from puckbench.lidar.recordings.cloud_messages import has_clouds
+
             try:
                 self._bags[path] = has_clouds(path, self.options.get("topic"))
             except InputError:  # the loader reports it

@@ -62,7 +62,7 @@ _WIDE = 64
 """Flag: ranges have 32 bits."""
 _CLOCK = 1 << 32
 _FARTHEST_COLUMN = 180
-"""A column of the previous turn is a context up to this fraction of a revolution away."""
+"""A column of the previous turn is a context up to 1 / 180 of a revolution away."""
 _FIRST_ERROR = 48
 _DECISIONS, _WIDE_DECISIONS = 48, 80
 """Decisions for a range of 16 or 32 bits, at most about as many."""

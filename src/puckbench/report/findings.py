@@ -72,7 +72,7 @@ class FindingsColumn:
 
 @dataclass(frozen=True)
 class DatasetFindings:
-    """Statements on a data set's best codecs, by group, and all values."""
+    """The best codecs of a data set in words, by group of columns, and the values of all codecs."""
 
     title: str
     clouds: int

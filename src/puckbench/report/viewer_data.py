@@ -201,8 +201,9 @@ def example_payload(
 
 
 def error_range(decoded: Sequence[ViewerCloud]) -> tuple[float, float]:
-    """Return the limits of a codec's colour scale, without outliers, at most three powers of
-    ten.
+    """Return the limits of a codec's colour scale, which leave out outliers.
+
+    They span three powers of ten at most.
     """
     error_arrays = [shown.errors for shown in decoded if shown.errors is not None]
     errors = np.concatenate([np.empty(0), *error_arrays])

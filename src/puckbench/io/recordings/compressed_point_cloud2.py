@@ -26,7 +26,7 @@ DEFINITION = (
 )
 """The message in ROS's notation."""
 _MAX_RATIO = 2000
-"""Largest compression ratio that is believed; deflate reaches 1032."""
+"""Largest plausible compression ratio; deflate reaches 1032."""
 _MAX_NAME_LENGTH = 20
 _HEADER = Struct("<5s4BHI")
 """Magic, version, kind, method, flags and number of points of a Draco stream."""

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from ipaddress import ip_address
+from itertools import accumulate
 from struct import unpack_from
 from typing import NamedTuple
 
@@ -37,6 +38,12 @@ class Stream(NamedTuple):
 
     def __str__(self) -> str:
         return f"{self.sender}:{self.sender_port} to {self.receiver}:{self.receiver_port}"
+
+
+def refuse_stream(name: str | None) -> None:
+    """Raise InputError if a stream is named for what is no packet capture."""
+    if name is not None:
+        raise InputError(f"stream '{name}': only packet captures have streams")
 
 
 class Datagram(NamedTuple):
@@ -88,8 +95,8 @@ def read_datagrams(data: bytes) -> Capture:
     for packet in packets:
         content = data[packet.start : packet.end]
         ip_packet = _ip_packet(content, packet.link)
-        if ip_packet is not None and ip_packet.fragment is not None:
-            content = fragments.joined(content, ip_packet)
+        if ip_packet is not None and (fragment := ip_packet.fragment) is not None:
+            content = fragments.joined(content, ip_packet, fragment)
             ip_packet = ip_packet._replace(fragment=None, payload=0)
             if not content:
                 continue
@@ -150,12 +157,11 @@ class _Parts:
         """Return the payload of the packet; empty if fragments are missing or overlap."""
         if self.size != self.whole:
             return b""
-        at = 0
-        for offset in sorted(self.parts):
-            if offset != at:
-                return b""
-            at += len(self.parts[offset])
-        return b"".join(self.parts[offset] for offset in sorted(self.parts))
+        parts = sorted(self.parts.items())
+        starts = accumulate((len(data) for _, data in parts), initial=0)
+        if any(offset != start for (offset, _), start in zip(parts, starts, strict=False)):
+            return b""
+        return b"".join(data for _, data in parts)
 
 
 class _Fragments:
@@ -169,13 +175,11 @@ class _Fragments:
         """Number of fragments of incomplete packets."""
         return sum(packet.count for packet in self._packets.values())
 
-    def joined(self, frame: bytes, packet: _IpPacket) -> bytes:
+    def joined(self, frame: bytes, packet: _IpPacket, fragment: _Fragment) -> bytes:
         """Add a fragment, and return the payload of its packet if it is complete, else nothing."""
-        if packet.fragment is None:
-            return b""
-        key = (packet.addresses, packet.protocol, packet.fragment.identification)
+        key = (packet.addresses, packet.protocol, fragment.identification)
         parts = self._packets.setdefault(key, _Parts())
-        parts.add(packet.fragment, frame[packet.payload : packet.fragment.end])
+        parts.add(fragment, frame[packet.payload : fragment.end])
         content = parts.joined()
         if content:
             del self._packets[key]

@@ -31,6 +31,12 @@ class BagFile(NamedTuple):
     read: Callable[[str, Sequence[int] | None], Iterator[bytes]]
 
 
+def refuse_topic(name: str | None) -> None:
+    """Raise InputError if a topic is named for what is no ROS bag."""
+    if name is not None:
+        raise InputError(f"topic '{name}': only ROS bags have topics")
+
+
 def choose_topic(topics: Topics, kinds: Sequence[str], name: str | None = None) -> str:
     """Return the topic `name`, or else the only one of the first type in `kinds` that occurs.
 

@@ -38,7 +38,7 @@ _UNITS: dict[str, TimeUnit] = {"t": "ns", "offset_time": "ns"}
 def read_message_returns(
     path: Path, topic: str | None, sensor: Sensor | None, time_unit: TimeUnit | None = None
 ) -> RecordedReturns:
-    """Read a topic of clouds as a table of returns; the turn is the message's number.
+    """Read a topic of clouds as a table of returns; a turn has the number of its message.
 
     Coordinates are those of ROS: x forward, y left, z up. Times are relative to the stamps of the
     messages, or since 1970 (see `puckbench.lidar.recordings.decoded_clouds` for the columns).

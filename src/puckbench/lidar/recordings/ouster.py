@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -25,7 +26,9 @@ _FIRST_RADIAL_MM = 12.163
 """Distance of the beams' origin from the axis in the first OS-1, whose metadata lacks it."""
 _COLUMNS = (512, 1024, 2048, 4096)
 _MOST_DEG = 90.0
-_COLUMNS_PER_PACKET = range(1, 129)
+_LASERS = (16, 32, 64, 128)
+_COLUMNS_PER_PACKET, _USUAL_COLUMNS = range(1, 129), 16
+"""Columns of a packet that are allowed, and those of most packets."""
 _HALF_TURN = (-1.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 """First numbers of the transform from the lidar's frame to the sensor's; the height follows."""
 
@@ -81,6 +84,27 @@ _PROFILES = {
 """Profiles of lidar packets by their name in the metadata (``udp_profile_lidar``)."""
 
 
+def _packet(
+    profile: str, lasers: int, columns: int = _USUAL_COLUMNS, is_fusa: bool = False
+) -> np.dtype[Any]:
+    """Return the structure of a packet; bytes that are not decoded belong to no field."""
+    pixels = ("pixels", "<u4", (lasers, _PROFILES[profile].words))
+    if profile == _LEGACY:
+        head = [("time", "<u8"), ("column", "<u2"), ("frame", "<u2"), ("encoder", "<u4")]
+        column = np.dtype([*head, pixels, ("status", "<u4")])
+        return np.dtype([("columns", column, (columns,))])
+    column = np.dtype([("time", "<u8"), ("column", "<u2"), ("status", "<u2"), pixels])
+    at, kind, serial = (4, "<u4", 11) if is_fusa else (2, "<u2", 7)
+    return np.dtype(
+        {
+            "names": ["frame", "serial", "columns"],
+            "formats": [kind, (np.uint8, (5,)), (column, (columns,))],
+            "offsets": [at, serial, 32],
+            "itemsize": 64 + columns * column.itemsize,
+        }
+    )
+
+
 @dataclass(frozen=True)
 class OusterSensor:
     """An Ouster sensor and the format of its packets.
@@ -106,22 +130,7 @@ class OusterSensor:
 
     @cached_property
     def packet(self) -> np.dtype[Any]:
-        """Structure of a packet; bytes that are not decoded belong to no field."""
-        pixels = ("pixels", "<u4", (self.lasers, _PROFILES[self.profile].words))
-        if self.profile == _LEGACY:
-            head = [("time", "<u8"), ("column", "<u2"), ("frame", "<u2"), ("encoder", "<u4")]
-            column = np.dtype([*head, pixels, ("status", "<u4")])
-            return np.dtype([("columns", column, (self.columns_per_packet,))])
-        column = np.dtype([("time", "<u8"), ("column", "<u2"), ("status", "<u2"), pixels])
-        at, kind, serial = (4, "<u4", 11) if self.is_fusa else (2, "<u2", 7)
-        return np.dtype(
-            {
-                "names": ["frame", "serial", "columns"],
-                "formats": [kind, (np.uint8, (5,)), (column, (self.columns_per_packet,))],
-                "offsets": [at, serial, 32],
-                "itemsize": 64 + self.columns_per_packet * column.itemsize,
-            }
-        )
+        return _packet(self.profile, self.lasers, self.columns_per_packet, self.is_fusa)
 
     @property
     def beams(self) -> Beams:
@@ -187,7 +196,7 @@ def _sensor(document: Mapping[str, Any]) -> OusterSensor:
         is_fusa="FUSA" in (profile.partition("_")[0], packets.get("header_type")),
         columns=columns,
         whole=(int(last) - int(first)) % columns + 1,
-        columns_per_packet=int(packets.get("columns_per_packet", 16)),
+        columns_per_packet=int(packets.get("columns_per_packet", _USUAL_COLUMNS)),
         elevations_deg=elevations,
         azimuths_deg=_floats(values["beam_azimuth_angles"]),
         radial_mm=float(radial),
@@ -215,13 +224,7 @@ def _floats(values: Sequence[Any]) -> tuple[float, ...]:
 
 def is_size_of_packets(size: int) -> bool:
     """Whether lidar packets of 16 columns have this size in bytes in a known format."""
-    return any(
-        size == 16 * (20 + 4 * lasers * profile.words)
-        if name == _LEGACY
-        else size == 64 + 16 * (12 + 4 * lasers * profile.words)
-        for name, profile in _PROFILES.items()
-        for lasers in (16, 32, 64, 128)
-    )
+    return any(size == _packet(*each).itemsize for each in product(_PROFILES, _LASERS))
 
 
 def serial_of(sensor: OusterSensor, payload: bytes) -> int | None:

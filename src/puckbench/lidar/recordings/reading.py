@@ -10,8 +10,9 @@ from typing import NamedTuple
 from puckbench.core.errors import InputError, naming
 from puckbench.core.files import read_bytes
 from puckbench.io.recordings.captured_packets import is_packet_capture
-from puckbench.io.recordings.pcap import read_datagrams
+from puckbench.io.recordings.pcap import read_datagrams, refuse_stream
 from puckbench.io.recordings.ros_bags import is_bag, read_messages
+from puckbench.io.recordings.topics import refuse_topic
 from puckbench.lidar.recordings.cloud_messages import has_clouds
 from puckbench.lidar.recordings.data_packets import (
     LEFT_OUT,
@@ -70,13 +71,13 @@ def read_recording(
     source = source or path
     try:
         is_cloud, is_table = path.suffix.lower() in SUFFIXES, path.suffix.lower() == ".parquet"
-        if stream is not None and (is_cloud or is_table):
-            raise InputError(f"stream '{stream}': only packet captures have streams")
+        if is_cloud or is_table:
+            refuse_stream(stream)
         is_bag_of_clouds = not (is_cloud or is_table) and has_clouds(path, topic)
         if time_unit is not None and not (is_cloud or is_bag_of_clouds):
             raise InputError(f"time unit {time_unit}: only times of clouds have units")
-        if topic is not None and (is_cloud or is_table):
-            raise InputError(_no_topics(topic))
+        if is_cloud or is_table:
+            refuse_topic(topic)
         if is_table:
             table = _between(read_returns(path), start_s, end_s)
         elif is_cloud:
@@ -145,14 +146,9 @@ def _packets_of_file(path: Path, stream: str | None, topic: str | None, source: 
     data = read_bytes(path)
     if not is_packet_capture(data):
         raise InputError(_unknown_format(data))
-    if topic is not None:
-        raise InputError(_no_topics(topic))
+    refuse_topic(topic)
     capture = read_datagrams(data)
     return ouster_packets(capture, source, stream) or packets_of_capture(capture, stream)
-
-
-def _no_topics(topic: str) -> str:
-    return f"topic '{topic}': only ROS bags have topics"
 
 
 def _unknown_format(data: bytes) -> str:
@@ -162,8 +158,7 @@ def _unknown_format(data: bytes) -> str:
 
 
 def _packets_of_bag(path: Path, stream: str | None, topic: str | None) -> PacketLog:
-    if stream is not None:
-        raise InputError(f"stream '{stream}': only packet captures have streams")
+    refuse_stream(stream)
     bag = read_messages(path, [SCAN], MESSAGES, topic)
     packets = [packet for message in bag.messages for packet in message.packets]
     if not packets:

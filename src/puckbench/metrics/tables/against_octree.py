@@ -83,14 +83,12 @@ def _bits(curve: pd.DataFrame) -> list[float]:
 
 
 def bits_without_loss(curve: pd.DataFrame, grid_mm: float) -> float:
-    """Return the fewest bits of a rate that keeps all points within a grid's rounding error, or
-    nan.
-    """
+    """Return the lowest bitrate with all points and at most a grid's rounding error, or nan."""
     complete = curve[curve["points_out"] == curve["points_in"]]
     return bits_on_grid(complete["bpp"], complete["error_mm"], grid_mm)
 
 
 def bits_on_grid(bits: pd.Series[float], error_mm: pd.Series[float], grid_mm: float) -> float:
-    """Return the fewest bits of a rate with at most the rounding error of a grid, or nan."""
+    """Return the lowest bitrate with at most the rounding error of a grid, or nan."""
     enough = bits[error_mm <= rounding_mm(grid_mm)]
     return float(enough.min()) if len(enough) else float("nan")
