@@ -31,7 +31,7 @@ class PuckSmoothed(Puck):
     title = "Puck, smoothed"
     use = "scans of spinning sensors, nearer to the surface than they were"
     colour = "#8F7AE5"
-    marker = "X"
+    marker = "p"
     line = "--"
     rank = 6
     metric_rates = lengths(200, 100, 50, 20, 10, 4, 2)

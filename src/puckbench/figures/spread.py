@@ -42,7 +42,7 @@ def draw_spread(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
 
     Zeros (lossless) are not drawn. The thesis shows medians only.
     """
-    require_rows(metrics, ("dataset", "codec", "rate", _METRIC.column), "metrics")
+    require_rows(metrics, ("dataset", "cloud", "codec", "rate", _METRIC.column), "metrics")
     require_numbers(metrics, (_METRIC.column,), "metrics")
     datasets = style.ordered_datasets(metrics["dataset"])
     codecs = style.ordered_codecs(metrics["codec"])

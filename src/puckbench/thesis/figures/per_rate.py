@@ -49,7 +49,7 @@ def draw_medians_per_rate(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
     rates. Unlike in the thesis, times exclude the start of a process.
     """
     columns = tuple(quantity.column for quantity in _ROWS)
-    require_rows(metrics, ("dataset", "codec", "rate", *columns), "metrics")
+    require_rows(metrics, ("dataset", "cloud", "codec", "rate", *columns), "metrics")
     require_numbers(metrics, columns, "metrics")
     datasets = style.ordered_datasets(metrics["dataset"])
     abreast = len(datasets)
