@@ -216,6 +216,7 @@ def gpcc_scales_table() -> pd.DataFrame:
                         "role": "gpcc" if codec == "gpcc" else "gpcc_as_run",
                         "scale": scale,
                         "dyadic": eighths in (1, 2, 4, 8),
+                        "clouds": 3,
                         "bpp": 2 * bits * scale,
                         "cd_point": 0.25 * error / scale**2,
                         **ratios,
