@@ -18,8 +18,8 @@ from puckbench.thesis.claims.evidence import Evidence
 from puckbench.thesis.claims.verdicts import (
     FAILS,
     HOLDS,
-    OF_SIMULATOR,
     IN_PART,
+    OF_SIMULATOR,
     Part,
     needs_text,
     results_text,
