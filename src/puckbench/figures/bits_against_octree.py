@@ -69,14 +69,18 @@ def draw_bits_against_octree(
     compared = compared_datasets(rows_mm, clouds)
     datasets = [name for name in style.ordered_datasets(rows_mm["dataset"]) if name in compared]
     curves = {name: _curves(rows_mm[rows_mm["dataset"] == name], style) for name in datasets}
-    if not any(curves.values()):
+    if not curves:
         raise InputError(f"metrics table: no data set is coded by {OCTREE} and by another codec")
+    # Data sets without a common error get no panel, unless there is no other.
+    curves = {name: lines for name, lines in curves.items() if lines} or curves
     limits = _limits([quartiles for lines in curves.values() for quartiles in lines.values()])
-    abreast = panels_abreast(len(datasets))
-    figure, panels = panel_grid(len(datasets), abreast, _PANEL_IN, style)
+    abreast = panels_abreast(len(curves))
+    figure, panels = panel_grid(len(curves), abreast, _PANEL_IN, style)
     for axes, (dataset, lines) in zip(panels, curves.items(), strict=True):
         _set_axes(axes, limits)
         axes.axhline(100, color=style.of_codec(OCTREE).colour, zorder=2, linewidth=1)
+        if not lines:
+            axes.text(0.5, 0.5, "no equal errors", transform=axes.transAxes, ha="center")
         for codec, quartiles in lines.items():
             _draw(axes, quartiles, style.of_codec(codec))
         own = rows_mm[rows_mm["dataset"] == dataset]
