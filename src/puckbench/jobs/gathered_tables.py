@@ -59,7 +59,7 @@ class PlanTable(Job):
 
 
 def _write(table: pd.DataFrame, columns: Path | None, *files: Path) -> dict[str, int]:
-    from puckbench.jobs.tables.files import write_result
+    from puckbench.jobs.table_files import write_result
 
     write_result(table, columns, *files)
     return {"rows": len(table)}

@@ -35,7 +35,7 @@ class Table(Job):
         of its columns.
         """
         from puckbench.io.tables import read_table
-        from puckbench.jobs.tables.files import write_result
+        from puckbench.jobs.table_files import write_result
 
         entry = table_entry(self.table)
         if missing := [needed for needed in entry.inputs if needed not in inputs]:
