@@ -4,9 +4,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from puckbench.core.files import write_bytes
-from puckbench.io.tables import write_table
-from puckbench.report.column_dictionary import column_dictionary
-from puckbench.report.latex import latex_table
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -14,6 +11,10 @@ if TYPE_CHECKING:
 
 def write_result(table: pd.DataFrame, columns: Path | None, *paths: Path) -> None:
     """Write a table (.csv, .parquet, .tex) and, to `columns`, the dictionary of its columns."""
+    from puckbench.io.tables import write_table
+    from puckbench.report.column_dictionary import column_dictionary
+    from puckbench.report.latex import latex_table
+
     write_table(table, *(path for path in paths if path.suffix != ".tex"))
     for path in paths:
         if path.suffix == ".tex":
