@@ -106,7 +106,7 @@ def draw_ranges(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
 )
 def draw_images(example_spin: PointCloud, style: FigureStyle) -> Figure:
     """One sweep as range images: elevations of the lasers, and azimuths in the order of firing.
-    Top: measured ranges (m); middle: decoded from `puck` at 100 mm; bottom: error (mm). White: no
+    Top: measured ranges (m); middle: decoded from ``puck`` at 100 mm; bottom: error (mm). White: no
     return.
     """
     from puckbench.codecs.registry import open_codec

@@ -78,7 +78,7 @@ def draw_truth_hausdorff(
     metrics: pd.DataFrame, scan_errors: pd.DataFrame, style: FigureStyle
 ) -> Figure:
     """Squared Hausdorff distance (point to plane, squared grid units) against bits per point: to
-    the coded scan, and to the true surface. Otherwise as `truth_rd`. Not in the thesis.
+    the coded scan, and to the true surface. Otherwise as ``truth_rd``. Not in the thesis.
     """
     return draw_references(metrics, scan_errors, HD_PLANE, style)
 
