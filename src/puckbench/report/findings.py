@@ -289,5 +289,5 @@ def _seconds(value: float, unranked: bool) -> Cell:
     if isnan(value):
         return Cell()
     text = f"{value:.2g}\N{NO-BREAK SPACE}s"
-    note = "not ranked: timed beside other jobs, or too few times" if unranked else ""
+    note = "not ranked" if unranked else ""
     return Cell(text, note, None if unranked else value)
