@@ -31,7 +31,7 @@ from tests.support.structured_streams import structured
 
 
 def _surface(**changed: Any) -> SurfaceHeader:
-    header = SurfaceHeader(np.zeros(3), 1.0, (256, 256, 256), 8, 6, 2, 16, 1, 1, 64)
+    header = SurfaceHeader(np.zeros(3), 1.0, (256, 256, 256), 8, 6, 2, 16, 2048, 64)
     return header._replace(**changed)
 
 
@@ -56,8 +56,7 @@ def test_a_leaf_of_thousands_of_columns_is_refused(depth: int, bits: bytes) -> N
         ({"shape": (256, 1, 1)}, {"shape": (257, 1, 1)}),
         ({"shape": (1, 1, 1)}, {"shape": (1, 0, 1)}),
         ({"leaf_capacity": 1 << 20}, {"leaf_capacity": (1 << 20) + 1}),
-        ({"points_across": 16}, {"points_across": 17}),
-        ({"column_spacing": 64}, {"column_spacing": 65}),
+        ({"point_spacing": 128}, {"point_spacing": 127}),
         ({"plane_step": 1}, {"plane_step": 0}),
         ({"shape": (1 << 13, 1 << 13, 1), "depth": 13, "coarsest_leaf_level": 5},
          {"shape": (1 << 13, (1 << 13) + 1, 1), "depth": 14, "coarsest_leaf_level": 6}),

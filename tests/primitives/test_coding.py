@@ -164,7 +164,7 @@ def test_optimised_occupancy_maps_lose_lone_columns_and_close_holes() -> None:
     assert np.array_equal(bits, expected)
 
 
-HEADER = SurfaceHeader(np.array([1.0, -2.0, 0.5]), 0.25, (30, 20, 10), 5, 4, 1, 16, 1, 1, 100)
+HEADER = SurfaceHeader(np.array([1.0, -2.0, 0.5]), 0.25, (30, 20, 10), 5, 4, 1, 16, 2048, 100)
 
 
 PLACE = VoxelGrid(np.array([1.0, -2.0, 0.5]), 0.25)
@@ -206,7 +206,7 @@ def test_displacement_tables_of_unknown_block_sizes_are_refused(block: int) -> N
 def test_streams_of_another_version_are_refused() -> None:
     stream = bytearray(pack_voxels(PLACE, None, b""))
     stream[4] = 1
-    with pytest.raises(InputError, match="version 1, this codec reads 3 and 4"):
+    with pytest.raises(InputError, match="version 1, this codec reads 5 and 6"):
         unpack(bytes(stream))
 
 
@@ -218,8 +218,7 @@ def test_streams_of_another_version_are_refused() -> None:
         {"depth": 4},
         {"finest_leaf_level": 6},
         {"coarsest_leaf_level": 5},
-        {"points_across": 200},
-        {"column_spacing": 0},
+        {"point_spacing": 0},
         {"leaf_capacity": 1 << 30},
         {"cell_size": 0.0},
         {"origin": np.array([np.inf, 0.0, 0.0])},

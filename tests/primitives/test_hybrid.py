@@ -14,7 +14,7 @@ from puckbench.codecs.registry import open_codec
 from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats
 from puckbench.primitives import hybrid_mode, mode_decision, voxel_mode
-from puckbench.primitives.decoder import decode, decode_surface
+from puckbench.primitives.decoder import decode
 from puckbench.primitives.distortion import Distortion, NearestOffsets
 from puckbench.primitives.mode_decision import _refined_budget
 from puckbench.primitives.preparation import prepare
@@ -27,7 +27,7 @@ from puckbench.primitives.stream import (
     pack_voxels,
     unpack,
 )
-from puckbench.primitives.surface_mode import SurfaceMode, encode_surface
+from puckbench.primitives.surface_mode import CodedSurface, SurfaceMode, encode_surface
 
 NO_FACTORS = np.zeros(CLASSES, np.int8)
 _NOTHING = NearestOffsets(np.zeros((1, 3)), np.zeros((1, 3)))
@@ -46,12 +46,11 @@ def _floor(noise: float = 0.0) -> np.ndarray:
 
 
 @cache
-def _surface(noise: float = 0.0) -> hybrid_mode.SurfacePart:
+def _surface(noise: float = 0.0) -> CodedSurface:
     cloud = prepare(_floor(noise), PrimitiveSettings(min_leaf_size=32, column_size=8, lmbda=30))
     coded = encode_surface(cloud, SurfaceMode())
     assert coded is not None
-    decoded = decode_surface(coded.stream)
-    return hybrid_mode.SurfacePart(coded.stream, decoded.xyz, decoded.normals)
+    return coded
 
 
 @cache
@@ -80,7 +79,7 @@ def test_a_hybrid_comes_back() -> None:
 
 def test_streams_of_one_kind_keep_their_version() -> None:
     versions = [stream[4] for stream in (_surface().stream, _voxels(_hybrid()), _hybrid())]
-    assert versions == [3, 3, 4]
+    assert versions == [5, 5, 6]
 
 
 def _voxels(stream: bytes) -> bytes:
@@ -95,7 +94,7 @@ def test_voxels_move_onto_the_surface_of_a_clean_scan() -> None:
     assert np.mean(heights[0] ** 2) < 0.1 * np.mean(heights[1] ** 2)
 
 
-def _parts(surface: hybrid_mode.SurfacePart, voxels: bytes) -> tuple[np.ndarray, np.ndarray]:
+def _parts(surface: CodedSurface, voxels: bytes) -> tuple[np.ndarray, np.ndarray]:
     """Points of the voxels of `_hybrid` beside its surface, and of the same voxels alone."""
     header, _ = unpack(_hybrid())
     assert isinstance(header, HybridHeader)

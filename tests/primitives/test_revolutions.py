@@ -32,7 +32,13 @@ from puckbench.primitives.revolution import (
 from puckbench.primitives.revolution_occupancy import RevolutionCosts, fit_revolutions
 from puckbench.primitives.settings import PrimitiveSettings
 from puckbench.primitives.shape_detection import detect_revolutions
-from puckbench.primitives.stream import REVOLUTION_BYTES, SurfaceHeader, pack_surface, unpack
+from puckbench.primitives.stream import (
+    REVOLUTION_BYTES,
+    SPACING_UNIT,
+    SurfaceHeader,
+    pack_surface,
+    unpack,
+)
 from puckbench.primitives.surface_mode import SurfaceMode, encode_surface, revolution_candidates
 
 AXIS = np.array([0.36, 0.48, 0.8])
@@ -60,7 +66,7 @@ def test_places_on_a_surface_have_their_coordinates(surface: RevolutionSurface) 
 
 def test_points_of_a_cylinder_are_at_its_radius() -> None:
     bits = np.ones(CYLINDER.column_count(), np.uint8)
-    xyz, _ = reconstruct_columns(UnrolledMap(CYLINDER, bits), 2, 1)
+    xyz, _ = reconstruct_columns(UnrolledMap(CYLINDER, bits), SPACING_UNIT // 2)
     vector = xyz - CYLINDER.origin
     assert np.allclose(np.linalg.norm(np.cross(vector, AXIS), axis=1), 12.0)
     assert np.ptp(vector @ AXIS) == pytest.approx(39.5)

@@ -103,11 +103,11 @@ def _surface_or_voxels(random: Random) -> bytes:
     sides = [max(1, min(65535, side + int(random.integers(-1, 2)))) for side in (x, y, z)]
     random.shuffle(sides)
     capacity = limit(random, 23) if random.random() < 0.5 else 1 << 20
-    density = (int(random.choice([1, 2, 16, 17, 0])), int(random.choice([1, 1, 16, 64, 65])))
+    spacing = int(random.choice([0, 127, 128, 1000, 2048, 65535]))
     revolutions = _revolution(random) * int(random.choice([0, 0, 1, 2, 255]))
     header = SurfaceHeader(
         place.origin, place.cell_size, (sides[0], sides[1], sides[2]),
-        depth, finest, min(coarsest, 255), max(limit(random, 8), 1), *density, capacity,
+        depth, finest, min(coarsest, 255), max(limit(random, 8), 1), spacing, capacity,
         (0, 0, 0) if random.random() < 0.5 else (limit(random, 15), 1, -1), revolutions,
     )  # fmt: skip
     return pack_surface(header, data(random))

@@ -71,7 +71,7 @@ class Primitives(Codec):
     options: PrimitivesOptions
     magic = b"PBPR"
     surfaces = True
-    version = "8"
+    version = "9"
 
     def load(self) -> None:
         """Compile all loops by coding points on a floor and a column."""

@@ -27,6 +27,7 @@ from puckbench.primitives.revolution import (
     MIXERS,
     UnrolledMap,
     code_unrolled_map,
+    count_column_points,
     reconstruct_columns,
     unpack_parameters,
 )
@@ -144,8 +145,7 @@ def reconstruct_surface(patches: Patches) -> DecodedSurface:
 def reconstruct_planes(patches: Patches) -> tuple[Floats, Ints]:
     """Return points (m, 3) on all planes, in the cloud's coordinates, and their leaves (m,)."""
     header = patches.header
-    density = (header.points_across, header.column_spacing)
-    arguments = (patches.geometry, patches.leaves, patches.occupancy, *density)
+    arguments = (patches.geometry, patches.leaves, patches.occupancy, header.point_spacing)
     count = count_points(*arguments)
     if count > MAX_POINTS:
         raise InputError(f"the stream is damaged ({count} points)")
@@ -156,16 +156,19 @@ def reconstruct_planes(patches: Patches) -> tuple[Floats, Ints]:
 
 def reconstruct_revolutions(patches: Patches) -> list[DecodedSurface]:
     header, plane_count = patches.header, int(patches.leaves.counts[1])
-    columns = sum(int(unrolled.bits.sum()) for unrolled in patches.revolutions)
-    if columns * header.points_across**2 > MAX_REVOLUTION_POINTS:
-        raise InputError(f"the stream is damaged ({columns} columns of surfaces of revolution)")
-    density = (header.points_across, header.column_spacing)
+    count = count_revolution_points(patches, header.point_spacing)
+    if count > MAX_REVOLUTION_POINTS:
+        raise InputError(f"the stream is damaged ({count} points on surfaces of revolution)")
     parts = []
     for index, unrolled in enumerate(patches.revolutions, start=plane_count):
-        xyz, normals = reconstruct_columns(unrolled, *density)
+        xyz, normals = reconstruct_columns(unrolled, header.point_spacing)
         indices = np.full(len(xyz), index)
         parts.append(DecodedSurface(header.in_cloud(xyz), header.rotate_back(normals), indices))
     return parts
+
+
+def count_revolution_points(patches: Patches, spacing: int) -> int:
+    return sum(count_column_points(unrolled, spacing) for unrolled in patches.revolutions)
 
 
 def count_columns(leaves: Leaves) -> int:

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from itertools import chain, pairwise
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -36,6 +36,9 @@ from puckbench.primitives.stream import (
 )
 from puckbench.primitives.voxel_mode import CodedVoxels, VoxelSearch
 
+if TYPE_CHECKING:
+    from puckbench.primitives.surface_mode import CodedSurface
+
 _DISTANCE_BOUNDS = np.array([0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875, 1.0, 1.25, 1.5, 2.0])
 """Bounds in voxels of the classes of distances along the normal."""
 _MAX_TANGENTIAL_DISTANCE = 1.0
@@ -43,19 +46,11 @@ _MAX_TANGENTIAL_DISTANCE = 1.0
 class."""
 _KEEP_DISTANCES = (0, 6, 7, 8)
 """Candidate keep distances in 1/16 voxels (see `HybridHeader`)."""
-_MAX_POINT_RATIO = 1.25
-"""Largest number of decoded points per input point."""
 _MIN_VOXEL_SHARE = 0.1
 """Fraction of the budget below which voxels are not worth their header."""
 
 _MAX_SEARCH_STEPS = 1 << 28
 """Largest number of points and boxes that a decoder compares with voxels, in a second or two."""
-
-
-class SurfacePart(NamedTuple):
-    stream: bytes
-    xyz: Floats  # (m, 3) decoded points
-    normals: Floats  # (m, 3) unit normals
 
 
 class HybridCriterion(NamedTuple):
@@ -93,7 +88,7 @@ def decode(header: HybridHeader, xyz: Floats, normals: Floats) -> Floats:
 
 def encode(
     search: VoxelSearch,
-    surface: SurfacePart,
+    surface: CodedSurface,
     max_bytes: int,
     max_voxel_size: float,
     criterion: HybridCriterion,
@@ -108,9 +103,19 @@ def encode(
     voxels = search.encode_to_budget(max_bytes - len(surface.stream), max_voxel_size)
     if len(voxels.points) > MAX_HYBRID_VOXELS:
         return None
+    surface = _without_surplus(surface, voxels, len(search.points))
     with suppress(InputError):  # voxels are too far from the surface
-        return _best_candidate(len(search.points), surface, voxels, criterion)
+        return _best_candidate(surface, voxels, criterion)
     return None
+
+
+def _without_surplus(surface: CodedSurface, voxels: CodedVoxels, count: int) -> CodedSurface:
+    """Return the surface with so many points that a hybrid has at most about `count`."""
+    xyz = surface.decoded().xyz
+    distances = _centre_distances(xyz, voxels.grid, voxels.groups.cells)
+    kept = int(np.count_nonzero(16 * distances < _KEEP_DISTANCES[-1]))
+    wanted = max(count - len(voxels.points), 0)
+    return surface.with_points(len(xyz) * wanted // kept) if kept > wanted else surface
 
 
 def has_voxel_budget(surface: bytes, max_bytes: int) -> bool:
@@ -118,12 +123,12 @@ def has_voxel_budget(surface: bytes, max_bytes: int) -> bool:
 
 
 def _best_candidate(
-    point_count: int, surface: SurfacePart, coded: CodedVoxels, criterion: HybridCriterion
+    coded_surface: CodedSurface, coded: CodedVoxels, criterion: HybridCriterion
 ) -> HybridCandidate:
     """Return the hybrid of least cost among all keep distances (see `HybridHeader`), with and
     without displacements of the voxel mode.
     """
-    grid, groups = coded.grid, coded.groups
+    grid, groups, surface = coded.grid, coded.groups, coded_surface.decoded()
     tree, weights = box_tree(surface.xyz), voxel_mode.voxel_weights(groups)
     centre_distances = 16 * _centre_distances(surface.xyz, grid, groups.cells)
     # Nearest points are searched only among those that each larger keep distance adds.
@@ -141,11 +146,9 @@ def _best_candidate(
         nearest = criterion.nearest_offsets(displaced)
         for keep_distance in _KEEP_DISTANCES:
             decoded = np.concatenate([displaced, surface.xyz[centre_distances < keep_distance]])
-            if len(decoded) > _MAX_POINT_RATIO * point_count:
-                break
             nearest = nearest.nearer(added[keep_distance]) if keep_distance in added else nearest
             distortion = criterion.measure(decoded, nearest)
-            header = HybridHeader(keep_distance, factors, surface.stream, voxels.stream)
+            header = HybridHeader(keep_distance, factors, coded_surface.stream, voxels.stream)
             yield HybridCandidate(criterion.cost(distortion), distortion, pack_hybrid(header))
 
     variants = [coded, coded.undisplaced()] if coded.displacements else [coded]

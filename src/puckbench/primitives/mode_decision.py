@@ -19,7 +19,7 @@ from puckbench.core.measurement import NO_COST, Cost, measured
 from puckbench.core.threads import few_at_once, in_threads
 from puckbench.geometry.cloud import Floats, bounds
 from puckbench.primitives import hybrid_mode, voxel_mode
-from puckbench.primitives.decoder import DecodedSurface, Patches, reconstruct_surface
+from puckbench.primitives.decoder import Patches, reconstruct_surface
 from puckbench.primitives.distortion import (
     Distortion,
     DistortionEstimator,
@@ -34,6 +34,7 @@ from puckbench.primitives.grid_alignment import (
 from puckbench.primitives.preparation import PreparedCloud, prepare
 from puckbench.primitives.revolution import RevolutionSurface
 from puckbench.primitives.settings import UNITS, PrimitiveSettings
+from puckbench.primitives.stream import MAX_POINT_SPACING
 from puckbench.primitives.surface_mode import (
     CodedSurface,
     SurfaceMode,
@@ -49,6 +50,8 @@ With many bytes, voxels reproduce noise and scattered points, which surfaces do 
 bytes, a surface may still be better than voxels of the same size."""
 _HYBRID_LAMBDA_FACTORS = (8.0, 16.0, 32.0)
 """Further multiples, for surfaces in hybrids."""
+_SPARSENESS = 2
+"""Factor of the spacing of points for the comparison of surfaces."""
 _MAX_REJECTED = 3
 """Number of surfaces of revolution, rejected one after another, that ends the search."""
 _MIN_COST_RATIO = 0.98
@@ -124,7 +127,7 @@ class _Candidate(NamedTuple):
 
 class _Selection(NamedTuple):
     stream: bytes
-    surface: DecodedSurface | None  # None if the stream holds voxels
+    surface: CodedSurface | None  # None if the stream holds voxels
 
 
 class _SearchResult(NamedTuple):
@@ -165,9 +168,8 @@ def _select_mode(
         budget = len(coded.stream) if coded and fits else max_bytes
         voxels.append(search.encode_to_budget(budget))
         if coded and fits:
-            decoded = coded.decoded()
-            coarsest = _Selection(coded.stream, decoded)
-            comparison = _Comparison.of(cloud, estimator, decoded.xyz, voxels[-1])
+            coarsest = _Selection(coded.stream, coded)
+            comparison = _Comparison.of(cloud, estimator, coded.decoded().xyz, voxels[-1])
             if comparison.surface_is_better():
                 return coarsest
     if comparison is not None and comparison.surface_is_better_by_product():
@@ -197,8 +199,7 @@ def _encode_coarse_hybrid(
             break
         if not hybrid_mode.has_voxel_budget(surface.stream, max_bytes):
             continue
-        part = hybrid_mode.SurfacePart(surface.stream, *surface.decoded()[:2])
-        hybrid = hybrid_mode.encode(search, part, max_bytes, UNITS / 4, criterion)
+        hybrid = hybrid_mode.encode(search, surface, max_bytes, UNITS / 4, criterion)
         if hybrid is None or hybrid.cost >= least:
             break
         best, least = hybrid.stream, hybrid.cost
@@ -235,11 +236,10 @@ def _encode_refined(result: _SearchResult, settings: PrimitiveSettings) -> bytes
     max_bytes, max_voxel_size = _refined_budget(search, len(selection.stream), settings)
     refined = selection
     if selection.surface is None and best.coded:
-        refined = _Selection(best.coded.stream, best.coded.decoded())
+        refined = _Selection(best.coded.stream, best.coded)
     if refined.surface:
-        part = hybrid_mode.SurfacePart(refined.stream, *refined.surface[:2])
         criterion = _hybrid_criterion(cloud, estimator, settings.refinement)
-        hybrid = hybrid_mode.encode(search, part, max_bytes, max_voxel_size, criterion)
+        hybrid = hybrid_mode.encode(search, refined.surface, max_bytes, max_voxel_size, criterion)
         if hybrid:
             voxels = search.encode_to_budget(len(hybrid.stream), max_voxel_size)
             voxel_errors = estimator.measure(cloud.in_units(voxels.points))
@@ -357,7 +357,8 @@ def _evaluate(
 
 def _decode_sparsely(patches: Patches) -> Floats:
     header = patches.header
-    sparse = header._replace(points_across=max(header.points_across // 3, 1))
+    spacing = min(_SPARSENESS * header.point_spacing, MAX_POINT_SPACING)
+    sparse = header._replace(point_spacing=spacing)
     return reconstruct_surface(patches._replace(header=sparse)).xyz
 
 

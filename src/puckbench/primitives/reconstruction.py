@@ -1,6 +1,8 @@
-"""Reconstruction of points on a regular grid over the occupied columns of planes."""
+"""Reconstruction of points on a square grid over the occupied columns of planes."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 
@@ -16,22 +18,22 @@ from puckbench.primitives.octree_arrays import (
     dominant_axis,
     plane_height,
 )
+from puckbench.primitives.stream import SPACING_UNIT
 
 
 @compiled
-def count_points(
-    geometry: OctreeGeometry,
-    leaves: Leaves,
-    occupancy: Bytes,
-    points_across: int,
-    column_spacing: int,
-) -> int:
+def count_points(geometry: OctreeGeometry, leaves: Leaves, occupancy: Bytes, spacing: int) -> int:
     no_points = np.empty((0, 3)), np.empty(0, np.int64)
-    return int(
-        reconstruct_points(
-            geometry, leaves, occupancy, points_across, column_spacing, no_points[0], no_points[1]
-        )
-    )
+    return int(reconstruct_points(geometry, leaves, occupancy, spacing, no_points[0], no_points[1]))
+
+
+@compiled
+def first_point(column: Any, spacing: int) -> Any:
+    """Return the index of the first point of a row in or after a column, or of each column.
+
+    Point i lies at (i + 1/2) * spacing / `SPACING_UNIT` columns.
+    """
+    return (2 * SPACING_UNIT * column + spacing - 1) // (2 * spacing)
 
 
 @compiled
@@ -39,16 +41,14 @@ def reconstruct_points(
     geometry: OctreeGeometry,
     leaves: Leaves,
     occupancy: Bytes,
-    points_across: int,
-    column_spacing: int,
+    spacing: int,
     xyz: Floats,
     leaf_of_point: Ints,
 ) -> int:
     """Write the points of all occupied columns as far as the arrays allow; return their number.
 
-    Each column has points_across x points_across points, or, if points_across is 1, one of
-    column_spacing x column_spacing columns has a point. The outputs are `xyz` (m, 3), and the
-    leaves' indices `leaf_of_point` (m,).
+    Points lie on a square grid over the columns, `spacing` / `SPACING_UNIT` columns apart. The
+    outputs are `xyz` (m, 3), and the leaves' indices `leaf_of_point` (m,).
     """
     count = 0
     cell = np.zeros(3, np.int64)
@@ -56,20 +56,21 @@ def reconstruct_points(
         axis = dominant_axis(leaves.planes[leaves.plane_index[i]])
         low_u, low_v = leaves.corner[i, (axis + 1) % 3], leaves.corner[i, (axis + 2) % 3]
         for a in range(low_u, low_u + leaves.side[i]):
+            rows = (first_point(a, spacing), first_point(a + 1, spacing))
+            if rows[0] == rows[1]:
+                continue
             for b in range(low_v, low_v + leaves.side[i]):
+                columns = (first_point(b, spacing), first_point(b + 1, spacing))
+                points = (rows[1] - rows[0]) * (columns[1] - columns[0])
                 if (
-                    a % column_spacing != column_spacing // 2
-                    or b % column_spacing != column_spacing // 2
-                ):
-                    continue
-                if (
-                    find_leaf_cell(geometry, leaves, i, axis, a, b, cell)
+                    points > 0
+                    and find_leaf_cell(geometry, leaves, i, axis, a, b, cell)
                     and occupancy[cell[0], cell[1], cell[2]] == OCCUPIED
                 ):
                     _reconstruct_column(
-                        leaves, i, (axis, a, b), points_across, xyz[count:], leaf_of_point[count:]
+                        leaves, i, axis, rows, columns, spacing, xyz[count:], leaf_of_point[count:]
                     )
-                    count += points_across * points_across
+                    count += points
     return count
 
 
@@ -77,15 +78,21 @@ def reconstruct_points(
 def _reconstruct_column(
     leaves: Leaves,
     i: int,
-    column: tuple[int, int, int],
-    points_across: int,
+    axis: int,
+    rows: tuple[int, int],
+    columns: tuple[int, int],
+    spacing: int,
     xyz: Floats,
     leaf_of_point: Ints,
 ) -> None:
-    axis, a, b = column
-    for k in range(min(points_across * points_across, len(xyz))):
-        u = a + (k % points_across + 0.5) / points_across
-        v = b + (k // points_across + 0.5) / points_across
-        xyz[k, axis] = plane_height(leaves.planes[leaves.plane_index[i]], axis, u, v)
-        xyz[k, (axis + 1) % 3], xyz[k, (axis + 2) % 3] = u, v
-        leaf_of_point[k] = i
+    k = 0
+    for column in range(columns[0], columns[1]):
+        for row in range(rows[0], rows[1]):
+            if k == len(xyz):
+                return
+            u = (row + 0.5) * spacing / SPACING_UNIT
+            v = (column + 0.5) * spacing / SPACING_UNIT
+            xyz[k, axis] = plane_height(leaves.planes[leaves.plane_index[i]], axis, u, v)
+            xyz[k, (axis + 1) % 3], xyz[k, (axis + 2) % 3] = u, v
+            leaf_of_point[k] = i
+            k += 1

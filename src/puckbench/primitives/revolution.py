@@ -29,7 +29,8 @@ from puckbench.primitives.entropy import ContextCoder, code_bit
 from puckbench.primitives.occupancy_map import CONTEXTS as MAP_CONTEXTS
 from puckbench.primitives.occupancy_map import MIXERS as MAP_MIXERS
 from puckbench.primitives.octree_arrays import Bytes, Ints
-from puckbench.primitives.stream import REVOLUTION_BYTES
+from puckbench.primitives.reconstruction import first_point
+from puckbench.primitives.stream import REVOLUTION_BYTES, SPACING_UNIT
 
 CONE, SPHERE = 0, 1
 MAX_COLUMNS = 1 << 22
@@ -293,24 +294,27 @@ def _adjacent_columns(bits: Bytes, start: int, count: int, j: int, columns: int)
     return int(4 * bits[start + before] + 2 * bits[start + at] + bits[start + after])
 
 
-def reconstruct_columns(
-    unrolled: UnrolledMap, points_across: int, column_spacing: int
-) -> tuple[Floats, Floats]:
+def reconstruct_columns(unrolled: UnrolledMap, spacing: int) -> tuple[Floats, Floats]:
     """Return points (n, 3) on the occupied columns and their normals (see `reconstruct_points`)."""
     surface, (row, column, columns_in_row) = unrolled.surface, unrolled.occupied_columns()
-    if column_spacing > 1:
-        kept = (row % column_spacing == column_spacing // 2) & (
-            column % column_spacing == column_spacing // 2
-        )
-        row, column, columns_in_row = row[kept], column[kept], columns_in_row[kept]
-    step = (np.arange(points_across) + 0.5) / points_across
-    arc_length = (surface.first_row + row)[:, None, None] + step[:, None]
-    azimuth = 2 * np.pi * (column[:, None, None] + step) / columns_in_row[:, None, None]
-    shape = (len(row), points_across, points_across)
-    # Copies, because numba would compile the loop again for read-only views.
-    return surface.points_at(
-        np.broadcast_to(arc_length, shape).flatten(), np.broadcast_to(azimuth, shape).flatten()
+    rows, columns = (first_point(each, spacing) for each in (row, column))
+    across = first_point(column + 1, spacing) - columns
+    points = (first_point(row + 1, spacing) - rows) * across
+    index = np.arange(points.sum()) - np.repeat(np.cumsum(points) - points, points)
+    down, aside = np.divmod(index, np.repeat(across, points))
+    step = spacing / SPACING_UNIT
+    arc_length = surface.first_row + (np.repeat(rows, points) + down + 0.5) * step
+    turn = (np.repeat(columns, points) + aside + 0.5) * step
+    azimuth = 2 * np.pi * turn / np.repeat(columns_in_row, points)
+    return surface.points_at(arc_length, azimuth)
+
+
+def count_column_points(unrolled: UnrolledMap, spacing: int) -> int:
+    row, column, _ = unrolled.occupied_columns()
+    down, across = (
+        first_point(each + 1, spacing) - first_point(each, spacing) for each in (row, column)
     )
+    return int((down * across).sum())
 
 
 def column_corners(unrolled: UnrolledMap) -> Floats:

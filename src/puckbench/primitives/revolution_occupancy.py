@@ -21,6 +21,7 @@ from puckbench.primitives.revolution import (
     unpack_parameters,
 )
 from puckbench.primitives.shape_detection import bounded_inliers, clip_to_inliers
+from puckbench.primitives.stream import SPACING_UNIT
 
 Mask = NDArray[np.bool_]
 
@@ -92,7 +93,7 @@ def _decide_columns(
     from scipy.spatial import cKDTree
 
     every_column = UnrolledMap(surface, np.ones(surface.column_count(), np.uint8))
-    centres, _ = reconstruct_columns(every_column, 1, 1)
+    centres, _ = reconstruct_columns(every_column, SPACING_UNIT)
     distance, nearest = cKDTree(xyz).query(centres)
     normal_distance = ((centres - xyz[nearest]) * normals[nearest]).sum(axis=1)
     excess = np.maximum(distance - costs.spacing, 0)

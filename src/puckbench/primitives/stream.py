@@ -6,7 +6,7 @@ ends with the low half of a CRC-32. Between them are:
 * Surface: `_SURFACE`, `_ROTATION` if the grid is rotated, number and parameters of the surfaces of
   revolution if there are any, arithmetic-coded payload.
 * Voxels: `_VOXELS`, `CLASSES` displacement factors unless the block size is 0, G-PCC octree.
-* Hybrid (version 4): `_HYBRID`, `CLASSES` displacement factors, surface stream, voxel stream.
+* Hybrid (version 6): `_HYBRID`, `CLASSES` displacement factors, surface stream, voxel stream.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ from puckbench.primitives.manhattan_frame import (
 )
 
 MAGIC = b"PBPR"
-VERSION, HYBRID_VERSION = 3, 4
+VERSION, HYBRID_VERSION = 5, 6
 """Versions of streams with one kind of content, and of hybrids."""
 SURFACE, VOXELS, HYBRID, ROTATED, WITH_REVOLUTIONS = 1, 2, 3, 4, 8
 """Kinds of streams, and flags that are added to the kind of a surface."""
 REVOLUTION_BYTES = 19
 """Bytes of the parameters of a surface of revolution."""
 _START = struct.Struct("<4sBB")
-_SURFACE = struct.Struct("<4f3HBBBBBBI")
+_SURFACE = struct.Struct("<4f3HBBBBHI")
 _ROTATION = struct.Struct("<3h")
 _VOXELS = struct.Struct("<4fB")
 _HYBRID = struct.Struct("<BI")
@@ -52,6 +52,9 @@ MAX_COLUMNS = 1 << 22
 """Largest number of columns of all leaves."""
 MAX_POINTS = 1 << 22
 MAX_REVOLUTION_POINTS = 1 << 22
+SPACING_UNIT = 2048
+"""Steps of the spacing of points per column."""
+MIN_POINT_SPACING, MAX_POINT_SPACING = SPACING_UNIT // 16, (1 << 16) - 1
 MAX_DISPLACED = 1 << 22
 """Largest number of voxels that may be displaced."""
 MAX_HYBRID_VOXELS = 1 << 20
@@ -108,8 +111,7 @@ class SurfaceHeader(NamedTuple):
     finest_leaf_level: int  # of the smallest leaves
     coarsest_leaf_level: int  # of the largest leaves
     plane_step: int  # quantisation step in the smallest leaves, in 1/16 cells
-    points_across: int  # points across a column
-    column_spacing: int  # columns from one point to the next, if points_across is 1
+    point_spacing: int  # from one point to the next, in columns / SPACING_UNIT
     leaf_capacity: int  # bound of the number of leaves
     rotation: RotationVector = (0, 0, 0)  # from the cloud's axes to the grid's
     revolutions: bytes = b""  # packed surfaces of revolution
@@ -241,8 +243,7 @@ def is_decodable(header: SurfaceHeader) -> bool:
         and shape.max() <= 1 << depth
         and 0 <= coarsest <= finest <= depth <= 16
         and 1 << (depth - coarsest) <= MAX_LEAF_COLUMNS
-        and 1 <= header.points_across <= 16
-        and 1 <= header.column_spacing <= 64
+        and header.point_spacing >= MIN_POINT_SPACING
         and header.plane_step > 0
         and header.leaf_capacity <= MAX_NODES
     )

@@ -13,6 +13,7 @@ from puckbench.primitives.decoder import (
     Patches,
     allocate_arrays,
     count_columns,
+    count_revolution_points,
     octree_geometry,
     reconstruct_surface,
 )
@@ -52,8 +53,10 @@ from puckbench.primitives.settings import PrimitiveSettings
 from puckbench.primitives.shape_detection import detect_revolutions
 from puckbench.primitives.stream import (
     MAX_COLUMNS,
+    MAX_POINT_SPACING,
     MAX_POINTS,
-    MAX_REVOLUTION_POINTS,
+    MIN_POINT_SPACING,
+    SPACING_UNIT,
     SurfaceHeader,
     is_decodable,
     pack_surface,
@@ -82,8 +85,6 @@ _TOLERANCE_PER_COLUMN, _TOLERANCE_PER_NOISE = 0.3, 0.5
 noise."""
 _MIN_PLANE_SAMPLES = 16
 """Approximate number of samples kept for planes if all are inliers of surfaces of revolution."""
-_POINT_SPACING = 2.0
-_MAX_POINTS_ACROSS, _MAX_COLUMN_SPACING = 16, 16
 
 
 class SurfaceMode(NamedTuple):
@@ -97,6 +98,13 @@ class SurfaceMode(NamedTuple):
 class CodedSurface(NamedTuple):
     stream: bytes
     patches: Patches
+
+    def with_points(self, count: int) -> CodedSurface:
+        """Return the surface with at most `count` decoded points, at the largest spacing if 0."""
+        header, payload = unpack_surface(self.stream)
+        spacing = _point_spacing(self.patches, count) or MAX_POINT_SPACING
+        header = header._replace(point_spacing=spacing)
+        return CodedSurface(pack_surface(header, payload), self.patches._replace(header=header))
 
     def decoded(self) -> DecodedSurface:
         """Return what the decoder reconstructs, without decoding the stream."""
@@ -137,10 +145,10 @@ def encode_surface(cloud: PreparedCloud, mode: SurfaceMode) -> CodedSurface | No
     if coded is None:
         return None
     patches, payload = coded
-    density = _point_density(patches, len(cloud.points), column_side)
-    if density is None:
+    spacing = _point_spacing(patches, len(cloud.points))
+    if spacing is None:
         return None
-    header = header._replace(points_across=density[0], column_spacing=density[1])
+    header = header._replace(point_spacing=spacing)
     return CodedSurface(pack_surface(header, payload), patches._replace(header=header))
 
 
@@ -257,8 +265,7 @@ def _plan_octree(
         finest_leaf_level=finest,
         coarsest_leaf_level=min(max(coarsest, depth - 8), finest),
         plane_step=min(max(round(16 * settings.plane_step / column_side), 1), 255),
-        points_across=1,
-        column_spacing=1,
+        point_spacing=SPACING_UNIT,
         leaf_capacity=len(levels[finest].cells) + 8,
     )
     return header, levels
@@ -320,22 +327,16 @@ def _occupancy_criterion(
     )
 
 
-def _point_density(patches: Patches, max_points: int, column_side: float) -> tuple[int, int] | None:
-    """Return points_across and column_spacing for the most points up to `max_points`, or None."""
+def _point_spacing(patches: Patches, max_points: int) -> int | None:
+    """Return the least spacing that gives at most `max_points` points, or None."""
     arrays = (patches.geometry, patches.leaves, patches.occupancy)
-    revolution_columns = sum(int(unrolled.bits.sum()) for unrolled in patches.revolutions)
-    max_points = min(max_points, MAX_POINTS)
-    across, spacing = min(max(round(column_side / _POINT_SPACING), 1), _MAX_POINTS_ACROSS), 1
-    columns = count_points(*arrays, 1, 1)
-    while True:
-        points = columns * across**2 if spacing == 1 else count_points(*arrays, 1, spacing)
-        revolution_points = revolution_columns * across**2
-        points += revolution_points // spacing**2
-        if points <= max_points and revolution_points <= MAX_REVOLUTION_POINTS:
-            return (across, spacing) if points else None
-        if across > 1:
-            across -= 1
-        elif spacing < _MAX_COLUMN_SPACING:
-            spacing += 1
-        else:
-            return None
+    most = min(max_points, MAX_POINTS)
+
+    def count(spacing: int) -> int:
+        return count_points(*arrays, spacing) + count_revolution_points(patches, spacing)
+
+    low, high = MIN_POINT_SPACING - 1, MAX_POINT_SPACING
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (low, middle) if count(middle) <= most else (middle, high)
+    return high if 0 < count(high) <= most else None
