@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,17 +14,19 @@ from puckbench.core.errors import InputError
 from puckbench.geometry.morton import MOST_BITS, Ints, morton_points
 from puckbench.geometry.spatial_order import bounding_corners
 from puckbench.gpcc import syntax
+from puckbench.gpcc.attributes.geometry import SlicePoints
 from puckbench.gpcc.bits import BitReader
 from puckbench.gpcc.contexts import Contexts, initial_contexts
 from puckbench.gpcc.options import PROFILES, GpccOptions
 from puckbench.gpcc.predictive import initial_probabilities
-from puckbench.gpcc.predictive_slices import decode_trees
+from puckbench.gpcc.predictive_slices import decode_trees, placed
 from puckbench.gpcc.sensor import SensorDescription
 from puckbench.gpcc.slices import (
     CodedSlice,
     decode_slice,
     encode_slice,
     read_slice,
+    sensor_position,
     sensor_state,
 )
 from puckbench.gpcc.tree import Tree, build_tree, coded_axes
@@ -53,6 +55,7 @@ _MAX_DENOMINATOR = 1 << 16
 _PARAMETERS = {
     syntax.SEQUENCE_PARAMETER_SET,
     syntax.GEOMETRY_PARAMETER_SET,
+    syntax.ATTRIBUTE_PARAMETER_SET,
     syntax.TILE_INVENTORY,
 }
 
@@ -272,14 +275,33 @@ def _data_unit(
 
 def decode_geometry(stream: bytes) -> DecodedGeometry:
     """Decode a stream of one frame; raise InputError if it is damaged or a tool is unsupported."""
-    contents = _StreamReader()
+    return read_stream(stream)
+
+
+class AttributeUnits(Protocol):
+    """Decoder of the attributes of a stream, which it receives in order."""
+
+    def parameter_set(self, payload: bytes) -> None: ...
+
+    def start_slice(
+        self, sps: syntax.SequenceParameterSet, header: syntax.GeometryHeader, points: SlicePoints
+    ) -> None: ...
+
+    def data_unit(self, payload: bytes) -> None: ...
+
+    def constant(self, payload: bytes) -> None: ...
+
+
+def read_stream(stream: bytes, attributes: AttributeUnits | None = None) -> DecodedGeometry:
+    contents = _StreamReader(attributes)
     for payload_type, payload in syntax.payloads(stream):
         contents.take(payload_type, payload)
     return contents.geometry()
 
 
 class _StreamReader:
-    def __init__(self) -> None:
+    def __init__(self, attributes: AttributeUnits | None) -> None:
+        self._attributes = attributes
         self._sps: dict[int, syntax.SequenceParameterSet] = {}
         self._gps: dict[int, syntax.GeometryParameterSet] = {}
         self._active: syntax.SequenceParameterSet | None = None
@@ -307,6 +329,14 @@ class _StreamReader:
             syntax.tile_inventory(BitReader(payload), syntax.TileInventory())
         elif payload_type == syntax.GEOMETRY_DATA_UNIT:
             self._slices.append(self._decoded(payload))
+        elif self._attributes is None:
+            return
+        elif payload_type == syntax.ATTRIBUTE_PARAMETER_SET:
+            self._attributes.parameter_set(payload)
+        elif payload_type == syntax.ATTRIBUTE_DATA_UNIT:
+            self._attributes.data_unit(payload)
+        elif payload_type == syntax.CONSTANT_ATTRIBUTE_DATA_UNIT:
+            self._attributes.constant(payload)
 
     def _decoded(self, payload: bytes) -> Ints:
         if not payload:
@@ -330,11 +360,21 @@ class _StreamReader:
             self._contexts, self._probabilities = initial_contexts(), initial_probabilities()
         axes, origin = _AXIS_ORDERS[sps.geom_axis_order], _slice_origin(coded.header, gps)
         if gps.geom_tree_type == syntax.PREDICTIVE:
-            return decode_trees(coded, sps, gps, self._probabilities, axes, origin)
-        sensor = sensor_state(coded.header, gps, axes, origin)
-        codes = decode_slice(coded, sps, gps, self._contexts, sensor)
-        points: Ints = morton_points(codes, np.array(axes), np.array(origin, dtype=np.int64))
-        return points
+            nodes = decode_trees(coded, sps, gps, self._probabilities, axes, origin)
+            if self._attributes is not None:
+                sensor = sensor_position(coded.header, gps, axes, origin)
+                points = SlicePoints(gps, axes, sensor, nodes.points, spherical=nodes.spherical)
+                self._attributes.start_slice(sps, coded.header, points)
+            return placed(nodes.points, axes, origin)
+        state = sensor_state(coded.header, gps, axes, origin)
+        codes = decode_slice(coded, sps, gps, self._contexts, state)
+        if self._attributes is not None:
+            sensor = sensor_position(coded.header, gps, axes, origin)
+            relative = morton_points(codes, np.arange(3), np.zeros(3, dtype=np.int64))
+            points = SlicePoints(gps, axes, sensor, relative.astype(np.int32), codes)
+            self._attributes.start_slice(sps, coded.header, points)
+        decoded: Ints = morton_points(codes, np.array(axes), np.array(origin, dtype=np.int64))
+        return decoded
 
     def _check_single_frame(self, coded: CodedSlice) -> None:
         frame = coded.header.frame_ctr_lsb

@@ -155,10 +155,10 @@ def slice_decoder(coded: CodedSlice, sps: SequenceParameterSet) -> Decoder:
         return decoder(data)
     if coded.header.geom_stream_cnt_minus1:
         raise InputError("G-PCC stream: several entropy streams with bypass are not supported")
-    return decoder(*_demultiplexed(data))
+    return decoder(*demultiplexed(data))
 
 
-def _demultiplexed(data: Bytes) -> tuple[Bytes, Bytes]:
+def demultiplexed(data: Bytes) -> tuple[Bytes, Bytes]:
     """Split a stream of chunks into arithmetic-coded bytes and bypass bits.
 
     A chunk has up to 256 bytes: the number of arithmetic-coded bytes, these bytes, and bytes of

@@ -1,0 +1,144 @@
+"""Lifting transform: prediction and update of levels of detail, in fixed-point arithmetic.
+
+In TMC13: `PCCLiftPredict`, `PCCLiftUpdate`, `decodeReflectancesLift`, `decodeColorsLift`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.gpcc.attributes.levels import Levels, divided
+from puckbench.gpcc.attributes.neighbour_search import Ints, Predictors
+from puckbench.gpcc.attributes.quantisation import FRACTION_BITS, Quantisers
+from puckbench.gpcc.attributes.residuals import Coefficients
+from puckbench.gpcc.compiled import entry, integer
+from puckbench.gpcc.fixed_point import inverse_square_root
+from puckbench.gpcc.spherical import halved_away
+
+_ROOT_BITS = 40
+_SUM_MASK = 0xFFFFFFFF
+
+
+def lifting_weights(levels: Levels, scalable: bool) -> Ints:
+    """Return quantisation weights (n,) of the points in coding order."""
+    weights = np.full(len(levels.order), 1 << FRACTION_BITS, dtype=np.int64)
+    if not scalable:
+        _add_weights(levels.predictors, weights)
+        return weights
+    start = 0
+    for end in levels.ends[:-1]:
+        weights[start:end] = len(weights) // end << FRACTION_BITS
+        start = end
+    return weights
+
+
+@entry
+def _add_weights(predictors: Predictors, weights: Ints) -> None:
+    for i in range(len(weights) - 1, -1, -1):
+        for k in range(predictors.counts[i]):
+            weights[predictors.neighbours[i, k]] += halved_away(
+                predictors.weights[i, k] * weights[i], FRACTION_BITS
+            )
+
+
+@entry
+def dequantise(
+    coefficients: Coefficients,
+    quantisers: Quantisers,
+    order: NDArray[np.int32],
+    ends: Ints,
+    weights: Ints,
+    last_component: Ints,
+    transformed: Ints,
+) -> None:
+    """Write transformed values (n, components) with `FRACTION_BITS` fractional bits.
+
+    last_component: (levels,) factors of the second component, in quarters, in the prediction of
+        the third.
+    """
+    layer, level = integer(0), integer(0)
+    components = coefficients.shape[1]
+    for i in range(len(coefficients)):
+        if i == ends[layer]:
+            layer = min(len(quantisers.steps) - 1, layer + 1)
+        if i == ends[level]:
+            level += 1
+        region = integer(quantisers.region[order[i]]) if len(quantisers.region) else 0
+        root = inverse_square_root(weights[i])
+        scaled = integer(0)
+        for k in range(components):
+            own = integer(coefficients[i, k]) * quantisers.steps[layer, region, min(k, 1)]
+            if k == 2:
+                own += last_component[level] * scaled >> 2
+            scaled = own
+            transformed[i, k] = halved_away(scaled * root, _ROOT_BITS)
+
+
+def inverse_transform(levels: Levels, weights: Ints, transformed: Ints) -> None:
+    """Replace transformed values (n, components) by values with the same fractional bits."""
+    sums = np.empty(len(weights), dtype=np.int64)
+    updates = np.empty_like(transformed)
+    for start, end in zip(levels.ends[:-1].tolist(), levels.ends[1:].tolist(), strict=True):
+        _update(levels.predictors, weights, start, end, -1, transformed, sums, updates)
+        _predict(levels.predictors, start, end, 1, transformed)
+
+
+def forward_transform(levels: Levels, weights: Ints, values: Ints) -> None:
+    """Replace values (n, components) by transformed ones; inverse of `inverse_transform`."""
+    sums = np.empty(len(weights), dtype=np.int64)
+    updates = np.empty_like(values)
+    for start, end in list(zip(levels.ends[:-1].tolist(), levels.ends[1:].tolist(), strict=True))[
+        ::-1
+    ]:
+        _predict(levels.predictors, start, end, -1, values)
+        _update(levels.predictors, weights, start, end, 1, values, sums, updates)
+
+
+@entry
+def _predict(predictors: Predictors, start: int, end: int, sign: int, values: Ints) -> None:
+    for i in range(start, end):
+        for k in range(values.shape[1]):
+            total = integer(0)
+            for n in range(predictors.counts[i]):
+                total += predictors.weights[i, n] * values[predictors.neighbours[i, n], k]
+            values[i, k] += sign * halved_away(total, FRACTION_BITS)
+
+
+@entry
+def _update(
+    predictors: Predictors,
+    weights: Ints,
+    start: int,
+    end: int,
+    sign: int,
+    values: Ints,
+    sums: Ints,
+    updates: Ints,
+) -> None:
+    """Add to the values before `start` those of the points that they predict; `sums` and `updates`
+    are working memory."""
+    for i in range(start):
+        sums[i] = 0
+        for k in range(values.shape[1]):
+            updates[i, k] = 0
+    for i in range(start, end):
+        for n in range(predictors.counts[i]):
+            neighbour = predictors.neighbours[i, n]
+            weight = halved_away(predictors.weights[i, n] * weights[i], FRACTION_BITS)
+            sums[neighbour] += weight
+            for k in range(values.shape[1]):
+                updates[neighbour, k] += weight * values[i, k]
+    for i in range(start):
+        total = sums[i] & _SUM_MASK
+        if total:
+            for k in range(values.shape[1]):
+                values[i, k] += sign * divided(updates[i, k], total, 0)
+
+
+@entry
+def rounded(values: Ints, most: int, result: NDArray[np.int32]) -> None:
+    """Write integers in [0, most] for values with `FRACTION_BITS` fractional bits."""
+    for i in range(len(values)):
+        for k in range(values.shape[1]):
+            result[i, k] = min(max(halved_away(values[i, k], FRACTION_BITS), 0), most)
