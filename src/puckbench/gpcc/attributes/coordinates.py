@@ -19,6 +19,8 @@ Ints = NDArray[np.int64]
 Positions = NDArray[np.int32]
 
 _AXES = np.arange(3)
+_SPARE_BITS = 3
+"""Further bits of radius and azimuth, which Morton codes ignore."""
 _SMALL_SQUARE = 1 << 46
 
 
@@ -57,7 +59,7 @@ def scaled_coordinates(positions: Positions, scale: Sequence[int]) -> Positions:
     """Subtract the minimum from positions (n, 3), and multiply by scale / 256."""
     wide = positions.astype(np.int64)
     wide = (wide - wide.min(axis=0)) * np.array(scale, dtype=np.int64) + 128 >> 8
-    if wide.max() >= 1 << MOST_BITS:
+    if wide.max() >= 1 << MOST_BITS + _SPARE_BITS or wide[:, 2].max() >= 1 << MOST_BITS:
         raise InputError(f"G-PCC: spherical coordinates of more than {MOST_BITS} bits")
     return wide.astype(np.int32)
 

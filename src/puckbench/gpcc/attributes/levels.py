@@ -40,7 +40,7 @@ from puckbench.gpcc.fixed_point import int32
 _WORK_PER_POINT, _LEAST_WORK = 1 << 12, 1 << 30
 _ONE = 1 << FRACTION_BITS
 _INVERSES = np.rint(65536 / np.maximum(np.arange(257), 1)).astype(np.int64)
-_MOST_BIAS = 256
+_FARTHEST = 1 << 29
 _MOST_RANGE = 1 << 30
 
 
@@ -76,7 +76,7 @@ def levels_of_detail(
     InputError
         If the search would take too long.
     """
-    if max(bias) > _MOST_BIAS:
+    if (points.positions.max(axis=0) * bias >= _FARTHEST).any():
         raise InputError("G-PCC: the factors of distances between points are too large")
     count = len(points.codes)
     predictors = Predictors(

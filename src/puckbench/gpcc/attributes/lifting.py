@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from puckbench.core.compiling import inlined
 from puckbench.gpcc.attributes.levels import Levels, divided
 from puckbench.gpcc.attributes.neighbour_search import Ints, Predictors
 from puckbench.gpcc.attributes.quantisation import FRACTION_BITS, Quantisers
@@ -16,7 +17,8 @@ from puckbench.gpcc.compiled import entry, integer
 from puckbench.gpcc.fixed_point import inverse_square_root
 from puckbench.gpcc.spherical import halved_away
 
-_ROOT_BITS = 40
+_LOW_BITS = 20
+_LOW_MASK = (1 << _LOW_BITS) - 1
 _SUM_MASK = 0xFFFFFFFF
 
 
@@ -72,7 +74,16 @@ def dequantise(
             if k == 2:
                 own += last_component[level] * scaled >> 2
             scaled = own
-            transformed[i, k] = halved_away(scaled * root, _ROOT_BITS)
+            transformed[i, k] = unweighted(scaled, root)
+
+
+@inlined
+def unweighted(scaled: int, root: int) -> int:
+    """Return scaled * root / 2^40, rounded; TMC13's product overflows for 16-bit values."""
+    size = abs(scaled)
+    low = (size & _LOW_MASK) * root + (1 << 2 * _LOW_BITS >> 1)
+    rounded = ((size >> _LOW_BITS) * root + (low >> _LOW_BITS)) >> _LOW_BITS
+    return rounded if scaled >= 0 else -rounded
 
 
 def inverse_transform(levels: Levels, weights: Ints, transformed: Ints) -> None:
