@@ -98,13 +98,14 @@ def encode_trees(
     positions: Int32s,
     tools: Tools,
     contexts: Probabilities,
+    order: Int32s,
 ) -> bytes | None:
     """Return the arithmetic-coded part of a data unit, or None if a residual does not fit.
 
-    points, positions: see `predictive_encoder.Given`.
+    points, positions, order: see `predictive_encoder.Given`; the latter is a result.
     """
     stack = np.empty(len(points) + 2, dtype=np.int32)
-    given = Given(tree, points, positions, stack, np.zeros(4, dtype=np.int64))
+    given = Given(tree, points, positions, stack, np.zeros(4, dtype=np.int64), order)
     coder = encoder(NODE_BYTES + 4 * len(points))
     while True:
         ended = predictive_encoder.encode_trees(coder, contexts, tools, given)

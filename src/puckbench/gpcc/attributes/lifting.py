@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from puckbench.core.compiling import inlined
 from puckbench.gpcc.attributes.levels import Levels, divided
 from puckbench.gpcc.attributes.neighbour_search import Ints, Predictors
-from puckbench.gpcc.attributes.quantisation import FRACTION_BITS, Quantisers
+from puckbench.gpcc.attributes.quantisation import FRACTION_BITS, Quantisers, quantised
 from puckbench.gpcc.attributes.residuals import Coefficients
 from puckbench.gpcc.compiled import entry, integer
-from puckbench.gpcc.fixed_point import inverse_square_root
+from puckbench.gpcc.fixed_point import int32, inverse_square_root
 from puckbench.gpcc.spherical import halved_away
 
 _LOW_BITS = 20
@@ -153,3 +153,54 @@ def rounded(values: Ints, most: int, result: NDArray[np.int32]) -> None:
     for i in range(len(values)):
         for k in range(values.shape[1]):
             result[i, k] = min(max(halved_away(values[i, k], FRACTION_BITS), 0), most)
+
+
+@entry
+def quantise(
+    transformed: Ints,
+    quantisers: Quantisers,
+    order: NDArray[np.int32],
+    ends: Ints,
+    weights: Ints,
+    last_component: Ints,
+    coefficients: Coefficients,
+) -> None:
+    """Write coefficients of transformed values (n, components); see `dequantise`."""
+    layer, level = integer(0), integer(0)
+    for i in range(len(coefficients)):
+        if i == ends[layer]:
+            layer = min(len(quantisers.steps) - 1, layer + 1)
+        if i == ends[level]:
+            level += 1
+        region = integer(quantisers.region[order[i]]) if len(quantisers.region) else 0
+        root = inverse_square_root(weights[i])
+        weight = (weights[i] * root + (1 << 2 * _LOW_BITS - 1)) >> 2 * _LOW_BITS
+        second = integer(0)
+        for k in range(coefficients.shape[1]):
+            value = transformed[i, k]
+            if k == 2:
+                value -= last_component[level] * second >> 2
+            coefficient = quantised(value * weight, quantisers.reciprocals[layer, region, min(k, 1)])
+            coefficients[i, k] = coefficient
+            if k == 1:
+                second = unweighted(coefficient * quantisers.steps[layer, region, 1], root)
+
+
+@entry
+def choose_last_component(transformed: Ints, ends: Ints, factors: Ints) -> None:
+    """Write the factors (levels,) of `dequantise` for transformed values (n, 3)."""
+    start = integer(0)
+    for level in range(len(ends)):
+        products, squares = integer(0), integer(0)
+        for i in range(start, ends[level]):
+            products += int32(transformed[i, 1] * transformed[i, 2])
+            squares += int32(transformed[i, 1] * transformed[i, 1])
+        factor = integer(0)
+        if products and squares:
+            sign = -1 if (products < 0) != (squares < 0) else 1
+            numerator = (products << 2) + sign * (squares >> 1)
+            factor = abs(numerator) // abs(squares)
+            if (numerator < 0) != (squares < 0):
+                factor = -factor
+        factors[level] = min(max(factor, -8), 8)
+        start = ends[level]
