@@ -3,7 +3,7 @@
 `forward` turns attributes into quantised coefficients and the reconstruction that a decoder gets,
 `inverse` turns coefficients into the reconstruction. Both take the points' Morton codes in
 ascending order; attributes and coefficients are rows (n, c) of c = 1 or 3 components, in the order
-in which `coefficients.py` codes them. The reconstruction is not clipped to the bit depth.
+in which `residuals.py` codes them. The reconstruction is not clipped to the bit depth.
 
 A node of a level has up to eight children on the level below. From the root to the points, each
 block of children is transformed to its mean, which the parent's reconstruction gives, and one
@@ -25,35 +25,30 @@ from numpy.typing import NDArray
 from puckbench.coding.integers import leading_zeros
 from puckbench.core.compiling import inlined
 from puckbench.geometry.morton import Ints
+from puckbench.gpcc.attributes.quantisation import (
+    FRACTION_BITS,
+    LEAST_QP,
+    Qps,
+    halved_up,
+    quantised,
+    step_sizes,
+)
+from puckbench.gpcc.attributes.syntax import AttributeParameterSet
 from puckbench.gpcc.compiled import compiled, entry, integer, kernel
-from puckbench.gpcc.fixed_point import inverse_square_root
+from puckbench.gpcc.fixed_point import inverse_square_root, square_root
 from puckbench.gpcc.tables import POPCOUNT
 
 Rows = NDArray[np.int32]
+Thresholds = tuple[int, int] | None
+"""raht_prediction_threshold0 and 1, or None without raht_prediction_enabled_flag."""
 
 _FRACTION = 15
 _HALF = 1 << _FRACTION - 1
 _REGION_FRACTION = 4
-_LEAST_QP = 4
-_DEAD_ZONE = (1 << 26) // 3
 _SMALL = 4096
 """Roots of numbers below this one are tabulated."""
 _DIRECTIONS = 19
 """Number of neighbours that share a face or an edge with a node, itself included."""
-
-
-class RahtParameters(NamedTuple):
-    """Parameters of a slice's transform.
-
-    bit_depth: of the attributes.
-    layer_qps: (layers, 2) quantisation parameter of the first component, and offset of the others
-        (TMC13's `deriveLayerQps`).
-    thresholds: raht_prediction_threshold0 and 1, or None without raht_prediction_enabled_flag.
-    """
-
-    bit_depth: int
-    layer_qps: Ints
-    thresholds: tuple[int, int] | None = None
 
 
 class Coded(NamedTuple):
@@ -61,30 +56,33 @@ class Coded(NamedTuple):
     reconstruction: Rows
 
 
-def forward(
-    codes: Ints, attributes: Rows, parameters: RahtParameters, region_offsets: Ints | None = None
-) -> Coded:
+def prediction_thresholds(aps: AttributeParameterSet) -> Thresholds:
+    if not aps.raht_prediction_enabled_flag:
+        return None
+    return aps.raht_prediction_threshold0, aps.raht_prediction_threshold1
+
+
+def forward(codes: Ints, attributes: Rows, qps: Qps, thresholds: Thresholds) -> Coded:
     """Transform and quantise attributes.
 
     Parameters
     ----------
     codes : (n,) ascending Morton codes; equal ones in the order in which their points are decoded.
     attributes : (n, c) with c = 1 or 3.
-    region_offsets : (n, 2) offsets of the quantisation parameters in the region of each point.
+    qps : quantisation parameters, with the points in the order of `codes`.
+    thresholds : numbers of neighbours, or None without prediction; see `prediction_thresholds`.
     """
     coefficients = np.zeros(attributes.shape, dtype=np.int32)
     sums = np.zeros((len(codes) + 1, attributes.shape[1]), dtype=np.int64)
     np.cumsum(attributes, axis=0, out=sums[1:])
-    reconstruction = _transform(codes, sums, coefficients, parameters, region_offsets)
+    reconstruction = _transform(codes, sums, coefficients, qps, thresholds)
     return Coded(coefficients, reconstruction)
 
 
-def inverse(
-    codes: Ints, coefficients: Rows, parameters: RahtParameters, region_offsets: Ints | None = None
-) -> Rows:
+def inverse(codes: Ints, coefficients: Rows, qps: Qps, thresholds: Thresholds) -> Rows:
     """Reconstruct attributes (n, c) from quantised coefficients (n, c); see `forward`."""
     sums = np.empty((0, coefficients.shape[1]), dtype=np.int64)
-    return _transform(codes, sums, coefficients, parameters, region_offsets)
+    return _transform(codes, sums, coefficients, qps, thresholds)
 
 
 def _block_plan() -> tuple[NDArray[np.uint8], NDArray[np.uint8], NDArray[np.int8]]:
@@ -167,7 +165,7 @@ class _Setting(NamedTuple):
 
     sums: (n + 1, c) sums of the attributes of all points before each, or (0, c) in a decoder.
     offsets: (n, 2) region offsets of nodes by their first point, in units of 1/16, or (0, 2).
-    steps: (2, maximum parameter + 1) quantisation steps and reciprocals.
+    steps, reciprocals: of quantisation parameters, see `step_sizes`.
     roots: (2, k) square roots and inverse square roots of small numbers.
     buffer: (2c, 8) attributes of a block's children, then their prediction.
     weights, factors: (8,), (12, 2) of a block's children and butterflies.
@@ -177,6 +175,7 @@ class _Setting(NamedTuple):
     sums: Ints
     offsets: Ints
     steps: Ints
+    reciprocals: Ints
     roots: Ints
     thresholds: tuple[int, int]
     buffer: Ints
@@ -185,22 +184,21 @@ class _Setting(NamedTuple):
 
 
 def _transform(
-    codes: Ints, sums: Ints, coefficients: Rows, parameters: RahtParameters, offsets: Ints | None
+    codes: Ints, sums: Ints, coefficients: Rows, qps: Qps, thresholds: Thresholds
 ) -> Rows:
     count, components = coefficients.shape
     reconstruction = np.empty((count, components), dtype=np.int32)
     if not count:
         return reconstruction
     codes = np.ascontiguousarray(codes, dtype=np.int64)
-    regional = np.empty((0, 2), dtype=np.int64) if offsets is None else offsets.astype(np.int64)
-    layers = np.asarray(parameters.layer_qps, dtype=np.int64).reshape(-1, 2)
+    layers = qps.layers
     setting = _Setting(
         codes,
         sums,
-        _node_offsets(codes, regional),
-        _quantisation_steps(51 + 6 * (parameters.bit_depth - 8)),
+        _node_offsets(codes, qps.offsets[qps.region]),
+        *step_sizes(np.arange(qps.most + 1)),
         _root_table(min(count, _SMALL) + 2),
-        parameters.thresholds or (0, 0),
+        thresholds or (0, 0),
         np.empty((2 * components, 8), dtype=np.int64),
         np.empty(8, dtype=np.int64),
         np.empty((12, 2), dtype=np.int64),
@@ -216,7 +214,7 @@ def _transform(
     for number, height in enumerate(range(depth - 1, -1, -1), 1):
         node, parent, grandparent = _level(joints, height, components), node, parent
         layer = layers[min(number, len(layers) - 1)]
-        predicted = number > 1 and parameters.thresholds is not None
+        predicted = number > 1 and thresholds is not None
         place = _transform_level(
             *(setting, node, parent, grandparent),
             *(coefficients, place, layer, height, number == 1, predicted),
@@ -280,27 +278,11 @@ def _node_offsets(codes: Ints, offsets: Ints) -> Ints:
     return means
 
 
-def _quantisation_steps(most: int) -> Ints:
-    qp = np.arange(most + 1)
-    steps = np.rint(256 * 2.0 ** ((np.arange(6) - 4) / 6)).astype(np.int64)
-    reciprocals = np.rint(2.0**26 / steps).astype(np.int64)
-    return np.stack([steps[qp % 6] << qp // 6, reciprocals[qp % 6] >> qp // 6])
-
-
-@kernel
-def _square_root(number: int) -> int:
-    """Return TMC13's `isqrt`."""
-    if number <= 1 << 46:
-        return 1 + ((number * inverse_square_root(number) >> 40) & 0xFFFFFF)
-    number = (number + 65536) >> 16
-    return 1 + (number * inverse_square_root(number) >> 32)
-
-
 @compiled
 def _root_table(count: int) -> Ints:
     roots = np.zeros((2, count), dtype=np.int64)
     for i in range(1, count):
-        roots[0, i] = _square_root(i << 2 * _FRACTION)
+        roots[0, i] = square_root(i << 2 * _FRACTION)
         roots[1, i] = inverse_square_root(i)
     return roots
 
@@ -309,7 +291,7 @@ def _root_table(count: int) -> Ints:
 def _root(setting: _Setting, number: int) -> int:
     if number < setting.roots.shape[1]:
         return integer(setting.roots[0, number])
-    return _square_root(number << 2 * _FRACTION)
+    return square_root(number << 2 * _FRACTION)
 
 
 @inlined
@@ -356,20 +338,14 @@ def _qps(setting: _Setting, layer: Ints, point: int) -> tuple[int, int]:
     if point >= 0 and len(setting.offsets):
         first += setting.offsets[point, 0] >> _REGION_FRACTION
         others += setting.offsets[point, 1] >> _REGION_FRACTION
-    most = setting.steps.shape[1] - 1
-    first = min(max(first, _LEAST_QP), most)
-    return first, min(max(first + others, _LEAST_QP), most)
+    most = len(setting.steps) - 1
+    first = min(max(first, LEAST_QP), most)
+    return first, min(max(first + others, LEAST_QP), most)
 
 
 @inlined
-def _quantised(setting: _Setting, number: int, qp: int) -> int:
-    quantised = ((abs(number) << 8) * setting.steps[1, qp] + _DEAD_ZONE) >> 26
-    return -quantised if number < 0 else quantised
-
-
-@inlined
-def _dequantised(setting: _Setting, coefficient: int, qp: int) -> int:
-    return (coefficient * setting.steps[0, qp] + 128) >> 8
+def _scaled(setting: _Setting, coefficient: int, qp: int) -> int:
+    return halved_up(coefficient * setting.steps[qp], FRACTION_BITS)
 
 
 @entry
@@ -379,8 +355,10 @@ def _transform_point(
     qp, others = _qps(setting, layer, 0)
     for k in range(coefficients.shape[1]):
         if len(setting.sums):
-            coefficients[0, k] = _quantised(setting, setting.sums[1, k], qp)
-        reconstruction[0, k] = _dequantised(setting, integer(coefficients[0, k]), qp)
+            coefficients[0, k] = quantised(
+                setting.sums[1, k] << FRACTION_BITS, setting.reciprocals[qp]
+            )
+        reconstruction[0, k] = _scaled(setting, integer(coefficients[0, k]), qp)
         qp = others
 
 
@@ -523,8 +501,10 @@ def _transform_block(
         for k in range(components):
             if encoding:
                 residual = _rounded(buffer[k, holder] - buffer[components + k, holder])
-                coefficients[place, k] = _quantised(setting, residual, qp)
-            residual = _dequantised(setting, integer(coefficients[place, k]), qp)
+                coefficients[place, k] = quantised(
+                    residual << FRACTION_BITS, setting.reciprocals[qp]
+                )
+            residual = _scaled(setting, integer(coefficients[place, k]), qp)
             buffer[components + k, holder] += residual << _FRACTION
             qp = others
         place += 1
@@ -575,8 +555,10 @@ def _transform_duplicates(
                         total = setting.sums[start + before, k] - setting.sums[start, k]
                         left = _over_root(setting, total << _FRACTION, before)
                         high = _low_and_high(left, last << _FRACTION, a, b)[1]
-                        coefficients[row, k] = _quantised(setting, _rounded(high), qp)
-                    residual = _dequantised(setting, integer(coefficients[row, k]), qp)
+                        coefficients[row, k] = quantised(
+                            _rounded(high) << FRACTION_BITS, setting.reciprocals[qp]
+                        )
+                    residual = _scaled(setting, integer(coefficients[row, k]), qp)
                     low, high = _left_and_right(low, residual << _FRACTION, a, b)
                     reconstruction[start + before, k] = _rounded(high)
                 value = _rounded(low)
