@@ -7,13 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from puckbench.core.compiling import inlined
 from puckbench.core.errors import InputError
 from puckbench.geometry.morton import MOST_BITS, morton_codes
 from puckbench.gpcc.angular import laser_of
 from puckbench.gpcc.attributes.neighbour_search import SortedPoints
 from puckbench.gpcc.compiled import entry, integer
-from puckbench.gpcc.fixed_point import HALF_TURN, arc_tangent, inverse_square_root
+from puckbench.gpcc.fixed_point import HALF_TURN, arc_tangent, square_root
 
 Ints = NDArray[np.int64]
 Positions = NDArray[np.int32]
@@ -21,7 +20,6 @@ Positions = NDArray[np.int32]
 _AXES = np.arange(3)
 _SPARE_BITS = 3
 """Further bits of radius and azimuth, which Morton codes ignore."""
-_SMALL_SQUARE = 1 << 46
 
 
 def laser_coordinates(positions: Positions, origin: Sequence[int], elevation: Ints) -> Positions:
@@ -43,16 +41,8 @@ def _convert(positions: Positions, origin: Ints, elevation: Ints, result: Positi
         z = integer(positions[i, 2]) - origin[2]
         result[i, 2] = laser_of(elevation, x, y, z)
         x, y = x << 8, y << 8
-        result[i, 0] = _square_root(x * x + y * y) >> 8
+        result[i, 0] = square_root(x * x + y * y) >> 8
         result[i, 1] = (arc_tangent(y, x) + HALF_TURN) >> 8
-
-
-@inlined
-def _square_root(number: int) -> int:
-    if number <= _SMALL_SQUARE:
-        return 1 + (number * inverse_square_root(number) >> 40)
-    number = (number + 65536) >> 16
-    return 1 + (number * inverse_square_root(number) >> 32)
 
 
 def scaled_coordinates(positions: Positions, scale: Sequence[int]) -> Positions:

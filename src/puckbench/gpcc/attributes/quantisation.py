@@ -17,7 +17,7 @@ FRACTION_BITS = 8
 """Fractional bits of weights, of step sizes and of transformed values."""
 _STEPS = (161, 181, 203, 228, 256, 287)
 _RECIPROCALS = (416825, 370767, 330586, 294337, 262144, 233829)
-_LEAST_QP = 4
+LEAST_QP = 4
 _LIFTING_QP_OFFSET = 6 * FRACTION_BITS // 2
 _RECIPROCAL_BITS = 18 + FRACTION_BITS
 _THIRD = (1 << _RECIPROCAL_BITS) // 3
@@ -37,6 +37,10 @@ class Qps(NamedTuple):
     region: NDArray[np.uint8]
     most: int
     fixed_point_offset: int
+
+    def ordered(self, indices: NDArray[np.int32]) -> Qps:
+        """Return the parameters of points in another order."""
+        return self._replace(region=self.region[indices] if len(self.region) else self.region)
 
 
 class Quantisers(NamedTuple):
@@ -81,14 +85,18 @@ def qps(
 
 def quantisers(parameters: Qps) -> Quantisers:
     first = parameters.layers[:, None, 0] + parameters.offsets[None, :, 0]
-    first = np.clip(first, _LEAST_QP, parameters.most)
+    first = np.clip(first, LEAST_QP, parameters.most)
     others = parameters.layers[:, None, 1] + parameters.offsets[None, :, 1] + first
-    others = np.clip(others, _LEAST_QP, parameters.most)
+    others = np.clip(others, LEAST_QP, parameters.most)
     qp = np.stack([first, others], axis=2) + parameters.fixed_point_offset
-    return Quantisers(
+    return Quantisers(*step_sizes(qp), parameters.region)
+
+
+def step_sizes(qp: Ints) -> tuple[Ints, Ints]:
+    """Return the step sizes of parameters, and their reciprocals in units of 2^-18."""
+    return (
         np.array(_STEPS, dtype=np.int64)[qp % 6] << qp // 6,
         np.array(_RECIPROCALS, dtype=np.int64)[qp % 6] >> qp // 6,
-        parameters.region,
     )
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.core.errors import InputError
-from puckbench.gpcc.attributes import lifting, prediction
+from puckbench.gpcc.attributes import lifting, prediction, raht
 from puckbench.gpcc.attributes import syntax as attribute_syntax
 from puckbench.gpcc.attributes.colours import YCGCO, decoded_colours, decoded_values
 from puckbench.gpcc.attributes.geometry import SlicePoints
@@ -194,7 +194,12 @@ def decoded_attribute(
     most = (1 << bits) - 1
     parameters = qps(aps, header, bits, points.coordinates(aps), points.axes)
     if not aps.has_levels:
-        raise InputError("RAHT")
+        codes, _, indices = points.in_morton_order(aps)
+        values = np.empty_like(coefficients)
+        values[indices] = raht.inverse(
+            codes, coefficients, parameters.ordered(indices), raht.prediction_thresholds(aps)
+        )
+        return np.clip(values, 0, most)
     steps = quantisers(parameters)
     levels = points.levels(aps, header, atlas)
     coded = np.empty_like(coefficients)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.core.errors import InputError
-from puckbench.gpcc.attributes import lifting, prediction
+from puckbench.gpcc.attributes import lifting, prediction, raht
 from puckbench.gpcc.attributes import syntax as attribute_syntax
 from puckbench.gpcc.attributes.colours import (
     BT709,
@@ -304,7 +304,9 @@ def encoded_attribute(
     bits = attribute.attr_bitdepth_minus1 + 1
     parameters = qps(aps, header, bits, points.coordinates(aps), points.axes)
     if not aps.has_levels:
-        raise InputError("RAHT")
+        codes, _, indices = points.in_morton_order(aps)
+        ordered = parameters.ordered(indices)
+        return raht.forward(codes, values[indices], ordered, raht.thresholds(aps)).coefficients
     steps = quantisers(parameters)
     levels = points.levels(aps, header, atlas)
     ordered = values[levels.order]
