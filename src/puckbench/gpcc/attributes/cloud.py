@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.core.errors import InputError
+from puckbench.geometry.morton import morton_codes
 from puckbench.gpcc.attributes.options import AttributeOptions
 from puckbench.gpcc.attributes.reader import AttributeReader
 from puckbench.gpcc.attributes.recolouring import Source, recoloured
@@ -98,10 +99,20 @@ def encode_cloud(
     def recolour(values: Values, coded: CodedPoints, corner: Three, bits: int) -> Values:
         placed = coded.points.positions[:, coded.points.axes]
         shift = offset + whole.min(axis=0) + np.array(corner)
-        members = Source(exact[coded.members].astype(np.float64), factor, shift)
-        return recoloured(placed, values[coded.members], members, (1 << bits) - 1)
+        members = _grouped(coded.members, whole)
+        given_points = Source(exact[members].astype(np.float64), factor, shift)
+        return recoloured(placed, values[members], given_points, (1 << bits) - 1)
 
     encoder = AttributeEncoder(attributes, chosen, len(whole), recolour)
     if isinstance(options, PredictiveOptions):
         return encode_trees_geometry(whole, options, scale, origin, sensor, encoder)
     return encode_octree_geometry(whole, options, scale, origin, sensor, encoder)
+
+
+def _grouped(members: NDArray[np.int64], points: NDArray[Any]) -> NDArray[np.int64]:
+    """Sort the indices of points so that equal points are adjacent, as TMC13 lists them."""
+    part = points[members].astype(np.int64)
+    codes = morton_codes(part - part.min(axis=0), np.arange(3))
+    _, first, unique = np.unique(codes, return_index=True, return_inverse=True)
+    grouped: NDArray[np.int64] = members[np.argsort(first[unique], kind="stable")]
+    return grouped
