@@ -306,7 +306,7 @@ def encoded_attribute(
     if not aps.has_levels:
         codes, _, indices = points.in_morton_order(aps)
         ordered = parameters.ordered(indices)
-        return raht.forward(codes, values[indices], ordered, raht.thresholds(aps)).coefficients
+        return raht.forward(codes, values[indices], ordered, raht.prediction_thresholds(aps)).coefficients
     steps = quantisers(parameters)
     levels = points.levels(aps, header, atlas)
     ordered = values[levels.order]
