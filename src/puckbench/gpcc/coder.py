@@ -476,9 +476,7 @@ class _StreamReader:
         codes = decode_slice(coded, sps, gps, self._contexts, state)
         if self._attributes is not None:
             sensor = sensor_position(coded.header, gps, axes, origin)
-            self._attributes.start_slice(
-                sps, coded.header, octree_points(gps, axes, sensor, codes)
-            )
+            self._attributes.start_slice(sps, coded.header, octree_points(gps, axes, sensor, codes))
         decoded: Ints = morton_points(codes, np.array(axes), np.array(origin, dtype=np.int64))
         return decoded
 

@@ -125,7 +125,10 @@ def encode_trees_geometry(
         raise InputError(f"G-PCC: more than {MAX_TREE_SLICES} slices")
     if attributes is None:
         units = (
-            (syntax.GEOMETRY_DATA_UNIT, _coded_part(relative[rows], k, options, sps, gps, centre).unit)
+            (
+                syntax.GEOMETRY_DATA_UNIT,
+                _coded_part(relative[rows], k, options, sps, gps, centre).unit,
+            )
             for k, rows in enumerate(parts)
         )
         return stream_of(sps, gps, units)

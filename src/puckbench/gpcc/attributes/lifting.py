@@ -180,7 +180,9 @@ def quantise(
             value = transformed[i, k]
             if k == 2:
                 value -= last_component[level] * second >> 2
-            coefficient = quantised(value * weight, quantisers.reciprocals[layer, region, min(k, 1)])
+            coefficient = quantised(
+                value * weight, quantisers.reciprocals[layer, region, min(k, 1)]
+            )
             coefficients[i, k] = coefficient
             if k == 1:
                 second = unweighted(coefficient * quantisers.steps[layer, region, 1], root)

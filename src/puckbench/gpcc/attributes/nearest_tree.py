@@ -140,7 +140,9 @@ def _move_forward(
         while left <= right and _is_before(points[rows[left], axis], cut, equal):
             left += 1
         while (
-            right > first and left <= right and not _is_before(points[rows[right], axis], cut, equal)
+            right > first
+            and left <= right
+            and not _is_before(points[rows[right], axis], cut, equal)
         ):
             right -= 1
         if left > right or right <= first:

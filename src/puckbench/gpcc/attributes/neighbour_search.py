@@ -25,7 +25,8 @@ _CELL_BITS = 21
 _CELLS = 1 << _CELL_BITS
 _FAR = 1 << 62
 _NEAR_RANGE = 2
-_BUCKET_LOG2 = 5
+_FAN_LOG2 = 3
+_FAN_MASK = 7
 
 # Neighbours of a cell in the order of the search, as Morton codes of offsets from the lowest.
 ALL_NEIGHBOURS = np.array(
@@ -80,12 +81,15 @@ class SearchOptions(NamedTuple):
 
 
 class Boxes(NamedTuple):
-    """Bounding boxes (m, 6) of 32, 1024 and 32768 successive positions (n, 3)."""
+    """Positions (n, 3), and bounding boxes of 8, 64, 512, ... successive ones.
+
+    boxes: (m, 6), those of 8 positions first.
+    starts: first box of each size; index 0 is not used.
+    """
 
     positions: Positions
-    small: Positions
-    middle: Positions
-    large: Positions
+    boxes: Positions
+    starts: Ints
 
 
 def empty_atlas() -> Atlas:
@@ -153,36 +157,36 @@ def holds_near_point(
 
 
 def boxes(positions: Positions) -> Boxes:
-    counts = [-(-len(positions) >> _BUCKET_LOG2 * k) for k in (1, 2, 3)]
-    small, middle, large = (np.empty((count, 6), dtype=np.int32) for count in counts)
-    result = Boxes(positions, small, middle, large)
-    _fill_boxes(result)
+    sizes = [-(-len(positions) >> _FAN_LOG2)]
+    while sizes[-1] > 1:
+        sizes.append(-(-sizes[-1] >> _FAN_LOG2))
+    starts = np.cumsum([0, 0, *sizes])[:-1].astype(np.int64)
+    result = Boxes(positions, np.empty((sum(sizes), 6), dtype=np.int32), starts)
+    _fill_boxes(result, np.array(sizes, dtype=np.int64))
     return result
 
 
 @entry
-def _fill_boxes(result: Boxes) -> None:
+def _fill_boxes(result: Boxes, sizes: Ints) -> None:
     for axis in range(3):
-        for k in range(len(result.small)):
-            start = k << _BUCKET_LOG2
-            low, high = result.positions[start, axis], result.positions[start, axis]
-            for i in range(start, min(start + (1 << _BUCKET_LOG2), len(result.positions))):
+        for k in range(sizes[0]):
+            low = result.positions[k << _FAN_LOG2, axis]
+            high = low
+            for i in range((k << _FAN_LOG2) + 1, min((k + 1) << _FAN_LOG2, len(result.positions))):
                 low = min(low, result.positions[i, axis])
                 high = max(high, result.positions[i, axis])
-            result.small[k, axis], result.small[k, 3 + axis] = low, high
-    _merge_boxes(result.small, result.middle)
-    _merge_boxes(result.middle, result.large)
-
-
-@inlined
-def _merge_boxes(small: Positions, large: Positions) -> None:
-    for k in range(len(large)):
-        start = k << _BUCKET_LOG2
-        for axis in range(3):
-            low, high = small[start, axis], small[start, 3 + axis]
-            for i in range(start + 1, min(start + (1 << _BUCKET_LOG2), len(small))):
-                low, high = min(low, small[i, axis]), max(high, small[i, 3 + axis])
-            large[k, axis], large[k, 3 + axis] = low, high
+            result.boxes[k, axis], result.boxes[k, 3 + axis] = low, high
+    for level in range(1, len(sizes)):
+        below, start = result.starts[level], result.starts[level + 1]
+        for k in range(sizes[level]):
+            first = below + (k << _FAN_LOG2)
+            last = below + min((k + 1) << _FAN_LOG2, sizes[level - 1])
+            for axis in range(3):
+                low, high = result.boxes[first, axis], result.boxes[first, 3 + axis]
+                for i in range(first + 1, last):
+                    low = min(low, result.boxes[i, axis])
+                    high = max(high, result.boxes[i, 3 + axis])
+                result.boxes[start + k, axis], result.boxes[start + k, 3 + axis] = low, high
 
 
 @inlined
@@ -206,7 +210,7 @@ def _with(best: Best, positions: Positions, k: int, offset: int, x: int, y: int,
     if distance >= c:
         return best
     k += offset
-    if k == i or k == j or k == m:  # noqa: PLR1714
+    if k == i or k == j or k == m:  # noqa: PLR1714, SIM109
         return best
     if distance < a:
         return distance, a, b, k, i, j
@@ -219,24 +223,27 @@ def _with(best: Best, positions: Positions, k: int, offset: int, x: int, y: int,
 def _search_forward(
     best: Best, among: Boxes, first: int, last: int, offset: int, x: int, y: int, z: int
 ) -> tuple[Best, int]:
-    work = 0
-    for large in range(first >> 15, (last >> 15) + 1):
+    """Search positions from `first` to `last`; return the nearest and the number of operations."""
+    work, level, k = 0, 1, first
+    top = len(among.starts) - 1
+    while k <= last and k & _FAN_MASK:
+        best = _with(best, among.positions, k, offset, x, y, z)
+        k += 1
+    while level < top and (k >> _FAN_LOG2 * level) & _FAN_MASK == 0:
+        level += 1
+    while k <= last:
         work += 1
-        if _box_distance(among.large, large, x, y, z) >= best[2]:
-            continue
-        for middle in range(max(first >> 10, large << 5), min(last >> 10, (large << 5) + 31) + 1):
-            work += 1
-            if _box_distance(among.middle, middle, x, y, z) >= best[2]:
+        box = among.starts[level] + (k >> _FAN_LOG2 * level)
+        if _box_distance(among.boxes, box, x, y, z) < best[2]:
+            if level > 1:
+                level -= 1
                 continue
-            for small in range(
-                max(first >> 5, middle << 5), min(last >> 5, (middle << 5) + 31) + 1
-            ):
-                work += 1
-                if _box_distance(among.small, small, x, y, z) >= best[2]:
-                    continue
-                work += 8
-                for k in range(max(first, small << 5), min(last, (small << 5) + 31) + 1):
-                    best = _with(best, among.positions, k, offset, x, y, z)
+            work += 4
+            for i in range(k, min(last, k | _FAN_MASK) + 1):
+                best = _with(best, among.positions, i, offset, x, y, z)
+        k += 1 << _FAN_LOG2 * level
+        while level < top and (k >> _FAN_LOG2 * level) & _FAN_MASK == 0:
+            level += 1
     return best, work
 
 
@@ -244,26 +251,26 @@ def _search_forward(
 def _search_backward(
     best: Best, among: Boxes, first: int, last: int, x: int, y: int, z: int
 ) -> tuple[Best, int]:
-    work = 0
-    for large in range(last >> 15, (first >> 15) - 1, -1):
+    work, level, end = 0, 1, last + 1
+    top = len(among.starts) - 1
+    while end > first and end & _FAN_MASK:
+        end -= 1
+        best = _with(best, among.positions, end, 0, x, y, z)
+    while level < top and (end >> _FAN_LOG2 * level) & _FAN_MASK == 0:
+        level += 1
+    while end > first:
         work += 1
-        if _box_distance(among.large, large, x, y, z) >= best[2]:
-            continue
-        for middle in range(
-            min(last >> 10, (large << 5) + 31), max(first >> 10, large << 5) - 1, -1
-        ):
-            work += 1
-            if _box_distance(among.middle, middle, x, y, z) >= best[2]:
+        box = among.starts[level] + (end - 1 >> _FAN_LOG2 * level)
+        if _box_distance(among.boxes, box, x, y, z) < best[2]:
+            if level > 1:
+                level -= 1
                 continue
-            for small in range(
-                min(last >> 5, (middle << 5) + 31), max(first >> 5, middle << 5) - 1, -1
-            ):
-                work += 1
-                if _box_distance(among.small, small, x, y, z) >= best[2]:
-                    continue
-                work += 8
-                for k in range(min(last, (small << 5) + 31), max(first, small << 5) - 1, -1):
-                    best = _with(best, among.positions, k, 0, x, y, z)
+            work += 4
+            for i in range(end - 1, max(first, end - 1 - _FAN_MASK) - 1, -1):
+                best = _with(best, among.positions, i, 0, x, y, z)
+        end -= 1 << _FAN_LOG2 * level
+        while level < top and (end >> _FAN_LOG2 * level) & _FAN_MASK == 0:
+            level += 1
     return best, work
 
 

@@ -38,9 +38,7 @@ class Source(NamedTuple):
     offset: Floats
 
 
-def recoloured(
-    positions: NDArray[np.int32], values: Values, source: Source, most: int
-) -> Values:
+def recoloured(positions: NDArray[np.int32], values: Values, source: Source, most: int) -> Values:
     """Return values (m, components) of `positions` (m, 3).
 
     A value minimises the larger of two errors: from the average of the nearest source points, and
@@ -151,9 +149,7 @@ def _refine(
 
 
 @inlined
-def _centre(
-    values: Values, squares: Floats, first: int, last: int, k: int, most: int
-) -> int:
+def _centre(values: Values, squares: Floats, first: int, last: int, k: int, most: int) -> int:
     if last - first == 1:
         return integer(values[first, k])
     total, weights = 0.0, 0.0

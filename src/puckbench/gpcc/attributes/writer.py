@@ -110,9 +110,7 @@ class AttributeEncoder:
             _parameter_set(index, options, gps, extent)
             for index, options in enumerate(self._options)
         ]
-        return [
-            written(attribute_syntax.attribute_parameter_set, aps) for aps in self._parameters
-        ]
+        return [written(attribute_syntax.attribute_parameter_set, aps) for aps in self._parameters]
 
     def data_units(self, slice_id: int, origin: Three, coded: CodedPoints) -> list[bytes]:
         units = []
@@ -145,9 +143,7 @@ class AttributeEncoder:
         ]
         coefficients = encoded_attribute(values, points, aps, header, attribute, self._atlas)
         data = encode_coefficients(coefficients, initial_probabilities())
-        return (
-            written(attribute_syntax.attribute_header, header, aps, self._described) + data
-        )
+        return written(attribute_syntax.attribute_header, header, aps, self._described) + data
 
 
 def _extended(values: Sequence[int], index: int) -> int:
@@ -306,7 +302,9 @@ def encoded_attribute(
     if not aps.has_levels:
         codes, _, indices = points.in_morton_order(aps)
         ordered = parameters.ordered(indices)
-        return raht.forward(codes, values[indices], ordered, raht.prediction_thresholds(aps)).coefficients
+        return raht.forward(
+            codes, values[indices], ordered, raht.prediction_thresholds(aps)
+        ).coefficients
     steps = quantisers(parameters)
     levels = points.levels(aps, header, atlas)
     ordered = values[levels.order]
