@@ -387,15 +387,11 @@ def decode_geometry(stream: bytes) -> DecodedGeometry:
 class AttributeUnits(Protocol):
     """Decoder of the attributes of a stream, which it receives in order."""
 
-    def parameter_set(self, payload: bytes) -> None: ...
-
     def start_slice(
         self, sps: syntax.SequenceParameterSet, header: syntax.GeometryHeader, points: SlicePoints
     ) -> None: ...
 
-    def data_unit(self, payload: bytes) -> None: ...
-
-    def constant(self, payload: bytes) -> None: ...
+    def take(self, payload_type: int, payload: bytes) -> None: ...
 
 
 def read_stream(stream: bytes, attributes: AttributeUnits | None = None) -> DecodedGeometry:
@@ -435,14 +431,8 @@ class _StreamReader:
             syntax.tile_inventory(BitReader(payload), syntax.TileInventory())
         elif payload_type == syntax.GEOMETRY_DATA_UNIT:
             self._slices.append(self._decoded(payload))
-        elif self._attributes is None:
-            return
-        elif payload_type == syntax.ATTRIBUTE_PARAMETER_SET:
-            self._attributes.parameter_set(payload)
-        elif payload_type == syntax.ATTRIBUTE_DATA_UNIT:
-            self._attributes.data_unit(payload)
-        elif payload_type == syntax.CONSTANT_ATTRIBUTE_DATA_UNIT:
-            self._attributes.constant(payload)
+        elif self._attributes is not None:
+            self._attributes.take(payload_type, payload)
 
     def _decoded(self, payload: bytes) -> Ints:
         if not payload:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from puckbench.core.errors import InputError
 from puckbench.geometry.morton import morton_codes
 from puckbench.gpcc.attributes.options import AttributeOptions
-from puckbench.gpcc.attributes.reader import AttributeReader
+from puckbench.gpcc.attributes.reader import Attribute, AttributeReader
 from puckbench.gpcc.attributes.recolouring import Source, recoloured
 from puckbench.gpcc.attributes.writer import AttributeEncoder, Values
 from puckbench.gpcc.coder import (
@@ -27,8 +27,6 @@ from puckbench.gpcc.options import GpccOptions
 from puckbench.gpcc.predictive_coder import PredictiveOptions, encode_trees_geometry
 from puckbench.gpcc.sensor import SensorDescription
 from puckbench.gpcc.syntax import Three
-
-Attribute = NDArray[np.uint8] | NDArray[np.uint16]
 
 
 @dataclass(frozen=True)

@@ -50,7 +50,8 @@ def decoded_colours(values: Values, matrix: int | None, bitdepth: int) -> Values
         greenness, orange = second - offset, third - offset
         middle = first - (greenness >> 1)
         blue = middle - (orange >> 1)
-        return np.clip(_stacked(orange + blue, greenness + middle, blue), 0, most)
+        converted: Values = np.clip(_stacked(orange + blue, greenness + middle, blue), 0, most)
+        return converted
     return _stacked(third, first, second)
 
 
@@ -61,7 +62,8 @@ def _stacked(*channels: NDArray[np.int32] | NDArray[np.float64]) -> Values:
 def _rounded(values: NDArray[np.float64]) -> NDArray[np.float64]:
     """Round halves away from zero, and clip to 8 bits."""
     values = values + np.copysign(np.nextafter(0.5, 0), values)
-    return np.clip(np.trunc(values), 0.0, _MOST)
+    rounded: NDArray[np.float64] = np.clip(np.trunc(values), 0.0, _MOST)
+    return rounded
 
 
 def coded_values(values: Values, scaling: Three) -> Values:

@@ -51,7 +51,8 @@ def scaled_coordinates(positions: Positions, scale: Sequence[int]) -> Positions:
     wide = (wide - wide.min(axis=0)) * np.array(scale, dtype=np.int64) + 128 >> 8
     if wide.max() >= 1 << MOST_BITS + _SPARE_BITS or wide[:, 2].max() >= 1 << MOST_BITS:
         raise InputError(f"G-PCC: spherical coordinates of more than {MOST_BITS} bits")
-    return wide.astype(np.int32)
+    scaled: Positions = wide.astype(np.int32)
+    return scaled
 
 
 def sorted_points(positions: Positions, codes: Ints | None = None) -> SortedPoints:

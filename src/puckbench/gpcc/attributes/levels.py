@@ -338,4 +338,5 @@ def divided(numerator: int, denominator: int, fraction_bits: int) -> int:
     """Divide by a positive number, approximately (`divApprox` in TMC13)."""
     shift = max(64 - leading_zeros(denominator) - 8, 0)
     inverse = _INVERSES[(denominator + (1 << shift >> 1)) >> shift]
-    return numerator * inverse >> shift + 16 - fraction_bits
+    quotient: int = numerator * inverse >> shift + 16 - fraction_bits
+    return quotient

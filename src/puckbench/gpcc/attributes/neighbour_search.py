@@ -45,11 +45,12 @@ PRECEDING_NEIGHBOURS = np.array(
 
 
 class Atlas(NamedTuple):
-    """Grid of 128^3 cells: first and last + 1 of the points in each; `used` cells, their number."""
+    """Grid of 128^3 cells: first and last + 1 of the points in each; `used` cells, and their
+    number `filled`."""
 
     cells: Indices
     used: Indices
-    count: Ints
+    filled: Ints
 
 
 class SortedPoints(NamedTuple):
@@ -121,17 +122,17 @@ def set_cell(atlas: Atlas, code: int, index: int) -> None:
     cell = code & (_CELLS - 1)
     if atlas.cells[cell, 0] < 0:
         atlas.cells[cell, 0] = index
-        atlas.used[atlas.count[0]] = cell
-        atlas.count[0] += 1
+        atlas.used[atlas.filled[0]] = cell
+        atlas.filled[0] += 1
     atlas.cells[cell, 1] = index + 1
 
 
 @inlined
 def clear(atlas: Atlas) -> None:
-    for k in range(atlas.count[0]):
+    for k in range(atlas.filled[0]):
         atlas.cells[atlas.used[k], 0] = -1
         atlas.cells[atlas.used[k], 1] = -1
-    atlas.count[0] = 0
+    atlas.filled[0] = 0
 
 
 @inlined

@@ -52,6 +52,15 @@ class PredictionTools(NamedTuple):
     inter_component: Ints
 
 
+class Place(NamedTuple):
+    """A point in coding order, and what applies to it."""
+
+    point: int
+    layer: int
+    region: int
+    level: int
+
+
 @entry
 def quantisation_weights(predictors: Predictors, shares: Ints, weights: Ints) -> None:
     """Write weights (n,) of residuals: larger for points that predict many others.
@@ -202,7 +211,6 @@ def quantise(
     above 0 and above 1 are, in units of 2^-20.
     """
     layer, level = integer(0), integer(0)
-    components = values.shape[1]
     for k in range(3):
         greater[k, 0] = greater[k, 1] = _SCALE >> 1
     for i in range(len(values)):
@@ -212,30 +220,54 @@ def quantise(
             level += 1
         region = integer(quantisers.region[order[i]]) if len(quantisers.region) else 0
         mode, chosen = integer(0), is_mode_coded(values, predictors, tools, i)
-        if chosen and components == 1:
+        if chosen and values.shape[1] == 1:
             place = Place(i, layer, region, level)
             mode = _best_mode(values, predictors, tools, quantisers, greater, place)
         elif chosen:
             place = Place(i, layer, region, level)
             mode = _best_colour_mode(values, predictors, tools, quantisers, greater, place)
-        first_residual = integer(0)
-        for k in range(components):
-            step = quantisers.steps[layer, region, min(k, 1)]
-            reciprocal = quantisers.reciprocals[layer, region, min(k, 1)]
-            weight = max(min(weights[i], step) >> FRACTION_BITS, 1)
-            prediction = predicted(values, predictors, i, k, mode)
-            if k and len(tools.inter_component):
-                prediction += (tools.inter_component[level, k - 1] * first_residual + 2) >> 2
-            difference = (integer(values[i, k]) - prediction) * weight << FRACTION_BITS
-            coefficient = quantised(difference, reciprocal)
-            residual = scaled(coefficient, step, weights[i])
-            if k == 0:
-                first_residual = residual
-            coefficients[i, k] = coefficient
-            values[i, k] = min(max(prediction + residual, 0), tools.most)
+        _quantise_point(
+            values,
+            coefficients,
+            predictors,
+            tools,
+            quantisers,
+            Place(i, layer, region, level),
+            mode,
+            weights[i],
+        )
         if chosen:
             _put_mode(coefficients, i, tools, mode - tools.average_disabled)
         _count_residuals(coefficients, i, greater)
+
+
+@inlined
+def _quantise_point(
+    values: Values,
+    coefficients: Coefficients,
+    predictors: Predictors,
+    tools: PredictionTools,
+    quantisers: Quantisers,
+    place: Place,
+    mode: int,
+    point_weight: int,
+) -> None:
+    i, first_residual = place.point, integer(0)
+    for k in range(values.shape[1]):
+        step = quantisers.steps[place.layer, place.region, min(k, 1)]
+        reciprocal = quantisers.reciprocals[place.layer, place.region, min(k, 1)]
+        weight = max(min(point_weight, step) >> FRACTION_BITS, 1)
+        prediction = predicted(values, predictors, i, k, mode)
+        if k and len(tools.inter_component):
+            factor = tools.inter_component[place.level, k - 1]
+            prediction += (factor * first_residual + 2) >> 2
+        difference = (integer(values[i, k]) - prediction) * weight << FRACTION_BITS
+        coefficient = quantised(difference, reciprocal)
+        residual = scaled(coefficient, step, point_weight)
+        if k == 0:
+            first_residual = residual
+        coefficients[i, k] = coefficient
+        values[i, k] = min(max(prediction + residual, 0), tools.most)
 
 
 @inlined
@@ -289,15 +321,6 @@ def _with_bits(bits: float, greater: Ints, k: int, size: int) -> float:
         return bits + (_SCALE_LOG2 - math.log2(_SCALE - greater[k, 1])) + 1
     bits = bits + (_SCALE_LOG2 - math.log2(greater[k, 1])) + 1
     return bits + (2.0 * math.log2(size - 1.0) + 1.0)
-
-
-class Place(NamedTuple):
-    """A point in coding order, and what applies to it."""
-
-    point: int
-    layer: int
-    region: int
-    level: int
 
 
 @inlined

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.core.errors import InputError
+from puckbench.gpcc import syntax
 from puckbench.gpcc.attributes import lifting, prediction, raht
 from puckbench.gpcc.attributes import syntax as attribute_syntax
 from puckbench.gpcc.attributes.colours import YCGCO, decoded_colours, decoded_values
@@ -31,6 +32,7 @@ from puckbench.gpcc.slices import demultiplexed
 from puckbench.gpcc.syntax import AttributeDescription, GeometryHeader, SequenceParameterSet
 
 Values = NDArray[np.int32]
+Attribute = NDArray[np.uint8] | NDArray[np.uint16]
 
 MAX_VALUES = 1 << 26
 """Maximum number of values over all attributes of a stream; it limits the memory needed."""
@@ -65,7 +67,15 @@ class AttributeReader:
     def _atlas(self) -> Atlas:
         return empty_atlas()
 
-    def parameter_set(self, payload: bytes) -> None:
+    def take(self, payload_type: int, payload: bytes) -> None:
+        if payload_type == syntax.ATTRIBUTE_PARAMETER_SET:
+            self._parameter_set(payload)
+        elif payload_type == syntax.ATTRIBUTE_DATA_UNIT:
+            self._data_unit(payload)
+        elif payload_type == syntax.CONSTANT_ATTRIBUTE_DATA_UNIT:
+            self._constant(payload)
+
+    def _parameter_set(self, payload: bytes) -> None:
         aps = AttributeParameterSet()
         attribute_syntax.attribute_parameter_set(BitReader(payload), aps)
         self._aps.setdefault(aps.aps_attr_parameter_set_id, aps)
@@ -92,7 +102,7 @@ class AttributeReader:
             default = attribute.attr_default_value or (1 << bits - 1,) * components
             values.append(np.broadcast_to(np.array(default, np.int32), (count, components)))
 
-    def data_unit(self, payload: bytes) -> None:
+    def _data_unit(self, payload: bytes) -> None:
         if self._slice is None or self._sps is None:
             raise InputError("G-PCC stream: values of an attribute precede the geometry")
         aps = self._aps.get(payload[0] >> 4) if payload else None
@@ -117,7 +127,7 @@ class AttributeReader:
             )
         self._values[header.attr_sps_attr_idx][-1] = values
 
-    def constant(self, payload: bytes) -> None:
+    def _constant(self, payload: bytes) -> None:
         if self._slice is None or self._sps is None:
             raise InputError("G-PCC stream: values of an attribute precede the geometry")
         reader, header = BitReader(payload), AttributeHeader()
@@ -140,9 +150,9 @@ class AttributeReader:
         self._pending.remove(header.attr_sps_attr_idx)
         return self._sps.attributes[header.attr_sps_attr_idx]
 
-    def attributes(self, converted: bool) -> dict[str, NDArray[np.uint8 | np.uint16]]:
+    def attributes(self, converted: bool) -> dict[str, Attribute]:
         """Return values (n,) or (n, 3) by name; `converted`: colours are red, green, blue."""
-        result: dict[str, NDArray[np.uint8 | np.uint16]] = {}
+        result: dict[str, Attribute] = {}
         described = self._sps.attributes if self._sps else []
         for index, (attribute, parts) in enumerate(zip(described, self._values, strict=True)):
             values = parts[0] if len(parts) == 1 else np.concatenate(parts)
@@ -153,17 +163,17 @@ class AttributeReader:
                 matrix = attribute.matrix_coefficients
                 values = decoded_colours(values, matrix, bits)
                 bits -= matrix == YCGCO
-            narrow = values.astype(np.uint8 if bits <= 8 else np.uint16)
-            result[_name(attribute, index, result)] = narrow if components > 1 else narrow[:, 0]
+            values = values if components > 1 else values[:, 0]
+            name = _name(attribute, index)
+            name = name if name not in result else f"{name}_{index}"
+            result[name] = values.astype(np.uint8) if bits <= 8 else values.astype(np.uint16)
         return result
 
 
-def _name(attribute: AttributeDescription, index: int, taken: dict[str, object]) -> str:
+def _name(attribute: AttributeDescription, index: int) -> str:
     label = attribute.attr_label
-    name = f"attribute_{index}"
-    if label is not None and label < len(_LABELS):
-        name = _LABELS[label]
-    return name if name not in taken else f"{name}_{index}"
+    known = label is not None and label < len(_LABELS)
+    return _LABELS[label or 0] if known else f"attribute_{index}"
 
 
 def _shape(attribute: AttributeDescription) -> tuple[int, int]:

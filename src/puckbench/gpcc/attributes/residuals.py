@@ -101,10 +101,10 @@ def _code_coefficients(
 
 @inlined
 def _is_zero(values: Coefficients, i: int) -> bool:
+    zero = True
     for k in range(values.shape[1]):
-        if values[i, k] != 0:
-            return False
-    return True
+        zero = zero and values[i, k] == 0
+    return zero
 
 
 @inlined

@@ -115,6 +115,20 @@ def attribute_parameter_set(io: SyntaxElements, aps: AttributeParameterSet) -> N
     io.flag(aps, "aps_slice_qp_deltas_present_flag")
     if aps.has_levels:
         _levels_of_detail(io, aps)
+    _transform_tools(io, aps)
+    if not aps.scalable_lifting_enabled_flag:
+        io.flag(aps, "spherical_coord_flag")
+    if aps.spherical_coord_flag:
+        for axis, scale in enumerate(aps.attr_coord_scale):
+            bits = 1 + io.bits(5, max(scale.bit_length() - 1, 0))
+            aps.attr_coord_scale[axis] = io.bits(bits, scale)
+    io.flag(aps, "aps_extension_flag")
+    if aps.aps_extension_flag and (io.writing or aps.attr_encoding == PREDICTING):
+        for k in range(aps.num_pred_nearest_neighbours_minus1 + 1):
+            aps.quant_neigh_weight[k] = io.exp_golomb(aps.quant_neigh_weight[k])
+
+
+def _transform_tools(io: SyntaxElements, aps: AttributeParameterSet) -> None:
     if aps.attr_encoding == PREDICTING:
         io.ue(aps, "max_num_direct_predictors")
         if aps.max_num_direct_predictors:
@@ -131,16 +145,6 @@ def attribute_parameter_set(io: SyntaxElements, aps: AttributeParameterSet) -> N
             io.ue(aps, "raht_prediction_threshold1")
     elif aps.attr_encoding == RAW:
         io.flag(aps, "raw_attr_variable_len_flag")
-    if not aps.scalable_lifting_enabled_flag:
-        io.flag(aps, "spherical_coord_flag")
-    if aps.spherical_coord_flag:
-        for axis, scale in enumerate(aps.attr_coord_scale):
-            bits = 1 + io.bits(5, max(scale.bit_length() - 1, 0))
-            aps.attr_coord_scale[axis] = io.bits(bits, scale)
-    io.flag(aps, "aps_extension_flag")
-    if aps.aps_extension_flag and (io.writing or aps.attr_encoding == PREDICTING):
-        for k in range(aps.num_pred_nearest_neighbours_minus1 + 1):
-            aps.quant_neigh_weight[k] = io.exp_golomb(aps.quant_neigh_weight[k])
 
 
 def _levels_of_detail(io: SyntaxElements, aps: AttributeParameterSet) -> None:

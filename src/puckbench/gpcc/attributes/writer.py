@@ -22,7 +22,7 @@ from puckbench.gpcc.attributes.colours import (
 from puckbench.gpcc.attributes.geometry import SlicePoints
 from puckbench.gpcc.attributes.neighbour_search import Atlas, Positions, empty_atlas
 from puckbench.gpcc.attributes.options import AttributeOptions
-from puckbench.gpcc.attributes.quantisation import qps, quantisers
+from puckbench.gpcc.attributes.quantisation import FRACTION_BITS, qps, quantisers
 from puckbench.gpcc.attributes.reader import COLOUR, REFLECTANCE, prediction_tools
 from puckbench.gpcc.attributes.residuals import encode_coefficients, initial_probabilities
 from puckbench.gpcc.attributes.syntax import (
@@ -301,9 +301,9 @@ def encoded_attribute(
     parameters = qps(aps, header, bits, points.coordinates(aps), points.axes)
     if not aps.has_levels:
         codes, _, indices = points.in_morton_order(aps)
-        ordered = parameters.ordered(indices)
+        parameters = parameters.ordered(indices)
         return raht.forward(
-            codes, values[indices], ordered, raht.prediction_thresholds(aps)
+            codes, values[indices], parameters, raht.prediction_thresholds(aps)
         ).coefficients
     steps = quantisers(parameters)
     levels = points.levels(aps, header, atlas)
@@ -312,7 +312,7 @@ def encoded_attribute(
     unused = aps.max_detail_levels - len(levels.ends)
     if aps.attr_encoding == LIFTING:
         weights = lifting.lifting_weights(levels, bool(aps.scalable_lifting_enabled_flag))
-        transformed = ordered.astype(np.int64) << lifting.FRACTION_BITS
+        transformed = ordered.astype(np.int64) << FRACTION_BITS
         lifting.forward_transform(levels, weights, transformed)
         factors = np.zeros(len(levels.ends) + 1, dtype=np.int64)
         if aps.last_component_prediction_enabled_flag and values.shape[1] == 3:
