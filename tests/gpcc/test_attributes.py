@@ -27,7 +27,6 @@ from tests.gpcc.attribute_vectors import (
     reflectances,
 )
 
-
 MANIFEST: dict[str, dict[str, Any]] = read_json(FOLDER / "manifest.json")
 POINTS = points()
 

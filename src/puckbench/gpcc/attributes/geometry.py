@@ -16,7 +16,7 @@ from puckbench.gpcc.attributes.coordinates import (
     sorted_points,
 )
 from puckbench.gpcc.attributes.levels import Levels, levels_of_detail
-from puckbench.gpcc.attributes.neighbour_search import Atlas, Positions, SortedPoints
+from puckbench.gpcc.attributes.neighbour_search import Atlases, Positions, SortedPoints
 from puckbench.gpcc.attributes.syntax import PREDICTING, AttributeHeader, AttributeParameterSet
 from puckbench.gpcc.syntax import GeometryParameterSet, Three
 
@@ -67,10 +67,12 @@ class SlicePoints:
             self._sorted[scale] = sorted_points(self.coordinates(aps), codes)
         return self._sorted[scale]
 
-    def levels(self, aps: AttributeParameterSet, header: AttributeHeader, atlas: Atlas) -> Levels:
+    def levels(
+        self, aps: AttributeParameterSet, header: AttributeHeader, atlases: Atlases
+    ) -> Levels:
         """Return the levels of detail of an attribute; the last result is reused."""
+        # As in TMC13, an attribute also reuses levels from other coordinates than its own.
         key = (
-            tuple(aps.attr_coord_scale) if aps.spherical_coord_flag else (),
             aps.num_pred_nearest_neighbours_minus1,
             aps.inter_lod_search_range,
             aps.intra_lod_search_range,
@@ -85,7 +87,8 @@ class SlicePoints:
             aps.canonical_point_order_flag,
             aps.attr_encoding == PREDICTING and aps.pred_weight_blending_enabled_flag,
         )
-        if self._levels is None or self._levels[0] != key:
+        scalable = bool(aps.scalable_lifting_enabled_flag)
+        if self._levels is None or self._levels[0] != key or scalable:
             if aps.canonical_point_order_flag:
                 coordinates = self.coordinates(aps)
                 indices = np.arange(len(coordinates), dtype=np.int32)
@@ -94,5 +97,5 @@ class SlicePoints:
                 points = self.in_morton_order(aps)
             bias = np.empty(3, dtype=np.int64)
             bias[list(self.axes)] = aps.lod_neigh_bias
-            self._levels = key, levels_of_detail(points, aps, header, bias, atlas)
+            self._levels = key, levels_of_detail(points, aps, header, bias, atlases)
         return self._levels[1]

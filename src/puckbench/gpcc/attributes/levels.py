@@ -15,6 +15,7 @@ from puckbench.core.compiling import inlined
 from puckbench.core.errors import InputError
 from puckbench.gpcc.attributes.neighbour_search import (
     Atlas,
+    Atlases,
     Indices,
     Ints,
     Positions,
@@ -58,7 +59,7 @@ def levels_of_detail(
     aps: AttributeParameterSet,
     header: AttributeHeader,
     bias: Ints,
-    atlas: Atlas,
+    atlases: Atlases,
 ) -> Levels:
     """Divide points into levels, and find their predictors.
 
@@ -68,7 +69,7 @@ def levels_of_detail(
         Sorted unless `aps.canonical_point_order_flag` is set.
     bias
         Factors (3,) of distances along the coded axes.
-    atlas
+    atlases
         Working memory.
 
     Raises
@@ -84,7 +85,7 @@ def levels_of_detail(
         np.zeros((count, 3), dtype=np.int32),
         np.zeros((count, 3), dtype=np.int64),
     )
-    order, ends = _build(points, aps, header, bias, predictors, atlas)
+    order, ends = _build(points, aps, header, bias, predictors, atlases)
     coded = np.ascontiguousarray(order[::-1])
     _finish_predictors(
         predictors,
@@ -102,7 +103,7 @@ def _build(
     header: AttributeHeader,
     bias: Ints,
     predictors: Predictors,
-    atlas: Atlas,
+    atlases: Atlases,
 ) -> tuple[Indices, list[int]]:
     """Return the points from the finest level to the coarsest, and how many remain before each."""
     count = len(points.codes)
@@ -115,7 +116,7 @@ def _build(
     while len(remaining) and level < aps.max_detail_levels:
         taken, retained = remaining, nothing
         if level < aps.max_detail_levels - 1:
-            taken, retained = _subsampled(points, aps, header, remaining, level, atlas)
+            taken, retained = _subsampled(points, aps, header, remaining, level, atlases[0])
         end = start + len(taken)
         order[start:end] = taken
         first = level
@@ -129,7 +130,7 @@ def _build(
                 continue
             options = _search_options(aps, header, again)
             work = nearest_neighbours(
-                points, options, bias, order, part, retained, predictors, atlas, work
+                points, options, bias, order, part, retained, predictors, atlases, work
             )
             if work < 0:
                 raise InputError("G-PCC: the search of neighbours for attributes takes too long")

@@ -25,6 +25,9 @@ _CELL_BITS = 21
 _CELLS = 1 << _CELL_BITS
 _FAR = 1 << 62
 _NEAR_RANGE = 2
+_LARGEST_CELL_BITS = 20
+_MOST_IN_CELLS = 256
+_DENSITY = 4
 _FAN_LOG2 = 3
 _FAN_MASK = 7
 
@@ -93,7 +96,15 @@ class Boxes(NamedTuple):
     starts: Ints
 
 
-def empty_atlas() -> Atlas:
+Atlases = tuple[Atlas, Atlas, Atlas]
+
+
+def empty_atlases() -> Atlases:
+    """Return working memory of searches."""
+    return _empty_atlas(), _empty_atlas(), _empty_atlas()
+
+
+def _empty_atlas() -> Atlas:
     return Atlas(
         np.full((_CELLS, 2), -1, dtype=np.int32),
         np.empty(_CELLS, dtype=np.int32),
@@ -222,9 +233,20 @@ def _with(best: Best, positions: Positions, k: int, offset: int, x: int, y: int,
 
 @inlined
 def _search_forward(
-    best: Best, among: Boxes, first: int, last: int, offset: int, x: int, y: int, z: int
+    best: Best,
+    among: Boxes,
+    first: int,
+    last: int,
+    offset: int,
+    limit: int,
+    x: int,
+    y: int,
+    z: int,
 ) -> tuple[Best, int]:
-    """Search positions from `first` to `last`; return the nearest and the number of operations."""
+    """Search positions from `first` to `last`; return the nearest and the number of operations.
+
+    The three nearest are at most `limit` away.
+    """
     work, level, k = 0, 1, first
     top = len(among.starts) - 1
     while k <= last and k & _FAN_MASK:
@@ -235,7 +257,7 @@ def _search_forward(
     while k <= last:
         work += 1
         box = among.starts[level] + (k >> _FAN_LOG2 * level)
-        if _box_distance(among.boxes, box, x, y, z) < best[2]:
+        if _box_distance(among.boxes, box, x, y, z) < min(best[2], limit + 1):
             if level > 1:
                 level -= 1
                 continue
@@ -250,7 +272,7 @@ def _search_forward(
 
 @inlined
 def _search_backward(
-    best: Best, among: Boxes, first: int, last: int, x: int, y: int, z: int
+    best: Best, among: Boxes, first: int, last: int, limit: int, x: int, y: int, z: int
 ) -> tuple[Best, int]:
     work, level, end = 0, 1, last + 1
     top = len(among.starts) - 1
@@ -262,7 +284,7 @@ def _search_backward(
     while end > first:
         work += 1
         box = among.starts[level] + (end - 1 >> _FAN_LOG2 * level)
-        if _box_distance(among.boxes, box, x, y, z) < best[2]:
+        if _box_distance(among.boxes, box, x, y, z) < min(best[2], limit + 1):
             if level > 1:
                 level -= 1
                 continue
@@ -275,100 +297,272 @@ def _search_backward(
     return best, work
 
 
-class Level(NamedTuple):
-    """Points of a level: codes, and those of the points of coarser levels, both sorted."""
+class Grid(NamedTuple):
+    """Cells with a side of 2^(shift / 3) that hold points sorted by `codes`.
+
+    ranges: (27, 2) first and last + 1 of the points in the cells around the current one.
+    state: (5,) block and code of the current cell; points that are in the atlas; number of ranges;
+        number of their points, or -1 if some cells are in other blocks.
+    """
 
     codes: Ints
-    coarser_codes: Ints
+    atlas: Atlas
+    shift: int
+    ranges: Indices
+    state: Ints
+
+
+def grid(codes: Ints, atlas: Atlas, cell_bits: int) -> Grid:
+    state = np.array([-1, -1, 0, 0, 0], dtype=np.int64)
+    return Grid(codes, atlas, min(63, 3 * cell_bits), np.empty((27, 2), np.int32), state)
+
+
+def _dense_cell_bits(codes: Ints) -> int:
+    """Return the log2 of the side of cells that hold two points on average."""
+    steps = codes[1:] ^ codes[:-1]
+    for bits in range(1, _LARGEST_CELL_BITS):
+        if np.count_nonzero(steps >> 3 * bits) * _DENSITY <= len(codes):
+            return bits
+    return _LARGEST_CELL_BITS
+
+
+@inlined
+def _enter_cell(of: Grid, code: int) -> None:
+    """Find the points in the cells around a code; codes must ascend."""
+    state, shift = of.state, of.shift
+    if code >> shift == state[1]:
+        return
+    block_shift = min(63, shift + _CELL_BITS)
+    block, cell = code >> block_shift, code >> shift
+    if block != state[0]:
+        clear(of.atlas)
+        state[0] = block
+        while state[2] < len(of.codes) and of.codes[state[2]] >> block_shift < block:
+            state[2] += 1
+        while state[2] < len(of.codes) and of.codes[state[2]] >> block_shift == block:
+            set_cell(of.atlas, of.codes[state[2]] >> shift, state[2])
+            state[2] += 1
+    state[1] = cell
+    ranges, total, whole = integer(0), integer(0), True
+    for offset in ALL_NEIGHBOURS:
+        other = neighbour_code(cell, offset)
+        if other >> _CELL_BITS != block:
+            whole = False
+            continue
+        place = other & (_CELLS - 1)
+        if of.atlas.cells[place, 0] >= 0:
+            of.ranges[ranges, 0] = of.atlas.cells[place, 0]
+            of.ranges[ranges, 1] = of.atlas.cells[place, 1]
+            total += of.atlas.cells[place, 1] - of.atlas.cells[place, 0]
+            ranges += 1
+    state[3] = ranges
+    state[4] = total if whole else -1
+
+
+class Level(NamedTuple):
+    """Points of a level, and those of coarser levels, both sorted by their codes.
+
+    near: cells of the coarser points in which neighbours are searched first.
+    coarser_grid, own_grid: smaller or larger cells that hold a few points each.
+    least_bias: smallest factor of distances.
+    """
+
+    codes: Ints
     own: Boxes
     coarser: Boxes
+    near: Grid
+    coarser_grid: Grid
+    own_grid: Grid
+    least_bias: int
 
 
 @entry
-def find_nearest(
-    level: Level,
-    options: SearchOptions,
-    atlas: Atlas,
-    ranges: Indices,
-    nearest: Indices,
-    work: int,
-) -> int:
+def find_nearest(level: Level, options: SearchOptions, nearest: Indices, work: int) -> int:
     """Write the three nearest candidates of each point, or -1, to `nearest` (n, 3).
 
-    Indices from the number of coarser points on stand for points of the same level. `ranges`
-    (27, 2) is working memory.
+    Indices from the number of coarser points on stand for points of the same level.
 
     Returns the rest of `work`, an upper limit of operations; it is negative if they exceed it.
     """
-    codes, coarser_codes = level.codes, level.coarser_codes
-    count, coarser_count = len(codes), len(coarser_codes)
-    shift = min(63, 3 * options.cell_bits)
-    block_shift = min(63, shift + _CELL_BITS)
-    clear(atlas)
-    block, cell = integer(-1), integer(-1)
-    following, filled, cells = integer(0), integer(0), integer(0)
-    for i in range(count):
-        x, y, z = (
-            integer(level.own.positions[i, 0]),
-            integer(level.own.positions[i, 1]),
-            integer(level.own.positions[i, 2]),
-        )
+    coarser_codes = level.near.codes
+    coarser_count, following = len(coarser_codes), integer(0)
+    clear(level.near.atlas)
+    clear(level.coarser_grid.atlas)
+    clear(level.own_grid.atlas)
+    for i in range(len(level.codes)):
         best = (_FAR, _FAR, _FAR, integer(-1), integer(-1), integer(-1))
         if coarser_count:
-            code = codes[i]
+            code = level.codes[i]
             while following < coarser_count - 1 and code >= coarser_codes[following]:
                 following += 1
-            if code >> block_shift != block:
-                clear(atlas)
-                block = code >> block_shift
-                while filled < coarser_count and coarser_codes[filled] >> block_shift == block:
-                    set_cell(atlas, coarser_codes[filled] >> shift, filled)
-                    filled += 1
-            if code >> shift != cell:
-                cell = code >> shift
-                cells = 0
-                for offset in ALL_NEIGHBOURS:
-                    other = neighbour_code(cell, offset)
-                    if other >> _CELL_BITS != block:
-                        continue
-                    place = other & (_CELLS - 1)
-                    if atlas.cells[place, 0] >= 0:
-                        ranges[cells, 0] = atlas.cells[place, 0]
-                        ranges[cells, 1] = atlas.cells[place, 1]
-                        cells += 1
-            for r in range(cells):
-                work -= ranges[r, 1] - ranges[r, 0]
-                for k in range(ranges[r, 0], ranges[r, 1]):
-                    best = _with(best, level.coarser.positions, k, 0, x, y, z)
+            best, spent = _search_near(best, level, i)
+            work -= spent
             if best[5] < 0:
-                centre = following if best[3] < 0 else best[3]
-                low = max(0, centre - options.inter_range)
-                high = min(coarser_count - 1, centre + options.inter_range)
-                best = _with(best, level.coarser.positions, centre, 0, x, y, z)
-                for n in range(1, _NEAR_RANGE + 1):
-                    if centre + n <= high:
-                        best = _with(best, level.coarser.positions, centre + n, 0, x, y, z)
-                    if centre - n >= low:
-                        best = _with(best, level.coarser.positions, centre - n, 0, x, y, z)
-                after = min(coarser_count - 1, centre + _NEAR_RANGE + 1)
-                before = max(0, centre - _NEAR_RANGE - 1)
-                best, spent = _search_forward(best, level.coarser, after, high, 0, x, y, z)
-                work -= spent
-                best, spent = _search_backward(best, level.coarser, low, before, x, y, z)
+                best, spent = _search_coarser(best, level, options, i, following)
                 work -= spent
         if options.intra:
-            near_end = min(count - 1, i + 1 + _NEAR_RANGE)
-            for k in range(i + 1, near_end + 1):
-                best = _with(best, level.own.positions, k, coarser_count, x, y, z)
-            high = min(count - 1, i + 1 + options.intra_range)
-            best, spent = _search_forward(
-                best, level.own, near_end + 1, high, coarser_count, x, y, z
-            )
+            best, spent = _search_own(best, level, options, i, coarser_count)
             work -= spent
         nearest[i, 0], nearest[i, 1], nearest[i, 2] = best[3], best[4], best[5]
         if work < 0:
             break
     return work
+
+
+@inlined
+def _place(level: Level, i: int) -> tuple[int, int, int]:
+    positions = level.own.positions
+    return integer(positions[i, 0]), integer(positions[i, 1]), integer(positions[i, 2])
+
+
+@inlined
+def _search_near(best: Best, level: Level, i: int) -> tuple[Best, int]:
+    x, y, z = _place(level, i)
+    _enter_cell(level.near, level.codes[i])
+    work = integer(0)
+    for r in range(level.near.state[3]):
+        first, end = integer(level.near.ranges[r, 0]), integer(level.near.ranges[r, 1])
+        work += end - first
+        for k in range(first, end):
+            best = _with(best, level.coarser.positions, k, 0, x, y, z)
+    return best, work
+
+
+@inlined
+def _search_coarser(
+    best: Best, level: Level, options: SearchOptions, i: int, following: int
+) -> tuple[Best, int]:
+    """Search coarser points in order of their distance from a centre in Morton order."""
+    x, y, z = _place(level, i)
+    positions = level.coarser.positions
+    last = len(positions) - 1
+    centre = following if best[3] < 0 else best[3]
+    low, high = max(0, centre - options.inter_range), min(last, centre + options.inter_range)
+    limit = _FAR
+    _enter_cell(level.coarser_grid, level.codes[i])
+    in_cells = level.coarser_grid.state[4]
+    if 0 <= in_cells <= _MOST_IN_CELLS:
+        found = _search_cells(best, level, (centre, low, high), x, y, z)
+        if found[2] <= level.least_bias << level.coarser_grid.shift // 3:
+            return found, in_cells
+        limit = found[2]
+    best = _with(best, positions, centre, 0, x, y, z)
+    for n in range(1, _NEAR_RANGE + 1):
+        if centre + n <= high:
+            best = _with(best, positions, centre + n, 0, x, y, z)
+        if centre - n >= low:
+            best = _with(best, positions, centre - n, 0, x, y, z)
+    after, before = min(last, centre + _NEAR_RANGE + 1), max(0, centre - _NEAR_RANGE - 1)
+    best, work = _search_forward(best, level.coarser, after, high, 0, limit, x, y, z)
+    best, more = _search_backward(best, level.coarser, low, before, limit, x, y, z)
+    return best, work + more
+
+
+@inlined
+def _search_cells(
+    best: Best, level: Level, span: tuple[int, int, int], x: int, y: int, z: int
+) -> Best:
+    """Search coarser points in cells; equally near ones in the order of `_search_coarser`.
+
+    span: centre, lowest and highest index.
+    """
+    centre, low, high = span
+    of, positions = level.coarser_grid, level.coarser.positions
+    count, one, other = len(positions), best[3], best[4]
+    ranked = (
+        best[0],
+        best[1],
+        best[2],
+        integer(-2 if one >= 0 else _FAR),
+        integer(-1 if other >= 0 else _FAR),
+        integer(_FAR),
+    )
+    for r in range(of.state[3]):
+        first, end = integer(of.ranges[r, 0]), integer(of.ranges[r, 1])
+        for k in range(max(first, low), min(end, high + 1)):
+            if k not in (one, other):
+                ranked = _with_tied(ranked, positions, k, _rank(k, centre, count) - k, x, y, z)
+    return (
+        ranked[0],
+        ranked[1],
+        ranked[2],
+        _index(ranked[3], centre, count, one, other),
+        _index(ranked[4], centre, count, one, other),
+        _index(ranked[5], centre, count, one, other),
+    )
+
+
+@inlined
+def _rank(k: int, centre: int, count: int) -> int:
+    """Return the place of an index in the search: 0, 1, -1, 2, -2 from the centre, then those
+    above it, then those below."""
+    away = k - centre
+    if abs(away) <= _NEAR_RANGE:
+        return 2 * away - 1 if away > 0 else -2 * away
+    return away + _NEAR_RANGE if away > 0 else count + _NEAR_RANGE - away
+
+
+@inlined
+def _index(rank: int, centre: int, count: int, one: int, other: int) -> int:
+    """Return the index of a rank; -2 and -1 stand for `one` and `other`."""
+    if rank < 0:
+        return one if rank == -2 else other
+    if rank == _FAR:
+        return integer(-1)
+    if rank <= 2 * _NEAR_RANGE:
+        return centre + (rank + 1 >> 1 if rank & 1 else -(rank >> 1))
+    if rank <= count + _NEAR_RANGE:
+        return centre + rank - _NEAR_RANGE
+    return centre + count + _NEAR_RANGE - rank
+
+
+@inlined
+def _search_own(
+    best: Best, level: Level, options: SearchOptions, i: int, offset: int
+) -> tuple[Best, int]:
+    """Search points of the same level, with indices above `i`, in ascending order."""
+    x, y, z = _place(level, i)
+    positions = level.own.positions
+    last = len(positions) - 1
+    near_end, high = min(last, i + 1 + _NEAR_RANGE), min(last, i + 1 + options.intra_range)
+    limit = _FAR
+    if level.own_grid.shift:
+        _enter_cell(level.own_grid, level.codes[i])
+        in_cells = level.own_grid.state[4]
+        if 0 <= in_cells <= _MOST_IN_CELLS:
+            found = best
+            for r in range(level.own_grid.state[3]):
+                first = integer(level.own_grid.ranges[r, 0])
+                end = integer(level.own_grid.ranges[r, 1])
+                for k in range(max(first, i + 1), min(end, max(near_end, high) + 1)):
+                    found = _with_tied(found, positions, k, offset, x, y, z)
+            if found[2] <= level.least_bias << level.own_grid.shift // 3:
+                return found, in_cells
+            limit = found[2]
+    for k in range(i + 1, near_end + 1):
+        best = _with(best, positions, k, offset, x, y, z)
+    return _search_forward(best, level.own, near_end + 1, high, offset, limit, x, y, z)
+
+
+@inlined
+def _with_tied(
+    best: Best, positions: Positions, k: int, offset: int, x: int, y: int, z: int
+) -> Best:
+    """Insert a candidate into the three nearest; of equally near ones, lower indices are first."""
+    a, b, c, i, j, m = best
+    distance = (
+        abs(integer(positions[k, 0]) - x)
+        + abs(integer(positions[k, 1]) - y)
+        + abs(integer(positions[k, 2]) - z)
+    )
+    k += offset
+    if distance > c or (distance == c and k > m):
+        return best
+    if distance < a or (distance == a and k < i):
+        return distance, a, b, k, i, j
+    if distance < b or (distance == b and k < j):
+        return a, distance, b, i, k, j
+    return a, b, distance, i, j, k
 
 
 class Predictors(NamedTuple):
@@ -392,7 +586,7 @@ def nearest_neighbours(
     part: slice,
     retained: Indices,
     predictors: Predictors,
-    atlas: Atlas,
+    atlases: Atlases,
     work: int,
 ) -> int:
     """Find the predictors of the points that `order` has in `part`, a level of detail.
@@ -407,9 +601,22 @@ def nearest_neighbours(
     if options.mask_bits:
         placed = [rows >> options.mask_bits << options.mask_bits for rows in placed]
     own_boxes, coarser_boxes = (boxes(rows * scale) for rows in placed)
-    level = Level(points.codes[own], points.codes[retained], own_boxes, coarser_boxes)
+    codes, coarser_codes = points.codes[own], points.codes[retained]
+    near, coarser_grid, own_grid = atlases
+    is_sorted = len(codes) > 1 and codes[0] != codes[-1]
+    level = Level(
+        codes,
+        own_boxes,
+        coarser_boxes,
+        grid(coarser_codes, near, options.cell_bits),
+        grid(coarser_codes, coarser_grid, _dense_cell_bits(coarser_codes)),
+        grid(
+            codes, own_grid, _dense_cell_bits(codes) if is_sorted and not options.mask_bits else 0
+        ),
+        int(bias.min()),
+    )
     nearest = np.empty((len(own), 3), dtype=np.int32)
-    work = find_nearest(level, options, atlas, np.empty((27, 2), np.int32), nearest, work)
+    work = find_nearest(level, options, nearest, work)
     if work >= 0:
         _write_predictors(
             options, points.positions, bias, order, part.start, retained, nearest, predictors

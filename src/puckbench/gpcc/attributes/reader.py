@@ -14,7 +14,7 @@ from puckbench.gpcc.attributes import syntax as attribute_syntax
 from puckbench.gpcc.attributes.colours import YCGCO, decoded_colours, decoded_values
 from puckbench.gpcc.attributes.geometry import SlicePoints
 from puckbench.gpcc.attributes.levels import Levels
-from puckbench.gpcc.attributes.neighbour_search import Atlas, empty_atlas
+from puckbench.gpcc.attributes.neighbour_search import Atlases, empty_atlases
 from puckbench.gpcc.attributes.quantisation import qps, quantisers
 from puckbench.gpcc.attributes.residuals import (
     Probabilities,
@@ -64,8 +64,8 @@ class AttributeReader:
         self._count = 0
 
     @cached_property
-    def _atlas(self) -> Atlas:
-        return empty_atlas()
+    def _atlases(self) -> Atlases:
+        return empty_atlases()
 
     def take(self, payload_type: int, payload: bytes) -> None:
         if payload_type == syntax.ATTRIBUTE_PARAMETER_SET:
@@ -123,7 +123,7 @@ class AttributeReader:
             contexts = self._contexts[header.attr_sps_attr_idx]
             coefficients = decode_coefficients(coded, bypass, contexts, count, components)
             values = decoded_attribute(
-                coefficients, self._slice, aps, header, attribute, self._atlas
+                coefficients, self._slice, aps, header, attribute, self._atlases
             )
         self._values[header.attr_sps_attr_idx][-1] = values
 
@@ -197,7 +197,7 @@ def decoded_attribute(
     aps: AttributeParameterSet,
     header: AttributeHeader,
     attribute: AttributeDescription,
-    atlas: Atlas,
+    atlases: Atlases,
 ) -> Values:
     """Return values (n, components) of points in coded order; changes `coefficients`."""
     bits, _ = _shape(attribute)
@@ -211,7 +211,7 @@ def decoded_attribute(
         )
         return np.clip(values, 0, most)
     steps = quantisers(parameters)
-    levels = points.levels(aps, header, atlas)
+    levels = points.levels(aps, header, atlases)
     coded = np.empty_like(coefficients)
     if aps.attr_encoding == LIFTING:
         weights = lifting.lifting_weights(levels, bool(aps.scalable_lifting_enabled_flag))

@@ -20,7 +20,7 @@ from puckbench.gpcc.attributes.colours import (
     coded_values,
 )
 from puckbench.gpcc.attributes.geometry import SlicePoints
-from puckbench.gpcc.attributes.neighbour_search import Atlas, Positions, empty_atlas
+from puckbench.gpcc.attributes.neighbour_search import Atlases, Positions, empty_atlases
 from puckbench.gpcc.attributes.options import AttributeOptions
 from puckbench.gpcc.attributes.quantisation import FRACTION_BITS, qps, quantisers
 from puckbench.gpcc.attributes.reader import COLOUR, REFLECTANCE, prediction_tools
@@ -99,8 +99,8 @@ class AttributeEncoder:
         self._recolour = recolour
 
     @cached_property
-    def _atlas(self) -> Atlas:
-        return empty_atlas()
+    def _atlases(self) -> Atlases:
+        return empty_atlases()
 
     def start(
         self, sps: SequenceParameterSet, gps: GeometryParameterSet, extent: Sequence[int]
@@ -141,7 +141,7 @@ class AttributeEncoder:
         header.layer_qp_deltas = [
             (_extended(luma, layer), _extended(chroma, layer)) for layer in range(layers)
         ]
-        coefficients = encoded_attribute(values, points, aps, header, attribute, self._atlas)
+        coefficients = encoded_attribute(values, points, aps, header, attribute, self._atlases)
         data = encode_coefficients(coefficients, initial_probabilities())
         return written(attribute_syntax.attribute_header, header, aps, self._described) + data
 
@@ -294,7 +294,7 @@ def encoded_attribute(
     aps: AttributeParameterSet,
     header: AttributeHeader,
     attribute: AttributeDescription,
-    atlas: Atlas,
+    atlases: Atlases,
 ) -> Values:
     """Return coefficients (n, components) of values in coded order; completes `header`."""
     bits = attribute.attr_bitdepth_minus1 + 1
@@ -306,7 +306,7 @@ def encoded_attribute(
             codes, values[indices], parameters, raht.prediction_thresholds(aps)
         ).coefficients
     steps = quantisers(parameters)
-    levels = points.levels(aps, header, atlas)
+    levels = points.levels(aps, header, atlases)
     ordered = values[levels.order]
     coefficients = np.empty_like(ordered)
     unused = aps.max_detail_levels - len(levels.ends)
