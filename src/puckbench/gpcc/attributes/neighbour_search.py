@@ -303,6 +303,8 @@ class Grid(NamedTuple):
     ranges: (27, 2) first and last + 1 of the points in the cells around the current one.
     state: (5,) block and code of the current cell; points that are in the atlas; number of ranges;
         number of their points, or -1 if some cells are in other blocks.
+    complete: whether blocks that no code enters are passed over. In TMC13 they end the filling of
+        its cells for good.
     """
 
     codes: Ints
@@ -310,11 +312,12 @@ class Grid(NamedTuple):
     shift: int
     ranges: Indices
     state: Ints
+    complete: bool
 
 
-def grid(codes: Ints, atlas: Atlas, cell_bits: int) -> Grid:
+def grid(codes: Ints, atlas: Atlas, cell_bits: int, complete: bool) -> Grid:
     state = np.array([-1, -1, 0, 0, 0], dtype=np.int64)
-    return Grid(codes, atlas, min(63, 3 * cell_bits), np.empty((27, 2), np.int32), state)
+    return Grid(codes, atlas, min(63, 3 * cell_bits), np.empty((27, 2), np.int32), state, complete)
 
 
 def _dense_cell_bits(codes: Ints) -> int:
@@ -337,7 +340,9 @@ def _enter_cell(of: Grid, code: int) -> None:
     if block != state[0]:
         clear(of.atlas)
         state[0] = block
-        while state[2] < len(of.codes) and of.codes[state[2]] >> block_shift < block:
+        while (
+            of.complete and state[2] < len(of.codes) and of.codes[state[2]] >> block_shift < block
+        ):
             state[2] += 1
         while state[2] < len(of.codes) and of.codes[state[2]] >> block_shift == block:
             set_cell(of.atlas, of.codes[state[2]] >> shift, state[2])
@@ -441,7 +446,7 @@ def _search_coarser(
     limit = _FAR
     _enter_cell(level.coarser_grid, level.codes[i])
     in_cells = level.coarser_grid.state[4]
-    if 0 <= in_cells <= _MOST_IN_CELLS:
+    if level.coarser_grid.complete and 0 <= in_cells <= _MOST_IN_CELLS:
         found = _search_cells(best, level, (centre, low, high), x, y, z)
         if found[2] <= level.least_bias << level.coarser_grid.shift // 3:
             return found, in_cells
@@ -608,10 +613,13 @@ def nearest_neighbours(
         codes,
         own_boxes,
         coarser_boxes,
-        grid(coarser_codes, near, options.cell_bits),
-        grid(coarser_codes, coarser_grid, _dense_cell_bits(coarser_codes)),
+        grid(coarser_codes, near, options.cell_bits, False),
+        grid(coarser_codes, coarser_grid, _dense_cell_bits(coarser_codes), not options.mask_bits),
         grid(
-            codes, own_grid, _dense_cell_bits(codes) if is_sorted and not options.mask_bits else 0
+            codes,
+            own_grid,
+            _dense_cell_bits(codes) if is_sorted and not options.mask_bits else 0,
+            True,
         ),
         int(bias.min()),
     )
