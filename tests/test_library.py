@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import puckbench
+from tests.support.cloud_bags import cloud_bag
 from tests.support.pages import blocks
 from tests.support.spinning import VLP16, pcap, spin
 
@@ -43,6 +44,19 @@ def test_the_loop_of_the_page_prints_bits_and_errors(
     lines = capsys.readouterr().out.splitlines()
     assert len(lines) >= 2
     assert all(float(line.split()[0]) > 0 and float(line.split()[1]) == 0 for line in lines)
+
+
+def test_turns_of_a_bag_of_clouds_are_the_messages_of_a_topic(tmp_path: Path) -> None:
+    clouds = []
+    for number in range(3):
+        rows = np.zeros(4, [(axis, "<f4") for axis in "xyz"])
+        rows["x"] = np.arange(4) + number + 1
+        clouds.append(rows)
+    bag = cloud_bag(tmp_path / "a.mcap", {"/front": clouds, "/rear": clouds[:1]})
+    turns = list(puckbench.turns(bag, topic="/front"))
+    assert [turn.xyz[:, 0].tolist() for turn in turns] == [c["x"].tolist() for c in clouds]
+    with pytest.raises(puckbench.InputError, match="several topics"):
+        next(puckbench.turns(bag))
 
 
 def test_metrics_of_points_need_no_returns(capture: Path) -> None:

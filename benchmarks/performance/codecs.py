@@ -3,17 +3,19 @@
     python -m benchmarks.performance.codecs CLOUD --codecs NAME ... [--rates RATE ...]
         [--repeats 3] [--entry 'YAML'] [--points N]
 
-CLOUD is a file, or `room`, `object` (scaled to 1023) or `turn` (metres, with the returns of a
-virtual VLP-16), which are generated with about N points. `--entry` changes codecs as `codecs` of a
-configuration does. Every codec and rate takes its turn in every repeat, and the least time of the
-repeats counts, because other work on the machine only adds. Times are of arrays in memory, after
-weights are loaded and loops compiled: wall clock, and processor time in brackets. Memory is the
-peak above what was resident before the call.
+CLOUD is a file, of a recording the first whole turn, or `room`, `object` (scaled to 1023) or `turn`
+(metres, with the returns of a virtual VLP-16), which are generated with about N points. `--entry`
+changes codecs as `codecs` of a configuration does. Every codec and rate takes its turn in every
+repeat, and the least time of the repeats counts, because other work on the machine only adds. Times
+are of arrays in memory, after weights are loaded and loops compiled: wall clock, and processor time
+in brackets. Memory is the peak above what was resident before the call. The last two rows are
+compressed coordinates in single precision, as PointCloud2 has them.
 """
 
 from __future__ import annotations
 
 import argparse
+import lzma
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -25,14 +27,17 @@ import yaml
 from benchmarks.clouds import sampled_object, scanned_room
 from benchmarks.turns import virtual_returns
 
+import puckbench
 from puckbench.codecs.base import Codec
 from puckbench.codecs.registry import open_codec
+from puckbench.coding.zstandard import compressed
 from puckbench.core.measurement import measured
 from puckbench.geometry.cloud import Floats, PointCloud
 from puckbench.io.clouds import read_cloud
 from puckbench.metrics.geometry import distortion
 
 T = TypeVar("T")
+RECORDINGS = (".bag", ".db3", ".mcap", ".pcap", ".pcapng", ".puck")
 
 
 @dataclass
@@ -68,6 +73,8 @@ def opened_cloud(name: str, points: int) -> PointCloud:
     if name == "turn":
         returns = virtual_returns("vlp16", max(1, round(points / 28_800)))
         return PointCloud(returns.points(), returns=returns)
+    if Path(name).suffix in RECORDINGS:
+        return next(puckbench.turns(name))
     return read_cloud(Path(name))
 
 
@@ -81,7 +88,7 @@ def main() -> None:
     parser.add_argument("--points", type=int, default=1_152_000)
     options = parser.parse_args()
     cloud = opened_cloud(options.cloud, options.points)
-    frame = "metric" if options.cloud == "turn" else cloud.frame
+    frame = "metric" if cloud.returns is not None else cloud.frame
     cases = []
     for name in options.codecs:
         codec = open_codec(name, options.entry.get(name))
@@ -100,6 +107,10 @@ def main() -> None:
             f"| {case.codec.name} | {case.rate} | {bits:.4f} | {case.error:.4g} "
             f"| {' | '.join(times)} | {case.peak_mib:.0f} |"
         )
+    raw = cloud.xyz.astype("<f4").tobytes()
+    xz = lzma.compress(raw, preset=9 | lzma.PRESET_EXTREME)
+    for name, stream in (("zstd -19", compressed(raw)), ("xz -9e", xz)):
+        print(f"| {name} |  | {8 * len(stream) / len(cloud):.4f} |  |  |  |  |")
 
 
 if __name__ == "__main__":

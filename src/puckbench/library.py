@@ -53,8 +53,12 @@ def open_codec(name: str, changes: Mapping[str, Any] | None = None) -> Codec:
     return registry.open_codec(name, changes)
 
 
-def turns(recording: str | Path, stream: str | None = None) -> Iterator[PointCloud]:
+def turns(
+    recording: str | Path, stream: str | None = None, topic: str | None = None
+) -> Iterator[PointCloud]:
     """Yield each full turn in a recording as a cloud with returns, in m, in the sensor's frame.
+
+    Of a bag of clouds, yield each message, without returns, in the frame of its points.
 
     Parameters
     ----------
@@ -62,6 +66,8 @@ def turns(recording: str | Path, stream: str | None = None) -> Iterator[PointClo
         A packet capture, a ROS bag, or a compressed recording (.puck).
     stream
         Address and port of the sensor, if the capture has several streams.
+    topic
+        Topic of a ROS bag, if several are suitable.
 
     Raises
     ------
@@ -69,11 +75,17 @@ def turns(recording: str | Path, stream: str | None = None) -> Iterator[PointClo
         The recording cannot be read, or its sensor is unknown.
     """
     from puckbench.datasets.recordings import decompressed
+    from puckbench.lidar.recordings import cloud_messages
     from puckbench.lidar.recordings.reading import read_turns
 
     path = Path(recording)
+    if cloud_messages.has_clouds(path, topic):
+        name, (_, count) = cloud_messages.cloud_topic(path, topic)
+        for number in range(count):
+            yield cloud_messages.read_recorded_cloud(path, number, name)
+        return
     with decompressed(path) as readable:
-        recorded = read_turns(readable, stream=stream, source=path)
+        recorded = read_turns(readable, stream=stream, source=path, topic=topic)
     for number in recorded.whole:
         whole = replace(recorded.returns, turns=(recorded.returns.turns[number],))
         yield PointCloud(whole.points(), returns=whole)

@@ -236,7 +236,7 @@ def test_structured_streams_of_networks_end_in_points_or_one_error(
         _endure(codec, structured(name, [stream], number))
 
 
-@pytest.mark.parametrize("name", ["draco", "draco_sequential", "laz", "delta_zstd"])
+@pytest.mark.parametrize("name", ["draco", "draco_sequential", "laz", "cloudini"])
 def test_structured_streams_of_points_end_in_points_or_one_error(name: str) -> None:
     codec = open_codec(name)
     points = np.cumsum(np.random.default_rng(4).normal(0, 0.02, (800, 3)), axis=0)

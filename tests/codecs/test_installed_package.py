@@ -116,7 +116,7 @@ import matplotlib.pyplot as plt
 style = FigureStyle()
 figure, axes = plt.subplots()
 for codec in style.ordered_codecs(["raw", "draco"]):
-    panels.draw_line(axes, np.array([0.1, 0.2]), np.array([2.0, 1.0]), style.of_codec(codec), 1e-3)
+    panels.draw_line(axes, np.array([0.1, 0.2]), np.array([2.0, 1.0]), style.of_codec(codec))
 print([line.get_color() for line in axes.lines])
 """
     assert "#123456" in _python(package, "-c", program)

@@ -13,7 +13,7 @@ from puckbench.codecs.registry import is_codec, open_codec
 from puckbench.core.errors import InputError
 from tests.support.learned_codecs import changes, save_tiny, weights_name
 
-OWN = ("gpcc", "gpcc_angular", "gpcc_predictive", "draco", "draco_sequential", "laz", "delta_zstd")
+OWN = ("gpcc", "gpcc_angular", "gpcc_predictive", "draco", "draco_sequential", "laz", "cloudini")
 NETWORKS = ("sparse_octree_net", "reno")
 
 

@@ -21,7 +21,10 @@ from puckbench.lidar.returns import read_firings
 from puckbench.planning.config import checked
 from puckbench.planning.workflow import Workflow
 from tests.io.test_cloud_formats import write_las
+from tests.lidar.test_message_returns import turn
+from tests.lidar.test_ouster import recorded
 from tests.support.bench import BOX
+from tests.support.cloud_bags import cloud_bag
 from tests.support.pages import ROOT, blocks, commands, page, write_files
 from tests.support.spinning import pcap, spin
 
@@ -194,7 +197,14 @@ def test_a_calibration_runs(recordings: Callable[..., None]) -> None:
 def test_a_recording_is_used(recordings: Callable[..., None]) -> None:
     recordings("room.pcap")
     recordings("tilted.pcap", pitch_deg=30)
-    _run(RECORDING)
+    samples = Path("data/ouster_recordings")
+    samples.mkdir(parents=True)
+    sample = "OS-2-32-U0_v2.0.0_1024x10"
+    for part in (ouster := recorded(samples, "LEGACY")), ouster.with_suffix(".json"):
+        part.rename(samples / f"{sample}{part.suffix}")
+    cloud_bag(Path("drive.mcap"), {"/points": [turn("velodyne") for _ in range(8)], "/rear": []})
+    _run(RECORDING, "data", "run")
+    assert len(read_cloud("cloud.pcd")) == len(turn("velodyne"))
     assert len(read_cloud("turns.ply")) == len(read_firings(Path("turns.parquet"))) > 1000
 
 

@@ -21,26 +21,29 @@ def test_bins_hold_equal_counts_and_give_their_medians(count: int) -> None:
     inner = np.quantile(x, np.arange(1, 10) / 10)
     bin_of = np.searchsorted(inner, x, side="left")
     expected = [(np.median(x[bin_of == b]), np.median(y[bin_of == b])) for b in range(10)]
-    np.testing.assert_allclose(np.transpose(equal_count_medians(x, y)), expected)
+    curve = equal_count_medians(x, y)
+    np.testing.assert_allclose(np.transpose(curve[:2]), expected)
+    quartiles = [np.quantile(y[bin_of == b], (0.25, 0.75)) for b in range(10)]
+    np.testing.assert_allclose(np.transpose(curve[2:]), quartiles)
     assert np.ptp(np.bincount(bin_of)) <= 1
 
 
 def test_fewer_distinct_values_than_bins_give_one_point_each() -> None:
     x = np.array([4.0, 1.0, 2.0, 2.0])
-    bpp, values = equal_count_medians(x, 10 * x)
+    bpp, values, *_ = equal_count_medians(x, 10 * x)
     assert bpp.tolist() == [1.0, 2.0, 4.0]
     assert values.tolist() == [10.0, 20.0, 40.0]
 
 
 def test_one_distinct_value_is_one_bin() -> None:
-    bpp, values = equal_count_medians(np.full(3, 0.5), np.array([1.0, 5.0, 2.0]))
-    assert (bpp.tolist(), values.tolist()) == ([0.5], [2.0])
+    curve = equal_count_medians(np.full(3, 0.5), np.array([1.0, 5.0, 2.0]))
+    assert [values.tolist() for values in curve] == [[0.5], [2.0], [1.5], [3.5]]
 
 
 def test_pairs_with_a_missing_value_are_left_out() -> None:
     x = np.array([1.0, 2.0, np.nan, 3.0])
     y = np.array([10.0, np.nan, 20.0, 30.0])
-    bpp, values = equal_count_medians(x, y)
+    bpp, values, *_ = equal_count_medians(x, y)
     assert (bpp.tolist(), values.tolist()) == ([1.0, 3.0], [10.0, 30.0])
     assert all(len(part) == 0 for part in equal_count_medians(x[2:3], y[2:3]))
 
@@ -57,7 +60,7 @@ def _two_codes_of(clouds: int) -> pd.DataFrame:
 
 def test_few_clouds_have_a_median_for_each_rate() -> None:
     """In bins by bpp one cloud's r2 and the other's r1 would fall together, or in turns."""
-    bpp, values = medians_against(_two_codes_of(2), "bpp", "cd")
+    bpp, values, *_ = medians_against(_two_codes_of(2), "bpp", "cd")
     assert (bpp.tolist(), values.tolist()) == ([1.5, 3.0, 6.0], [10.0, 9.0, 8.0])
 
 

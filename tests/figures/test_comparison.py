@@ -1,9 +1,10 @@
-"""The figure of a comparison: lossless rates stand at the edge, and axes name the peak."""
+"""The figure of a comparison: lossless rates are ticks at the edge, and axes name the peak."""
 
 from __future__ import annotations
 
 import numpy as np
 import pandas as pd
+import pytest
 from matplotlib.axes import Axes
 
 from puckbench.figures.comparison import draw_comparison
@@ -12,16 +13,13 @@ from puckbench.figures.style import FigureStyle
 from tests.support.reference_lookalike import rows_of
 
 
-def _lines(axes: Axes) -> dict[bool, list[tuple[list[float], list[float]]]]:
-    """Data of the hollow lines and of the others."""
-    found: dict[bool, list[tuple[list[float], list[float]]]] = {True: [], False: []}
-    for line in axes.lines:
-        x, y = (np.asarray(values, float).tolist() for values in line.get_data())
-        found[line.get_markerfacecolor() == "white"].append((x, y))
-    return found
+def _ticks(axes: Axes) -> list[list[list[float]]]:
+    """Ends of the ticks at an edge, whose height is a share of the panel's."""
+    ticks = [c for c in axes.collections if c.get_transform() != axes.transData]
+    return [path.vertices.tolist() for c in ticks for path in c.get_paths()]
 
 
-def test_a_lossless_rate_stands_hollow_at_the_upper_edge() -> None:
+def test_a_lossless_rate_is_a_tick_at_the_edge_of_better_values() -> None:
     own = rows_of("mine", 0.5)
     exact = own["rate"] == "r4"
     columns = {name: own[name].mask(exact) for name in ("d1_psnr", "d2_psnr")}
@@ -30,27 +28,39 @@ def test_a_lossless_rate_stands_hollow_at_the_upper_edge() -> None:
     style = FigureStyle()
     figure = draw_comparison(own, rows_of("gpcc", 0.8), qualities, "known", style)
     for axes, edge in zip(figure.axes, (1.0, 0.0), strict=True):
-        (hollow,) = _lines(axes)[True]
-        assert hollow == ([own[exact]["bpp"].median()], [edge])
-        drawn = [y for _, values in _lines(axes)[False] for y in values]
-        assert max(drawn) < 100
-    assert figure.axes[0].get_ylabel() == "D1 PSNR (dB)\npeak 59.7"
-    assert figure.axes[1].get_ylabel() == "d1_mse"
-    assert "lossless" in [text.get_text() for text in figure.legends[0].get_texts()]
+        ((start, end),) = _ticks(axes)
+        assert start == [own[exact]["bpp"].median(), edge]
+        assert end == [start[0], pytest.approx(abs(edge - 0.07))]
+        drawn = [y for line in axes.lines for y in np.asarray(line.get_ydata(), float)]
+        assert 0 < min(drawn) < max(drawn) < 100
+    assert figure.axes[0].get_ylabel() == "D1 PSNR (dB), better \N{RIGHTWARDS ARROW}\npeak 59.7"
+    assert figure.axes[1].get_ylabel() == "d1_mse, \N{LEFTWARDS ARROW} better"
+    assert "bits of lossless streams" in [text.get_text() for text in figure.legends[0].get_texts()]
 
 
 def test_without_lossless_rates_nothing_is_said_of_them() -> None:
     own, style = rows_of("mine", 0.5), FigureStyle()
     figure = draw_comparison(own, rows_of("gpcc", 0.8), ["d1_psnr"], "known", style)
-    assert _lines(figure.axes[0])[True] == []
-    assert "lossless" not in [text.get_text() for text in figure.legends[0].get_texts()]
+    assert _ticks(figure.axes[0]) == []
+    texts = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert not any("lossless" in text for text in texts)
+
+
+def test_codecs_keep_their_colours_and_markers_and_the_reference_is_pale() -> None:
+    style = FigureStyle()
+    own, reference = rows_of("draco", 0.5), rows_of("gpcc", 0.8)
+    figure = draw_comparison(own, reference, ["d1_psnr"], "known", style)
+    drawn = {line.get_color(): line for line in figure.axes[0].lines}
+    for codec, alpha in (("draco", 1.0), ("gpcc", 0.5)):
+        line = drawn[style.of_codec(codec).colour]
+        assert (line.get_marker(), line.get_alpha()) == (style.of_codec(codec).marker, alpha)
 
 
 def test_medians_of_several_peaks_are_not_drawn() -> None:
     own = pd.concat([rows_of("mine", 0.5)])
     own["peak"] = np.where(own["cloud"] == "thing_0", 511.0, 1023.0)
     figure = draw_comparison(own, rows_of("gpcc", 0.8), ["d1_psnr"], "known", FigureStyle())
-    assert [len(x) for x, _ in _lines(figure.axes[0])[False]] == [4]
+    assert [len(line.get_xdata()) for line in figure.axes[0].lines] == [4]
 
 
 def test_an_axis_of_less_than_a_decade_has_numbers() -> None:

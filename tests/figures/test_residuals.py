@@ -94,7 +94,8 @@ def test_moments_are_written_as_in_the_thesis() -> None:
 
 def test_bins_of_incidence_have_the_moments_of_their_points() -> None:
     x = np.array([0.0, 0.05, 0.95, 1.0])
-    centres, means, stds = parts.binned_moments(x, np.array([1.0, 3.0, 5.0, 5.0]))
+    x[-1] = 0.99
+    centres, means, stds = parts.binned_moments(x, np.array([1.0, 3.0, 5.0, 5.0]), 0.1)
     np.testing.assert_allclose(centres, np.arange(0.05, 1.0, 0.1))
     assert (means[0], stds[0], means[-1], stds[-1]) == (2.0, 1.0, 5.0, 0.0)
     assert np.isnan(means[1:-1]).all()
@@ -211,12 +212,15 @@ def test_bars_of_figure_5_15_follow_the_cosine_of_the_virtual_sensor() -> None:
     half = [np.ptp(np.array(bar[2][0].get_segments())[:, :, 1], axis=1) / 2 for bar in bars]
     np.testing.assert_allclose(half[0], REAL_STD_M, rtol=0.1)
     centres = bars[1][0].get_xdata()
-    np.testing.assert_allclose(half[1], np.hypot(0.014, 0.010) * np.cos(centres), rtol=0.2)
+    expected = np.hypot(0.014, 0.010) * np.cos(centres)
+    np.testing.assert_allclose(half[1][:-1], expected[:-1], rtol=0.2)  # the last bin is not full
+    np.testing.assert_allclose(np.diff(centres), 0.1315)
 
 
 def test_figure_5_20_leaves_out_what_the_thesis_discounted() -> None:
     titles = [axes.get_title() for axes in draw("fig_5_20", residual_table(60)).axes]
-    assert titles == ["Real VLP-16", "No noise", "VLP-16", "Beam divergence"]
+    names = [title.partition(" (n = ")[0] for title in titles]
+    assert names == ["Real VLP-16", "No noise", "VLP-16", "Beam divergence"]
 
 
 @pytest.mark.parametrize(

@@ -40,8 +40,9 @@ def test_errors_are_in_millimetres_over_bits() -> None:
             np.testing.assert_allclose(gpcc[:, 0], rows["bpp"])
         (left, right), low = axes.get_xlim(), axes.get_ylim()[0]
         assert ((left <= gpcc[:, 0]) & (gpcc[:, 0] <= right)).all()
-        # A stream without loss stands on the lower edge.
-        assert drawn[codec_style("puck").colour][-1, 1] == pytest.approx(low)
+        assert (drawn[codec_style("puck").colour][:, 1] > low).all()
+        # A stream without loss is a tick at the lower edge.
+        assert any(c.get_transform() != axes.transData for c in axes.collections)
 
 
 def test_a_recording_has_no_panel_of_the_truth_and_the_scan_a_line() -> None:
@@ -80,6 +81,7 @@ def test_what_noise_costs_is_drawn_at_equal_errors() -> None:
     ]  # fmt: skip
     table = noise_bits(metrics, clouds).set_index(["codec", "error_model"])
     none, vlp16 = [line.get_xdata() for line in exact.get_lines()[-2:]]
+    assert exact.get_title() == "Lossless, or on a grid of 1 mm (n = 3)"
     for drawn, model, noise in ((none, "none", 0.0), (vlp16, "vlp16", 4.4)):
         bits = [table.loc[(codec, model), "grid_1_mm"] for codec in ("puck", "gpcc")]
         np.testing.assert_allclose(drawn, [noise, *bits])
@@ -88,7 +90,7 @@ def test_what_noise_costs_is_drawn_at_equal_errors() -> None:
     gpcc = table.loc[("gpcc", "vlp16"), "at_5_mm"]
     assert at_error.get_lines()[-1].get_xdata()[shown.index(titles["gpcc"])] == pytest.approx(gpcc)
     legend = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert legend == ["none", "vlp16"]
+    assert legend == ["No noise", "VLP-16"]
 
 
 def test_codecs_that_reach_neither_error_are_an_input_error() -> None:
@@ -131,7 +133,9 @@ def test_bits_are_drawn_as_shares_of_the_octrees() -> None:
     np.testing.assert_allclose(drawn, 75)
     texts = [text.get_text() for text in figure.legends[0].get_texts()]
     assert codec_style("gpcc_angular").title in texts
-    assert codec_style("laz").title not in texts
+    assert codec_style("laz").title in texts  # nine times the octree's bits are on the axes
+    assert axes.get_ylim()[1] > 900
+    assert axes.get_title() == "Rooms (n\xa0=\xa02)"
     alone = metrics[metrics["codec"] != "gpcc"]
     with pytest.raises(InputError, match="coded by gpcc and by another"):
         draw("handicap", metrics=alone, clouds=clouds)
@@ -148,25 +152,4 @@ def test_every_codec_of_a_run_is_drawn_beside_the_octree() -> None:
     )
     texts = [text.get_text() for text in figure.legends[0].get_texts()]
     assert {"mine", codec_style("gpcc_angular").title} <= set(texts)
-    assert codec_style("laz").title not in texts  # nine times the octree's bits are off the axes
-
-
-def test_grids_are_compared_with_the_octree_that_keeps_every_point() -> None:
-    """Exact ones of 1 mm: the anchor merges points there, and is not without loss."""
-    errors = [0.05, 0.005, 0.0005]
-    common = {"dataset": "rooms", "frame": "metric", "cloud": "cloud_0", "points_in": 100}
-    rows = [
-        {**common, "codec": codec, "rate": f"{error}", "d1_rms_m": error, "points_out": points,
-         "bpp": bits / error**0.5}
-        for codec, bits, points in (("gpcc", 1, 99), ("gpcc_lossless", 1.25, 100), ("mine", 1, 100))
-        for error in errors
-    ]  # fmt: skip
-    clouds = sweeps_clouds_table(1).assign(sensor="VLP-16")
-    figure = draw("handicap", metrics=pd.DataFrame(rows), clouds=clouds)
-    hollow = {
-        line.get_color(): np.asarray(line.get_ydata(), float)
-        for line in figure.axes[0].get_lines()
-        if line.get_markerfacecolor() == "white"
-    }
-    assert hollow[codec_style("mine").colour] == pytest.approx([80, 80])
-    assert hollow[codec_style("gpcc_lossless").colour] == pytest.approx([100, 100])
+    assert codec_style("gpcc_lossless").title not in texts

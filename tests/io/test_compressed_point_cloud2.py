@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import gzip
+import hashlib
 import logging
 import struct
+import sys
 import zlib
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,10 +17,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from pureini import EncodingInfo, FieldType, PointcloudEncoder, PointField
 
 from puckbench.coding.zstandard import compressed as zstd
 from puckbench.core.errors import InputError
-from puckbench.io.recordings.compressed_point_cloud2 import decompressed_columns
+from puckbench.io.recordings.compressed_point_cloud2 import decompressed_columns, parse_cloudini
 from tests.io.test_point_cloud2 import Layout, message_of
 
 POINTS = 40
@@ -65,10 +69,22 @@ def draco_stream() -> bytes:
     return b"".join(parts)
 
 
+def cloudini_stream(rows: NDArray[Any] = ROWS) -> bytes:
+    """Single precision in steps of a millimetre, as ROS writes it; all else as it is."""
+    kinds = {"f4": 7, "u4": 6, "u2": 4, "i1": 1, "f8": 8}
+    fields = [
+        PointField(name, at, FieldType(kinds[kind.str[1:]]), 0.001 if kind == "<f4" else None)
+        for name, (kind, at, *_) in (rows.dtype.fields or {}).items()
+    ]
+    info = EncodingInfo(fields, width=rows.size, point_step=rows.itemsize)
+    return PointcloudEncoder(info).encode(rows.tobytes())
+
+
 STREAMS = {
     "zlib": gzip.compress(ROWS.tobytes()),  # zlib_point_cloud_transport writes gzip's header
     "zstd": zstd(ROWS.tobytes()),
     "draco": draco_stream(),
+    "cloudini": cloudini_stream(),
 }
 
 
@@ -97,8 +113,28 @@ def test_attributes_of_draco_are_the_fields_that_it_returns_exactly(
     assert "field 'stamp' is left out" in caplog.text
 
 
+def test_points_of_cloudini_are_those_that_its_authors_library_stored() -> None:
+    """The digest is that of the stream that the C++ library (commit d202e52) writes."""
+    digest = "57e02f846f5517df80c58a88a7a5bbe33f0826677eb1b90dad1920eb25d4fb71"
+    assert hashlib.sha256(STREAMS["cloudini"]).hexdigest() == digest
+    columns = decompressed_columns(compressed("cloudini", STREAMS["cloudini"]))
+    assert list(columns) == list(ROWS.dtype.names or ())
+    for name, values in columns.items():
+        assert values.dtype == ROWS.dtype[name]
+        assert np.abs(values - ROWS[name][0]).max() <= 0.000501 * (name in "xyz")
+
+
+def test_without_pureini_a_message_says_how_to_install_it(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setitem(sys.modules, "pureini", None)
+    (tmp_path / "cloud").write_bytes(STREAMS["cloudini"])
+    with pytest.raises(InputError, match=r"Cloudini .*pip install 'puckbench\[cloudini\]'"):
+        parse_cloudini(tmp_path / "cloud")
+
+
 def test_no_points_are_no_points() -> None:
-    for format_, stream in (("zstd", zstd(b"")), ("draco", b"")):
+    for format_, stream in (("zstd", zstd(b"")), ("draco", b""), ("cloudini", b"")):
         columns = decompressed_columns(compressed(format_, stream, ROWS[:, :0]))
         assert columns["x"].tolist() == []
 
@@ -106,8 +142,21 @@ def test_no_points_are_no_points() -> None:
 @pytest.mark.parametrize(
     ("message", "fault"),
     [
-        (compressed("cloudini", b"x"), r"'cloudini' \(package pureini\), which is not read"),
-        (compressed("a\nb" * 99, b"x"), r"compressed by 'a\\nba\\n[^ ]*, which is not read: zlib"),
+        (compressed("cloudini", b"x"), r"damaged \(Cloudini\), or newer"),
+        (compressed("cloudini", STREAMS["cloudini"][:-9]), r"damaged \(Cloudini\)"),
+        (compressed("cloudini", STREAMS["cloudini"], ROWS[:, :9]), "fields of the Cloudini stream"),
+        (
+            compressed("cloudini", STREAMS["cloudini"].replace(b"type: UINT16", b"type: INT16")),
+            "fields of the Cloudini stream are not those of the message",
+        ),
+        (
+            compressed("cloudini", STREAMS["cloudini"].replace(b"width: 40", b"width: 4000000000")),
+            r"damaged \(Cloudini\)|takes more than 2 GiB",
+        ),
+        (
+            compressed("a\nb" * 99, b"x"),
+            r"compressed by 'a\\nba\\n[^ ]*, which is not read: zlib, zstd, draco, cloudini are",
+        ),
         (compressed("zlib", STREAMS["zlib"][:-9]), r"damaged \(zlib\)"),
         (compressed("zlib", STREAMS["zstd"]), r"damaged \(zlib\)"),
         (compressed("zlib", gzip.compress(bytes(2000))), r"damaged \(zlib\)"),

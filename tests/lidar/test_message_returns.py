@@ -10,6 +10,7 @@ import pytest
 
 from puckbench.cli import main
 from puckbench.core.errors import InputError
+from puckbench.io.clouds import read_cloud
 from puckbench.lidar import load_sensor
 from puckbench.lidar.recordings import RecordedReturns, read_recording, read_returns
 from tests.support.cloud_bags import FORMATS, Rows, cloud_bag
@@ -131,3 +132,43 @@ def test_what_is_lacking_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixtu
         returns_of(tmp_path / "b.mcap", [turns[0][:0]], sensor=SENSOR)
     with pytest.raises(InputError, match=r"topic '/up': only ROS bags have topics"):
         read_recording(Path(out), topic="/up")
+
+
+@pytest.mark.parametrize("driver", TIMES)
+def test_messages_are_exported_with_ring_intensity_and_seconds(tmp_path: Path, driver: str) -> None:
+    turns = [turn(driver, number=number) for number in range(3)]
+    turns[1]["x"][5:9] = turns[1]["y"][5:9] = turns[1]["z"][5:9] = np.nan
+    stamps = [STAMP_S + PERIOD_S * number for number in range(3)]
+    bag = cloud_bag(tmp_path / "a.mcap", {"/one": turns[:1], "/two": turns}, stamps)
+    out = tmp_path / "a.pcd"
+    assert main(["export", str(bag), str(out), "--topic", "/two", "--turns", "1-2"]) == 0
+    cloud = read_cloud(out)
+    rows = np.concatenate([np.delete(turns[1], range(5, 9)), turns[2]])
+    assert np.array_equal(cloud.xyz, np.column_stack([rows[axis] for axis in "xyz"]))
+    assert np.array_equal(cloud.fields["ring"], rows["ring"])
+    assert np.array_equal(cloud.fields["intensity"], rows["intensity"])
+    seconds = np.repeat(np.arange(2 * COLUMNS), 16) / COLUMNS * PERIOD_S
+    assert cloud.fields["time"] == pytest.approx(np.delete(seconds, range(5, 9)), abs=1e-6)
+
+
+def test_messages_without_lasers_are_exported_as_points(tmp_path: Path) -> None:
+    rows = np.zeros(4, [(axis, "<f4") for axis in "xyz"])
+    rows["x"] = np.arange(1, 5)
+    bag = cloud_bag(tmp_path / "a.db3", {"/points": [rows]})
+    for suffix in (".pcd", ".las", ".bin", ".csv", ".ply"):
+        assert main(["export", str(bag), str(tmp_path / f"a{suffix}")]) == 0
+        points = read_cloud(tmp_path / f"a{suffix}").xyz
+        assert points[:, 0].tolist() == [1, 2, 3, 4]
+
+
+def test_what_cannot_be_exported_is_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bag = cloud_bag(tmp_path / "a.mcap", {"/points": [turn("velodyne")]})
+    for words, fault in {
+        ("a.pcd", "--turns", "1"): "a.mcap: topic /points: has messages 0 to 0, not 1 to 1",
+        ("a.pcd", "--topic", "/other"): "a.mcap: the ROS bag has no topic /other; it has /points",
+        ("a.pcap",): "a.pcap: a recording has no true coordinates and no scan's columns",
+    }.items():
+        assert main(["export", str(bag), str(tmp_path / words[0]), *words[1:]]) == 2
+        assert fault in capsys.readouterr().err

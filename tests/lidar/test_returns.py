@@ -10,12 +10,11 @@ from puckbench.core.errors import InputError
 from puckbench.core.seeding import generator
 from puckbench.lidar import ScanTable, load_sensor, open_error_model, open_sweep, scan
 from puckbench.lidar.recordings.packet_turns import returns_of_packets
-from puckbench.lidar.recordings.packets import decode_packets
 from puckbench.lidar.returns import Beams, Returns, read_firings, write_firings
 from puckbench.lidar.scan_returns import returns_of_scan, true_points
 from tests.support.returns import EXAMPLES, dual, recorded
 from tests.support.sensor_scenes import box
-from tests.support.spinning import DUAL, HDL32E, spin
+from tests.support.spinning import HDL32E, spin
 
 ORIGIN = (0.3, -0.2, 1.1)
 
@@ -27,26 +26,6 @@ def _scan(errors: str = "vlp16", device: str = "vlp16", **sweep: object) -> Scan
     mesh = box((-4, -3, 0), (8, 6, 3))
     sensor = load_sensor(device)
     return scan(mesh, sensor, open_sweep(settings), model, ORIGIN, generator(1, "test"))
-
-
-@pytest.mark.parametrize("mode", [0x37, DUAL])
-def test_points_of_packets_are_those_of_the_decoder(mode: int) -> None:
-    payloads = spin(mode=mode, packets=60)
-    table, found = decode_packets(payloads), returns_of_packets(payloads)
-    assert len(found) == len(table)
-    own = found.points()
-    theirs = table.xyz if mode == 0x37 else table.xyz[_order(table)]
-    # The decoder of packets knows no azimuth beyond the packet, and goes on as before in the last
-    # block: the azimuth is off by some hundredths of a degree there.
-    assert np.abs(own - theirs).max() < np.radians(0.03) * 8
-    assert np.median(np.abs(own - theirs)) < 1e-9
-
-
-def _order(table: object) -> np.ndarray:
-    """Rows of a decoded table with the strongest (or only) return of a beam before the last."""
-    kind = table["return_kind"]  # type: ignore[index]
-    group = np.concatenate([[0], np.cumsum(np.diff(table["timestamp"]) > 1e-7)])  # type: ignore[index]
-    return np.lexsort([kind == 1, group])
 
 
 def test_points_of_a_scan_are_where_it_measured_them() -> None:

@@ -46,6 +46,7 @@ def test_vlp16_fires_sixteen_lasers_300_000_times_a_second() -> None:
         ("hdl32e", 32, (-30.67, 10.67), 0.7e6),
         ("hdl64e_s2", 64, (-24.8, 2.0), 1.333e6),
         ("vlp32c", 32, (-25, 15), 0.6e6),
+        ("alpha_prime", 128, (-25, 15), 2.4e6),
     ],
 )
 def test_shipped_sensors_have_their_data_sheets_numbers(
@@ -61,8 +62,11 @@ def test_shipped_sensors_have_their_data_sheets_numbers(
     )
 
 
+SHIPPED = ["alpha_prime", "hdl32e", "hdl64e_s2", "puck_hires", "vlp16", "vlp32c"]
+
+
 def test_every_shipped_sensor_is_tested() -> None:
-    assert sensor_names() == ["hdl32e", "hdl64e_s2", "puck_hires", "vlp16", "vlp32c"]
+    assert sensor_names() == SHIPPED
 
 
 def test_puck_hires_has_two_thirds_of_the_pucks_angles_and_its_corrections_are_odd() -> None:

@@ -81,6 +81,7 @@ def test_nothing_in_the_page_comes_from_outside(text: str) -> None:
         "tables/scan_errors.csv",
         "tables/claims.csv",
         "figures/fig_6_6.pdf",
+        "figures/fig_6_6.svg",
     }
     assert "@import" not in text
     policy = re.findall(r'http-equiv="Content-Security-Policy" content="(.*?)"', text)[0]

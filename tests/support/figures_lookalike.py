@@ -63,6 +63,8 @@ def metrics_table(clouds: int = 12) -> pd.DataFrame:
                         **{f"clean_{key}": value + 1.2 * far for key, value in to_scan.items()},
                         **{f"truth_{key}": value + far for key, value in to_scan.items()},
                         "encode_s": seconds,
+                        "timed_alone": True,
+                        "repeats": 3,
                         "decode_s": 0.6 * seconds,
                     }
                 )
@@ -214,6 +216,7 @@ def gpcc_scales_table() -> pd.DataFrame:
                         "role": "gpcc" if codec == "gpcc" else "gpcc_as_run",
                         "scale": scale,
                         "dyadic": eighths in (1, 2, 4, 8),
+                        "clouds": 3,
                         "bpp": 2 * bits * scale,
                         "cd_point": 0.25 * error / scale**2,
                         **ratios,

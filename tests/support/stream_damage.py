@@ -67,7 +67,7 @@ def _sealed_records(stream: bytes) -> bytes:
     return b"".join(parts)
 
 
-FRAMED = ("delta_zstd", "packets_xz", "packets_zstd", "jpegls", "jpegxl")
+FRAMED = ("packets_xz", "packets_zstd", "jpegls", "jpegxl")
 """Codecs whose streams are those of `puckbench.coding.framing`, without a header."""
 SEALS: dict[str, Callable[[bytes], bytes]] = {
     "pcgcv1_plus": _sealed_at(5),

@@ -6,6 +6,7 @@ attacker may. The same number makes the same stream.
 
 from __future__ import annotations
 
+import re
 import struct
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -19,7 +20,6 @@ import numpy as np
 
 from puckbench.coding.byte_io import Reader, base_128, signed_128
 from puckbench.coding.framing import Framing
-from puckbench.coding.varints import packed_signed
 from puckbench.coding.zstandard import compressed
 from puckbench.core.errors import InputError
 from puckbench.core.seeding import generator
@@ -503,15 +503,20 @@ def laz(streams: Sequence[bytes], random: Random) -> bytes:
     return bytes(stream)
 
 
-def delta_zstd(streams: Sequence[bytes], random: Random) -> bytes:
-    """Differences of any size, as many as are claimed or others, at any step."""
-    moves = np.full(limit(random, 17), limit(random, 34) * int(random.choice([-1, 1])))
-    if random.random() < 0.5:
-        moves = random.integers(-(2**20), 2**20, int(random.integers(3000)))
-    coded = compressed(packed_signed(moves) + (data(random) if random.random() < 0.2 else b""))
-    count = len(moves) // 3 if random.random() < 0.6 else limit(random, 27)
-    step = struct.pack("<d", 10.0 ** int(random.integers(-320, 309)))
-    return Framing(b"PBDZ", 1, "").framed(step + base_128(count) + coded)
+def cloudini(streams: Sequence[bytes], random: Random) -> bytes:
+    """Counts and resolutions at their limits, before chunks of a stream or of any numbers."""
+    head, end, chunks = streams[random.integers(len(streams))].partition(b"\0")
+    if random.random() < 0.6:
+        head = re.sub(rb"width: \d+", b"width: %d" % limit(random, 33), head)
+    if random.random() < 0.3:
+        step = f"resolution: {10.0 ** int(random.integers(-50, 45)):.50f}".rstrip("0.")
+        head = re.sub(rb"resolution: [\d.]+", step.encode(), head)
+    if random.random() < 0.6:
+        numbers = b"".join(base_128(limit(random, 66)) for _ in range(int(random.integers(3000))))
+        parts = [compressed(each) for each in (numbers, bytes(limit(random, 24)), data(random))]
+        parts = [parts[random.integers(len(parts))] for _ in range(int(random.integers(4)))]
+        chunks = b"".join(struct.pack("<I", len(part)) + part for part in parts)
+    return head + end + chunks
 
 
 def range_images(streams: Sequence[bytes], random: Random) -> bytes:
@@ -571,7 +576,7 @@ WRITERS: dict[str, Callable[[Sequence[bytes], Random], bytes]] = {
     "draco": draco,
     "draco_sequential": draco,
     "laz": laz,
-    "delta_zstd": delta_zstd,
+    "cloudini": cloudini,
     "jpegls": range_images,
     "jpegxl": range_images,
     "packets_xz": packets,

@@ -19,6 +19,7 @@ from puckbench.thesis.claims.verdicts import (
     FAILS,
     HOLDS,
     IN_PART,
+    OF_SIMULATOR,
     Part,
     needs_text,
     results_text,
@@ -37,9 +38,9 @@ Curve = Sequence[float]
 
 
 def result(number: int, evidence: Evidence) -> tuple[str, str]:
-    """The verdict on a claim, and what was found."""
+    """The verdict on a claim, without its label for the simulator, and what was found."""
     parts = CLAIMS[number - 1].test(evidence)
-    return verdict(parts), results_text(parts)
+    return verdict(parts).removesuffix(OF_SIMULATOR), results_text(parts)
 
 
 def run(
@@ -84,6 +85,9 @@ def statistics(*rows: tuple[str, str, str, str, float, float]) -> pd.DataFrame:
 def test_a_claim_holds_when_all_its_parts_do_and_were_tested() -> None:
     yes, no, unknown = Part("a", True, "1"), Part("b", False, "2"), untested("a codec")
     assert verdict([yes, yes]) == HOLDS
+    simulated = replace(yes, of_simulator=True)
+    assert verdict([simulated, simulated]) == HOLDS + OF_SIMULATOR
+    assert verdict([simulated, yes]) == HOLDS
     assert verdict([yes, no]) == IN_PART
     assert verdict([yes, unknown]) == IN_PART
     assert verdict([no, unknown]) == FAILS

@@ -4,6 +4,7 @@ rule figure:
         unpack(lambda w: coding.described(outputs.figures[w.figure])),
     output:
         pdf=f"{RESULTS}/figures/{{figure}}.pdf",
+        svg=f"{RESULTS}/figures/{{figure}}.svg",
         png=report(
             f"{RESULTS}/figures/{{figure}}.png",
             category=lambda w: outputs.figure_labels(w.figure)[0],
@@ -23,7 +24,8 @@ rule figure:
         code=code_of(lambda w: outputs.figure(w.figure)),
         inputs=lambda w, input: files_of(input, outputs.figures[w.figure]),
     shell:
-        "python -m puckbench.jobs figure {params.record} {params.inputs} out={output.pdf:q} {output.png:q}"
+        "python -m puckbench.jobs figure {params.record} {params.inputs} out={output.pdf:q} {output.svg:q}"
+        " {output.png:q}"
         " > {log:q} 2>&1"
 
 
@@ -55,6 +57,6 @@ if FIRST_FIGURES:
 
 
 FIGURES = [
-    f"{RESULTS}/figures/{name}.{suffix}" for name in outputs.figures for suffix in ("pdf", "png")
+    f"{RESULTS}/figures/{name}.{suffix}" for name in outputs.figures for suffix in ("pdf", "svg", "png")
 ]
 SENSOR_FIGURES = [file for file in FIGURES if outputs.figure_labels(Path(file).stem)[0] == "Sensor"]

@@ -5,6 +5,7 @@ rule results_table:
     output:
         csv=report(f"{RESULTS}/tables/{{table}}.csv", category="Tables", labels={"table": "{table}"}),
         parquet=f"{RESULTS}/tables/{{table}}.parquet",
+        columns=f"{RESULTS}/tables/columns/{{table}}.csv",
     log:
         f"{RESULTS}/logs/tables/{{table}}.log",
     wildcard_constraints:
@@ -21,7 +22,7 @@ rule results_table:
         results=lambda w, input: folder_of(input.rows, outputs.gathered[w.table]),
     shell:
         "python -m puckbench.jobs {params.job} {params.record} results={params.results:q} csv={output.csv:q}"
-        " parquet={output.parquet:q} > {log:q} 2>&1"
+        " parquet={output.parquet:q} columns={output.columns:q} > {log:q} 2>&1"
 
 
 rule table:
@@ -34,6 +35,8 @@ rule table:
             labels={"table": "{table}"},
         ),
         parquet=f"{RESULTS}/tables/{{table}}.parquet",
+        tex=f"{RESULTS}/tables/{{table}}.tex",
+        columns=f"{RESULTS}/tables/columns/{{table}}.csv",
     log:
         f"{RESULTS}/logs/tables/{{table}}.log",
     wildcard_constraints:
@@ -49,7 +52,7 @@ rule table:
         tables=lambda w, input: files_of(input, outputs.tables[w.table]),
     shell:
         "python -m puckbench.jobs table {params.record} {params.tables} out={output.csv:q} {output.parquet:q}"
-        " > {log:q} 2>&1"
+        " {output.tex:q} columns={output.columns:q} > {log:q} 2>&1"
 
 
 STUDY_TABLES = [

@@ -12,8 +12,6 @@ STREAM = "which sensor of a packet capture: sender:port, or 'sender:port to rece
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    from puckbench.lidar.recordings.times import TIME_UNITS
-
     parser.add_argument(
         "capture", type=Path, help=".pcap, .puck, ROS bag, or cloud with a laser column"
     )
@@ -21,17 +19,20 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--sensor", help="name or YAML file (default: from the packets)")
     parser.add_argument("--stream", help=STREAM)
     parser.add_argument("--topic", help=TOPIC)
-    parser.add_argument(
-        "--time-unit",
-        choices=TIME_UNITS,
-        help="unit of a cloud's times (default: from their values)",
-    )
+    add_time_unit(parser)
     parser.add_argument(
         "--start", type=float, default=0.0, help="first time, in s after the first packet"
     )
     parser.add_argument(
         "--end", type=float, default=math.inf, help="last time, in s after the first packet"
     )
+
+
+def add_time_unit(parser: argparse.ArgumentParser) -> None:
+    from puckbench.lidar.recordings.times import TIME_UNITS
+
+    text = "unit of a cloud's times (default: from their values)"
+    parser.add_argument("--time-unit", choices=TIME_UNITS, help=text)
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:

@@ -96,7 +96,7 @@ def _compared(options: argparse.Namespace) -> dict[str, Any]:
         comparison = compare_with_reference(metrics, clouds, reference, **selection)
     qualities = list(dict.fromkeys(comparison.deltas["metric"]))
     place = (options.out or options.results / "comparison") / reference.name
-    figures = [place.with_suffix(suffix) for suffix in (".png", ".pdf")]
+    figures = [place.with_suffix(suffix) for suffix in (".png", ".pdf", ".svg")]
     with style.context():
         tables = (comparison.run_rows, comparison.reference)
         figure = draw_comparison(*tables, qualities, reference.name, style)

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from puckbench.cli.capture import STREAM
+from puckbench.cli.capture import STREAM, TOPIC, add_time_unit
 from puckbench.cli.types import turns
 from puckbench.core.errors import InputError
 
@@ -28,9 +28,12 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "--turns",
         metavar="FIRST-LAST",
         help="turns of a recording, in metres in the sensor's frame, with intensity, ring (0 is "
-        "the lowest) and time in s (default: the first whole turn)",
+        "the lowest) and time in s (default: the first whole turn); of a bag's clouds, messages "
+        "from 0, in the frame and with the numbers of the messages",
     )
     parser.add_argument("--stream", help=STREAM)
+    parser.add_argument("--topic", help=TOPIC)
+    add_time_unit(parser)
     parser.add_argument(
         "--clean", action="store_true", help="use the coordinates without errors of a scan"
     )
@@ -38,17 +41,28 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
     from puckbench.io.parquet_files import parquet_metadata
+    from puckbench.io.recordings.pcap import refuse_stream
     from puckbench.jobs.prepare_returns import is_recording, read_selected_turns
-    from puckbench.lidar.export import export, read_source
+    from puckbench.lidar.export import export, export_points, read_source
+    from puckbench.lidar.recordings.cloud_messages import has_clouds
+    from puckbench.lidar.recordings.message_returns import read_message_columns
     from puckbench.lidar.returns import FiringTable
 
-    source, out = options.source, options.out
+    source, out, selection = options.source, options.out, turns(options.turns)
+    if is_recording(source) and has_clouds(source, options.topic):
+        refuse_stream(options.stream)
+        first, last = selection or (0, 0)
+        unit = options.time_unit
+        columns = read_message_columns(source, options.topic, (first, last), unit)
+        return {**export_points(out, columns), "messages": last - first + 1}
+    if options.time_unit:
+        raise InputError(f"{source}: --time-unit is for clouds of ROS bags")
     firings = FiringTable.schema.metadata_key.encode()
     if is_recording(source) or firings in parquet_metadata(source):
-        returns, left_out = read_selected_turns(source, turns(options.turns), options.stream)
+        returns, left_out = read_selected_turns(source, selection, options.stream, options.topic)
         about = {"turns": len(returns.turns), "sensor": returns.sensor, **left_out}
         return {**export(out, returns, options.clean), **about}
-    for option in ("turns", "stream"):
+    for option in ("turns", "stream", "topic"):
         if getattr(options, option) is not None:
             raise InputError(f"{source}: --{option} is for recordings")
     return export(out, read_source(source), options.clean)

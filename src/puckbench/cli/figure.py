@@ -37,6 +37,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         'Of codecs: {"colours": {"draco": "#336699"}, "markers": {"draco": "s"}, "codec_titles": '
         '{"draco": "..."}, "lines": {"draco": ":"}}',
     )
+    parser.add_argument("--codecs", nargs="+", default=[], help="draw only these codecs")
+    parser.add_argument("--datasets", nargs="+", default=[], help="draw only these data sets")
 
 
 def _style(text: str) -> Any:
@@ -49,5 +51,10 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     layers = options.style if isinstance(options.style, list) else [options.style]
     inputs = files_by_name(options.inputs, "--inputs")
     looks = [read_looks(path.parent) for path in inputs.values()]
-    job = Figure.given(figure=options.figure, style=(*filter(None, looks), *layers))
+    job = Figure.given(
+        figure=options.figure,
+        style=(*filter(None, looks), *layers),
+        codecs=tuple(options.codecs),
+        datasets=tuple(options.datasets),
+    )
     return job.run(tuple(options.out), **inputs)

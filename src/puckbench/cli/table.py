@@ -14,7 +14,7 @@ from puckbench.metrics.table_registry import TABLES
 def arguments(parser: argparse.ArgumentParser) -> None:
     names = ", ".join(TABLES.names())
     parser.add_argument("table", help=f"one of {names}, or path/to/file.py:function")
-    parser.add_argument("out", type=Path, nargs="+", help="files to write (.csv, .parquet)")
+    parser.add_argument("out", type=Path, nargs="+", help="files to write (.csv, .parquet, .tex)")
     parser.add_argument(
         "--inputs", type=json_object, default={}, help='JSON: {"residuals": "residuals.parquet"}'
     )

@@ -34,7 +34,7 @@ class GpccAngular(SensorCodec):
 
     title = "G-PCC (angular octree)"
     use = "turns of spinning sensors, or several of them together"
-    colour = "#B8860B"
+    colour = "#1B7837"
     marker = "<"
     rank = 11
     pace = Pace(0.05, 2.5)

@@ -30,8 +30,8 @@ class PuckSmoothed(Puck):
 
     title = "Puck, smoothed"
     use = "scans of spinning sensors, nearer to the surface than they were"
-    colour = "#DD3497"
-    marker = "P"
+    colour = "#8F7AE5"
+    marker = "p"
     line = "--"
     rank = 6
     metric_rates = lengths(200, 100, 50, 20, 10, 4, 2)

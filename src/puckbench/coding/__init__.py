@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     from puckbench.coding.context_mixing import code_bit as code_bit
     from puckbench.coding.context_mixing import new_mixer as new_mixer
     from puckbench.coding.framing import Framing as Framing
-    from puckbench.coding.varints import packed_signed as packed_signed
-    from puckbench.coding.varints import unpacked_signed as unpacked_signed
     from puckbench.coding.zstandard import compressed as compressed
     from puckbench.coding.zstandard import decompressed as decompressed
 
@@ -47,6 +45,5 @@ __getattr__, __dir__, __all__ = lazy(
     byte_io=("Reader", "base_128", "signed_128"),
     context_mixing=("Mixer", "MixerOptions", "code_bit", "new_mixer"),
     framing=("Framing",),
-    varints=("packed_signed", "unpacked_signed"),
     zstandard=("compressed", "decompressed"),
 )

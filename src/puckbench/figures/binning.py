@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -13,10 +13,20 @@ if TYPE_CHECKING:
     import pandas as pd
 
 BINS = 10
+_QUARTILES = (0.25, 0.5, 0.75)
 
 
-def equal_count_medians(x: Floats, y: Floats, bins: int = BINS) -> tuple[Floats, Floats]:
-    """Return medians of x and y in at most `bins` bins of x with equal numbers of values.
+class Curve(NamedTuple):
+    """Medians of x and y in bins or at rates, with the quartiles of y."""
+
+    x: Floats
+    y: Floats
+    low: Floats
+    high: Floats
+
+
+def equal_count_medians(x: Floats, y: Floats, bins: int = BINS) -> Curve:
+    """Return medians in at most `bins` bins of x with equal numbers of values.
 
     The edges are quantiles of x. Pairs that contain nan are ignored.
     """
@@ -28,26 +38,37 @@ def equal_count_medians(x: Floats, y: Floats, bins: int = BINS) -> tuple[Floats,
         bin_of = frame["x"].rank(method="dense")
     else:
         bin_of = pd.qcut(frame["x"], bins, labels=False, duplicates="drop")
-    medians = frame.groupby(bin_of).median().sort_index()
-    return medians["x"].to_numpy(), medians["y"].to_numpy()
+    return _curve(frame, bin_of)
 
 
-def medians_against(rows: pd.DataFrame, x: str, y: str) -> tuple[Floats, Floats]:
-    """Return medians of x and y for a codec's rows on a data set, by increasing x.
+def medians_against(rows: pd.DataFrame, x: str, y: str) -> Curve:
+    """Return medians for a codec's rows on a data set, by increasing x.
 
     With fewer than `BINS` clouds, medians are per rate, because bins would mix rates.
     """
     if rows["cloud"].nunique() >= BINS:
         return equal_count_medians(rows[x].to_numpy(float), rows[y].to_numpy(float))
-    medians = rows.groupby("rate", observed=True)[[x, y]].median().sort_values(x)
-    return medians[x].to_numpy(float), medians[y].to_numpy(float)
+    frame = rows[[x, y]].rename(columns={x: "x", y: "y"}).astype(float)
+    return _curve(frame, rows["rate"].astype(str))
+
+
+def _curve(frame: pd.DataFrame, keys: pd.Series[Any]) -> Curve:
+    groups = frame.groupby(keys)
+    columns = [groups["x"].median(), *(groups["y"].quantile(q) for q in _QUARTILES)]
+    order = np.argsort(columns[0].to_numpy(), kind="stable")
+    x, low, y, high = (column.to_numpy(float)[order] for column in columns)
+    return Curve(x, y, low, high)
 
 
 def medians_per_rate(table: pd.DataFrame, column: str) -> pd.DataFrame:
-    """Return medians of a column by ``dataset``, ``codec`` and ``rate``, without missing values."""
+    """Return medians of a column by ``dataset``, ``codec`` and ``rate``, without missing values.
+
+    Columns ``low`` and ``high`` have the quartiles.
+    """
     present = table.dropna(subset=[column])
-    medians = present.groupby(["dataset", "codec", "rate"], observed=True)[column].median()
-    return medians.reset_index()
+    groups = present.groupby(["dataset", "codec", "rate"], observed=True)[column]
+    low, medians, high = (groups.quantile(q) for q in _QUARTILES)
+    return medians.reset_index().assign(low=low.to_numpy(), high=high.to_numpy())
 
 
 def ordered_rates(rates: set[str]) -> list[str]:

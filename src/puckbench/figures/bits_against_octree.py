@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,20 +10,22 @@ from puckbench.core.errors import InputError
 from puckbench.figures.checks import require_numbers, require_rows
 from puckbench.figures.panels import (
     add_legend,
+    fitted_limits,
     label_outer,
     panel_grid,
     panels_abreast,
     set_log,
     set_title,
+    titled,
 )
+from puckbench.figures.plot_styles import PlotStyle
+from puckbench.figures.plotted_metrics import BETTER
 from puckbench.figures.registry import FIGURES
-from puckbench.figures.style import FigureStyle
+from puckbench.figures.style import FigureStyle, Range
 from puckbench.metrics.table_registry import OCTREE_AND_OTHERS, SPINS_OR_RECORDINGS
 from puckbench.metrics.tables.against_octree import (
     COMPLETE_OCTREE,
-    GRIDS_MM,
     OCTREE,
-    bits_without_loss,
 )
 from puckbench.metrics.tables.storage import bits_at_error
 
@@ -35,12 +37,11 @@ if TYPE_CHECKING:
 
     from puckbench.geometry.cloud import Floats
 
-_LEARNED = (85.0, 90.0)
-"""Published bits of learned codecs for LiDAR, percent of the octree coder's."""
 _ERRORS_MM = np.geomspace(0.5, 50, 61)
-_MARKED = slice(None, None, 10)
-_LIMITS_MM, _LIMITS = (0.35, 70.0), (15.0, 250.0)
-_TICKS_MM, _TICKS = (0.5, 1, 2, 5, 10, 20, 50), (20, 50, 100, 200)
+_MARK_EVERY = 10
+_LIMITS_MM = (0.4, 60.0)
+_TICKS_MM, _TICKS = (0.5, 1, 2, 5, 10, 20, 50), (5, 10, 20, 50, 100, 200, 500, 1000, 2000)
+_BITS = f"Bits, relative to G-PCC's\noctree coder, {BETTER}"
 _PANEL_IN = 2.1
 
 
@@ -56,44 +57,37 @@ def draw_bits_against_octree(
 ) -> Figure:
     """Bits of each codec relative to G-PCC's octree coder (``gpcc``, without the sensor, 100 %) at
     equal D1 root mean square error. Lines: medians over clouds, where both codecs' rates reach the
-    error.
+    error; shaded: quartiles. n: clouds.
 
-    Hollow markers: every point coded losslessly on grids of 2 and 1 mm, at the error of rounding to
-    the grid. Shaded: the savings of 10 to 15 % that papers on learned codecs report. Values outside
-    the axes are not shown. Of data sets that differ only in the error model the first is shown.
+    Of data sets that differ only in the error model the first is shown. For lossless coding, see
+    the table ``against_octree``.
     """
-    from matplotlib.ticker import FixedLocator, PercentFormatter, StrMethodFormatter
-
-    columns = ("dataset", "cloud", "codec", "rate", "bpp", "d1_rms_m", "points_in", "points_out")
+    columns = ("dataset", "cloud", "codec", "rate", "bpp", "d1_rms_m")
     require_rows(metrics, columns, "metrics")
     require_numbers(metrics, ("bpp", "d1_rms_m"), "metrics")
     rows_mm = metrics.assign(error_mm=1000 * metrics["d1_rms_m"])
-    datasets = [
-        name
-        for name in style.ordered_datasets(rows_mm["dataset"])
-        if name in compared_datasets(rows_mm, clouds)
-    ]
-    if not datasets:
+    compared = compared_datasets(rows_mm, clouds)
+    datasets = [name for name in style.ordered_datasets(rows_mm["dataset"]) if name in compared]
+    curves = {name: _curves(rows_mm[rows_mm["dataset"] == name], style) for name in datasets}
+    if not curves:
         raise InputError(f"metrics table: no data set is coded by {OCTREE} and by another codec")
-    abreast = panels_abreast(len(datasets))
-    figure, panels = panel_grid(len(datasets), abreast, _PANEL_IN, style)
-    shown_codecs: set[str] = set()
-    for axes, dataset in zip(panels, datasets, strict=True):
-        set_log(axes, "x", _LIMITS_MM)
-        set_log(axes, "y", _LIMITS, minor=False)
-        axes.xaxis.set_major_locator(FixedLocator(_TICKS_MM))
-        axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
-        axes.yaxis.set_major_locator(FixedLocator(_TICKS))
-        axes.yaxis.set_major_formatter(PercentFormatter(decimals=0))
-        axes.axhspan(*_LEARNED, color="#cfcfcf", zorder=1, linewidth=0)
+    # Data sets without a common error get no panel, unless there is no other.
+    curves = {name: lines for name, lines in curves.items() if lines} or curves
+    limits = _limits([quartiles for lines in curves.values() for quartiles in lines.values()])
+    abreast = panels_abreast(len(curves))
+    figure, panels = panel_grid(len(curves), abreast, _PANEL_IN, style)
+    for axes, (dataset, lines) in zip(panels, curves.items(), strict=True):
+        _set_axes(axes, limits)
         axes.axhline(100, color=style.of_codec(OCTREE).colour, zorder=2, linewidth=1)
-        rows = rows_mm[rows_mm["dataset"] == dataset]
-        shown_codecs |= _draw_codecs(axes, rows, style)
-        set_title(axes, style.title(dataset), abreast, style)
-    label_outer(
-        panels, abreast, "RMS error to the scan, D1 (mm)", "Bits, relative to\nG-PCC's octree coder"
-    )
-    add_legend(figure, style.ordered_codecs(shown_codecs), style, _extra_handles(style))
+        if not lines:
+            axes.text(0.5, 0.5, "no equal errors", transform=axes.transAxes, ha="center")
+        for codec, quartiles in lines.items():
+            _draw(axes, quartiles, style.of_codec(codec))
+        own = rows_mm[rows_mm["dataset"] == dataset]
+        set_title(axes, titled(style.title(dataset), own), abreast, style)
+    label_outer(panels, abreast, f"D1 error, RMS (mm), {BETTER}", _BITS)
+    codecs = {codec for lines in curves.values() for codec in lines}
+    add_legend(figure, style.ordered_codecs(codecs), style, [_octree_handle(style)])
     return figure
 
 
@@ -109,49 +103,27 @@ def compared_datasets(metrics: pd.DataFrame, clouds: pd.DataFrame) -> set[str]:
     return set(first)
 
 
-def _draw_codecs(axes: Axes, rows: pd.DataFrame, style: FigureStyle) -> set[str]:
+def _curves(rows: pd.DataFrame, style: FigureStyle) -> dict[str, Floats]:
+    """Return the quartiles of each codec's bits that have a value."""
     octree = rows[rows["codec"] == OCTREE]
-    complete = rows[rows["codec"] == COMPLETE_OCTREE]
-    shown_codecs: set[str] = set()
-    for codec in style.ordered_codecs(rows["codec"]):
-        if codec == OCTREE:
-            continue
-        curve, grids = shares(rows[rows["codec"] == codec], octree, complete)
-        plot_style = style.of_codec(codec)
-        common: dict[str, Any] = {
-            "color": plot_style.colour,
-            "marker": plot_style.marker,
-            "zorder": 3,
-        }
-        axes.plot(_ERRORS_MM, curve, color=plot_style.colour, linestyle=plot_style.line, zorder=3)
-        axes.plot(_ERRORS_MM[_MARKED], curve[_MARKED], linestyle="", **common)
-        rounding_errors = np.asarray(GRIDS_MM) / 2
-        axes.plot(rounding_errors, grids, linestyle="", markerfacecolor="white", **common)
-        values = np.concatenate((curve, grids))
-        if ((_LIMITS[0] <= values) & (values <= _LIMITS[1])).any():
-            shown_codecs.add(codec)
-    return shown_codecs
+    codecs = style.ordered_codecs(set(rows["codec"]) - {OCTREE, COMPLETE_OCTREE})
+    curves = {codec: shares(rows[rows["codec"] == codec], octree) for codec in codecs}
+    return {codec: curve for codec, curve in curves.items() if np.isfinite(curve).any()}
 
 
-def shares(
-    rows: pd.DataFrame, octree: pd.DataFrame, complete: pd.DataFrame
-) -> tuple[Floats, Floats]:
-    """Return a codec's bits in percent of the octree coder's, at errors from 0.5 to 50 mm and on
-    lossless grids.
-
-    `complete` contains the rows of the octree coder that keeps all duplicate points.
+def shares(rows: pd.DataFrame, octree: pd.DataFrame) -> Floats:
+    """Return quartiles (3, errors) of a codec's bits in percent of the octree coder's, at errors
+    from 0.5 to 50 mm.
     """
     anchors = dict(iter(octree.groupby("cloud")))
-    lossless = {**anchors, **dict(iter(complete.groupby("cloud")))}
-    lines, grids = [], []
-    for cloud, curve in rows.groupby("cloud"):
-        if (anchor := anchors.get(cloud)) is None:
-            continue
-        lines.append(_bits_at_errors(curve) / _bits_at_errors(anchor))
-        grids.append(_bits_on_grids(curve) / _bits_on_grids(lossless[cloud]))
+    lines = [
+        _bits_at_errors(curve) / _bits_at_errors(anchors[cloud])
+        for cloud, curve in rows.groupby("cloud")
+        if cloud in anchors
+    ]
     if not lines:
-        return np.full(len(_ERRORS_MM), np.nan), np.full(len(GRIDS_MM), np.nan)
-    return 100 * np.median(lines, axis=0), 100 * np.median(grids, axis=0)
+        return np.full((3, len(_ERRORS_MM)), np.nan)
+    return np.asarray(100 * np.quantile(lines, (0.25, 0.5, 0.75), axis=0))
 
 
 def _bits_at_errors(curve: pd.DataFrame) -> Floats:
@@ -159,19 +131,33 @@ def _bits_at_errors(curve: pd.DataFrame) -> Floats:
     return np.array(bits)
 
 
-def _bits_on_grids(curve: pd.DataFrame) -> Floats:
-    return np.array([bits_without_loss(curve, mm) for mm in GRIDS_MM])
+def _limits(curves: list[Floats]) -> Range:
+    """Return limits around all values and 100 %."""
+    values = [np.array([100.0]), *map(np.ravel, curves)]
+    return fitted_limits(np.concatenate(values), (50, 150))
 
 
-def _extra_handles(style: FigureStyle) -> list[Artist]:
+def _set_axes(axes: Axes, limits: Range) -> None:
+    from matplotlib.ticker import FixedLocator, PercentFormatter, StrMethodFormatter
+
+    set_log(axes, "x", _LIMITS_MM)
+    set_log(axes, "y", limits, minor=False)
+    axes.xaxis.set_major_locator(FixedLocator(_TICKS_MM))
+    axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    axes.yaxis.set_major_locator(FixedLocator(_TICKS))
+    axes.yaxis.set_major_formatter(PercentFormatter(decimals=0))
+
+
+def _draw(axes: Axes, quartiles: Floats, plot_style: PlotStyle) -> None:
+    low, median, high = quartiles
+    axes.fill_between(_ERRORS_MM, low, high, color=plot_style.colour, alpha=0.15, linewidth=0)
+    axes.plot(
+        _ERRORS_MM, median, color=plot_style.colour, linestyle=plot_style.line,
+        marker=plot_style.marker, markevery=_MARK_EVERY, zorder=3,
+    )  # fmt: skip
+
+
+def _octree_handle(style: FigureStyle) -> Artist:
     from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch
 
-    return [
-        Line2D([], [], color=style.of_codec(OCTREE).colour, label="G-PCC's octree coder"),
-        Patch(color="#cfcfcf", label="learned codecs, as published"),
-        Line2D(
-            [], [], linestyle="", marker="o", color="#444444", markerfacecolor="white",
-            label="lossless on a grid",
-        ),
-    ]  # fmt: skip
+    return Line2D([], [], color=style.of_codec(OCTREE).colour, label="G-PCC's octree coder, 100 %")

@@ -1,9 +1,8 @@
-"""Rate-distortion curves of a run's codecs, with grey curves of reference results."""
+"""Rate-distortion curves of a run's codecs, with pale curves of reference results."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,12 +10,15 @@ import numpy as np
 from puckbench.figures.binning import medians_against
 from puckbench.figures.panels import (
     add_rows_legend,
+    draw_edge_ticks,
     figure_width,
     label_outer,
-    lossless_handle,
+    lossless_tick_handle,
     set_title,
+    titled,
 )
 from puckbench.figures.plot_styles import PlotStyle
+from puckbench.figures.plotted_metrics import BETTER, BPP, HIGHER_BETTER
 from puckbench.figures.style import FigureStyle
 from puckbench.metrics.lossless import MOST_DB, lossless_rows, with_lossless_best
 from puckbench.metrics.peaks import WITH_PEAK, peak_phrase, without_mixed_peaks
@@ -27,7 +29,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 
-_GREYS = ("#6f6f6f", "#8f8f8f", "#adadad")
 _PANEL_IN = 2.1
 _LABELS = {"d1_psnr": "D1 PSNR (dB)", "d2_psnr": "D2 PSNR (dB)"}
 
@@ -42,8 +43,8 @@ def draw_comparison(
     """Draw medians over clouds, with a row of panels for each data set and a column for each of
     `qualities`.
 
-    Lossless rates are shown by hollow markers above all PSNRs or below all errors. `study` names
-    the reference in the legend.
+    Thin vertical bars are quartiles over clouds; n: clouds. Ticks at the edge are lossless rates,
+    which have no PSNR, or no error. `study` names the reference in the legend.
     """
     from matplotlib.figure import Figure
 
@@ -54,7 +55,9 @@ def draw_comparison(
     figure = Figure(figsize=(figure_width(shape[1], style), shape[0] * _PANEL_IN + 0.6))
     panels = list(figure.subplots(*shape, sharex="all", sharey="col", squeeze=False).flat)
     own_styles = {codec: style.of_codec(codec) for codec in style.ordered_codecs(metrics["codec"])}
-    reference_styles = _greyed(style.ordered_codecs(reference["codec"]), style)
+    reference_styles = {
+        codec: style.of_codec(codec) for codec in style.ordered_codecs(reference["codec"])
+    }
     for number, axes in enumerate(panels):
         dataset, quality = datasets[number // shape[1]], qualities[number % shape[1]]
         _set_axes(axes, quality)
@@ -63,8 +66,9 @@ def draw_comparison(
             for codec, plot_style in styles.items():
                 codec_rows = rows[rows["codec"] == codec].dropna(subset=[quality])
                 _draw(axes, codec_rows, quality, plot_style, zorder, style)
-        set_title(axes, style.title(dataset), shape[1], style)
-    label_outer(panels, shape[1], "Bits per point", "")
+        title = titled(style.title(dataset), metrics[metrics["dataset"] == dataset])
+        set_title(axes, title, shape[1], style)
+    label_outer(panels, shape[1], BPP.label, "")
     for number, axes in enumerate(panels):
         axes.set_ylabel(_label(qualities[number % shape[1]], peak))
     handles = [
@@ -74,7 +78,7 @@ def draw_comparison(
         _handle(plot_style, f"{plot_style.title}, {study}", 2, style)
         for plot_style in reference_styles.values()
     ]
-    handles += [lossless_handle()] if lossless_rows(metrics).any() else []
+    handles += [lossless_tick_handle()] if lossless_rows(metrics).any() else []
     longest = max(len(str(handle.get_label())) for handle in handles)
     abreast = figure.get_size_inches()[0] / (longest * 0.58 * style.font_size / 72 + 0.5)
     add_rows_legend(figure, handles, int(abreast))
@@ -82,15 +86,9 @@ def draw_comparison(
 
 
 def _label(quality: str, peak: str) -> str:
-    name = _LABELS.get(quality, quality)
+    is_higher_better = quality.endswith("_psnr")
+    name = f"{_LABELS.get(quality, quality)}, {HIGHER_BETTER if is_higher_better else BETTER}"
     return f"{name}\n{peak}" if quality in WITH_PEAK and peak else name
-
-
-def _greyed(codecs: Sequence[str], style: FigureStyle) -> dict[str, PlotStyle]:
-    return {
-        codec: replace(style.of_codec(codec), colour=_GREYS[number % len(_GREYS)])
-        for number, codec in enumerate(codecs)
-    }
 
 
 def _set_axes(axes: Axes, quality: str) -> None:
@@ -115,23 +113,22 @@ def _draw(
 ) -> None:
     if rows.empty:
         return
-    bpp, values = medians_against(rows, "bpp", quality)
+    bpp, values, low, high = medians_against(rows, "bpp", quality)
     is_psnr = quality.endswith("_psnr")
     is_exact = values > MOST_DB if is_psnr else values == 0
     is_drawn = np.isfinite(values) & ~is_exact
     line = _line(plot_style, zorder, style)
     axes.plot(bpp[is_drawn], values[is_drawn], zorder=zorder, **line)
-    if is_exact.any():
-        edge = np.full(np.count_nonzero(is_exact), 1.0 if is_psnr else 0.0)
-        marker = {**line, "linestyle": "", "markerfacecolor": "white", "clip_on": False}
-        axes.plot(
-            bpp[is_exact], edge, zorder=zorder, transform=axes.get_xaxis_transform(), **marker
-        )
+    bars = is_drawn & (low > 0) & (high <= MOST_DB if is_psnr else True)
+    axes.vlines(bpp[bars], low[bars], high[bars], color=plot_style.colour, alpha=0.5, linewidth=0.9)
+    edge = 1.0 if is_psnr else 0.0
+    draw_edge_ticks(axes, bpp[is_exact], plot_style, edge, alpha=line["alpha"])
 
 
 def _line(plot_style: PlotStyle, zorder: int, style: FigureStyle) -> dict[str, Any]:
     return {
         "color": plot_style.colour,
+        "alpha": 1.0 if zorder > 2 else 0.5,
         "marker": plot_style.marker,
         "linestyle": plot_style.line,
         "linewidth": style.line_width * (1.6 if zorder > 2 else 0.8),

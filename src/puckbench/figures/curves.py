@@ -2,39 +2,43 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from puckbench.core.errors import InputError
-from puckbench.figures.binning import medians_against
+from puckbench.figures.binning import Curve, medians_against
 from puckbench.figures.checks import require_numbers, require_rows
 from puckbench.figures.panels import (
     SCAN_LINE,
     add_legend,
-    draw_line,
+    draw_curve,
     fitted_limits,
     label_outer,
     log_limits,
+    lossless_tick_handle,
     panel_grid,
     panels_abreast,
     scan_handle,
     set_log,
     set_title,
+    titled,
+    unranked_handle,
 )
 from puckbench.figures.plotted_metrics import BPP, PlottedMetric
 from puckbench.figures.style import FigureStyle, Range
-from puckbench.geometry.cloud import Floats
+from puckbench.metrics.timing import unranked_codecs
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-Lines = dict[str, tuple[Floats, Floats]]
-"""Codec -> medians of bits per point and of the metric, one for each bin or rate."""
+Lines = dict[str, Curve]
+"""Codec -> the metric against bits per point."""
 
 
 def check_curve_columns(metrics: pd.DataFrame, metric: PlottedMetric) -> None:
@@ -64,12 +68,17 @@ def codecs_of(curves: Iterable[Lines], style: FigureStyle) -> list[str]:
 
 
 def draw_curves(
-    axes: Axes, lines: Lines, x_limits: Range, y_limits: Range, style: FigureStyle
+    axes: Axes,
+    lines: Lines,
+    x_limits: Range,
+    y_limits: Range,
+    style: FigureStyle,
+    unranked: Collection[str] = (),
 ) -> None:
     set_log(axes, "x", x_limits)
     set_log(axes, "y", y_limits)
-    for codec, (bpp, values) in lines.items():
-        draw_line(axes, bpp, values, style.of_codec(codec), floor=y_limits[0])
+    for codec, curve in lines.items():
+        draw_curve(axes, curve, style.of_codec(codec), faint=codec in unranked)
     if not lines:
         axes.text(0.5, 0.5, "no values", transform=axes.transAxes, ha="center", va="center")
 
@@ -108,14 +117,28 @@ def draw_data_sets(
     height = panel_in or (2.5 if is_tall else 2.0)
     figure, panels = panel_grid(len(curves), abreast, height, style)
     for axes, (dataset, lines) in zip(panels, curves.items(), strict=True):
-        draw_curves(axes, lines, limits[0], limits[1], style)
+        rows = metrics[metrics["dataset"] == dataset]
+        unranked = unranked_codecs(rows) if metric.is_time else ()
+        draw_curves(axes, lines, limits[0], limits[1], style, unranked)
         if dataset in scans:
             axes.axhline(scans[dataset], zorder=2, **SCAN_LINE)
-        set_title(axes, style.title(dataset), abreast, style)
+        set_title(axes, titled(style.title(dataset), rows), abreast, style)
     label_outer(panels, abreast, bits, metric.label if is_tall else metric.short_label)
-    extra_handles = (scan_handle(),) if scans else ()
-    add_legend(figure, codecs_of(curves.values(), style), style, extra_handles)
+    extra_handles = [scan_handle()] if scans else []
+    extra_handles += [unranked_handle()] if metric.is_time and unranked_codecs(metrics) else []
+    add_legend(
+        figure,
+        codecs_of(curves.values(), style),
+        style,
+        [*extra_handles, *lossless_handles(curves.values())],
+    )
     return figure
+
+
+def lossless_handles(curves: Iterable[Lines]) -> list[Artist]:
+    """Return a legend entry for lossless streams, if a curve has one."""
+    has_any = any((curve.y == 0).any() for lines in curves for curve in lines.values())
+    return [lossless_tick_handle()] if has_any else []
 
 
 def shared_limits(
@@ -130,8 +153,10 @@ def shared_limits(
 
     With `fitted`, limits are fitted to the values if the style has none.
     """
-    which = 0 if metric is BPP else 1
-    arrays = [line[which] for lines in curves for line in lines.values()]
+    drawn = [curve for lines in curves for curve in lines.values()]
+    arrays = [curve.x for curve in drawn]
+    if metric is not BPP:
+        arrays = [values for curve in drawn for values in curve[1:]]
     values = np.concatenate([np.empty(0), *arrays])
     if fitted and metric.column not in style.axis_ranges:
         return fitted_limits(values, default or metric.limits)

@@ -3,9 +3,10 @@ from __future__ import annotations
 import io
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-from puckbench.core.errors import InputError
+from puckbench.core.errors import InputError, among
 from puckbench.core.files import write_bytes
 from puckbench.figures.registry import figure_entry
 from puckbench.figures.style import FigureStyle
@@ -24,12 +25,25 @@ _NO_METADATA: dict[str, dict[str, Any]] = {
 
 
 def draw_files(
-    name: str, inputs: Mapping[str, Path], outputs: Sequence[Path], style: FigureStyle
+    name: str,
+    inputs: Mapping[str, Path],
+    outputs: Sequence[Path],
+    style: FigureStyle,
+    only: Mapping[str, Sequence[str]] = MappingProxyType({}),
 ) -> None:
     """Draw a registered figure, or ``path/to/file.py:function``, to .pdf, .png or .svg files.
 
-    `inputs` are CSV or Parquet files of tables and PLY files of clouds. Raises InputError if an
-    input is missing, unreadable or empty.
+    Parameters
+    ----------
+    inputs
+        CSV or Parquet files of tables, and PLY files of clouds.
+    only
+        Drawn values of a column (``codec``, ``dataset``) of the tables that have it; empty: all.
+
+    Raises
+    ------
+    InputError
+        An input is missing, unreadable or empty, or no table has a value in `only`.
     """
     entry = figure_entry(name)
     if missing := [needed for needed in entry.inputs if needed not in inputs]:
@@ -39,11 +53,26 @@ def draw_files(
     values = {
         name: read_input(kind, inputs[name], entry.frame) for name, kind in entry.kinds.items()
     }
+    for column, chosen in only.items():
+        values = _selected(values, column, chosen)
     with style.context():
         figure = entry.draw(**values, style=style)
         lay_out(figure)
         for path in outputs:
             save_figure(figure, path)
+
+
+def _selected(values: dict[str, Any], column: str, chosen: Sequence[str]) -> dict[str, Any]:
+    tables = {
+        name: value for name, value in values.items() if column in getattr(value, "columns", ())
+    }
+    present = sorted({str(value) for table in tables.values() for value in table[column]})
+    for name in chosen:
+        if name not in present:
+            raise InputError(f"no {column} '{name}' in the tables{among(name, present)}")
+    if not chosen:
+        return values
+    return values | {name: table[table[column].isin(chosen)] for name, table in tables.items()}
 
 
 def read_input(kind: str, path: Path, frame: CoordinateFrame = "scaled") -> Any:

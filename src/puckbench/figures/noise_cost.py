@@ -7,9 +7,11 @@ import numpy as np
 from puckbench.core.errors import InputError
 from puckbench.figures.checks import require_numbers, require_rows
 from puckbench.figures.panels import add_rows_legend, set_title
+from puckbench.figures.plotted_metrics import BETTER
 from puckbench.figures.registry import FIGURES
 from puckbench.figures.style import COLUMN_WIDTH_IN, FigureStyle
 from puckbench.geometry.cloud import Floats
+from puckbench.lidar.errors import error_model_title
 from puckbench.metrics.table_registry import SEVERAL_NOISES
 from puckbench.metrics.tables.noise_bits import noise_bits
 
@@ -24,7 +26,7 @@ _LINE_IN, _AROUND_IN = 0.145, 1.1
 """Height of the line for a codec, and of the figure without these lines, inches."""
 
 Line = tuple[str, Floats]
-"""Label, and value under each error model."""
+"""Label, and quartiles (3, models) under each error model."""
 
 
 @FIGURES.register(
@@ -35,9 +37,9 @@ Line = tuple[str, Floats]
     frame="metric",
 )
 def draw_noise_cost(metrics: pd.DataFrame, clouds: pd.DataFrame, style: FigureStyle) -> Figure:
-    """Bits per return of the same rays under several error models; medians over clouds. Above:
-    lossless, or on a grid of 1 mm. Below: at a D1 root mean square error of 5 mm; codecs whose
-    rates do not reach it are not shown.
+    """Bits per return of the same rays under several error models; medians over clouds, with their
+    number n, and quartiles (black lines). Above: lossless, or on a grid of 1 mm. Below: at a D1
+    root mean square error of 5 mm; codecs whose rates do not reach it are not shown.
 
     First line: entropy of the model's noise in steps of the sensor's ranges, a lower bound for
     lossless codecs. The difference is the cost of the scene and of what a codec does not model. The
@@ -56,16 +58,19 @@ def draw_noise_cost(metrics: pd.DataFrame, clouds: pd.DataFrame, style: FigureSt
     panel_lines = [_lines(bits, column, list(noise.index), style) for column in _PANELS]
     if not any(panel_lines):
         raise InputError("metrics table: no codec reaches a grid of 1 mm or a D1 error of 5 mm")
-    panel_lines[0].insert(0, ("entropy of the noise", noise.to_numpy(float)))
+    panel_lines[0].insert(0, ("entropy of the noise", np.tile(noise.to_numpy(float), (3, 1))))
+    clouds_of_a_model = int(bits["clouds"].max())
     heights = [len(lines) + 1 for lines in panel_lines]
     height_in = _LINE_IN * sum(heights) + _AROUND_IN
     figure = Figure(figsize=(style.width_in or COLUMN_WIDTH_IN, height_in))
     panels = figure.subplots(2, 1, height_ratios=heights)
     for axes, lines, title in zip(panels, panel_lines, _PANELS.values(), strict=True):
         _draw_lines(axes, lines, list(markers.values()))
-        set_title(axes, title, 1, style)
-    panels[-1].set_xlabel("Bits per return")
-    handles = [Line2D([], [], label=name, **marker) for name, marker in markers.items()]
+        set_title(axes, f"{title} (n = {clouds_of_a_model})", 1, style)
+    panels[-1].set_xlabel(f"Bits per return, {BETTER}")
+    handles = [
+        Line2D([], [], label=error_model_title(name), **marker) for name, marker in markers.items()
+    ]
     add_rows_legend(figure, handles, 3)
     return figure
 
@@ -87,25 +92,31 @@ def _markers(models: list[str]) -> dict[str, dict[str, Any]]:
 
 
 def _lines(bits: pd.DataFrame, column: str, models: list[str], style: FigureStyle) -> list[Line]:
-    table = bits.pivot_table(
-        index="codec", columns="error_model", values=column, aggfunc="median"
-    ).reindex(columns=models)
-    table = table.dropna(how="all")
-    order = table.median(axis=1).sort_values(kind="stable").index
-    return [(style.of_codec(codec).title, table.loc[codec].to_numpy(float)) for codec in order]
+    tables = [
+        bits.pivot_table(
+            index="codec", columns="error_model", values=name, aggfunc="median"
+        ).reindex(columns=models)
+        for name in (f"{column}_q25", column, f"{column}_q75")
+    ]
+    order = tables[1].dropna(how="all").median(axis=1).sort_values(kind="stable").index
+    return [
+        (style.of_codec(codec).title, np.array([table.loc[codec] for table in tables], float))
+        for codec in order
+    ]
 
 
 def _draw_lines(axes: Axes, lines: list[Line], markers: list[dict[str, Any]]) -> None:
     positions = np.arange(len(lines))
-    for position, (_, values) in zip(positions, lines, strict=True):
+    for position, (_, (low, values, high)) in zip(positions, lines, strict=True):
         axes.plot(
             [np.nanmin(values), np.nanmax(values)],
             [position, position],
             color="#bbbbbb",
             linewidth=1.2,
         )
+        axes.hlines([position] * len(low), low, high, color="#222222", linewidth=0.8, zorder=4)
     for number, marker in enumerate(markers):
-        axes.plot([values[number] for _, values in lines], positions, zorder=3, **marker)
+        axes.plot([values[1, number] for _, values in lines], positions, zorder=3, **marker)
     axes.set_yticks(positions, [name for name, _ in lines])
     axes.set_ylim(len(lines) - 0.4, -0.6)
     axes.set_xlim(left=-0.02 * axes.get_xlim()[1])

@@ -9,11 +9,14 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from puckbench.figures.binning import Curve
 from puckbench.figures.plot_styles import PlotStyle
 from puckbench.figures.style import COLUMN_WIDTH_IN, PAGE_WIDTH_IN, FigureStyle, Range
 from puckbench.geometry.cloud import Floats
+from puckbench.metrics.timing import MIN_REPEATS
 
 if TYPE_CHECKING:
+    import pandas as pd
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
@@ -22,6 +25,10 @@ if TYPE_CHECKING:
 Sharing = Literal["all", "row"]
 SCAN_LINE: dict[str, Any] = {"color": "#444444", "linestyle": (0, (4, 2)), "linewidth": 0.9}
 """Line style for the value of an uncoded scan."""
+UNRANKED_LINE: dict[str, Any] = {"linestyle": ":", "linewidth": 1.2, "marker": ""}
+_TICK_WIDTH, _TICK_LENGTH = 1.8, 0.07
+_LEGEND_ROWS, _LEGEND_ROW_IN = 2, 0.15
+"""Number of rows of a legend for which figures have space, and height of further ones, inches."""
 _MARGIN = 1.4
 """Factor between the outermost values and fitted limits."""
 _MOST_NAMES, _MOST_NUMBERS = 36, 60
@@ -29,13 +36,22 @@ _MOST_NAMES, _MOST_NUMBERS = 36, 60
 
 
 def panel_grid(
-    panels: int, columns: int, height_in: float, style: FigureStyle, sharey: Sharing = "all"
+    panels: int,
+    columns: int,
+    height_in: float,
+    style: FigureStyle,
+    sharey: Sharing = "all",
+    width_in: float | None = None,
 ) -> tuple[Figure, list[Axes]]:
-    """Create a figure with panels of `height_in` inches, `columns` in a row, and shared axes."""
+    """Create a figure with panels of `height_in` inches, `columns` in a row, and shared axes.
+
+    `width_in` is the width of the figure if the style has none.
+    """
     from matplotlib.figure import Figure
 
     rows = math.ceil(panels / columns)
-    figure = Figure(figsize=(figure_width(columns, style), rows * height_in + 0.45))
+    width = style.width_in or width_in or figure_width(columns, style)
+    figure = Figure(figsize=(width, rows * height_in + 0.45))
     grid = figure.subplots(rows, columns, sharex="all", sharey=sharey, squeeze=False)
     placed = list(grid.flat)
     for axes in placed[panels:]:
@@ -75,19 +91,47 @@ def fitted_limits(values: Floats, default: Range) -> Range:
     return float(positive.min()) / _MARGIN, float(positive.max()) * _MARGIN
 
 
-def draw_line(axes: Axes, x: Floats, y: Floats, plot_style: PlotStyle, floor: float) -> None:
-    """Draw a codec's line; zeros (lossless) become hollow markers at the lower limit `floor`."""
-    clipped = np.maximum(y, floor)
-    style: dict[str, Any] = {
-        "color": plot_style.colour,
-        "marker": plot_style.marker,
-        "clip_on": False,
-        "zorder": 3,
-    }
-    axes.plot(x, clipped, linestyle=plot_style.line, markeredgewidth=0.6, **style)
-    zero = y == 0
-    if zero.any():
-        axes.plot(x[zero], clipped[zero], linestyle="", markerfacecolor="white", **style)
+def draw_line(axes: Axes, x: Floats, y: Floats, plot_style: PlotStyle, faint: bool = False) -> None:
+    """Draw a codec's line, or only dots if `faint`; on a logarithmic axis, zeros (lossless) become
+    ticks at its foot.
+    """
+    style: dict[str, Any] = {"color": plot_style.colour, "clip_on": False, "zorder": 3}
+    line: dict[str, Any] = {"linestyle": plot_style.line, "marker": plot_style.marker}
+    zero = (y == 0) & (axes.get_yscale() == "log")
+    axes.plot(
+        x[~zero], y[~zero], markeredgewidth=0.6, **style, **(UNRANKED_LINE if faint else line)
+    )
+    draw_edge_ticks(axes, x[zero], plot_style)
+
+
+def draw_edge_ticks(
+    axes: Axes, x: Floats, plot_style: PlotStyle, edge: float = 0.0, alpha: float = 1.0
+) -> None:
+    """Draw ticks for lossless streams at the lower edge (0) or the upper edge (1)."""
+    if len(x):
+        end = abs(edge - _TICK_LENGTH)
+        axes.vlines(
+            x, edge, end, transform=axes.get_xaxis_transform(), color=plot_style.colour,
+            alpha=alpha, linewidth=_TICK_WIDTH, clip_on=False, zorder=3,
+        )  # fmt: skip
+
+
+def draw_curve(axes: Axes, curve: Curve, plot_style: PlotStyle, faint: bool = False) -> None:
+    """Draw a codec's medians and, as thin bars, the quartiles."""
+    low = np.maximum(curve.low, axes.get_ylim()[0])
+    has_bar = (curve.y > 0) & (curve.high > low)
+    axes.vlines(
+        curve.x[has_bar], low[has_bar], curve.high[has_bar],
+        color=plot_style.colour, alpha=0.5, linewidth=0.9, zorder=2,
+    )  # fmt: skip
+    draw_line(axes, curve.x, curve.y, plot_style, faint)
+
+
+def unranked_handle() -> Line2D:
+    from matplotlib.lines import Line2D
+
+    label = f"not ranked: not timed alone {MIN_REPEATS} times"
+    return Line2D([], [], color="#444444", label=label, **UNRANKED_LINE)
 
 
 def scan_handle() -> Line2D:
@@ -96,24 +140,19 @@ def scan_handle() -> Line2D:
     return Line2D([], [], label="the scan itself", **SCAN_LINE)
 
 
-def lossless_handle() -> Line2D:
+def lossless_tick_handle() -> Line2D:
     from matplotlib.lines import Line2D
 
-    hollow: dict[str, Any] = {
-        "color": "#444444",
-        "linestyle": "",
-        "marker": "o",
-        "markerfacecolor": "white",
-    }
-    return Line2D([], [], label="lossless", **hollow)
+    tick: dict[str, Any] = {"color": "#444444", "linestyle": "", "marker": "|"}
+    return Line2D([], [], markeredgewidth=_TICK_WIDTH, label="bits of lossless streams", **tick)
 
 
-def draw_over_rates(axes: Axes, y: Floats, plot_style: PlotStyle, floor: float) -> None:
-    """Draw a codec's values (rates,) at equidistant positions; nan leaves a gap."""
-    present = np.flatnonzero(np.isfinite(y))
+def draw_over_rates(axes: Axes, curve: Curve, plot_style: PlotStyle, faint: bool = False) -> None:
+    """Draw a codec's values at equidistant positions; nan leaves a gap at a rate."""
+    present = np.flatnonzero(np.isfinite(curve.y))
     if len(present):
-        positions = np.arange(present[0], present[-1] + 1)
-        draw_line(axes, positions.astype(float), y[positions], plot_style, floor)
+        part = slice(present[0], present[-1] + 1)
+        draw_curve(axes, Curve(*(values[part] for values in curve)), plot_style, faint)
 
 
 def label_rates(panels: Sequence[Axes], rates: Sequence[str], abreast: int) -> None:
@@ -151,8 +190,14 @@ def wrapped(text: str, width_in: float, style: FigureStyle) -> str:
     return textwrap.fill(text, max(6, int(width_in / character_in)), break_long_words=False)
 
 
+def titled(title: str, rows: pd.DataFrame) -> str:
+    """Return a title with the number of clouds in rows of results."""
+    return f"{title} (n\N{NO-BREAK SPACE}=\N{NO-BREAK SPACE}{rows['cloud'].nunique()})"
+
+
 def set_title(axes: Axes, text: str, columns: int, style: FigureStyle) -> None:
-    width_in = (figure_width(columns, style) - 0.5) / columns
+    figure: Any = axes.figure
+    width_in = (float(figure.get_size_inches()[0]) - 0.5) / columns
     axes.set_title(wrapped(text, width_in, style), pad=3)
 
 
@@ -188,6 +233,9 @@ def add_rows_legend(
 ) -> None:
     """Add a legend above all panels, in rows of at most `most_abreast` entries."""
     rows = math.ceil(len(handles) / max(1, most_abreast))
+    if rows > _LEGEND_ROWS:  # the panels keep their size
+        height_in = float(figure.get_size_inches()[1])
+        figure.set_figheight(height_in + (rows - _LEGEND_ROWS) * _LEGEND_ROW_IN)
     abreast = math.ceil(len(handles) / rows)
     by_column = [handle for column in range(abreast) for handle in handles[column::abreast]]
     figure.legend(handles=by_column, loc="outside upper center", ncols=abreast, **options)

@@ -6,10 +6,14 @@ from dataclasses import dataclass, replace
 
 from puckbench.figures.style import Range
 
+BETTER = "\N{LEFTWARDS ARROW} better"
+"""Mark of axes with lower values better: on a vertical axis, the arrow points downwards."""
+HIGHER_BETTER = "better \N{RIGHTWARDS ARROW}"
+
 
 @dataclass(frozen=True)
 class PlottedMetric:
-    """A column of the results, with its label and axis range.
+    """A column of the results, of which lower values are better, with its label and axis range.
 
     The grid unit of a scaled cloud is 1/1023 of its longest side.
     """
@@ -20,12 +24,16 @@ class PlottedMetric:
     limits: Range
 
     @property
+    def is_time(self) -> bool:
+        return self.unit == "s"
+
+    @property
     def label(self) -> str:
-        return f"{self.words} ({self.unit})"
+        return f"{self.words} ({self.unit}), {BETTER}"
 
     @property
     def short_label(self) -> str:
-        return f"{self.words}\n({self.unit})"
+        return f"{self.words}\n({self.unit}), {BETTER}"
 
     def within(self, low: float, high: float) -> PlottedMetric:
         return replace(self, limits=(low, high))

@@ -6,13 +6,14 @@ from puckbench.figures.checks import require_numbers, require_rows
 from puckbench.figures.curves import Lines, binned_curves, codecs_of, shared_limits
 from puckbench.figures.panels import (
     add_legend,
-    draw_line,
+    draw_curve,
     label_outer,
     panel_grid,
     set_log,
     set_title,
+    titled,
 )
-from puckbench.figures.plotted_metrics import BPP, PlottedMetric
+from puckbench.figures.plotted_metrics import BPP, HIGHER_BETTER, PlottedMetric
 from puckbench.figures.registry import FIGURES
 from puckbench.figures.style import FigureStyle, Range
 
@@ -56,8 +57,10 @@ def draw_recovery(recovery: pd.DataFrame, style: FigureStyle) -> Figure:
     for index, axes in enumerate(panels):
         dataset, column = list(curves[0])[index // len(_METRICS)], index % len(_METRICS)
         _draw_panel(axes, curves[column][dataset], x_limits, style)
-        set_title(axes, f"{style.title(dataset)}: {_METRICS[column].words}", len(_METRICS), style)
-    label_outer(panels, len(_METRICS), BPP.label, "Share")
+        rows = all_kinds[all_kinds["dataset"] == dataset]
+        title = titled(f"{style.title(dataset)}: {_METRICS[column].words}", rows)
+        set_title(axes, title, len(_METRICS), style)
+    label_outer(panels, len(_METRICS), BPP.label, f"Share, {HIGHER_BETTER}")
     add_legend(figure, codecs_of(panel_lines, style), style)
     return figure
 
@@ -65,5 +68,5 @@ def draw_recovery(recovery: pd.DataFrame, style: FigureStyle) -> Figure:
 def _draw_panel(axes: Axes, lines: Lines, x_limits: Range, style: FigureStyle) -> None:
     set_log(axes, "x", x_limits)
     axes.set_ylim(0, 1)
-    for codec, (bpp, values) in lines.items():
-        draw_line(axes, bpp, values, style.of_codec(codec), floor=0.0)
+    for codec, curve in lines.items():
+        draw_curve(axes, curve, style.of_codec(codec))

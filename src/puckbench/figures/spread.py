@@ -6,10 +6,18 @@ import numpy as np
 
 from puckbench.figures.binning import ordered_rates
 from puckbench.figures.checks import require_numbers, require_rows
-from puckbench.figures.panels import label_rates, log_limits, panel_grid, set_log, set_title
+from puckbench.figures.panels import (
+    fitted_limits,
+    label_rates,
+    panel_grid,
+    set_log,
+    set_title,
+    titled,
+    wrapped,
+)
 from puckbench.figures.plotted_metrics import CD_PLANE
 from puckbench.figures.registry import FIGURES
-from puckbench.figures.style import FigureStyle, Range
+from puckbench.figures.style import FigureStyle
 from puckbench.geometry.cloud import Floats
 
 if TYPE_CHECKING:
@@ -30,30 +38,30 @@ _FEWEST_IN_A_BOX = 5
 def draw_spread(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
     """Spread of the Chamfer distance (point to plane, squared grid units) over clouds, for each
     codec (rows), data set (columns) and rate. Boxes: first to third quartile with the median;
-    whiskers: 5 to 95 %. Rates with fewer than five clouds show a point for each cloud.
+    whiskers: 5 to 95 %. Rates with fewer than five clouds show a circle for each cloud. n: clouds.
 
-    Zeros (lossless) are drawn at the lower edge. The thesis shows medians only.
+    Zeros (lossless) are not drawn. The thesis shows medians only.
     """
-    require_rows(metrics, ("dataset", "codec", "rate", _METRIC.column), "metrics")
+    require_rows(metrics, ("dataset", "cloud", "codec", "rate", _METRIC.column), "metrics")
     require_numbers(metrics, (_METRIC.column,), "metrics")
     datasets = style.ordered_datasets(metrics["dataset"])
     codecs = style.ordered_codecs(metrics["codec"])
     rates = ordered_rates(set(metrics["rate"]))
-    measured = metrics.dropna(subset=["cd_plane"])
-    limits = log_limits(_extremes(measured), style.axis_range("cd_plane", _METRIC.limits))
-    figure, panels = panel_grid(len(codecs) * len(datasets), len(datasets), 1.25, style)
+    measured = metrics[metrics["cd_plane"] > 0]
+    limits = style.axis_ranges.get("cd_plane") or fitted_limits(_extremes(measured), _METRIC.limits)
+    figure, panels = panel_grid(len(codecs) * len(datasets), len(datasets), 1.15, style)
     for index, axes in enumerate(panels):
         codec, dataset = codecs[index // len(datasets)], datasets[index % len(datasets)]
         set_log(axes, "y", limits, minor=False)
         rows = measured[(measured["dataset"] == dataset) & (measured["codec"] == codec)]
-        _draw_panel(axes, rows, rates, limits, style.of_codec(codec).colour)
+        _draw_panel(axes, rows, rates, style.of_codec(codec).colour)
         if index < len(datasets):
-            set_title(axes, style.title(dataset), len(datasets), style)
+            of_dataset = metrics[metrics["dataset"] == dataset]
+            set_title(axes, titled(style.title(dataset), of_dataset), len(datasets), style)
         if index % len(datasets) == 0:
-            _name_codec(axes, style.of_codec(codec).title, style)
-    for axes in panels[:: len(datasets)]:
-        axes.set_ylabel(_METRIC.short_label)
+            axes.set_ylabel(wrapped(style.of_codec(codec).title, 1.0, style), fontweight="bold")
     label_rates(panels, rates, len(datasets))
+    figure.supylabel(_METRIC.label, fontsize=style.font_size)
     figure.supxlabel("Compression rate", fontsize=style.font_size)
     return figure
 
@@ -67,16 +75,16 @@ def _extremes(metrics: pd.DataFrame) -> Floats:
     )
 
 
-def _draw_panel(
-    axes: Axes, rows: pd.DataFrame, rates: list[str], limits: Range, colour: str
-) -> None:
+def _draw_panel(axes: Axes, rows: pd.DataFrame, rates: list[str], colour: str) -> None:
     if rows.empty:
         axes.text(0.5, 0.5, "no values", transform=axes.transAxes, ha="center", va="center")
         return
     positions = rows["rate"].map(rates.index)
-    values = rows["cd_plane"].clip(lower=limits[0])
+    values = rows["cd_plane"]
     if positions.value_counts().max() < _FEWEST_IN_A_BOX:
-        axes.plot(positions, values, "o", color=colour, alpha=0.6, markeredgewidth=0)
+        medians = values.groupby(positions).median()
+        axes.plot(medians.index, medians, color=colour, linewidth=0.7)
+        axes.plot(positions, values, "o", color=colour, markerfacecolor="none", markeredgewidth=0.8)
     else:
         _draw_boxes(
             axes, values.groupby(positions).quantile(np.array(_QUANTILES)).unstack(), colour
@@ -95,15 +103,9 @@ def _draw_boxes(axes: Axes, quantiles: pd.DataFrame, colour: str) -> None:
         widths=0.6,
         showfliers=False,
         patch_artist=True,
-        boxprops={"facecolor": colour, "edgecolor": colour, "alpha": 0.45, "linewidth": 0.8},
-        medianprops={"color": "#000000", "linewidth": 1.0},
+        boxprops={"facecolor": colour, "edgecolor": colour, "linewidth": 0.8},
+        medianprops={"color": "#000000", "linewidth": 0.8},
         whiskerprops=line,
         capprops=line,
         manage_ticks=False,
-    )
-
-
-def _name_codec(axes: Axes, title: str, style: FigureStyle) -> None:
-    axes.annotate(
-        title, (0.97, 0.95), xycoords="axes fraction", ha="right", va="top", size=style.font_size
     )

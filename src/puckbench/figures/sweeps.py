@@ -10,7 +10,7 @@ import numpy as np
 from puckbench.core.errors import InputError
 from puckbench.figures.curves import draw_data_sets
 from puckbench.figures.panels import panel_grid, set_title
-from puckbench.figures.plotted_metrics import PlottedMetric
+from puckbench.figures.plotted_metrics import BETTER, PlottedMetric
 from puckbench.figures.registry import FIGURES, SPINS
 from puckbench.figures.style import FigureStyle
 from puckbench.metrics.table_registry import SPINS_OR_RECORDINGS
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from puckbench.geometry.cloud import Floats, PointCloud
     from puckbench.lidar.returns import Returns
 
-BITS = "Bits per return"
+BITS = f"Bits per return, {BETTER}"
 ERROR = PlottedMetric("error_mm", "RMS error to the scan (D1)", "mm", (0.1, 100))
 TO_TRUTH = PlottedMetric("truth_mm", "RMS distance to the truth (D2)", "mm", (1, 100))
 RANGES = PlottedMetric("range_rms_mm", "RMS error of ranges", "mm", (0.1, 100))
@@ -105,9 +105,9 @@ def draw_ranges(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
     frame="metric",
 )
 def draw_images(example_spin: PointCloud, style: FigureStyle) -> Figure:
-    """One sweep as range images: lasers from the lowest to the highest, firing columns from left to
-    right. Top: measured ranges (m); middle: decoded from Puck at 100 mm; bottom: error (mm). White:
-    no return.
+    """One sweep as range images: elevations of the lasers, and azimuths in the order of firing.
+    Top: measured ranges (m); middle: decoded from ``puck`` at 100 mm; bottom: error (mm). White: no
+    return.
     """
     from puckbench.codecs.registry import open_codec
 
@@ -121,23 +121,28 @@ def draw_images(example_spin: PointCloud, style: FigureStyle) -> Figure:
     images = [_image(sweep) for sweep in (returns, decoded)]
     error = 1000 * (images[1] - images[0])
     figure, panels = panel_grid(3, 1, 1.0, style)
+    elevations = np.asarray(returns.beams.elevations_deg)[list(returns.layout.order)]
+    azimuths = np.unwrap(returns.column_azimuths(returns.turns[0])[:, 0])
+    extent = (*np.degrees(azimuths[[0, -1]]).tolist(), -0.5, len(elevations) - 0.5)
+    lasers = np.linspace(0, len(elevations) - 1, 4).round().astype(int)
     limits = (0.0, float(np.nanquantile(images[0], 0.98)))
     largest_error = float(np.nanmax(np.abs(error)))
     rows = (
         (images[0], "measured", "viridis_r", limits, "m"),
-        (images[1], f"decoded, {rate}", "viridis_r", limits, "m"),
+        (images[1], f"decoded, {codec.title} at {rate}", "viridis_r", limits, "m"),
         (error, "error", "RdBu", (-largest_error, largest_error), "mm"),
     )
     for axes, (image, title, colours, (low, high), unit) in zip(panels, rows, strict=True):
         mappable = axes.imshow(
             image, cmap=colours, vmin=low, vmax=high, aspect="auto", interpolation="nearest",
-            origin="lower",
+            origin="lower", extent=extent,
         )  # fmt: skip
         axes.grid(visible=False)
-        axes.set_ylabel("Laser, by\nelevation")
+        axes.set_yticks(lasers, [f"{elevations[laser]:.0f}" for laser in lasers])
+        axes.set_ylabel("Elevation (°)")
         set_title(axes, title, 1, style)
         figure.colorbar(mappable, ax=axes, label=f"Range ({unit})" if unit == "m" else "Error (mm)")
-    panels[-1].set_xlabel("Firing column")
+    panels[-1].set_xlabel("Azimuth (°)")
     return figure
 
 

@@ -11,37 +11,29 @@ from puckbench.figures.curves import (
     check_curve_columns,
     codecs_of,
     draw_curves,
+    lossless_handles,
     shared_limits,
 )
 from puckbench.figures.panels import (
     SCAN_LINE,
     add_legend,
-    codec_handles,
     label_outer,
     panel_grid,
     scan_handle,
     set_title,
+    titled,
 )
 from puckbench.figures.plotted_metrics import BPP, CD_PLANE, CD_POINT, HD_PLANE, PlottedMetric
 from puckbench.figures.registry import FIGURES
-from puckbench.figures.style import FigureStyle
+from puckbench.figures.style import COLUMN_WIDTH_IN, FigureStyle
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_REFERENCES = {
-    "": "to the scan",
-    "clean_": "to the clean scan",
-    "truth_": "to the truth",
-}
+_REFERENCES = {"": "to the scan", "truth_": "to the truth"}
 """Prefix of a column -> reference of the distance."""
-_CLEAN = list(_REFERENCES).index("clean_")
-_EXACT = 1e-12
-"""Squared grid units; below this a scan equals its clean scan."""
-_MOST_IN_A_PANEL = 9
-"""Maximum number of codecs whose legend fits into a panel."""
 
 
 @FIGURES.register(
@@ -53,13 +45,12 @@ def draw_truth_chamfer(
     metrics: pd.DataFrame, scan_errors: pd.DataFrame, style: FigureStyle
 ) -> Figure:
     """Chamfer distance (point to plane, squared grid units) against bits per point: to the coded
-    scan, to the clean scan of the same rays, and to the true surface. Medians over clouds, in bins
-    as in figure 6.6, with equal axes in all panels.
+    scan, and to the true surface. Medians over clouds, in bins as in figure 6.6, with equal axes in
+    all panels. Bars: quartiles over clouds. n: clouds.
 
     Dashed: the median distance of the scan before coding; not shown if below the axes. The curve of
     a codec that reproduces the scan with its noise levels off at this line. Below it, decoded
-    points are nearer to the reference than the scan is. A coded scan without noise is the clean
-    scan, and shares its panel. Not in the thesis.
+    points are nearer to the surface than the scan is. Not in the thesis.
     """
     return draw_references(metrics, scan_errors, CD_PLANE, style)
 
@@ -73,10 +64,7 @@ def draw_truth_chamfer_point(
     metrics: pd.DataFrame, scan_errors: pd.DataFrame, style: FigureStyle
 ) -> Figure:
     """Chamfer distance (point to point, squared grid units) against bits per point, otherwise as in
-    the previous figure.
-
-    Decoded points between the rays have a distance to the clean scan, but not to the true surface.
-    Not in the thesis.
+    the previous figure. Not in the thesis.
     """
     return draw_references(metrics, scan_errors, CD_POINT, style)
 
@@ -90,8 +78,7 @@ def draw_truth_hausdorff(
     metrics: pd.DataFrame, scan_errors: pd.DataFrame, style: FigureStyle
 ) -> Figure:
     """Squared Hausdorff distance (point to plane, squared grid units) against bits per point: to
-    the coded scan, to the clean scan of the same rays, and to the true surface. Medians over
-    clouds, in bins as in figure 6.6. Dashed: the scan before coding. Not in the thesis.
+    the coded scan, and to the true surface. Otherwise as ``truth_rd``. Not in the thesis.
     """
     return draw_references(metrics, scan_errors, HD_PLANE, style)
 
@@ -99,11 +86,10 @@ def draw_truth_hausdorff(
 def draw_references(
     metrics: pd.DataFrame, scan_errors: pd.DataFrame, metric: PlottedMetric, style: FigureStyle
 ) -> Figure:
-    """Draw a row of panels for each data set, and a column for each reference: coded scan, clean
-    scan, true surface.
+    """Draw a row of panels for each data set, in the width of a column: to the coded scan, and to
+    the true surface.
 
-    `metric` is the distance to the coded scan; the columns ``clean_...`` and ``truth_...`` contain
-    the other distances. A clean scan that equals the coded scan gets no panel.
+    `metric` is the distance to the coded scan; the column ``truth_...`` contains the other.
     """
     references = [replace(metric, column=f"{prefix}{metric.column}") for prefix in _REFERENCES]
     for reference in references:
@@ -115,19 +101,18 @@ def draw_references(
         shared_limits(panel_lines, axis_metric, style, fitted=True) for axis_metric in (BPP, metric)
     ]
     scan_medians = _scan_medians(scan_errors, references[1:])
-    figure, panels = panel_grid(len(panel_lines), len(references), 1.95, style)
+    abreast = len(references)
+    figure, panels = panel_grid(len(panel_lines), abreast, 1.9, style, width_in=COLUMN_WIDTH_IN)
     for index, axes in enumerate(panels):
-        dataset, column = list(curves[0])[index // len(references)], index % len(references)
+        dataset, column = list(curves[0])[index // abreast], index % abreast
         draw_curves(axes, curves[column][dataset], limits[0], limits[1], style)
-        scan_error = scan_medians.get((dataset, references[column].column))
-        if column == _CLEAN and scan_error is not None and scan_error < _EXACT:
-            axes.clear()
-            axes.set_axis_off()
-            continue
-        _draw_scan_line(axes, scan_error, limits[1][0])
-        set_title(axes, f"{style.title(dataset)}: {list(_REFERENCES.values())[column]}", 3, style)
-    label_outer(panels, len(references), BPP.label, metric.short_label)
-    _add_legend(figure, panels, codecs_of(panel_lines, style), style)
+        _draw_scan_line(axes, scan_medians.get((dataset, references[column].column)), limits[1][0])
+        title = f"{style.title(dataset)}: {list(_REFERENCES.values())[column]}"
+        set_title(axes, titled(title, rows[rows["dataset"] == dataset]), abreast, style)
+    label_outer(panels, abreast, "", metric.short_label)
+    figure.supxlabel(BPP.label, fontsize=style.font_size)
+    extra_handles = [scan_handle(), *lossless_handles(panel_lines)]
+    add_legend(figure, codecs_of(panel_lines, style), style, extra_handles)
     return figure
 
 
@@ -148,12 +133,3 @@ def _scan_medians(
 def _draw_scan_line(axes: Axes, value: float | None, floor: float) -> None:
     if value is not None and value >= floor:
         axes.axhline(value, zorder=2, **SCAN_LINE)
-
-
-def _add_legend(figure: Figure, panels: list[Axes], codecs: list[str], style: FigureStyle) -> None:
-    scan_line = scan_handle()
-    empty_panel = next((axes for axes in panels if not axes.axison), None)
-    if empty_panel is None or len(codecs) > _MOST_IN_A_PANEL:
-        add_legend(figure, codecs, style, (scan_line,))
-    else:
-        empty_panel.legend(handles=[*codec_handles(codecs, style), scan_line], loc="center")

@@ -186,8 +186,8 @@ def _las_data(columns: Mapping[str, NDArray[Any]]) -> Any:
     las.X, las.Y, las.Z = counts.astype(np.int32).T
     las.return_number[:] = las.number_of_returns[:] = 1
     unknown = np.zeros(len(xyz))
-    las.intensity = columns.get("reflectivity", unknown)
-    las.user_data = columns["laser_id"]
+    las.intensity = np.clip(np.rint(columns.get("reflectivity", unknown)), 0, 0xFFFF)
+    las.user_data = columns.get("laser_id", unknown)
     las.point_source_id = np.clip(columns.get("turn", columns.get("frame", unknown)), 0, 0xFFFF)
     las.gps_time = columns.get("timestamp", unknown)
     return las

@@ -9,10 +9,15 @@ from puckbench.jobs.registry import JOBS, Job
 
 @JOBS.register("figure")
 class Figure(Job):
-    """Draw a registered figure in a style merged from several layers of options."""
+    """Draw a registered figure in a style merged from several layers of options.
+
+    If `codecs` or `datasets` are not empty, only these are drawn.
+    """
 
     figure: str
     style: tuple[dict[str, Any], ...] = ()
+    codecs: tuple[str, ...] = ()
+    datasets: tuple[str, ...] = ()
 
     def plugins(self) -> Iterable[str | None]:
         return (self.figure,)
@@ -21,5 +26,7 @@ class Figure(Job):
         from puckbench.figures.drawing import draw_files
         from puckbench.figures.style import FigureStyle
 
-        draw_files(self.figure, inputs, list(out), FigureStyle.from_config(*self.style))
+        style = FigureStyle.from_config(*self.style)
+        only = {"codec": self.codecs, "dataset": self.datasets}
+        draw_files(self.figure, inputs, list(out), style, only)
         return {"figure": self.figure, "files": [str(path) for path in out]}

@@ -27,18 +27,22 @@ class RowsTable(OfNames):
 
     kind: Literal["metrics", "scan_errors", "recovery"]
 
-    def run(self, results: Path, csv: Path, parquet: Path) -> dict[str, Any]:
+    def run(
+        self, results: Path, csv: Path, parquet: Path, columns: Path | None = None
+    ) -> dict[str, Any]:
         make, keys = ROWS[self.kind]
-        return _write(table_of(make(self.files(results)), keys), csv, parquet)
+        return _write(table_of(make(self.files(results)), keys), columns, csv, parquet)
 
 
 @JOBS.register("clouds_table")
 class CloudsTable(OfNames):
     """Gather the descriptions of the prepared clouds."""
 
-    def run(self, results: Path, csv: Path, parquet: Path) -> dict[str, Any]:
+    def run(
+        self, results: Path, csv: Path, parquet: Path, columns: Path | None = None
+    ) -> dict[str, Any]:
         rows = [cloud_row(file.parent.name, file) for file in self.files(results)]
-        return _write(table_of(rows, CLOUD_KEYS), csv, parquet)
+        return _write(table_of(rows, CLOUD_KEYS), columns, csv, parquet)
 
 
 @JOBS.register("plan_table")
@@ -48,12 +52,14 @@ class PlanTable(Job):
     table: str
     rows: tuple[dict[str, str], ...]
 
-    def run(self, csv: Path, parquet: Path, results: Path | None = None) -> dict[str, Any]:
-        return _write(PLAN_TABLES[self.table](self.rows), csv, parquet)
+    def run(
+        self, csv: Path, parquet: Path, results: Path | None = None, columns: Path | None = None
+    ) -> dict[str, Any]:
+        return _write(PLAN_TABLES[self.table](self.rows), columns, csv, parquet)
 
 
-def _write(table: pd.DataFrame, *files: Path) -> dict[str, int]:
-    from puckbench.io.tables import write_table
+def _write(table: pd.DataFrame, columns: Path | None, *files: Path) -> dict[str, int]:
+    from puckbench.jobs.table_files import write_result
 
-    write_table(table, *files)
+    write_result(table, columns, *files)
     return {"rows": len(table)}

@@ -28,9 +28,14 @@ class Table(Job):
     def plugins(self) -> Iterable[str | None]:
         return (self.table,)
 
-    def run(self, out: tuple[Path, ...], **inputs: Path) -> dict[str, Any]:
-        """Write the table (.csv, .parquet) from the input files, by name."""
-        from puckbench.io.tables import read_table, write_table
+    def run(
+        self, out: tuple[Path, ...], columns: Path | None = None, **inputs: Path
+    ) -> dict[str, Any]:
+        """Write the table (.csv, .parquet, .tex) from the input files, by name, and the dictionary
+        of its columns.
+        """
+        from puckbench.io.tables import read_table
+        from puckbench.jobs.table_files import write_result
 
         entry = table_entry(self.table)
         if missing := [needed for needed in entry.inputs if needed not in inputs]:
@@ -39,7 +44,7 @@ class Table(Job):
         table = self._made(entry, {name: read_table(inputs[name]) for name in used})
         for column in table.select_dtypes("floating"):
             table[column] = [float(f"{value:.{_DIGITS}g}") for value in table[column]]
-        write_table(table, *out)
+        write_result(table, columns, *out)
         return {"table": self.table, "rows": len(table), "files": [str(path) for path in out]}
 
     def _made(self, entry: TableEntry, inputs: dict[str, pd.DataFrame]) -> Any:

@@ -30,16 +30,17 @@ _KITTI_BRIGHTEST = 255
 
 
 def _pcd_columns(columns: Columns) -> Columns:
-    if "ring" in columns:  # the point type XYZIRT of ROS drivers
-        order = [name for name in ("x", "y", "z", "intensity", "ring", "time") if name in columns]
-        single = {"time": columns["time"].astype(np.float32)} if "time" in columns else {}
-        return {**_of(columns, *order), **single}
-    label = columns["laser_id"].astype(np.uint32)
-    return {**_of(columns, *"xyz"), "label": label, **_of(columns, "timestamp")}
+    if "laser_id" in columns:
+        label = columns["laser_id"].astype(np.uint32)
+        return {**_of(columns, *"xyz"), "label": label, **_of(columns, "timestamp")}
+    # The point type XYZIRT of ROS drivers.
+    order = [name for name in ("x", "y", "z", "intensity", "ring", "time") if name in columns]
+    single = {"time": columns["time"].astype(np.float32)} if "time" in columns else {}
+    return {**_of(columns, *order), **single}
 
 
 def _las_columns(columns: Columns) -> Columns:
-    if "ring" not in columns:
+    if "laser_id" in columns:
         return columns
     names = {"laser_id": "ring", "reflectivity": "intensity", "timestamp": "time"}
     others = {name: columns[other] for name, other in names.items() if other in columns}
@@ -49,7 +50,8 @@ def _las_columns(columns: Columns) -> Columns:
 def _kitti_columns(columns: Columns) -> Columns:
     unknown = np.zeros(len(columns["x"]))
     reflectivity = columns.get("intensity", columns.get("reflectivity", unknown))
-    return {**_of(columns, *"xyz"), "intensity": reflectivity / _KITTI_BRIGHTEST}
+    most = _KITTI_BRIGHTEST if reflectivity.max(initial=0) > 1 else 1
+    return {**_of(columns, *"xyz"), "intensity": reflectivity / most}
 
 
 def _of(columns: Columns, *names: str) -> Columns:
@@ -87,22 +89,37 @@ def export(path: Path, source: Source, clean: bool = False) -> dict[str, Any]:
 
     With `clean`, write true coordinates; BlenSor's format (.evd) contains both.
     """
+    suffix = _suffix(path)
+    if isinstance(source, RecordedReturns | Returns):
+        if clean:
+            raise InputError(f"{path}: a recording has no true coordinates")
+        return export_points(path, _recorded_columns(source) if len(source) else {"x": np.empty(0)})
+    if suffix in _POINTS:
+        return export_points(path, _scan_columns(source, clean))
+    if len(source) == 0:
+        raise InputError(f"{path}: there is no return to export")
+    if suffix == ".evd":
+        write_evd(path, source)
+        return {"points": len(source)}
+    return {"points": len(source), **write_pcap(path, source, noisy=not clean)}
+
+
+def export_points(path: Path, columns: Columns) -> dict[str, Any]:
+    """Write columns of points: x, y, z and further ones; return the number of points."""
+    suffix = _suffix(path)
+    if suffix not in _POINTS:
+        raise InputError(f"{path}: a recording has no true coordinates and no scan's columns")
+    if len(columns["x"]) == 0:
+        raise InputError(f"{path}: there is no return to export")
+    _POINTS[suffix](path, columns)
+    return {"points": len(columns["x"])}
+
+
+def _suffix(path: Path) -> str:
     suffix = path.suffix.lower()
     if suffix not in FORMATS:
         raise InputError(f"{path}: unknown suffix {suffix!r} (known: {', '.join(FORMATS)})")
-    if len(source) == 0:
-        raise InputError(f"{path}: there is no return to export")
-    if isinstance(source, RecordedReturns | Returns):
-        if clean or suffix not in _POINTS:
-            raise InputError(f"{path}: a recording has no true coordinates and no scan's columns")
-        _POINTS[suffix](path, _recorded_columns(source))
-    elif suffix in _POINTS:
-        _POINTS[suffix](path, _scan_columns(source, clean))
-    elif suffix == ".evd":
-        write_evd(path, source)
-    else:
-        return {"points": len(source), **write_pcap(path, source, noisy=not clean)}
-    return {"points": len(source)}
+    return suffix
 
 
 def _recorded_columns(source: RecordedReturns | Returns) -> Columns:

@@ -2,19 +2,21 @@
 
 A metric is a function with its registration above it::
 
-    @METRICS.register("centroid")
+    @METRICS.register("centroid", columns={"centroid_m": "Distance between the centroids"})
     def centroid(reference: PointCloud, decoded: PointCloud) -> dict[str, float]:
         \"\"\"Return the distance between the centroids.\"\"\"
         offset = reference.xyz.mean(axis=0) - decoded.xyz.mean(axis=0)
         return {"centroid_m": float(np.linalg.norm(offset)) / reference.about["scale"]}
 
-Each key becomes a column of the results, so it should end in its unit. Both clouds are in one
+Each key becomes a column of the results, so it should end in its unit. `columns` gives meanings for
+the dictionaries beside tables. Both clouds are in one
 coordinate frame, with ``reference.about["scale"]`` units per metre.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Mapping
+from types import MappingProxyType
 
 from puckbench.core.errors import InputError
 from puckbench.core.registry import Registry
@@ -22,7 +24,23 @@ from puckbench.geometry.cloud import PointCloud
 
 Metric = Callable[[PointCloud, PointCloud], Mapping[str, float]]
 
-METRICS: Registry[Metric] = Registry("metric", "further_metrics")
+_meanings: dict[str, str] = {}
+
+
+def _registered(
+    _: str, metric: Metric, columns: Mapping[str, str] = MappingProxyType({})
+) -> Metric:
+    _meanings.update(columns)
+    return metric
+
+
+METRICS: Registry[Metric] = Registry("metric", "further_metrics", make=_registered)
+
+
+def metric_columns() -> dict[str, str]:
+    """Return the meanings of columns in the registrations of optional metrics."""
+    METRICS.names()
+    return dict(_meanings)
 
 
 def further_metrics(

@@ -50,7 +50,7 @@ class FigureShown:
     title: str
     picture: Picture
     caption: Markup
-    link: str
+    links: dict[str, str]
 
 
 @dataclass(frozen=True)
@@ -152,7 +152,7 @@ def _figure(name: str, file: Path, folder: Path) -> FigureShown:
         _figure_title(name),
         embedded(read_bytes(file), str(file)),
         caption_html(entry.caption, name),
-        _link(file.with_suffix(".pdf"), folder),
+        {kind: _link(file.with_suffix(f".{kind.lower()}"), folder) for kind in ("PDF", "SVG")},
     )
 
 

@@ -13,6 +13,7 @@ from puckbench.figures.binning import ordered_rates
 from puckbench.figures.style import FigureStyle
 from puckbench.metrics.lossless import lossless_rows
 from puckbench.metrics.tables.rate_deltas import is_below_zero, log_ratios
+from puckbench.metrics.timing import unranked_codecs
 from puckbench.report.bd_rate_text import delta_note, delta_value, has_delta, holds_zero
 from puckbench.report.column_labels import column_label
 from puckbench.report.plot_data import codec_payload
@@ -266,7 +267,8 @@ def _times(metrics: pd.DataFrame, codecs: Sequence[str]) -> Iterator[FindingsCol
     for way, purpose in {"encode": " to encode", "decode": " to decode"}.items():
         if f"{way}_s" in metrics:
             medians = metrics.groupby("codec")[f"{way}_s"].median()
-            cells = {codec: _seconds(float(medians[codec])) for codec in codecs}
+            unranked = unranked_codecs(metrics)
+            cells = {codec: _seconds(float(medians[codec]), codec in unranked) for codec in codecs}
             column = FindingsColumn(f"Time{purpose}", FASTEST, purpose, cells)
             yield column.tested(_is_less(metrics, f"{way}_s"))
 
@@ -283,5 +285,9 @@ def _is_less(metrics: pd.DataFrame, column: str) -> Callable[[str, str], bool]:
     return is_less
 
 
-def _seconds(value: float) -> Cell:
-    return Cell() if isnan(value) else Cell(f"{value:.2g}\N{NO-BREAK SPACE}s", "", value)
+def _seconds(value: float, unranked: bool) -> Cell:
+    if isnan(value):
+        return Cell()
+    text = f"{value:.2g}\N{NO-BREAK SPACE}s"
+    note = "not ranked" if unranked else ""
+    return Cell(text, note, None if unranked else value)

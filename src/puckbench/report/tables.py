@@ -12,7 +12,6 @@ import numpy as np
 from puckbench.figures.style import FigureStyle
 from puckbench.report.column_labels import (
     has_label,
-    name_in_words,
     table_heading,
     unit_in_frames,
 )
@@ -80,25 +79,21 @@ def _is_bookkeeping(values: pd.Series[Any]) -> bool:
 
 
 def _titles(column: str, style: FigureStyle) -> Callable[[str], str]:
+    from puckbench.lidar.errors import error_model_title
+
     titles: dict[str, Callable[[str], str]] = {
         "dataset": style.title,
         "codec": lambda name: style.of_codec(name).title,
         "anchor": lambda name: style.of_codec(name).title,
         "metric": lambda name: table_heading(name)[0],
         "quantity": _quantity_title,
-        "model": _model_title,
+        "model": error_model_title,
     }
     return titles.get(column, str)
 
 
 def _quantity_title(name: str) -> str:
     return table_heading(name)[0] if has_label(name) else name
-
-
-def _model_title(name: str) -> str:
-    from puckbench.lidar.errors import ERROR_MODELS
-
-    return (ERROR_MODELS.get(name).title if name in ERROR_MODELS else "") or name_in_words(name)
 
 
 def _column(values: pd.Series[Any], names: list[str], frames: Collection[str]) -> TableColumn:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from puckbench.core.errors import InputError
 from puckbench.io.isolated import ParsedFile, parse_isolated
 from puckbench.io.point_columns import Columns
-from puckbench.io.recordings.point_cloud2 import Value, point_columns, point_values
+from puckbench.io.recordings.point_cloud2 import KINDS, Value, point_columns, point_values
 
 COMPRESSED_POINT_CLOUD2 = "point_cloud_interfaces/msg/CompressedPointCloud2"
 DEFINITION = (
@@ -38,14 +38,16 @@ _log = logging.getLogger(__name__)
 def decompressed_columns(message: Any) -> Columns:
     """Decompress a deserialised message; return its fields as `point_columns` does.
 
-    Raises InputError if the message is damaged, or its format is not zlib, zstd or draco.
+    Raises InputError if the message is damaged, its format is not zlib, zstd, draco or cloudini, or
+    is cloudini and pureini is not installed.
     """
-    if message.format == "draco":
-        return _draco_columns(message)
+    if message.format in _PARSED:
+        is_empty = not message.height * message.width
+        nothing = np.zeros(0, np.uint8)
+        return point_columns(message, nothing) if is_empty else _PARSED[message.format](message)
     if message.format not in _DECOMPRESSORS:
-        package = " (package pureini)" if message.format.startswith("cloudini") else ""
-        name = f"{message.format!r:.{_MAX_NAME_LENGTH}}{package}"
-        raise InputError(f"a cloud compressed by {name}, which is not read: zlib, zstd, draco are")
+        name, *names = f"{message.format!r:.{_MAX_NAME_LENGTH}}", *_DECOMPRESSORS, *_PARSED
+        raise InputError(f"a cloud compressed by {name}, which is not read: {', '.join(names)} are")
     stream = message.compressed_data.tobytes()
     most = max(message.height * message.row_step, message.width * message.point_step)
     if most > _MAX_RATIO * len(stream):
@@ -87,17 +89,9 @@ _DECOMPRESSORS: dict[str, Callable[[bytes, int], bytes]] = {
 def _draco_columns(message: Any) -> Columns:
     """Return the attributes of a Draco stream, one for each field, in their order."""
     stream, count = message.compressed_data.tobytes(), message.height * message.width
-    if not count:
-        return point_columns(message, np.zeros(0, np.uint8))
     if len(stream) < _HEADER.size or _HEADER.unpack_from(stream)[-1] != count:
         raise InputError(f"the stream is damaged (Draco): not of {count} points")
-    with TemporaryDirectory() as folder:
-        path = Path(folder, "cloud.drc")
-        path.write_bytes(stream)
-        try:
-            attributes = list(parse_isolated(parse_draco, path, "Draco stream").columns.values())
-        except InputError as error:
-            raise InputError(str(error).removeprefix(f"{path}: ")) from error
+    attributes = list(_parsed(parse_draco, stream, "Draco stream").columns.values())
     if len(attributes) != len(message.fields) or any(len(part) != count for part in attributes):
         raise InputError("the attributes of the Draco stream are not those of the message")
     columns: Columns = {}
@@ -107,6 +101,16 @@ def _draco_columns(message: Any) -> Columns:
             continue
         columns[value.name] = _values(attributes[value.field], value)
     return columns
+
+
+def _parsed(parse: Callable[[Path], ParsedFile], stream: bytes, kind: str) -> ParsedFile:
+    with TemporaryDirectory() as folder:
+        path = Path(folder, "cloud")
+        path.write_bytes(stream)
+        try:
+            return parse_isolated(parse, path, kind)
+        except InputError as error:
+            raise InputError(str(error).removeprefix(f"{path}: ")) from error
 
 
 def _values(attribute: NDArray[Any], value: Value) -> NDArray[Any]:
@@ -128,3 +132,37 @@ def parse_draco(path: Path) -> ParsedFile:
     except (DracoPy.FileTypeException, ValueError) as error:
         raise InputError("the stream is damaged (Draco)") from error
     return ParsedFile({f"{place}": part["data"] for place, part in enumerate(attributes)})
+
+
+def _cloudini_columns(message: Any) -> Columns:
+    """Return the fields in a Cloudini stream, whose header repeats those of the message."""
+    stream = message.compressed_data.tobytes()
+    parsed = _parsed(parse_cloudini, stream, "Cloudini stream")
+    encoded = {tuple(field) for field in parsed.about["fields"]}
+    fields = {(value.offset, value.kind.str[1:]) for value in point_values(message)}
+    counts = [message.height * message.width, message.point_step]
+    if parsed.about["counts"] != counts or message.is_bigendian or not fields <= encoded:
+        raise InputError("the fields of the Cloudini stream are not those of the message")
+    return point_columns(message, parsed.columns["data"])
+
+
+def parse_cloudini(path: Path) -> ParsedFile:
+    """Decode a point cloud; the column `data` has the bytes of its points."""
+    try:
+        from pureini import PointcloudDecoder
+    except ImportError as error:
+        how = "pip install 'puckbench[cloudini]'"
+        raise InputError(f"reading Cloudini takes the package pureini ({how})") from error
+    try:
+        data, info = PointcloudDecoder().decode(path.read_bytes())
+    except RuntimeError as error:
+        raise InputError("the stream is damaged (Cloudini), or newer than version 5") from error
+    fields = [(field.offset, KINDS.get(field.type, "")) for field in info.fields]
+    about = {"counts": [info.width * info.height, info.point_step], "fields": fields}
+    return ParsedFile({"data": np.frombuffer(data, np.uint8)}, about)
+
+
+_PARSED: dict[str, Callable[[Any], Columns]] = {
+    "draco": _draco_columns,
+    "cloudini": _cloudini_columns,
+}

@@ -13,7 +13,7 @@ from puckbench.core.errors import InputError
 from puckbench.io.point_columns import Columns
 
 POINT_CLOUD2 = "sensor_msgs/msg/PointCloud2"
-_KINDS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
+KINDS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
 """Types of NumPy by the message's numbers of data types."""
 _PADDING = ("", "_")
 """Names of fields that contain no values."""
@@ -76,10 +76,10 @@ def _check_rows(height: int, width: int, step: int, row_step: int, size: int) ->
 def _values(fields: Any, order: str, step: int) -> Iterator[Value]:
     total = values = 0
     for place, field in enumerate(fields):
-        if field.datatype not in _KINDS:
+        if field.datatype not in KINDS:
             name = _shown(field.name)
             raise InputError(f"PointCloud2: field {name} has the unknown type {field.datatype}")
-        kind = np.dtype(order + _KINDS[field.datatype])
+        kind = np.dtype(order + KINDS[field.datatype])
         count = max(int(field.count), 1)  # some drivers write 0
         offset, total, values = int(field.offset), total + count * kind.itemsize, values + count
         if total > step or offset + count * kind.itemsize > step:

@@ -8,6 +8,7 @@ from puckbench.lidar.errors.receiver import Received, Receiver
 from puckbench.lidar.errors.registry import (
     ERROR_MODELS,
     error_model_names,
+    error_model_title,
     module_of_model,
     open_error_model,
 )
@@ -21,6 +22,7 @@ __all__ = [
     "Receiver",
     "described",
     "error_model_names",
+    "error_model_title",
     "module_of_model",
     "open_error_model",
 ]

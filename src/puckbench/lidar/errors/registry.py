@@ -16,6 +16,13 @@ def error_model_names() -> list[str]:
     return ERROR_MODELS.names()
 
 
+def error_model_title(name: str) -> str:
+    """Return the title of an error model or, if it is not registered, its name as words."""
+    title = ERROR_MODELS.get(name).title if name in ERROR_MODELS else ""
+    words = name.replace("_", " ")
+    return title or words[:1].upper() + words[1:]
+
+
 def open_error_model(name: str, options: Mapping[str, Any] | None = None) -> ErrorModel:
     """Open an error model by registered name, ``module:Class`` or ``path/to/file.py:Class``.
 

@@ -1,6 +1,6 @@
 """Recordings of real sensors: reading packet captures, ROS bags and clouds, writing packets."""
 
-from puckbench.lidar.recordings.packets import decode_packets
+from puckbench.lidar.recordings.packet_turns import decode_packets
 from puckbench.lidar.recordings.reading import read_recording
 from puckbench.lidar.recordings.returns import (
     RecordedReturns,

@@ -66,7 +66,7 @@ def returns_of_columns(
     laser's nominal elevation. Points that are not finite, or at the origin, are left out. Integers
     in a column `turn` are kept.
     """
-    columns, counts = _without_missing(path, columns)
+    columns, counts = without_missing(path, columns)
     xyz = np.column_stack([columns[axis] for axis in "xyz"]).astype(np.float64)
     check_points(xyz, str(path))
     laser = _lasers(columns, xyz, device)
@@ -91,7 +91,7 @@ def returns_of_columns(
     return RecordedReturns(table, about)
 
 
-def _without_missing(path: Path, columns: Columns) -> tuple[Columns, dict[str, int]]:
+def without_missing(path: Path, columns: Columns) -> tuple[Columns, dict[str, int]]:
     missing = [axis for axis in "xyz" if axis not in columns]
     if missing:
         raise InputError(f"no column {', '.join(missing)} of numbers")

@@ -1,9 +1,9 @@
-"""Returns in clouds of ROS bags whose points have the number of their laser."""
+"""Returns in clouds of ROS bags, and columns of the points of such clouds."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -24,6 +24,7 @@ from puckbench.lidar.recordings.decoded_clouds import (
     REFLECTIVITIES,
     TIMES,
     returns_of_columns,
+    without_missing,
 )
 from puckbench.lidar.recordings.returns import RecordedReturns
 from puckbench.lidar.recordings.times import PER_SECOND, TimeUnit, is_since_1970, unit_of
@@ -47,15 +48,45 @@ def read_message_returns(
         raise InputError("clouds do not state their sensor, whose lasers are needed: add --sensor")
     name, (_, count) = cloud_topic(path, topic)
     with naming(f"{path}: topic {name}"):
-        parts = list(_parts(path, name, count, time_unit))
-        if not parts:
-            raise InputError("no points in its messages")
-        names = set.intersection(*map(set, parts))
-        columns = {each: np.concatenate([part[each] for part in parts]) for each in names}
-        table = returns_of_columns(columns, sensor, "s", path)
+        columns = _joined(_parts(path, name, range(count), time_unit))
+        x, y = columns["x"], columns["y"]
+        table = returns_of_columns({**columns, "x": -y, "y": x}, sensor, "s", path)
     seconds = table["timestamp"] - table["timestamp"].min(initial=math.inf)
     about = {**table.about, "topic": name, "messages": count}
     return replace(table, columns={**table.columns, "timestamp": seconds}, about=about)
+
+
+def read_message_columns(
+    path: Path, topic: str | None, turns: tuple[int, int], time_unit: TimeUnit | None = None
+) -> Columns:
+    """Read the points of messages: x, y, z in m, and ring, intensity and time in s if they exist.
+
+    Times are relative to the stamp of the first message, or to the first time if they are since
+    1970. Points without coordinates are left out.
+    """
+    name, (_, count) = cloud_topic(path, topic)
+    first, last = turns
+    with naming(f"{path}: topic {name}"):
+        if not 0 <= first <= last < count:
+            raise InputError(f"has messages 0 to {count - 1}, not {first} to {last}")
+        parts = _parts(path, name, range(first, last + 1), time_unit)
+        columns, _ = without_missing(path, _joined(parts))
+    renamed = {
+        new: next((columns[old] for old in names if old in columns), None)
+        for new, names in {"ring": LASERS[::-1], "intensity": REFLECTIVITIES}.items()
+    }
+    times = {"time": columns["timestamp"]} if columns["timed"].all() else {}
+    present = {name: values for name, values in renamed.items() if values is not None}
+    return {**{axis: columns[axis] for axis in "xyz"}, **present, **times}
+
+
+def _joined(parts: Iterator[Columns]) -> Columns:
+    """Join the columns that all parts have."""
+    listed = list(parts)
+    if not listed:
+        raise InputError("no points in its messages")
+    names = set.intersection(*map(set, listed))
+    return {each: np.concatenate([part[each] for part in listed]) for each in sorted(names)}
 
 
 @dataclass(frozen=True)
@@ -80,11 +111,13 @@ class _Clock:
         return np.asarray((times - self.origin) / ticks, dtype=np.float64)
 
 
-def _parts(path: Path, topic: str, count: int, unit: TimeUnit | None) -> Iterator[Columns]:
+def _parts(
+    path: Path, topic: str, messages: Sequence[int], unit: TimeUnit | None
+) -> Iterator[Columns]:
     """Yield for each message the columns of its points, with their seconds and turn."""
     clock: _Clock | None = None
-    for first in range(0, count, _BATCH):
-        numbers = list(range(first, min(first + _BATCH, count)))
+    for first in range(0, len(messages), _BATCH):
+        numbers = messages[first : first + _BATCH]
         for number, message in zip(numbers, read_cloud_messages(path, topic, numbers), strict=True):
             columns = message.columns
             present = _present(columns)
@@ -94,11 +127,10 @@ def _parts(path: Path, topic: str, count: int, unit: TimeUnit | None) -> Iterato
             kept = {name: columns[name] for name in (*LASERS, *REFLECTIVITIES) if name in columns}
             yield {
                 **kept,
-                "x": -columns["y"],
-                "y": columns["x"],
-                "z": columns["z"],
+                **{axis: columns[axis] for axis in "xyz"},
                 "timestamp": clock.seconds(message, columns),
                 "turn": np.full(len(columns["x"]), number, np.int32),
+                "timed": np.full(len(columns["x"]), clock.column in columns),
             }
 
 

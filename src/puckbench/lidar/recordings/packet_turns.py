@@ -8,7 +8,7 @@ The VLP-16, the Puck Hi-Res, the HDL-32E and the VLP-32C have the same format (V
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from itertools import pairwise
 from typing import Any
@@ -27,12 +27,12 @@ from puckbench.lidar.recordings.packets import (
     PACKET_BYTES,
     PRODUCTS,
 )
-from puckbench.lidar.recordings.packets import SENSORS as PUCKS
+from puckbench.lidar.recordings.returns import LAST, RecordedReturns, table_of_returns
 from puckbench.lidar.returns import USUAL_QUANTUM_M, Beams, Returns
-from puckbench.lidar.sensor import load_sensor
+from puckbench.lidar.sensor import Sensor, load_sensor
 from puckbench.lidar.turns import CENTIDEGREES, Layout, Turn
 
-SENSORS = {0x21: "hdl32e", 0x28: "vlp32c", **PUCKS}
+SENSORS = {0x21: "hdl32e", 0x22: "vlp16", 0x24: "puck_hires", 0x28: "vlp32c"}
 """Names of sensors by the product byte of their packets."""
 _CHANNELS = 32
 _BLOCK_BYTES = BLOCK.itemsize
@@ -48,8 +48,11 @@ class PacketKind:
     mode: int
     layout: Layout
 
-    def returns(self, turns: Iterable[Turn]) -> Returns:
-        sensor = load_sensor(SENSORS[self.product])
+    def returns(self, turns: Iterable[Turn], sensor: Sensor | None = None) -> Returns:
+        sensor = sensor or load_sensor(SENSORS[self.product])
+        if sensor.lasers != self.layout.lasers or sensor.firing_sequence_us is None:
+            lasers = f"{self.layout.lasers} lasers and their firing times"
+            raise InputError(f"sensor {sensor.name} is not described with {lasers}")
         quantum = (sensor.range_quantum_mm or 0.0) / 1000 or USUAL_QUANTUM_M
         return Returns(Beams.of(sensor), self.layout, tuple(turns), quantum, sensor.name)
 
@@ -149,10 +152,11 @@ def is_whole(payloads: Payloads) -> NDArray[np.bool_]:
     return np.asarray(is_valid, dtype=np.bool_)
 
 
-def returns_of_packets(payloads: Payloads) -> Returns:
+def returns_of_packets(payloads: Payloads, sensor: Sensor | None = None) -> Returns:
     """Decode packets (p, 1206) to returns; the first and the last revolution may be incomplete.
 
-    Raises InputError for damaged packets, or several sensors or return modes.
+    By default, the packets' product code determines the sensor. Raises InputError for damaged
+    packets, or several sensors or return modes.
     """
     if len(payloads) == 0:
         raise InputError("no data packets")
@@ -163,7 +167,34 @@ def returns_of_packets(payloads: Payloads) -> Returns:
     kinds = dict.fromkeys(f"{PRODUCTS[kind.product]} {MODES[kind.mode]}" for kind, _ in parts)
     if len(kinds) > 1:
         raise InputError(f"packets of more than one sensor or return mode ({', '.join(kinds)})")
-    return parts[0][0].returns(turn_of(kind, part) for kind, part in parts)
+    return parts[0][0].returns((turn_of(kind, part) for kind, part in parts), sensor)
+
+
+def decode_packets(payloads: Payloads, sensor: Sensor | None = None) -> RecordedReturns:
+    """Decode packets (p, 1206) to a table; see `returns_of_packets`. A turn begins at azimuth 0."""
+    returns = returns_of_packets(payloads, sensor)
+    device = sensor or load_sensor(SENSORS[int(payloads[0, -1])])
+    table = table_of_returns(returns, device.firing_sequence_us or 0.0)
+    mode = MODES[int(payloads[0, -2])]
+    if mode == "last":
+        table["return_kind"][:] = LAST
+    table["turn"][:] = _turn_numbers(returns)
+    return replace(table, about={**table.about, "returns": mode, "packets": len(payloads)})
+
+
+def _turn_numbers(returns: Returns) -> NDArray[np.int32]:
+    """Return how often the azimuth of firings passed 0 before each return."""
+    passed, previous = 0, 0
+    numbers: list[NDArray[np.int64]] = []
+    for turn in returns.turns:
+        columns, lasers, _ = returns.indices(turn)
+        azimuths = turn.azimuths.astype(np.int64)
+        falls = np.diff(azimuths, prepend=previous if numbers else azimuths[:1]) < -CENTIDEGREES / 2
+        blocks = passed + np.cumsum(falls)
+        over = returns.column_azimuths(turn)[columns, lasers] >= 2 * np.pi
+        numbers.append(blocks[columns // returns.layout.columns_per_block] + over)
+        passed, previous = int(blocks[-1]), int(azimuths[-1])
+    return np.concatenate(numbers).astype(np.int32)
 
 
 def packets_of(kind: PacketKind, turn: Turn) -> Payloads:

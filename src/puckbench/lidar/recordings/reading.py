@@ -24,14 +24,13 @@ from puckbench.lidar.recordings.data_packets import (
 from puckbench.lidar.recordings.decoded_clouds import SUFFIXES, read_points
 from puckbench.lidar.recordings.message_returns import read_message_returns
 from puckbench.lidar.recordings.ouster import ouster_turns
-from puckbench.lidar.recordings.packet_turns import SENSORS, returns_of_packets
-from puckbench.lidar.recordings.packets import MODES, PacketLog, decode_packets
-from puckbench.lidar.recordings.packets import SENSORS as PUCKS
+from puckbench.lidar.recordings.packet_turns import decode_packets, returns_of_packets
+from puckbench.lidar.recordings.packets import PacketLog
 from puckbench.lidar.recordings.returns import RecordedReturns, read_returns, table_of_returns
 from puckbench.lidar.recordings.times import TimeUnit
 from puckbench.lidar.recordings.velodyne_messages import MESSAGES, SCAN
 from puckbench.lidar.returns import Returns
-from puckbench.lidar.sensor import Sensor, load_sensor
+from puckbench.lidar.sensor import Sensor
 
 _COMPRESSED = {
     b"\x1f\x8b": "gzip",
@@ -169,18 +168,12 @@ def _packets_of_bag(path: Path, stream: str | None, topic: str | None) -> Packet
 
 
 def _decoded(log: PacketLog, sensor: Sensor | None) -> RecordedReturns:
-    if log.sensor is None and log.payloads[0, -1] in PUCKS:
+    if log.sensor is None:
         return decode_packets(log.payloads, sensor)
     if sensor:
-        raise InputError(f"sensor {sensor.name}: only packets of a Puck can have another sensor")
-    if log.sensor:
-        table = table_of_returns(ouster_turns(log.sensor, log.payloads).returns)
-        kinds = "dual" if log.sensor.layout.kinds == 2 else "strongest"
-    else:
-        returns = returns_of_packets(log.payloads)
-        mode, product = log.payloads[0, -2:].tolist()
-        sequence_us = load_sensor(SENSORS[product]).firing_sequence_us or 0.0
-        table, kinds = table_of_returns(returns, sequence_us), MODES[mode]
+        raise InputError(f"sensor {sensor.name}: the metadata of an Ouster describe its sensor")
+    table = table_of_returns(ouster_turns(log.sensor, log.payloads).returns)
+    kinds = "dual" if log.sensor.layout.kinds == 2 else "strongest"
     return replace(table, about={**table.about, "returns": kinds, "packets": len(log)})
 
 

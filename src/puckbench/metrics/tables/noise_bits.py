@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 _GRID_MM = 1.0
 BITS = ("grid_1_mm", "at_5_mm")
 """Columns of bits per return: exact or on a grid of 1 mm, and at an equal error."""
+QUARTILES = {"q25": 0.25, "q75": 0.75}
 _RAYS = ("cloud", "sensor", "turns", "firings")
 """Columns of the table of clouds that are equal for clouds of the same rays."""
 _CLOUD = ["dataset", "cloud"]
@@ -21,8 +22,8 @@ _CLOUD = ["dataset", "cloud"]
 
 @TABLES.register("noise_bits", title="What the sensor's noise costs", needs=(SEVERAL_NOISES,))
 def noise_bits(metrics: pd.DataFrame, clouds: pd.DataFrame) -> pd.DataFrame:
-    """Bits per return of the same rays under several error models: medians over the clouds, empty
-    if no rate reaches the error.
+    """Bits per return of the same rays under several error models: medians and quartiles (q25,
+    q75) over the clouds, empty if no rate reaches the error.
 
     ``noise_bits``: entropy of the model's noise in steps of the sensor's ranges, after subtracting
     the mean error of each laser in each turn. ``grid_1_mm``: the fewest bits of a rate with at most
@@ -49,6 +50,9 @@ def noise_bits(metrics: pd.DataFrame, clouds: pd.DataFrame) -> pd.DataFrame:
     columns = ["noise_bits", *BITS, *(f"added_{column}" for column in BITS)]
     keys = ["models", "dataset", "error_model", "codec"]
     table = rows.groupby(keys)[columns].median()
+    for column in BITS:
+        for name, quantile in QUARTILES.items():
+            table[f"{column}_{name}"] = rows.groupby(keys)[column].quantile(quantile)
     table["clouds"] = rows.groupby(keys).size()
     order = ["models", "noise_bits", "dataset", "grid_1_mm", "at_5_mm"]
     return table.reset_index().sort_values(order, ascending=[False, True, True, True, True])

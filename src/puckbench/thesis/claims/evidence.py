@@ -10,6 +10,7 @@ import numpy as np
 from puckbench.figures.binning import ordered_rates
 from puckbench.figures.plot_styles import codec_style
 from puckbench.geometry.cloud import Floats
+from puckbench.metrics.timing import MIN_REPEATS
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -23,9 +24,6 @@ MIN_CLOUDS = 4
 """Minimum number of clouds, in all data sets together, for a statement; quartiles need four."""
 MIN_CALLS = 5
 """Minimum number of timed calls for each rate and data set, over clouds and repetitions."""
-MIN_REPEATS = 3
-"""Minimum number of timed calls for a cloud and rate while other jobs run: the median of three is
-robust to one disturbed call. A single call suffices if no other job ran."""
 
 
 @dataclass(frozen=True)
@@ -98,7 +96,8 @@ class Evidence:
     def calls(self, codec: str) -> int:
         """Return a codec's number of valid timed calls, the minimum over data sets and rates.
 
-        A call is valid if it was repeated `MIN_REPEATS` times or made while no other job ran.
+        A call is valid if it was repeated `MIN_REPEATS` times or made while no other job ran; the
+        claims compare a codec with itself.
         """
         if self.metrics is None:
             return 0

@@ -7,12 +7,12 @@ from collections.abc import Callable, Iterable, Sequence
 import numpy as np
 
 from puckbench.geometry.cloud import Floats
+from puckbench.metrics.timing import MIN_REPEATS
 from puckbench.thesis.claims.evidence import (
     MIN_CALLS,
     MIN_CLOUDS,
     MIN_COMMON_RATES,
     MIN_RATES,
-    MIN_REPEATS,
     Evidence,
 )
 from puckbench.thesis.claims.roles import (

@@ -61,14 +61,17 @@ def default_noise_too_wide(evidence: Evidence) -> list[Part]:
         return [untested(f"{STUDY} with the error model hdl64e")]
     measured = f"{wide:.4f} m against {real:.4f} m, {wide / real:.2g} times"
     sample, is_wider = _sample(_row(evidence, "hdl64e")), wide > FAR_TOO_WIDE * real
-    parts = [Part("residuals spread more than twice as far", is_wider, measured, sample=sample)]
+    of_simulator = not len(_row(evidence, REAL))
+    statement = "residuals spread more than twice as far"
+    parts = [Part(statement, is_wider, measured, sample=sample, of_simulator=of_simulator)]
     far, near = (_distance(evidence, model) for model in ("hdl64e", "vlp16"))
     if far is None or near is None:
         return [*parts, untested(f"{STUDY} with the error models hdl64e and vlp16")]
     measured = f"earth mover's distance {far:.4f} m against {near:.4f} m of vlp16"
     sample = _sample(_row(evidence, "hdl64e"), _row(evidence, "vlp16"))
     statement = "farther from the real distribution"
-    return [*parts, Part(statement, far > near, measured, sample=sample)]
+    part = Part(statement, far > near, measured, sample=sample, of_simulator=of_simulator)
+    return [*parts, part]
 
 
 def divergence_is_negligible(evidence: Evidence) -> list[Part]:
@@ -90,7 +93,8 @@ def divergence_is_negligible(evidence: Evidence) -> list[Part]:
         measured = f"std {without:.4f} m without, {with_it:.4f} m with it"
         is_equal = bool(abs(with_it - without) <= allowed)
         sample = _sample(*pair)
-        parts.append(Part(f"no difference at {distance} m", is_equal, measured, sample=sample))
+        statement = f"no difference at {distance} m"
+        parts.append(Part(statement, is_equal, measured, sample=sample, of_simulator=True))
     return parts
 
 
@@ -109,12 +113,13 @@ def incidence_not_modelled(evidence: Evidence) -> list[Part]:
     half_rise = math.sqrt(BIN_STDS_M[-1] / BIN_STDS_M[0])
     sample, rises = _sample(bins.iloc[[0, -1]]), bool(range_error[-1] > range_error[0])
     return [
-        Part("range error rises", rises, _from_to(range_error), sample=sample),
+        Part("range error rises", rises, _from_to(range_error), sample=sample, of_simulator=True),
         Part(
             "distance to the surface does not",
             bool(distance[-1] / distance[0] < half_rise),
             f"{_from_to(distance)}; real {_from_to(BIN_STDS_M)}",
             sample=sample,
+            of_simulator=True,
         ),
     ]
 

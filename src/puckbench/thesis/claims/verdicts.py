@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 HOLDS, IN_PART, FAILS = "holds", "holds in part", "does not hold"
+OF_SIMULATOR = "; for the simulator, whose equations imply it"
 UNTESTED = "not tested: needs "
 
 
@@ -12,6 +13,7 @@ class Part:
     """A statement in a claim, with its test's result.
 
     `holds` is None if the run cannot test it; `measured` then names what the test needs.
+    `of_simulator` marks statements on simulated data, which follow from the simulator's equations.
     """
 
     statement: str
@@ -19,6 +21,7 @@ class Part:
     measured: str
     stand_in: str = ""
     sample: str = ""
+    of_simulator: bool = False
 
 
 def untested(need: str) -> Part:
@@ -33,7 +36,9 @@ def verdict(parts: Sequence[Part]) -> str:
     if not any(tested):
         return FAILS + _stand_ins_text(parts)
     all_hold = all(tested) and len(tested) == len(parts)
-    return (HOLDS if all_hold else IN_PART) + _stand_ins_text(parts)
+    of_simulator = all(part.of_simulator for part in parts if part.holds is not None)
+    label = OF_SIMULATOR if of_simulator else _stand_ins_text(parts)
+    return (HOLDS if all_hold else IN_PART) + label
 
 
 def _stand_ins_text(parts: Sequence[Part]) -> str:

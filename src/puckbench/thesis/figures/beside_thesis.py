@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from puckbench.figures import panels
-from puckbench.figures.binning import ordered_rates
+from puckbench.figures.binning import Curve, ordered_rates
 from puckbench.figures.checks import require_numbers, require_rows
 from puckbench.figures.plotted_metrics import CD_PLANE, HD_PLANE
 from puckbench.figures.registry import FIGURES
@@ -29,8 +29,9 @@ _WIDE, _FAINT = 4.5, 0.35
 def draw_beside_thesis(thesis_medians: pd.DataFrame, style: FigureStyle) -> Figure:
     """Medians per compression rate in thesis figure 6.5 (wide lines) and in this run (thin lines).
 
-    G-PCC truncates coordinates in the thesis. If this run uses other data sets than the thesis, its
-    curves lie higher or lower, but have the same shape.
+    Numbers of clouds and quartiles: figure 6.5. G-PCC truncates coordinates in the thesis. If this
+    run uses other data sets than the thesis, its curves lie higher or lower, but have the same
+    shape.
     """
     columns = ("thesis", "here")
     require_rows(thesis_medians, ("dataset", "codec", "rate", "quantity", *columns), "medians")
@@ -45,7 +46,7 @@ def draw_beside_thesis(thesis_medians: pd.DataFrame, style: FigureStyle) -> Figu
         values = rows[list(columns)].to_numpy(dtype=float).ravel()
         limits = panels.log_limits(values, style.axis_range(quantity.column, quantity.limits))
         panels.set_log(axes, "y", limits, minor=False)
-        _draw_panel(axes, rows[rows["dataset"] == dataset], rates, limits[0], style)
+        _draw_panel(axes, rows[rows["dataset"] == dataset], rates, style)
         if index < abreast:
             panels.set_title(axes, style.title(dataset), abreast, style)
         if index % abreast == 0:
@@ -56,13 +57,11 @@ def draw_beside_thesis(thesis_medians: pd.DataFrame, style: FigureStyle) -> Figu
     return figure
 
 
-def _draw_panel(
-    axes: Axes, rows: pd.DataFrame, rates: list[str], floor: float, style: FigureStyle
-) -> None:
+def _draw_panel(axes: Axes, rows: pd.DataFrame, rates: list[str], style: FigureStyle) -> None:
     for codec in style.ordered_codecs(rows["codec"]):
         own = rows[rows["codec"] == codec].set_index("rate").reindex(rates)
         thesis, here = own["thesis"].to_numpy(dtype=float), own["here"].to_numpy(dtype=float)
         x = np.arange(len(rates), dtype=float)
         colour = style.of_codec(codec).colour
         axes.plot(x, thesis, color=colour, linewidth=_WIDE, alpha=_FAINT, solid_capstyle="round")
-        panels.draw_over_rates(axes, here, style.of_codec(codec), floor)
+        panels.draw_over_rates(axes, Curve(x, here, here, here), style.of_codec(codec))

@@ -2,18 +2,17 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from puckbench.figures.binning import ordered_rates
 from puckbench.figures.checks import require_numbers, require_rows
 from puckbench.figures.panels import (
     add_legend,
+    fitted_limits,
     label_outer,
-    log_limits,
     panel_grid,
     panels_abreast,
     set_log,
     set_title,
+    titled,
 )
 from puckbench.figures.plotted_metrics import CD_PLANE
 from puckbench.figures.registry import FIGURES
@@ -24,6 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _KEYS = ("dataset", "cloud")
+_MOST_JOINED = 12
 _CD = CD_PLANE.within(1e-1, 1e2)
 
 
@@ -33,8 +33,9 @@ _CD = CD_PLANE.within(1e-1, 1e2)
 def draw_elongation(metrics: pd.DataFrame, clouds: pd.DataFrame, style: FigureStyle) -> Figure:
     """Chamfer distance (point-to-plane) at each codec's middle rate, against a cloud's elongation.
 
-    Elongation: shortest over longest side of the bounding box. The thesis reports no visible effect
-    of a room's elongation, without a figure.
+    A marker is a cloud; n: clouds. Lines join at most 12 clouds, to guide the eye. Elongation:
+    shortest over longest side of the bounding box. The thesis reports no visible effect of a room's
+    elongation, without a figure. Zeros (lossless) are not drawn.
     """
     numbers = ("elongation", CD_PLANE.column)
     require_rows(metrics, (*_KEYS, "codec", "rate", numbers[1]), "metrics")
@@ -46,16 +47,23 @@ def draw_elongation(metrics: pd.DataFrame, clouds: pd.DataFrame, style: FigureSt
     abreast = panels_abreast(len(datasets))
     figure, panels = panel_grid(len(datasets), abreast, 2.1, style)
     values = rows[CD_PLANE.column].to_numpy(dtype=float)
-    limits = log_limits(values, style.axis_range(_CD.column, _CD.limits))
+    limits = style.axis_ranges.get(_CD.column) or fitted_limits(values, _CD.limits)
+    low, high = rows["elongation"].min(), rows["elongation"].max()
+    margin = 0.05 * (high - low) or 0.05
     for axes, dataset in zip(panels, datasets, strict=True):
         set_log(axes, "y", limits, minor=False)
-        axes.set_xlim(0, 1)
-        set_title(axes, style.title(dataset), abreast, style)
-        for codec in style.ordered_codecs(rows["codec"]):
-            own = rows[(rows["dataset"] == dataset) & (rows["codec"] == codec)]
-            shown = style.of_codec(codec)
-            x, y = (own[name].to_numpy(dtype=float) for name in numbers)
-            axes.plot(x, np.maximum(y, limits[0]), shown.marker, color=shown.colour, alpha=0.6)
+        axes.set_xlim(low - margin, high + margin)
+        of_dataset = rows[rows["dataset"] == dataset]
+        set_title(axes, titled(style.title(dataset), of_dataset), abreast, style)
+        is_joined = of_dataset["cloud"].nunique() <= _MOST_JOINED
+        for codec in style.ordered_codecs(of_dataset["codec"]):
+            own = of_dataset[of_dataset["codec"] == codec].sort_values("elongation")
+            own, shown = own[own[CD_PLANE.column] > 0], style.of_codec(codec)
+            axes.plot(
+                own["elongation"], own[CD_PLANE.column], color=shown.colour, marker=shown.marker,
+                linestyle=shown.line if is_joined else "", linewidth=0.6, markerfacecolor="none",
+                markeredgewidth=0.8,
+            )  # fmt: skip
     label_outer(panels, abreast, "Elongation, shortest over longest side", CD_PLANE.short_label)
     add_legend(figure, style.ordered_codecs(rows["codec"]), style)
     return figure

@@ -47,7 +47,7 @@ _MARKERS = ("o", "s", "^", "D", "P", "v", "X")
 def draw_scales(gpcc_scales: pd.DataFrame, style: FigureStyle) -> Figure:
     """G-PCC's bits per point and Chamfer distance (point-to-point) against the scale of its grid.
 
-    Medians over clouds; small markers: scales that are not powers of two. With truncated
+    Medians over n clouds; small markers: scales that are not powers of two. With truncated
     coordinates the distance rises from 1/2 to 5/8. Not in the thesis.
     """
     require_rows(gpcc_scales, (*_COLUMNS, "bpp", "cd_point"), "scales")
@@ -63,7 +63,7 @@ def draw_scales(gpcc_scales: pd.DataFrame, style: FigureStyle) -> Figure:
             _draw(axes, own, own[metric.column], line.colour, line.marker, line.line)
         _set_scales(axes, gpcc_scales["scale"].to_numpy(dtype=float))
         if index < len(datasets):
-            set_title(axes, style.title(dataset), len(datasets), style)
+            set_title(axes, _counted(rows, style), len(datasets), style)
         if index % len(datasets) == 0:
             axes.set_ylabel(metric.short_label)
     figure.supxlabel(_SCALE, fontsize=style.font_size)
@@ -104,6 +104,10 @@ def draw_contexts(gpcc_scales: pd.DataFrame, style: FigureStyle) -> Figure:
     return _draw_ratio(gpcc_scales, "bits", label, style)
 
 
+def _counted(rows: pd.DataFrame, style: FigureStyle) -> str:
+    return f"{style.title(rows['dataset'].iloc[0])} (n = {rows['clouds'].max()})"
+
+
 def _limits(table: pd.DataFrame, metric: PlottedMetric, style: FigureStyle) -> Range:
     values = table[metric.column].to_numpy(dtype=float)
     if metric.column in style.axis_ranges:
@@ -127,7 +131,7 @@ def _draw_ratio(table: pd.DataFrame, name: str, label: str, style: FigureStyle) 
         colour = _COLOURS[place % len(_COLOURS)]
         axes.fill_between(own["scale"], low, high, color=colour, alpha=0.2, linewidth=0)
         marker = _MARKERS[place % len(_MARKERS)]
-        _draw(axes, own, own[columns[1]], colour, marker, "-", style.title(dataset))
+        _draw(axes, own, own[columns[1]], colour, marker, "-", _counted(own, style))
     axes.axhline(1, color="#555555", linewidth=0.7)
     _set_scales(axes, rows["scale"].to_numpy(dtype=float))
     axes.set_xlabel(_SCALE)

@@ -199,7 +199,7 @@ def _draw_space(
     axes.view_init(*view_deg)
     # Constrained layout ignores labels of 3D axes: zoom keeps them on the page.
     sizes = (1.0, 1.0, 0.8) if one_laser else tuple(np.ptp(points, axis=1).clip(1e-3))
-    axes.set_box_aspect(sizes, zoom=0.8 if one_laser else 0.95)
+    axes.set_box_aspect(sizes, zoom=0.8 if one_laser else 0.85)
     for axis, size in zip((axes.xaxis, axes.yaxis, axes.zaxis), sizes, strict=True):
         share = size / max(sizes)
         axis.set_major_locator(_few_ticks(4 if share > 0.5 else 2 if share > 0.25 else 1))

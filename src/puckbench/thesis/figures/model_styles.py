@@ -87,6 +87,11 @@ def add_model_legend(figure: Figure, models: Sequence[str], style: FigureStyle) 
     )
 
 
+def counted(title: str, returns: int) -> str:
+    """Return a title with the number of drawn returns."""
+    return f"{title} (n = {returns:,})"
+
+
 def source_title(model: str, style: FigureStyle) -> str:
     title = model_style(model, style).title
     return title if model == REAL else f"Virtual ({title})"

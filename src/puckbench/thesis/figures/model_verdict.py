@@ -6,7 +6,8 @@ import numpy as np
 
 from puckbench.core.errors import InputError
 from puckbench.figures.checks import require_rows
-from puckbench.figures.panels import add_rows_legend
+from puckbench.figures.panels import add_rows_legend, set_log
+from puckbench.figures.plotted_metrics import BETTER
 from puckbench.figures.registry import FIGURES
 from puckbench.figures.style import COLUMN_WIDTH_IN, FigureStyle
 from puckbench.geometry.cloud import Floats
@@ -35,8 +36,9 @@ def draw_verdict(
 ) -> Figure:
     """Plane residuals of walls in captures, and of error models drawn on the same rays.
 
-    Above: densities. Below: earth mover's distance of each model from the real sensor, in mm, with
-    its 95 % interval. A sensor that follows the model exceeds the grey bar with probability 5 %.
+    Above: densities; n: residuals. Below: earth mover's distance of each model from the real
+    sensor, in mm, with its 95 % interval. A sensor that follows the model exceeds the grey bar with
+    probability 5 %.
     """
     from matplotlib.figure import Figure
 
@@ -72,6 +74,7 @@ def _draw_densities(axes: Axes, table: pd.DataFrame, models: list[str], style: F
         axes.plot(coords * 1e3, density, line, color=plot_style.colour, label=plot_style.title)
     axes.set_xlim(-reach * 1e3, reach * 1e3)
     axes.set_ylim(bottom=0)
+    axes.set_title(f"n = {len(real):,}", pad=3)
     axes.set_xlabel("Plane residual of the walls (mm)")
     axes.set_ylabel("Density (1/mm)")
 
@@ -88,13 +91,12 @@ def _draw_distances(axes: Axes, rows: pd.DataFrame, models: list[str], style: Fi
             f"{value:.1f}", (max(value, high), place), (4, 0), textcoords="offset points",
             va="center", fontsize="small",
         )  # fmt: skip
-    axes.set_xscale("log")
-    axes.set_xlim(*_limits(rows.loc[models]))
+    set_log(axes, "x", _limits(rows.loc[models]), minor=False)
     axes.set_yticks(range(len(models)), [model_style(name, style).title for name in models])
     axes.set_ylim(len(models) - 0.4, -0.6)
     axes.grid(visible=False, axis="y")
     axes.xaxis.set_major_formatter("{x:g}")
-    axes.set_xlabel("Earth mover's distance to the real ones (mm)")
+    axes.set_xlabel(f"Earth mover's distance to the real ones (mm), {BETTER}")
 
 
 def _limits(rows: pd.DataFrame) -> tuple[float, float]:

@@ -29,9 +29,9 @@ def draw_chamfer(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
     """Chamfer distance (point-to-plane, squared grid units) against bits per point (thesis figure
     6.6).
 
-    Markers: medians of ten bins of equally many results or, with few clouds, of each rate; hollow
-    on the lower edge: zero (lossless). Bits code the geometry; the thesis's Draco also coded other
-    attributes of scans.
+    Markers: medians of ten bins of equally many results or, with few clouds, of each rate. Bars:
+    quartiles. n: clouds. Ticks at the foot: zero (lossless). Bits code the geometry; the thesis's
+    Draco also coded other attributes of scans.
     """
     return draw_data_sets(metrics, CD_PLANE, style)
 
@@ -60,7 +60,8 @@ def draw_hausdorff(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
 def draw_encoding_time(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
     """Encoding time in seconds against bits per point (thesis figure 6.8).
 
-    Markers as in figure 6.6. Unlike the thesis's, times exclude the start of a process.
+    Markers as in figure 6.6. Dotted: not timed three times while no other job ran, and therefore
+    not to be ranked. Unlike the thesis's, times exclude the start of a process.
     """
     return draw_data_sets(metrics, ENCODE_TIME, style)
 

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from puckbench.figures.binning import medians_per_rate, ordered_rates
+import numpy as np
+
+from puckbench.figures.binning import Curve, medians_per_rate, ordered_rates
 from puckbench.figures.checks import require_numbers, require_rows
 from puckbench.figures.panels import (
     add_legend,
@@ -14,6 +16,8 @@ from puckbench.figures.panels import (
     panel_grid,
     set_log,
     set_title,
+    titled,
+    unranked_handle,
 )
 from puckbench.figures.plotted_metrics import (
     CD_PLANE,
@@ -24,6 +28,7 @@ from puckbench.figures.plotted_metrics import (
 )
 from puckbench.figures.registry import FIGURES
 from puckbench.figures.style import FigureStyle
+from puckbench.metrics.timing import unranked_codecs
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -40,11 +45,11 @@ def draw_medians_per_rate(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
     """Medians over clouds at each compression rate, in order of bits (thesis figure 6.5).
 
     Chamfer and squared Hausdorff distance (point-to-plane, squared grid units), encoding and
-    decoding time in seconds. Hollow markers on the lower edge: zero (lossless). Unlike in the
-    thesis, times exclude the start of a process.
+    decoding time in seconds. Bars: quartiles over clouds. n: clouds. Ticks at the foot: lossless
+    rates. Unlike in the thesis, times exclude the start of a process.
     """
     columns = tuple(quantity.column for quantity in _ROWS)
-    require_rows(metrics, ("dataset", "codec", "rate", *columns), "metrics")
+    require_rows(metrics, ("dataset", "cloud", "codec", "rate", *columns), "metrics")
     require_numbers(metrics, columns, "metrics")
     datasets = style.ordered_datasets(metrics["dataset"])
     abreast = len(datasets)
@@ -53,10 +58,12 @@ def draw_medians_per_rate(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
         row = panels[index * abreast : (index + 1) * abreast]
         _draw_row(dict(zip(datasets, row, strict=True)), metrics, quantity, style)
     for axes, dataset in zip(panels[:abreast], datasets, strict=True):
-        set_title(axes, style.title(dataset), abreast, style)
+        rows = metrics[metrics["dataset"] == dataset]
+        set_title(axes, titled(style.title(dataset), rows), abreast, style)
     label_rates(panels, ordered_rates(set(metrics["rate"])), abreast)
     figure.supxlabel("Compression rate", fontsize=style.font_size)
-    add_legend(figure, style.ordered_codecs(metrics["codec"]), style)
+    extra_handles = [unranked_handle()] if unranked_codecs(metrics) else []
+    add_legend(figure, style.ordered_codecs(metrics["codec"]), style, extra_handles)
     return figure
 
 
@@ -69,9 +76,12 @@ def _draw_row(
     limits = log_limits(medians[quantity.column].to_numpy(dtype=float), default)
     for dataset, axes in row.items():
         set_log(axes, "y", limits, minor=False)
+        own_metrics = metrics[metrics["dataset"] == dataset]
         part = medians[medians["dataset"] == dataset]
         for codec in style.ordered_codecs(part["codec"]):
-            values = part[part["codec"] == codec].set_index("rate")[quantity.column]
-            y = values.reindex(rates).to_numpy(dtype=float)
-            draw_over_rates(axes, y, style.of_codec(codec), floor=limits[0])
+            own = part[part["codec"] == codec].set_index("rate").reindex(rates)
+            y, low, high = (own[name].to_numpy(float) for name in (quantity.column, "low", "high"))
+            curve = Curve(np.arange(len(rates), dtype=float), y, low, high)
+            faint = quantity.is_time and codec in unranked_codecs(own_metrics)
+            draw_over_rates(axes, curve, style.of_codec(codec), faint)
     next(iter(row.values())).set_ylabel(quantity.short_label)

@@ -14,6 +14,7 @@ from puckbench.geometry.cloud import Floats
 from puckbench.lidar.residual_table import REAL
 from puckbench.thesis.figures.model_styles import (
     add_model_legend,
+    counted,
     model_style,
     ordered_models,
     source_title,
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 SAMPLE = 30_000
+BIN_RAD = LARGEST_RAD / len(BIN_STDS_M)
 _MIN_LIMIT_M, _MIN_BINS_LIMIT_M = 0.1, 0.05
 _DISCOUNTED = ("hdl64e", "vlp16_table51")
 _LONG_COLUMN = 5
@@ -47,8 +49,8 @@ _INCIDENCE = "Incidence angle (rad)"
 def draw_incidence(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
     """Plane residuals of walls and floors against the angle of incidence (thesis figure 5.15).
 
-    At most 30,000 random returns. Last panel: mean and standard deviation in ten bins; without a
-    capture, dashed: those of the thesis's real sensor.
+    At most 30,000 random returns each, n. Last panel: mean and standard deviation in bins of the
+    thesis's width; without a capture, dashed: those of the thesis's real sensor.
     """
     check_residuals(residuals, "incidence_rad")
     rows = near(residuals)
@@ -57,7 +59,7 @@ def draw_incidence(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
     figure, panels = panel_grid(len(models) + 1, 1, 1.35, style, sharey="row")
     for axes, model in zip(panels, models, strict=False):
         _scatter(axes, samples[model], model_style(model, style).colour)
-        axes.set_title(source_title(model, style), pad=3)
+        axes.set_title(counted(source_title(model, style), len(samples[model][0])), pad=3)
     _finish(figure, panels, samples, 1, style)
     _draw_bins(panels[-1], samples, style)
     add_model_legend(figure, models, style)
@@ -73,8 +75,9 @@ def draw_incidence(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
 def draw_incidence_of_models(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
     """Plane residuals against the angle of incidence by error model (thesis figure 5.20).
 
-    At most 30,000 random returns each. Black lines: one standard deviation around the mean in ten
-    bins. As in the thesis, models that are too wide are left out (HDL-64E, Table 5.1 as printed).
+    At most 30,000 random returns each, n. Black lines: one standard deviation around the mean in
+    bins of the thesis's width. As in the thesis, models that are too wide are left out (HDL-64E,
+    Table 5.1 as printed).
     """
     check_residuals(residuals, "incidence_rad")
     rows = near(residuals)
@@ -86,10 +89,10 @@ def draw_incidence_of_models(residuals: pd.DataFrame, style: FigureStyle) -> Fig
     for axes, (model, (incidence, values)) in zip(panels, samples.items(), strict=True):
         plot_style = model_style(model, style)
         _scatter(axes, (incidence, values), plot_style.colour)
-        centres, means, stds = binned_moments(incidence, values)
+        centres, means, stds = binned_moments(incidence, values, BIN_RAD)
         for side in (-1, 1):
             axes.plot(centres, means + side * stds, color="black", linewidth=0.8)
-        axes.set_title(plot_style.title, pad=3)
+        axes.set_title(counted(plot_style.title, len(values)), pad=3)
     _finish(figure, panels, samples, columns, style)
     return figure
 
@@ -114,7 +117,7 @@ def _scatter(axes: Axes, sample: Sample, colour: str) -> None:
 
 
 def _draw_bins(axes: Axes, samples: dict[str, Sample], style: FigureStyle) -> None:
-    bars = {model: binned_moments(*sample) for model, sample in samples.items()}
+    bars = {model: binned_moments(*sample, BIN_RAD) for model, sample in samples.items()}
     if REAL not in bars:
         bars = {REAL: _published(), **bars}
     widest = max(float(centres[-1]) for centres, _, _ in bars.values())
@@ -126,12 +129,12 @@ def _draw_bins(axes: Axes, samples: dict[str, Sample], style: FigureStyle) -> No
     ends = [mean + side * std for _, mean, std in bars.values() for side in (-1, 1)]
     limit = symmetric_limit(np.nan_to_num(np.concatenate(ends)), _MIN_BINS_LIMIT_M)
     axes.set_ylim(-limit, limit)
-    axes.set_title("Mean and standard deviation in 10 bins", pad=3)
+    axes.set_title(f"Mean and standard deviation in bins of {BIN_RAD:.2g} rad", pad=3)
 
 
 def _published() -> tuple[Floats, Floats, Floats]:
     stds = np.array(BIN_STDS_M)
-    centres = (np.arange(len(stds)) + 0.5) * LARGEST_RAD / len(stds)
+    centres = np.asarray((np.arange(len(stds)) + 0.5) * BIN_RAD, dtype=np.float64)
     return centres, np.full(len(stds), PRINTED_MEAN_M), stds
 
 

@@ -68,11 +68,11 @@ def residuals_of(table: pd.DataFrame, model: str) -> Floats:
     return np.asarray(table.loc[table["model"] == model, "residual_m"], dtype=np.float64)
 
 
-def binned_moments(x: Floats, y: Floats, bins: int = 10) -> tuple[Floats, Floats, Floats]:
-    """Return centres, means and standard deviations of y in bins of equal width up to max(x)."""
-    edges = np.linspace(0, x.max() or 1.0, bins + 1)
-    bin_of = np.clip(np.digitize(x, edges) - 1, 0, bins - 1)
-    parts = [y[bin_of == index] for index in range(bins)]
+def binned_moments(x: Floats, y: Floats, width: float) -> tuple[Floats, Floats, Floats]:
+    """Return centres, means and standard deviations of y in bins of a width from x = 0."""
+    bin_of = (x / width).astype(int)
+    bins = np.arange(bin_of.max(initial=0) + 1)
+    parts = [y[bin_of == index] for index in bins]
     means = [part.mean() if len(part) > 1 else np.nan for part in parts]
     stds = [part.std() if len(part) > 1 else np.nan for part in parts]
-    return (edges[1:] + edges[:-1]) / 2, np.array(means), np.array(stds)
+    return (bins + 0.5) * width, np.array(means), np.array(stds)

@@ -44,8 +44,8 @@ def draw_surfaces(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
 
     A plane residual is the signed distance of a return from the plane fitted to its surface. If
     there are residuals of a virtual sensor with beam divergence, these are shown. Violins: density,
-    mean and extremes. Dashed lines, if there is no capture: standard deviation that the thesis
-    reports for its sensor.
+    mean and extremes; n: residuals. Dashed lines, if there is no capture: standard deviation that
+    the thesis reports for its sensor.
     """
     check_residuals(residuals)
     rows = near(residuals)
@@ -173,11 +173,16 @@ def _draw_groups(
         all_values += samples.values()
     _set_axes(axes, list(groups), symmetric_limit(np.concatenate(all_values), _MIN_LIMIT_M))
     axes.set_xlabel(label)
-    axes.set_title(surface.capitalize(), pad=3)
+    axes.set_title(", ".join(filter(None, (surface.capitalize(), _counts(all_values)))), pad=3)
     if REAL not in models:
         _show_published(axes, style)
     add_model_legend(figure, models, style)
     return figure
+
+
+def _counts(samples: Sequence[Floats]) -> str:
+    fewest, most = min(map(len, samples)), max(map(len, samples))
+    return f"n = {fewest:,}" + ("" if fewest == most else f" to {most:,}") + " per violin"
 
 
 def _show_published(axes: Axes, style: FigureStyle) -> None:
@@ -199,6 +204,7 @@ def _draw_models(rows: pd.DataFrame, min_limit_m: float, style: FigureStyle) -> 
     width_in = (figure.get_size_inches()[0] - 0.6) / len(models)
     titles = [wrapped(model_style(model, style).title, width_in, style) for model in models]
     _set_axes(axes, titles, limit)
+    axes.set_title(_counts(list(samples.values())), pad=3)
     for place, values in enumerate(samples.values()):
         _write_moments(axes, place, values, limit)
     return figure

@@ -1,0 +1,51 @@
+from __future__ import annotations
+
+from functools import cached_property
+from importlib.metadata import version
+from importlib.util import find_spec
+
+from puckbench.codecs.base import Availability, Codec, Pace, Parameters, lengths
+from puckbench.codecs.registry import CODECS
+from puckbench.core.errors import naming
+from puckbench.geometry.cloud import Floats
+from puckbench.storage.cloudini import MAGIC, decode_cloudini, encode_cloudini
+from puckbench.storage.steps import MOST_STEPS
+
+
+@CODECS.register("cloudini")
+class Cloudini(Codec):
+    """Cloudini, by the package pureini: differences between successive points, Zstandard.
+
+    The order of the points is kept. A rate is the resolution to which coordinates are rounded.
+    """
+
+    title = "Cloudini"
+    use = "PointCloud2 messages of ROS: quick, in their order"
+    colour = "#E7298A"
+    marker = "+"
+    line = "--"
+    rank = 150
+    pace = Pace(0.02, 0.5)
+    metric_rates = lengths()
+    most_steps = MOST_STEPS
+    magic = MAGIC
+
+    def available(self) -> Availability:
+        is_here = find_spec("pureini") is not None
+        why = "pureini (GPL-3.0) not installed: pip install 'puckbench[cloudini]'"
+        return Availability(is_here, "" if is_here else why)
+
+    @cached_property
+    def version(self) -> str:
+        return f"pureini {version('pureini')}" if self.available().ok else ""
+
+    def load(self) -> None:
+        import pureini  # noqa: F401
+
+    def _encode(self, points: Floats, parameters: Parameters) -> bytes:
+        with naming(f"codec {self.name}"):
+            return encode_cloudini(points, float(parameters["step_m"]))
+
+    def _decode(self, stream: bytes) -> Floats:
+        with naming(f"codec {self.name}"):
+            return decode_cloudini(stream)

@@ -1,0 +1,23 @@
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from puckbench.core.files import write_bytes
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+def write_result(table: pd.DataFrame, columns: Path | None, *paths: Path) -> None:
+    """Write a table (.csv, .parquet, .tex) and, to `columns`, the dictionary of its columns."""
+    from puckbench.io.tables import write_table
+    from puckbench.report.column_dictionary import column_dictionary
+    from puckbench.report.latex import latex_table
+
+    write_table(table, *(path for path in paths if path.suffix != ".tex"))
+    for path in paths:
+        if path.suffix == ".tex":
+            write_bytes(path, latex_table(table).encode())
+    if columns is not None:
+        write_table(column_dictionary(table), columns)

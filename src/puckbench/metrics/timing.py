@@ -1,0 +1,24 @@
+"""Which measured times can be ranked."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+MIN_REPEATS = 3
+"""Minimum number of timed calls: the median of three is robust to one disturbed call."""
+
+
+def ranked_rows(metrics: pd.DataFrame) -> pd.Series[bool]:
+    """Return whether the times of each result can be ranked: timed `MIN_REPEATS` times while no
+    other job ran.
+    """
+    rows = metrics.reindex(columns=["timed_alone", "repeats"])
+    return rows["timed_alone"].eq(True) & (rows["repeats"].fillna(1) >= MIN_REPEATS)
+
+
+def unranked_codecs(metrics: pd.DataFrame) -> set[str]:
+    """Return the codecs with a result whose times cannot be ranked."""
+    return set(metrics.loc[~ranked_rows(metrics), "codec"])

@@ -1,0 +1,57 @@
+"""The dictionary of columns beside a table, and tables as LaTeX."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from puckbench.metrics.metric_registry import METRICS, metric_columns
+from puckbench.report.column_dictionary import column_dictionary
+from puckbench.report.latex import latex_table
+from puckbench.report.reference_results import read_reference
+
+
+def test_a_dictionary_has_meaning_unit_and_the_reason_of_missing_values() -> None:
+    metrics = read_reference("default").metrics
+    rows = column_dictionary(metrics).set_index("column")
+    assert list(rows.index) == list(metrics)
+    assert rows.loc["cd_plane", ["meaning", "unit", "missing", "reason"]].tolist() == [
+        "Chamfer distance, point to plane", "grid units² or m²", 0, "",
+    ]  # fmt: skip
+    assert rows["missing"].to_dict() == metrics.isna().sum().to_dict()
+    missing = rows[rows["missing"] > 0]
+    assert (missing["reason"] != "").all()
+    assert missing.loc["truth_d1_mse", "reason"] == "the true surface is not known"
+    assert missing.loc["range_rms_mm", "reason"] == "no returns of a sensor"
+
+
+def test_an_optional_metric_says_what_its_columns_mean() -> None:
+    METRICS.register("test_tilt", columns={"tilt_deg": "Tilt of the cloud"})(lambda *_: {})
+    assert metric_columns()["tilt_deg"] == "Tilt of the cloud"
+    (row,) = column_dictionary(pd.DataFrame({"tilt_deg": [1.0, np.nan]})).to_dict("records")
+    assert row == {
+        "column": "tilt_deg", "meaning": "Tilt of the cloud", "unit": "°", "missing": 1,
+        "reason": "does not apply",
+    }  # fmt: skip
+
+
+def test_a_table_in_latex_has_units_dashes_and_no_special_characters() -> None:
+    table = pd.DataFrame(
+        {
+            "codec": ["gpcc_angular", "50 % & more"],
+            "bd_rate_percent": [-12.34567, np.nan],
+            "cd_plane": [0.5, 20000.4],
+            "empty": [np.nan, np.nan],
+        }
+    )
+    assert latex_table(table).splitlines() == [
+        r"\begin{tabular}{lrr}",
+        r"\toprule",
+        r"Codec & BD-rate (\%) & Chamfer distance, point to plane "
+        r"(grid units\textsuperscript{2}) \\",
+        r"\midrule",
+        r"gpcc\_angular & -12.35 & 0.5 \\",
+        r"50 \% \& more & -- & 20000 \\",
+        r"\bottomrule",
+        r"\end{tabular}",
+    ]
