@@ -71,7 +71,8 @@ def coded_values(values: Values, scaling: Three) -> Values:
     scale_minus1, frac_bits, offset = scaling
     shifted = (values.astype(np.int64) - offset) << frac_bits
     quotient = np.abs(shifted) // (scale_minus1 + 1) * np.sign(shifted)
-    return (quotient & 0xFFFF).astype(np.int32)
+    coded: Values = (quotient & 0xFFFF).astype(np.int32)
+    return coded
 
 
 def decoded_values(values: Values, scaling: Three) -> Values:
