@@ -1,4 +1,4 @@
-"""G-PCC geometry (ISO/IEC 23090-9:2023), compatible with TMC13: octree and predictive coding.
+"""G-PCC (ISO/IEC 23090-9:2023), compatible with TMC13: geometry and attributes of point clouds.
 
 Streams, syntax elements and coding tools are named as in the standard and in TMC13 release-v14.0,
 its reference software. Damaged streams and points that cannot be encoded raise
@@ -10,6 +10,11 @@ from typing import TYPE_CHECKING
 from puckbench.core.lazy import lazy
 
 if TYPE_CHECKING:
+    from puckbench.gpcc.attributes.cloud import DecodedCloud as DecodedCloud
+    from puckbench.gpcc.attributes.cloud import decode_cloud as decode_cloud
+    from puckbench.gpcc.attributes.cloud import encode_cloud as encode_cloud
+    from puckbench.gpcc.attributes.options import ATTRIBUTE_PROFILES as ATTRIBUTE_PROFILES
+    from puckbench.gpcc.attributes.options import AttributeOptions as AttributeOptions
     from puckbench.gpcc.coder import DecodedGeometry as DecodedGeometry
     from puckbench.gpcc.coder import decode_geometry as decode_geometry
     from puckbench.gpcc.coder import encode_geometry as encode_geometry
@@ -46,4 +51,8 @@ __getattr__, __dir__, __all__ = lazy(
     options=("PROFILES", "SPINNING", "GpccOptions"),
     predictive_coder=("PredictiveOptions", "encode_predictive_geometry"),
     sensor=("SensorDescription",),
+    **{
+        "attributes.cloud": ("DecodedCloud", "decode_cloud", "encode_cloud"),
+        "attributes.options": ("ATTRIBUTE_PROFILES", "AttributeOptions"),
+    },
 )

@@ -141,7 +141,7 @@ def _encode(coder: Any, state: Any, probability: Any, bit: Any) -> tuple[int, St
     if span <= 0x4000:
         doublings = _DOUBLINGS[(span - 1) >> 5]
         low, span, count = low << doublings, span << doublings, count + doublings
-        if count >= 32:
+        if count >= 8:
             return bit, _emit(coder.data, (low, span, count, place)), probability
     return bit, (low, span, count, place), probability
 
@@ -185,14 +185,17 @@ def _decode_bypass(coder: Any, state: Any, bit: Any) -> tuple[int, State]:
 
 @kernel
 def _emit(data: Bytes, state: State) -> State:
+    # Each byte at once: the end of TMC13's stream depends on a carry out of the last, partial byte.
     low, span, count, place = state
-    count -= 32
-    word = low >> (16 + count)
-    if word >> 32:
-        _carry(data, place)
-    for k in range(4):
-        data[place + k] = (word >> (24 - 8 * k)) & 0xFF
-    return low & ((1 << (16 + count)) - 1), span, count, place + 4
+    while count >= 8:
+        count -= 8
+        byte = low >> (16 + count)
+        if byte >> 8:
+            _carry(data, place)
+        data[place] = byte & 0xFF
+        place += 1
+        low &= (1 << (16 + count)) - 1
+    return low, span, count, place
 
 
 @kernel
@@ -217,14 +220,6 @@ def _next_word(data: Bytes, place: int) -> int:
 @entry
 def _flush(coder: Encoder) -> None:
     low, span, count, place = load(coder)
-    while count >= 8:
-        count -= 8
-        byte = low >> (16 + count)
-        if byte >> 8:
-            _carry(coder.data, place)
-        coder.data[place] = byte & 0xFF
-        place += 1
-        low &= (1 << (16 + count)) - 1
     ending = 3 if count > 0 else 2
     free = 0
     while free < 16 and low | ((1 << (free + 1)) - 1) <= span - 1:

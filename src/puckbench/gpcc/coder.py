@@ -5,29 +5,32 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.core.errors import InputError
-from puckbench.geometry.morton import MOST_BITS, Ints, morton_points
+from puckbench.geometry.morton import MOST_BITS, Ints, morton_codes, morton_points
 from puckbench.geometry.spatial_order import bounding_corners
 from puckbench.gpcc import syntax
+from puckbench.gpcc.attributes.geometry import SlicePoints
 from puckbench.gpcc.bits import BitReader
 from puckbench.gpcc.contexts import Contexts, initial_contexts
 from puckbench.gpcc.options import PROFILES, GpccOptions
 from puckbench.gpcc.predictive import initial_probabilities
-from puckbench.gpcc.predictive_slices import decode_trees
+from puckbench.gpcc.predictive_slices import decode_trees, placed
 from puckbench.gpcc.sensor import SensorDescription
 from puckbench.gpcc.slices import (
     CodedSlice,
     decode_slice,
     encode_slice,
     read_slice,
+    sensor_position,
     sensor_state,
 )
-from puckbench.gpcc.tree import Tree, build_tree, coded_axes
+from puckbench.gpcc.syntax import Three
+from puckbench.gpcc.tree import Tree, build_tree, coded_axes, sorted_rows
 
 __all__ = [
     "PROFILES",
@@ -53,6 +56,7 @@ _MAX_DENOMINATOR = 1 << 16
 _PARAMETERS = {
     syntax.SEQUENCE_PARAMETER_SET,
     syntax.GEOMETRY_PARAMETER_SET,
+    syntax.ATTRIBUTE_PARAMETER_SET,
     syntax.TILE_INVENTORY,
 }
 
@@ -109,6 +113,45 @@ def encode_geometry(
     InputError
         If there are no points, they span more than 21 bits, or the sensor is too far away.
     """
+    return encode_octree_geometry(points, options, scale, origin, sensor, None)
+
+
+class AttributeWriter(Protocol):
+    """Encoder of the attributes of a stream."""
+
+    def start(
+        self,
+        sps: syntax.SequenceParameterSet,
+        gps: syntax.GeometryParameterSet,
+        extent: Sequence[int],
+    ) -> list[bytes]:
+        """Describe attributes in `sps`, and return their parameter sets; extent: largest x, y, z
+        relative to the sequence's origin."""
+
+    def data_units(self, slice_id: int, origin: Three, coded: CodedPoints) -> list[bytes]: ...
+
+
+@dataclass(frozen=True)
+class CodedPoints:
+    """Points of an encoded slice.
+
+    members: (n,) indices of the slice's input points.
+    rows: (m,) indices of the input points in coded order, or None if equal points are merged.
+    """
+
+    points: SlicePoints
+    members: NDArray[np.int64]
+    rows: NDArray[np.int64] | None
+
+
+def encode_octree_geometry(
+    points: NDArray[Any],
+    options: GpccOptions,
+    scale: Fraction | float,
+    origin: Sequence[int] | Ints,
+    sensor: SensorDescription | None,
+    attributes: AttributeWriter | None,
+) -> bytes:
     points, low = checked_points(points)
     corner = tuple(int(a) + int(b) for a, b in zip(low, origin, strict=True))
     sps = sequence_parameter_set(corner, scale)
@@ -116,13 +159,61 @@ def encode_geometry(
     if sensor is not None:
         gps = replace(gps, **sensor.syntax_elements(corner))
         gps.planar_buffer_disabled_flag = int(options.planar and not options.planar_buffer)
-    slices = list(_partition(points, low, options, sensor is not None))
+    rows = None if attributes is None else np.arange(len(points))
+    slices = list(_partition(points, low, options, sensor is not None, rows))
     if sum(slice_points.coded_points(options) for slice_points in slices) > MAX_POINTS:
         raise InputError(f"G-PCC: more than {MAX_POINTS} points")
     if sum(len(slice_points.axes) for slice_points in slices) > MAX_LEVELS:
         raise InputError(f"G-PCC: {len(slices)} slices have more than {MAX_LEVELS} octree levels")
-    units = (_data_unit(part, number, sps, gps) for number, part in enumerate(slices))
-    return stream_of(sps, gps, units)
+    if attributes is None:
+        units = (
+            (syntax.GEOMETRY_DATA_UNIT, _data_unit(part, number, sps, gps)[0])
+            for number, part in enumerate(slices)
+        )
+        return stream_of(sps, gps, units)
+    extent = (bounding_corners(points)[1] - low).tolist()
+    return stream_of(
+        sps,
+        gps,
+        _units_with_attributes(points, low, slices, sps, gps, attributes),
+        attributes.start(sps, gps, extent),
+    )
+
+
+def _units_with_attributes(
+    points: Ints,
+    low: Ints,
+    slices: list[_SlicePoints],
+    sps: syntax.SequenceParameterSet,
+    gps: syntax.GeometryParameterSet,
+    attributes: AttributeWriter,
+) -> Iterator[tuple[int, bytes]]:
+    axes = _AXIS_ORDERS[sps.geom_axis_order]
+    for number, part in enumerate(slices):
+        merged = bool(gps.geom_unique_points_flag)
+        leaves = np.empty(len(part.tree.keys) if merged else len(part.members), dtype=np.int64)
+        unit, header = _data_unit(part, number, sps, gps, leaves)
+        yield syntax.GEOMETRY_DATA_UNIT, unit
+        rows = None
+        if not merged:
+            corner = low + np.array(part.corner)
+            sorted_members = part.members[sorted_rows(points[part.members], corner, part.axes)]
+            codes = morton_codes(points[sorted_members] - corner, np.arange(3))
+            rows = np.empty(len(leaves), dtype=np.int64)
+            rows[np.argsort(leaves, kind="stable")] = sorted_members[
+                np.argsort(codes, kind="stable")
+            ]
+        sensor = sensor_position(header, gps, axes, part.corner)
+        coded = CodedPoints(octree_points(gps, axes, sensor, leaves), part.members, rows)
+        for data_unit in attributes.data_units(number, part.corner, coded):
+            yield syntax.ATTRIBUTE_DATA_UNIT, data_unit
+
+
+def octree_points(
+    gps: syntax.GeometryParameterSet, axes: Three, sensor: Three, codes: Ints
+) -> SlicePoints:
+    relative = morton_points(codes, np.arange(3), np.zeros(3, dtype=np.int64))
+    return SlicePoints(gps, axes, sensor, relative.astype(np.int32), codes)
 
 
 def checked_points(points: NDArray[Any]) -> tuple[Ints, Ints]:
@@ -143,12 +234,16 @@ def checked_points(points: NDArray[Any]) -> tuple[Ints, Ints]:
 
 
 def stream_of(
-    sps: syntax.SequenceParameterSet, gps: syntax.GeometryParameterSet, units: Iterable[bytes]
+    sps: syntax.SequenceParameterSet,
+    gps: syntax.GeometryParameterSet,
+    units: Iterable[tuple[int, bytes]],
+    attribute_parameters: Iterable[bytes] = (),
 ) -> bytes:
     payloads = [
         (syntax.SEQUENCE_PARAMETER_SET, syntax.written(syntax.sequence_parameter_set, sps)),
         (syntax.GEOMETRY_PARAMETER_SET, syntax.written(syntax.geometry_parameter_set, gps)),
-        *((syntax.GEOMETRY_DATA_UNIT, unit) for unit in units),
+        *((syntax.ATTRIBUTE_PARAMETER_SET, payload) for payload in attribute_parameters),
+        *units,
     ]
     return b"".join(syntax.encapsulate(kind, payload) for kind, payload in payloads)
 
@@ -198,19 +293,25 @@ def _geometry_parameter_set(options: GpccOptions) -> syntax.GeometryParameterSet
 
 
 def _partition(
-    points: Ints, start: Ints, options: GpccOptions, angular: bool
+    points: Ints,
+    start: Ints,
+    options: GpccOptions,
+    angular: bool,
+    rows: NDArray[np.int64] | None,
 ) -> Iterator[_SlicePoints]:
+    """Yield slices of points (n, 3); `rows`: their indices, if members are needed."""
     fits = len(points) <= options.slice_max_points
     if fits or options.merge_duplicates:
-        slice_points = _slice_points(points, start, options, angular)
+        slice_points = _slice_points(points, start, options, angular, rows)
         if fits or slice_points.coded_points(options) <= options.slice_max_points:
             yield slice_points
             return
     axis = int(np.argmax(np.ptp(points, axis=0)))
     order = np.argsort(points[:, axis], kind="stable")
     middle = split_position(points[order, axis])
-    yield from _partition(points[order[:middle]], start, options, angular)
-    yield from _partition(points[order[middle:]], start, options, angular)
+    for part in (order[:middle], order[middle:]):
+        members = None if rows is None else rows[part]
+        yield from _partition(points[part], start, options, angular, members)
 
 
 def split_position(sorted_values: NDArray[Any]) -> int:
@@ -228,12 +329,19 @@ class _SlicePoints:
     corner: tuple[int, int, int]
     axes: list[int]
     tree: Tree
+    members: NDArray[np.int64]
 
     def coded_points(self, options: GpccOptions) -> int:
         return len(self.tree.keys) if options.merge_duplicates else int(self.tree.counts.sum())
 
 
-def _slice_points(points: Ints, start: Ints, options: GpccOptions, angular: bool) -> _SlicePoints:
+def _slice_points(
+    points: Ints,
+    start: Ints,
+    options: GpccOptions,
+    angular: bool,
+    rows: NDArray[np.int64] | None,
+) -> _SlicePoints:
     low, high = bounding_corners(points)
     x, y, z = (max(int(size).bit_length(), 1) for size in high - low)
     late_z = (
@@ -250,7 +358,7 @@ def _slice_points(points: Ints, start: Ints, options: GpccOptions, angular: bool
     a, b, c = (low - start).tolist()
     ordered = angular and options.inferred_direct_coding_mode > 0
     tree = build_tree(points, low, axes, ordered, options.merge_duplicates)
-    return _SlicePoints((a, b, c), axes, tree)
+    return _SlicePoints((a, b, c), axes, tree, np.empty(0, np.int64) if rows is None else rows)
 
 
 def _data_unit(
@@ -258,7 +366,8 @@ def _data_unit(
     number: int,
     sps: syntax.SequenceParameterSet,
     gps: syntax.GeometryParameterSet,
-) -> bytes:
+    leaves: Ints | None = None,
+) -> tuple[bytes, syntax.GeometryHeader]:
     header = syntax.GeometryHeader(
         slice_id=number,
         slice_geom_origin_bits_minus1=bits_of(max(slice_points.corner)) - 1,
@@ -267,19 +376,34 @@ def _data_unit(
         tree_lvl_coded_axis_list=slice_points.axes,
     )
     sensor = sensor_state(header, gps, _AXIS_ORDERS[sps.geom_axis_order], slice_points.corner)
-    return encode_slice(slice_points.tree, header, sps, gps, sensor)
+    return encode_slice(slice_points.tree, header, sps, gps, sensor, leaves), header
 
 
 def decode_geometry(stream: bytes) -> DecodedGeometry:
     """Decode a stream of one frame; raise InputError if it is damaged or a tool is unsupported."""
-    contents = _StreamReader()
+    return read_stream(stream)
+
+
+class AttributeUnits(Protocol):
+    """Decoder of the attributes of a stream, which it receives in order."""
+
+    def start_slice(
+        self, sps: syntax.SequenceParameterSet, header: syntax.GeometryHeader, points: SlicePoints
+    ) -> None: ...
+
+    def take(self, payload_type: int, payload: bytes) -> None: ...
+
+
+def read_stream(stream: bytes, attributes: AttributeUnits | None = None) -> DecodedGeometry:
+    contents = _StreamReader(attributes)
     for payload_type, payload in syntax.payloads(stream):
         contents.take(payload_type, payload)
     return contents.geometry()
 
 
 class _StreamReader:
-    def __init__(self) -> None:
+    def __init__(self, attributes: AttributeUnits | None) -> None:
+        self._attributes = attributes
         self._sps: dict[int, syntax.SequenceParameterSet] = {}
         self._gps: dict[int, syntax.GeometryParameterSet] = {}
         self._active: syntax.SequenceParameterSet | None = None
@@ -307,6 +431,8 @@ class _StreamReader:
             syntax.tile_inventory(BitReader(payload), syntax.TileInventory())
         elif payload_type == syntax.GEOMETRY_DATA_UNIT:
             self._slices.append(self._decoded(payload))
+        elif self._attributes is not None:
+            self._attributes.take(payload_type, payload)
 
     def _decoded(self, payload: bytes) -> Ints:
         if not payload:
@@ -330,11 +456,19 @@ class _StreamReader:
             self._contexts, self._probabilities = initial_contexts(), initial_probabilities()
         axes, origin = _AXIS_ORDERS[sps.geom_axis_order], _slice_origin(coded.header, gps)
         if gps.geom_tree_type == syntax.PREDICTIVE:
-            return decode_trees(coded, sps, gps, self._probabilities, axes, origin)
-        sensor = sensor_state(coded.header, gps, axes, origin)
-        codes = decode_slice(coded, sps, gps, self._contexts, sensor)
-        points: Ints = morton_points(codes, np.array(axes), np.array(origin, dtype=np.int64))
-        return points
+            nodes = decode_trees(coded, sps, gps, self._probabilities, axes, origin)
+            if self._attributes is not None:
+                sensor = sensor_position(coded.header, gps, axes, origin)
+                points = SlicePoints(gps, axes, sensor, nodes.points, spherical=nodes.spherical)
+                self._attributes.start_slice(sps, coded.header, points)
+            return placed(nodes.points, axes, origin)
+        state = sensor_state(coded.header, gps, axes, origin)
+        codes = decode_slice(coded, sps, gps, self._contexts, state)
+        if self._attributes is not None:
+            sensor = sensor_position(coded.header, gps, axes, origin)
+            self._attributes.start_slice(sps, coded.header, octree_points(gps, axes, sensor, codes))
+        decoded: Ints = morton_points(codes, np.array(axes), np.array(origin, dtype=np.int64))
+        return decoded
 
     def _check_single_frame(self, coded: CodedSlice) -> None:
         frame = coded.header.frame_ctr_lsb

@@ -1,6 +1,6 @@
-"""Integer inverse square root and arc tangent of angular mode, equal to TMC13's bit for bit.
+"""Integer square roots and arc tangent, equal to TMC13's bit for bit.
 
-TMC13 calls them `irsqrt` and `iatan2`. Angles are in units of 2^-20 radians.
+TMC13 calls them `irsqrt`, `isqrt` and `iatan2`. Angles are in units of 2^-20 radians.
 """
 
 from __future__ import annotations
@@ -73,6 +73,15 @@ def inverse_square_root(number: int) -> int:
     error = 0x30000000 - (root * (root * number >> 32) >> 32)
     root = root * error >> 32
     return root << shift if shift > 0 else root >> -shift
+
+
+@kernel
+def square_root(number: int) -> int:
+    """Return the square root of a number below 2^62, at most 2 from the exact one up to 2^46."""
+    if number <= 1 << 46:
+        return 1 + ((number * inverse_square_root(number) >> 40) & 0xFFFFFF)
+    number = (number + 65536) >> 16
+    return 1 + (number * inverse_square_root(number) >> 32)
 
 
 @inlined

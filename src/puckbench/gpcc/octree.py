@@ -125,7 +125,7 @@ class Source(NamedTuple):
 class SliceState(NamedTuple):
     """State that persists over the levels of a slice.
 
-    leaves: Morton codes of the decoded points.
+    leaves: Morton codes of the coded points; an encoder may leave them out.
     counters: points decoded and allowed; nodes with children in this level; their children;
         idcm_enable_mask.
     given, coded, left: working memory of IDCM.
@@ -390,12 +390,9 @@ def _code_direct_positions(
     leaves, points = code_direct_positions(
         coder, contexts, node, angular, state.given, leaves, points, state.coded, state.left
     )
-    if source is None:
-        for i in range(leaves):
-            point_count = points - leaves + 1 if i == 0 else 1
-            _append_points(
-                state, leaf_code(morton, level.node_size_log2, state.coded[i]), point_count
-            )
+    for i in range(leaves):
+        point_count = points - leaves + 1 if i == 0 else 1
+        _append_points(state, leaf_code(morton, level.node_size_log2, state.coded[i]), point_count)
     return True
 
 
@@ -432,14 +429,13 @@ def _code_leaf_point_counts(
                 points = 2 + code_exp_golomb(
                     coder, contexts.probabilities, CTX_DUP_POINT_CNT_EGL, dup_point_cnt - 1
                 )
-        if source is None:
-            _append_points(state, base | child, points)
+        _append_points(state, base | child, points)
         leaf += 1
 
 
 @inlined
 def _append_points(state: SliceState, morton: int, points: int) -> None:
     done = state.counters[0]
-    for i in range(done, min(done + points, state.counters[1])):
+    for i in range(done, min(done + points, len(state.leaves))):
         state.leaves[i] = morton
     state.counters[0] = done + points

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from fractions import Fraction
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,9 +15,12 @@ from puckbench.core.errors import InputError
 from puckbench.core.models import Model
 from puckbench.geometry.morton import MOST_BITS, Ints
 from puckbench.gpcc import syntax
+from puckbench.gpcc.attributes.geometry import SlicePoints
 from puckbench.gpcc.coder import (
     MAX_POINTS,
     MAX_TREE_SLICES,
+    AttributeWriter,
+    CodedPoints,
     bits_of,
     checked_points,
     sequence_parameter_set,
@@ -29,7 +32,7 @@ from puckbench.gpcc.predictive import MOST_QP, Tools, initial_probabilities
 from puckbench.gpcc.predictive_encoder import quantised
 from puckbench.gpcc.predictive_slices import encode_trees, tools_of
 from puckbench.gpcc.sensor import SensorDescription
-from puckbench.gpcc.slices import CodedSlice, data_unit
+from puckbench.gpcc.slices import CodedSlice, data_unit, sensor_position
 from puckbench.gpcc.syntax import Three
 
 _AXES = (0, 1, 2)
@@ -93,22 +96,61 @@ def encode_predictive_geometry(
     A sensor switches angular coding on. Other parameters and errors are those of
     `coder.encode_geometry`.
     """
+    return encode_trees_geometry(points, options, scale, origin, sensor, None)
+
+
+def encode_trees_geometry(
+    points: NDArray[Any],
+    options: PredictiveOptions,
+    scale: Fraction | float,
+    origin: Sequence[int] | Ints,
+    sensor: SensorDescription | None,
+    attributes: AttributeWriter | None,
+) -> bytes:
     points, low = checked_points(points)
+    whole, first_of = points, np.empty(0, dtype=np.int64)
     if options.merge_duplicates:
-        points = points[np.sort(np.unique(points, axis=0, return_index=True)[1])]
+        _, first, of_unique = np.unique(points, axis=0, return_index=True, return_inverse=True)
+        first_of = first[of_unique.ravel()]
+        points = points[np.sort(first)]
     if len(points) > MAX_POINTS:
         raise InputError(f"G-PCC: more than {MAX_POINTS} points")
     corner = tuple(int(a) + int(b) for a, b in zip(low, origin, strict=True))
     sps = sequence_parameter_set(corner, scale)
     gps = _geometry_parameter_set(options, sensor, corner)
     centre = _centre(sensor, corner)
-    parts = list(_partition((points - low).astype(np.int32), options.slice_max_points))
+    relative = (points - low).astype(np.int32)
+    parts = list(_partition(relative, np.arange(len(points)), options.slice_max_points))
     if len(parts) > MAX_TREE_SLICES:
         raise InputError(f"G-PCC: more than {MAX_TREE_SLICES} slices")
-    units = (
-        _data_unit(part, number, options, sps, gps, centre) for number, part in enumerate(parts)
-    )
-    return stream_of(sps, gps, units)
+    if attributes is None:
+        units = (
+            (
+                syntax.GEOMETRY_DATA_UNIT,
+                _coded_part(relative[rows], k, options, sps, gps, centre).unit,
+            )
+            for k, rows in enumerate(parts)
+        )
+        return stream_of(sps, gps, units)
+    sources = np.unique(first_of) if options.merge_duplicates else np.arange(len(points))
+    del points
+
+    def units_with_attributes() -> Iterator[tuple[int, bytes]]:
+        for number, rows in enumerate(parts):
+            part = _coded_part(relative[rows], number, options, sps, gps, centre)
+            yield syntax.GEOMETRY_DATA_UNIT, part.unit
+            members, coded_rows = sources[rows], None
+            if options.merge_duplicates:
+                members = np.flatnonzero(np.isin(first_of, members))
+            else:
+                coded_rows = members[part.rows]
+            coded = CodedPoints(part.points, members, coded_rows)
+            for unit in attributes.data_units(number, part.corner, coded):
+                yield syntax.ATTRIBUTE_DATA_UNIT, unit
+
+    extent = (whole.max(axis=0) - low).tolist()
+    parameters = attributes.start(sps, gps, extent)
+    return stream_of(sps, gps, units_with_attributes(), parameters)
 
 
 def _centre(sensor: SensorDescription | None, corner: tuple[int, ...]) -> Three:
@@ -146,29 +188,42 @@ def _geometry_parameter_set(
     )
 
 
-def _partition(points: NDArray[np.int32], most: int) -> Iterator[NDArray[np.int32]]:
-    if len(points) <= most:
-        yield points
+def _partition(
+    points: NDArray[np.int32], rows: NDArray[np.int64], most: int
+) -> Iterator[NDArray[np.int64]]:
+    if len(rows) <= most:
+        yield rows
         return
-    values = points[:, int(np.argmax(np.ptp(points, axis=0)))]
+    part = points[rows]
+    values = part[:, int(np.argmax(np.ptp(part, axis=0)))]
     middle = values[np.argsort(values, kind="stable")]
     below = values < middle[split_position(middle)]
     if not below.any():  # all values are equal
-        below = np.arange(len(points)) < len(points) // 2
-    yield from _partition(points[below], most)
-    yield from _partition(points[~below], most)
+        below = np.arange(len(rows)) < len(rows) // 2
+    yield from _partition(points, rows[below], most)
+    yield from _partition(points, rows[~below], most)
 
 
-def _data_unit(
+class _CodedPart(NamedTuple):
+    """An encoded slice; `rows` (n,) are the indices of its points in coded order."""
+
+    unit: bytes
+    corner: Three
+    points: SlicePoints
+    rows: NDArray[np.int64]
+
+
+def _coded_part(
     points: NDArray[np.int32],
     number: int,
     options: PredictiveOptions,
     sps: syntax.SequenceParameterSet,
     gps: syntax.GeometryParameterSet,
     centre: Three,
-) -> bytes:
+) -> _CodedPart:
     x, y, z = points.min(axis=0).tolist()
-    points = _sorted(points, options, centre) - np.array((x, y, z), dtype=np.int32)
+    rows = _order(points, options, centre)
+    points = points[rows] - np.array((x, y, z), dtype=np.int32)
     interval = options.slice_qp_interval_log2
     delta = 0 if interval is None else (interval - options.qp_interval_log2) % (1 << 32)
     header = syntax.GeometryHeader(
@@ -177,17 +232,25 @@ def _data_unit(
         slice_geom_origin_xyz=(x, y, z),
         geom_qp_offset_intvl_log2_delta=delta,
     )
-    data = _coded(points, header, gps, options.tree_max_points)
-    return data_unit(CodedSlice(header, data, len(points)), sps, gps)
+    data, coded, positions, order = _coded(points, header, gps, options.tree_max_points)
+    sensor = sensor_position(header, gps, _AXES, (x, y, z))
+    spherical = positions[order] if gps.geom_angular_mode_enabled_flag else None
+    return _CodedPart(
+        data_unit(CodedSlice(header, data, len(points)), sps, gps),
+        (x, y, z),
+        SlicePoints(gps, _AXES, sensor, coded[order], spherical=spherical),
+        rows[order],
+    )
 
 
-def _sorted(
-    points: NDArray[np.int32], options: PredictiveOptions, centre: Three
-) -> NDArray[np.int32]:
-    most = options.tree_max_points
-    parts = [points[start : start + most] for start in range(0, len(points), most)]
-    order, precision = options.order, options.azimuth_sort_precision
-    return np.concatenate([part[ordered(part, order, centre, precision)] for part in parts])
+def _order(points: NDArray[np.int32], options: PredictiveOptions, centre: Three) -> Ints:
+    most, precision = options.tree_max_points, options.azimuth_sort_precision
+    return np.concatenate(
+        [
+            start + ordered(points[start : start + most], options.order, centre, precision)
+            for start in range(0, len(points), most)
+        ]
+    )
 
 
 def _coded(
@@ -195,7 +258,8 @@ def _coded(
     header: syntax.GeometryHeader,
     gps: syntax.GeometryParameterSet,
     most: int,
-) -> bytes:
+) -> tuple[bytes, NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]]:
+    """Return the coded data, the points and positions that a decoder gets, and their order."""
     tools = tools_of(header, gps, _AXES, header.slice_geom_origin_xyz)
     positions = np.empty_like(points) if tools.angular else points
     if tools.angular:
@@ -208,9 +272,10 @@ def _coded(
         tools = tools_of(header, gps, _AXES, header.slice_geom_origin_xyz)
         coded = points.copy()
         given = positions.copy() if tools.angular else coded
-        data = encode_trees(tree, coded, given, tools, initial_probabilities())
+        order = np.empty(len(points), dtype=np.int32)
+        data = encode_trees(tree, coded, given, tools, initial_probabilities(), order)
         if data is not None:
-            return data
+            return data, coded, given, order
     raise InputError("G-PCC: residuals are too large for a stream")
 
 

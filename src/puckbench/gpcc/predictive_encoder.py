@@ -61,7 +61,8 @@ class Given(NamedTuple):
 
     positions: (n, 3) coordinates to predict: `points`, or spherical coordinates.
     stack: (n,) nodes whose parents are coded.
-    progress: (4,) next root, size of the stack, nodes until the next QP offset, coded nodes.
+    progress: (4,) next root, size of the stack, nodes until the next QP offset, coded points.
+    order: (n,) indices of the coded points.
     """
 
     tree: PredictionTree
@@ -69,6 +70,7 @@ class Given(NamedTuple):
     positions: NDArray[np.int32]
     stack: NDArray[np.int32]
     progress: NDArray[np.int64]
+    order: NDArray[np.int32]
 
 
 class Choice(NamedTuple):
@@ -117,7 +119,12 @@ def _encode_tree(coder: Any, contexts: Probabilities, tools: Tools, given: Given
         code_num_children(coder, contexts, integer(tree.num_children[node]))
         if not _encode_position(coder, contexts, tools, given, node):
             return UNREPRESENTABLE
-        progress[3] += 1
+        for k in range(node, node + 1 + tree.copies[node]):
+            given.order[progress[3]] = k
+            progress[3] += 1
+            for axis in range(3):
+                given.points[k, axis] = given.points[node, axis]
+                given.positions[k, axis] = given.positions[node, axis]
         for k in range(tree.num_children[node]):
             given.stack[progress[1]] = tree.children[node, k]
             progress[1] += 1

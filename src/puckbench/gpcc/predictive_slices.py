@@ -35,8 +35,8 @@ def decode_trees(
     contexts: Probabilities,
     axes: Three,
     origin: Three,
-) -> Ints:
-    """Decode the points (n, 3) of a slice; `axes` are the indices of the coded axes of x, y, z."""
+) -> TreeNodes:
+    """Decode the nodes of a slice; `axes` are the indices of the coded axes of x, y, z."""
     tools = tools_of(coded.header, gps, axes, origin)
     nodes = empty_nodes(coded.points, angular=tools.angular)
     coder = slice_decoder(coded, sps)
@@ -46,11 +46,16 @@ def decode_trees(
         raise InputError(f"G-PCC stream: {fault}")
     if done != coded.points:
         raise InputError("G-PCC stream: a slice holds fewer points than it says")
-    points = nodes.points
-    del nodes
-    placed = points.astype(np.int64)[:, axes] if axes != (0, 1, 2) else points.astype(np.int64)
-    placed += origin
-    return placed
+    return nodes
+
+
+def placed(points: Int32s, axes: Three, origin: Three) -> Ints:
+    """Return points (n, 3) along x, y, z for those along the coded axes, relative to `origin`."""
+    result: Ints = (
+        points.astype(np.int64)[:, axes] if axes != (0, 1, 2) else points.astype(np.int64)
+    )
+    result += origin
+    return result
 
 
 def tools_of(
@@ -93,13 +98,14 @@ def encode_trees(
     positions: Int32s,
     tools: Tools,
     contexts: Probabilities,
+    order: Int32s,
 ) -> bytes | None:
     """Return the arithmetic-coded part of a data unit, or None if a residual does not fit.
 
-    points, positions: see `predictive_encoder.Given`.
+    points, positions, order: see `predictive_encoder.Given`; the latter is a result.
     """
     stack = np.empty(len(points) + 2, dtype=np.int32)
-    given = Given(tree, points, positions, stack, np.zeros(4, dtype=np.int64))
+    given = Given(tree, points, positions, stack, np.zeros(4, dtype=np.int64), order)
     coder = encoder(NODE_BYTES + 4 * len(points))
     while True:
         ended = predictive_encoder.encode_trees(coder, contexts, tools, given)

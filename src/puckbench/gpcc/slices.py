@@ -63,9 +63,12 @@ def encode_slice(
     sps: SequenceParameterSet,
     gps: GeometryParameterSet,
     sensor: angular.Angular | None = None,
+    leaves: Ints | None = None,
 ) -> bytes:
+    """Encode a slice, and write its points' Morton codes in coded order to `leaves`, if given."""
     points = len(tree.keys) if gps.geom_unique_points_flag else int(tree.counts.sum())
-    return data_unit(CodedSlice(header, encode_octree(tree, header, gps, sensor), points), sps, gps)
+    data = encode_octree(tree, header, gps, sensor, leaves)
+    return data_unit(CodedSlice(header, data, points), sps, gps)
 
 
 def data_unit(coded: CodedSlice, sps: SequenceParameterSet, gps: GeometryParameterSet) -> bytes:
@@ -78,10 +81,13 @@ def encode_octree(
     header: GeometryHeader,
     gps: GeometryParameterSet,
     sensor: angular.Angular | None = None,
+    leaves: Ints | None = None,
 ) -> bytes:
     coder = encoder(64)
     contexts = initial_contexts()
     state = _initial_state(gps, len(tree.levels), 0)
+    if leaves is not None:
+        state = state._replace(leaves=leaves)
     parents = _root_parent()
     levels = zip(_levels(header, gps), _sources(tree, header, gps), strict=True)
     for number, (level, source) in enumerate(levels):
@@ -155,10 +161,10 @@ def slice_decoder(coded: CodedSlice, sps: SequenceParameterSet) -> Decoder:
         return decoder(data)
     if coded.header.geom_stream_cnt_minus1:
         raise InputError("G-PCC stream: several entropy streams with bypass are not supported")
-    return decoder(*_demultiplexed(data))
+    return decoder(*demultiplexed(data))
 
 
-def _demultiplexed(data: Bytes) -> tuple[Bytes, Bytes]:
+def demultiplexed(data: Bytes) -> tuple[Bytes, Bytes]:
     """Split a stream of chunks into arithmetic-coded bytes and bypass bits.
 
     A chunk has up to 256 bytes: the number of arithmetic-coded bytes, these bytes, and bytes of

@@ -19,7 +19,10 @@ Three = tuple[int, int, int]
 SEQUENCE_PARAMETER_SET = 0
 GEOMETRY_PARAMETER_SET = 1
 GEOMETRY_DATA_UNIT = 2
+ATTRIBUTE_PARAMETER_SET = 3
+ATTRIBUTE_DATA_UNIT = 4
 TILE_INVENTORY = 5
+CONSTANT_ATTRIBUTE_DATA_UNIT = 7
 _LAST_PAYLOAD_TYPE = 9
 
 OCTREE, PREDICTIVE = 0, 1
@@ -32,6 +35,27 @@ _POINT_COUNT_BYTES = 3
 _DEEPEST = 63
 _MAX_ORIGIN_BITS = 32
 _NOTHING: Three = (0, 0, 0)
+_COLOURS, _SCALING, _DEFAULT_VALUE = 2, 3, 4
+_UNSPECIFIED = 2
+
+
+@dataclass
+class AttributeDescription:
+    """An attribute of the sequence.
+
+    label: a label of the standard, or None if `oid` (bytes of ITU-T X.690) identifies it.
+    matrix_coefficients: conversion of colours (ISO/IEC 23091-2), or None.
+    scaling: attr_scale_minus1, attr_frac_bits, attr_offset, or None.
+    """
+
+    attr_components_minus1: int = 0
+    attr_instance_id: int = 0
+    attr_bitdepth_minus1: int = 7
+    attr_label: int | None = None
+    oid: bytes = b""
+    attr_default_value: tuple[int, ...] = ()
+    matrix_coefficients: int | None = None
+    scaling: Three | None = None
 
 
 @dataclass
@@ -56,6 +80,7 @@ class SequenceParameterSet:
     seq_global_scale_refinement_num_bits: int = 0
     seq_global_scale_refinement_factor: int = 0
     num_attributes: int = 0
+    attributes: list[AttributeDescription] = field(default_factory=list)
     geom_axis_order: int = 1
     bypass_stream_enabled_flag: int = 0
     entropy_continuation_enabled_flag: int = 0
@@ -172,7 +197,6 @@ class TileInventory:
 
 
 def sequence_parameter_set(io: SyntaxElements, sps: SequenceParameterSet) -> None:
-    """Read or write a sequence parameter set; one with attributes can only be read."""
     io.flag(sps, "main_profile_compatibility_flag")
     io.u(sps, "reserved_profile_compatibility_21bits", 21)
     io.flag(sps, "slice_reordering_constraint_flag")
@@ -195,29 +219,85 @@ def sequence_parameter_set(io: SyntaxElements, sps: SequenceParameterSet) -> Non
     io.ue(sps, "seq_global_scale_refinement_num_bits")
     io.u(sps, "seq_global_scale_refinement_factor", sps.seq_global_scale_refinement_num_bits)
     io.ue(sps, "num_attributes")
-    for _ in range(sps.num_attributes):
-        _pass_over_attribute(io)
+    if not io.writing:
+        sps.attributes = []
+    for index in range(sps.num_attributes):
+        if not io.writing:
+            sps.attributes.append(AttributeDescription())
+        _attribute_description(io, sps.attributes[index])
     io.u(sps, "geom_axis_order", 3)
     io.flag(sps, "bypass_stream_enabled_flag")
     io.flag(sps, "entropy_continuation_enabled_flag")
     io.flag(sps, "sps_extension_flag")
 
 
-def _pass_over_attribute(io: SyntaxElements) -> None:
-    if not isinstance(io, BitReader):
-        raise TypeError("attributes are only read")
-    for _ in ("attr_components_minus1", "attr_instance_id", "attr_bitdepth_minus1"):
-        io.exp_golomb(0)
-    if io.bits(1):
-        io.exp_golomb(0)
+def _attribute_description(io: SyntaxElements, attribute: AttributeDescription) -> None:
+    io.ue(attribute, "attr_components_minus1")
+    io.ue(attribute, "attr_instance_id")
+    io.ue(attribute, "attr_bitdepth_minus1")
+    if io.bits(1, attribute.attr_label is not None):
+        attribute.attr_label = io.exp_golomb(attribute.attr_label or 0)
     else:
-        io.bits(1)
-        io.skip(io.bits(7))
-    parameters = io.exp_golomb(0)
+        io.bits(1, 0)
+        attribute.oid = _octets(io, attribute.oid, 7)
+    parameters = _attribute_parameters(attribute) if io.writing else []
+    count = io.exp_golomb(len(parameters))
     io.align()
-    for _ in range(parameters):
-        io.bits(8)
-        io.skip(io.bits(8))
+    for index in range(count):
+        kind, content = parameters[index] if io.writing else (0, b"")
+        kind, content = io.bits(8, kind), _octets(io, content, 8)
+        if not io.writing:
+            _read_attribute_parameter(attribute, kind, BitReader(content))
+
+
+def _octets(io: SyntaxElements, octets: bytes, bits: int) -> bytes:
+    length = io.bits(bits, len(octets))
+    return bytes(io.bits(8, octet) for octet in octets or bytes(length))
+
+
+def _attribute_parameters(attribute: AttributeDescription) -> list[tuple[int, bytes]]:
+    parameters = []
+    if attribute.attr_default_value:
+        writer = BitWriter()
+        for value in attribute.attr_default_value:
+            writer.bits(attribute.attr_bitdepth_minus1 + 1, value)
+        parameters.append((_DEFAULT_VALUE, writer.bytes()))
+    if attribute.matrix_coefficients is not None:
+        writer = BitWriter()
+        for index in (_UNSPECIFIED, _UNSPECIFIED, attribute.matrix_coefficients):
+            writer.exp_golomb(index)
+        writer.bits(1, 1)  # full range
+        parameters.append((_COLOURS, writer.bytes()))
+    if attribute.scaling:
+        scale_minus1, frac_bits, offset = attribute.scaling
+        writer = BitWriter()
+        writer.exp_golomb(max(abs(offset).bit_length(), 1))
+        writer.bits(max(abs(offset).bit_length(), 1), abs(offset))
+        writer.bits(1, offset < 0)
+        writer.exp_golomb(max(scale_minus1.bit_length(), 1))
+        writer.bits(max(scale_minus1.bit_length(), 1), scale_minus1)
+        writer.exp_golomb(frac_bits)
+        parameters.append((_SCALING, writer.bytes()))
+    return parameters
+
+
+def _read_attribute_parameter(
+    attribute: AttributeDescription, kind: int, reader: BitReader
+) -> None:
+    if kind == _DEFAULT_VALUE:
+        bits = attribute.attr_bitdepth_minus1 + 1
+        components = attribute.attr_components_minus1 + 1
+        _refuse(bits * components > 8 * 255, "an attribute with so many components")
+        attribute.attr_default_value = tuple(reader.bits(bits) for _ in range(components))
+    elif kind == _COLOURS:
+        reader.exp_golomb(0)
+        reader.exp_golomb(0)
+        attribute.matrix_coefficients = reader.exp_golomb(0)
+    elif kind == _SCALING:
+        size = reader.bits(reader.exp_golomb(0))
+        offset = -size if reader.bits(1) else size
+        scale_minus1 = reader.bits(reader.exp_golomb(0))
+        attribute.scaling = (scale_minus1, reader.exp_golomb(0), offset)
 
 
 def geometry_parameter_set(io: SyntaxElements, gps: GeometryParameterSet) -> None:

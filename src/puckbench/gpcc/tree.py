@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from puckbench.core.compiling import inlined
 from puckbench.gpcc.compiled import compiled, integer
 
 Ints = NDArray[np.int64]
@@ -103,7 +104,7 @@ def build_tree(
     second_first = np.empty(0, dtype=np.uint8)
     if ordered:
         keys = _first_ones(keys) if merged else keys
-        second_first = _sorted_as_coded(keys, _digit_positions(levels))
+        second_first = _sorted_as_coded(keys, _digit_positions(levels), np.empty(0, np.int32))
     else:
         keys.sort()
     keys, counts = _unique(keys)
@@ -190,11 +191,22 @@ def _digit_positions(levels: list[int]) -> Ints:
     return np.cumsum([0, *widths])[::-1].astype(np.int64)
 
 
+def sorted_rows(points: Ints, corner: Ints, levels: list[int]) -> Indices:
+    """Return the indices that sort points (n, 3) along the octree, equal ones as in TMC13."""
+    keys = _keys(points, corner, _key_tables(_key_positions(levels)))
+    rows = np.argsort(keys, kind="stable").astype(np.int32)
+    ordered = keys[rows]
+    if (ordered[1:] == ordered[:-1]).any():
+        rows = np.arange(len(keys), dtype=np.int32)
+        _sorted_as_coded(keys, _digit_positions(levels), rows)
+    return rows
+
+
 @compiled
-def _sorted_as_coded(keys: Ints, positions: Ints) -> Bytes:
+def _sorted_as_coded(keys: Ints, positions: Ints, rows: Indices) -> Bytes:
     """Sort keys in place, level by level, with the swaps of TMC13's counting sort.
 
-    Returns `second_first` (see `Tree`) for each key.
+    Returns `second_first` (see `Tree`) for each key. The swaps are also applied to `rows`, if any.
     """
     # The swaps change the order of points within a child.
     behind = np.zeros(len(keys), dtype=np.uint8)
@@ -207,7 +219,7 @@ def _sorted_as_coded(keys: Ints, positions: Ints) -> Bytes:
         height -= 1
         first, last, level = stack[height, 0], stack[height, 1], stack[height, 2]
         if last - first == 2 and keys[first] > keys[first + 1]:
-            keys[first], keys[first + 1] = keys[first + 1], keys[first]
+            _swap(keys, rows, first, first + 1)
             behind[first] = 1
         if last - first <= 2 or level + 1 == len(positions):
             continue
@@ -227,7 +239,7 @@ def _sorted_as_coded(keys: Ints, positions: Ints) -> Bytes:
                 i = place[digit]
                 own = keys[i] >> shift & mask
                 other = place[own]
-                keys[i], keys[other] = keys[other], keys[i]
+                _swap(keys, rows, i, other)
                 place[own] += 1
             if end[digit] > start + 1:
                 stack[height, 0], stack[height, 1] = start, end[digit]
@@ -235,6 +247,13 @@ def _sorted_as_coded(keys: Ints, positions: Ints) -> Bytes:
                 height += 1
             start = end[digit]
     return behind
+
+
+@inlined
+def _swap(keys: Ints, rows: Indices, i: int, k: int) -> None:
+    keys[i], keys[k] = keys[k], keys[i]
+    if len(rows):
+        rows[i], rows[k] = rows[k], rows[i]
 
 
 @compiled

@@ -1,0 +1,1 @@
+"""Attributes of G-PCC (ISO/IEC 23090-9): predicting and lifting transforms, RAHT."""

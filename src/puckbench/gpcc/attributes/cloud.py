@@ -1,0 +1,116 @@
+"""Encoder and decoder of clouds with attributes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.core.errors import InputError
+from puckbench.geometry.morton import morton_codes
+from puckbench.gpcc.attributes.options import AttributeOptions
+from puckbench.gpcc.attributes.reader import Attribute, AttributeReader
+from puckbench.gpcc.attributes.recolouring import Source, recoloured
+from puckbench.gpcc.attributes.writer import AttributeEncoder, Values
+from puckbench.gpcc.coder import (
+    PROFILES,
+    CodedPoints,
+    DecodedGeometry,
+    encode_octree_geometry,
+    read_stream,
+)
+from puckbench.gpcc.options import GpccOptions
+from puckbench.gpcc.predictive_coder import PredictiveOptions, encode_trees_geometry
+from puckbench.gpcc.sensor import SensorDescription
+from puckbench.gpcc.syntax import Three
+
+
+@dataclass(frozen=True)
+class DecodedCloud(DecodedGeometry):
+    """Decoded points of a stream, and their attributes by name, (m,) or (m, 3)."""
+
+    attributes: dict[str, Attribute] = field(default_factory=dict)
+
+
+def decode_cloud(stream: bytes, convert_colours: bool = True) -> DecodedCloud:
+    """Decode points and attributes of a stream of one frame.
+
+    Parameters
+    ----------
+    convert_colours
+        Whether to convert colours to red, green, blue; otherwise return the coded components.
+
+    Raises
+    ------
+    InputError
+        If the stream is damaged or a tool is unsupported.
+    """
+    reader = AttributeReader()
+    geometry = read_stream(stream, reader)
+    return DecodedCloud(**vars(geometry), attributes=reader.attributes(convert_colours))
+
+
+def encode_cloud(
+    points: NDArray[Any],
+    attributes: Mapping[str, NDArray[Any]],
+    options: GpccOptions | PredictiveOptions = PROFILES["ctc"],
+    attribute_options: Mapping[str, AttributeOptions] | None = None,
+    scale: Fraction | float = 1,
+    origin: Sequence[int] | NDArray[np.int64] = (0, 0, 0),
+    sensor: SensorDescription | None = None,
+    source: NDArray[Any] | None = None,
+) -> bytes:
+    """Encode integer points (n, 3) with attributes as a stream that TMC13 decodes.
+
+    Parameters
+    ----------
+    attributes
+        Values of the points by name: `color` (n, 3), red, green and blue, and `reflectance` (n,).
+    options
+        Options of the octree, or of prediction trees.
+    attribute_options
+        Options of each attribute; by default those of `AttributeOptions`.
+    scale, origin, sensor
+        As for `coder.encode_geometry`.
+    source
+        Exact positions (n, 3) of the points, in the coordinates that a decoder returns, from which
+        merged points get their values. By default those of `points`.
+
+    Raises
+    ------
+    InputError
+        If the points or their attributes cannot be encoded.
+    """
+    given = attribute_options or {}
+    chosen = {name: given.get(name, AttributeOptions()) for name in attributes}
+    if unused := given.keys() - chosen.keys():
+        raise InputError(f"G-PCC: options of '{min(unused)}', which is not among the attributes")
+    whole = np.asarray(points)
+    exact = whole if source is None else np.asarray(source)
+    factor = 1.0 if source is None else float(np.float32(float(scale)))
+    offset = np.zeros(3) if source is None else np.asarray(origin)
+
+    def recolour(values: Values, coded: CodedPoints, corner: Three, bits: int) -> Values:
+        placed = coded.points.positions[:, coded.points.axes]
+        shift = offset + whole.min(axis=0) + np.array(corner)
+        members = _grouped(coded.members, whole)
+        given_points = Source(exact[members].astype(np.float64), factor, shift)
+        return recoloured(placed, values[members], given_points, (1 << bits) - 1)
+
+    encoder = AttributeEncoder(attributes, chosen, len(whole), recolour)
+    if isinstance(options, PredictiveOptions):
+        return encode_trees_geometry(whole, options, scale, origin, sensor, encoder)
+    return encode_octree_geometry(whole, options, scale, origin, sensor, encoder)
+
+
+def _grouped(members: NDArray[np.int64], points: NDArray[Any]) -> NDArray[np.int64]:
+    """Sort the indices of points so that equal points are adjacent, as TMC13 lists them."""
+    part = points[members].astype(np.int64)
+    codes = morton_codes(part - part.min(axis=0), np.arange(3))
+    _, first, unique = np.unique(codes, return_index=True, return_inverse=True)
+    grouped: NDArray[np.int64] = members[np.argsort(first[unique], kind="stable")]
+    return grouped

@@ -1,0 +1,414 @@
+"""Predicting transform: each point's values are predicted from its neighbours' coded values.
+
+In TMC13: `decodeReflectancesPred`, `decodeColorsPred`.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.core.compiling import inlined
+from puckbench.gpcc.attributes.neighbour_search import Ints, Predictors
+from puckbench.gpcc.attributes.quantisation import (
+    FRACTION_BITS,
+    Quantisers,
+    halved_up,
+    quantised,
+)
+from puckbench.gpcc.attributes.residuals import Coefficients
+from puckbench.gpcc.compiled import entry, integer
+from puckbench.gpcc.spherical import halved_away
+
+Values = NDArray[np.int32]
+
+_SCALE = 1 << 20
+_SCALE_LOG2 = 20
+_WINDOW_LOG2 = 6
+_LAMBDA = 0.14
+"""Weight of bits against the distortion of colours."""
+
+
+class PredictionTools(NamedTuple):
+    """Tools of the predicting transform.
+
+    ends: end of each level of detail in coding order.
+    most: largest value.
+    direct: number of neighbours whose value may be the prediction, and whether the average may not
+        (0 or 1).
+    threshold: least difference of neighbours' values at which the prediction is chosen.
+    inter_component: (levels, 2) factors of the first component's residual, in quarters; empty
+        if the other components do not use it.
+    """
+
+    ends: Ints
+    most: int
+    direct: int
+    average_disabled: int
+    threshold: int
+    inter_component: Ints
+
+
+class Place(NamedTuple):
+    """A point in coding order, and what applies to it."""
+
+    point: int
+    layer: int
+    region: int
+    level: int
+
+
+@entry
+def quantisation_weights(predictors: Predictors, shares: Ints, weights: Ints) -> None:
+    """Write weights (n,) of residuals: larger for points that predict many others.
+
+    shares: (3,) shares, in units of 2^-FRACTION_BITS, of a point's weight that its neighbours get.
+    """
+    for i in range(len(weights)):
+        weights[i] = 1 << FRACTION_BITS
+    for i in range(len(weights) - 1, -1, -1):
+        for k in range(predictors.counts[i]):
+            weights[predictors.neighbours[i, k]] += halved_away(
+                shares[k] * weights[i], FRACTION_BITS
+            )
+
+
+@entry
+def reconstruct(
+    values: Values,
+    coefficients: Coefficients,
+    predictors: Predictors,
+    tools: PredictionTools,
+    quantisers: Quantisers,
+    order: NDArray[np.int32],
+    weights: Ints,
+) -> None:
+    """Write values (n, components) in coding order.
+
+    order: see `levels.Levels`.
+    weights: see `quantisation_weights`.
+    """
+    layer, level = integer(0), integer(0)
+    components = values.shape[1]
+    modes = tools.direct + 1 - tools.average_disabled
+    for i in range(len(values)):
+        if i == tools.ends[layer]:
+            layer = min(len(quantisers.steps) - 1, layer + 1)
+        if i == tools.ends[level]:
+            level += 1
+        region = integer(quantisers.region[order[i]]) if len(quantisers.region) else 0
+        mode = integer(0)
+        if is_mode_coded(values, predictors, tools, i):
+            if components == 1:
+                mode = _take_mode(coefficients, i, modes)
+            else:
+                mode = _take_mode_of_signs(coefficients, i, modes)
+            mode += tools.average_disabled
+        first_residual = integer(0)
+        for k in range(components):
+            step = quantisers.steps[layer, region, min(k, 1)]
+            residual = scaled(integer(coefficients[i, k]), step, weights[i])
+            value = predicted(values, predictors, i, k, mode) + residual
+            if len(tools.inter_component):
+                if k == 0:
+                    first_residual = residual
+                else:
+                    value += (tools.inter_component[level, k - 1] * first_residual + 2) >> 2
+            values[i, k] = min(max(value, 0), tools.most)
+
+
+@inlined
+def is_mode_coded(values: Values, predictors: Predictors, tools: PredictionTools, i: int) -> bool:
+    """Return whether the neighbours' values differ so much that the prediction is chosen."""
+    count = integer(predictors.counts[i])
+    if count <= 1 or tools.direct == 0:
+        return False
+    for k in range(values.shape[1]):
+        low = integer(values[predictors.neighbours[i, 0], k])
+        high = low
+        for n in range(1, count):
+            value = integer(values[predictors.neighbours[i, n], k])
+            low, high = min(low, value), max(high, value)
+        if high - low >= tools.threshold:
+            return True
+    return False
+
+
+@inlined
+def predicted(values: Values, predictors: Predictors, i: int, k: int, mode: int) -> int:
+    """Return the prediction of a component: neighbour `mode` from 1, or 0 the weighted average."""
+    count = integer(predictors.counts[i])
+    if mode > count:
+        return 0
+    if mode > 0:
+        return integer(values[predictors.neighbours[i, mode - 1], k])
+    total = integer(0)
+    for n in range(count):
+        total += predictors.weights[i, n] * integer(values[predictors.neighbours[i, n], k])
+    return halved_up(total, FRACTION_BITS)
+
+
+@inlined
+def scaled(coefficient: int, step: int, weight: int) -> int:
+    """Return the residual of a quantised one."""
+    weight = max(min(weight, step) >> FRACTION_BITS, 1)
+    residual = halved_up(coefficient * step, FRACTION_BITS)
+    return residual // weight if residual >= 0 else -(-residual // weight)
+
+
+@inlined
+def _signed(magnitude: int, value: int) -> int:
+    return -magnitude if value < 0 else magnitude
+
+
+@inlined
+def _take_mode(coefficients: Coefficients, i: int, modes: int) -> int:
+    """Remove the mode from the low bits of a magnitude, and return it."""
+    value = integer(coefficients[i, 0])
+    magnitude = abs(value)
+    mode = integer(0)
+    if modes == 4:
+        mode, magnitude = magnitude & 3, magnitude >> 2
+    elif modes == 2 or modes == 3:  # noqa: PLR1714
+        mode, magnitude = magnitude & 1, magnitude >> 1
+        if modes == 3 and mode:
+            mode, magnitude = mode + (magnitude & 1), magnitude >> 1
+    coefficients[i, 0] = _signed(magnitude, value)
+    return mode
+
+
+@inlined
+def _take_mode_of_signs(coefficients: Coefficients, i: int, modes: int) -> int:
+    """Remove the mode from the lowest bits of the second and third magnitude, and return it."""
+    second, third = integer(coefficients[i, 1]), integer(coefficients[i, 2])
+    if modes < 2 or modes > 4:
+        return 0
+    mode = abs(second) & 1
+    coefficients[i, 1] = _signed(abs(second) >> 1, second)
+    if modes == 4 or (modes == 3 and mode):
+        coefficients[i, 2] = _signed(abs(third) >> 1, third)
+        mode = (2 * mode if modes == 4 else mode) + (abs(third) & 1)
+    return mode
+
+
+@entry
+def quantise(
+    values: Values,
+    coefficients: Coefficients,
+    predictors: Predictors,
+    tools: PredictionTools,
+    quantisers: Quantisers,
+    order: NDArray[np.int32],
+    weights: Ints,
+    greater: Ints,
+) -> None:
+    """Write coefficients of values (n, components) in coding order; inverse of `reconstruct`.
+
+    Decoded values replace `values`. `greater` (3, 2) is working memory: how probable residuals
+    above 0 and above 1 are, in units of 2^-20.
+    """
+    layer, level = integer(0), integer(0)
+    for k in range(3):
+        greater[k, 0] = greater[k, 1] = _SCALE >> 1
+    for i in range(len(values)):
+        if i == tools.ends[layer]:
+            layer = min(len(quantisers.steps) - 1, layer + 1)
+        if i == tools.ends[level]:
+            level += 1
+        region = integer(quantisers.region[order[i]]) if len(quantisers.region) else 0
+        mode, chosen = integer(0), is_mode_coded(values, predictors, tools, i)
+        if chosen and values.shape[1] == 1:
+            place = Place(i, layer, region, level)
+            mode = _best_mode(values, predictors, tools, quantisers, greater, place)
+        elif chosen:
+            place = Place(i, layer, region, level)
+            mode = _best_colour_mode(values, predictors, tools, quantisers, greater, place)
+        _quantise_point(
+            values,
+            coefficients,
+            predictors,
+            tools,
+            quantisers,
+            Place(i, layer, region, level),
+            mode,
+            weights[i],
+        )
+        if chosen:
+            _put_mode(coefficients, i, tools, mode - tools.average_disabled)
+        _count_residuals(coefficients, i, greater)
+
+
+@inlined
+def _quantise_point(
+    values: Values,
+    coefficients: Coefficients,
+    predictors: Predictors,
+    tools: PredictionTools,
+    quantisers: Quantisers,
+    place: Place,
+    mode: int,
+    point_weight: int,
+) -> None:
+    i, first_residual = place.point, integer(0)
+    for k in range(values.shape[1]):
+        step = quantisers.steps[place.layer, place.region, min(k, 1)]
+        reciprocal = quantisers.reciprocals[place.layer, place.region, min(k, 1)]
+        weight = max(min(point_weight, step) >> FRACTION_BITS, 1)
+        prediction = predicted(values, predictors, i, k, mode)
+        if k and len(tools.inter_component):
+            factor = tools.inter_component[place.level, k - 1]
+            prediction += (factor * first_residual + 2) >> 2
+        difference = (integer(values[i, k]) - prediction) * weight << FRACTION_BITS
+        coefficient = quantised(difference, reciprocal)
+        residual = scaled(coefficient, step, point_weight)
+        if k == 0:
+            first_residual = residual
+        coefficients[i, k] = coefficient
+        values[i, k] = min(max(prediction + residual, 0), tools.most)
+
+
+@inlined
+def _put_mode(coefficients: Coefficients, i: int, tools: PredictionTools, mode: int) -> None:
+    """Insert a mode into magnitudes; inverse of `_take_mode` and `_take_mode_of_signs`."""
+    modes = tools.direct + 1 - tools.average_disabled
+    if coefficients.shape[1] == 1:
+        value = integer(coefficients[i, 0])
+        coefficients[i, 0] = _signed(_with_mode(abs(value), modes, mode), value)
+        return
+    if modes < 2:
+        return
+    second, third = integer(coefficients[i, 1]), integer(coefficients[i, 2])
+    high = mode >> 1 if modes == 4 else min(mode, 1)
+    coefficients[i, 1] = _signed(2 * abs(second) + high, second)
+    if modes == 4:
+        coefficients[i, 2] = _signed(2 * abs(third) + (mode & 1), third)
+    elif modes == 3 and mode:
+        coefficients[i, 2] = _signed(2 * abs(third) + mode - 1, third)
+
+
+@inlined
+def _with_mode(magnitude: int, modes: int, mode: int) -> int:
+    if modes == 4:
+        return 4 * magnitude + mode
+    if modes == 3:
+        if mode:
+            magnitude = 2 * magnitude + mode - 1
+        return 2 * magnitude + min(mode, 1)
+    return 2 * magnitude + mode if modes == 2 else magnitude
+
+
+@inlined
+def _count_residuals(coefficients: Coefficients, i: int, greater: Ints) -> None:
+    for k in range(coefficients.shape[1]):
+        size = abs(integer(coefficients[i, k]))
+        for limit in range(1 + integer(size > 0)):
+            if size > limit:
+                greater[k, limit] += (_SCALE - greater[k, limit]) >> _WINDOW_LOG2
+            else:
+                greater[k, limit] -= greater[k, limit] >> _WINDOW_LOG2
+
+
+@inlined
+def _with_bits(bits: float, greater: Ints, k: int, size: int) -> float:
+    """Add the estimated bits of a magnitude, in the order in which TMC13 adds them."""
+    if size == 0:
+        return bits + (_SCALE_LOG2 - math.log2(_SCALE - greater[k, 0]))
+    bits += _SCALE_LOG2 - math.log2(greater[k, 0])
+    if size == 1:
+        return bits + (_SCALE_LOG2 - math.log2(_SCALE - greater[k, 1])) + 1
+    bits = bits + (_SCALE_LOG2 - math.log2(greater[k, 1])) + 1
+    return bits + (2.0 * math.log2(size - 1.0) + 1.0)
+
+
+@inlined
+def _best_mode(
+    values: Values,
+    predictors: Predictors,
+    tools: PredictionTools,
+    quantisers: Quantisers,
+    greater: Ints,
+    place: Place,
+) -> int:
+    reciprocal = quantisers.reciprocals[place.layer, place.region, 0]
+    modes = tools.direct + 1 - tools.average_disabled
+    best, least = integer(tools.average_disabled), integer(1 << 62)
+    last = min(integer(predictors.counts[place.point]), tools.direct)
+    for mode in range(tools.average_disabled, last + 1):
+        prediction = predicted(values, predictors, place.point, 0, mode)
+        difference = integer(values[place.point, 0]) - prediction
+        size = abs(quantised(difference << FRACTION_BITS, reciprocal))
+        size = _with_mode(size, modes, mode - tools.average_disabled)
+        score = integer(_with_bits(0.0, greater, 0, size))
+        if score < least:
+            best, least = mode, score
+    return best
+
+
+@inlined
+def _best_colour_mode(
+    values: Values,
+    predictors: Predictors,
+    tools: PredictionTools,
+    quantisers: Quantisers,
+    greater: Ints,
+    place: Place,
+) -> int:
+    modes = tools.direct + 1 - tools.average_disabled
+    best, least = integer(tools.average_disabled), math.inf
+    last = min(integer(predictors.counts[place.point]), tools.direct)
+    for mode in range(tools.average_disabled, last + 1):
+        coded = mode - tools.average_disabled
+        distortion, bits, first_residual = integer(0), 0.0, integer(0)
+        for k in range(3):
+            step = quantisers.steps[place.layer, place.region, min(k, 1)]
+            reciprocal = quantisers.reciprocals[place.layer, place.region, min(k, 1)]
+            value = integer(values[place.point, k])
+            prediction = predicted(values, predictors, place.point, k, mode)
+            coefficient = quantised((value - prediction) << FRACTION_BITS, reciprocal)
+            residual = halved_up(coefficient * step, FRACTION_BITS)
+            distortion += abs(value - min(max(prediction + residual, 0), tools.most))
+            if k == 0:
+                first_residual = residual
+            elif len(tools.inter_component):
+                factor = tools.inter_component[place.level, k - 1]
+                difference = value - prediction - ((factor * first_residual + 2) >> 2)
+                coefficient = quantised(difference << FRACTION_BITS, reciprocal)
+            size = abs(coefficient)
+            if k == 1 and modes > 1:
+                size = 2 * size + (coded >> 1 if modes == 4 else min(coded, 1))
+            elif k == 2 and modes == 4:
+                size = 2 * size + (coded & 1)
+            elif k == 2 and modes == 3 and coded:
+                size = 2 * size + coded - 1
+            bits = _with_bits(bits, greater, k, size)
+        step = quantisers.steps[place.layer, place.region, 0]
+        score = distortion + bits * _LAMBDA * (step >> FRACTION_BITS)
+        if score < least:
+            best, least = mode, score
+    return best
+
+
+@entry
+def choose_inter_component(
+    values: Values, predictors: Predictors, ends: Ints, factors: Ints
+) -> None:
+    """Write the factors (levels, 2) of `PredictionTools.inter_component` for values (n, 3)."""
+    start = integer(0)
+    for level in range(len(ends)):
+        for k in range(1, 3):
+            best, least, without = integer(0), integer(-1), integer(0)
+            for factor in range(1, 9):
+                total = integer(0)
+                without = 0
+                for i in range(start, ends[level]):
+                    first = integer(values[i, 0]) - predicted(values, predictors, i, 0, 1)
+                    own = integer(values[i, k]) - predicted(values, predictors, i, k, 1)
+                    total += abs(own - ((factor * first + 2) >> 2))
+                    without += abs(own)
+                if least < 0 or total < least:
+                    best, least = factor, total
+            factors[level, k - 1] = 0 if least > without else best
+        start = ends[level]

@@ -1,0 +1,567 @@
+"""Region-adaptive hierarchical transform (RAHT) of attributes, equal to TMC13's bit for bit.
+
+`forward` turns attributes into quantised coefficients and the reconstruction that a decoder gets,
+`inverse` turns coefficients into the reconstruction. Both take the points' Morton codes in
+ascending order; attributes and coefficients are rows (n, c) of c = 1 or 3 components, in the order
+in which `residuals.py` codes them. The reconstruction is not clipped to the bit depth.
+
+A node of a level has up to eight children on the level below. From the root to the points, each
+block of children is transformed to its mean, which the parent's reconstruction gives, and one
+coefficient fewer than it has children. The transform of a prediction, interpolated from the parent
+and its neighbours, is subtracted from the coefficients. Points with equal positions come last.
+Fixed-point numbers have 15 fractional bits, and products are rounded half away from zero.
+
+In TMC13: `RAHT.cpp`. Its sums of attributes have 32 bits; here they have 64, so that the streams of
+clouds whose attributes add up to more than 2^31 (33,000 points of 16 bits) differ.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.coding.integers import leading_zeros
+from puckbench.core.compiling import inlined
+from puckbench.geometry.morton import Ints
+from puckbench.gpcc.attributes.quantisation import (
+    FRACTION_BITS,
+    LEAST_QP,
+    Qps,
+    halved_up,
+    quantised,
+    step_sizes,
+)
+from puckbench.gpcc.attributes.syntax import AttributeParameterSet
+from puckbench.gpcc.compiled import compiled, entry, integer, kernel
+from puckbench.gpcc.fixed_point import inverse_square_root, square_root
+from puckbench.gpcc.tables import POPCOUNT
+
+Rows = NDArray[np.int32]
+Thresholds = tuple[int, int] | None
+"""raht_prediction_threshold0 and 1, or None without raht_prediction_enabled_flag."""
+
+_FRACTION = 15
+_HALF = 1 << _FRACTION - 1
+_REGION_FRACTION = 4
+_SMALL = 4096
+"""Roots of numbers below this one are tabulated."""
+_DIRECTIONS = 19
+"""Number of neighbours that share a face or an edge with a node, itself included."""
+
+
+class Coded(NamedTuple):
+    coefficients: Rows
+    reconstruction: Rows
+
+
+def prediction_thresholds(aps: AttributeParameterSet) -> Thresholds:
+    if not aps.raht_prediction_enabled_flag:
+        return None
+    return aps.raht_prediction_threshold0, aps.raht_prediction_threshold1
+
+
+def forward(codes: Ints, attributes: Rows, qps: Qps, thresholds: Thresholds) -> Coded:
+    """Transform and quantise attributes.
+
+    Parameters
+    ----------
+    codes : (n,) ascending Morton codes; equal ones in the order in which their points are decoded.
+    attributes : (n, c) with c = 1 or 3.
+    qps : quantisation parameters, with the points in the order of `codes`.
+    thresholds : numbers of neighbours, or None without prediction; see `prediction_thresholds`.
+    """
+    coefficients = np.zeros(attributes.shape, dtype=np.int32)
+    sums = np.zeros((len(codes) + 1, attributes.shape[1]), dtype=np.int64)
+    np.cumsum(attributes, axis=0, out=sums[1:])
+    reconstruction = _transform(codes, sums, coefficients, qps, thresholds)
+    return Coded(coefficients, reconstruction)
+
+
+def inverse(codes: Ints, coefficients: Rows, qps: Qps, thresholds: Thresholds) -> Rows:
+    """Reconstruct attributes (n, c) from quantised coefficients (n, c); see `forward`."""
+    sums = np.empty((0, coefficients.shape[1]), dtype=np.int64)
+    return _transform(codes, sums, coefficients, qps, thresholds)
+
+
+def _block_plan() -> tuple[NDArray[np.uint8], NDArray[np.uint8], NDArray[np.int8]]:
+    """Return the plan of a block of children for each occupancy.
+
+    pairs (256, 13, 2): ranks of the children that each butterfly combines, then 0 and 0.
+    order (256, 8): ranks of the children that hold the coefficients, in coding order.
+    owners (256, 8): rank of the child whose region determines a coefficient's quantisation, or -1.
+    """
+    pairs = np.zeros((256, 13, 2), dtype=np.uint8)
+    order = np.zeros((256, 8), dtype=np.uint8)
+    owners = np.full((256, 8), -1, dtype=np.int8)
+    for occupancy in range(256):
+        children = [octant for octant in range(8) if occupancy >> octant & 1]
+        ranks = {octant: rank for rank, octant in enumerate(children)}
+        butterflies = 0
+        for axis in (1, 2, 4):
+            for low in (octant for octant in range(8) if not octant & axis):
+                if {low, low | axis} <= ranks.keys():
+                    pairs[occupancy, butterflies] = ranks[low], ranks[low | axis]
+                    butterflies += 1
+                elif low | axis in ranks:
+                    ranks[low] = ranks.pop(low | axis)
+        for k, octant in enumerate(o for o in (0, 4, 2, 1, 6, 5, 3, 7) if o in ranks):
+            order[occupancy, k] = ranks[octant]
+            owners[occupancy, k] = children.index(octant) if octant in children else -1
+    return pairs, order, owners
+
+
+def _adjacency() -> tuple[NDArray[np.int64], NDArray[np.uint8], NDArray[np.uint8]]:
+    """Return the geometry of neighbours.
+
+    touching (8, 7): directions of the neighbours of a node that touch its child, the node's first.
+    upwards, octants (8, 19): the parent of a child's neighbour, as the direction from the child's
+        parent, and the neighbour's octant.
+    """
+    steps = sorted((s for s in np.ndindex(3, 3, 3) if 1 in s), key=lambda s: 3 - s.count(1))
+    touching = np.zeros((8, 7), dtype=np.int64)
+    upwards = np.zeros((8, _DIRECTIONS), dtype=np.uint8)
+    octants = np.zeros((8, _DIRECTIONS), dtype=np.uint8)
+    for octant, corner in enumerate(np.ndindex(2, 2, 2)):
+        near = [all(s in (1, 2 * c) for s, c in zip(step, corner, strict=True)) for step in steps]
+        touching[octant] = np.flatnonzero(near)
+        for k, step in enumerate(steps):
+            place = [c + s + 1 for c, s in zip(corner, step, strict=True)]
+            upwards[octant, k] = steps.index(tuple(p // 2 for p in place))
+            octants[octant, k] = np.ravel_multi_index([p % 2 for p in place], (2, 2, 2))
+    return touching, upwards, octants
+
+
+_PAIRS, _ORDER, _OWNERS = _block_plan()
+_TOUCHING, _UPWARDS, _OCTANTS = _adjacency()
+_MASKS = np.array([sum(1 << o for o in range(8) if k in _TOUCHING[o]) for k in range(_DIRECTIONS)])
+_WEIGHTS = np.array([4] + 6 * [2] + 12 * [1], dtype=np.int64)
+_DIVISORS = np.rint(2.0**_FRACTION / np.maximum(np.arange(14), 1)).astype(np.int64)
+
+
+class _Level(NamedTuple):
+    """Nodes of a level in ascending order of their codes.
+
+    starts: (m + 1,) first point of each node, and the number of points.
+    first, occupancy: (m,) first child on the level below, and bit mask of the children's octants.
+    neighbours: (m, 19) the node itself and its neighbours, or -1.
+    counts: (m,) number of neighbours of the parent that touch a child, the parent included.
+    means, scaled: (m, c) reconstructed mean; mean times the root of the number of points, in
+        quarters.
+    """
+
+    starts: NDArray[np.int32]
+    first: NDArray[np.int32]
+    occupancy: NDArray[np.uint8]
+    neighbours: NDArray[np.int32]
+    counts: NDArray[np.uint8]
+    means: Rows
+    scaled: Rows
+
+
+class _Setting(NamedTuple):
+    """What all levels share.
+
+    sums: (n + 1, c) sums of the attributes of all points before each, or (0, c) in a decoder.
+    offsets: (n, 2) region offsets of nodes by their first point, in units of 1/16, or (0, 2).
+    steps, reciprocals: of quantisation parameters, see `step_sizes`.
+    roots: (2, k) square roots and inverse square roots of small numbers.
+    buffer: (2c, 8) attributes of a block's children, then their prediction.
+    weights, factors: (8,), (12, 2) of a block's children and butterflies.
+    """
+
+    codes: Ints
+    sums: Ints
+    offsets: Ints
+    steps: Ints
+    reciprocals: Ints
+    roots: Ints
+    thresholds: tuple[int, int]
+    buffer: Ints
+    weights: Ints
+    factors: Ints
+
+
+def _transform(
+    codes: Ints, sums: Ints, coefficients: Rows, qps: Qps, thresholds: Thresholds
+) -> Rows:
+    count, components = coefficients.shape
+    reconstruction = np.empty((count, components), dtype=np.int32)
+    if not count:
+        return reconstruction
+    codes = np.ascontiguousarray(codes, dtype=np.int64)
+    layers = qps.layers
+    setting = _Setting(
+        codes,
+        sums,
+        _node_offsets(codes, qps.offsets[qps.region]),
+        *step_sizes(np.arange(qps.most + 1)),
+        _root_table(min(count, _SMALL) + 2),
+        thresholds or (0, 0),
+        np.empty((2 * components, 8), dtype=np.int64),
+        np.empty(8, dtype=np.int64),
+        np.empty((12, 2), dtype=np.int64),
+    )
+    if count == 1:
+        _transform_point(setting, coefficients, layers[0], reconstruction)
+        return reconstruction
+    joints = _joints(codes)
+    depth = int(joints.max())
+    node = parent = _level(joints, depth, components)
+    node.neighbours[:] = np.where(np.arange(_DIRECTIONS) == 0, 0, -1)
+    place = 0
+    for number, height in enumerate(range(depth - 1, -1, -1), 1):
+        node, parent, grandparent = _level(joints, height, components), node, parent
+        layer = layers[min(number, len(layers) - 1)]
+        predicted = number > 1 and thresholds is not None
+        place = _transform_level(
+            *(setting, node, parent, grandparent),
+            *(coefficients, place, layer, height, number == 1, predicted),
+        )
+    if len(node.starts) > count:
+        return node.means
+    layer = layers[min(depth, len(layers) - 1)]
+    _transform_duplicates(setting, node, coefficients, place, layer, reconstruction)
+    return reconstruction
+
+
+def _level(joints: NDArray[np.uint8], height: int, components: int) -> _Level:
+    ends = np.flatnonzero(joints > height) + 1
+    starts = np.concatenate([[0], ends, [len(joints) + 1]]).astype(np.int32)
+    count = len(starts) - 1
+    inner = count if height else 0
+    return _Level(
+        starts,
+        np.empty(inner, dtype=np.int32),
+        np.empty(inner, dtype=np.uint8),
+        np.empty((inner, _DIRECTIONS), dtype=np.int32),
+        np.full(count, _DIRECTIONS, dtype=np.uint8),
+        np.zeros((count, components), dtype=np.int32),
+        np.zeros((count, components), dtype=np.int32),
+    )
+
+
+@compiled
+def _joints(codes: Ints) -> NDArray[np.uint8]:
+    """Return the height of the lowest node that holds each point and the next."""
+    joints = np.empty(len(codes) - 1, dtype=np.uint8)
+    for i in range(len(joints)):
+        joints[i] = (66 - leading_zeros(codes[i] ^ codes[i + 1])) // 3
+    return joints
+
+
+@compiled
+def _node_offsets(codes: Ints, offsets: Ints) -> Ints:
+    """Return the mean offset of each node at its first point, as TMC13 rounds it.
+
+    Nodes are halved along an axis at a time. A node's offset takes the place of that of its lower
+    half, so that a node with the same first point as its parent has the parent's.
+    """
+    means = offsets << _REGION_FRACTION
+    firsts, joints = np.empty(65, dtype=np.int64), np.empty(65, dtype=np.int64)
+    depth = 0
+    for i in range(len(offsets) + 1):
+        joint = 64
+        if 0 < i < len(offsets):
+            joint -= leading_zeros(codes[i] ^ codes[i - 1])
+        if not joint:
+            continue
+        while depth > 1 and joints[depth - 1] < joint:
+            depth -= 1
+            left, right = firsts[depth - 1], firsts[depth]
+            for k in range(2):
+                means[left, k] = (means[left, k] + means[right, k]) >> 1
+        if i < len(offsets):
+            firsts[depth], joints[depth] = i, joint
+            depth += 1
+    return means
+
+
+@compiled
+def _root_table(count: int) -> Ints:
+    roots = np.zeros((2, count), dtype=np.int64)
+    for i in range(1, count):
+        roots[0, i] = square_root(i << 2 * _FRACTION)
+        roots[1, i] = inverse_square_root(i)
+    return roots
+
+
+@inlined
+def _root(setting: _Setting, number: int) -> int:
+    if number < setting.roots.shape[1]:
+        return integer(setting.roots[0, number])
+    return square_root(number << 2 * _FRACTION)
+
+
+@inlined
+def _inverse_root(setting: _Setting, number: int) -> int:
+    if number < setting.roots.shape[1]:
+        return integer(setting.roots[1, number])
+    return inverse_square_root(number)
+
+
+@inlined
+def _rounded(number: int) -> int:
+    return (number + _HALF + (number >> 63)) >> _FRACTION
+
+
+@inlined
+def _over_root(setting: _Setting, number: int, weight: int) -> int:
+    """Divide a number by the square root of a weight."""
+    shift = (63 - leading_zeros(weight - 1)) >> 1 if weight > 1024 else 0
+    factor = _inverse_root(setting, weight) >> (40 - _FRACTION - shift)
+    return _rounded((number >> shift) * factor)
+
+
+@inlined
+def _butterfly_factors(setting: _Setting, left: int, right: int) -> tuple[int, int]:
+    inverse_root = _inverse_root(setting, left + right)
+    a, b = _root(setting, left), _root(setting, right)
+    return a * inverse_root >> 40, b * inverse_root >> 40
+
+
+@inlined
+def _low_and_high(left: int, right: int, a: int, b: int) -> tuple[int, int]:
+    return _rounded(right * b) + _rounded(left * a), _rounded(right * a) - _rounded(left * b)
+
+
+@inlined
+def _left_and_right(low: int, high: int, a: int, b: int) -> tuple[int, int]:
+    return _rounded(low * a) - _rounded(high * b), _rounded(low * b) + _rounded(high * a)
+
+
+@inlined
+def _qps(setting: _Setting, layer: Ints, point: int) -> tuple[int, int]:
+    """Return the parameters of the first component and of the others in a point's region."""
+    first, others = layer[0], layer[1]
+    if point >= 0 and len(setting.offsets):
+        first += setting.offsets[point, 0] >> _REGION_FRACTION
+        others += setting.offsets[point, 1] >> _REGION_FRACTION
+    most = len(setting.steps) - 1
+    first = min(max(first, LEAST_QP), most)
+    return first, min(max(first + others, LEAST_QP), most)
+
+
+@inlined
+def _scaled(setting: _Setting, coefficient: int, qp: int) -> int:
+    return halved_up(coefficient * setting.steps[qp], FRACTION_BITS)
+
+
+@entry
+def _transform_point(
+    setting: _Setting, coefficients: Rows, layer: Ints, reconstruction: Rows
+) -> None:
+    qp, others = _qps(setting, layer, 0)
+    for k in range(coefficients.shape[1]):
+        if len(setting.sums):
+            coefficients[0, k] = quantised(
+                setting.sums[1, k] << FRACTION_BITS, setting.reciprocals[qp]
+            )
+        reconstruction[0, k] = _scaled(setting, integer(coefficients[0, k]), qp)
+        qp = others
+
+
+@entry
+def _transform_level(
+    setting: _Setting,
+    nodes: _Level,
+    parents: _Level,
+    grandparents: _Level,
+    coefficients: Rows,
+    place: int,
+    layer: Ints,
+    height: int,
+    root: bool,
+    predicted: bool,
+) -> int:
+    """Transform all blocks of nodes with the same parent; return the next coefficient's index."""
+    node = grandparent = 0
+    for parent in range(len(parents.counts)):
+        first, occupancy = node, 0
+        while nodes.starts[node] < parents.starts[parent + 1]:
+            occupancy |= 1 << ((setting.codes[nodes.starts[node]] >> 3 * height) & 7)
+            node += 1
+        parents.first[parent], parents.occupancy[parent] = first, occupancy
+        reliable = False
+        if predicted:
+            count = 0
+            if parents.counts[parent] >= setting.thresholds[0]:
+                while grandparents.starts[grandparent + 1] <= parents.starts[parent]:
+                    grandparent += 1
+                octant = (setting.codes[parents.starts[parent]] >> 3 * (height + 1)) & 7
+                count = _find_neighbours(parents, parent, grandparents, grandparent, octant)
+                reliable = count >= setting.thresholds[1]
+            nodes.counts[first:node] = count
+        if node == first + 1 and not root:
+            for k in range(coefficients.shape[1]):
+                _reconstruct(setting, nodes, first, k, integer(parents.scaled[parent, k]) << 13)
+        else:
+            place = _transform_block(
+                *(setting, nodes, first, parents, parent),
+                *(coefficients, place, layer, root, reliable),
+            )
+    return place
+
+
+@kernel
+def _find_neighbours(
+    parents: _Level, parent: int, grandparents: _Level, grandparent: int, octant: int
+) -> int:
+    """Search the neighbours that touch a child; return their number, the node itself included."""
+    occupancy = integer(parents.occupancy[parent])
+    parents.neighbours[parent, 0] = parent
+    count = 1
+    for k in range(1, _DIRECTIONS):
+        neighbour = -1
+        if occupancy & _MASKS[k]:
+            other = grandparents.neighbours[grandparent, _UPWARDS[octant, k]]
+            there = integer(_OCTANTS[octant, k])
+            if other >= 0 and integer(grandparents.occupancy[other]) >> there & 1:
+                before = integer(grandparents.occupancy[other]) & ((1 << there) - 1)
+                neighbour = grandparents.first[other] + POPCOUNT[before]
+                count += 1
+        parents.neighbours[parent, k] = neighbour
+    return count
+
+
+@kernel
+def _prediction(parents: _Level, parent: int, octant: int, k: int) -> int:
+    """Interpolate component k of a child from its parent and neighbours of similar values."""
+    total = weight = 0
+    low = high = 0
+    for direction in _TOUCHING[octant]:
+        other = parents.neighbours[parent, direction]
+        if other < 0:
+            continue
+        size = 10 * integer(parents.means[other, 0])
+        if not direction:
+            low, high = size // 5, 5 * (size // 2)
+        elif not low < size < high:
+            continue
+        weight += _WEIGHTS[direction]
+        total += _WEIGHTS[direction] * integer(parents.means[other, k])
+    return _rounded((total << _FRACTION) * _DIVISORS[weight])
+
+
+@kernel
+def _transform_block(
+    setting: _Setting,
+    nodes: _Level,
+    first: int,
+    parents: _Level,
+    parent: int,
+    coefficients: Rows,
+    place: int,
+    layer: Ints,
+    root: bool,
+    reliable: bool,
+) -> int:
+    components = coefficients.shape[1]
+    occupancy = integer(parents.occupancy[parent])
+    children = POPCOUNT[occupancy]
+    encoding = len(setting.sums) > 0
+    buffer, weights, factors = setting.buffer, setting.weights, setting.factors
+    rank = 0
+    for octant in range(8):
+        if not occupancy >> octant & 1:
+            continue
+        start, end = nodes.starts[first + rank], nodes.starts[first + rank + 1]
+        weight = integer(end - start)
+        weights[rank] = weight
+        for k in range(components):
+            if encoding:
+                total = (setting.sums[end, k] - setting.sums[start, k]) << _FRACTION
+                buffer[k, rank] = _over_root(setting, total, weight) if weight > 1 else total
+            guess = 0
+            if reliable:
+                guess = _prediction(parents, parent, octant, k)
+                if weight > 1:
+                    guess = _rounded(guess * _root(setting, weight))
+            buffer[components + k, rank] = guess
+        rank += 1
+    lowest = 0 if encoding else components
+    highest = 2 * components if reliable else components
+    butterflies = 0
+    while _PAIRS[occupancy, butterflies, 1]:
+        left, right = _PAIRS[occupancy, butterflies]
+        a, b = _butterfly_factors(setting, weights[left], weights[right])
+        factors[butterflies] = a, b
+        weights[left] += weights[right]
+        weights[right] = weights[left]
+        for k in range(lowest, highest):
+            buffer[k, left], buffer[k, right] = _low_and_high(
+                buffer[k, left], buffer[k, right], a, b
+            )
+        butterflies += 1
+    for i in range(0 if root else 1, children):
+        holder, owner = _ORDER[occupancy, i], integer(_OWNERS[occupancy, i])
+        point = integer(nodes.starts[first + owner]) if owner >= 0 else -1
+        qp, others = _qps(setting, layer, point)
+        for k in range(components):
+            if encoding:
+                residual = _rounded(buffer[k, holder] - buffer[components + k, holder])
+                coefficients[place, k] = quantised(
+                    residual << FRACTION_BITS, setting.reciprocals[qp]
+                )
+            residual = _scaled(setting, integer(coefficients[place, k]), qp)
+            buffer[components + k, holder] += residual << _FRACTION
+            qp = others
+        place += 1
+    for k in range(components):
+        if not root:
+            buffer[components + k, 0] = integer(parents.scaled[parent, k]) << _FRACTION - 2
+        for i in range(butterflies - 1, -1, -1):
+            left, right = _PAIRS[occupancy, i]
+            buffer[components + k, left], buffer[components + k, right] = _left_and_right(
+                *(buffer[components + k, left], buffer[components + k, right]),
+                *(factors[i, 0], factors[i, 1]),
+            )
+        for i in range(children):
+            _reconstruct(setting, nodes, first + i, k, buffer[components + k, i])
+    return place
+
+
+@inlined
+def _reconstruct(setting: _Setting, nodes: _Level, node: int, k: int, value: int) -> None:
+    weight = integer(nodes.starts[node + 1] - nodes.starts[node])
+    nodes.scaled[node, k] = _rounded(value << 2)
+    nodes.means[node, k] = _rounded(_over_root(setting, value, weight) if weight > 1 else value)
+
+
+@entry
+def _transform_duplicates(
+    setting: _Setting,
+    nodes: _Level,
+    coefficients: Rows,
+    place: int,
+    layer: Ints,
+    reconstruction: Rows,
+) -> None:
+    """Transform the points of each position, of which the last is split off first."""
+    for node in range(len(nodes.counts)):
+        start = integer(nodes.starts[node])
+        weight = nodes.starts[node + 1] - start
+        qp, others = _qps(setting, layer, start)
+        for k in range(coefficients.shape[1]):
+            value = integer(nodes.means[node, k])
+            if weight > 1:
+                low = _rounded((value << _FRACTION) * _root(setting, weight))
+                for before in range(weight - 1, 0, -1):
+                    a, b = _butterfly_factors(setting, before, 1)
+                    row = place + weight - 1 - before
+                    if len(setting.sums):
+                        last = setting.sums[start + before + 1, k] - setting.sums[start + before, k]
+                        total = setting.sums[start + before, k] - setting.sums[start, k]
+                        left = _over_root(setting, total << _FRACTION, before)
+                        high = _low_and_high(left, last << _FRACTION, a, b)[1]
+                        coefficients[row, k] = quantised(
+                            _rounded(high) << FRACTION_BITS, setting.reciprocals[qp]
+                        )
+                    residual = _scaled(setting, integer(coefficients[row, k]), qp)
+                    low, high = _left_and_right(low, residual << _FRACTION, a, b)
+                    reconstruction[start + before, k] = _rounded(high)
+                value = _rounded(low)
+            reconstruction[start, k] = value
+            qp = others
+        place += weight - 1

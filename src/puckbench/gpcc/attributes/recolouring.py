@@ -1,0 +1,160 @@
+"""Values of points whose positions were changed or merged, from those of the source's points.
+
+In TMC13: `recolourColour`, `recolourReflectance`, with their default parameters.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.core.compiling import inlined
+from puckbench.gpcc.attributes.nearest_tree import (
+    NearestTree,
+    Stack,
+    nearest_tree,
+    search,
+    search_stack,
+)
+from puckbench.gpcc.compiled import entry, integer
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Values = NDArray[np.int32]
+
+_NEIGHBOURS = 8
+_SAME = 0.0001
+_DISTANCE_OFFSET = 4.0
+
+
+class Source(NamedTuple):
+    """Points (n, 3) whose positions in the coded cloud are points * scale - offset."""
+
+    points: Floats
+    scale: float
+    offset: Floats
+
+
+def recoloured(positions: NDArray[np.int32], values: Values, source: Source, most: int) -> Values:
+    """Return values (m, components) of `positions` (m, 3).
+
+    A value minimises the larger of two errors: from the average of the nearest source points, and
+    from all source points to which the position is nearest.
+
+    values: (n, components) of the source's points.
+    most: largest value.
+    """
+    target = positions.astype(np.float64)
+    averages = np.empty((len(target), values.shape[1]), dtype=np.int32)
+    in_source = (target + source.offset) * (1.0 / source.scale)
+    tree, stack = nearest_tree(source.points), search_stack()
+    # Where there are fewer points, TMC13 averages what earlier searches left in these arrays.
+    rows, squares = np.zeros(_NEIGHBOURS, dtype=np.int64), np.zeros(_NEIGHBOURS)
+    _average_nearest(tree, in_source, values, most, stack, rows, squares, averages)
+    owner, squares = np.empty(len(values), dtype=np.int64), np.empty(len(values))
+    in_target = source.points * source.scale - source.offset
+    nearest = np.empty(1, dtype=np.int64), np.empty(1)
+    _find_owners(nearest_tree(target), in_target, stack, *nearest, owner, squares)
+    order = np.lexsort((squares, owner))
+    starts = np.searchsorted(owner[order], np.arange(len(target) + 1))
+    result = averages.copy()
+    _refine(values[order], squares[order], starts, most, averages, result)
+    return result
+
+
+@entry
+def _average_nearest(
+    tree: NearestTree,
+    places: Floats,
+    values: Values,
+    most: int,
+    stack: Stack,
+    rows: Ints,
+    squares: Floats,
+    averages: Values,
+) -> None:
+    for i in range(len(places)):
+        search(tree, places[i, 0], places[i, 1], places[i, 2], stack, rows, squares)
+        for c in range(values.shape[1]):
+            if squares[0] < _SAME:
+                averages[i, c] = values[rows[0], c]
+                continue
+            total, weights = 0.0, 0.0
+            for k in range(_NEIGHBOURS):
+                weight = 1 / (squares[k] + _DISTANCE_OFFSET)
+                total += values[rows[k], c] * weight
+                weights += weight
+            averages[i, c] = _rounded(total / weights, most)
+
+
+@inlined
+def _rounded(value: float, most: int) -> int:
+    """Round halves away from zero, and clip to [0, most]."""
+    whole = math.floor(value)
+    return integer(min(max(whole + (1 if value - whole >= 0.5 else 0), 0), most))
+
+
+@entry
+def _find_owners(
+    tree: NearestTree,
+    places: Floats,
+    stack: Stack,
+    nearest: Ints,
+    square: Floats,
+    owner: Ints,
+    squares: Floats,
+) -> None:
+    for i in range(len(places)):
+        search(tree, places[i, 0], places[i, 1], places[i, 2], stack, nearest, square)
+        owner[i], squares[i] = nearest[0], square[0]
+
+
+@entry
+def _refine(
+    values: Values, squares: Floats, starts: Ints, most: int, averages: Values, result: Values
+) -> None:
+    components = values.shape[1]
+    source_share, target_share = 1.0 / len(values), 1.0 / len(averages)
+    choices = 27 if components == 3 else 3
+    for i in range(len(averages)):
+        first, last = starts[i], starts[i + 1]
+        if first == last:
+            continue
+        least = math.inf
+        a = _centre(values, squares, first, last, 0, most)
+        b = _centre(values, squares, first, last, 1, most) if components == 3 else 0
+        c = _centre(values, squares, first, last, 2, most) if components == 3 else 0
+        for choice in range(choices):
+            if components == 3:
+                tried = (
+                    min(max(a + choice // 9 - 1, 0), most),
+                    min(max(b + choice // 3 % 3 - 1, 0), most),
+                    min(max(c + choice % 3 - 1, 0), most),
+                )
+            else:
+                tried = (min(max(a + choice - 1, 0), most), integer(0), integer(0))
+            own, others = integer(0), integer(0)
+            for k in range(components):
+                own += (tried[k] - averages[i, k]) ** 2
+                for n in range(first, last):
+                    others += (tried[k] - values[n, k]) ** 2
+            error = max(own * target_share, others * source_share)
+            if error < least:
+                least = error
+                for k in range(components):
+                    result[i, k] = tried[k]
+
+
+@inlined
+def _centre(values: Values, squares: Floats, first: int, last: int, k: int, most: int) -> int:
+    if last - first == 1:
+        return integer(values[first, k])
+    total, weights = 0.0, 0.0
+    for n in range(first, last):
+        weight = 1 / (math.sqrt(squares[n]) + _DISTANCE_OFFSET)
+        total += values[n, k] * weight
+        weights += weight
+    return _rounded(total / weights, most)

@@ -1,0 +1,174 @@
+"""Arithmetic coding of quantised coefficients: runs of zeros, magnitudes, signs.
+
+In TMC13: `PCCResidualsEncoder`, `PCCResidualsDecoder`.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.core.compiling import inlined
+from puckbench.core.errors import InputError
+from puckbench.gpcc.arithmetic import (
+    HALF,
+    Bytes,
+    code_bit,
+    code_bypass,
+    code_exp_golomb,
+    consumed,
+    decoder,
+    encoder,
+    enlarged,
+    exhausted,
+    finish,
+)
+from puckbench.gpcc.compiled import entry, integer, kernel
+
+Coefficients = NDArray[np.int32]
+Probabilities = NDArray[np.uint16]
+
+# Indices into probabilities; a comment states the number of contexts.
+_RUN = integer(0)  # 5
+_GREATER_THAN_0 = integer(5)  # 7
+_GREATER_THAN_1 = integer(12)  # 7
+_PREFIX = integer(19)  # 2 x 3
+_SUFFIX = integer(25)  # 2 x 3
+_COUNT = 31
+
+_LONGEST_PREFIX = 30
+_COEFFICIENT_BYTES = 48
+"""Maximum number of bytes of a point's coefficients."""
+_CHUNK = 1 << 16
+
+
+def initial_probabilities() -> Probabilities:
+    return np.full(_COUNT, HALF, dtype=np.uint16)
+
+
+def decode_coefficients(
+    data: Bytes, bypass: Bytes | None, contexts: Probabilities, count: int, components: int
+) -> Coefficients:
+    """Decode coefficients (count, components), and update `contexts`.
+
+    bypass: see `arithmetic.Decoder`.
+    """
+    coder = decoder(data) if bypass is None else decoder(data, bypass)
+    values = np.zeros((count, components), dtype=np.int32)
+    done = _code_coefficients(coder, contexts, values, 0, count, False)
+    if done < 0 or consumed(coder) > coder.state[4]:
+        raise InputError("G-PCC stream: the values of an attribute are damaged or truncated")
+    return values
+
+
+def encode_coefficients(values: Coefficients, contexts: Probabilities) -> bytes:
+    """Encode coefficients (n, components), and update `contexts`."""
+    coder, done = encoder(64), 0
+    while done < len(values):
+        coder = enlarged(coder, _COEFFICIENT_BYTES * _CHUNK)
+        end = min(done + _CHUNK, len(values))
+        done = _code_coefficients(coder, contexts, values, done, end, True)
+    return finish(coder)
+
+
+@entry
+def _code_coefficients(
+    coder: Any, contexts: Probabilities, values: Coefficients, i: int, end: int, encoding: bool
+) -> int:
+    """Encode or decode the coefficients of points from `i` to `end`, or more if they are zero.
+
+    Returns the next point, or -1 if the stream is too short.
+    """
+    count, components = values.shape
+    while i < end:
+        run = integer(0)
+        if encoding:
+            while i + run < count and _is_zero(values, i + run):
+                run += 1
+        i += _code_run(coder, contexts, run)
+        if i < count:
+            if components == 1:
+                _code_single(coder, contexts, values, i)
+            else:
+                _code_triple(coder, contexts, values, i)
+        i += 1
+        if exhausted(coder):
+            return -1
+    return i
+
+
+@inlined
+def _is_zero(values: Coefficients, i: int) -> bool:
+    zero = True
+    for k in range(values.shape[1]):
+        zero = zero and values[i, k] == 0
+    return zero
+
+
+@inlined
+def _code_run(coder: Any, contexts: Probabilities, run: int) -> int:
+    for short in range(3):
+        if not code_bit(coder, contexts, _RUN + short, integer(run > short)):
+            return short
+    for pairs in range(4):
+        value = 3 + 2 * pairs
+        if not code_bit(coder, contexts, _RUN + 3, integer(run >= value + 2)):
+            return value + code_bypass(coder, (run - value) & 1)
+    return 11 + code_exp_golomb(coder, contexts, _RUN + 4, run - 11, 2)
+
+
+@kernel
+def _code_magnitude(
+    coder: Any, contexts: Probabilities, value: int, first: int, second: int, rest: int
+) -> int:
+    if not code_bit(coder, contexts, _GREATER_THAN_0 + first, integer(value > 0)):
+        return 0
+    if not code_bit(coder, contexts, _GREATER_THAN_1 + second, integer(value > 1)):
+        return 1
+    value -= 2
+    prefix, suffix = _PREFIX + 3 * rest, _SUFFIX + 3 * rest
+    order, base = 1, integer(0)
+    while order < _LONGEST_PREFIX and code_bit(
+        coder, contexts, prefix + min(2, order - 1), integer(value - base >= 1 << order)
+    ):
+        base += 1 << order
+        order += 1
+    for k in range(order - 1, -1, -1):
+        base += code_bit(coder, contexts, suffix + min(2, k), ((value - base) >> k) & 1) << k
+    return base + 2
+
+
+@inlined
+def _code_sign(coder: Any, magnitude: int, value: int) -> int:
+    if magnitude and code_bypass(coder, integer(value < 0)):
+        return -magnitude
+    return magnitude
+
+
+@inlined
+def _code_single(coder: Any, contexts: Probabilities, values: Coefficients, i: int) -> None:
+    value = integer(values[i, 0])
+    magnitude = 1 + _code_magnitude(coder, contexts, abs(value) - 1, 0, 0, 0)
+    values[i, 0] = _code_sign(coder, magnitude, value)
+
+
+@inlined
+def _code_triple(coder: Any, contexts: Probabilities, values: Coefficients, i: int) -> None:
+    first, second, third = integer(values[i, 0]), integer(values[i, 1]), integer(values[i, 2])
+    b = _code_magnitude(coder, contexts, abs(second), 0, 0, 1)
+    zero, one = integer(b == 0), integer(b <= 1)
+    c = _code_magnitude(coder, contexts, abs(third), 1 + zero, 1 + one, 1)
+    is_first = integer(b == 0 and c == 0)  # then the first component is not zero
+    a = is_first + _code_magnitude(
+        coder,
+        contexts,
+        abs(first) - is_first,
+        3 + 2 * zero + integer(c == 0),
+        3 + 2 * one + integer(c <= 1),
+        0,
+    )
+    values[i, 0] = _code_sign(coder, a, first)
+    values[i, 1] = _code_sign(coder, b, second)
+    values[i, 2] = _code_sign(coder, c, third)

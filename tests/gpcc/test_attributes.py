@@ -1,0 +1,167 @@
+"""Attributes: streams of the reference software, round trips, damage."""
+
+import hashlib
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from puckbench.core.errors import InputError
+from puckbench.core.files import read_json
+from puckbench.gpcc import syntax
+from puckbench.gpcc.attributes.cloud import decode_cloud, encode_cloud
+from puckbench.gpcc.attributes.colours import BT709, YCGCO, coded_colours, decoded_colours
+from puckbench.gpcc.attributes.neighbour_search import boxes
+from puckbench.gpcc.attributes.options import AttributeOptions
+from puckbench.gpcc.coder import decode_geometry
+from puckbench.gpcc.options import GpccOptions
+from tests.gpcc.attribute_vectors import (
+    FOLDER,
+    OURS,
+    SENSOR,
+    VECTORS,
+    colours,
+    points,
+    reflectances,
+)
+
+MANIFEST: dict[str, dict[str, Any]] = read_json(FOLDER / "manifest.json")
+POINTS = points()
+
+
+def _stream(name: str) -> bytes:
+    return (FOLDER / f"{name}.bin").read_bytes()
+
+
+@pytest.mark.parametrize("name", VECTORS)
+def test_a_stream_decodes_to_what_tmc13_decodes_in_its_order(name: str) -> None:
+    decoded = decode_cloud(_stream(name))
+    columns = [decoded.positions()]
+    for attribute in ("color", "reflectance"):
+        if attribute in decoded.attributes:
+            values = decoded.attributes[attribute]
+            columns.append(values.reshape(len(values), -1).astype(float))
+    rows = np.concatenate(columns, axis=1)
+    assert (
+        hashlib.sha256(rows.astype("<f8").tobytes()).hexdigest() == MANIFEST[name]["sha256_float64"]
+    )
+
+
+@pytest.mark.parametrize("name", VECTORS)
+def test_our_stream_is_that_of_tmc13_byte_for_byte(name: str) -> None:
+    options, attributes = OURS[name]
+    values = {"color": colours(POINTS), "reflectance": reflectances(POINTS)}
+    low = POINTS.min(axis=0)
+    ours = encode_cloud(
+        POINTS - low,
+        {attribute: values[attribute] for attribute in attributes},
+        options,
+        attributes,
+        origin=low,
+        sensor=SENSOR if VECTORS[name][0] == "angular" else None,
+    )
+    assert list(syntax.payloads(ours)) == list(syntax.payloads(_stream(name)))
+
+
+def test_geometry_alone_does_not_need_the_attributes() -> None:
+    stream = _stream("both")
+    units = [(k, p) for k, p in syntax.payloads(stream) if k != syntax.ATTRIBUTE_DATA_UNIT]
+    bare = b"".join(syntax.encapsulate(kind, payload) for kind, payload in units)
+    assert (decode_geometry(stream).points == decode_cloud(stream).points).all()
+    assert (decode_cloud(bare).attributes["color"] == 255).any(axis=1).all()  # the middle of YCgCo
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.data())
+def test_lossless_attributes_come_back(data: st.DataObject) -> None:
+    random = np.random.default_rng(data.draw(st.integers(0, 1 << 30)))
+    count = data.draw(st.integers(1, 60))
+    bits = data.draw(st.integers(1, 16))
+    cloud = random.integers(0, data.draw(st.sampled_from([2, 9, 3000])), (count, 3))
+    values = random.integers(0, 1 << bits, count)
+    levels = data.draw(st.sampled_from([0, 1, 5]))
+    options = AttributeOptions(
+        bitdepth=bits,
+        level_of_detail_count=levels,
+        lod_decimator=data.draw(st.sampled_from(["distance", "periodic", "centroid"])),
+        intra_lod_prediction_skip_layers=0,
+        adaptive_prediction_threshold=data.draw(st.integers(0, 255)),
+        max_num_direct_predictors=data.draw(st.integers(0, 3)),
+        direct_avg_predictor_disabled=data.draw(st.booleans()),
+        canonical_point_order=levels == 0 and data.draw(st.booleans()),
+    )
+    stream = encode_cloud(
+        cloud,
+        {"reflectance": values},
+        GpccOptions(merge_duplicates=False),
+        {"reflectance": options},
+    )
+    decoded = decode_cloud(stream)
+    rows = np.column_stack([cloud, values])
+    found = np.column_stack([decoded.positions(), decoded.attributes["reflectance"]])
+    assert sorted(map(tuple, found.tolist())) == sorted(map(tuple, rows.tolist()))
+
+
+def test_slices_and_merged_points_keep_the_values_of_constant_attributes() -> None:
+    cloud = np.random.default_rng(0).integers(0, 12, (900, 3))
+    options = GpccOptions(slice_max_points=200)
+    stream = encode_cloud(cloud, {"color": np.full((900, 3), (200, 40, 90))}, options, {
+        "color": AttributeOptions(colour_matrix="identity")
+    })  # fmt: skip
+    decoded = decode_cloud(stream)
+    assert len(decoded.points) == len(np.unique(cloud, axis=0))
+    assert (decoded.attributes["color"] == (200, 40, 90)).all()
+
+
+def test_colour_conversions() -> None:
+    grid = np.stack(np.meshgrid(*[np.arange(0, 256, 15)] * 3), axis=-1).reshape(-1, 3)
+    grid = grid.astype(np.int32)
+    assert (decoded_colours(coded_colours(grid, YCGCO, 9), YCGCO, 9) == grid).all()
+    assert abs(decoded_colours(coded_colours(grid, BT709, 8), BT709, 8) - grid).max() <= 2
+    white = np.array([[255, 255, 255]], dtype=np.int32)
+    assert coded_colours(white, BT709, 8).tolist() == [[255, 128, 128]]
+
+
+def test_boxes_bound_their_positions() -> None:
+    cloud = np.random.default_rng(1).integers(-99, 99, (1000, 3)).astype(np.int32)
+    around = boxes(cloud)
+    for level, start in enumerate(around.starts[1:].tolist(), 1):
+        for k in range(-(-len(cloud) >> 3 * level)):
+            inside = cloud[k << 3 * level : (k + 1) << 3 * level]
+            expected = [*inside.min(axis=0), *inside.max(axis=0)]
+            assert around.boxes[start + k].tolist() == expected
+
+
+@pytest.mark.parametrize("name", ["nearest", "both", "lifting_colours", "raht"])
+def test_damaged_streams_are_refused_or_decoded(name: str) -> None:
+    stream = _stream(name)
+    start = stream.index(next(p for k, p in syntax.payloads(stream) if k == 3))
+    random = np.random.default_rng(3)
+    for _ in range(60):
+        broken = bytearray(stream)
+        for place in random.integers(start, len(stream), random.integers(1, 4)):
+            broken[place] = random.integers(256)
+        try:
+            decoded = decode_cloud(bytes(broken))
+        except InputError:
+            continue
+        assert all(len(v) == len(decoded.points) for v in decoded.attributes.values())
+
+
+@pytest.mark.parametrize(
+    ("attributes", "options", "said"),
+    [
+        ({"normal": np.zeros(800)}, {}, "no attribute"),
+        ({"reflectance": np.zeros(3)}, {}, "each of 800 points"),
+        ({"reflectance": np.full(800, 256)}, {}, "8 bits"),
+        ({"reflectance": np.full(800, 0.5)}, {}, "whole numbers"),
+        ({}, {"color": AttributeOptions()}, "not among"),
+    ],
+)
+def test_attributes_that_cannot_be_coded_are_refused(
+    attributes: dict[str, Any], options: dict[str, AttributeOptions], said: str
+) -> None:
+    with pytest.raises(InputError, match=said):
+        encode_cloud(POINTS, attributes, attribute_options=options)
