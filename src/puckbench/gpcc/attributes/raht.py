@@ -232,7 +232,7 @@ def _transform(
 def _empty_level(count: int, inner: int, components: int) -> _Level:
     """Return memory for `count` points or `inner` nodes above them."""
     return _Level(
-        np.empty(0, dtype=np.int32),
+        np.empty(count + 1, dtype=np.int32),
         np.empty(inner, dtype=np.int32),
         np.empty(inner, dtype=np.uint8),
         np.empty((inner, _DIRECTIONS), dtype=np.int32),
@@ -243,12 +243,22 @@ def _empty_level(count: int, inner: int, components: int) -> _Level:
 
 
 def _level(joints: NDArray[np.uint8], height: int, memory: _Level) -> _Level:
-    ends = np.flatnonzero(joints > height) + 1
-    starts = np.concatenate([[0], ends, [len(joints) + 1]]).astype(np.int32)
-    _, first, occupancy, neighbours, counts, means, scaled = memory
-    end = len(starts) - 1
+    starts, first, occupancy, neighbours, counts, means, scaled = memory
+    end = _write_starts(joints, height, starts)
     inner = (first[:end], occupancy[:end], neighbours[:end])
-    return _Level(starts, *inner, counts[:end], means[:end], scaled[:end])
+    return _Level(starts[: end + 1], *inner, counts[:end], means[:end], scaled[:end])
+
+
+@entry
+def _write_starts(joints: NDArray[np.uint8], height: int, starts: NDArray[np.int32]) -> int:
+    """Write the first point of each node, and the number of points; return that of nodes."""
+    count = starts[0] = 0
+    for i in range(len(joints)):
+        if joints[i] > height:
+            count += 1
+            starts[count] = i + 1
+    starts[count + 1] = len(joints) + 1
+    return count + 1
 
 
 @compiled
