@@ -208,16 +208,19 @@ def _transform(
         return reconstruction
     joints = _joints(codes)
     depth = int(joints.max())
-    node = parent = _level(joints, depth, components)
+    inner = 1 + int(np.count_nonzero(joints > 1))
+    memory = [_empty_level(count, inner, components) for _ in range(min(depth, 2) + 1)]
+    node = parent = _level(joints, depth, memory[0])
     node.neighbours[:] = np.where(np.arange(_DIRECTIONS) == 0, 0, -1)
     place = 0
     for number, height in enumerate(range(depth - 1, -1, -1), 1):
-        node, parent, grandparent = _level(joints, height, components), node, parent
+        level = _level(joints, height, memory[number % 3])
+        node, parent, grandparent = level, node, parent
         layer = layers[min(number, len(layers) - 1)]
         predicted = number > 1 and thresholds is not None
+        around = (parent, grandparent)
         place = _transform_level(
-            *(setting, node, parent, grandparent),
-            *(coefficients, place, layer, height, number == 1, predicted),
+            setting, node, *around, coefficients, place, layer, height, number == 1, predicted
         )
     if len(node.starts) > count:
         return node.means
@@ -226,20 +229,36 @@ def _transform(
     return reconstruction
 
 
-def _level(joints: NDArray[np.uint8], height: int, components: int) -> _Level:
-    ends = np.flatnonzero(joints > height) + 1
-    starts = np.concatenate([[0], ends, [len(joints) + 1]]).astype(np.int32)
-    count = len(starts) - 1
-    inner = count if height else 0
+def _empty_level(count: int, inner: int, components: int) -> _Level:
+    """Return memory for `count` points or `inner` nodes above them."""
     return _Level(
-        starts,
+        np.empty(count + 1, dtype=np.int32),
         np.empty(inner, dtype=np.int32),
         np.empty(inner, dtype=np.uint8),
         np.empty((inner, _DIRECTIONS), dtype=np.int32),
-        np.full(count, _DIRECTIONS, dtype=np.uint8),
+        np.empty(count, dtype=np.uint8),
         np.zeros((count, components), dtype=np.int32),
         np.zeros((count, components), dtype=np.int32),
     )
+
+
+def _level(joints: NDArray[np.uint8], height: int, memory: _Level) -> _Level:
+    starts, first, occupancy, neighbours, counts, means, scaled = memory
+    end = _write_starts(joints, height, starts)
+    inner = (first[:end], occupancy[:end], neighbours[:end])
+    return _Level(starts[: end + 1], *inner, counts[:end], means[:end], scaled[:end])
+
+
+@entry
+def _write_starts(joints: NDArray[np.uint8], height: int, starts: NDArray[np.int32]) -> int:
+    """Write the first point of each node, and the number of points; return that of nodes."""
+    count = starts[0] = 0
+    for i in range(len(joints)):
+        if joints[i] > height:
+            count += 1
+            starts[count] = i + 1
+    starts[count + 1] = len(joints) + 1
+    return count + 1
 
 
 @compiled
@@ -383,7 +402,7 @@ def _transform_level(
             occupancy |= 1 << ((setting.codes[nodes.starts[node]] >> 3 * height) & 7)
             node += 1
         parents.first[parent], parents.occupancy[parent] = first, occupancy
-        reliable = False
+        reliable, count = False, _DIRECTIONS
         if predicted:
             count = 0
             if parents.counts[parent] >= setting.thresholds[0]:
@@ -392,7 +411,8 @@ def _transform_level(
                 octant = (setting.codes[parents.starts[parent]] >> 3 * (height + 1)) & 7
                 count = _find_neighbours(parents, parent, grandparents, grandparent, octant)
                 reliable = count >= setting.thresholds[1]
-            nodes.counts[first:node] = count
+        for child in range(first, node):
+            nodes.counts[child] = count
         if node == first + 1 and not root:
             for k in range(coefficients.shape[1]):
                 _reconstruct(setting, nodes, first, k, integer(parents.scaled[parent, k]) << 13)
@@ -425,23 +445,34 @@ def _find_neighbours(
     return count
 
 
-@kernel
-def _prediction(parents: _Level, parent: int, octant: int, k: int) -> int:
-    """Interpolate component k of a child from its parent and neighbours of similar values."""
-    total = weight = 0
-    low = high = 0
-    for direction in _TOUCHING[octant]:
+@inlined
+def _prediction(
+    setting: _Setting, parents: _Level, parent: int, octant: int, weight: int
+) -> tuple[int, int, int]:
+    """Interpolate a child's attributes from its parent and neighbours of similar values."""
+    means = parents.means
+    low = high = share = first = second = third = integer(0)
+    for i in range(_TOUCHING.shape[1]):
+        direction = _TOUCHING[octant, i]
         other = parents.neighbours[parent, direction]
         if other < 0:
             continue
-        size = 10 * integer(parents.means[other, 0])
+        mean = integer(means[other, 0])
         if not direction:
-            low, high = size // 5, 5 * (size // 2)
-        elif not low < size < high:
+            low, high = 2 * mean, 25 * mean
+        elif not low < 10 * mean < high:
             continue
-        weight += _WEIGHTS[direction]
-        total += _WEIGHTS[direction] * integer(parents.means[other, k])
-    return _rounded((total << _FRACTION) * _DIVISORS[weight])
+        share += _WEIGHTS[direction]
+        first += _WEIGHTS[direction] * mean
+        if means.shape[1] > 1:
+            second += _WEIGHTS[direction] * integer(means[other, 1])
+            third += _WEIGHTS[direction] * integer(means[other, 2])
+    factor, root = _DIVISORS[share], _root(setting, weight) if weight > 1 else 1 << _FRACTION
+    return (
+        _rounded(_rounded((first << _FRACTION) * factor) * root),
+        _rounded(_rounded((second << _FRACTION) * factor) * root),
+        _rounded(_rounded((third << _FRACTION) * factor) * root),
+    )
 
 
 @kernel
@@ -460,66 +491,90 @@ def _transform_block(
     components = coefficients.shape[1]
     occupancy = integer(parents.occupancy[parent])
     children = POPCOUNT[occupancy]
-    encoding = len(setting.sums) > 0
-    buffer, weights, factors = setting.buffer, setting.weights, setting.factors
+    _fill_buffer(setting, nodes, first, parents, parent, reliable)
+    low = 0 if len(setting.sums) else components
+    butterflies = _transform_rows(
+        setting, occupancy, low, 2 * components if reliable else components
+    )
+    for i in range(0 if root else 1, children):
+        owner = integer(_OWNERS[occupancy, i])
+        point = integer(nodes.starts[first + owner]) if owner >= 0 else -1
+        _code_coefficients(setting, coefficients, place, layer, _ORDER[occupancy, i], point)
+        place += 1
+    for k in range(components):
+        row = components + k
+        if not root:
+            setting.buffer[row, 0] = integer(parents.scaled[parent, k]) << _FRACTION - 2
+        for i in range(butterflies - 1, -1, -1):
+            left, right = _PAIRS[occupancy, i, 0], _PAIRS[occupancy, i, 1]
+            setting.buffer[row, left], setting.buffer[row, right] = _left_and_right(
+                *(setting.buffer[row, left], setting.buffer[row, right]),
+                *(setting.factors[i, 0], setting.factors[i, 1]),
+            )
+        for i in range(children):
+            _reconstruct(setting, nodes, first + i, k, setting.buffer[row, i])
+    return place
+
+
+@inlined
+def _fill_buffer(
+    setting: _Setting, nodes: _Level, first: int, parents: _Level, parent: int, reliable: bool
+) -> None:
+    """Write the children's weights, attributes times the root of the weight, and prediction."""
+    buffer, components = setting.buffer, parents.means.shape[1]
     rank = 0
     for octant in range(8):
-        if not occupancy >> octant & 1:
+        if not integer(parents.occupancy[parent]) >> octant & 1:
             continue
         start, end = nodes.starts[first + rank], nodes.starts[first + rank + 1]
         weight = integer(end - start)
-        weights[rank] = weight
+        setting.weights[rank] = weight
         for k in range(components):
-            if encoding:
+            if len(setting.sums):
                 total = (setting.sums[end, k] - setting.sums[start, k]) << _FRACTION
                 buffer[k, rank] = _over_root(setting, total, weight) if weight > 1 else total
-            guess = 0
-            if reliable:
-                guess = _prediction(parents, parent, octant, k)
-                if weight > 1:
-                    guess = _rounded(guess * _root(setting, weight))
-            buffer[components + k, rank] = guess
+            buffer[components + k, rank] = 0
+        if reliable:
+            a, b, c = _prediction(setting, parents, parent, octant, weight)
+            buffer[components, rank] = a
+            if components > 1:
+                buffer[components + 1, rank], buffer[components + 2, rank] = b, c
         rank += 1
-    lowest = 0 if encoding else components
-    highest = 2 * components if reliable else components
-    butterflies = 0
-    while _PAIRS[occupancy, butterflies, 1]:
-        left, right = _PAIRS[occupancy, butterflies]
+
+
+@inlined
+def _transform_rows(setting: _Setting, occupancy: int, low: int, high: int) -> int:
+    """Transform rows of the buffer from `low` to `high`; return the number of butterflies."""
+    buffer, weights = setting.buffer, setting.weights
+    count = 0
+    while _PAIRS[occupancy, count, 1]:
+        left, right = _PAIRS[occupancy, count, 0], _PAIRS[occupancy, count, 1]
         a, b = _butterfly_factors(setting, weights[left], weights[right])
-        factors[butterflies] = a, b
+        setting.factors[count, 0], setting.factors[count, 1] = a, b
         weights[left] += weights[right]
         weights[right] = weights[left]
-        for k in range(lowest, highest):
+        for k in range(low, high):
             buffer[k, left], buffer[k, right] = _low_and_high(
                 buffer[k, left], buffer[k, right], a, b
             )
-        butterflies += 1
-    for i in range(0 if root else 1, children):
-        holder, owner = _ORDER[occupancy, i], integer(_OWNERS[occupancy, i])
-        point = integer(nodes.starts[first + owner]) if owner >= 0 else -1
-        qp, others = _qps(setting, layer, point)
-        for k in range(components):
-            if encoding:
-                residual = _rounded(buffer[k, holder] - buffer[components + k, holder])
-                coefficients[place, k] = quantised(
-                    residual << FRACTION_BITS, setting.reciprocals[qp]
-                )
-            residual = _scaled(setting, integer(coefficients[place, k]), qp)
-            buffer[components + k, holder] += residual << _FRACTION
-            qp = others
-        place += 1
+        count += 1
+    return count
+
+
+@inlined
+def _code_coefficients(
+    setting: _Setting, coefficients: Rows, place: int, layer: Ints, rank: int, point: int
+) -> None:
+    """Quantise the differences to the prediction, if encoding, and add them to the prediction."""
+    buffer, components = setting.buffer, coefficients.shape[1]
+    qp, others = _qps(setting, layer, point)
     for k in range(components):
-        if not root:
-            buffer[components + k, 0] = integer(parents.scaled[parent, k]) << _FRACTION - 2
-        for i in range(butterflies - 1, -1, -1):
-            left, right = _PAIRS[occupancy, i]
-            buffer[components + k, left], buffer[components + k, right] = _left_and_right(
-                *(buffer[components + k, left], buffer[components + k, right]),
-                *(factors[i, 0], factors[i, 1]),
-            )
-        for i in range(children):
-            _reconstruct(setting, nodes, first + i, k, buffer[components + k, i])
-    return place
+        if len(setting.sums):
+            residual = _rounded(buffer[k, rank] - buffer[components + k, rank])
+            coefficients[place, k] = quantised(residual << FRACTION_BITS, setting.reciprocals[qp])
+        residual = _scaled(setting, integer(coefficients[place, k]), qp)
+        buffer[components + k, rank] += residual << _FRACTION
+        qp = others
 
 
 @inlined
