@@ -1,0 +1,55 @@
+"""The registry of tasks: measures of decoded drives, which a drive names under `tasks`.
+
+A task is a function with its registration above it::
+
+    @TASKS.register("nearest")
+    def nearest(drive: Drive, decoded: Sequence[PointCloud]) -> dict[str, float]:
+        \"\"\"Return the smallest distance of a point.\"\"\"
+
+Each key becomes a column of the results, so it should end in its unit. Decoded turns have
+``returns`` if the codec keeps the order and times of firings. Further parameters are options.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from inspect import signature
+from typing import Any
+
+from puckbench.core.errors import InputError
+from puckbench.core.registry import Registry
+from puckbench.geometry.cloud import PointCloud
+from puckbench.lidar.drives import Drive
+
+Task = Callable[..., Mapping[str, Any]]
+
+TASKS: Registry[Task] = Registry("task", "tasks")
+
+
+def task_results(
+    tasks: Mapping[str, Mapping[str, Any]],
+    drive: Drive,
+    decoded: Sequence[PointCloud],
+    columns: Collection[str],
+) -> dict[str, Any]:
+    """Return the values of tasks, given with their options, for the decoded turns of a drive.
+
+    Raises InputError if a task returns a name in `columns`.
+    """
+    results: dict[str, Any] = {}
+    for name, options in tasks.items():
+        values = task_function(name, options)(drive, decoded, **options)
+        if clash := sorted(values.keys() & {*columns, *results}):
+            raise InputError(f"task {name}: the column '{clash[0]}' exists already; rename it")
+        results |= values
+    return results
+
+
+def task_function(name: str, options: Mapping[str, Any]) -> Task:
+    """Return a task; raise InputError if it is unknown, or lacks an option."""
+    task = TASKS.get(name)
+    try:
+        signature(task).bind(None, (), **options)
+    except TypeError as error:
+        raise InputError(f"task {name}: options: {error}") from error
+    return task
