@@ -149,7 +149,7 @@ class Plan:
         """Reasons for the exclusion of scenes, by data set and scene."""
         self.datasets = self._datasets()
         self.codecs = {name: codecs.entry(name, config.codec(name)) for name in config.codecs}
-        if config.failed:
+        if config.failed and not config.drives:
             coded = {codec for _, _, codec in self.curves}
             self.codecs = {name: entry for name, entry in self.codecs.items() if name in coded}
         self.weights = {name: _weights(name, config.codec(name)) for name in self.codecs}
@@ -161,8 +161,8 @@ class Plan:
                 if name not in METRICS:  # importing puckbench's own metrics takes long
                     METRICS.get(name)
         self.study = _study(config.sensor_study, config.seed) if config.sensor_study else None
-        if not self.datasets and self.study is None:
-            raise InputError("the configuration has no data set and no sensor study")
+        if not self.datasets and self.study is None and not config.drives:
+            raise InputError("the configuration has no data set, no drive and no sensor study")
         if config.strict and check_scenes:
             for row in self._rates_left_out():
                 raise InputError(f"{row['file']}: {row['reason']}")

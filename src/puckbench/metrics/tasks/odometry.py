@@ -37,12 +37,14 @@ def odometry(
     decoded: Sequence[PointCloud],
     max_range_m: float = 100.0,
     voxel_m: float | None = None,
+    skip: int = 5,
 ) -> dict[str, Any]:
     """Return the drift of KISS-ICP, its absolute error, and the number of lost turns.
 
     Turns with returns are corrected for the sensor's motion, to the end of the turn; others are
     taken as they are, with the pose at the middle of the turn. `voxel_m` is by default a hundredth
-    of `max_range_m`, as in KISS-ICP.
+    of `max_range_m`, as in KISS-ICP. The first `skip` turns do not count, in which KISS-ICP does not
+    know yet how the sensor moves.
     """
     voxel_m = max_range_m / 100 if voxel_m is None else voxel_m
     estimated = estimated_poses(decoded, drive.turn_s > 0, max_range_m, voxel_m)
@@ -51,8 +53,12 @@ def odometry(
         "odometry_voxel_m": voxel_m,
         "odometry_max_range_m": max_range_m,
         "odometry_threads": _THREADS,
+        "odometry_skip": skip,
     }
-    return {**pose_errors(drive.poses_at(moment_of(decoded)), estimated), **settings}
+    if len(decoded) < skip + 2:
+        raise InputError(f"task odometry: {len(decoded)} turns, of which it skips {skip}")
+    true = drive.poses_at(moment_of(decoded))
+    return {**pose_errors(true[skip:], estimated[skip:]), **settings}
 
 
 def moment_of(turns: Sequence[PointCloud]) -> float:
