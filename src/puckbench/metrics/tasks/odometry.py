@@ -43,8 +43,8 @@ def odometry(
 
     Turns with returns are corrected for the sensor's motion, to the end of the turn; others are
     taken as they are, with the pose at the middle of the turn. `voxel_m` is by default a hundredth
-    of `max_range_m`, as in KISS-ICP. The first `skip` turns do not count, in which KISS-ICP does not
-    know yet how the sensor moves.
+    of `max_range_m`, as in KISS-ICP. The first `skip` turns, in which KISS-ICP does not know yet
+    how the sensor moves, do not count.
     """
     voxel_m = max_range_m / 100 if voxel_m is None else voxel_m
     estimated = estimated_poses(decoded, drive.turn_s > 0, max_range_m, voxel_m)
