@@ -25,10 +25,9 @@ from puckbench.jobs.codec_jobs import TimedJob, ready
 from puckbench.jobs.curve_files import write_rows
 from puckbench.jobs.registry import JOBS
 from puckbench.lidar.drives import Drive, read_drive
+from puckbench.metrics.table_registry import UNDECODED
 from puckbench.metrics.task_registry import task_results
 
-UNDECODED = "undecoded"
-"""Name in the column of codecs for a drive that is not coded."""
 _STREAM, _RECORD = ".bin", ".json"
 
 

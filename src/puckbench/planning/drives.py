@@ -15,10 +15,11 @@ from puckbench.core.files import sha256
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import of_clouds
 from puckbench.jobs.drive import DriveOfClouds, VirtualDrive
-from puckbench.jobs.drive_curve import UNDECODED, EncodeDrive, MeasureDrive
+from puckbench.jobs.drive_curve import EncodeDrive, MeasureDrive
 from puckbench.jobs.gathered_tables import RowsTable
 from puckbench.lidar import load_sensor, open_error_model, open_sweep
 from puckbench.lidar.errors import module_of_model
+from puckbench.metrics.table_registry import UNDECODED
 from puckbench.metrics.task_registry import TASKS, task_function
 from puckbench.planning.config import DriveConfig
 from puckbench.planning.plan import Plan, ScenePlan

@@ -17,6 +17,11 @@ def several_codecs(plan: Plan) -> Options | None:
     return _if(bool(plan.datasets) and len(plan.codecs) > 1)
 
 
+@NEEDS.register("odometry")
+def odometry_on_drives(plan: Plan) -> Options | None:
+    return _if(any("odometry" in drive.tasks for drive in plan.config.drives.values()))
+
+
 @NEEDS.register("octree")
 def octree_and_others(plan: Plan) -> Options | None:
     metric = {name for name, codec in plan.opened.items() if codec.rates_of("metric")}
