@@ -42,7 +42,6 @@ _COLUMNS = ("dataset", "cloud", "codec", "rate", "has_times", "lost_turns", DRIF
     title="Drift of odometry against bits",
     category="Drives",
     needs=(ODOMETRY,),
-    frame="metric",
 )
 def draw_odometry(drives: pd.DataFrame, style: FigureStyle) -> Figure:
     """Drift of KISS-ICP on decoded turns, mean over lengths of 10, 20 and 50 m and over the drives.
