@@ -65,7 +65,9 @@ def main() -> None:
     """Resolve everything at once, then split it by what needs it."""
     old = [pin for path in sorted(ENVS.glob("*.lock")) for pin in read_pins(path)]
     old += read_pins(ENVS / "cuda.constraints")
-    pins = resolve(["test", "learned", "odometry", "slurm", "docs"], old, [], upgrade="--upgrade" in sys.argv)
+    pins = resolve(
+        ["test", "learned", "odometry", "slurm", "docs"], old, [], upgrade="--upgrade" in sys.argv
+    )
     run = resolve([], pins, pins)
     learned = [pin for pin in resolve(["learned"], pins, pins) if pin not in run]
     needed = name_set(pin for pin in resolve(["odometry"], pins, pins) if pin not in run)

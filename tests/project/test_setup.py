@@ -96,7 +96,9 @@ def test_torch_brings_cuda_only_as_a_constraint() -> None:
 def test_conda_environment_is_in_step_with_the_lock() -> None:
     environment = yaml.safe_load((ENVS / "puckbench.yaml").read_text())
     (pip,) = [entry["pip"] for entry in environment["dependencies"] if isinstance(entry, dict)]
-    assert [Requirement(line) for line in pip] == pins_of("requirements.lock", "learned.lock", "odometry.lock")
+    assert [Requirement(line) for line in pip] == pins_of(
+        "requirements.lock", "learned.lock", "odometry.lock"
+    )
 
 
 def test_no_file_names_a_registry() -> None:

@@ -20,7 +20,7 @@ from puckbench.jobs.gathered_tables import RowsTable
 from puckbench.lidar import load_sensor, open_error_model, open_sweep
 from puckbench.lidar.errors import module_of_model
 from puckbench.metrics.table_registry import UNDECODED
-from puckbench.metrics.task_registry import TASKS, task_function
+from puckbench.metrics.task_registry import TASKS, checked_task
 from puckbench.planning.config import DriveConfig
 from puckbench.planning.plan import Plan, ScenePlan
 from puckbench.planning.planned_job import PlannedJob, planned
@@ -56,9 +56,7 @@ class DriveJobs:
 
     def __init__(self, plan: Plan) -> None:
         self.plan = plan
-        self.entries = {
-            name: self._entry(name, value) for name, value in plan.config.drives.items()
-        }
+        self.entries = {name: self._entry(name, value) for name, value in plan.drives.items()}
 
     @property
     def virtual(self) -> list[str]:
@@ -134,7 +132,7 @@ class DriveJobs:
 
     @cache  # noqa: B019
     def measure(self, name: str, codec: str) -> PlannedJob:
-        timing, tasks = self.plan.config.timing, self.entries[name].settings.tasks
+        timing, tasks = self.plan.config.timing, self.plan.drives[name].tasks
         modules = map(TASKS.module_of, tasks)
         if codec == UNDECODED:
             return planned(MeasureDrive(dataset=name, tasks=tasks), *modules)
@@ -176,6 +174,8 @@ class DriveJobs:
             known = among(value.scenes, self.plan.scenes)
             raise InputError(f"{where}.scenes: no scene set '{value.scenes}'{known}")
         with naming(where):
+            for task, options in value.tasks.items():
+                checked_task(task, options)
             self._check(value, scenes)
             scans, clouds = {}, {}
             if value.is_scan:
@@ -184,8 +184,6 @@ class DriveJobs:
                 clouds = consecutive(scenes.chosen)
                 if value.poses and len(clouds) > 1:
                     raise InputError(f"poses: one file, and {len(clouds)} drives")
-            for task, options in value.tasks.items():
-                task_function(task, options)
             return DrivePlan(name, value, scenes, scans, clouds, self._rates(value, scenes))
 
     def _check(self, value: DriveConfig, scenes: ScenePlan) -> None:

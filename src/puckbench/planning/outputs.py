@@ -93,7 +93,7 @@ class OutputJobs:
         meets.
         """
         there = {"metrics", "clouds"} if self.plan.datasets else set()
-        there |= set(self.study_tables) | ({"drives"} if self.config.drives else set())
+        there |= set(self.study_tables) | ({"drives"} if self.plan.drives else set())
         return {
             name: {
                 needed: self._file(needed)
@@ -292,7 +292,7 @@ class OutputJobs:
         if self.plan.datasets:
             tables = ("metrics", "clouds", *self.result_tables)
             known |= {name: self._file(name) for name in tables}
-        if self.config.drives:
+        if self.plan.drives:
             known |= {name: self._file(name) for name in ("drives", *self.result_tables)}
         if self.plan.scanned:
             known["scan_errors"] = self._file("scan_errors")

@@ -31,7 +31,7 @@ _THREADS = 1
 """With more threads, the order of sums and thus the poses of KISS-ICP may vary."""
 
 
-@TASKS.register("odometry")
+@TASKS.register("odometry", needs=("kiss_icp", "evo"))
 def odometry(
     drive: Drive,
     decoded: Sequence[PointCloud],

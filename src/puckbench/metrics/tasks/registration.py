@@ -23,7 +23,7 @@ _TOLERANCE = 0.3
 """Largest difference of a pair's distance from the nominal one, relative to that."""
 
 
-@TASKS.register("registration")
+@TASKS.register("registration", needs=("small_gicp", "evo"))
 def registration(
     drive: Drive,
     decoded: Sequence[PointCloud],

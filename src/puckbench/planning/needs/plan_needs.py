@@ -19,7 +19,7 @@ def several_codecs(plan: Plan) -> Options | None:
 
 @NEEDS.register("odometry")
 def odometry_on_drives(plan: Plan) -> Options | None:
-    return _if(any("odometry" in drive.tasks for drive in plan.config.drives.values()))
+    return _if(any("odometry" in drive.tasks for drive in plan.drives.values()))
 
 
 @NEEDS.register("octree")
