@@ -60,10 +60,11 @@ site: docs
 STUDY ?= default
 STUDY_CONFIG = config/$(STUDY:default=config).yaml
 STUDY_RESULTS = $(if $(filter default,$(STUDY)),results,results/$(STUDY))
+STUDY_FOLDER = $(if $(filter drives,$(STUDY)),reference_drives,reference)
 STUDY_NAME = $(notdir $(basename $(lastword $(STUDY) $(MORE))))
 reference: learned
 	$(IN_VENV) snakemake --cores $(CORES) --configfile $(STUDY_CONFIG) $(MORE) -- reference
-	cp $(STUDY_RESULTS)/reference.parquet src/puckbench/report/reference/$(STUDY_NAME).parquet
+	cp $(STUDY_RESULTS)/reference.parquet src/puckbench/report/$(STUDY_FOLDER)/$(STUDY_NAME).parquet
 
 data: setup
 	$(IN_VENV) python -m puckbench data

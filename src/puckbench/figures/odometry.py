@@ -49,7 +49,7 @@ def draw_odometry(drives: pd.DataFrame, style: FigureStyle) -> Figure:
     interval of the means (Student's t).
 
     Large markers: the fewest bits at which a codec's drift is inside the interval, or larger than
-    the mean by at most a tenth, there and at all higher rates. Hollow markers: turns were lost
+    the mean by at most a fifth, there and at all higher rates. Hollow markers: turns were lost
     (their motion is wrong by more than 0.5 m or 5 degrees). Drives shorter than 10 m are not shown.
     """
     require_rows(drives, _COLUMNS, "drives")

@@ -255,6 +255,8 @@ class OutputJobs:
 
     @property
     def reference_inputs(self) -> Inputs:
+        if not self.plan.datasets:
+            return {"drives": self._file("drives")}
         names = ("metrics", "clouds", *(["scan_errors"] if self.plan.scanned else []))
         return {name: self._file(name) for name in names}
 

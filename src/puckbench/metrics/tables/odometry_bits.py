@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 DRIFT, ABSOLUTE = "drift_percent", "ate_m"
 REGISTRATION = "registration_percent"
-_SLACK = 0.1
+_SLACK = 0.2
 """A codec's result may be worse than the undecoded drives' mean by this fraction at least."""
 _CONFIDENCE = 0.95
 
@@ -59,7 +59,7 @@ def odometry_bits(drives: pd.DataFrame) -> pd.DataFrame:
     ``undecoded``: its mean over the drives, with a 95 % interval by Student's t (``low``,
     ``high``), with times of firings if the codec keeps them (``has_times``), otherwise without.
     ``bits`` and ``rate``: the lowest rate that is, as all higher ones, inside the interval or worse
-    than the mean by at most a tenth; empty if the highest is not. ``lost_turns``: over all drives,
+    than the mean by at most a fifth; empty if the highest is not. ``lost_turns``: over all drives,
     at the codec's lowest rate.
     """
     import pandas as pd
