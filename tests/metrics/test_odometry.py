@@ -82,7 +82,7 @@ def test_registration_finds_pairs_of_an_exact_motion(hall: Drive) -> None:
     results = registration(hall, hall.turns)
     assert results["registration_1m_percent"] == 100
     assert results["registration_1m_error_m"] < 0.05
-    elsewhere = [PointCloud(turn.xyz[:, [1, 2, 0]] * 3) for turn in hall.turns[::-1]]
+    elsewhere = [PointCloud(turn.xyz[:3000, [1, 2, 0]] * 3) for turn in hall.turns[::-1]]
     assert registration(hall, elsewhere)["registration_5m_percent"] == 0
 
 
