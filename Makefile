@@ -6,7 +6,7 @@
 # make docs   build the documentation into site/, with the reference results (also: make site)
 # make reference STUDY=default   run a study, if need be, and keep its results as reference results;
 #             with MORE=config/sweeps_reno.yaml laid over it, under that file's name
-# make setup  .venv without torch            make learned   add torch, which learned codecs need
+# make setup  .venv without torch            make learned   add torch and odometry, which a run needs
 # make slurm  add what runs on a Slurm cluster need
 # make lock   re-make the pins (LOCK=--upgrade for the newest of everything; needs uv)
 # make dist   a source archive and the wheel made of it, into dist/
@@ -27,10 +27,10 @@ setup:
 	@envs/setup.sh
 
 setup-test:
-	@envs/setup.sh test learned docs
+	@envs/setup.sh test learned odometry docs
 
 learned:
-	@envs/setup.sh learned
+	@envs/setup.sh learned odometry
 
 slurm:
 	@envs/setup.sh slurm
@@ -60,10 +60,11 @@ site: docs
 STUDY ?= default
 STUDY_CONFIG = config/$(STUDY:default=config).yaml
 STUDY_RESULTS = $(if $(filter default,$(STUDY)),results,results/$(STUDY))
+STUDY_FOLDER = $(if $(filter drives,$(STUDY)),reference_drives,reference)
 STUDY_NAME = $(notdir $(basename $(lastword $(STUDY) $(MORE))))
 reference: learned
 	$(IN_VENV) snakemake --cores $(CORES) --configfile $(STUDY_CONFIG) $(MORE) -- reference
-	cp $(STUDY_RESULTS)/reference.parquet src/puckbench/report/reference/$(STUDY_NAME).parquet
+	cp $(STUDY_RESULTS)/reference.parquet src/puckbench/report/$(STUDY_FOLDER)/$(STUDY_NAME).parquet
 
 data: setup
 	$(IN_VENV) python -m puckbench data

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import tempfile
 import tomllib
+from collections.abc import Iterable
 from pathlib import Path
 
 ENVS = Path(__file__).resolve().parent
@@ -42,6 +43,11 @@ def resolve(extras: list[str], preferred: Pins, obeyed: Pins, upgrade: bool = Fa
         return read_pins(out)
 
 
+def name_set(pins: Iterable[str]) -> set[str]:
+    """Return the names of pinned packages."""
+    return {pin.partition("==")[0] for pin in pins}
+
+
 def write_lines(name: str, about: str, lines: list[str]) -> None:
     """Write one file of envs/."""
     text = "\n".join(["# Written by `make lock`; do not edit.", f"# {about}", *lines])
@@ -59,16 +65,25 @@ def main() -> None:
     """Resolve everything at once, then split it by what needs it."""
     old = [pin for path in sorted(ENVS.glob("*.lock")) for pin in read_pins(path)]
     old += read_pins(ENVS / "cuda.constraints")
-    pins = resolve(["test", "learned", "slurm", "docs"], old, [], upgrade="--upgrade" in sys.argv)
+    pins = resolve(
+        ["test", "learned", "odometry", "slurm", "docs"], old, [], upgrade="--upgrade" in sys.argv
+    )
     run = resolve([], pins, pins)
-    test = [pin for pin in resolve(["test"], pins, pins) if pin not in run]
     learned = [pin for pin in resolve(["learned"], pins, pins) if pin not in run]
+    needed = name_set(pin for pin in resolve(["odometry"], pins, pins) if pin not in run)
+    both = [pin for pin in resolve(["odometry", "test"], pins, pins) if pin not in run]
+    odometry = [pin for pin in both if name_set([pin]) <= needed]
+    test = [pin for pin in both if pin not in odometry]
     slurm = [pin for pin in resolve(["slurm"], pins, pins) if pin not in run]
-    docs = [pin for pin in resolve(["docs"], pins, pins) if pin not in [*run, *test]]
+    others = name_set([*run, *both])
+    docs = [pin for pin in resolve(["docs"], pins, pins) if not name_set([pin]) <= others]
     cuda = [pin for pin in learned if pin.startswith(CUDA)]
     torch = ["--constraint cuda.constraints", *(pin for pin in learned if pin not in cuda)]
     write_lines("requirements.lock", "What a run needs.", run)
-    write_lines("test.lock", "What the checks need on top of requirements.lock.", test)
+    about = "What odometry on drives needs on top of requirements.lock."
+    write_lines("odometry.lock", about, odometry)
+    about = "What the checks need on top of requirements.lock and odometry.lock."
+    write_lines("test.lock", about, test)
     about = "What runs on a Slurm cluster need on top of requirements.lock."
     write_lines("slurm.lock", about, slurm)
     write_lines("learned.lock", "What learned codecs need on top of requirements.lock.", torch)
@@ -76,7 +91,7 @@ def main() -> None:
     about = "What building the documentation needs on top of test.lock."
     write_lines("docs.lock", about, docs)
     about = "The environment of the rules for --software-deployment-method conda."
-    write_lines("puckbench.yaml", about, conda_environment([*run, *torch[1:]]))
+    write_lines("puckbench.yaml", about, conda_environment([*run, *torch[1:], *odometry]))
 
 
 if __name__ == "__main__":

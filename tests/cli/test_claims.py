@@ -93,7 +93,7 @@ def test_what_is_no_table_of_claims_ends_in_one_line(
 
 def opened(**changes: Any) -> Workflow:
     config = yaml.safe_load((ROOT / "config" / "config.yaml").read_text())
-    return Workflow({**config, **changes})
+    return Workflow({**config, "drives": {}, **changes})
 
 
 def test_a_configuration_tells_what_plays_which_part() -> None:

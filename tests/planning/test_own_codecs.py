@@ -98,6 +98,7 @@ def test_two_codecs_with_helpers_of_one_name_are_refused(
 def test_figures_show_a_codec_of_a_file_as_its_class_says(tmp_path: Path) -> None:
     (tmp_path / "mine.py").write_text(MINE)
     config = yaml.safe_load((ROOT / "config" / "config.yaml").read_text())
+    config["drives"] = {}  # of codecs that are gone
     config["codecs"] = {"gpcc": {}, "mine": {"class": f"{tmp_path}/mine.py:Mine"}}
     base = Workflow(config).outputs.figure_style("fig_6_6")[0]
     assert base["codec_titles"] == {"mine": "Mine"}
@@ -109,6 +110,7 @@ def test_figures_show_a_codec_of_a_file_as_its_class_says(tmp_path: Path) -> Non
 
 def test_a_configuration_changes_the_looks_of_a_codec() -> None:
     config = yaml.safe_load((ROOT / "config" / "config.yaml").read_text())
+    config["drives"] = {}  # of codecs that are gone
     config["codecs"] = {"gpcc": {}, "draco": {"title": "D", "marker": "*", "colour": "#010203"}}
     style = Workflow(config).outputs.titles
     shown = style.of_codec("draco")
@@ -119,6 +121,7 @@ def test_a_configuration_changes_the_looks_of_a_codec() -> None:
 def test_another_codec_draws_only_figures_again_that_show_codecs(tmp_path: Path) -> None:
     (tmp_path / "mine.py").write_text(MINE)
     config = yaml.safe_load((ROOT / "config" / "config.yaml").read_text())
+    config["drives"] = {}  # of codecs that are gone
     config["codecs"] = {"gpcc": {}}
     before = Workflow(config).outputs
     config["codecs"] |= {"mine": {"class": f"{tmp_path}/mine.py:Mine"}}

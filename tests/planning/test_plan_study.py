@@ -123,7 +123,7 @@ def test_captures_are_the_model_real(tmp_path: Path) -> None:
         ({"far_m": 5}, "sensor_study.far_m is 5, but must be greater than or equal to 30"),
         ({"runs": 0}, "sensor_study.runs is 0, but must be greater than or equal to 1"),
         ({"captures": {"a": {"path": "no.pcap"}}}, "sensor_study.captures.a: no.pcap: no such"),
-        (None, "has no data set and no sensor study"),
+        (None, "has no data set, no drive and no sensor study"),
     ],
 )
 def test_faults_are_one_line(study: dict[str, Any] | None, message: str) -> None:

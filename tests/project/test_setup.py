@@ -18,10 +18,11 @@ ENVS = ROOT / "envs"
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
 LOCKS = {  # pyproject.toml's extra: the files that hold its packages
     "": ["requirements.lock"],
-    "test": ["requirements.lock", "test.lock"],
+    "odometry": ["requirements.lock", "odometry.lock"],
+    "test": ["requirements.lock", "odometry.lock", "test.lock"],
     "learned": ["requirements.lock", "learned.lock"],
     "slurm": ["requirements.lock", "slurm.lock"],
-    "docs": ["requirements.lock", "test.lock", "docs.lock"],
+    "docs": ["requirements.lock", "odometry.lock", "test.lock", "docs.lock"],
 }
 SYSTEMS = [
     {"python_version": python, "sys_platform": system, "platform_machine": machine}
@@ -82,8 +83,9 @@ def test_lock_holds_all_that_the_installed_packages_need() -> None:
 
 def test_no_package_is_pinned_in_two_locks() -> None:
     locks = sorted(path.name for path in ENVS.glob("*.lock"))
-    names = [pin.name for pin in pins_of(*locks)]
-    assert sorted(set(names)) == sorted(names)
+    for system in SYSTEMS:
+        names = [pin.name for pin in on_system(pins_of(*locks), system)]
+        assert sorted(set(names)) == sorted(names)
 
 
 def test_torch_brings_cuda_only_as_a_constraint() -> None:
@@ -94,7 +96,9 @@ def test_torch_brings_cuda_only_as_a_constraint() -> None:
 def test_conda_environment_is_in_step_with_the_lock() -> None:
     environment = yaml.safe_load((ENVS / "puckbench.yaml").read_text())
     (pip,) = [entry["pip"] for entry in environment["dependencies"] if isinstance(entry, dict)]
-    assert [Requirement(line) for line in pip] == pins_of("requirements.lock", "learned.lock")
+    assert [Requirement(line) for line in pip] == pins_of(
+        "requirements.lock", "learned.lock", "odometry.lock"
+    )
 
 
 def test_no_file_names_a_registry() -> None:

@@ -54,12 +54,16 @@ def _check(results: Path) -> None:
     assert table.centroid_m.between(0, 0.1).all()
     offset = scan["distance_noisy"] - scan["distance"]
     assert offset.to_numpy() == pytest.approx(0.01, abs=1e-6)
+    drives = pd.read_csv(results / "tables" / "drives.csv")
+    errors = drives.set_index("codec").nearest_error_m.groupby("codec").max()
+    assert errors["undecoded"] == 0
+    assert 0 < errors["puck"] <= 0.03  # a step and a half of 20 mm
 
 
 def test_an_installed_package_brings_one_of_each_kind(fresh: Bench, installed: str) -> None:
     config = yaml.safe_load(blocks(PAGE, "yaml")[0])
     (fresh.folder / "config.yaml").write_text(yaml.safe_dump({**config, **RUN}))
-    tables = (f"results/tables/{name}.csv" for name in ("metrics", "cheapest"))
+    tables = (f"results/tables/{name}.csv" for name in ("metrics", "cheapest", "drives"))
     targets = (*tables, "results/figures/bits.png")  # what is made of the package alone
     _program(fresh.folder, *fresh.command(*targets)[1:], path=installed)
     _check(fresh.results)
@@ -75,6 +79,7 @@ def test_the_same_files_serve_without_being_installed(fresh: Bench) -> None:
     config["datasets"]["boxes"]["errors"] = "example_error_model.py:ConstantOffset"
     config["codecs"]["half_precision"]["class"] = "example_codec.py:HalfPrecision"
     config["metrics"] = ["example_metric.py:centroid"]
+    config["drives"]["push"]["tasks"] = {"example_task.py:nearest": {}}
     config["tables"] = ["example_table.py:cheapest"]
     figures = {"own": ["example_figure.py:draw_bits"]}
     (fresh.folder / "config.yaml").write_text(yaml.safe_dump({**config, **RUN, "figures": figures}))

@@ -96,7 +96,7 @@ if workflow.is_main_process:
     # Snakemake reads YAML 1.1, and of repeated keys the last.
     or_stop(check_config_files, workflow.configfiles)
 bench = or_stop(Workflow, config, True)
-plan, clouds, coding = bench.plan, bench.clouds, bench.coding
+plan, clouds, coding, drives = bench.plan, bench.clouds, bench.coding, bench.drives
 study, training, outputs = bench.study, bench.training, bench.outputs
 RESULTS = str(plan.results)
 # Prefix of the command of a timed job, which limits the threads of libraries.
@@ -162,6 +162,8 @@ container: bench.config.container
 
 wildcard_constraints:
     scenes=one_of(plan.scenes),
+    drives=one_of(drives.entries),
+    drive=r"[A-Za-z0-9_.-]+",
     dataset=one_of(plan.datasets),
     codec=one_of(plan.codecs),
     trained=one_of(plan.trainings),

@@ -13,6 +13,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
@@ -29,6 +30,7 @@ from puckbench.geometry.cloud import Floats, PointCloud, check_points
 from puckbench.geometry.missing_returns import missing_returns
 from puckbench.io.clouds import without_invalid, without_missing
 from puckbench.io.float32_frames import check_column_count, float32_rows
+from puckbench.io.poses import read_kitti_calibration, read_poses, read_times
 
 if TYPE_CHECKING:
     from puckbench.lidar.recordings.rings import RecoveredReturns
@@ -49,6 +51,8 @@ _EXPECTED = (
 )
 _COLUMNS = 4
 _RINGS = 64
+_TURNED = np.array([[0.0, 1, 0, 0], [-1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
+"""From x right, y forward to x forward, y left."""
 _STEP_DEG = 0.09
 """Resolution of the rotary encoder; firings are two steps apart, sometimes one."""
 
@@ -60,7 +64,8 @@ class Kitti(FolderSet):
     The folder is that of the object benchmark, the odometry or the raw drives. Scenes are named
     training_000000 (part and frame) and grouped by part. Intensity is ignored. With the option
     `returns`, each frame is converted to the sensor's returns: laser, encoder step and range in
-    steps of 2 mm, which reproduce the points to about 1 mm; x is then right and y forward.
+    steps of 2 mm, which reproduce the points to about 1 mm; x is then right and y forward. A frame
+    of the odometry has a pose and a time if ``poses/00.txt`` is beside ``sequences``.
     """
 
     of_clouds: ClassVar[bool] = True
@@ -94,13 +99,35 @@ class Kitti(FolderSet):
         xyz, part = cloud.xyz, _part_of(name)
         check_points(xyz, str(path))
         about = self._about(f"KITTI {part}/{path.name}", **cloud.about)
+        pose, time_s = self._motion(path)
         if self.returns:
             with naming(path):
                 recovered = _recovered(xyz)
             about |= {"sensor": recovered.returns.sensor, **recovered.about()}
-            return Scene(name, part, returns=recovered.returns, about=about)
-        scene = replace(cloud, about=about)
-        return Scene(name, part, cloud=scene, origin=(0.0, 0.0, 0.0), about=about)
+            pose = None if pose is None else pose @ _TURNED  # as in `_recovered`
+            returns = recovered.returns
+            return Scene(name, part, returns=returns, about=about, pose=pose, time_s=time_s)
+        scene, origin = replace(cloud, about=about), (0.0, 0.0, 0.0)
+        return Scene(name, part, None, scene, None, origin, None, about, pose, time_s)
+
+    @cached_property
+    def _motions(self) -> dict[Path, tuple[Floats | None, Floats | None]]:
+        return {}
+
+    def _motion(self, frame: Path) -> tuple[Floats | None, float | None]:
+        """Return a frame's pose (4, 4) and time, if its folder is of the odometry benchmark."""
+        sequence = frame.parent.parent
+        if sequence not in self._motions:
+            self._motions[sequence] = _sequence_motion(sequence)
+        poses, times = self._motions[sequence]
+        number = int(frame.stem) if frame.stem.isdecimal() else -1
+        for file, values in (("poses", poses), ("times", times)):
+            if values is not None and not 0 <= number < len(values):
+                raise InputError(f"{frame}: {len(values)} {file}, none for this frame")
+        return (
+            None if poses is None else poses[number],
+            None if times is None else float(times[number]),
+        )
 
     def counts(self) -> list[Count]:
         scene_parts = [_part_of(name) for name in self._whole().names()]
@@ -131,6 +158,16 @@ def _recovered(xyz: Floats) -> RecoveredReturns:
             "returns can be recovered"
         )
     return recovered_returns(turned, rings, _STEP_DEG, "HDL-64E")
+
+
+def _sequence_motion(sequence: Path) -> tuple[Floats | None, Floats | None]:
+    """Read poses (n, 4, 4) of the LiDAR, and times (n,), s, of a sequence of the odometry."""
+    poses, times = sequence.parents[1] / "poses" / f"{sequence.name}.txt", sequence / "times.txt"
+    seconds = read_times(times) if times.is_file() else None
+    if sequence.parent.name != "sequences" or not poses.is_file():
+        return None, seconds
+    camera = read_kitti_calibration(sequence / "calib.txt")
+    return np.linalg.inv(camera) @ read_poses(poses)[1] @ camera, seconds
 
 
 def _part(folder: Path) -> str:

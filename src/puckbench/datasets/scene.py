@@ -34,6 +34,10 @@ class Scene:
         Lowest and highest corner for cropping, (2, 3), m; None for the bounds of the mesh.
     about
         Source, licence, credit, and the reader's report.
+    pose
+        From the frame of a cloud or of returns to the world, (4, 4), m.
+    time_s
+        Time of a cloud.
     """
 
     name: str
@@ -44,6 +48,8 @@ class Scene:
     origin: tuple[float, float, float] | None = None
     box: Floats | None = None
     about: dict[str, Any] = field(default_factory=dict)
+    pose: Floats | None = None
+    time_s: float | None = None
 
     def __post_init__(self) -> None:
         if sum(one is not None for one in (self.mesh, self.cloud, self.returns)) != 1:

@@ -25,7 +25,7 @@ class OfNames(Job):
 class RowsTable(OfNames):
     """Gather the result rows of one kind from the files of all jobs."""
 
-    kind: Literal["metrics", "scan_errors", "recovery"]
+    kind: Literal["metrics", "scan_errors", "recovery", "drives"]
 
     def run(
         self, results: Path, csv: Path, parquet: Path, columns: Path | None = None

@@ -3,6 +3,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from puckbench.core.errors import InputError
 from puckbench.jobs.registry import JOBS, Job
 
 _AFTERWARDS = {"report", "reference"}
@@ -17,9 +18,17 @@ class Reference(Job):
     bd_rate: dict[str, Any]
 
     def run(
-        self, metrics: Path, clouds: Path, out: Path, scan_errors: Path | None = None
+        self,
+        out: Path,
+        metrics: Path | None = None,
+        clouds: Path | None = None,
+        scan_errors: Path | None = None,
+        drives: Path | None = None,
     ) -> dict[str, Any]:
-        """Write the file, without times if other work on the machine disturbed them."""
+        """Write the file, without times if other work on the machine disturbed them.
+
+        Inputs are the tables of clouds or, of a run without any, that of `drives`.
+        """
         from puckbench.io.tables import read_table
         from puckbench.jobs.cost import read_costs
         from puckbench.report.contents import Contents
@@ -27,6 +36,7 @@ class Reference(Job):
             plain_rows,
             why_not_timed,
             without_times,
+            write_drive_results,
             write_reference,
         )
         from puckbench.report.run_description import this_machine
@@ -36,7 +46,7 @@ class Reference(Job):
         costs = [] if contents.logs is None else list(read_costs(Path(contents.logs)))
         not_timed = why_not_timed(costs)
         record = RunRecord.of(cost for cost in costs if cost["job"] not in _AFTERWARDS)
-        tables = {"clouds": clouds, **({"scan_errors": scan_errors} if scan_errors else {})}
+        tables = {"clouds": clouds, "scan_errors": scan_errors}
         about = {
             "configuration": self.contents["configuration"],
             "style": self.contents["style"],
@@ -44,8 +54,12 @@ class Reference(Job):
             "machine": this_machine(),
             "record": record.as_json(),
             **({"not_timed": not_timed} if not_timed else {}),
-            **{name: plain_rows(read_table(file)) for name, file in tables.items()},
+            **{name: plain_rows(read_table(file)) for name, file in tables.items() if file},
         }
-        table = read_table(metrics)
-        write_reference(out, without_times(table) if not_timed else table, about)
+        source = metrics or drives
+        if source is None:
+            raise InputError("reference: no table of results")
+        write = write_reference if metrics else write_drive_results
+        table = read_table(source)
+        write(out, without_times(table) if not_timed else table, about)
         return {"file": str(out), "rows": len(table), "bytes": out.stat().st_size}

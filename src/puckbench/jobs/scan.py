@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from pydantic import Field, PositiveFloat
 
 from puckbench.core.models import Model, parsed
@@ -35,9 +36,8 @@ _RAYS_IN_MEMORY = 4_000_000
 in portions."""
 
 
-@JOBS.register("scan")
-class Scan(Job):
-    """Scan a mesh.
+class Scanning(Job):
+    """Base class of jobs that scan a mesh.
 
     Parameters
     ----------
@@ -61,20 +61,13 @@ class Scan(Job):
     def plugins(self) -> Iterable[str | None]:
         return (self.errors,)
 
-    def run(self, mesh: Path, table: Path) -> dict[str, Any]:
+    def scan_of(self, mesh: Path) -> tuple[ScanJob, np.random.Generator]:
+        """Return the scan of a mesh file, and the source of its errors."""
         named = self._named()  # reports unknown names before a large mesh is read
         surface = read_surface(mesh, self.metres_per_unit)
         warn_of_implausible_extent(mesh, surface.bounds())
         job = self._job(named, surface, _described(mesh))
-        rng, progress = generator(self.seed, "scan", mesh.stem), Progress("frame")
-        if job.rays > _RAYS_IN_MEMORY:
-            rows = write_scan_portions(table, job.portions(rng, progress))
-        else:
-            returns = job.table(rng, progress)
-            write_scan(table, returns)
-            rows = len(returns)
-        origin = [float(x) for x in job.origin]
-        return {"returns": rows, "origin": origin, "errors": self.errors}
+        return job, generator(self.seed, "scan", mesh.stem)
 
     def check(self, surface: Mesh, described: Sequence[float] | None) -> None:
         self._job(self._named(), surface, described).check()
@@ -101,6 +94,23 @@ class Scan(Job):
             return described, True
         inside = {"inside": 0.0} if self.anywhere else {}
         return free_origin(surface, self.height_m, **inside), False
+
+
+@JOBS.register("scan")
+class Scan(Scanning):
+    """Scan a mesh."""
+
+    def run(self, mesh: Path, table: Path) -> dict[str, Any]:
+        job, rng = self.scan_of(mesh)
+        progress = Progress("frame")
+        if job.rays > _RAYS_IN_MEMORY:
+            rows = write_scan_portions(table, job.portions(rng, progress))
+        else:
+            returns = job.table(rng, progress)
+            write_scan(table, returns)
+            rows = len(returns)
+        origin = [float(x) for x in job.origin]
+        return {"returns": rows, "origin": origin, "errors": self.errors}
 
 
 class _Described(Model):

@@ -124,6 +124,12 @@ class Sweep(Model):
         rotations = np.broadcast_to(self._rotations(frames)[:, None], (*shape, 3, 3))
         return Poses(rotations, np.broadcast_to(0.0, (*shape, 3)))
 
+    def poses_during(self, times: Floats) -> Poses:
+        """Return the poses of a trajectory at times (n,), s, relative to the scan's origin."""
+        if self._trajectory is None:
+            raise InputError("the sweep has no trajectory, along which the sensor moves")
+        return self._trajectory.at(times)
+
     @property
     def is_level_and_still(self) -> bool:
         """Whether the sensor stays at the scan's origin, with axes parallel to the world's."""

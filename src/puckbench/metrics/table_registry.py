@@ -31,8 +31,14 @@ SPINS_OR_RECORDINGS = "metric"
 """Requirement: clouds in metres with a sensor's returns."""
 SEVERAL_NOISES = "noises"
 """Requirement: virtual scans of the same scenes under several error models."""
+ODOMETRY = "odometry"
+"""Requirement: drives with the task of this name."""
 OCTREE_AND_OTHERS = "octree"
 """Requirement: the codec ``gpcc`` and another codec on clouds in metres."""
+
+
+UNDECODED = "undecoded"
+"""Name in the column of codecs for a drive that is not coded."""
 
 
 @dataclass(frozen=True)

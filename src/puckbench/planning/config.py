@@ -50,6 +50,46 @@ Places = Annotated[tuple[str, ...], AfterValidator(_different)]
 """Plug-ins: names, ``module:Name`` or ``path/to/file.py:Name``."""
 
 
+SensorName = Annotated[
+    str, Field(description="Name of a sensor, or a YAML file that defines one (`make: scan`).")
+]
+SweepChoice = Annotated[
+    Options | str,
+    Field(
+        description="Name of a sweep (`thesis`, `thesis_room`, `spin`), or changes to the thesis's "
+        "sweep (`make: scan`)."
+    ),
+]
+ErrorModelName = Annotated[str, Field(description="Error model (`make: scan`).")]
+ErrorOptions = Annotated[Options, Field(description="Changes to the error model's parameters.")]
+Height = Annotated[
+    float,
+    Field(
+        gt=0,
+        description="Height of the sensor above the floor in m, if the scene has no position for "
+        "it.",
+    ),
+]
+Origin = Annotated[
+    Position | dict[str, Position] | None,
+    Field(
+        description="Position of the sensor, `[x, y, z]` in m, or a table of positions by scene. "
+        "By default the position in the scene, or an unoccupied one near the middle."
+    ),
+]
+CodecNames = Annotated[
+    Annotated[tuple[str, ...], Field(min_length=1), AfterValidator(_different)] | None,
+    Field(description="Names of the codecs to run; by default all that can code it."),
+]
+Anywhere = Annotated[
+    bool,
+    Field(
+        description="Scan even if the sensor is outside the scene or inside an object, or passes "
+        "through walls."
+    ),
+]
+
+
 class SceneSource(Model):
     """A loader of scenes, and the scenes to use."""
 
@@ -88,30 +128,13 @@ class DataSetConfig(Model):
         None, description="Seed of the sampling and of the sensor's errors; by default the run's."
     )
     points: int = Field(500_000, ge=1, description="Number of sampled points (`make: sample`).")
-    sensor: str = Field(
-        "vlp16", description="Name of a sensor, or a YAML file that defines one (`make: scan`)."
-    )
-    sweep: Options | str = Field(
-        {},
-        description="Name of a sweep (`thesis`, `thesis_room`, `spin`), or changes to the thesis's "
-        "sweep (`make: scan`).",
-    )
-    errors: str = Field("none", description="Error model (`make: scan`).")
-    error_options: Options = Field({}, description="Changes to the error model's parameters.")
-    height_m: float = Field(
-        1.3,
-        gt=0,
-        description="Height of the sensor above the floor in m, if the scene has no position for "
-        "it.",
-    )
-    origin: Position | dict[str, Position] | None = Field(
-        None,
-        description="Position of the sensor, `[x, y, z]` in m, or a table of positions by scene. "
-        "By default the position in the scene, or an unoccupied one near the middle.",
-    )
-    codecs: Annotated[tuple[str, ...], Field(min_length=1), AfterValidator(_different)] | None = (
-        Field(None, description="Names of the codecs to run; by default all that can code it.")
-    )
+    sensor: SensorName = "vlp16"
+    sweep: SweepChoice = Field({})
+    errors: ErrorModelName = "none"
+    error_options: ErrorOptions = Field({})
+    height_m: Height = 1.3
+    origin: Origin = None
+    codecs: CodecNames = None
     crop: Literal["clean", "noisy", "none"] = Field(
         "clean",
         description="Crop a scan to the room's bounding box by its `clean` coordinates, by its "
@@ -129,11 +152,7 @@ class DataSetConfig(Model):
         description="Peak of the PSNRs, in the unit of the clouds; by default `size - 1`, and 30 m "
         "with `size: metric` (MPEG uses 30,000 units of 1 mm; papers on KITTI use 59.7).",
     )
-    anywhere: bool = Field(
-        False,
-        description="Scan even if the sensor is outside the scene or inside an object, or passes "
-        "through walls.",
-    )
+    anywhere: Anywhere = False
     truth: bool = Field(
         True,
         description="Measure decoded clouds also against the true surface (`truth_...`) and, for "
@@ -180,6 +199,52 @@ class DataSetConfig(Model):
     @property
     def has_truth(self) -> bool:
         return self.truth and self.make != "cloud"
+
+
+class DriveConfig(Model):
+    """Drives of a moving sensor through the scenes of a scene set, and a robot's tasks on them."""
+
+    title: str | None = Field(None, description="Title in figures; by default the drives' name.")
+    scenes: str = Field(description="Name of a scene set.")
+    make: Literal["scan", "cloud"] = Field(
+        "scan",
+        description="`scan`: the virtual sensor drives through each scene, along the sweep's "
+        "`trajectory`; `cloud`: consecutive clouds, named alike but for a number, are a drive.",
+    )
+    seeds: tuple[Seed, ...] = Field(
+        (1, 2, 3), min_length=1, description="Seeds of the sensor's errors, one drive for each."
+    )
+    sensor: SensorName = "vlp16"
+    sweep: SweepChoice = Field({})
+    errors: ErrorModelName = "none"
+    error_options: ErrorOptions = Field({})
+    height_m: Height = 1.3
+    origin: Origin = None
+    anywhere: Anywhere = False
+    codecs: CodecNames = None
+    rates: tuple[RateName, ...] = Field(
+        ("1000mm", "500mm", "200mm", "100mm", "50mm", "20mm"),
+        min_length=1,
+        description="Rates; a codec that has none of them runs its own.",
+    )
+    poses: str | None = Field(
+        None,
+        description="File of poses, one for each turn (`make: cloud`): TUM or KITTI. By default "
+        "those of the data set or, without any, those of odometry on the undecoded turns.",
+    )
+    tasks: dict[str, Options] = Field(
+        {"odometry": {}, "registration": {}},
+        min_length=1,
+        description="Tasks with their options: names, or your own functions, `module:function` or "
+        "`path/to/file.py:function`.",
+    )
+
+    @property
+    def is_scan(self) -> bool:
+        return self.make == "scan"
+
+    def origin_in(self, scene: str) -> Position | None:
+        return self.origin.get(scene) if isinstance(self.origin, dict) else self.origin
 
 
 class CodecConfig(Model):
@@ -435,6 +500,9 @@ class Config(Model):
     datasets: dict[Name, DataSetConfig] = Field(
         description="Data sets by name, in the order of figures: clouds made from a scene set."
     )
+    drives: dict[Name, DriveConfig] = Field(
+        {}, description="Drives by name: turns of a moving sensor, on which tasks are measured."
+    )
     codecs: dict[Name, CodecConfig | None] = Field(
         {"draco": CodecConfig()}, min_length=1, description="Codecs by name."
     )
@@ -499,6 +567,8 @@ class Config(Model):
         for scenes in self.scenes.values():
             yield from (source.loader for source in (scenes, scenes.stand_in) if source)
         yield from (data.errors for data in self.datasets.values())
+        for drive in self.drives.values():
+            yield from (drive.errors, *drive.tasks)
         for codec in filter(None, self.codecs.values()):
             yield from (codec.class_, codec.training)
         yield from (*self.tables, *self.metrics, *self.figures.own)

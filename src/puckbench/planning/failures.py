@@ -14,7 +14,7 @@ from puckbench.jobs.cost import BEGIN as COST
 PREFIX = "puckbench: "
 """Beginning of the last line in the log of a failed job."""
 _MAX_LINES = 10
-_CURVES = ("coded", "metrics", "decoded", "recovery")
+_CURVES = ("coded", "metrics", "decoded", "recovery", "coded_drives", "drive_tasks")
 """Log folders of jobs for one data set, cloud and codec."""
 _TAIL_BYTES = 1 << 16
 _FATAL = re.compile(r"^Fatal Python error: (.+)$", re.MULTILINE)

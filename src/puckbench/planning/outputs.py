@@ -33,6 +33,7 @@ from puckbench.metrics.table_registry import (
     table_entry,
 )
 from puckbench.planning.coding import CodingJobs
+from puckbench.planning.drives import DriveJobs
 from puckbench.planning.needs.registry import Options, met_needs
 from puckbench.planning.plan import Plan
 from puckbench.planning.planned_job import Gathering, PlannedJob, planned
@@ -51,8 +52,8 @@ Inputs = dict[str, str]
 
 
 class OutputJobs:
-    def __init__(self, plan: Plan, coding: CodingJobs) -> None:
-        self.plan, self.coding, self.config = plan, coding, plan.config
+    def __init__(self, plan: Plan, coding: CodingJobs, drives: DriveJobs) -> None:
+        self.plan, self.coding, self.drives, self.config = plan, coding, drives, plan.config
         register_user_plugins(self.config.figures.own, self.config.tables)
         for name in self.figures:
             self._check_style(name)
@@ -73,7 +74,7 @@ class OutputJobs:
         if plan.codecs:
             looks = tuple(self._looks(name) for name in plan.codecs)
             tables["codecs"] = Gathering(planned(PlanTable(table="codecs", rows=looks)), ())
-        for record in self.coding.tables():
+        for record in (*self.coding.tables(), *self.drives.tables()):
             tables[record.kind] = Gathering(planned(record), record.names)
         return tables
 
@@ -92,7 +93,7 @@ class OutputJobs:
         meets.
         """
         there = {"metrics", "clouds"} if self.plan.datasets else set()
-        there |= set(self.study_tables)
+        there |= set(self.study_tables) | ({"drives"} if self.plan.drives else set())
         return {
             name: {
                 needed: self._file(needed)
@@ -165,7 +166,7 @@ class OutputJobs:
         return planned(record, FIGURES.module_of(name), also=also)
 
     def _shows_codecs(self, figure: str) -> bool:
-        return bool({*figure_entry(figure).inputs} & {*_OF_CURVES, *self.result_tables})
+        return bool({*figure_entry(figure).inputs} & {*_OF_CURVES, "drives", *self.result_tables})
 
     @cached_property
     def _codec_styles(self) -> str:
@@ -198,12 +199,10 @@ class OutputJobs:
         return {"codec": codec, **asdict(class_style(codec, entry))}
 
     def _dataset_style(self) -> dict[str, Any]:
-        titles = {
-            name: data.settings.title
-            for name, data in self.plan.datasets.items()
-            if data.settings.title is not None
-        }
-        return {"datasets": tuple(self.plan.datasets), "dataset_titles": titles}
+        entries = {name: data.settings.title for name, data in self.plan.datasets.items()}
+        entries |= {name: drive.title for name, drive in self.config.drives.items()}
+        titles = {name: title for name, title in entries.items() if title is not None}
+        return {"datasets": tuple(entries), "dataset_titles": titles}
 
     @property
     def titles(self) -> FigureStyle:
@@ -256,6 +255,8 @@ class OutputJobs:
 
     @property
     def reference_inputs(self) -> Inputs:
+        if not self.plan.datasets:
+            return {"drives": self._file("drives")}
         names = ("metrics", "clouds", *(["scan_errors"] if self.plan.scanned else []))
         return {name: self._file(name) for name in names}
 
@@ -293,6 +294,8 @@ class OutputJobs:
         if self.plan.datasets:
             tables = ("metrics", "clouds", *self.result_tables)
             known |= {name: self._file(name) for name in tables}
+        if self.plan.drives:
+            known |= {name: self._file(name) for name in ("drives", *self.result_tables)}
         if self.plan.scanned:
             known["scan_errors"] = self._file("scan_errors")
         if self.plan.recovered:

@@ -26,10 +26,12 @@ from puckbench.geometry.scaling import GRID, METRIC
 from puckbench.learned.catalogue import weights_file
 from puckbench.lidar import load_sensor, open_error_model, open_sweep
 from puckbench.metrics.metric_registry import METRICS
+from puckbench.metrics.task_registry import TASKS
 from puckbench.planning.config import (
     CaptureConfig,
     Config,
     DataSetConfig,
+    DriveConfig,
     ErrorModelConfig,
     SceneSetConfig,
     StudyConfig,
@@ -149,7 +151,7 @@ class Plan:
         """Reasons for the exclusion of scenes, by data set and scene."""
         self.datasets = self._datasets()
         self.codecs = {name: codecs.entry(name, config.codec(name)) for name in config.codecs}
-        if config.failed:
+        if config.failed and not config.drives:
             coded = {codec for _, _, codec in self.curves}
             self.codecs = {name: entry for name, entry in self.codecs.items() if name in coded}
         self.weights = {name: _weights(name, config.codec(name)) for name in self.codecs}
@@ -160,9 +162,10 @@ class Plan:
             for name in config.metrics:
                 if name not in METRICS:  # importing puckbench's own metrics takes long
                     METRICS.get(name)
+        self.drives = _runnable(config.drives)
         self.study = _study(config.sensor_study, config.seed) if config.sensor_study else None
-        if not self.datasets and self.study is None:
-            raise InputError("the configuration has no data set and no sensor study")
+        if not self.datasets and self.study is None and not self.drives:
+            raise InputError("the configuration has no data set, no drive and no sensor study")
         if config.strict and check_scenes:
             for row in self._rates_left_out():
                 raise InputError(f"{row['file']}: {row['reason']}")
@@ -188,6 +191,7 @@ class Plan:
             *self._rates_left_out(),
             *self._codecs_left_out(),
             *self._failures_left_out(),
+            *self._tasks_left_out(),
         )
 
     def _scenes_left_out(self) -> Iterator[dict[str, str]]:
@@ -231,6 +235,15 @@ class Plan:
             dataset, cloud, *codec = name.split("/")
             what = f"codec {codec[0]}, cloud {dataset}/{cloud}" if codec else f"cloud {name}"
             yield {"dataset": dataset, "scene": cloud, "file": what, "reason": reason}
+
+    def _tasks_left_out(self) -> Iterator[dict[str, str]]:
+        """Yield a row for each task whose packages are not installed here."""
+        for name in dict.fromkeys(t for drive in self.config.drives.values() for t in drive.tasks):
+            if missing := TASKS.get(name).missing:
+                reason = (
+                    f"{', '.join(missing)} is not installed (pip install 'puckbench[odometry]')"
+                )
+                yield {"dataset": "", "scene": "", "file": f"task {name}", "reason": reason}
 
     def _rates_left_out(self) -> Iterator[dict[str, str]]:
         for (dataset, cloud, codec), rates in self.too_wide.items():
@@ -445,6 +458,18 @@ class Plan:
         if faults:
             self.left_out[name] = faults
         return usable
+
+
+def _runnable(drives: Mapping[str, DriveConfig]) -> dict[str, DriveConfig]:
+    """Return the drives with tasks whose packages are installed."""
+    runnable = {}
+    for name, drive in drives.items():
+        tasks = {
+            task: options for task, options in drive.tasks.items() if not TASKS.get(task).missing
+        }
+        if tasks:
+            runnable[name] = drive.replaced(tasks=tasks)
+    return runnable
 
 
 def _file_of(dataset: str, scenes: SceneSet, scene: str) -> str:

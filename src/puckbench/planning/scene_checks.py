@@ -20,21 +20,26 @@ from puckbench.geometry.extent import warn_of_implausible_extent
 from puckbench.geometry.scaling import origin_shift
 from puckbench.io.point_columns import WIDE_COLOURS
 from puckbench.jobs.scan import Scan
-from puckbench.planning.config import DataSetConfig
+from puckbench.planning.config import DataSetConfig, DriveConfig
 from puckbench.planning.planned_job import planned
 
 
 def scan_record(settings: DataSetConfig, scene: str, seed: int) -> Scan:
-    return Scan(
-        sensor=settings.sensor,
-        errors=settings.errors,
-        error_options=settings.error_options,
-        sweep=settings.sweep,
-        origin=settings.origin_in(scene),
-        height_m=settings.height_m,
-        anywhere=settings.anywhere,
-        seed=seed,
-    )
+    return Scan(**scan_settings(settings, scene, seed))
+
+
+def scan_settings(settings: DataSetConfig | DriveConfig, scene: str, seed: int) -> dict[str, Any]:
+    """Return the settings of a job that scans a scene."""
+    return {
+        "sensor": settings.sensor,
+        "errors": settings.errors,
+        "error_options": settings.error_options,
+        "sweep": settings.sweep,
+        "origin": settings.origin_in(scene),
+        "height_m": settings.height_m,
+        "anywhere": settings.anywhere,
+        "seed": seed,
+    }
 
 
 def scene_faults(

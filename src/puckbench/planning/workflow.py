@@ -12,6 +12,7 @@ from puckbench.core.environment import COMMIT, source_commit
 from puckbench.planning.clouds import CloudJobs
 from puckbench.planning.coding import CodingJobs
 from puckbench.planning.config import trusted
+from puckbench.planning.drives import DriveJobs
 from puckbench.planning.outputs import OutputJobs
 from puckbench.planning.plan import Plan
 from puckbench.planning.study import StudyJobs
@@ -25,8 +26,9 @@ class Workflow:
         self.clouds = CloudJobs(self.plan)
         self.coding = CodingJobs(self.clouds)
         self.study = StudyJobs(self.plan)
+        self.drives = DriveJobs(self.plan)
         self.training = TrainingJobs(self.plan)
-        self.outputs = OutputJobs(self.plan, self.coding)
+        self.outputs = OutputJobs(self.plan, self.coding, self.drives)
 
 
 def run_jobs_with(source: str) -> None:

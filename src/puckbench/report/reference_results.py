@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from puckbench.figures.style import FigureStyle
 
 FOLDER = Path(__file__).parent / "reference"
+OF_DRIVES = Path(__file__).parent / "reference_drives"
+"""Folder of tables of drives, `drives`."""
 DIGEST = "digest"
 """Column of tables of clouds: digest of the coordinates."""
 KEY = "puckbench.reference"
@@ -45,7 +47,7 @@ _DIGITS = 6
 _CLOUD = ["dataset", "cloud"]
 _COLUMNS = (*_CLOUD, DIGEST, "codec", "rate", "bytes", "bpp")
 """Columns of every file."""
-_TIMED = ("encode_curve", "evaluate_curve")
+_TIMED = ("encode_curve", "evaluate_curve", "encode_drive")
 """Jobs with timed codec calls: encoding, and decoding."""
 MIN_PROCESSOR_SHARE = 0.95
 """Ratio of processor time to wall time of these jobs, with one thread each, below which the machine
@@ -170,8 +172,6 @@ def write_reference(path: Path, metrics: pd.DataFrame, about: Mapping[str, Any])
 
     Raises InputError if a cloud has no digest.
     """
-    import pyarrow as pa
-
     digests = {(row["dataset"], row["cloud"]): row.get(DIGEST) for row in about["clouds"]}
     keys = [(str(s), str(c)) for s, c in metrics[_CLOUD].itertuples(index=False)]
     missing = next((key for key in keys if not digests.get(key)), None)
@@ -179,6 +179,17 @@ def write_reference(path: Path, metrics: pd.DataFrame, about: Mapping[str, Any])
         raise InputError(f"cloud {'/'.join(missing)}: the table of clouds has no digest of it")
     rows = _rounded(metrics)
     rows.insert(2, DIGEST, [digests[key] for key in keys])
+    _write(path, rows, about)
+
+
+def write_drive_results(path: Path, drives: pd.DataFrame, about: Mapping[str, Any]) -> None:
+    """Write the results of a study of drives, whose rows have digests."""
+    _write(path, _rounded(drives), about)
+
+
+def _write(path: Path, rows: pd.DataFrame, about: Mapping[str, Any]) -> None:
+    import pyarrow as pa
+
     table = pa.Table.from_pandas(rows, preserve_index=False)
     text = json.dumps({"format": FORMAT, **about}, sort_keys=True, allow_nan=False)
     with written_whole(path) as temporary:

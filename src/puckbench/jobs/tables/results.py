@@ -176,10 +176,22 @@ def recovery_rows(files: Sequence[Path]) -> list[dict[str, Any]]:
     return read_rows(files)
 
 
+@TABLES.register("drives", title="Tasks on drives", gathered=True)
+def drive_rows(files: Sequence[Path]) -> list[dict[str, Any]]:
+    """Tasks of a robot on the decoded turns of drives, one row per drive, codec and rate.
+
+    Bits per point (``bpp``), seconds for all turns, whether decoded turns have the times of firings
+    (``has_times``), and the values and settings of each task. The codec ``undecoded`` is the drive
+    itself, with and without times.
+    """
+    return read_rows(files)
+
+
 ROWS = {
     "metrics": (metric_rows, METRIC_KEYS),
     "scan_errors": (scan_error_rows, CLOUD_KEYS),
     "recovery": (recovery_rows, RECOVERY_KEYS),
+    "drives": (drive_rows, METRIC_KEYS),
 }
 """Tables of result rows: the function from files to rows, and the keys of a row."""
 

@@ -14,7 +14,12 @@ def sensor_study(plan: Plan) -> Options | None:
 
 @NEEDS.register("codecs")
 def several_codecs(plan: Plan) -> Options | None:
-    return _if(bool(plan.datasets) and len(plan.codecs) > 1)
+    return _if(len({codec for _, _, codec in plan.curves}) > 1)
+
+
+@NEEDS.register("odometry")
+def odometry_on_drives(plan: Plan) -> Options | None:
+    return _if(any("odometry" in drive.tasks for drive in plan.drives.values()))
 
 
 @NEEDS.register("octree")

@@ -1,0 +1,93 @@
+"""Files of poses: TUM (t x y z qx qy qz qw) and KITTI (the first three rows of a matrix)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from puckbench.core.errors import InputError, naming
+from puckbench.core.files import read_bytes
+from puckbench.geometry.cloud import Floats
+
+_TUM, _KITTI = 8, 12
+_NOT_UNIT, _NOT_ROTATION = 1e-3, 1e-2
+
+
+def read_poses(path: Path) -> tuple[Floats | None, Floats]:
+    """Read a TUM or KITTI file: times (n,), s, of TUM, and poses (n, 4, 4), from sensor to world.
+
+    Raises InputError if a line has other numbers, or the times do not increase.
+    """
+    with naming(path):
+        return poses_of(read_bytes(path))
+
+
+def poses_of(data: bytes) -> tuple[Floats | None, Floats]:
+    """Return the poses in the content of a file, as `read_poses` does."""
+    lines = data.decode("utf-8-sig", errors="replace").splitlines()
+    rows = [_numbers(k, line) for k, line in enumerate(lines, 1) if line.strip() and line[0] != "#"]
+    widths = {len(row) for row in rows}
+    if widths not in ({_TUM}, {_KITTI}):
+        raise InputError("no poses: lines have 8 numbers (TUM) or 12 (KITTI)")
+    values, poses = np.array(rows), np.tile(np.eye(4), (len(rows), 1, 1))
+    if widths == {_KITTI}:
+        poses[:, :3] = values.reshape(-1, 3, 4)
+        _check_rotations(poses[:, :3, :3])
+        return None, poses
+    from scipy.spatial.transform import Rotation
+
+    if (back := np.flatnonzero(np.diff(values[:, 0]) <= 0)).size:
+        raise InputError(f"times run back: pose {back[0] + 2} is not later than the one before it")
+    if (np.abs(np.linalg.norm(values[:, 4:], axis=1) - 1) > _NOT_UNIT).any():
+        raise InputError("a quaternion is not of length 1")
+    poses[:, :3, :3] = Rotation.from_quat(values[:, 4:]).as_matrix()
+    poses[:, :3, 3] = values[:, 1:4]
+    return values[:, 0], poses
+
+
+def tum_bytes(times: Floats, poses: Floats) -> bytes:
+    """Return the content of a TUM file."""
+    from scipy.spatial.transform import Rotation
+
+    turned = Rotation.from_matrix(poses[:, :3, :3]).as_quat(canonical=True)
+    rows = np.column_stack([times, poses[:, :3, 3], turned])
+    lines = [" ".join(f"{value:.9f}" for value in row) for row in rows + 0.0]
+    return ("\n".join(lines) + "\n").encode()
+
+
+def read_kitti_calibration(path: Path) -> Floats:
+    """Read ``Tr`` (4, 4), from the LiDAR to the first camera, in a sequence's calib.txt."""
+    lines = read_bytes(path).decode("utf-8", errors="replace").splitlines()
+    with naming(path):
+        for number, line in enumerate(lines, 1):
+            name, _, values = line.partition(":")
+            if name == "Tr" and len(numbers := _numbers(number, values)) == _KITTI:
+                return np.vstack([np.reshape(numbers, (3, 4)), [0.0, 0.0, 0.0, 1.0]])
+        raise InputError("no line 'Tr:' with 12 numbers, from the LiDAR to the camera")
+
+
+def read_times(path: Path) -> Floats:
+    """Read times (n,), s, one a line."""
+    lines = read_bytes(path).decode("utf-8", errors="replace").split("\n")
+    with naming(path):
+        rows = [_numbers(number, line) for number, line in enumerate(lines, 1) if line.strip()]
+        if any(len(row) != 1 for row in rows):
+            raise InputError("expected one time in each line")
+        return np.array([value for row in rows for value in row])
+
+
+def _numbers(number: int, line: str) -> list[float]:
+    try:
+        values = [float(word) for word in line.replace(",", " ").split()]
+    except ValueError:
+        raise InputError(f"line {number} is not a row of numbers") from None
+    if not np.isfinite(values).all():
+        raise InputError(f"line {number} has a number that is not finite")
+    return values
+
+
+def _check_rotations(matrices: Floats) -> None:
+    product = matrices @ matrices.transpose(0, 2, 1)
+    if (np.abs(product - np.eye(3)) > _NOT_ROTATION).any() or (np.linalg.det(matrices) < 0).any():
+        raise InputError("a pose is not a rotation and a position")

@@ -1,0 +1,136 @@
+"""Jobs that make drives: a virtual sensor's, or consecutive clouds of a data set."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import Field
+
+from puckbench.core.errors import InputError
+from puckbench.core.progress import Progress
+from puckbench.datasets.registry import open_scene_set
+from puckbench.datasets.scene import Scene
+from puckbench.geometry.cloud import Floats
+from puckbench.io.poses import read_poses
+from puckbench.jobs.registry import JOBS, Job
+from puckbench.jobs.scan import Scanning
+from puckbench.lidar.drives import Drive, check_times, turn_of, write_drive
+from puckbench.lidar.returns import HOUR_US
+from puckbench.lidar.sweep import Sweep
+from puckbench.lidar.turns import clock_steps
+
+_TURN_S = 0.1
+"""Time between turns of a data set that has no times."""
+
+
+@JOBS.register("drive")
+class VirtualDrive(Scanning):
+    """Scan a mesh from a moving sensor, and write the drive with its poses."""
+
+    def run(self, mesh: Path, drive: Path) -> dict[str, Any]:
+        from puckbench.lidar.scan_returns import returns_of_scan
+
+        job, rng = self.scan_of(mesh)
+        turns, sensor = [], job.sensor
+        for portion in job.portions(rng, Progress("frame")):
+            frames = portion["frame"]
+            returns = returns_of_scan(portion).returns
+            turns += [turn_of(each) for each in returns.split()][frames.min() : frames.max() + 1]
+        times, poses = virtual_poses(job.sweep, np.asarray(job.origin))
+        about = {"scene": mesh.stem, "seed": self.seed, "poses": "true"}
+        about |= {"sensor": sensor.name, "error_model": self.errors}
+        starts, turn_s = times[:-1:2], float(times[2] - times[0])
+        made = Drive(tuple(turns), starts, turn_s, times, poses, about)
+        write_drive(drive, made)
+        return {**about, "turns": len(turns), "points": made.points}
+
+
+def virtual_poses(sweep: Sweep, origin: Floats) -> tuple[Floats, Floats]:
+    """Return times (2 n + 1,), s, and poses (2 n + 1, 4, 4) at the start, the middle and the end of
+    the n turns of a sweep.
+    """
+    times = np.arange(2 * sweep.frames + 1) / (2 * sweep.frames_per_second)
+    placed = sweep.poses_during(times)
+    poses = np.tile(np.eye(4), (len(times), 1, 1))
+    poses[:, :3, :3], poses[:, :3, 3] = placed.rotations, placed.positions + origin
+    return times, poses
+
+
+@JOBS.register("drive_of_clouds")
+class DriveOfClouds(Job):
+    """Collect consecutive clouds of a data set to a drive.
+
+    Poses are those of the file `poses` (TUM or KITTI, one for each cloud, at the middle of a turn),
+    otherwise those of the data set, otherwise those that KISS-ICP estimates from the clouds.
+    """
+
+    loader: str
+    names: tuple[str, ...]
+    options: dict[str, Any] = Field({})
+    poses: str | None = None
+    seed: int = 0
+
+    def plugins(self) -> Iterable[str | None]:
+        return (self.loader,)
+
+    def run(self, drive: Path, clouds: tuple[Path, ...] = ()) -> dict[str, Any]:
+        """Write the drive; `clouds` are the files that the data set reads."""
+        scenes = open_scene_set(self.loader, self.options, self.seed)
+        loaded = [scenes.load(name) for name in self.names]
+        made = self._drive(loaded)
+        write_drive(drive, made)
+        return {**made.about, "turns": len(made.turns), "points": made.points}
+
+    def _drive(self, scenes: list[Scene]) -> Drive:
+        turns = []
+        for scene in scenes:
+            if scene.cloud is None and scene.returns is None:
+                raise InputError(f"scene {scene.name}: neither a cloud nor a sensor's returns")
+            turns.append(turn_of(scene.returns) if scene.returns else scene.cloud)
+        starts, is_moving = _starts(scenes)
+        check_times(starts)
+        turn_s = float(np.median(np.diff(starts))) if is_moving else 0.0
+        poses, whose = self._poses(scenes)
+        about = {"scene": scenes[0].group, "poses": whose, **_sensor(scenes[0])}
+        clouds = tuple(turn for turn in turns if turn is not None)
+        times = starts + turn_s / 2
+        if poses is None:
+            from puckbench.metrics.tasks.odometry import estimated_poses, moment_of
+
+            poses = estimated_poses(clouds, is_moving, 100.0, 1.0)
+            times = starts + moment_of(clouds) * turn_s
+        last = poses[-1] @ np.linalg.inv(poses[-2]) @ poses[-1]  # goes on as it did
+        times = np.append(times, 2 * times[-1] - times[-2])
+        return Drive(clouds, starts, turn_s, times, np.concatenate([poses, [last]]), about)
+
+    def _poses(self, scenes: list[Scene]) -> tuple[Floats | None, str]:
+        if self.poses:
+            poses = read_poses(Path(self.poses))[1]
+            if len(poses) != len(scenes):
+                counts = f"{len(poses)} poses for {len(scenes)} turns"
+                raise InputError(f"{self.poses}: {counts}: one for each turn is needed")
+            return poses, Path(self.poses).name
+        given = [scene.pose for scene in scenes if scene.pose is not None]
+        if len(given) == len(scenes):
+            return np.array(given), "of the data set"
+        return None, "KISS-ICP on the undecoded turns"
+
+
+def _sensor(scene: Scene) -> dict[str, Any]:
+    return {"sensor": scene.about["sensor"]} if "sensor" in scene.about else {}
+
+
+def _starts(scenes: list[Scene]) -> tuple[Floats, bool]:
+    """Return when turns begin, (n,), s, and whether their points have times."""
+    clocks = [scene.returns.turns[0].times for scene in scenes if scene.returns]
+    if len(clocks) == len(scenes) and all(clock is not None for clock in clocks):
+        begun = np.array([float(clock[0]) for clock in clocks if clock is not None])
+        since_first = np.append(0.0, clock_steps(begun, HOUR_US)).cumsum()
+        return np.asarray(since_first * 1e-6), True
+    times = [scene.time_s for scene in scenes if scene.time_s is not None]
+    if len(times) == len(scenes):
+        return np.array(times), False
+    return _TURN_S * np.arange(len(scenes), dtype=np.float64), False

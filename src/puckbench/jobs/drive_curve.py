@@ -1,0 +1,173 @@
+"""Jobs that encode the turns of a drive, one by one, and measure tasks on the decoded turns."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import Field
+
+from puckbench import __version__
+from puckbench.codecs.base import Codec
+from puckbench.codecs.registry import open_codec
+from puckbench.core.environment import run_environment
+from puckbench.core.errors import InputError, naming, noting
+from puckbench.core.files import json_bytes, object_of
+from puckbench.core.measurement import Cost, measured
+from puckbench.core.progress import Progress
+from puckbench.geometry.cloud import PointCloud, check_points
+from puckbench.geometry.digest import cloud_digest
+from puckbench.io.archives import read_archive, write_archive
+from puckbench.jobs.codec_jobs import TimedJob, ready
+from puckbench.jobs.curve_files import write_rows
+from puckbench.jobs.registry import JOBS
+from puckbench.lidar.drives import Drive, read_drive
+from puckbench.metrics.table_registry import UNDECODED
+from puckbench.metrics.task_registry import task_results
+
+_STREAM, _RECORD = ".bin", ".json"
+
+
+@dataclass(frozen=True)
+class CodedDrive:
+    """The streams of the turns at a rate, and their record."""
+
+    streams: tuple[bytes, ...]
+    record: Mapping[str, Any]
+
+
+def write_coded_drive(path: Path, rates: Mapping[str, CodedDrive]) -> None:
+    """Write an archive with ``RATE.json``, ``RATE/0000.bin``, ``RATE/0001.bin``, ..."""
+    members: dict[str, bytes] = {}
+    for rate, coded in rates.items():
+        members[rate + _RECORD] = json_bytes(coded.record)
+        members |= {f"{rate}/{k:04d}{_STREAM}": each for k, each in enumerate(coded.streams)}
+    write_archive(path, members)
+
+
+def read_coded_drive(path: Path) -> dict[str, CodedDrive]:
+    """Read coded turns by rate; raise InputError if the archive has none."""
+    members = read_archive(path)
+    rates = {}
+    for name, data in members.items():
+        if "/" not in name and name.endswith(_RECORD):
+            rate = name.removesuffix(_RECORD)
+            streams = tuple(members[key] for key in members if key.startswith(f"{rate}/"))
+            rates[rate] = CodedDrive(streams, object_of(data, f"{path}: {name}"))
+    if not rates or not all(coded.streams for coded in rates.values()):
+        raise InputError(f"{path}: not an archive of coded turns")
+    return rates
+
+
+@JOBS.register("encode_drive")
+class EncodeDrive(TimedJob):
+    """Encode every turn of a drive at all rates of a codec; each turn is a stream of its own."""
+
+    codec: str
+
+    def run(self, drive: Path, curve: Path) -> dict[str, Any]:
+        codec, turns = ready(open_codec(self.codec, self.changes)), read_drive(drive).turns
+        points = sum(map(len, turns))
+        rates, shared = codec.rates_of("metric"), [codec.shared_work() for _ in turns]
+        progress, coded = Progress("rate"), {}
+        for done, rate in enumerate(rates, start=1):
+
+            def encoded(rate: str = rate) -> list[bytes]:
+                each = zip(turns, shared, strict=True)
+                return [codec.encode_cloud(turn, rate, work) for turn, work in each]
+
+            saved = _saved(shared)
+            with noting(f"rate {rate}"):
+                timed = measured(encoded, self.repeats, saved)
+            size = sum(map(len, timed.result))
+            record = {
+                "codec": self.codec,
+                "rate": rate,
+                "codec_version": codec.version,
+                "bytes": size,
+                "bpp": 8 * size / points,
+                "repeats": self.repeats,
+                **timed.costs("encode"),
+            }
+            coded[rate] = CodedDrive(tuple(timed.result), record)
+            progress(done, len(rates))
+        write_coded_drive(curve, coded)
+        seconds = sum(one.record["encode_s"] for one in coded.values())
+        return self.work(points, len(coded), seconds)
+
+
+def _saved(shared: Sequence[Any]) -> Callable[[Cost], Cost]:
+    def whole(here: Cost) -> Cost:
+        for work in filter(None, shared):
+            here = here.plus(work.saved)
+        return here
+
+    return whole
+
+
+@JOBS.register("measure_drive")
+class MeasureDrive(TimedJob):
+    """Measure tasks on the decoded turns of a drive, or on the undecoded ones.
+
+    `tasks` are names with options. Turns of a codec of points have neither order nor times.
+    """
+
+    dataset: str
+    tasks: dict[str, dict[str, Any]] = Field({})
+
+    def plugins(self) -> Iterable[str | None]:
+        return *super().plugins(), *self.tasks
+
+    def run(self, drive: Path, rows: Path, curve: Path | None = None) -> dict[str, Any]:
+        """Write a row for each rate; without `curve`, rows of the drive with and without times."""
+        original = read_drive(drive)
+        about = {**original.about, "digest": _digest(original)}
+        described = {"dataset": self.dataset, "cloud": drive.stem, **about}
+        if curve is None:
+            results = list(self._undecoded(original))
+        else:
+            with naming(curve):
+                coded = read_coded_drive(curve)
+                results = [self._decoded(original, one) for one in coded.values()]
+        write_rows(rows, [{**described, **row} for row in results])
+        seconds = sum(row.get("decode_s", 0.0) for row in results)
+        return self.work(original.points, len(results), seconds)
+
+    def _undecoded(self, drive: Drive) -> Iterable[dict[str, Any]]:
+        bare = tuple(PointCloud(turn.xyz) for turn in drive.turns)
+        has_times = any(turn.returns is not None for turn in drive.turns)
+        for turns, rate in [(drive.turns, "times")] * has_times + [(bare, "no times")]:
+            yield self._row(drive, turns, {"codec": UNDECODED, "rate": rate})
+
+    def _decoded(self, drive: Drive, coded: CodedDrive) -> dict[str, Any]:
+        name, record = str(self.codec), coded.record
+        if len(coded.streams) != len(drive.turns):
+            raise InputError(f"{len(coded.streams)} coded turns of {len(drive.turns)}")
+        codec: Codec = self.loaded(name)
+        with noting(f"rate {record.get('rate', '?')}"):
+            timed = measured(lambda: [*map(codec.decode_cloud, coded.streams)], self.repeats)
+            for turn in timed.result:
+                check_points(turn.xyz, f"codec {name}: decoded points")
+        row = {**record, **timed.costs("decode"), **run_environment(self.alone)}
+        return self._row(drive, timed.result, row)
+
+    def _row(
+        self, drive: Drive, turns: Sequence[PointCloud], record: Mapping[str, Any]
+    ) -> dict[str, Any]:
+        row = {
+            **record,
+            "has_times": all(turn.returns is not None for turn in turns),
+            "turns": len(turns),
+            "points_in": drive.points,
+            "points_out": sum(map(len, turns)),
+            "puckbench_version": __version__,
+        }
+        return {**row, **task_results(self.tasks, drive, turns, row)}
+
+
+def _digest(drive: Drive) -> str:
+    points = np.concatenate([turn.xyz for turn in drive.turns])
+    return cloud_digest(points, metric=True)

@@ -1,0 +1,170 @@
+"""Drives: consecutive turns of a moving sensor, with its poses, in one archive.
+
+The archive contains the poses as ``poses.tum``, times and description as ``drive.json``, and each
+turn as ``0000.parquet`` (returns) or ``0000.ply`` (points).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+from pydantic import NonNegativeFloat
+
+from puckbench.core.errors import InputError, naming
+from puckbench.core.files import json_bytes, object_of
+from puckbench.core.models import Model, parsed
+from puckbench.geometry.cloud import Floats, PointCloud
+from puckbench.io.archives import read_archive, write_archive
+from puckbench.io.clouds import cloud_bytes, read_cloud
+from puckbench.io.poses import poses_of, tum_bytes
+from puckbench.lidar.returns import Returns, read_firings, write_firings
+
+_POSES, _ABOUT = "poses.tum", "drive.json"
+_GAP = 1.5
+"""Largest time between turns, in median times between turns."""
+_CLOCK_S = 1e-6
+
+
+class _Description(Model):
+    starts: tuple[float, ...]
+    turn_s: NonNegativeFloat
+    about: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Drive:
+    """Consecutive turns with the sensor's poses.
+
+    Parameters
+    ----------
+    turns
+        In m, in the sensor's frame; with ``returns`` of one turn if the sensor's are available.
+    starts
+        Times at which turns begin, (n,), s.
+    turn_s
+        Duration of a turn, s; 0 if its points are those of one moment.
+    pose_times, poses
+        (m,), s, and (m, 4, 4) from the frame of the points to the world.
+    about
+        Scene, seed, sensor, error model, and whose poses these are.
+
+    Raises
+    ------
+    InputError
+        There is one turn, times run back, turns are missing, or poses do not cover the turns.
+    """
+
+    turns: tuple[PointCloud, ...]
+    starts: Floats
+    turn_s: float
+    pose_times: Floats
+    poses: Floats
+    about: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if len(self.turns) < 2 or len(self.starts) != len(self.turns):
+            count, times = len(self.turns), len(self.starts)
+            raise InputError(f"a drive of {count} turns and {times} times: at least two, and equal")
+        check_times(self.starts)
+        end = self.starts[-1] + self.turn_s
+        if self.pose_times[0] > self.starts[0] + self.turn_s / 2 or (
+            self.pose_times[-1] < end - _CLOCK_S
+        ):
+            span = f"{self.pose_times[0]:g} to {self.pose_times[-1]:g} s"
+            raise InputError(f"poses from {span}, turns from {self.starts[0]:g} to {end:g} s")
+
+    def poses_at(self, share: float) -> Floats:
+        """Return the poses (n, 4, 4) when a share of each turn has passed."""
+        from scipy.spatial.transform import Rotation, Slerp
+
+        times = np.clip(self.starts + share * self.turn_s, self.pose_times[0], self.pose_times[-1])
+        poses = np.tile(np.eye(4), (len(times), 1, 1))
+        poses[:, :3, :3] = Slerp(self.pose_times, Rotation.from_matrix(self.poses[:, :3, :3]))(
+            times
+        ).as_matrix()
+        for axis in range(3):
+            poses[:, axis, 3] = np.interp(times, self.pose_times, self.poses[:, axis, 3])
+        return poses
+
+    @cached_property
+    def points(self) -> int:
+        """Number of points of all turns."""
+        return sum(map(len, self.turns))
+
+
+def check_times(starts: Floats) -> None:
+    """Raise InputError if turns (n,) do not follow one another without a gap."""
+    steps = np.diff(starts)
+    if (back := np.flatnonzero(steps <= 0)).size:
+        raise InputError(f"times run back: turn {back[0] + 1} begins before turn {back[0]}")
+    if (gaps := np.flatnonzero(steps > _GAP * np.median(steps))).size:
+        first, usual = gaps[0], np.median(steps)
+        lasts = f"{steps[first]:g} s instead of {usual:g} s"
+        raise InputError(f"a gap after turn {first}: {lasts}; select turns that follow one another")
+
+
+def turn_of(returns: Returns) -> PointCloud:
+    """Return a turn's points with its returns."""
+    return PointCloud(returns.points(), returns=returns)
+
+
+def firing_shares(returns: Returns) -> Floats:
+    """Return, for each point of one turn (n,), which share of the turn had passed, from 0 to 1."""
+    (turn,) = returns.turns
+    columns, lasers, _ = returns.indices(turn)
+    azimuths = returns.column_azimuths(turn)
+    passed = np.mod(azimuths - azimuths[0].min(), 2 * np.pi) / (2 * np.pi)
+    return np.asarray(passed[columns, lasers])
+
+
+def write_drive(path: Path, drive: Drive) -> None:
+    """Write the archive of a drive; equal drives give equal bytes."""
+    described = {"starts": drive.starts.tolist(), "turn_s": drive.turn_s, "about": drive.about}
+    members = {
+        _POSES: tum_bytes(drive.pose_times, drive.poses),
+        _ABOUT: json_bytes(described),
+        **dict(_turn_members(drive)),
+    }
+    write_archive(path, members)
+
+
+def _turn_members(drive: Drive) -> Iterator[tuple[str, bytes]]:
+    with TemporaryDirectory() as folder:
+        table = Path(folder, "turn.parquet")
+        for number, turn in enumerate(drive.turns):
+            if turn.returns is None:
+                yield f"{number:04d}.ply", cloud_bytes(PointCloud(turn.xyz))
+            else:
+                write_firings(table, turn.returns)
+                yield f"{number:04d}.parquet", table.read_bytes()
+
+
+def read_drive(path: Path) -> Drive:
+    """Read the archive of a drive; raise InputError if it is damaged."""
+    members = read_archive(path)
+    with naming(path):
+        if not {_POSES, _ABOUT} <= members.keys():
+            raise InputError(f"not a drive: it lacks {_POSES} or {_ABOUT}")
+        value = object_of(members.pop(_ABOUT), _ABOUT)
+        described = parsed(_Description, value, _ABOUT)
+        times, poses = poses_of(members.pop(_POSES))
+        if times is None:
+            raise InputError(f"{_POSES}: its poses have no times")
+        turns = tuple(_read_turns(members))
+        starts = np.array(described.starts)
+        return Drive(turns, starts, described.turn_s, times, poses, value["about"])
+
+
+def _read_turns(members: Mapping[str, bytes]) -> Iterator[PointCloud]:
+    with TemporaryDirectory() as folder:
+        for name, data in members.items():
+            file = Path(folder, Path(name).name)
+            file.write_bytes(data)
+            yield turn_of(read_firings(file)) if file.suffix == ".parquet" else read_cloud(file)
+            file.unlink()

@@ -1,0 +1,1 @@
+"""Tasks of a robot, which decoded drives are measured by."""

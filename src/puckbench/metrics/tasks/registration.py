@@ -1,0 +1,81 @@
+"""Registration of pairs of decoded turns by GICP.
+
+References
+----------
+K. Koide, "small_gicp: Efficient and parallel algorithms for point cloud registration", JOSS 2024.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from importlib.metadata import version
+from typing import Any
+
+import numpy as np
+
+from puckbench.geometry.cloud import Floats, PointCloud
+from puckbench.lidar.drives import Drive
+from puckbench.metrics.task_registry import TASKS
+from puckbench.metrics.tasks.odometry import check_installed
+
+_APART_M = (1, 2, 5)
+_TOLERANCE = 0.3
+"""Largest difference of a pair's distance from the nominal one, relative to that."""
+
+
+@TASKS.register("registration", needs=("small_gicp", "evo"))
+def registration(
+    drive: Drive,
+    decoded: Sequence[PointCloud],
+    pairs: int = 8,
+    voxel_m: float = 0.25,
+    reach_m: float = 5.0,
+    most_m: float = 0.3,
+    most_deg: float = 2.0,
+) -> dict[str, Any]:
+    """Return how many of at most `pairs` pairs of turns 1, 2 and 5 m apart GICP registers.
+
+    It begins without a guess, and pairs points at most `reach_m` apart. It succeeds if the result
+    is at most `most_m` and `most_deg` from the true motion between the middles of the turns. The
+    error is the median of successes. Points are not corrected for the motion in a turn.
+    """
+    check_installed("evo")
+    check_installed("small_gicp")
+    from evo.core.filters import filter_pairs_by_path
+
+    true, results = drive.poses_at(0.5), {}
+    settings = {"downsampling_resolution": voxel_m, "max_correspondence_distance": reach_m}
+    for apart in _APART_M:
+        every = filter_pairs_by_path(list(true), apart, apart * _TOLERANCE, all_pairs=True)
+        if not every:
+            continue
+        places = np.linspace(0, len(every) - 1, min(pairs, len(every))).round().astype(int)
+        errors = np.array(
+            [
+                _errors(
+                    decoded[i].xyz, decoded[j].xyz, np.linalg.inv(true[i]) @ true[j], **settings
+                )
+                for i, j in (every[k] for k in places)
+            ]
+        )
+        good = (errors[:, 0] <= most_m) & (errors[:, 1] <= most_deg)
+        results[f"registration_{apart}m_percent"] = 100 * float(good.mean())
+        if good.any():
+            results[f"registration_{apart}m_error_m"] = float(np.median(errors[good, 0]))
+    name = f"small_gicp {version('small_gicp')}"
+    return {**results, "registration": name, **_settings(voxel_m, reach_m, most_m, most_deg)}
+
+
+def _settings(voxel_m: float, reach_m: float, most_m: float, most_deg: float) -> dict[str, float]:
+    values = {"voxel_m": voxel_m, "reach_m": reach_m, "most_m": most_m, "most_deg": most_deg}
+    return {f"registration_{name}": value for name, value in values.items()}
+
+
+def _errors(
+    first: Floats, second: Floats, motion: Floats, **settings: float
+) -> tuple[float, float]:
+    from small_gicp import align
+
+    off = np.linalg.inv(motion) @ align(first, second, **settings).T_target_source
+    cosine = np.clip((np.trace(off[:3, :3]) - 1) / 2, -1, 1)
+    return float(np.linalg.norm(off[:3, 3])), float(np.degrees(np.arccos(cosine)))

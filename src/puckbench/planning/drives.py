@@ -1,0 +1,247 @@
+"""Plans of drives: the jobs that make, encode and measure them."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache, cached_property
+from typing import Any
+
+from puckbench.codecs.facts import find_rate
+from puckbench.codecs.registry import module_of
+from puckbench.core.errors import InputError, among, naming
+from puckbench.core.files import sha256
+from puckbench.datasets.registry import LOADERS
+from puckbench.datasets.scene import of_clouds
+from puckbench.jobs.drive import DriveOfClouds, VirtualDrive
+from puckbench.jobs.drive_curve import EncodeDrive, MeasureDrive
+from puckbench.jobs.gathered_tables import RowsTable
+from puckbench.lidar import load_sensor, open_error_model, open_sweep
+from puckbench.lidar.errors import module_of_model
+from puckbench.metrics.table_registry import UNDECODED
+from puckbench.metrics.task_registry import TASKS, checked_task
+from puckbench.planning.config import DriveConfig
+from puckbench.planning.plan import Plan, ScenePlan
+from puckbench.planning.planned_job import PlannedJob, planned
+from puckbench.planning.scene_checks import scan_settings
+
+Drives = Mapping[str, tuple[str, ...] | tuple[str, int]]
+_CODING_S, _TASK_S = 0.25, 0.06
+"""Estimated time to code a turn at a rate, and to measure it."""
+
+
+@dataclass(frozen=True)
+class DrivePlan:
+    """Drives of one entry of the configuration.
+
+    `scans` are scene and seed of virtual drives, `clouds` the names of the scenes of others, each
+    by the drive's name; `rates` are those of each codec, by its name.
+    """
+
+    name: str
+    settings: DriveConfig
+    scenes: ScenePlan
+    scans: Mapping[str, tuple[str, int]]
+    clouds: Mapping[str, tuple[str, ...]]
+    rates: Mapping[str, tuple[str, ...]]
+
+    @property
+    def drives(self) -> tuple[str, ...]:
+        return tuple(self.scans or self.clouds)
+
+
+class DriveJobs:
+    """Drives of a plan; raises InputError if an entry is invalid."""
+
+    def __init__(self, plan: Plan) -> None:
+        self.plan = plan
+        self.entries = {name: self._entry(name, value) for name, value in plan.drives.items()}
+
+    @property
+    def virtual(self) -> list[str]:
+        return [name for name, entry in self.entries.items() if entry.settings.is_scan]
+
+    @property
+    def real(self) -> list[str]:
+        return [name for name in self.entries if name not in self.virtual]
+
+    @cached_property
+    def curves(self) -> tuple[tuple[str, str, str], ...]:
+        """Entry, drive and codec of all curves."""
+        failed = self.plan.config.failed
+        names = (
+            (name, drive, codec)
+            for name, entry in self.entries.items()
+            for drive in entry.drives
+            for codec in entry.rates
+        )
+        return tuple(curve for curve in names if "/".join(curve) not in failed)
+
+    @cached_property
+    def rows(self) -> tuple[str, ...]:
+        """Files of result rows, of the undecoded drives first."""
+        drives = [(n, drive, UNDECODED) for n, e in self.entries.items() for drive in e.drives]
+        return tuple(f"drive_tasks/{'/'.join(each)}.parquet" for each in (*drives, *self.curves))
+
+    def artefacts(self) -> list[str]:
+        return [f"coded_drives/{'/'.join(curve)}.zip" for curve in self.curves]
+
+    def tables(self) -> Iterator[RowsTable]:
+        if self.entries:
+            yield RowsTable(kind="drives", names=self.rows)
+
+    def source(self, name: str, drive: str) -> dict[str, str]:
+        """Return the scene that a virtual drive is scanned from, and its description."""
+        entry = self.entries[name]
+        file = f"{self.plan.results}/scenes/{entry.scenes.name}/{entry.scans[drive][0]}"
+        return {"scene": f"{file}.ply", "about": f"{file}.json"}
+
+    def files(self, name: str, drive: str) -> dict[str, list[str]]:
+        """Return the files that the clouds of a drive are read from, and that of its poses."""
+        entry = self.entries[name]
+        files = (file for cloud in entry.clouds[drive] for file in entry.scenes.files(cloud))
+        poses = [entry.settings.poses] if entry.settings.poses else []
+        return {"clouds": list(dict.fromkeys(files)), "poses": poses}
+
+    @cache  # noqa: B019 (one plan lives as long as the process)
+    def drive(self, name: str, drive: str) -> PlannedJob:
+        entry = self.entries[name]
+        if drive in entry.scans:
+            settings = entry.settings
+            record = VirtualDrive(**scan_settings(settings, *entry.scans[drive]))
+            model = open_error_model(settings.errors, settings.error_options)
+            also = f"{model} {load_sensor(settings.sensor)}"
+            return planned(record, module_of_model(model), also=also)
+        scenes = entry.scenes
+        record_of_clouds = DriveOfClouds(
+            loader=scenes.loader,
+            names=entry.clouds[drive],
+            options=scenes.options,
+            poses=entry.settings.poses,
+            seed=scenes.seed,
+        )
+        return planned(record_of_clouds, LOADERS.module_of(scenes.loader))
+
+    @cache  # noqa: B019
+    def encode(self, name: str, codec: str) -> PlannedJob:
+        repeats, alone = self.plan.config.timing.repeats, self.plan.config.timing.exclusive
+        changes = self._changes(name, codec)
+        record = EncodeDrive(codec=codec, changes=changes, repeats=repeats, alone=alone)
+        return planned(record, *self._modules(codec), also=self._weights(codec))
+
+    @cache  # noqa: B019
+    def measure(self, name: str, codec: str) -> PlannedJob:
+        timing, tasks = self.plan.config.timing, self.plan.drives[name].tasks
+        modules = map(TASKS.module_of, tasks)
+        if codec == UNDECODED:
+            return planned(MeasureDrive(dataset=name, tasks=tasks), *modules)
+        record = MeasureDrive(
+            dataset=name,
+            codec=codec,
+            changes=self._changes(name, codec),
+            tasks=tasks,
+            repeats=timing.repeats,
+            alone=timing.exclusive,
+        )
+        return planned(record, *self._modules(codec), *modules, also=self._weights(codec))
+
+    def minutes(self, name: str) -> int:
+        """Return an upper bound of the estimated time of a job for a drive, in minutes."""
+        rates = max(map(len, self.entries[name].rates.values()), default=1)
+        return 10 + int(5 * rates)
+
+    def _modules(self, codec: str) -> tuple[str, ...]:
+        return (module_of(self.plan.codecs[codec]["class"]),)
+
+    def _weights(self, codec: str) -> str:
+        return " ".join(map(sha256, self.plan.weights[codec]))
+
+    def _changes(self, name: str, codec: str) -> dict[str, Any]:
+        entry = {**self.plan.codecs[codec]}
+        opened = self.plan.opened[codec]
+        rates = {rate: dict(opened.parameters_of(rate)) for rate in self.entries[name].rates[codec]}
+        entry.pop("metric_rates", None)
+        if all(map(opened.is_length, rates)):
+            return {**entry, "rates": {}, "metric_rates": rates}
+        return {**entry, "rates": rates}
+
+    # ---- entries of the configuration
+
+    def _entry(self, name: str, value: DriveConfig) -> DrivePlan:
+        where, scenes = f"drives.{name}", self.plan.scenes.get(value.scenes)
+        if scenes is None:
+            known = among(value.scenes, self.plan.scenes)
+            raise InputError(f"{where}.scenes: no scene set '{value.scenes}'{known}")
+        with naming(where):
+            for task, options in value.tasks.items():
+                checked_task(task, options)
+            self._check(value, scenes)
+            scans, clouds = {}, {}
+            if value.is_scan:
+                scans = {f"{s}-{seed}": (s, seed) for s in scenes.chosen for seed in value.seeds}
+            else:
+                clouds = consecutive(scenes.chosen)
+                if value.poses and len(clouds) > 1:
+                    raise InputError(f"poses: one file, and {len(clouds)} drives")
+            return DrivePlan(name, value, scenes, scans, clouds, self._rates(value, scenes))
+
+    def _check(self, value: DriveConfig, scenes: ScenePlan) -> None:
+        is_cloud = of_clouds(scenes.scenes)
+        if is_cloud is not None and is_cloud == value.is_scan:
+            what, how = ("clouds", "cloud") if is_cloud else ("meshes", "scan")
+            raise InputError(f"make is {value.make!r}, but {scenes.loader} has {what}: {how}")
+        if value.is_scan:
+            open_error_model(value.errors, value.error_options)
+            sensor, sweep = load_sensor(value.sensor), open_sweep(value.sweep)
+            if sweep.trajectory is None or len(sweep.trajectory) < 2:
+                raise InputError("sweep: needs a trajectory, along which the sensor moves")
+            if sweep.frames < 2 or sweep.turning_hz(sensor) != sweep.frames_per_second:
+                turns = f"{sweep.frames} frames, {sweep.turning_hz(sensor):g} turns a second"
+                raise InputError(f"sweep: {turns}: a drive has two frames or more, each one turn")
+
+    def _rates(self, value: DriveConfig, scenes: ScenePlan) -> dict[str, tuple[str, ...]]:
+        """Return the rates of each codec that codes the drives."""
+        unknown = [codec for codec in value.codecs or () if codec not in self.plan.config.codecs]
+        if unknown:
+            known = among(unknown[0], self.plan.config.codecs)
+            raise InputError(f"codecs: no codec '{unknown[0]}'{known}")
+        returns = value.is_scan or bool(getattr(scenes.scenes, "of_returns", False))
+        packets = bool(getattr(scenes.scenes, "of_packets", False))
+        rates = {}
+        for codec in value.codecs or self.plan.codecs:
+            opened = self.plan.opened[codec]
+            own = tuple(opened.rates_of("metric"))
+            found = [item for rate in value.rates if (item := find_rate(opened, rate))]
+            named = tuple(rate for rate, _ in found if own and opened.is_length(rate))
+            if (opened.takes == "returns" and not returns) or (
+                opened.packets_alone and not packets
+            ):
+                continue
+            if named or own:
+                rates[codec] = named or own
+        return rates
+
+
+def consecutive(names: tuple[str, ...]) -> dict[str, tuple[str, ...]]:
+    """Return the names of clouds of each drive: equal but for a number that grows evenly.
+
+    Raises InputError if there is a gap, a single cloud, or a name without a number.
+    """
+    drives: dict[str, list[str]] = {}
+    for name in names:
+        part, _, number = name.rpartition("_")
+        if not number.isdecimal():
+            raise InputError(f"cloud {name}: its name does not end in _NUMBER")
+        drives.setdefault(part or "drive", []).append(name)
+    for part, clouds in drives.items():
+        clouds.sort(key=lambda name: int(name.rpartition("_")[2]))
+        if len(clouds) < 2:
+            raise InputError(f"drive {part}: a single turn; a drive has at least two")
+        numbers = [int(name.rpartition("_")[2]) for name in clouds]
+        steps = [after - before for before, after in itertools.pairwise(numbers)]
+        for place, step in enumerate(steps):
+            if step != min(steps):
+                missing = f"between {clouds[place]} and {clouds[place + 1]}"
+                raise InputError(f"drive {part}: a gap {missing}: select those that follow")
+    return {part: tuple(clouds) for part, clouds in drives.items()}

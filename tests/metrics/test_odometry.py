@@ -1,0 +1,95 @@
+"""Errors of poses against closed forms; odometry and registration on clouds of exact motion."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from puckbench.core.errors import InputError
+from puckbench.geometry.cloud import PointCloud
+from puckbench.lidar.drives import Drive
+from puckbench.metrics.task_registry import task_results
+from puckbench.metrics.tasks.odometry import odometry, pose_errors
+from puckbench.metrics.tasks.registration import registration
+
+STRAIGHT = np.tile(np.eye(4), (121, 1, 1))
+STRAIGHT[:, 0, 3] = np.arange(121.0)
+
+
+def test_scaled_path_drifts_by_the_scale_at_every_length() -> None:
+    estimated = STRAIGHT.copy()
+    estimated[:, 0, 3] *= 1.01
+    errors = pose_errors(STRAIGHT, estimated)
+    for name in ("drift", "drift_10m", "drift_50m", "kitti", "kitti_100m"):
+        assert errors[f"{name}_percent"] == pytest.approx(1.0)
+        assert errors[f"{name}_deg_per_m"] == pytest.approx(0.0, abs=1e-6)
+    assert "kitti_200m_percent" not in errors
+    assert errors["ate_m"] == pytest.approx(0.01 * np.arange(121).std())
+    assert (errors["lost_turns"], errors["length_m"]) == (0, 120)
+
+
+def test_turning_estimate_drifts_by_its_rate() -> None:
+    """The estimate rotates in place by 0.01 degrees a metre, beside the true motion."""
+    estimated = STRAIGHT.copy()
+    turned = Rotation.from_euler("z", 0.01 * np.arange(121)[:, None], degrees=True)
+    estimated[:, :3, :3] = turned.as_matrix()
+    assert pose_errors(STRAIGHT, estimated)["drift_deg_per_m"] == pytest.approx(0.01)
+
+
+def test_another_world_frame_is_no_error_and_a_jump_is_one_lost_turn() -> None:
+    moved = np.eye(4)
+    moved[:3, :3], moved[:3, 3] = Rotation.random(rng=1).as_matrix(), (5.0, -3.0, 2.0)
+    estimated = moved @ STRAIGHT
+    errors = pose_errors(STRAIGHT, estimated)
+    assert errors["ate_m"] == pytest.approx(0.0, abs=1e-9)
+    assert errors["drift_percent"] == pytest.approx(0.0, abs=1e-6)
+    estimated[60:, :3, 3] += 1.0
+    assert pose_errors(STRAIGHT, estimated)["lost_turns"] == 1
+
+
+@pytest.fixture(scope="module")
+def hall() -> Drive:
+    """Turns in a hall of 40 m with pillars, seen from poses 0.5 m and 1 degree apart."""
+    rng = np.random.default_rng(0)
+    walls = rng.uniform(-20, 20, (40_000, 3))
+    side = rng.integers(0, 2, 40_000)
+    walls[np.arange(40_000), side] = np.sign(walls[np.arange(40_000), side]) * 20
+    walls[:, 2] = rng.uniform(0, 5, 40_000)
+    floor = np.column_stack([rng.uniform(-20, 20, (20_000, 2)), np.zeros(20_000)])
+    pillars = rng.uniform(-15, 15, (12, 2))[rng.integers(0, 12, 10_000)]
+    points = np.vstack([walls, floor, np.column_stack([pillars, rng.uniform(0, 5, 10_000)])])
+    poses = np.tile(np.eye(4), (16, 1, 1))
+    turned = Rotation.from_euler("z", np.arange(16.0)[:, None], degrees=True)
+    poses[:, :3, :3], poses[:, 0, 3] = turned.as_matrix(), 0.5 * np.arange(16) - 4
+    poses[:, 2, 3] = 1.5
+    seen = [points[rng.permutation(len(points))[:12_000]] for _ in poses]
+    turns = tuple(
+        PointCloud((each - pose[:3, 3]) @ pose[:3, :3])
+        for each, pose in zip(seen, poses, strict=True)
+    )
+    times = np.arange(16) / 10
+    return Drive(turns, times, 0.0, times, poses)
+
+
+def test_odometry_follows_an_exact_motion(hall: Drive) -> None:
+    results = odometry(hall, hall.turns, max_range_m=60)
+    assert results["lost_turns"] == 0
+    assert results["ate_m"] < 0.05
+    assert results["odometry_voxel_m"] == 0.6
+    assert odometry(hall, hall.turns, max_range_m=60) == results
+
+
+def test_registration_finds_pairs_of_an_exact_motion(hall: Drive) -> None:
+    results = registration(hall, hall.turns, pairs=2)
+    assert results["registration_1m_percent"] == 100
+    assert results["registration_1m_error_m"] < 0.05
+    elsewhere = [PointCloud(turn.xyz[:3000, [1, 2, 0]] * 3) for turn in hall.turns[::-1]]
+    assert registration(hall, elsewhere, pairs=2)["registration_5m_percent"] == 0
+
+
+def test_unknown_tasks_and_options_are_refused(hall: Drive) -> None:
+    with pytest.raises(InputError, match="unknown task 'mapping'"):
+        task_results({"mapping": {}}, hall, hall.turns, ())
+    with pytest.raises(InputError, match=r"task odometry: options: .*'voxels'"):
+        task_results({"odometry": {"voxels": 1}}, hall, hall.turns, ())
+    with pytest.raises(InputError, match="the column 'ate_m' exists already"):
+        task_results({"odometry": {}}, hall, hall.turns, ("ate_m",))
