@@ -116,7 +116,7 @@ def test_packets_that_overlap_one_before_are_none() -> None:
     for end in (1206, 1306, 2412):
         data[end - 2 : end] = bytes([STRONGEST, VLP16])
     assert find_packets(np.frombuffer(bytes(data), np.uint8)).tolist() == [0, 1206]
-    found = packet_turns._without_overlaps(np.array([0, 100, 1205, 1206, 2000, 2412]))
+    found = packet_turns.without_overlaps(np.array([0, 100, 1205, 1206, 2000, 2412]))
     assert found.tolist() == [0, 1206, 2412]
 
 

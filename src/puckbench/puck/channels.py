@@ -38,7 +38,7 @@ from puckbench.puck.ranges import PAD
 MAX_VALUE = (1 << 16) - 1
 _EXPERTS = 5
 _CONTEXTS = 6
-_FEATURES = 16
+_FEATURES = 24
 _LEVELS = 20
 _SIZES = 36
 _CLIP = 480
@@ -58,6 +58,7 @@ class ChannelModel(NamedTuple):
     linear: LeastSquares
     last: Ints  # for each laser: its last value above 0,
     error: Ints  # and the running mean of its errors, in 1 / FINE
+    bias: Ints
     memory: Ints  # number of values
     gains: Ints  # (4, 256), logarithms of signals: by reflectivity, laser, range and estimate,
     counts: Ints  # (4, 256), and how often each was learnt
@@ -98,12 +99,12 @@ def new_channel_model(bits: BitCoder, lasers: int, lean: bool = False, kind: int
         new_mixer(bits, MixerOptions(
             experts=experts, contexts=contexts, counters=int(sizes.sum()),
             rows=NODES * (_LEVELS + _SIZES), weights=[0.2] * (experts + contexts),
-            learning_rate=16, final_learning_rate=2, memory=160, sets=1 if lean else 2,
+            learning_rate=24, final_learning_rate=4, memory=160, sets=1 if lean else 2,
         )),
         np.cumsum(sizes) - sizes,
         new_experts(np.tile(usual, (_EXPERTS, 1)).astype(np.int32), experts),
         new_least_squares(1, _FEATURES),
-        zeros, zeros + 8 * FINE, np.zeros(1, np.int64),
+        zeros, zeros + 8 * FINE, zeros.copy(), np.zeros(1, np.int64),
         np.zeros((5, _BINS), np.int64), np.zeros((5, _BINS), np.int64), np.zeros(4, np.int64), np.zeros(2, np.int64),
         *_tables(), kind, farthest,
     )  # fmt: skip
@@ -276,14 +277,15 @@ def _code_value(
     shift = max((halves(base) >> 1) - 7, 0)
     _write_features(model, image, before, c, laser, t, base, shift)
     first = predicted(model.linear, 0)
-    mean = max(base + (first << shift), FINE)
+    biased = first + (int(model.bias[laser]) >> 8)
+    mean = max(base + (biased << shift), FINE)
     mean = min(mean, FINE * model.farthest)
     size = min(halves(mean), _SIZES - 1)
     level = _activity(model, image, before, c, laser, t, size)
     known = (1 if then > 0 else 0) + (2 if hint > 0 else 0)
     scales = model.experts.scales
     situation = level
-    unit = max(int(scales[0, situation] >> 8) * 3 // 64, 1)
+    unit = max(int(scales[0, situation] >> 8) * 4 // 64, 1)
     centre = max((mean + FINE // 2) // FINE, 1)
     if is_lean:
         near = _near(then, centre, unit) if then > 0 else _near(below, centre, unit)
@@ -323,6 +325,7 @@ def _code_value(
     model.error[laser] += (min(wrong, 1 << 20) - model.error[laser]) >> 2
     target = (FINE * value - base) >> shift
     if abs(target) < 2 * _CLIP:
+        model.bias[laser] += (((target - first) << 8) - int(model.bias[laser])) >> 6
         learn_target(model.linear, 0, target, 0, 12)
         model.memory[0] += 1
         if model.memory[0] % 16 == 0:
@@ -376,6 +379,22 @@ def _write_features(
         x[6] = _relative(image, c, laser, c, laser - 2, base, shift, hint, model.kind)
     if laser + 1 < values.shape[1]:
         x[7] = _relative(image, c, laser, c - 1, laser + 1, base, shift, hint, model.kind)
+    x[16] = _relative(image, c, laser, c - 5, laser, base, shift, hint, model.kind)
+    x[17] = _relative(image, c, laser, c - 6, laser, base, shift, hint, model.kind)
+    if laser > 0:
+        x[18] = _relative(image, c, laser, c - 2, laser - 1, base, shift, hint, model.kind)
+    if laser > 1:
+        x[19] = _relative(image, c, laser, c - 1, laser - 2, base, shift, hint, model.kind)
+    if laser > 2:
+        x[20] = _relative(image, c, laser, c, laser - 3, base, shift, hint, model.kind)
+    if laser + 1 < values.shape[1]:
+        x[21] = _relative(image, c, laser, c - 2, laser + 1, base, shift, hint, model.kind)
+    if laser + 2 < values.shape[1]:
+        x[22] = _relative(image, c, laser, c - 1, laser + 2, base, shift, hint, model.kind)
+    if model.kind == 0:
+        signal, other = int(image.signals[c, laser]), int(image.signals[c - 1, laser])
+        if signal > 0 and other > 0:
+            x[23] = min(max(((signal - other) * base // other) >> shift, -_CLIP), _CLIP)
     if t > 0:
         then = before.values
         for k in range(3):

@@ -21,7 +21,7 @@ from puckbench.core.files import object_of, read_bytes
 from puckbench.lidar.returns import HOUR_US, Beams, Returns
 from puckbench.lidar.turns import MAX_LASERS, Layout, Turn
 
-_LEGACY = "LEGACY"
+LEGACY = "LEGACY"
 _FIRST_RADIAL_MM = 12.163
 """Distance of the beams' origin from the axis in the first OS-1, whose metadata lacks it."""
 _COLUMNS = (512, 1024, 2048, 4096)
@@ -33,7 +33,7 @@ _HALF_TURN = (-1.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 """First numbers of the transform from the lidar's frame to the sensor's; the height follows."""
 
 
-class _Field(NamedTuple):
+class Field(NamedTuple):
     """Position of a value in a pixel: word of 32 bits, first bit, and number of bits."""
 
     word: int
@@ -45,51 +45,61 @@ class _Field(NamedTuple):
         return values.astype(np.uint32, copy=False)
 
 
-class _Profile(NamedTuple):
+class Profile(NamedTuple):
     """Words of a pixel, fields for each kind of return, and the quantum of ranges."""
 
     words: int
-    ranges: tuple[_Field, ...]
-    reflectivities: tuple[_Field, ...]
+    ranges: tuple[Field, ...]
+    reflectivities: tuple[Field, ...]
     quantum_m: float
+    signals: tuple[Field, ...] = ()
 
 
-def _fine(words: int, reflectivity: tuple[int, int], kinds: int = 1, bits: int = 19) -> _Profile:
-    ranges = tuple(_Field(kind, 0, bits) for kind in range(kinds))
-    word, bit = reflectivity
-    reflectivities = tuple(_Field(word + kind, bit, 8) for kind in range(kinds))
-    return _Profile(words, ranges, reflectivities, 0.001)
+def _fine(
+    words: int,
+    reflectivity: tuple[int, int],
+    signal: tuple[int, int],
+    kinds: int = 1,
+    bits: int = 19,
+) -> Profile:
+    ranges = tuple(Field(kind, 0, bits) for kind in range(kinds))
+    reflectivities = tuple(Field(reflectivity[0] + kind, reflectivity[1], 8) for kind in range(kinds))
+    signals = tuple(Field(signal[0], signal[1] + 16 * kind, 16) for kind in range(kinds))
+    return Profile(words, ranges, reflectivities, 0.001, signals)
 
 
-def _coarse(words: int, kinds: int = 1) -> _Profile:
-    ranges = tuple(_Field(kind, 0, 15) for kind in range(kinds))
-    return _Profile(words, ranges, tuple(_Field(kind, 16, 8) for kind in range(kinds)), 0.008)
+def _coarse(words: int, kinds: int = 1) -> Profile:
+    ranges = tuple(Field(kind, 0, 15) for kind in range(kinds))
+    return Profile(words, ranges, tuple(Field(kind, 16, 8) for kind in range(kinds)), 0.008)
 
 
-_PROFILES = {
-    _LEGACY: _fine(3, (1, 0), bits=20),
-    "RNG19_RFL8_SIG16_NIR16": _fine(3, (1, 0)),
-    "RNG19_RFL8_SIG16_NIR16_ZONE16": _fine(3, (1, 0)),
-    "RNG19_RFL8_SIG16_NIR16_RGB16": _fine(4, (0, 24)),
-    "RNG19_RFL8_SIG16_NIR16_DUAL": _fine(4, (0, 24), kinds=2),
-    "RNG19_RFL8_SIG16_ZONE16_DUAL": _fine(4, (0, 24), kinds=2),
-    "RNG19_RFL8_SIG16_NIR16_RGB16_DUAL": _fine(5, (0, 24), kinds=2),
-    "FIVE_WORD_PIXEL": _fine(5, (0, 24), kinds=2),
+PROFILES = {
+    LEGACY: _fine(3, (1, 0), (1, 16), bits=20),
+    "RNG19_RFL8_SIG16_NIR16": _fine(3, (1, 0), (1, 16)),
+    "RNG19_RFL8_SIG16_NIR16_ZONE16": _fine(3, (1, 0), (1, 16)),
+    "RNG19_RFL8_SIG16_NIR16_RGB16": _fine(4, (0, 24), (1, 0)),
+    "RNG19_RFL8_SIG16_NIR16_DUAL": _fine(4, (0, 24), (2, 0), kinds=2),
+    "RNG19_RFL8_SIG16_ZONE16_DUAL": _fine(4, (0, 24), (2, 0), kinds=2),
+    "RNG19_RFL8_SIG16_NIR16_RGB16_DUAL": _fine(5, (0, 24), (2, 0), kinds=2),
+    "FIVE_WORD_PIXEL": _fine(5, (0, 24), (2, 0), kinds=2),
     "RNG15_RFL8_NIR8": _coarse(1),
     "RNG15_RFL8_WIN8": _coarse(1),
     "RNG15_RFL8_NIR8_ZONE16": _coarse(2),
     "RNG15_RFL8_NIR8_DUAL": _coarse(2, kinds=2),
     "FUSA_RNG15_RFL8_NIR8_DUAL": _coarse(2, kinds=2),
 }
-"""Profiles of lidar packets by their name in the metadata (``udp_profile_lidar``)."""
+"""Profiles of lidar packets by their name in the metadata (``udp_profile_lidar``).
+
+Compressed recordings name a profile by its place: new ones are added at the end.
+"""
 
 
-def _packet(
+def packet_type(
     profile: str, lasers: int, columns: int = _USUAL_COLUMNS, is_fusa: bool = False
 ) -> np.dtype[Any]:
     """Return the structure of a packet; bytes that are not decoded belong to no field."""
-    pixels = ("pixels", "<u4", (lasers, _PROFILES[profile].words))
-    if profile == _LEGACY:
+    pixels = ("pixels", "<u4", (lasers, PROFILES[profile].words))
+    if profile == LEGACY:
         head = [("time", "<u8"), ("column", "<u2"), ("frame", "<u2"), ("encoder", "<u4")]
         column = np.dtype([*head, pixels, ("status", "<u4")])
         return np.dtype([("columns", column, (columns,))])
@@ -130,7 +140,7 @@ class OusterSensor:
 
     @cached_property
     def packet(self) -> np.dtype[Any]:
-        return _packet(self.profile, self.lasers, self.columns_per_packet, self.is_fusa)
+        return packet_type(self.profile, self.lasers, self.columns_per_packet, self.is_fusa)
 
     @property
     def beams(self) -> Beams:
@@ -142,7 +152,7 @@ class OusterSensor:
 
     @property
     def layout(self) -> Layout:
-        ranges = _PROFILES[self.profile].ranges
+        ranges = PROFILES[self.profile].ranges
         order = np.argsort(self.elevations_deg, kind="stable")
         shifts = np.rint(np.array(self.azimuths_deg) * self.columns / 360).astype(int)
         return Layout(
@@ -181,9 +191,9 @@ def _sensor(document: Mapping[str, Any]) -> OusterSensor:
         values |= document.get(part, {})
     packets = document.get("lidar_data_format") or document.get("data_format") or {}
     elevations = _floats(values["beam_altitude_angles"])
-    profile = str(packets.get("udp_profile_lidar", _LEGACY))
-    if profile not in _PROFILES:
-        raise InputError(f"unknown format of packets '{profile}'{among(profile, _PROFILES)}")
+    profile = str(packets.get("udp_profile_lidar", LEGACY))
+    if profile not in PROFILES:
+        raise InputError(f"unknown format of packets '{profile}'{among(profile, PROFILES)}")
     columns = int(packets.get("columns_per_frame") or values["lidar_mode"].partition("x")[0])
     first, last = packets.get("column_window", (0, columns - 1))
     to_lidar = _floats(values.get("beam_to_lidar_transform", (0.0,) * 16))
@@ -224,12 +234,12 @@ def _floats(values: Sequence[Any]) -> tuple[float, ...]:
 
 def is_size_of_packets(size: int) -> bool:
     """Whether lidar packets of 16 columns have this size in bytes in a known format."""
-    return any(size == _packet(*each).itemsize for each in product(_PROFILES, _LASERS))
+    return any(size == packet_type(*each).itemsize for each in product(PROFILES, _LASERS))
 
 
 def serial_of(sensor: OusterSensor, payload: bytes) -> int | None:
     """Return the serial number of the sensor that sent a packet; None if the packet lacks it."""
-    if sensor.profile == _LEGACY:
+    if sensor.profile == LEGACY:
         return None
     return int.from_bytes(np.frombuffer(payload, sensor.packet)["serial"].tobytes(), "little")
 
@@ -257,14 +267,14 @@ def ouster_turns(sensor: OusterSensor, payloads: NDArray[np.uint8]) -> OusterTur
     turns = tuple(_turn(sensor, part) for part in parts)
     complete = [k for k, part in enumerate(parts) if len(part) >= sensor.whole]
     whole = range(complete[0], complete[-1] + 1) if complete else range(0)
-    quantum, offset = _PROFILES[sensor.profile].quantum_m, -sensor.radial_mm / 1000
+    quantum, offset = PROFILES[sensor.profile].quantum_m, -sensor.radial_mm / 1000
     returns = Returns(sensor.beams, sensor.layout, turns, quantum, sensor.name, offset)
     return OusterTurns(returns, whole)
 
 
 def _frames(sensor: OusterSensor, packets: NDArray[Any]) -> NDArray[np.int64]:
     """Return the number of each packet's revolution, whose counter restarts."""
-    legacy = sensor.profile == _LEGACY
+    legacy = sensor.profile == LEGACY
     counters = (packets["columns"]["frame"][:, 0] if legacy else packets["frame"]).astype(np.int64)
     half = 1 << (31 if sensor.is_fusa else 15)
     steps = (np.diff(counters, prepend=counters[:1]) + half) % (2 * half) - half
@@ -272,7 +282,7 @@ def _frames(sensor: OusterSensor, packets: NDArray[Any]) -> NDArray[np.int64]:
 
 
 def _turn(sensor: OusterSensor, columns: NDArray[Any]) -> Turn:
-    profile, words = _PROFILES[sensor.profile], columns["pixels"]
+    profile, words = PROFILES[sensor.profile], columns["pixels"]
     ranges = np.stack([field.of(words) for field in profile.ranges])
     reflectivities = np.stack([field.of(words) for field in profile.reflectivities])
     # The lidar's frame is half a turn from the sensor's.

@@ -93,15 +93,16 @@ def find_packets(data: Payloads) -> NDArray[np.int64]:
         at = places[:, None] + np.arange(BLOCKS // 2) * 2 * _BLOCK_BYTES + byte
         is_equal = (data[at] == data[at + _BLOCK_BYTES]).all(axis=1)
         places = places[is_equal | (data[places + PACKET_BYTES - 2] != DUAL_MODE)]
-    return _without_overlaps(places)
+    return without_overlaps(places)
 
 
-def _without_overlaps(places: NDArray[np.int64]) -> NDArray[np.int64]:
-    if (np.diff(places) >= PACKET_BYTES).all():
+def without_overlaps(places: NDArray[np.int64], size: int = PACKET_BYTES) -> NDArray[np.int64]:
+    """Return the ascending places of packets of `size` bytes that begin in no earlier packet."""
+    if (np.diff(places) >= size).all():
         return places
     kept: list[int] = []
     for place in places.tolist():
-        if not kept or place >= kept[-1] + PACKET_BYTES:
+        if not kept or place >= kept[-1] + size:
             kept.append(place)
     return np.array(kept, np.int64)
 

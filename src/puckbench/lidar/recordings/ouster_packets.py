@@ -1,0 +1,286 @@
+"""Conversion between lidar packets of Ouster sensors and images of all fields of their pixels."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.core.compiling import compiled
+from puckbench.core.errors import InputError
+from puckbench.lidar.recordings.ouster import LEGACY, PROFILES, Field, OusterSensor, packet_type
+from puckbench.lidar.recordings.packet_turns import Payloads, without_overlaps
+from puckbench.lidar.returns import HOUR_US
+from puckbench.lidar.turns import Layout, Turn
+
+_HALF_WORD = 16
+_MOST_BYTES = 65535
+_OUTSIDE_BYTES, _CRC_BYTES = 32, 8
+"""Bytes of a packet before its columns, and as many after them, the last of which are a CRC-64."""
+_NS = 1000
+_HEAD = np.dtype([("hours", "<u4"), ("status", "<u4"), ("encoder", "<u4"), ("frame", "<u4")])
+"""What is stored of each column; times, in ns, are those of the turn plus hours and a remainder."""
+
+
+class Channel(NamedTuple):
+    """An image of a field that a turn lacks, of a kind of return.
+
+    `signal` is the place, among the channels, of the signal of a reflectivity's return, or None.
+    """
+
+    field: Field
+    kind: int
+    is_signal: bool = False
+    signal: int | None = None
+
+
+class Rest(NamedTuple):
+    """What a turn's packets hold besides the turn.
+
+    Parameters
+    ----------
+    images
+        (columns, lasers) for each channel.
+    heads
+        (columns, bytes), of columns.
+    outsides
+        (packets, bytes), before and after the columns of packets; CRC-64 that are right are 0.
+    remainders
+        (columns,), of times, in `unit` ns.
+    """
+
+    images: list[NDArray[np.uint16]]
+    heads: Payloads
+    outsides: Payloads
+    remainders: NDArray[np.uint16]
+    unit: int
+    has_crc: bool
+
+
+@dataclass(frozen=True)
+class OusterKind:
+    """Format of packets, and the layout of their images."""
+
+    profile: str
+    is_fusa: bool
+    columns_per_packet: int
+    layout: Layout
+
+    @classmethod
+    def of(cls, sensor: OusterSensor) -> OusterKind:
+        return cls(sensor.profile, sensor.is_fusa, sensor.columns_per_packet, sensor.layout)
+
+    @classmethod
+    def decode(cls, layout: Layout, code: bytes) -> OusterKind:
+        """Return the kind with this `code`; raise InputError if there is none."""
+        profile, is_fusa, columns = code
+        if profile < len(PROFILES) and is_fusa < 2 and columns > 1:
+            kind = cls(list(PROFILES)[profile], bool(is_fusa), columns, layout)
+            sizes = (layout.columns_per_block, layout.blocks_per_time, layout.kinds)
+            if kind.size <= _MOST_BYTES and sizes == (1, 1, len(PROFILES[kind.profile].ranges)):
+                return kind
+        raise InputError("the stream is damaged (a kind of packets)")
+
+    @property
+    def code(self) -> bytes:
+        return bytes([list(PROFILES).index(self.profile), self.is_fusa, self.columns_per_packet])
+
+    @cached_property
+    def packet(self) -> np.dtype[Any]:
+        return packet_type(self.profile, self.layout.lasers, self.columns_per_packet, self.is_fusa)
+
+    @property
+    def size(self) -> int:
+        return self.packet.itemsize
+
+    @cached_property
+    def channels(self) -> tuple[Channel, ...]:
+        """All bits of a pixel that are neither ranges nor reflectivities of a turn.
+
+        With signals, on which they depend, reflectivities are channels, too.
+        """
+        profile = PROFILES[self.profile]
+        channels = [Channel(each, kind, is_signal=True) for kind, each in enumerate(profile.signals)]
+        if profile.signals:
+            channels += [
+                Channel(self._reflectivity(kind), kind, signal=kind)
+                for kind in range(len(profile.ranges))
+            ]
+        else:
+            channels += [Channel(each, kind) for kind, each in enumerate(profile.reflectivities)]
+        used = [*profile.ranges, *(channel.field for channel in channels)]
+        others = [Channel(each, 0) for each in _unused(used, profile.words)]
+        return tuple([*channels[:0], *(channels if profile.signals else []), *others])
+
+    def _reflectivity(self, kind: int) -> Field:
+        # Early firmware has 16 bits.
+        return PROFILES[self.profile].reflectivities[kind]._replace(
+            bits=_HALF_WORD if self.profile == LEGACY else 8
+        )
+
+    def find(self, data: Payloads) -> NDArray[np.int64]:
+        """Return the positions, in order, of packets in the bytes `data`.
+
+        Numbers of columns in a packet are consecutive.
+        """
+        last = len(data) - self.size + 1
+        if last < 1 or self.columns_per_packet < 2:
+            return np.zeros(0, np.int64)
+        columns = self.packet["columns"]
+        first = self.packet.fields["columns"][1] + columns.base.fields["column"][1]
+        offsets = first + columns.base.itemsize * np.arange(self.columns_per_packet)
+        low, next_low = (data[at : at + last] for at in offsets[:2].tolist())
+        places = np.flatnonzero(next_low - low == 1)
+        for at in offsets[2:].tolist():
+            places = places[data[places + at] - data[places + at - columns.base.itemsize] == 1]
+        at = places[:, None] + offsets
+        numbers = data[at].astype(np.int64) + 256 * data[at + 1].astype(np.int64)
+        is_packet = (np.diff(numbers) == 1).all(axis=1)
+        is_packet &= numbers[:, -1] < self.layout.azimuth_steps
+        return without_overlaps(places[is_packet], self.size)
+
+    def split_turns(self, payloads: Payloads) -> Iterator[tuple[OusterKind, Payloads]]:
+        """Split packets (p, bytes) where the number of their revolution changes."""
+        packets = self._viewed(payloads)
+        has_frames = self.profile != LEGACY
+        frames = packets["frame"] if has_frames else packets["columns"]["frame"][:, 0]
+        changes = np.flatnonzero(np.diff(frames.astype(np.int64))) + 1
+        most = self.layout.max_blocks // self.columns_per_packet
+        for first, end in pairwise([0, *changes.tolist(), len(payloads)]):
+            for start in range(first, end, most):
+                yield self, payloads[start : min(start + most, end)]
+
+    def turn_of(self, payloads: Payloads) -> Turn:
+        columns = self._columns(payloads)
+        profile, words = PROFILES[self.profile], columns["pixels"]
+        ranges = np.stack([each.of(words) for each in profile.ranges])
+        reflectivities = np.stack([each.of(words) for each in profile.reflectivities])
+        steps = self.layout.azimuth_steps
+        azimuths = (columns["column"].astype(np.int64) + steps // 2) % steps
+        times = columns["time"] // np.uint64(_NS) % np.uint64(HOUR_US)
+        return Turn(
+            ranges.astype(np.uint32 if profile.ranges[0].bits > 16 else np.uint16),
+            azimuths.astype(np.uint16),
+            times.astype(np.uint32),
+            None if profile.signals else reflectivities.astype(np.uint8),
+        )
+
+    def rest_of(self, payloads: Payloads) -> Rest:
+        columns = self._columns(payloads)
+        images = [each.field.of(columns["pixels"]).astype(np.uint16) for each in self.channels]
+        heads = np.zeros(len(columns), _HEAD)
+        heads["hours"] = columns["time"] // np.uint64(_NS * HOUR_US)
+        for name in ("status", "encoder", "frame"):
+            if name in columns.dtype.names:
+                heads[name] = columns[name]
+        remainders = (columns["time"] % np.uint64(_NS)).astype(np.uint16)
+        unit = max(int(np.gcd.reduce(remainders)), 1)
+        outsides, has_crc = self._outsides(payloads)
+        return Rest(
+            images, heads.view(np.uint8).reshape(len(heads), -1), outsides,
+            remainders // np.uint16(unit), unit, has_crc,
+        )  # fmt: skip
+
+    def packets_of(self, turn: Turn, rest: Rest) -> Payloads:
+        """Convert a turn and the rest back to packets (p, bytes)."""
+        count, uneven = divmod(len(turn.azimuths), self.columns_per_packet)
+        if uneven or turn.times is None or rest.remainders.max(initial=0) * rest.unit >= _NS:
+            raise InputError("the stream is damaged (packets of a turn)")
+        packets = np.zeros(count, self.packet)
+        columns = np.zeros(len(turn.azimuths), self.packet["columns"].base)
+        steps = self.layout.azimuth_steps
+        columns["column"] = (turn.azimuths.astype(np.int64) - steps // 2) % steps
+        heads = np.ascontiguousarray(rest.heads).view(_HEAD)[:, 0]
+        microseconds = heads["hours"].astype(np.uint64) * np.uint64(HOUR_US) + turn.times
+        columns["time"] = microseconds * np.uint64(_NS) + rest.remainders * np.uint64(rest.unit)
+        for name in ("status", "encoder", "frame"):
+            if name in columns.dtype.names:
+                columns[name] = heads[name]
+        profile, words = PROFILES[self.profile], columns["pixels"]
+        fields = [*zip(profile.ranges, turn.ranges, strict=True)]
+        if turn.reflectivities is not None:
+            fields += zip(profile.reflectivities, turn.reflectivities, strict=True)
+        fields += [(each.field, image) for each, image in zip(self.channels, rest.images, strict=True)]
+        for field, values in fields:
+            mask = np.uint32((1 << field.bits) - 1)
+            words[..., field.word] |= (values.astype(np.uint32) & mask) << np.uint32(field.bit)
+        packets["columns"] = columns.reshape(count, -1)
+        payloads = packets.view(np.uint8).reshape(count, -1)
+        if self.profile != LEGACY:
+            payloads[:, :_OUTSIDE_BYTES] = rest.outsides[:, :_OUTSIDE_BYTES]
+            payloads[:, -_OUTSIDE_BYTES:] = rest.outsides[:, _OUTSIDE_BYTES:]
+        if rest.has_crc:
+            payloads[:, -_CRC_BYTES:] = _checks(payloads)
+        return payloads
+
+    @property
+    def outside_bytes(self) -> int:
+        return 0 if self.profile == LEGACY else 2 * _OUTSIDE_BYTES
+
+    def _outsides(self, payloads: Payloads) -> tuple[Payloads, bool]:
+        if self.profile == LEGACY:
+            return np.zeros((len(payloads), 0), np.uint8), False
+        edges = [payloads[:, :_OUTSIDE_BYTES], payloads[:, -_OUTSIDE_BYTES:]]
+        outsides = np.concatenate(edges, axis=1)
+        has_crc = bool((outsides[:, -_CRC_BYTES:] == _checks(payloads)).all())
+        if has_crc:
+            outsides[:, -_CRC_BYTES:] = 0
+        return outsides, has_crc
+
+    def _viewed(self, payloads: Payloads) -> NDArray[Any]:
+        return np.ascontiguousarray(payloads).view(self.packet)[:, 0]
+
+    def _columns(self, payloads: Payloads) -> NDArray[Any]:
+        columns: NDArray[Any] = self._viewed(payloads)["columns"].reshape(-1)
+        return columns
+
+
+HEAD_BYTES = _HEAD.itemsize
+
+
+def _unused(fields: list[Field], words: int) -> list[Field]:
+    """Return the bits of a pixel in none of the fields, as fields within 16 aligned bits."""
+    is_used = np.zeros(32 * words, bool)
+    for field in fields:
+        first = 32 * field.word + field.bit
+        is_used[first : first + field.bits] = True
+    unused = []
+    for start in range(0, 32 * words, _HALF_WORD):
+        half = is_used[start : start + _HALF_WORD]
+        edges = [0, *(np.flatnonzero(np.diff(half)) + 1).tolist(), _HALF_WORD]
+        unused += [
+            Field((start + first) // 32, (start + first) % 32, end - first)
+            for first, end in pairwise(edges)
+            if not half[first]
+        ]
+    return unused
+
+
+def _checks(payloads: Payloads) -> Payloads:
+    """Return the CRC-64 (ECMA-182, reflected) of all but the last bytes of each packet (p, 8)."""
+    checks = np.zeros(len(payloads), np.uint64)
+    _write_checks(np.ascontiguousarray(payloads[:, :-_CRC_BYTES]), _crc_table(), checks)
+    return checks.astype("<u8").view(np.uint8).reshape(-1, _CRC_BYTES)
+
+
+def _crc_table() -> NDArray[np.uint64]:
+    table = np.arange(256, dtype=np.uint64)
+    for _ in range(8):
+        table = (table >> np.uint64(1)) ^ np.uint64(0xC96C5795D7870F42) * (table & np.uint64(1))
+    return table
+
+
+@compiled
+def _write_checks(
+    payloads: Payloads, table: NDArray[np.uint64], checks: NDArray[np.uint64]
+) -> None:
+    for row in range(len(payloads)):
+        check = np.uint64(0xFFFFFFFFFFFFFFFF)
+        for byte in payloads[row]:
+            check = table[(np.uint64(byte) ^ check) & np.uint64(255)] ^ (check >> np.uint64(8))
+        checks[row] = check ^ np.uint64(0xFFFFFFFFFFFFFFFF)
