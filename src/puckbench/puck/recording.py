@@ -19,17 +19,8 @@ from numpy.typing import NDArray
 from puckbench.coding.byte_io import Reader, base_128
 from puckbench.core.errors import InputError, naming
 from puckbench.core.files import unreadable, written_whole
-from puckbench.lidar.recordings.packet_turns import (
-    PacketKind,
-    Payloads,
-    find_packets,
-    packet_kind,
-    packets_of,
-    split_turns,
-    turn_of,
-)
-from puckbench.lidar.recordings.packets import PACKET_BYTES
-from puckbench.lidar.returns_header import decode_layout, encode_layout
+from puckbench.lidar.recordings.packet_turns import Payloads
+from puckbench.lidar.returns_header import decode_layout
 from puckbench.puck.gaps import (
     Bytes,
     compress_bytes,
@@ -39,6 +30,15 @@ from puckbench.puck.gaps import (
     store_gaps,
 )
 from puckbench.puck.options import CodingOptions
+from puckbench.puck.packet_kinds import (
+    VELODYNE,
+    PacketFormat,
+    PacketKind,
+    TurnPacketsDecoder,
+    TurnPacketsEncoder,
+    decode_kind,
+    formats_of,
+)
 from puckbench.puck.records import Record, RecordKind, read_records, start
 from puckbench.puck.sqlite_pages import (
     LARGEST_PAGE,
@@ -49,8 +49,7 @@ from puckbench.puck.sqlite_pages import (
     page_size,
     without_links,
 )
-from puckbench.puck.stream import count_ranges, most_ranges
-from puckbench.puck.turns import TurnDecoder, TurnEncoder
+from puckbench.puck.stream import most_ranges
 
 _WINDOW = 1 << 24
 """Bytes in which packets are searched for at a time; their turns form a batch."""

@@ -23,9 +23,11 @@ DAMAGED = "the stream is damaged or truncated"
 
 
 class RecordKind(IntEnum):
-    """Content of a record: end, layout, turn, bytes between packets, page links, or beams."""
+    """Content of a record: end, layout, turn, bytes between packets, page links, beams, or fields
+    of the packets of the last turn that the turn lacks.
+    """
 
-    END, LAYOUT, TURN, GAPS, PAGES, BEAMS = range(6)
+    END, LAYOUT, TURN, GAPS, PAGES, BEAMS, FIELDS = range(7)
 
 
 @dataclass(frozen=True)

@@ -31,6 +31,7 @@ from puckbench.lidar.turns import (
     check_turn,
     has_wide_ranges,
 )
+from puckbench.puck.channels import ChannelModel
 from puckbench.puck.options import EFFORTS, MAX_STEP, CodingOptions
 from puckbench.puck.ranges import (
     MODEL_SIZES,
@@ -70,7 +71,9 @@ _BYTES_PER_DECISION = 2
 """The most that a decision costs: its bit has a probability of at least 2**-11."""
 
 Values = Ranges | NDArray[np.uint8]
-_Model = TypeVar("_Model", RangeModel, SecondReturnModel, SequenceModel, ReflectivityModel)
+_Model = TypeVar(
+    "_Model", RangeModel, SecondReturnModel, SequenceModel, ReflectivityModel, ChannelModel
+)
 
 
 @dataclass
@@ -133,10 +136,10 @@ class TurnEncoder:
         flags |= is_wide * _WIDE
         flags |= (options.times and turn.times is not None) * _TIMES
         flags |= (options.reflectivities and turn.reflectivities is not None) * _REFLECTIVITIES
-        writer = _PartWriter()
+        writer = PartWriter()
         _code_turn(self._state, _by_elevation(turn, self.layout), flags, writer)
         header = bytes([flags]) + base_128(options.step) + base_128(len(turn.azimuths))
-        return header + b"".join(base_128(len(part)) + part for part in writer.parts)
+        return header + writer.joined()
 
 
 class TurnDecoder:
@@ -166,7 +169,7 @@ class TurnDecoder:
             raise InputError("the turn needs the turn before it")
         self._state = None  # no other turn may use the models of a damaged turn
         blank = _blank(blocks, self.layout, is_wide)
-        coded, times = _code_turn(state, blank, flags, _PartReader(reader))
+        coded, times = _code_turn(state, blank, flags, PartReader(reader))
         if reader.rest():
             raise InputError("the stream is damaged (a turn's length)")
         self._state = state
@@ -209,7 +212,9 @@ def _blank(blocks: int, layout: Layout, is_wide: bool) -> Turn:
     )
 
 
-class _PartWriter:
+class PartWriter:
+    """Collects the bytes of parts of a turn, each with an arithmetic coder of its own."""
+
     def __init__(self) -> None:
         self.parts: list[bytes] = []
 
@@ -220,8 +225,13 @@ class _PartWriter:
         del is_complete
         self.parts.append(written(bits))
 
+    def joined(self) -> bytes:
+        return b"".join(base_128(len(part)) + part for part in self.parts)
 
-class _PartReader:
+
+class PartReader:
+    """Reads parts that a `PartWriter` collected, each after its length in bytes."""
+
     def __init__(self, reader: Reader) -> None:
         self._reader = reader
 
@@ -234,16 +244,17 @@ class _PartReader:
             raise InputError("the stream is damaged (a turn)")
 
 
-_Parts = _PartWriter | _PartReader
+Parts = PartWriter | PartReader
 
 
 def _code_turn(
-    state: _State, turn: Turn, flags: int, parts: _Parts
+    state: _State, turn: Turn, flags: int, parts: Parts
 ) -> tuple[_CodedTurn, NDArray[np.uint32] | None]:
     """Encode or decode the parts of a turn; when decoding, only the shapes of its arrays matter."""
     azimuths = turn.azimuths.astype(np.int64)
     state.azimuths = _code_numbers(state.azimuths, azimuths, parts)
-    nearest = _nearest_columns(state, azimuths)
+    previous = None if state.previous is None else state.previous.azimuths
+    nearest = nearest_columns(azimuths, previous, state.layout)
     coded = _code_kinds(state, azimuths, nearest, turn, parts)
     times = None
     if flags & _TIMES and turn.times is not None:
@@ -257,14 +268,15 @@ def _code_turn(
     return coded, times
 
 
-def _code_numbers(model: SequenceModel, numbers: Ints, parts: _Parts) -> SequenceModel:
+def _code_numbers(model: SequenceModel, numbers: Ints, parts: Parts) -> SequenceModel:
     bits = parts.open(64 * len(numbers))
-    model = _with_coder(model, bits)
+    model = with_coder(model, bits)
     parts.close(bits, code_sequence(model, numbers))
     return model
 
 
-def _with_coder(model: _Model, bits: BitCoder) -> _Model:
+def with_coder(model: _Model, bits: BitCoder) -> _Model:
+    """Return a model whose mixers write to, or read from, an arithmetic coder."""
     mixers: dict[str, Any] = {
         name: value._replace(bits=bits)
         for name, value in model._asdict().items()
@@ -285,10 +297,10 @@ def _decoded(state: _State, coded: _CodedTurn, times: NDArray[np.uint32] | None)
 
 
 def _code_kinds(
-    state: _State, azimuths: Ints, nearest: Ints, turn: Turn, parts: _Parts
+    state: _State, azimuths: Ints, nearest: Ints, turn: Turn, parts: Parts
 ) -> _CodedTurn:
     layout, previous = state.layout, state.previous
-    sources = [_padded(kind) for kind in turn.ranges]
+    sources = [padded(kind) for kind in turn.ranges]
     decisions = sources[0][PAD:].size * (_WIDE_DECISIONS if state.is_wide else _DECISIONS)
     image = RangeContext(*(np.zeros_like(sources[0]) for _ in range(4)))
     image.errors[:PAD] = _FIRST_ERROR
@@ -296,18 +308,18 @@ def _code_kinds(
     if previous is not None:
         for rows, earlier in zip(image, previous.strongest, strict=True):
             rows[:PAD] = earlier[-PAD:]
-        before = RangeContext(*map(_extended, previous.strongest))
+        before = RangeContext(*map(extended, previous.strongest))
     bits = parts.open(decisions)
-    state.ranges = _with_coder(state.ranges, bits)
+    state.ranges = with_coder(state.ranges, bits)
     parts.close(bits, code_ranges(state.ranges, image, before, nearest, sources[0]))
     ranges = [image.ranges]
     if layout.kinds == 2:
         second, before_kinds = np.zeros_like(sources[1]), [before.ranges, before.ranges]
         if previous is not None:
             second[:PAD] = previous.ranges[1][-PAD:]
-            before_kinds = list(map(_extended, previous.ranges))
+            before_kinds = list(map(extended, previous.ranges))
         bits = parts.open(decisions)
-        state.second = _with_coder(state.second, bits)
+        state.second = with_coder(state.second, bits)
         is_complete = code_second_returns(
             state.second, second, image.ranges, before_kinds[1], before_kinds[0], nearest,
             sources[1], sources[0],
@@ -318,7 +330,7 @@ def _code_kinds(
 
 
 def _code_all_reflectivities(
-    state: _State, coded: _CodedTurn, nearest: Ints, values: Values, parts: _Parts, *, lean: bool
+    state: _State, coded: _CodedTurn, nearest: Ints, values: Values, parts: Parts, *, lean: bool
 ) -> None:
     layout, previous = state.layout, state.previous
     if not state.reflectivities:
@@ -327,46 +339,51 @@ def _code_all_reflectivities(
             new_reflectivity_model(bits, lasers, lean) for _ in range(layout.kinds)
         ]
     for kind in range(layout.kinds):
-        own, ranges = _padded(values[kind]), coded.ranges[kind]
+        own, ranges = padded(values[kind]), coded.ranges[kind]
         held, before = np.zeros_like(own), np.zeros((1, layout.lasers), np.int32)
         before_ranges, guesses = before, np.zeros_like(own)
         if previous is not None and previous.reflectivities:
             own[:PAD] = previous.reflectivities[kind][-PAD:]
             held[:PAD] = previous.held[kind][-PAD:]
-            before = _extended(previous.reflectivities[kind])
-            before_ranges = _extended(previous.ranges[kind])
+            before = extended(previous.reflectivities[kind])
+            before_ranges = extended(previous.ranges[kind])
         elif previous is not None:
             nearest = np.zeros_like(nearest)
         if kind == 1:
             is_same = ranges == coded.ranges[0]
             guesses = np.where(is_same, coded.reflectivities[0] + 1, 0).astype(np.int32)
         bits = parts.open(len(own) * layout.lasers * 9)
-        model = state.reflectivities[kind] = _with_coder(state.reflectivities[kind], bits)
+        model = state.reflectivities[kind] = with_coder(state.reflectivities[kind], bits)
         context = ReflectivityContext(own, held, ranges, before, before_ranges, guesses)
         parts.close(bits, code_reflectivities(model, context, nearest))
         coded.reflectivities.append(own)
         coded.held.append(held)
 
 
-def _padded(values: Values) -> Words:
+def padded(values: Values) -> Words:
+    """Return PAD rows of zeros, then the values (columns, lasers)."""
     padded = np.zeros((PAD + len(values), values.shape[1]), np.int32)
     padded[PAD:] = values
     return padded
 
 
-def _extended(values: Words) -> Words:
+def extended(values: Words) -> Words:
+    """Return values followed by PAD rows of zeros."""
     extended = np.zeros((len(values) + PAD, values.shape[1]), np.int32)
     extended[: len(values)] = values
     return extended
 
 
-def _nearest_columns(state: _State, azimuths: Ints) -> Ints:
-    """For each column, return the row of the nearest column in the previous turn, or 0."""
-    per_block, steps = state.layout.columns_per_block, state.layout.azimuth_steps
-    if state.previous is None:
+def nearest_columns(azimuths: Ints, previous: Ints | None, layout: Layout) -> Ints:
+    """For each column, return the row of the nearest column in the previous turn, or 0.
+
+    The arguments are the azimuths of the blocks of both turns; None if there is no previous turn.
+    """
+    per_block, steps = layout.columns_per_block, layout.azimuth_steps
+    if previous is None:
         return np.zeros(len(azimuths) * per_block, np.int64)
     now = _column_azimuths(azimuths, per_block, steps)
-    then = _column_azimuths(state.previous.azimuths, per_block, steps)
+    then = _column_azimuths(previous, per_block, steps)
     turn = steps * per_block
     now += -((now[0] - then[0] + turn // 2) // turn) * turn
     right = np.searchsorted(then, now).clip(1, max(len(then) - 1, 1))

@@ -1,0 +1,176 @@
+"""Coding of what a turn's packets hold besides the turn: further images, rest of times, headers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.coding.binary_coder import BitCoder
+from puckbench.coding.byte_io import Reader, base_128
+from puckbench.coding.context_mixing import Ints, Words
+from puckbench.core.errors import InputError
+from puckbench.core.threads import in_threads
+from puckbench.lidar.recordings.ouster_packets import HEAD_BYTES, Channel, OusterKind, Rest
+from puckbench.lidar.turns import Turn, by_elevation, by_laser
+from puckbench.puck.channels import (
+    ChannelContext,
+    ChannelModel,
+    Role,
+    code_channel,
+    new_channel_model,
+)
+from puckbench.puck.gaps import decode_gaps, encode_gaps
+from puckbench.puck.options import EFFORTS, Effort
+from puckbench.puck.ranges import PAD
+from puckbench.puck.turns import (
+    PartReader,
+    Parts,
+    PartWriter,
+    extended,
+    nearest_columns,
+    padded,
+    with_coder,
+)
+
+_DECISIONS = 48
+"""Decisions for a value, at most about as many."""
+_ROW_BYTES, _MORE_BYTES = 10, 64
+"""Limits of the bytes that state the lengths of rows of bytes, for each row and in all."""
+_WIDTHS = (0, 8, 16)
+"""Bits of an image's values; 0 if all are 0."""
+_DAMAGED = "the stream is damaged (fields of a turn)"
+
+
+@dataclass
+class _State:
+    models: dict[int, ChannelModel] = field(default_factory=dict)
+    coded: dict[int, ChannelContext] = field(default_factory=dict)
+    azimuths: Ints | None = None
+
+
+@dataclass
+class _Job:
+    number: int
+    channel: Channel
+    values: Words
+    width: int
+    bits: BitCoder
+    is_complete: bool = False
+
+
+class FieldsEncoder:
+    def __init__(self, kind: OusterKind, effort: Effort) -> None:
+        self._kind, self._effort, self._state = kind, effort, _State()
+
+    def encode(self, turn: Turn, rest: Rest, *, is_key: bool) -> bytes:
+        """Encode what the packets of a turn hold besides the turn."""
+        if is_key:
+            self._state = _State()
+        layout, writer = self._kind.layout, PartWriter()
+        images = [padded(by_elevation(image[None], layout)[0]) for image in rest.images]
+        widths = [_width(image) for image in images]
+        _code_images(self._kind, self._state, turn, images, widths, writer, self._effort)
+        flags = EFFORTS.index(self._effort) << 1 | rest.has_crc
+        rows = [*rest.outsides, *rest.heads] if self._kind.outside_bytes else [*rest.heads]
+        rows.append(rest.remainders.astype("<u2").view(np.uint8).reshape(-1, 2).T.ravel())
+        gaps = encode_gaps([row.tobytes() for row in rows], are_headers=True)
+        return bytes([flags, *widths]) + base_128(rest.unit) + writer.joined() + gaps
+
+
+class FieldsDecoder:
+    def __init__(self, kind: OusterKind) -> None:
+        self._kind = kind
+        self._state: _State | None = _State()
+
+    def decode(self, body: bytes, turn: Turn, *, is_key: bool) -> Rest:
+        """Decode the output of `FieldsEncoder.encode`; raise InputError if it is damaged."""
+        kind, columns, reader = self._kind, len(turn.azimuths), Reader(body)
+        state = _State() if is_key else self._state
+        self._state = None  # no other turn may use the models of a damaged turn
+        flags, *widths = reader.take(1 + len(kind.channels))
+        unit = reader.number()
+        if state is None or flags >> 1 >= len(EFFORTS) or not set(widths) <= set(_WIDTHS):
+            raise InputError(_DAMAGED)
+        images = [np.zeros((PAD + columns, kind.layout.lasers), np.int32) for _ in widths]
+        parts = PartReader(reader)
+        _code_images(kind, state, turn, images, widths, parts, EFFORTS[flags >> 1])
+        packets = columns // kind.columns_per_packet if kind.outside_bytes else 0
+        outsides, heads, low_high = _decode_rows(reader, packets, columns, kind.outside_bytes)
+        remainders = np.frombuffer(low_high, np.uint8).reshape(2, -1).T.copy().view("<u2")[:, 0]
+        self._state = state
+        decoded = [by_laser(each[None, PAD:].astype(np.uint16), kind.layout)[0] for each in images]
+        return Rest(decoded, heads, outsides, remainders, unit, bool(flags & 1))
+
+
+def _decode_rows(
+    reader: Reader, packets: int, columns: int, outside_bytes: int
+) -> tuple[NDArray[np.uint8], NDArray[np.uint8], bytes]:
+    sizes = [outside_bytes] * packets + [HEAD_BYTES] * columns + [2 * columns]
+    most = sum(sizes) + _ROW_BYTES * len(sizes) + _MORE_BYTES
+
+    def admit(size: int) -> None:
+        if size > most:
+            raise InputError(_DAMAGED)
+
+    rows = decode_gaps(reader, len(sizes), admit)
+    if [len(row) for row in rows] != sizes:
+        raise InputError(_DAMAGED)
+    outsides = np.frombuffer(b"".join(rows[:packets]), np.uint8).reshape(packets, -1)
+    heads = np.frombuffer(b"".join(rows[packets:-1]), np.uint8).reshape(columns, -1)
+    return outsides, heads, rows[-1]
+
+
+def _width(image: Words) -> int:
+    most = int(image.max(initial=0))
+    return 0 if most == 0 else 8 if most < 256 else 16
+
+
+def _code_images(
+    kind: OusterKind, state: _State, turn: Turn, images: list[Words], widths: list[int],
+    parts: Parts, effort: Effort,
+) -> None:  # fmt: skip
+    """Encode or decode the images of all channels; signals first, which reflectivities need."""
+    azimuths, layout = turn.azimuths.astype(np.int64), kind.layout
+    nearest = nearest_columns(azimuths, state.azimuths, layout)
+    ranges = [padded(image) for image in by_elevation(turn.ranges, layout)]
+    jobs = [
+        _Job(number, kind.channels[number], image, width, parts.open(image.size * _DECISIONS))
+        for number, (image, width) in enumerate(zip(images, widths, strict=True))
+        if width
+    ]
+
+    def code(job: _Job) -> None:
+        role = _role(job.channel)
+        signal = job.values if job.channel.signal is None else images[job.channel.signal]
+        context = ChannelContext(
+            job.values, np.zeros_like(job.values), np.zeros_like(job.values),
+            ranges[job.channel.kind], signal,
+        )  # fmt: skip
+        farthest, model = (1 << job.width) - 1, state.models.get(job.number)
+        if model is None or model.farthest != farthest:
+            model = new_channel_model(job.bits, layout.lasers, effort, role, farthest)
+        model = state.models[job.number] = with_coder(model, job.bits)
+        nothing = np.zeros((1, layout.lasers), np.int32)
+        before, rows = ChannelContext(*[nothing] * len(context)), np.zeros_like(nearest)
+        coded = state.coded.get(job.number)
+        if coded is not None:
+            for values, earlier in zip(context[:3], coded[:3], strict=True):
+                values[:PAD] = earlier[-PAD:]
+            before, rows = ChannelContext(*map(extended, coded[:3]), nothing, nothing), nearest
+        job.is_complete = code_channel(model, context, before, rows)
+        state.coded[job.number] = context
+
+    state.coded = {job.number: state.coded[job.number] for job in jobs if job.number in state.coded}
+    in_threads(code, [job for job in jobs if job.channel.signal is None])
+    in_threads(code, [job for job in jobs if job.channel.signal is not None])
+    state.azimuths = azimuths
+    for job in jobs:
+        parts.close(job.bits, job.is_complete)
+
+
+def _role(channel: Channel) -> Role:
+    if channel.is_signal:
+        return Role.SIGNAL
+    return Role.PLAIN if channel.signal is None else Role.REFLECTIVITY
