@@ -207,7 +207,8 @@ def _estimate(model: ChannelModel, image: ChannelContext, c: int, laser: int) ->
 @inlined
 def _gain(model: ChannelModel, table: int) -> int:
     place, share, gains = model.places[table] >> 8, model.places[table] & 255, model.gains
-    return (gains[table, place] * (256 - share) + gains[table, place + 1] * share) >> 8
+    gain: int = (gains[table, place] * (256 - share) + gains[table, place + 1] * share) >> 8
+    return gain
 
 
 @inlined

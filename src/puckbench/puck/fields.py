@@ -117,8 +117,8 @@ def _decode_rows(
     rows = decode_gaps(reader, len(sizes), admit)
     if [len(row) for row in rows] != sizes:
         raise InputError(_DAMAGED)
-    outsides = np.frombuffer(b"".join(rows[:packets]), np.uint8).reshape(packets, -1)
-    heads = np.frombuffer(b"".join(rows[packets:-1]), np.uint8).reshape(columns, -1)
+    outsides = np.frombuffer(b"".join(rows[:packets]), np.uint8).reshape(packets, outside_bytes)
+    heads = np.frombuffer(b"".join(rows[packets:-1]), np.uint8).reshape(columns, HEAD_BYTES)
     return outsides, heads, rows[-1]
 
 
@@ -153,12 +153,16 @@ def _code_images(
             model = new_channel_model(job.bits, layout.lasers, effort, role, farthest)
         model = state.models[job.number] = with_coder(model, job.bits)
         nothing = np.zeros((1, layout.lasers), np.int32)
-        before, rows = ChannelContext(*[nothing] * len(context)), np.zeros_like(nearest)
+        before = ChannelContext(nothing, nothing, nothing, nothing, nothing)
+        rows = np.zeros_like(nearest)
         coded = state.coded.get(job.number)
         if coded is not None:
             for values, earlier in zip(context[:3], coded[:3], strict=True):
                 values[:PAD] = earlier[-PAD:]
-            before, rows = ChannelContext(*map(extended, coded[:3]), nothing, nothing), nearest
+            before = before._replace(
+                values=extended(coded.values), errors=extended(coded.errors)
+            )
+            rows = nearest
         job.is_complete = code_channel(model, context, before, rows)
         state.coded[job.number] = context
 

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,6 @@ from puckbench.coding.byte_io import Reader, base_128
 from puckbench.core.errors import InputError, naming
 from puckbench.core.files import unreadable, written_whole
 from puckbench.lidar.recordings.packet_turns import Payloads
-from puckbench.lidar.returns_header import decode_layout
 from puckbench.puck.gaps import (
     Bytes,
     compress_bytes,
@@ -31,11 +30,11 @@ from puckbench.puck.gaps import (
 )
 from puckbench.puck.options import CodingOptions
 from puckbench.puck.packet_kinds import (
-    VELODYNE,
+    Kind,
     PacketFormat,
-    PacketKind,
-    TurnPacketsDecoder,
-    TurnPacketsEncoder,
+    PacketsDecoder,
+    PacketsEncoder,
+    count_values,
     decode_kind,
     formats_of,
 )
@@ -139,7 +138,8 @@ def compress(
     summary = RecordingSummary(bytes=len(data))
     with written_whole(out) as temporary, temporary.open("wb") as stream:
         summary.compressed = stream.write(start())
-        for record in _records(data, options, summary, report or _ignore):
+        formats = formats_of(recording)
+        for record in _records(data, formats, options, summary, report or _ignore):
             size = stream.write(record.packed())
             name = record.kind.name.lower()
             summary.parts[name] = summary.parts.get(name, 0) + size
@@ -187,7 +187,11 @@ def _mapped(path: Path) -> Bytes:
 
 
 def _records(
-    data: Bytes, options: CodingOptions, summary: RecordingSummary, report: Report
+    data: Bytes,
+    formats: list[PacketFormat],
+    options: CodingOptions,
+    summary: RecordingSummary,
+    report: Report,
 ) -> Iterator[Record]:
     page = page_size(data)
     checksum = _checksum(data)
@@ -201,11 +205,12 @@ def _records(
     done = 0
     while done < size:
         window = without_links(data, page, done, min(done + _WINDOW, size))
-        places = find_packets(window)
+        packets = max((_find(each, window) for each in formats), key=_Packets.bytes)
         is_last = done + len(window) == size
         # A packet that the window cuts off is found in the next window.
-        end = len(window) if is_last else max(len(window) - PACKET_BYTES + 1, _end_of(places))
-        batches = encoder.batches(window[:end], places, partial(_report_at, report, done, size))
+        largest = max(each.size for each in formats)
+        end = len(window) if is_last else max(len(window) - largest + 1, packets.end())
+        batches = encoder.batches(window[:end], packets, partial(_report_at, report, done, size))
         batch = next(batch for batch in batches if _fits(batch, summary, done + end))
         summary.add(batch)
         yield from batch.records
@@ -225,10 +230,6 @@ def _fits(batch: _Batch, summary: RecordingSummary, done: int) -> bool:
     return summary.ranges + batch.ranges <= limits.ranges and done <= limits.bytes
 
 
-def _end_of(places: NDArray[np.int64]) -> int:
-    return int(places[-1]) + PACKET_BYTES if len(places) else 0
-
-
 def _checksum(data: Bytes) -> bytes:
     checksum = 0
     for first in range(0, len(data), _WINDOW):
@@ -236,59 +237,69 @@ def _checksum(data: Bytes) -> bytes:
     return checksum.to_bytes(4, "little")
 
 
+class _Packets(NamedTuple):
+    format: PacketFormat
+    places: NDArray[np.int64]
+
+    def bytes(self) -> int:
+        return self.format.size * len(self.places)
+
+    def end(self) -> int:
+        return int(self.places[-1]) + self.format.size if len(self.places) else 0
+
+
+def _find(packet_format: PacketFormat, data: Bytes) -> _Packets:
+    return _Packets(packet_format, packet_format.find(data))
+
+
 class _PacketEncoder:
     def __init__(self, options: CodingOptions) -> None:
         self._options = options
-        self._kind: PacketKind | None = None
-        self._turns: TurnEncoder | None = None
+        self._packets: PacketsEncoder | None = None
 
     def batches(
-        self, data: Bytes, places: NDArray[np.int64], report: Callable[[int], None]
+        self, data: Bytes, packets: _Packets, report: Callable[[int], None]
     ) -> Iterator[_Batch]:
         """Yield three encodings of `data`, of which the caller uses the first within the limits.
 
         They encode packets as turns, compress all bytes by LZMA, or store all bytes uncompressed.
         Only the last is always within the decoder's limits.
         """
-        yield self._batch(data, places, report)
-        self._turns = None
+        yield self._batch(data, packets, report)
+        self._packets = None
         gaps = [data.tobytes()]
         for encode in (encode_gaps, store_gaps):
             yield _Batch(records=[Record(RecordKind.GAPS, base_128(0) + encode(gaps))])
 
-    def _batch(
-        self, data: Bytes, places: NDArray[np.int64], report: Callable[[int], None]
-    ) -> _Batch:
-        batch = _Batch()
+    def _batch(self, data: Bytes, packets: _Packets, report: Callable[[int], None]) -> _Batch:
+        batch, (packet_format, places) = _Batch(), packets
         if len(places):
-            rows = places[:, None] + np.arange(PACKET_BYTES)
-            for kind, payloads in split_turns(data[rows]):
+            rows = np.lib.stride_tricks.sliding_window_view(data, packet_format.size)[places]
+            for kind, payloads in packet_format.split_turns(rows):
                 self._add_turn(kind, payloads, batch)
                 report(int(places[batch.packets - 1]))
-        starts = np.concatenate([[0], places + PACKET_BYTES])
+        starts = np.concatenate([[0], places + packet_format.size])
         ends = np.concatenate([places, [len(data)]])
         gaps = [
             data[first:end].tobytes()
             for first, end in zip(starts.tolist(), ends.tolist(), strict=True)
         ]
         # Gaps that are larger than the packets are content of other kinds.
-        are_headers = len(data) < 2 * PACKET_BYTES * len(places)
+        are_headers = len(data) < 2 * packets.bytes()
         body = base_128(len(places)) + encode_gaps(gaps, are_headers)
         batch.records.append(Record(RecordKind.GAPS, body))
         return batch
 
-    def _add_turn(self, kind: PacketKind, payloads: Payloads, batch: _Batch) -> None:
-        if self._turns is None or kind != self._kind:
-            self._kind, self._turns = kind, TurnEncoder(kind.layout, self._options)
-            layout = encode_layout(kind.layout) + bytes([kind.product, kind.mode])
-            batch.records.append(Record(RecordKind.LAYOUT, layout))
-        turn = turn_of(kind, payloads)
-        body = self._turns.encode(turn)
-        batch.records.append(Record(RecordKind.TURN, body))
+    def _add_turn(self, kind: Kind, payloads: Payloads, batch: _Batch) -> None:
+        if self._packets is None or kind != self._packets.kind:
+            self._packets = PacketsEncoder(kind, self._options)
+            batch.records.append(self._packets.layout())
+        turn, records = self._packets.encode(payloads)
+        batch.records += records
         batch.turns += 1
         batch.packets += len(payloads)
         batch.returns += turn.returns
-        batch.ranges += count_ranges(kind.layout, body)
+        batch.ranges += count_values(kind, records[0].body)
 
 
 class _RecordingWriter:
@@ -353,6 +364,8 @@ def _restore(
         elif record.kind == RecordKind.TURN:
             summary.returns += packets.add_turn(record.body)
             summary.turns += 1
+        elif record.kind == RecordKind.FIELDS:
+            packets.add_fields(record.body)
         elif record.kind == RecordKind.GAPS:
             summary.packets += packets.write(record.body, writer)
         elif record.body != _end(writer):
@@ -367,14 +380,14 @@ def _end(writer: _RecordingWriter) -> bytes:
 
 
 def _all_ranges(source: IO[bytes]) -> int:
-    ranges, layout = 0, None
+    ranges, kind = 0, None
     for record in read_records(source):
         if record.kind == RecordKind.LAYOUT:
-            layout = decode_layout(record.body)[0]
+            kind = decode_kind(record.body)
         elif record.kind == RecordKind.TURN:
-            if layout is None:
+            if kind is None:
                 raise InputError(_DAMAGED)
-            ranges += count_ranges(layout, record.body)
+            ranges += count_values(kind, record.body)
     return ranges
 
 
@@ -382,32 +395,38 @@ class _PacketDecoder:
     """Decodes turns to packets, and keeps the packets until the bytes between them are decoded."""
 
     def __init__(self) -> None:
-        self._kind: PacketKind | None = None
-        self._turns: TurnDecoder | None = None
+        self._packets: PacketsDecoder | None = None
         self._waiting: list[Payloads] = []
         self._bytes = 0
 
     def start_layout(self, body: bytes) -> None:
-        layout, packet_type = decode_layout(body)
-        if len(packet_type) != 2:
-            raise InputError("the stream holds turns, but no packets")
-        kind = packet_kind(*packet_type)
-        # The stream has its own order of lasers, as the tables of sensors may change.
-        if layout != replace(kind.layout, order=layout.order):
-            raise InputError(_DAMAGED)
-        self._kind, self._turns = replace(kind, layout=layout), TurnDecoder(layout)
+        self._check(is_whole=self._packets is None or not self._packets.is_waiting)
+        self._packets = PacketsDecoder(body)
 
     def add_turn(self, body: bytes) -> int:
-        if self._turns is None or self._kind is None:
+        if self._packets is None:
             raise InputError(_DAMAGED)
-        turn = self._turns.decode(body)
-        self._waiting.append(packets_of(self._kind, turn))
-        self._bytes += self._waiting[-1].size
-        if self._bytes > 2 * _WINDOW:
+        returns, payloads = self._packets.add_turn(body)
+        if payloads is not None:
+            self._keep(payloads)
+        return returns
+
+    def add_fields(self, body: bytes) -> None:
+        if self._packets is None:
             raise InputError(_DAMAGED)
-        return turn.returns
+        self._keep(self._packets.add_fields(body))
+
+    def _keep(self, payloads: Payloads) -> None:
+        self._waiting.append(payloads)
+        self._bytes += payloads.size
+        self._check(is_whole=self._bytes <= 2 * _WINDOW)
+
+    def _check(self, *, is_whole: bool) -> None:
+        if not is_whole:
+            raise InputError(_DAMAGED)
 
     def write(self, body: bytes, writer: _RecordingWriter) -> int:
+        self._check(is_whole=self._packets is None or not self._packets.is_waiting)
         packets = [row.tobytes() for payloads in self._waiting for row in payloads]
         self._waiting, self._bytes = [], 0
         reader = Reader(body)

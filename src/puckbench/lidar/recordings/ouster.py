@@ -63,7 +63,9 @@ def _fine(
     bits: int = 19,
 ) -> Profile:
     ranges = tuple(Field(kind, 0, bits) for kind in range(kinds))
-    reflectivities = tuple(Field(reflectivity[0] + kind, reflectivity[1], 8) for kind in range(kinds))
+    reflectivities = tuple(
+        Field(reflectivity[0] + kind, reflectivity[1], 8) for kind in range(kinds)
+    )
     signals = tuple(Field(signal[0], signal[1] + 16 * kind, 16) for kind in range(kinds))
     return Profile(words, ranges, reflectivities, 0.001, signals)
 

@@ -105,7 +105,9 @@ class OusterKind:
         With signals, on which they depend, reflectivities are channels, too.
         """
         profile = PROFILES[self.profile]
-        channels = [Channel(each, kind, is_signal=True) for kind, each in enumerate(profile.signals)]
+        channels = [
+            Channel(each, kind, is_signal=True) for kind, each in enumerate(profile.signals)
+        ]
         if profile.signals:
             channels += [
                 Channel(self._reflectivity(kind), kind, signal=kind)
@@ -119,8 +121,10 @@ class OusterKind:
 
     def _reflectivity(self, kind: int) -> Field:
         # Early firmware has 16 bits.
-        return PROFILES[self.profile].reflectivities[kind]._replace(
-            bits=_HALF_WORD if self.profile == LEGACY else 8
+        return (
+            PROFILES[self.profile]
+            .reflectivities[kind]
+            ._replace(bits=_HALF_WORD if self.profile == LEGACY else 8)
         )
 
     def find(self, data: Payloads) -> NDArray[np.int64]:
@@ -205,7 +209,9 @@ class OusterKind:
         fields = [*zip(profile.ranges, turn.ranges, strict=True)]
         if turn.reflectivities is not None:
             fields += zip(profile.reflectivities, turn.reflectivities, strict=True)
-        fields += [(each.field, image) for each, image in zip(self.channels, rest.images, strict=True)]
+        fields += [
+            (each.field, image) for each, image in zip(self.channels, rest.images, strict=True)
+        ]
         for field, values in fields:
             mask = np.uint32((1 << field.bits) - 1)
             words[..., field.word] |= (values.astype(np.uint32) & mask) << np.uint32(field.bit)

@@ -1,0 +1,139 @@
+"""Packets that recordings are searched for, and their coding as records of turns.
+
+A turn of an Ouster is followed by the fields that it lacks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.core.errors import InputError
+from puckbench.lidar.recordings.ouster import metadata_beside, read_sensor
+from puckbench.lidar.recordings.ouster_packets import OusterKind
+from puckbench.lidar.recordings.packet_turns import (
+    PacketKind,
+    Payloads,
+    find_packets,
+    packet_kind,
+    packets_of,
+    split_turns,
+    turn_of,
+)
+from puckbench.lidar.recordings.packets import PACKET_BYTES
+from puckbench.lidar.returns_header import decode_layout, encode_layout
+from puckbench.lidar.turns import Turn
+from puckbench.puck.fields import FieldsDecoder, FieldsEncoder
+from puckbench.puck.options import CodingOptions
+from puckbench.puck.records import DAMAGED, Record, RecordKind
+from puckbench.puck.stream import count_ranges
+from puckbench.puck.turns import TurnDecoder, TurnEncoder, is_key
+
+Kind = PacketKind | OusterKind
+
+
+class PacketFormat(NamedTuple):
+    """Size of packets in bytes, and how they are found in bytes and split into turns."""
+
+    size: int
+    find: Callable[[Payloads], NDArray[np.int64]]
+    split_turns: Callable[[Payloads], Iterator[tuple[Kind, Payloads]]]
+
+
+VELODYNE = PacketFormat(PACKET_BYTES, find_packets, split_turns)
+
+
+def formats_of(recording: Path) -> list[PacketFormat]:
+    """Return the formats of packets that a recording may have.
+
+    Those of an Ouster are known only with its metadata, beside the recording.
+    """
+    metadata = metadata_beside(recording)
+    try:
+        kind = OusterKind.of(read_sensor(metadata)) if metadata else None
+    except InputError:
+        kind = None
+    return [VELODYNE, PacketFormat(kind.size, kind.find, kind.split_turns)] if kind else [VELODYNE]
+
+
+def decode_kind(body: bytes) -> Kind:
+    """Decode the body of a LAYOUT record; raise InputError if packets have no such layout."""
+    layout, code = decode_layout(body)
+    if len(code) == 3:
+        return OusterKind.decode(layout, code)
+    if len(code) != 2:
+        raise InputError("the stream holds turns, but no packets")
+    kind = packet_kind(*code)
+    # The stream has its own order of lasers, as the tables of sensors may change.
+    if layout != replace(kind.layout, order=layout.order):
+        raise InputError(DAMAGED)
+    return replace(kind, layout=layout)
+
+
+def count_values(kind: Kind, body: bytes) -> int:
+    """Return the number of ranges in a coded turn, and of values in the images of its fields."""
+    images = len(kind.channels) if isinstance(kind, OusterKind) else 0
+    return count_ranges(kind.layout, body) * (1 + images)
+
+
+class PacketsEncoder:
+    """Encodes the packets of successive turns, all of one kind."""
+
+    def __init__(self, kind: Kind, options: CodingOptions) -> None:
+        self.kind, self._turns = kind, TurnEncoder(kind.layout, options)
+        self._effort = options.effort
+        self._fields: FieldsEncoder | None = None
+
+    def layout(self) -> Record:
+        kind = self.kind
+        code = kind.code if isinstance(kind, OusterKind) else bytes([kind.product, kind.mode])
+        return Record(RecordKind.LAYOUT, encode_layout(kind.layout) + code)
+
+    def encode(self, payloads: Payloads) -> tuple[Turn, list[Record]]:
+        kind = self.kind
+        if isinstance(kind, PacketKind):
+            turn = turn_of(kind, payloads)
+            return turn, [Record(RecordKind.TURN, self._turns.encode(turn))]
+        turn = kind.turn_of(payloads)
+        body = self._turns.encode(turn)
+        self._fields = self._fields or FieldsEncoder(kind, self._effort)
+        fields = self._fields.encode(turn, kind.rest_of(payloads), is_key=is_key(body))
+        return turn, [Record(RecordKind.TURN, body), Record(RecordKind.FIELDS, fields)]
+
+
+class PacketsDecoder:
+    """Decodes records of turns, and of their fields, to packets."""
+
+    def __init__(self, layout: bytes) -> None:
+        self._kind = decode_kind(layout)
+        self._turns = TurnDecoder(self._kind.layout)
+        self._fields = FieldsDecoder(self._kind) if isinstance(self._kind, OusterKind) else None
+        self._turn: Turn | None = None
+        self._is_key = False
+
+    @property
+    def is_waiting(self) -> bool:
+        """Whether the last turn's fields must follow."""
+        return self._turn is not None
+
+    def add_turn(self, body: bytes) -> tuple[int, Payloads | None]:
+        """Decode a turn; return its number of returns, and its packets unless fields follow."""
+        if self.is_waiting:
+            raise InputError(DAMAGED)
+        turn = self._turns.decode(body)
+        if isinstance(self._kind, PacketKind):
+            return turn.returns, packets_of(self._kind, turn)
+        self._turn, self._is_key = turn, is_key(body)
+        return turn.returns, None
+
+    def add_fields(self, body: bytes) -> Payloads:
+        turn, self._turn = self._turn, None
+        if turn is None or self._fields is None or not isinstance(self._kind, OusterKind):
+            raise InputError(DAMAGED)
+        rest = self._fields.decode(body, turn, is_key=self._is_key)
+        return self._kind.packets_of(turn, rest)
