@@ -56,7 +56,7 @@ _BINS = 400
 _SIGNAL_PACE = 512
 _PACES = (16, 16, 12, 8)
 """Estimates after which a table (laser, range, signal, sum) adapts at a constant rate."""
-_FIRST_GAIN = -20402 << 8
+_FIRST_GAIN = -81633 << 8
 """Logarithm of a reflectivity of 16 bits less those of signal and squared range (mm): that of the
 early firmware of two sensors."""
 
