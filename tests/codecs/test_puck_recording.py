@@ -23,6 +23,7 @@ from puckbench.puck import (
     decode_turns,
     decompress,
     encode_turns,
+    packet_kinds,
     recording,
     stream,
 )
@@ -307,7 +308,7 @@ def bomb(folder: Path, data: bytes, monkeypatch: pytest.MonkeyPatch, name: str) 
 def test_a_recording_of_turns_without_information_is_refused_before_it_is_decoded(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(recording.TurnDecoder, "decode", None)
+    monkeypatch.setattr(packet_kinds.TurnDecoder, "decode", None)
     packets = covered(18)
     small = bomb(tmp_path, pcap(packets * 1500), monkeypatch, "small.puck")
     assert small.stat().st_size < 50_000

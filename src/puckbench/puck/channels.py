@@ -384,7 +384,7 @@ def _write_features(
     model: ChannelModel, image: ChannelContext, before: ChannelContext, c: int, laser: int, t: int,
     base: int, shift: int,
 ) -> None:  # fmt: skip
-    x, values, lasers = model.linear.features, image.values, image.values.shape[1]
+    x, lasers = model.linear.features, image.values.shape[1]
     for k in range(len(model.linear.every)):
         x[k] = 0
     for k in range(4):
@@ -404,12 +404,20 @@ def _write_features(
             x[11] = _difference(then[t, laser - 1], base, shift)
     x[12] = 2 * FINE
     if model.role == 1:
-        x[13] = _difference(values[c - 1, laser], base, shift)
-        x[14] = _difference(values[c - 2, laser], base, shift)
-        if laser > 0:
-            x[15] = _difference(values[c, laser - 1], base, shift)
+        _write_unscaled_features(model, image, c, laser, base, shift)
     if len(model.linear.every) > _COMMON_FEATURES:
         _write_more_features(model, image, c, laser, base, shift)
+
+
+@inlined
+def _write_unscaled_features(
+    model: ChannelModel, image: ChannelContext, c: int, laser: int, base: int, shift: int
+) -> None:
+    x, values = model.linear.features, image.values
+    x[13] = _difference(values[c - 1, laser], base, shift)
+    x[14] = _difference(values[c - 2, laser], base, shift)
+    if laser > 0:
+        x[15] = _difference(values[c, laser - 1], base, shift)
 
 
 @inlined

@@ -159,9 +159,7 @@ def _code_images(
         if coded is not None:
             for values, earlier in zip(context[:3], coded[:3], strict=True):
                 values[:PAD] = earlier[-PAD:]
-            before = before._replace(
-                values=extended(coded.values), errors=extended(coded.errors)
-            )
+            before = before._replace(values=extended(coded.values), errors=extended(coded.errors))
             rows = nearest
         job.is_complete = code_channel(model, context, before, rows)
         state.coded[job.number] = context

@@ -20,8 +20,9 @@ from puckbench.lidar.turns import Layout, Turn
 
 _HALF_WORD = 16
 _MOST_BYTES = 65535
-_OUTSIDE_BYTES, _CRC_BYTES = 32, 8
-"""Bytes of a packet before its columns, and as many after them, the last of which are a CRC-64."""
+_OUTSIDE_BYTES, _TIME_BYTES, _CRC_BYTES = 32, 8, 8
+"""Bytes of a packet before its columns and as many after them, of a column before its number, and
+of the CRC-64 at the end of a packet."""
 _NS = 1000
 _HEAD = np.dtype([("hours", "<u4"), ("status", "<u4"), ("encoder", "<u4"), ("frame", "<u4")])
 """What is stored of each column; times, in ns, are those of the turn plus hours and a remainder."""
@@ -105,19 +106,14 @@ class OusterKind:
         With signals, on which they depend, reflectivities are channels, too.
         """
         profile = PROFILES[self.profile]
-        channels = [
-            Channel(each, kind, is_signal=True) for kind, each in enumerate(profile.signals)
+        signals = [Channel(each, kind, is_signal=True) for kind, each in enumerate(profile.signals)]
+        dependent = [
+            Channel(self._reflectivity(kind), kind, signal=kind) for kind in range(len(signals))
         ]
-        if profile.signals:
-            channels += [
-                Channel(self._reflectivity(kind), kind, signal=kind)
-                for kind in range(len(profile.ranges))
-            ]
-        else:
-            channels += [Channel(each, kind) for kind, each in enumerate(profile.reflectivities)]
-        used = [*profile.ranges, *(channel.field for channel in channels)]
+        used = [*profile.ranges, *profile.reflectivities]
+        used += [channel.field for channel in (*signals, *dependent)]
         others = [Channel(each, 0) for each in _unused(used, profile.words)]
-        return tuple([*channels[:0], *(channels if profile.signals else []), *others])
+        return (*signals, *dependent, *others)
 
     def _reflectivity(self, kind: int) -> Field:
         # Early firmware has 16 bits.
@@ -135,13 +131,13 @@ class OusterKind:
         last = len(data) - self.size + 1
         if last < 1 or self.columns_per_packet < 2:
             return np.zeros(0, np.int64)
-        columns = self.packet["columns"]
-        first = self.packet.fields["columns"][1] + columns.base.fields["column"][1]
-        offsets = first + columns.base.itemsize * np.arange(self.columns_per_packet)
+        size = self.packet["columns"].base.itemsize
+        first = _TIME_BYTES + (0 if self.profile == LEGACY else _OUTSIDE_BYTES)
+        offsets = first + size * np.arange(self.columns_per_packet)
         low, next_low = (data[at : at + last] for at in offsets[:2].tolist())
         places = np.flatnonzero(next_low - low == 1)
         for at in offsets[2:].tolist():
-            places = places[data[places + at] - data[places + at - columns.base.itemsize] == 1]
+            places = places[data[places + at] - data[places + at - size] == 1]
         at = places[:, None] + offsets
         numbers = data[at].astype(np.int64) + 256 * data[at + 1].astype(np.int64)
         is_packet = (np.diff(numbers) == 1).all(axis=1)
@@ -180,7 +176,7 @@ class OusterKind:
         heads = np.zeros(len(columns), _HEAD)
         heads["hours"] = columns["time"] // np.uint64(_NS * HOUR_US)
         for name in ("status", "encoder", "frame"):
-            if name in columns.dtype.names:
+            if name in (columns.dtype.names or ()):
                 heads[name] = columns[name]
         remainders = (columns["time"] % np.uint64(_NS)).astype(np.uint16)
         unit = max(int(np.gcd.reduce(remainders)), 1)
@@ -203,15 +199,14 @@ class OusterKind:
         microseconds = heads["hours"].astype(np.uint64) * np.uint64(HOUR_US) + turn.times
         columns["time"] = microseconds * np.uint64(_NS) + rest.remainders * np.uint64(rest.unit)
         for name in ("status", "encoder", "frame"):
-            if name in columns.dtype.names:
+            if name in (columns.dtype.names or ()):
                 columns[name] = heads[name]
         profile, words = PROFILES[self.profile], columns["pixels"]
         fields = [*zip(profile.ranges, turn.ranges, strict=True)]
         if turn.reflectivities is not None:
             fields += zip(profile.reflectivities, turn.reflectivities, strict=True)
-        fields += [
-            (each.field, image) for each, image in zip(self.channels, rest.images, strict=True)
-        ]
+        others = [channel.field for channel in self.channels]
+        fields += zip(others, rest.images, strict=True)
         for field, values in fields:
             mask = np.uint32((1 << field.bits) - 1)
             words[..., field.word] |= (values.astype(np.uint32) & mask) << np.uint32(field.bit)
