@@ -384,7 +384,7 @@ def _write_features(
     model: ChannelModel, image: ChannelContext, before: ChannelContext, c: int, laser: int, t: int,
     base: int, shift: int,
 ) -> None:  # fmt: skip
-    x, lasers = model.linear.features, image.values.shape[1]
+    x = model.linear.features
     for k in range(len(model.linear.every)):
         x[k] = 0
     for k in range(4):
@@ -394,19 +394,25 @@ def _write_features(
         x[5] = _change(model, image, c, laser, c - 1, laser - 1, base, shift)
     if laser > 1:
         x[6] = _change(model, image, c, laser, c, laser - 2, base, shift)
-    if laser + 1 < lasers:
+    if laser + 1 < image.values.shape[1]:
         x[7] = _change(model, image, c, laser, c - 1, laser + 1, base, shift)
     if t > 0:
-        then = before.values
-        for k in range(3):
-            x[8 + k] = _difference(then[t - 1 + k, laser], base, shift)
-        if laser > 0:
-            x[11] = _difference(then[t, laser - 1], base, shift)
+        _write_earlier_features(x, before.values, laser, t, base, shift)
     x[12] = 2 * FINE
     if model.role == 1:
         _write_unscaled_features(model, image, c, laser, base, shift)
     if len(model.linear.every) > _COMMON_FEATURES:
         _write_more_features(model, image, c, laser, base, shift)
+
+
+@inlined
+def _write_earlier_features(
+    x: Words, then: Words, laser: int, t: int, base: int, shift: int
+) -> None:
+    for k in range(3):
+        x[8 + k] = _difference(then[t - 1 + k, laser], base, shift)
+    if laser > 0:
+        x[11] = _difference(then[t, laser - 1], base, shift)
 
 
 @inlined

@@ -38,14 +38,30 @@ Kind = PacketKind | OusterKind
 
 
 class PacketFormat(NamedTuple):
-    """Size of packets in bytes, and how they are found in bytes and split into turns."""
+    """How packets are found in bytes and split into turns.
 
-    size: int
+    A packet lies in pieces of these lengths, in bytes, with a hole after each but the last.
+    """
+
+    pieces: list[int]
+    hole: int
     find: Callable[[Payloads], NDArray[np.int64]]
     split_turns: Callable[[Payloads], Iterator[tuple[Kind, Payloads]]]
 
+    @property
+    def span(self) -> int:
+        return sum(self.pieces) + self.hole * (len(self.pieces) - 1)
 
-VELODYNE = PacketFormat(PACKET_BYTES, find_packets, split_turns)
+    @property
+    def starts(self) -> NDArray[np.int64]:
+        """Where pieces begin in the span of a packet."""
+        steps = np.array(self.pieces) + self.hole
+        return np.cumsum(steps) - steps
+
+
+VELODYNE = PacketFormat([PACKET_BYTES], 0, find_packets, split_turns)
+_HOLES = (50, 52, 54, 68)
+"""Bytes of headers between IP fragments: pcap of Ethernet, of Linux, of a VLAN, and pcapng."""
 
 
 def formats_of(recording: Path) -> list[PacketFormat]:
@@ -55,10 +71,14 @@ def formats_of(recording: Path) -> list[PacketFormat]:
     """
     metadata = metadata_beside(recording)
     try:
-        kind = OusterKind.of(read_sensor(metadata)) if metadata else None
+        whole = OusterKind.of(read_sensor(metadata)) if metadata else None
     except InputError:
-        kind = None
-    return [VELODYNE, PacketFormat(kind.size, kind.find, kind.split_turns)] if kind else [VELODYNE]
+        whole = None
+    if whole is None:
+        return [VELODYNE]
+    kinds = [whole, *(replace(whole, is_fragmented=True, hole=hole) for hole in _HOLES)]
+    formats = [PacketFormat(each.pieces, each.hole, each.find, each.split_turns) for each in kinds]
+    return [VELODYNE, *formats]
 
 
 def decode_kind(body: bytes) -> Kind:
@@ -115,6 +135,11 @@ class PacketsDecoder:
         self._fields = FieldsDecoder(self._kind) if isinstance(self._kind, OusterKind) else None
         self._turn: Turn | None = None
         self._is_key = False
+
+    @property
+    def pieces(self) -> list[int]:
+        """Lengths of the pieces of a packet."""
+        return self._kind.pieces if isinstance(self._kind, OusterKind) else VELODYNE.pieces
 
     @property
     def is_waiting(self) -> bool:

@@ -10,6 +10,7 @@ import zlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from typing import IO, Any, NamedTuple
 
@@ -205,10 +206,10 @@ def _records(
     done = 0
     while done < size:
         window = without_links(data, page, done, min(done + _WINDOW, size))
-        packets = max((_find(each, window) for each in formats), key=_Packets.bytes)
+        packets = _find(formats, window)
         is_last = done + len(window) == size
         # A packet that the window cuts off is found in the next window.
-        largest = max(each.size for each in formats)
+        largest = max(each.span for each in formats)
         end = len(window) if is_last else max(len(window) - largest + 1, packets.end())
         batches = encoder.batches(window[:end], packets, partial(_report_at, report, done, size))
         batch = next(batch for batch in batches if _fits(batch, summary, done + end))
@@ -242,14 +243,27 @@ class _Packets(NamedTuple):
     places: NDArray[np.int64]
 
     def bytes(self) -> int:
-        return self.format.size * len(self.places)
+        return sum(self.format.pieces) * len(self.places)
 
     def end(self) -> int:
-        return int(self.places[-1]) + self.format.size if len(self.places) else 0
+        return int(self.places[-1]) + self.format.span if len(self.places) else 0
+
+    def payloads(self, data: Bytes) -> Payloads:
+        views = np.lib.stride_tricks.sliding_window_view(data, self.format.span)[self.places]
+        starts = self.format.starts.tolist()
+        pieces = zip(starts, self.format.pieces, strict=True)
+        return np.concatenate([views[:, at : at + size] for at, size in pieces], axis=1)
 
 
-def _find(packet_format: PacketFormat, data: Bytes) -> _Packets:
-    return _Packets(packet_format, packet_format.find(data))
+def _find(formats: list[PacketFormat], data: Bytes) -> _Packets:
+    """Return the packets of the format that has most of them."""
+    best = _Packets(formats[0], formats[0].find(data))
+    for each in formats[1:]:
+        if 2 * best.bytes() > len(data):
+            break
+        packets = _Packets(each, each.find(data))
+        best = max(best, packets, key=_Packets.bytes)
+    return best
 
 
 class _PacketEncoder:
@@ -274,19 +288,19 @@ class _PacketEncoder:
     def _batch(self, data: Bytes, packets: _Packets, report: Callable[[int], None]) -> _Batch:
         batch, (packet_format, places) = _Batch(), packets
         if len(places):
-            rows = np.lib.stride_tricks.sliding_window_view(data, packet_format.size)[places]
-            for kind, payloads in packet_format.split_turns(rows):
+            for kind, payloads in packet_format.split_turns(packets.payloads(data)):
                 self._add_turn(kind, payloads, batch)
                 report(int(places[batch.packets - 1]))
-        starts = np.concatenate([[0], places + packet_format.size])
-        ends = np.concatenate([places, [len(data)]])
+        pieces = (places[:, None] + packet_format.starts).ravel()
+        starts = np.concatenate([[0], pieces + np.tile(packet_format.pieces, len(places))])
+        ends = np.concatenate([pieces, [len(data)]])
         gaps = [
             data[first:end].tobytes()
             for first, end in zip(starts.tolist(), ends.tolist(), strict=True)
         ]
         # Gaps that are larger than the packets are content of other kinds.
         are_headers = len(data) < 2 * packets.bytes()
-        body = base_128(len(places)) + encode_gaps(gaps, are_headers)
+        body = base_128(len(pieces)) + encode_gaps(gaps, are_headers)
         batch.records.append(Record(RecordKind.GAPS, body))
         return batch
 
@@ -396,7 +410,7 @@ class _PacketDecoder:
 
     def __init__(self) -> None:
         self._packets: PacketsDecoder | None = None
-        self._waiting: list[Payloads] = []
+        self._waiting: list[tuple[Payloads, list[int]]] = []
         self._bytes = 0
 
     def start_layout(self, body: bytes) -> None:
@@ -408,16 +422,16 @@ class _PacketDecoder:
             raise InputError(_DAMAGED)
         returns, payloads = self._packets.add_turn(body)
         if payloads is not None:
-            self._keep(payloads)
+            self._keep(payloads, self._packets.pieces)
         return returns
 
     def add_fields(self, body: bytes) -> None:
         if self._packets is None:
             raise InputError(_DAMAGED)
-        self._keep(self._packets.add_fields(body))
+        self._keep(self._packets.add_fields(body), self._packets.pieces)
 
-    def _keep(self, payloads: Payloads) -> None:
-        self._waiting.append(payloads)
+    def _keep(self, payloads: Payloads, pieces: list[int]) -> None:
+        self._waiting.append((payloads, pieces))
         self._bytes += payloads.size
         self._check(is_whole=self._bytes <= 2 * _WINDOW)
 
@@ -427,12 +441,19 @@ class _PacketDecoder:
 
     def write(self, body: bytes, writer: _RecordingWriter) -> int:
         self._check(is_whole=self._packets is None or not self._packets.is_waiting)
-        packets = [row.tobytes() for payloads in self._waiting for row in payloads]
+        count, pieces = sum(len(payloads) for payloads, _ in self._waiting), list(self._pieces())
         self._waiting, self._bytes = [], 0
         reader = Reader(body)
-        if reader.number() != len(packets):
+        if reader.number() != len(pieces):
             raise InputError(_DAMAGED)
-        gaps = decode_gaps(reader, len(packets) + 1, writer.admit)
-        writer.write(b"".join(part for pair in zip(gaps, packets, strict=False) for part in pair))
+        gaps = decode_gaps(reader, len(pieces) + 1, writer.admit)
+        writer.write(b"".join(part for pair in zip(gaps, pieces, strict=False) for part in pair))
         writer.write(gaps[-1])
-        return len(packets)
+        return count
+
+    def _pieces(self) -> Iterator[bytes]:
+        for payloads, sizes in self._waiting:
+            edges = np.cumsum([0, *sizes]).tolist()
+            for row in payloads:
+                packet = row.tobytes()
+                yield from (packet[first:end] for first, end in pairwise(edges))

@@ -23,6 +23,8 @@ _MOST_BYTES = 65535
 _OUTSIDE_BYTES, _TIME_BYTES, _CRC_BYTES = 32, 8, 8
 """Bytes of a packet before its columns and as many after them, of a column before its number, and
 of the CRC-64 at the end of a packet."""
+_FRAGMENT_BYTES, _UDP_BYTES = 1480, 8
+"""Bytes of an IP packet's content in Ethernet of 1,500 bytes, the first of which are UDP's."""
 _NS = 1000
 _HEAD = np.dtype([("hours", "<u4"), ("status", "<u4"), ("encoder", "<u4"), ("frame", "<u4")])
 """What is stored of each column; times, in ns, are those of the turn plus hours and a remainder."""
@@ -65,12 +67,17 @@ class Rest(NamedTuple):
 
 @dataclass(frozen=True)
 class OusterKind:
-    """Format of packets, and the layout of their images."""
+    """Format of packets, and the layout of their images.
+
+    If `is_fragmented`, IP fragments of the usual size hold a packet, `hole` bytes apart.
+    """
 
     profile: str
     is_fusa: bool
     columns_per_packet: int
     layout: Layout
+    is_fragmented: bool = False
+    hole: int = 0
 
     @classmethod
     def of(cls, sensor: OusterSensor) -> OusterKind:
@@ -79,9 +86,10 @@ class OusterKind:
     @classmethod
     def decode(cls, layout: Layout, code: bytes) -> OusterKind:
         """Return the kind with this `code`; raise InputError if there is none."""
-        profile, is_fusa, columns = code
-        if profile < len(PROFILES) and is_fusa < 2 and columns > 1:
-            kind = cls(list(PROFILES)[profile], bool(is_fusa), columns, layout)
+        profile, flags, columns = code
+        if profile < len(PROFILES) and flags < 4 and columns > 1:
+            is_fusa, is_fragmented = bool(flags & 1), bool(flags & 2)
+            kind = cls(list(PROFILES)[profile], is_fusa, columns, layout, is_fragmented)
             sizes = (layout.columns_per_block, layout.blocks_per_time, layout.kinds)
             if kind.size <= _MOST_BYTES and sizes == (1, 1, len(PROFILES[kind.profile].ranges)):
                 return kind
@@ -89,7 +97,16 @@ class OusterKind:
 
     @property
     def code(self) -> bytes:
-        return bytes([list(PROFILES).index(self.profile), self.is_fusa, self.columns_per_packet])
+        flags = self.is_fusa | self.is_fragmented << 1
+        return bytes([list(PROFILES).index(self.profile), flags, self.columns_per_packet])
+
+    @property
+    def pieces(self) -> list[int]:
+        """Bytes of a packet in each fragment."""
+        if not self.is_fragmented:
+            return [self.size]
+        edges = [0, *range(_FRAGMENT_BYTES - _UDP_BYTES, self.size, _FRAGMENT_BYTES), self.size]
+        return np.diff(edges).tolist()
 
     @cached_property
     def packet(self) -> np.dtype[Any]:
@@ -128,21 +145,24 @@ class OusterKind:
 
         Numbers of columns in a packet are consecutive.
         """
-        last = len(data) - self.size + 1
+        span = self.size + self.hole * (len(self.pieces) - 1)
+        last = len(data) - span + 1
         if last < 1 or self.columns_per_packet < 2:
             return np.zeros(0, np.int64)
         size = self.packet["columns"].base.itemsize
         first = _TIME_BYTES + (0 if self.profile == LEGACY else _OUTSIDE_BYTES)
-        offsets = first + size * np.arange(self.columns_per_packet)
-        low, next_low = (data[at : at + last] for at in offsets[:2].tolist())
-        places = np.flatnonzero(next_low - low == 1)
-        for at in offsets[2:].tolist():
-            places = places[data[places + at] - data[places + at - size] == 1]
-        at = places[:, None] + offsets
-        numbers = data[at].astype(np.int64) + 256 * data[at + 1].astype(np.int64)
-        is_packet = (np.diff(numbers) == 1).all(axis=1)
-        is_packet &= numbers[:, -1] < self.layout.azimuth_steps
-        return without_overlaps(places[is_packet], self.size)
+        numbers = first + size * np.arange(self.columns_per_packet)
+        holes = np.repeat(self.hole * np.arange(len(self.pieces)), self.pieces)
+        low, high = numbers + holes[numbers], numbers + 1 + holes[numbers + 1]
+        first_at, second_at = (data[at : at + last] for at in low[:2].tolist())
+        places = np.flatnonzero(second_at - first_at == 1)
+        for earlier, at in pairwise(low[1:].tolist()):
+            places = places[data[places + at] - data[places + earlier] == 1]
+        columns = data[places[:, None] + low].astype(np.int64)
+        columns += 256 * data[places[:, None] + high].astype(np.int64)
+        is_packet = (np.diff(columns) == 1).all(axis=1)
+        is_packet &= columns[:, -1] < self.layout.azimuth_steps
+        return without_overlaps(places[is_packet], span)
 
     def split_turns(self, payloads: Payloads) -> Iterator[tuple[OusterKind, Payloads]]:
         """Split packets (p, bytes) where the number of their revolution changes."""
@@ -216,7 +236,7 @@ class OusterKind:
             payloads[:, :_OUTSIDE_BYTES] = rest.outsides[:, :_OUTSIDE_BYTES]
             payloads[:, -_OUTSIDE_BYTES:] = rest.outsides[:, _OUTSIDE_BYTES:]
         if rest.has_crc:
-            payloads[:, -_CRC_BYTES:] = _checks(payloads)
+            payloads[:, -_CRC_BYTES:] = checks_of(payloads)
         return payloads
 
     @property
@@ -228,7 +248,7 @@ class OusterKind:
             return np.zeros((len(payloads), 0), np.uint8), False
         edges = [payloads[:, :_OUTSIDE_BYTES], payloads[:, -_OUTSIDE_BYTES:]]
         outsides = np.concatenate(edges, axis=1)
-        has_crc = bool((outsides[:, -_CRC_BYTES:] == _checks(payloads)).all())
+        has_crc = bool((outsides[:, -_CRC_BYTES:] == checks_of(payloads)).all())
         if has_crc:
             outsides[:, -_CRC_BYTES:] = 0
         return outsides, has_crc
@@ -262,7 +282,7 @@ def _unused(fields: list[Field], words: int) -> list[Field]:
     return unused
 
 
-def _checks(payloads: Payloads) -> Payloads:
+def checks_of(payloads: Payloads) -> Payloads:
     """Return the CRC-64 (ECMA-182, reflected) of all but the last bytes of each packet (p, 8)."""
     checks = np.zeros(len(payloads), np.uint64)
     _write_checks(np.ascontiguousarray(payloads[:, :-_CRC_BYTES]), _crc_table(), checks)
