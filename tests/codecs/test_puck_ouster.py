@@ -14,7 +14,7 @@ from puckbench.lidar.recordings.ouster import PROFILES, OusterSensor, read_senso
 from puckbench.lidar.recordings.ouster_packets import OusterKind
 from puckbench.puck import CodingOptions, compress, decode_turns, decompress
 from puckbench.puck.recording import RecordingSummary
-from tests.support.files import ROOT
+from tests.support.bench import ROOT
 from tests.support.ouster import capture, metadata
 
 WHOLE = 1 << 16
@@ -30,10 +30,10 @@ def sent(
     sensor: OusterSensor, turns: int = 2, seed: int = 0, *, is_odd: bool = False
 ) -> list[bytes]:
     """Packets of smooth images in every field; odd ones have other bits set where none are."""
-    random, kind = np.random.default_rng(seed), OusterKind.of(sensor)
+    random, kind = np.random.default_rng(0), OusterKind.of(sensor)
     count, lasers = sensor.columns, sensor.lasers
     packets = np.zeros((turns, count // 16), kind.packet)
-    columns = packets["columns"].reshape(turns, count)
+    columns = np.zeros((turns, count), kind.packet["columns"].base)
     columns["column"] = np.arange(count)
     since = 97_650 * np.arange(turns * count) + 10 * random.integers(0, 400, turns * count)
     columns["time"] = (10**18 + since).reshape(turns, count)
@@ -51,6 +51,7 @@ def sent(
     if is_odd:
         words[:] = random.integers(0, 1 << 32, words.shape, np.uint32)
         columns["status"], columns["time"] = random.integers(0, 9, (2, turns, count))
+    packets["columns"] = columns.reshape(turns, -1, 16)
     return [packet.tobytes() for packet in packets.ravel()]
 
 

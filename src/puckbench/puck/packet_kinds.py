@@ -56,7 +56,8 @@ class PacketFormat(NamedTuple):
     def starts(self) -> NDArray[np.int64]:
         """Where pieces begin in the span of a packet."""
         steps = np.array(self.pieces) + self.hole
-        return np.cumsum(steps) - steps
+        starts: NDArray[np.int64] = np.cumsum(steps) - steps
+        return starts
 
 
 VELODYNE = PacketFormat([PACKET_BYTES], 0, find_packets, split_turns)

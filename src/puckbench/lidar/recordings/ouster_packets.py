@@ -106,7 +106,7 @@ class OusterKind:
         if not self.is_fragmented:
             return [self.size]
         edges = [0, *range(_FRAGMENT_BYTES - _UDP_BYTES, self.size, _FRAGMENT_BYTES), self.size]
-        return np.diff(edges).tolist()
+        return [end - first for first, end in pairwise(edges)]
 
     @cached_property
     def packet(self) -> np.dtype[Any]:
