@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -11,9 +12,11 @@ from numpy.typing import NDArray
 
 from puckbench.lidar.recordings.packet_turns import split_turns, turn_of
 from puckbench.puck import CodingOptions, compress, decode_turns, decompress, encode_turns
+from tests.support import ouster
 from tests.support.spinning import DUAL, HDL32E, STRONGEST, VLP16, pcap, rows, spin
 
 _EFFORTS = ("fast", "normal", "thorough")
+_PROFILES = ("RNG15_RFL8_NIR8_DUAL", "LEGACY", "RNG19_RFL8_SIG16_NIR16_DUAL")
 _KINDS = ((VLP16, STRONGEST), (VLP16, DUAL), (HDL32E, STRONGEST))
 
 
@@ -41,13 +44,20 @@ class RecordingDecoder:
     """Gives back the recording of a stream."""
 
     def streams(self) -> list[bytes]:
-        """Streams of short recordings with a position packet."""
+        """Streams of short recordings with another packet."""
         with TemporaryDirectory() as folder:
             whole, small = Path(folder, "a"), Path(folder, "b")
             found = []
             for effort, (product, mode) in zip(_EFFORTS, _KINDS, strict=True):
                 packets = rows(spin(product, mode, packets=12, rise=700))
                 whole.write_bytes(pcap([*packets[:4], b"\0" * 512, *packets[4:]]))
+                compress(whole, small, CodingOptions(effort=effort))
+                found.append(small.read_bytes())
+            for effort, profile in zip(_EFFORTS, _PROFILES, strict=True):
+                about = ouster.metadata(profile)
+                whole.with_suffix(".json").write_text(json.dumps(about))
+                packets = ouster.packets(profile, *ouster.images(profile))[:4]
+                whole.write_bytes(ouster.capture([*packets[:2], b"\0" * 48, *packets[2:]]))
                 compress(whole, small, CodingOptions(effort=effort))
                 found.append(small.read_bytes())
         return found
