@@ -44,5 +44,9 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
             "rosbag decompress" if options.recording.suffix == ".bag" else "mcap decompress",
         )
     elif not summary.packets:
-        _LOG.warning("%s: no data packets of a modelled sensor: LZMA alone", options.recording)
+        _LOG.warning(
+            "%s: no data packets of a modelled sensor (Ouster's need the sensor's .json beside the "
+            "capture): LZMA alone",
+            options.recording,
+        )
     return summary.as_json() | ({"compressed_chunks": chunks} if chunks else {})
