@@ -167,6 +167,11 @@ def reconstruct_revolutions(patches: Patches) -> list[DecodedSurface]:
     return parts
 
 
+def count_surface_points(patches: Patches, spacing: int) -> int:
+    arrays = (patches.geometry, patches.leaves, patches.occupancy)
+    return count_points(*arrays, spacing) + count_revolution_points(patches, spacing)
+
+
 def count_revolution_points(patches: Patches, spacing: int) -> int:
     return sum(count_column_points(unrolled, spacing) for unrolled in patches.revolutions)
 

@@ -19,7 +19,7 @@ from puckbench.core.measurement import NO_COST, Cost, measured
 from puckbench.core.threads import few_at_once, in_threads
 from puckbench.geometry.cloud import Floats, bounds
 from puckbench.primitives import hybrid_mode, voxel_mode
-from puckbench.primitives.decoder import Patches, reconstruct_surface
+from puckbench.primitives.decoder import Patches, count_surface_points, reconstruct_surface
 from puckbench.primitives.distortion import (
     Distortion,
     DistortionEstimator,
@@ -358,6 +358,8 @@ def _evaluate(
 def _decode_sparsely(patches: Patches) -> Floats:
     header = patches.header
     spacing = min(_SPARSENESS * header.point_spacing, MAX_POINT_SPACING)
+    if count_surface_points(patches, spacing) == 0:
+        spacing = header.point_spacing
     sparse = header._replace(point_spacing=spacing)
     return reconstruct_surface(patches._replace(header=sparse)).xyz
 

@@ -13,7 +13,7 @@ from puckbench.primitives.decoder import (
     Patches,
     allocate_arrays,
     count_columns,
-    count_revolution_points,
+    count_surface_points,
     octree_geometry,
     reconstruct_surface,
 )
@@ -33,7 +33,6 @@ from puckbench.primitives.preparation import (
     axis_aligned_column_size,
     column_size,
 )
-from puckbench.primitives.reconstruction import count_points
 from puckbench.primitives.region_merging import MergeLimits, region_moments
 from puckbench.primitives.revolution import (
     CONTEXTS,
@@ -100,9 +99,11 @@ class CodedSurface(NamedTuple):
     patches: Patches
 
     def with_points(self, count: int) -> CodedSurface:
-        """Return the surface with at most `count` decoded points, at the largest spacing if 0."""
+        """Return the surface with at most `count` decoded points, or itself if none would remain."""
+        spacing = _point_spacing(self.patches, count)
+        if spacing is None:
+            return self
         header, payload = unpack_surface(self.stream)
-        spacing = _point_spacing(self.patches, count) or MAX_POINT_SPACING
         header = header._replace(point_spacing=spacing)
         return CodedSurface(pack_surface(header, payload), self.patches._replace(header=header))
 
@@ -329,14 +330,11 @@ def _occupancy_criterion(
 
 def _point_spacing(patches: Patches, max_points: int) -> int | None:
     """Return the least spacing that gives at most `max_points` points, or None."""
-    arrays = (patches.geometry, patches.leaves, patches.occupancy)
     most = min(max_points, MAX_POINTS)
-
-    def count(spacing: int) -> int:
-        return count_points(*arrays, spacing) + count_revolution_points(patches, spacing)
-
     low, high = MIN_POINT_SPACING - 1, MAX_POINT_SPACING
     while high - low > 1:
         middle = (low + high) // 2
-        low, high = (low, middle) if count(middle) <= most else (middle, high)
-    return high if 0 < count(high) <= most else None
+        low, high = (
+            (low, middle) if count_surface_points(patches, middle) <= most else (middle, high)
+        )
+    return high if 0 < count_surface_points(patches, high) <= most else None
