@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import PathPatch
 
+import puckbench
 from puckbench.core.errors import InputError
 from puckbench.figures.drawing import draw_files, lay_out
 from puckbench.figures.panels import add_rows_legend, label_rates, log_limits
@@ -59,6 +60,11 @@ def lines(axes: Axes) -> dict[str, np.ndarray]:
     return {line.get_color(): line.get_xydata() for line in axes.get_lines()}
 
 
+REFERENCE_DRIVES = (
+    Path(puckbench.__file__).parent / "report" / "reference_drives" / "drives.parquet"
+)
+
+
 @pytest.fixture(scope="module")
 def input_files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     folder = tmp_path_factory.mktemp("inputs")
@@ -80,6 +86,7 @@ def input_files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
             {"model": ["real", "vlp16"], **distances, "chance_m": 1e-3}
         ),
     }
+    tables["drives"] = pd.read_parquet(REFERENCE_DRIVES)
     for name, table in tables.items():
         files[name] = folder / f"{name}.parquet"
         table.to_parquet(files[name])

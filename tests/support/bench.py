@@ -202,8 +202,8 @@ class Bench:
         assert done.returncode == 0, done.stderr[-4000:]
         rows = csv.DictReader(done.stdout.splitlines(), delimiter="\t")
         jobs = {
-            (
-                Path(row["output_file"]).with_suffix("").parts[2:],  # below results/FOLDER
+            (  # below results/FOLDER; a table's dictionary of columns is of the table's job
+                Path(row["output_file"].replace("/columns/", "/")).with_suffix("").parts[2:],
                 _name(row["rule"], row["output_file"]),
             )
             for row in rows

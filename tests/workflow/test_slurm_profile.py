@@ -41,7 +41,7 @@ def test_another_attempt_gets_more_memory() -> None:
     """In every rule whose memory depends on the cloud or the codec."""
     texts = [file.read_text() for file in (WORKFLOW / "rules").glob("*.smk")]
     asked = [line for text in texts for line in text.splitlines() if ".memory_mb(" in line]
-    assert len(asked) == 11
+    assert len(asked) == 13
     assert all("lambda w, attempt" in line for line in asked if "training" not in line)
     assert all("attempt * " in line for line in asked if "training" not in line)
 

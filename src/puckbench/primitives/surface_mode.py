@@ -99,7 +99,7 @@ class CodedSurface(NamedTuple):
     patches: Patches
 
     def with_points(self, count: int) -> CodedSurface:
-        """Return the surface with at most `count` decoded points, or itself if none would remain."""
+        """Return the surface with at most `count` points, or itself if none would remain."""
         spacing = _point_spacing(self.patches, count)
         if spacing is None:
             return self
