@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import product
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,39 +56,42 @@ class AttributesDecoder:
 def with_changed_attributes(streams: Sequence[bytes], random: Random) -> bytes:
     """Other descriptions, parameter sets, headers and values for the geometry of a stream."""
     units = list(syntax.payloads(streams[random.integers(len(streams))]))
-    sps = syntax.SequenceParameterSet()
-    parts, sets, geometry = [], {}, []
+    sps, sets = _parameter_sets(units)
+    if random.random() < 0.3:
+        for each in sps.attributes:
+            each.attr_bitdepth_minus1 = int(random.choice([0, 7, 9, 15, 16]))
+            each.attr_components_minus1 = int(random.choice([0, 2, 2, 1]))
+            each.attr_label = int(random.choice([0, 1, 2, 6, 9]))
+    sps.bypass_stream_enabled_flag |= int(random.random() < 0.05)
+    for aps in sets.values():
+        _change_set(aps, random)
+    parts = []
+    for kind, payload in units:
+        body = payload
+        if kind == syntax.SEQUENCE_PARAMETER_SET:
+            body = syntax.written(syntax.sequence_parameter_set, sps)
+        elif kind == syntax.ATTRIBUTE_PARAMETER_SET:
+            body = syntax.written(attribute_parameter_set, sets[payload[0] >> 4])
+        elif kind == syntax.ATTRIBUTE_DATA_UNIT:
+            body = _unit(payload, sets[payload[0] >> 4], sps, random)
+        parts.append(syntax.encapsulate(kind, body))
+    if random.random() < 0.1:
+        parts.insert(int(random.integers(len(parts))), parts[int(random.integers(len(parts)))])
+    return b"".join(parts)
+
+
+def _parameter_sets(
+    units: Sequence[tuple[int, bytes]],
+) -> tuple[syntax.SequenceParameterSet, dict[int, AttributeParameterSet]]:
+    sps, sets = syntax.SequenceParameterSet(), {}
     for kind, payload in units:
         if kind == syntax.SEQUENCE_PARAMETER_SET:
             syntax.sequence_parameter_set(BitReader(payload), sps)
         elif kind == syntax.ATTRIBUTE_PARAMETER_SET:
             aps = AttributeParameterSet()
             attribute_parameter_set(BitReader(payload), aps)
-            sets[aps.aps_attr_parameter_set_id] = aps
-    if random.random() < 0.3:
-        for each in sps.attributes:
-            each.attr_bitdepth_minus1 = int(random.choice([0, 7, 9, 15, 16]))
-            each.attr_components_minus1 = int(random.choice([0, 2, 2, 1]))
-            each.attr_label = int(random.choice([0, 1, 2, 6, 9]))
-    if random.random() < 0.2:
-        sps.bypass_stream_enabled_flag = 1
-    for aps in sets.values():
-        _change_set(aps, random)
-    for kind, payload in units:
-        body = payload
-        if kind == syntax.SEQUENCE_PARAMETER_SET:
-            body = syntax.written(syntax.sequence_parameter_set, sps)
-        elif kind == syntax.ATTRIBUTE_PARAMETER_SET:
-            aps = sets[payload[0] >> 4]
-            body = syntax.written(attribute_parameter_set, aps)
-        elif kind == syntax.ATTRIBUTE_DATA_UNIT:
-            body = _unit(payload, sets[payload[0] >> 4], sps, random)
-        else:
-            geometry.append(payload)
-        parts.append(syntax.encapsulate(kind, body))
-    if random.random() < 0.1:
-        parts.insert(int(random.integers(len(parts))), parts[int(random.integers(len(parts)))])
-    return b"".join(parts)
+            sets[payload[0] >> 4] = aps
+    return sps, sets
 
 
 def _change_set(aps: AttributeParameterSet, random: Random) -> None:
@@ -99,6 +101,7 @@ def _change_set(aps: AttributeParameterSet, random: Random) -> None:
         aps.num_detail_levels_minus1 = int(random.choice([0, 1, 20, 255]))
         aps.scalable_lifting_enabled_flag = int(random.integers(2))
     change(aps, random, float(random.choice([0, 0.1, 0.3])))
+    aps.num_pred_nearest_neighbours_minus1 %= 3
     far = int(random.choice([3, 8, 31]))
     if random.random() < 0.5:
         aps.lod_neigh_bias = tuple(1 + limit(random, far) for _ in range(3))  # type: ignore[assignment]
@@ -129,7 +132,10 @@ def _unit(
     ids.bits(4), ids.bits(3)
     header.attr_sps_attr_idx, header.attr_geom_slice_id = ids.exp_golomb(0), ids.exp_golomb(0)
     levels = aps.max_detail_levels
-    signed: Any = lambda bits: limit(random, bits) * int(random.choice([-1, 1]))  # noqa: E731
+
+    def signed(bits: int) -> int:
+        return limit(random, bits) * int(random.choice([-1, 1]))
+
     header.last_component_coeffs = [signed(7) for _ in range(levels)]
     header.inter_component_coeffs = [(signed(7), signed(7)) for _ in range(levels)]
     header.attr_dist2_delta = signed(5) if random.random() < 0.3 else 0
@@ -141,8 +147,5 @@ def _unit(
         corner = (limit(random, 31), 0, limit(random, 8))
         regions = int(random.choice([1, 2, 256]))
         header.regions = [QpRegion(corner, (999, 1 << 30, 9), signed(8), 1)] * regions
-    start = BitReader(payload)
-    coded = payload[-int(random.integers(1, len(payload))) :] if len(payload) > 2 else b""
-    del start
-    body = coded if random.random() < 0.5 else data(random)
+    body = payload[int(random.integers(2, 9)) :] if random.random() < 0.5 else data(random)
     return syntax.written(attribute_header, header, aps, sps.attributes) + body

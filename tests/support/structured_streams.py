@@ -564,10 +564,17 @@ def packets(streams: Sequence[bytes], random: Random) -> bytes:
     return Framing(stream[:4], 1, "").framed(numbers + packed)
 
 
+def gpcc_attributes(streams: Sequence[bytes], random: Random) -> bytes:
+    from tests.support.attribute_streams import with_changed_attributes
+
+    return with_changed_attributes(streams, random)
+
+
 _NETS = "puckbench.learned"
 WRITERS: dict[str, Callable[[Sequence[bytes], Random], bytes]] = {
     "primitives": primitives,
     "gpcc": gpcc,
+    "gpcc (attributes)": gpcc_attributes,
     "gpcc_angular": gpcc_angular,
     "gpcc_predictive": gpcc_predictive,
     "puck": puck,
