@@ -28,6 +28,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     from puckbench.codecs.registry import codecs, open_codec
     from puckbench.gpcc.conformance import (
         FOLDER,
+        Decode,
         conformance_streams,
         decode_rows,
         program_decoder,
@@ -37,8 +38,8 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     streams = conformance_streams(options.streams or FOLDER)
     selected = [stream for stream in streams if not options.tools or stream.tools in options.tools]
     name = options.decoder
-    if name == "gpcc":  # the codec decodes points only, the engine attributes, too
-        decode = decode_rows
+    if name == "gpcc":  # the codec gives points, the engine attributes, too
+        decode: Decode = decode_rows
     else:
         decode = open_codec(name).decode if name in codecs() else program_decoder(name)
     results = list(verdicts(decode, selected))
