@@ -119,6 +119,15 @@ def test_slices_and_merged_points_keep_the_values_of_constant_attributes() -> No
     assert (decoded.attributes["color"] == (200, 40, 90)).all()
 
 
+def test_coordinates_of_a_sensor_that_is_not_there_are_refused() -> None:
+    trees = syntax.GeometryParameterSet(geom_tree_type=syntax.PREDICTIVE)
+    cloud, none = POINTS.astype(np.int32), np.empty((0, 3), np.int32)
+    points = SlicePoints(trees, (0, 1, 2), (0, 0, 0), cloud, spherical=none)
+    aps = AttributeParameterSet(spherical_coord_flag=1, attr_coord_scale=[256, 256, 256])
+    with pytest.raises(InputError, match="without a sensor"):
+        points.coordinates(aps)
+
+
 def test_values_without_compression_need_little_memory() -> None:
     """Bits as integers of 8 bytes once took 20 times that of the values."""
     values = np.random.default_rng(0).integers(0, 1 << 11, 200_000)

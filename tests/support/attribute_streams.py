@@ -22,7 +22,7 @@ from puckbench.gpcc.conformance import FOLDER
 from tests.support.structured_streams import change, data, limit
 
 Random = np.random.Generator
-_KINDS = product(("raht", "predicting", "lifting"), ("color", "reflectance"), (0, 6))
+_KINDS = (("raht", "predicting", "lifting"), ("color", "reflectance"), (0, 6))
 
 
 class AttributesDecoder:
@@ -32,7 +32,7 @@ class AttributesDecoder:
         """Return the conformance vectors of attributes, and streams of one and of 3,000 points."""
         whole = [path.read_bytes() for path in sorted((FOLDER / "attributes").glob("*.bin"))]
         random = np.random.default_rng(0)
-        for transform, name, levels in _KINDS:
+        for transform, name, levels in product(*_KINDS):
             for count in (1, 3000):
                 cloud = random.integers(0, 200, (count, 3))
                 values = random.integers(0, 256, (count, 3)[: 1 + (name == "color")])
