@@ -42,6 +42,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from tests.support.attribute_streams import AttributesDecoder
 from tests.support.file_readers import READERS
 from tests.support.puck_streams import DECODERS
 from tests.support.returns import EXAMPLES
@@ -61,6 +62,7 @@ READER_SECONDS, READER_MIB = 10, 2048
 """A file of less than a megabyte."""
 OTHERS: dict[str, Any] = {
     **DECODERS,
+    "gpcc (attributes)": AttributesDecoder,
     **{name: partial(dict.get, READERS, name) for name in READERS},
 }
 LEARNED_SECONDS = 30

@@ -1,6 +1,7 @@
 """Attributes: streams of the reference software, round trips, damage."""
 
 import hashlib
+import tracemalloc
 from typing import Any
 
 import numpy as np
@@ -13,9 +14,20 @@ from puckbench.core.files import read_json
 from puckbench.gpcc import syntax
 from puckbench.gpcc.attributes.cloud import decode_cloud, encode_cloud
 from puckbench.gpcc.attributes.colours import BT709, YCGCO, coded_colours, decoded_colours
+from puckbench.gpcc.attributes.geometry import SlicePoints
 from puckbench.gpcc.attributes.neighbour_search import boxes
 from puckbench.gpcc.attributes.options import AttributeOptions
+from puckbench.gpcc.attributes.reader import AttributeReader
+from puckbench.gpcc.attributes.syntax import (
+    RAW,
+    AttributeHeader,
+    AttributeParameterSet,
+    attribute_header,
+    attribute_parameter_set,
+)
+from puckbench.gpcc.bits import BitReader
 from puckbench.gpcc.coder import decode_geometry
+from puckbench.gpcc.conformance import decode_rows
 from puckbench.gpcc.options import GpccOptions
 from tests.gpcc.attribute_vectors import (
     FOLDER,
@@ -37,16 +49,8 @@ def _stream(name: str) -> bytes:
 
 @pytest.mark.parametrize("name", VECTORS)
 def test_a_stream_decodes_to_what_tmc13_decodes_in_its_order(name: str) -> None:
-    decoded = decode_cloud(_stream(name))
-    columns = [decoded.positions()]
-    for attribute in ("color", "reflectance"):
-        if attribute in decoded.attributes:
-            values = decoded.attributes[attribute]
-            columns.append(values.reshape(len(values), -1).astype(float))
-    rows = np.concatenate(columns, axis=1)
-    assert (
-        hashlib.sha256(rows.astype("<f8").tobytes()).hexdigest() == MANIFEST[name]["sha256_float64"]
-    )
+    rows = decode_rows(_stream(name)).astype("<f8")
+    assert hashlib.sha256(rows.tobytes()).hexdigest() == MANIFEST[name]["sha256_float64"]
 
 
 @pytest.mark.parametrize("name", VECTORS)
@@ -115,6 +119,64 @@ def test_slices_and_merged_points_keep_the_values_of_constant_attributes() -> No
     assert (decoded.attributes["color"] == (200, 40, 90)).all()
 
 
+def test_coordinates_of_a_sensor_that_is_not_there_are_refused() -> None:
+    trees = syntax.GeometryParameterSet(geom_tree_type=syntax.PREDICTIVE)
+    cloud, none = POINTS.astype(np.int32), np.empty((0, 3), np.int32)
+    points = SlicePoints(trees, (0, 1, 2), (0, 0, 0), cloud, spherical=none)
+    aps = AttributeParameterSet(spherical_coord_flag=1, attr_coord_scale=[256, 256, 256])
+    with pytest.raises(InputError, match="without a sensor"):
+        points.coordinates(aps)
+
+
+def test_values_without_compression_need_little_memory() -> None:
+    """Bits as integers of 8 bytes once took 20 times that of the values."""
+    values = np.random.default_rng(0).integers(0, 1 << 11, 200_000)
+    sps = syntax.SequenceParameterSet(attributes=[syntax.AttributeDescription(0, 0, 10, 1)])
+    gps, aps = syntax.GeometryParameterSet(), AttributeParameterSet(attr_encoding=RAW)
+    bits = (values[:, None] >> np.arange(11)[::-1] & 1).astype(np.uint8)
+    unit = syntax.written(attribute_header, AttributeHeader(), aps, sps.attributes)
+    unit += np.packbits(bits).tobytes()
+    points = SlicePoints(gps, (0, 1, 2), (0, 0, 0), np.zeros((len(values), 3), np.int32))
+    reader = AttributeReader()
+    reader.take(syntax.ATTRIBUTE_PARAMETER_SET, syntax.written(attribute_parameter_set, aps))
+    reader.start_slice(sps, syntax.GeometryHeader(), points)
+    tracemalloc.start()
+    reader.take(syntax.ATTRIBUTE_DATA_UNIT, unit)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 64 * len(values)
+    assert (reader.attributes(converted=True)["reflectance"] == values).all()
+
+
+@pytest.mark.parametrize(
+    ("transform", "pairs", "factors"),
+    [("predicting", [(8, 2), (0, 0), (0, 0), (0, 0)], []), ("lifting", [], [6, 6, 6, 6])],
+)
+def test_factors_after_a_level_without_points_are_those_of_tmc13(
+    transform: Any, pairs: list[tuple[int, int]], factors: list[int]
+) -> None:
+    """One of six points is in the coarsest level, and the others are in the finest of four."""
+    numbers = np.arange(6)[:, None]
+    options = AttributeOptions(
+        transform=transform,
+        colour_matrix="identity",
+        level_of_detail_count=3,
+        lod_decimator="periodic",
+        lod_sampling_period=(7, 2, 2),
+        intra_lod_prediction_skip_layers=0,
+        inter_component_prediction=True,
+    )
+    values = {"color": (10, 20, 40) + numbers * (30, 24, 9)}
+    stream = encode_cloud(numbers * (5, 9, 3), values, attribute_options={"color": options})
+    units = dict(syntax.payloads(stream))
+    sps, aps, header = syntax.SequenceParameterSet(), AttributeParameterSet(), AttributeHeader()
+    syntax.sequence_parameter_set(BitReader(units[syntax.SEQUENCE_PARAMETER_SET]), sps)
+    attribute_parameter_set(BitReader(units[syntax.ATTRIBUTE_PARAMETER_SET]), aps)
+    reader = BitReader(units[syntax.ATTRIBUTE_DATA_UNIT])
+    attribute_header(reader, header, aps, sps.attributes)
+    assert (header.inter_component_coeffs, header.last_component_coeffs) == (pairs, factors)
+
+
 def test_colour_conversions() -> None:
     grid = np.stack(np.meshgrid(*[np.arange(0, 256, 15)] * 3), axis=-1).reshape(-1, 3)
     grid = grid.astype(np.int32)
@@ -153,6 +215,11 @@ def test_damaged_streams_are_refused_or_decoded(name: str) -> None:
 @pytest.mark.parametrize(
     ("attributes", "options", "said"),
     [
+        (
+            {"reflectance": np.arange(800)},
+            {"reflectance": AttributeOptions(bitdepth=12, attr_offset=7, attr_scale=3)},
+            "12 bits after attr_scale, or below attr_offset",
+        ),
         ({"normal": np.zeros(800)}, {}, "no attribute"),
         ({"reflectance": np.zeros(3)}, {}, "each of 800 points"),
         ({"reflectance": np.full(800, 256)}, {}, "8 bits"),

@@ -10,20 +10,29 @@ import pytest
 
 from puckbench.cli import main
 from puckbench.core.errors import InputError
-from puckbench.gpcc.conformance import conformance_streams, digest, program_decoder, verdicts
+from puckbench.gpcc.conformance import (
+    FOLDER,
+    conformance_streams,
+    decode_rows,
+    digest,
+    program_decoder,
+    verdicts,
+)
 
 STREAMS = conformance_streams()
 SMALL = [stream for stream in STREAMS if stream.name in {"one_ctc", "spin_one", "trees_two"}]
 
 
 def test_every_stream_is_listed_and_there() -> None:
-    files = {path.stem for path in STREAMS[0].path.parent.glob("*.bin")}
-    assert {stream.name for stream in STREAMS} == files
+    files = set(FOLDER.rglob("*.bin"))
+    assert len(STREAMS) == len(files)
+    assert {stream.path for stream in STREAMS} == files
     kinds = {stream.name: stream.tools for stream in STREAMS}
     assert kinds["one_ctc"] == "octree"
     assert kinds["spin"] == "angular octree"
     assert kinds["trees_two"] == "trees"
     assert kinds["turn_0"] == "angular trees"
+    assert kinds["attributes/angular"] == "attributes"
 
 
 def test_the_digest_does_not_depend_on_the_order() -> None:
@@ -56,6 +65,49 @@ def test_a_program_is_judged_by_what_it_writes(code: str, outcome: str, why: str
     (verdict,) = verdicts(program_decoder(command), SMALL[:1])
     assert verdict.outcome == outcome
     assert why in verdict.why
+
+
+_PROGRAM = """
+import sys
+from pathlib import Path
+from puckbench.gpcc import decode_cloud
+from puckbench.io.ply import write_vertices
+cloud = decode_cloud(Path(sys.argv[1]).read_bytes())
+columns = dict(zip("xyz", cloud.positions().T))
+if "color" in cloud.attributes:
+    columns |= dict(zip(("red", "green", "blue"), cloud.attributes["color"].T))
+if "reflectance" in cloud.attributes:
+    columns["refc"] = cloud.attributes["reflectance"]
+CHANGE
+write_vertices(Path(sys.argv[2]), columns)
+"""
+
+
+@pytest.mark.parametrize(
+    ("change", "outcomes", "why"),
+    [
+        ("", {"decoded"}, ""),
+        ("columns['x'] = columns['x'][::-1]", {"failed"}, "other points or attributes"),
+        ("columns.get('refc', columns.get('red'))[5] ^= 1", {"failed"}, "other points or attr"),
+        ("columns = {axis: columns[axis] for axis in 'xyz'}", {"refused"}, "no values"),
+    ],
+)
+def test_a_program_is_judged_by_the_attributes_too(
+    tmp_path: Path, change: str, outcomes: set[str], why: str
+) -> None:
+    program = tmp_path / "decoder.py"
+    program.write_text(_PROGRAM.replace("CHANGE", change))
+    decode = program_decoder(f"{sys.executable} {program} {{stream}} {{points}}")
+    names = {"attributes/both", "attributes/lifting_colours", "attributes/raht"}
+    judged = list(verdicts(decode, [stream for stream in STREAMS if stream.name in names]))
+    assert {verdict.outcome for verdict in judged} == outcomes
+    assert all(why in verdict.why for verdict in judged)
+
+
+def test_points_alone_do_not_pass_for_attributes() -> None:
+    stream = next(stream for stream in STREAMS if stream.name == "attributes/raht")
+    (verdict,) = verdicts(lambda data: decode_rows(data)[:, :3], [stream])
+    assert (verdict.outcome, verdict.why) == ("refused", "no values of the attributes")
 
 
 def test_a_program_that_is_not_there_is_said_so() -> None:

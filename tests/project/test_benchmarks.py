@@ -19,6 +19,7 @@ STARTED: dict[str, tuple[str, ...]] = {
     "checks.calibration_recovery": ("--repetitions", "1", "--hidden", "device", "--step-deg", "6"),
     "checks.fuzz": ("--streams", "2", "--codecs", "draco", "--only", "codecs"),
     "checks.gpcc_angular_crosscheck": ("{tmc3}", "--turns", "two points", "--modes", "slices"),
+    "checks.gpcc_attribute_vectors": ("{tmc3}", "{folder}", "--only", "nearest"),
     "checks.gpcc_crosscheck": (
         "{tmc3}",
         "--clouds",

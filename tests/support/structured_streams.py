@@ -124,14 +124,14 @@ def _revolution(random: Random) -> bytes:
 def gpcc(streams: Sequence[bytes], random: Random) -> bytes:
     """Parameter sets and slices of other fields than an encoder's, or more of them."""
     sps, gps = syntax.SequenceParameterSet(seq_origin_bits=1), syntax.GeometryParameterSet()
-    _change(gps, random, 0.3)
+    change(gps, random, 0.3)
     gps.gps_geom_parameter_set_id = gps.gps_seq_parameter_set_id = gps.geom_tree_type = 0
     gps.geom_angular_mode_enabled_flag = gps.geom_scaling_enabled_flag = (
         gps.trisoup_enabled_flag
     ) = 0
     gps.bitwise_occupancy_coding_flag = 1
     if random.random() < 0.3:
-        _change(sps, random, 0.2)
+        change(sps, random, 0.2)
         sps.sps_seq_parameter_set_id = sps.num_attributes = 0
         sps.seq_origin_bits, sps.seq_bbox_size_bits = 1, 0
         sps.seq_global_scale_refinement_num_bits %= 64
@@ -246,7 +246,7 @@ def gpcc_predictive(streams: Sequence[bytes], random: Random) -> bytes:
     return b"".join(parts)
 
 
-def _change(record: Any, random: Random, share: float) -> None:
+def change(record: Any, random: Random, share: float) -> None:
     """Give some of a record's numbers, flags as a rule, other values."""
     for field in fields(record):
         if field.default in (0, 1) and random.random() < share:
@@ -564,10 +564,17 @@ def packets(streams: Sequence[bytes], random: Random) -> bytes:
     return Framing(stream[:4], 1, "").framed(numbers + packed)
 
 
+def gpcc_attributes(streams: Sequence[bytes], random: Random) -> bytes:
+    from tests.support.attribute_streams import with_changed_attributes
+
+    return with_changed_attributes(streams, random)
+
+
 _NETS = "puckbench.learned"
 WRITERS: dict[str, Callable[[Sequence[bytes], Random], bytes]] = {
     "primitives": primitives,
     "gpcc": gpcc,
+    "gpcc (attributes)": gpcc_attributes,
     "gpcc_angular": gpcc_angular,
     "gpcc_predictive": gpcc_predictive,
     "puck": puck,

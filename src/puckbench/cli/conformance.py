@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-TOOLS = ("octree", "angular octree", "trees", "angular trees")
+TOOLS = ("octree", "angular octree", "trees", "angular trees", "attributes")
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -26,12 +26,22 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Decode the streams; count decoded, refused and failed ones, and list the latter two."""
     from puckbench.codecs.registry import codecs, open_codec
-    from puckbench.gpcc.conformance import FOLDER, conformance_streams, program_decoder, verdicts
+    from puckbench.gpcc.conformance import (
+        FOLDER,
+        Decode,
+        conformance_streams,
+        decode_rows,
+        program_decoder,
+        verdicts,
+    )
 
     streams = conformance_streams(options.streams or FOLDER)
     selected = [stream for stream in streams if not options.tools or stream.tools in options.tools]
     name = options.decoder
-    decode = open_codec(name).decode if name in codecs() else program_decoder(name)
+    if name == "gpcc":  # the codec gives points, the engine attributes, too
+        decode: Decode = decode_rows
+    else:
+        decode = open_codec(name).decode if name in codecs() else program_decoder(name)
     results = list(verdicts(decode, selected))
     counts = {
         outcome: sum(verdict.outcome == outcome for verdict in results)

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from puckbench.gpcc.conformance import ConformanceStream as ConformanceStream
     from puckbench.gpcc.conformance import Verdict as Verdict
     from puckbench.gpcc.conformance import conformance_streams as conformance_streams
+    from puckbench.gpcc.conformance import decode_rows as decode_rows
     from puckbench.gpcc.conformance import program_decoder as program_decoder
     from puckbench.gpcc.conformance import verdicts as verdicts
     from puckbench.gpcc.grid import InputGrid as InputGrid
@@ -43,6 +44,7 @@ __getattr__, __dir__, __all__ = lazy(
         "ConformanceStream",
         "Verdict",
         "conformance_streams",
+        "decode_rows",
         "program_decoder",
         "verdicts",
     ),

@@ -1,7 +1,8 @@
 """Tests of G-PCC decoders with conformance streams from TMC13 (release-v14.0).
 
 `vectors/manifest.json` holds the options of each stream and the SHA-256 of its points:
-little-endian float64, sorted by x, y, z.
+little-endian float64, sorted by x, y, z; in `vectors/attributes` by these, red, green, blue and
+reflectance.
 """
 
 from __future__ import annotations
@@ -17,22 +18,27 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from puckbench.core.errors import InputError
 from puckbench.core.files import read_bytes, read_json
 from puckbench.geometry.cloud import Floats
+from puckbench.gpcc.attributes.cloud import decode_cloud
 from puckbench.io.clouds import read_cloud
 
 FOLDER = Path(__file__).parent / "vectors"
 SECONDS = 60
 """Time limit for a program per stream."""
+_REFLECTANCES = ("refc", "reflectance")
 
+Values = NDArray[Any]
 Decode = Callable[[bytes], Floats]
+"""Returns coordinates (n, 3), and in further columns red, green, blue and reflectance, if any."""
 
 
 @dataclass(frozen=True)
 class ConformanceStream:
-    """A stream, the TMC13 options that made it, and the digest of its points."""
+    """A stream, the TMC13 options that made it, and the digest of its points and attributes."""
 
     name: str
     path: Path
@@ -42,9 +48,17 @@ class ConformanceStream:
 
     @property
     def tools(self) -> str:
-        """Coding tools: `octree` or `trees`, after `angular` with a sensor."""
+        """Coding tools: `attributes`, or `octree` or `trees`, after `angular` with a sensor."""
+        if self.columns > 3:
+            return "attributes"
         kind = "trees" if "--geomTreeType=1" in self.options else "octree"
         return f"angular {kind}" if "--angularEnabled=1" in self.options else kind
+
+    @property
+    def columns(self) -> int:
+        """Number of coordinates and values of attributes of each point."""
+        colours = "--attribute=color" in self.options
+        return 3 + 3 * colours + ("--attribute=reflectance" in self.options)
 
 
 @dataclass(frozen=True)
@@ -61,21 +75,33 @@ class CrashError(Exception):
 
 
 def conformance_streams(folder: Path = FOLDER) -> list[ConformanceStream]:
-    """Return the streams of a folder; raise InputError if it has no manifest."""
+    """Return the streams of a folder and, named `attributes/...`, of its folder of that name.
+
+    Raises InputError if the folder has no manifest.
+    """
+    streams = _listed(folder, "")
+    inner = folder / "attributes"
+    return streams + _listed(inner, "attributes/") if inner.is_dir() else streams
+
+
+def _listed(folder: Path, prefix: str) -> list[ConformanceStream]:
     manifest = read_json(folder / "manifest.json")
     try:
         if isinstance(manifest, list):
             manifest = {about["name"]: about for about in manifest}
-        return [_stream(folder, name, about) for name, about in sorted(manifest.items())]
+        return [
+            _stream(prefix + name, folder / f"{name}.bin", about)
+            for name, about in sorted(manifest.items())
+        ]
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise InputError(f"{folder / 'manifest.json'}: not a manifest of streams") from error
 
 
-def _stream(folder: Path, name: str, about: dict[str, Any]) -> ConformanceStream:
+def _stream(name: str, path: Path, about: dict[str, Any]) -> ConformanceStream:
     listed = "decoded_sorted_float64_sha256"  # name of the digest if the manifest is a list
     return ConformanceStream(
         name,
-        folder / f"{name}.bin",
+        path,
         tuple(about["options"]),
         int(about["points_out"]),
         str(about[listed] if listed in about else about["sha256_sorted_float64"]),
@@ -83,7 +109,7 @@ def _stream(folder: Path, name: str, about: dict[str, Any]) -> ConformanceStream
 
 
 def digest(points: Floats) -> str:
-    """Return the SHA-256 of points (n, 3), independent of their order."""
+    """Return the SHA-256 of points (n, columns), independent of their order."""
     ordered = points[np.lexsort(points.T[::-1])] + 0.0  # no negative zeros
     return hashlib.sha256(ordered.astype("<f8").tobytes()).hexdigest()
 
@@ -97,13 +123,33 @@ def verdicts(decode: Decode, streams: Sequence[ConformanceStream]) -> Iterator[V
         except CrashError as error:
             yield Verdict(stream, "failed", str(error))
         else:
+            if points.shape[1] < stream.columns:
+                yield Verdict(stream, "refused", "no values of the attributes")
+                continue
+            points = points if stream.columns > 3 else points[:, :3]
             if len(points) != stream.points:
                 why = f"{len(points)} points in place of {stream.points}"
                 yield Verdict(stream, "failed", why)
             elif digest(points) != stream.digest:
-                yield Verdict(stream, "failed", "other points")
+                yield Verdict(stream, "failed", _difference(stream))
             else:
                 yield Verdict(stream, "decoded")
+
+
+def _difference(stream: ConformanceStream) -> str:
+    return "other points or attributes" if stream.columns > 3 else "other points"
+
+
+def decode_rows(stream: bytes) -> Floats:
+    """Decode a stream with our decoder; see `Decode`."""
+    cloud = decode_cloud(stream)
+    values = [cloud.attributes.get(name) for name in ("color", "reflectance")]
+    return _rows(cloud.positions(), *values)
+
+
+def _rows(points: Floats, colours: Values | None, reflectances: Values | None) -> Floats:
+    columns = (points, colours, reflectances)
+    return np.column_stack([each for each in columns if each is not None]).astype(np.float64)
 
 
 def program_decoder(words: str) -> Decode:
@@ -131,7 +177,9 @@ def program_decoder(words: str) -> Decode:
             names = {"{stream}": str(source), "{points}": str(target)}
             filled = [_filled(word, names) for word in command]
             _run(filled)
-            return read_cloud(target, keep_missing=True).xyz
+            cloud = read_cloud(target, keep_missing=True)
+            values = [cloud.fields[name] for name in _REFLECTANCES if name in cloud.fields]
+            return _rows(cloud.xyz, cloud.colours, values[0] if values else None)
 
     return decode
 

@@ -53,10 +53,10 @@ class SlicePoints:
         return self._coordinates[scale]
 
     def laser_coordinates(self) -> Positions:
-        if self.gps.geom_tree_type == syntax.PREDICTIVE and self.spherical is not None:
-            return self.spherical
         if not self.gps.lasers:
             raise InputError("G-PCC stream: spherical coordinates without a sensor")
+        if self.gps.geom_tree_type == syntax.PREDICTIVE and self.spherical is not None:
+            return self.spherical
         elevation = np.array([laser.theta for laser in self.gps.lasers], dtype=np.int64)
         return laser_coordinates(self.positions, self.sensor, elevation)
 

@@ -190,9 +190,16 @@ def quantise(
 
 @entry
 def choose_last_component(transformed: Ints, ends: Ints, factors: Ints) -> None:
-    """Write the factors (levels,) of `dequantise` for transformed values (n, 3)."""
+    """Write the factors (levels,) of `dequantise` for transformed values (n, 3).
+
+    As in TMC13, the factor before the first level without points applies from there on.
+    """
     start = integer(0)
     for level in range(len(ends)):
+        if ends[level] == start:
+            for unused in range(level, len(ends)):
+                factors[unused] = factors[level - 1]
+            return
         products, squares = integer(0), integer(0)
         for i in range(start, ends[level]):
             products += int32(transformed[i, 1] * transformed[i, 2])

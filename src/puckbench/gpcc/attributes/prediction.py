@@ -395,9 +395,16 @@ def _best_colour_mode(
 def choose_inter_component(
     values: Values, predictors: Predictors, ends: Ints, factors: Ints
 ) -> None:
-    """Write the factors (levels, 2) of `PredictionTools.inter_component` for values (n, 3)."""
+    """Write the factors (levels, 2) of `PredictionTools.inter_component` for values (n, 3).
+
+    As in TMC13, those from the first level without points on are 0.
+    """
     start = integer(0)
     for level in range(len(ends)):
+        if ends[level] == start:
+            for unused in range(level, len(factors)):
+                factors[unused, 0] = factors[unused, 1] = 0
+            return
         for k in range(1, 3):
             best, least, without = integer(0), integer(-1), integer(0)
             for factor in range(1, 9):

@@ -37,6 +37,7 @@ Attribute = NDArray[np.uint8] | NDArray[np.uint16]
 MAX_VALUES = 1 << 26
 """Maximum number of values over all attributes of a stream; it limits the memory needed."""
 MAX_ATTRIBUTES = 16
+_RAW_BLOCK = 1 << 16
 _MOST_BITDEPTH = 16
 _MOST_SCALING = 1 << 31
 _MOST_FRAC_BITS = 30
@@ -262,5 +263,11 @@ def _raw_values(
     needed = count * components * bits
     if len(data) * 8 < needed:
         raise InputError("G-PCC stream: the values of an attribute are truncated")
-    digits = np.unpackbits(data[: -(-needed // 8)])[:needed].reshape(-1, bits)
-    return (digits @ (1 << np.arange(bits)[::-1])).astype(np.int32).reshape(count, components)
+    values = np.empty(count * components, dtype=np.int32)
+    weights = 1 << np.arange(bits)[::-1]
+    for start in range(0, len(values), _RAW_BLOCK):  # of whole bytes
+        block = values[start : start + _RAW_BLOCK]
+        part = data[start * bits // 8 : -(-(start + len(block)) * bits // 8)]
+        digits = np.unpackbits(part)[: len(block) * bits].reshape(-1, bits)
+        np.matmul(digits, weights, out=block, casting="same_kind")
+    return values.reshape(count, components)

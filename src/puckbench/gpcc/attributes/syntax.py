@@ -20,6 +20,7 @@ BY_DISTANCE, PERIODIC, CENTROID = range(3)
 MAX_DETAIL_LEVELS = 256
 SCALABLE_LEVELS = 21
 SKIP_ALL_LAYERS = 0x7FFFFFFF
+_MOST_REGIONS = 255
 _MOST_BITS = 32
 _MOST_DIST2 = 40
 
@@ -235,7 +236,7 @@ def _differences(io: SyntaxElements, values: list[int], stride: int = 1) -> list
 
 def _regions(io: SyntaxElements, header: AttributeHeader, components: int) -> None:
     count = io.exp_golomb(len(header.regions))
-    _refuse(count > MAX_DETAIL_LEVELS, "so many regions")
+    _refuse(count > _MOST_REGIONS, "so many regions")
     if count:
         io.ue(header, "attr_region_bits_minus1")
     bits = header.attr_region_bits_minus1 + 1

@@ -188,7 +188,8 @@ def _checked(
     if (whole.reshape(values.shape) != values).any() and not attribute.scaling:
         raise InputError(f"G-PCC: '{name}' has values that are not whole numbers")
     if whole.min(initial=0) < 0 or whole.max(initial=0) >> bits - ycgco:
-        raise InputError(f"G-PCC: '{name}' has values of more than {bits - ycgco} bits")
+        below = " after attr_scale, or below attr_offset" if attribute.scaling else ""
+        raise InputError(f"G-PCC: '{name}' has values of more than {bits - ycgco} bits{below}")
     if components == 1:
         return whole
     return coded_colours(whole, attribute.matrix_coefficients, bits)
