@@ -304,8 +304,6 @@ class OwnCodec(GridCodec):
             is_wide = name == REFLECTANCE and values.max(initial=0) > _EIGHT_BITS
             if qp is not None:
                 more |= {"qp": qp, "attr_scale": _TO_EIGHT_BITS if is_wide else 1}
-            elif name == COLOUR:
-                more["bitdepth"] = 9  # of YCgCo, which is reversible
             elif is_wide:
                 more["bitdepth"] = 16
             chosen[_LABELS[name]] = options.replaced(**more)
