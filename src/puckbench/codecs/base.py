@@ -21,6 +21,8 @@ plans and figures need. A user's codec is one file::
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
@@ -29,6 +31,7 @@ from puckbench.codecs.facts import CodecFacts, Line, Memory, Pace, Parameters, T
 from puckbench.coding.shift import moved, shift_of, shifted, unshifted
 from puckbench.core.errors import InputError, naming
 from puckbench.core.measurement import NO_COST, Cost
+from puckbench.geometry.attributes import Attributes, attributes_of
 from puckbench.geometry.cloud import Floats, PointCloud, check_points
 from puckbench.geometry.mesh import Mesh, labelled_mesh_in_metres
 
@@ -111,7 +114,8 @@ class Codec(CodecFacts, ABC):
     def encode_cloud(self, cloud: PointCloud, rate: str, shared: SharedWork | None = None) -> bytes:
         """Encode the points of a cloud, or its returns if the codec needs them.
 
-        `rate` and `shared` are as in `encode`; encoding of returns does not use `shared`.
+        The codec's `attributes` are encoded too, if the cloud has them. `rate` and `shared` are as
+        in `encode`; encoding of returns and of attributes does not use `shared`.
 
         Raises
         ------
@@ -119,6 +123,9 @@ class Codec(CodecFacts, ABC):
             As for `encode`, and if the codec takes returns and the cloud has none.
         """
         if self.takes == "points" or (self.takes == "either" and cloud.returns is None):
+            held = attributes_of(cloud) if self.attributes else {}
+            if attributes := {name: held[name] for name in self.attributes if name in held}:
+                return self.encode(cloud.xyz, rate, attributes=attributes)
             more = () if shared is None else (shared,)  # a user's `encode` may lack the parameter
             return self.encode(cloud.xyz, rate, *more)
         if cloud.returns is None:
@@ -132,10 +139,25 @@ class Codec(CodecFacts, ABC):
         return self.encode(returns.points(), rate)
 
     def decode_cloud(self, stream: bytes) -> PointCloud:
-        """Decode a cloud with its points and, if the stream has them, its returns."""
-        return PointCloud(self.decode(stream))
+        """Decode a cloud with its points and, if the stream has them, returns and attributes."""
+        with naming(f"codec {self.name}"):
+            own, shift = unshifted(stream)
+        cloud = self._decode_with_attributes(own)
+        if cloud is None:
+            return PointCloud(self.decode(stream))
+        return cloud if shift is None else replace(cloud, xyz=moved(cloud.xyz, shift))
 
-    def encode(self, points: Floats, rate: str, shared: SharedWork | None = None) -> bytes:
+    def attribute_bytes(self, stream: bytes) -> Mapping[str, int]:
+        """Return the number of bytes of each coded attribute; the others are the geometry's."""
+        return {}
+
+    def encode(
+        self,
+        points: Floats,
+        rate: str,
+        shared: SharedWork | None = None,
+        attributes: Attributes | None = None,
+    ) -> bytes:
         """Encode points at a rate.
 
         Parameters
@@ -147,6 +169,8 @@ class Codec(CodecFacts, ABC):
         shared
             An object returned by `shared_work`, used for this cloud only; the stream does not
             depend on it.
+        attributes
+            Values of the points by name, of the codec's `attributes`.
 
         Returns
         -------
@@ -164,7 +188,9 @@ class Codec(CodecFacts, ABC):
         step = parameters.get("step_m") if self.is_single_precision else None
         shift = shift_of(points, step) if self.shifts_far_clouds else None
         points = points if shift is None else points - shift
-        if shared is None:
+        if attributes:
+            stream = self._encode_with_attributes(points, attributes, parameters)
+        elif shared is None:
             stream = self._encode(points, parameters)
         else:
             shared.saved = NO_COST
@@ -218,6 +244,16 @@ class Codec(CodecFacts, ABC):
         Set the object's attribute `saved` to the cost of the reused work.
         """
         return self._encode(points, parameters)
+
+    def _encode_with_attributes(
+        self, points: Floats, attributes: Attributes, parameters: Parameters
+    ) -> bytes:
+        """Encode as `_encode` does, with values (n,) or (n, 3) of the points by name."""
+        raise InputError(f"codec {self.name}: codes positions only")
+
+    def _decode_with_attributes(self, stream: bytes) -> PointCloud | None:
+        """Decode as `_decode` does, or return None if the stream has no attributes."""
+        return None
 
     @abstractmethod
     def _encode(self, points: Floats, parameters: Parameters) -> bytes:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from puckbench.codecs.base import Availability, Codec, Cost, SharedWork
 from puckbench.core.errors import InputError, naming
 from puckbench.core.programs import run_program
+from puckbench.geometry.attributes import Attributes
 from puckbench.geometry.cloud import Floats
 from puckbench.io.clouds import read_cloud
 
@@ -41,9 +42,15 @@ class ExternalCodec(Codec):
         missing = [name for name in self.programs if shutil.which(name) is None]
         return Availability(not missing, f"no program '{missing[0]}'" if missing else "")
 
-    def encode(self, points: Floats, rate: str, shared: SharedWork | None = None) -> bytes:
+    def encode(
+        self,
+        points: Floats,
+        rate: str,
+        shared: SharedWork | None = None,
+        attributes: Attributes | None = None,
+    ) -> bytes:
         self._cost = None
-        return super().encode(points, rate, shared)
+        return super().encode(points, rate, shared, attributes)
 
     def decode(self, stream: bytes) -> Floats:
         self._cost = None

@@ -181,6 +181,12 @@ class CodecFacts:
         return ""
 
     @property
+    def attributes(self) -> tuple[str, ...]:
+        """Attributes that the codec codes beside positions (`puckbench.geometry.attributes`);
+        subclasses may set an attribute."""
+        return ()
+
+    @property
     def needs_scaled(self) -> bool:
         """Whether rates are for scaled clouds only; they are not if the option `unit` is set."""
         return self.grid > 0 and getattr(self.options, "unit", None) is None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
@@ -12,9 +13,11 @@ from pydantic import Field
 from puckbench import __version__
 from puckbench.codecs.base import Codec, Pace, Parameters, Takes, lengths
 from puckbench.codecs.registry import CODECS
+from puckbench.coding.shift import unshifted
 from puckbench.core.errors import InputError, naming
 from puckbench.core.models import Model
-from puckbench.geometry.cloud import Floats, check_points
+from puckbench.geometry.attributes import COLOUR, REFLECTANCE, Attributes, cloud_with
+from puckbench.geometry.cloud import Floats, PointCloud, check_points
 from puckbench.gpcc.container import unwrap, wrap
 from puckbench.gpcc.grid import (
     DEFAULT_GRID,
@@ -29,6 +32,8 @@ from puckbench.gpcc.options import PROFILES, GpccOptions
 
 if TYPE_CHECKING:
     from puckbench.geometry.morton import Ints
+    from puckbench.gpcc.attributes.options import AttributeOptions
+    from puckbench.gpcc.predictive_coder import PredictiveOptions
     from puckbench.gpcc.sensor import SensorDescription
     from puckbench.lidar.returns import Returns
 
@@ -38,6 +43,17 @@ EIGHTHS: Mapping[str, Parameters] = {
 """Rates of PCC Arena, which the thesis used: factors by which coordinates are multiplied."""
 
 
+NO_ATTRIBUTES: Attributes = MappingProxyType({})
+_NAMES = {"color": COLOUR, "reflectance": REFLECTANCE}
+_LABELS = {name: label for label, name in _NAMES.items()}
+_NO_COLOURS = np.empty((0, 3), np.uint8)
+_EIGHT_BITS, _TO_EIGHT_BITS = 255, 257
+_QPS = (51, 46, 40, 34, 28, 22)
+"""QPs of the rates of MPEG's common test conditions, r01 first."""
+_SCALES = (1 / 8, 1 / 4, 1 / 2, 3 / 4, 7 / 8, 15 / 16)
+"""Scales of these rates for clouds of 10 bits."""
+_LOG2_STEPS = np.log2([0.004, 0.008, 0.032, 0.064, 0.256, 0.512])
+"""Steps of the rates r06 to r01 for frames of 18 bits at 1 mm, in m."""
 LOSSLESS_STEP_M = 0.002
 """Largest grid step (m) at which coding of a sensor's points counts as lossless."""
 
@@ -76,6 +92,16 @@ class GridOptions(UnitOptions):
     raw: bool = Field(False, description="write bare streams, as the reference software does")
 
 
+class CoderOptions(GridOptions):
+    """Options of the codecs that use puckbench's G-PCC coder."""
+
+    attributes: bool = Field(
+        False,
+        description="also code reflectances and colours: without loss where positions are, else by "
+        "RAHT at MPEG's QPs",
+    )
+
+
 class GridCodec(Codec):
     """Base class of the codecs that use puckbench's G-PCC coder or the reference software.
 
@@ -103,14 +129,18 @@ class GridCodec(Codec):
         return self._encoded(points, parameters)
 
     def _encoded(
-        self, points: Floats, parameters: Parameters, returns: Returns | None = None
+        self,
+        points: Floats,
+        parameters: Parameters,
+        returns: Returns | None = None,
+        attributes: Attributes = NO_ATTRIBUTES,
     ) -> bytes:
         step = float(parameters.get("step_m", self.options.step))
         grid = input_grid(points, step, scale_of(parameters))
         if self.options.raw and grid != DEFAULT_GRID:
             raise InputError(f"codec {self.name}: a bare stream cannot hold the unit or the offset")
         with naming(f"codec {self.name}"):
-            stream = self._code(points, grid, parameters, returns)
+            stream = self._code(points, grid, parameters, returns, attributes)
         return stream if self.options.raw else wrap(stream, grid)
 
     def _decode(self, stream: bytes) -> Floats:
@@ -131,9 +161,15 @@ class GridCodec(Codec):
 
     @abstractmethod
     def _code(
-        self, points: Floats, grid: InputGrid, parameters: Parameters, returns: Returns | None
+        self,
+        points: Floats,
+        grid: InputGrid,
+        parameters: Parameters,
+        returns: Returns | None,
+        attributes: Attributes,
     ) -> bytes:
-        """Encode points (n, 3), and their returns if there are any, to a stream without wrapper."""
+        """Encode points (n, 3), and their returns and attributes if there are any, to a stream
+        without wrapper."""
 
     @abstractmethod
     def _units(self, stream: bytes) -> Floats:
@@ -143,19 +179,35 @@ class GridCodec(Codec):
 class OnGrid(NamedTuple):
     """Points on a grid as integers: a point is at (`positions` + `origin`) / `scale`.
 
-    `sensor` describes the sensor of the points, if there is one.
+    `sensor` describes the sensor of the points, if there is one. `source` are the exact points in
+    steps of the input's grid, from which merged points get their `attributes`.
     """
 
     positions: Ints
     origin: Ints
     scale: float = 1.0
     sensor: SensorDescription | None = None
+    attributes: Attributes = NO_ATTRIBUTES
+    source: Floats | None = None
 
 
 class OwnCodec(GridCodec):
     """Base class of the codecs that use puckbench's G-PCC coder."""
 
     version = f"puckbench {__version__}"
+    Options = CoderOptions
+    options: CoderOptions
+
+    @property
+    def attributes(self) -> tuple[str, ...]:
+        return (REFLECTANCE, COLOUR) if self.options.attributes else ()
+
+    def attribute_bytes(self, stream: bytes) -> Mapping[str, int]:
+        from puckbench.gpcc.attributes.cloud import attribute_bytes
+
+        with naming(f"codec {self.name}"):
+            sizes = attribute_bytes(unwrap(unshifted(stream).stream).stream)
+        return {_NAMES.get(name, name): size for name, size in sizes.items()}
 
     def load(self) -> None:
         from puckbench.gpcc.sensor import SensorDescription
@@ -165,8 +217,33 @@ class OwnCodec(GridCodec):
         for sensor in sensors[: 1 if self.takes == "points" else 2]:
             self._units(self._stream(OnGrid(points, np.zeros(3, np.int64), sensor=sensor), {}))
 
+    def _encode_with_attributes(
+        self, points: Floats, attributes: Attributes, parameters: Parameters
+    ) -> bytes:
+        return self._encoded(points, parameters, attributes=attributes)
+
+    def _decode_with_attributes(self, stream: bytes) -> PointCloud | None:
+        from puckbench.gpcc.attributes.cloud import decode_cloud
+
+        if not self.attribute_bytes(stream):
+            return None
+        with naming(f"codec {self.name}"):
+            bare, grid = unwrap(stream)
+            decoded = decode_cloud(bare)
+            points = input_coordinates(decoded.positions(), grid)
+        values = {_NAMES.get(name, name): part for name, part in decoded.attributes.items()}
+        if values.get(COLOUR, _NO_COLOURS).dtype != np.uint8:
+            wide = values.pop(COLOUR)
+            values |= {f"{name}_16": wide[:, c] for c, name in enumerate(("red", "green", "blue"))}
+        return cloud_with(points, values)
+
     def _code(
-        self, points: Floats, grid: InputGrid, parameters: Parameters, returns: Returns | None
+        self,
+        points: Floats,
+        grid: InputGrid,
+        parameters: Parameters,
+        returns: Returns | None,
+        attributes: Attributes,
     ) -> bytes:
         from puckbench.gpcc.sensor import describe_sensor
 
@@ -176,16 +253,69 @@ class OwnCodec(GridCodec):
         if returns is not None:
             x, y, z = (round(-offset / grid.unit) for offset in grid.offset)
             sensor = describe_sensor(returns.beams, grid.unit, returns.columns_per_turn, (x, y, z))
-        return self._stream(OnGrid(positions, origin, scale, sensor), parameters)
+        source = (points - grid.offset) / grid.unit if attributes else None
+        on_grid = OnGrid(positions, origin, scale, sensor, attributes, source)
+        return self._stream(on_grid, parameters)
 
     def _units(self, stream: bytes) -> Floats:
         from puckbench.gpcc.coder import decode_geometry
 
         return decode_geometry(stream).positions()
 
-    @abstractmethod
     def _stream(self, points: OnGrid, parameters: Parameters) -> bytes:
         """Encode points on the grid to a stream of the standard, without wrapper."""
+        from puckbench.gpcc.attributes.cloud import encode_cloud
+
+        tools = self._tools(parameters, angular=points.sensor is not None)
+        if not points.attributes:
+            return self._geometry(points, tools)
+        return encode_cloud(
+            points.positions,
+            {_LABELS[name]: values for name, values in points.attributes.items()},
+            tools,
+            self._attribute_options(points, parameters),
+            points.scale,
+            points.origin,
+            points.sensor,
+            points.source,
+        )
+
+    def _geometry(self, points: OnGrid, tools: Any) -> bytes:
+        from puckbench.gpcc.coder import encode_geometry
+
+        return encode_geometry(points.positions, tools, points.scale, points.origin, points.sensor)
+
+    @abstractmethod
+    def _tools(
+        self, parameters: Parameters, *, angular: bool = False
+    ) -> GpccOptions | PredictiveOptions:
+        """Return the coding tools of the geometry; `angular`: with the sensor's lasers."""
+
+    def _attribute_options(
+        self, points: OnGrid, parameters: Parameters
+    ) -> dict[str, AttributeOptions]:
+        from puckbench.gpcc.attributes.options import ATTRIBUTE_PROFILES
+
+        qp, chosen = self._qp(parameters), {}
+        for name, values in points.attributes.items():
+            lossless = "lossless" if name == COLOUR else "lossless_lidar"
+            options = ATTRIBUTE_PROFILES[lossless if qp is None else "raht"]
+            more: dict[str, Any] = {"spherical_coord": points.sensor is not None}
+            is_wide = name == REFLECTANCE and values.max(initial=0) > _EIGHT_BITS
+            if qp is not None:
+                more |= {"qp": qp, "attr_scale": _TO_EIGHT_BITS if is_wide else 1}
+            elif is_wide:
+                more["bitdepth"] = 16
+            chosen[_LABELS[name]] = options.replaced(**more)
+        return chosen
+
+    def _qp(self, parameters: Parameters) -> int | None:
+        """Return the QP of a rate's attributes, or None if they are coded without loss."""
+        if not self._loses(parameters):
+            return None
+        if "step_m" in parameters:
+            return frame_qp(float(parameters["step_m"]))
+        return round(float(np.interp(scale_of(parameters), _SCALES, _QPS)))
 
 
 class SensorCodec(OwnCodec):
@@ -196,7 +326,15 @@ class SensorCodec(OwnCodec):
     def encode_returns(self, returns: Returns, rate: str) -> bytes:
         parameters, points = self.parameters_of(rate), returns.points()
         check_points(points, f"codec {self.name}")
-        return self._encoded(points, parameters, returns)
+        values = returns.reflectivities() if self.options.attributes else None
+        held = NO_ATTRIBUTES if values is None else {REFLECTANCE: values}
+        return self._encoded(points, parameters, returns, held)
+
+
+def frame_qp(step_m: float) -> int:
+    """Return the QP of attributes for positions in steps of a length, interpolated between MPEG's
+    rates for frames of 18 bits at 1 mm."""
+    return round(float(np.interp(np.log2(step_m), _LOG2_STEPS, _QPS[::-1])))
 
 
 def scale_of(parameters: Parameters) -> float:
@@ -214,13 +352,7 @@ class Gpcc(OwnCodec):
     marker = "s"
     rank = 10
 
-    def _stream(self, points: OnGrid, parameters: Parameters) -> bytes:
-        from puckbench.gpcc.coder import encode_geometry
-
-        tools = self._tools(parameters)
-        return encode_geometry(points.positions, tools, points.scale, points.origin)
-
-    def _tools(self, parameters: Parameters) -> GpccOptions:
+    def _tools(self, parameters: Parameters, *, angular: bool = False) -> GpccOptions:
         tools: dict[str, Any] = {"merge_duplicates": self._merges(parameters)}
         if self.options.profile == "spinning" and self._loses(parameters):
             tools["inferred_direct_coding_mode"] = 1

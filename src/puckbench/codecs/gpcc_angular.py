@@ -6,14 +6,14 @@ from typing import Literal
 from pydantic import Field
 
 from puckbench.codecs.base import Pace, Parameters
-from puckbench.codecs.gpcc import GridOptions, OnGrid, SensorCodec
+from puckbench.codecs.gpcc import CoderOptions, SensorCodec
 from puckbench.codecs.registry import CODECS
 from puckbench.gpcc.options import PROFILES, SPINNING, GpccOptions
 
 _LOWEST_LOG2, _FLATTEST_LOG2 = 8, 1
 
 
-class AngularOptions(GridOptions):
+class AngularOptions(CoderOptions):
     duplicates: Literal["merged", "kept", "by_rate"] = "by_rate"
     direct_coding: Literal[0, 1, 2, 3] = Field(
         1,
@@ -41,13 +41,7 @@ class GpccAngular(SensorCodec):
     Options = AngularOptions
     options: AngularOptions
 
-    def _stream(self, points: OnGrid, parameters: Parameters) -> bytes:
-        from puckbench.gpcc.coder import encode_geometry
-
-        tools = self._tools(parameters)
-        return encode_geometry(points.positions, tools, points.scale, points.origin, points.sensor)
-
-    def _tools(self, parameters: Parameters) -> GpccOptions:
+    def _tools(self, parameters: Parameters, *, angular: bool = False) -> GpccOptions:
         """Return the coding tools for a rate.
 
         Two options limit the height of octree nodes, as logarithms of grid steps. They are computed

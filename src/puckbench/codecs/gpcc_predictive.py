@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from pydantic import Field
 
 from puckbench.codecs.base import Pace, Parameters, lengths
-from puckbench.codecs.gpcc import GridOptions, OnGrid, SensorCodec
+from puckbench.codecs.gpcc import CoderOptions, OnGrid, SensorCodec, frame_qp
 from puckbench.codecs.registry import CODECS
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 _LEAST_QP = 58
 
 
-class TreeOptions(GridOptions):
+class TreeOptions(CoderOptions):
     """Options of the predictive geometry: quantisation, and order of the points in a tree."""
 
     duplicates: Literal["merged", "kept", "by_rate"] = "kept"
@@ -55,12 +55,17 @@ class GpccPredictive(SensorCodec):
     Options = TreeOptions
     options: TreeOptions
 
-    def _stream(self, points: OnGrid, parameters: Parameters) -> bytes:
+    def _geometry(self, points: OnGrid, tools: PredictiveOptions) -> bytes:
         from puckbench.gpcc.predictive_coder import encode_predictive_geometry
 
-        positions, origin, scale, sensor = points
-        tools = self._tools(parameters, angular=sensor is not None)
-        return encode_predictive_geometry(positions, tools, scale, origin, sensor)
+        return encode_predictive_geometry(
+            points.positions, tools, points.scale, points.origin, points.sensor
+        )
+
+    def _qp(self, parameters: Parameters) -> int | None:
+        if radius_log2 := parameters.get("radius_inv_scale_log2"):
+            return frame_qp(float(parameters["step_m"]) * 2.0**radius_log2)
+        return super()._qp(parameters)
 
     def _tools(self, parameters: Parameters, *, angular: bool = False) -> PredictiveOptions:
         from puckbench.gpcc.predictive_coder import PredictiveOptions

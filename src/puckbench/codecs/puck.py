@@ -15,6 +15,7 @@ from puckbench.codecs.base import Pace, Parameters, lengths
 from puckbench.codecs.registry import CODECS
 from puckbench.codecs.returns_codec import ReturnsCodec, step_in_quanta
 from puckbench.core.models import Model
+from puckbench.geometry.attributes import REFLECTANCE
 from puckbench.lidar.returns import Beams, Returns
 from puckbench.lidar.turns import Layout, Turn
 from puckbench.puck.records import MAGIC
@@ -55,6 +56,10 @@ class Puck(ReturnsCodec):
     magic = MAGIC
     pace = Pace(0.05, 1.2)
     version = f"puckbench {__version__}"
+
+    @property
+    def attributes(self) -> tuple[str, ...]:
+        return (REFLECTANCE,) if self.options.reflectivities else ()
 
     def load(self) -> None:
         turn = Turn(np.full((1, 8, 2), 500, np.uint16), np.arange(8, dtype=np.uint16) * 20)

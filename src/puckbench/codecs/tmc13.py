@@ -9,6 +9,7 @@ from puckbench.codecs.external import ExternalCodec, folder, read_points, write_
 from puckbench.codecs.gpcc import GridCodec, GridOptions, scale_of
 from puckbench.codecs.registry import CODECS
 from puckbench.core.files import read_bytes
+from puckbench.geometry.attributes import Attributes
 from puckbench.geometry.cloud import Floats
 from puckbench.gpcc.grid import InputGrid, quantise
 
@@ -75,7 +76,12 @@ class Tmc13(ExternalCodec, GridCodec):
         return said.decode(errors="replace").partition("\n")[0]
 
     def _code(
-        self, points: Floats, grid: InputGrid, parameters: Parameters, returns: Returns | None
+        self,
+        points: Floats,
+        grid: InputGrid,
+        parameters: Parameters,
+        returns: Returns | None,
+        attributes: Attributes,
     ) -> bytes:
         scale = scale_of(parameters)
         with folder() as at:

@@ -31,6 +31,8 @@ MAX_LASERS = 1024
 """Maximum number of lasers of a sensor."""
 
 _TLV = struct.Struct(">BI")
+PREFIX_BYTES = _TLV.size
+"""Number of bytes before each payload: its type and length."""
 _POINT_COUNT_BYTES = 3
 _DEEPEST = 63
 _MAX_ORIGIN_BITS = 32

@@ -21,6 +21,10 @@ REMARK = "remark"
 """Column of result rows: a remark on an unusual result."""
 
 
+NOT_CODED = "not_coded"
+"""Column of result rows: names of the cloud's attributes that the codec does not code."""
+
+
 class Coded(NamedTuple):
     stream: bytes
     record: dict[str, Any]

@@ -13,6 +13,7 @@ from puckbench.core.content import plain_suffix
 from puckbench.core.environment import run_environment
 from puckbench.core.errors import InputError, naming, noting
 from puckbench.core.measurement import measured
+from puckbench.geometry.attributes import REFLECTANCE, attributes_of, reflectance_field
 from puckbench.geometry.cloud import PointCloud, bounds, check_points
 from puckbench.geometry.matching import Match, match_points
 from puckbench.io.archives import write_archive
@@ -156,12 +157,18 @@ def _models(paths: tuple[Path, ...]) -> tuple[_Model | None, _Model | None]:
 def _with_attributes(
     decoded: PointCloud, original: PointCloud, rows: NDArray[np.int64]
 ) -> PointCloud:
-    """Give decoded points the attributes of rows of the original, 0 for the row -1."""
+    """Give decoded points the attributes of rows of the original, 0 for the row -1, except those
+    that were decoded."""
     picked = original.select(np.maximum(rows, 0))
     for values in (picked.normals, picked.colours, picked.labels, *picked.fields.values()):
         if values is not None:
             values[rows < 0] = 0
-    return replace(picked, xyz=decoded.xyz, about=decoded.about)
+    own = decoded.colours, attributes_of(decoded).get(REFLECTANCE)
+    if own[1] is not None:
+        name = reflectance_field(original) or REFLECTANCE
+        picked = replace(picked, fields={**picked.fields, name: own[1]})
+    colours = picked.colours if own[0] is None else own[0]
+    return replace(picked, xyz=decoded.xyz, colours=colours, about=decoded.about)
 
 
 def _loss(match: Match, points: int) -> str:

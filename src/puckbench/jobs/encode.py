@@ -15,10 +15,11 @@ from puckbench.core.errors import naming, noting
 from puckbench.core.files import write_json, written_whole
 from puckbench.core.measurement import Measured, measured
 from puckbench.core.progress import Progress
+from puckbench.geometry.attributes import not_coded
 from puckbench.geometry.cloud import CoordinateFrame, PointCloud
 from puckbench.io.clouds import IN_METRES, read_cloud
 from puckbench.jobs.codec_jobs import TimedJob, ready
-from puckbench.jobs.curve_files import REMARK, Coded, record_file, write_curve
+from puckbench.jobs.curve_files import NOT_CODED, REMARK, Coded, record_file, write_curve
 from puckbench.jobs.prepare import Prepare
 from puckbench.jobs.registry import JOBS
 from puckbench.lidar.returns import with_returns
@@ -63,6 +64,16 @@ def measured_encoding(
     )
 
 
+def _attribute_columns(codec: Codec, cloud: PointCloud, stream: bytes) -> dict[str, Any]:
+    """Return bits per point of positions and attributes, and the names of what is not coded."""
+    columns: dict[str, Any] = {}
+    if sizes := codec.attribute_bytes(stream) if codec.attributes else {}:
+        parts = {"geometry": len(stream) - sum(sizes.values()), **sizes}
+        columns = {f"bpp_{name}": 8 * size / len(cloud) for name, size in parts.items()}
+    left = not_coded(cloud, sizes or codec.attributes)
+    return {**columns, **({NOT_CODED: ", ".join(left)} if left else {})}
+
+
 class Encoding(TimedJob):
     codec: str
 
@@ -90,6 +101,7 @@ class Encoding(TimedJob):
             "bytes": len(timed.result),
             "bpp": 8 * len(timed.result) / len(cloud),
             "repeats": self.repeats,
+            **_attribute_columns(codec, cloud, timed.result),
             **timed.costs("encode"),
             **run_environment(self.alone),
             "encode_cpu": cpu_model(),  # decoding may run on another machine

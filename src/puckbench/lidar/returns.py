@@ -178,6 +178,16 @@ class Returns:
         """Return column, laser and kind of each return of a revolution, in the order of points."""
         return np.nonzero(_returned(turn).transpose(1, 2, 0))
 
+    def reflectivities(self) -> NDArray[np.uint8] | None:
+        """Return the reflectivities (n,) in the order of points, None if a turn has none."""
+        parts = []
+        for turn in self.turns:
+            if turn.reflectivities is None:
+                return None
+            columns, lasers, kinds = self.indices(turn)
+            parts.append(turn.reflectivities[kinds, columns, lasers])
+        return np.concatenate(parts) if parts else None
+
     def _points(self, turn: Turn, distances: Floats) -> Floats:
         columns, lasers, kinds = self.indices(turn)
         distance = distances[kinds, columns, lasers]

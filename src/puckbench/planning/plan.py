@@ -21,6 +21,7 @@ from puckbench.datasets.scene import (
     of_returns,
     read_first,
 )
+from puckbench.geometry.attributes import attribute_of
 from puckbench.geometry.cloud import CoordinateFrame
 from puckbench.geometry.scaling import GRID, METRIC
 from puckbench.learned.catalogue import weights_file
@@ -208,10 +209,14 @@ class Plan:
             if not read_first(self.scenes[data.scenes].scenes):
                 continue
             checks, reasons = self._checks(data.name), []
+            coded_by: dict[str, list[str]] = {}
             if count := dropped_points(checks, data.clouds):
                 reasons.append(f"{count:,} points that are missing returns or not finite")
-            if names := attributes(checks, data.clouds):
-                reasons.append(f"{', '.join(names)}: codecs code coordinates only")
+            for name in attributes(checks, data.clouds):
+                coded_by.setdefault(self._coders_of(attribute_of(name)), []).append(name)
+            for coders, names in coded_by.items():
+                why = f"coded by {coders} only" if coders else "codecs code coordinates only"
+                reasons.append(f"{', '.join(names)}: {why}")
             if data.frame == "metric" and are_shifted(checks, data.clouds):
                 reasons.append(
                     "their place: coded clouds are shifted to the origin, and `puckbench decode "
@@ -219,6 +224,9 @@ class Plan:
                 )
             for reason in reasons:
                 yield {"dataset": data.name, "scene": "", "file": data.name, "reason": reason}
+
+    def _coders_of(self, attribute: str) -> str:
+        return ", ".join(n for n in self.codecs if attribute in self.opened[n].attributes)
 
     def _codecs_left_out(self) -> Iterator[dict[str, str]]:
         for codec in self.codecs:

@@ -12,10 +12,13 @@ from numpy.typing import NDArray
 
 from puckbench.core.errors import InputError
 from puckbench.geometry.morton import morton_codes
+from puckbench.gpcc import syntax
+from puckbench.gpcc.attributes import syntax as attribute_syntax
 from puckbench.gpcc.attributes.options import AttributeOptions
-from puckbench.gpcc.attributes.reader import Attribute, AttributeReader
+from puckbench.gpcc.attributes.reader import Attribute, AttributeReader, attribute_name
 from puckbench.gpcc.attributes.recolouring import Source, recoloured
 from puckbench.gpcc.attributes.writer import AttributeEncoder, Values
+from puckbench.gpcc.bits import BitReader
 from puckbench.gpcc.coder import (
     PROFILES,
     CodedPoints,
@@ -52,6 +55,33 @@ def decode_cloud(stream: bytes, convert_colours: bool = True) -> DecodedCloud:
     reader = AttributeReader()
     geometry = read_stream(stream, reader)
     return DecodedCloud(**vars(geometry), attributes=reader.attributes(convert_colours))
+
+
+def attribute_bytes(stream: bytes) -> dict[str, int]:
+    """Return the number of bytes of each attribute that a stream has values of, by name.
+
+    They include parameter sets. Raises InputError if the stream is damaged.
+    """
+    names: list[str] = []
+    sizes: dict[str, int] = {}
+    sets: dict[int, int] = {}
+    for kind, payload in syntax.payloads(stream):
+        size = syntax.PREFIX_BYTES + len(payload)
+        if kind == syntax.SEQUENCE_PARAMETER_SET and not names:
+            sps = syntax.SequenceParameterSet()
+            syntax.sequence_parameter_set(BitReader(payload), sps)
+            names = [attribute_name(each, index) for index, each in enumerate(sps.attributes)]
+        elif kind == syntax.ATTRIBUTE_PARAMETER_SET and payload:
+            sets[payload[0] >> 4] = size
+        elif kind in (syntax.ATTRIBUTE_DATA_UNIT, syntax.CONSTANT_ATTRIBUTE_DATA_UNIT):
+            header = attribute_syntax.AttributeHeader()
+            attribute_syntax.attribute_ids(BitReader(payload), header)
+            if header.attr_sps_attr_idx >= len(names):
+                raise InputError("G-PCC stream: values of an unknown attribute")
+            name = names[header.attr_sps_attr_idx]
+            shared = sets.pop(header.attr_attr_parameter_set_id, 0)
+            sizes[name] = sizes.get(name, 0) + size + shared
+    return sizes
 
 
 def encode_cloud(

@@ -165,13 +165,13 @@ class AttributeReader:
                 values = decoded_colours(values, matrix, bits)
                 bits -= matrix == YCGCO
             values = values if components > 1 else values[:, 0]
-            name = _name(attribute, index)
+            name = attribute_name(attribute, index)
             name = name if name not in result else f"{name}_{index}"
             result[name] = values.astype(np.uint8) if bits <= 8 else values.astype(np.uint16)
         return result
 
 
-def _name(attribute: AttributeDescription, index: int) -> str:
+def attribute_name(attribute: AttributeDescription, index: int) -> str:
     label = attribute.attr_label
     known = label is not None and label < len(_LABELS)
     return _LABELS[label or 0] if known else f"attribute_{index}"

@@ -1,0 +1,56 @@
+"""Attributes of points that codecs may code, by name: reflectance and colour."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from typing import Any
+
+from numpy.typing import NDArray
+
+from puckbench.geometry.cloud import Floats, PointCloud
+
+Attributes = Mapping[str, NDArray[Any]]
+REFLECTANCE, COLOUR = "reflectance", "colour"
+_FIELDS = (REFLECTANCE, "reflectivity", "intensity")
+"""Fields that hold the reflectance, the first that a cloud has."""
+
+
+def attribute_of(name: str) -> str:
+    """Return the attribute that a field's name, or ``colours``, stands for."""
+    if name.lower() in _FIELDS:
+        return REFLECTANCE
+    return COLOUR if name == "colours" else name
+
+
+def reflectance_field(cloud: PointCloud) -> str | None:
+    """Return the name of the field that holds the reflectance, None if there is none."""
+    names = {name.lower(): name for name in cloud.fields}
+    return next((names[name] for name in _FIELDS if name in names), None)
+
+
+def attributes_of(cloud: PointCloud) -> dict[str, NDArray[Any]]:
+    """Return the reflectances (n,), of the returns or of a field, and the colours (n, 3)."""
+    found: dict[str, NDArray[Any] | None] = {
+        REFLECTANCE: None if cloud.returns is None else cloud.returns.reflectivities(),
+        COLOUR: cloud.colours,
+    }
+    if found[REFLECTANCE] is None and (field := reflectance_field(cloud)):
+        found[REFLECTANCE] = cloud.fields[field]
+    return {name: values for name, values in found.items() if values is not None}
+
+
+def not_coded(cloud: PointCloud, coded: Collection[str]) -> list[str]:
+    """Return the names of colours and fields of a cloud that are not among coded attributes."""
+    field = reflectance_field(cloud)
+    held = {name: attribute for attribute, name in ((COLOUR, "colours"), (REFLECTANCE, field))}
+    names = [*(["colours"] if cloud.colours is not None else []), *cloud.fields]
+    if field is None and REFLECTANCE in attributes_of(cloud):
+        names.append("reflectivity")
+        held["reflectivity"] = REFLECTANCE
+    return [name for name in names if held.get(name) not in coded]
+
+
+def cloud_with(points: Floats, attributes: Attributes) -> PointCloud:
+    """Return a cloud of points (n, 3) with colours, and other attributes as fields."""
+    fields = {name: values for name, values in attributes.items() if name != COLOUR}
+    return PointCloud(points, colours=attributes.get(COLOUR), fields=fields)
