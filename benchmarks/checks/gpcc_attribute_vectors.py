@@ -9,18 +9,16 @@ attributes as little-endian float64, sorted and in decoded order.
 
 from __future__ import annotations
 
-import argparse
 import hashlib
 import tempfile
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from benchmarks.checks.gpcc_vectors import silent
+from benchmarks.checks.gpcc_vectors import make_vectors, silent
 from numpy.typing import NDArray
 from tests.gpcc.attribute_vectors import FOLDER, GEOMETRIES, VECTORS, colours, points, reflectances
 
-from puckbench.core.files import write_json
 from puckbench.gpcc.conformance import digest, program_decoder
 
 Rows = NDArray[np.int64]
@@ -58,17 +56,5 @@ def made(tmc3: str, folder: Path, name: str) -> dict[str, Any]:
     }
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("tmc3")
-    parser.add_argument("folder", type=Path, nargs="?", default=FOLDER)
-    parser.add_argument("--only", nargs="+", choices=list(VECTORS), default=list(VECTORS))
-    options = parser.parse_args()
-    options.folder.mkdir(parents=True, exist_ok=True)
-    lines = {name: made(options.tmc3, options.folder, name) for name in options.only}
-    write_json(options.folder / "manifest.json", lines)
-    print(f"{len(lines)} streams, {sum(line['bytes'] for line in lines.values()):,} bytes")
-
-
 if __name__ == "__main__":
-    main()
+    make_vectors(__doc__, VECTORS, FOLDER, made)

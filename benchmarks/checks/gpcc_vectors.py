@@ -12,7 +12,7 @@ from __future__ import annotations
 import argparse
 import subprocess
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -78,17 +78,23 @@ def silent(*command: str) -> None:
     subprocess.run(command, check=True, capture_output=True)
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
+def make_vectors(
+    description: str | None,
+    names: Iterable[str],
+    folder: Path,
+    make: Callable[[str, Path, str], dict[str, Any]],
+) -> None:
+    """Make the streams that the command line selects, by `make`, and the manifest."""
+    parser = argparse.ArgumentParser(description=description)
     parser.add_argument("tmc3")
-    parser.add_argument("folder", type=Path, nargs="?", default=FOLDER)
-    parser.add_argument("--only", nargs="+", choices=list(VECTORS), default=list(VECTORS))
+    parser.add_argument("folder", type=Path, nargs="?", default=folder)
+    parser.add_argument("--only", nargs="+", choices=list(names), default=list(names))
     options = parser.parse_args()
     options.folder.mkdir(parents=True, exist_ok=True)
-    lines = {name: made(options.tmc3, options.folder, name) for name in options.only}
+    lines = {name: make(options.tmc3, options.folder, name) for name in options.only}
     write_json(options.folder / "manifest.json", lines)
     print(f"{len(lines)} streams, {sum(line['bytes'] for line in lines.values()):,} bytes")
 
 
 if __name__ == "__main__":
-    main()
+    make_vectors(__doc__, VECTORS, FOLDER, made)

@@ -17,7 +17,7 @@ _QUARTILES = (0.25, 0.5, 0.75)
 
 
 class Curve(NamedTuple):
-    """Medians of x and y in bins or at rates, with the quartiles of y."""
+    """The median of x, and the median and quartiles of y, for each bin or rate."""
 
     x: Floats
     y: Floats

@@ -148,7 +148,7 @@ def lossless_tick_handle() -> Line2D:
 
 
 def draw_over_rates(axes: Axes, curve: Curve, plot_style: PlotStyle, faint: bool = False) -> None:
-    """Draw a codec's values at equidistant positions; nan leaves a gap at a rate."""
+    """Draw a codec's values over rates at equal distances; a NaN leaves a gap."""
     present = np.flatnonzero(np.isfinite(curve.y))
     if len(present):
         part = slice(present[0], present[-1] + 1)

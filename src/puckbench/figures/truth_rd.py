@@ -86,8 +86,7 @@ def draw_truth_hausdorff(
 def draw_references(
     metrics: pd.DataFrame, scan_errors: pd.DataFrame, metric: PlottedMetric, style: FigureStyle
 ) -> Figure:
-    """Draw a row of panels for each data set, in the width of a column: to the coded scan, and to
-    the true surface.
+    """Draw two panels for each data set: distances to the coded scan, and to the true surface.
 
     `metric` is the distance to the coded scan; the column ``truth_...`` contains the other.
     """

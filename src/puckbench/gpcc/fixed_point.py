@@ -1,4 +1,4 @@
-"""Integer square roots and arc tangent, equal to TMC13's bit for bit.
+"""Integer square roots and arc tangent, with the same results as in TMC13.
 
 TMC13 calls them `irsqrt`, `isqrt` and `iatan2`. Angles are in units of 2^-20 radians.
 """

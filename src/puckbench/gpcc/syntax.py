@@ -32,7 +32,7 @@ MAX_LASERS = 1024
 
 _TLV = struct.Struct(">BI")
 PREFIX_BYTES = _TLV.size
-"""Number of bytes before each payload: its type and length."""
+"""Bytes of a payload's type and length, which precede it."""
 _POINT_COUNT_BYTES = 3
 _DEEPEST = 63
 _MAX_ORIGIN_BITS = 32

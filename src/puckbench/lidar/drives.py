@@ -27,7 +27,7 @@ from puckbench.lidar.returns import Returns, read_firings, write_firings
 
 _POSES, _ABOUT = "poses.tum", "drive.json"
 _GAP = 1.5
-"""Largest time between turns, in median times between turns."""
+"""Largest time between turns, as a multiple of the median."""
 _CLOCK_S = 1e-6
 
 
@@ -115,7 +115,7 @@ def turn_of(returns: Returns) -> PointCloud:
 
 
 def firing_shares(returns: Returns) -> Floats:
-    """Return, for each point of one turn (n,), which share of the turn had passed, from 0 to 1."""
+    """Return the time of each point (n,) of one turn, as a share of the turn from 0 to 1."""
     (turn,) = returns.turns
     columns, lasers, _ = returns.indices(turn)
     azimuths = returns.column_azimuths(turn)

@@ -89,15 +89,13 @@ def export(path: Path, source: Source, clean: bool = False) -> dict[str, Any]:
 
     With `clean`, write true coordinates; BlenSor's format (.evd) contains both.
     """
-    suffix = _suffix(path)
+    suffix = _checked_suffix(path, len(source))
     if isinstance(source, RecordedReturns | Returns):
         if clean:
             raise InputError(f"{path}: a recording has no true coordinates")
-        return export_points(path, _recorded_columns(source) if len(source) else {"x": np.empty(0)})
+        return export_points(path, _recorded_columns(source))
     if suffix in _POINTS:
         return export_points(path, _scan_columns(source, clean))
-    if len(source) == 0:
-        raise InputError(f"{path}: there is no return to export")
     if suffix == ".evd":
         write_evd(path, source)
         return {"points": len(source)}
@@ -106,19 +104,19 @@ def export(path: Path, source: Source, clean: bool = False) -> dict[str, Any]:
 
 def export_points(path: Path, columns: Columns) -> dict[str, Any]:
     """Write columns of points: x, y, z and further ones; return the number of points."""
-    suffix = _suffix(path)
+    suffix = _checked_suffix(path, len(columns["x"]))
     if suffix not in _POINTS:
         raise InputError(f"{path}: a recording has no true coordinates and no scan's columns")
-    if len(columns["x"]) == 0:
-        raise InputError(f"{path}: there is no return to export")
     _POINTS[suffix](path, columns)
     return {"points": len(columns["x"])}
 
 
-def _suffix(path: Path) -> str:
+def _checked_suffix(path: Path, points: int) -> str:
     suffix = path.suffix.lower()
     if suffix not in FORMATS:
         raise InputError(f"{path}: unknown suffix {suffix!r} (known: {', '.join(FORMATS)})")
+    if points == 0:
+        raise InputError(f"{path}: there is no return to export")
     return suffix
 
 

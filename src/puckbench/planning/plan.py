@@ -469,7 +469,7 @@ class Plan:
 
 
 def _runnable(drives: Mapping[str, DriveConfig]) -> dict[str, DriveConfig]:
-    """Return the drives with tasks whose packages are installed."""
+    """Return the drives with their tasks, without those whose packages are not installed."""
     runnable = {}
     for name, drive in drives.items():
         tasks = {

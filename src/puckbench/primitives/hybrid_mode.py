@@ -110,7 +110,7 @@ def encode(
 
 
 def _without_surplus(surface: CodedSurface, voxels: CodedVoxels, count: int) -> CodedSurface:
-    """Return the surface with so many points that a hybrid has at most about `count`."""
+    """Reduce the surface's points until a hybrid has at most about `count` points."""
     xyz = surface.decoded().xyz
     distances = _centre_distances(xyz, voxels.grid, voxels.groups.cells)
     kept = int(np.count_nonzero(16 * distances < _KEEP_DISTANCES[-1]))

@@ -1,4 +1,4 @@
-"""Reconstruction of points on a square grid over the occupied columns of planes."""
+"""Reconstruction of points: a square grid on each plane, where its columns are occupied."""
 
 from __future__ import annotations
 

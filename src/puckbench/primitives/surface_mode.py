@@ -329,7 +329,7 @@ def _occupancy_criterion(
 
 
 def _point_spacing(patches: Patches, max_points: int) -> int | None:
-    """Return the least spacing that gives at most `max_points` points, or None."""
+    """Return the smallest spacing with 1 to `max_points` points, or None if there is none."""
     most = min(max_points, MAX_POINTS)
     low, high = MIN_POINT_SPACING - 1, MAX_POINT_SPACING
     while high - low > 1:

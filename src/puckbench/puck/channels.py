@@ -40,7 +40,7 @@ from puckbench.puck.ranges import PAD
 
 MAX_VALUE = (1 << 16) - 1
 _EXPERTS, _CONTEXTS, _ZERO_CONTEXTS = 5, 6, 3
-"""Of the efforts that mix; `fast` has one counter for each decision."""
+"""Numbers in the efforts `normal` and `thorough`; `fast` has one counter for each decision."""
 _FEATURES, _COMMON_FEATURES = 23, 16
 _LEVELS = 20
 """Levels of the prediction errors around a pixel (its activity)."""

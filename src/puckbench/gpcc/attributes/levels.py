@@ -311,7 +311,7 @@ def _weight_triple(weights: Ints, i: int) -> None:
 
 @inlined
 def _blend(neighbours: Indices, weights: Ints, i: int, positions: Positions) -> None:
-    """Give each neighbour some of the weight of that neighbour which is nearer to it."""
+    """Give each neighbour a part of the weight of a neighbour near it."""
     a, b, c = neighbours[i, 0], neighbours[i, 1], neighbours[i, 2]
     ab = _squared_distance(positions, a, b)
     ac = _squared_distance(positions, a, c)

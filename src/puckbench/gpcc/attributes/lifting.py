@@ -11,7 +11,12 @@ from numpy.typing import NDArray
 from puckbench.core.compiling import inlined
 from puckbench.gpcc.attributes.levels import Levels, divided
 from puckbench.gpcc.attributes.neighbour_search import Ints, Predictors
-from puckbench.gpcc.attributes.quantisation import FRACTION_BITS, Quantisers, quantised
+from puckbench.gpcc.attributes.quantisation import (
+    FRACTION_BITS,
+    Quantisers,
+    place_of,
+    quantised,
+)
 from puckbench.gpcc.attributes.residuals import Coefficients
 from puckbench.gpcc.compiled import entry, integer
 from puckbench.gpcc.fixed_point import int32, inverse_square_root
@@ -62,11 +67,7 @@ def dequantise(
     layer, level = integer(0), integer(0)
     components = coefficients.shape[1]
     for i in range(len(coefficients)):
-        if i == ends[layer]:
-            layer = min(len(quantisers.steps) - 1, layer + 1)
-        if i == ends[level]:
-            level += 1
-        region = integer(quantisers.region[order[i]]) if len(quantisers.region) else 0
+        layer, level, region = place_of(i, layer, level, ends, quantisers, order)
         root = inverse_square_root(weights[i])
         scaled = integer(0)
         for k in range(components):
@@ -168,11 +169,7 @@ def quantise(
     """Write coefficients of transformed values (n, components); see `dequantise`."""
     layer, level = integer(0), integer(0)
     for i in range(len(coefficients)):
-        if i == ends[layer]:
-            layer = min(len(quantisers.steps) - 1, layer + 1)
-        if i == ends[level]:
-            level += 1
-        region = integer(quantisers.region[order[i]]) if len(quantisers.region) else 0
+        layer, level, region = place_of(i, layer, level, ends, quantisers, order)
         root = inverse_square_root(weights[i])
         weight = (weights[i] * root + (1 << 2 * _LOW_BITS - 1)) >> 2 * _LOW_BITS
         second = integer(0)

@@ -211,14 +211,19 @@ def _box_distance(around: Positions, k: int, x: int, y: int, z: int) -> int:
 
 
 @inlined
-def _with(best: Best, positions: Positions, k: int, offset: int, x: int, y: int, z: int) -> Best:
-    """Insert a candidate into the three nearest, after equally near ones."""
-    a, b, c, i, j, m = best
-    distance = (
+def _distance(positions: Positions, k: int, x: int, y: int, z: int) -> int:
+    return (
         abs(integer(positions[k, 0]) - x)
         + abs(integer(positions[k, 1]) - y)
         + abs(integer(positions[k, 2]) - z)
     )
+
+
+@inlined
+def _with(best: Best, positions: Positions, k: int, offset: int, x: int, y: int, z: int) -> Best:
+    """Insert a candidate into the three nearest points, behind those at the same distance."""
+    a, b, c, i, j, m = best
+    distance = _distance(positions, k, x, y, z)
     if distance >= c:
         return best
     k += offset
@@ -553,13 +558,9 @@ def _search_own(
 def _with_tied(
     best: Best, positions: Positions, k: int, offset: int, x: int, y: int, z: int
 ) -> Best:
-    """Insert a candidate into the three nearest; of equally near ones, lower indices are first."""
+    """Insert a candidate into the three nearest points; at equal distance, by index."""
     a, b, c, i, j, m = best
-    distance = (
-        abs(integer(positions[k, 0]) - x)
-        + abs(integer(positions[k, 1]) - y)
-        + abs(integer(positions[k, 2]) - z)
-    )
+    distance = _distance(positions, k, x, y, z)
     k += offset
     if distance > c or (distance == c and k > m):
         return best

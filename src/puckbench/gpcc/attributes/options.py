@@ -140,5 +140,6 @@ ATTRIBUTE_PROFILES = {
     ),
     "raht": AttributeOptions(transform="raht", qp=34),
 }
-"""defaults: TMC13 without options. Others: MPEG's common test conditions by transform; `lidar` for
-frames of sensors (category 3). They code losslessly or at a medium rate, which `qp` changes."""
+"""Sets of options: `defaults` as in TMC13, the others as in MPEG's test conditions for a
+transform, with `_lidar` for frames of sensors (category 3). Lossy sets have a medium rate, which
+`qp` changes."""

@@ -17,6 +17,7 @@ from puckbench.gpcc.attributes.quantisation import (
     FRACTION_BITS,
     Quantisers,
     halved_up,
+    place_of,
     quantised,
 )
 from puckbench.gpcc.attributes.residuals import Coefficients
@@ -95,11 +96,7 @@ def reconstruct(
     components = values.shape[1]
     modes = tools.direct + 1 - tools.average_disabled
     for i in range(len(values)):
-        if i == tools.ends[layer]:
-            layer = min(len(quantisers.steps) - 1, layer + 1)
-        if i == tools.ends[level]:
-            level += 1
-        region = integer(quantisers.region[order[i]]) if len(quantisers.region) else 0
+        layer, level, region = place_of(i, layer, level, tools.ends, quantisers, order)
         mode = integer(0)
         if is_mode_coded(values, predictors, tools, i):
             if components == 1:
@@ -153,7 +150,7 @@ def predicted(values: Values, predictors: Predictors, i: int, k: int, mode: int)
 
 @inlined
 def scaled(coefficient: int, step: int, weight: int) -> int:
-    """Return the residual of a quantised one."""
+    """Return the residual that a coefficient stands for."""
     weight = max(min(weight, step) >> FRACTION_BITS, 1)
     residual = halved_up(coefficient * step, FRACTION_BITS)
     return residual // weight if residual >= 0 else -(-residual // weight)
@@ -214,27 +211,15 @@ def quantise(
     for k in range(3):
         greater[k, 0] = greater[k, 1] = _SCALE >> 1
     for i in range(len(values)):
-        if i == tools.ends[layer]:
-            layer = min(len(quantisers.steps) - 1, layer + 1)
-        if i == tools.ends[level]:
-            level += 1
-        region = integer(quantisers.region[order[i]]) if len(quantisers.region) else 0
+        layer, level, region = place_of(i, layer, level, tools.ends, quantisers, order)
+        place = Place(i, layer, region, level)
         mode, chosen = integer(0), is_mode_coded(values, predictors, tools, i)
         if chosen and values.shape[1] == 1:
-            place = Place(i, layer, region, level)
             mode = _best_mode(values, predictors, tools, quantisers, greater, place)
         elif chosen:
-            place = Place(i, layer, region, level)
             mode = _best_colour_mode(values, predictors, tools, quantisers, greater, place)
         _quantise_point(
-            values,
-            coefficients,
-            predictors,
-            tools,
-            quantisers,
-            Place(i, layer, region, level),
-            mode,
-            weights[i],
+            values, coefficients, predictors, tools, quantisers, place, mode, weights[i]
         )
         if chosen:
             _put_mode(coefficients, i, tools, mode - tools.average_disabled)

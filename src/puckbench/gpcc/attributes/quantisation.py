@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from puckbench.core.compiling import inlined
 from puckbench.gpcc.attributes.syntax import LIFTING, AttributeHeader, AttributeParameterSet
+from puckbench.gpcc.compiled import integer
 
 Ints = NDArray[np.int64]
 Positions = NDArray[np.int32]
@@ -39,7 +40,7 @@ class Qps(NamedTuple):
     fixed_point_offset: int
 
     def ordered(self, indices: NDArray[np.int32]) -> Qps:
-        """Return the parameters of points in another order."""
+        """Return the parameters for the points `indices`, in their order."""
         return self._replace(region=self.region[indices] if len(self.region) else self.region)
 
 
@@ -98,6 +99,23 @@ def step_sizes(qp: Ints) -> tuple[Ints, Ints]:
         np.array(_STEPS, dtype=np.int64)[qp % 6] << qp // 6,
         np.array(_RECIPROCALS, dtype=np.int64)[qp % 6] >> qp // 6,
     )
+
+
+@inlined
+def place_of(
+    i: int, layer: int, level: int, ends: Ints, quantisers: Quantisers, order: NDArray[np.int32]
+) -> tuple[int, int, int]:
+    """Return the layer of step sizes, the level of detail and the region of point `i`.
+
+    layer, level: those of the point before it in coding order.
+    ends: end of each level of detail.
+    """
+    if i == ends[layer]:
+        layer = min(len(quantisers.steps) - 1, layer + 1)
+    if i == ends[level]:
+        level += 1
+    region = integer(quantisers.region[order[i]]) if len(quantisers.region) else 0
+    return layer, level, region
 
 
 @inlined

@@ -161,7 +161,7 @@ class _Level(NamedTuple):
 
 
 class _Setting(NamedTuple):
-    """What all levels share.
+    """Arrays that the transforms of all levels use.
 
     sums: (n + 1, c) sums of the attributes of all points before each, or (0, c) in a decoder.
     offsets: (n, 2) region offsets of nodes by their first point, in units of 1/16, or (0, 2).

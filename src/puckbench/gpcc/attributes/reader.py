@@ -35,7 +35,7 @@ Values = NDArray[np.int32]
 Attribute = NDArray[np.uint8] | NDArray[np.uint16]
 
 MAX_VALUES = 1 << 26
-"""Maximum number of values over all attributes of a stream; it limits the memory needed."""
+"""Largest number of values of all attributes of a stream, which bounds the decoder's memory."""
 MAX_ATTRIBUTES = 16
 _RAW_BLOCK = 1 << 16
 _MOST_BITDEPTH = 16
@@ -200,7 +200,7 @@ def decoded_attribute(
     attribute: AttributeDescription,
     atlases: Atlases,
 ) -> Values:
-    """Return values (n, components) of points in coded order; changes `coefficients`."""
+    """Return values (n, components) of points in coded order; overwrite `coefficients`."""
     bits, _ = _shape(attribute)
     most = (1 << bits) - 1
     parameters = qps(aps, header, bits, points.coordinates(aps), points.axes)

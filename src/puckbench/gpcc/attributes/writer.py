@@ -297,7 +297,7 @@ def encoded_attribute(
     attribute: AttributeDescription,
     atlases: Atlases,
 ) -> Values:
-    """Return coefficients (n, components) of values in coded order; completes `header`."""
+    """Return coefficients (n, components) in coded order, and set the factors in `header`."""
     bits = attribute.attr_bitdepth_minus1 + 1
     parameters = qps(aps, header, bits, points.coordinates(aps), points.axes)
     if not aps.has_levels:

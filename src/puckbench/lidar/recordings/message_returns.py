@@ -71,13 +71,11 @@ def read_message_columns(
             raise InputError(f"has messages 0 to {count - 1}, not {first} to {last}")
         parts = _parts(path, name, range(first, last + 1), time_unit)
         columns, _ = without_missing(path, _joined(parts))
-    renamed = {
-        new: next((columns[old] for old in names if old in columns), None)
-        for new, names in {"ring": LASERS[::-1], "intensity": REFLECTIVITIES}.items()
-    }
-    times = {"time": columns["timestamp"]} if columns["timed"].all() else {}
-    present = {name: values for name, values in renamed.items() if values is not None}
-    return {**{axis: columns[axis] for axis in "xyz"}, **present, **times}
+    result = {axis: columns[axis] for axis in "xyz"}
+    for name, fields in (("ring", LASERS[::-1]), ("intensity", REFLECTIVITIES)):
+        present = [columns[field] for field in fields if field in columns]
+        result |= {name: present[0]} if present else {}
+    return result | ({"time": columns["timestamp"]} if columns["timed"].all() else {})
 
 
 def _joined(parts: Iterator[Columns]) -> Columns:

@@ -265,7 +265,7 @@ HEAD_BYTES = _HEAD.itemsize
 
 
 def _unused(fields: list[Field], words: int) -> list[Field]:
-    """Return the bits of a pixel in none of the fields, as fields within 16 aligned bits."""
+    """Return fields of at most 16 bits for the bits of a pixel that no other field uses."""
     is_used = np.zeros(32 * words, bool)
     for field in fields:
         first = 32 * field.word + field.bit

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 DRIFT, ABSOLUTE = "drift_percent", "ate_m"
 REGISTRATION = "registration_percent"
 _SLACK = 0.2
-"""A codec's result may be worse than the undecoded drives' mean by this fraction at least."""
+"""A result counts as equal up to this fraction above the mean of the undecoded drives."""
 _CONFIDENCE = 0.95
 
 

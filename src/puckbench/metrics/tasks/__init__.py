@@ -1,1 +1,1 @@
-"""Tasks of a robot, which decoded drives are measured by."""
+"""Tasks of a robot, whose results measure decoded drives."""

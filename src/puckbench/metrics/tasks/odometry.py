@@ -46,6 +46,8 @@ def odometry(
     of `max_range_m`, as in KISS-ICP. The first `skip` turns, in which KISS-ICP does not know yet
     how the sensor moves, do not count.
     """
+    if len(decoded) < skip + 2:
+        raise InputError(f"task odometry: {len(decoded)} turns, of which it skips {skip}")
     voxel_m = max_range_m / 100 if voxel_m is None else voxel_m
     estimated = estimated_poses(decoded, drive.turn_s > 0, max_range_m, voxel_m)
     settings = {
@@ -55,8 +57,6 @@ def odometry(
         "odometry_threads": _THREADS,
         "odometry_skip": skip,
     }
-    if len(decoded) < skip + 2:
-        raise InputError(f"task odometry: {len(decoded)} turns, of which it skips {skip}")
     true = drive.poses_at(moment_of(decoded))
     return {**pose_errors(true[skip:], estimated[skip:]), **settings}
 

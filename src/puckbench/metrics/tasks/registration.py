@@ -33,7 +33,7 @@ def registration(
     most_m: float = 0.3,
     most_deg: float = 2.0,
 ) -> dict[str, Any]:
-    """Return how many of at most `pairs` pairs of turns 1, 2 and 5 m apart GICP registers.
+    """Return GICP's success rate and error for at most `pairs` pairs of turns 1, 2 and 5 m apart.
 
     It begins without a guess, and pairs points at most `reach_m` apart. It succeeds if the result
     is at most `most_m` and `most_deg` from the true motion between the middles of the turns. The
