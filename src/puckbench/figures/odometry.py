@@ -14,7 +14,9 @@ from puckbench.figures.panels import (
     panels_abreast,
     set_log,
     set_title,
+    titled,
 )
+from puckbench.figures.plotted_metrics import BETTER
 from puckbench.figures.registry import FIGURES
 from puckbench.figures.style import FigureStyle
 from puckbench.metrics.table_registry import ODOMETRY, UNDECODED
@@ -51,6 +53,7 @@ def draw_odometry(drives: pd.DataFrame, style: FigureStyle) -> Figure:
     Large markers: the fewest bits at which a codec's drift is inside the interval, or larger than
     the mean by at most a fifth, there and at all higher rates. Hollow markers: turns were lost
     (their motion is wrong by more than 0.5 m or 5 degrees). Drives shorter than 10 m are not shown.
+    n: drives.
     """
     require_rows(drives, _COLUMNS, "drives")
     require_numbers(drives, (DRIFT,), "drives")
@@ -67,9 +70,10 @@ def draw_odometry(drives: pd.DataFrame, style: FigureStyle) -> Figure:
     for axes, name in zip(panels, names, strict=True):
         set_log(axes, "x", limits, minor=False)
         set_log(axes, "y", drifts, minor=False)
-        _draw_panel(axes, rows[rows["dataset"] == name], style)
-        set_title(axes, style.title(name), abreast, style)
-    label_outer(panels, abreast, "Bits per return", "Drift (%)")
+        own = rows[rows["dataset"] == name]
+        _draw_panel(axes, own, style)
+        set_title(axes, titled(style.title(name), own), abreast, style)
+    label_outer(panels, abreast, f"Bits per return, {BETTER}", f"Drift (%), {BETTER}")
     add_legend(figure, style.ordered_codecs(codecs["codec"]), style, _handles())
     return figure
 
