@@ -14,8 +14,8 @@ rule sample:
         mem_mb=lambda w, attempt: attempt * clouds.memory_mb(w.dataset),
         runtime=10,
     params:
-        record=record_of(lambda w: clouds.sample(w.dataset)),
-        code=code_of(lambda w: clouds.sample(w.dataset)),
+        record=record_of(lambda w: clouds.sample(w.dataset, w.cloud)),
+        code=code_of(lambda w: clouds.sample(w.dataset, w.cloud)),
     shell:
         "python -m puckbench.jobs sample {params.record} mesh={input.scene:q} cloud={output.cloud:q} > {log:q} 2>&1"
 

@@ -11,7 +11,7 @@ from puckbench.core.files import unreadable, written_whole
 from puckbench.io.damage import reading
 from puckbench.io.parquet_files import check_parquet_memory
 
-_TEXT_COLUMNS = ("dataset", "cloud", "group", "codec", "rate")
+_TEXT_COLUMNS = ("dataset", "cloud", "scene", "group", "codec", "rate")
 _DAMAGE = (ValueError, NotImplementedError, LookupError, TypeError, AttributeError)
 
 

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 _FEW_POINTS = 0.01
 """Fraction of decoded to input points below which a row has a remark."""
 _KEPT = (
-    *("name", "group", "scale", "diameter", "elongation"),
+    *("name", "scene", "group", "scale", "diameter", "elongation"),
     *("dropped_points", "missing_returns", "file_bytes"),
 )
 """Entries of the original cloud's description that a result row contains."""

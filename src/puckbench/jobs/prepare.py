@@ -85,7 +85,7 @@ class Prepare(Job):
         if len(points.cloud) == 0:
             raise InputError(f"{source}: no point is left after cropping")
         prepared = prepare(points.cloud, self.size, self.neighbours)
-        described = {**names_and_groups(about), **prepared.about, **peak}
+        described = {**names_and_groups(cloud, about), **prepared.about, **peak}
         write_cloud(cloud, replace(prepared, about=described))
         if truth:
             write_cloud(truth, points.truth_in_frame_of(prepared))
@@ -150,9 +150,13 @@ def _of_scan(path: Path, clean: bool) -> MeasuredPoints:
     return MeasuredPoints(measured, clean=true)
 
 
-def names_and_groups(descriptions: tuple[Path, ...]) -> dict[str, Any]:
+def names_and_groups(cloud: Path, descriptions: tuple[Path, ...]) -> dict[str, Any]:
+    """Return the name and group in descriptions of the scene; a cloud that is not named like its
+    scene, because the scene has several clouds, has the name of its file, and `scene`."""
     names: dict[str, Any] = {}
     for path in descriptions:
         about = read_object(path)
         names.update({key: about[key] for key in ("name", "group") if key in about})
+    if names.get("name", cloud.stem) != cloud.stem:
+        names |= {"name": cloud.stem, "scene": names["name"]}
     return names

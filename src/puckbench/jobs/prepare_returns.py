@@ -73,7 +73,7 @@ class PrepareReturns(Job):
         if len(points) == 0:
             raise InputError(f"{source}: contains no returns")
         model = {"error_model": self.error_model} if self.error_model else {}
-        described = {**names_and_groups(about), **described, **model, **_timing(measured)}
+        described = {**names_and_groups(cloud, about), **described, **model, **_timing(measured)}
         described |= {"peak": self.peak} if self.peak else {}
         prepared = prepare(PointCloud(points, about=described), 0, self.neighbours)
         if "origin" in described:

@@ -31,9 +31,10 @@ class CloudJobs:
 
     def scene_file(self, dataset: str, cloud: str, suffix: str = "") -> str:
         """Return the scene file from which a cloud is made."""
-        scenes = self.dataset(dataset).scenes
-        suffix = suffix or ("parquet" if scenes in self.of_returns else "ply")
-        return f"{self.plan.results}/scenes/{scenes}/{cloud}.{suffix}"
+        data = self.dataset(dataset)
+        scene, _ = data.sources[cloud]
+        suffix = suffix or ("parquet" if data.scenes in self.of_returns else "ply")
+        return f"{self.plan.results}/scenes/{data.scenes}/{scene}.{suffix}"
 
     @cached_property
     def of_returns(self) -> list[str]:
@@ -70,16 +71,17 @@ class CloudJobs:
         return planned(record, LOADERS.module_of(scene_set.loader))
 
     @cache  # noqa: B019
-    def sample(self, dataset: str) -> PlannedJob:
+    def sample(self, dataset: str, cloud: str) -> PlannedJob:
         data = self.dataset(dataset)
-        return planned(Sample(points=data.settings.points, seed=data.seed))
+        _, seed = data.sources[cloud]
+        return planned(Sample(points=data.settings.points, seed=seed))
 
     @cache  # noqa: B019
     def scan(self, dataset: str, cloud: str) -> PlannedJob:
         """Plan a scan; its fingerprint includes the sensor, the sweep and the error model."""
         data = self.dataset(dataset)
         module, also = self._sensing(dataset)
-        return planned(scan_record(data.settings, cloud, data.seed), module, also=also)
+        return planned(scan_record(data.settings, *data.sources[cloud]), module, also=also)
 
     @cache  # noqa: B019
     def _sensing(self, dataset: str) -> tuple[str, str]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, Field, StringConstraints, field_validator, model_validator
 
@@ -127,6 +127,13 @@ class DataSetConfig(Model):
     seed: Seed | None = Field(
         None, description="Seed of the sampling and of the sensor's errors; by default the run's."
     )
+    seeds: Annotated[tuple[Seed, ...], Field(min_length=1), AfterValidator(_different)] | None = (
+        Field(
+            None,
+            description="Several such seeds, each for a cloud of every scene, named `SCENE-SEED`; "
+            "deltas and the table `evidence` average over seeds before they compare scenes.",
+        )
+    )
     points: int = Field(500_000, ge=1, description="Number of sampled points (`make: sample`).")
     sensor: SensorName = "vlp16"
     sweep: SweepChoice = Field({})
@@ -184,6 +191,13 @@ class DataSetConfig(Model):
         if 0 < views < 11:
             raise ValueError(f"{views} pixels are too few: 0 for none, or at least 11")
         return views
+
+    @model_validator(mode="after")
+    def _has_one_kind_of_seeds(self) -> Self:
+        if self.seeds and (self.seed is not None or self.make == "cloud"):
+            why = "captured clouds have none" if self.make == "cloud" else "there is a seed too"
+            raise ValueError(f"seeds: {why}")
+        return self
 
     @property
     def is_metric(self) -> bool:

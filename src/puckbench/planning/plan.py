@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -68,14 +68,23 @@ class ScenePlan:
 
 @dataclass(frozen=True)
 class DataSetPlan:
+    """Clouds of a data set; `sources` are the scene and the seed of each cloud."""
+
     name: str
     scenes: str
-    seed: int
-    clouds: tuple[str, ...]
+    sources: Mapping[str, tuple[str, int]]
     points: int
     settings: DataSetConfig
     has_returns: bool = False
     has_packets: bool = False
+
+    @property
+    def clouds(self) -> tuple[str, ...]:
+        return tuple(self.sources)
+
+    @property
+    def used_scenes(self) -> tuple[str, ...]:
+        return tuple(dict.fromkeys(scene for scene, _ in self.sources.values()))
 
     @property
     def frame(self) -> CoordinateFrame:
@@ -210,14 +219,14 @@ class Plan:
                 continue
             checks, reasons = self._checks(data.name), []
             coded_by: dict[str, list[str]] = {}
-            if count := dropped_points(checks, data.clouds):
+            if count := dropped_points(checks, data.used_scenes):
                 reasons.append(f"{count:,} points that are missing returns or not finite")
-            for name in attributes(checks, data.clouds):
+            for name in attributes(checks, data.used_scenes):
                 coded_by.setdefault(self._coders_of(attribute_of(name)), []).append(name)
             for coders, names in coded_by.items():
                 why = f"coded by {coders} only" if coders else "codecs code coordinates only"
                 reasons.append(f"{', '.join(names)}: {why}")
-            if data.frame == "metric" and are_shifted(checks, data.clouds):
+            if data.frame == "metric" and are_shifted(checks, data.used_scenes):
                 reasons.append(
                     "their place: coded clouds are shifted to the origin, and `puckbench decode "
                     f"--like {self.results}/clouds/{data.name}/CLOUD.ply` shifts decoded ones back"
@@ -266,9 +275,12 @@ class Plan:
     def extents(self) -> dict[str, dict[str, float]]:
         """Longest sides in m of the clouds in metres, by data set and cloud."""
         return {
-            name: extents(self._checks(name), data.clouds)
+            name: {
+                cloud: sides[scene] for cloud, (scene, _) in data.sources.items() if scene in sides
+            }
             for name, data in self.datasets.items()
             if data.frame == "metric"
+            for sides in [extents(self._checks(name), data.used_scenes)]
         }
 
     @cached_property
@@ -439,18 +451,28 @@ class Plan:
             raise InputError(
                 f"datasets.{name}.size: a grid is only for captured clouds (make: cloud)"
             )
-        seed = self.config.seed if value.seed is None else value.seed
         points = _points(f"datasets.{name}", value)
         if of_returns(scenes.scenes):
             points = _RETURNS
-        failed = self.config.failed
-        clouds = tuple(
-            cloud for cloud in self._usable(name, scenes) if f"{name}/{cloud}" not in failed
-        )
+        sources = {
+            cloud: source
+            for cloud, source in self._sources(value, self._usable(name, scenes))
+            if f"{name}/{cloud}" not in self.config.failed
+        }
         if read_first(scenes.scenes):
-            points = most_points(self._checks(name), clouds) or points
+            points = most_points(self._checks(name), sources) or points
         packets = has_returns and of_packets(scenes.scenes)
-        return DataSetPlan(name, scenes.name, seed, clouds, points, value, has_returns, packets)
+        return DataSetPlan(name, scenes.name, sources, points, value, has_returns, packets)
+
+    def _sources(
+        self, value: DataSetConfig, scenes: Iterable[str]
+    ) -> Iterator[tuple[str, tuple[str, int]]]:
+        seed = self.config.seed if value.seed is None else value.seed
+        for scene in scenes:
+            if value.seeds is None:
+                yield scene, (scene, seed)
+            else:
+                yield from ((f"{scene}-{seed}", (scene, seed)) for seed in value.seeds)
 
     def _checks(self, dataset: str) -> Path:
         return self.results / "checks" / f"{dataset}.json"

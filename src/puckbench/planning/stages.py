@@ -56,8 +56,9 @@ def stages_of(bench: Workflow) -> dict[str, Stage]:
     plan, root = bench.plan, bench.plan.results
     curves = frozenset(map("/".join, plan.curves))
     clouds = frozenset(map("/".join, plan.clouds))
-    used = {data.scenes: data.clouds for data in plan.datasets.values()}
-    scenes = frozenset(f"{name}/{scene}" for name, names in used.items() for scene in names)
+    scenes = frozenset(
+        f"{data.scenes}/{scene}" for data in plan.datasets.values() for scene in data.used_scenes
+    )
     return {
         "scenes": Stage(root / "scenes", ".ply", scenes),
         "samples": Stage(root / "samples", ".ply", _clouds_by(bench, "sample")),

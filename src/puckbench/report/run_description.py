@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 _MAKES = {"sample": "sampled", "scan": "scanned", "cloud": "as captured"}
-_KEYS = frozenset(["dataset", "cloud", "codec", "rate", "group", "digest", LOSSLESS])
+_KEYS = frozenset(["dataset", "cloud", "codec", "rate", "scene", "group", "digest", LOSSLESS])
 _MOST_VALUES = 5
 
 

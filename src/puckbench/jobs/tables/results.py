@@ -122,7 +122,7 @@ def cloud_row(dataset: str, file: Path) -> dict[str, Any]:
     size = dict(zip(("size_x_m", "size_y_m", "size_z_m"), about["size_m"], strict=True))
     kept = {key: about[key] for key in _OF_CLOUDS}
     kept |= {key: value for key, value in about.items() if key.startswith(_STATISTICS)}
-    kept |= {key: about[key] for key in ("digest", *_LEFT_OUT) if key in about}
+    kept |= {key: about[key] for key in ("scene", "digest", *_LEFT_OUT) if key in about}
     if "format" in about:
         kept["source"] = about["source"]
     if about.get("size") == 0:
@@ -157,7 +157,7 @@ def scan_error_rows(files: Sequence[Path]) -> list[dict[str, Any]]:
     ``truth_...``: to the true surface; ``clean_...``: to the clean scan of the same rays; in
     squared units of the scaled cloud and in metres (``..._m``).
     """
-    kept = (*CLOUD_KEYS, "group", "scale", FRAME)
+    kept = (*CLOUD_KEYS, "scene", "group", "scale", FRAME)
     return [
         {key: row[key] for key in row if key in kept or key.startswith(("truth_", "clean_"))}
         for row in map(read_object, files)

@@ -1,0 +1,37 @@
+from __future__ import annotations
+
+import numpy as np
+
+from puckbench.geometry.cloud import Floats
+
+LEAST_NEIGHBOURS = 6
+"""Number of coefficients of a quadric."""
+
+
+def smooth_by_jets(points: Floats, neighbours: int) -> Floats:
+    """Project points (n, 3) onto quadrics that are fitted to their nearest neighbours, by CGAL.
+
+    Clouds with fewer points than `LEAST_NEIGHBOURS` stay as they are, and so do points that the fit
+    would move farther than their most distant neighbour, for example points on a line.
+
+    References
+    ----------
+    Cazals and Pouget, Estimating differential quantities using polynomial fitting of osculating
+    jets, Computer Aided Geometric Design 22 (2005).
+    """
+    if len(points) < LEAST_NEIGHBOURS:
+        return points
+    from CGAL.CGAL_Kernel import Point_3
+    from CGAL.CGAL_Point_set_3 import Point_set_3
+    from CGAL.CGAL_Point_set_processing_3 import jet_smooth_point_set
+    from pykdtree.kdtree import KDTree
+
+    cloud = Point_set_3()
+    for x, y, z in points.tolist():
+        cloud.insert(Point_3(x, y, z))
+    neighbours = min(neighbours, len(points))
+    jet_smooth_point_set(cloud, neighbours)
+    smooth = np.array([(point.x(), point.y(), point.z()) for point in cloud.points()])
+    reach = KDTree(points).query(points, k=neighbours)[0][:, -1]
+    is_near = np.linalg.norm(smooth - points, axis=1) <= reach
+    return np.where(is_near[:, None], smooth, points)
