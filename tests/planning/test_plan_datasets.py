@@ -29,8 +29,27 @@ def workflow(loader: str = "embedded_rooms", **settings: Any) -> Workflow:
 
 
 def test_a_scan_from_anywhere_is_asked_for() -> None:
-    assert not Scan.model_validate_json(workflow().clouds.scan("d", "c").record).anywhere
-    assert Scan.model_validate_json(workflow(anywhere=True).clouds.scan("d", "c").record).anywhere
+    assert not Scan.model_validate_json(workflow().clouds.scan("d", "office_1").record).anywhere
+    assert Scan.model_validate_json(workflow(anywhere=True).clouds.scan("d", "office_1").record).anywhere
+
+
+def test_each_seed_has_a_cloud_of_every_scene() -> None:
+    bench = workflow(seeds=[3, 8])
+    assert bench.plan.clouds == (("d", "office_1-3"), ("d", "office_1-8"))
+    for cloud, seed in (("office_1-3", 3), ("office_1-8", 8)):
+        assert Scan.model_validate_json(bench.clouds.scan("d", cloud).record).seed == seed
+        assert bench.clouds.scene_file("d", cloud).endswith("scenes/rooms/office_1.ply")
+    sampled = workflow(seeds=[3, 8], make="sample").clouds
+    assert sampled.sample("d", "office_1-3").record != sampled.sample("d", "office_1-8").record
+
+
+@pytest.mark.parametrize(
+    ("settings", "reason"),
+    [({"seed": 1, "seeds": [1]}, "a seed too"), ({"make": "cloud", "seeds": [1]}, "have none")],
+)
+def test_seeds_that_would_do_nothing_are_refused(settings: dict[str, Any], reason: str) -> None:
+    with pytest.raises(InputError, match=f"seeds: .*{reason}"):
+        workflow(**settings)
 
 
 def test_the_peak_of_a_grid_is_each_clouds_own(tmp_path: Path) -> None:

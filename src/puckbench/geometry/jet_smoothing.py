@@ -26,6 +26,8 @@ def smooth_by_jets(points: Floats, neighbours: int) -> Floats:
     from CGAL.CGAL_Point_set_processing_3 import jet_smooth_point_set
     from pykdtree.kdtree import KDTree
 
+    order = np.lexsort(points.T)  # so that the result does not depend on the order
+    points = points[order]
     cloud = Point_set_3()
     for x, y, z in points.tolist():
         cloud.insert(Point_3(x, y, z))
@@ -34,4 +36,6 @@ def smooth_by_jets(points: Floats, neighbours: int) -> Floats:
     smooth = np.array([(point.x(), point.y(), point.z()) for point in cloud.points()])
     reach = KDTree(points).query(points, k=neighbours)[0][:, -1]
     is_near = np.linalg.norm(smooth - points, axis=1) <= reach
-    return np.where(is_near[:, None], smooth, points)
+    result = np.empty_like(points)
+    result[order] = np.where(is_near[:, None], smooth, points)
+    return result
