@@ -276,10 +276,13 @@ def own_errors(axes: Axes) -> list[float]:
     return [float(y[0]) for y in (line.get_ydata() for line in axes.get_lines()) if len(y) == 2]
 
 
-@pytest.mark.parametrize("name", ["truth_rd", "truth_rd_point", "truth_rd_hausdorff"])
+@pytest.mark.parametrize(
+    "name", ["truth_rd", "truth_rd_point", "truth_rd_hausdorff", "truth_accuracy"]
+)
 def test_the_scans_own_error_is_a_line_at_its_median_over_clouds(name: str) -> None:
     figure = draw(name, metrics=metrics_table(3), scan_errors=scan_errors_table())
-    assert [own_errors(axes) for axes in figure.axes] == [[], [2.4]]
+    of_the_scan = [2.4] if name == "truth_accuracy" else []
+    assert [own_errors(axes) for axes in figure.axes] == [of_the_scan, [2.4]]
     assert "the scan itself" in [text.get_text() for text in figure.legends[0].get_texts()]
     bpp, values = (figure.axes[0].get_shared_x_axes(), figure.axes[0].get_shared_y_axes())
     for axes in figure.axes[1:]:
@@ -307,7 +310,9 @@ def test_figures_of_the_truth_fit_into_a_column_and_have_no_empty_panel() -> Non
     assert figure.get_size_inches()[0] == 3.5
 
 
-@pytest.mark.parametrize("name", ["truth_rd", "truth_rd_point", "truth_rd_hausdorff"])
+@pytest.mark.parametrize(
+    "name", ["truth_rd", "truth_rd_point", "truth_rd_hausdorff", "truth_accuracy"]
+)
 def test_the_sides_axes_end_a_marker_beyond_the_values(name: str) -> None:
     panels = draw(name, metrics=metrics_table(3), scan_errors=scan_errors_table()).axes
     points = np.concatenate([p for axes in panels for p in lines(axes).values() if len(p) != 2])

@@ -146,6 +146,18 @@ def test_clouds_are_averaged_in_the_logarithm_of_the_rate() -> None:
     assert other["bd_rate_percent"] == pytest.approx(0, abs=1e-9)
 
 
+def test_seeds_of_a_scene_count_once() -> None:
+    """Ten seeds of one scene weigh as much as the one cloud of another, also in the interval."""
+    ratios = [0.5] * 10 + [2, 1, 1]
+    seeds = metrics({"a": [1] * 13, "b": ratios})
+    numbers = seeds["cloud"].str.removeprefix("c").astype(int)
+    seeds["scene"] = "s" + numbers.where(numbers >= 10, 0).astype(str)
+    scenes = metrics({"a": [1] * 4, "b": [0.5, 2, 1, 1]})
+    found, expected = (bd_rate(table, "a", ["d1_psnr"]).iloc[0] for table in (seeds, scenes))
+    for column in ("bd_rate_percent", "bd_rate_percent_low", "bd_rate_percent_high"):
+        assert found[column] == pytest.approx(expected[column])
+
+
 def test_a_distortion_is_compared_in_decibels() -> None:
     table = metrics({"a": [1], "b": [0.5]})
     both = bd_rate_clouds(table, "a", ["d1_psnr", "d1_mse"])

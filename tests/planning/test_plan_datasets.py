@@ -30,7 +30,9 @@ def workflow(loader: str = "embedded_rooms", **settings: Any) -> Workflow:
 
 def test_a_scan_from_anywhere_is_asked_for() -> None:
     assert not Scan.model_validate_json(workflow().clouds.scan("d", "office_1").record).anywhere
-    assert Scan.model_validate_json(workflow(anywhere=True).clouds.scan("d", "office_1").record).anywhere
+    assert Scan.model_validate_json(
+        workflow(anywhere=True).clouds.scan("d", "office_1").record
+    ).anywhere
 
 
 def test_each_seed_has_a_cloud_of_every_scene() -> None:

@@ -13,7 +13,7 @@ ROOT = Path(__file__).parents[2]
 ROOMS = {"loader": "embedded_rooms", "select": ["office_1"]}
 SCAN = {"scenes": "rooms", "make": "scan", "sweep": {"duration_s": 0.02}}
 SAMPLE = {"scenes": "rooms", "make": "sample"}
-TRUTH_FIGURES = {"truth_rd", "truth_rd_point", "truth_rd_hausdorff"}
+TRUTH_FIGURES = {"truth_rd", "truth_rd_point", "truth_rd_hausdorff", "truth_accuracy"}
 
 
 def workflow(

@@ -51,6 +51,8 @@ def metrics_table(clouds: int = 12) -> pd.DataFrame:
                     "cd_plane": cd * spread[0],
                     "cd_point": 2 * cd * spread[0],
                     "hausdorff_sq_plane": 8 * cd * spread[1],
+                    "acd_ab_plane": 0.8 * cd * spread[0],
+                    "acd_ba_plane": 1.2 * cd * spread[0],
                 }
                 rows.append(
                     {
@@ -73,7 +75,7 @@ def metrics_table(clouds: int = 12) -> pd.DataFrame:
 
 def scan_errors_table() -> pd.DataFrame:
     """How far three noisy scans are from the truth themselves; one of them has outliers."""
-    measures = ("cd_plane", "cd_point", "hausdorff_sq_plane")
+    measures = ("cd_plane", "cd_point", "hausdorff_sq_plane", "acd_ab_plane", "acd_ba_plane")
     rows = [
         {
             "dataset": "s3dis_noisy",

@@ -189,7 +189,7 @@ def test_one_codecs_code_re_runs_its_curves_alone(restored: Bench) -> None:
     jobs = restored.planned()
     curves = {f"{stage}_raw_grid" for stage in ("encode", "evaluate", "decode_shown")}
     assert {jobs.pop(name) for name in curves} == {4}  # one job for each cloud
-    truth = {"truth_rd", "truth_rd_point", "truth_rd_hausdorff"}
+    truth = {"truth_rd", "truth_rd_point", "truth_rd_hausdorff", "truth_accuracy"}
     drawn = {*(f"fig_6_{n}" for n in range(5, 10)), *truth, "spread", "beside_thesis", "elongation"}
     drawn.add("report_page")
     tables = {"bd_rate", "bd_rate_clouds", "claims", "machines", "rates", "summary"}

@@ -32,8 +32,15 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_REFERENCES = {"": "to the scan", "truth_": "to the truth"}
+_PREFIXES = {"": "to the scan", "truth_": "to the truth"}
 """Prefix of a column -> reference of the distance."""
+_ACCURACY = PlottedMetric(
+    "truth_acd_ba_plane", "Distance, point-to-plane", "grid units²", (0.01, 1000)
+)
+_DIRECTIONS = {
+    "accuracy": _ACCURACY,
+    "completeness": replace(_ACCURACY, column="truth_acd_ab_plane"),
+}
 
 
 @FIGURES.register(
@@ -83,6 +90,21 @@ def draw_truth_hausdorff(
     return draw_references(metrics, scan_errors, HD_PLANE, style)
 
 
+@FIGURES.register(
+    "truth_accuracy",
+    title="Accuracy and completeness (point-to-plane) against bits per point",
+    category="Rate-distortion",
+)
+def draw_truth_accuracy(
+    metrics: pd.DataFrame, scan_errors: pd.DataFrame, style: FigureStyle
+) -> Figure:
+    """Mean squared distances (point to plane, squared grid units) against bits per point: of
+    decoded points to the true surface (accuracy), and of its true points to the decoded cloud
+    (completeness). Otherwise as ``truth_rd``. Not in the thesis.
+    """
+    return _draw_distances(metrics, scan_errors, _DIRECTIONS, style)
+
+
 def draw_references(
     metrics: pd.DataFrame, scan_errors: pd.DataFrame, metric: PlottedMetric, style: FigureStyle
 ) -> Figure:
@@ -90,23 +112,39 @@ def draw_references(
 
     `metric` is the distance to the coded scan; the column ``truth_...`` contains the other.
     """
-    references = [replace(metric, column=f"{prefix}{metric.column}") for prefix in _REFERENCES]
+    references = {
+        title: replace(metric, column=f"{prefix}{metric.column}")
+        for prefix, title in _PREFIXES.items()
+    }
+    return _draw_distances(metrics, scan_errors, references, style)
+
+
+def _draw_distances(
+    metrics: pd.DataFrame,
+    scan_errors: pd.DataFrame,
+    distances: dict[str, PlottedMetric],
+    style: FigureStyle,
+) -> Figure:
+    """Draw a panel for each data set and distance, by the distances' titles."""
+    references, titles = list(distances.values()), list(distances)
+    metric = references[0]
     for reference in references:
         check_curve_columns(metrics, reference)
-    rows = metrics.dropna(subset=[reference.column for reference in references[1:]])
+    of_truth = [name for name in references if name.column.startswith("truth_")]
+    rows = metrics.dropna(subset=[reference.column for reference in of_truth])
     curves = [binned_curves(rows, reference, style) for reference in references]
     panel_lines = [lines for dataset_curves in curves for lines in dataset_curves.values()]
     limits = [
         shared_limits(panel_lines, axis_metric, style, fitted=True) for axis_metric in (BPP, metric)
     ]
-    scan_medians = _scan_medians(scan_errors, references[1:])
+    scan_medians = _scan_medians(scan_errors, of_truth)
     abreast = len(references)
     figure, panels = panel_grid(len(panel_lines), abreast, 1.9, style, width_in=COLUMN_WIDTH_IN)
     for index, axes in enumerate(panels):
         dataset, column = list(curves[0])[index // abreast], index % abreast
         draw_curves(axes, curves[column][dataset], limits[0], limits[1], style)
         _draw_scan_line(axes, scan_medians.get((dataset, references[column].column)), limits[1][0])
-        title = f"{style.title(dataset)}: {list(_REFERENCES.values())[column]}"
+        title = f"{style.title(dataset)}: {titles[column]}"
         set_title(axes, titled(title, rows[rows["dataset"] == dataset]), abreast, style)
     label_outer(panels, abreast, "", metric.short_label)
     figure.supxlabel(BPP.label, fontsize=style.font_size)

@@ -26,6 +26,7 @@ _CLEAN = "Distortion to the clean scan"
 _COST, _SEEN, _OTHER = "Size, time and memory", "Rendered views and colour", "Other"
 GROUPS = (_CODED, _TRUTH, _CLEAN, _COST, _SEEN, _OTHER)
 
+_POINT, _PLANE = "point to point", "point to plane"
 _PLAIN = {
     "bpp": ("Bits per point", "bpp", _COST),
     "bytes": ("Size of the stream", "bytes", _COST),
@@ -43,6 +44,18 @@ _PLAIN = {
     "range_max_mm": ("Largest range error", "mm", _CODED),
     "returns_lost": ("Returns lost", "", _CODED),
     "returns_added": ("Returns added", "", _CODED),
+    "truth_acd_ba_point": (
+        f"Accuracy, {_POINT}: decoded points to the true surface",
+        SQUARED,
+        _TRUTH,
+    ),
+    "truth_acd_ba_plane": (
+        f"Accuracy, {_PLANE}: decoded points to the true surface",
+        SQUARED,
+        _TRUTH,
+    ),
+    "truth_acd_ab_point": (f"Completeness, {_POINT}: true points to the decoded", SQUARED, _TRUTH),
+    "truth_acd_ab_plane": (f"Completeness, {_PLANE}: true points to the decoded", SQUARED, _TRUTH),
     "view_psnr": ("PSNR of six rendered views", "dB", _SEEN),
     "view_ssim": ("SSIM of six rendered views", "", _SEEN),
     "y_psnr": ("PSNR of luma", "dB", _SEEN),
@@ -90,7 +103,7 @@ _SUFFIXES = {
 }
 """Meaning of the last part of a column's name."""
 
-_DISTANCES = {"point": "point to point", "plane": "point to plane"}
+_DISTANCES = {"point": _POINT, "plane": _PLANE}
 _MPEG = {"d1": "D1, point to point", "d2": "D2, point to plane"}
 _WAYS = {"ab": "original to decoded", "ba": "decoded to original"}
 _TIMES = {"encode": "Encoding time", "decode": "Decoding time"}

@@ -2,8 +2,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from puckbench.core.errors import InputError
 from puckbench.metrics.coordinate_frames import rows_in_frame
+from puckbench.metrics.scenes import SCENE, means_over_seeds, median_interval, with_scenes
 from puckbench.metrics.table_registry import SEVERAL_NOISES, TABLES
 from puckbench.metrics.tables.against_octree import bits_on_grid
 from puckbench.metrics.tables.storage import ERROR_MM, bits_at_error
@@ -15,15 +18,16 @@ _GRID_MM = 1.0
 BITS = ("grid_1_mm", "at_5_mm")
 """Columns of bits per return: exact or on a grid of 1 mm, and at an equal error."""
 QUARTILES = {"q25": 0.25, "q75": 0.75}
-_RAYS = ("cloud", "sensor", "turns", "firings")
-"""Columns of the table of clouds that are equal for clouds of the same rays."""
+_RAYS = (SCENE, "sensor", "turns", "firings")
+"""Columns that are equal for clouds of the same rays."""
 _CLOUD = ["dataset", "cloud"]
 
 
 @TABLES.register("noise_bits", title="What the sensor's noise costs", needs=(SEVERAL_NOISES,))
 def noise_bits(metrics: pd.DataFrame, clouds: pd.DataFrame) -> pd.DataFrame:
-    """Bits per return of the same rays under several error models: medians and quartiles (q25,
-    q75) over the clouds, empty if no rate reaches the error.
+    """Bits per return of the same rays under several error models: medians over the scenes, after
+    the mean over their seeds, with quartiles (q25, q75) and 95 % bootstrap intervals (low, high);
+    empty if no rate reaches the error.
 
     ``noise_bits``: entropy of the model's noise in steps of the sensor's ranges, after subtracting
     the mean error of each laser in each turn. ``grid_1_mm``: the fewest bits of a rate with at most
@@ -42,6 +46,8 @@ def noise_bits(metrics: pd.DataFrame, clouds: pd.DataFrame) -> pd.DataFrame:
     rows = bits.merge(scans, on=_CLOUD)
     if rows.empty:
         raise InputError("metrics table: no results of the same rays under several error models")
+    named = ["models", "dataset", "error_model", "codec", "rays"]
+    rows = means_over_seeds(rows, named, ["noise_bits", *BITS])
     quietest = rows[rows["noise_bits"] == rows.groupby("rays")["noise_bits"].transform("min")]
     quietest = quietest.drop_duplicates(["rays", "codec"])[["rays", "codec", *BITS]]
     rows = rows.merge(quietest, on=["rays", "codec"], how="left", suffixes=("", "_least"))
@@ -53,6 +59,13 @@ def noise_bits(metrics: pd.DataFrame, clouds: pd.DataFrame) -> pd.DataFrame:
     for column in BITS:
         for name, quantile in QUARTILES.items():
             table[f"{column}_{name}"] = rows.groupby(keys)[column].quantile(quantile)
+    for column in columns:
+        groups = rows.groupby(keys)[column]
+        bounds = [
+            median_interval(part.to_numpy(float), column, *map(str, names))
+            for names, part in groups
+        ]
+        table[[f"{column}_low", f"{column}_high"]] = np.array(bounds)
     table["clouds"] = rows.groupby(keys).size()
     order = ["models", "noise_bits", "dataset", "grid_1_mm", "at_5_mm"]
     return table.reset_index().sort_values(order, ascending=[False, True, True, True, True])
@@ -68,7 +81,8 @@ def _bits(curve: pd.DataFrame) -> dict[str, Any]:
 def _scans_of_several_models(clouds: pd.DataFrame) -> pd.DataFrame:
     if not {*_CLOUD, "sensor", "error_model", "noise_bits"} <= set(clouds):
         raise InputError("clouds table: no cloud has an entropy of noise (column noise_bits)")
-    noisy = clouds.dropna(subset=["noise_bits"])
+    noisy = with_scenes(clouds.dropna(subset=["noise_bits"]))
     rays = noisy.groupby([name for name in _RAYS if name in noisy])
     noisy = noisy.assign(rays=rays.ngroup(), models=rays["error_model"].transform("nunique"))
-    return noisy.loc[noisy["models"] > 1, [*_CLOUD, "error_model", "noise_bits", "rays", "models"]]
+    columns = [*_CLOUD, SCENE, "error_model", "noise_bits", "rays", "models"]
+    return noisy.loc[noisy["models"] > 1, columns]

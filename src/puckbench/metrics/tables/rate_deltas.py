@@ -19,6 +19,7 @@ from puckbench.metrics.bjontegaard import (
 )
 from puckbench.metrics.lossless import LOSSLESS, is_shape_metric, lossless_rows
 from puckbench.metrics.peaks import check_peaks
+from puckbench.metrics.scenes import SCENE, means_over_seeds
 from puckbench.metrics.table_registry import SEVERAL_CODECS, TABLES
 
 if TYPE_CHECKING:
@@ -61,6 +62,7 @@ def bd_rate_clouds(
         rows_with_quality = _with_quality(metrics, metric)
         for (dataset, cloud), part in rows_with_quality.groupby(["dataset", "cloud"], sort=False):
             names = {"dataset": dataset, "metric": metric, "anchor": anchor, "cloud": cloud}
+            names |= {SCENE: part[SCENE].iloc[0]} if SCENE in part else {}
             rows += [{**names, **row} for row in _against(part, anchor)]
     if not rows:
         raise InputError(f"metrics table: no codec but the anchor {anchor}")
@@ -81,7 +83,8 @@ def bd_rate(
     the rate at equal quality in percent (negative: fewer bits), and of the quality at equal rate in
     dB, with 95 % bootstrap intervals over clouds.
 
-    Deltas are computed for each cloud by PCHIP interpolation of the log rate and then averaged.
+    Deltas are computed for each cloud by PCHIP interpolation of the log rate and then averaged, in
+    each scene over its seeds and then over the scenes, which the bootstrap draws.
     Clouds whose curves have less than half of the shorter range in common, and lossless rates, are
     counted but not averaged.
 
@@ -105,9 +108,10 @@ def bd_rate(
 
 
 def log_ratios(metrics: pd.DataFrame, anchor: str, tested: str, quality: str) -> Floats:
-    """Return mean ln(rate / anchor rate) at equal quality for each cloud that has it, (n,)."""
+    """Return mean ln(rate / anchor rate) at equal quality for each scene that has it, (n,)."""
     both = metrics[metrics["codec"].isin([anchor, tested])]
-    return bd_rate_clouds(both, anchor, [quality])["log_ratio"].dropna().to_numpy(float)
+    clouds = bd_rate_clouds(both, anchor, [quality])
+    return means_over_seeds(clouds, (), ["log_ratio"])["log_ratio"].dropna().to_numpy(float)
 
 
 def is_below_zero(differences: Floats, seed: int = 0) -> bool:
@@ -212,10 +216,11 @@ def _counts(part: pd.DataFrame) -> dict[str, Any]:
 
 
 def _means(part: pd.DataFrame, resamples: int, rng: np.random.Generator) -> dict[str, float]:
-    percent = part["bd_rate_percent"].dropna()
-    logs = part["log_ratio"].dropna().to_numpy()
+    scenes = means_over_seeds(part, (), ("bd_rate_percent", "log_ratio", "bd_quality_db"))
+    percent = scenes["bd_rate_percent"].dropna()
+    logs = scenes["log_ratio"].dropna().to_numpy()
     low, high = bootstrap_interval(logs, resamples, rng)
-    gains = part["bd_quality_db"].dropna().to_numpy()
+    gains = scenes["bd_quality_db"].dropna().to_numpy()
     gain_low, gain_high = bootstrap_interval(gains, resamples, rng)
     return {
         "bd_rate_percent": _percent(_mean(logs)),

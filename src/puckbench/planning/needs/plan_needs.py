@@ -38,6 +38,12 @@ def spins(plan: Plan) -> Options | None:
     return _if(bool(_true_spins(plan)))
 
 
+@NEEDS.register("truth")
+def scans_with_truth(plan: Plan) -> Options | None:
+    anchor = plan.config.bd_rate.anchor or next(iter(plan.codecs), "")
+    return {"anchor": anchor} if any(data.is_scanned_from_truth for data in plan.coded) else None
+
+
 @NEEDS.register("noises")
 def several_noises(plan: Plan) -> Options | None:
     data = _true_spins(plan)

@@ -1,0 +1,50 @@
+"""Scenes of clouds: clouds of one scene with several seeds are no independent samples."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from puckbench.core.seeding import generator
+from puckbench.geometry.cloud import Floats
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+SCENE = "scene"
+RESAMPLES = 2000
+MIN_SCENES = 3
+"""Fewest scenes for a bootstrap interval."""
+
+
+def with_scenes(table: pd.DataFrame) -> pd.DataFrame:
+    """Return the table with a column ``scene``: that of each cloud, by default its name."""
+    scenes = table["cloud"] if SCENE not in table else table[SCENE].fillna(table["cloud"])
+    return table.assign(**{SCENE: scenes})
+
+
+def means_over_seeds(
+    table: pd.DataFrame, keys: Sequence[str], columns: Sequence[str]
+) -> pd.DataFrame:
+    """Return the means of columns over the clouds of each scene, by `keys` and ``scene``.
+
+    Scenes with one cloud keep the exact values.
+    """
+    groups = with_scenes(table).groupby([*keys, SCENE], sort=False)
+    return groups[list(columns)].mean().reset_index()
+
+
+def median_interval(values: Floats, *names: str) -> tuple[float, float]:
+    """Return the 95 % percentile bootstrap interval of the median of `values` (n,).
+
+    It is nan for fewer than `MIN_SCENES` values; `names` seed the bootstrap.
+    """
+    values = values[~np.isnan(values)]
+    if len(values) < MIN_SCENES:
+        return np.nan, np.nan
+    rng = generator(0, "median interval", *names)
+    drawn = values[rng.integers(0, len(values), (RESAMPLES, len(values)))]
+    low, high = np.quantile(np.median(drawn, axis=1), [0.025, 0.975])
+    return float(low), float(high)
