@@ -17,7 +17,7 @@ from puckbench.io.clouds import read_cloud
 from puckbench.jobs.codec_jobs import codec_plugins, ready
 from puckbench.jobs.curve_files import read_curve
 from puckbench.jobs.encode import measured_encoding
-from puckbench.metrics.cloud_metrics import geometry_metrics
+from puckbench.metrics.cloud_metrics import attribute_metrics, geometry_metrics
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -94,7 +94,7 @@ def turns(
 def measures(
     original: PointCloud, decoded: PointCloud, peak: float | None = None
 ) -> dict[str, float]:
-    """Return metrics of a decoded cloud's geometry and, if both clouds have them, returns.
+    """Return metrics of a decoded cloud: geometry, and what both clouds have of attributes, returns.
 
     Parameters
     ----------
@@ -106,6 +106,7 @@ def measures(
     from puckbench.metrics.sensor_metrics import range_errors
 
     metrics = geometry_metrics(original, decoded.xyz, peak)
+    metrics |= attribute_metrics(original, decoded, metrics)
     if original.returns is None or decoded.returns is None:
         return metrics
     return metrics | range_errors(original.returns, decoded.returns)
@@ -167,7 +168,8 @@ def _row(
 ) -> dict[str, object]:
     cloud = reference.cloud
     coded = measured_encoding(codec, cloud, rate, repeats, shared)
-    decoded = measured(lambda: codec.decode(coded.result), repeats, codec.cost)
+    decoded = measured(lambda: codec.decode_cloud(coded.result), repeats, codec.cost)
+    errors = geometry_metrics(reference, decoded.result.xyz, peak)
     return {
         "codec": codec.name,
         "rate": rate,
@@ -175,5 +177,6 @@ def _row(
         "bpp": 8 * len(coded.result) / len(cloud),
         **coded.costs("encode"),
         **decoded.costs("decode"),
-        **geometry_metrics(reference, decoded.result, peak),
+        **errors,
+        **attribute_metrics(cloud, decoded.result, errors),
     }

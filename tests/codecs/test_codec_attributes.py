@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from puckbench.codecs.registry import open_codec
+from puckbench.core.errors import InputError
 from puckbench.geometry.attributes import attributes_of
 from puckbench.geometry.cloud import PointCloud
 from puckbench.io.clouds import read_cloud, write_cloud
@@ -75,3 +76,13 @@ def test_rows_have_the_bits_of_each_attribute_and_what_is_not_coded(tmp_path: Pa
     assert lossy < exact
     Decode(rate="2mm").run(tmp_path / "curve.zip", tmp_path / "decoded.ply")
     assert _rows(read_cloud(tmp_path / "decoded.ply")) == _rows(cloud)
+
+
+@pytest.mark.parametrize("value", [0.5, -1.0, np.nan, np.inf, 65536.0])
+@pytest.mark.parametrize("rate", ["2mm", "100mm"])
+def test_reflectances_that_are_no_whole_numbers_are_refused(value: float, rate: str) -> None:
+    values = np.full(400, 3.0)
+    values[7] = value
+    cloud = PointCloud(_cloud().xyz, fields={"reflectance": values}, about={"size": 0})
+    with pytest.raises(InputError, match="reflectance: 1 of 400 values are not whole numbers"):
+        open_codec("gpcc", {"options": CODING}).encode_cloud(cloud, rate)

@@ -5,7 +5,7 @@ import pytest
 
 from puckbench.geometry.cloud import PointCloud
 from puckbench.geometry.mesh import Mesh
-from puckbench.metrics.cloud_metrics import geometry_metrics, picture_metrics
+from puckbench.metrics.cloud_metrics import attribute_metrics, geometry_metrics, picture_metrics
 from puckbench.metrics.geometry import DistinctPoints, ReferenceCloud
 from puckbench.metrics.psnr import PEAK_M
 from puckbench.metrics.truth import Truth
@@ -72,13 +72,13 @@ def test_one_reference_gives_many_decoded_clouds_the_measures_of_one_off_calls()
 def test_pictures_and_colours_are_measured_where_there_are_some() -> None:
     grey = np.full((len(GRID), 3), 100, np.uint8)
     plain, coloured = PointCloud(GRID), PointCloud(GRID, colours=grey)
-    assert picture_metrics(plain, plain, 0, {}) == {}
-    assert picture_metrics(plain, coloured, 0, {}) == picture_metrics(coloured, plain, 0, {}) == {}
-    both = picture_metrics(coloured, coloured, 0, {"cd_plane": 2.0})
+    for pair in ((plain, plain), (plain, coloured), (coloured, plain)):
+        assert attribute_metrics(*pair, {}) == {}
+    both = attribute_metrics(coloured, coloured, {"cd_plane": 2.0})
     assert both["joint_quality"] == pytest.approx(0.6597 * 2)
     assert "y_psnr" not in both
-    pictures = picture_metrics(plain, PointCloud(RAISED[1:]), 32, {})
-    assert pictures["view_pixels"] == 32
+    assert picture_metrics(plain, plain, 0) == {}
+    assert picture_metrics(plain, PointCloud(RAISED[1:]), 32)["view_pixels"] == 32
 
 
 def test_the_true_surface_is_a_mesh_in_metres_or_points_in_the_cloud_s_frame() -> None:

@@ -43,6 +43,12 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         default=0,
         help="width in pixels of six pictures to compare (default: 0, none)",
     )
+    parser.add_argument(
+        "--reflectance-bits",
+        type=integer(1),
+        help="bits of reflectances, for the peak of their PSNR (default: 8, or 16 if there are "
+        "larger ones; MPEG's pc_error uses 16)",
+    )
     parser.add_argument("--dataset", help="name of the data set, for the result row")
     parser.add_argument("--row", type=Path, help="write the result row here (JSON)")
     parser.add_argument("--rate", help="rate of a curve (coded/DATASET/CLOUD/CODEC.zip)")
@@ -50,7 +56,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
-    settings = selected(options, "dataset", "peak", "views", "rate")
+    settings = selected(options, "dataset", "peak", "views", "rate", "reflectance_bits")
     job = Evaluate.given(**settings, **timed_options(options))
     files = selected(options, "row", "truth", "visible", "clean")
     row = job.run(options.reference, options.decoded, **files)

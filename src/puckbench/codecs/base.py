@@ -31,7 +31,7 @@ from puckbench.codecs.facts import CodecFacts, Line, Memory, Pace, Parameters, T
 from puckbench.coding.shift import moved, shift_of, shifted, unshifted
 from puckbench.core.errors import InputError, naming
 from puckbench.core.measurement import NO_COST, Cost
-from puckbench.geometry.attributes import Attributes, attributes_of
+from puckbench.geometry.attributes import Attributes, attributes_of, check_attributes
 from puckbench.geometry.cloud import Floats, PointCloud, check_points
 from puckbench.geometry.mesh import Mesh, labelled_mesh_in_metres
 
@@ -180,7 +180,8 @@ class Codec(CodecFacts, ABC):
         Raises
         ------
         InputError
-            The rate is unknown, the cloud is empty, or a coordinate is not finite.
+            The rate is unknown, the cloud is empty, a coordinate is not finite, or a reflectance is
+            no whole number of 16 bits.
         """
         parameters = self.parameters_of(rate)
         check_points(points, f"codec {self.name}")
@@ -189,6 +190,8 @@ class Codec(CodecFacts, ABC):
         shift = shift_of(points, step) if self.shifts_far_clouds else None
         points = points if shift is None else points - shift
         if attributes:
+            with naming(f"codec {self.name}"):
+                check_attributes(attributes, len(points))
             stream = self._encode_with_attributes(points, attributes, parameters)
         elif shared is None:
             stream = self._encode(points, parameters)

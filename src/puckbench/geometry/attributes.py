@@ -5,12 +5,15 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
+from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats, PointCloud
 
 Attributes = Mapping[str, NDArray[Any]]
 REFLECTANCE, COLOUR = "reflectance", "colour"
+_MOST_REFLECTANCE = 0xFFFF
 _FIELDS = (REFLECTANCE, "reflectivity", "intensity")
 """Fields that hold the reflectance, the first that a cloud has."""
 
@@ -37,6 +40,21 @@ def attributes_of(cloud: PointCloud) -> dict[str, NDArray[Any]]:
     if found[REFLECTANCE] is None and (field := reflectance_field(cloud)):
         found[REFLECTANCE] = cloud.fields[field]
     return {name: values for name, values in found.items() if values is not None}
+
+
+def check_attributes(attributes: Attributes, points: int) -> None:
+    """Raise InputError unless every point has a value of each attribute, and reflectances are whole
+    numbers of 16 bits."""
+    for name, values in attributes.items():
+        if len(values) != points:
+            raise InputError(f"{name}: {len(values)} values for {points} points")
+        if name == REFLECTANCE:
+            valid = (values >= 0) & (values <= _MOST_REFLECTANCE) & (values == np.floor(values))
+            if invalid := int(np.count_nonzero(~valid)):
+                raise InputError(
+                    f"{name}: {invalid} of {points} values are not whole numbers from 0 to "
+                    f"{_MOST_REFLECTANCE}; scale and round them, or do not code them"
+                )
 
 
 def not_coded(cloud: PointCloud, coded: Collection[str]) -> list[str]:

@@ -20,12 +20,17 @@ from puckbench.jobs.decode import Decoded, Decoding
 from puckbench.jobs.registry import JOBS
 from puckbench.jobs.surfaces import read_truth
 from puckbench.lidar.returns import with_returns
-from puckbench.metrics.cloud_metrics import geometry_metrics, picture_metrics
+from puckbench.metrics.cloud_metrics import (
+    attribute_metrics,
+    geometry_metrics,
+    picture_metrics,
+)
 from puckbench.metrics.coordinate_frames import FRAME
 from puckbench.metrics.metric_registry import further_metrics
 from puckbench.metrics.sensor_metrics import range_errors, range_errors_of_points, real_time_metrics
 
 if TYPE_CHECKING:
+    from puckbench.geometry.cloud import PointCloud
     from puckbench.lidar.returns import Returns
 
 _FEW_POINTS = 0.01
@@ -65,23 +70,34 @@ class Originals:
 
     @cached_property
     def returns(self) -> Returns | None:
-        return with_returns(self.reference.cloud, self._cloud).returns
+        return self.attributed.returns
+
+    @cached_property
+    def attributed(self) -> PointCloud:
+        """The encoded cloud, with its returns if it has them."""
+        return with_returns(self.reference.cloud, self._cloud)
 
 
 class Evaluating(Decoding):
     """A job that compares decoded clouds with the encoded cloud and the true surface.
 
     `peak` is the peak of the PSNRs, by default that in the cloud's description. `views` is the
-    width in pixels of six rendered views, 0 for none.
+    width in pixels of six rendered views, 0 for none. `reflectance_bits` gives the peak of
+    reflectances, 2^bits - 1; by default 8, or 16 if there are larger ones.
     """
 
     dataset: str | None = None
     peak: float | None = Field(None, gt=0)
     views: int = 0
+    reflectance_bits: int | None = Field(None, ge=1, le=16)
     metrics: tuple[str, ...] = ()
 
     def plugins(self) -> Iterable[str | None]:
         return *super().plugins(), *self.metrics
+
+    @property
+    def _reflectance_peak(self) -> float | None:
+        return None if self.reflectance_bits is None else 2.0**self.reflectance_bits - 1
 
     def row(self, originals: Originals, found: Decoded) -> dict[str, Any]:
         from puckbench.metrics.geometry import DistinctPoints
@@ -106,7 +122,8 @@ class Evaluating(Decoding):
             **record,
             "puckbench_version": __version__,
             **errors,
-            **picture_metrics(reference, points, self.views, errors),
+            **picture_metrics(reference, points, self.views),
+            **attribute_metrics(originals.attributed, points, errors, self._reflectance_peak),
             **(originals.truth.metrics(ready) if originals.truth else {}),
             **returns,
             **real_time_metrics(reference.about, record),

@@ -4,6 +4,7 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
+from puckbench.geometry.attributes import COLOUR, REFLECTANCE, attributes_of
 from puckbench.geometry.cloud import Floats, PointCloud
 
 if TYPE_CHECKING:
@@ -40,23 +41,41 @@ def geometry_metrics(
     return {**distances, **peak_entry, **_finite(decibels), **lengths, **squares}
 
 
-def picture_metrics(
-    reference: PointCloud, decoded: PointCloud, pixels: int, geometry: Mapping[str, float]
-) -> dict[str, float]:
-    """Return metrics of rendered views, and of colour if both clouds have colours.
+def picture_metrics(reference: PointCloud, decoded: PointCloud, pixels: int) -> dict[str, float]:
+    """Return metrics of rendered views that are `pixels` wide; with 0 there are none."""
+    if not pixels:
+        return {}
+    from puckbench.metrics.views import view_metrics
 
-    Views are `pixels` wide; with 0 there are none. `geometry` is the result of `geometry_metrics`.
+    return _finite(view_metrics(reference, decoded, pixels))
+
+
+def attribute_metrics(
+    reference: PointCloud,
+    decoded: PointCloud,
+    geometry: Mapping[str, float],
+    reflectance_peak: float | None = None,
+) -> dict[str, float]:
+    """Return metrics of colours and reflectances that both clouds have.
+
+    `geometry` is the result of `geometry_metrics`. Attributes are lossless if the same values come
+    back, each at its point if positions are lossless too.
     """
     values: dict[str, float] = {}
-    if pixels:
-        from puckbench.metrics.views import view_metrics
-
-        values |= view_metrics(reference, decoded, pixels)
-    if reference.colours is not None and decoded.colours is not None:
+    pairs = attributes_of(reference), attributes_of(decoded)
+    if all(COLOUR in attributes for attributes in pairs):
         from puckbench.metrics.colour import colour_distortion, joint_quality
 
         colour = colour_distortion(reference, decoded)
         values |= {**colour, "joint_quality": joint_quality(geometry, colour)}
+    if all(REFLECTANCE in attributes for attributes in pairs):
+        from puckbench.metrics.reflectance import reflectance_distortion
+
+        a, b = (attributes[REFLECTANCE] for attributes in pairs)
+        values |= reflectance_distortion((reference.xyz, a), (decoded.xyz, b), reflectance_peak)
+    for name in (COLOUR, REFLECTANCE):
+        if geometry.get("lossless") and values.get(f"{name}_max_error"):
+            values[f"{name}_lossless"] = False
     return _finite(values)
 
 

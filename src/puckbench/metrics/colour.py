@@ -6,8 +6,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from puckbench.core.errors import InputError
-from puckbench.geometry.cloud import Floats, PointCloud, check_points
-from puckbench.geometry.neighbours import Neighbours, SearchablePoints
+from puckbench.geometry.cloud import Floats, PointCloud
+from puckbench.metrics.paired_values import distinct_values, pair_errors, same_values
 from puckbench.metrics.psnr import psnr
 
 _YUV = np.array(
@@ -30,25 +30,28 @@ def yuv(colours: np.ndarray) -> Floats:
 
 
 def colour_distortion(reference: PointCloud, decoded: PointCloud) -> dict[str, float]:
-    """Return the colour errors between nearest neighbours, the larger of both directions.
-
-    The colours of points with equal coordinates, and of equidistant neighbours, are averaged.
+    """Return the colour errors between nearest neighbours (`paired_values`).
 
     Returns
     -------
     dict
         ``y_mse``, ``u_mse``, ``v_mse``; ``y_psnr``, ``u_psnr``, ``v_psnr`` (dB, peak 1);
+        ``colour_max_error``, the largest difference of red, green or blue, of 255;
+        ``colour_lossless``, whether the same colours come back;
         ``luminance_l2`` (`luminance_distance`).
     """
-    a, a_colours = _merged(reference, "reference cloud")
-    b, b_colours = _merged(decoded, "decoded cloud")
-    a_points, b_points = SearchablePoints(a), SearchablePoints(b)
-    ab = _squared(a_colours, b_colours, b_points.nearest(a_points))
-    ba = _squared(b_colours, a_colours, a_points.nearest(b_points))
-    errors = np.maximum(ab, ba)
-    values = {f"{name}_mse": float(errors[i]) for i, name in enumerate(_CHANNELS)}
+    a_colours, b_colours = (
+        _colours(reference, "reference cloud"),
+        _colours(decoded, "decoded cloud"),
+    )
+    a = distinct_values(reference.xyz, np.hstack([yuv(a_colours), a_colours]), "reference cloud")
+    b = distinct_values(decoded.xyz, np.hstack([yuv(b_colours), b_colours]), "decoded cloud")
+    squared, largest = pair_errors(a, b)
+    values = {f"{name}_mse": float(squared[i]) for i, name in enumerate(_CHANNELS)}
     values |= {f"{name}_psnr": psnr(values[f"{name}_mse"], 1.0) for name in _CHANNELS}
-    return values | {"luminance_l2": luminance_distance(a_colours[:, 0], b_colours[:, 0])}
+    values["colour_max_error"] = float(largest[3:].max())
+    values["colour_lossless"] = same_values(a_colours, b_colours)
+    return values | {"luminance_l2": luminance_distance(a.values[:, 0], b.values[:, 0])}
 
 
 def luminance_distance(a: Floats, b: Floats) -> float:
@@ -71,20 +74,7 @@ def joint_quality(distortion: Mapping[str, float], colour: Mapping[str, float]) 
     return weighted + (1 - GEOMETRY_WEIGHT) * colour["luminance_l2"]
 
 
-def _merged(cloud: PointCloud, what: str) -> tuple[Floats, Floats]:
-    check_points(cloud.xyz, what)
+def _colours(cloud: PointCloud, source: str) -> np.ndarray:
     if cloud.colours is None or cloud.colours.shape != cloud.xyz.shape:
-        raise InputError(f"{what}: needs a colour for every point")
-    points, inverse = np.unique(cloud.xyz, axis=0, return_inverse=True)
-    values, inverse = yuv(cloud.colours), inverse.ravel()
-    sums = np.stack([np.bincount(inverse, values[:, i]) for i in range(3)], axis=1)
-    return points, sums / np.bincount(inverse)[:, None]
-
-
-def _squared(queries: Floats, colours: Floats, nearest: Neighbours) -> Floats:
-    return np.asarray(np.mean((queries - _means(colours, nearest)) ** 2, axis=0))
-
-
-def _means(colours: Floats, nearest: Neighbours) -> Floats:
-    sums = np.add.reduceat(colours[nearest.index], nearest.starts[:-1], axis=0)
-    return np.asarray(sums / np.diff(nearest.starts)[:, None])
+        raise InputError(f"{source}: needs a colour for every point")
+    return cloud.colours

@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 _EMPTY = (
     (r"truth_.*", "the true surface is not known"),
     (r"clean_.*", "the cloud is not a virtual scan"),
+    (r"(reflectance|colour)_(?!psnr).*|bpp_\w+", "no such attribute was coded"),
+    (r"[yuv]_psnr|reflectance_psnr", "lossless, or no such attribute was coded"),
     (r".*_psnr(_\w+)?", "lossless, so that the PSNR is infinite"),
     (r"(range|returns)_.*|mbit_per_s|.*_(per_turn|real_time)", "no returns of a sensor"),
     (r"(bits_|saved_|added_)?at_.*", "no two rates enclose the error"),

@@ -24,11 +24,15 @@ class ColumnLabel:
 _CODED, _TRUTH = "Distortion to the coded cloud", "Distortion to the true surface"
 _CLEAN = "Distortion to the clean scan"
 _COST, _SEEN, _OTHER = "Size, time and memory", "Rendered views and colour", "Other"
-GROUPS = (_CODED, _TRUTH, _CLEAN, _COST, _SEEN, _OTHER)
+_REFLECTANCE = "Reflectance"
+GROUPS = (_CODED, _TRUTH, _CLEAN, _COST, _SEEN, _REFLECTANCE, _OTHER)
 
 _POINT, _PLANE = "point to point", "point to plane"
 _PLAIN = {
     "bpp": ("Bits per point", "bpp", _COST),
+    "bpp_geometry": ("Bits per point of positions", "bpp", _COST),
+    "bpp_reflectance": ("Bits per point of reflectances", "bpp", _COST),
+    "bpp_colour": ("Bits per point of colours", "bpp", _COST),
     "bytes": ("Size of the stream", "bytes", _COST),
     "encode_s": ("Encoding time", "s", _COST),
     "decode_s": ("Decoding time", "s", _COST),
@@ -61,6 +65,12 @@ _PLAIN = {
     "y_psnr": ("PSNR of luma", "dB", _SEEN),
     "u_psnr": ("PSNR of chroma, U", "dB", _SEEN),
     "v_psnr": ("PSNR of chroma, V", "dB", _SEEN),
+    "colour_max_error": ("Largest error of red, green or blue, of 255", "", _SEEN),
+    "colour_lossless": ("Whether the colours come back", "", _SEEN),
+    "reflectance_mse": ("Mean squared error of reflectances", "", _REFLECTANCE),
+    "reflectance_psnr": ("PSNR of reflectances", "dB", _REFLECTANCE),
+    "reflectance_max_error": ("Largest error of reflectances", "", _REFLECTANCE),
+    "reflectance_lossless": ("Whether the reflectances come back", "", _REFLECTANCE),
     "luminance_l2": ("Distance of luminance histograms", "", _SEEN),
     "joint_quality": ("Joint metric of geometry and colour", "", _SEEN),
 }
@@ -68,7 +78,9 @@ _COUNTS = (
     *("points_in", "points_a", "points_b", "truth_points_a", "truth_points_b"),
     *("dropped_points", "missing_returns"),
 )
-DESCRIPTIVE_COLUMNS = frozenset([*_COUNTS, "scale", "diameter", "elongation", "peak"])
+DESCRIPTIVE_COLUMNS = frozenset(
+    [*_COUNTS, "scale", "diameter", "elongation", "peak", "reflectance_peak"]
+)
 """Columns that describe the cloud or the measurement, not the codec's result."""
 
 _ENDINGS = {
@@ -90,6 +102,7 @@ _OF_TABLES = {
     "d1_psnr": ("PSNR D1", "dB"),
     "d2_psnr": ("PSNR D2", "dB"),
     "peak": ("Peak of the PSNRs", ""),
+    "reflectance_peak": ("Peak of the PSNR of reflectances", ""),
 }
 _OF_CLOUDS = {"median": "median", "q05": "5 %", "q25": "25 %", "q75": "75 %", "q95": "95 %"}
 _SUFFIXES = {

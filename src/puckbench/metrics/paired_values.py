@@ -1,0 +1,54 @@
+"""Differences between the values of two clouds at nearest neighbours, as in MPEG's pc_error.
+
+Values of points with equal coordinates, and of equidistant neighbours, are averaged.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puckbench.geometry.cloud import Floats, check_points
+from puckbench.geometry.neighbours import Neighbours, SearchablePoints
+
+
+class DistinctValues(NamedTuple):
+    """Distinct points (m, 3) and their mean values (m, components)."""
+
+    points: Floats
+    values: Floats
+
+
+def distinct_values(points: Floats, values: Floats, source: str) -> DistinctValues:
+    """Merge points (n, 3) with equal coordinates, and average their values (n, components)."""
+    check_points(points, source)
+    merged, inverse, counts = np.unique(points, axis=0, return_inverse=True, return_counts=True)
+    sums = [np.bincount(inverse.ravel(), column) for column in values.T]
+    return DistinctValues(merged, np.stack(sums, axis=1) / counts[:, None])
+
+
+def pair_errors(a: DistinctValues, b: DistinctValues) -> tuple[Floats, Floats]:
+    """Return the mean squared and the largest differences of each component.
+
+    Each is the larger of both directions.
+    """
+    a_points, b_points = SearchablePoints(a.points), SearchablePoints(b.points)
+    ab = np.abs(a.values - _means(b.values, b_points.nearest(a_points)))
+    ba = np.abs(b.values - _means(a.values, a_points.nearest(b_points)))
+    squared = np.maximum(np.mean(ab**2, axis=0), np.mean(ba**2, axis=0))
+    return squared, np.maximum(ab.max(axis=0), ba.max(axis=0))
+
+
+def same_values(a: NDArray[Any], b: NDArray[Any]) -> bool:
+    """Return whether two arrays have the same rows equally often, in any order."""
+    if a.shape != b.shape:
+        return False
+    rows = [np.sort(each) if each.ndim == 1 else each[np.lexsort(each.T)] for each in (a, b)]
+    return bool(np.array_equal(*rows))
+
+
+def _means(values: Floats, nearest: Neighbours) -> Floats:
+    sums = np.add.reduceat(values[nearest.index], nearest.starts[:-1], axis=0)
+    return np.asarray(sums / np.diff(nearest.starts)[:, None])
