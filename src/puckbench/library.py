@@ -94,7 +94,7 @@ def turns(
 def measures(
     original: PointCloud, decoded: PointCloud, peak: float | None = None
 ) -> dict[str, float]:
-    """Return metrics of a decoded cloud: geometry, and what both clouds have of attributes, returns.
+    """Return metrics of a decoded cloud: geometry, and attributes and returns of both.
 
     Parameters
     ----------

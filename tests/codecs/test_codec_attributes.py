@@ -1,7 +1,10 @@
 """Reflectances and colours through codecs and jobs."""
 
+from collections.abc import Callable
+from io import BytesIO
 from pathlib import Path
 
+import laspy
 import numpy as np
 import pytest
 
@@ -10,10 +13,12 @@ from puckbench.core.errors import InputError
 from puckbench.geometry.attributes import attributes_of
 from puckbench.geometry.cloud import PointCloud
 from puckbench.io.clouds import read_cloud, write_cloud
-from puckbench.jobs.curve_files import read_curve
+from puckbench.jobs.curve_files import read_curve, read_rows
 from puckbench.jobs.decode import Decode
 from puckbench.jobs.encode import EncodeCurve
-from tests.support.returns import recorded
+from puckbench.jobs.evaluate import EvaluateCurve
+from puckbench.lidar.returns import Returns
+from tests.support.returns import dual, recorded, staggered
 
 CODECS = ("gpcc", "gpcc_angular", "gpcc_predictive")
 CODING = {"attributes": True, "duplicates": "kept"}
@@ -86,3 +91,51 @@ def test_reflectances_that_are_no_whole_numbers_are_refused(value: float, rate: 
     cloud = PointCloud(_cloud().xyz, fields={"reflectance": values}, about={"size": 0})
     with pytest.raises(InputError, match="reflectance: 1 of 400 values are not whole numbers"):
         open_codec("gpcc", {"options": CODING}).encode_cloud(cloud, rate)
+
+
+@pytest.mark.parametrize("name", ["puck", "jpegxl", "jpegls"])
+@pytest.mark.parametrize("made", [recorded, dual, staggered])
+def test_codecs_of_returns_code_reflectivities_beside_the_same_ranges(
+    name: str, made: Callable[[], Returns]
+) -> None:
+    returns = made()
+    codec, bare = open_codec(name, {"options": {"reflectivities": True}}), open_codec(name)
+    if not codec.available().ok:
+        pytest.skip(codec.available().why)
+    stream, without = codec.encode_returns(returns, "2mm"), bare.encode_returns(returns, "2mm")
+    values = returns.reflectivities()
+    assert values is not None
+    (size,) = codec.attribute_bytes(stream).values()
+    assert 0 <= len(stream) - size - len(without) < 8  # flags and lengths
+    assert bare.attribute_bytes(without) == {}
+    decoded = bare.decode_cloud(stream)
+    np.testing.assert_array_equal(decoded.xyz, bare.decode_cloud(without).xyz)
+    np.testing.assert_array_equal(attributes_of(decoded)["reflectance"], values)
+
+
+def test_laz_codes_intensities_that_laspy_reads() -> None:
+    cloud = _cloud(65535)
+    codec = open_codec("laz", {"options": {"intensities": True}})
+    stream = codec.encode_cloud(cloud, "2mm")
+    assert (laspy.read(BytesIO(stream)).intensity == cloud.fields["intensity"]).all()
+    without = open_codec("laz").encode(cloud.xyz, "2mm")
+    assert codec.attribute_bytes(stream) == {"reflectance": len(stream) - len(without)}
+    decoded = open_codec("laz").decode_cloud(stream)
+    np.testing.assert_array_equal(decoded.fields["reflectance"], cloud.fields["intensity"])
+    assert open_codec("laz").decode_cloud(without).fields == {}
+
+
+def test_a_rate_may_have_a_qp_and_lossy_values_either_transform(tmp_path: Path) -> None:
+    write_cloud(tmp_path / "cloud.ply", _cloud())
+    rates = {f"qp{qp}": {"step_m": 0.001, "qp": qp} for qp in (40, 16)}
+    for transform in ("raht", "lifting"):
+        changes = {"options": {**CODING, "transform": transform}, "metric_rates": rates}
+        EncodeCurve(codec="gpcc", changes=changes).run(
+            tmp_path / "cloud.ply", tmp_path / "curve.zip"
+        )
+        EvaluateCurve().run(tmp_path / "cloud.ply", tmp_path / "curve.zip", tmp_path / "rows")
+        coarse, fine = read_rows([tmp_path / "rows"])
+        assert coarse["d1_mse"] == fine["d1_mse"] == 0
+        assert coarse["bpp_reflectance"] < fine["bpp_reflectance"]
+        assert coarse["reflectance_psnr"] < fine["reflectance_psnr"] - 12
+        assert coarse["y_psnr"] < fine["y_psnr"] - 12

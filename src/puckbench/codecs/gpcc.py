@@ -8,6 +8,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field
 
 from puckbench import __version__
@@ -46,6 +47,7 @@ EIGHTHS: Mapping[str, Parameters] = {
 NO_ATTRIBUTES: Attributes = MappingProxyType({})
 _NAMES = {"color": COLOUR, "reflectance": REFLECTANCE}
 _LABELS = {name: label for label, name in _NAMES.items()}
+_LIFTING = {COLOUR: "lifting", REFLECTANCE: "lifting_lidar"}
 _NO_COLOURS = np.empty((0, 3), np.uint8)
 _EIGHT_BITS, _TO_EIGHT_BITS = 255, 257
 _QPS = (51, 46, 40, 34, 28, 22)
@@ -97,8 +99,11 @@ class CoderOptions(GridOptions):
 
     attributes: bool = Field(
         False,
-        description="also code reflectances and colours: without loss where positions are, else by "
-        "RAHT at MPEG's QPs",
+        description="also code reflectances and colours: without loss where positions are, else at "
+        "MPEG's QPs, or with the parameter `qp` of a rate",
+    )
+    transform: Literal["raht", "lifting"] = Field(
+        "raht", description="transform of attributes that are coded with loss"
     )
 
 
@@ -214,28 +219,36 @@ class OwnCodec(GridCodec):
 
         points = np.array([[0, 0, 0], [5, 3, 1], [5, 3, 1], [50, 30, 10]])
         sensors = (None, SensorDescription((0.0,), (0.0,), 100))
+        held: Attributes = {REFLECTANCE: points[:, 0], COLOUR: points.astype(np.uint8)}
         for sensor in sensors[: 1 if self.takes == "points" else 2]:
-            self._units(self._stream(OnGrid(points, np.zeros(3, np.int64), sensor=sensor), {}))
+            on_grid = OnGrid(points, np.zeros(3, np.int64), sensor=sensor)
+            self._units(self._stream(on_grid, {}))
+            for parameters in ({}, {"qp": 34}) if self.options.attributes else ():
+                with_values = on_grid._replace(attributes=held, source=points.astype(float))
+                self._decoded(self._stream(with_values, parameters))
 
     def _encode_with_attributes(
         self, points: Floats, attributes: Attributes, parameters: Parameters
     ) -> bytes:
         return self._encoded(points, parameters, attributes=attributes)
 
-    def _decode_with_attributes(self, stream: bytes) -> PointCloud | None:
-        from puckbench.gpcc.attributes.cloud import decode_cloud
-
-        if not self.attribute_bytes(stream):
-            return None
+    def _decode_with_attributes(self, stream: bytes) -> PointCloud:
         with naming(f"codec {self.name}"):
             bare, grid = unwrap(stream)
-            decoded = decode_cloud(bare)
-            points = input_coordinates(decoded.positions(), grid)
-        values = {_NAMES.get(name, name): part for name, part in decoded.attributes.items()}
+            units, values = self._decoded(bare)
+            points = input_coordinates(units, grid)
         if values.get(COLOUR, _NO_COLOURS).dtype != np.uint8:
             wide = values.pop(COLOUR)
             values |= {f"{name}_16": wide[:, c] for c, name in enumerate(("red", "green", "blue"))}
         return cloud_with(points, values)
+
+    def _decoded(self, stream: bytes) -> tuple[Floats, dict[str, NDArray[Any]]]:
+        """Decode points in units of the input's grid, and attributes by name."""
+        from puckbench.gpcc.attributes.cloud import decode_cloud
+
+        decoded = decode_cloud(stream)
+        values = {_NAMES.get(name, name): part for name, part in decoded.attributes.items()}
+        return decoded.positions(), values
 
     def _code(
         self,
@@ -299,7 +312,8 @@ class OwnCodec(GridCodec):
         qp, chosen = self._qp(parameters), {}
         for name, values in points.attributes.items():
             lossless = "lossless" if name == COLOUR else "lossless_lidar"
-            options = ATTRIBUTE_PROFILES[lossless if qp is None else "raht"]
+            lossy = "raht" if self.options.transform == "raht" else _LIFTING[name]
+            options = ATTRIBUTE_PROFILES[lossless if qp is None else lossy]
             more: dict[str, Any] = {"spherical_coord": points.sensor is not None}
             is_wide = name == REFLECTANCE and values.max(initial=0) > _EIGHT_BITS
             if qp is not None:
@@ -311,6 +325,8 @@ class OwnCodec(GridCodec):
 
     def _qp(self, parameters: Parameters) -> int | None:
         """Return the QP of a rate's attributes, or None if they are coded without loss."""
+        if "qp" in parameters:
+            return int(parameters["qp"])
         if not self._loses(parameters):
             return None
         if "step_m" in parameters:

@@ -63,7 +63,7 @@ class GpccPredictive(SensorCodec):
         )
 
     def _qp(self, parameters: Parameters) -> int | None:
-        if radius_log2 := parameters.get("radius_inv_scale_log2"):
+        if "qp" not in parameters and (radius_log2 := parameters.get("radius_inv_scale_log2")):
             return frame_qp(float(parameters["step_m"]) * 2.0**radius_log2)
         return super()._qp(parameters)
 

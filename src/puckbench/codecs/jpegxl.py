@@ -3,16 +3,15 @@ from __future__ import annotations
 import numpy as np
 from pydantic import Field
 
-from puckbench.codecs.range_image import RangeImageCodec
+from puckbench.codecs.range_image import RangeImageCodec, RangeImageOptions
 from puckbench.codecs.registry import CODECS
 from puckbench.core.errors import InputError
-from puckbench.core.models import Model
 from puckbench.storage.range_images import Image
 
 _BOX = b"jxlc"
 
 
-class JpegXlOptions(Model):
+class JpegXlOptions(RangeImageOptions):
     effort: int = Field(
         10, ge=1, le=10, description="effort of the encoder; 10 gives the smallest streams"
     )

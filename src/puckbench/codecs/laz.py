@@ -1,13 +1,26 @@
 from __future__ import annotations
 
+from collections.abc import Mapping
 from importlib.metadata import version
+
+import numpy as np
+from pydantic import Field
 
 from puckbench.codecs.base import Codec, Pace, Parameters, lengths
 from puckbench.codecs.registry import CODECS
+from puckbench.coding.shift import unshifted
 from puckbench.core.errors import naming
-from puckbench.geometry.cloud import Floats
-from puckbench.storage.laz import MAGIC, decode_laz, encode_laz
+from puckbench.core.models import Model
+from puckbench.geometry.attributes import REFLECTANCE, Attributes, cloud_with, coded_sizes
+from puckbench.geometry.cloud import Floats, PointCloud
+from puckbench.storage.laz import MAGIC, decode_laz, encode_laz, intensity_bytes
 from puckbench.storage.steps import MOST_STEPS
+
+
+class LazOptions(Model):
+    intensities: bool = Field(
+        False, description="also code reflectances, as intensities of 16 bits without loss"
+    )
 
 
 @CODECS.register("laz")
@@ -29,6 +42,17 @@ class Laz(Codec):
     magic = MAGIC
     version = f"laspy {version('laspy')}, lazrs {version('lazrs')}"
 
+    Options = LazOptions
+    options: LazOptions
+
+    @property
+    def attributes(self) -> tuple[str, ...]:
+        return (REFLECTANCE,) if self.options.intensities else ()
+
+    def attribute_bytes(self, stream: bytes) -> Mapping[str, int]:
+        with naming(f"codec {self.name}"):
+            return coded_sizes({REFLECTANCE: intensity_bytes(unshifted(stream).stream)})
+
     def load(self) -> None:
         import laspy  # noqa: F401
         import lazrs  # noqa: F401
@@ -37,6 +61,18 @@ class Laz(Codec):
         with naming(f"codec {self.name}"):
             return encode_laz(points, float(parameters["step_m"]))
 
+    def _encode_with_attributes(
+        self, points: Floats, attributes: Attributes, parameters: Parameters
+    ) -> bytes:
+        values = attributes[REFLECTANCE].astype(np.uint16)
+        with naming(f"codec {self.name}"):
+            return encode_laz(points, float(parameters["step_m"]), values)
+
+    def _decode_with_attributes(self, stream: bytes) -> PointCloud | None:
+        with naming(f"codec {self.name}"):
+            points, intensities = decode_laz(stream)
+        return cloud_with(points, {REFLECTANCE: intensities}) if intensities.any() else None
+
     def _decode(self, stream: bytes) -> Floats:
         with naming(f"codec {self.name}"):
-            return decode_laz(stream)
+            return decode_laz(stream)[0]

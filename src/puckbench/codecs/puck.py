@@ -5,6 +5,7 @@ A stream contains the name of a sensor that puckbench describes, or the angles o
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Literal
 
 import numpy as np
@@ -14,8 +15,9 @@ from puckbench import __version__
 from puckbench.codecs.base import Pace, Parameters, lengths
 from puckbench.codecs.registry import CODECS
 from puckbench.codecs.returns_codec import ReturnsCodec, step_in_quanta
+from puckbench.core.errors import naming
 from puckbench.core.models import Model
-from puckbench.geometry.attributes import REFLECTANCE
+from puckbench.geometry.attributes import REFLECTANCE, coded_sizes
 from puckbench.lidar.returns import Beams, Returns
 from puckbench.lidar.turns import Layout, Turn
 from puckbench.puck.records import MAGIC
@@ -60,6 +62,12 @@ class Puck(ReturnsCodec):
     @property
     def attributes(self) -> tuple[str, ...]:
         return (REFLECTANCE,) if self.options.reflectivities else ()
+
+    def attribute_bytes(self, stream: bytes) -> Mapping[str, int]:
+        from puckbench.puck import reflectivity_bytes
+
+        with naming(f"codec {self.name}"):
+            return coded_sizes({REFLECTANCE: reflectivity_bytes(stream)})
 
     def load(self) -> None:
         turn = Turn(np.full((1, 8, 2), 500, np.uint16), np.arange(8, dtype=np.uint16) * 20)

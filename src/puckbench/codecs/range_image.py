@@ -3,13 +3,30 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Mapping
 from importlib.util import find_spec
+
+from pydantic import Field
 
 from puckbench.codecs.base import Availability, Pace, Parameters, lengths
 from puckbench.codecs.returns_codec import ReturnsCodec, step_in_quanta
 from puckbench.coding.framing import Framing
+from puckbench.core.errors import naming
+from puckbench.core.models import Model
+from puckbench.geometry.attributes import REFLECTANCE, coded_sizes
 from puckbench.lidar.returns import Returns
-from puckbench.storage.range_images import Image, decode_range_images, encode_range_images
+from puckbench.storage.range_images import (
+    Image,
+    decode_range_images,
+    encode_range_images,
+    reflectivity_bytes,
+)
+
+
+class RangeImageOptions(Model):
+    reflectivities: bool = Field(
+        False, description="also code the reflectivities of returns, as images without loss"
+    )
 
 
 class RangeImageCodec(ReturnsCodec):
@@ -18,6 +35,8 @@ class RangeImageCodec(ReturnsCodec):
     A rate is the step to which ranges are rounded; a step of 1 quantum is lossless.
     """
 
+    Options: type[RangeImageOptions] = RangeImageOptions
+    options: RangeImageOptions
     metric_rates = lengths(100, 50, 20, 10, 4, 2)
     pace = Pace(0.05, 10.0)
 
@@ -39,12 +58,22 @@ class RangeImageCodec(ReturnsCodec):
         return f"imagecodecs {version('imagecodecs')}" if self.available().ok else ""
 
     @property
+    def attributes(self) -> tuple[str, ...]:
+        return (REFLECTANCE,) if self.options.reflectivities else ()
+
+    def attribute_bytes(self, stream: bytes) -> Mapping[str, int]:
+        with naming(f"codec {self.name}"):
+            return coded_sizes({REFLECTANCE: reflectivity_bytes(self._framing.unframed(stream)[1])})
+
+    @property
     def _framing(self) -> Framing:
         return Framing(self.magic, 1, self.title)
 
     def _encode_returns(self, returns: Returns, parameters: Parameters) -> bytes:
         quanta = step_in_quanta(returns, parameters)
-        return self._framing.framed(encode_range_images(returns, quanta, self._image_encoded))
+        with_values = self.options.reflectivities
+        body = encode_range_images(returns, quanta, self._image_encoded, with_values)
+        return self._framing.framed(body)
 
     def _decode_returns(self, stream: bytes) -> Returns:
         return decode_range_images(self._framing.unframed(stream)[1], self._image_decoded)

@@ -57,6 +57,11 @@ def check_attributes(attributes: Attributes, points: int) -> None:
                 )
 
 
+def coded_sizes(sizes: Mapping[str, int]) -> dict[str, int]:
+    """Return the sizes of attributes that a stream has."""
+    return {name: size for name, size in sizes.items() if size}
+
+
 def not_coded(cloud: PointCloud, coded: Collection[str]) -> list[str]:
     """Return the names of colours and fields of a cloud that are not among coded attributes."""
     field = reflectance_field(cloud)

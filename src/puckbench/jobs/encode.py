@@ -28,7 +28,7 @@ from puckbench.lidar.returns import with_returns
 def to_code(
     codec: Codec, path: Path, frame: CoordinateFrame | None = None, rate: str | None = None
 ) -> PointCloud:
-    """Read a cloud, with its returns if the codec can use them.
+    """Read a cloud, with its returns if the codec can use them or codes attributes.
 
     By default, `frame` is that of the description, or metric if the file's format has the metre as
     unit.
@@ -38,7 +38,8 @@ def to_code(
         frame = "metric"
     with naming(path):
         codec.check_frame(frame or cloud.frame, rate)
-    return cloud if codec.takes == "points" else with_returns(cloud, path)
+    points_alone = codec.takes == "points" and not codec.attributes
+    return cloud if points_alone else with_returns(cloud, path)
 
 
 def measured_encoding(

@@ -45,8 +45,8 @@ def same_values(a: NDArray[Any], b: NDArray[Any]) -> bool:
     """Return whether two arrays have the same rows equally often, in any order."""
     if a.shape != b.shape:
         return False
-    rows = [np.sort(each) if each.ndim == 1 else each[np.lexsort(each.T)] for each in (a, b)]
-    return bool(np.array_equal(*rows))
+    first, second = (each.reshape(len(each), -1) for each in (a, b))
+    return np.array_equal(first[np.lexsort(first.T)], second[np.lexsort(second.T)])
 
 
 def _means(values: Floats, nearest: Neighbours) -> Floats:

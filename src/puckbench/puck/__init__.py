@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from puckbench.puck.returns import decode_returns as decode_returns
     from puckbench.puck.returns import encode_returns as encode_returns
     from puckbench.puck.returns import range_steps as range_steps
+    from puckbench.puck.returns import reflectivity_bytes as reflectivity_bytes
     from puckbench.puck.smoothing import smoothed_points as smoothed_points
     from puckbench.puck.stream import decode_turns as decode_turns
     from puckbench.puck.stream import encode_turns as encode_turns
@@ -24,7 +25,7 @@ __getattr__, __dir__, __all__ = lazy(
     __name__,
     options=("CodingOptions",),
     recording=("compress", "decompress"),
-    returns=("decode_returns", "encode_returns", "range_steps"),
+    returns=("decode_returns", "encode_returns", "range_steps", "reflectivity_bytes"),
     smoothing=("smoothed_points",),
     stream=("decode_turns", "encode_turns"),
 )

@@ -9,6 +9,7 @@ from io import BytesIO
 from puckbench.core.errors import InputError
 from puckbench.lidar.returns import Returns
 from puckbench.lidar.returns_header import decode_beams, decode_layout, encode_beams, encode_layout
+from puckbench.puck import turns
 from puckbench.puck.options import CodingOptions
 from puckbench.puck.records import DAMAGED, Record, RecordKind, join_records, read_records
 from puckbench.puck.stream import check_ranges, count_ranges
@@ -18,15 +19,15 @@ from puckbench.puck.turns import TurnDecoder, TurnEncoder, turn_step
 def encode_returns(returns: Returns, options: CodingOptions | None = None) -> bytes:
     """Encode returns as one self-contained stream; lossless by default."""
     encoder = TurnEncoder(returns.layout, options)
-    turns = [encoder.encode(turn) for turn in returns.turns]
+    bodies = [encoder.encode(turn) for turn in returns.turns]
     stream = join_records(
         [
             Record(RecordKind.LAYOUT, encode_layout(returns.layout)),
             Record(RecordKind.BEAMS, encode_beams(returns)),
-            *(Record(RecordKind.TURN, turn) for turn in turns),
+            *(Record(RecordKind.TURN, turn) for turn in bodies),
         ]
     )
-    check_ranges(sum(count_ranges(returns.layout, turn) for turn in turns), len(stream))
+    check_ranges(sum(count_ranges(returns.layout, body) for body in bodies), len(stream))
     return stream
 
 
@@ -41,6 +42,12 @@ def range_steps(stream: bytes) -> list[float]:
     """Return the quantisation step of the ranges in each turn of a stream, m."""
     without_turns, bodies = _read(stream)
     return [turn_step(body) * without_turns.quantum_m for body in bodies]
+
+
+def reflectivity_bytes(stream: bytes) -> int:
+    """Return the number of bytes of the reflectivities in a stream."""
+    without_turns, bodies = _read(stream)
+    return sum(turns.reflectivity_bytes(body, without_turns.layout) for body in bodies)
 
 
 def _read(stream: bytes) -> tuple[Returns, list[bytes]]:

@@ -188,6 +188,19 @@ def turn_step(body: bytes) -> int:
     return reader.number()
 
 
+def reflectivity_bytes(body: bytes, layout: Layout) -> int:
+    """Return the number of bytes of a coded turn's reflectivities, its last parts."""
+    reader = Reader(body)
+    if not reader.take(1)[0] & _REFLECTIVITIES:
+        return 0
+    reader.number(), reader.number()
+    starts = []
+    while reader.at < len(body):
+        starts.append(reader.at)
+        reader.take(reader.number())
+    return len(body) - starts[-layout.kinds] if len(starts) > layout.kinds else 0
+
+
 def _by_elevation(turn: Turn, layout: Layout) -> Turn:
     values = turn.reflectivities
     return replace(

@@ -8,6 +8,7 @@ from io import BytesIO
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats
@@ -28,14 +29,20 @@ _CHUNKS_AT, _CHUNKS = struct.Struct("<q"), struct.Struct("<II")
 """Before the points: position of the chunk table. At its start: version, and number of chunks."""
 
 
-def encode_laz(points: Floats, step: float) -> bytes:
+Intensities = NDArray[np.uint16]
+
+
+def encode_laz(points: Floats, step: float, intensities: Intensities | None = None) -> bytes:
     """Encode points (n, 3) in m, rounded to `step`, in their order; raise InputError if coordinates
     exceed 31 bits.
     """
     import laspy
 
     packed = BytesIO()
-    _las(points, step).write(packed, do_compress=True, laz_backend=laspy.LazBackend.Lazrs)
+    las = _las(points, step)
+    if intensities is not None:
+        las.intensity = intensities
+    las.write(packed, do_compress=True, laz_backend=laspy.LazBackend.Lazrs)
     stream = packed.getvalue()
     check_points_of(len(points), stream)
     return stream
@@ -54,8 +61,18 @@ def _las(points: Floats, step: float) -> Any:
     return las
 
 
-def decode_laz(stream: bytes) -> Floats:
-    """Decode the points (n, 3) from a stream written by `encode_laz`.
+def intensity_bytes(stream: bytes) -> int:
+    """Return by how many bytes a stream is larger than without intensities.
+
+    LAZ has no separate bytes for them: the points are encoded again.
+    """
+    points, intensities = decode_laz(stream)
+    step = float(np.frombuffer(stream, "<f8", 1, _SCALES_AT)[0])
+    return len(stream) - len(encode_laz(points, step)) if intensities.any() else 0
+
+
+def decode_laz(stream: bytes) -> tuple[Floats, Intensities]:
+    """Decode the points (n, 3) and intensities (n,) from a stream written by `encode_laz`.
 
     Raises InputError if the stream is damaged, or if another program wrote it. To read LAZ files of
     other programs, use `puckbench.io.las`.
@@ -75,8 +92,8 @@ def decode_laz(stream: bytes) -> Floats:
         decoder.decompress_many(records)
     except (lazrs.LazrsError, OSError, ValueError) as error:
         raise InputError("the stream is damaged (LAZ)") from error
-    steps = np.frombuffer(records, np.dtype("<i4")).reshape(count, -1)[:, :3]
-    return steps * scale
+    words = np.frombuffer(records, np.dtype("<i4")).reshape(count, -1)
+    return words[:, :3] * scale, (words[:, 3] & 0xFFFF).astype(np.uint16)
 
 
 def _checked_header(stream: bytes, begin: int, vlr: bytes) -> tuple[int, Floats]:
@@ -90,7 +107,7 @@ def _checked_header(stream: bytes, begin: int, vlr: bytes) -> tuple[int, Floats]
     made = [_HEADER_BYTES, begin, 1, _POINT_FORMAT | _COMPRESSED, _POINT_BYTES]
     is_ours = stream[begin - len(vlr) : begin] == vlr and not offset.any()
     if stream[:4] != MAGIC or starts != made or not is_ours:
-        raise InputError("not LAZ as puckbench writes it: points without attributes")
+        raise InputError("not LAZ as puckbench writes it: intensities alone beside points")
     check_points_of(count, stream)
     if not ((scale > 0) & (scale < _MOST_SCALE)).all():
         raise InputError("the stream is damaged (its scale)")

@@ -10,6 +10,8 @@ and their upper 16 bits. A stream's body has these parts, each after its length,
         turn, base 128
     differences between successive azimuths (16 bits, zigzag), low bytes first, by Zstandard
     an image for each turn and kind of return, by an image codec
+    if 2^17 is added to the quanta: an image of reflectivities for each of them; a pixel without a
+    return repeats its left neighbour
 """
 
 from __future__ import annotations
@@ -43,13 +45,17 @@ DecodeImage = Callable[[bytes, tuple[int, int], int], Image]
 """Decode an image; arguments are the stream, the shape, and the quanta in a step. Raises InputError
 if the stream is damaged or has another shape."""
 _MAX_QUANTA = 1 << 15
-_WIDE = 1 << 16
+_WIDE, _REFLECTIVITIES = 1 << 16, 1 << 17
 _PIXELS_PER_BYTE = 4096
 _FEW_PIXELS = 1 << 20
 
 
-def encode_range_images(returns: Returns, quanta: int, encode_image: EncodeImage) -> bytes:
+def encode_range_images(
+    returns: Returns, quanta: int, encode_image: EncodeImage, reflectivities: bool = False
+) -> bytes:
     """Encode returns, with ranges rounded to steps of `quanta` quanta (steps of the sensor).
+
+    `reflectivities`: also those, if all turns have them.
 
     A sensor that records two returns per beam gives two images. In the second, a pixel is 0 if both
     returns are equal.
@@ -57,8 +63,9 @@ def encode_range_images(returns: Returns, quanta: int, encode_image: EncodeImage
     layout, turns = returns.layout, returns.turns
     quanta = min(quanta, _MAX_QUANTA)
     is_wide = any(map(has_wide_ranges, turns))
-    width = _WIDE if is_wide else 0
-    numbers = [quanta | width, len(turns), *(len(turn.azimuths) for turn in turns)]
+    shades = [image for turn in turns for image in _shades(turn, layout)] if reflectivities else []
+    flags = is_wide * _WIDE | bool(shades) * _REFLECTIVITIES
+    numbers = [quanta | flags, len(turns), *(len(turn.azimuths) for turn in turns)]
     pixels = [image for turn in turns for image in _images(turn, layout, quanta)]
     images = [
         (image >> shift & 0xFFFF).astype(np.uint16)
@@ -71,9 +78,10 @@ def encode_range_images(returns: Returns, quanta: int, encode_image: EncodeImage
         b"".join(base_128(number) for number in numbers),
         _packed_azimuths(np.concatenate([turn.azimuths for turn in turns])),
         *(encode_image(image, quanta) for image in images),
+        *(encode_image(image, 1) for image in shades),
     ]
     body = b"".join(base_128(len(part)) + part for part in parts)
-    _check_pixels(sum(image.size for image in images), body)
+    _check_pixels(sum(image.size for image in [*images, *shades]), body)
     return body
 
 
@@ -82,12 +90,13 @@ def decode_range_images(body: bytes, decode_image: DecodeImage) -> Returns:
     reader = Reader(body)
     layout = decode_layout(_part(reader))[0]
     bare = decode_beams(_part(reader), layout)
-    quanta, is_wide, blocks = _numbers(Reader(_part(reader)))
+    quanta, flags, blocks = _numbers(Reader(_part(reader)))
+    is_wide, has_shades = bool(flags & _WIDE), bool(flags & _REFLECTIVITIES)
     each = layout.kinds * (2 if is_wide else 1)
     if any(not 0 < count <= layout.max_blocks for count in blocks):
         raise InputError("the stream is damaged (its turns)")
     columns = [count * layout.columns_per_block for count in blocks]
-    _check_pixels(sum(columns) * layout.lasers * each, reader.body)
+    _check_pixels(sum(columns) * layout.lasers * (each + has_shades * layout.kinds), reader.body)
     azimuths = np.split(_unpacked_azimuths(_part(reader), sum(blocks)), np.cumsum(blocks)[:-1])
     turns = []
     for width, azimuth in zip(columns, azimuths, strict=True):
@@ -97,22 +106,38 @@ def decode_range_images(body: bytes, decode_image: DecodeImage) -> Returns:
             pairs = zip(images[::2], images[1::2], strict=True)
             images = [(low + high * np.uint32(1 << 16)).astype(np.uint32) for low, high in pairs]
         turns.append(_turn(images, azimuth, layout, quanta))
+    if has_shades:
+        for k, turn in enumerate(turns):
+            shape = (layout.lasers, turn.ranges.shape[1])
+            images = [decode_image(_part(reader), shape, 1) for _ in range(layout.kinds)]
+            turns[k] = replace(turn, reflectivities=_reflectivities(images, turn, layout))
     if reader.rest():
         raise InputError("the stream is damaged (bytes at its end)")
     return replace(bare, turns=tuple(turns))
+
+
+def reflectivity_bytes(body: bytes) -> int:
+    """Return the number of bytes of the images of reflectivities in a body."""
+    reader = Reader(body)
+    layout = decode_layout(_part(reader))[0]
+    _part(reader)
+    flags, blocks = _numbers(Reader(_part(reader)))[1:]
+    for _ in range(1 + len(blocks) * layout.kinds * (2 if flags & _WIDE else 1)):
+        _part(reader)
+    return len(reader.rest())
 
 
 def _part(reader: Reader) -> bytes:
     return reader.take(reader.number())
 
 
-def _numbers(reader: Reader) -> tuple[int, bool, list[int]]:
-    """Read the quanta per step, whether pixels have 32 bits, and the blocks of each turn."""
+def _numbers(reader: Reader) -> tuple[int, int, list[int]]:
+    """Read the quanta per step, the flags, and the blocks of each turn."""
     quanta, turns = reader.number(), reader.number()
-    is_wide, quanta = bool(quanta & _WIDE), quanta & ~_WIDE
+    flags, quanta = quanta & (_WIDE | _REFLECTIVITIES), quanta & ~(_WIDE | _REFLECTIVITIES)
     if not 0 < quanta <= _MAX_QUANTA or not 0 < turns <= len(reader.body):
         raise InputError("the stream is damaged (its numbers)")
-    return quanta, is_wide, [reader.number() for _ in range(turns)]
+    return quanta, flags, [reader.number() for _ in range(turns)]
 
 
 def _check_pixels(pixels: int, body: bytes) -> None:
@@ -128,6 +153,27 @@ def _images(turn: Turn, layout: Layout, quanta: int) -> list[Ranges]:
     if layout.kinds == 2:
         images.append(_swapped(steps[1], steps[0]))
     return images
+
+
+def _shades(turn: Turn, layout: Layout) -> list[Image]:
+    if turn.reflectivities is None:
+        return []
+    values, has_return = (
+        by_elevation(part, layout)[:, :, ::-1].transpose(0, 2, 1)
+        for part in (turn.reflectivities.astype(np.uint16), turn.ranges > 0)
+    )
+    columns = np.where(has_return, np.arange(values.shape[2]), 0)
+    filled = np.take_along_axis(values, np.maximum.accumulate(columns, axis=2), axis=2)
+    others = [_swapped(other, filled[0]).astype(np.uint16) for other in filled[1:]]
+    return [filled[0], *others]
+
+
+def _reflectivities(images: Sequence[Ranges], turn: Turn, layout: Layout) -> NDArray[np.uint8]:
+    values = np.stack([images[0], *(_swapped(other, images[0]) for other in images[1:])])
+    if values.max(initial=0) > 0xFF:
+        raise InputError("the stream is damaged (its reflectivities)")
+    placed = by_laser(values.astype(np.uint8).transpose(0, 2, 1)[:, :, ::-1], layout)
+    return np.where(turn.ranges > 0, placed, np.uint8(0))
 
 
 def _swapped(image: Ranges, first: Ranges) -> Ranges:
