@@ -11,7 +11,7 @@ and their upper 16 bits. A stream's body has these parts, each after its length,
     differences between successive azimuths (16 bits, zigzag), low bytes first, by Zstandard
     an image for each turn and kind of return, by an image codec
     if 2^17 is added to the quanta: an image of reflectivities for each of them; a pixel without a
-    return repeats its left neighbour
+    return repeats its left neighbour or, in the second image, the first image
 """
 
 from __future__ import annotations
@@ -164,8 +164,8 @@ def _shades(turn: Turn, layout: Layout) -> list[Image]:
     )
     columns = np.where(has_return, np.arange(values.shape[2]), 0)
     filled = np.take_along_axis(values, np.maximum.accumulate(columns, axis=2), axis=2)
-    others = [_swapped(other, filled[0]).astype(np.uint16) for other in filled[1:]]
-    return [filled[0], *others]
+    others = np.where(has_return, values, filled[0])[1:]
+    return [filled[0], *(_swapped(other, filled[0]).astype(np.uint16) for other in others)]
 
 
 def _reflectivities(images: Sequence[Ranges], turn: Turn, layout: Layout) -> NDArray[np.uint8]:
