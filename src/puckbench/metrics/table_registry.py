@@ -35,6 +35,8 @@ SEVERAL_NOISES = "noises"
 """Requirement: virtual scans of the same scenes under several error models."""
 ODOMETRY = "odometry"
 """Requirement: drives with the task of this name."""
+ATTRIBUTES = "attributes"
+"""Requirement: a codec that codes attributes."""
 OCTREE_AND_OTHERS = "octree"
 """Requirement: the codec ``gpcc`` and another codec on clouds in metres."""
 

@@ -22,6 +22,11 @@ def odometry_on_drives(plan: Plan) -> Options | None:
     return _if(any("odometry" in drive.tasks for drive in plan.drives.values()))
 
 
+@NEEDS.register("attributes")
+def coded_attributes(plan: Plan) -> Options | None:
+    return _if(any(codec.attributes for codec in plan.opened.values()))
+
+
 @NEEDS.register("octree")
 def octree_and_others(plan: Plan) -> Options | None:
     metric = {name for name, codec in plan.opened.items() if codec.rates_of("metric")}
