@@ -15,12 +15,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from benchmarks.turns import Turn
+from numpy.typing import NDArray
 
 from puckbench.codecs.external import write_points
-from puckbench.geometry.cloud import Floats
+from puckbench.geometry.cloud import Floats, PointCloud
 from puckbench.gpcc.coder import decode_geometry
 from puckbench.gpcc.sensor import SensorDescription
-from puckbench.io.clouds import read_cloud
+from puckbench.io.clouds import read_cloud, write_cloud
 
 SECONDS, MEMORY = 30, 2**31
 """That one of TMC3's processes may take: slices of a flat cloud have it search for ever."""
@@ -46,9 +47,23 @@ class Reference:
     def __init__(self, program: str, folder: Path) -> None:
         self._program, self._folder = program, folder
 
-    def encode(self, points: Floats, options: Mapping[str, Any], scale: float = 1) -> bytes:
+    def encode(
+        self,
+        points: Floats,
+        options: Mapping[str, Any],
+        scale: float = 1,
+        reflectances: NDArray[Any] | None = None,
+    ) -> bytes:
         """The stream of points, whole numbers; scaled as TMC3 does it."""
-        write_points(self._folder / "in.ply", points, "float64")
+        if reflectances is None:
+            write_points(self._folder / "in.ply", points, "float64")
+        else:
+            values = {"reflectance": reflectances.astype(np.uint16)}
+            file = self._folder / "in.ply"
+            write_cloud(file, PointCloud(points, fields=values))
+            head, end, rows = file.read_bytes().partition(b"end_header")
+            head = head.replace(b"double", b"float64").replace(b"ushort", b"uint16")
+            file.write_bytes(head + end + rows)  # the only names that TMC3 knows
         given = {"uncompressedDataPath": self._folder / "in.ply", "disableAttributeCoding": 1}
         self._run({"mode": 0, **given, "positionQuantizationScale": scale, **options})
         return (self._folder / "stream.bin").read_bytes()

@@ -5,9 +5,10 @@
 Modes: the octree with the profiles minimal, ctc and defaults at scales 0.125, 0.5 and 1 (a
 generated office, with the VLP-16's errors, scaled to 1023: 1,152,000 points with the azimuth step
 0.1 deg), the octree with angular mode, and predictive geometry (turns of a level VLP-16 in that
-office, mm, every point coded). TMC3's seconds are those that it prints, without its reading and
-writing of files; ours are of arrays in memory, compiled before. The two take turns, and the least
-time of the repeats counts.
+office, mm, every point coded), and attributes (20 such turns as one cloud, by the octree, with
+reflectances by the predicting and the lifting transform and RAHT). TMC3's seconds are those that it
+prints, without its reading and writing of files; ours are of arrays in memory, compiled before. The
+two take turns, and the least time of the repeats counts.
 """
 
 from __future__ import annotations
@@ -26,19 +27,38 @@ from benchmarks.checks import gpcc_predictive_crosscheck as predictive
 from benchmarks.clouds import scanned_room
 from benchmarks.tmc3 import Reference
 from benchmarks.turns import virtual_turn
+from tests.gpcc.attribute_vectors import reflectances
 
 from puckbench.codecs.tmc13 import PROFILES as TMC3_PROFILES
 from puckbench.geometry.cloud import Floats
+from puckbench.geometry.morton import Ints
+from puckbench.gpcc.attributes.cloud import decode_cloud, encode_cloud
+from puckbench.gpcc.attributes.options import ATTRIBUTE_PROFILES
 from puckbench.gpcc.coder import decode_geometry, encode_geometry
 from puckbench.gpcc.grid import DEFAULT_GRID, quantise
 from puckbench.gpcc.options import PROFILES, GpccOptions
 from puckbench.gpcc.predictive_coder import PredictiveOptions, encode_predictive_geometry
 
 SCALES = (0.125, 0.5, 1.0)
-MODES = ("octree", "angular", "predictive")
+MODES = ("octree", "angular", "predictive", "attributes")
 LEAST_S = 0.001
 """TMC3 may print 0 seconds."""
 MOST = 1 << 24
+BY_SLICE = {"disableAttributeCoding": 0, "convertPlyColourspace": 1}
+LEVELS = {"levelOfDetailCount": 12, "numberOfNearestNeighborsInPrediction": 3}
+LIFTING = {**LEVELS, "lodDecimator": 1, "adaptivePredictionThreshold": 64, "qp": 34}
+NEAREST = {
+    "levelOfDetailCount": 0,
+    "intraLodPredictionSkipLayers": 0,
+    "qp": 4,
+    "adaptivePredictionThreshold": 64,
+    "direct_avg_predictor_disabled_flag": 1,
+}
+TRANSFORMS: dict[str, tuple[str, dict[str, Any]]] = {
+    "predicting": ("lossless_lidar", {"transformType": 1, **NEAREST}),
+    "lifting": ("lifting_lidar", {"transformType": 2, **LIFTING}),
+    "RAHT": ("raht", {"transformType": 0, "qp": 34}),
+}
 ONE_SLICE = {"enforceLevelLimits": 0, "sliceMaxPoints": MOST, "positionSliceQpFreqLog2": 8}
 
 
@@ -48,6 +68,8 @@ class Case(NamedTuple):
     options: dict[str, Any]
     scale: float
     encode: Callable[[], bytes]
+    decode: Callable[[bytes], object] = lambda stream: decode_geometry(stream).positions()
+    reflectances: Ints | None = None
 
 
 def octree_cases(step_deg: float) -> Iterator[Case]:
@@ -90,7 +112,20 @@ def predictive_cases(step_deg: float) -> Iterator[Case]:
         yield Case(f"predictive, {name}", turn.points.astype(np.float64), options, 1.0, encode)
 
 
-CASES = {"octree": octree_cases, "angular": angular_cases, "predictive": predictive_cases}
+def attribute_cases(step_deg: float) -> Iterator[Case]:
+    points = virtual_turn("vlp16", turns=20, step_deg=step_deg).points
+    values, tools = reflectances(points), PROFILES["ctc"].replaced(merge_duplicates=False)
+    words = dict(word.removeprefix("--").split("=") for word in TMC3_PROFILES["ctc"])
+    for name, (profile, given) in TRANSFORMS.items():
+        chosen = {"reflectance": ATTRIBUTE_PROFILES[profile]}
+        encode = partial(encode_cloud, points, {"reflectance": values}, tools, chosen)
+        options = {**words, "mergeDuplicatedPoints": 0, **BY_SLICE, **given}
+        options |= {"bitdepth": 8, "attrScale": 1, "attribute": "reflectance"}
+        yield Case(name, points.astype(float), options, 1.0, encode, decode_cloud, values)
+
+
+MAKERS = (octree_cases, angular_cases, predictive_cases, attribute_cases)
+CASES = dict(zip(MODES, MAKERS, strict=True))
 
 
 def seconds(call: Callable[[], object]) -> float:
@@ -101,15 +136,15 @@ def seconds(call: Callable[[], object]) -> float:
 
 def row(reference: Reference, case: Case, repeats: int) -> str:
     ours = case.encode()
-    decode_geometry(ours).positions()
+    case.decode(ours)
     least = np.full((2, 2), np.inf)  # encode and decode; TMC3 and ours
     for _ in range(repeats):
-        theirs = reference.encode(case.points, case.options, case.scale)
+        theirs = reference.encode(case.points, case.options, case.scale, case.reflectances)
         encode_s = reference.printed_seconds("wall")
         reference.decode(theirs)
         times = [
             [encode_s, seconds(case.encode)],
-            [reference.printed_seconds("wall"), seconds(lambda: decode_geometry(ours).positions())],
+            [reference.printed_seconds("wall"), seconds(lambda: case.decode(ours))],
         ]
         least = np.minimum(least, times)
     cells = [f"{a:.3f} / {b:.3f} ({b / max(a, LEAST_S):.2f})" for a, b in least.tolist()]
