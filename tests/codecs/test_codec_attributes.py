@@ -113,6 +113,24 @@ def test_codecs_of_returns_code_reflectivities_beside_the_same_ranges(
     np.testing.assert_array_equal(attributes_of(decoded)["reflectance"], values)
 
 
+def test_puck_need_not_code_the_reflectivities_of_firings_without_a_return() -> None:
+    returns = recorded()
+    sizes = {}
+    for choice in (True, "returns"):
+        codec = open_codec("puck", {"options": {"reflectivities": choice}})
+        stream = codec.encode_returns(returns, "2mm")
+        sizes[choice] = codec.attribute_bytes(stream)["reflectance"]
+        decoded = codec.decode_cloud(stream).returns
+        assert decoded is not None
+        np.testing.assert_array_equal(decoded.reflectivities(), returns.reflectivities())
+        for turn, original in zip(decoded.turns, returns.turns, strict=True):
+            kept = original.reflectivities
+            if choice == "returns":
+                kept = np.where(original.ranges > 0, kept, 0)
+            np.testing.assert_array_equal(turn.reflectivities, kept)
+    assert sizes["returns"] < sizes[True]
+
+
 def test_laz_codes_intensities_that_laspy_reads() -> None:
     cloud = _cloud(65535)
     codec = open_codec("laz", {"options": {"intensities": True}})

@@ -6,6 +6,7 @@ A stream contains the name of a sensor that puckbench describes, or the angles o
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -36,7 +37,9 @@ class PuckOptions(Model):
         "above 0 ranges may be off by more than half a step (lossy rates only)",
     )
     times: bool = Field(False, description="also code the times of packets")
-    reflectivities: bool = Field(False, description="also code reflectivities")
+    reflectivities: bool | Literal["returns"] = Field(
+        False, description="also code reflectivities; `returns`: not those of firings without one"
+    )
 
 
 @CODECS.register("puck")
@@ -81,13 +84,21 @@ class Puck(ReturnsCodec):
         from puckbench.puck import CodingOptions, encode_returns
 
         options = self.options
+        if options.reflectivities == "returns":
+            returns = replace(returns, turns=tuple(map(_without_others, returns.turns)))
         lmbda = options.lmbda * step**2 if step > 1 else 0.0
         return encode_returns(
             returns,
-            CodingOptions(step, lmbda, options.times, options.reflectivities, options.effort),
+            CodingOptions(step, lmbda, options.times, bool(options.reflectivities), options.effort),
         )
 
     def _decode_returns(self, stream: bytes) -> Returns:
         from puckbench.puck import decode_returns
 
         return decode_returns(stream)
+
+
+def _without_others(turn: Turn) -> Turn:
+    if turn.reflectivities is None:
+        return turn
+    return replace(turn, reflectivities=turn.reflectivities * (turn.ranges > 0))
