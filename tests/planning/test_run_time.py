@@ -39,6 +39,12 @@ def test_every_job_of_a_curve_grows_with_its_points_and_its_rates() -> None:
     assert short("figure") == large("figure") > 0
 
 
+def test_attributes_take_longer_than_positions_alone() -> None:
+    bare = job_seconds(workflow(gpcc={}))
+    both = job_seconds(workflow(gpcc={"options": {"attributes": True}}))
+    assert both("encode") > 1.5 * bare("encode")
+
+
 def test_more_cores_take_less_and_a_slower_machine_more() -> None:
     jobs, seconds = {"encode": 4, "figure": 2}, job_seconds(workflow(draco={}))
     work = 4 * seconds("encode") + 2 * seconds("figure")

@@ -49,6 +49,8 @@ _NAMES = {"color": COLOUR, "reflectance": REFLECTANCE}
 _LABELS = {name: label for label, name in _NAMES.items()}
 _LIFTING = {COLOUR: "lifting", REFLECTANCE: "lifting_lidar"}
 _NO_COLOURS = np.empty((0, 3), np.uint8)
+_ATTRIBUTES_S = 2.0
+"""Time to encode and decode the attributes of a million points, s."""
 _EIGHT_BITS, _TO_EIGHT_BITS = 255, 257
 _QPS = (51, 46, 40, 34, 28, 22)
 """QPs of the rates of MPEG's common test conditions, r01 first."""
@@ -213,6 +215,12 @@ class OwnCodec(GridCodec):
         with naming(f"codec {self.name}"):
             sizes = attribute_bytes(unwrap(unshifted(stream).stream).stream)
         return {_NAMES.get(name, name): size for name, size in sizes.items()}
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        super().__init__(*arguments, **options)
+        if self.options.attributes:
+            slower = self.pace.per_million_s + _ATTRIBUTES_S
+            self.pace = self.pace._replace(per_million_s=slower)
 
     def load(self) -> None:
         from puckbench.gpcc.sensor import SensorDescription

@@ -118,7 +118,7 @@ class CodingJobs:
         return max((data.points for data in self.plan.datasets.values()), default=0)
 
     def pace(self, codec: str) -> Pace:
-        return codec_class(codec, self.plan.config.codec(codec)).pace
+        return self.plan.opened[codec].pace
 
     @cache  # noqa: B019
     def minutes(self, codec: str) -> int:
