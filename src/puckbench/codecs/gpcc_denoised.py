@@ -11,6 +11,7 @@ from puckbench.codecs.base import Availability, Pace, Parameters
 from puckbench.codecs.gpcc import CoderOptions, Gpcc
 from puckbench.codecs.registry import CODECS
 from puckbench.core.measurement import NO_COST, Cost, measured
+from puckbench.geometry.attributes import Attributes
 from puckbench.geometry.cloud import Floats
 from puckbench.geometry.jet_smoothing import LEAST_NEIGHBOURS, smooth_by_jets
 
@@ -62,7 +63,6 @@ class GpccDenoised(Gpcc):
     pace = Pace(0.5, 30.0, encoding=0.95)
     Options = DenoisedOptions
     options: DenoisedOptions
-    magic = b""
     estimates: ClassVar[bool] = True
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
@@ -77,6 +77,12 @@ class GpccDenoised(Gpcc):
 
     def shared_work(self) -> DenoisedPoints:
         return DenoisedPoints()
+
+    def _encode_with_attributes(
+        self, points: Floats, attributes: Attributes, parameters: Parameters
+    ) -> bytes:
+        smooth = smooth_by_jets(points, self.options.neighbours)
+        return super()._encode_with_attributes(smooth, attributes, parameters)
 
     def _encode(self, points: Floats, parameters: Parameters) -> bytes:
         return self._encode_sharing(points, parameters, DenoisedPoints())
