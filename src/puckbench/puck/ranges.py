@@ -97,10 +97,10 @@ class ModelSize(NamedTuple):
 
 MODEL_SIZES: dict[Effort, ModelSize] = {
     "fast": ModelSize(10, 0, 1, 1, 1, 1, 32),
-    "normal": ModelSize(10, 3, 3, 1, 3, 1, 16),
+    "normal": ModelSize(10, 6, 3, 1, 3, 1, 16),
     "thorough": ModelSize(22, 9, 8, 3, 6, 9, 8),
 }
-_EXPERT_WEIGHTS = (0.18, 0.2, 0.16, 0.15, 0.1, 0.2, 0.22, 0.16, 0.16)
+_EXPERT_WEIGHTS = (0.18, 0.2, 0.16, 0.16, 0.16, 0.1, 0.15, 0.2, 0.22)
 _CONTEXT_WEIGHTS = (0.15, 0.2, 0.12, 0.13, 0.05, 0.16, 0.1, 0.15)
 _MASK_WEIGHTS = (0.3, 0.16, 0.08, 0.15, 0.14, 0.3)
 """Initial weights, close to the final ones of a recording of an HDL-32E."""
@@ -139,7 +139,7 @@ def new_range_model(
 def _first_scales(experts: int) -> Words:
     level = np.arange(_LEVELS) + 6
     usual = (1 << level // 2) * (2 + level % 2) * 128
-    times = np.array([1, 1.2, 1.4, 1.4, 6, 1.4, 1, 6, 6])[: max(experts, 1), None]
+    times = np.array([1, 1.2, 1.4, 6, 6, 6, 1.4, 1.4, 1])[: max(experts, 1), None]
     scales: Words = np.rint(np.repeat(usual, 4) * times).astype(np.int32)
     return scales
 
@@ -437,18 +437,18 @@ def _write_experts(
     means[0] = max(mean, 1)
     means[1] = then
     means[2] = FINE * base
-    if len(model.experts.every) <= 3:
-        return
     below = int(image.ranges[c, laser - 1]) if laser > 0 else 0
-    means[3], means[5] = 0, 0
+    means[3] = FINE * below
+    means[4] = FINE * image.ranges[c - 1, laser + 1] if laser + 1 < image.ranges.shape[1] else 0
+    means[5] = FINE * model.other[laser]
+    if len(model.experts.every) <= 6:
+        return
+    means[6], means[7] = 0, 0
     if below > 0 and image.held[c - 1, laser - 1] > 0:
-        means[3] = max(FINE * (base + below - image.held[c - 1, laser - 1]), 0)
-    means[4] = FINE * model.other[laser]
+        means[6] = max(FINE * (base + below - image.held[c - 1, laser - 1]), 0)
     if below > 0 and then > 0 and before.smooth[t, laser - 1] > 0:
-        means[5] = max(then + FINE * below - before.smooth[t, laser - 1], 0)
-    means[6] = max(FINE * base + 4 * predicted(model.linear, group), 1)
-    means[7] = FINE * below
-    means[8] = FINE * image.ranges[c - 1, laser + 1] if laser + 1 < image.ranges.shape[1] else 0
+        means[7] = max(then + FINE * below - before.smooth[t, laser - 1], 0)
+    means[8] = max(FINE * base + 4 * predicted(model.linear, group), 1)
 
 
 @inlined
@@ -508,10 +508,10 @@ def _write_more_contexts(
     if t > 0:
         east = _level(before.ranges[t + 1, laser], centre, unit)
         back = _level(before.ranges[t - 1, laser], centre, unit)
-    below = _level(means[3] // FINE, centre, unit)
+    below = _level(means[6] // FINE, centre, unit)
     slope = level_of(image.held[c - 1, laser] - image.held[c - 2, laser], unit)
     other = _level(model.other[laser], centre, unit)
-    apart = level_of(means[6] // FINE - centre, max(unit // 4, 1))
+    apart = level_of(means[8] // FINE - centre, max(unit // 4, 1))
     at[3] = starts[3] + (below * 9 + level_of(model.memory[0], unit)) * NODES
     at[4] = starts[4] + (east * 10 + back) * NODES
     at[5] = starts[5] + (slope * 10 + then) * NODES
