@@ -53,10 +53,19 @@ _OCTAVE = 4096
 """A factor of 2 as a difference of logarithms."""
 _BINS = 400
 """Entries of a table of logarithms, 16 for an octave."""
-_SIGNAL_PACE = 512
-_PACES = (16, 16, 12, 8)
-"""Estimates after which a table (laser, range, signal, sum) adapts at a constant rate."""
-_FIRST_GAIN = -81633 << 8
+_COARSE_BINS, _COARSE = 52, 3
+"""Entries of a laser's table of logarithms of ranges, 2 ** (4 - _COARSE) for an octave."""
+_TABLES = 5
+_VARIANCE = 1 << 24
+"""The variance 1 (squared octave)."""
+_FIRST_VARIANCES = np.array([1.0, 0.05, 1.0, 0.05, 0.05])
+"""Variances of entries of the tables of ranges, lasers' ranges, lasers, signals and sums before
+the first estimate,"""
+_ADDED_VARIANCES = tuple(round(_VARIANCE * share) for share in (1e-4, 2e-4, 1e-5, 1e-4, 1e-4))
+"""and their least variances, by which the tables adapt to changes."""
+_ROUNDING = round(0.2 * _VARIANCE)
+"""Variance of the logarithm of a value v because it is rounded, times v squared."""
+_EARLY_GAIN = -81633 << 8
 """Logarithm of a reflectivity of 16 bits less those of signal and squared range (mm): that of the
 early firmware of two sensors."""
 
@@ -76,10 +85,11 @@ class ChannelModel(NamedTuple):
     last: Ints  # for each laser: its last value above 0,
     error: Ints  # the running means of its errors' sizes, in 1 / FINE,
     bias: Ints  # and of its signed errors, in shifted units / 256
-    memory: Ints  # number of values, estimate in 2**-20 octaves, and its value
-    gains: NDArray[np.int64]  # (4, bins), logarithms by laser, range, signal and their sum,
-    counts: NDArray[np.int64]  # and how often each was learnt
-    places: Ints  # places in the tables, in 1 / 256; in the last, the sum of all constants
+    memory: Ints  # number of values, estimate in 2**-20 octaves, its value, variance of its error
+    gains: Ints  # logarithms that are summed, in 2**-20 octaves: all tables, then a constant,
+    variances: Ints  # and the variances of their errors
+    starts_of_gains: Ints  # first entry of each table, and the constant
+    places: Ints  # places in the tables, in 1 / 256
     logarithms: Words  # tables
     powers: Words
     role: int
@@ -108,6 +118,8 @@ def new_channel_model(
     zeros = np.zeros(lasers, np.int64)
     level = np.arange(_LEVELS) + 4
     usual = (1 << level // 2) * (2 + level % 2) * 128
+    entries = np.array([_BINS, lasers * _COARSE_BINS, lasers + 1, _BINS, _BINS])
+    variances = np.append(np.repeat(_VARIANCE * _FIRST_VARIANCES, entries), 0).astype(np.int64)
     model = ChannelModel(
         new_mixer(bits, MixerOptions(
             experts=0, contexts=zero_contexts, counters=1024 + lasers * 32 + 512, rows=8,
@@ -121,12 +133,14 @@ def new_channel_model(
         np.cumsum(sizes) - sizes,
         new_experts(np.tile(usual, (_EXPERTS, 1)).astype(np.int32), experts),
         new_least_squares(1, _FEATURES if effort == "thorough" else _COMMON_FEATURES),
-        zeros, zeros + 8 * FINE, zeros.copy(), np.zeros(3, np.int64),
-        np.zeros((5, _BINS), np.int64), np.zeros((5, _BINS), np.int64), np.zeros(4, np.int64),
+        zeros, zeros + 8 * FINE, zeros.copy(), np.zeros(4, np.int64),
+        np.zeros(entries.sum() + 1, np.int64), variances, np.cumsum([0, *entries]),
+        np.zeros(_TABLES, np.int64),
         *_tables(), int(role), farthest,
     )  # fmt: skip
+    model.memory[3] = _VARIANCE // (1000 if role == Role.REFLECTIVITY else 4)
     if role == Role.REFLECTIVITY and farthest == MAX_VALUE:
-        model.gains[4, 0], model.counts[4, 0] = _FIRST_GAIN, 1
+        model.gains[-1] = _EARLY_GAIN
     return model
 
 
@@ -188,14 +202,21 @@ def _estimate(model: ChannelModel, image: ChannelContext, c: int, laser: int) ->
     if model.role == 0 or distance == 0 or (model.role == 2 and signal == 0):
         return 0
     places = model.places
+    places, starts = model.places, model.starts_of_gains
     distance = _logarithm(model, distance)
-    places[0], places[1] = laser << 8, distance
-    total = model.gains[4, 0] + model.gains[0, laser] + _gain(model, 1) - (distance << 9)
+    places[0] = distance
+    places[1] = (starts[1] + laser * _COARSE_BINS << 8) + (distance >> _COARSE)
+    places[2] = starts[2] + laser << 8
+    _start_range(model)
+    total = int(model.gains[starts[5]]) - (distance << 9)
+    for k in range(3):
+        total += _gain(model, k)
     if model.role == 2:
-        places[2] = _logarithm(model, signal)
-        total += ((places[2] + 4 * distance) << 8) + _gain(model, 2)
-        places[3] = min(max(total >> 8, 0), (_BINS - 2) << 8)
-        total += _gain(model, 3)
+        signal = _logarithm(model, signal)
+        places[3] = (starts[3] << 8) + signal
+        total += (signal + 4 * distance << 8) + _gain(model, 3)
+        places[4] = (starts[4] << 8) + min(max(total >> 8, 0), (_BINS - 2) << 8)
+        total += _gain(model, 4)
     model.memory[1] = total
     estimate = _power(model, total >> 8)
     model.memory[2] = estimate // FINE
@@ -205,34 +226,59 @@ def _estimate(model: ChannelModel, image: ChannelContext, c: int, laser: int) ->
 
 
 @inlined
+def _start_range(model: ChannelModel) -> None:
+    """Copy to an entry of the table of ranges that was never learnt its neighbour that was."""
+    gains, variances, first = model.gains, model.variances, model.places[0] >> 8
+    low, high = variances[first] == _VARIANCE, variances[first + 1] == _VARIANCE
+    if low and not high:
+        gains[first], variances[first] = gains[first + 1], _VARIANCE // 4
+    if high and not low:
+        gains[first + 1], variances[first + 1] = gains[first], _VARIANCE // 4
+
+
+@inlined
 def _gain(model: ChannelModel, table: int) -> int:
     place, share, gains = model.places[table] >> 8, model.places[table] & 255, model.gains
-    gain: int = (gains[table, place] * (256 - share) + gains[table, place + 1] * share) >> 8
+    gain: int = (gains[place] * (256 - share) + gains[place + 1] * share) >> 8
     return gain
 
 
 @inlined
 def _learn_estimate(model: ChannelModel, value: int) -> None:
-    places, gains, counts = model.places, model.gains, model.counts
+    """Share an error among the entries by their variances: a Kalman filter without covariances."""
+    places, gains, variances, memory = model.places, model.gains, model.variances, model.memory
     if model.farthest == MAX_VALUE:
-        value += max(model.memory[2] - value + (1 << 15), 0) >> 16 << 16
-    error = (_logarithm(model, value) << 8) - model.memory[1]
-    if counts[4, 0] == 0:
-        gains[4, 0], counts[4, 0] = error, 1
+        value += max(memory[2] - value + (1 << 15), 0) >> 16 << 16
+    elif value == model.farthest:
         return
-    limit = _OCTAVE << 6
-    if model.farthest == MAX_VALUE and model.role == 2 and abs(error) > limit:
+    error = (_logarithm(model, value) << 8) - memory[1]
+    constant = model.starts_of_gains[5]
+    if gains[constant] == 0:
+        gains[constant] = error
         return
-    error = min(max(error, -limit), limit)
-    for k in range(4 if model.role == 2 else 2):
+    if model.farthest == MAX_VALUE and model.role == 2 and abs(error) > _OCTAVE << 6:
+        return
+    tables = 5 if model.role == 2 else 3
+    rounding = _ROUNDING // (value * value)
+    total = memory[3] + rounding
+    for k in range(tables):
         place, share = places[k] >> 8, places[k] & 255
-        pace = _PACES[k] if model.role == 2 else _SIGNAL_PACE
-        counts[k, place] += 256 - share
-        counts[k, place + 1] += share
-        first = min((counts[k, place] >> 8) + pace // 4, pace)
-        second = min((counts[k, place + 1] >> 8) + pace // 4, pace)
-        gains[k, place] += (error * (256 - share)) // (first << 8)
-        gains[k, place + 1] += (error * share) // (second << 8)
+        total += variances[place] * (256 - share) * (256 - share) >> 16
+        total += variances[place + 1] * share * share >> 16
+    most, least = (_VARIANCE // 25, _VARIANCE >> 13) if model.role == 2 else (_VARIANCE, 1 << 20)
+    size = min(abs(error) >> 8, 1 << 14)
+    memory[3] += (min(max((size * size >> 1) - rounding, least), most) - memory[3]) >> 6
+    limit = 5 << 7 + (halves(total) >> 2)  # about 2.5 standard deviations
+    error = min(max(error, -limit), limit)
+    inverse = (1 << 40) // total
+    for k in range(tables):
+        for after in range(2):
+            place, share = (places[k] >> 8) + after, places[k] & 255
+            variance = variances[place] * (share if after else 256 - share) >> 8
+            gain = variance * inverse >> 24
+            gains[place] += error * gain >> 16
+            left = variances[place] - (variance * gain >> 16)
+            variances[place] = max(left, _ADDED_VARIANCES[k])
 
 
 @inlined
