@@ -41,7 +41,7 @@ from puckbench.puck.ranges import PAD
 MAX_VALUE = (1 << 16) - 1
 _EXPERTS, _CONTEXTS, _ZERO_CONTEXTS = 5, 6, 3
 """Numbers in the efforts `normal` and `thorough`; `fast` has one counter for each decision."""
-_FEATURES, _COMMON_FEATURES = 23, 16
+_FEATURES: dict[Effort, int] = {"fast": 8, "normal": 16, "thorough": 23}
 _LEVELS = 20
 """Levels of the prediction errors around a pixel (its activity)."""
 _SIZES = 36
@@ -132,7 +132,7 @@ def new_channel_model(
         )),
         np.cumsum(sizes) - sizes,
         new_experts(np.tile(usual, (_EXPERTS, 1)).astype(np.int32), experts),
-        new_least_squares(1, _FEATURES if effort == "thorough" else _COMMON_FEATURES),
+        new_least_squares(1, _FEATURES[effort]),
         zeros, zeros + 8 * FINE, zeros.copy(), np.zeros(4, np.int64),
         np.zeros(entries.sum() + 1, np.int64), variances, np.cumsum([0, *entries]),
         np.zeros(_TABLES, np.int64),
@@ -347,9 +347,12 @@ def _code_value(
     target = (FINE * value - base) >> shift
     if abs(target) < 2 * _CLIP:
         model.bias[laser] += (((target - first) << 8) - int(model.bias[laser])) >> 6
-        learn_target(model.linear, 0, target, 0, 12)
         model.memory[0] += 1
-        if model.memory[0] % 16 == 0:
+        if len(model.experts.every) > 0:
+            learn_target(model.linear, 0, target, 0, 12)
+        elif model.memory[0] & 3 == 0 or model.memory[0] < 1000:
+            learn_target(model.linear, 0, target, 0, 10)
+        if model.memory[0] & 15 == 0:
             solve(model.linear, 0)
 
 
@@ -433,6 +436,9 @@ def _write_features(
     x = model.linear.features
     for k in range(len(model.linear.every)):
         x[k] = 0
+    if len(model.linear.every) == 8:
+        _write_few_features(model, image, before, c, laser, t, base, shift)
+        return
     for k in range(4):
         x[k] = _change(model, image, c, laser, c - 1 - k, laser, base, shift)
     if laser > 0:
@@ -447,8 +453,28 @@ def _write_features(
     x[12] = 2 * FINE
     if model.role == 1:
         _write_unscaled_features(model, image, c, laser, base, shift)
-    if len(model.linear.every) > _COMMON_FEATURES:
+    if len(model.linear.every) > 16:
         _write_more_features(model, image, c, laser, base, shift)
+
+
+@inlined
+def _write_few_features(
+    model: ChannelModel, image: ChannelContext, before: ChannelContext, c: int, laser: int, t: int,
+    base: int, shift: int,
+) -> None:  # fmt: skip
+    x = model.linear.features
+    x[0] = _change(model, image, c, laser, c - 2, laser, base, shift)
+    x[1] = _change(model, image, c, laser, c - 3, laser, base, shift)
+    if laser > 0:
+        x[2] = _change(model, image, c, laser, c, laser - 1, base, shift)
+        x[3] = _change(model, image, c, laser, c - 1, laser - 1, base, shift)
+    if laser + 1 < image.values.shape[1]:
+        x[4] = _change(model, image, c, laser, c - 1, laser + 1, base, shift)
+    if t > 0:
+        x[5] = _difference(before.values[t, laser], base, shift)
+    x[6] = 2 * FINE
+    if model.role > 0:
+        x[7] = _change(model, image, c, laser, c - 1, laser, base, shift)
 
 
 @inlined
