@@ -1,15 +1,14 @@
 """Coding of further images of a turn, of up to 16 bits: signal, reflectivity, near infrared, flags.
 
 A pixel is coded as binary decisions around a prediction by least squares, as ranges are. The
-reflectivity of a return is nearly a function of its range and signal; the sum of four learnt
-logarithms estimates it. Signals are compared at equal ranges: they decrease with the square.
+reflectivity of a return is nearly a function of its range and signal; the sum of five learnt
+logarithms estimates it.
 
 Variables have the same names as in `ranges`.
 """
 
 from __future__ import annotations
 
-from enum import IntEnum
 from functools import cache
 from typing import NamedTuple
 
@@ -41,7 +40,8 @@ from puckbench.puck.ranges import PAD
 MAX_VALUE = (1 << 16) - 1
 _EXPERTS, _CONTEXTS, _ZERO_CONTEXTS = 5, 6, 3
 """Numbers in the efforts `normal` and `thorough`; `fast` has one counter for each decision."""
-_FEATURES: dict[Effort, int] = {"fast": 8, "normal": 16, "thorough": 23}
+_FEATURES: dict[Effort, int] = {"fast": 8, "normal": 13, "thorough": 20}
+_FEATURES_OF_NORMAL = 13
 _LEVELS = 20
 """Levels of the prediction errors around a pixel (its activity)."""
 _SIZES = 36
@@ -63,17 +63,13 @@ _FIRST_VARIANCES = np.array([1.0, 0.05, 1.0, 0.05, 0.05])
 the first estimate,"""
 _ADDED_VARIANCES = tuple(round(_VARIANCE * share) for share in (1e-4, 2e-4, 1e-5, 1e-4, 1e-4))
 """and their least variances, by which the tables adapt to changes."""
+_LEAST_NOISE, _MOST_NOISE = _VARIANCE >> 13, _VARIANCE // 25
+"""Limits of the variance of what no table explains."""
 _ROUNDING = round(0.2 * _VARIANCE)
 """Variance of the logarithm of a value v because it is rounded, times v squared."""
 _EARLY_GAIN = -81633 << 8
 """Logarithm of a reflectivity of 16 bits less those of signal and squared range (mm): that of the
 early firmware of two sensors."""
-
-
-class Role(IntEnum):
-    """What a channel depends on: nothing, the range, or the range and the signal."""
-
-    PLAIN, SIGNAL, REFLECTIVITY = range(3)
 
 
 class ChannelModel(NamedTuple):
@@ -92,7 +88,7 @@ class ChannelModel(NamedTuple):
     places: Ints  # places in the tables, in 1 / 256
     logarithms: Words  # tables
     powers: Words
-    role: int
+    has_signals: int  # 1 for reflectivities, which depend on ranges and signals
     farthest: int  # largest value
 
 
@@ -107,7 +103,7 @@ class ChannelContext(NamedTuple):
 
 
 def new_channel_model(
-    bits: BitCoder, lasers: int, effort: Effort, role: Role, farthest: int
+    bits: BitCoder, lasers: int, effort: Effort, farthest: int, *, has_signals: bool
 ) -> ChannelModel:
     is_unmixed = effort == "fast"
     sizes = np.array([_LEVELS * 16] if is_unmixed else [
@@ -136,10 +132,10 @@ def new_channel_model(
         zeros, zeros + 8 * FINE, zeros.copy(), np.zeros(4, np.int64),
         np.zeros(entries.sum() + 1, np.int64), variances, np.cumsum([0, *entries]),
         np.zeros(_TABLES, np.int64),
-        *_tables(), int(role), farthest,
+        *_tables(), int(has_signals), farthest,
     )  # fmt: skip
-    model.memory[3] = _VARIANCE // (1000 if role == Role.REFLECTIVITY else 4)
-    if role == Role.REFLECTIVITY and farthest == MAX_VALUE:
+    model.memory[3] = _VARIANCE // 1000
+    if farthest == MAX_VALUE:
         model.gains[-1] = _EARLY_GAIN
     return model
 
@@ -197,26 +193,23 @@ def _power(model: ChannelModel, logarithm: int) -> int:
 
 @inlined
 def _estimate(model: ChannelModel, image: ChannelContext, c: int, laser: int) -> int:
-    """Return the estimate of a value from its range and, of a reflectivity, its signal, or 0."""
+    """Return the estimate of a reflectivity from its range and signal, or 0."""
     distance, signal = int(image.ranges[c, laser]), int(image.signals[c, laser])
-    if model.role == 0 or distance == 0 or (model.role == 2 and signal == 0):
+    if model.has_signals == 0 or distance == 0 or signal == 0:
         return 0
     places = model.places
     places, starts = model.places, model.starts_of_gains
-    distance = _logarithm(model, distance)
+    distance, signal = _logarithm(model, distance), _logarithm(model, signal)
     places[0] = distance
     places[1] = (starts[1] + laser * _COARSE_BINS << 8) + (distance >> _COARSE)
     places[2] = starts[2] + laser << 8
     _start_range(model)
-    total = int(model.gains[starts[5]]) - (distance << 9)
-    for k in range(3):
+    places[3] = (starts[3] << 8) + signal
+    total = int(model.gains[starts[5]]) + (signal + 2 * distance << 8)
+    for k in range(4):
         total += _gain(model, k)
-    if model.role == 2:
-        signal = _logarithm(model, signal)
-        places[3] = (starts[3] << 8) + signal
-        total += (signal + 4 * distance << 8) + _gain(model, 3)
-        places[4] = (starts[4] << 8) + min(max(total >> 8, 0), (_BINS - 2) << 8)
-        total += _gain(model, 4)
+    places[4] = (starts[4] << 8) + min(max(total >> 8, 0), (_BINS - 2) << 8)
+    total += _gain(model, 4)
     model.memory[1] = total
     estimate = _power(model, total >> 8)
     model.memory[2] = estimate // FINE
@@ -256,22 +249,20 @@ def _learn_estimate(model: ChannelModel, value: int) -> None:
     if gains[constant] == 0:
         gains[constant] = error
         return
-    if model.farthest == MAX_VALUE and model.role == 2 and abs(error) > _OCTAVE << 6:
+    if model.farthest == MAX_VALUE and abs(error) > _OCTAVE << 6:
         return
-    tables = 5 if model.role == 2 else 3
     rounding = _ROUNDING // (value * value)
     total = memory[3] + rounding
-    for k in range(tables):
+    for k in range(_TABLES):
         place, share = places[k] >> 8, places[k] & 255
         total += variances[place] * (256 - share) * (256 - share) >> 16
         total += variances[place + 1] * share * share >> 16
-    most, least = (_VARIANCE // 25, _VARIANCE >> 13) if model.role == 2 else (_VARIANCE, 1 << 20)
     size = min(abs(error) >> 8, 1 << 14)
-    memory[3] += (min(max((size * size >> 1) - rounding, least), most) - memory[3]) >> 6
+    memory[3] += (min(max((size * size >> 1) - rounding, _LEAST_NOISE), _MOST_NOISE) - memory[3]) >> 6
     limit = 5 << 7 + (halves(total) >> 2)  # about 2.5 standard deviations
     error = min(max(error, -limit), limit)
     inverse = (1 << 40) // total
-    for k in range(tables):
+    for k in range(_TABLES):
         for after in range(2):
             place, share = (places[k] >> 8) + after, places[k] & 255
             variance = variances[place] * (share if after else 256 - share) >> 8
@@ -363,12 +354,8 @@ def _base(
 ) -> int:  # fmt: skip
     """Return the value, in 1 / FINE, that is subtracted from others in the features."""
     base = FINE * int(model.last[laser])
-    west = int(image.estimates[c - 1, laser])
-    if estimate > 0 and model.role == 2:
+    if estimate > 0:
         return estimate
-    if estimate > 0 and west > 0 and base > 0:
-        base = min(max(base * estimate // west, base >> 2), base << 2)
-        return min(base, FINE * model.farthest)
     if base == 0 and laser > 0:
         base = FINE * int(image.values[c, laser - 1])
     if base == 0 and t > 0:
@@ -389,7 +376,7 @@ def _write_contexts(
     west, below = base + (x[0] << shift), base + (x[4] << shift)
     has_below = laser > 0 and values[c, laser - 1] > 0
     means[0], means[1] = mean, max(west, 1)
-    means[2] = estimate if model.role == 2 else FINE * int(model.last[laser])
+    means[2] = estimate if model.has_signals == 1 else FINE * int(model.last[laser])
     means[3], means[4] = FINE * then, max(below, 1) if has_below else 0
     begin(model.experts, level)
     centre = (mean + FINE // 2) // FINE
@@ -436,7 +423,7 @@ def _write_features(
     x = model.linear.features
     for k in range(len(model.linear.every)):
         x[k] = 0
-    if len(model.linear.every) == 8:
+    if len(model.linear.every) < _FEATURES_OF_NORMAL:
         _write_few_features(model, image, before, c, laser, t, base, shift)
         return
     for k in range(4):
@@ -451,9 +438,7 @@ def _write_features(
     if t > 0:
         _write_earlier_features(x, before.values, laser, t, base, shift)
     x[12] = 2 * FINE
-    if model.role == 1:
-        _write_unscaled_features(model, image, c, laser, base, shift)
-    if len(model.linear.every) > 16:
+    if len(model.linear.every) > _FEATURES_OF_NORMAL:
         _write_more_features(model, image, c, laser, base, shift)
 
 
@@ -473,7 +458,7 @@ def _write_few_features(
     if t > 0:
         x[5] = _difference(before.values[t, laser], base, shift)
     x[6] = 2 * FINE
-    if model.role > 0:
+    if model.has_signals == 1:
         x[7] = _change(model, image, c, laser, c - 1, laser, base, shift)
 
 
@@ -488,33 +473,22 @@ def _write_earlier_features(
 
 
 @inlined
-def _write_unscaled_features(
-    model: ChannelModel, image: ChannelContext, c: int, laser: int, base: int, shift: int
-) -> None:
-    x, values = model.linear.features, image.values
-    x[13] = _difference(values[c - 1, laser], base, shift)
-    x[14] = _difference(values[c - 2, laser], base, shift)
-    if laser > 0:
-        x[15] = _difference(values[c, laser - 1], base, shift)
-
-
-@inlined
 def _write_more_features(
     model: ChannelModel, image: ChannelContext, c: int, laser: int, base: int, shift: int
 ) -> None:
     x, lasers = model.linear.features, image.values.shape[1]
-    x[16] = _change(model, image, c, laser, c - 5, laser, base, shift)
-    x[17] = _change(model, image, c, laser, c - 6, laser, base, shift)
+    x[13] = _change(model, image, c, laser, c - 5, laser, base, shift)
+    x[14] = _change(model, image, c, laser, c - 6, laser, base, shift)
     if laser > 0:
-        x[18] = _change(model, image, c, laser, c - 2, laser - 1, base, shift)
+        x[15] = _change(model, image, c, laser, c - 2, laser - 1, base, shift)
     if laser > 1:
-        x[19] = _change(model, image, c, laser, c - 1, laser - 2, base, shift)
+        x[16] = _change(model, image, c, laser, c - 1, laser - 2, base, shift)
     if laser > 2:
-        x[20] = _change(model, image, c, laser, c, laser - 3, base, shift)
+        x[17] = _change(model, image, c, laser, c, laser - 3, base, shift)
     if laser + 1 < lasers:
-        x[21] = _change(model, image, c, laser, c - 2, laser + 1, base, shift)
+        x[18] = _change(model, image, c, laser, c - 2, laser + 1, base, shift)
     if laser + 2 < lasers:
-        x[22] = _change(model, image, c, laser, c - 1, laser + 2, base, shift)
+        x[19] = _change(model, image, c, laser, c - 1, laser + 2, base, shift)
 
 
 @inlined
@@ -529,7 +503,7 @@ def _change(
     model: ChannelModel, image: ChannelContext, c: int, laser: int, row: int, other: int,
     base: int, shift: int,
 ) -> int:  # fmt: skip
-    """Return another pixel less the base; with estimates, each is relative to its own."""
+    """Return another pixel less the base, or what both exceed their estimates by, relatively."""
     value, estimate = FINE * int(image.values[row, other]), int(image.estimates[c, laser])
     if value == 0:
         return 0
@@ -537,8 +511,5 @@ def _change(
         there = int(image.estimates[row, other])
         if there == 0:
             return 0
-        if model.role == 2:
-            value = base + (value - there) * (base >> 4) // max(there >> 4, 1)
-        else:
-            value = value * estimate // there
+        value = base + (value - there) * (base >> 4) // max(there >> 4, 1)
     return min(max((value - base) >> shift, -_CLIP), _CLIP)
