@@ -448,18 +448,20 @@ def _write_few_features(
     base: int, shift: int,
 ) -> None:  # fmt: skip
     x = model.linear.features
-    x[0] = _change(model, image, c, laser, c - 2, laser, base, shift)
-    x[1] = _change(model, image, c, laser, c - 3, laser, base, shift)
+    x[0] = 2 * FINE
     if laser > 0:
-        x[2] = _change(model, image, c, laser, c, laser - 1, base, shift)
-        x[3] = _change(model, image, c, laser, c - 1, laser - 1, base, shift)
+        x[1] = _change(model, image, c, laser, c, laser - 1, base, shift)
     if laser + 1 < image.values.shape[1]:
-        x[4] = _change(model, image, c, laser, c - 1, laser + 1, base, shift)
-    if t > 0:
-        x[5] = _difference(before.values[t, laser], base, shift)
-    x[6] = 2 * FINE
+        x[2] = _change(model, image, c, laser, c - 1, laser + 1, base, shift)
     if model.has_signals == 1:
-        x[7] = _change(model, image, c, laser, c - 1, laser, base, shift)
+        x[3] = _change(model, image, c, laser, c - 1, laser, base, shift)
+        return
+    x[3] = _change(model, image, c, laser, c - 2, laser, base, shift)
+    x[4] = _change(model, image, c, laser, c - 3, laser, base, shift)
+    if laser > 0:
+        x[5] = _change(model, image, c, laser, c - 1, laser - 1, base, shift)
+    if t > 0:
+        x[6] = _difference(before.values[t, laser], base, shift)
 
 
 @inlined

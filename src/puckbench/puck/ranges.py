@@ -53,6 +53,8 @@ _SITUATIONS = 4 * _LEVELS
 _JUMP = 24
 """A larger difference between columns, in quanta, is taken for a change to another surface."""
 _FIRST_ERROR = 3 * FINE
+_ALL_LEARNT = 1000
+"""Returns after which `fast` adapts its prediction by every fourth return only."""
 
 
 class RangeContext(NamedTuple):
@@ -96,7 +98,7 @@ class ModelSize(NamedTuple):
 
 
 MODEL_SIZES: dict[Effort, ModelSize] = {
-    "fast": ModelSize(10, 0, 1, 1, 1, 1, 32),
+    "fast": ModelSize(8, 0, 1, 1, 1, 1, 16),
     "normal": ModelSize(10, 6, 3, 1, 3, 1, 16),
     "thorough": ModelSize(22, 9, 8, 3, 6, 9, 8),
 }
@@ -105,7 +107,7 @@ _CONTEXT_WEIGHTS = (0.15, 0.2, 0.12, 0.13, 0.05, 0.16, 0.1, 0.15)
 _MASK_WEIGHTS = (0.3, 0.16, 0.08, 0.15, 0.14, 0.3)
 """Initial weights, close to the final ones of a recording of an HDL-32E."""
 _COMMON_FEATURES = 10
-"""Features of every effort."""
+"""Features of `normal`; `fast` has fewer."""
 
 
 def new_range_model(
@@ -377,6 +379,9 @@ def _write_features(
     base: int,
 ) -> None:  # fmt: skip
     x, held, ranges = model.linear.features, image.held, image.ranges
+    if len(model.linear.every) < _COMMON_FEATURES:
+        _write_few_features(x, image, before, c, laser, t, base)
+        return
     for k in range(3):
         x[k] = _change(held[c - 2 - k, laser], base)
     x[3], x[4] = 0, 0
@@ -394,6 +399,26 @@ def _write_features(
         x[9] = _fine_change(before.smooth[t, laser], base)
     if len(model.linear.every) > _COMMON_FEATURES:
         _write_more_features(x, image, before, c, laser, t, base)
+
+
+@inlined
+def _write_few_features(
+    x: Words, image: RangeContext, before: RangeContext, c: int, laser: int, t: int, base: int
+) -> None:
+    held = image.held
+    x[0], x[1] = _change(held[c - 2, laser], base), _change(held[c - 3, laser], base)
+    x[2], x[3] = 0, 0
+    if laser > 0:
+        x[2] = _change(image.ranges[c, laser - 1], held[c - 1, laser - 1])
+        x[3] = _change(held[c - 2, laser - 1], held[c - 1, laser - 1])
+    for k in range(4, 8):
+        x[k] = 0
+    if t > 0:
+        for k in range(2):
+            x[4 + k] = _change(before.ranges[t + k, laser], base)
+        if laser > 0:
+            x[6] = _change(image.ranges[c, laser - 1], before.ranges[t, laser - 1])
+        x[7] = _fine_change(before.smooth[t, laser], base)
 
 
 @inlined
@@ -544,7 +569,10 @@ def _learn_range(
 @inlined
 def _learn_linear(model: RangeModel, target: int, group: int, damp: int) -> None:
     linear = model.linear
-    learn_target(linear, 0, target, damp, 12)
+    if len(model.experts.every) > 0:
+        learn_target(linear, 0, target, damp, 12)
+    elif model.memory[1] & 3 == 0 or model.memory[1] < _ALL_LEARNT:
+        learn_target(linear, 0, target, damp, 10)
     if group > 0:
         learn_target(linear, group, target, damp, 10)
     model.memory[1] += 1
