@@ -313,7 +313,7 @@ def _code_value(
     mean = base + ((first + (int(model.bias[laser]) >> 8)) << shift)
     mean = min(max(mean, FINE), FINE * model.farthest)
     level = _activity(model, image, before, c, laser, t)
-    unit = max(int(scales[0, level] >> 8) * 4 // 64, 1)
+    unit = max(int(scales[0, level] >> 8) * (4 if len(model.experts.every) > 0 else 7) // 64, 1)
     centre = (mean + FINE // 2) // FINE
     value = int(values[c, laser])
     if len(model.experts.every) == 0:
