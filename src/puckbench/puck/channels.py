@@ -13,7 +13,6 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from puckbench.coding.binary_coder import BitCoder, exhausted
 from puckbench.coding.context_mixing import Ints, Mixer, MixerOptions, Words, code_bit, new_mixer
@@ -258,7 +257,9 @@ def _learn_estimate(model: ChannelModel, value: int) -> None:
         total += variances[place] * (256 - share) * (256 - share) >> 16
         total += variances[place + 1] * share * share >> 16
     size = min(abs(error) >> 8, 1 << 14)
-    memory[3] += (min(max((size * size >> 1) - rounding, _LEAST_NOISE), _MOST_NOISE) - memory[3]) >> 6
+    memory[3] += (
+        min(max((size * size >> 1) - rounding, _LEAST_NOISE), _MOST_NOISE) - memory[3]
+    ) >> 6
     limit = 5 << 7 + (halves(total) >> 2)  # about 2.5 standard deviations
     error = min(max(error, -limit), limit)
     inverse = (1 << 40) // total
