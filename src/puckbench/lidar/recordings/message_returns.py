@@ -64,11 +64,11 @@ def _fitted(path: Path, columns: Columns) -> tuple[dict[str, NDArray[Any]], Sens
     name = next((each for each in LASERS[::-1] if each in columns), None)
     if name is None:
         raise InputError(f"no laser column ({', '.join(LASERS)})")
-    columns, counts = without_missing(path, columns)
-    xyz = np.column_stack([columns[axis] for axis in "xyz"]).astype(np.float64)
+    present, counts = without_missing(path, columns)
+    xyz = np.column_stack([present[axis] for axis in "xyz"]).astype(np.float64)
     check_points(xyz, str(path))
-    fitted = fitted_lasers(xyz, columns[name], columns["timestamp"], columns["turn"])
-    rest = {each: values[fitted.is_used] for each, values in columns.items() if each not in LASERS}
+    fitted = fitted_lasers(xyz, present[name], present["timestamp"], present["turn"])
+    rest = {each: values[fitted.is_used] for each, values in present.items() if each not in LASERS}
     rest["ring"] = fitted.ranks[fitted.is_used]
     return rest, fitted.sensor, {**counts, **fitted.about()}
 
