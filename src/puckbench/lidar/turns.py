@@ -127,7 +127,7 @@ def by_laser(values: NDArray[_Value], layout: Layout) -> NDArray[_Value]:
     """Return the values of a turn from the result of `by_elevation`."""
     if not layout.shifts:
         return values.take(np.argsort(layout.order), axis=2)
-    original = np.empty_like(values)
+    original = np.empty(values.shape, values.dtype)
     _flat(original)[:, _places(layout, *values.shape[1:])] = _flat(values)
     return original
 
