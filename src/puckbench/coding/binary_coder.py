@@ -113,6 +113,41 @@ def code(coder: BitCoder, bit: int, probability: int) -> int:
     # Without branches, since bits are unpredictable.
     high += (middle - high) & -bit
     low += (middle + 1 - low) & (bit - 1)
+    _normalise(coder, low, high)
+    return bit
+
+
+@inlined
+def code_uniform(coder: BitCoder, number: int, count: int) -> int:
+    """Encode or decode a number from 0 to count - 1, all equally probable; return it.
+
+    `count` is at most 2^16.
+    """
+    registers = coder.registers
+    low, high = registers[0], registers[1]
+    part = (high - low) // count
+    if part < 256:  # too inexact, and maybe 0
+        return _code_halves(coder, number, count)
+    if registers[4] == 0:
+        number = min(max((registers[2] - low) // part, 0), count - 1)
+    low += part * number
+    _normalise(coder, low, low + part - 1)
+    return number
+
+
+@inlined
+def _code_halves(coder: BitCoder, number: int, count: int) -> int:
+    low, high = 0, count
+    while high - low > 1:
+        middle = (low + high) >> 1
+        bit = code(coder, int(number >= middle), ONE // 2)
+        low, high = (middle, high) if bit == 1 else (low, middle)
+    return low
+
+
+@inlined
+def _normalise(coder: BitCoder, low: int, high: int) -> None:
+    registers = coder.registers
     while (low ^ high) >> 24 == 0:
         if registers[4] == 1:
             coder.buffer[registers[3]] = high >> 24
@@ -122,7 +157,6 @@ def code(coder: BitCoder, bit: int, probability: int) -> int:
         low = (low << 8) & 0xFFFFFFFF
         high = ((high << 8) & 0xFFFFFFFF) | 255
     registers[0], registers[1] = low, high
-    return bit
 
 
 @inlined

@@ -18,14 +18,13 @@ def bit_count(word: int) -> int:
 @inlined
 def leading_zeros(word: int) -> int:
     """Return the number of zero bits above the highest set bit of a 64-bit word, or 64 for 0."""
-    if word < 0:
-        return 0
-    zeros = 64
-    for step in (32, 16, 8, 4, 2, 1):
-        if word >> step:
-            word >>= step
-            zeros -= step
-    return zeros - (1 if word else 0)
+    word |= word >> 1
+    word |= word >> 2
+    word |= word >> 4
+    word |= word >> 8
+    word |= word >> 16
+    word |= word >> 32
+    return 64 - bit_count(word)
 
 
 @inlined

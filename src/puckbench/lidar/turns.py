@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, TypeVar
 
 import numpy as np
@@ -119,21 +120,28 @@ def by_elevation(values: NDArray[_Value], layout: Layout) -> NDArray[_Value]:
     """Return values (kinds, columns, lasers) of a turn, shifted, from the lowest laser up."""
     if not layout.shifts:
         return values[..., list(layout.order)]
-    return values[:, _shifted_columns(values, layout), list(layout.order)]
+    return _flat(values)[:, _places(layout, *values.shape[1:])].reshape(values.shape)
 
 
 def by_laser(values: NDArray[_Value], layout: Layout) -> NDArray[_Value]:
     """Return the values of a turn from the result of `by_elevation`."""
     if not layout.shifts:
         return values.take(np.argsort(layout.order), axis=2)
-    original = np.empty_like(values)
-    original[:, _shifted_columns(values, layout), list(layout.order)] = values
+    original = np.empty(values.shape, values.dtype)
+    _flat(original)[:, _places(layout, *values.shape[1:])] = _flat(values)
     return original
 
 
-def _shifted_columns(values: NDArray[Any], layout: Layout) -> NDArray[np.intp]:
-    columns = np.arange(values.shape[1])[:, None] - np.asarray(layout.shifts)[list(layout.order)]
-    return np.asarray(columns % values.shape[1])
+def _flat(values: NDArray[_Value]) -> NDArray[_Value]:
+    return values.reshape(len(values), -1)
+
+
+@lru_cache(maxsize=8)
+def _places(layout: Layout, columns: int, lasers: int) -> NDArray[np.intp]:
+    """Return the index of each shifted value, from the lowest laser up, in the flat original."""
+    order = np.asarray(layout.order)
+    shifted = np.arange(columns)[:, None] - np.asarray(layout.shifts)[order]
+    return np.asarray(shifted % columns * lasers + order).ravel()
 
 
 def has_wide_ranges(turn: Turn) -> bool:

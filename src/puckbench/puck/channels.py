@@ -1,20 +1,18 @@
 """Coding of further images of a turn, of up to 16 bits: signal, reflectivity, near infrared, flags.
 
 A pixel is coded as binary decisions around a prediction by least squares, as ranges are. The
-reflectivity of a return is nearly a function of its range and signal; the sum of four learnt
-logarithms estimates it. Signals are compared at equal ranges: they decrease with the square.
+reflectivity of a return is nearly a function of its range and signal; the sum of five learnt
+logarithms estimates it.
 
 Variables have the same names as in `ranges`.
 """
 
 from __future__ import annotations
 
-from enum import IntEnum
 from functools import cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from puckbench.coding.binary_coder import BitCoder, exhausted
 from puckbench.coding.context_mixing import Ints, Mixer, MixerOptions, Words, code_bit, new_mixer
@@ -41,7 +39,8 @@ from puckbench.puck.ranges import PAD
 MAX_VALUE = (1 << 16) - 1
 _EXPERTS, _CONTEXTS, _ZERO_CONTEXTS = 5, 6, 3
 """Numbers in the efforts `normal` and `thorough`; `fast` has one counter for each decision."""
-_FEATURES, _COMMON_FEATURES = 23, 16
+_FEATURES: dict[Effort, int] = {"fast": 8, "normal": 13, "thorough": 20}
+_FEATURES_OF_NORMAL = 13
 _LEVELS = 20
 """Levels of the prediction errors around a pixel (its activity)."""
 _SIZES = 36
@@ -53,18 +52,23 @@ _OCTAVE = 4096
 """A factor of 2 as a difference of logarithms."""
 _BINS = 400
 """Entries of a table of logarithms, 16 for an octave."""
-_SIGNAL_PACE = 512
-_PACES = (16, 16, 12, 8)
-"""Estimates after which a table (laser, range, signal, sum) adapts at a constant rate."""
-_FIRST_GAIN = -81633 << 8
+_COARSE_BINS, _COARSE = 52, 3
+"""Entries of a laser's table of logarithms of ranges, 2 ** (4 - _COARSE) for an octave."""
+_TABLES = 5
+_VARIANCE = 1 << 24
+"""The variance 1 (squared octave)."""
+_FIRST_VARIANCES = np.array([1.0, 0.05, 1.0, 0.05, 0.05])
+"""Variances of entries of the tables of ranges, lasers' ranges, lasers, signals and sums before
+the first estimate,"""
+_ADDED_VARIANCES = tuple(round(_VARIANCE * share) for share in (1e-4, 2e-4, 1e-5, 1e-4, 1e-4))
+"""and their least variances, by which the tables adapt to changes."""
+_LEAST_NOISE, _MOST_NOISE = _VARIANCE >> 13, _VARIANCE // 25
+"""Limits of the variance of what no table explains."""
+_ROUNDING = round(0.2 * _VARIANCE)
+"""Variance of the logarithm of a value v because it is rounded, times v squared."""
+_EARLY_GAIN = -81633 << 8
 """Logarithm of a reflectivity of 16 bits less those of signal and squared range (mm): that of the
 early firmware of two sensors."""
-
-
-class Role(IntEnum):
-    """What a channel depends on: nothing, the range, or the range and the signal."""
-
-    PLAIN, SIGNAL, REFLECTIVITY = range(3)
 
 
 class ChannelModel(NamedTuple):
@@ -76,13 +80,14 @@ class ChannelModel(NamedTuple):
     last: Ints  # for each laser: its last value above 0,
     error: Ints  # the running means of its errors' sizes, in 1 / FINE,
     bias: Ints  # and of its signed errors, in shifted units / 256
-    memory: Ints  # number of values, estimate in 2**-20 octaves, and its value
-    gains: NDArray[np.int64]  # (4, bins), logarithms by laser, range, signal and their sum,
-    counts: NDArray[np.int64]  # and how often each was learnt
-    places: Ints  # places in the tables, in 1 / 256; in the last, the sum of all constants
+    memory: Ints  # number of values, estimate in 2**-20 octaves, its value, variance of its error
+    gains: Ints  # logarithms that are summed, in 2**-20 octaves: all tables, then a constant,
+    variances: Ints  # and the variances of their errors
+    starts_of_gains: Ints  # first entry of each table, and the constant
+    places: Ints  # places in the tables, in 1 / 256
     logarithms: Words  # tables
     powers: Words
-    role: int
+    has_signals: int  # 1 for reflectivities, which depend on ranges and signals
     farthest: int  # largest value
 
 
@@ -97,7 +102,7 @@ class ChannelContext(NamedTuple):
 
 
 def new_channel_model(
-    bits: BitCoder, lasers: int, effort: Effort, role: Role, farthest: int
+    bits: BitCoder, lasers: int, effort: Effort, farthest: int, *, has_signals: bool
 ) -> ChannelModel:
     is_unmixed = effort == "fast"
     sizes = np.array([_LEVELS * 16] if is_unmixed else [
@@ -108,6 +113,8 @@ def new_channel_model(
     zeros = np.zeros(lasers, np.int64)
     level = np.arange(_LEVELS) + 4
     usual = (1 << level // 2) * (2 + level % 2) * 128
+    entries = np.array([_BINS, lasers * _COARSE_BINS, lasers + 1, _BINS, _BINS])
+    variances = np.append(np.repeat(_VARIANCE * _FIRST_VARIANCES, entries), 0).astype(np.int64)
     model = ChannelModel(
         new_mixer(bits, MixerOptions(
             experts=0, contexts=zero_contexts, counters=1024 + lasers * 32 + 512, rows=8,
@@ -120,13 +127,15 @@ def new_channel_model(
         )),
         np.cumsum(sizes) - sizes,
         new_experts(np.tile(usual, (_EXPERTS, 1)).astype(np.int32), experts),
-        new_least_squares(1, _FEATURES if effort == "thorough" else _COMMON_FEATURES),
-        zeros, zeros + 8 * FINE, zeros.copy(), np.zeros(3, np.int64),
-        np.zeros((5, _BINS), np.int64), np.zeros((5, _BINS), np.int64), np.zeros(4, np.int64),
-        *_tables(), int(role), farthest,
+        new_least_squares(1, _FEATURES[effort]),
+        zeros, zeros + 8 * FINE, zeros.copy(), np.zeros(4, np.int64),
+        np.zeros(entries.sum() + 1, np.int64), variances, np.cumsum([0, *entries]),
+        np.zeros(_TABLES, np.int64),
+        *_tables(), int(has_signals), farthest,
     )  # fmt: skip
-    if role == Role.REFLECTIVITY and farthest == MAX_VALUE:
-        model.gains[4, 0], model.counts[4, 0] = _FIRST_GAIN, 1
+    model.memory[3] = _VARIANCE // 1000
+    if farthest == MAX_VALUE:
+        model.gains[-1] = _EARLY_GAIN
     return model
 
 
@@ -183,19 +192,23 @@ def _power(model: ChannelModel, logarithm: int) -> int:
 
 @inlined
 def _estimate(model: ChannelModel, image: ChannelContext, c: int, laser: int) -> int:
-    """Return the estimate of a value from its range and, of a reflectivity, its signal, or 0."""
+    """Return the estimate of a reflectivity from its range and signal, or 0."""
     distance, signal = int(image.ranges[c, laser]), int(image.signals[c, laser])
-    if model.role == 0 or distance == 0 or (model.role == 2 and signal == 0):
+    if model.has_signals == 0 or distance == 0 or signal == 0:
         return 0
     places = model.places
-    distance = _logarithm(model, distance)
-    places[0], places[1] = laser << 8, distance
-    total = model.gains[4, 0] + model.gains[0, laser] + _gain(model, 1) - (distance << 9)
-    if model.role == 2:
-        places[2] = _logarithm(model, signal)
-        total += ((places[2] + 4 * distance) << 8) + _gain(model, 2)
-        places[3] = min(max(total >> 8, 0), (_BINS - 2) << 8)
-        total += _gain(model, 3)
+    places, starts = model.places, model.starts_of_gains
+    distance, signal = _logarithm(model, distance), _logarithm(model, signal)
+    places[0] = distance
+    places[1] = (starts[1] + laser * _COARSE_BINS << 8) + (distance >> _COARSE)
+    places[2] = starts[2] + laser << 8
+    _start_range(model)
+    places[3] = (starts[3] << 8) + signal
+    total = int(model.gains[starts[5]]) + (signal + 2 * distance << 8)
+    for k in range(4):
+        total += _gain(model, k)
+    places[4] = (starts[4] << 8) + min(max(total >> 8, 0), (_BINS - 2) << 8)
+    total += _gain(model, 4)
     model.memory[1] = total
     estimate = _power(model, total >> 8)
     model.memory[2] = estimate // FINE
@@ -205,34 +218,59 @@ def _estimate(model: ChannelModel, image: ChannelContext, c: int, laser: int) ->
 
 
 @inlined
+def _start_range(model: ChannelModel) -> None:
+    """Copy to an entry of the table of ranges that was never learnt its neighbour that was."""
+    gains, variances, first = model.gains, model.variances, model.places[0] >> 8
+    low, high = variances[first] == _VARIANCE, variances[first + 1] == _VARIANCE
+    if low and not high:
+        gains[first], variances[first] = gains[first + 1], _VARIANCE // 4
+    if high and not low:
+        gains[first + 1], variances[first + 1] = gains[first], _VARIANCE // 4
+
+
+@inlined
 def _gain(model: ChannelModel, table: int) -> int:
     place, share, gains = model.places[table] >> 8, model.places[table] & 255, model.gains
-    gain: int = (gains[table, place] * (256 - share) + gains[table, place + 1] * share) >> 8
+    gain: int = (gains[place] * (256 - share) + gains[place + 1] * share) >> 8
     return gain
 
 
 @inlined
 def _learn_estimate(model: ChannelModel, value: int) -> None:
-    places, gains, counts = model.places, model.gains, model.counts
+    """Share an error among the entries by their variances: a Kalman filter without covariances."""
+    places, gains, variances, memory = model.places, model.gains, model.variances, model.memory
     if model.farthest == MAX_VALUE:
-        value += max(model.memory[2] - value + (1 << 15), 0) >> 16 << 16
-    error = (_logarithm(model, value) << 8) - model.memory[1]
-    if counts[4, 0] == 0:
-        gains[4, 0], counts[4, 0] = error, 1
+        value += max(memory[2] - value + (1 << 15), 0) >> 16 << 16
+    elif value == model.farthest:
         return
-    limit = _OCTAVE << 6
-    if model.farthest == MAX_VALUE and model.role == 2 and abs(error) > limit:
+    error = (_logarithm(model, value) << 8) - memory[1]
+    constant = model.starts_of_gains[5]
+    if gains[constant] == 0:
+        gains[constant] = error
         return
-    error = min(max(error, -limit), limit)
-    for k in range(4 if model.role == 2 else 2):
+    if model.farthest == MAX_VALUE and abs(error) > _OCTAVE << 6:
+        return
+    rounding = _ROUNDING // (value * value)
+    total = memory[3] + rounding
+    for k in range(_TABLES):
         place, share = places[k] >> 8, places[k] & 255
-        pace = _PACES[k] if model.role == 2 else _SIGNAL_PACE
-        counts[k, place] += 256 - share
-        counts[k, place + 1] += share
-        first = min((counts[k, place] >> 8) + pace // 4, pace)
-        second = min((counts[k, place + 1] >> 8) + pace // 4, pace)
-        gains[k, place] += (error * (256 - share)) // (first << 8)
-        gains[k, place + 1] += (error * share) // (second << 8)
+        total += variances[place] * (256 - share) * (256 - share) >> 16
+        total += variances[place + 1] * share * share >> 16
+    size = min(abs(error) >> 8, 1 << 14)
+    memory[3] += (
+        min(max((size * size >> 1) - rounding, _LEAST_NOISE), _MOST_NOISE) - memory[3]
+    ) >> 6
+    limit = 5 << 7 + (halves(total) >> 2)  # about 2.5 standard deviations
+    error = min(max(error, -limit), limit)
+    inverse = (1 << 40) // total
+    for k in range(_TABLES):
+        for after in range(2):
+            place, share = (places[k] >> 8) + after, places[k] & 255
+            variance = variances[place] * (share if after else 256 - share) >> 8
+            gain = variance * inverse >> 24
+            gains[place] += error * gain >> 16
+            left = variances[place] - (variance * gain >> 16)
+            variances[place] = max(left, _ADDED_VARIANCES[k])
 
 
 @inlined
@@ -276,7 +314,7 @@ def _code_value(
     mean = base + ((first + (int(model.bias[laser]) >> 8)) << shift)
     mean = min(max(mean, FINE), FINE * model.farthest)
     level = _activity(model, image, before, c, laser, t)
-    unit = max(int(scales[0, level] >> 8) * 4 // 64, 1)
+    unit = max(int(scales[0, level] >> 8) * (4 if len(model.experts.every) > 0 else 7) // 64, 1)
     centre = (mean + FINE // 2) // FINE
     value = int(values[c, laser])
     if len(model.experts.every) == 0:
@@ -301,9 +339,12 @@ def _code_value(
     target = (FINE * value - base) >> shift
     if abs(target) < 2 * _CLIP:
         model.bias[laser] += (((target - first) << 8) - int(model.bias[laser])) >> 6
-        learn_target(model.linear, 0, target, 0, 12)
         model.memory[0] += 1
-        if model.memory[0] % 16 == 0:
+        if len(model.experts.every) > 0:
+            learn_target(model.linear, 0, target, 0, 12)
+        elif model.memory[0] & 3 == 0 or model.memory[0] < 1000:
+            learn_target(model.linear, 0, target, 0, 10)
+        if model.memory[0] & 15 == 0:
             solve(model.linear, 0)
 
 
@@ -314,12 +355,8 @@ def _base(
 ) -> int:  # fmt: skip
     """Return the value, in 1 / FINE, that is subtracted from others in the features."""
     base = FINE * int(model.last[laser])
-    west = int(image.estimates[c - 1, laser])
-    if estimate > 0 and model.role == 2:
+    if estimate > 0:
         return estimate
-    if estimate > 0 and west > 0 and base > 0:
-        base = min(max(base * estimate // west, base >> 2), base << 2)
-        return min(base, FINE * model.farthest)
     if base == 0 and laser > 0:
         base = FINE * int(image.values[c, laser - 1])
     if base == 0 and t > 0:
@@ -340,7 +377,7 @@ def _write_contexts(
     west, below = base + (x[0] << shift), base + (x[4] << shift)
     has_below = laser > 0 and values[c, laser - 1] > 0
     means[0], means[1] = mean, max(west, 1)
-    means[2] = estimate if model.role == 2 else FINE * int(model.last[laser])
+    means[2] = estimate if model.has_signals == 1 else FINE * int(model.last[laser])
     means[3], means[4] = FINE * then, max(below, 1) if has_below else 0
     begin(model.experts, level)
     centre = (mean + FINE // 2) // FINE
@@ -387,6 +424,9 @@ def _write_features(
     x = model.linear.features
     for k in range(len(model.linear.every)):
         x[k] = 0
+    if len(model.linear.every) < _FEATURES_OF_NORMAL:
+        _write_few_features(model, image, before, c, laser, t, base, shift)
+        return
     for k in range(4):
         x[k] = _change(model, image, c, laser, c - 1 - k, laser, base, shift)
     if laser > 0:
@@ -399,10 +439,30 @@ def _write_features(
     if t > 0:
         _write_earlier_features(x, before.values, laser, t, base, shift)
     x[12] = 2 * FINE
-    if model.role == 1:
-        _write_unscaled_features(model, image, c, laser, base, shift)
-    if len(model.linear.every) > _COMMON_FEATURES:
+    if len(model.linear.every) > _FEATURES_OF_NORMAL:
         _write_more_features(model, image, c, laser, base, shift)
+
+
+@inlined
+def _write_few_features(
+    model: ChannelModel, image: ChannelContext, before: ChannelContext, c: int, laser: int, t: int,
+    base: int, shift: int,
+) -> None:  # fmt: skip
+    x = model.linear.features
+    x[0] = 2 * FINE
+    if laser > 0:
+        x[1] = _change(model, image, c, laser, c, laser - 1, base, shift)
+    if laser + 1 < image.values.shape[1]:
+        x[2] = _change(model, image, c, laser, c - 1, laser + 1, base, shift)
+    if model.has_signals == 1:
+        x[3] = _change(model, image, c, laser, c - 1, laser, base, shift)
+        return
+    x[3] = _change(model, image, c, laser, c - 2, laser, base, shift)
+    x[4] = _change(model, image, c, laser, c - 3, laser, base, shift)
+    if laser > 0:
+        x[5] = _change(model, image, c, laser, c - 1, laser - 1, base, shift)
+    if t > 0:
+        x[6] = _difference(before.values[t, laser], base, shift)
 
 
 @inlined
@@ -416,33 +476,22 @@ def _write_earlier_features(
 
 
 @inlined
-def _write_unscaled_features(
-    model: ChannelModel, image: ChannelContext, c: int, laser: int, base: int, shift: int
-) -> None:
-    x, values = model.linear.features, image.values
-    x[13] = _difference(values[c - 1, laser], base, shift)
-    x[14] = _difference(values[c - 2, laser], base, shift)
-    if laser > 0:
-        x[15] = _difference(values[c, laser - 1], base, shift)
-
-
-@inlined
 def _write_more_features(
     model: ChannelModel, image: ChannelContext, c: int, laser: int, base: int, shift: int
 ) -> None:
     x, lasers = model.linear.features, image.values.shape[1]
-    x[16] = _change(model, image, c, laser, c - 5, laser, base, shift)
-    x[17] = _change(model, image, c, laser, c - 6, laser, base, shift)
+    x[13] = _change(model, image, c, laser, c - 5, laser, base, shift)
+    x[14] = _change(model, image, c, laser, c - 6, laser, base, shift)
     if laser > 0:
-        x[18] = _change(model, image, c, laser, c - 2, laser - 1, base, shift)
+        x[15] = _change(model, image, c, laser, c - 2, laser - 1, base, shift)
     if laser > 1:
-        x[19] = _change(model, image, c, laser, c - 1, laser - 2, base, shift)
+        x[16] = _change(model, image, c, laser, c - 1, laser - 2, base, shift)
     if laser > 2:
-        x[20] = _change(model, image, c, laser, c, laser - 3, base, shift)
+        x[17] = _change(model, image, c, laser, c, laser - 3, base, shift)
     if laser + 1 < lasers:
-        x[21] = _change(model, image, c, laser, c - 2, laser + 1, base, shift)
+        x[18] = _change(model, image, c, laser, c - 2, laser + 1, base, shift)
     if laser + 2 < lasers:
-        x[22] = _change(model, image, c, laser, c - 1, laser + 2, base, shift)
+        x[19] = _change(model, image, c, laser, c - 1, laser + 2, base, shift)
 
 
 @inlined
@@ -457,7 +506,7 @@ def _change(
     model: ChannelModel, image: ChannelContext, c: int, laser: int, row: int, other: int,
     base: int, shift: int,
 ) -> int:  # fmt: skip
-    """Return another pixel less the base; with estimates, each is relative to its own."""
+    """Return another pixel less the base, or what both exceed their estimates by, relatively."""
     value, estimate = FINE * int(image.values[row, other]), int(image.estimates[c, laser])
     if value == 0:
         return 0
@@ -465,8 +514,5 @@ def _change(
         there = int(image.estimates[row, other])
         if there == 0:
             return 0
-        if model.role == 2:
-            value = base + (value - there) * (base >> 4) // max(there >> 4, 1)
-        else:
-            value = value * estimate // there
+        value = base + (value - there) * (base >> 4) // max(there >> 4, 1)
     return min(max((value - base) >> shift, -_CLIP), _CLIP)

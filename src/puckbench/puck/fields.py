@@ -17,7 +17,6 @@ from puckbench.lidar.turns import Turn, by_elevation, by_laser
 from puckbench.puck.channels import (
     ChannelContext,
     ChannelModel,
-    Role,
     code_channel,
     new_channel_model,
 )
@@ -142,7 +141,6 @@ def _code_images(
     ]
 
     def code(job: _Job) -> None:
-        role = _role(job.channel)
         signal = job.values if job.channel.signal is None else images[job.channel.signal]
         context = ChannelContext(
             job.values, np.zeros_like(job.values), np.zeros_like(job.values),
@@ -150,7 +148,10 @@ def _code_images(
         )  # fmt: skip
         farthest, model = (1 << job.width) - 1, state.models.get(job.number)
         if model is None or model.farthest != farthest:
-            model = new_channel_model(job.bits, layout.lasers, effort, role, farthest)
+            model = new_channel_model(
+                job.bits, layout.lasers, effort, farthest,
+                has_signals=job.channel.signal is not None,
+            )  # fmt: skip
         model = state.models[job.number] = with_coder(model, job.bits)
         nothing = np.zeros((1, layout.lasers), np.int32)
         before = ChannelContext(nothing, nothing, nothing, nothing, nothing)
@@ -170,9 +171,3 @@ def _code_images(
     state.azimuths = azimuths
     for job in jobs:
         parts.close(job.bits, job.is_complete)
-
-
-def _role(channel: Channel) -> Role:
-    if channel.is_signal:
-        return Role.SIGNAL
-    return Role.PLAIN if channel.signal is None else Role.REFLECTIVITY

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from puckbench.coding.binary_coder import MIN_PROBABILITY, ONE, code
+from puckbench.coding.binary_coder import MIN_PROBABILITY, ONE, code, code_uniform
 from puckbench.coding.context_mixing import (
     CERTAINTY,
     COUNT_BITS,
@@ -71,6 +71,12 @@ def _traverse(
         if bit != side:
             break
     node = 1 + (2 + side) * _STEPS + min(steps - 1, _STEPS - 1)
+    if is_unmixed:
+        if high - low > 1:
+            middle = (low + high) >> 1
+            bit = _decide(mixer, experts, is_unmixed, start, number, middle, node, step)
+            low, high = (middle, high) if bit == 1 else (low, middle)
+        return low + code_uniform(mixer.bits, number - low, high - low) if high - low > 1 else low
     while high - low > 1:
         middle = (low + high) >> 1
         bit = _decide(mixer, experts, is_unmixed, start, number, middle, node, step)

@@ -53,6 +53,8 @@ _SITUATIONS = 4 * _LEVELS
 _JUMP = 24
 """A larger difference between columns, in quanta, is taken for a change to another surface."""
 _FIRST_ERROR = 3 * FINE
+_ALL_LEARNT = 1000
+"""Returns after which `fast` adapts its prediction by every fourth return only."""
 
 
 class RangeContext(NamedTuple):
@@ -96,16 +98,16 @@ class ModelSize(NamedTuple):
 
 
 MODEL_SIZES: dict[Effort, ModelSize] = {
-    "fast": ModelSize(10, 0, 1, 1, 1, 1, 32),
-    "normal": ModelSize(10, 3, 3, 1, 3, 1, 16),
+    "fast": ModelSize(8, 0, 1, 1, 1, 1, 16),
+    "normal": ModelSize(10, 6, 3, 1, 3, 1, 16),
     "thorough": ModelSize(22, 9, 8, 3, 6, 9, 8),
 }
-_EXPERT_WEIGHTS = (0.18, 0.2, 0.16, 0.15, 0.1, 0.2, 0.22, 0.16, 0.16)
+_EXPERT_WEIGHTS = (0.18, 0.2, 0.16, 0.16, 0.16, 0.1, 0.15, 0.2, 0.22)
 _CONTEXT_WEIGHTS = (0.15, 0.2, 0.12, 0.13, 0.05, 0.16, 0.1, 0.15)
 _MASK_WEIGHTS = (0.3, 0.16, 0.08, 0.15, 0.14, 0.3)
 """Initial weights, close to the final ones of a recording of an HDL-32E."""
 _COMMON_FEATURES = 10
-"""Features of every effort."""
+"""Features of `normal`; `fast` has fewer."""
 
 
 def new_range_model(
@@ -139,7 +141,7 @@ def new_range_model(
 def _first_scales(experts: int) -> Words:
     level = np.arange(_LEVELS) + 6
     usual = (1 << level // 2) * (2 + level % 2) * 128
-    times = np.array([1, 1.2, 1.4, 1.4, 6, 1.4, 1, 6, 6])[: max(experts, 1), None]
+    times = np.array([1, 1.2, 1.4, 6, 6, 6, 1.4, 1.4, 1])[: max(experts, 1), None]
     scales: Words = np.rint(np.repeat(usual, 4) * times).astype(np.int32)
     return scales
 
@@ -377,6 +379,9 @@ def _write_features(
     base: int,
 ) -> None:  # fmt: skip
     x, held, ranges = model.linear.features, image.held, image.ranges
+    if len(model.linear.every) < _COMMON_FEATURES:
+        _write_few_features(x, image, before, c, laser, t, base)
+        return
     for k in range(3):
         x[k] = _change(held[c - 2 - k, laser], base)
     x[3], x[4] = 0, 0
@@ -394,6 +399,26 @@ def _write_features(
         x[9] = _fine_change(before.smooth[t, laser], base)
     if len(model.linear.every) > _COMMON_FEATURES:
         _write_more_features(x, image, before, c, laser, t, base)
+
+
+@inlined
+def _write_few_features(
+    x: Words, image: RangeContext, before: RangeContext, c: int, laser: int, t: int, base: int
+) -> None:
+    held = image.held
+    x[0], x[1] = _change(held[c - 2, laser], base), _change(held[c - 3, laser], base)
+    x[2], x[3] = 0, 0
+    if laser > 0:
+        x[2] = _change(image.ranges[c, laser - 1], held[c - 1, laser - 1])
+        x[3] = _change(held[c - 2, laser - 1], held[c - 1, laser - 1])
+    for k in range(4, 8):
+        x[k] = 0
+    if t > 0:
+        for k in range(2):
+            x[4 + k] = _change(before.ranges[t + k, laser], base)
+        if laser > 0:
+            x[6] = _change(image.ranges[c, laser - 1], before.ranges[t, laser - 1])
+        x[7] = _fine_change(before.smooth[t, laser], base)
 
 
 @inlined
@@ -437,18 +462,18 @@ def _write_experts(
     means[0] = max(mean, 1)
     means[1] = then
     means[2] = FINE * base
-    if len(model.experts.every) <= 3:
-        return
     below = int(image.ranges[c, laser - 1]) if laser > 0 else 0
-    means[3], means[5] = 0, 0
+    means[3] = FINE * below
+    means[4] = FINE * image.ranges[c - 1, laser + 1] if laser + 1 < image.ranges.shape[1] else 0
+    means[5] = FINE * model.other[laser]
+    if len(model.experts.every) <= 6:
+        return
+    means[6], means[7] = 0, 0
     if below > 0 and image.held[c - 1, laser - 1] > 0:
-        means[3] = max(FINE * (base + below - image.held[c - 1, laser - 1]), 0)
-    means[4] = FINE * model.other[laser]
+        means[6] = max(FINE * (base + below - image.held[c - 1, laser - 1]), 0)
     if below > 0 and then > 0 and before.smooth[t, laser - 1] > 0:
-        means[5] = max(then + FINE * below - before.smooth[t, laser - 1], 0)
-    means[6] = max(FINE * base + 4 * predicted(model.linear, group), 1)
-    means[7] = FINE * below
-    means[8] = FINE * image.ranges[c - 1, laser + 1] if laser + 1 < image.ranges.shape[1] else 0
+        means[7] = max(then + FINE * below - before.smooth[t, laser - 1], 0)
+    means[8] = max(FINE * base + 4 * predicted(model.linear, group), 1)
 
 
 @inlined
@@ -508,10 +533,10 @@ def _write_more_contexts(
     if t > 0:
         east = _level(before.ranges[t + 1, laser], centre, unit)
         back = _level(before.ranges[t - 1, laser], centre, unit)
-    below = _level(means[3] // FINE, centre, unit)
+    below = _level(means[6] // FINE, centre, unit)
     slope = level_of(image.held[c - 1, laser] - image.held[c - 2, laser], unit)
     other = _level(model.other[laser], centre, unit)
-    apart = level_of(means[6] // FINE - centre, max(unit // 4, 1))
+    apart = level_of(means[8] // FINE - centre, max(unit // 4, 1))
     at[3] = starts[3] + (below * 9 + level_of(model.memory[0], unit)) * NODES
     at[4] = starts[4] + (east * 10 + back) * NODES
     at[5] = starts[5] + (slope * 10 + then) * NODES
@@ -544,7 +569,10 @@ def _learn_range(
 @inlined
 def _learn_linear(model: RangeModel, target: int, group: int, damp: int) -> None:
     linear = model.linear
-    learn_target(linear, 0, target, damp, 12)
+    if len(model.experts.every) > 0:
+        learn_target(linear, 0, target, damp, 12)
+    elif model.memory[1] & 3 == 0 or model.memory[1] < _ALL_LEARNT:
+        learn_target(linear, 0, target, damp, 10)
     if group > 0:
         learn_target(linear, group, target, damp, 10)
     model.memory[1] += 1

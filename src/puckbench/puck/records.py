@@ -16,7 +16,7 @@ from puckbench.coding.byte_io import base_128
 from puckbench.core.errors import InputError
 
 MAGIC = b"PUCK"
-_VERSION = 1
+_VERSION = 2
 _CHECKSUM_BYTES = 4
 _PORTION = 1 << 20
 DAMAGED = "the stream is damaged or truncated"

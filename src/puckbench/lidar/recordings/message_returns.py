@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.core.errors import InputError, naming
-from puckbench.geometry.cloud import Floats
+from puckbench.geometry.cloud import Floats, check_points
 from puckbench.io.point_columns import Columns
 from puckbench.lidar.recordings.cloud_messages import (
     CloudMessage,
@@ -26,6 +26,7 @@ from puckbench.lidar.recordings.decoded_clouds import (
     returns_of_columns,
     without_missing,
 )
+from puckbench.lidar.recordings.fitted_lasers import fitted_lasers
 from puckbench.lidar.recordings.returns import RecordedReturns
 from puckbench.lidar.recordings.times import PER_SECOND, TimeUnit, is_since_1970, unit_of
 from puckbench.lidar.sensor import Sensor
@@ -43,17 +44,33 @@ def read_message_returns(
 
     Coordinates are those of ROS: x forward, y left, z up. Times are relative to the stamps of the
     messages, or since 1970 (see `puckbench.lidar.recordings.decoded_clouds` for the columns).
+    Without a `sensor`, its lasers are fitted to the points.
     """
-    if sensor is None:
-        raise InputError("clouds do not state their sensor, whose lasers are needed: add --sensor")
     name, (_, count) = cloud_topic(path, topic)
     with naming(f"{path}: topic {name}"):
-        columns = _joined(_parts(path, name, range(count), time_unit))
-        x, y = columns["x"], columns["y"]
-        table = returns_of_columns({**columns, "x": -y, "y": x}, sensor, "s", path)
+        points = _joined(_parts(path, name, range(count), time_unit))
+        columns = {**points, "x": -points["y"], "y": points["x"]}
+        about: dict[str, Any] = {}
+        if sensor is None:
+            columns, sensor, about = _fitted(path, columns)
+        table = returns_of_columns(columns, sensor, "s", path)
     seconds = table["timestamp"] - table["timestamp"].min(initial=math.inf)
-    about = {**table.about, "topic": name, "messages": count}
+    about = {**table.about, **about, "topic": name, "messages": count}
     return replace(table, columns={**table.columns, "timestamp": seconds}, about=about)
+
+
+def _fitted(path: Path, columns: Columns) -> tuple[dict[str, NDArray[Any]], Sensor, dict[str, Any]]:
+    """Fit a sensor to the columns of points; return them with the ring by elevation."""
+    name = next((each for each in LASERS[::-1] if each in columns), None)
+    if name is None:
+        raise InputError(f"no laser column ({', '.join(LASERS)})")
+    present, counts = without_missing(path, columns)
+    xyz = np.column_stack([present[axis] for axis in "xyz"]).astype(np.float64)
+    check_points(xyz, str(path))
+    fitted = fitted_lasers(xyz, present[name], present["timestamp"], present["turn"])
+    rest = {each: values[fitted.is_used] for each, values in present.items() if each not in LASERS}
+    rest["ring"] = fitted.ranks[fitted.is_used]
+    return rest, fitted.sensor, {**counts, **fitted.about()}
 
 
 def read_message_columns(

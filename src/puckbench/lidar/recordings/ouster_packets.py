@@ -38,7 +38,6 @@ class Channel(NamedTuple):
 
     field: Field
     kind: int
-    is_signal: bool = False
     signal: int | None = None
 
 
@@ -123,7 +122,7 @@ class OusterKind:
         With signals, on which they depend, reflectivities are channels, too.
         """
         profile = PROFILES[self.profile]
-        signals = [Channel(each, kind, is_signal=True) for kind, each in enumerate(profile.signals)]
+        signals = [Channel(each, kind) for kind, each in enumerate(profile.signals)]
         dependent = [
             Channel(self._reflectivity(kind), kind, signal=kind) for kind in range(len(signals))
         ]

@@ -91,7 +91,7 @@ def recovered_returns(
     step = np.radians(step_deg)
     beams, phases, places = [], [], []
     for rows in kept:
-        tangent, height = _fitted_cone(level[rows], xyz[rows, 2])
+        tangent, height = fitted_cone(level[rows], xyz[rows, 2])
         sideways, phase = _fitted_offset(level[rows], azimuth[rows], step)
         beams.append(_Beam(tangent, height, sideways))
         turned = azimuth[rows] - np.arcsin(np.clip(sideways / level[rows], -1, 1)) - phase
@@ -183,14 +183,21 @@ def _without_turning(
     return still, [_Beam(float(fit[k]), float(fit[count + k]), 0.0) for k in range(count)]
 
 
-def _fitted_cone(level: Floats, z: Floats) -> tuple[float, float]:
-    """Fit ``z = level * tangent + height`` without outliers; return tangent and height."""
+def fitted_cone(level: Floats, z: Floats, prior: float = 0.0) -> tuple[float, float]:
+    """Fit ``z = level * tangent + height`` without outliers; return tangent and height.
+
+    `prior` is the weight of a height of 0, relative to that of a point at 1 m.
+    """
     near = np.ones(len(level), bool)
     fit = np.zeros(2)
     for _ in range(3):
         weights = 1 / level[near]
         rows = np.column_stack([np.ones(near.sum()), weights])
-        fit = np.linalg.lstsq(rows, z[near] * weights, rcond=None)[0]
+        values = z[near] * weights
+        if prior:
+            rows = np.vstack([rows, [0, prior * np.sqrt(len(weights))]])
+            values = np.append(values, 0)
+        fit = np.linalg.lstsq(rows, values, rcond=None)[0]
         off = np.abs(z - fit[0] * level - fit[1])
         near = off <= max(4 * float(np.median(off)), 1e-3)
     return float(fit[0]), float(fit[1])
