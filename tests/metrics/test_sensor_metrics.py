@@ -93,3 +93,16 @@ def test_entropy_of_noise_is_that_of_its_distribution() -> None:
     steps = random.integers(0, 8, len(groups)) * 0.002
     assert entropy_bits(steps, np.zeros(len(groups), int), 0.002) == pytest.approx(3, abs=0.001)
     assert entropy_bits(np.zeros(50), np.zeros(50, int), 0.002) == 0
+
+
+def test_noise_whose_deviation_can_be_known_costs_less_than_pooled() -> None:
+    """Deviations of 5 and 20 steps in halves of the incidences: the mean of both entropies."""
+    random = np.random.default_rng(6)
+    incidence = random.random(400_000)
+    steps = np.where(incidence < np.median(incidence), 5, 20)
+    noise, groups = random.normal(0, 0.002 * steps), np.zeros(len(steps), int)
+    expected = np.mean([np.log2(s * np.sqrt(2 * np.pi * np.e)) for s in (5, 20)])
+    ranges = random.random(len(steps))
+    known = entropy_bits(noise, groups, 0.002, (incidence, ranges))
+    assert known == pytest.approx(expected, abs=0.005)
+    assert entropy_bits(noise, groups, 0.002) > expected + 0.2

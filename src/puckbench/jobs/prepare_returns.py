@@ -111,7 +111,11 @@ class PrepareReturns(Job):
             "source": path.name,
             "sensor": selected.sensor,
             "errors": table.about.get("errors", {}),
-            "noise_bits": 0.0 if self.clean else entropy_bits(noise, lasers, selected.quantum_m),
+            "noise_bits": 0.0
+            if self.clean
+            else entropy_bits(
+                noise, lasers, selected.quantum_m, (rows["incidence"], rows["distance"])
+            ),
         }
         true = PointCloud(true_points(table, scan))
         if scan.still_at is not None:  # a moving sensor's frame rotates, the normals do not

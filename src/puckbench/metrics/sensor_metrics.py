@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,6 +11,8 @@ from puckbench.geometry.cloud import Floats
 
 if TYPE_CHECKING:
     from puckbench.lidar.returns import Returns
+
+_OCTILES = 8
 
 
 def range_errors(original: Returns, decoded: Returns) -> dict[str, float]:
@@ -63,18 +65,31 @@ def range_errors_of_points(original: Floats, decoded: Floats) -> dict[str, float
     }
 
 
-def entropy_bits(noise: Floats, groups: NDArray[np.integer], step: float) -> float:
+def entropy_bits(
+    noise: Floats, groups: NDArray[np.integer], step: float, conditions: Sequence[Floats] = ()
+) -> float:
     """Return the entropy, in bits, of noise (n,) quantised to steps: a bound for lossless coding.
 
     It has Miller's bias correction (1955). The mean noise of each of the `groups` (n,), a laser in
-    a turn, is subtracted, because a codec can learn it.
+    a turn, is subtracted, because a codec can learn it. The entropy is conditional on the octiles
+    of the `conditions` (n,), from which a decoder can know the noise's standard deviation.
     """
     means = np.bincount(groups, noise) / np.maximum(np.bincount(groups), 1)
-    counts = np.unique(np.rint((noise - means[groups]) / step), return_counts=True)[1]
+    levels = np.rint((noise - means[groups]) / step)
+    cells = np.zeros(len(noise), np.int64)
+    for values in conditions:
+        edges = np.quantile(values, np.arange(1, _OCTILES) / _OCTILES)
+        cells = cells * _OCTILES + np.searchsorted(edges, values)
+    parts = [levels[cells == cell] for cell in np.unique(cells)]
+    return sum(len(part) * _entropy_bits(part) for part in parts) / max(len(noise), 1)
+
+
+def _entropy_bits(levels: Floats) -> float:
+    counts = np.unique(levels, return_counts=True)[1]
     if len(counts) < 2:
         return 0.0
     shares = counts / counts.sum()
-    nats = -float(shares @ np.log(shares)) + (len(counts) - 1) / (2 * len(noise))
+    nats = -float(shares @ np.log(shares)) + (len(counts) - 1) / (2 * len(levels))
     return nats / float(np.log(2))
 
 

@@ -29,11 +29,12 @@ def noise_bits(metrics: pd.DataFrame, clouds: pd.DataFrame) -> pd.DataFrame:
     the mean over their seeds, with quartiles (q25, q75) and 95 % bootstrap intervals (low, high);
     empty if no rate reaches the error.
 
-    ``noise_bits``: entropy of the model's noise in steps of the sensor's ranges, after subtracting
-    the mean error of each laser in each turn. ``grid_1_mm``: the fewest bits of a rate with at most
-    the D1 error of rounding to a grid of 1 mm. ``at_5_mm``: at a D1 root mean square error of 5 mm,
-    interpolated linearly between rates in log bits and log error. ``added_...``: difference to the
-    error model with the least noise. ``models``: number of error models of the rays.
+    ``noise_bits``: entropy of the model's noise in steps of the sensor's ranges, given incidence
+    and range, after subtracting the mean error of each laser in each turn. ``grid_1_mm``: the
+    fewest bits of a rate with at most the D1 error of rounding to a grid of 1 mm. ``at_5_mm``: at a
+    D1 root mean square error of 5 mm, interpolated linearly between rates in log bits and log
+    error. ``added_...``: difference to the error model with the least noise. ``models``: number of
+    error models of the rays. ``clouds``: number of scenes.
     """
     import pandas as pd
 
