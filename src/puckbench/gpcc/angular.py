@@ -37,7 +37,7 @@ class Angular(NamedTuple):
     height: negative heights of the lasers (`syntax.Laser.z`).
     least_gap: smallest difference between two lasers' elevations.
     step, steps: azimuth between two shots, and its inverse in units of 2^-30.
-    fault: (1,) nonzero if a stream names a laser that does not exist.
+    fault: (1,) nonzero if a stream's laser index is out of range.
     """
 
     origin: Ints
@@ -141,9 +141,8 @@ def azimuth_ctx(left: int, right: int, contrast: int) -> int:
 
 @inlined
 def elevation_ctx(difference: int, half_height: int) -> int:
-    """Return the context of a bit that selects a half of a node along z.
-
-    difference: elevation of the laser minus that of the node's middle.
+    """Return the context of a bit that selects a half of a node along z; difference: laser minus
+    node middle.
     """
     context = 0 if difference >= 0 else 1
     if int32(difference - half_height) >= 0 or int32(difference + half_height) < 0:
@@ -199,7 +198,7 @@ def plane_angles(
 def angular_eligible_axes(angles: PlaneAngles, eligible_axes: int, axes: int) -> int:
     """Return the axes (1 x, 2 y, 4 z) along which a node's planes are coded in angular mode.
 
-    These have an angular context; z may also be eligible without one. `axes` (4 x, 2 y, 1 z) are
+    They have an angular context; z may also be eligible without one. `axes` (4 x, 2 y, 1 z) are
     those that the level splits.
     """
     found = eligible_axes & 4

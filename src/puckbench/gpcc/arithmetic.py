@@ -45,7 +45,7 @@ class Decoder(NamedTuple):
 
     state: code value; range; bits of the code value beyond 16; bytes read; bytes of the stream; 1
     if bypass bits are in `bypass`, 0 if in the stream; index of the next bit in `bypass`.
-    bypass: bypass bits that are not in the stream, one per byte.
+    bypass: bypass bits of a separate stream, one per byte.
     """
 
     state: NDArray[np.int64]

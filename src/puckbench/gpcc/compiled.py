@@ -1,5 +1,3 @@
-"""Decorators that compile functions of G-PCC with Numba."""
-
 from __future__ import annotations
 
 from collections.abc import Callable
@@ -29,12 +27,12 @@ def compiled(function: Function) -> Function:
 
 
 def entry(function: Function) -> Function:
-    """Compile a function that Python calls and that creates no arrays."""
+    """Compile a function for calls from Python that creates no arrays."""
     return compiling.compiled(function, **_KERNEL)
 
 
 def kernel(function: Function) -> Function:
-    """Compile a function that only compiled functions call."""
+    """Compile a function for calls from compiled functions only."""
     return compiling.compiled(function, **_INTERNAL)
 
 

@@ -109,7 +109,7 @@ def code_direct_positions(
 ) -> tuple[int, int]:
     """Encode or decode the points of a node; return the numbers of distinct and of all points.
 
-    given, coded: (2, 3) distinct points to encode, and the result, relative to the node.
+    given, coded: (2, 3) distinct points to encode, and those coded, relative to the node.
     """
     pair = code_bit(coder, contexts.probabilities, CTX_NUM_IDCM_POINTS_GT1, integer(leaves == 2))
     dup_point_cnt = 0
@@ -176,7 +176,7 @@ def _code_same_bits_of_axis(
 ) -> bool:
     """Encode or decode two points' common leading bits along an axis, and the first difference.
 
-    equal: whether the points are equal along previous axes. Return whether all bits are equal.
+    equal: whether the points are equal along previous axes. Returns whether all bits are equal.
     """
     same = integer(1)
     ctx = 0
@@ -377,8 +377,8 @@ def order_by_angles(
 ) -> None:
     """Sort a node's two points into the order in which angular mode codes them.
 
-    Points coded jointly are sorted by x or y, whichever is coded without contexts. If they are
-    equal there, or coded separately, `second_first` swaps points of the same child node.
+    Jointly coded points are sorted by x or y, whichever has no contexts. If they are equal there,
+    or coded separately, `second_first` swaps points of the same child node.
     """
     one_child = True
     for axis in range(3):

@@ -257,8 +257,8 @@ def neighbour_grid(atlas: OccupancyAtlas, axes: int, base: int) -> int:
 
 @inlined
 def _moved(address: int, within: int, bits: int, place: int) -> int:
-    """Return the `bits` (of an axis) of a Morton code moved by `place` - 1 nodes, or -1 outside the
-    cube.
+    """Move a Morton code by `place` - 1 nodes along the axis of `bits`; return those bits, or -1
+    outside the cube.
     """
     own = address & bits
     if place == 1:

@@ -1,7 +1,7 @@
 """Coding of an octree level: for each node, planar modes, and occupancy or IDCM points.
 
 Nodes are coded in breadth-first order, as in TMC13's `GeometryOctreeEncoder` and
-`GeometryOctreeDecoder`. A decoder has no `Source`.
+`GeometryOctreeDecoder`. `Source` is for encoders.
 """
 
 from __future__ import annotations

@@ -96,8 +96,8 @@ def planar_eligible_axes(state: PlanarState, axes: int) -> int:
 
 @kernel
 def planar_mode_of(occupancy: int) -> tuple[int, int]:
-    """Return two masks (1 x, 2 y, 4 z): axes with one occupied plane, and those where it is the
-    upper.
+    """Return masks (1 x, 2 y, 4 z) of the axes with one occupied plane, and of those where it is
+    the upper plane.
     """
     planar_mode, plane_pos_bits = 0, 0
     for axis in range(3):

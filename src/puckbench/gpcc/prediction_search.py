@@ -1,7 +1,7 @@
 """Search of nearest positions in a growing set, with k-d trees whose sizes are powers of two.
 
-A new position and all smaller trees form one of the first free size (Bentley's logarithmic method).
-Of equally near positions, the first visited is kept, as in TMC13.
+A new position and all trees below the first unused size are merged to one tree (Bentley's
+logarithmic method). Of equally near positions, the first visited is kept, as in TMC13.
 """
 
 from __future__ import annotations

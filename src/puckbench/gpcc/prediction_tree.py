@@ -86,7 +86,7 @@ def _chain(
     node: int,
     end: int,
 ) -> None:
-    """Build a tree of points from `node` to `end`; `lasers` (2, n): each one's first and last."""
+    """Build a tree from `node` to `end`; `lasers` (2, n): first and last point of each laser."""
     ox, oy, oz = around.origin
     while node < end:
         found = spherical(

@@ -205,8 +205,6 @@ def _partition(
 
 
 class _CodedPart(NamedTuple):
-    """An encoded slice; `rows` (n,) are the indices of its points in coded order."""
-
     unit: bytes
     corner: Three
     points: SlicePoints
@@ -259,7 +257,7 @@ def _coded(
     gps: syntax.GeometryParameterSet,
     most: int,
 ) -> tuple[bytes, NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]]:
-    """Return the coded data, the points and positions that a decoder gets, and their order."""
+    """Return the coded data, the decoded points and positions, and their order."""
     tools = tools_of(header, gps, _AXES, header.slice_geom_origin_xyz)
     positions = np.empty_like(points) if tools.angular else points
     if tools.angular:
@@ -280,7 +278,7 @@ def _coded(
 
 
 def _residual_bits(points: NDArray[np.int32], tools: Tools) -> Three:
-    """Return how many bits hold the bit length of a residual along each axis, as in TMC13."""
+    """Return the number of bits for the bit length of residuals along each axis, as in TMC13."""
     sides = [max(int(side).bit_length(), 1) for side in points.max(axis=0)]
     if tools.angular:
         return _angular_residual_bits(sides, tools)

@@ -1,5 +1,3 @@
-"""Description of a sensor for angular coding."""
-
 from __future__ import annotations
 
 import math

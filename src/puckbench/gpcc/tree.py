@@ -138,7 +138,6 @@ def leaf_codes(tree: Tree, levels: list[int]) -> Ints:
 
 
 def _key_positions(levels: list[int]) -> tuple[list[int], list[int], list[int]]:
-    """Return, for each axis, the positions of its bits in a key, lowest first."""
     positions: tuple[list[int], list[int], list[int]] = ([], [], [])
     position = 0
     for axes in reversed(levels):
@@ -186,7 +185,6 @@ def _first_ones(keys: Ints) -> Ints:
 
 
 def _digit_positions(levels: list[int]) -> Ints:
-    """Return the bit positions in a key at which the levels begin, highest first."""
     widths = [axes.bit_count() for axes in reversed(levels)]
     return np.cumsum([0, *widths])[::-1].astype(np.int64)
 

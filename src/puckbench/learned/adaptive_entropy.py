@@ -1,9 +1,9 @@
 """Context-adaptive entropy coding of a latent: the entropy model's tables, mixed with contexts.
 
-The tables treat each value by itself, but the latent at a voxel depends on that of its neighbours,
-and on which neighbours are occupied. Adaptive contexts learn both dependencies from the cloud. A
-value is coded as binary decisions: whether it is zero, its sign, and its magnitude in unary. All
-arithmetic is on integers, so that all machines decode identically.
+The tables treat each value by itself, but a voxel's latent depends on its neighbours' latents and
+occupancy. Adaptive contexts learn both dependencies from the cloud. A value is coded as binary
+decisions: zero flag, sign, and magnitude in unary. Integer arithmetic makes all machines decode
+identically.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ _MAX_VALUE_BYTES = 80
 
 
 class _Tables(NamedTuple):
-    """The frequency tables of a prior, concatenated without their escape symbols.
+    """Concatenated frequency tables of a prior, without their escape symbols.
 
     Parameters
     ----------
@@ -103,8 +103,7 @@ class Prior(NamedTuple):
 
 
 def factorised_prior(tables: tuple[FrequencyTable, ...], count: int) -> Prior:
-    """Return the prior of an entropy bottleneck: a table per channel, equal at all `count`
-    voxels.
+    """Return the prior of an entropy bottleneck: a table per channel, equal at all `count` voxels.
     """
     number = np.tile(np.arange(len(tables), dtype=np.int32), (count, 1))
     return Prior(tables, number, np.zeros_like(number))
@@ -241,7 +240,6 @@ def _find_contexts(around: _Neighbourhood, values: Ints, row: int, channel: int)
 def _neighbour_statistics(
     around: _Neighbourhood, values: Ints, channel: int
 ) -> tuple[int, int, int, int]:
-    """Return mean, mean at faces, mean magnitude, largest magnitude of neighbours coded before."""
     total, face, magnitude, weight, largest = 0, 0, 0, 0, 0
     for place in range(around.counts[0]):
         value, factor = values[around.rows[place], channel], around.weights[place]

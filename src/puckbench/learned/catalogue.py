@@ -1,7 +1,7 @@
-"""Search for sets of trained weights, shipped or in files and folders, without PyTorch.
+"""Search for trained weights, shipped or in files and folders, without PyTorch.
 
-A set trained by puckbench is a safetensors file (``*.safetensors``) with a `WeightsHeader` in its
-metadata. The authors of a network publish one file per rate, whose name contains the rate.
+puckbench stores weights as ``*.safetensors`` with a `WeightsHeader` in the metadata. The authors of
+a network publish one file per rate, whose name contains the rate.
 """
 
 from __future__ import annotations

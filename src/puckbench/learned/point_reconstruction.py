@@ -2,10 +2,10 @@
 
 A decoder keeps the most likely voxels. On a sparse grid it cannot know which voxels of a 2x2x2
 block of siblings were occupied, only that one or two were; on a dense grid several points share a
-voxel. Therefore points are placed per block: the mean number, or more if more voxels are expected
-to be occupied, side by side at the centroid of the occupancy probabilities, projected onto the
-plane of the neighbouring blocks. If the network is confident of the kept voxels, points are placed
-per voxel.
+voxel. Therefore each block gets the mean number of points, or more if more voxels are expected to
+be occupied, side by side at the centroid of the occupancy probabilities, projected onto the plane
+of the neighbouring blocks. If the network is confident of the kept voxels, points are placed per
+voxel.
 """
 
 from __future__ import annotations
@@ -58,8 +58,7 @@ class SiblingBlocks(NamedTuple):
 
 
 def sibling_blocks(positions: Voxels, logits: NDArray[np.float32], kept: Bools) -> SiblingBlocks:
-    """Return the blocks with a kept voxel, given positions (m, 3), logits and kept voxels (m,
-    8).
+    """Return the blocks with a kept voxel, given positions (m, 3), logits and kept voxels (m, 8).
     """
     from scipy.special import expit
 
@@ -91,9 +90,8 @@ def points_per_voxel(points: int, voxels: int, rho: float) -> int:
 
 
 def check_points_per_voxel(units: int, voxels: int) -> None:
-    """Raise InputError for a number that `points_per_voxel` cannot have returned.
-
-    0 is allowed: one point in the centre of each voxel.
+    """Raise InputError for a number that `points_per_voxel` cannot have returned; 0 (voxel centres)
+    is allowed.
     """
     too_many = units > UNITS and voxels * units > 2 * _MAX_POINTS * UNITS  # each cube rounds
     if too_many or (units and not UNITS <= units <= UNITS * _MAX_POINTS_PER_VOXEL):

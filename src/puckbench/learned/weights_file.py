@@ -1,7 +1,7 @@
 """Sets of trained weights: a safetensors file with parameters, frequency tables and a model card.
 
-Parameters are stored in half precision. The integer frequency tables are computed once, when a set
-is written, since floating-point arithmetic differs between machines.
+Parameters are in half precision. Integer frequency tables are computed when a set is written, since
+floating-point arithmetic differs between machines.
 """
 
 from __future__ import annotations
@@ -81,10 +81,8 @@ def write_weights(
 
 
 def read_weights(path: Path) -> WeightsFile:
-    """Read a set of weights.
-
-    Raises InputError if the file is damaged, or parameters are not finite numbers in half
-    precision.
+    """Read a set of weights; raise InputError if it is damaged, or parameters are not finite in
+    half precision.
     """
     header, data = header_of(path), read_bytes(path)
     try:
@@ -220,7 +218,6 @@ def _tables_of_tensors(arrays: Arrays) -> Tables:
 
 
 def _json_of_tables(tables: Tables) -> list[list[dict[str, Any]]]:
-    """Convert tables to JSON, for the digests of the authors' weights."""
     return [
         [{"lowest": t.lowest, "frequencies": t.frequencies.tolist()} for t in rate]
         for rate in tables
@@ -234,8 +231,7 @@ _UNREADABLE = (
 
 
 def read_checkpoint(path: Path, fault: str) -> dict[str, Any]:
-    """Read a PyTorch checkpoint without running its code; raise InputError with `fault` if
-    damaged.
+    """Read a PyTorch checkpoint without running its code; raise InputError with `fault` if damaged.
     """
     try:
         checkpoint = torch.load(path, map_location="cpu", weights_only=True)

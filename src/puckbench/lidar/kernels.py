@@ -22,9 +22,8 @@ _LEAST_COSINE = 1e-9
 def fill_planes(
     vertices: Floats, triangles: NDArray[np.int64], origin: Floats, planes: Floats
 ) -> None:
-    """Write unit normals of triangles and their planes' distances from `origin` to `planes` (t, 4).
-
-    They are 0 for a degenerate triangle.
+    """Write unit normals of triangles (0 if degenerate) and their planes' distances from `origin`
+    to `planes` (t, 4).
     """
     for t in range(len(triangles)):
         a, b, c = vertices[triangles[t, 0]], vertices[triangles[t, 1]], vertices[triangles[t, 2]]

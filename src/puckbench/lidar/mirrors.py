@@ -19,7 +19,7 @@ _OFF_THE_MIRROR = 1e-4
 
 @dataclass(frozen=True)
 class _Paths:
-    """Rays whose paths have ended on a mirror so far: direction, end and length of each path."""
+    """Rays whose paths so far end on a mirror: direction, end and length of each path."""
 
     rays: NDArray[np.int64]
     directions: Floats

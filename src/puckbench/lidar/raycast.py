@@ -68,7 +68,6 @@ class RayCaster:
         return Cast(directions, self.origin + starts, hits)
 
     def clearances(self, places: Floats) -> Floats:
-        """Return the distances, m, to the mesh from positions (n, 3) relative to `origin`."""
         import open3d as o3d
 
         queries = o3d.core.Tensor.from_numpy(places.astype(np.float32))

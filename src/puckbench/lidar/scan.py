@@ -1,5 +1,3 @@
-"""Virtual scans of a mesh: ray casting from a rotating sensor, with an error model."""
-
 from __future__ import annotations
 
 import json
@@ -87,7 +85,6 @@ class ScanJob:
             raise scanner.no_return()
 
     def check(self) -> None:
-        """Raise InputError if the mesh is empty or the sensor cannot stand or move in it."""
         self._caster()
 
     def _scanner(self, rng: np.random.Generator) -> _Scanner:

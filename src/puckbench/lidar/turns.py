@@ -1,5 +1,3 @@
-"""Turns (revolutions) of a spinning sensor as images of the integers that it reports."""
-
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -145,7 +143,6 @@ def _places(layout: Layout, columns: int, lasers: int) -> NDArray[np.intp]:
 
 
 def has_wide_ranges(turn: Turn) -> bool:
-    """Return whether ranges have 32 bits; otherwise they have 16."""
     return turn.ranges.dtype == np.uint32
 
 

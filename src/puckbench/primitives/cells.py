@@ -1,4 +1,3 @@
-"""Grouping of points by the cubic cells of a regular grid."""
 
 from __future__ import annotations
 

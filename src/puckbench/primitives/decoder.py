@@ -109,7 +109,6 @@ def decode_surface(stream: bytes) -> DecodedSurface:
 
 
 def read_patches(stream: bytes) -> Patches:
-    """Decode the primitives of a stream; raises InputError like `decode_surface`."""
     header, payload = unpack_surface(stream)
     geometry = octree_geometry(header)
     leaves, leaf_grid, occupancy = allocate_arrays(header)

@@ -20,8 +20,8 @@ _MIN_ALIGNED_LEAF_SIZE = 12.0
 
 
 def frame_candidates(cloud: PreparedCloud) -> list[SurfaceMode]:
-    """Return candidates with grids along the cloud's axes (from the points' or the surface's
-    corner), and along its Manhattan frame.
+    """Return candidates with grids along the cloud's axes, from the points' or the surface's
+    corner, and along its Manhattan frame.
     """
     rotation = estimate_manhattan_frame(cloud.surface.normals)
     modes = [SurfaceMode(grid_offset=point_corner_offset(cloud)), SurfaceMode()]

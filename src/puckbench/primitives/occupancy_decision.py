@@ -40,7 +40,7 @@ NO_CRITERION = OccupancyCriterion(
 
 @compiled_in_place
 def distortion_reduction(criterion: OccupancyCriterion, point: Floats) -> float:
-    """Return how much decoded points at `point` (3,), on a sampling cell's area, reduce the
+    """Return how much decoded points at `point` (3,), on the area of a sampling cell, reduce the
     distortion.
     """
     row, squared = _nearest_sample(criterion, point)

@@ -1,7 +1,7 @@
 """Occupancy maps of planes: one bit per column of cells, coded with contexts.
 
 As in V-PCC, an occupancy map marks the part of a plane that the surface covers. A column runs along
-the plane's dominant axis. All states are stored in one grid of cells, so that contexts also use
+the plane's dominant axis. One grid of cells stores all states, so that contexts include
 neighbouring leaves.
 """
 

@@ -1,4 +1,3 @@
-"""Preparation of a cloud: scaling, noise estimation, smoothed samples of the surface."""
 
 from __future__ import annotations
 
@@ -53,7 +52,8 @@ class PreparedCloud(NamedTuple):
 
 def prepare(points: Floats, settings: PrimitiveSettings) -> PreparedCloud:
     """Scale points (n, 3), not all equal, to units of 1/1023 of their extent, and smooth their
-    surface."""
+    surface.
+    """
     source = points[morton_order(points)]
     corner, high = bounds(source)
     unit = float((high - corner).max()) / UNITS

@@ -50,7 +50,7 @@ class _Queue(NamedTuple):
 
 
 def region_moments(moments: Floats, leaves: Leaves, shape: Ints, limits: MergeLimits) -> Floats:
-    """Merge leaves into regions; return, for each leaf, the moments (n, 10) of its region."""
+    """Merge leaves into regions; return for each leaf the moments (n, 10) of its region."""
     region_of = merge_regions(moments, adjacent_leaves(leaves, shape), limits)
     sums = np.zeros_like(moments)
     np.add.at(sums, region_of, moments)
@@ -182,8 +182,7 @@ def _push(queue: _Queue, regions: _Regions, cost: float, a: int, b: int) -> None
 
 @inlined
 def _pop(queue: _Queue, regions: _Regions) -> tuple[bool, int, int]:
-    """Remove and return the first pair, and whether its regions are unchanged since it was
-    queued.
+    """Remove and return the first pair, and whether its regions are unchanged since it was queued.
     """
     pair, is_current = queue.pair[0], _is_current(queue, regions, 0)
     queue.size[0] -= 1

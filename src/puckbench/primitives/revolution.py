@@ -1,7 +1,7 @@
 """Surfaces of revolution (cylinders, cones, spheres) with unrolled occupancy maps.
 
-A row of a map is a ring around the axis. It is one cell high along the profile and has as many
-columns of one cell as fit around it. All lengths are in cells.
+A row of a map is a ring around the axis, one cell high along the profile, with as many columns of
+one cell as fit around it. All lengths are in cells.
 """
 
 from __future__ import annotations
@@ -74,8 +74,7 @@ class RevolutionSurface(NamedTuple):
         return _points_at(self, *self.profile(arc_length), azimuth)
 
     def coordinates(self, xyz: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-        """Return arc lengths, azimuths, signed distances (n,) and normals (n, 3) of points
-        (n, 3).
+        """Return arc lengths, azimuths, signed distances (n,) and normals (n, 3) of points (n, 3).
         """
         return _coordinates(self, xyz)
 
@@ -181,8 +180,7 @@ def normal_at(
     height: float,
     radius: float,
 ) -> Vector:
-    """Return the unit normal at the nearest surface point; `radial` is the point minus the
-    origin.
+    """Return the unit normal at the nearest surface point; `radial` is the point minus the origin.
     """
     if surface.kind == SPHERE:
         return multiply(1 / max(length(radial), 1e-9), radial)

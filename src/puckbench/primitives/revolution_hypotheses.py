@@ -1,4 +1,3 @@
-"""Hypotheses: surfaces of revolution through two or three samples with normals."""
 
 from __future__ import annotations
 
@@ -34,7 +33,8 @@ def block_samples(xyz: Floats, radius: float) -> tuple[Ints, BlockedSamples]:
 def make_hypotheses(
     xyz: Floats, normals: Floats, seeds: Ints, spacing: float, tolerance: float
 ) -> Floats:
-    """Return unbounded spheres, cylinders and cones (m, 9) (see `surface_of_hypothesis`).
+    """Return unbounded spheres, cylinders and cones (m, 9) through samples (see
+    `surface_of_hypothesis`).
 
     Each seed, the index of a sample, is combined with two samples at each of three distances.
     `spacing` is that of the samples, `tolerance` the least radius; a sphere or cylinder may miss
@@ -96,8 +96,7 @@ def _sample_hypotheses(
 def _annulus_samples(
     xyz: Floats, seed: int, ranges: Ints, radius: float, selection: tuple[int, int]
 ) -> tuple[int, tuple[int, int]]:
-    """Count samples at 0.6 to 1 times `radius` from a seed; also return those numbered
-    `selection`.
+    """Count samples at 0.6 to 1 times `radius` from a seed; also return those numbered `selection`.
     """
     min_squared, max_squared = (_MIN_DISTANCE * radius) ** 2, radius * radius
     count, first, second = 0, -1, -1

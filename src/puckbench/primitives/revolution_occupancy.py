@@ -59,7 +59,7 @@ def fit_revolutions(
 ) -> tuple[list[UnrolledMap], Mask]:
     """Bound surfaces by their inliers and choose their occupancy maps, one after the other.
 
-    The samples' `weights` (n,) average 1. Return the surfaces whose maps contain samples, and the
+    The samples' `weights` (n,) average 1. Returns the surfaces whose maps contain samples, and the
     mask (n,) of the other samples.
     """
     unexplained = np.ones(len(xyz), bool)

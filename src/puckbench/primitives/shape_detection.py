@@ -177,7 +177,9 @@ def _select(
     spacing: float,
     tolerances: tuple[float, float],
 ) -> list[RevolutionSurface]:
-    """Select and refine hypotheses, each time that with most inliers that no earlier one has."""
+    """Select and refine the hypothesis with most inliers, without those of earlier ones,
+    repeatedly.
+    """
     tolerance = tolerances[1]
     counts, unexplained = inliers.sum(axis=1), np.ones(inliers.shape[1], bool)
     unassigned = np.ones(len(xyz), bool)
@@ -250,8 +252,7 @@ def clip_to_inliers(
 
 
 def _coverage(surface: RevolutionSurface, xyz: Floats, spacing: float) -> float:
-    """Return the covered fraction of a bounded surface, in patches of two sample spacings a
-    side.
+    """Return the covered fraction of a bounded surface, in patches of two sample spacings a side.
     """
     arc_length, azimuth, _, _ = surface.coordinates(xyz)
     size = 2 * max(spacing, 1.0)

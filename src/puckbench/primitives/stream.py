@@ -93,8 +93,8 @@ class VoxelHeader(NamedTuple):
 class HybridHeader(NamedTuple):
     """Contents of a hybrid stream.
 
-    A point of the surface is kept if, along each axis, it lies within keep_distance of the centre
-    of an occupied voxel.
+    A surface point is kept if it lies within keep_distance of an occupied voxel's centre along each
+    axis.
     """
 
     keep_distance: int  # in 1/16 voxels

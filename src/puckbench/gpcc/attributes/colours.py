@@ -60,7 +60,6 @@ def _stacked(*channels: NDArray[np.int32] | NDArray[np.float64]) -> Values:
 
 
 def _rounded(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Round halves away from zero, and clip to 8 bits."""
     values = values + np.copysign(np.nextafter(0.5, 0), values)
     rounded: NDArray[np.float64] = np.clip(np.trunc(values), 0.0, _MOST)
     return rounded

@@ -128,8 +128,7 @@ def _update(
     sums: Ints,
     updates: Ints,
 ) -> None:
-    """Add to the values before `start` those of the points that they predict; `sums` and `updates`
-    are working memory."""
+    """Update the values before `start` by those of the points that they predict."""
     for i in range(start):
         sums[i] = 0
         for k in range(values.shape[1]):

@@ -1,6 +1,7 @@
 """Binary tree of points for searches of nearest neighbours.
 
-It visits points in the order of nanoflann, whose choice among equally near points TMC13 uses.
+Points are visited in the order of nanoflann, so that of equally near points the one of TMC13 is
+found.
 """
 
 from __future__ import annotations
@@ -102,7 +103,6 @@ def _build(tree: NearestTree, pending: Ints, boxes: Floats) -> None:
 
 @kernel
 def _split_axis(tree: NearestTree, first: int, last: int, box: Floats) -> int:
-    """Return the axis along which points spread most, of those along which the box is longest."""
     longest = max(box[3] - box[0], box[4] - box[1], box[5] - box[2])
     best, widest = integer(0), -1.0
     for axis in range(3):
@@ -124,7 +124,7 @@ def _range(tree: NearestTree, first: int, last: int, axis: int) -> tuple[float, 
 
 @kernel
 def _partition(tree: NearestTree, first: int, last: int, axis: int, cut: float) -> int:
-    """Sort points into those below, at and above `cut`; return where the second child begins."""
+    """Sort points into those below, at and above `cut`; return the start of the second child."""
     below = _move_forward(tree, first, first, last - 1, axis, cut, False)
     not_above = _move_forward(tree, first, below, last - 1, axis, cut, True)
     middle = first + (last - first) // 2
@@ -162,9 +162,9 @@ def _is_before(value: float, cut: float, equal: bool) -> bool:
 def search(
     tree: NearestTree, x: float, y: float, z: float, stack: Stack, rows: Ints, squares: Floats
 ) -> int:
-    """Write the nearest points and their squared distances, nearest first, and return how many.
+    """Write the nearest points and their squared distances, nearest first; return their number.
 
-    Entries beyond that number are not changed, except for the last.
+    Entries beyond that number do not change, except for the last.
     """
     capacity, found = len(rows), 0
     squares[capacity - 1] = np.inf

@@ -1,7 +1,7 @@
 """Search of the three nearest neighbours of points in a level of detail.
 
-Candidates are points of coarser levels, first those in the same and in adjacent cells, and points
-of the same level that are coded before. In TMC13: `computeNearestNeighbors`, `BoxHierarchy`,
+Candidates are points of coarser levels, first those in the same and adjacent cells, and points of
+the same level that are coded before. In TMC13: `computeNearestNeighbors`, `BoxHierarchy`,
 `MortonIndexMap3d`.
 """
 
@@ -68,8 +68,8 @@ class SearchOptions(NamedTuple):
     """Options of a level.
 
     cell_bits: log2 of the cells' side.
-    inter_range, intra_range: how many candidates before and after are searched, in coarser levels
-        and in the same.
+    inter_range, intra_range: number of candidates before and after the point, in coarser levels
+        and in the same level.
     most: number of neighbours.
     mask_bits: lowest bits of coordinates that are ignored.
     most_distance: squared distance beyond which only the nearest neighbour is used, or -1.
@@ -150,7 +150,7 @@ def clear(atlas: Atlas) -> None:
 def holds_near_point(
     positions: Positions, indices: Indices, atlas: Atlas, point: int, cell: int, radius2: int
 ) -> bool:
-    """Return whether a point of preceding cells is within a radius, given squared, of `point`."""
+    """Return whether `point` has a point of preceding cells within a radius (squared: radius2)."""
     for offset in PRECEDING_NEIGHBOURS:
         other = neighbour_code(cell, offset)
         if other >> _CELL_BITS != cell >> _CELL_BITS:
@@ -221,7 +221,7 @@ def _distance(positions: Positions, k: int, x: int, y: int, z: int) -> int:
 
 @inlined
 def _with(best: Best, positions: Positions, k: int, offset: int, x: int, y: int, z: int) -> Best:
-    """Insert a candidate into the three nearest points, behind those at the same distance."""
+    """Insert a candidate into the three nearest points, after those at the same distance."""
     a, b, c, i, j, m = best
     distance = _distance(positions, k, x, y, z)
     if distance >= c:
@@ -248,9 +248,8 @@ def _search_forward(
     y: int,
     z: int,
 ) -> tuple[Best, int]:
-    """Search positions from `first` to `last`; return the nearest and the number of operations.
-
-    The three nearest are at most `limit` away.
+    """Search positions `first` to `last` within `limit`; return the nearest three and the number of
+    operations.
     """
     work, level, k = 0, 1, first
     top = len(among.starts) - 1
@@ -308,8 +307,8 @@ class Grid(NamedTuple):
     ranges: (27, 2) first and last + 1 of the points in the cells around the current one.
     state: (5,) block and code of the current cell; points that are in the atlas; number of ranges;
         number of their points, or -1 if some cells are in other blocks.
-    complete: whether blocks that no code enters are passed over. In TMC13 they end the filling of
-        its cells for good.
+    complete: whether to skip empty blocks. In TMC13, the first empty block ends the filling of
+        the atlas.
     """
 
     codes: Ints
@@ -390,9 +389,8 @@ class Level(NamedTuple):
 def find_nearest(level: Level, options: SearchOptions, nearest: Indices, work: int) -> int:
     """Write the three nearest candidates of each point, or -1, to `nearest` (n, 3).
 
-    Indices from the number of coarser points on stand for points of the same level.
-
-    Returns the rest of `work`, an upper limit of operations; it is negative if they exceed it.
+    Indices from the number of coarser points on denote points of the same level. Returns what is
+    left of `work`, the limit of operations; negative if exceeded.
     """
     coarser_codes = level.near.codes
     coarser_count, following = len(coarser_codes), integer(0)
@@ -504,8 +502,9 @@ def _search_cells(
 
 @inlined
 def _rank(k: int, centre: int, count: int) -> int:
-    """Return the place of an index in the search: 0, 1, -1, 2, -2 from the centre, then those
-    above it, then those below."""
+    """Return the place of an index in the search: from the centre 0, 1, -1, 2, -2, then all above,
+    then all below.
+    """
     away = k - centre
     if abs(away) <= _NEAR_RANGE:
         return 2 * away - 1 if away > 0 else -2 * away

@@ -54,7 +54,7 @@ class PredictionTools(NamedTuple):
 
 
 class Place(NamedTuple):
-    """A point in coding order, and what applies to it."""
+    """Index of a point in coding order, with its level, layer and region."""
 
     point: int
     layer: int

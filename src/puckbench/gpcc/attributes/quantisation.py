@@ -1,5 +1,3 @@
-"""Quantisation parameters (QP) of layers and regions, and their step sizes, as in TMC13."""
-
 from __future__ import annotations
 
 from typing import NamedTuple
@@ -94,7 +92,6 @@ def quantisers(parameters: Qps) -> Quantisers:
 
 
 def step_sizes(qp: Ints) -> tuple[Ints, Ints]:
-    """Return the step sizes of parameters, and their reciprocals in units of 2^-18."""
     return (
         np.array(_STEPS, dtype=np.int64)[qp % 6] << qp // 6,
         np.array(_RECIPROCALS, dtype=np.int64)[qp % 6] >> qp // 6,

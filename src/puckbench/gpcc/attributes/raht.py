@@ -1,18 +1,18 @@
 """Region-adaptive hierarchical transform (RAHT) of attributes, equal to TMC13's bit for bit.
 
-`forward` turns attributes into quantised coefficients and the reconstruction that a decoder gets,
-`inverse` turns coefficients into the reconstruction. Both take the points' Morton codes in
-ascending order; attributes and coefficients are rows (n, c) of c = 1 or 3 components, in the order
-in which `residuals.py` codes them. The reconstruction is not clipped to the bit depth.
+`forward` returns quantised coefficients and the decoder's reconstruction, `inverse` returns the
+reconstruction from coefficients. Both take ascending Morton codes of points. Attributes and
+coefficients are (n, c) for c = 1 or 3 components; coefficients are in the order in which
+`residuals.py` codes them. The reconstruction is not clipped to the bit depth.
 
-A node of a level has up to eight children on the level below. From the root to the points, each
-block of children is transformed to its mean, which the parent's reconstruction gives, and one
-coefficient fewer than it has children. The transform of a prediction, interpolated from the parent
-and its neighbours, is subtracted from the coefficients. Points with equal positions come last.
-Fixed-point numbers have 15 fractional bits, and products are rounded half away from zero.
+A node has up to eight children on the level below. From the root to the points, each block of
+children is transformed to its mean, which the parent's reconstruction gives, and one coefficient
+fewer than it has children. The transform of a prediction, interpolated from the parent and its
+neighbours, is subtracted from the coefficients. Points with equal positions come last.
+Fixed-point numbers have 15 fractional bits; products are rounded half away from zero.
 
-In TMC13: `RAHT.cpp`. Its sums of attributes have 32 bits; here they have 64, so that the streams of
-clouds whose attributes add up to more than 2^31 (33,000 points of 16 bits) differ.
+In TMC13: `RAHT.cpp`. Its sums of attributes have 32 bits, ours 64: streams differ for clouds whose
+attributes add up to more than 2^31 (33,000 points of 16 bits).
 """
 
 from __future__ import annotations
@@ -230,7 +230,6 @@ def _transform(
 
 
 def _empty_level(count: int, inner: int, components: int) -> _Level:
-    """Return memory for `count` points or `inner` nodes above them."""
     return _Level(
         np.empty(count + 1, dtype=np.int32),
         np.empty(inner, dtype=np.int32),
@@ -352,7 +351,7 @@ def _left_and_right(low: int, high: int, a: int, b: int) -> tuple[int, int]:
 
 @inlined
 def _qps(setting: _Setting, layer: Ints, point: int) -> tuple[int, int]:
-    """Return the parameters of the first component and of the others in a point's region."""
+    """Return the QP of the first component and of the others in a point's region."""
     first, others = layer[0], layer[1]
     if point >= 0 and len(setting.offsets):
         first += setting.offsets[point, 0] >> _REGION_FRACTION
@@ -428,7 +427,7 @@ def _transform_level(
 def _find_neighbours(
     parents: _Level, parent: int, grandparents: _Level, grandparent: int, octant: int
 ) -> int:
-    """Search the neighbours that touch a child; return their number, the node itself included."""
+    """Write the neighbours that touch a child; return their number, including the node itself."""
     occupancy = integer(parents.occupancy[parent])
     parents.neighbours[parent, 0] = parent
     count = 1

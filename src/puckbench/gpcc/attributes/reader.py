@@ -1,5 +1,3 @@
-"""Decoder of the attributes of a stream's slices."""
-
 from __future__ import annotations
 
 from functools import cached_property
@@ -257,7 +255,6 @@ def prediction_tools(
 def _raw_values(
     data: NDArray[np.uint8], aps: AttributeParameterSet, count: int, bits: int, components: int
 ) -> Values:
-    """Read values without compression: each of `bits` bits, or after its number of bytes."""
     if aps.raw_attr_variable_len_flag:
         raise InputError("G-PCC stream: values of variable length are not supported")
     needed = count * components * bits

@@ -92,7 +92,6 @@ def _average_nearest(
 
 @inlined
 def _rounded(value: float, most: int) -> int:
-    """Round halves away from zero, and clip to [0, most]."""
     whole = math.floor(value)
     return integer(min(max(whole + (1 if value - whole >= 0.5 else 0), 0), most))
 

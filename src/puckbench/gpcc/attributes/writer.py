@@ -1,5 +1,3 @@
-"""Encoder of the attributes of a stream's slices."""
-
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
@@ -175,7 +173,6 @@ def _description(name: str, options: AttributeOptions) -> AttributeDescription:
 def _checked(
     name: str, values: NDArray[Any], attribute: AttributeDescription, count: int
 ) -> Values:
-    """Return the values (n, components) to code."""
     components = attribute.attr_components_minus1 + 1
     values = np.asarray(values)
     if values.shape not in ((count, components), (count,) if components == 1 else ()):

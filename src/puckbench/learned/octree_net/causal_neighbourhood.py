@@ -1,7 +1,7 @@
-"""The causal neighbourhood of a voxel's children: cells known before they are coded.
+"""Causal neighbourhood of a voxel's children: cells known before they are coded.
 
-A voxel's children and the cells around them form 4x4x4 cells. Cell (x, y, z) is bit ``x + 4 y + 16
-z`` of a mask, and the children are the inner eight. A cell is unknown while its parent is occupied
+A voxel's children and the cells around them form 4x4x4 cells; the children are the inner eight.
+Cell (x, y, z) is bit ``x + 4 y + 16 z`` of a mask. A cell is unknown while its parent is occupied
 but not coded yet.
 """
 
@@ -136,8 +136,8 @@ def _bit(cell: int) -> np.int64:
 
 
 def _cells_at(positions: list[list[int]], distance: int | None) -> Ints:
-    """Return masks (8,) of the cells at a distance (1 to 3 steps along axes) from each child; for
-    None, of those that do not touch it.
+    """Return masks (8,) of the cells 1 to 3 steps from each child; for None, of those that do not
+    touch it.
     """
     masks = np.zeros(CHILDREN, np.int64)
     for child, position in enumerate(positions):

@@ -1,4 +1,3 @@
-"""Encode points to the bytes of a stream of the sparse octree net, and decode them."""
 
 from __future__ import annotations
 

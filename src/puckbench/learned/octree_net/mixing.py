@@ -1,8 +1,8 @@
 """Context mixing of symbols: the network's probabilities combined with adaptive statistics.
 
-A bit of a symbol is the occupancy of a child. The network's probability of a bit is mixed with
-those of adaptive contexts, which learn the statistics of the scan from the causal neighbourhood.
-All arithmetic is on integers, so that all machines decode identically.
+A bit of a symbol is the occupancy of a child. Its probability is mixed with those of adaptive
+contexts, which learn the scan's statistics from the causal neighbourhood. Integer arithmetic makes
+all machines decode identically.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """The conditional entropy model: Laplace distributions of integers, as 1,024 integer tables.
 
-The hyper-synthesis transform gives location and scale of each value of the latent, in units of
-2**-12. They select one of 64 scales and one of 16 offsets between two integers. A correctly rounded
-exponential and multiplications give the same tables on every machine.
+Location and scale of each latent value, from the hyper-synthesis transform in units of 2**-12,
+select one of 64 scales and one of 16 offsets between two integers. A correctly rounded exponential
+and multiplications give the same tables on every machine.
 """
 
 from __future__ import annotations

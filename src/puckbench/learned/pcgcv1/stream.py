@@ -82,7 +82,7 @@ def _max_cubes(body: bytes) -> int:
 
 
 def check_work(content: Pcgcv1Stream, side: int, decoded_voxels: int) -> None:
-    """Raise InputError if decoding takes long out of proportion to the size of the stream."""
+    """Raise InputError if decoding takes too long for the size of the stream."""
     size = len(content.positions) + len(content.counts) + len(content.latent)
     size += sum(len(batch.hyper) for batch in content.batches)
     if content.cubes * side**3 > _VOXELS + _VOXELS_PER_BYTE * size:

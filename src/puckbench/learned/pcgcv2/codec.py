@@ -1,4 +1,3 @@
-"""Encode points to the bytes of a PCGCv2 stream, and decode them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Gathering of neighbours' features, and adding of products to output rows.
+"""Gathering of neighbours' features, and addition of products to output rows.
 
 Compiled loops for the CPU, and PyTorch's indexing for any device, have equal results.
 """
@@ -57,8 +57,8 @@ class GatherScatter(Protocol):
     ) -> Segments:
         """Gather features (n, children, channels) of a chunk's neighbours at each offset but zero.
 
-        With `at_output`, gather the features of the rows themselves instead, at the children that
-        the convolution writes.
+        With `at_output`, gather the features of the rows themselves, at the children that the
+        convolution writes.
         """
 
     def scatter_add(

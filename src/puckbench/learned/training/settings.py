@@ -1,7 +1,7 @@
 """Settings of the training of learned codecs, as pydantic models.
 
 A codec names a subclass of `BaseTraining`, whose fields are the options of a configuration and of
-``puckbench train --options``. This module does not import PyTorch.
+``puckbench train --options``. This module does not need PyTorch.
 """
 
 from __future__ import annotations
@@ -118,8 +118,7 @@ class MultiRateTraining(BaseTraining):
         )
 
     def rates(self, codec_rates: Rates) -> dict[str, Mapping[str, Any]]:
-        """Return the rates whose lambda is trained; if there are none, a rate per trained
-        lambda.
+        """Return the rates whose lambda is trained; if there are none, a rate per trained lambda.
         """
         trained = {name: rate for name, rate in codec_rates.items() if rate["lmbda"] in self.lmbdas}
         return trained or {f"lmbda_{lmbda:g}": {"lmbda": lmbda} for lmbda in self.lmbdas}

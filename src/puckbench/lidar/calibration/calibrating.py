@@ -53,9 +53,9 @@ class Domain:
 class Calibration:
     """Estimated parameters of range errors with 95 % intervals.
 
-    `sigmas` are estimates by name. `biases`, m, one for each laser, are relative to their mean, and
-    empty for several devices. The mean bias `mean`, m, is None if the planes' positions, which are
-    estimated too, can compensate it.
+    `sigmas` are estimates by name. `biases`, m, one for each laser, are relative to their mean;
+    empty for several devices. The mean bias `mean`, m, is None if it cannot be separated from the
+    positions of the planes, which are estimated too.
     """
 
     sigmas: dict[str, Estimate]
@@ -73,8 +73,8 @@ def calibrate(
 ) -> Calibration:
     """Estimate the parameters of range errors from tables of plane residuals, one for each device.
 
-    The estimate is that of restricted maximum likelihood (Patterson and Thompson, "Recovery of
-    inter-block information when block sizes are unequal", Biometrika 58, 1971).
+    The method is restricted maximum likelihood (Patterson and Thompson, "Recovery of inter-block
+    information when block sizes are unequal", Biometrika 58, 1971).
     """
     settings = settings or CalibrationOptions()
     seen = observations(tables, cells=settings.cells)

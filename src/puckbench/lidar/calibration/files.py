@@ -1,5 +1,3 @@
-"""Files of a calibration: input tables of residuals, and the estimated parameters as YAML."""
-
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
@@ -23,9 +21,8 @@ _RECORDING_QUANTUM_M = 0.002
 
 
 def read_tables(paths: Sequence[Path], model: str | None) -> tuple[list[pd.DataFrame], str]:
-    """Read the residuals of an error model from each table; return them with the model's name.
-
-    If `model` is None, the tables must have a single model.
+    """Read tables of plane residuals; return them with the name of their common error model
+    (`model`).
     """
     tables = [read_residuals(path) for path in paths]
     models = sorted({str(name) for table in tables for name in table["model"].unique()})
@@ -47,7 +44,7 @@ def settings_for(
 ) -> CalibrationOptions:
     """Return the options for calibrating an error model, or a real sensor (the model ``real``).
 
-    For None, the option depends on the model.
+    An option that is None gets the model's default.
     """
     real = model == REAL
     quantum_m = (_RECORDING_QUANTUM_M if real else 0.0) if quantum_mm is None else quantum_mm / 1000
@@ -60,9 +57,9 @@ _DIGITS = 6
 
 
 def model_file(found: Calibration, sources: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Return the content of the YAML file of a calibration: parameters, intervals and `sources`.
+    """Return the content of a calibration's YAML file: parameters, intervals and `sources`.
 
-    The sources are the names and hashes of the input tables (`described_table`).
+    Sources are the names and hashes of the input tables (`described_table`).
     """
     return {
         "format": FORMAT,

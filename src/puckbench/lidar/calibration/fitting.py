@@ -1,5 +1,3 @@
-"""Maximum-likelihood estimates of the standard deviations of range errors."""
-
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
@@ -181,7 +179,6 @@ def _standard_errors(deviance: Deviance, centre: Floats, free: Sequence[str]) ->
 
 
 def _step(deviance: Deviance, centre: Floats, index: int) -> float:
-    """Return a step of one variable that raises the deviance by about one."""
     step, lowest = 0.01 * max(abs(float(centre[index])), 0.1), deviance(centre)
     for _ in range(4):
         aside = centre.copy()
@@ -215,9 +212,7 @@ def _curvature(deviance: Deviance, centre: Floats, inner: Sequence[int], steps: 
 def _profile(
     likelihood: RestrictedLikelihood, free: Sequence[str], best: Sigmas, name: str
 ) -> Estimate:
-    """Return the profile likelihood interval of the sigma `name`; sigmas of other biases are
-    refitted.
-    """
+    """Return the profile likelihood interval of a sigma; sigmas of other biases are refitted."""
     from scipy.optimize import brentq
 
     # The rays' sigma is thousands of times more precise, and fixed.

@@ -87,7 +87,9 @@ class RestrictedLikelihood:
         return found.log_determinant + determinant + found.squares - explained
 
     def biases(self, sigmas: Sigmas) -> tuple[Floats, Floats]:
-        """Return the best linear unbiased prediction of the lasers' biases, m, with covariance."""
+        """Return the best linear unbiased prediction of the lasers' biases, m, and their
+        covariance.
+        """
         found, planes = self._mixed(sigmas), 3 * self.seen.surfaces
         covariance = np.linalg.inv(found.matrix)
         parts = self._in_parts(np.eye(planes + len(self.seen.laser_ids)), sigmas)[:, planes:].T
@@ -120,7 +122,7 @@ class RestrictedLikelihood:
         return Equations(matrix, right, found.squares, found.log_determinant)
 
     def _in_parts(self, rows: Floats, sigmas: Sigmas) -> Floats:
-        """Change the variables from laser biases to their mean and their deviations over sigma."""
+        """Change the variables from laser biases to their mean and scaled deviations."""
         planes = 3 * self.seen.surfaces
         lasers = rows[planes:]
         mean = lasers.sum(axis=0)[None, :] if self.seen.tells_mean else lasers[:0]

@@ -1,7 +1,6 @@
 """Distribution of ray noise, Gaussian or Laplace, and its kurtosis.
 
-They are estimated from differences of successive returns of a laser on a surface, in which the
-biases cancel.
+Estimated from differences of successive returns of a laser on a surface, in which biases cancel.
 """
 
 from __future__ import annotations
@@ -29,8 +28,8 @@ class RayShape:
     def widening(self) -> float:
         """Factor by which standard errors of a sigma exceed those under Gaussian noise.
 
-        The score of a scale parameter is ``e^2 - 1`` for standardised noise e. Its variance is the
-        kurtosis minus one, which is 2 for Gaussian noise.
+        The score of a scale parameter is ``e^2 - 1`` for standardised noise e; its variance is the
+        kurtosis minus one (2 for Gaussian noise).
         """
         return float(np.sqrt(max(self.kurtosis - 1, 0.5) / 2))
 

@@ -85,9 +85,8 @@ class Observations:
 
 
 def observations(tables: Sequence[pd.DataFrame], *, cells: str = "frame") -> Observations:
-    """Compute range errors from one table of plane residuals for each device.
-
-    `cells` is ``frame`` or ``spot`` (see `CalibrationOptions`).
+    """Compute range errors from a table of plane residuals per device; `cells`: see
+    `CalibrationOptions`.
     """
     if not tables:
         raise InputError("a calibration needs at least one residual table")

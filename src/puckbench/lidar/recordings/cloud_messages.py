@@ -37,7 +37,9 @@ class CloudMessage:
 
 
 def has_clouds(path: Path, topic: str | None = None) -> bool:
-    """Whether `topic` of a bag has clouds; by default whether the bag has, and no data packets."""
+    """Return whether `topic` of a bag has clouds; without a topic, whether the bag has clouds and
+    no data packets.
+    """
     if not is_bag(path):
         return False
     topics = read_topics(path)
@@ -48,7 +50,7 @@ def has_clouds(path: Path, topic: str | None = None) -> bool:
 
 
 def cloud_topic(path: Path, topic: str | None = None) -> tuple[str, Topic]:
-    """Return name and size of the only topic of clouds in a bag, or of the one that is named."""
+    """Return name and size of the named topic of clouds, or of a bag's only one."""
     with naming(path):
         topics = read_topics(path)
         name = choose_topic(topics, CLOUD_KINDS, topic)

@@ -1,8 +1,3 @@
-"""Reading of clouds (CSV, PLY, PCD, LAS) that other programs decoded from a sensor's packets.
-
-A column must contain the laser of each point.
-"""
-
 from __future__ import annotations
 
 import logging
@@ -136,7 +131,7 @@ def _numbered(column: NDArray[Any], sensor: Sensor) -> NDArray[np.intp]:
 def _check_cones(xyz: Floats, lasers: NDArray[np.intp], sensor: Sensor) -> None:
     """Raise InputError unless each laser's points have its elevation.
 
-    The lasers' vertical offsets may have been added to the points or not.
+    The points may include the lasers' vertical offsets or not.
     """
     level = np.hypot(xyz[:, 0], xyz[:, 1])
     corrections = np.asarray(sensor.vertical_correction_mm or np.zeros(sensor.lasers)) / 1000

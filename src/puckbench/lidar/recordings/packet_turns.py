@@ -97,7 +97,7 @@ def find_packets(data: Payloads) -> NDArray[np.int64]:
 
 
 def without_overlaps(places: NDArray[np.int64], size: int = PACKET_BYTES) -> NDArray[np.int64]:
-    """Return the ascending places of packets of `size` bytes that begin in no earlier packet."""
+    """Return the ascending places of packets of `size` bytes that do not overlap an earlier packet."""
     if (np.diff(places) >= size).all():
         return places
     kept: list[int] = []
@@ -141,9 +141,8 @@ def turn_of(kind: PacketKind, payloads: Payloads) -> Turn:
 
 
 def is_whole(payloads: Payloads) -> NDArray[np.bool_]:
-    """Return which packets (p, 1206) have valid flags and azimuths.
-
-    The two blocks of a dual return must have the same azimuth.
+    """Return which packets (p, 1206) have valid flags and azimuths, the same in both blocks of a
+    dual return.
     """
     packets = _viewed(payloads)
     flags, azimuth = packets["blocks"]["flag"], packets["blocks"]["azimuth"]

@@ -142,8 +142,8 @@ def recovered_firings(xyz: Floats, sensor: str) -> RecoveredReturns:
 def _first_place(xyz: Floats, left: Floats) -> Floats:
     """Return the sensor's position (3,) at the first firing; zeros if it cannot be estimated.
 
-    Firings of range 0 reveal the position, since several lasers of a column then have equal points.
-    `left` is the remaining share of the revolution for each column.
+    Firings of range 0 reveal it: several lasers of a column then have equal points. `left` is the
+    remaining fraction of the revolution for each column.
     """
     same = [np.unique(np.round(column, 4), axis=0, return_counts=True) for column in xyz]
     places = np.array([points[np.argmax(counts)] for points, counts in same])
@@ -159,8 +159,8 @@ def _without_turning(
 ) -> tuple[Floats, list[_Beam]]:
     """Undo the sensor's pitch and roll during a revolution; return the points and the lasers.
 
-    Both are fitted to the points' elevations by least squares. `whole` is the mask of returns, and
-    `left` the remaining share of the revolution for each column.
+    Both are fitted to the points' elevations by least squares. `whole` is the mask of returns;
+    `left` as in `_first_place`.
     """
     columns, lasers = np.nonzero(whole)
     points = xyz[columns, lasers]
@@ -220,7 +220,7 @@ def _fitted_offset(level: Floats, azimuth: Floats, step: float) -> tuple[float, 
 
 
 def _aligned(places: Sequence[Steps], around: int, step_deg: float) -> list[int]:
-    """Return by how many steps of the rotary encoder to shift each ring to align all lasers."""
+    """Return by how many encoder steps to shift each ring to align all lasers."""
     most = round(_MOST_TURNED_DEG / step_deg)
     fired = np.zeros(around)
     shifts = [0] * len(places)

@@ -40,7 +40,7 @@ class PlaneSearch(Model):
     threshold_m
         Largest distance of a return on a plane, after subtraction of its laser's bias.
     share_on_plane
-        Least share of a range image pixel's returns on the plane, if the pixel belongs to it.
+        Least share of a pixel's returns that must lie on the plane.
     most_planes
         Number of patches that are examined, the largest first.
     up
@@ -50,9 +50,9 @@ class PlaneSearch(Model):
     most_incidence_deg
         Returns at greater incidence angles are not used.
     inlier_sigmas
-        Returns farther from the plane than this number of robust standard deviations are not used.
+        Largest distance from the plane, in robust standard deviations, of returns that are used.
     least_laser_share
-        Least ratio of a laser's returns on a plane to the median laser's; a laser with fewer
+        Least ratio of a laser's returns on a plane to the median laser's; with fewer, a laser
         follows an edge.
     least_returns, least_lasers
         Least number of returns per turn, and of lasers, on a plane.
@@ -209,9 +209,8 @@ class _View:
         return near
 
     def candidate(self, free: Mask, rng: np.random.Generator) -> Plane | None:
-        """Sample planes through three nearby returns; return the one near most returns, or None.
-
-        Only returns in the mask `free` (n,), on no earlier plane, are used.
+        """Sample planes through three nearby returns in the mask `free` (n,); return the one near
+        most returns, or None.
         """
         rows = np.flatnonzero(free)
         if len(rows) < self.least:
@@ -227,9 +226,9 @@ class _View:
     def grown(self, plane: Plane, free: Mask) -> tuple[Plane, Mask]:
         """Extend a plane to its largest connected patch; return the refitted plane and the patch.
 
-        Only returns in the mask `free` (n,) are used. Selection of the patch and refitting
-        alternate until the patch no longer changes. Each laser's bias is subtracted, since a laser
-        with a large bias would lose its pixels.
+        Selection of the patch, among returns in the mask `free` (n,), and refitting alternate until
+        the patch no longer changes. Laser biases are subtracted, since a laser with a large bias
+        would lose its pixels.
         """
         patch = np.zeros(self.image.shape, dtype=bool)
         bias = np.zeros(len(patch))
@@ -256,9 +255,8 @@ class _View:
         return np.clip(medians, -self.search.threshold_m, self.search.threshold_m)
 
     def _samples(self, rows: NDArray[np.intp], rng: np.random.Generator) -> tuple[Floats, Floats]:
-        """Return normals (k, 3) and offsets (k,) of planes through samples of three nearby returns.
-
-        Only vertical or horizontal planes, within `PlaneSearch.tilt_deg`, are returned.
+        """Return normals (k, 3) and offsets (k,) of vertical or horizontal planes through samples
+        of three nearby returns.
         """
         order = rows[np.argsort(self.azimuth[rows], kind="stable")]
         span = max(3, int(len(order) * _SAMPLE_SPAN_RAD / math.tau))

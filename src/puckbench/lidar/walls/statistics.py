@@ -153,7 +153,6 @@ class PlaneStatistics:
 
     @property
     def unevenness_m(self) -> float | None:
-        """Standard deviation of the wall's shape: that of deviations less biases and ray noise."""
         if self.noise is None or len(self.bias.lasers) == 0:
             return None
         means = np.zeros(int(self.rows["laser_id"].max()) + 1)

@@ -1,5 +1,3 @@
-"""Detection of intervals in which a sensor was at rest: revolutions measure equal distances."""
-
 from __future__ import annotations
 
 import math
@@ -25,7 +23,7 @@ _LASER_STRIDE = 7.0
 
 @dataclass(frozen=True)
 class Still:
-    """An interval at rest, from revolution `first` to `last`.
+    """An interval, from revolution `first` to `last`, in which the sensor was at rest.
 
     `shift_m` is the largest `turn_shift` from the first revolution to another of the interval.
     """
@@ -40,10 +38,8 @@ class Still:
 
 
 def still_rows(table: RecordedReturns, limit_m: float = SHIFT_M) -> tuple[RecordedReturns, Still]:
-    """Return the longest part of a recording in which the sensor is at rest, and its interval.
-
-    Distances may change by at most `limit_m`. Raises InputError if no interval has two revolutions
-    or more.
+    """Return the longest part of a recording at rest (distances change by at most `limit_m`), and
+    its interval.
     """
     turns = _turns(table)
     if len(turns) < 2:
@@ -69,8 +65,8 @@ def turn_shift(reference: RecordedReturns, other: RecordedReturns) -> float:
     """Return the change of distances between two revolutions, m; inf with too few returns.
 
     Distances of a laser are interpolated to the same azimuths. Medians of differences in sectors of
-    azimuth average out noise. The result, the third quartile of the medians, detects a moving
-    sensor, but not a passing person.
+    azimuth average out noise. The result is their third quartile, which detects a moving sensor but
+    ignores a passing person.
     """
     change, azimuth = _changes(reference, other)
     sector = np.floor(azimuth * (_SECTORS / math.tau)).astype(np.intp) % _SECTORS
