@@ -113,7 +113,6 @@ def read_cloud(
 
 
 def check_cloud(cloud: PointCloud, path: Path) -> None:
-    """Raise InputError if a cloud has no points, or points that are not finite."""
     try:
         check_points(cloud.xyz, str(path))
     except InputError as error:
@@ -129,7 +128,7 @@ def read_unchecked_cloud(
     bin_columns: str | None = None,
     convert: bool = True,
 ) -> PointCloud:
-    """Read a cloud as `read_cloud` does, which may be empty or have points that are not finite.
+    """Read a cloud as `read_cloud` does, but allow an empty one or points that are not finite.
 
     With `convert`, LAS coordinates are converted to metres.
     """

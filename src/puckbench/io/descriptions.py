@@ -29,7 +29,7 @@ def write_description(path: Path, kind: Kind, about: Mapping[str, Any]) -> None:
 def read_description(path: Path, counts: Mapping[str, int] | None = None) -> dict[str, Any] | None:
     """Read the description (JSON) beside a file, or return None.
 
-    A JSON file of another program, or whose counts (such as ``points``) differ from `counts`, is
+    A JSON file of another program, or with other counts (such as ``points``) than `counts`, is
     ignored with a warning.
     """
     beside = sidecar(path)

@@ -43,9 +43,8 @@ class _LasHeader:
 
 
 def check_las_header(path: Path) -> None:
-    """Raise InputError if the parts described in the header do not fit in the file.
-
-    Warn if the file contains more points than the header states.
+    """Raise InputError if the parts in a header do not fit in the file; warn of more points than it
+    states.
     """
     size = path.stat().st_size
     with naming(path), reading("LAS file", ValueError), path.open("rb") as stream:

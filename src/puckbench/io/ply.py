@@ -155,7 +155,6 @@ def write_ply(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
 
 
 def write_vertices(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
-    """Write a file as `write_ply` does, but not atomically."""
     from plyfile import PlyData, PlyElement
 
     kinds = [(name, part.dtype) for name, part in columns.items()]

@@ -1,5 +1,3 @@
-"""Points as text, with the numbers of a point on one line (XYZ, CSV, TXT, ASC, PTS)."""
-
 from __future__ import annotations
 
 import codecs

@@ -4,7 +4,7 @@ A pixel is coded as binary decisions around a prediction by least squares, as ra
 reflectivity of a return is nearly a function of its range and signal; the sum of five learnt
 logarithms estimates it.
 
-Variables have the same names as in `ranges`.
+Variables are named as in `ranges`.
 """
 
 from __future__ import annotations
@@ -92,8 +92,6 @@ class ChannelModel(NamedTuple):
 
 
 class ChannelContext(NamedTuple):
-    """Values of a turn and what predicts them, (PAD + columns, lasers) each."""
-
     values: Words
     errors: Words  # absolute prediction errors, in 1 / FINE
     estimates: Words  # from range and signal, in 1 / FINE, or 0
@@ -184,7 +182,7 @@ def _logarithm(model: ChannelModel, value: int) -> int:
 
 @inlined
 def _power(model: ChannelModel, logarithm: int) -> int:
-    """Return the number with a logarithm, in 1 / FINE, at least 1 of them."""
+    """Return the number with a logarithm, in 1 / FINE, at least 1 / FINE."""
     logarithm = min(max(logarithm, -3 * _OCTAVE), 24 * _OCTAVE - 1)
     mantissa = int(model.powers[np.uint64(logarithm & (_OCTAVE - 1))])
     return max((mantissa << ((logarithm >> 12) + 4)) >> 15, 1)

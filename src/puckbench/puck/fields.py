@@ -1,4 +1,4 @@
-"""Coding of what a turn's packets hold besides the turn: further images, rest of times, headers."""
+"""Coding of packet data beyond the turn: further images, remainders of times, headers."""
 
 from __future__ import annotations
 
@@ -64,7 +64,9 @@ class FieldsEncoder:
         self._kind, self._effort, self._state = kind, effort, _State()
 
     def encode(self, turn: Turn, rest: Rest, *, is_key: bool) -> bytes:
-        """Encode what the packets of a turn hold besides the turn."""
+        """Encode the packet data of a turn beyond the turn itself; a key turn's are decodable
+        alone.
+        """
         if is_key:
             self._state = _State()
         layout, writer = self._kind.layout, PartWriter()

@@ -4,9 +4,8 @@ Each row of the image is cut into short pieces. Neighbouring sets of pieces are 
 plane fits the returns of both.
 
 A return at range r of a beam with origin o and direction d is the point p = r d + o. A plane is the
-set of points p with m . p = 1. Multiplied by r, this equation becomes r = (r p) . m, which is
-linear in m. A least squares fit of m needs 11 sums over the returns of a set; the sums of merged
-sets are added.
+set of points p with m . p = 1. Multiplied by r, this becomes r = (r p) . m, which is linear in m. A
+least squares fit of m needs 11 sums over the returns of a set; those of merged sets are added.
 
 References
 ----------
@@ -64,9 +63,8 @@ class RangeRows(NamedTuple):
 
 
 class LabelledPlanes(NamedTuple):
-    """The plane of each return (lasers, columns), -1 for none, and the vectors m (n, 3) of planes.
-
-    A plane consists of the points p with m . p = 1.
+    """The plane of each return (lasers, columns), -1 for none, and vectors m (n, 3) of planes m . p
+    = 1.
     """
 
     labels: Labels
@@ -78,10 +76,9 @@ def fitted_planes(
 ) -> LabelledPlanes:
     """Assign each return to a plane, and fit the planes.
 
-    Adjacent columns are `column` rad apart. In a full turn, `closes` is True, and the last column
-    is next to the first. `std` is the standard deviation of a range, m. Two sets of returns are
-    merged if their mean squared distance exceeds that due to noise by at most `tolerance` times the
-    noise variance.
+    Adjacent columns are `column` rad apart; in a full turn (`closes`), the last is next to the
+    first. `std` is the standard deviation of a range, m. Two sets of returns are merged if their
+    mean squared distance exceeds that due to noise by at most `tolerance` times the noise variance.
     """
     ranges, rows = image
     variance = std * std
@@ -129,7 +126,7 @@ def _add(sums: Floats, row: Floats, target: float, weight: float) -> None:
 def _solve(sums: Floats, variance: float, plane: Floats) -> float:
     """Fit a plane by Cholesky's method, write it to `plane`, and return the sum of squared errors.
 
-    A small term on the diagonal (ridge) keeps slopes near zero that the returns do not determine.
+    A small diagonal term (ridge) keeps undetermined slopes near zero.
     """
     ridge = variance * sums[10] / max(sums[0], 1.0) / (_SLOPE * _SLOPE)
     ridge += 1e-12 * (sums[1] + sums[4] + sums[6])
@@ -288,7 +285,6 @@ def _merge(
     gains: Floats,
     scratch: tuple[Floats, Floats],
 ) -> None:
-    """Merge neighbouring sets while a common plane increases the sum of squares only a little."""
     both, plane = scratch
     total = both[0]
     for gain in gains:

@@ -1,14 +1,13 @@
 """Coding of the ranges of a turn: whether each firing has a return, and its range.
 
-Firings are coded column by column, and within a column from the lowest laser to the highest.
-Adaptive least squares predict a range, which is coded as binary decisions around the prediction.
-Lossy coding quantises a range to the nearest multiple of the step. It uses the adjacent multiple
-towards the prediction instead if lambda times the saved rate exceeds the increase of the squared
-error.
+Firings are coded column by column, each from the lowest laser to the highest. Adaptive least
+squares predict a range, which is coded as binary decisions around the prediction. Lossy coding
+quantises a range to the nearest multiple of the step, or to the adjacent multiple towards the
+prediction if lambda times the saved rate exceeds the increase of the squared error.
 
-In the functions, c is the index of the current column in the arrays, and t the index of the nearest
-column of the previous turn (0: there is none). "West" is the same laser one column earlier; "below"
-and "above" are the neighbouring lasers.
+In the functions, c is the index of the current column in the arrays, and t that of the nearest
+column of the previous turn (0: none). "West" is the same laser one column earlier; "below" and
+"above" are the neighbouring lasers.
 """
 
 from __future__ import annotations
@@ -83,10 +82,7 @@ class RangeModel(NamedTuple):
 
 
 class ModelSize(NamedTuple):
-    """Sizes of the models for an effort.
-
-    A model uses the first of all features, experts and contexts, up to these numbers.
-    """
+    """Sizes of an effort's models, which use the first of all features, experts and contexts."""
 
     features: int
     experts: int
@@ -306,8 +302,8 @@ def _predict(
     """Predict a range, and return five values.
 
     They are a base range, the predicted difference from it in quarter quanta, the level of recent
-    errors (activity), 1 if the previous turn has a return at this place or else 0, and the index of
-    the experts' scales (situation).
+    errors (activity), whether the previous turn has a return at this place (1 or 0), and the index
+    of the experts' scales (situation).
     """
     base = _base(model, image, before, c, laser, t)
     _write_features(model, image, before, c, laser, t, base)
@@ -353,7 +349,7 @@ def _base(
 ) -> int:
     """Return the range that is subtracted from other ranges in the features.
 
-    It is the laser's last range, otherwise that of the laser below, or of the previous turn.
+    It is the laser's last range; if none, that of the laser below or of the previous turn.
     """
     base = int(model.last[laser])
     if base == 0 and laser > 0:
@@ -365,9 +361,8 @@ def _base(
 
 @inlined
 def _change(later: int, earlier: int) -> int:
-    """Return the difference of two ranges (in quanta) in quarter quanta.
-
-    Return 0 if a range is missing (0), or if they differ by more than 60 quanta.
+    """Return the difference of two ranges in quarter quanta; 0 if one is missing or over 60 quanta
+    off.
     """
     change = 4 * (later - earlier)
     return change if later > 0 and earlier > 0 and abs(change) <= 240 else 0

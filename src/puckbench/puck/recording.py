@@ -1,7 +1,6 @@
 """Lossless compression of recordings, or of any other file.
 
-Data packets are recognised by their content, and the packets of each revolution are encoded as one
-turn. The bytes between packets are compressed by LZMA.
+Data packets are recognised by their content, and those of each revolution are encoded as one turn.
 """
 
 from __future__ import annotations
@@ -157,8 +156,8 @@ def decompress(
 ) -> RecordingSummary:
     """Restore a file that `compress` compressed.
 
-    Unless the stream is `trusted`, raise InputError if the restored file would exceed a limit,
-    which depends on the size of the stream.
+    Unless the stream is `trusted`, raise InputError if the file would exceed a limit that depends
+    on the size of the stream.
     """
     _check_different(path, out)
     try:
@@ -256,7 +255,6 @@ class _Packets(NamedTuple):
 
 
 def _find(formats: list[PacketFormat], data: Bytes) -> _Packets:
-    """Return the packets of the format that has most of them."""
     best = _Packets(formats[0], formats[0].find(data))
     for each in formats[1:]:
         if 2 * best.bytes() > len(data):
@@ -276,8 +274,8 @@ class _PacketEncoder:
     ) -> Iterator[_Batch]:
         """Yield three encodings of `data`, of which the caller uses the first within the limits.
 
-        They encode packets as turns, compress all bytes by LZMA, or store all bytes uncompressed.
-        Only the last is always within the decoder's limits.
+        They encode packets as turns, compress all bytes by LZMA, or store them. Only the last is
+        always within the decoder's limits.
         """
         yield self._batch(data, packets, report)
         self._packets = None

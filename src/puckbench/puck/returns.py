@@ -1,5 +1,3 @@
-"""Streams of returns: the layout of the data, the sensor's beams, and the turns (revolutions)."""
-
 from __future__ import annotations
 
 from collections.abc import Iterator

@@ -1,8 +1,3 @@
-"""Coding of second ranges in dual return mode, most of which equal the first ones.
-
-Variables have the same names as in `ranges`.
-"""
-
 from __future__ import annotations
 
 from typing import NamedTuple

@@ -1,6 +1,6 @@
 """Coding of one turn in separate parts: azimuths, ranges, second returns, times, reflectivities.
 
-A key turn can be decoded alone. Any other turn continues with its predecessor's adaptive models.
+A key turn can be decoded alone; others continue with their predecessor's adaptive models.
 """
 
 from __future__ import annotations
@@ -374,14 +374,12 @@ def _code_all_reflectivities(
 
 
 def padded(values: Values) -> Words:
-    """Return PAD rows of zeros, then the values (columns, lasers)."""
     padded = np.zeros((PAD + len(values), values.shape[1]), np.int32)
     padded[PAD:] = values
     return padded
 
 
 def extended(values: Words) -> Words:
-    """Return values followed by PAD rows of zeros."""
     extended = np.zeros((len(values) + PAD, values.shape[1]), np.int32)
     extended[: len(values)] = values
     return extended

@@ -1,5 +1,3 @@
-"""Checklist of the thesis's figures and tables: each one's state and the command that makes it."""
-
 from __future__ import annotations
 
 import shlex
@@ -78,9 +76,8 @@ class Reproduction:
         return stages_of(self.bench)
 
     def command(self, *targets: str) -> list[str]:
-        """Return the Snakemake command that makes `targets`.
-
-        Targets come first, since an option would take them as values.
+        """Return the Snakemake command that makes `targets`, which precede options that take
+        several values.
         """
         words = ["snakemake", *targets, "--cores", str(self.cores), "--configfile", str(self.path)]
         settings = [f"{key}={str(value).lower()}" for key, value in self.changes.items()]
@@ -106,7 +103,6 @@ class Reproduction:
         return Item(title, name, state, note)
 
     def _item_without_data(self, title: str, name: str) -> Item:
-        """Return an item if scene sets are absent and there is no plan."""
         absent = [scenes for scenes in self._scenes_of(name) if scenes in self.absent]
         file, chapter_5_file = (_file(name, root) for root in (self.results, _CHAPTER_5_RESULTS))
         files = [file] if absent else [file, chapter_5_file]

@@ -23,8 +23,7 @@ _MAX_NAME, _MAX_HEADER = 20, 4096
 def compressed_chunks(path: Path) -> dict[str, int]:
     """Return the number of bytes in compressed chunks by compression, such as ``zstd``.
 
-    The search ends at a damaged record; files of other formats have no chunks. Raises InputError if
-    the file cannot be read.
+    The search ends at a damaged record. Files of other formats have no chunks.
     """
     counts: Counter[str] = Counter()
     try:

@@ -29,7 +29,6 @@ def indexed_bag(path: Path) -> Iterator[BagFile]:
 
 
 def _check_chunks(reader: Any) -> None:
-    """Raise ValueError if chunks of a bag overlap, because these would be read repeatedly."""
     if hasattr(reader, "chunks"):
         ranges = [(start, chunk.datapos + chunk.datasize) for start, chunk in reader.chunks.items()]
         count = len(reader.chunk_infos)

@@ -77,9 +77,9 @@ def read_messages(
     """Read messages of the topic that `puckbench.io.recordings.topics.choose_topic` chooses.
 
     `numbers` selects messages of the topic, sorted and from 0; by default all are read.
-    `definitions` define the types in `kinds` and their parts that `rosbags` does not know;
-    definitions in the bag are not used, because they would be compiled. Raises InputError if the
-    file is damaged, or lacks the topic or a message.
+    `definitions` define the types in `kinds` and their parts that `rosbags` does not know; those in
+    the bag are not used, because they would be compiled. Raises InputError if the file is damaged,
+    or lacks the topic or a message.
     """
     from rosbags.serde import SerdeError
 

@@ -97,7 +97,7 @@ def find_packets(data: Payloads) -> NDArray[np.int64]:
 
 
 def without_overlaps(places: NDArray[np.int64], size: int = PACKET_BYTES) -> NDArray[np.int64]:
-    """Return the ascending places of packets of `size` bytes that do not overlap an earlier packet."""
+    """Return the ascending places of packets of `size` bytes that overlap no earlier packet."""
     if (np.diff(places) >= size).all():
         return places
     kept: list[int] = []

@@ -1,5 +1,3 @@
-"""Example clouds (thesis Figures 6.1 to 6.3)."""
-
 from __future__ import annotations
 
 import math

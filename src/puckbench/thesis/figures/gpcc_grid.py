@@ -1,5 +1,3 @@
-"""Figures of G-PCC by the scale of its grid."""
-
 from __future__ import annotations
 
 from typing import TYPE_CHECKING

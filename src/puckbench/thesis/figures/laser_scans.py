@@ -1,5 +1,3 @@
-"""Scans of a wall and a floor coloured by laser (thesis Figures 5.2 to 5.9, 5.16 and 5.17)."""
-
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any

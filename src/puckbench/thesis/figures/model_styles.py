@@ -1,5 +1,3 @@
-"""Titles, colours, order and legend for error models."""
-
 from __future__ import annotations
 
 import hashlib

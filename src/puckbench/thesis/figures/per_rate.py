@@ -1,5 +1,3 @@
-"""Medians per compression rate (thesis Figure 6.5)."""
-
 from __future__ import annotations
 
 from typing import TYPE_CHECKING

@@ -1,5 +1,3 @@
-"""Residuals of error models on the rays of recorded walls, so that only the noise differs."""
-
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
@@ -58,8 +56,8 @@ def compared_residuals(
     replicates: int = REPLICATES,
     seed: int = 0,
 ) -> pd.DataFrame:
-    """Return the residuals of `real_walls` from least-squares planes, and of each model in
-    `replicates` simulations.
+    """Return the residuals of `real_walls`, and of each model in `replicates` simulations on the
+    same rays, from least-squares planes.
 
     A `Calibrated` model draws another device for each capture and replicate.
     """

@@ -33,7 +33,7 @@ def incidence_table(residuals: pd.DataFrame) -> pd.DataFrame:
 def incidence_effect(scans: pd.DataFrame, residuals: pd.DataFrame) -> pd.DataFrame:
     """Range error and distance from the surface by error model and angle of incidence.
 
-    A point with the range error e is e cos(theta) away from the surface (section 5.6). Standard
+    A range error e moves a point e cos(theta) off the surface (section 5.6). Standard
     deviations are predicted, and measured from the true surface (scans at 1 and 5 m) and from the
     fitted plane (all distances below 30 m).
 

@@ -39,8 +39,8 @@ def model_distances(
 ) -> pd.DataFrame:
     """Earth mover's distance of each error model's wall residuals from those of real sensors.
 
-    In metres, with a 95 % interval. A sensor that follows the model exceeds ``chance_m`` with
-    probability 5 %.
+    In metres, with a 95 % interval. A sensor that follows the model exceeds ``chance_m`` with 5 %
+    probability.
 
     Parameters
     ----------
@@ -149,10 +149,8 @@ def _distance(histogram: Floats, other: Floats) -> float:
 
 
 def _chance(rows: pd.DataFrame, total: Floats) -> float:
-    """Return the 95 % quantile of the distances (m) from single replicates to all residuals
-    (`total`).
-
-    It is nan with fewer than two replicates.
+    """Return the 95 % quantile of the distances (m) of single replicates to all residuals
+    (`total`); nan for fewer than two.
     """
     residuals = rows["residual_m"].to_numpy(dtype=np.float64)
     parts = rows.groupby("replicate").indices.values()

@@ -1,5 +1,3 @@
-"""Statistics of plane residuals, with their uncertainty."""
-
 from __future__ import annotations
 
 from itertools import compress, product
@@ -81,7 +79,7 @@ def _moments(scans: pd.DataFrame, keys: list[str]) -> pd.DataFrame:
 def _scatter(errors: pd.Series[float], scans: pd.DataFrame, places: list[str]) -> pd.Series[float]:
     """Return the contribution of each scan to the variance of the sum of `errors`.
 
-    Deviations are from the mean over scans at the same place or, for a single scan, from zero.
+    Deviations are from the mean over scans of the same place; for a single scan, from zero.
     """
     groups = errors.groupby([scans[name] for name in places])
     repeats, centre = groups.transform("size"), groups.transform("mean")
