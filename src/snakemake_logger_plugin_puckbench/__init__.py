@@ -122,7 +122,6 @@ class LogHandler(LogHandlerBase):
         super().close()
 
     def _take_run(self, event: dict[str, Any]) -> None:
-        """Print the number of jobs and the expected duration of the run, and show the bar."""
         jobs = {
             rule: count for rule, count in event["stats"].items() if rule not in {"all", "total"}
         }
@@ -171,7 +170,6 @@ class LogHandler(LogHandlerBase):
         self._show()
 
     def _take_error(self, event: dict[str, Any]) -> None:
-        """Print the reason for a job's failure, from its log file, once for each codec."""
         from pathlib import Path
 
         from puckbench.planning.failures import failure_of

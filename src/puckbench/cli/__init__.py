@@ -54,7 +54,6 @@ class _Remarks(logging.Handler):
 
 
 def _show_remarks() -> None:
-    """Configure the logger ``puckbench`` to print each distinct warning once."""
     log = logging.getLogger("puckbench")
     log.handlers = [other for other in log.handlers if not isinstance(other, _Remarks)]
     log.addHandler(_Remarks())

@@ -1,5 +1,3 @@
-"""`puckbench calibrate`: estimate the parameters of a range error model from plane residuals."""
-
 from __future__ import annotations
 
 import argparse

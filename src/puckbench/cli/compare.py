@@ -1,5 +1,3 @@
-"""`puckbench compare`: compare codecs of a run with reference results."""
-
 from __future__ import annotations
 
 import argparse

@@ -1,5 +1,3 @@
-"""`puckbench completion`: write a script for the shell's completion of words (Tab key)."""
-
 from __future__ import annotations
 
 import argparse

@@ -1,5 +1,3 @@
-"""`puckbench conformance`: test a G-PCC decoder on streams stored with their decoded clouds."""
-
 from __future__ import annotations
 
 import argparse

@@ -1,5 +1,3 @@
-"""`puckbench datasets`: list the data set classes, or count the scenes of a data set."""
-
 from __future__ import annotations
 
 import argparse

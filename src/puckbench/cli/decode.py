@@ -1,5 +1,3 @@
-"""`puckbench decode`: decode a codec's stream to a point cloud."""
-
 from __future__ import annotations
 
 import argparse

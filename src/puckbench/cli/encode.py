@@ -1,5 +1,3 @@
-"""`puckbench encode`: encode a point cloud by a codec."""
-
 from __future__ import annotations
 
 import argparse

@@ -1,5 +1,3 @@
-"""`puckbench evaluate`: measure the distortion of a decoded cloud or a stream."""
-
 from __future__ import annotations
 
 import argparse

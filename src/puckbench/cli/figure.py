@@ -1,5 +1,3 @@
-"""`puckbench figure`: draw a figure from the tables of a run."""
-
 from __future__ import annotations
 
 import argparse

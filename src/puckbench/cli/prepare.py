@@ -1,5 +1,3 @@
-"""`puckbench prepare`: crop a point cloud, estimate its normals, and scale it."""
-
 from __future__ import annotations
 
 import argparse

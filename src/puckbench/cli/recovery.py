@@ -1,5 +1,3 @@
-"""`puckbench recovery`: compare the geometric primitives in a stream with those of a scene."""
-
 from __future__ import annotations
 
 import argparse

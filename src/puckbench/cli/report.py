@@ -1,5 +1,3 @@
-"""`puckbench report`: write the report of a run as one HTML file."""
-
 from __future__ import annotations
 
 import argparse

@@ -1,5 +1,3 @@
-"""`puckbench run`: compare codecs on the user's clouds, meshes and recordings."""
-
 from __future__ import annotations
 
 import argparse
@@ -146,7 +144,6 @@ def run(options: argparse.Namespace) -> dict[str, Any] | None:
 
 
 def _without_failures(path: Path) -> Path | None:
-    """Return the configuration file that leaves out the failed jobs, None if no job failed."""
     failed = trusted(read_config(path)).failures_file
     return failed if failed.exists() else None
 

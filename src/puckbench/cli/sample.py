@@ -1,5 +1,3 @@
-"""`puckbench sample`: sample points on a mesh."""
-
 from __future__ import annotations
 
 import argparse

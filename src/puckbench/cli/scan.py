@@ -1,5 +1,3 @@
-"""`puckbench scan`: scan a mesh with a virtual LiDAR."""
-
 from __future__ import annotations
 
 import argparse

@@ -1,5 +1,3 @@
-"""`puckbench scene`: write a data set's scene as a mesh or cloud."""
-
 from __future__ import annotations
 
 import argparse

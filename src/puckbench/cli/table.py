@@ -1,5 +1,3 @@
-"""`puckbench table`: compute a table from other tables of a run."""
-
 from __future__ import annotations
 
 import argparse

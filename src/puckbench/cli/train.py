@@ -1,5 +1,3 @@
-"""`puckbench train`: train the weights of a learned codec."""
-
 from __future__ import annotations
 
 import argparse

@@ -1,5 +1,3 @@
-"""The exception for invalid input from the user, and parts of its messages."""
-
 from __future__ import annotations
 
 import traceback

@@ -1,5 +1,3 @@
-"""Base class of pydantic models for options and configurations, with one-line errors."""
-
 from __future__ import annotations
 
 from collections.abc import Mapping

@@ -1,5 +1,3 @@
-"""Base classes of data sets."""
-
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
@@ -146,7 +144,7 @@ def look_up(table: Mapping[str, T], name: str, where: str) -> T:
 def select_names(
     option: str, requested: tuple[str, ...] | int | None, available: list[str]
 ) -> list[str]:
-    """Return the names that an option requests: those listed, the first few, or all (None)."""
+    """Select names by an option: a list of names, the first few, or all (None)."""
     if requested is None:
         return available
     if isinstance(requested, int):

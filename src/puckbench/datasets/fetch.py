@@ -1,5 +1,3 @@
-"""Download of free data sets through package managers."""
-
 from __future__ import annotations
 
 import os
@@ -32,7 +30,7 @@ class FetchResult:
 def fetch_data(root: Path, names: Iterable[str] = ()) -> list[FetchResult]:
     """Download free data sets, each into the folder of `root` with its name.
 
-    Unchanged folders are kept; a failure does not stop the other downloads. By default, all sources
+    Unchanged folders are kept; a failure does not stop other downloads. By default, all sources
     with ``by_default`` are downloaded.
     """
     requested = list(names) or [name for name, source in SOURCES.items() if source.by_default]

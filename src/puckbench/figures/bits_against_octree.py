@@ -132,7 +132,6 @@ def _bits_at_errors(curve: pd.DataFrame) -> Floats:
 
 
 def _limits(curves: list[Floats]) -> Range:
-    """Return limits around all values and 100 %."""
     values = [np.array([100.0]), *map(np.ravel, curves)]
     return fitted_limits(np.concatenate(values), (50, 150))
 

@@ -1,5 +1,3 @@
-"""Rate-distortion curves of a run's codecs, with pale curves of reference results."""
-
 from __future__ import annotations
 
 from collections.abc import Sequence

@@ -1,5 +1,3 @@
-"""Plot styles of codecs, equal in all figures."""
-
 from __future__ import annotations
 
 import hashlib

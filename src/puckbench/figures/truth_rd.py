@@ -1,5 +1,3 @@
-"""Figures of distortion to the scan, to the clean scan and to the true surface."""
-
 from __future__ import annotations
 
 from dataclasses import replace

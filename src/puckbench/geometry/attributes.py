@@ -1,5 +1,3 @@
-"""Attributes of points that codecs may code, by name: reflectance and colour."""
-
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping

@@ -1,5 +1,3 @@
-"""The cost of a job: the last line of its log, from which times of other runs are estimated."""
-
 from __future__ import annotations
 
 import json

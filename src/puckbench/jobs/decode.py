@@ -73,9 +73,8 @@ class Decode(Decoding):
     def run(self, stream: Path, cloud: Path, like: tuple[Path, ...] = ()) -> dict[str, Any]:
         """Write the decoded cloud, by default in the coordinates of the cloud that was coded.
 
-        `like` are the prepared cloud that was coded, whose description has the place of its source,
-        the original cloud, whose attributes are given to the points, or both. To a LAS or LAZ file,
-        points are written with the original's header.
+        `like` are the prepared cloud, whose description locates its source, the original cloud,
+        whose attributes the points get, or both. A LAS or LAZ file keeps the original's header.
         """
         if self.as_mesh:
             if like:
@@ -143,7 +142,7 @@ def _check_place(decoded: PointCloud, original: PointCloud, fault: str) -> None:
 
 
 def _models(paths: tuple[Path, ...]) -> tuple[_Model | None, _Model | None]:
-    """Read the prepared and the original cloud among files, None for one that is not there."""
+    """Read the prepared and the original cloud among files; None for an absent one."""
     clouds = [(path, read_cloud(path, keep_missing=True)) for path in paths]
     prepared, original = (
         [item for item in clouds if (item[1].frame is None) == is_original]
@@ -157,8 +156,9 @@ def _models(paths: tuple[Path, ...]) -> tuple[_Model | None, _Model | None]:
 def _with_attributes(
     decoded: PointCloud, original: PointCloud, rows: NDArray[np.int64]
 ) -> PointCloud:
-    """Give decoded points the attributes of rows of the original, 0 for the row -1, except those
-    that were decoded."""
+    """Give decoded points the attributes of rows of the original (0 for -1), except decoded
+    ones.
+    """
     picked = original.select(np.maximum(rows, 0))
     for values in (picked.normals, picked.colours, picked.labels, *picked.fields.values()):
         if values is not None:

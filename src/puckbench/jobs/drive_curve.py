@@ -1,5 +1,3 @@
-"""Jobs that encode the turns of a drive, one by one, and measure tasks on the decoded turns."""
-
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -112,7 +110,7 @@ def _saved(shared: Sequence[Any]) -> Callable[[Cost], Cost]:
 class MeasureDrive(TimedJob):
     """Measure tasks on the decoded turns of a drive, or on the undecoded ones.
 
-    `tasks` are names with options. Turns of a codec of points have neither order nor times.
+    `tasks` are names with options. Turns decoded from points have neither order nor times.
     """
 
     dataset: str

@@ -1,5 +1,3 @@
-"""Measurement of decoded clouds, with one result row for each."""
-
 from __future__ import annotations
 
 from collections.abc import Iterable

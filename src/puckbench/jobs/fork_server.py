@@ -1,7 +1,7 @@
 """A process that imports the packages that jobs need, and runs each job in a fork of itself.
 
-The imports (NumPy, Numba, PyTorch and others) take 0.4 to 2.5 s; the *server* makes them only once.
-A *client*, the process that Snakemake starts for a job, sends arguments, environment, folder and
+Imports (NumPy, Numba, PyTorch and others) take 0.4 to 2.5 s; the *server* makes them once. A
+*client*, the process that Snakemake starts for a job, sends arguments, environment, folder and
 output streams to the server, and waits for the exit status from the forked *job*.
 
 The client runs the job itself if it finds no server (on another node, in a container, with another

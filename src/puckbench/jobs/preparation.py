@@ -1,5 +1,3 @@
-"""Preparation of a cloud (thesis section 6.1): crop, estimate normals, scale."""
-
 from __future__ import annotations
 
 from dataclasses import dataclass, replace

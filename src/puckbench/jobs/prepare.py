@@ -1,5 +1,3 @@
-"""Preparation of samples, clouds and scan tables for the codecs."""
-
 from __future__ import annotations
 
 from dataclasses import replace

@@ -58,7 +58,9 @@ class SiblingBlocks(NamedTuple):
 
 
 def sibling_blocks(positions: Voxels, logits: NDArray[np.float32], kept: Bools) -> SiblingBlocks:
-    """Return the blocks with a kept voxel, given positions (m, 3), logits and kept voxels (m, 8)."""
+    """Return the blocks with a kept voxel, given positions (m, 3), logits and kept voxels (m,
+    8).
+    """
     from scipy.special import expit
 
     rows = kept.any(axis=1)

@@ -231,7 +231,9 @@ _UNREADABLE = (
 
 
 def read_checkpoint(path: Path, fault: str) -> dict[str, Any]:
-    """Read a PyTorch checkpoint without running its code; raise InputError with `fault` if damaged."""
+    """Read a PyTorch checkpoint without running its code; raise InputError with `fault` if
+    damaged.
+    """
     try:
         checkpoint = torch.load(path, map_location="cpu", weights_only=True)
     except (*_UNREADABLE, pickle.UnpicklingError) as error:

@@ -1,3 +1,5 @@
+"""Virtual scans of a mesh, with an error model."""
+
 from __future__ import annotations
 
 import json
@@ -85,6 +87,7 @@ class ScanJob:
             raise scanner.no_return()
 
     def check(self) -> None:
+        """Raise InputError if the mesh is empty or the sensor cannot stand or move in it."""
         self._caster()
 
     def _scanner(self, rng: np.random.Generator) -> _Scanner:

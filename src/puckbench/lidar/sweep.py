@@ -104,6 +104,7 @@ class Sweep(Model):
         return round(self.duration_s * self.frames_per_second)
 
     def pitch_rad(self) -> Floats:
+        """Return the pitch of the sensor in each frame, (frames,)."""
         return self._pitch(range(self.frames))
 
     def _pitch(self, frames: range) -> Floats:
@@ -112,6 +113,7 @@ class Sweep(Model):
         return np.radians(self.pitch_start_deg + span * ease(time))
 
     def rotations(self) -> Floats:
+        """Return the rotation from the sensor to the world in each frame, (frames, 3, 3)."""
         return self._rotations(range(self.frames))
 
     def poses(self, sensor: Sensor, frames: range) -> Poses:

@@ -91,8 +91,6 @@ Anywhere = Annotated[
 
 
 class SceneSource(Model):
-    """A loader of scenes, and the scenes to use."""
-
     loader: str = Field(
         description="Name of a loader (`puckbench datasets` lists them with their options), or "
         "your own class: `module:Class` or `path/to/file.py:Class`."
@@ -597,8 +595,8 @@ class Config(Model):
 def checked(config: Mapping[str, Any]) -> Config:
     """Check a configuration, after replacing data by stand-ins if it requests them.
 
-    Names of loaders, codecs, rates and clouds are checked by `puckbench.planning.plan`. Raises
-    InputError with the key, its value and the allowed values.
+    `puckbench.planning.plan` checks names of loaders, codecs, rates and clouds. Raises InputError
+    with the key, its value and the allowed values.
     """
     return checked_model(Config, with_stand_ins(config))
 
@@ -648,7 +646,7 @@ def read_config(path: Path) -> Options:
 def check_config_files(paths: Iterable[str | Path]) -> None:
     """Raise InputError if a file that Snakemake has read is invalid.
 
-    Files without keys of puckbench belong to a workflow that imports this one, and are ignored.
+    Files without keys of puckbench are ignored: they belong to a workflow that imports this one.
     """
     for path in map(Path, paths):
         if set(Config.model_fields) & set(_read(path, alike=False)):

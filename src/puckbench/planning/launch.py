@@ -1,5 +1,3 @@
-"""Commands that start Snakemake on the workflow, in the repository or as installed."""
-
 from __future__ import annotations
 
 import sys

@@ -1,5 +1,3 @@
-"""Plans of the jobs that make tables, figures and the report page."""
-
 from __future__ import annotations
 
 import hashlib
@@ -89,8 +87,8 @@ class OutputJobs:
 
     @cached_property
     def result_tables(self) -> dict[str, Inputs]:
-        """Tables, except the sensor study's, whose input tables the plan makes and whose needs it
-        meets.
+        """Tables whose input tables the plan makes and whose needs it meets, except the sensor
+        study's.
         """
         there = {"metrics", "clouds"} if self.plan.datasets else set()
         there |= set(self.study_tables) | ({"drives"} if self.plan.drives else set())
@@ -151,7 +149,6 @@ class OutputJobs:
         }
 
     def _frames_of(self, table: str) -> tuple[CoordinateFrame, ...]:
-        """Return the coordinate frames of the clouds in a table, or all frames for other tables."""
         if table not in _OF_CLOUDS:
             return get_args(CoordinateFrame)
         if table in _OF_CURVES:
@@ -225,7 +222,6 @@ class OutputJobs:
 
     @cached_property
     def first_look(self) -> Gathering:
-        """Plan figures of the first codec's results, which are drawn while other codecs run."""
         names = self.coding.rows("metrics", self.first_codec)
         record = FirstLook(names=names, style=self._style(self.config.figures.style))
         modules = map(FIGURES.module_of, self.first_figures)
@@ -274,7 +270,6 @@ class OutputJobs:
         return f"{self.plan.results}/tables/{table}.{suffix}"
 
     def _makeable(self, known: Iterable[str]) -> dict[str, TableEntry]:
-        """Return the tables whose input tables and needs are available."""
         inputs = set(known)
         return {
             name: entry

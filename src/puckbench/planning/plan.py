@@ -1,5 +1,3 @@
-"""The plan for a configuration: scenes, data sets, clouds, codecs, trainings, sensor study."""
-
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
@@ -374,7 +372,6 @@ class Plan:
         return data.settings.codecs is None or codec in data.settings.codecs
 
     def _why_not(self, codec: str, data: DataSetPlan) -> str:
-        """Return why a codec cannot encode a data set, or an empty string."""
         opened = self.opened[codec]
         if opened.takes == "returns" and not data.has_returns:
             return "it codes returns of a spinning sensor"
@@ -491,7 +488,6 @@ class Plan:
 
 
 def _runnable(drives: Mapping[str, DriveConfig]) -> dict[str, DriveConfig]:
-    """Return the drives with their tasks, without those whose packages are not installed."""
     runnable = {}
     for name, drive in drives.items():
         tasks = {

@@ -1,5 +1,3 @@
-"""The contents of the report, from a plan."""
-
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence

@@ -1,5 +1,3 @@
-"""The summary at the end of a run: a table of results, and the locations of files."""
-
 from __future__ import annotations
 
 import csv
@@ -80,7 +78,6 @@ def summary_rows(results: Path, style: FigureStyle, anchor: str) -> list[dict[st
 
 
 def _delta(row: Row | None) -> dict[str, Any]:
-    """Return a BD-rate as text and, if meaningful, as a number."""
     value = float(row["bd_rate_percent"]) if row is not None and has_delta(row) else None
     return {"bd_rate_percent": value, "bd_rate": "" if row is None else delta_text(row)}
 
@@ -164,7 +161,6 @@ def _cells(row: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _aligned(rows: Sequence[Sequence[str]]) -> Iterator[str]:
-    """Yield lines with columns of equal width; texts are left-aligned, numbers right-aligned."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     for row in rows:
         cells = zip(row, widths, strict=True)

@@ -1,6 +1,6 @@
 """Checks of scenes before a run: damaged meshes, no position for a sensor, clouds without points.
 
-The results are cached in the results folder until files or settings change.
+Results are cached in the results folder until files or settings change.
 """
 
 from __future__ import annotations
@@ -184,7 +184,6 @@ def _extent(points: Floats) -> float:
 
 
 def _remark_extent(scenes: SceneSet, scene: Scene, settings: DataSetConfig) -> None:
-    """Warn if the size of a user's file suggests another unit."""
     path = scenes.files(scene.name)[0]
     if scene.mesh is not None and settings.is_scan:
         warn_of_implausible_extent(path, scene.mesh.bounds())

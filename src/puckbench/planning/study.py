@@ -1,5 +1,3 @@
-"""Plans of the sensor study's jobs: plane residuals, and points on a wall and a floor."""
-
 from __future__ import annotations
 
 from functools import cache, cached_property

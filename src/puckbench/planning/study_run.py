@@ -1,5 +1,3 @@
-"""A run of the user's codecs on the clouds of a study with reference results."""
-
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence

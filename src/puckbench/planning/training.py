@@ -1,5 +1,3 @@
-"""Plans of the jobs that train the weights of learned codecs."""
-
 from __future__ import annotations
 
 from collections.abc import Iterable

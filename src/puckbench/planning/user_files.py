@@ -1,5 +1,3 @@
-"""The configuration of a run on the user's clouds, meshes and recordings."""
-
 from __future__ import annotations
 
 import glob
@@ -252,7 +250,6 @@ class UserRun:
         return "scaled" if kind == "meshes" else self._frame_of_clouds(scenes)
 
     def _frame_of_clouds(self, scenes: Options) -> CoordinateFrame:
-        """Return the frame of clouds by their formats; note why clouds are scaled."""
         scene_set = open_scene_set(scenes["loader"], scenes["options"])
         files = (path for name in scene_set.names() for path in scene_set.files(name))
         suffixes = sorted(set(map(plain_suffix, files)))
@@ -337,7 +334,6 @@ class UserRun:
         return tuple(open_codec(codec, changes).rates_of(frame))
 
     def _other_frame(self, plan: Plan, codec: str) -> str:
-        """Return a hint at the frame that has the requested rates, or an empty string."""
         for frame in get_args(CoordinateFrame):
             is_length = plan.opened[codec].is_length
             if frame not in plan.frames and any(

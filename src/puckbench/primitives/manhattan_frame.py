@@ -132,7 +132,9 @@ def _project_to_rotation(matrix: Floats, rotation: Floats) -> bool:
 
 
 def _quantise(rotation: Floats) -> RotationVector:
-    """Quantise the rotation of least angle among those that differ by exchanged or reversed axes."""
+    """Quantise the rotation of least angle among those that differ by exchanged or reversed
+    axes.
+    """
     order = np.abs(rotation).argmax(axis=1)
     if len(set(order.tolist())) == 3:
         rows = np.argsort(order)

@@ -182,7 +182,9 @@ def _push(queue: _Queue, regions: _Regions, cost: float, a: int, b: int) -> None
 
 @inlined
 def _pop(queue: _Queue, regions: _Regions) -> tuple[bool, int, int]:
-    """Remove and return the first pair, and whether its regions are unchanged since it was queued."""
+    """Remove and return the first pair, and whether its regions are unchanged since it was
+    queued.
+    """
     pair, is_current = queue.pair[0], _is_current(queue, regions, 0)
     queue.size[0] -= 1
     last, hole = queue.size[0], 0

@@ -74,7 +74,9 @@ class RevolutionSurface(NamedTuple):
         return _points_at(self, *self.profile(arc_length), azimuth)
 
     def coordinates(self, xyz: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-        """Return arc lengths, azimuths, signed distances (n,) and normals (n, 3) of points (n, 3)."""
+        """Return arc lengths, azimuths, signed distances (n,) and normals (n, 3) of points (n,
+        3).
+        """
         return _coordinates(self, xyz)
 
 
@@ -179,7 +181,9 @@ def normal_at(
     height: float,
     radius: float,
 ) -> Vector:
-    """Return the unit normal at the nearest surface point; `radial` is the point minus the origin."""
+    """Return the unit normal at the nearest surface point; `radial` is the point minus the
+    origin.
+    """
     if surface.kind == SPHERE:
         return multiply(1 / max(length(radial), 1e-9), radial)
     axis = vector(surface.axis)

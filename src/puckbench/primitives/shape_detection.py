@@ -252,7 +252,9 @@ def clip_to_inliers(
 
 
 def _coverage(surface: RevolutionSurface, xyz: Floats, spacing: float) -> float:
-    """Return the covered fraction of a bounded surface, in patches of two sample spacings a side."""
+    """Return the covered fraction of a bounded surface, in patches of two sample spacings a
+    side.
+    """
     arc_length, azimuth, _, _ = surface.coordinates(xyz)
     size = 2 * max(spacing, 1.0)
     radius = surface.profile(arc_length)[0]

@@ -1,5 +1,3 @@
-"""Build the report page as text from the files of a run."""
-
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping

@@ -1,5 +1,3 @@
-"""The dictionary of a table's columns: meaning, unit, and why values are missing."""
-
 from __future__ import annotations
 
 import re
@@ -31,7 +29,7 @@ _OTHERWISE = "does not apply"
 def column_dictionary(table: pd.DataFrame) -> pd.DataFrame:
     """Return a row for each column of a table: meaning, unit, number of missing values and reason.
 
-    Columns of optional metrics have the meaning in their registration.
+    The meaning of an optional metric's columns is that of its registration.
     """
     import pandas as pd
 

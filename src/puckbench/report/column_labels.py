@@ -1,5 +1,3 @@
-"""Labels and units for the columns of result tables."""
-
 from __future__ import annotations
 
 import re

@@ -168,7 +168,6 @@ def _check_rates(
 
 
 def _is_exact(rows: pd.DataFrame, quality: str) -> pd.Series[bool]:
-    """Return a mask of the rows with error 0, which have no PSNR."""
     error = quality.replace("_psnr", "_mse")
     return rows[error] == 0 if error != quality and error in rows else rows[quality] == 0
 

@@ -1,5 +1,3 @@
-"""Findings from a run: which codec needs fewest bits, is nearest to the truth, is fastest."""
-
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -206,7 +204,6 @@ def _bd_rates(rows: pd.DataFrame, codecs: Sequence[str]) -> dict[str, Cell]:
 
 
 def _bd_rate(row: Mapping[Any, Any] | None) -> Cell:
-    """Return a BD-rate as a cell, ranked only if the curves on all clouds can be compared."""
     if row is None or not has_delta(row):
         return Cell(note=delta_note(row))
     is_whole = row["compared"] == row["clouds"]

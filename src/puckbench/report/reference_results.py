@@ -240,7 +240,6 @@ def without_times(metrics: pd.DataFrame) -> pd.DataFrame:
 
 
 def _rounded(table: Any) -> pd.DataFrame:
-    """Round measured numbers to `_DIGITS` digits; all but bits per point become float32."""
     rounded: pd.DataFrame = table.copy()
     for column in table.select_dtypes("floating"):
         values = [float(f"{value:.{_DIGITS}g}") for value in table[column]]

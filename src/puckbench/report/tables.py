@@ -1,5 +1,3 @@
-"""Tables of results as HTML, which a script makes sortable and filterable."""
-
 from __future__ import annotations
 
 import re

@@ -1,5 +1,3 @@
-"""Data for the cloud viewer: subsampled clouds with 16-bit coordinates, and errors."""
-
 from __future__ import annotations
 
 from base64 import b64encode

@@ -66,7 +66,6 @@ def square(x: float, y: float, half: float) -> Floats:
 
 
 def _inside(points: Floats, polygon: Floats) -> NDArray[np.bool_]:
-    """Return a mask (n,) of points (n, 2) in a polygon (m, 2), by the even-odd rule."""
     a, b = polygon, np.roll(polygon, -1, axis=0)
     y = points[:, 1:2]
     spans = (a[:, 1] > y) != (b[:, 1] > y)

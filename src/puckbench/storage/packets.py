@@ -97,7 +97,6 @@ def _completed(turn: Turn, kind: PacketKind) -> Turn:
 
 
 def _returns(payloads: np.ndarray, counts: list[int]) -> Returns:
-    """Decode packets (p, 1206) to returns; `counts` are the numbers of packets of the turns."""
     if (payloads[:, -2:] != payloads[0, -2:]).any():
         raise InputError("the stream is damaged (packets of several sensors)")
     kind = packet_kind(int(payloads[0, -1]), int(payloads[0, -2]))

@@ -1,5 +1,3 @@
-"""Tables of results."""
-
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence

@@ -118,6 +118,8 @@ class MultiRateTraining(BaseTraining):
         )
 
     def rates(self, codec_rates: Rates) -> dict[str, Mapping[str, Any]]:
-        """Return the rates whose lambda is trained; if there are none, a rate per trained lambda."""
+        """Return the rates whose lambda is trained; if there are none, a rate per trained
+        lambda.
+        """
         trained = {name: rate for name, rate in codec_rates.items() if rate["lmbda"] in self.lmbdas}
         return trained or {f"lmbda_{lmbda:g}": {"lmbda": lmbda} for lmbda in self.lmbdas}

@@ -1,3 +1,5 @@
+"""Base class of error models of virtual sensors."""
+
 from __future__ import annotations
 
 import hashlib

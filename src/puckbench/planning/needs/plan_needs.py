@@ -1,5 +1,3 @@
-"""Needs of tables and figures, such as several codecs, or turns with a true surface."""
-
 from __future__ import annotations
 
 from puckbench.metrics.tables.against_octree import OCTREE

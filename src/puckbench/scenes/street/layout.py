@@ -89,11 +89,6 @@ class _Street:
 
 @dataclass(frozen=True)
 class _Lot:
-    """A building lot, or a green without a house; lengths are in metres.
-
-    `middle` is the centre, `gap` the distance to the lot before.
-    """
-
     middle: float
     width: float
     gap: float

@@ -1,5 +1,3 @@
-"""`puckbench residuals`: compute plane residuals of virtual scans or of a capture."""
-
 from __future__ import annotations
 
 import argparse

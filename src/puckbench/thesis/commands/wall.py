@@ -1,5 +1,3 @@
-"""`puckbench wall`: compute points of virtual scans of a wall and a floor."""
-
 from __future__ import annotations
 
 import argparse
