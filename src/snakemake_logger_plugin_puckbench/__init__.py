@@ -1,11 +1,10 @@
 """Logger plug-in of Snakemake that shows a progress bar with the remaining time of a run.
 
 ``puckbench run`` uses it (``snakemake --logger puckbench``). It also prints an estimate before the
-first job, Snakemake's messages before it, and warnings and errors. Other messages are only in
-Snakemake's log file.
+first job, Snakemake's messages before it, warnings and errors; others are only in Snakemake's log.
 
 Snakemake imports this module before the workflow, which may run another copy of `puckbench`.
-Therefore functions import from `puckbench` only when they are called.
+Therefore only functions import from `puckbench`.
 """
 
 from __future__ import annotations

@@ -12,9 +12,9 @@ function                codec                           time saved
 ``add_fused_products``  ``reno``                        88 %
 ======================  ==============================  ==========
 
-Numba compiles a plain loop (``..._loop``) with the same results if llvmlite cannot write the vector
-code, or indices are checked (``NUMBA_BOUNDSCHECK=1``). Arrays are flat, contiguous, and do not
-overlap.
+A plain loop (``..._loop``) with the same results replaces them if llvmlite cannot write the vector
+code, or indices are checked (``NUMBA_BOUNDSCHECK=1``). Arrays are flat, contiguous, not
+overlapping.
 """
 
 from __future__ import annotations

@@ -20,7 +20,6 @@ class InputError(Exception):
 
 @contextmanager
 def naming(what: object) -> Iterator[None]:
-    """Put ``what:`` before the message of an `InputError` raised inside the `with` block."""
     try:
         yield
     except InputError as error:

@@ -3,9 +3,8 @@
     python -I -S launch.py MEMORY_BYTES SECONDS COMMAND [ARGUMENT ...]
 
 The kernel counts the memory of the starting process as memory of the command: started by the
-benchmark itself, a program's peak would include the benchmark's clouds. This module prints seconds,
-peak memory in KiB and exit status (negative: a signal) as JSON. The output of the command goes to
-standard error.
+benchmark, a program's peak would include the benchmark's clouds. Prints seconds, peak memory in KiB
+and exit status (negative: a signal) as JSON; the command's output goes to standard error.
 """
 
 import json

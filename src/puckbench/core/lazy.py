@@ -11,7 +11,7 @@ PublicNames = tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]
 
 
 def lazy(package: str, **modules: tuple[str, ...]) -> PublicNames:
-    """Make names from a package's modules available in the package, each imported on first use.
+    """Make names of a package's modules available in the package, each imported on first use.
 
     Parameters
     ----------

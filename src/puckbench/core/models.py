@@ -63,8 +63,6 @@ def _immutable(value: Any) -> Any:
 
 @dataclass(frozen=True)
 class _Fault:
-    """An invalid value: its location, pydantic's error type, and the allowed values."""
-
     where: tuple[str, ...]
     kind: str
     value: Any

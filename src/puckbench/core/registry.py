@@ -41,10 +41,6 @@ _trusted: set[str] = set()
 
 
 def trust(names: Iterable[str | None]) -> None:
-    """Permit this process to import code from the places (see the module) in `names`.
-
-    Other names are ignored.
-    """
     _trusted.update(name for name in names if is_place(name))
 
 
@@ -243,7 +239,7 @@ def _imported_file(path: Path) -> ModuleType:
 
 
 def _check_visible(path: Path, top: Path) -> None:
-    """Raise ImportError if `path` imports a module of its folder that an installed one hides."""
+    """Raise ImportError if an installed module hides one of its folder that `path` imports."""
     neighbours = {file for file in reached_files(path) - {path} if top_folder(file) == top}
     for file in sorted(neighbours):
         name = file.relative_to(top).parts[0].removesuffix(".py")

@@ -76,7 +76,6 @@ class FolderSet(DataSet, ABC):
         return look_up(self._table, name, self.path)
 
     def _whole(self) -> Self:
-        """Return the data set without options that select scenes."""
         return type(self)(path=self.path)
 
     def _missing(self, what: str) -> InputError:
@@ -98,7 +97,7 @@ class MeshFolderSet(FolderSet):
         return path.name
 
     def _read(self, path: Path) -> tuple[Mesh, dict[str, Any]]:
-        """Read a mesh, in metres with z up; return it with the reader's report."""
+        """Read a mesh, in metres with z up, and the reader's report."""
         return read_mesh_report(path, up="z")
 
     def load(self, name: str) -> Scene:

@@ -244,10 +244,6 @@ _kept: dict[_Key, RecordedTurns] = {}
 
 
 def _read(path: Path, start_s: float, stream: str | None, topic: str | None) -> RecordedTurns:
-    """Read the revolutions, and cache them until the file changes.
-
-    `topic` is for bags only.
-    """
     from puckbench.io.recordings.ros_bags import is_bag
     from puckbench.lidar.recordings.reading import read_turns
 
@@ -264,7 +260,6 @@ def _read(path: Path, start_s: float, stream: str | None, topic: str | None) -> 
 
 
 def _files(path: Path) -> list[Path]:
-    """Return a recording and, if it exists, the file of its sensor's metadata."""
     from puckbench.lidar.recordings.ouster import metadata_beside
 
     beside = None if path.is_dir() else metadata_beside(path)

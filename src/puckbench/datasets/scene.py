@@ -57,8 +57,8 @@ class Scene:
 class SceneSet(Protocol):
     """Interface of data sets, whose constructors take options by name.
 
-    Optional class variables: ``primitives``, whether labels have the geometric primitive of each
-    triangle; ``of_clouds``, whether scenes are clouds instead of meshes; ``of_returns``, whether
+    Optional class variables: ``primitives``, whether labels have each triangle's geometric
+    primitive; ``of_clouds``, whether scenes are clouds instead of meshes; ``of_returns``, whether
     clouds are a sensor's returns; ``of_packets``, whether these are recorded data packets;
     ``read_first``, whether clouds are read before a run. An optional method ``options_of(name)``
     returns the options of a set with one scene, whose jobs then do not depend on others.

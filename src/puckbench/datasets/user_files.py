@@ -22,8 +22,8 @@ _LOG = logging.getLogger(__name__)
 class FileSet(DataSet):
     """Base class of data sets in which each scene is one of the user's files.
 
-    Scenes are grouped by folder and named after their files; the names contain folder or suffix
-    where names would be equal.
+    Scenes are grouped by folder and named after their files, with folder or suffix where names
+    would be equal.
     """
 
     suffixes: ClassVar[tuple[str, ...]]

@@ -104,7 +104,6 @@ def compared_datasets(metrics: pd.DataFrame, clouds: pd.DataFrame) -> set[str]:
 
 
 def _curves(rows: pd.DataFrame, style: FigureStyle) -> dict[str, Floats]:
-    """Return the quartiles of each codec's bits that have a value."""
     octree = rows[rows["codec"] == OCTREE]
     codecs = style.ordered_codecs(set(rows["codec"]) - {OCTREE, COMPLETE_OCTREE})
     curves = {codec: shares(rows[rows["codec"] == codec], octree) for codec in codecs}

@@ -1,7 +1,7 @@
 """Angular mode: contexts from the lasers of a spinning sensor.
 
-The elevation of a laser predicts which half of a node is occupied along z, and the azimuth of its
-last shot predicts the half along x or y (`determineContextAngleForPlanar`, `findLaser`,
+The elevation of a laser predicts the occupied half of a node along z, the azimuth of its last shot
+the half along x or y (`determineContextAngleForPlanar`, `findLaser`,
 `AzimuthalPhiZi` in TMC13). Elevations are tangents in units of 2^-18, heights are in eighths of a
 coding unit, azimuths in units of 2^-20 radians, inverse distances in units of 2^-32.
 """

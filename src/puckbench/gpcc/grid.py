@@ -77,7 +77,6 @@ def quantise(
 
 
 def _rounded(units: Floats, scale: float, rounding: Rounding) -> NDArray[np.int64]:
-    """Scale positions, and round halves away from zero as C's ``round`` does."""
     if rounding == "nearest":
         scaled = units * scale
     else:

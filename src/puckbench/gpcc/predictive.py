@@ -224,7 +224,6 @@ def _code_component2(coder: Any, contexts: Probabilities, axis: int, value: int)
 
 @kernel
 def _code_long(coder: Any, contexts: Probabilities, axis: int, value: int) -> int:
-    """Encode or decode a number in Exp-Golomb code with contexts for prefix and suffix."""
     prefix, suffix = CTX_EG2_PREFIX + 5 * axis, CTX_EG2_SUFFIX + 4 * axis
     order, base = 0, 0
     while order < _LONGEST_PREFIX and code_bit(

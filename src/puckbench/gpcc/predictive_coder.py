@@ -257,7 +257,6 @@ def _coded(
     gps: syntax.GeometryParameterSet,
     most: int,
 ) -> tuple[bytes, NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]]:
-    """Return the coded data, the decoded points and positions, and their order."""
     tools = tools_of(header, gps, _AXES, header.slice_geom_origin_xyz)
     positions = np.empty_like(points) if tools.angular else points
     if tools.angular:

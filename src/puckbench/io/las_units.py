@@ -76,7 +76,6 @@ def _with_keys(units: Units, short: dict[int, int], doubles: dict[int, float]) -
 
 
 def _unit(code: int | None, size: float | None = None) -> float | None:
-    """Return the length of a unit with an EPSG code, m; `size` is that of a user-defined unit."""
     from pyproj.database import get_units_map
 
     if code == _USER_DEFINED:

@@ -185,7 +185,6 @@ def _pop_packed_colours(columns: Columns) -> NDArray[np.uint8] | None:
 
 
 def _eight_bits(colours: NDArray[Any]) -> tuple[NDArray[np.uint8], bool]:
-    """Convert colours (n, 3) to integers from 0 to 255; also return whether this is exact."""
     if colours.dtype.kind == "f":
         high = np.nan_to_num(colours).max(initial=0)
         scaled = np.clip(np.nan_to_num(colours * (_MAX_COLOUR if high <= 1 else 1)), 0, _MAX_COLOUR)

@@ -225,7 +225,6 @@ def _with_default_names(
 
 
 def _without_pandas_header(columns: list[NDArray[Any]]) -> list[NDArray[Any]]:
-    """Remove the row of column numbers and the index column that pandas adds."""
     first = [float(each[0]) for each in columns]
     has_index = bool(np.isnan(first[0])) and len(columns) > _MIN_NUMBERS
     if first[has_index:] != [*map(float, range(len(columns) - has_index))]:

@@ -142,7 +142,6 @@ def _check_place(decoded: PointCloud, original: PointCloud, fault: str) -> None:
 
 
 def _models(paths: tuple[Path, ...]) -> tuple[_Model | None, _Model | None]:
-    """Read the prepared and the original cloud among files; None for an absent one."""
     clouds = [(path, read_cloud(path, keep_missing=True)) for path in paths]
     prepared, original = (
         [item for item in clouds if (item[1].frame is None) == is_original]

@@ -36,8 +36,8 @@ def prepare(cloud: PointCloud, size: int | str = 1024, neighbours: int = 30) -> 
 
     Normals are estimated after scaling. With `size` 0 the cloud stays in metres, shifted if its
     coordinates are large (`origin_shift`); with `GRID` it stays on its voxel grid. The description
-    receives scale, offset, elongations, extent, density, outliers, diameter, digest and, in metres,
-    the peak of PSNRs.
+    gets scale, offset, elongations, extent, density, outliers, diameter, digest and, in metres, the
+    PSNRs' peak.
     """
     from puckbench.geometry.normals import estimate_normals
     from puckbench.metrics.density import density, density_in_metres

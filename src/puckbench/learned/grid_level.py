@@ -1,8 +1,8 @@
 """Choice of the grid by the cloud's density.
 
-On a dense surface a voxel has about four occupied children. On a grid too fine for the cloud it has
-about one, whose position no network can predict; the authors of PCGCv1 and PCGCv2 then choose a
-smaller scale by hand. Levels count quarter octaves; an octave doubles the side of voxels.
+On a dense surface a voxel has about four occupied children. On a too fine grid it has about
+one, whose position no network can predict; the authors of PCGCv1 and PCGCv2 then reduce the scale
+by hand. Levels count quarter octaves; an octave doubles the side of voxels.
 """
 
 from __future__ import annotations

@@ -125,7 +125,7 @@ def reconstructed_points(blocks: SiblingBlocks, units: int) -> Floats:
 def _placed(centres: Floats, counts: Floats, projection: float) -> Floats:
     """Place about `counts` (m,) points side by side around centres (m, 3), on local planes.
 
-    Centres lie within 1/2 of distinct integers. A plane is fitted to the centres around each.
+    Centres lie within 1/2 of distinct integers; a plane is fitted to those around each.
     """
     from puckbench.geometry.tangent_planes import fit_tangent_planes
 

@@ -191,9 +191,9 @@ def fill_echoes(
 ) -> None:
     """Compute each beam's echo: its mean distance (inf for none), and the ray nearest to that.
 
-    `apart` (beams, rays) are the distances of the rays, m, inf for a miss. After sorting, a
-    distance that exceeds the one before by more than `gap` begins a new echo. `choice` selects the
-    first echo (0), the echo with the most rays (1), the last echo (2), or all rays as one echo (3).
+    `apart` (beams, rays) are the rays' distances, m, inf for a miss. After sorting, a distance more
+    than `gap` beyond the previous one begins a new echo. `choice` selects the first echo (0), that
+    with most rays (1), the last (2), or all rays as one echo (3).
     """
     beams, rays = apart.shape
     for beam in range(beams):

@@ -61,7 +61,6 @@ def seen_around(caster: RayCaster, place: Floats) -> tuple[Floats, NDArray[np.ui
 
 
 def _one_object(caster: RayCaster, triangles: NDArray[np.uint32]) -> str | None:
-    """Return the name of the object to which all triangles belong, None if there are several."""
     if caster.surfaces is None or len(np.unique(caster.surfaces.object_id)) < 2:
         return None
     seen = np.unique(caster.surfaces.object_id[triangles])

@@ -211,7 +211,6 @@ class Plan:
                 yield {"dataset": dataset, "scene": scene, "file": file, "reason": reason}
 
     def _attributes_left_out(self) -> Iterator[dict[str, str]]:
-        """Yield rows on what the user's clouds lose: points, attributes, and the origin."""
         for data in self.datasets.values():
             if not read_first(self.scenes[data.scenes].scenes):
                 continue
@@ -252,7 +251,6 @@ class Plan:
             yield {"dataset": dataset, "scene": cloud, "file": what, "reason": reason}
 
     def _tasks_left_out(self) -> Iterator[dict[str, str]]:
-        """Yield a row for each task whose packages are not installed here."""
         for name in dict.fromkeys(t for drive in self.config.drives.values() for t in drive.tasks):
             if missing := TASKS.get(name).missing:
                 reason = (

@@ -55,7 +55,6 @@ def _examples(plan: Plan) -> Iterable[Example]:
 
 
 def shown_rates(plan: Plan, dataset: str, cloud: str, codec: str) -> tuple[str, ...]:
-    """Return the rates whose decoded clouds the report shows."""
     rates = plan.rates(codec, plan.datasets[dataset].frame)
     coded = plan.curve_rates(dataset, cloud, codec)
     return tuple(rate for rate in spread_out(rates, plan.config.report.rates) if rate in coded)

@@ -29,7 +29,6 @@ def scan_record(settings: DataSetConfig, scene: str, seed: int) -> Scan:
 
 
 def scan_settings(settings: DataSetConfig | DriveConfig, scene: str, seed: int) -> dict[str, Any]:
-    """Return the settings of a job that scans a scene."""
     return {
         "sensor": settings.sensor,
         "errors": settings.errors,

@@ -283,7 +283,6 @@ class UserRun:
     # ---- codecs
 
     def _default_codecs(self, kinds: Collection[Kind]) -> tuple[str, ...]:
-        """Return the usual codecs that have a requested rate, or all if none has."""
         clouds = CODECS if set(kinds) != {"recordings"} else ()
         usual = dict.fromkeys([*clouds, *(CODECS_OF_RECORDINGS if "recordings" in kinds else ())])
         offered = {name: codec_class(name) for name in usual}
@@ -346,7 +345,6 @@ class UserRun:
 
 
 def _files(text: str) -> Iterator[Path]:
-    """Yield the files, and folders that are recordings, at a path or for a pattern."""
     path = Path(text)
     if path.is_dir() and not recordings.is_bag_folder(path):
         yield from (each for each in sorted(path.rglob("*")) if is_file_or_lost(each))

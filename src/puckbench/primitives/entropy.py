@@ -1,9 +1,8 @@
 """Binary arithmetic coding with a probability mixed from three contexts.
 
-The adaptive probabilities are mixed in the logistic domain with learnt weights (Mahoney 2005,
-"Adaptive weighing of context models for lossless data compression"). Arithmetic is on integers, so
-that all machines decode identically. Encoder and decoder call the same ``code_...`` functions: an
-encoder writes the argument, a decoder ignores it and returns the decoded value.
+Adaptive probabilities are mixed in the logistic domain with learnt weights (Mahoney 2005, "Adaptive
+weighing of context models for lossless data compression"), in integers, so that all machines decode
+identically. The ``code_...`` functions encode the argument, or decode and return it.
 """
 
 from __future__ import annotations

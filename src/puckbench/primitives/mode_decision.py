@@ -188,7 +188,7 @@ def _encode_coarse_hybrid(
 ) -> bytes | None:
     """Return the best hybrid no larger than the voxels in bytes, or None if these are better.
 
-    Surfaces coarser than `coded` are tried as long as they improve the hybrid.
+    Surfaces coarser than `coded` are tried while they improve the hybrid.
     """
     criterion = _hybrid_criterion(cloud, estimator, 0.0)
     voxel_cost = criterion.cost(estimator.measure(cloud.in_units(voxels.points)))
@@ -228,8 +228,8 @@ def _hybrid_criterion(
 def _encode_refined(result: _SearchResult, settings: PrimitiveSettings) -> bytes:
     """Encode a hybrid, or voxels of equal size in bytes if these are better.
 
-    If a surface was selected without refinement, `_voxels_lose_surface` decides, otherwise the
-    product of the errors.
+    The product of the errors decides, or `_voxels_lose_surface` for a surface selected without
+    refinement.
     """
     cloud, estimator, best, selection, trials = result
     search = VoxelSearch(cloud.source, trials)

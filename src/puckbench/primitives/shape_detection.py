@@ -83,7 +83,6 @@ def bounded_inliers(
 
 
 def _curved_samples(xyz: Floats, normals: Floats, spacing: float) -> Ints:
-    """Return the rows of the samples on curved parts of the surface, away from edges."""
     radius = SPANS[0] * spacing
     order, blocked = block_samples(xyz, radius)
     curved = np.zeros(len(xyz), np.bool_)

@@ -3,8 +3,8 @@
 All numbers are little endian. A stream starts with the magic ``PBPR``, a version and a kind, and
 ends with the low half of a CRC-32. Between them are:
 
-* Surface: `_SURFACE`, `_ROTATION` if the grid is rotated, number and parameters of the surfaces of
-  revolution if there are any, arithmetic-coded payload.
+* Surface: `_SURFACE`, `_ROTATION` if the grid is rotated, number and parameters of surfaces of
+  revolution if any, arithmetic-coded payload.
 * Voxels: `_VOXELS`, `CLASSES` displacement factors unless the block size is 0, G-PCC octree.
 * Hybrid (version 6): `_HYBRID`, `CLASSES` displacement factors, surface stream, voxel stream.
 """

@@ -224,7 +224,6 @@ def _fit_revolutions(
     corner: Floats,
     column_side: float,
 ) -> tuple[list[UnrolledMap], SurfaceSamples]:
-    """Return the surfaces of revolution with their maps, and the samples that planes represent."""
     if not mode.revolutions:
         return [], surface
     placement = (rotation_matrix(mode.rotation), corner, column_side, mode.grid_offset)

@@ -87,9 +87,8 @@ def _code_leaves(
     leaves: Leaves,
     leaf_grid: IndexGrid,
 ) -> bool:
-    """Encode or decode which nodes of a level are leaves, and their planes.
-
-    In `level_nodes` the index of a leaf becomes -1.
+    """Encode or decode which nodes are leaves, whose index in `level_nodes` becomes -1, and their
+    planes.
     """
     for i in range(len(level_nodes)):
         node = level_nodes[i]
@@ -220,7 +219,7 @@ def _code_occupancy(
 ) -> int:
     """Encode or decode a child's occupancy.
 
-    `child` holds its octant, the pattern of occupied siblings before it, and log2 of its side.
+    `child` holds its octant, the pattern of previous occupied siblings, and log2 of its side.
     """
     faces = occupied_count = 0
     for dx in range(-1, 2):

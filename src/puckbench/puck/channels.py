@@ -175,14 +175,12 @@ def code_channel(
 
 @inlined
 def _logarithm(model: ChannelModel, value: int) -> int:
-    """Return the logarithm of a number, at least 1."""
     octave = halves(value - 1) >> 1
     return octave * _OCTAVE + int(model.logarithms[np.uint64(((value << 12) >> octave) - _OCTAVE)])
 
 
 @inlined
 def _power(model: ChannelModel, logarithm: int) -> int:
-    """Return the number with a logarithm, in 1 / FINE, at least 1 / FINE."""
     logarithm = min(max(logarithm, -3 * _OCTAVE), 24 * _OCTAVE - 1)
     mantissa = int(model.powers[np.uint64(logarithm & (_OCTAVE - 1))])
     return max((mantissa << ((logarithm >> 12) + 4)) >> 15, 1)

@@ -81,7 +81,6 @@ def _code_next(model: SequenceModel, number: int) -> int:
 
 @inlined
 def _code_plain(model: SequenceModel, number: int) -> int:
-    """Code a number far from its prediction as 32 bits without contexts."""
     value = 0
     for k in range(_RAW_BITS - 1, -1, -1):
         value = value << 1 | code(model.mixer.bits, (number >> k) & 1, ONE // 2)

@@ -213,7 +213,6 @@ def _solve(matrix: Floats, right: Floats) -> None:
 
 @_loop
 def _eliminate(products: Floats, mixed: Floats, matrix: Floats, right: Floats) -> None:
-    """Eliminate the planes from the normal equations `matrix` and `right` of the biases."""
     for plane in range(len(products)):
         normal, target, slopes = products[plane, :, :3], products[plane, :, 3], mixed[plane]
         ridge = 1e-9 * (normal[0, 0] + normal[1, 1] + normal[2, 2])

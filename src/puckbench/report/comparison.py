@@ -53,7 +53,7 @@ def compare_with_reference(
     Parameters
     ----------
     codecs
-        Codecs in the run; by default those that the reference lacks, if any.
+        Codecs in the run; by default those that the reference lacks.
     qualities
         Metrics; by default those of the reference's Bjontegaard deltas.
     common
@@ -87,7 +87,6 @@ def compare_with_reference(
 
 
 def _matched(clouds: pd.DataFrame, reference: ReferenceResults) -> tuple[dict[Key, Key], list[str]]:
-    """Return the reference's names of clouds with equal digests, and messages on the others."""
     if DIGEST not in clouds or clouds[DIGEST].isna().any():
         raise InputError("the table of clouds has no digests: it is of an older run; run it again")
     published = reference.clouds

@@ -178,7 +178,6 @@ def _bits(
 def _needs_fewer_bits(
     metrics: pd.DataFrame, rows: pd.DataFrame, metric: str
 ) -> Callable[[str, str], bool]:
-    """Return a predicate: whether a codec's BD-rate against another is significantly negative."""
     anchor, by_codec = rows["anchor"].iloc[0], rows.set_index("codec").to_dict("index")
 
     def is_better(first: str, other: str) -> bool:
@@ -271,7 +270,6 @@ def _times(metrics: pd.DataFrame, codecs: Sequence[str]) -> Iterator[FindingsCol
 
 
 def _is_less(metrics: pd.DataFrame, column: str) -> Callable[[str, str], bool]:
-    """Return a predicate: whether a codec's median over rates is significantly below another's."""
     medians = metrics.groupby(["cloud", "codec"])[column].median().unstack()
 
     def is_less(first: str, other: str) -> bool:

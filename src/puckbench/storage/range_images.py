@@ -1,8 +1,8 @@
 """Encoder and decoder for turns as range images: a row for each laser, a column for each firing.
 
-Rows are ordered from the highest laser down, and shifted as the layout says. Pixels have 16 bits
-and count range steps, from 1; 0 means no return. Pixels of 32 bits are in two images: their lower
-and their upper 16 bits. A stream's body has these parts, each after its length, base 128:
+Rows run from the highest laser down, shifted as the layout says. Pixels have 16 bits and count
+range steps, from 1; 0 means no return. Pixels of 32 bits are in two images: their lower and upper
+16 bits. A stream's body has these parts, each after its length, base 128:
 
     the layout (`lidar.returns_header`)
     the beams and the quantum (`lidar.returns_header`)
@@ -177,10 +177,7 @@ def _reflectivities(images: Sequence[Ranges], turn: Turn, layout: Layout) -> NDA
 
 
 def _swapped(image: Ranges, first: Ranges) -> Ranges:
-    """Replace pixels equal to those of the first image by 0, and 0 by pixels of the first image.
-
-    A second call restores the image.
-    """
+    """Exchange 0 and the first image's values in an image; a second call restores it."""
     other = np.where(image == 0, first, image)
     swapped: Ranges = np.where(image == first, 0, other).astype(image.dtype)
     return swapped

@@ -138,7 +138,6 @@ class Reproduction:
         return {**self.bench.outputs.study_tables, **self.bench.outputs.figures}
 
     def _is_fresh(self, path: Path, output_time: float) -> bool:
-        """Whether an input is older than its output, and newer than its own inputs."""
         if not path.exists() or path.stat().st_mtime > output_time:
             return False
         stage = {"metrics": "metrics", "clouds": "about"}.get(path.stem)

@@ -167,7 +167,6 @@ def _subsampled(
     level: int,
     atlas: Atlas,
 ) -> tuple[Indices, Indices]:
-    """Split points into those of a level and those of coarser levels."""
     dist2 = aps.dist2 + header.attr_dist2_delta + level
     is_retained = np.zeros(len(remaining), dtype=np.bool_)
     if aps.scalable_lifting_enabled_flag:

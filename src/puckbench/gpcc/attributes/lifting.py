@@ -128,7 +128,6 @@ def _update(
     sums: Ints,
     updates: Ints,
 ) -> None:
-    """Update the values before `start` by those of the points that they predict."""
     for i in range(start):
         sums[i] = 0
         for k in range(values.shape[1]):

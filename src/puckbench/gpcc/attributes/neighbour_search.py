@@ -100,7 +100,6 @@ Atlases = tuple[Atlas, Atlas, Atlas]
 
 
 def empty_atlases() -> Atlases:
-    """Return working memory of searches."""
     return _empty_atlas(), _empty_atlas(), _empty_atlas()
 
 

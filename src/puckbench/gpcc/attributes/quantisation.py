@@ -38,7 +38,6 @@ class Qps(NamedTuple):
     fixed_point_offset: int
 
     def ordered(self, indices: NDArray[np.int32]) -> Qps:
-        """Return the parameters for the points `indices`, in their order."""
         return self._replace(region=self.region[indices] if len(self.region) else self.region)
 
 

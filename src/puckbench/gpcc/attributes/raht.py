@@ -5,11 +5,11 @@ reconstruction from coefficients. Both take ascending Morton codes of points. At
 coefficients are (n, c) for c = 1 or 3 components; coefficients are in the order in which
 `residuals.py` codes them. The reconstruction is not clipped to the bit depth.
 
-A node has up to eight children on the level below. From the root to the points, each block of
-children is transformed to its mean, which the parent's reconstruction gives, and one coefficient
-fewer than it has children. The transform of a prediction, interpolated from the parent and its
-neighbours, is subtracted from the coefficients. Points with equal positions come last.
-Fixed-point numbers have 15 fractional bits; products are rounded half away from zero.
+From the root to the points, each block of up to eight children is transformed to its mean, which
+the parent's reconstruction gives, and one coefficient fewer than it has children. The transform of
+a prediction, interpolated from the parent and its neighbours, is subtracted from the coefficients.
+Points with equal positions come last. Fixed-point numbers have 15 fractional bits; products are
+rounded half away from zero.
 
 In TMC13: `RAHT.cpp`. Its sums of attributes have 32 bits, ours 64: streams differ for clouds whose
 attributes add up to more than 2^31 (33,000 points of 16 bits).
@@ -250,7 +250,6 @@ def _level(joints: NDArray[np.uint8], height: int, memory: _Level) -> _Level:
 
 @entry
 def _write_starts(joints: NDArray[np.uint8], height: int, starts: NDArray[np.int32]) -> int:
-    """Write the first point of each node, and the number of points; return that of nodes."""
     count = starts[0] = 0
     for i in range(len(joints)):
         if joints[i] > height:
@@ -326,7 +325,6 @@ def _rounded(number: int) -> int:
 
 @inlined
 def _over_root(setting: _Setting, number: int, weight: int) -> int:
-    """Divide a number by the square root of a weight."""
     shift = (63 - leading_zeros(weight - 1)) >> 1 if weight > 1024 else 0
     factor = _inverse_root(setting, weight) >> (40 - _FRACTION - shift)
     return _rounded((number >> shift) * factor)
@@ -351,7 +349,6 @@ def _left_and_right(low: int, high: int, a: int, b: int) -> tuple[int, int]:
 
 @inlined
 def _qps(setting: _Setting, layer: Ints, point: int) -> tuple[int, int]:
-    """Return the QP of the first component and of the others in a point's region."""
     first, others = layer[0], layer[1]
     if point >= 0 and len(setting.offsets):
         first += setting.offsets[point, 0] >> _REGION_FRACTION
@@ -393,7 +390,6 @@ def _transform_level(
     root: bool,
     predicted: bool,
 ) -> int:
-    """Transform all blocks of nodes with the same parent; return the next coefficient's index."""
     node = grandparent = 0
     for parent in range(len(parents.counts)):
         first, occupancy = node, 0

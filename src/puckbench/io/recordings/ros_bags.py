@@ -145,7 +145,6 @@ def parse_bag(
 
 @contextmanager
 def _reading(path: Path, folder: str) -> Iterator[None]:
-    """Convert exceptions for a damaged bag to InputErrors that name the bag."""
     import apsw
     from rosbags.rosbag1 import ReaderError as Error1
     from rosbags.rosbag2 import ReaderError as Error2
@@ -180,7 +179,6 @@ def _messages(
     counts: list[int],
     numbers: Sequence[int] | None,
 ) -> Iterator[bytes]:
-    """Yield messages of a topic that has `counts` messages in the files."""
     for file, (start, end) in zip(files, pairwise(accumulate(counts, initial=0)), strict=True):
         selected = None
         if numbers is not None:

@@ -170,10 +170,9 @@ def scan_error_rows(files: Sequence[Path]) -> list[dict[str, Any]]:
 def recovery_rows(files: Sequence[Path]) -> list[dict[str, Any]]:
     """Geometric primitives of each stream against the scene's labels, in all and for each kind.
 
-    Columns are the numbers of labelled (``true``), decoded (``found``) and matched primitives, the
-    precision and recall, the label accuracy of the points, and the medians over matched primitives
-    of the residual and of parameter differences. A stream
-    without primitives has an empty row of the kind "all".
+    Columns: numbers of labelled (``true``), decoded (``found``) and matched primitives, precision
+    and recall, label accuracy of the points, and medians over matched primitives of residuals and
+    parameter differences. A stream without primitives has an empty row of the kind "all".
     """
     return read_rows(files)
 

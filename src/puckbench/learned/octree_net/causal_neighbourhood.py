@@ -92,7 +92,7 @@ def _share_outside_layer(outside: int, count: int) -> int:
     """Quantise to 0, 1 or 2 the fraction of neighbours outside the voxel's layer across an axis.
 
     It is 18 / 26 if all neighbours are occupied, 0 if only those in a plane perpendicular to the
-    axis, 6 / 8 if only those in a plane that contains it.
+    axis.
     """
     return (20 * outside >= 9 * count) + (20 * outside >= 13 * count)
 

@@ -30,7 +30,7 @@ def encode(
     grid
         Grid of the input.
     threads
-        By default PyTorch's number. The stream does not depend on it.
+        By default PyTorch's number; does not affect the stream.
 
     Raises
     ------

@@ -73,9 +73,8 @@ def write_stream(content: OctreeNetStream) -> bytes:
 
 
 def read_stream(stream: bytes) -> OctreeNetStream:
-    """Parse a stream; check its counts before any computation.
-
-    Raises InputError for damaged bytes, or another codec or version.
+    """Parse a stream; check its counts before computation; raise InputError if it is damaged or of
+    another codec or version.
     """
     try:
         return _read(stream)
@@ -124,7 +123,6 @@ def max_nodes(part: CodedPart) -> int:
 
 
 def _check(parts: Sequence[CodedPart]) -> None:
-    """Raise InputError for parts that take too long to decode for their size."""
     for part in parts:
         max_voxels = min(MAX_VOXELS, 65536 + _MAX_VOXELS_PER_BYTE * len(part.symbols))
         if not 0 < part.count <= max_voxels or part.levels >= AXIS_BITS:

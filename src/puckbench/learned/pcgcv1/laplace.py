@@ -70,7 +70,6 @@ _CONTEXT = Context(prec=40)
 
 @cache
 def _scale_borders() -> Int64s:
-    """Return the borders between successive scale levels, in units of 2**-12."""
     halves = (Decimal(level) + Decimal("0.5") for level in range(SCALES - 1))
     return np.array([int((_scale(half) * UNITS).to_integral_value()) for half in halves])
 

@@ -97,9 +97,8 @@ def max_sparse(content: Pcgcv1Stream) -> int:
 
 
 def read_stream(stream: bytes) -> Pcgcv1Stream:
-    """Parse a stream; check the number of cubes before any computation.
-
-    Raises InputError for damaged bytes, or another codec or version.
+    """Parse a stream; check its counts before computation; raise InputError if it is damaged or of
+    another codec or version.
     """
     _, body = _FRAMING.unframed(stream)
     return _read_body(Reader(body))

@@ -68,9 +68,8 @@ def write_stream(content: RenoStream) -> bytes:
 
 
 def read_stream(stream: bytes) -> RenoStream:
-    """Parse a stream; check its counts before any computation.
-
-    Raises InputError for damaged bytes, or another codec or version.
+    """Parse a stream; check its counts before computation; raise InputError if it is damaged or of
+    another codec or version.
     """
     reader = Reader(_FRAMING.unframed(stream)[1])
     digest, count, check = _HEADER.unpack(reader.take(_HEADER.size))

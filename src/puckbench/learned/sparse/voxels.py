@@ -1,4 +1,4 @@
-"""Sets of voxels in Morton order: 64-bit keys, coarser sets, and neighbour tables.
+"""Sets of voxels in Morton order: 64-bit keys, coarser sets, neighbour tables.
 
 The key of a voxel interleaves the bits of x, y and z, x lowest. Children of a voxel are contiguous,
 keys of the next coarser set are ``keys >> 3``, and the number of a child within its parent, ``key &

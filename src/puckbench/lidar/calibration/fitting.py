@@ -121,10 +121,9 @@ def intervals(
 ) -> dict[str, Estimate]:
     """Return estimates with 95 % intervals, by the names in `free`: m, m per rad^2, and m per m.
 
-    The intervals come from the curvature of the likelihood (observed Fisher information). If a
-    bias's sigma has a standard error above 10 %, its interval is that of the profile likelihood,
-    which may begin at zero. Intervals of ray noise are multiplied by `widening`
-    (`RayShape.widening`).
+    Intervals come from the curvature of the likelihood (observed Fisher information); if a bias's
+    sigma has a standard error above 10 %, from the profile likelihood, and may begin at zero. Those
+    of ray noise are multiplied by `widening` (`RayShape.widening`).
     """
     deviance = _in_millimetres(likelihood, free, best)
     centre = _values(best, free)

@@ -1,9 +1,8 @@
 """Restricted likelihood of range errors: plane parameters are integrated out.
 
-The model is ``error = mean + laser bias + scan bias + frame bias + ray noise``. Biases are normal
-and are drawn per laser of a device, per laser and scan, and per laser and frame. The parameters of
-the planes and the mean have a flat prior, so that fitting planes to the noise does not bias the
-sigmas.
+The model is ``error = mean + laser bias + scan bias + frame bias + ray noise`` with normal biases
+per laser of a device, per laser and scan, and per laser and frame. Planes and mean have a flat
+prior, so that fitting planes to the noise does not bias the sigmas.
 """
 
 from __future__ import annotations

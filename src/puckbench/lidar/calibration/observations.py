@@ -1,8 +1,8 @@
 """Range errors from tables of plane residuals, which have a row for each return.
 
 The range error is the distance of the measured point from the ray's intersection with the fitted
-plane. A plane at distance h with normal n meets a ray d at the range r with ``1 / r = n d / h``.
-Therefore a small error of the plane changes the range by ``r^2 d`` times three unknown numbers.
+plane. A plane at distance h with normal n meets a ray d at the range r with ``1 / r = n d / h``; a
+small error of the plane changes the range by ``r^2 d`` times three unknown numbers.
 """
 
 from __future__ import annotations

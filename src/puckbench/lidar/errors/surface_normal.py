@@ -12,12 +12,12 @@ from puckbench.lidar.sensor import Sensor
 
 @ERROR_MODELS.register("surface_normal")
 class SurfaceNormal(Vlp16):
-    """Error model that displaces measured points along the true surface normal.
+    """Error model that displaces measured points along the true surface normal (untested in the
+    thesis).
 
-    The thesis proposes it, but does not test it. Plane residuals have the scale `normal_sigma_m` at
-    any incidence, like those of the real wall and floor (0.014 m); with noise along the ray they
-    decrease with its cosine. The noise of `Vlp16` along the ray can be added; its default is 0
-    here.
+    Plane residuals have the scale `normal_sigma_m` at any incidence, like those of the real wall
+    and floor (0.014 m); with noise along the ray they decrease with its cosine. The noise of
+    `Vlp16` along the ray can be added; its default is 0 here.
     """
 
     title, colour = "Surface normal", "#882255"

@@ -126,7 +126,6 @@ class _Clock:
 def _parts(
     path: Path, topic: str, messages: Sequence[int], unit: TimeUnit | None
 ) -> Iterator[Columns]:
-    """Yield for each message the columns of its points, with their seconds and turn."""
     clock: _Clock | None = None
     for first in range(0, len(messages), _BATCH):
         numbers = messages[first : first + _BATCH]

@@ -1,9 +1,8 @@
 """Recovery of a sensor's raw returns from frames of points, as data sets publish them.
 
-The points of each laser form a ring. Four parameters of the laser are fitted to its ring: the
-elevation, the height, the distance from the sensor's axis, and the angle relative to the rotary
-encoder (Velodyne HDL-64E S2 User's Manual 63-HDL64ES2, Appendix F). With them, each point is
-converted to a step of the encoder and a range.
+The points of each laser form a ring, to which four parameters of the laser are fitted: elevation,
+height, distance from the sensor's axis, and angle relative to the rotary encoder (Velodyne HDL-64E
+S2 User's Manual 63-HDL64ES2, Appendix F). They convert each point to an encoder step and a range.
 """
 
 from __future__ import annotations
@@ -110,9 +109,8 @@ def recovered_firings(xyz: Floats, sensor: str) -> RecoveredReturns:
     """Recover returns from a frame that contains firings without a return too (range 0).
 
     Points (columns, lasers, 3), m, are in the coordinates of a sensor that rotates clockwise (x
-    right, y forward) at the end of the revolution. The data set corrected them for the car's
-    motion. This motion is estimated from the firings without a return, and the correction is
-    undone.
+    right, y forward) at the end of the revolution. The car's motion, for which the data set
+    corrected them, is estimated from the firings without a return, and undone.
     """
     columns, lasers = xyz.shape[:2]
     left = 1 - np.arange(columns) / max(columns - 1, 1)

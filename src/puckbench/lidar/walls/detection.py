@@ -40,9 +40,9 @@ class PlaneSearch(Model):
     threshold_m
         Largest distance of a return on a plane, after subtraction of its laser's bias.
     share_on_plane
-        Least share of a pixel's returns that must lie on the plane.
+        Least share of a pixel's returns on the plane.
     most_planes
-        Number of patches that are examined, the largest first.
+        Number of examined patches, largest first.
     up
         Upward direction in the sensor's frame, of any length.
     tilt_deg

@@ -60,11 +60,11 @@ class RecordingOptions(Model):
     Parameters
     ----------
     sensor
-        Name or YAML file of the sensor; by default the one that the packets name.
+        Name or YAML file of the sensor; by default that of the packets.
     stream
-        Stream to read of a packet capture with several sensors, such as ``192.168.1.201:2368``.
+        Stream of a packet capture with several sensors, such as ``192.168.1.201:2368``.
     topic
-        Topic to read of a ROS bag with several.
+        Topic of a ROS bag.
     time_unit
         Unit of the times of a cloud, ``s``, ``ms``, ``us`` or ``ns``; by default it is inferred.
     still_s

@@ -55,7 +55,6 @@ def several_noises(plan: Plan) -> Options | None:
 
 
 def _true_spins(plan: Plan) -> list[DataSetPlan]:
-    """Return the data sets that have both a sensor's returns and a true surface."""
     return [data for data in plan.coded if data.has_returns and data.has_true_surface]
 
 

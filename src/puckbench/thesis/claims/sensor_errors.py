@@ -195,7 +195,6 @@ def _std(evidence: Evidence, model: str) -> float | None:
 
 
 def _distance(evidence: Evidence, model: str) -> float | None:
-    """Return the earth mover's distance (m) from a model to the thesis's real residuals."""
     table = evidence.thesis_numbers
     if table is None:
         return None

@@ -92,7 +92,6 @@ def _device(model: ErrorModel, replicate: int, capture: int) -> ErrorModel:
 
 
 def _range_errors(rows: pd.DataFrame, model: ErrorModel, rng: np.random.Generator) -> Floats:
-    """Draw a model's range errors (n,), in m, on the rays of one wall."""
     import pandas as pd
 
     sensor = load_sensor("vlp16")
@@ -120,7 +119,6 @@ def _rows_of_walls(rows: pd.DataFrame) -> list[NDArray[np.intp]]:
 
 
 def _from_planes(walls: pd.DataFrame, residuals: Floats) -> Floats:
-    """Subtract each wall's least-squares plane from residuals (n,)."""
     refitted = residuals.copy()
     places = walls[["plane_u_m", "plane_v_m"]].to_numpy(dtype=np.float64)
     for rows in _rows_of_walls(walls):
