@@ -1,5 +1,3 @@
-"""Lazy import: public names of a package, each imported when it is first used (PEP 562)."""
-
 from __future__ import annotations
 
 from collections.abc import Callable

@@ -1,5 +1,3 @@
-"""The figure ``handicap``: bits of codecs for a sensor's data, relative to G-PCC's octree coder."""
-
 from __future__ import annotations
 
 from typing import TYPE_CHECKING

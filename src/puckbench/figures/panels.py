@@ -1,5 +1,3 @@
-"""Panels on logarithmic axes with shared limits and one legend per figure."""
-
 from __future__ import annotations
 
 import math

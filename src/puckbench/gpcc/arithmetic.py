@@ -1,7 +1,7 @@
 """Adaptive binary arithmetic encoder and decoder of G-PCC (ISO/IEC 23090-9).
 
-With an `Encoder`, the coding functions encode and return the given value; with a `Decoder`, they
-ignore it and return the decoded one. A context is the probability of a zero in 16 bits, as in the
+With an `Encoder`, coding functions encode and return their argument; with a `Decoder`, they return
+the decoded value. A context is the probability of a zero in 16 bits, as in the
 Schroedinger coder (`schroarith`) of TMC13.
 """
 

@@ -160,8 +160,8 @@ def program_decoder(words: str) -> Decode:
     Parameters
     ----------
     words
-        Command with ``{stream}`` for the input file and ``{points}`` for the output (.ply), or a
-        program with the options of TMC13's ``tmc3``.
+        Command with ``{stream}`` for the input and ``{points}`` for the output (.ply), or a program
+        with the options of TMC13's ``tmc3``.
     """
     if "{stream}" not in words:
         words = f"{shlex.quote(words)} --mode=1 --compressedStreamPath={{stream}}"

@@ -1,7 +1,7 @@
 """Order and parents of a slice's points, as chosen by the encoder of TMC13.
 
-With a sensor, each laser's points form a chain, and the chains' first points are linked. Otherwise
-a point's parent is the node with the nearest prediction.
+With a sensor, each laser's points form a chain, and chains are linked by their first points.
+Otherwise a point's parent is the node with the nearest prediction.
 """
 
 from __future__ import annotations

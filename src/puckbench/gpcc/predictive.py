@@ -1,8 +1,8 @@
 """Predictive geometry (`geom_tree_type` 1): coding of syntax elements, and decoder.
 
-The points are nodes of trees in depth-first order; each is predicted from up to three ancestors and
-corrected by a residual. Angular coding predicts in spherical coordinates, and a second residual
-corrects x, y, z. In TMC13: `PredGeomEncoder`, `PredGeomDecoder`.
+Points are nodes of trees in depth-first order, predicted from up to three ancestors and corrected
+by a residual. Angular coding predicts in spherical coordinates; a second residual corrects x, y, z.
+In TMC13: `PredGeomEncoder`, `PredGeomDecoder`.
 """
 
 from __future__ import annotations

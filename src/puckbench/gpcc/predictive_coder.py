@@ -1,5 +1,3 @@
-"""Encoder of predictive geometry; `coder.decode_geometry` decodes its streams."""
-
 from __future__ import annotations
 
 import math

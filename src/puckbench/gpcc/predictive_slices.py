@@ -1,5 +1,3 @@
-"""Encoding and decoding of the prediction trees of a slice."""
-
 from __future__ import annotations
 
 import numpy as np

@@ -1,5 +1,3 @@
-"""Units of LAS coordinates, from the coordinate reference system (WKT or GeoTIFF keys)."""
-
 from __future__ import annotations
 
 import math

@@ -1,5 +1,3 @@
-"""PLY files, ASCII or binary."""
-
 from __future__ import annotations
 
 import logging

@@ -1,7 +1,6 @@
-"""Compiled loops of a virtual scan, which write their results to arrays passed as arguments.
+"""Compiled loops of a virtual scan, which write to arguments.
 
-Rays are ordered by frame, azimuth step and laser. This order also applies to flat arrays (n,) and
-to the rows of the scan table.
+Rays, flat arrays (n,) and rows of the scan table are ordered by frame, azimuth step and laser.
 """
 
 from __future__ import annotations

@@ -1,5 +1,3 @@
-"""Reflection of rays as in BlenSor: an object seen in a mirror is measured along the fired ray."""
-
 from __future__ import annotations
 
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Checks whether a sensor can stand or move in a scene, and search for a position where it can.
+"""Checks of a sensor's position or path in a scene, and search for a free position.
 
 A position is outside a scene if at most half of the rays in all directions hit the scene.
 """

@@ -1,7 +1,7 @@
 """Ray casting: Embree (by Open3D) finds the triangle, and its plane gives the distance.
 
-Embree computes in float32, with a relative error of about 1e-6 of the coordinates. Therefore the
-sensor is at the origin, and distances are computed again in float64.
+Embree's float32 has a relative error of about 1e-6 of the coordinates. Therefore the sensor is at
+the origin, and distances are computed again in float64.
 """
 
 from __future__ import annotations

@@ -59,7 +59,7 @@ class Beams:
     azimuths_deg
         Azimuths relative to that of the column; empty: all 0.
     sideways_mm
-        Distances at which beams pass the axis, in the direction of rotation; empty: all 0.
+        Distances of beams from the axis, in the direction of rotation; empty: all 0.
     radial_mm
         Distances from the axis, in the direction of the column's azimuth, at which beams start and
         from which ranges are measured; empty: all 0.

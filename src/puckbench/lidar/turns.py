@@ -32,8 +32,8 @@ class Layout:
     the two of a VLP-16, have a common azimuth; blocks of a packet have a common time. In dual
     return mode there are two kinds of return. `azimuth_steps` is the number of units of azimuth in
     a revolution: by default 36,000 of 0.01 degrees; for an Ouster the number of columns. If lasers
-    of a column have different azimuths, `shifts` are the columns by which coders move the values of
-    each laser so that all of a column have nearly the same azimuth; empty: all 0.
+    of a column have different azimuths, coders move each laser's values by `shifts` columns, so
+    that a column has nearly one azimuth; empty: all 0.
     """
 
     order: tuple[int, ...]

@@ -1,5 +1,3 @@
-"""Before a run: lock the results folder, check the disk space, and list what is left out."""
-
 from __future__ import annotations
 
 import math

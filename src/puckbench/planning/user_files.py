@@ -78,9 +78,9 @@ class UserRun:
     paths
         Files, folders and patterns of clouds, meshes and recordings.
     codecs
-        Names, ``path/to/file.py:Class`` or ``module:Class``; the first is the anchor.
+        Names or places (``file.py:Class``); the first is the anchor.
     frame
-        Coordinate frame of clouds and meshes; by default metres if all cloud formats are among
+        Coordinate frame of clouds and meshes; by default metres if all formats are in
         `puckbench.io.clouds.IN_METRES`.
     rates
         Names of rates, or ``("all",)``; by default all, or four if all take long.

@@ -1,5 +1,3 @@
-"""Decoder of streams to primitives with occupancy maps, and of these to points with normals."""
-
 from __future__ import annotations
 
 from typing import NamedTuple

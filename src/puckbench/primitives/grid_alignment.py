@@ -1,7 +1,7 @@
-"""Grid alignment: candidate axes and offsets of the octree's grid with respect to the walls.
+"""Grid alignment: candidate axes and offsets of the octree's grid relative to the walls.
 
-A wall between octree nodes, or through the corners of many, costs more bits and error than one
-through the middle of nodes.
+A wall between octree nodes, or through many corners, costs more bits and error than one through the
+middle of nodes.
 """
 
 from __future__ import annotations

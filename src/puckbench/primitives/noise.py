@@ -1,5 +1,3 @@
-"""Noise estimation from the distances of points to planes fitted in small cells."""
-
 from __future__ import annotations
 
 import numpy as np

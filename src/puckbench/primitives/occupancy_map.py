@@ -1,8 +1,7 @@
 """Occupancy maps of planes: one bit per column of cells, coded with contexts.
 
-As in V-PCC, an occupancy map marks the part of a plane that the surface covers. A column runs along
-the plane's dominant axis. One grid of cells stores all states, so that contexts include
-neighbouring leaves.
+As in V-PCC, a map marks the part of a plane that the surface covers. Columns run along the plane's
+dominant axis. One grid of cells stores all states, so that contexts include neighbouring leaves.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Detection of cylinders, cones and spheres in the smoothed samples of a surface.
 
 Hypotheses from two or three samples with normals are scored by their inliers, as in the RANSAC of
-Schnabel, Wahl and Klein (2007), but samples are taken at equal steps, not at random.
+Schnabel, Wahl and Klein (2007), but from equally spaced instead of random samples.
 """
 
 from __future__ import annotations

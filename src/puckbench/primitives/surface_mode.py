@@ -87,7 +87,7 @@ _MIN_PLANE_SAMPLES = 16
 
 
 class SurfaceMode(NamedTuple):
-    """A candidate for coding as a surface: the octree grid's placement, surfaces of revolution."""
+    """A candidate: placement of the octree's grid, and surfaces of revolution."""
 
     rotation: RotationVector = (0, 0, 0)  # from the cloud's axes to the grid's
     grid_offset: tuple[float, float, float] = (0.5, 0.5, 0.5)  # columns from grid to surface

@@ -1,7 +1,7 @@
 """Encodes or decodes the octree of planes level by level, from the root down.
 
-A node is a leaf with a plane, or is split. The encoder chooses planes during the traversal, because
-they are predicted from neighbouring planes.
+A node is a leaf with a plane, or is split. Planes, which are predicted from neighbouring ones, are
+chosen during the traversal.
 """
 
 from __future__ import annotations

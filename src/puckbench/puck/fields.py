@@ -1,5 +1,3 @@
-"""Coding of packet data beyond the turn: further images, remainders of times, headers."""
-
 from __future__ import annotations
 
 from dataclasses import dataclass, field

@@ -379,7 +379,6 @@ def _move_borders(
 
 @inlined
 def _last_of(labels: Labels, start: int, step: int) -> int:
-    """Return the last of up to `_BORDER` columns with the label of `start` in direction `step`."""
     last, count, at = start, 0, start
     while 0 <= at < len(labels) and count < _BORDER:
         if labels[at] == labels[start]:

@@ -1,5 +1,3 @@
-"""Encoder and decoder of clouds with attributes."""
-
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence

@@ -1,4 +1,4 @@
-"""Values of points whose positions were changed or merged, from those of the source's points.
+"""Values of points with changed or merged positions, from those of the source.
 
 In TMC13: `recolourColour`, `recolourReflectance`, with their default parameters.
 """

@@ -1,5 +1,3 @@
-"""Columns of the points in messages of point_cloud_transport (CompressedPointCloud2)."""
-
 from __future__ import annotations
 
 import logging

@@ -1,5 +1,3 @@
-"""Columns of the points in ROS messages of the type sensor_msgs/PointCloud2."""
-
 from __future__ import annotations
 
 from collections import Counter

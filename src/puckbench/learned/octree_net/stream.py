@@ -3,8 +3,8 @@
 * magic "PBON", version, CRC-32 of the rest
 * digest of the weights (8 bytes), scale (float64), origin (3 int32), grid (0, or 1 and unit and
   offset, 4 float64), number of parts (uint8)
-* each part of the cloud: number of voxels (uint32) and of levels that the network codes (uint8),
-  lengths in bytes of the top level (uint16) and of the symbols (uint32), top level, symbols
+* each part of the cloud: number of voxels (uint32) and of network-coded levels (uint8), lengths in
+  bytes of top level (uint16) and symbols (uint32), top level, symbols
 """
 
 from __future__ import annotations

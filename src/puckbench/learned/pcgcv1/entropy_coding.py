@@ -1,5 +1,3 @@
-"""Entropy coding of PCGCv1: hyper-latent, conditionally coded latent, and voxel counts."""
-
 from __future__ import annotations
 
 import zlib

@@ -1,8 +1,7 @@
 """Inference of PCGCv1 for coding, one cube at a time per thread, arranged for vector units.
 
-A vector unit computes sixteen output channels at once. Layers with fewer compute p neighbouring
-voxels jointly: a kernel of 3x3x(2 + p) voxels with a stride of p has p times as many output
-channels.
+A vector unit computes sixteen output channels at once; layers with fewer compute p neighbouring
+voxels jointly, by a kernel of 3x3x(2 + p) voxels with stride p and p times the output channels.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """The stream of PCGCv1, in this order:
 
 * magic "PCG1", version, CRC-32 of the rest
-* digest of the weights (8 bytes), index of the rate, scale (double), whether the latent is coded
-  with context mixing (1 byte), points per voxel in 256ths (2 bytes; 0: one in the centre)
+* digest of the weights (8 bytes), index of the rate, scale (double), whether context mixing codes
+  the latent (1 byte), points per voxel in 256ths (2 bytes; 0: one in the centre)
 * base-128 numbers: lengths in bytes of positions, counts, sparse voxels and latent; number of cubes
 * positions of the cubes, or of their occupied blocks if the weights were trained with these
   (octree); voxels to keep in each cube; voxels of sparse cubes (octree); latent

@@ -25,11 +25,10 @@ FRAME, SPOT = "frame", "spot"
 class CalibrationOptions:
     """Options of a calibration.
 
-    Returns of a cell have a common bias. `cells` is ``"frame"``, one laser in one frame (virtual
-    scans), or ``"spot"``, one laser in one direction (a sensor at rest). For spots, `frame_sigma_m`
-    is the unevenness of the walls, and the lasers' mean bias is assumed to be zero. `parameters`
-    names the fields of `Sigmas` to estimate; the others are zero. Ranges are multiples of
-    `quantum_m`.
+    Returns of a cell share a bias: one laser in one frame (`cells` is ``"frame"``, virtual scans)
+    or in one direction (``"spot"``, a sensor at rest). For spots, `frame_sigma_m` is the unevenness
+    of the walls, and the lasers' mean bias is assumed to be zero. `parameters` names the fields of
+    `Sigmas` to estimate; the others are zero. Ranges are multiples of `quantum_m`.
     """
 
     cells: str = FRAME

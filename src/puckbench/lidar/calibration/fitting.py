@@ -71,10 +71,7 @@ def _check_features(seen: Observations, chosen: Sequence[int]) -> None:
 def fit(
     likelihood: RestrictedLikelihood, free: Sequence[str], start: Sigmas | None = None
 ) -> Sigmas:
-    """Maximise the restricted likelihood over the fields of `Sigmas` that `free` names.
-
-    The other fields keep their values in `start`, where the search begins.
-    """
+    """Maximise the restricted likelihood over the `Sigmas` in `free`, from `start`."""
     first = start or _start(likelihood, free)
     if not free:
         return first

@@ -29,9 +29,9 @@ def group_sums(
     """Write the terms of each group of returns in the normal equations to `sums` (g, 16).
 
     With weight w = 1 / variance, basis b and error z these are w, w b (3), w b b (6), w z, w z b
-    (3), w z z and the log variances. `groups` are the first rows, and `values` errors (n,), basis
-    (n, 3) and features (n, 3). The features' coefficients `sigma` give the standard deviation, m,
-    which is at least least[0]; least[1] is added to its square.
+    (3), w z z and the log variances. `groups` are first rows, `values` errors (n,), basis (n, 3)
+    and features (n, 3), whose coefficients `sigma` give the standard deviation, m: at least
+    least[0]; least[1] is added to its square.
     """
     errors, basis, features = values
     for group in range(len(groups) - 1):

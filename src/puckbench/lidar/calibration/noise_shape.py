@@ -35,7 +35,7 @@ class RayShape:
 
 
 def ray_shape(likelihood: RestrictedLikelihood, sigmas: Sigmas) -> RayShape:
-    """Estimate the distribution of ray noise; it is Gaussian for fewer than 30 pairs of returns."""
+    """Estimate the distribution of ray noise; Gaussian for fewer than 30 pairs of returns."""
     pairs = _standard_differences(likelihood, sigmas)
     if len(pairs) < 30:
         return RayShape("gaussian", 0.0, 3.0)

@@ -24,7 +24,7 @@ _NOT_IN_FILES = {"file", "device"}
 
 @ERROR_MODELS.register("calibrated")
 class Calibrated(ErrorModel):
-    """Error model with the range noise that `puckbench calibrate` estimates from plane residuals.
+    """Error model with the range noise that `puckbench calibrate` estimates.
 
     A measured range is ``d + range_mean_m + laser bias + scan bias + frame bias + ray noise``. The
     standard deviation of the ray noise is ``ray_sigma_m + ray_incidence_m theta^2 + ray_range d``

@@ -87,7 +87,7 @@ class ErrorModel(Model):
     """Model of which this one is a set of parameters, and whose name is stored in results."""
 
     def perturb_rays(self, rays: Rays, sensor: Sensor, draws: Draws) -> Rays:
-        """Return the rays that are fired instead of the nominal `rays` (frames, steps, lasers).
+        """Return the fired rays for the nominal `rays` (frames, steps, lasers).
 
         A model with `merge_hits` may fire k rays for each nominal one, laser by laser: (frames,
         steps, lasers * k). Return `rays` itself to fire the nominal ones.

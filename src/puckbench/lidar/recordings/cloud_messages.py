@@ -1,5 +1,3 @@
-"""Clouds in ROS bags: messages of the types PointCloud2 and CompressedPointCloud2."""
-
 from __future__ import annotations
 
 from collections.abc import Sequence

@@ -43,8 +43,7 @@ def read_points(
 ) -> RecordedReturns:
     """Read points x, y, z (m, in the sensor's frame) with a laser column as a table of returns.
 
-    The default sensor is the VLP-16, and the default time unit is inferred; see
-    `returns_of_columns`.
+    Defaults: a VLP-16, and the inferred time unit; see `returns_of_columns`.
     """
     columns = _READERS[path.suffix.lower()](path)
     return returns_of_columns(columns, sensor or load_sensor("vlp16"), time_unit, path)

@@ -1,4 +1,4 @@
-"""Lidar packets of Ouster sensors, decoded with the metadata (JSON) that the sensor provides.
+"""Lidar packets of Ouster sensors, decoded with the sensor's metadata (JSON).
 
 Formats are those of the Ouster Firmware User Manual (Lidar Data Packet Format) and of the Ouster
 SDK 1.0. Points are in Ouster's sensor frame, whose x axis is forward.

@@ -1,6 +1,6 @@
 """Conversion between data packets of Velodyne sensors and turns (range images of revolutions).
 
-The VLP-16, the Puck Hi-Res, the HDL-32E and the VLP-32C have the same format (VLP-16 User Manual
+VLP-16, Puck Hi-Res, HDL-32E and VLP-32C have the same format (VLP-16 User Manual
 63-9243 Rev. E, chapter 9; HDL-32E User Manual 63-9113 Rev. M, appendix C; VLP-32C User Manual
 63-9325).
 """
@@ -110,8 +110,8 @@ def without_overlaps(places: NDArray[np.int64], size: int = PACKET_BYTES) -> NDA
 def split_turns(payloads: Payloads) -> Iterator[tuple[PacketKind, Payloads]]:
     """Split packets (p, 1206) into revolutions; each begins with the packet that passes azimuth 0.
 
-    A new part also begins where the sensor or the return mode changes, or after the largest number
-    of blocks that a `Layout` permits.
+    Parts also end where sensor or return mode change, or at the largest number of blocks of a
+    `Layout`.
     """
     packets = _viewed(payloads)
     azimuths = packets["blocks"]["azimuth"].astype(np.int64)
@@ -155,8 +155,8 @@ def is_whole(payloads: Payloads) -> NDArray[np.bool_]:
 def returns_of_packets(payloads: Payloads, sensor: Sensor | None = None) -> Returns:
     """Decode packets (p, 1206) to returns; the first and the last revolution may be incomplete.
 
-    By default, the packets' product code determines the sensor. Raises InputError for damaged
-    packets, or several sensors or return modes.
+    The default sensor is that of the packets' product code. Raises InputError for damaged packets,
+    or several sensors or return modes.
     """
     if len(payloads) == 0:
         raise InputError("no data packets")

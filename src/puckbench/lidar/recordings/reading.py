@@ -55,11 +55,11 @@ def read_recording(
     Parameters
     ----------
     path
-        A packet capture (.pcap, .pcapng), a ROS bag (.bag, .db3, .mcap, or its folder), a cloud
-        (see `decoded_clouds.read_points`), or a table of `write_returns` (.parquet). Bags may have
-        data packets or clouds.
+        A packet capture (.pcap, .pcapng), a ROS bag of data packets or clouds (.bag, .db3, .mcap,
+        or its folder), a cloud (see `decoded_clouds.read_points`), or a table of `write_returns`
+        (.parquet).
     sensor, time_unit
-        Model of the sensor, and unit of a cloud's times; by default inferred from the file.
+        The sensor, and the unit of a cloud's times; by default inferred.
     start_s, end_s
         Interval to read, in seconds after the first packet or point.
     stream, source, topic

@@ -34,11 +34,10 @@ Steps = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class RecoveredReturns:
-    """Returns that were recovered from a frame of points, as one revolution of the sensor.
+    """Returns recovered from a frame of points, as one revolution of the sensor.
 
-    `rows` (n,) are the indices of the returns among the frame's points, in the order of
-    ``returns.points()``. `xyz` (m, 3) are all points of the frame, in the moving sensor's
-    coordinates.
+    `rows` (n,) are the returns' indices among the frame's points `xyz` (m, 3), which are in the
+    moving sensor's coordinates, in the order of ``returns.points()``.
     """
 
     returns: Returns

@@ -1,8 +1,8 @@
 """Detection of walls, floors and ceilings in a recording of a sensor at rest.
 
-A plane is detected as a connected patch of range image pixels, nearly all of whose returns lie on
-it. Returns at grazing incidence are excluded; otherwise the rings of horizontal lasers would be
-detected as a floor.
+A plane is a connected patch of range image pixels, nearly all of whose returns lie on it. Returns
+at grazing incidence are excluded; otherwise rings of horizontal lasers would be detected as a
+floor.
 """
 
 from __future__ import annotations

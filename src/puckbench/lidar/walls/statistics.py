@@ -1,7 +1,7 @@
 """Ray noise and laser biases in recordings of a sensor at rest.
 
-A deviation is the difference between a measured range and the distance to the fitted plane along
-the ray. Ray noise is the spread between revolutions of a laser's deviations in one direction.
+A deviation is the measured range minus the distance to the fitted plane along the ray. Ray noise is
+the spread between revolutions of a laser's deviations in one direction.
 """
 
 from __future__ import annotations
@@ -60,8 +60,8 @@ class LaserBias:
 class Repeatability:
     """Agreement of the lasers' biases between different planes.
 
-    `correlation` is the mean over pairs of planes. `shared_std_m`, the square root of the mean
-    covariance, is the standard deviation of the part of the biases that recurs on every plane.
+    `correlation` is the mean over pairs of planes; `shared_std_m`, the square root of the mean
+    covariance, the standard deviation of the biases common to all planes.
     """
 
     pairs: int

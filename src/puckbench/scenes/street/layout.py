@@ -1,5 +1,3 @@
-"""Layout of a street: rows of houses, plants, street furniture, parked cars, and a free lane."""
-
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator

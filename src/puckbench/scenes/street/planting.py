@@ -1,5 +1,3 @@
-"""Models of trees, bushes and hedges with foliage of small random pieces."""
-
 from __future__ import annotations
 
 import numpy as np

@@ -1,5 +1,3 @@
-"""The effect of incidence on plane residuals (thesis figures 5.15 and 5.21)."""
-
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
