@@ -64,7 +64,7 @@ class LogHandler(LogHandlerBase):
         self._failures: set[tuple[str, str]] = set()
         self._jobs = self._done = 0
         self._work = self._done_work = self._expected_s = 0.0
-        self._began = self._told = time.monotonic()
+        self._began = self._last_shown = time.monotonic()
         self._bar: Progress | None = None
         self._watch: threading.Timer | None = None
         BARS.append(self)
@@ -127,7 +127,7 @@ class LogHandler(LogHandlerBase):
         self._jobs = sum(jobs.values())
         self._work = sum(count * self._job_s(rule) for rule, count in jobs.items())
         self._expected_s = self._run_s(jobs)
-        self._began = self._told = time.monotonic()
+        self._began = self._last_shown = time.monotonic()
         left = _duration(self._expected_s)
         cores = f"{self._cores} core{'s' if self._cores > 1 else ''}"
         self._tell(f"{self._jobs} jobs, about {left} here on {cores}")
@@ -199,8 +199,8 @@ class LogHandler(LogHandlerBase):
             (task,) = self._bar.tasks
             shown = task.description if job is None else job
             self._bar.update(task.id, completed=self._done_work, left=left, description=shown)
-        elif job is None and time.monotonic() - self._told >= _SECONDS_BETWEEN_LINES:
-            self._told = time.monotonic()
+        elif job is None and time.monotonic() - self._last_shown >= _SECONDS_BETWEEN_LINES:
+            self._last_shown = time.monotonic()
             self._tell(f"{self._done} of {self._jobs} jobs done, {left} left")
 
     def _tell(self, line: str) -> None:

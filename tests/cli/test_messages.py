@@ -117,7 +117,7 @@ def test_a_codec_of_one_s_own_file_is_named_again_to_decode(
 ) -> None:
     (cloud.parent / "own.py").write_text(OWN)
     name, stream = f"{cloud.parent}/own.py:Own", cloud.with_suffix(".bin")
-    Encode.given(codec=name, rate="r1").run(cloud, stream)
+    Encode.create(codec=name, rate="r1").run(cloud, stream)
     back = cloud.with_name("back.ply")
     assert f"name its code with --codec '{name}'" in _refused(capsys, "decode", stream, back)
     assert main(["decode", str(stream), str(back), "--codec", name]) == 0

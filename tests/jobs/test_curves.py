@@ -183,7 +183,7 @@ def test_a_codec_is_loaded_once_for_a_curve(folder: Path) -> None:
     changes: dict[str, Any] = {"class": "counting.py:Counting"}
     curve, rows = Path("c.zip"), Path("c.parquet")
     changes["rates"] = {rate: {} for rate in RATES}
-    EncodeCurve.given(codec="mine", changes=changes).run(Path("cloud.ply"), curve)
+    EncodeCurve.create(codec="mine", changes=changes).run(Path("cloud.ply"), curve)
     assert Path("loads").read_text() == "x"
     EvaluateCurve(codec="mine", changes=changes).run(Path("cloud.ply"), curve, rows)
     assert Path("loads").read_text() == "xx"

@@ -127,7 +127,7 @@ def test_cells_of_a_child_have_their_distances() -> None:
         return np.array([cell & 3, cell >> 2 & 3, cell >> 4])
 
     def apart(child: int, cells: np.ndarray) -> list[list[int]]:
-        own = place(int(CELLS.own[child]))
+        own = place(int(CELLS.inner[child]))
         return sorted(sorted(np.abs(place(int(cell)) - own).tolist()) for cell in cells)
 
     for child in range(8):
@@ -136,6 +136,6 @@ def test_cells_of_a_child_have_their_distances() -> None:
         assert apart(child, CELLS.edges[child]) == [[0, 1, 1]] * 3
         assert apart(child, CELLS.across[child]) == [[0, 1, 1]] * 6
         outside = np.concatenate([CELLS.beyond[child], CELLS.edges[child], CELLS.across[child]])
-        assert not set(outside.tolist()) & set(CELLS.own.tolist())
+        assert not set(outside.tolist()) & set(CELLS.inner.tolist())
         sets = [int(kind[child]) for kind in (CELLS.faces, CELLS.ring, CELLS.corners, CELLS.far)]
         assert [(cells % 2**64).bit_count() for cells in sets] == [6, 12, 8, 37]

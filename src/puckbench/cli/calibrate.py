@@ -31,7 +31,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
-    job = Calibrate.given(**selected(options, "model", "cells", "parameters", "quantum_mm"))
+    job = Calibrate.create(**selected(options, "model", "cells", "parameters", "quantum_mm"))
     content = job.run(options.out, tuple(options.residuals))
     if options.json:
         return content

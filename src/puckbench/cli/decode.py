@@ -33,5 +33,5 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
-    job = Decode.given(as_mesh=options.as_mesh, rate=options.rate, **timed_options(options))
+    job = Decode.create(as_mesh=options.as_mesh, rate=options.rate, **timed_options(options))
     return job.run(options.stream, options.out, tuple(options.like))

@@ -44,5 +44,5 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     settings = timed_options(options)
     if options.raw:
         settings["changes"] = with_options(settings["changes"], raw=True)
-    job = Encode.given(rate=options.rate, frame=options.frame, **settings)
+    job = Encode.create(rate=options.rate, frame=options.frame, **settings)
     return job.run(options.cloud, options.out, options.prepare)

@@ -210,11 +210,11 @@ def _configuration(options: argparse.Namespace) -> tuple[Path, list[str]]:
 
 
 def _refuse(options: argparse.Namespace, names: Iterable[str], why: str) -> None:
-    for name in _given(options, *names):
+    for name in _set_options(options, *names):
         raise InputError(f"--{name.replace('_', '-')}: {why}")
 
 
-def _given(options: argparse.Namespace, *names: str) -> dict[str, Any]:
+def _set_options(options: argparse.Namespace, *names: str) -> dict[str, Any]:
     return {
         name: value
         for name, value in selected(options, *names).items()
@@ -243,7 +243,7 @@ def _files_configuration(options: argparse.Namespace) -> Path:
     settings = selected(options, "frame", "limit", "scan", "strict")
     if options.errors and not options.scan:
         raise InputError("--errors: only with --scan")
-    settings |= _given(options, "errors", "points", "peak")
+    settings |= _set_options(options, "errors", "points", "peak")
     user_run = UserRun(
         timeout_s=options.timeout,
         paths=tuple(options.files),
@@ -251,7 +251,7 @@ def _files_configuration(options: argparse.Namespace) -> Path:
         results=out.as_posix(),
         rates=tuple(options.rates or ()),
         metrics=tuple(options.metrics or ()),
-        options=_given(options, *_LOADER_OPTIONS) | _units(options),
+        options=_set_options(options, *_LOADER_OPTIONS) | _units(options),
         **settings,
     )
     return _written(out, user_run.configuration())

@@ -52,8 +52,8 @@ class AreaMesh:
         low, high = box[0] - _TOLERANCE_M, box[1] + _TOLERANCE_M
         inside = ((self._middles >= low) & (self._middles <= high)).all(axis=1)
         of_room = [room_of(material) == room for material in self.materials]
-        own = np.array([*of_room, False])[self.material_id]
-        return float(inside[own].mean() if own.any() else inside.any())
+        is_of_room = np.array([*of_room, False])[self.material_id]
+        return float(inside[is_of_room].mean() if is_of_room.any() else inside.any())
 
     def near(self, box: Floats, margin: float) -> Mesh:
         low, high = self._extent

@@ -91,12 +91,12 @@ def _check_hash(source: PackageSource, package: Path) -> str:
 
 def _unpack(source: PackageSource, package: Path, folder: Path) -> None:
     with source.unpack(package) as archive:
-        members = [m for m in archive if m.isfile() and source.wanted.fullmatch(m.name)]
+        members = [m for m in archive if m.isfile() and source.members.fullmatch(m.name)]
         for member in members:
             content = archive.extractfile(member)
             write_bytes(folder / Path(member.name).name, content.read() if content else b"")
     if not members:
-        raise InputError(f"{package.name}: no member matches {source.wanted.pattern}")
+        raise InputError(f"{package.name}: no member matches {source.members.pattern}")
 
 
 def _hashes(folder: Path) -> dict[str, str]:

@@ -87,8 +87,12 @@ def build_room(
             placed.append((item, y_up_to_z_up(item.pose.apply(surface[0])), surface[1]))
     if not placed:
         raise InputError(f"{what}: nothing of the room has a surface")
-    own = [points for item, points, _ in placed if item.model is None]
-    box = np.stack([np.vstack(own).min(axis=0), np.vstack(own).max(axis=0)]) if own else None
+    house_points = [points for item, points, _ in placed if item.model is None]
+    box = (
+        np.stack([np.vstack(house_points).min(axis=0), np.vstack(house_points).max(axis=0)])
+        if house_points
+        else None
+    )
     mesh = _joined(placed)
     check_mesh(mesh, what)
     return mesh, box, dict(left_out)

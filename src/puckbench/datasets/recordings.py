@@ -268,5 +268,5 @@ def _files(path: Path) -> list[Path]:
 
 def _state(path: Path) -> _State:
     files = sorted(path.iterdir()) if path.is_dir() else _files(path)
-    stats = ((one.name, one.stat()) for one in files if one.exists())
+    stats = ((file.name, file.stat()) for file in files if file.exists())
     return tuple((name, stat.st_size, stat.st_mtime_ns) for name, stat in stats)

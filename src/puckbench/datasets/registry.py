@@ -23,8 +23,8 @@ def open_scene_set(loader: str, options: Mapping[str, Any], seed: int = 0) -> Sc
     """
     loader_class = LOADERS.get(loader)
     model = options_model(loader_class, f"loader {loader}")
-    given = {"seed": seed, **options} if "seed" in model.model_fields else dict(options)
-    values = parsed(model, given, f"loader {loader}")
+    settings = {"seed": seed, **options} if "seed" in model.model_fields else dict(options)
+    values = parsed(model, settings, f"loader {loader}")
     return loader_class(**dict(values))
 
 

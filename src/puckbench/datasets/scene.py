@@ -50,7 +50,7 @@ class Scene:
     time_s: float | None = None
 
     def __post_init__(self) -> None:
-        if sum(one is not None for one in (self.mesh, self.cloud, self.returns)) != 1:
+        if sum(source is not None for source in (self.mesh, self.cloud, self.returns)) != 1:
             raise ValueError(f"scene {self.name}: needs one of a mesh, a cloud and returns")
 
 

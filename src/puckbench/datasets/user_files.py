@@ -114,8 +114,8 @@ class FileSet(DataSet):
         return paths
 
     def _is_of_set(self, path: Path) -> bool:
-        is_known = plain_suffix(path) in self.suffixes and not path.name.startswith(".")
-        return is_known and is_file_or_lost(path) and self._takes(path)
+        has_suffix = plain_suffix(path) in self.suffixes and not path.name.startswith(".")
+        return has_suffix and is_file_or_lost(path) and self._takes(path)
 
 
 def refuse_repeated(paths: Iterable[Path], what: str) -> None:

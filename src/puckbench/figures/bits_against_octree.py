@@ -81,8 +81,8 @@ def draw_bits_against_octree(
             axes.text(0.5, 0.5, "no equal errors", transform=axes.transAxes, ha="center")
         for codec, quartiles in lines.items():
             _draw(axes, quartiles, style.of_codec(codec))
-        own = rows_mm[rows_mm["dataset"] == dataset]
-        set_title(axes, titled(style.title(dataset), own), abreast, style)
+        dataset_rows = rows_mm[rows_mm["dataset"] == dataset]
+        set_title(axes, titled(style.title(dataset), dataset_rows), abreast, style)
     label_outer(panels, abreast, f"D1 error, RMS (mm), {BETTER}", _BITS)
     codecs = {codec for lines in curves.values() for codec in lines}
     add_legend(figure, style.ordered_codecs(codecs), style, [_octree_handle(style)])

@@ -70,9 +70,9 @@ def draw_odometry(drives: pd.DataFrame, style: FigureStyle) -> Figure:
     for axes, name in zip(panels, names, strict=True):
         set_log(axes, "x", limits, minor=False)
         set_log(axes, "y", drifts, minor=False)
-        own = rows[rows["dataset"] == name]
-        _draw_panel(axes, own, style)
-        set_title(axes, titled(style.title(name), own), abreast, style)
+        dataset_rows = rows[rows["dataset"] == name]
+        _draw_panel(axes, dataset_rows, style)
+        set_title(axes, titled(style.title(name), dataset_rows), abreast, style)
     label_outer(panels, abreast, f"Bits per return, {BETTER}", f"Drift (%), {BETTER}")
     add_legend(figure, style.ordered_codecs(codecs["codec"]), style, _handles())
     return figure

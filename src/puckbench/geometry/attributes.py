@@ -31,13 +31,13 @@ def reflectance_field(cloud: PointCloud) -> str | None:
 
 def attributes_of(cloud: PointCloud) -> dict[str, NDArray[Any]]:
     """Return the reflectances (n,), of the returns or of a field, and the colours (n, 3)."""
-    found: dict[str, NDArray[Any] | None] = {
+    attributes: dict[str, NDArray[Any] | None] = {
         REFLECTANCE: None if cloud.returns is None else cloud.returns.reflectivities(),
         COLOUR: cloud.colours,
     }
-    if found[REFLECTANCE] is None and (field := reflectance_field(cloud)):
-        found[REFLECTANCE] = cloud.fields[field]
-    return {name: values for name, values in found.items() if values is not None}
+    if attributes[REFLECTANCE] is None and (field := reflectance_field(cloud)):
+        attributes[REFLECTANCE] = cloud.fields[field]
+    return {name: values for name, values in attributes.items() if values is not None}
 
 
 def check_attributes(attributes: Attributes, points: int) -> None:

@@ -201,6 +201,6 @@ def angular_eligible_axes(angles: PlaneAngles, eligible_axes: int, axes: int) ->
     They have an angular context; z may also be eligible without one. `axes` (4 x, 2 y, 1 z) are
     those that the level splits.
     """
-    found = eligible_axes & 4
-    found |= integer(angles.x >= 0) | integer(angles.y >= 0) << 1 | integer(angles.z >= 0) << 2
-    return found & ((axes >> 2 & 1) | (axes & 2) | (axes & 1) << 2)
+    result = eligible_axes & 4
+    result |= integer(angles.x >= 0) | integer(angles.y >= 0) << 1 | integer(angles.z >= 0) << 2
+    return result & ((axes >> 2 & 1) | (axes & 2) | (axes & 1) << 2)

@@ -83,15 +83,15 @@ def planar_eligible_axes(state: PlanarState, axes: int) -> int:
     rates = state.rates
     if rates[3] >= _MAX_DENSITY:
         return 0
-    found = 0
+    result = 0
     for axis in range(3):
         rank = 0
         for other in range(3):
             ahead = rates[other] > rates[axis] or (rates[other] == rates[axis] and other < axis)
             rank += integer(ahead)
         if rates[axis] >= state.thresholds[rank] and axes >> (2 - axis) & 1:
-            found |= 1 << axis
-    return found
+            result |= 1 << axis
+    return result
 
 
 @kernel

@@ -89,7 +89,7 @@ def _chain(
     """Build a tree from `node` to `end`; `lasers` (2, n): first and last point of each laser."""
     ox, oy, oz = around.origin
     while node < end:
-        found = spherical(
+        position = spherical(
             around,
             integer(points[node, 0]) - ox,
             integer(points[node, 1]) - oy,
@@ -98,8 +98,8 @@ def _chain(
         _find_copies(points, tree, node, end)
         for k in range(node, node + 1 + tree.copies[node]):
             for axis in range(3):
-                positions[k, axis] = found[axis]
-        laser = found[2]
+                positions[k, axis] = position[axis]
+        laser = position[2]
         if lasers[1, laser] == ROOT:
             lasers[0, laser] = node
         else:

@@ -266,11 +266,11 @@ def _coded(
         header.pgeom_resid_abs_log2_bits = widths
         tools = tools_of(header, gps, _AXES, header.slice_geom_origin_xyz)
         coded = points.copy()
-        given = positions.copy() if tools.angular else coded
+        coded_positions = positions.copy() if tools.angular else coded
         order = np.empty(len(points), dtype=np.int32)
-        data = encode_trees(tree, coded, given, tools, initial_probabilities(), order)
+        data = encode_trees(tree, coded, coded_positions, tools, initial_probabilities(), order)
         if data is not None:
-            return data, coded, given, order
+            return data, coded, coded_positions, order
     raise InputError("G-PCC: residuals are too large for a stream")
 
 

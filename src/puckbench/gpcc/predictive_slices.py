@@ -8,7 +8,7 @@ from puckbench.gpcc import predictive, predictive_encoder
 from puckbench.gpcc.arithmetic import consumed, encoder, enlarged, finish
 from puckbench.gpcc.prediction_tree import Int32s, PredictionTree
 from puckbench.gpcc.predictive import Probabilities, Tools, TreeNodes
-from puckbench.gpcc.predictive_encoder import NODE_BYTES, Given
+from puckbench.gpcc.predictive_encoder import NODE_BYTES, EncoderState
 from puckbench.gpcc.slices import CodedSlice, sensor_position, slice_decoder
 from puckbench.gpcc.spherical import sphere
 from puckbench.gpcc.syntax import (
@@ -100,13 +100,13 @@ def encode_trees(
 ) -> bytes | None:
     """Return the arithmetic-coded part of a data unit, or None if a residual does not fit.
 
-    points, positions, order: see `predictive_encoder.Given`; the latter is a result.
+    points, positions, order: see `predictive_encoder.EncoderState`; the latter is a result.
     """
     stack = np.empty(len(points) + 2, dtype=np.int32)
-    given = Given(tree, points, positions, stack, np.zeros(4, dtype=np.int64), order)
+    state = EncoderState(tree, points, positions, stack, np.zeros(4, dtype=np.int64), order)
     coder = encoder(NODE_BYTES + 4 * len(points))
     while True:
-        ended = predictive_encoder.encode_trees(coder, contexts, tools, given)
+        ended = predictive_encoder.encode_trees(coder, contexts, tools, state)
         if ended != predictive_encoder.FULL:
             break
         coder = enlarged(coder, NODE_BYTES + len(coder.data))

@@ -114,10 +114,10 @@ class Decode(Decoding):
     def _reach(self, coded: Coded) -> float | None:
         """Return the diagonal of a rate's step in m, if the rate is a length, else None."""
         name = coded.record.get("rate")
-        found = find_rate(self.loaded(self.codec_of(coded)), name) if name else None
-        if found is None or {*found[1]} != {"step_m"}:
+        named_rate = find_rate(self.loaded(self.codec_of(coded)), name) if name else None
+        if named_rate is None or {*named_rate[1]} != {"step_m"}:
             return None
-        return float(found[1]["step_m"]) * 3**0.5
+        return float(named_rate[1]["step_m"]) * 3**0.5
 
     def _mesh(self, path: Path, out: Path) -> dict[str, Any]:
         name, coded = self.read_stream(path, self.rate)
@@ -162,11 +162,11 @@ def _with_attributes(
     for values in (picked.normals, picked.colours, picked.labels, *picked.fields.values()):
         if values is not None:
             values[rows < 0] = 0
-    own = decoded.colours, attributes_of(decoded).get(REFLECTANCE)
-    if own[1] is not None:
+    decoded_values = decoded.colours, attributes_of(decoded).get(REFLECTANCE)
+    if decoded_values[1] is not None:
         name = reflectance_field(original) or REFLECTANCE
-        picked = replace(picked, fields={**picked.fields, name: own[1]})
-    colours = picked.colours if own[0] is None else own[0]
+        picked = replace(picked, fields={**picked.fields, name: decoded_values[1]})
+    colours = picked.colours if decoded_values[0] is None else decoded_values[0]
     return replace(picked, xyz=decoded.xyz, colours=colours, about=decoded.about)
 
 

@@ -111,9 +111,9 @@ class DriveOfClouds(Job):
                 counts = f"{len(poses)} poses for {len(scenes)} turns"
                 raise InputError(f"{self.poses}: {counts}: one for each turn is needed")
             return poses, Path(self.poses).name
-        given = [scene.pose for scene in scenes if scene.pose is not None]
-        if len(given) == len(scenes):
-            return np.array(given), "of the data set"
+        poses_of_scenes = [scene.pose for scene in scenes if scene.pose is not None]
+        if len(poses_of_scenes) == len(scenes):
+            return np.array(poses_of_scenes), "of the data set"
         return None, "KISS-ICP on the undecoded turns"
 
 

@@ -93,7 +93,7 @@ class EncodeDrive(TimedJob):
             coded[rate] = CodedDrive(tuple(timed.result), record)
             progress(done, len(rates))
         write_coded_drive(curve, coded)
-        seconds = sum(one.record["encode_s"] for one in coded.values())
+        seconds = sum(item.record["encode_s"] for item in coded.values())
         return self.work(points, len(coded), seconds)
 
 
@@ -129,7 +129,7 @@ class MeasureDrive(TimedJob):
         else:
             with naming(curve):
                 coded = read_coded_drive(curve)
-                results = [self._decoded(original, one) for one in coded.values()]
+                results = [self._decoded(original, item) for item in coded.values()]
         write_rows(rows, [{**described, **row} for row in results])
         seconds = sum(row.get("decode_s", 0.0) for row in results)
         return self.work(original.points, len(results), seconds)

@@ -157,5 +157,5 @@ class EncodeCurve(Encoding):
             coded[rate] = self.coded(codec, original, rate, shared, again=twice and done == 1)
             progress(done, len(rates))
         write_curve(curve, coded)
-        seconds = sum(one.record["encode_s"] for one in coded.values())
+        seconds = sum(item.record["encode_s"] for item in coded.values())
         return self.work(len(original), len(rates), seconds)

@@ -101,7 +101,7 @@ class Evaluating(Decoding):
         from puckbench.metrics.geometry import DistinctPoints
 
         reference = originals.reference.cloud
-        points, record = found
+        points, record = decoded
         returns = {}
         if originals.returns is not None:
             returns = (

@@ -177,7 +177,7 @@ def _code_values(
 
 @compiled_in_place
 def _find_neighbourhood(around: _Neighbourhood, neighbours: NeighbourTable, row: int) -> None:
-    known = 0
+    count = 0
     for shell in range(3):
         pattern = 0
         for place in range((6, 12, 8)[shell]):
@@ -185,13 +185,13 @@ def _find_neighbourhood(around: _Neighbourhood, neighbours: NeighbourTable, row:
             other = neighbours[offset, row]
             pattern |= (other >= 0) << place
             if 0 <= other < row:
-                around.rows[known] = other
-                around.weights[known] = (36, 9, 4)[shell]
-                known += 1
+                around.rows[count] = other
+                around.weights[count] = (36, 9, 4)[shell]
+                count += 1
         around.patterns[shell] = pattern
         if shell == 0:
-            around.counts[1] = known
-    around.counts[0] = known
+            around.counts[1] = count
+    around.counts[0] = count
 
 
 @compiled_in_place
@@ -225,14 +225,14 @@ def _find_contexts(around: _Neighbourhood, values: Ints, row: int, channel: int)
         last = min(max(values[row, channel - 1], -2), 2) + 2
     if channel >= 2:
         second = min(max(values[row, channel - 2], -1), 1) + 1
-    found, patterns = around.contexts, around.patterns
-    found[0] = spread * 8 + min(around.counts[0], 7)
-    found[1] = face * 5 + largest
-    found[2] = (last * 3 + second) * 8 + before
-    found[3] = patterns[1]
-    found[4] = patterns[0] * 6 + mean
-    found[5] = patterns[2] * 6 + mean
-    found[6] = patterns[0] * 8 + before
+    contexts, patterns = around.contexts, around.patterns
+    contexts[0] = spread * 8 + min(around.counts[0], 7)
+    contexts[1] = face * 5 + largest
+    contexts[2] = (last * 3 + second) * 8 + before
+    contexts[3] = patterns[1]
+    contexts[4] = patterns[0] * 6 + mean
+    contexts[5] = patterns[2] * 6 + mean
+    contexts[6] = patterns[0] * 8 + before
 
 
 @compiled_in_place

@@ -448,7 +448,7 @@ class ExamplesConfig(Model):
         None, description="A turn of a sensor, virtual or real (`size: metric`)."
     )
 
-    def given(self) -> dict[str, str]:
+    def clouds_by_kind(self) -> dict[str, str]:
         clouds: dict[str, str] = self.model_dump(exclude_none=True)
         return clouds
 

@@ -169,8 +169,8 @@ class DriveJobs:
     def _entry(self, name: str, value: DriveConfig) -> DrivePlan:
         where, scenes = f"drives.{name}", self.plan.scenes.get(value.scenes)
         if scenes is None:
-            known = among(value.scenes, self.plan.scenes)
-            raise InputError(f"{where}.scenes: no scene set '{value.scenes}'{known}")
+            choices = among(value.scenes, self.plan.scenes)
+            raise InputError(f"{where}.scenes: no scene set '{value.scenes}'{choices}")
         with naming(where):
             for task, options in value.tasks.items():
                 checked_task(task, options)
@@ -201,22 +201,22 @@ class DriveJobs:
     def _rates(self, value: DriveConfig, scenes: ScenePlan) -> dict[str, tuple[str, ...]]:
         unknown = [codec for codec in value.codecs or () if codec not in self.plan.config.codecs]
         if unknown:
-            known = among(unknown[0], self.plan.config.codecs)
-            raise InputError(f"codecs: no codec '{unknown[0]}'{known}")
+            choices = among(unknown[0], self.plan.config.codecs)
+            raise InputError(f"codecs: no codec '{unknown[0]}'{choices}")
         returns = value.is_scan or bool(getattr(scenes.scenes, "of_returns", False))
         packets = bool(getattr(scenes.scenes, "of_packets", False))
         rates = {}
         for codec in value.codecs or self.plan.codecs:
             opened = self.plan.opened[codec]
-            own = tuple(opened.rates_of("metric"))
-            found = [item for rate in value.rates if (item := find_rate(opened, rate))]
-            named = tuple(rate for rate, _ in found if own and opened.is_length(rate))
+            metric_rates = tuple(opened.rates_of("metric"))
+            requested = [item for rate in value.rates if (item := find_rate(opened, rate))]
+            named = tuple(rate for rate, _ in requested if metric_rates and opened.is_length(rate))
             if (opened.takes == "returns" and not returns) or (
                 opened.packets_alone and not packets
             ):
                 continue
-            if named or own:
-                rates[codec] = named or own
+            if named or metric_rates:
+                rates[codec] = named or metric_rates
         return rates
 
 

@@ -15,8 +15,8 @@ CALLER_PRINTS_SUMMARY = "PUCKBENCH_CALLER_PRINTS_SUMMARY"
 
 def snakefile() -> Path:
     for folder in _PLACES:
-        if (folder / "rules").is_dir() and (found := folder / "Snakefile").is_file():
-            return found
+        if (folder / "rules").is_dir() and (file := folder / "Snakefile").is_file():
+            return file
     raise InputError("the workflow is not in this installation of puckbench; install its wheel")
 
 

@@ -579,7 +579,7 @@ def _capture(name: str, item: CaptureConfig) -> tuple[str, dict[str, Any]]:
 
 
 def _check_distance(distance: float) -> None:
-    known = sorted(CALIBRATIONS.values())
-    if distance not in known:
-        places = ", ".join(f"{place:g}" for place in known)
+    distances = sorted(CALIBRATIONS.values())
+    if distance not in distances:
+        places = ", ".join(f"{place:g}" for place in distances)
         raise InputError(f"sensor_study: no wall at {distance:g} m (there are {places} m)")

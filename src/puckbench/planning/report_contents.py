@@ -38,7 +38,7 @@ def planned_contents(
 
 
 def _examples(plan: Plan) -> Iterable[Example]:
-    for kind, name in plan.config.figures.examples.given().items():
+    for kind, name in plan.config.figures.examples.clouds_by_kind().items():
         if name in plan.config.failed:
             continue
         dataset, cloud = name.split("/")

@@ -61,7 +61,7 @@ def scene_faults(
         stale = [name for name in states if name in faulty or name in stale]
     progress = Progress(f"{results_file.stem}: {what} looked at:")
     for done, name in enumerate(stale, start=1):
-        fault, measured = _found(scenes, name, settings)
+        fault, measured = _check_scene(scenes, name, settings)
         results[name] = {"state": states[name], "fault": fault, **measured}
         progress(done, len(stale))
     if stale:
@@ -137,7 +137,7 @@ def _stats(path: Path) -> Iterator[tuple[str, int, int]]:
         yield str(path), 0, 0
 
 
-def _found(
+def _check_scene(
     scenes: SceneSet, name: str, settings: DataSetConfig
 ) -> tuple[str | None, dict[str, Any]]:
     from puckbench.geometry.mesh import check_mesh

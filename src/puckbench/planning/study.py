@@ -75,7 +75,7 @@ class StudyJobs:
 
 
 def _job(name: str, **settings: Any) -> Job:
-    return JOBS.get(name).given(**settings)
+    return JOBS.get(name).create(**settings)
 
 
 def _joined(job: str, files: tuple[str, ...], **settings: Any) -> Gathering:

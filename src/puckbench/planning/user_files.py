@@ -305,7 +305,7 @@ class UserRun:
         for codec in plan.codecs:
             for frame in plan.frames:
                 rates = plan.rates(codec, frame)
-                selected = self._wanted(plan, codec, frame, few) if rates else rates
+                selected = self._selected_rates(plan, codec, frame, few) if rates else rates
                 if few and len(selected) < len(rates):
                     counts = f"{len(selected)} of {len(rates)} rates"
                     self._reductions[f"codec {codec}"] = f"{counts}: all take long (--rates all)"
@@ -314,7 +314,9 @@ class UserRun:
                     changes[codec][_KEYS[frame]] = list(selected)
         return changes
 
-    def _wanted(self, plan: Plan, codec: str, frame: CoordinateFrame, few: bool) -> tuple[str, ...]:
+    def _selected_rates(
+        self, plan: Plan, codec: str, frame: CoordinateFrame, few: bool
+    ) -> tuple[str, ...]:
         rates = plan.rates(codec, frame)
         if few:
             return tuple(spread_out(rates, _FEW_RATES))
@@ -397,12 +399,12 @@ def check_codecs(plan: Plan, advice: bool = True) -> None:
 
 
 def _codec(text: str) -> tuple[str, Options]:
-    own = _OWN_CLASS.fullmatch(text)
-    if own is None and text.endswith(".py"):
+    place = _OWN_CLASS.fullmatch(text)
+    if place is None and text.endswith(".py"):
         raise InputError(f"--codecs {text}: add the name of its class ({text}:Class)")
-    if own is None:
+    if place is None:
         return text, {}
-    words = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", own["file"] or own["module"])
+    words = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", place["file"] or place["module"])
     return words.lower(), {"class": text}
 
 

@@ -114,8 +114,8 @@ def _without_surplus(surface: CodedSurface, voxels: CodedVoxels, count: int) -> 
     xyz = surface.decoded().xyz
     distances = _centre_distances(xyz, voxels.grid, voxels.groups.cells)
     kept = int(np.count_nonzero(16 * distances < _KEEP_DISTANCES[-1]))
-    wanted = max(count - len(voxels.points), 0)
-    return surface.with_points(len(xyz) * wanted // kept) if kept > wanted else surface
+    most_points = max(count - len(voxels.points), 0)
+    return surface.with_points(len(xyz) * most_points // kept) if kept > most_points else surface
 
 
 def has_voxel_budget(surface: bytes, max_bytes: int) -> bool:

@@ -379,8 +379,8 @@ def _write_contexts(
     centre = (mean + FINE // 2) // FINE
     size = min(halves(mean), _SIZES - 1)
     near_west = _level(west // FINE, centre, unit)
-    known = (1 if then > 0 else 0) + (2 if estimate > 0 else 0)
-    at[0] = starts[0] + (level * 4 + known) * NODES
+    available = (1 if then > 0 else 0) + (2 if estimate > 0 else 0)
+    at[0] = starts[0] + (level * 4 + available) * NODES
     at[1] = starts[1]
     at[1] += (_level(below // FINE, centre, unit) * 10 + _level(above, centre, unit)) * NODES
     at[2] = starts[2] + (_level(then, centre, unit) * 10 + near_west) * NODES
@@ -400,15 +400,15 @@ def _level(value: int, centre: int, unit: int) -> int:
 def _activity(
     model: ChannelModel, image: ChannelContext, before: ChannelContext, c: int, laser: int, t: int
 ) -> int:
-    own, errors = int(model.error[laser]), image.errors
-    total = 2 * own
-    total += errors[c, laser - 1] if laser > 0 else own
-    total += errors[c - 1, laser + 1] if laser + 1 < errors.shape[1] else own
+    laser_error, errors = int(model.error[laser]), image.errors
+    total = 2 * laser_error
+    total += errors[c, laser - 1] if laser > 0 else laser_error
+    total += errors[c - 1, laser + 1] if laser + 1 < errors.shape[1] else laser_error
     if t > 0:
         then = before.errors
         total += 2 * then[t, laser] + then[t + 1, laser] + then[t - 1, laser]
     else:
-        total += 4 * own
+        total += 4 * laser_error
     return min(max(halves(total >> 3) - 6, 0), _LEVELS - 1)
 
 

@@ -252,10 +252,10 @@ def _pairs(labels: Labels, closes: bool, within: Labels, across: Labels) -> tupl
     for laser in range(lasers - 1):
         low = high = -1
         for column in range(columns):
-            one, other = labels[laser, column], labels[laser + 1, column]
-            if one >= 0 and other >= 0 and (one != low or other != high):
-                low, high = one, other
-                across[above, 0], across[above, 1] = one, other
+            lower, upper = labels[laser, column], labels[laser + 1, column]
+            if lower >= 0 and upper >= 0 and (lower != low or upper != high):
+                low, high = lower, upper
+                across[above, 0], across[above, 1] = lower, upper
                 above += 1
     return beside, above
 
@@ -291,16 +291,16 @@ def _merge(
         for _ in range(_ROUNDS):
             merged, low, high = False, -1, -1
             for pair in range(len(pairs)):
-                one, other = _root(parents, pairs[pair, 0]), _root(parents, pairs[pair, 1])
-                if one == other or (one == low and other == high):
+                left, right = _root(parents, pairs[pair, 0]), _root(parents, pairs[pair, 1])
+                if left == right or (left == low and right == high):
                     continue
-                low, high = one, other
+                low, high = left, right
                 for i in range(_SUMS):
-                    total[i] = sums[one, i] + sums[other, i]
+                    total[i] = sums[left, i] + sums[right, i]
                 whole = _solve(total, variance, plane)
-                apart = sums[one, 0] * sums[other, 0] / total[0]
-                if whole - squares[one] - squares[other] <= variance * (gain + tolerance * apart):
-                    kept, gone = min(one, other), max(one, other)
+                apart = sums[left, 0] * sums[right, 0] / total[0]
+                if whole - squares[left] - squares[right] <= variance * (gain + tolerance * apart):
+                    kept, gone = min(left, right), max(left, right)
                     parents[gone] = kept
                     for i in range(_SUMS):
                         sums[kept, i] = total[i]

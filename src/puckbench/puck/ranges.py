@@ -237,11 +237,11 @@ def _code_range(
     model: RangeModel, image: RangeContext, before: RangeContext, c: int, laser: int, t: int,
     source: Words,
 ) -> None:  # fmt: skip
-    base, first, activity, is_known, situation = _predict(model, image, before, c, laser, t)
+    base, first, activity, has_previous, situation = _predict(model, image, before, c, laser, t)
     mean = FINE * base + 4 * first
     group = 0
     if model.parameters[2] > 1:
-        group = 1 + 2 * min(max(activity - 2, 0) // 3, 3) + is_known
+        group = 1 + 2 * min(max(activity - 2, 0) // 3, 3) + has_previous
     _write_experts(model, image, before, c, laser, t, base, mean, group)
     begin(model.experts, situation)
     _write_contexts(model, image, before, c, laser, t, base, situation, mean)
@@ -279,11 +279,11 @@ def _code_range_unmixed(
     model: RangeModel, image: RangeContext, before: RangeContext, c: int, laser: int, t: int,
     source: Words,
 ) -> None:  # fmt: skip
-    base, first, activity, is_known, situation = _predict(model, image, before, c, laser, t)
+    base, first, activity, has_previous, situation = _predict(model, image, before, c, laser, t)
     mean = FINE * base + 4 * first
     index, centre, unit = _quantise(model, source[c, laser], mean, situation)
     step, farthest, then = model.parameters[0], model.parameters[4], 9
-    if is_known == 1:
+    if has_previous == 1:
         then = level_of(before.smooth[t, laser] - mean, FINE * unit * step)
     start = (then * _LEVELS + activity) * NODES
     index = code_unmixed_number(
@@ -308,10 +308,10 @@ def _predict(
     base = _base(model, image, before, c, laser, t)
     _write_features(model, image, before, c, laser, t, base)
     activity = _activity(model, image, before, c, laser, t)
-    is_known = 1 if t > 0 and before.ranges[t, laser] > 0 else 0
-    situation = activity * 4 + is_known * 2 + 1 - _is(image.ranges, c - 1, laser)
+    has_previous = 1 if t > 0 and before.ranges[t, laser] > 0 else 0
+    situation = activity * 4 + has_previous * 2 + 1 - _is(image.ranges, c - 1, laser)
     first = predicted(model.linear, 0)
-    return base, first, activity, is_known, situation
+    return base, first, activity, has_previous, situation
 
 
 @inlined
@@ -475,15 +475,15 @@ def _write_experts(
 def _activity(
     model: RangeModel, image: RangeContext, before: RangeContext, c: int, laser: int, t: int
 ) -> int:
-    own = model.error[laser]
-    total = 2 * own
-    total += image.errors[c, laser - 1] if laser > 0 else own
-    total += image.errors[c - 1, laser + 1] if laser + 1 < image.ranges.shape[1] else own
+    laser_error = model.error[laser]
+    total = 2 * laser_error
+    total += image.errors[c, laser - 1] if laser > 0 else laser_error
+    total += image.errors[c - 1, laser + 1] if laser + 1 < image.ranges.shape[1] else laser_error
     if t > 0:
         errors = before.errors
         total += 2 * errors[t, laser] + errors[t + 1, laser] + errors[t - 1, laser]
     else:
-        total += 4 * own
+        total += 4 * laser_error
     return min(max(halves(total >> 3) - 6, 0), _LEVELS - 1)
 
 

@@ -352,11 +352,11 @@ def _code_all_reflectivities(
             new_reflectivity_model(bits, lasers, lean) for _ in range(layout.kinds)
         ]
     for kind in range(layout.kinds):
-        own, ranges = padded(values[kind]), coded.ranges[kind]
-        held, before = np.zeros_like(own), np.zeros((1, layout.lasers), np.int32)
-        before_ranges, guesses = before, np.zeros_like(own)
+        kind_values, ranges = padded(values[kind]), coded.ranges[kind]
+        held, before = np.zeros_like(kind_values), np.zeros((1, layout.lasers), np.int32)
+        before_ranges, guesses = before, np.zeros_like(kind_values)
         if previous is not None and previous.reflectivities:
-            own[:PAD] = previous.reflectivities[kind][-PAD:]
+            kind_values[:PAD] = previous.reflectivities[kind][-PAD:]
             held[:PAD] = previous.held[kind][-PAD:]
             before = extended(previous.reflectivities[kind])
             before_ranges = extended(previous.ranges[kind])
@@ -365,11 +365,11 @@ def _code_all_reflectivities(
         if kind == 1:
             is_same = ranges == coded.ranges[0]
             guesses = np.where(is_same, coded.reflectivities[0] + 1, 0).astype(np.int32)
-        bits = parts.open(len(own) * layout.lasers * 9)
+        bits = parts.open(len(kind_values) * layout.lasers * 9)
         model = state.reflectivities[kind] = with_coder(state.reflectivities[kind], bits)
-        context = ReflectivityContext(own, held, ranges, before, before_ranges, guesses)
+        context = ReflectivityContext(kind_values, held, ranges, before, before_ranges, guesses)
         parts.close(bits, code_reflectivities(model, context, nearest))
-        coded.reflectivities.append(own)
+        coded.reflectivities.append(kind_values)
         coded.held.append(held)
 
 

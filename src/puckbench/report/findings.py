@@ -218,10 +218,10 @@ def _nearest(
         medians = metrics.groupby(["codec", "rate"])[[distance, "bpp"]].median().dropna()
         rates = {codec: _nearest_rate(medians[distance], codec) for codec in codecs}
         cells = {codec: _least(medians, rates[codec], codec) for codec in codecs}
-        own = _scan_error_text(errors, distance)
+        scan_error = _scan_error_text(errors, distance)
         # The finest rate is always the nearest to a scan without errors, so no statement is made.
-        group = "Nearest to the truth" if own else ""
-        column = FindingsColumn("Distance to the truth", group, own, cells)
+        group = "Nearest to the truth" if scan_error else ""
+        column = FindingsColumn("Distance to the truth", group, scan_error, cells)
         yield column.tested(
             _is_less(metrics[metrics["rate"] == metrics["codec"].map(rates)], distance)
         )

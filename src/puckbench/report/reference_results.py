@@ -103,8 +103,8 @@ class ReferenceResults:
     @property
     def bd_rate(self) -> Mapping[str, Any]:
         """Options for the study's Bjontegaard deltas: ``anchor``, ``qualities``, ..."""
-        found: Mapping[str, Any] = self.about["bd_rate"]
-        return found
+        options: Mapping[str, Any] = self.about["bd_rate"]
+        return options
 
     @property
     def record(self) -> RunRecord:

@@ -117,7 +117,7 @@ class Reproduction:
 
     def _scenes_of(self, name: str) -> list[str]:
         inputs = figure_entry(name).inputs if name in FIGURES else ()
-        datasets, examples = self.config.datasets, self.config.figures.examples.given()
+        datasets, examples = self.config.datasets, self.config.figures.examples.clouds_by_kind()
         kinds = [each.removeprefix("example_") for each in inputs]
         names = [examples[kind].split("/")[0] for kind in kinds if kind in examples]
         if {"metrics", "clouds"} & set(inputs):

@@ -113,9 +113,9 @@ def encode_cloud(
     InputError
         If the points or their attributes cannot be encoded.
     """
-    given = attribute_options or {}
-    chosen = {name: given.get(name, AttributeOptions()) for name in attributes}
-    if unused := given.keys() - chosen.keys():
+    options_by_name = attribute_options or {}
+    chosen = {name: options_by_name.get(name, AttributeOptions()) for name in attributes}
+    if unused := options_by_name.keys() - chosen.keys():
         raise InputError(f"G-PCC: options of '{min(unused)}', which is not among the attributes")
     whole = np.asarray(points)
     exact = whole if source is None else np.asarray(source)

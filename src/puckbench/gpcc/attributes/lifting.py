@@ -71,10 +71,10 @@ def dequantise(
         root = inverse_square_root(weights[i])
         scaled = integer(0)
         for k in range(components):
-            own = integer(coefficients[i, k]) * quantisers.steps[layer, region, min(k, 1)]
+            value = integer(coefficients[i, k]) * quantisers.steps[layer, region, min(k, 1)]
             if k == 2:
-                own += last_component[level] * scaled >> 2
-            scaled = own
+                value += last_component[level] * scaled >> 2
+            scaled = value
             transformed[i, k] = unweighted(scaled, root)
 
 

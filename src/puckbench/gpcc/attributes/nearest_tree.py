@@ -166,7 +166,7 @@ def search(
 
     Entries beyond that number do not change, except for the last.
     """
-    capacity, found = len(rows), 0
+    capacity, count = len(rows), 0
     squares[capacity - 1] = np.inf
     place = (x, y, z)
     total = 0.0
@@ -188,7 +188,7 @@ def search(
                 a, b, c = x - tree.points[row, 0], y - tree.points[row, 1], z - tree.points[row, 2]
                 square = a * a + b * b + c * c
                 if square < worst:
-                    found = _insert(rows, squares, found, row, square)
+                    count = _insert(rows, squares, count, row, square)
             depth -= 1
         elif stack.nodes[top, 1] == 0:
             value = place[axis]
@@ -213,17 +213,17 @@ def search(
         else:
             stack.along[axis] = stack.distances[top, 2]
             depth -= 1
-    return found
+    return count
 
 
 @inlined
-def _insert(rows: Ints, squares: Floats, found: int, row: int, square: float) -> int:
+def _insert(rows: Ints, squares: Floats, count: int, row: int, square: float) -> int:
     capacity = len(rows)
-    i = found
+    i = count
     while i > 0 and squares[i - 1] > square:
         if i < capacity:
             squares[i], rows[i] = squares[i - 1], rows[i - 1]
         i -= 1
     if i < capacity:
         squares[i], rows[i] = square, row
-    return min(found + 1, capacity)
+    return min(count + 1, capacity)

@@ -371,16 +371,16 @@ class Level(NamedTuple):
     """Points of a level, and those of coarser levels, both sorted by their codes.
 
     near: cells of the coarser points in which neighbours are searched first.
-    coarser_grid, own_grid: smaller or larger cells that hold a few points each.
+    coarser_grid, same_level_grid: smaller or larger cells that hold a few points each.
     least_bias: smallest factor of distances.
     """
 
     codes: Ints
-    own: Boxes
+    same_level: Boxes
     coarser: Boxes
     near: Grid
     coarser_grid: Grid
-    own_grid: Grid
+    same_level_grid: Grid
     least_bias: int
 
 
@@ -395,7 +395,7 @@ def find_nearest(level: Level, options: SearchOptions, nearest: Indices, work: i
     coarser_count, following = len(coarser_codes), integer(0)
     clear(level.near.atlas)
     clear(level.coarser_grid.atlas)
-    clear(level.own_grid.atlas)
+    clear(level.same_level_grid.atlas)
     for i in range(len(level.codes)):
         best = (_FAR, _FAR, _FAR, integer(-1), integer(-1), integer(-1))
         if coarser_count:
@@ -408,7 +408,7 @@ def find_nearest(level: Level, options: SearchOptions, nearest: Indices, work: i
                 best, spent = _search_coarser(best, level, options, i, following)
                 work -= spent
         if options.intra:
-            best, spent = _search_own(best, level, options, i, coarser_count)
+            best, spent = _search_same_level(best, level, options, i, coarser_count)
             work -= spent
         nearest[i, 0], nearest[i, 1], nearest[i, 2] = best[3], best[4], best[5]
         if work < 0:
@@ -418,7 +418,7 @@ def find_nearest(level: Level, options: SearchOptions, nearest: Indices, work: i
 
 @inlined
 def _place(level: Level, i: int) -> tuple[int, int, int]:
-    positions = level.own.positions
+    positions = level.same_level.positions
     return integer(positions[i, 0]), integer(positions[i, 1]), integer(positions[i, 2])
 
 
@@ -449,10 +449,10 @@ def _search_coarser(
     _enter_cell(level.coarser_grid, level.codes[i])
     in_cells = level.coarser_grid.state[4]
     if level.coarser_grid.complete and 0 <= in_cells <= _MOST_IN_CELLS:
-        found = _search_cells(best, level, (centre, low, high), x, y, z)
-        if found[2] <= level.least_bias << level.coarser_grid.shift // 3:
-            return found, in_cells
-        limit = found[2]
+        in_cells_best = _search_cells(best, level, (centre, low, high), x, y, z)
+        if in_cells_best[2] <= level.least_bias << level.coarser_grid.shift // 3:
+            return in_cells_best, in_cells
+        limit = in_cells_best[2]
     best = _with(best, positions, centre, 0, x, y, z)
     for n in range(1, _NEAR_RANGE + 1):
         if centre + n <= high:
@@ -475,27 +475,27 @@ def _search_cells(
     """
     centre, low, high = span
     of, positions = level.coarser_grid, level.coarser.positions
-    count, one, other = len(positions), best[3], best[4]
+    count, nearest, second = len(positions), best[3], best[4]
     ranked = (
         best[0],
         best[1],
         best[2],
-        integer(-2 if one >= 0 else _FAR),
-        integer(-1 if other >= 0 else _FAR),
+        integer(-2 if nearest >= 0 else _FAR),
+        integer(-1 if second >= 0 else _FAR),
         integer(_FAR),
     )
     for r in range(of.state[3]):
         first, end = integer(of.ranges[r, 0]), integer(of.ranges[r, 1])
         for k in range(max(first, low), min(end, high + 1)):
-            if k not in (one, other):
+            if k not in (nearest, second):
                 ranked = _with_tied(ranked, positions, k, _rank(k, centre, count) - k, x, y, z)
     return (
         ranked[0],
         ranked[1],
         ranked[2],
-        _index(ranked[3], centre, count, one, other),
-        _index(ranked[4], centre, count, one, other),
-        _index(ranked[5], centre, count, one, other),
+        _index(ranked[3], centre, count, nearest, second),
+        _index(ranked[4], centre, count, nearest, second),
+        _index(ranked[5], centre, count, nearest, second),
     )
 
 
@@ -511,10 +511,10 @@ def _rank(k: int, centre: int, count: int) -> int:
 
 
 @inlined
-def _index(rank: int, centre: int, count: int, one: int, other: int) -> int:
-    """Return the index of a rank; -2 and -1 stand for `one` and `other`."""
+def _index(rank: int, centre: int, count: int, nearest: int, second: int) -> int:
+    """Return the index of a rank; -2 and -1 stand for `nearest` and `second`."""
     if rank < 0:
-        return one if rank == -2 else other
+        return nearest if rank == -2 else second
     if rank == _FAR:
         return integer(-1)
     if rank <= 2 * _NEAR_RANGE:
@@ -525,31 +525,31 @@ def _index(rank: int, centre: int, count: int, one: int, other: int) -> int:
 
 
 @inlined
-def _search_own(
+def _search_same_level(
     best: Best, level: Level, options: SearchOptions, i: int, offset: int
 ) -> tuple[Best, int]:
     """Search points of the same level, with indices above `i`, in ascending order."""
     x, y, z = _place(level, i)
-    positions = level.own.positions
+    positions = level.same_level.positions
     last = len(positions) - 1
     near_end, high = min(last, i + 1 + _NEAR_RANGE), min(last, i + 1 + options.intra_range)
     limit = _FAR
-    if level.own_grid.shift:
-        _enter_cell(level.own_grid, level.codes[i])
-        in_cells = level.own_grid.state[4]
+    if level.same_level_grid.shift:
+        _enter_cell(level.same_level_grid, level.codes[i])
+        in_cells = level.same_level_grid.state[4]
         if 0 <= in_cells <= _MOST_IN_CELLS:
-            found = best
-            for r in range(level.own_grid.state[3]):
-                first = integer(level.own_grid.ranges[r, 0])
-                end = integer(level.own_grid.ranges[r, 1])
+            in_cells_best = best
+            for r in range(level.same_level_grid.state[3]):
+                first = integer(level.same_level_grid.ranges[r, 0])
+                end = integer(level.same_level_grid.ranges[r, 1])
                 for k in range(max(first, i + 1), min(end, max(near_end, high) + 1)):
-                    found = _with_tied(found, positions, k, offset, x, y, z)
-            if found[2] <= level.least_bias << level.own_grid.shift // 3:
-                return found, in_cells
-            limit = found[2]
+                    in_cells_best = _with_tied(in_cells_best, positions, k, offset, x, y, z)
+            if in_cells_best[2] <= level.least_bias << level.same_level_grid.shift // 3:
+                return in_cells_best, in_cells
+            limit = in_cells_best[2]
     for k in range(i + 1, near_end + 1):
         best = _with(best, positions, k, offset, x, y, z)
-    return _search_forward(best, level.own, near_end + 1, high, offset, limit, x, y, z)
+    return _search_forward(best, level.same_level, near_end + 1, high, offset, limit, x, y, z)
 
 
 @inlined
@@ -599,30 +599,30 @@ def nearest_neighbours(
     bias: factors (3,) of distances.
     work: see `find_nearest`, whose result is returned. In `predictors`, neighbours are points.
     """
-    own = order[part]
+    same_level = order[part]
     scale = bias.astype(np.int32)
-    placed = [points.positions[rows] for rows in (own, retained)]
+    placed = [points.positions[rows] for rows in (same_level, retained)]
     if options.mask_bits:
         placed = [rows >> options.mask_bits << options.mask_bits for rows in placed]
-    own_boxes, coarser_boxes = (boxes(rows * scale) for rows in placed)
-    codes, coarser_codes = points.codes[own], points.codes[retained]
-    near, coarser_grid, own_grid = atlases
+    same_level_boxes, coarser_boxes = (boxes(rows * scale) for rows in placed)
+    codes, coarser_codes = points.codes[same_level], points.codes[retained]
+    near, coarser_grid, same_level_grid = atlases
     is_sorted = len(codes) > 1 and codes[0] != codes[-1]
     level = Level(
         codes,
-        own_boxes,
+        same_level_boxes,
         coarser_boxes,
         grid(coarser_codes, near, options.cell_bits, False),
         grid(coarser_codes, coarser_grid, _dense_cell_bits(coarser_codes), not options.mask_bits),
         grid(
             codes,
-            own_grid,
+            same_level_grid,
             _dense_cell_bits(codes) if is_sorted and not options.mask_bits else 0,
             True,
         ),
         int(bias.min()),
     )
-    nearest = np.empty((len(own), 3), dtype=np.int32)
+    nearest = np.empty((len(same_level), 3), dtype=np.int32)
     work = find_nearest(level, options, nearest, work)
     if work >= 0:
         _write_predictors(

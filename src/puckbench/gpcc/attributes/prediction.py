@@ -397,9 +397,9 @@ def choose_inter_component(
                 without = 0
                 for i in range(start, ends[level]):
                     first = integer(values[i, 0]) - predicted(values, predictors, i, 0, 1)
-                    own = integer(values[i, k]) - predicted(values, predictors, i, k, 1)
-                    total += abs(own - ((factor * first + 2) >> 2))
-                    without += abs(own)
+                    residual = integer(values[i, k]) - predicted(values, predictors, i, k, 1)
+                    total += abs(residual - ((factor * first + 2) >> 2))
+                    without += abs(residual)
                 if least < 0 or total < least:
                     best, least = factor, total
             factors[level, k - 1] = 0 if least > without else best

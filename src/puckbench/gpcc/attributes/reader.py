@@ -171,8 +171,8 @@ class AttributeReader:
 
 def attribute_name(attribute: AttributeDescription, index: int) -> str:
     label = attribute.attr_label
-    known = label is not None and label < len(_LABELS)
-    return _LABELS[label or 0] if known else f"attribute_{index}"
+    has_name = label is not None and label < len(_LABELS)
+    return _LABELS[label or 0] if has_name else f"attribute_{index}"
 
 
 def _shape(attribute: AttributeDescription) -> tuple[int, int]:
@@ -216,8 +216,8 @@ def decoded_attribute(
         weights = lifting.lifting_weights(levels, bool(aps.scalable_lifting_enabled_flag))
         transformed = np.empty(coefficients.shape, dtype=np.int64)
         factors = np.zeros(len(levels.ends) + 1, dtype=np.int64)
-        given = header.last_component_coeffs[: len(levels.ends)]
-        factors[: len(given)] = given
+        coded_factors = header.last_component_coeffs[: len(levels.ends)]
+        factors[: len(coded_factors)] = coded_factors
         lifting.dequantise(
             coefficients, steps, levels.order, levels.ends, weights, factors, transformed
         )

@@ -27,7 +27,7 @@ class CellMasks(NamedTuple):
     # (27, 256), occupied children of the neighbour at each offset, by their occupancy
     occupied: Ints
     whole: Ints  # (27,), all children of the neighbour at each offset
-    own: Ints  # (8,), cells of the voxel's children
+    inner: Ints  # (8,), cells of the voxel's children
     beyond: Ints  # (8, 3), cells that share a face with a child outside the voxel, along x, y and z
     second: Ints  # (8, 3), cells two steps inwards from a child, along x, y and z
     edges: Ints  # (8, 3), cells one step outwards from a child along each of two axes
@@ -107,7 +107,7 @@ def _cells() -> CellMasks:
                 whole[offset] |= _bit(_cell(position))
                 occupied[offset, (np.arange(256) >> child & 1) == 1] |= _bit(_cell(position))
     positions = [[1 + (child >> axis & 1) for axis in range(3)] for child in range(CHILDREN)]
-    own = np.array([_cell(position) for position in positions])
+    inner = np.array([_cell(position) for position in positions])
     outward = np.array(
         [[(1 if c >> a & 1 else -1) * _STEPS[a] for a in range(3)] for c in range(8)]
     )
@@ -115,11 +115,11 @@ def _cells() -> CellMasks:
     return CellMasks(
         occupied,
         whole,
-        own,
-        own[:, None] + outward,
-        own[:, None] - 2 * outward,
-        own[:, None] + outward.sum(axis=1, keepdims=True) - outward,
-        np.stack([own + outward[:, a] - outward[:, b] for a, b in sides], axis=1),
+        inner,
+        inner[:, None] + outward,
+        inner[:, None] - 2 * outward,
+        inner[:, None] + outward.sum(axis=1, keepdims=True) - outward,
+        np.stack([inner + outward[:, a] - outward[:, b] for a, b in sides], axis=1),
         _cells_at(positions, 1),
         _cells_at(positions, 2),
         _cells_at(positions, 3),

@@ -95,8 +95,8 @@ def calibrate(
     )
 
 
-def _with_lasers(best: Sigmas, found: dict[str, Estimate]) -> Sigmas:
-    lasers = found.get("laser_sigma_m")
+def _with_lasers(best: Sigmas, estimates: dict[str, Estimate]) -> Sigmas:
+    lasers = estimates.get("laser_sigma_m")
     if lasers is None or lasers.value > 1e-6:
         return best
     # An estimate of zero would set all biases of lasers to zero.
@@ -110,8 +110,8 @@ def _biases(
     lasers = len(values)
     rows = np.vstack([np.full(lasers, 1 / lasers), np.eye(lasers) - 1 / lasers])
     errors = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", rows, covariance, rows), 0))
-    found = [interval(value, error) for value, error in zip(rows @ values, errors, strict=True)]
-    return found[0], tuple(found[1:])
+    estimates = [interval(value, error) for value, error in zip(rows @ values, errors, strict=True)]
+    return estimates[0], tuple(estimates[1:])
 
 
 def _domain(seen: Observations) -> Domain:

@@ -40,12 +40,12 @@ class Estimate:
     high: float
 
 
-def free_parameters(seen: Observations, wanted: Sequence[str] = NAMES) -> tuple[str, ...]:
+def free_parameters(seen: Observations, requested: Sequence[str] = NAMES) -> tuple[str, ...]:
     """Return which of the requested parameters the observations can determine.
 
     For example, the sigma of biases per scan needs several scans of a laser.
     """
-    for name in wanted:
+    for name in requested:
         if name not in NAMES:
             raise InputError(f"unknown parameter {name!r}{among(name, NAMES)}")
     lasers = len(seen.laser_ids)
@@ -54,7 +54,7 @@ def free_parameters(seen: Observations, wanted: Sequence[str] = NAMES) -> tuple[
     chosen = [
         name
         for name in NAMES
-        if name == "ray_sigma_m" or (name in wanted and repeated.get(name, True))
+        if name == "ray_sigma_m" or (name in requested and repeated.get(name, True))
     ]
     _check_features(seen, [RAYS.index(name) for name in chosen if name in RAYS])
     return tuple(chosen)
@@ -103,14 +103,14 @@ def _searched(
     from scipy import optimize
 
     minimize: Any = optimize.minimize  # its stubs do not allow pairs as bounds
-    found = minimize(
+    optimum = minimize(
         lambda values: above(values * units),
         start / units,
         method="L-BFGS-B",
         bounds=bounds,
         options={"ftol": 1e-10, "gtol": 0.02, "eps": 1e-4, "maxiter": 200},
     )
-    return np.asarray(found.x * units)
+    return np.asarray(optimum.x * units)
 
 
 def intervals(
@@ -125,14 +125,14 @@ def intervals(
     deviance = _in_millimetres(likelihood, free, best)
     centre = _values(best, free)
     errors = _standard_errors(deviance, centre, free)
-    found: dict[str, Estimate] = {}
+    estimates: dict[str, Estimate] = {}
     for name, value, error in zip(free, centre, errors, strict=True):
         if name in BIASES and not error < _SHARP * value:
-            found[name] = _profile(likelihood, free, best, name)
+            estimates[name] = _profile(likelihood, free, best, name)
         else:
             wide = error if name in BIASES else error * widening
-            found[name] = interval(value * _MM, wide * _MM)
-    return found
+            estimates[name] = interval(value * _MM, wide * _MM)
+    return estimates
 
 
 def interval(value: float, error: float) -> Estimate:
@@ -212,7 +212,7 @@ def _profile(
     from scipy.optimize import brentq
 
     # The rays' sigma is thousands of times more precise, and fixed.
-    others = tuple(one for one in free if one in BIASES and one != name)
+    others = tuple(parameter for parameter in free if parameter in BIASES and parameter != name)
     lowest, value = likelihood.deviance(best), float(getattr(best, name))
 
     def excess(held: float) -> float:

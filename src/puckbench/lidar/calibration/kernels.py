@@ -105,13 +105,13 @@ def _add_group(
                 matrix[at + j, at + i] += sums[pair]
             pair += 1
         right[at + i] += sums[_WZB + i]
-    for one in (laser, scan):
+    for column in (laser, scan):
         for i in range(3):
-            matrix[at + i, one] += sums[_WB + i]
-            matrix[one, at + i] += sums[_WB + i]
-        right[one] += sums[_WZ]
+            matrix[at + i, column] += sums[_WB + i]
+            matrix[column, at + i] += sums[_WB + i]
+        right[column] += sums[_WZ]
         for other in (laser, scan):
-            matrix[one, other] += sums[_W]
+            matrix[column, other] += sums[_W]
 
 
 @compiled
@@ -149,10 +149,10 @@ def absorb_scans(core: int, variance: float, matrix: Floats, right: Floats) -> t
     """
     taken, added = 0.0, 0.0
     for scan in range(core, len(matrix)):
-        own = matrix[scan, scan]
-        shrunk = variance / (1.0 + variance * own)
+        precision = matrix[scan, scan]
+        shrunk = variance / (1.0 + variance * precision)
         taken += shrunk * right[scan] * right[scan]
-        added += np.log1p(variance * own)
+        added += np.log1p(variance * precision)
         columns = np.flatnonzero(matrix[scan, :core])
         for i in columns:
             right[i] -= shrunk * matrix[scan, i] * right[scan]

@@ -27,7 +27,7 @@ SPOT_RAD = np.radians(0.4)
 
 _FEWEST = 100
 _PLANE = ["device", "distance_m", "run", "surface"]
-_FOUND = ("error", "met", "cosine", "basis_u", "basis_v", "basis_n")
+_RAY_COLUMNS = ("error", "met", "cosine", "basis_u", "basis_v", "basis_n")
 _CELLS = {"frame": ["laser_id", "frame"], "spot": ["surface", "laser_id", "spot"]}
 
 Codes = NDArray[np.int64]
@@ -120,12 +120,12 @@ def _along_rays(rows: pd.DataFrame) -> pd.DataFrame:
     height = _heights(rows)
     values = rows[["plane_u_m", "plane_v_m", "residual_m"]].to_numpy(dtype=np.float64)
     points = values - np.outer(height, [0.0, 0.0, 1.0])
-    found = np.empty((len(rows), len(_FOUND)))
+    values_on_rays = np.empty((len(rows), len(_RAY_COLUMNS)))
     planes = _codes(rows, _PLANE)
     for plane in range(int(planes.max()) + 1):
         on_it = planes == plane
-        found[on_it] = _beyond_plane(points[on_it])
-    return rows.assign(height=height, **dict(zip(_FOUND, found.T, strict=True)))
+        values_on_rays[on_it] = _beyond_plane(points[on_it])
+    return rows.assign(height=height, **dict(zip(_RAY_COLUMNS, values_on_rays.T, strict=True)))
 
 
 def _heights(rows: pd.DataFrame) -> Floats:

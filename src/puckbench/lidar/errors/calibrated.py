@@ -65,14 +65,14 @@ class Calibrated(ErrorModel):
     @model_validator(mode="before")
     @classmethod
     def _with_those_of_its_file(cls, values: dict[str, Any]) -> dict[str, Any]:
-        given = {name: value for name, value in values.items() if value is not None}
+        parameters = {name: value for name, value in values.items() if value is not None}
         file = values.get("file", cls.model_fields["file"].default)
-        given["file"] = file
+        parameters["file"] = file
         if isinstance(file, str):
-            given = {**read_parameters(file), **given}
-        if "ray_sigma_m" not in given:
+            parameters = {**read_parameters(file), **parameters}
+        if "ray_sigma_m" not in parameters:
             raise InputError("needs a model file, or ray_sigma_m and what else is not zero")
-        return given
+        return parameters
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:

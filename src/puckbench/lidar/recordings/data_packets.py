@@ -58,9 +58,11 @@ class PayloadKind(IntEnum):
 def payload_kinds(payloads: NDArray[np.uint8]) -> NDArray[np.int8]:
     packets = np.ascontiguousarray(payloads).view(PACKET)[:, 0]
     flags = (packets["blocks"]["flag"] == FLAG).sum(axis=1)
-    is_known = np.isin(packets["product"], list(PRODUCTS)) & np.isin(packets["mode"], list(MODES))
+    has_known_kind = np.isin(packets["product"], list(PRODUCTS)) & np.isin(
+        packets["mode"], list(MODES)
+    )
     return np.select(
-        [2 * flags <= BLOCKS, ~is_whole(payloads), ~is_known],
+        [2 * flags <= BLOCKS, ~is_whole(payloads), ~has_known_kind],
         [PayloadKind.FOREIGN, PayloadKind.DAMAGED, PayloadKind.UNKNOWN],
         PayloadKind.WHOLE,
     ).astype(np.int8)
@@ -123,7 +125,10 @@ def ouster_packets(capture: Capture, recording: Path, name: str | None = None) -
         other = serials.most_common(1)[0][0]
         raise InputError(f"packets of the sensor {other}, and {described} is of {sensor.serial}")
     about = {"format": "pcap", **_counts(capture, len(packets), size)}
-    payloads, received = [one.payload for one in packets], [one.received for one in packets]
+    payloads, received = (
+        [packet.payload for packet in packets],
+        [packet.received for packet in packets],
+    )
     return replace(joined(payloads, received, about, size), sensor=sensor)
 
 

@@ -86,9 +86,9 @@ def find_packets(data: Payloads) -> NDArray[np.int64]:
     for block in range(1, BLOCKS):
         at = places + block * _BLOCK_BYTES
         places = places[(data[at] == low) & (data[at + 1] == high)]
-    is_known = np.isin(data[places + PACKET_BYTES - 1], list(SENSORS))
-    is_known &= np.isin(data[places + PACKET_BYTES - 2], list(MODES))
-    places = places[is_known]
+    has_known_product = np.isin(data[places + PACKET_BYTES - 1], list(SENSORS))
+    has_known_product &= np.isin(data[places + PACKET_BYTES - 2], list(MODES))
+    places = places[has_known_product]
     for byte in (2, 3):  # both blocks of a pair have the same azimuth
         at = places[:, None] + np.arange(BLOCKS // 2) * 2 * _BLOCK_BYTES + byte
         is_equal = (data[at] == data[at + _BLOCK_BYTES]).all(axis=1)

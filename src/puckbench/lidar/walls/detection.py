@@ -232,16 +232,16 @@ class _View:
         """
         patch = np.zeros(self.image.shape, dtype=bool)
         bias = np.zeros(len(patch))
-        wanted = self.image.counts(np.ones_like(free)) * self.search.share_on_plane
+        least_returns = self.image.counts(np.ones_like(free)) * self.search.share_on_plane
         for _ in range(_FIT_ROUNDS):
             away = np.abs(plane.distances(self.points) - bias[self.image.laser_rank])
             near = free & (away < self.search.threshold_m) & self.near(plane, 2)
             returns = self.image.counts(near)
-            found = largest_patch((returns > 0) & (returns >= wanted), returns)
-            rows = near & self.image.rows(found)
-            if np.array_equal(found, patch) or np.count_nonzero(rows) < 3:
+            largest = largest_patch((returns > 0) & (returns >= least_returns), returns)
+            rows = near & self.image.rows(largest)
+            if np.array_equal(largest, patch) or np.count_nonzero(rows) < 3:
                 break
-            patch = found
+            patch = largest
             plane, _ = robust_plane(self.points[rows], plane, sigmas=self.search.inlier_sigmas)
             bias = self._bias(plane, free & self.image.rows(widened(patch)))
         return plane, patch

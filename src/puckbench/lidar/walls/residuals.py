@@ -102,8 +102,8 @@ class RecordingOptions(Model):
         return self
 
 
-def recording_options(given: Mapping[str, Any]) -> RecordingOptions:
-    return parsed(RecordingOptions, given, "capture options")
+def recording_options(values: Mapping[str, Any]) -> RecordingOptions:
+    return parsed(RecordingOptions, values, "capture options")
 
 
 # For planes chosen by hand; others have the limits of `PlaneSearch`.
@@ -198,7 +198,7 @@ def _cropped(table: RecordedReturns, crop: Crop, search: PlaneSearch, number: in
 def _why(rejected: list[Rejected]) -> str:
     if not rejected:
         return "with enough returns"
-    most = max(rejected, key=lambda one: len(one.surface.rows))
+    most = max(rejected, key=lambda plane: len(plane.surface.rows))
     place = f"{most.surface.kind} at {most.surface.distance_m:.2f} m"
     return f"(the largest of {len(rejected)} not taken: {place}, {most.reason})"
 

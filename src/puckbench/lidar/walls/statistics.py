@@ -116,10 +116,12 @@ def laser_bias(deviation: Floats, laser: NDArray[Any]) -> LaserBias:
 
 def repeatability(biases: Sequence[LaserBias]) -> Repeatability | None:
     correlations, covariances = [], []
-    for one, other in combinations(biases, 2):
-        _, first, second = np.intersect1d(one.lasers, other.lasers, return_indices=True)
+    for first_bias, second_bias in combinations(biases, 2):
+        _, first, second = np.intersect1d(
+            first_bias.lasers, second_bias.lasers, return_indices=True
+        )
         if len(first) >= _LEAST_COMMON_LASERS:
-            table = np.cov(one.mean_m[first], other.mean_m[second])
+            table = np.cov(first_bias.mean_m[first], second_bias.mean_m[second])
             covariances.append(table[0, 1])
             correlations.append(table[0, 1] / max(np.sqrt(table[0, 0] * table[1, 1]), 1e-30))
     if not covariances:
@@ -157,8 +159,8 @@ class PlaneStatistics:
             return None
         means = np.zeros(int(self.rows["laser_id"].max()) + 1)
         means[self.bias.lasers] = self.bias.mean_m
-        known = np.isin(self.rows["laser_id"], self.bias.lasers)
-        rest = (self.deviation - means[self.rows["laser_id"]])[known]
+        has_bias = np.isin(self.rows["laser_id"], self.bias.lasers)
+        rest = (self.deviation - means[self.rows["laser_id"]])[has_bias]
         return math.sqrt(max(float(np.var(rest)) - self.noise.sigma_m**2, 0.0))
 
     def described(self) -> dict[str, Any]:
@@ -198,7 +200,7 @@ def recording_summary(planes: RecordedPlanes) -> dict[str, Any]:
         "laser_bias_std_m": math.sqrt(float(np.mean(np.square(stds)))) if stds else None,
         "bias_repeatability": None if repeated is None else asdict(repeated),
         "planes": [part.described() for part in parts],
-        "rejected": [_rejected(one.surface, one.reason) for one in planes.rejected],
+        "rejected": [_rejected(plane.surface, plane.reason) for plane in planes.rejected],
     }
 
 

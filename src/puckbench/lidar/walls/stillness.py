@@ -84,14 +84,18 @@ def _turns(table: RecordedReturns) -> dict[int, NDArray[np.intp]]:
 
 
 def _changes(reference: RecordedReturns, other: RecordedReturns) -> tuple[Floats, Floats]:
-    places, wanted = _places(reference), _places(other)
+    places, other_places = _places(reference), _places(other)
     order = np.argsort(places, kind="stable")
     places, distance = places[order], reference["distance"][order]
-    after = np.clip(np.searchsorted(places, wanted), 1, len(places) - 1)
+    after = np.clip(np.searchsorted(places, other_places), 1, len(places) - 1)
     gap = places[after] - places[after - 1]
-    inside = (wanted >= places[after - 1]) & (wanted <= places[after]) & (gap < _WIDEST_GAP_RAD)
+    inside = (
+        (other_places >= places[after - 1])
+        & (other_places <= places[after])
+        & (gap < _WIDEST_GAP_RAD)
+    )
     step = distance[after] - distance[after - 1]
-    change = other["distance"] - np.interp(wanted, places, distance)
+    change = other["distance"] - np.interp(other_places, places, distance)
     rows = inside & (np.abs(step) < _GREATEST_STEP_M)
     return change[rows], other["azimuth"][rows]
 

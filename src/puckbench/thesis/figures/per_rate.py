@@ -77,8 +77,10 @@ def _draw_row(
         own_metrics = metrics[metrics["dataset"] == dataset]
         part = medians[medians["dataset"] == dataset]
         for codec in style.ordered_codecs(part["codec"]):
-            own = part[part["codec"] == codec].set_index("rate").reindex(rates)
-            y, low, high = (own[name].to_numpy(float) for name in (quantity.column, "low", "high"))
+            codec_rows = part[part["codec"] == codec].set_index("rate").reindex(rates)
+            y, low, high = (
+                codec_rows[name].to_numpy(float) for name in (quantity.column, "low", "high")
+            )
             curve = Curve(np.arange(len(rates), dtype=float), y, low, high)
             faint = quantity.is_time and codec in unranked_codecs(own_metrics)
             draw_over_rates(axes, curve, style.of_codec(codec), faint)

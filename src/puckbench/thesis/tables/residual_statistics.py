@@ -91,10 +91,12 @@ def _scatter(errors: pd.Series[float], scans: pd.DataFrame, places: list[str]) -
 def _result(sums: pd.DataFrame) -> pd.DataFrame:
     import pandas as pd
 
-    n, one, two, mean_error_sq, variance_error_sq, _, freedom = sums.to_numpy(dtype=np.float64).T
-    mean = one / n
+    n, total, total_of_squares, mean_error_sq, variance_error_sq, _, freedom = sums.to_numpy(
+        dtype=np.float64
+    ).T
+    mean = total / n
     with np.errstate(divide="ignore", invalid="ignore"):
-        std = np.sqrt((two / n - mean**2).clip(min=0) * n / (n - 1))
+        std = np.sqrt((total_of_squares / n - mean**2).clip(min=0) * n / (n - 1))
         factor = _student_quantile(np.round(freedom)) / n
         std_half = factor * np.sqrt(variance_error_sq) / (2 * std)
     numbers = {
@@ -104,7 +106,7 @@ def _result(sums: pd.DataFrame) -> pd.DataFrame:
         "mean_half_m": factor * np.sqrt(mean_error_sq),
         "std_m": std,
         "std_half_m": std_half,
-        "rms_m": np.sqrt(two / n),
+        "rms_m": np.sqrt(total_of_squares / n),
     }
     return pd.DataFrame(numbers, index=sums.index)
 
