@@ -91,6 +91,8 @@ Anywhere = Annotated[
 
 
 class SceneSource(Model):
+    """A loader of scenes, and the scenes to use."""
+
     loader: str = Field(
         description="Name of a loader (`puckbench datasets` lists them with their options), or "
         "your own class: `module:Class` or `path/to/file.py:Class`."
