@@ -239,7 +239,7 @@ def _imported_file(path: Path) -> ModuleType:
 
 
 def _check_visible(path: Path, top: Path) -> None:
-    """Raise ImportError if an installed module hides one of its folder that `path` imports."""
+    """Raise ImportError if an installed module hides a module beside `path` that it imports."""
     neighbours = {file for file in reached_files(path) - {path} if top_folder(file) == top}
     for file in sorted(neighbours):
         name = file.relative_to(top).parts[0].removesuffix(".py")

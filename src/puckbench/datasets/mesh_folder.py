@@ -32,7 +32,6 @@ class MeshFolder(MeshFolderSet):
     """Credit noted with every scene."""
 
     def files(self, name: str) -> list[Path]:
-        """Return the mesh file and, for a PLY file written by puckbench, its JSON file."""
         path = self._file(name)
         beside = [sidecar(path)] if path.suffix.lower() == ".ply" else []
         return [path, *(extra for extra in beside if extra.exists())]

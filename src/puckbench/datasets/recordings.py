@@ -58,7 +58,7 @@ class RecordingSet(DataSet):
         """Return the numbers of the clouds in a recording; raise InputError if it is unusable."""
 
     def names(self) -> list[str]:
-        """Read all recordings; return first the names of `unusable` ones, then those of clouds."""
+        """Read all recordings; first come those of `unusable` recordings, then those of clouds."""
         return list(self._clouds)
 
     @property
@@ -210,7 +210,7 @@ def is_copy(path: Path) -> bool:
 @contextmanager
 def decompressed(path: Path) -> Iterator[Path]:
     """Yield a recording's path, or a decompressed temporary copy's; raise InputError if it is
-    damaged or nested.
+    damaged or compressed twice.
     """
     if not _is_compressed(path):
         yield path

@@ -27,12 +27,12 @@ def compiled(function: Function) -> Function:
 
 
 def entry(function: Function) -> Function:
-    """Compile a function for calls from Python that creates no arrays."""
+    """Compile a function that creates no arrays, to be called from Python."""
     return compiling.compiled(function, **_KERNEL)
 
 
 def kernel(function: Function) -> Function:
-    """Compile a function for calls from compiled functions only."""
+    """Compile a function that only compiled functions call."""
     return compiling.compiled(function, **_INTERNAL)
 
 

@@ -48,7 +48,9 @@ class ConformanceStream:
 
     @property
     def tools(self) -> str:
-        """Coding tools: `attributes`, or `octree` or `trees`, after `angular` with a sensor."""
+        """Coding tools: `attributes`, `octree` or `trees`, preceded by `angular` if there is a
+        sensor.
+        """
         if self.columns > 3:
             return "attributes"
         kind = "trees" if "--geomTreeType=1" in self.options else "octree"
@@ -75,7 +77,7 @@ class CrashError(Exception):
 
 
 def conformance_streams(folder: Path = FOLDER) -> list[ConformanceStream]:
-    """Return the streams of a folder and, named `attributes/...`, of its folder of that name.
+    """Return the streams of a folder, and those of its subfolder `attributes`.
 
     Raises InputError if the folder has no manifest.
     """
@@ -141,7 +143,6 @@ def _difference(stream: ConformanceStream) -> str:
 
 
 def decode_rows(stream: bytes) -> Floats:
-    """Decode a stream with our decoder; see `Decode`."""
     cloud = decode_cloud(stream)
     values = [cloud.attributes.get(name) for name in ("color", "reflectance")]
     return _rows(cloud.positions(), *values)

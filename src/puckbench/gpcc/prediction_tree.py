@@ -68,7 +68,6 @@ def empty_tree(points: int) -> PredictionTree:
 
 
 def angular_tree(points: Int32s, around: Sphere, positions: Int32s, most: int) -> PredictionTree:
-    """Build trees of at most `most` points, and write spherical coordinates to `positions`."""
     tree = empty_tree(len(points))
     for start in range(0, len(points), most):
         lasers = np.full((2, len(around.theta)), ROOT, dtype=np.int32)

@@ -34,7 +34,6 @@ def decode_trees(
     axes: Three,
     origin: Three,
 ) -> TreeNodes:
-    """Decode the nodes of a slice; `axes` are the indices of the coded axes of x, y, z."""
     tools = tools_of(coded.header, gps, axes, origin)
     nodes = empty_nodes(coded.points, angular=tools.angular)
     coder = slice_decoder(coded, sps)
@@ -48,7 +47,7 @@ def decode_trees(
 
 
 def placed(points: Int32s, axes: Three, origin: Three) -> Ints:
-    """Return points (n, 3) along x, y, z for those along the coded axes, relative to `origin`."""
+    """Convert points (n, 3) from the coded axes to x, y, z, and add `origin`."""
     result: Ints = (
         points.astype(np.int64)[:, axes] if axes != (0, 1, 2) else points.astype(np.int64)
     )

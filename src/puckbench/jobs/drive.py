@@ -61,7 +61,7 @@ def virtual_poses(sweep: Sweep, origin: Floats) -> tuple[Floats, Floats]:
 class DriveOfClouds(Job):
     """Collect consecutive clouds of a data set to a drive.
 
-    Poses come from the file `poses` (TUM or KITTI, one for each cloud, at the middle of its turn),
+    Poses, one for each cloud at the middle of its turn, come from the file `poses` (TUM or KITTI),
     else from the data set, else from KISS-ICP.
     """
 

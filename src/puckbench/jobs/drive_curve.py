@@ -38,7 +38,6 @@ class CodedDrive:
 
 
 def write_coded_drive(path: Path, rates: Mapping[str, CodedDrive]) -> None:
-    """Write an archive with ``RATE.json``, ``RATE/0000.bin``, ``RATE/0001.bin``, ..."""
     members: dict[str, bytes] = {}
     for rate, coded in rates.items():
         members[rate + _RECORD] = json_bytes(coded.record)

@@ -25,7 +25,6 @@ class MeasuredPoints:
         return MeasuredPoints(self.cloud.select(rows), self.clean.select(rows))
 
     def truth_in_frame_of(self, prepared: PointCloud) -> PointCloud:
-        """Return the true points in the coordinate frame of a prepared cloud."""
         about = {key: prepared.about[key] for key in ("scale", "offset", "size")}
         xyz = Scaling(about["scale"], np.asarray(about["offset"])).apply(self.clean.xyz)
         return replace(self.clean, xyz=xyz, about=about)

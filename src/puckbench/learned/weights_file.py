@@ -67,7 +67,6 @@ def write_weights(
     state: Mapping[str, Tensor],
     integers: Mapping[str, NDArray[np.int32]] | None = None,
 ) -> None:
-    """Write a set of weights; `header_fields` are the fields of its header except `sha256`."""
     tensors: dict[str, NDArray[Any]] = {
         name: value.detach().cpu().half().contiguous().numpy() for name, value in state.items()
     }

@@ -138,9 +138,6 @@ def fill_points(
     start: int,
     out: tuple[Any, ...],
 ) -> None:
-    """Write distances and points of the rays that `rows` (n,) selects to `out`, from row `start`
-    on.
-    """
     distance, x, y, z = out
     per_step = len(rows) // len(origins)
     row = start

@@ -53,7 +53,6 @@ class RayCaster:
         )
 
     def cast(self, rays: Rays, poses: Poses, limits: tuple[float, float]) -> Cast:
-        """Cast the rays of frames, with poses relative to `origin`."""
         from puckbench.lidar.kernels import fill_directions
 
         directions = np.empty((rays.yaw.size, 3))

@@ -28,7 +28,6 @@ class CloudJobs:
         return self.plan.datasets[name]
 
     def scene_file(self, dataset: str, cloud: str, suffix: str = "") -> str:
-        """Return the scene file from which a cloud is made."""
         data = self.dataset(dataset)
         scene, _ = data.sources[cloud]
         suffix = suffix or ("parquet" if data.scenes in self.of_returns else "ply")

@@ -77,7 +77,7 @@ def write_failures(
 
 
 def failure_lines(failures: list[Failure]) -> Iterator[str]:
-    """Yield a line for each codec and reason, up to a maximum number, with one log."""
+    """Yield a line with one log for each codec and reason, up to a maximum number of lines."""
     groups: dict[tuple[str, str], list[Failure]] = {}
     for failure in failures:
         key = failure.codec or failure.what, failure.reason

@@ -101,8 +101,8 @@ def code_number(coder: ContextCoder, value: int, mixer: int, first_a: int, first
     """Encode or decode a signed integer: zero flag, sign, magnitude (unary up to 12, then Elias
     gamma).
 
-    It uses `CONTEXTS_PER_NUMBER` contexts from index `first_a` on, as many from `first_b` on, and
-    three mixers from index `mixer` on.
+    It uses `CONTEXTS_PER_NUMBER` contexts from each of the indices `first_a` and `first_b`, and
+    three mixers from index `mixer`.
     """
     if code_bit(coder, 1 if value == 0 else 0, mixer, (first_a, first_b, first_a)) == 1:
         return 0

@@ -227,7 +227,6 @@ def _quantise_region_plane(
     indices: Ints,
     plane: Floats,
 ) -> tuple[int, float]:
-    """Quantise a region's plane with the cheapest extent; return its log2, and the bits."""
     fitted, dequantised = np.empty(4), np.empty(4)
     fit_plane(region, fitted)
     trial_indices, predicted = np.zeros(4, np.int64), np.zeros(4, np.int64)

@@ -176,8 +176,8 @@ def _select(
     spacing: float,
     tolerances: tuple[float, float],
 ) -> list[RevolutionSurface]:
-    """Select and refine the hypothesis with most inliers, without those of earlier ones,
-    repeatedly.
+    """Repeatedly select the hypothesis with most inliers, without those of earlier ones, and refine
+    it.
     """
     tolerance = tolerances[1]
     counts, unexplained = inliers.sum(axis=1), np.ones(inliers.shape[1], bool)

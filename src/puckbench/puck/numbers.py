@@ -44,7 +44,7 @@ def code_unmixed_number(
     mixer: Mixer, experts: Experts, start: int, number: int, centre: int, unit: int, step: int,
     farthest: int,
 ) -> int:  # fmt: skip
-    """Code a number like `code_number`, but with one counter per decision, from `start` on."""
+    """Code a number like `code_number`, but with a counter per decision, which begin at `start`."""
     return _traverse(mixer, experts, True, start, number, centre, unit, step, farthest)
 
 

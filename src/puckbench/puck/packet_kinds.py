@@ -38,11 +38,6 @@ Kind = PacketKind | OusterKind
 
 
 class PacketFormat(NamedTuple):
-    """How to find packets in bytes and split them into turns.
-
-    A packet lies in pieces of these lengths, in bytes, with a hole after each but the last.
-    """
-
     pieces: list[int]
     hole: int
     find: Callable[[Payloads], NDArray[np.int64]]

@@ -143,7 +143,7 @@ class TurnEncoder:
 
 
 class TurnDecoder:
-    """Decodes successive turns of one layout, the first of which is a key turn."""
+    """Decodes successive turns of one layout, starting with a key turn."""
 
     def __init__(self, layout: Layout) -> None:
         self.layout = layout
@@ -226,7 +226,7 @@ def _blank(blocks: int, layout: Layout, is_wide: bool) -> Turn:
 
 
 class PartWriter:
-    """Collects the bytes of parts of a turn, each with an arithmetic coder of its own."""
+    """Collects the bytes of parts of a turn, each from a separate arithmetic coder."""
 
     def __init__(self) -> None:
         self.parts: list[bytes] = []

@@ -27,10 +27,7 @@ _OTHERWISE = "does not apply"
 
 
 def column_dictionary(table: pd.DataFrame) -> pd.DataFrame:
-    """Return a row for each column of a table: meaning, unit, number of missing values and reason.
-
-    The meaning of an optional metric's columns is that of its registration.
-    """
+    """Return a row for each column of a table: meaning, unit, number of missing values and reason."""
     import pandas as pd
 
     names, registered = [str(name) for name in table], metric_columns()

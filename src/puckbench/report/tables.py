@@ -47,7 +47,6 @@ class TableColumn:
 def table_html(
     table: pd.DataFrame, link: str | None = None, style: FigureStyle | None = None
 ) -> Markup:
-    """Return a table as HTML with its number of omitted rows and a link."""
     from markupsafe import Markup
 
     ordered = table[_in_order(table)]

@@ -213,7 +213,6 @@ def grid(
 
 
 def primitive(shape: Shape, frame: Floats) -> Primitive:
-    """Transform a normalised shape by a frame (4, 4) to a primitive."""
     scale = float(np.cbrt(abs(np.linalg.det(frame[:3, :3]))))
     axes = frame[:3, :3] / scale
     return Primitive(shape.kind, _PARAMETERS[shape.kind](shape, frame[:3, 3], axes, scale))

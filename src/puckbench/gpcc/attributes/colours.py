@@ -17,7 +17,7 @@ _HALF = 128.0
 
 
 def coded_colours(colours: Values, matrix: int | None, bitdepth: int) -> Values:
-    """Convert red, green, blue (n, 3) to coded components; `bitdepth` is that of the latter."""
+    """Convert red, green, blue (n, 3) to coded components of `bitdepth` bits."""
     red, green, blue = colours.T
     if matrix == BT709:
         r, g, b = (channel.astype(np.float64) for channel in (red, green, blue))

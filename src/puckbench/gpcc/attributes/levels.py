@@ -238,7 +238,6 @@ def _retain_distant(
     atlas: Atlas,
     is_retained: NDArray[np.bool_],
 ) -> None:
-    """Retain points whose distance from all retained ones exceeds 2^distance_log2 sqrt(3)."""
     if len(remaining) == 1:
         return
     clear(atlas)

@@ -88,7 +88,7 @@ def unweighted(scaled: int, root: int) -> int:
 
 
 def inverse_transform(levels: Levels, weights: Ints, transformed: Ints) -> None:
-    """Replace transformed values (n, components) by values with the same fractional bits."""
+    """Invert the lifting transform of values (n, components) in place."""
     sums = np.empty(len(weights), dtype=np.int64)
     updates = np.empty_like(transformed)
     for start, end in zip(levels.ends[:-1].tolist(), levels.ends[1:].tolist(), strict=True):
@@ -164,7 +164,6 @@ def quantise(
     last_component: Ints,
     coefficients: Coefficients,
 ) -> None:
-    """Write coefficients of transformed values (n, components); see `dequantise`."""
     layer, level = integer(0), integer(0)
     for i in range(len(coefficients)):
         layer, level, region = place_of(i, layer, level, ends, quantisers, order)

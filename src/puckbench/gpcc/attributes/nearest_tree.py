@@ -1,7 +1,6 @@
 """Binary tree of points for searches of nearest neighbours.
 
-Points are visited in the order of nanoflann, so that of equally near points the one of TMC13 is
-found.
+Points are visited in nanoflann's order, so that equally near points are chosen as in TMC13.
 """
 
 from __future__ import annotations
@@ -69,7 +68,9 @@ def search_stack() -> Stack:
 
 @entry
 def _build(tree: NearestTree, pending: Ints, boxes: Floats) -> None:
-    """Split nodes; `pending`: first and last + 1 row, and the node whose second child it is."""
+    """Split nodes; `pending`: a node's first row, last row + 1, and its parent if it is a second
+    child.
+    """
     height, count = 1, 0
     pending[0, 0], pending[0, 1], pending[0, 2] = 0, len(tree.rows), -1
     for side in range(6):

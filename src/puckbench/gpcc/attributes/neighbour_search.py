@@ -512,7 +512,6 @@ def _rank(k: int, centre: int, count: int) -> int:
 
 @inlined
 def _index(rank: int, centre: int, count: int, nearest: int, second: int) -> int:
-    """Return the index of a rank; -2 and -1 stand for `nearest` and `second`."""
     if rank < 0:
         return nearest if rank == -2 else second
     if rank == _FAR:
@@ -593,7 +592,7 @@ def nearest_neighbours(
     atlases: Atlases,
     work: int,
 ) -> int:
-    """Find the predictors of the points that `order` has in `part`, a level of detail.
+    """Find the predictors of the points `order[part]`, a level of detail.
 
     retained: points of coarser levels.
     bias: factors (3,) of distances.

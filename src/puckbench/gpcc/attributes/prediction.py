@@ -136,7 +136,9 @@ def is_mode_coded(values: Values, predictors: Predictors, tools: PredictionTools
 
 @inlined
 def predicted(values: Values, predictors: Predictors, i: int, k: int, mode: int) -> int:
-    """Return the prediction of a component: neighbour `mode` from 1, or 0 the weighted average."""
+    """Return the prediction of a component: the value of neighbour number `mode`, or for 0 the
+    average.
+    """
     count = integer(predictors.counts[i])
     if mode > count:
         return 0

@@ -124,5 +124,4 @@ def quantised(value: int, reciprocal: int) -> int:
 
 @inlined
 def halved_up(value: int, shift: int) -> int:
-    """Divide by 2^shift, and round halves up."""
     return (value + (1 << shift >> 1)) >> shift

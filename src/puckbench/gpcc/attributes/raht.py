@@ -67,7 +67,7 @@ def forward(codes: Ints, attributes: Rows, qps: Qps, thresholds: Thresholds) -> 
 
     Parameters
     ----------
-    codes : (n,) ascending Morton codes; equal ones in the order in which their points are decoded.
+    codes : (n,) ascending Morton codes; equal ones in decoding order.
     attributes : (n, c) with c = 1 or 3.
     qps : quantisation parameters, with the points in the order of `codes`.
     thresholds : numbers of neighbours, or None without prediction; see `prediction_thresholds`.
@@ -261,7 +261,7 @@ def _write_starts(joints: NDArray[np.uint8], height: int, starts: NDArray[np.int
 
 @compiled
 def _joints(codes: Ints) -> NDArray[np.uint8]:
-    """Return the height of the lowest node that holds each point and the next."""
+    """Return the height of the lowest common ancestor of each point and the next."""
     joints = np.empty(len(codes) - 1, dtype=np.uint8)
     for i in range(len(joints)):
         joints[i] = (66 - leading_zeros(codes[i] ^ codes[i + 1])) // 3
@@ -272,8 +272,8 @@ def _joints(codes: Ints) -> NDArray[np.uint8]:
 def _node_offsets(codes: Ints, offsets: Ints) -> Ints:
     """Return the mean offset of each node at its first point, as TMC13 rounds it.
 
-    Nodes are halved along an axis at a time. A node's offset takes the place of that of its lower
-    half, so that a node with the same first point as its parent has the parent's.
+    Nodes are halved along one axis at a time. A node's offset replaces that of its lower half,
+    which has the same first point.
     """
     means = offsets << _REGION_FRACTION
     firsts, joints = np.empty(65, dtype=np.int64), np.empty(65, dtype=np.int64)

@@ -150,7 +150,7 @@ class AttributeReader:
         return self._sps.attributes[header.attr_sps_attr_idx]
 
     def attributes(self, converted: bool) -> dict[str, Attribute]:
-        """Return values (n,) or (n, 3) by name; `converted`: colours are red, green, blue."""
+        """Return values (n,) or (n, 3) by name; colours are red, green, blue if `converted`."""
         result: dict[str, Attribute] = {}
         described = self._sps.attributes if self._sps else []
         for index, (attribute, parts) in enumerate(zip(described, self._values, strict=True)):
@@ -198,7 +198,6 @@ def decoded_attribute(
     attribute: AttributeDescription,
     atlases: Atlases,
 ) -> Values:
-    """Return values (n, components) of points in coded order; overwrite `coefficients`."""
     bits, _ = _shape(attribute)
     most = (1 << bits) - 1
     parameters = qps(aps, header, bits, points.coordinates(aps), points.axes)

@@ -64,7 +64,6 @@ def decode_coefficients(
 
 
 def encode_coefficients(values: Coefficients, contexts: Probabilities) -> bytes:
-    """Encode coefficients (n, components), and update `contexts`."""
     coder, done = encoder(64), 0
     while done < len(values):
         coder = enlarged(coder, _COEFFICIENT_BYTES * _CHUNK)

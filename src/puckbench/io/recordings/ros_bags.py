@@ -105,7 +105,6 @@ def _isolated(parse: Callable[..., ParsedFile], path: Path, **options: Any) -> P
 
 
 def parse_topics(path: Path, folder: str) -> ParsedFile:
-    """List the topics of a bag, with a folder for temporary files."""
     with _reading(path, folder):
         files, _ = _files(path, Path(folder))
         return ParsedFile({}, {"topics": _all_topics(_topics_of_files(files, Path(folder)))})

@@ -154,10 +154,10 @@ PLAN_TABLES = {"left_out": left_out, "codecs": codecs}
 
 @TABLES.register("scan_errors", title="Errors of the scans themselves", gathered=True)
 def scan_error_rows(files: Sequence[Path]) -> list[dict[str, Any]]:
-    """Each scan measured as if it had been decoded: distances.
+    """Distances of each scan, before coding, to the true surface (``truth_...``) and to the clean
+    scan of the same rays (``clean_...``).
 
-    ``truth_...``: to the true surface; ``clean_...``: to the clean scan of the same rays; in
-    squared units of the scaled cloud and in metres (``..._m``).
+    In squared units of the scaled cloud and in metres (``..._m``).
     """
     kept = (*CLOUD_KEYS, "scene", "group", "scale", FRAME)
     return [

@@ -51,7 +51,6 @@ def joined(join: Join, parts: Sequence[TableIndexes]) -> TableIndexes:
 
 
 def build_indexes(location: Int64s, scale: Int64s) -> TableIndexes:
-    """Choose tables from locations and scales in units of 2**-12."""
     step = UNIT_BITS - OFFSET_BITS
     offset = (location + (1 << step - 1)) >> step
     level = np.searchsorted(_scale_borders(), scale)

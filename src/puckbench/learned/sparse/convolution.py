@@ -52,7 +52,6 @@ def neighbourhood_of(
     pool: ThreadPool,
     device: torch.device | None = None,
 ) -> Neighbourhood:
-    """Return the neighbourhood of a neighbour table (27, n), for a device (by default the CPU)."""
     if device is None or device.type == "cpu":
         return Neighbourhood(CompiledGatherScatter(table), kernel_map, pool)
     return device_neighbourhood(table, kernel_map, pool, device)

@@ -110,7 +110,6 @@ class CompiledGatherScatter:
     def scatter_add(
         self, products: Segments, sums: Tensor, kernel_map: KernelMap, rows: slice
     ) -> None:
-        """Add products, in the memory layout of `segments`, to `sums`."""
         first = next((products[k] for k in kernel_map.order if products[k] is not None), None)
         if first is not None:
             chunk = self._chunk(kernel_map, rows)

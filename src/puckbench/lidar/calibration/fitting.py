@@ -208,7 +208,6 @@ def _curvature(deviance: Deviance, centre: Floats, inner: Sequence[int], steps: 
 def _profile(
     likelihood: RestrictedLikelihood, free: Sequence[str], best: Sigmas, name: str
 ) -> Estimate:
-    """Return the profile likelihood interval of a sigma; sigmas of other biases are refitted."""
     from scipy.optimize import brentq
 
     # The rays' sigma is thousands of times more precise, and fixed.

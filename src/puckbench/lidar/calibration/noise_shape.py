@@ -1,6 +1,6 @@
 """Distribution of ray noise, Gaussian or Laplace, and its kurtosis.
 
-Estimated from differences of successive returns of a laser on a surface, in which biases cancel.
+The differences between successive returns of a laser on a surface are free of biases.
 """
 
 from __future__ import annotations

@@ -48,7 +48,7 @@ def has_clouds(path: Path, topic: str | None = None) -> bool:
 
 
 def cloud_topic(path: Path, topic: str | None = None) -> tuple[str, Topic]:
-    """Return name and size of the named topic of clouds, or of a bag's only one."""
+    """Return name and size of the named topic of clouds, or of the only one."""
     with naming(path):
         topics = read_topics(path)
         name = choose_topic(topics, CLOUD_KINDS, topic)
@@ -58,7 +58,7 @@ def cloud_topic(path: Path, topic: str | None = None) -> tuple[str, Topic]:
 def read_cloud_messages(
     path: Path, topic: str | None, numbers: Sequence[int]
 ) -> list[CloudMessage]:
-    """Read messages of a topic of clouds by their numbers, sorted and from 0."""
+    """Read messages of a topic of clouds by their numbers, which are sorted and start at 0."""
     definitions = {COMPRESSED_POINT_CLOUD2: DEFINITION}
     bag = read_messages(path, CLOUD_KINDS, definitions, topic, numbers)
     columns_of = point_columns if bag.kind == POINT_CLOUD2 else decompressed_columns

@@ -166,8 +166,8 @@ class OusterSensor:
 
 
 def metadata_beside(recording: Path) -> Path | None:
-    """Return the JSON file named like a recording, with ``_0`` after it, or like the longest
-    beginning of its name.
+    """Return the JSON file with a recording's name, with ``_0`` added, or with the longest prefix
+    of the name.
     """
     stem = recording.stem
     names = (path for path in recording.parent.glob("*.json") if path.is_file())

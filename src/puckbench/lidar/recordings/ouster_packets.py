@@ -29,7 +29,7 @@ _HEAD = np.dtype([("hours", "<u4"), ("status", "<u4"), ("encoder", "<u4"), ("fra
 
 
 class Channel(NamedTuple):
-    """A field of pixels, for one kind of return, that is not part of a turn.
+    """A field of pixels, for one kind of return, that a turn does not store.
 
     `signal` is the index of the channel with the signal of a reflectivity's return, or None.
     """

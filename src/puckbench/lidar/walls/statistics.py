@@ -31,8 +31,8 @@ class RayNoise:
     """Standard deviation of range deviations between revolutions, in bins of laser and azimuth.
 
     `median_std_m` is the median of the bins' standard deviations. For Gaussian noise it is too
-    small, by 17 % with three revolutions and 4 % with ten. `sigma_m`, from the pooled variances, is
-    not.
+    small by 17 % with three revolutions and 4 % with ten, unlike `sigma_m`, from the pooled
+    variances.
     """
 
     median_std_m: float

@@ -45,8 +45,8 @@ def far(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def compared(table: pd.DataFrame) -> list[str]:
-    """Return `REAL`, if there are captures, and a virtual model: the table's first of `_VIRTUAL`,
-    else its first.
+    """Return the models to compare: `REAL`, if there are captures, and a virtual model, preferably
+    of `_VIRTUAL`.
     """
     models = [model for model in ordered_models(table["model"]) if model != REAL]
     preferred = [model for model in _VIRTUAL if model in models]

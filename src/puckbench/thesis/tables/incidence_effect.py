@@ -18,8 +18,8 @@ BINS = len(BIN_STDS_M)
 def incidence_table(residuals: pd.DataFrame) -> pd.DataFrame:
     """Mean and standard deviation of the plane residuals in ten bins of the angle of incidence.
 
-    The bins are those of thesis figure 5.15, beside the standard deviations of its real sensor.
-    Walls and floors nearer than 30 m.
+    Bins of thesis figure 5.15, beside the standard deviations of its real sensor. Walls and floors
+    nearer than 30 m.
     """
     near = residuals[residuals["distance_m"] < FAR_M]
     table = incidence_bins(near, BINS, highest_rad=LARGEST_RAD)
