@@ -32,8 +32,6 @@ _OVERDUE_S, _OVERDUE_FACTOR = 60.0, 5.0
 
 @dataclass
 class _Job:
-    """A running job, and how often it was reported as running longer than expected."""
-
     rule: str
     name: str
     began: float
@@ -138,7 +136,6 @@ class LogHandler(LogHandlerBase):
         self._watch_jobs()
 
     def _watch_jobs(self) -> None:
-        """Report jobs that run longer than expected; repeat this every 30 s."""
         for job in list(self._running.values()):
             running_s = time.monotonic() - job.began
             expected_s = max(1.0, self._job_s(job.rule))
@@ -215,7 +212,6 @@ class LogHandler(LogHandlerBase):
 
 
 def _tells_of_failed_job(record: logging.LogRecord) -> bool:
-    """Return whether a message only repeats that a job failed (see `LogEvent.JOB_ERROR`)."""
     message = record.getMessage()
     return (
         "CalledProcessError in file" in message

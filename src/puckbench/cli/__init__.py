@@ -83,8 +83,6 @@ def _parser(words: Sequence[str]) -> tuple[argparse.ArgumentParser, str | None]:
 
 
 class _Parser(argparse.ArgumentParser):
-    """An argument parser that raises errors as `InputError` instead of exiting."""
-
     def error(self, message: str) -> NoReturn:
         name = self.prog.removeprefix("puckbench").strip()
         raise InputError(f"{name}: {message}" if name else message)

@@ -192,7 +192,6 @@ def _outputs(path: Path, rest: Path | None) -> OutputJobs:
 
 
 def _configuration(options: argparse.Namespace) -> tuple[Path, list[str]]:
-    """Return the configuration file, created if necessary, and further arguments of Snakemake."""
     if options.study:
         return _study_configuration(options), []
     if options.datasets:

@@ -19,7 +19,6 @@ class Model(BaseModel):
     )
 
     def replaced(self, **changes: Any) -> Self:
-        """Return a checked copy with some values replaced."""
         return type(self).model_validate({**dict(self), **changes})
 
 
@@ -71,7 +70,6 @@ class _Fault:
 
     @classmethod
     def of(cls, error: ValidationError, values: Mapping[str, Any], model: Any) -> _Fault:
-        """Return the most deeply nested fault in a validation error of pydantic."""
         faults = [(_place(each["loc"], values, each["type"]), each) for each in error.errors()]
         where, first = max(faults, key=lambda item: (len(item[0]), item[1]["type"] != "missing"))
         allowed = dict.fromkeys(_allowed(each) for place, each in faults if place == where)

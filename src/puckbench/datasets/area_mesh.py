@@ -101,7 +101,6 @@ def class_of(material: str) -> str:
 
 
 def room_of(material: str) -> str | None:
-    """Return the room ("office_6") in the name of a material."""
     match = _MATERIAL.fullmatch(material)
     return match[2] if match else None
 

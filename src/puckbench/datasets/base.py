@@ -117,7 +117,6 @@ def freeform_labels(object_id: NDArray[np.int32], objects: Iterable[SceneObject]
 
 
 def numbered_objects(classes: Iterable[str]) -> tuple[SceneObject, ...]:
-    """Return an object for each class name, named chair_1, chair_2, table_1, ..."""
     counts: Counter[str] = Counter()
     objects = []
     for name in classes:

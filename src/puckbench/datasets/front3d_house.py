@@ -35,8 +35,6 @@ class _Pose:
 
 @dataclass(frozen=True)
 class _PlacedItem:
-    """A surface of a house, or a piece of furniture with the id of its 3D-FUTURE model."""
-
     semantic: str
     pose: _Pose
     model: str | None = None

@@ -215,7 +215,6 @@ def _code_by_angles(
     coded: Ints,
     bits_left: Ints,
 ) -> None:
-    """Encode or decode x or y without contexts, then the rest with contexts of angular mode."""
     x, y, z = node_corner(angular, node.morton, node.node_size_log2)
     direct = integer(abs(x) <= abs(y))
     if pair and node.joint_2pt_idcm:

@@ -197,7 +197,6 @@ def quantised(value: int, qp: int) -> int:
 def _decided(
     contexts: Probabilities, tools: Tools, state: EncoderState, node: int
 ) -> tuple[bool, Choice]:
-    """Return whether any prediction's residual can be coded, and the cheapest prediction."""
     before = ancestors(state.tree.parents, node)
     best = _predict(tools, state, node, before, NONE)
     fits = _is_representable(tools, best.residual)

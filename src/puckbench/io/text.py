@@ -234,7 +234,6 @@ def _without_pandas_header(columns: list[NDArray[Any]]) -> list[NDArray[Any]]:
 
 
 def _counts_points(columns: list[NDArray[Any]]) -> bool:
-    """Whether more columns than coordinates begin with consecutive integers among fractions."""
     first, second = columns[:2]
     return (
         len(columns) > _MIN_NUMBERS < len(first)

@@ -134,7 +134,6 @@ class Decode(Decoding):
 
 
 def _check_place(decoded: PointCloud, original: PointCloud, fault: str) -> None:
-    """Raise InputError if decoded points lie far outside the box of the original ones."""
     low, high = bounds(original.xyz)
     margin = (high - low).max()
     if (decoded.xyz < low - margin).any() or (decoded.xyz > high + margin).any():
@@ -155,9 +154,6 @@ def _models(paths: tuple[Path, ...]) -> tuple[_Model | None, _Model | None]:
 def _with_attributes(
     decoded: PointCloud, original: PointCloud, rows: NDArray[np.int64]
 ) -> PointCloud:
-    """Give decoded points the attributes of rows of the original (0 for -1), except decoded
-    ones.
-    """
     picked = original.select(np.maximum(rows, 0))
     for values in (picked.normals, picked.colours, picked.labels, *picked.fields.values()):
         if values is not None:

@@ -63,7 +63,6 @@ def measured_encoding(
 
 
 def _attribute_columns(codec: Codec, cloud: PointCloud, stream: bytes) -> dict[str, Any]:
-    """Return bits per point of positions and attributes, and the names of uncoded attributes."""
     columns: dict[str, Any] = {}
     if sizes := codec.attribute_bytes(stream) if codec.attributes else {}:
         parts = {"geometry": len(stream) - sum(sizes.values()), **sizes}

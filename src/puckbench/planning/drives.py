@@ -66,7 +66,6 @@ class DriveJobs:
 
     @cached_property
     def curves(self) -> tuple[tuple[str, str, str], ...]:
-        """Entry, drive and codec of all curves."""
         failed = self.plan.config.failed
         names = (
             (name, drive, codec)

@@ -23,7 +23,6 @@ def snakefile() -> Path:
 def snakemake_command(
     config: Path, cores: int | None, *more: str, over: Path | None = None
 ) -> list[str]:
-    """Return the command that runs the workflow; the file `over` overrides the configuration."""
     words = [sys.executable, "-m", "snakemake", *more]
     words += [] if "--logger" in more else ["--logger", "puckbench"]
     words += ["--snakefile", str(snakefile()), "--cores", "all" if cores is None else str(cores)]

@@ -61,7 +61,6 @@ def shown_rates(plan: Plan, dataset: str, cloud: str, codec: str) -> tuple[str, 
 
 
 def spread_out(names: Sequence[str], count: int) -> list[str]:
-    """Return `count` evenly spaced names; if it is 1, the middle one."""
     if count >= len(names):
         return list(names)
     if count == 1:

@@ -110,7 +110,6 @@ def encode(
 
 
 def _without_surplus(surface: CodedSurface, voxels: CodedVoxels, count: int) -> CodedSurface:
-    """Reduce the surface's points until a hybrid has at most about `count` points."""
     xyz = surface.decoded().xyz
     distances = _centre_distances(xyz, voxels.grid, voxels.groups.cells)
     kept = int(np.count_nonzero(16 * distances < _KEEP_DISTANCES[-1]))

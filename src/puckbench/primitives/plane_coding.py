@@ -200,9 +200,6 @@ def _decide_plane(
     max_extent_log2: int,
     indices: Ints,
 ) -> tuple[int, int]:
-    """Return the cheapest candidate's index (their count for a new plane), and a new plane's
-    extent.
-    """
     plane = np.empty(4)
     extent_log2, bits = _quantise_region_plane(
         geometry, moments[1], leaves, candidates, cube, max_extent_log2, indices, plane

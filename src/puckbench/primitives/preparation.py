@@ -77,7 +77,6 @@ def axis_aligned_column_size(cloud: PreparedCloud) -> float:
 
 
 def _smoothed_surface(points: Floats, noise: float, settings: PrimitiveSettings) -> SurfaceSamples:
-    """Return smoothed samples, one per cell of a grid whose cells hold a few points each."""
     target_spacing = max(_SPACING_PER_COLUMN * settings.column_size, _SPACING_PER_NOISE * noise)
     # Spacings are powers of sqrt(2), so that no rate has larger cells than a lower rate.
     octaves = np.log2(max(_DEFAULT_SPACING / target_spacing, 1.0))

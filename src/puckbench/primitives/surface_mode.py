@@ -246,9 +246,6 @@ def _fit_revolutions(
 def _plan_octree(
     surface: SurfaceSamples, settings: PrimitiveSettings, column_side: float
 ) -> tuple[SurfaceHeader, list[PlaneOctreeLevel]]:
-    """Return a header without placement, density and surfaces of revolution, and the octree's
-    levels.
-    """
     shape = np.floor(surface.xyz.max(axis=0)).astype(np.int64) + 1
     depth = (int(shape.max()) - 1).bit_length()
     finest = max(depth - round(np.log2(max(settings.min_leaf_size / column_side, 1))), 0)
@@ -328,7 +325,6 @@ def _occupancy_criterion(
 
 
 def _point_spacing(patches: Patches, max_points: int) -> int | None:
-    """Return the smallest spacing with 1 to `max_points` points, or None if there is none."""
     most = min(max_points, MAX_POINTS)
     low, high = MIN_POINT_SPACING - 1, MAX_POINT_SPACING
     while high - low > 1:

@@ -239,8 +239,8 @@ def _code_occupancy(
 
 @compiled_in_place
 def _child_state(level_states: tuple[Bytes, Bytes], x: int, y: int, z: int) -> int:
-    """Return the state of a finer node: 0 empty, 2 occupied, 1 unknown (its parent is coded
-    later).
+    """Return the state of a finer node: 0 empty, 1 unknown (its parent is coded later), 2
+    occupied.
     """
     states, child_states = level_states
     if min(x, y, z) < 0 or x + 2 >= child_states.shape[0]:

@@ -130,7 +130,6 @@ def _code_images(
     kind: OusterKind, state: _State, turn: Turn, images: list[Words], widths: list[int],
     parts: Parts, effort: Effort,
 ) -> None:  # fmt: skip
-    """Encode or decode the images of all channels; signals first, which reflectivities need."""
     azimuths, layout = turn.azimuths.astype(np.int64), kind.layout
     nearest = nearest_columns(azimuths, state.azimuths, layout)
     ranges = [padded(image) for image in by_elevation(turn.ranges, layout)]

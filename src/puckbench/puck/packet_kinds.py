@@ -38,6 +38,8 @@ Kind = PacketKind | OusterKind
 
 
 class PacketFormat(NamedTuple):
+    """How to find packets in bytes: pieces of these lengths, with `hole` bytes between them."""
+
     pieces: list[int]
     hole: int
     find: Callable[[Payloads], NDArray[np.int64]]

@@ -82,7 +82,9 @@ class RangeModel(NamedTuple):
 
 
 class ModelSize(NamedTuple):
-    """Sizes of the models at an effort: they use the first of all features, experts and contexts."""
+    """Sizes of the models at an effort: they use the first of all features, experts and
+    contexts.
+    """
 
     features: int
     experts: int

@@ -315,8 +315,6 @@ class _PacketEncoder:
 
 
 class _RecordingWriter:
-    """Writes the bytes of a restored file, and inserts page links if it is an SQLite file."""
-
     def __init__(self, stream: IO[bytes], limits: _Limits) -> None:
         self._stream, self._limits = stream, limits
         self.checksum, self.size = 0, 0
@@ -404,8 +402,6 @@ def _all_ranges(source: IO[bytes]) -> int:
 
 
 class _PacketDecoder:
-    """Decodes turns to packets, and keeps the packets until the bytes between them are decoded."""
-
     def __init__(self) -> None:
         self._packets: PacketsDecoder | None = None
         self._waiting: list[tuple[Payloads, list[int]]] = []

@@ -263,7 +263,6 @@ Parts = PartWriter | PartReader
 def _code_turn(
     state: _State, turn: Turn, flags: int, parts: Parts
 ) -> tuple[_CodedTurn, NDArray[np.uint32] | None]:
-    """Encode or decode the parts of a turn; when decoding, only the shapes of its arrays matter."""
     azimuths = turn.azimuths.astype(np.int64)
     state.azimuths = _code_numbers(state.azimuths, azimuths, parts)
     previous = None if state.previous is None else state.previous.azimuths

@@ -27,7 +27,9 @@ _OTHERWISE = "does not apply"
 
 
 def column_dictionary(table: pd.DataFrame) -> pd.DataFrame:
-    """Return a row for each column of a table: meaning, unit, number of missing values and reason."""
+    """Return a row for each column of a table: meaning, unit, number of missing values and
+    reason.
+    """
     import pandas as pd
 
     names, registered = [str(name) for name in table], metric_columns()

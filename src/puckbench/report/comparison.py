@@ -143,7 +143,6 @@ def _check_qualities(
 def _check_rates(
     run_rows: pd.DataFrame, reference_rows: pd.DataFrame, qualities: Sequence[str]
 ) -> None:
-    """Raise InputError if a codec lacks a rate, or a value at a rate, on a cloud."""
     for (dataset, codec), rows in run_rows.groupby(["dataset", "codec"], sort=False):
         rates = list(dict.fromkeys(rows["rate"]))
         if len(rates) < MIN_POINTS:
@@ -196,7 +195,6 @@ def _deltas(
 
 
 def _judged(rows: pd.DataFrame) -> pd.DataFrame:
-    """Add ``lossless`` (no error) and the peak of the PSNRs, which tables of older runs lack."""
     table = with_peaks(rows).assign(**{LOSSLESS: lossless_rows(rows)})
     return table if PEAK in table else table.assign(**{PEAK: nan})
 

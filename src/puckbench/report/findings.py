@@ -71,8 +71,6 @@ class FindingsColumn:
 
 @dataclass(frozen=True)
 class DatasetFindings:
-    """The best codecs of a data set in words, by group of columns, and the values of all codecs."""
-
     title: str
     clouds: int
     best: Mapping[str, str]

@@ -197,9 +197,7 @@ def _write(path: Path, rows: pd.DataFrame, about: Mapping[str, Any]) -> None:
 
 
 def _write_small(path: Path, table: Any, metadata: Mapping[Any, Any]) -> None:
-    """Write an Arrow table to a small file: only text is dictionary encoded, floats are split by
-    byte.
-    """
+    """Write an Arrow table to a small file: dictionary encoded text, floats split by byte."""
     import pyarrow as pa
     from pyarrow import parquet
 

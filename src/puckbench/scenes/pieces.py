@@ -100,7 +100,6 @@ def build_mesh(pieces: Sequence[Piece]) -> Mesh:
 
 
 def _distinct(surface: Surface) -> tuple[Ints, list[Primitive]]:
-    """Return the distinct primitives of a surface, and the index into them for each shape, (s,)."""
     numbers: dict[tuple[Shape, bytes], int] = {}
     primitives: list[Primitive] = []
     index = np.empty(len(surface.shapes), dtype=np.int64)

@@ -165,7 +165,9 @@ def _signed(magnitude: int, value: int) -> int:
 
 @inlined
 def _take_mode(coefficients: Coefficients, i: int, modes: int) -> int:
-    """Remove the mode from the low bits of a magnitude, and return it."""
+    """Remove the mode from the low bits of a magnitude (of two, in `_take_mode_of_signs`), and
+    return it.
+    """
     value = integer(coefficients[i, 0])
     magnitude = abs(value)
     mode = integer(0)
@@ -181,7 +183,6 @@ def _take_mode(coefficients: Coefficients, i: int, modes: int) -> int:
 
 @inlined
 def _take_mode_of_signs(coefficients: Coefficients, i: int, modes: int) -> int:
-    """Remove the mode from the lowest bits of the second and third magnitude, and return it."""
     second, third = integer(coefficients[i, 1]), integer(coefficients[i, 2])
     if modes < 2 or modes > 4:
         return 0
@@ -259,7 +260,6 @@ def _quantise_point(
 
 @inlined
 def _put_mode(coefficients: Coefficients, i: int, tools: PredictionTools, mode: int) -> None:
-    """Insert a mode into magnitudes; inverse of `_take_mode` and `_take_mode_of_signs`."""
     modes = tools.direct + 1 - tools.average_disabled
     if coefficients.shape[1] == 1:
         value = integer(coefficients[i, 0])

@@ -251,7 +251,6 @@ def _search_range(option: int) -> int:
 def _coordinate_scale(
     gps: GeometryParameterSet, extent: Sequence[int], most_log2: int
 ) -> list[int]:
-    """Return the factors of radius, azimuth and laser for which all have the same range."""
     x, y, _ = gps.gps_angular_origin_xyz
     radius = max(abs(x), abs(extent[0] - x), abs(y), abs(extent[1] - y))
     turn = _TURN

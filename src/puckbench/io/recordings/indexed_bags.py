@@ -14,7 +14,6 @@ from puckbench.io.recordings.topics import BagFile, Topic, Topics
 
 @contextmanager
 def indexed_bag(path: Path) -> Iterator[BagFile]:
-    """Open a file, whose name ends in .bag or .mcap."""
     from rosbags.rosbag1 import Reader as Reader1
     from rosbags.rosbag2 import Reader as Reader2
 
@@ -65,7 +64,6 @@ def _messages(reader: Any, topic: str, numbers: Sequence[int] | None) -> Iterato
 
 
 def _starts(reader: Any, ids: set[int]) -> tuple[list[int | None], list[int]]:
-    """Return times from which a bag can be read, and the numbers of messages before them."""
     if hasattr(reader, "indexes"):
         times = sorted(entry.time for each in ids for entry in reader.indexes[each])
         instants = sorted(set(times))

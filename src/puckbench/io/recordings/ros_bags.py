@@ -62,7 +62,6 @@ def is_bag(path: Path) -> bool:
 
 
 def read_topics(path: Path) -> Topics:
-    """Return the topics of a bag; raise InputError if it is damaged."""
     topics = _isolated(parse_topics, path).about["topics"]
     return {name: Topic(*topic) for name, topic in topics.items()}
 

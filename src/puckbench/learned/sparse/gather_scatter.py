@@ -205,7 +205,6 @@ def segments(buffer: Tensor, layout: PairLayout, width: int) -> Segments:
 
 
 def _flat(features: Tensor) -> tuple[Any, int, int]:
-    """Return a flat view that begins at the first feature, and the strides of both axes."""
     flat = features.as_strided((_elements_after(features),), (1,), features.storage_offset())
     return flat.numpy(), features.stride(0), features.stride(1)
 

@@ -118,8 +118,6 @@ def _calibrated(tables: Sequence[pd.DataFrame], settings: CalibrationOptions) ->
 
 
 class _Blocks:
-    """Histograms (blocks, bins) of residuals, one for each replicate, wall and laser."""
-
     def __init__(self, counts: Floats) -> None:
         self.counts = counts
         self.total = counts.sum(axis=0)
