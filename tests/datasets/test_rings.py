@@ -214,7 +214,7 @@ def test_a_laser_is_found_from_sixteen_returns() -> None:
 def test_a_laser_that_never_returns_when_the_others_do_is_not_found() -> None:
     known = with_few(50)
     known.turns[0].ranges[0, 15:50, 16] = 0
-    with pytest.raises(InputError, match="a laser that hardly returns when the others do"):
+    with pytest.raises(InputError, match="a laser that rarely returns when the others do"):
         recovered_firings(firings(known), "HDL-32E")
 
 

@@ -206,7 +206,7 @@ def test_options_of_a_data_class_of_ones_own_are_checked(
 def test_a_class_without_options_to_read_is_named(tmp_path: Path) -> None:
     (path := tmp_path / "mine.py").write_text("class Mine:\n    pass\n")
     trust([f"{path}:Mine"])
-    with pytest.raises(InputError, match="Mine is no data class and no pydantic model"):
+    with pytest.raises(InputError, match="Mine is neither a data class nor a pydantic model"):
         open_scene_set(f"{path}:Mine", {})
 
 

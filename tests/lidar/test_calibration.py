@@ -339,7 +339,7 @@ def test_tables_that_cannot_tell_are_refused(change, fault: str) -> None:  # typ
 
 def test_one_ray_does_not_tell_a_plane() -> None:
     one_ray = residuals(13).iloc[[0] * 200]
-    with pytest.raises(InputError, match="do not tell the planes from the biases"):
+    with pytest.raises(InputError, match="cannot separate the planes from the biases"):
         calibrate([one_ray], CalibrationOptions(parameters=("ray_sigma_m",)))
 
 

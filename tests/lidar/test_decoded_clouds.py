@@ -104,7 +104,7 @@ def test_a_laser_is_a_whole_number_that_the_sensor_has(
     tmp_path: Path, column: str, laser: str
 ) -> None:
     (tmp_path / "a.csv").write_text(f"x,y,z,{column}\n1,2,3,15\n1,2,3,{laser}\n")
-    with pytest.raises(InputError, match=f"column {column} has a value that is no laser"):
+    with pytest.raises(InputError, match=f"column {column} has a value that is not a laser"):
         read_recording(tmp_path / "a.csv")
 
 
@@ -120,7 +120,7 @@ def test_an_interval_of_a_cloud_is_taken_by_time(tmp_path: Path) -> None:
         ("a.csv", b"x,y,z\n1,2,3\n", "no laser column"),
         ("a.csv", b"x,y,ring\n1,2,3\n", "no column z"),
         ("a.csv", b"x,y,z,ring\n1,2,oops,3\n", "column z has 'oops'"),
-        ("a.csv", b"x,y,z,ring\n1,2,3,16\n", "column ring has a value that is no laser"),
+        ("a.csv", b"x,y,z,ring\n1,2,3,16\n", "column ring has a value that is not a laser"),
         ("a.csv", b"x,y,z,ring\n1,2,,1\n1,2,3,1\n", "not finite"),
         ("a.csv", b"x,y,z,ring\n", "the cloud is empty"),
         ("a.ply", b"ply\nformat oops\n", "not a readable PLY"),

@@ -120,5 +120,5 @@ def test_the_cost_of_a_process_counts_what_it_waited_for() -> None:
 
 
 def test_a_folder_without_a_run_is_named(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="no logs of finished jobs there"):
+    with pytest.raises(InputError, match="no logs of finished jobs"):
         read_job_times(tmp_path)

@@ -296,7 +296,7 @@ def test_an_edited_configuration_is_kept() -> None:
     write_configuration(path, made("mine/b.xyz"), "puckbench run mine/b.xyz")
     path.write_text(path.read_text() + "seed: 7\n")
     assert yaml.safe_load(path.read_text())["seed"] == 7
-    with pytest.raises(InputError, match=r"has been edited: run that \(puckbench run out/config"):
+    with pytest.raises(InputError, match=r"was edited: run it \(puckbench run out/config"):
         write_configuration(path, made("mine/a.npy"), "puckbench run mine/a.npy")
 
 

@@ -84,7 +84,7 @@ def build_room(
         else:
             placed.append((item, y_up_to_z_up(item.pose.apply(surface[0])), surface[1]))
     if not placed:
-        raise InputError(f"{what}: nothing of the room has a surface")
+        raise InputError(f"{what}: no item of the room has a surface")
     house_points = [points for item, points, _ in placed if item.model is None]
     box = (
         np.stack([np.vstack(house_points).min(axis=0), np.vstack(house_points).max(axis=0)])

@@ -32,7 +32,9 @@ def options_model(loader_class: type, what: str) -> type[pydantic.BaseModel]:
     if issubclass(loader_class, pydantic.BaseModel):
         return loader_class
     if not is_dataclass(loader_class):
-        raise InputError(f"{what}: {loader_class.__name__} is no data class and no pydantic model")
+        raise InputError(
+            f"{what}: {loader_class.__name__} is neither a data class nor a pydantic model"
+        )
     try:
         hints = get_type_hints(loader_class, include_extras=True)
     except NameError as error:

@@ -141,8 +141,8 @@ def azimuth_ctx(left: int, right: int, contrast: int) -> int:
 
 @inlined
 def elevation_ctx(difference: int, half_height: int) -> int:
-    """Return the context of a bit that selects a half of a node along z; difference: laser minus
-    node middle.
+    """Return the context of a bit that selects a half of a node along z; `difference` is the
+    laser's elevation minus that of the node's middle.
     """
     context = 0 if difference >= 0 else 1
     if int32(difference - half_height) >= 0 or int32(difference + half_height) < 0:

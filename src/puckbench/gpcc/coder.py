@@ -221,7 +221,7 @@ def checked_points(points: NDArray[Any]) -> tuple[Ints, Ints]:
         raise InputError("G-PCC: no points to code")
     whole = np.ascontiguousarray(points, dtype=np.int64)
     if points.dtype.kind not in "iu" and not (whole == points).all():
-        raise InputError("G-PCC: coordinates are no whole numbers: scale and round them first")
+        raise InputError("G-PCC: coordinates are not integers: scale and round them first")
     points = whole
     low, high = bounding_corners(points)
     if (high - low >= 1 << MOST_BITS).any():

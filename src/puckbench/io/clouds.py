@@ -201,7 +201,7 @@ def _read_columns(path: Path, bin_columns: str | None, convert: bool) -> Columns
 def _check_kind(path: Path, suffix: str) -> None:
     head = b"" if path.is_dir() else read_content(path, _HEAD_BYTES)
     if head.lstrip().lower().startswith((b"<!doctype html", b"<html")):
-        raise InputError(f"{path}: a page of the web (HTML), not the file: download it again")
+        raise InputError(f"{path}: an HTML page, not the file: download it again")
     if suffix not in SUFFIXES and not head.startswith(b"ply"):
         raise InputError(f"{path}: not a point cloud by its name ({', '.join(SUFFIXES)})")
 

@@ -218,7 +218,7 @@ def _with_default_names(
         raise InputError(f"not a table of numbers (a line begins {first[:40]!r})")
     points = _without_pandas_header(columns)
     if points is not columns:
-        _log.warning("%s: its first line numbers the columns, and is no point", path)
+        _log.warning("%s: its first line numbers the columns, and is not a point", path)
     if _counts_points(points):
         raise InputError("its first column counts the points: name the columns in its first line")
     return list(default_columns(np.column_stack(points))), points

@@ -142,7 +142,7 @@ class MeasureDrive(TimedJob):
     def _decoded(self, drive: Drive, coded: CodedDrive) -> dict[str, Any]:
         name, record = str(self.codec), coded.record
         if len(coded.streams) != len(drive.turns):
-            raise InputError(f"{len(coded.streams)} coded turns of {len(drive.turns)}")
+            raise InputError(f"{len(coded.streams)} coded turns for a drive of {len(drive.turns)}")
         codec: Codec = self.loaded(name)
         with noting(f"rate {record.get('rate', '?')}"):
             timed = measured(lambda: [*map(codec.decode_cloud, coded.streams)], self.repeats)

@@ -95,7 +95,7 @@ def weights_file(where: str) -> Path:
     """Return the only file of `weights_files`; raise InputError if there is not exactly one."""
     paths = weights_files(where)
     if len(paths) != 1:
-        raise InputError(f"{where}: not one file of weights but {len(paths)}")
+        raise InputError(f"{where}: {len(paths)} files of weights, expected one")
     return paths[0]
 
 

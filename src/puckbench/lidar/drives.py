@@ -70,7 +70,9 @@ class Drive:
     def __post_init__(self) -> None:
         if len(self.turns) < 2 or len(self.starts) != len(self.turns):
             count, times = len(self.turns), len(self.starts)
-            raise InputError(f"a drive of {count} turns and {times} times: at least two, and equal")
+            raise InputError(
+                f"{count} turns and {times} times: a drive has a time for each of two or more turns"
+            )
         check_times(self.starts)
         end = self.starts[-1] + self.turn_s
         if self.pose_times[0] > self.starts[0] + self.turn_s / 2 or (

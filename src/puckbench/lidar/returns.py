@@ -141,7 +141,7 @@ class Returns:
             raise InputError(f"{self.beams.lasers} beams for {self.layout.lasers} lasers")
         more = (self.beams.azimuths_deg, self.beams.sideways_mm, self.beams.radial_mm)
         if any(len(values) not in (0, self.layout.lasers) for values in more):
-            raise InputError("azimuths or offsets of other lasers than the layout's")
+            raise InputError("azimuths or offsets are not one for each laser of the layout")
         for turn in self.turns:
             check_turn(turn, self.layout)
 

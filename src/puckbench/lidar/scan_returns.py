@@ -40,7 +40,7 @@ def returns_of_scan(table: ScanTable, clean: bool = False) -> ScanReturns:
     if not np.isclose(hertz, sweep.frames_per_second, rtol=1e-9):
         raise InputError(
             f"the scan has {sweep.frames_per_second:g} frames a second, and the sensor turns "
-            f"{hertz:g} times: returns are taken of frames that are whole turns"
+            f"{hertz:g} times: frames must be whole turns"
         )
     firing: Firing = "sequential" if sweep.timing == "firing" else "simultaneous"
     beams = Beams.of(sensor, firing, is_virtual=True)

@@ -134,7 +134,7 @@ def read_job_times(run: Path) -> list[JobTime]:
     logs = [log for folder in _log_folders(run) for log in sorted(folder.rglob("*.log"))]
     times = [_job_time(log, cost) for log in logs if (cost := read_cost(log))]
     if not times:
-        raise InputError(f"{run}: no logs of finished jobs there (results/logs)")
+        raise InputError(f"{run}: no logs of finished jobs (results/logs)")
     return times
 
 

@@ -448,7 +448,7 @@ def write_configuration(path: Path, config: Mapping[str, Any], command: str) -> 
     body = f"# {command}\n{yaml_text(dict(config))}"
     if path.exists() and not _is_as_made(path):
         raise InputError(
-            f"{path}: has been edited: run that (puckbench run {path}), or take another --out"
+            f"{path}: was edited: run it (puckbench run {path}), or choose another --out"
         )
     write_bytes(path, f"{_MARK} ({_digest(body)}); yours to edit.\n{body}".encode())
 

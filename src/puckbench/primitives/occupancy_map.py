@@ -133,7 +133,9 @@ def _decide_columns(
 def _column_gain(
     plane: Floats, axis: int, a: int, b: int, criterion: OccupancyCriterion, p: Floats
 ) -> float:
-    """Return a column's reduction of the distortion, sampled at four points; `p` (3,) is scratch."""
+    """Return a column's reduction of the distortion, sampled at four points; `p` (3,) is
+    scratch.
+    """
     gain = 0.0
     for k in range(4):
         p_u, p_v = a + 0.25 + 0.5 * (k & 1), b + 0.25 + 0.5 * (k >> 1)

@@ -112,7 +112,7 @@ class _Limits:
     def check(self, number: int, most: int, what: str) -> None:
         if number > most and not self.trusted:
             raise InputError(
-                f"{number} {what} in {self.size} bytes: more than they may hold; if you trust the "
+                f"{number} {what} in {self.size} bytes: more than they can hold; if you trust the "
                 "file, restore it with puckbench decompress --trusted"
             )
 

@@ -41,7 +41,7 @@ def check_ranges(ranges: int, size: int) -> None:
     memory.
     """
     if ranges > most_ranges(size):
-        raise InputError(f"{ranges} ranges in {size} bytes: more than they may hold")
+        raise InputError(f"{ranges} ranges in {size} bytes: more than they can hold")
 
 
 def encode_turns(

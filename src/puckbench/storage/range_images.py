@@ -143,7 +143,7 @@ def _numbers(reader: Reader) -> tuple[int, int, list[int]]:
 def _check_pixels(pixels: int, body: bytes) -> None:
     """Raise InputError if there are implausibly many pixels, before memory is allocated."""
     if pixels > min(_FEW_PIXELS + _PIXELS_PER_BYTE * len(body), most_points(len(body))):
-        raise InputError(f"{pixels} pixels in {len(body)} bytes: more than they may hold")
+        raise InputError(f"{pixels} pixels in {len(body)} bytes: more than they can hold")
 
 
 def _images(turn: Turn, layout: Layout, quanta: int) -> list[Ranges]:

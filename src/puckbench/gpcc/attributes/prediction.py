@@ -165,9 +165,7 @@ def _signed(magnitude: int, value: int) -> int:
 
 @inlined
 def _take_mode(coefficients: Coefficients, i: int, modes: int) -> int:
-    """Remove the mode from the low bits of a magnitude (of two, in `_take_mode_of_signs`), and
-    return it.
-    """
+    """Remove the mode from the low bits of a magnitude, and return it."""
     value = integer(coefficients[i, 0])
     magnitude = abs(value)
     mode = integer(0)

@@ -588,7 +588,7 @@ def _transform_duplicates(
     layer: Ints,
     reconstruction: Rows,
 ) -> None:
-    """Transform the points of each position, of which the last is split off first."""
+    """Transform the points at each position, splitting off the last point first."""
     for node in range(len(nodes.counts)):
         start = integer(nodes.starts[node])
         weight = nodes.starts[node + 1] - start

@@ -183,7 +183,7 @@ def _checked(
     if attribute.scaling:
         whole = coded_values(whole, attribute.scaling)
     if (whole.reshape(values.shape) != values).any() and not attribute.scaling:
-        raise InputError(f"G-PCC: '{name}' has values that are not whole numbers")
+        raise InputError(f"G-PCC: '{name}' has values that are not integers")
     if whole.min(initial=0) < 0 or whole.max(initial=0) >> bits - ycgco:
         below = " after attr_scale, or below attr_offset" if attribute.scaling else ""
         raise InputError(f"G-PCC: '{name}' has values of more than {bits - ycgco} bits{below}")

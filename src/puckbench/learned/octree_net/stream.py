@@ -126,8 +126,8 @@ def _check(parts: Sequence[CodedPart]) -> None:
     for part in parts:
         max_voxels = min(MAX_VOXELS, 65536 + _MAX_VOXELS_PER_BYTE * len(part.symbols))
         if not 0 < part.count <= max_voxels or part.levels >= AXIS_BITS:
-            raise InputError("the stream is damaged, or promises too much (its number of voxels)")
+            raise InputError("the stream is damaged (too many voxels for its size)")
     voxels = sum(part.count for part in parts)
     max_voxels = _TOTAL + _TOTAL_PER_BYTE * sum(len(part.symbols) for part in parts)
     if voxels > min(max_voxels, _MAX_TOTAL) or len(parts) != -(-voxels // MAX_VOXELS):
-        raise InputError("the stream is damaged, or promises too much (its number of voxels)")
+        raise InputError("the stream is damaged (too many voxels for its size)")

@@ -69,7 +69,7 @@ def write_stream(content: Pcgcv1Stream) -> bytes:
     body += b"".join(map(base_128, numbers)) + b"".join(parts)
     body += b"".join(map(_batch_bytes, content.batches))
     if content.cubes > _max_cubes(body):
-        raise InputError("too many cubes with too little in them")
+        raise InputError("too many cubes")
     return _FRAMING.framed(body)
 
 

@@ -107,4 +107,4 @@ def max_nodes(tree: CodedTree) -> int:
 def check_work(tree: CodedTree, nodes: int) -> None:
     """Raise InputError if decoding a tree with `nodes` voxels takes too long for its size."""
     if nodes > max_nodes(tree) or tree.count > 8 * max_nodes(tree):
-        raise InputError("more voxels than a stream of its size may have")
+        raise InputError("the stream is damaged (too many voxels for its size)")

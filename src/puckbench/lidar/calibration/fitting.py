@@ -64,7 +64,7 @@ def _check_features(seen: Observations, chosen: Sequence[int]) -> None:
     features = seen.features[:, chosen]
     if np.linalg.cond(features / np.linalg.norm(features, axis=0)) > _MOST_CONDITION:
         raise InputError(
-            "the residuals do not tell incidence from range: leave ray_incidence_m or ray_range out"
+            "the residuals cannot separate incidence from range: omit ray_incidence_m or ray_range"
         )
 
 

@@ -144,4 +144,4 @@ class RestrictedLikelihood:
         )
 
 
-_NOT_TOLD = "the residuals do not tell the planes from the biases: more lasers are needed"
+_NOT_TOLD = "the residuals cannot separate the planes from the biases: more lasers are needed"

@@ -71,7 +71,7 @@ class Calibrated(ErrorModel):
         if isinstance(file, str):
             parameters = {**read_parameters(file), **parameters}
         if "ray_sigma_m" not in parameters:
-            raise InputError("needs a model file, or ray_sigma_m and what else is not zero")
+            raise InputError("set file, or ray_sigma_m and all other parameters that are not zero")
         return parameters
 
     @model_validator(mode="after")
@@ -132,6 +132,6 @@ def read_parameters(file: str) -> dict[str, Any]:
     if not isinstance(parameters, Mapping) or "ray_sigma_m" not in parameters:
         raise InputError(f"{path}: no parameters, or no ray_sigma_m among them")
     if outside := _NOT_IN_FILES & set(parameters):
-        raise InputError(f"{path}: parameters have {outside.pop()!r}, which is not the device's")
+        raise InputError(f"{path}: unknown parameter {outside.pop()!r}")
     read = parsed(Calibrated, parameters, str(path))
     return {name: getattr(read, name) for name in Calibrated.model_fields if name in parameters}

@@ -123,7 +123,7 @@ def _numbered(column: NDArray[Any], sensor: Sensor) -> NDArray[np.intp]:
     with np.errstate(invalid="ignore"):
         is_laser = (values == np.floor(values)) & (values >= 0) & (values < sensor.lasers)
     if not is_laser.all():
-        raise InputError(f"has a value that is no laser of the {sensor.name}")
+        raise InputError(f"has a value that is not a laser of the {sensor.name}")
     return values.astype(np.intp)
 
 
@@ -143,7 +143,7 @@ def _check_cones(xyz: Floats, lasers: NDArray[np.intp], sensor: Sensor) -> None:
     if degrees > MOST_OFF_DEG:
         raise InputError(
             f"has no lasers: points of laser {laser} lie {degrees:.1f} degrees off its cone; this"
-            f" is no recording of a {sensor.name} in its frame (another sensor: --sensor)"
+            f" is not a recording of a {sensor.name} in its frame (another sensor: --sensor)"
         )
 
 
@@ -152,7 +152,7 @@ def _seconds(path: Path, columns: Columns, azimuth: Floats, unit: TimeUnit | Non
     inferred = unit or unit_of(times, azimuth)
     if inferred is None:
         raise InputError(
-            f"column {name} has whole numbers whose unit cannot be told: name it, as --time-unit ns"
+            f"column {name} has integers whose unit cannot be inferred: add --time-unit ns"
         )
     if unit is None and inferred != "s":
         logging.getLogger(__name__).warning("%s: times in column %s: %s", path, name, inferred)

@@ -201,7 +201,7 @@ def packets_of(kind: PacketKind, turn: Turn) -> Payloads:
     """Convert a turn back to packets (p, 1206), the inverse of `turn_of`."""
     layout = kind.layout
     if turn.times is None or turn.reflectivities is None:
-        raise InputError("the stream holds no times or reflectivities, so no packets")
+        raise InputError("the stream has no times or reflectivities, which packets need")
     if len(turn.azimuths) != len(turn.times) * layout.blocks_per_time:
         raise InputError("the stream holds a packet that is not whole")
     if turn.ranges.max(initial=0) > 0xFFFF:

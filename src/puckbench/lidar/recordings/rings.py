@@ -85,7 +85,7 @@ def recovered_returns(
     azimuth = np.mod(np.arctan2(-xyz[:, 0], xyz[:, 1]), 2 * np.pi)
     kept = [rows[level[rows] > _NEAR_M] for rows in rings]
     if not kept or min(map(len, kept)) < _FEWEST:
-        raise InputError(f"a ring of fewer than {_FEWEST} points, of which no laser can be found")
+        raise InputError(f"a ring of fewer than {_FEWEST} points, too few to recover its laser")
     step = np.radians(step_deg)
     beams, phases, places = [], [], []
     for rows in kept:
@@ -116,13 +116,13 @@ def recovered_firings(xyz: Floats, sensor: str) -> RecoveredReturns:
     still = xyz - (left[:, None] * _first_place(xyz, left))[:, None]
     whole = np.hypot(still[..., 0], still[..., 1]) > _NEAR_M
     if whole.sum(axis=0).min() < _FEWEST:
-        raise InputError(f"a laser with fewer than {_FEWEST} returns, which cannot be found")
+        raise InputError(f"a laser with fewer than {_FEWEST} returns, too few to recover it")
     still, beams = _without_turning(still, whole, left)
     azimuth = np.degrees(np.arctan2(still[..., 0], still[..., 1]))
     apart = np.mod(azimuth - azimuth[:, [lasers // 2]] + 180, 360) - 180
     apart[~(whole & whole[:, [lasers // 2]])] = np.nan
     if np.isfinite(apart).sum(axis=0).min() < _FEWEST:
-        raise InputError("a laser that hardly returns when the others do, which cannot be found")
+        raise InputError("a laser that rarely returns when the others do cannot be recovered")
     turned_deg = np.nanmedian(apart, axis=0)
     seen = np.flatnonzero(whole.any(axis=1))
     relative = np.where(whole, azimuth - turned_deg, np.nan)[seen]
@@ -274,6 +274,6 @@ def _image(
     )
     azimuths = (np.rint(grid.azimuths_deg * 100) % CENTIDEGREES).astype(np.uint16)
     if not ranges.any():
-        raise InputError("no point is within 131 m, the most that returns can hold")
+        raise InputError("no point is within 131 m, the maximum range of returns")
     returns = Returns(fitted, Layout(order), (Turn(ranges, azimuths),), USUAL_QUANTUM_M, sensor)
     return RecoveredReturns(returns, source[ranges[0] > 0], xyz)

@@ -99,7 +99,7 @@ def leave_one_out(
     for number, table in enumerate(tables, 1):
         others = [other for place, other in enumerate(tables, 1) if place != number]
         if not others:
-            raise InputError("to leave a device out takes captures of two devices")
+            raise InputError("leaving a device out needs captures of two devices")
         models = {**default_models(), "calibrated": _calibrated(others, settings)}
         compared = compared_residuals(real_walls([table]), models, replicates=replicates, seed=seed)
         distances = model_distances(compared, resamples=resamples, seed=seed)
