@@ -32,14 +32,14 @@ def test_a_scene_has_a_mesh_or_a_cloud() -> None:
 
 @pytest.mark.parametrize("loader", LOADERS.names())
 def test_every_loader_can_be_loaded_and_is_a_scene_set(loader: str) -> None:
-    found = LOADERS.get(loader)
-    assert all(callable(getattr(found, member)) for member in ("names", "files", "load"))
+    result = LOADERS.get(loader)
+    assert all(callable(getattr(result, member)) for member in ("names", "files", "load"))
 
 
 @pytest.mark.parametrize("loader", LOADERS.names())
 def test_every_option_is_described(loader: str) -> None:
-    known = options_model(LOADERS.get(loader), loader).model_fields
-    assert all(option.description for option in known.values())
+    original = options_model(LOADERS.get(loader), loader).model_fields
+    assert all(option.description for option in original.values())
 
 
 WRONG: list[tuple[str, Mapping[str, Any], str]] = [

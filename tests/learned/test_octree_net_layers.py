@@ -39,10 +39,10 @@ def test_products_are_those_of_matrices(pairs: int) -> None:
     sums, read = rng.integers(-99, 99, (12, 3)), rng.integers(0, 256, (20, 5))
     kernel = rng.integers(-2047, 2048, (2, 5, 3))
     targets, sources = rng.permutation(12)[:9], rng.integers(0, 20, 9)
-    found, values, matrices = (array.astype(np.float32).ravel() for array in (sums, read, kernel))
-    _products(found, targets, values, sources, pairs, matrices)
+    result, values, matrices = (array.astype(np.float32).ravel() for array in (sums, read, kernel))
+    _products(result, targets, values, sources, pairs, matrices)
     sums[targets[:pairs]] += read[sources[:pairs]] @ kernel[1]
-    assert np.array_equal(found.reshape(12, 3), sums)
+    assert np.array_equal(result.reshape(12, 3), sums)
 
 
 def _cloud(points: int, side: int) -> np.ndarray:
@@ -60,13 +60,13 @@ def test_inference_predicts_what_the_models_own_layers_predict() -> None:
     model, table = octree_network(OctreeNetShape(channels=32)), pyramid(own, 0)[0][0].neighbours
     network, (first, second) = compiled_network(model), symbols_of(keys)
     rng = np.random.default_rng(1)
-    given = rng.integers(-300, 300, (len(own), 32)).astype(np.float32)
+    values = rng.integers(-300, 300, (len(own), 32)).astype(np.float32)
     features = network.root_features(len(own))
-    features.all[:], features.active[:] = given.ravel(), given.clip(0, 255).ravel()
+    features.all[:], features.active[:] = values.ravel(), values.clip(0, 255).ravel()
     assert len(chunks_of(len(groups_of(own)[0]))) > 1
     with thread_pool(2) as pool, torch.no_grad():
         where = neighbourhood_of(table, voxel_kernel_map(), pool)
-        mine = model.convolved(torch.from_numpy(given / UNITS), where)
+        mine = model.convolved(torch.from_numpy(values / UNITS), where)
         ours = network.convolved(features, table, pool)
         for number, rows in enumerate(groups_of(own)):
             at = torch.from_numpy(rows)

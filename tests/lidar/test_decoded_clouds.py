@@ -91,11 +91,11 @@ def test_rings_count_lasers_by_elevation(tmp_path: Path, data: bytes) -> None:
 
 def test_reflectivities_are_rounded_into_one_byte(tmp_path: Path) -> None:
     """Other programs' intensities may be anything; ours are whole numbers from 0 to 255."""
-    given = [-3.0, 0.4, 99.6, 254.7, 256.0, 65535.0]
-    lines = [f"3,4,{LOW},0,{value}" for value in given]
+    values = [-3.0, 0.4, 99.6, 254.7, 256.0, 65535.0]
+    lines = [f"3,4,{LOW},0,{value}" for value in values]
     (tmp_path / "a.csv").write_text("\n".join(["x,y,z,laser_id,intensity", *lines]) + "\n")
-    found = read_recording(tmp_path / "a.csv")["reflectivity"]
-    assert found.tolist() == [0, 0, 100, 255, 255, 255]
+    result = read_recording(tmp_path / "a.csv")["reflectivity"]
+    assert result.tolist() == [0, 0, 100, 255, 255, 255]
 
 
 @pytest.mark.parametrize("laser", ["-1", "16", "2.5", ""])

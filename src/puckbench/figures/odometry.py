@@ -50,10 +50,9 @@ def draw_odometry(drives: pd.DataFrame, style: FigureStyle) -> Figure:
     Grey: the undecoded drives with the times of firings (solid) and without (dashed), and the 95 %
     interval of the means (Student's t).
 
-    Large markers: the fewest bits at which a codec's drift is inside the interval, or larger than
-    the mean by at most a fifth, there and at all higher rates. Hollow markers: turns were lost
-    (their motion is wrong by more than 0.5 m or 5 degrees). Drives shorter than 10 m are not shown.
-    n: drives.
+    Large markers: the lowest rate from which on a codec's drift is inside the interval, or at most
+    a fifth above the mean. Hollow markers: turns were lost (their motion is wrong by more than 0.5
+    m or 5 degrees). Drives shorter than 10 m are not shown. n: drives.
     """
     require_rows(drives, _COLUMNS, "drives")
     require_numbers(drives, (DRIFT,), "drives")

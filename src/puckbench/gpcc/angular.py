@@ -79,7 +79,9 @@ def angular_state(elevation: Ints, height: Ints, turns: Ints, origin: Ints) -> A
 
 @inlined
 def tangent_of(height: int, root: int) -> int:
-    """Return the tangent of the elevation of a height, in half units, at distance 1 / `root`."""
+    """Return the tangent of the elevation of a point at a height, in half units, and distance 1 /
+    `root`.
+    """
     product = height * root
     return int32(product >> 15 if product >= 0 else -(-product >> 15))
 

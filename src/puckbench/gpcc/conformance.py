@@ -58,7 +58,7 @@ class ConformanceStream:
 
     @property
     def columns(self) -> int:
-        """Number of coordinates and values of attributes of each point."""
+        """Number of coordinates and attribute values of each point."""
         colours = "--attribute=color" in self.options
         return 3 + 3 * colours + ("--attribute=reflectance" in self.options)
 

@@ -175,7 +175,9 @@ def _take_values(search: Search, first: int, end: int, axis: int) -> None:
 
 @inlined
 def _split(search: Search, first: int, end: int, frame: Ints) -> tuple[int, int, int]:
-    """Partition rows near the middle of a box's longest side; return axis, cut and upper start."""
+    """Partition rows near the middle of a box's longest side; return axis, cut and first row of the
+    upper half.
+    """
     longest = max(frame[6] - frame[3], frame[7] - frame[4], frame[8] - frame[5])
     axis, spread, low, high, taken = 0, -1, 0, 0, 0
     for k in range(3):

@@ -177,7 +177,7 @@ def _reflectivities(images: Sequence[Ranges], turn: Turn, layout: Layout) -> NDA
 
 
 def _swapped(image: Ranges, first: Ranges) -> Ranges:
-    """Exchange 0 and the first image's values in an image; a second call restores it."""
+    """Exchange 0 and the first image's value in each pixel; a second call restores the image."""
     other = np.where(image == 0, first, image)
     swapped: Ranges = np.where(image == first, 0, other).astype(image.dtype)
     return swapped

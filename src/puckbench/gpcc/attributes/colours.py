@@ -1,4 +1,4 @@
-"""Conversion of values between an application's and those that are coded, as in TMC13."""
+"""Conversion of attribute values between applications and the coder, as in TMC13."""
 
 from __future__ import annotations
 

@@ -29,7 +29,9 @@ def untested(need: str) -> Part:
 
 
 def verdict(parts: Sequence[Part]) -> str:
-    """Return the verdict as text; it adds what an untested claim needs, or the stand-in codecs."""
+    """Return the verdict as text, followed by the needs of an untested claim, or the stand-in
+    codecs.
+    """
     tested = [part.holds for part in parts if part.holds is not None]
     if not tested:
         return UNTESTED + needs_text(parts)
