@@ -129,7 +129,7 @@ class Recordings(RecordingSet):
     start_s: float = Field(0.0, ge=0)
     """Seconds of each recording to leave out at its start."""
     stream: str | None = None
-    """Of packet captures with several sensors, the one to read, as ``192.168.1.201:2368`` or
+    """Sensor to read in packet captures with several, such as ``192.168.1.201:2368`` or
     ``192.168.1.201:2368 to 255.255.255.255:2368`` (sender, receiver)."""
 
     def files(self, name: str) -> list[Path]:

@@ -223,7 +223,8 @@ class DriveConfig(Model):
     make: Literal["scan", "cloud"] = Field(
         "scan",
         description="`scan`: the virtual sensor drives through each scene, along the sweep's "
-        "`trajectory`; `cloud`: consecutive clouds, named alike but for a number, are a drive.",
+        "`trajectory`; `cloud`: consecutive clouds whose names differ only in a number are "
+        "a drive.",
     )
     seeds: tuple[Seed, ...] = Field(
         (1, 2, 3), min_length=1, description="Seeds of the sensor's errors, one drive for each."
@@ -239,7 +240,7 @@ class DriveConfig(Model):
     rates: tuple[RateName, ...] = Field(
         ("1000mm", "500mm", "200mm", "100mm", "50mm", "20mm"),
         min_length=1,
-        description="Rates; a codec that has none of them runs its own.",
+        description="Rates; a codec that has none of them runs all of its rates.",
     )
     poses: str | None = Field(
         None,
@@ -499,7 +500,7 @@ class Config(Model):
     )
     unused: dict[str, str] = Field(
         {},
-        description="Files and other things that `puckbench run` leaves out, and the reasons; for "
+        description="Files and other items that `puckbench run` leaves out, and the reasons; for "
         "the table `left_out`.",
     )
     failed: dict[FailedName, str] = Field(
