@@ -109,7 +109,7 @@ def _items(
         ref, pose = child["ref"], _pose(child)
         item = furniture.get(ref)
         if ref in parts:
-            yield _PlacedItem(str(parts[ref]["type"]), pose, surface=_own_surface(parts[ref]))
+            yield _PlacedItem(str(parts[ref]["type"]), pose, surface=_mesh_surface(parts[ref]))
         elif item is None:
             left_out["unknown_ref"] += 1
         elif item.get("valid") is not True:
@@ -129,7 +129,7 @@ def _pose(child: Any) -> _Pose:
     return _Pose(position, turn, scale)
 
 
-def _own_surface(part: Any) -> MeshArrays:
+def _mesh_surface(part: Any) -> MeshArrays:
     vertices = np.array(part["xyz"], dtype=np.float64).reshape(-1, 3)
     return vertices, np.array(part["faces"], dtype=np.int64).reshape(-1, 3)
 

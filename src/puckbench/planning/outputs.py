@@ -184,11 +184,11 @@ class OutputJobs:
         return self._dataset_style(), *changes
 
     def _style(self, *changes: dict[str, Any]) -> tuple[dict[str, Any], ...]:
-        restyled = [name for name in self.plan.codecs if self._has_own_looks(name)]
+        restyled = [name for name in self.plan.codecs if self._has_changed_looks(name)]
         looks = looks_layer([self._looks(name) for name in restyled])
         return {**self._dataset_style(), **looks}, *changes
 
-    def _has_own_looks(self, codec: str) -> bool:
+    def _has_changed_looks(self, codec: str) -> bool:
         return not is_codec(codec) or bool(self.config.codec(codec).keys() & {*LOOKS, "class"})
 
     def _looks(self, codec: str) -> dict[str, str]:

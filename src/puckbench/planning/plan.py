@@ -508,12 +508,12 @@ def _unusable(dataset: str, faults: Mapping[str, str]) -> InputError:
 
 def open_scenes(name: str, value: SceneSetConfig, seed: int) -> ScenePlan:
     """Open a scene set, with `seed` if its entry has none."""
-    own_seed = seed if value.seed is None else value.seed
+    scene_seed = seed if value.seed is None else value.seed
     with naming(f"scenes.{name}"):
-        scenes = open_scene_set(value.loader, value.options, own_seed)
+        scenes = open_scene_set(value.loader, value.options, scene_seed)
         names = scenes.names()
     selected = _chosen(name, value, names)
-    return ScenePlan(name, value.loader, own_seed, value.options, scenes, selected)
+    return ScenePlan(name, value.loader, scene_seed, value.options, scenes, selected)
 
 
 def _weights(name: str, changes: Mapping[str, Any]) -> list[Path]:

@@ -126,8 +126,8 @@ def encode_cloud(
         placed = coded.points.positions[:, coded.points.axes]
         shift = offset + whole.min(axis=0) + np.array(corner)
         members = _grouped(coded.members, whole)
-        given_points = Source(exact[members].astype(np.float64), factor, shift)
-        return recoloured(placed, values[members], given_points, (1 << bits) - 1)
+        source_points = Source(exact[members].astype(np.float64), factor, shift)
+        return recoloured(placed, values[members], source_points, (1 << bits) - 1)
 
     encoder = AttributeEncoder(attributes, chosen, len(whole), recolour)
     if isinstance(options, PredictiveOptions):
