@@ -30,7 +30,7 @@ def _different(values: tuple[Any, ...]) -> tuple[Any, ...]:
     return values
 
 
-def _changed_keys(cls: type[Model], values: Options) -> Options:
+def _checked_stand_in(cls: type[Model], values: Options) -> Options:
     names = [name for name in cls.model_fields if name != "stand_in"]
     if unknown := [name for name in values if name not in names]:
         raise ValueError(f"unknown key '{unknown[0]}'{among(unknown[0], names)}")
@@ -183,7 +183,7 @@ class DataSetConfig(Model):
         {}, description="Values of keys that replace this data set's with `stand_in: true`."
     )
 
-    _stands_in = field_validator("stand_in")(classmethod(_changed_keys))
+    _stands_in = field_validator("stand_in")(classmethod(_checked_stand_in))
 
     @field_validator("views")
     @classmethod
@@ -476,7 +476,7 @@ class FiguresConfig(Model):
     stand_in: Options = Field(
         {}, description="Values of keys that replace those of `figures` with `stand_in: true`."
     )
-    _stands_in = field_validator("stand_in")(classmethod(_changed_keys))
+    _stands_in = field_validator("stand_in")(classmethod(_checked_stand_in))
 
 
 class Config(Model):
