@@ -4,7 +4,7 @@
 first job, Snakemake's messages before it, warnings and errors; others are only in Snakemake's log.
 
 Snakemake imports this module before the workflow, which may run another copy of `puckbench`.
-Therefore only functions import from `puckbench`.
+Therefore imports from `puckbench` are inside functions.
 """
 
 from __future__ import annotations

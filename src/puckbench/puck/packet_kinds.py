@@ -1,6 +1,6 @@
 """Formats of packets in recordings, and coding of packets as records of turns.
 
-After a turn of an Ouster come the other fields of its packets.
+Each turn of an Ouster is followed by the further fields of its packets.
 """
 
 from __future__ import annotations
