@@ -560,7 +560,9 @@ def _transform_rows(setting: _Setting, occupancy: int, low: int, high: int) -> i
 def _code_coefficients(
     setting: _Setting, coefficients: Rows, place: int, layer: Ints, rank: int, point: int
 ) -> None:
-    """Quantise the coefficients' differences from the prediction, if encoding, and add them to it."""
+    """Quantise the coefficients' differences from the prediction, if encoding, and add them to
+    it.
+    """
     buffer, components = setting.buffer, coefficients.shape[1]
     qp, others = _qps(setting, layer, point)
     for k in range(components):
