@@ -1,5 +1,3 @@
-"""Checks that the headers of LAS and LAZ files (ASPRS LAS 1.0 to 1.5) agree with the file size."""
-
 from __future__ import annotations
 
 import logging

@@ -1,5 +1,3 @@
-"""The encoder's decisions on surfaces of revolution: which samples and columns belong to each."""
-
 from __future__ import annotations
 
 from typing import NamedTuple

@@ -1,5 +1,3 @@
-"""Triangulated surfaces that keep the geometric primitive of each triangle."""
-
 from __future__ import annotations
 
 from collections.abc import Callable

@@ -1,5 +1,3 @@
-"""Coordinates in which attributes are coded: those of the slice, or radius, azimuth and laser."""
-
 from __future__ import annotations
 
 from collections.abc import Sequence

@@ -1,5 +1,3 @@
-"""Search for compressed chunks in MCAP files and ROS 1 bags, by the lengths of their records."""
-
 from __future__ import annotations
 
 from collections import Counter

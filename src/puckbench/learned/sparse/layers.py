@@ -1,5 +1,3 @@
-"""Layers of sparse networks, and the selection of children by their occupancy logits."""
-
 from __future__ import annotations
 
 import math
