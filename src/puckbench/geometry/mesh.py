@@ -1,4 +1,4 @@
-"""Triangle meshes in which each triangle may have labels: its object and geometric primitive."""
+"""Triangle meshes whose triangles may have labels: object and geometric primitive."""
 
 from __future__ import annotations
 

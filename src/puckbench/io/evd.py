@@ -1,5 +1,3 @@
-"""EVD files of the simulator BlenSor: blocks of returns, then a block with the count -1."""
-
 from __future__ import annotations
 
 import struct

@@ -1,5 +1,3 @@
-"""Surface mode: planes in an octree and surfaces of revolution, with occupancy maps."""
-
 from __future__ import annotations
 
 from typing import NamedTuple

@@ -1,5 +1,3 @@
-"""Coding of nearly linear sequences of numbers: azimuths of data blocks, and times of packets."""
-
 from __future__ import annotations
 
 from typing import NamedTuple

@@ -1,5 +1,3 @@
-"""Reader of ROS 1 bags and MCAP files by the indices of their chunks."""
-
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right

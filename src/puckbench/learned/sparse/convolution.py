@@ -1,5 +1,3 @@
-"""Sparse 3x3x3 convolution: gather, matrix product and scatter, one chunk of rows at a time."""
-
 from __future__ import annotations
 
 from dataclasses import dataclass

@@ -1,5 +1,3 @@
-"""Claims about duplicates, elongation and numbers of points (thesis sections 6.1.6, 6.2)."""
-
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
