@@ -97,7 +97,7 @@ class Evaluating(Decoding):
     def _reflectance_peak(self) -> float | None:
         return None if self.reflectance_bits is None else 2.0**self.reflectance_bits - 1
 
-    def row(self, originals: Originals, found: Decoded) -> dict[str, Any]:
+    def row(self, originals: Originals, decoded: Decoded) -> dict[str, Any]:
         from puckbench.metrics.geometry import DistinctPoints
 
         reference = originals.reference.cloud
