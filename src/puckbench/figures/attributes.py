@@ -84,7 +84,6 @@ def draw_attributes(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
 
 
 def _lossless(table: pd.DataFrame, kind: str) -> pd.DataFrame:
-    """Return the lossless rate of each codec with the fewest bits of the attribute, by codec."""
     exact = table[table[f"{kind}_lossless"] == True]  # noqa: E712 (may be missing)
     return exact.sort_values(BITS[kind]).drop_duplicates("codec").set_index("codec")
 

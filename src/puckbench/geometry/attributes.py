@@ -41,8 +41,7 @@ def attributes_of(cloud: PointCloud) -> dict[str, NDArray[Any]]:
 
 
 def check_attributes(attributes: Attributes, points: int) -> None:
-    """Raise InputError unless every point has a value of each attribute, and reflectances are whole
-    numbers of 16 bits."""
+    """Raise InputError unless every point has each attribute, and reflectances are 16-bit integers."""
     for name, values in attributes.items():
         if len(values) != points:
             raise InputError(f"{name}: {len(values)} values for {points} points")
@@ -56,7 +55,6 @@ def check_attributes(attributes: Attributes, points: int) -> None:
 
 
 def coded_sizes(sizes: Mapping[str, int]) -> dict[str, int]:
-    """Return the sizes of attributes that a stream has."""
     return {name: size for name, size in sizes.items() if size}
 
 

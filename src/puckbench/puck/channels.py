@@ -215,7 +215,7 @@ def _estimate(model: ChannelModel, image: ChannelContext, c: int, laser: int) ->
 
 @inlined
 def _start_range(model: ChannelModel) -> None:
-    """Copy to an entry of the table of ranges that was never learnt its neighbour that was."""
+    """Initialise an entry of the table of ranges with its learnt neighbour."""
     gains, variances, first = model.gains, model.variances, model.places[0] >> 8
     low, high = variances[first] == _VARIANCE, variances[first + 1] == _VARIANCE
     if low and not high:
@@ -502,7 +502,7 @@ def _change(
     model: ChannelModel, image: ChannelContext, c: int, laser: int, row: int, other: int,
     base: int, shift: int,
 ) -> int:  # fmt: skip
-    """Return another pixel less the base, or what both exceed their estimates by, relatively."""
+    """Return another pixel minus the base, or the difference of both relative to their estimates."""
     value, estimate = FINE * int(image.values[row, other]), int(image.estimates[c, laser])
     if value == 0:
         return 0

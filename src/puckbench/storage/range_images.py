@@ -132,7 +132,6 @@ def _part(reader: Reader) -> bytes:
 
 
 def _numbers(reader: Reader) -> tuple[int, int, list[int]]:
-    """Read the quanta per step, the flags, and the blocks of each turn."""
     quanta, turns = reader.number(), reader.number()
     flags, quanta = quanta & (_WIDE | _REFLECTIVITIES), quanta & ~(_WIDE | _REFLECTIVITIES)
     if not 0 < quanta <= _MAX_QUANTA or not 0 < turns <= len(reader.body):
