@@ -41,7 +41,7 @@ def attributes_of(cloud: PointCloud) -> dict[str, NDArray[Any]]:
 
 
 def check_attributes(attributes: Attributes, points: int) -> None:
-    """Raise InputError unless every point has each attribute, and reflectances are 16-bit integers."""
+    """Raise InputError unless all points have all attributes, and reflectances have 16 bits."""
     for name, values in attributes.items():
         if len(values) != points:
             raise InputError(f"{name}: {len(values)} values for {points} points")

@@ -502,7 +502,7 @@ def _change(
     model: ChannelModel, image: ChannelContext, c: int, laser: int, row: int, other: int,
     base: int, shift: int,
 ) -> int:  # fmt: skip
-    """Return another pixel minus the base, or the difference of both relative to their estimates."""
+    """Return another pixel minus the base, or the difference of their ratios to their estimates."""
     value, estimate = FINE * int(image.values[row, other]), int(image.estimates[c, laser])
     if value == 0:
         return 0
