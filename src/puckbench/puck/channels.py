@@ -502,7 +502,7 @@ def _change(
     model: ChannelModel, image: ChannelContext, c: int, laser: int, row: int, other: int,
     base: int, shift: int,
 ) -> int:  # fmt: skip
-    """Return another pixel minus the base, or the difference of their ratios to their estimates."""
+    """Return another pixel minus the base; with estimates, its error scaled to the base."""
     value, estimate = FINE * int(image.values[row, other]), int(image.estimates[c, laser])
     if value == 0:
         return 0
