@@ -1,5 +1,3 @@
-"""Python interface for users: codecs, clouds, turns from recordings, and metrics."""
-
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping

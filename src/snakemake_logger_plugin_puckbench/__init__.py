@@ -1,11 +1,10 @@
 """Logger plug-in of Snakemake that shows a progress bar with the remaining time of a run.
 
 ``puckbench run`` uses it (``snakemake --logger puckbench``). It also prints an estimate before the
-first job, Snakemake's messages before it, and warnings and errors. Other messages are only in
-Snakemake's log file.
+first job, Snakemake's messages before it, warnings and errors; others are only in Snakemake's log.
 
 Snakemake imports this module before the workflow, which may run another copy of `puckbench`.
-Therefore functions import from `puckbench` only when they are called.
+Therefore imports from `puckbench` are inside functions.
 """
 
 from __future__ import annotations
@@ -33,8 +32,6 @@ _OVERDUE_S, _OVERDUE_FACTOR = 60.0, 5.0
 
 @dataclass
 class _Job:
-    """A running job, and how often it was reported as running longer than expected."""
-
     rule: str
     name: str
     began: float
@@ -65,7 +62,7 @@ class LogHandler(LogHandlerBase):
         self._failures: set[tuple[str, str]] = set()
         self._jobs = self._done = 0
         self._work = self._done_work = self._expected_s = 0.0
-        self._began = self._told = time.monotonic()
+        self._began = self._last_shown = time.monotonic()
         self._bar: Progress | None = None
         self._watch: threading.Timer | None = None
         BARS.append(self)
@@ -122,14 +119,13 @@ class LogHandler(LogHandlerBase):
         super().close()
 
     def _take_run(self, event: dict[str, Any]) -> None:
-        """Print the number of jobs and the expected duration of the run, and show the bar."""
         jobs = {
             rule: count for rule, count in event["stats"].items() if rule not in {"all", "total"}
         }
         self._jobs = sum(jobs.values())
         self._work = sum(count * self._job_s(rule) for rule, count in jobs.items())
         self._expected_s = self._run_s(jobs)
-        self._began = self._told = time.monotonic()
+        self._began = self._last_shown = time.monotonic()
         left = _duration(self._expected_s)
         cores = f"{self._cores} core{'s' if self._cores > 1 else ''}"
         self._tell(f"{self._jobs} jobs, about {left} here on {cores}")
@@ -140,7 +136,6 @@ class LogHandler(LogHandlerBase):
         self._watch_jobs()
 
     def _watch_jobs(self) -> None:
-        """Report jobs that run longer than expected; repeat this every 30 s."""
         for job in list(self._running.values()):
             running_s = time.monotonic() - job.began
             expected_s = max(1.0, self._job_s(job.rule))
@@ -171,7 +166,6 @@ class LogHandler(LogHandlerBase):
         self._show()
 
     def _take_error(self, event: dict[str, Any]) -> None:
-        """Print the reason for a job's failure, from its log file, once for each codec."""
         from pathlib import Path
 
         from puckbench.planning.failures import failure_of
@@ -202,8 +196,8 @@ class LogHandler(LogHandlerBase):
             (task,) = self._bar.tasks
             shown = task.description if job is None else job
             self._bar.update(task.id, completed=self._done_work, left=left, description=shown)
-        elif job is None and time.monotonic() - self._told >= _SECONDS_BETWEEN_LINES:
-            self._told = time.monotonic()
+        elif job is None and time.monotonic() - self._last_shown >= _SECONDS_BETWEEN_LINES:
+            self._last_shown = time.monotonic()
             self._tell(f"{self._done} of {self._jobs} jobs done, {left} left")
 
     def _tell(self, line: str) -> None:
@@ -218,7 +212,6 @@ class LogHandler(LogHandlerBase):
 
 
 def _tells_of_failed_job(record: logging.LogRecord) -> bool:
-    """Return whether a message only repeats that a job failed (see `LogEvent.JOB_ERROR`)."""
     message = record.getMessage()
     return (
         "CalledProcessError in file" in message

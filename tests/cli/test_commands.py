@@ -73,18 +73,18 @@ def test_a_scan_by_hand_from_mesh_to_distortion(
 ) -> None:
     scan, ready, stream = (tmp_path / name for name in ("s.parquet", "r.ply", "r.bin"))
     sweep = json.dumps({"duration_s": 0.1, "azimuth_step_deg": 1.0})
-    found = _json(capsys, "scan", room, scan, "--errors", "vlp16", "--sweep", sweep)
-    assert found["returns"] == 12 * 15 * 16
-    assert found["origin"][2] == pytest.approx(1.3)
+    result = _json(capsys, "scan", room, scan, "--errors", "vlp16", "--sweep", sweep)
+    assert result["returns"] == 12 * 15 * 16
+    assert result["origin"][2] == pytest.approx(1.3)
     prepared = _json(capsys, "prepare", scan, ready, "--crop", 0, 0, 0, 4, 3, 2.5, "--scale", 1024)
-    assert prepared["points"] == found["returns"]
+    assert prepared["points"] == result["returns"]
     coded = _json(capsys, "encode", ready, stream, "--codec", "draco", "--rate", "r8")
     assert coded["bytes"] == stream.stat().st_size
     assert coded["bpp"] == 8 * coded["bytes"] / coded["points_in"]
     _json(capsys, "decode", stream, tmp_path / "d.ply")
     measured = _json(capsys, "evaluate", ready, tmp_path / "d.ply", "--truth", room)
-    wanted = POINT_KEYS | PLANE_KEYS | OTHER_KEYS
-    assert wanted | {f"truth_{key}" for key in POINT_KEYS | PLANE_KEYS} <= measured.keys()
+    expected = POINT_KEYS | PLANE_KEYS | OTHER_KEYS
+    assert expected | {f"truth_{key}" for key in POINT_KEYS | PLANE_KEYS} <= measured.keys()
     step = 1023 / 2047
     assert measured["cd_plane"] == pytest.approx(step**2 / 12, rel=0.3)
     noise_m = measured["truth_acd_ba_plane"] ** 0.5 / prepared["scale"]
@@ -98,11 +98,11 @@ def test_gpcc_streams_with_and_without_what_puckbench_adds(
     for stream, how in ((ours, []), (bare, ["--raw"])):
         _json(capsys, "encode", cloud, stream, "--codec", "gpcc", "--rate", "r4", *how)
     assert ours.read_bytes().endswith(bare.read_bytes())
-    found = _json(capsys, "decode", ours, tmp_path / "a.ply")
+    result = _json(capsys, "decode", ours, tmp_path / "a.ply")
     read = _json(capsys, "decode", bare, tmp_path / "b.ply", "--codec", "gpcc")
-    assert found["codec"] == "gpcc"
+    assert result["codec"] == "gpcc"
     assert (tmp_path / "a.ply").read_bytes() == (tmp_path / "b.ply").read_bytes()
-    assert found["points_out"] == read["points_out"] > 0
+    assert result["points_out"] == read["points_out"] > 0
 
 
 def test_evaluating_a_stream_gives_the_whole_row(
@@ -277,8 +277,8 @@ def test_bad_input_is_one_line_and_leaves_nothing(
     }
     (tmp_path / "here").mkdir()
     monkeypatch.chdir(tmp_path / "here")
-    told = [word.format(room=room, cloud=cloud, **places) for word in words]
-    assert fault in _refused(capsys, *told)
+    arguments = [word.format(room=room, cloud=cloud, **places) for word in words]
+    assert fault in _refused(capsys, *arguments)
     assert list((tmp_path / "here").iterdir()) == []
 
 

@@ -48,10 +48,10 @@ def test_deltas_are_the_known_ratios(
     status, out, _ = compare(capsys, folder, "--with", study, "--json")
     assert status == 0
     answer = json.loads(out)
-    found = {(row["anchor"], row["metric"]): row for row in answer["deltas"]}
+    result = {(row["anchor"], row["metric"]): row for row in answer["deltas"]}
     for metric in ("d1_psnr", "d2_psnr"):
         for anchor, bits in (("draco", 1.0), ("gpcc", GPCC)):
-            row = found[anchor, metric]
+            row = result[anchor, metric]
             assert row["bd_rate_percent"] == pytest.approx(100 * (MINE / bits - 1), abs=1e-3)
             assert row["bd_rate_percent_low"] <= row["bd_rate_percent"] + 1e-6
             assert (row["codec"], row["clouds"], row["compared"]) == ("mine", 4, 4)
@@ -94,9 +94,9 @@ def test_the_table_is_grey_where_it_is_theirs(
 def test_a_study_without_times_is_not_timed(
     mine: pd.DataFrame, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    known = read_reference(str(write_study(tmp_path / "known.parquet")))
-    rows = known.metrics.drop(columns=["digest", "encode_s", "decode_s"])
-    about = {**known.about, "not_timed": "the machine was busy"}
+    original = read_reference(str(write_study(tmp_path / "known.parquet")))
+    rows = original.metrics.drop(columns=["digest", "encode_s", "decode_s"])
+    about = {**original.about, "not_timed": "the machine was busy"}
     write_reference(tmp_path / "slow.parquet", rows, about)
     folder = write_run(tmp_path, mine)
     _, out, _ = compare(capsys, folder, "--with", tmp_path / "slow.parquet")

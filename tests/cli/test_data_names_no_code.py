@@ -90,8 +90,8 @@ def _evaluate(place: str) -> int:
 def _recover(place: str) -> int:
     surface = room()
     ids = np.zeros(len(surface.triangles), np.int32)
-    one = (SceneObject("room", "wall"),), (Primitive("plane", {}),)
-    write_mesh(Path("scene.ply"), replace(surface, labels=Labels(ids, ids, *one)))
+    item = (SceneObject("room", "wall"),), (Primitive("plane", {}),)
+    write_mesh(Path("scene.ply"), replace(surface, labels=Labels(ids, ids, *item)))
     points = np.ones((1, 3))
     write_cloud(Path("points.ply"), PointCloud(points, labels=np.zeros(1, np.int32)))
     _stream(codec=place)

@@ -69,11 +69,11 @@ def test_a_prepared_cloud_a_unit_or_a_word_tell_the_frame(
 ) -> None:
     ready, out = sphere.with_name("ready.ply"), sphere.with_suffix(".bin")
     coding = [out, "--codec", "gpcc", "--rate", "r4"]
-    found = _json(capsys, "encode", sphere, *coding, "--prepare", ready)
-    assert found["bytes"] > 3000
+    result = _json(capsys, "encode", sphere, *coding, "--prepare", ready)
+    assert result["bytes"] > 3000
     row = _json(capsys, "evaluate", ready, out)
     assert row["d1_psnr"] == pytest.approx(10 * np.log10(3 * 1023**2 / row["d1_mse"]))
-    assert _json(capsys, "encode", ready, *coding)["bytes"] == found["bytes"]
+    assert _json(capsys, "encode", ready, *coding)["bytes"] == result["bytes"]
     said = json.dumps({"options": {"unit": 0.001}})
     assert _json(capsys, "encode", sphere, *coding, "--entry", said)["bytes"] > 3000
     assert np.abs(read_cloud(sphere).xyz).max() < 1.1
@@ -130,10 +130,10 @@ def test_the_peak_of_a_psnr_is_not_assumed(
     out = sphere.with_suffix(".bin")
     _json(capsys, "encode", sphere, out, "--codec", "draco", "--rate", "r4")
     assert main(["evaluate", str(sphere), str(out), "--json"]) == 0
-    told = capsys.readouterr()
-    row = json.loads(told.out.splitlines()[-1])
+    output = capsys.readouterr()
+    row = json.loads(output.out.splitlines()[-1])
     assert "d1_psnr" not in row
-    assert "d1_psnr needs --peak" in told.err
+    assert "d1_psnr needs --peak" in output.err
     row = _json(capsys, "evaluate", sphere, out, "--peak", 2)
     assert row["d1_psnr"] == pytest.approx(10 * np.log10(3 * 4 / row["d1_mse"]))
     for wrong, fault in (
@@ -148,10 +148,10 @@ def test_clouds_of_unlike_frames_are_told(
     sphere: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     other = tmp_path / "other.ply"
-    for factor, told in ((1.01, False), (100.0, True)):
+    for factor, is_warned in ((1.01, False), (100.0, True)):
         write_cloud(other, PointCloud(factor * read_cloud(sphere).xyz), describe=False)
         assert main(["evaluate", str(sphere), str(other)]) == 0
-        assert ("are both in the same frame?" in capsys.readouterr().err) == told
+        assert ("are both in the same frame?" in capsys.readouterr().err) == is_warned
 
 
 def test_a_library_compares_scaled_clouds_alone_by_rates_in_grid_units() -> None:

@@ -90,8 +90,8 @@ def test_an_interrupt_is_one_line_and_leaves_nothing(
 def test_an_unknown_name_is_answered_with_a_near_one(
     words: list[str], meant: str, cloud: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    told = [word.replace("{cloud}", str(cloud)) for word in words]
-    assert f"did you mean '{meant}'?" in _refused(capsys, *told)
+    arguments = [word.replace("{cloud}", str(cloud)) for word in words]
+    assert f"did you mean '{meant}'?" in _refused(capsys, *arguments)
 
 
 def test_an_unknown_command_is_answered_with_a_near_one(
@@ -117,7 +117,7 @@ def test_a_codec_of_one_s_own_file_is_named_again_to_decode(
 ) -> None:
     (cloud.parent / "own.py").write_text(OWN)
     name, stream = f"{cloud.parent}/own.py:Own", cloud.with_suffix(".bin")
-    Encode.given(codec=name, rate="r1").run(cloud, stream)
+    Encode.create(codec=name, rate="r1").run(cloud, stream)
     back = cloud.with_name("back.ply")
     assert f"name its code with --codec '{name}'" in _refused(capsys, "decode", stream, back)
     assert main(["decode", str(stream), str(back), "--codec", name]) == 0
@@ -160,11 +160,11 @@ def test_the_version_is_one_line_and_tells_the_rest_when_asked(
     assert line == f"puckbench {puckbench.__version__}"
     for words in (["--version", "--verbose"], ["--version", "-v"]):
         assert main(words) == 0
-        told = dict(row.split(None, 1) for row in capsys.readouterr().out.splitlines())
-        assert told["puckbench"] == puckbench.__version__
-        assert told["numpy"] == np.__version__
-        assert told["python"].startswith(platform.python_version())
-        assert {"commit", "system", "threads", "snakemake", "numba", "compiled"} <= told.keys()
+        output = dict(row.split(None, 1) for row in capsys.readouterr().out.splitlines())
+        assert output["puckbench"] == puckbench.__version__
+        assert output["numpy"] == np.__version__
+        assert output["python"].startswith(platform.python_version())
+        assert {"commit", "system", "threads", "snakemake", "numba", "compiled"} <= output.keys()
 
 
 def test_answers_are_lines_and_tables(capsys: pytest.CaptureFixture[str]) -> None:
@@ -192,9 +192,9 @@ def test_what_prepare_prints_has_no_nested_records(
     cloud: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["prepare", str(cloud), str(cloud.with_name("ready.ply"))]) == 0
-    told = capsys.readouterr().out
-    assert "points" in told
-    assert "{" not in told
+    output = capsys.readouterr().out
+    assert "points" in output
+    assert "{" not in output
 
 
 @pytest.mark.parametrize(

@@ -45,8 +45,8 @@ def cloud(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
 def answer(capsys: pytest.CaptureFixture[str], *words: object) -> dict[str, Any]:
     capsys.readouterr()
     assert main([*map(str, words), "--json"]) == 0
-    found: dict[str, Any] = json.loads(capsys.readouterr().out)
-    return found
+    result: dict[str, Any] = json.loads(capsys.readouterr().out)
+    return result
 
 
 def test_prepare_scales_it_to_the_cube(
@@ -114,12 +114,12 @@ def test_a_remark_says_what_was_left_out(
     frame: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["prepare", str(frame), str(tmp_path / "cloud.ply")]) == 0
-    found = capsys.readouterr()
-    assert found.err == (
+    result = capsys.readouterr()
+    assert result.err == (
         f"puckbench: {frame}: 100 of 400 points are missing returns "
         "(--keep-missing keeps them): left out\n"
     )
-    assert "missing_returns" in found.out
+    assert "missing_returns" in result.out
 
 
 def test_columns_of_a_frame_are_named_where_values_do_not_tell(

@@ -82,9 +82,9 @@ def test_attributes_of_merged_points_are_lost_and_counted(
     points = row["points_out"]
     assert 0 < points < 40
     assert (row["attributes_lost"], row["attributes_0"]) == (40 - points, 0)
-    told = capsys.readouterr().err
-    assert f"back.las: {40 - points} of 40 points lost their attributes (merged" in told
-    assert told.count("\n") == 1
+    output = capsys.readouterr().err
+    assert f"back.las: {40 - points} of 40 points lost their attributes (merged" in output
+    assert output.count("\n") == 1
     las = laspy.read("back.las")
     rows = np.rint(las.gps_time - 0.25).astype(int)
     assert len(set(rows)) == points

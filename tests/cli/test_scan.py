@@ -57,8 +57,8 @@ def test_a_mesh_of_any_format_gives_the_same_scan(kind: str, mesh: Path) -> None
 def test_every_sensor_sweeps_its_own_elevations(sensor: str, mesh: Path) -> None:
     table = scanned(mesh, "--sensor", sensor)
     assert len(table) == 180 * len(table.about["sensor"]["laser_elevation_deg"])
-    found = np.degrees(table["pitch"][: len(np.unique(table["laser_id"]))])
-    assert found == pytest.approx(table.about["sensor"]["laser_elevation_deg"])
+    result = np.degrees(table["pitch"][: len(np.unique(table["laser_id"]))])
+    assert result == pytest.approx(table.about["sensor"]["laser_elevation_deg"])
 
 
 def test_a_users_own_sensor_is_a_file(mesh: Path) -> None:
@@ -77,8 +77,8 @@ def test_every_error_model_takes_its_options(errors: str, mesh: Path) -> None:
     words = ["--errors", errors, "--error-options", json.dumps(options), "--seed", "3"]
     table = scanned(mesh, *words)
     assert len(table) == 180 * 16
-    told = table.about["errors"]
-    assert {name: told[name] for name in options if name != "receiver"} == {
+    description = table.about["errors"]
+    assert {name: description[name] for name in options if name != "receiver"} == {
         name: value for name, value in options.items() if name != "receiver"
     }
     assert not np.array_equal(table["distance"], table["distance_noisy"])

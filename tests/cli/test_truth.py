@@ -107,9 +107,9 @@ def test_what_cannot_be_compared_is_named(
 ) -> None:
     (wall / "cut.bin").write_bytes((wall / "planes.bin").read_bytes()[:40])
     (wall / "bare.off").write_text(FLOOR)
-    one = np.zeros((1, 3))
-    write_cloud(wall / "bare.ply", PointCloud(one))
-    write_cloud(wall / "strange.ply", PointCloud(one, labels=np.array([2], np.int32)))
+    item = np.zeros((1, 3))
+    write_cloud(wall / "bare.ply", PointCloud(item))
+    write_cloud(wall / "strange.ply", PointCloud(item, labels=np.array([2], np.int32)))
     capsys.readouterr()
     assert main(["recovery", *(str(wall / name) for name in (stream, points, scene))]) == 2
     assert fault in capsys.readouterr().err

@@ -170,10 +170,10 @@ def test_compiling_is_told_on_standard_error_and_loading_is_not(tmp_path: Path) 
     (tmp_path / "outer.py").write_text(TIMED)
     environment = {**os.environ, "PYTHONPATH": str(SOURCE)}
     environment.pop("NUMBA_CACHE_DIR", None)
-    for told in (1, 0):
+    for line_count in (1, 0):
         done = subprocess.run(
             [sys.executable, tmp_path / "outer.py"],
             env=environment, capture_output=True, text=True, check=True,
         )  # fmt: skip
         assert done.stdout == "1\n"
-        assert done.stderr.count("compiling") == told
+        assert done.stderr.count("compiling") == line_count

@@ -38,9 +38,9 @@ def test_without_a_number_the_threads_are_the_cores(monkeypatch: pytest.MonkeyPa
 
 
 def test_a_row_names_processor_and_versions() -> None:
-    found = run_environment(alone=True)
-    assert found["cpu"]
-    assert found["timed_alone"] is True
+    result = run_environment(alone=True)
+    assert result["cpu"]
+    assert result["timed_alone"] is True
     assert f"numpy {__import__('numpy').__version__}" in libraries()
     assert libraries().startswith(f"python {sys.version_info.major}.{sys.version_info.minor}")
 
@@ -50,6 +50,6 @@ def test_results_of_two_machines_are_two_rows() -> None:
         {"cpu": cpu, "threads": 1, "timed_alone": True, "codec_version": version}
         for cpu, version in (("A", "gpcc 1"), ("A", "draco 2"), ("B", "draco 2"))
     ]
-    found = machines(pd.DataFrame(rows)).set_index("cpu")
-    assert found["results"].to_dict() == {"A": 2, "B": 1}
-    assert found["codec_versions"].to_dict() == {"A": "draco 2, gpcc 1", "B": "draco 2"}
+    result = machines(pd.DataFrame(rows)).set_index("cpu")
+    assert result["results"].to_dict() == {"A": 2, "B": 1}
+    assert result["codec_versions"].to_dict() == {"A": "draco 2, gpcc 1", "B": "draco 2"}

@@ -45,10 +45,10 @@ def test_at_a_terminal_one_line_is_rewritten_and_ended(
     progress = Progress("frame")
     progress(240, 480)
     progress(480, 480)
-    told = capsys.readouterr().err
-    assert [line.strip() for line in told.split("\r")] == [
+    printed = capsys.readouterr().err
+    assert [line.strip() for line in printed.split("\r")] == [
         "",
         "frame 240 of 480, 0 s left",
         "frame 480 of 480, 0 s left",
     ]
-    assert told.endswith("\n")
+    assert printed.endswith("\n")

@@ -318,7 +318,7 @@ CLOUDS += [
         "no_unit.csv",
         content(NO_UNIT),
         "returns",
-        error="column t has whole numbers whose unit cannot be told: name it, as --time-unit ns$",
+        error="column t has integers whose unit cannot be inferred: add --time-unit ns$",
     ),
     Case(
         "with_unit.csv",

@@ -37,7 +37,7 @@ CASES = [
         "zeros.puck",
         lambda path: path.write_bytes(_zeros(8)),
         "turns",
-        error=r"zeros\.puck: \d+ bytes in \d+ bytes: more than they may hold; .* --trusted",
+        error=r"zeros\.puck: \d+ bytes in \d+ bytes: more than they can hold; .* --trusted",
     ),
     Case("nested.puck", _nested, "turns", error=r"nested\.puck: a compressed recording within"),
     Case(

@@ -51,7 +51,7 @@ CASES = [
         "numbers_of_columns.csv",
         "0,1,2\n1.5,2,3\n4,5,6\n",
         [(1.5, 2, 3), (4, 5, 6)],
-        warning="numbers_of_columns.csv: its first line numbers the columns, and is no point",
+        warning="numbers_of_columns.csv: its first line numbers the columns, and is not a point",
     ),
     _case(
         "numbers_of_columns_and_rows.csv",

@@ -79,7 +79,7 @@ def test_an_unknown_version_of_an_unpinned_package_is_a_warning(
 def test_a_package_without_the_wanted_files_is_an_error(
     source: PackageSource, tmp_path: Path
 ) -> None:
-    other = replace(source, wanted=re.compile(r"nothing"))
+    other = replace(source, members=re.compile(r"nothing"))
     with pytest.raises(InputError, match="no member matches nothing"):
         fetch_source(other, tmp_path / "data" / "rooms")
 

@@ -145,9 +145,9 @@ def test_a_voxel_has_the_size_of_the_header_unless_another_is_given(tmp_path: Pa
     text = HEADER.replace("element", comment, 1).format(3) + "\n".join(VOXELS) + "\n"
     put(tmp_path / "loot_vox10_1000.ply", text.encode())
     own = Voxelised8i(path=str(tmp_path)).load("loot_vox10_1000")
-    given = Voxelised8i(path=str(tmp_path), height_m=1.024).load("loot_vox10_1000")
+    values = Voxelised8i(path=str(tmp_path), height_m=1.024).load("loot_vox10_1000")
     assert own.about["metres_per_voxel"] == pytest.approx(0.00181985)
-    assert given.about["metres_per_voxel"] == pytest.approx(0.001)
+    assert values.about["metres_per_voxel"] == pytest.approx(0.001)
 
 
 def test_the_colours_survive_a_file_of_ours(tmp_path: Path) -> None:

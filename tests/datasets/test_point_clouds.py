@@ -57,8 +57,8 @@ def test_folders_patterns_and_lists_name_files() -> None:
 
 def test_files_of_one_name_have_different_names() -> None:
     names = ["a/x.ply", "a/x.las", "b/x.ply", "b/X.ply", "y y.ply"]
-    found = scene_names(map(Path, names))
-    assert found == ["a-x_ply", "a-x_las", "b-x_ply", "b-X_ply_2", "y_y"]
+    result = scene_names(map(Path, names))
+    assert result == ["a-x_ply", "a-x_las", "b-x_ply", "b-X_ply_2", "y_y"]
 
 
 @pytest.mark.usefixtures("mine")
@@ -179,9 +179,9 @@ def test_compressed_clouds_are_named_and_read_like_others() -> None:
     text = Path("mine/north/a.xyz").read_bytes()
     Path("mine/c.xyz.gz").write_bytes(gzip.compress(text))
     Path("mine/north/a.txt.gz").write_bytes(gzip.compress(text))
-    found = clouds("mine")
-    assert found.names() == ["b", "c", "north-a_txt", "north-a_xyz", "south-a"]
-    scene = found.load("c")
+    result = clouds("mine")
+    assert result.names() == ["b", "c", "north-a_txt", "north-a_xyz", "south-a"]
+    scene = result.load("c")
     assert np.array_equal(scene.cloud.xyz, POINTS)
     assert scene.about["format"] == "xyz"
     assert clouds("mine/c.xyz.gz").names() == ["c"]

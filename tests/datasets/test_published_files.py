@@ -80,12 +80,12 @@ def known(server: tuple[str, Path], monkeypatch: pytest.MonkeyPatch) -> dict[str
         files[name] = {"from": [f"one/{name}"], "sha256": _sha256(rate.encode())}
     for name, content in served.items():
         (folder / name).write_bytes(content)
-    found = {"repositories": {"one": "."}, "files": files, "order": "02 00 01"}
-    download = partial(published_files.download, host=host, table=found)
+    result = {"repositories": {"one": "."}, "files": files, "order": "02 00 01"}
+    download = partial(published_files.download, host=host, table=result)
     monkeypatch.setitem(
         SOURCES, "pcgc_weights", replace(SOURCES["pcgc_weights"], download=download)
     )
-    return found
+    return result
 
 
 @pytest.mark.usefixtures("known")
@@ -188,9 +188,9 @@ def test_recordings_of_ouster_sensors_have_metadata_digests_and_a_licence() -> N
 
 def test_the_real_table_has_every_rate_and_licence() -> None:
     files = published_files.published()["files"]
-    wanted = {f"a{rate}b3.npz" for rate in RATES["pcgcv1"]}
-    wanted |= {f"c8_a{rate}_32000.pth" for rate in RATES["pcgcv2"]}
-    assert set(files) == wanted | {"LICENSE-PCGCv1", "LICENSE-PCGCv2"}
+    expected = {f"a{rate}b3.npz" for rate in RATES["pcgcv1"]}
+    expected |= {f"c8_a{rate}_32000.pth" for rate in RATES["pcgcv2"]}
+    assert set(files) == expected | {"LICENSE-PCGCv1", "LICENSE-PCGCv2"}
     assert len(bytes.fromhex(published_files.published()["order"])) == 222
     assert {name for name, about in files.items() if "sha256" not in about} == {"a3.5b3.npz"}
     assert published_files._git_name(b"") == "e69de29bb2d1d6434b8b29ae775ad8c2e48c5391"

@@ -25,7 +25,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Recordings of some 5 and some 2 turns, and a file that is none."""
     folder = tmp_path_factory.mktemp("recordings")
     for name, packets in (("drive b", 100), ("a", 42)):
-        payloads = [bytes(one) for one in spin(packets=packets, rise=160)]
+        payloads = [bytes(item) for item in spin(packets=packets, rise=160)]
         (folder / f"{name}.pcap").write_bytes(pcap(payloads))
     (folder / "notes.txt").write_text("nothing")
     return folder
@@ -78,7 +78,7 @@ def test_what_is_missing_is_told(folder: Path, tmp_path: Path) -> None:
             "recordings", {"path": [str(folder / "a.pcap"), str(tmp_path / "again")]}
         ).names()
     short = tmp_path / "short.pcap"
-    short.write_bytes(pcap([bytes(one) for one in spin(packets=4)]))
+    short.write_bytes(pcap([bytes(item) for item in spin(packets=4)]))
     unusable = open_scene_set("recordings", {"path": str(short)})
     assert unusable.names() == ["short"]
     with pytest.raises(InputError, match=r"short\.pcap: no whole turn"):
@@ -90,16 +90,16 @@ def test_what_is_missing_is_told(folder: Path, tmp_path: Path) -> None:
 @pytest.fixture
 def reads(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """Names of the recordings that are read."""
-    found: list[str] = []
+    result: list[str] = []
 
     def counted(path: Path, *options: Any) -> tuple[Returns, dict[str, int]]:
-        found.append(path.name)
+        result.append(path.name)
         return reading_turns(path, *options)
 
     reading_turns = reading.read_turns
     monkeypatch.setattr(reading, "read_turns", counted)
     monkeypatch.setattr(recordings, "_kept", {})
-    return found
+    return result
 
 
 def test_a_cloud_is_found_without_reading_other_recordings(folder: Path, reads: list[str]) -> None:
@@ -184,11 +184,11 @@ def test_a_compressed_recording_is_read_as_the_one_it_was_made_of(
     compress(folder / "drive b.pcap", tmp_path / "small.puck")
     scenes = open_scene_set("recordings", {"path": str(tmp_path)})
     assert scenes.names() == [f"small_000{turn}" for turn in (1, 2, 3, 4)]
-    found = scenes.load("small_0003").returns
+    result = scenes.load("small_0003").returns
     plain = open_scene_set("recordings", {"path": str(folder)}).load("drive_b_0003").returns
-    assert found is not None
+    assert result is not None
     assert plain is not None
-    np.testing.assert_array_equal(found.turns[0].ranges, plain.turns[0].ranges)
+    np.testing.assert_array_equal(result.turns[0].ranges, plain.turns[0].ranges)
     (tmp_path / "small.pcap").write_bytes((folder / "drive b.pcap").read_bytes())
     again = open_scene_set("recordings", {"path": str(tmp_path)})
     assert again.files("small_0001") == [tmp_path / "small.pcap"]
@@ -209,10 +209,10 @@ def test_every_sensor_and_return_mode_comes_by_turns(
     whole = returns_of_packets(packets)
     assert len(scenes.names()) == len(whole.turns) - 2 >= 1
     for number, name in enumerate(scenes.names(), start=1):
-        found = scenes.load(name).returns
-        assert found is not None
-        assert found.layout.kinds == (2 if mode == DUAL else 1)
-        np.testing.assert_array_equal(found.points(), replace_turns(whole, number).points())
+        result = scenes.load(name).returns
+        assert result is not None
+        assert result.layout.kinds == (2 if mode == DUAL else 1)
+        np.testing.assert_array_equal(result.points(), replace_turns(whole, number).points())
 
 
 @pytest.mark.parametrize("product", [VLP16, HDL32E])
@@ -226,10 +226,10 @@ def test_bags_have_the_turns_of_their_packets(tmp_path: Path, product: int, mode
     own = [name for name in scenes.names() if name.startswith("drive_0")]
     assert len(own) == len(scenes.names()) // 2 >= 1
     for name in own:
-        found, same = scenes.load(name), scenes.load(name.replace("drive_0", "a"))
-        assert found.returns is not None
+        result, same = scenes.load(name), scenes.load(name.replace("drive_0", "a"))
+        assert result.returns is not None
         assert same.returns is not None
-        np.testing.assert_array_equal(found.returns.points(), same.returns.points())
+        np.testing.assert_array_equal(result.returns.points(), same.returns.points())
 
 
 @pytest.mark.parametrize("suffix", ["pcap", "puck"])
@@ -239,9 +239,9 @@ def test_turns_of_a_recording_are_prepared_by_the_command(tmp_path: Path, suffix
     compress(tmp_path / "a.pcap", tmp_path / "a.puck")
     out = tmp_path / "turn.ply"
     assert main(["prepare", str(tmp_path / f"a.{suffix}"), str(out)]) == 0
-    found = read_firings(tmp_path / "turn.parquet")
+    result = read_firings(tmp_path / "turn.parquet")
     whole = returns_of_packets(np.delete(packets, 25, axis=0))
-    np.testing.assert_array_equal(found.turns[0].ranges, whole.turns[1].ranges)
+    np.testing.assert_array_equal(result.turns[0].ranges, whole.turns[1].ranges)
     about = json.loads(out.with_suffix(".json").read_text())
     assert about["damaged_packets"] == 1
     assert about["source"] == f"a.{suffix}"
@@ -250,11 +250,13 @@ def test_turns_of_a_recording_are_prepared_by_the_command(tmp_path: Path, suffix
 def mixed(folder: Path) -> tuple[str, list[str]]:
     """A capture of two sensors with one address that send to two ports, and these streams."""
     near, far = rows(spin(packets=60)), rows(spin(packets=60, seed=1))
-    data = pcap([one for pair in zip(near, far, strict=True) for one in pair])
+    data = pcap([item for pair in zip(near, far, strict=True) for item in pair])
     size = 16 + 42 + 1206
     frames = [data[at : at + size] for at in range(24, len(data), size)]
     port = (2369).to_bytes(2, "big")
-    moved = [one[:52] + port + one[54:] if number % 2 else one for number, one in enumerate(frames)]
+    moved = [
+        item[:52] + port + item[54:] if number % 2 else item for number, item in enumerate(frames)
+    ]
     (folder / "two.pcap").write_bytes(data[:24] + b"".join(moved))
     (folder / "near.pcap").write_bytes(pcap(near))
     (folder / "far.pcap").write_bytes(pcap(far))
@@ -268,10 +270,10 @@ def test_one_of_two_sensors_is_chosen(tmp_path: Path, capsys: pytest.CaptureFixt
         open_scene_set("recordings", {"path": path}).load("two")
     for stream, name in zip(streams, ("near", "far"), strict=True):
         alone = read_packets(tmp_path / f"{name}.pcap").payloads
-        found = open_scene_set("recordings", {"path": path, "stream": stream}).load("two_0001")
-        assert found.returns is not None
+        result = open_scene_set("recordings", {"path": path, "stream": stream}).load("two_0001")
+        assert result.returns is not None
         turn = returns_of_packets(alone).turns[1]
-        np.testing.assert_array_equal(found.returns.turns[0].ranges, turn.ranges)
+        np.testing.assert_array_equal(result.returns.turns[0].ranges, turn.ranges)
         out = tmp_path / f"{name}.parquet"
         assert main(["capture", path, str(out), "--stream", stream]) == 0
         assert len(read_returns(out)) == len(read_recording(tmp_path / f"{name}.pcap"))
@@ -340,10 +342,10 @@ def loaded(folder: Path, data: bytes) -> tuple[Returns, dict[str, object]]:
 
 
 def altered(packets: np.ndarray, changes: dict[tuple[int, int], int]) -> np.ndarray:
-    found = packets.copy()
+    result = packets.copy()
     for place, value in changes.items():
-        found[place] = value
-    return found
+        result[place] = value
+    return result
 
 
 @pytest.mark.parametrize(
@@ -376,12 +378,12 @@ def test_damaged_packets_make_no_returns_and_are_counted(
     tmp_path: Path, damage: dict[tuple[int, int], int]
 ) -> None:
     packets = spin(packets=100)
-    found, about = loaded(tmp_path, pcap(rows(altered(packets, damage))))
+    result, about = loaded(tmp_path, pcap(rows(altered(packets, damage))))
     assert about["damaged_packets"] == 2
     without = returns_of_packets(np.delete(packets, [30, 31], axis=0))
     expected = without.turns[1:-1]
     np.testing.assert_array_equal(
-        np.concatenate([turn.ranges for turn in found.turns], axis=1),
+        np.concatenate([turn.ranges for turn in result.turns], axis=1),
         np.concatenate([turn.ranges for turn in expected], axis=1),
     )
 
@@ -397,49 +399,49 @@ def test_packets_of_unknown_modes_and_products_are_counted(
     tmp_path: Path, change: tuple[int, int]
 ) -> None:
     byte, value = change
-    found, about = loaded(tmp_path, pcap(rows(altered(spin(packets=100), {(30, byte): value}))))
+    result, about = loaded(tmp_path, pcap(rows(altered(spin(packets=100), {(30, byte): value}))))
     assert about["unknown_packets"] == 1
     expected = returns_of_packets(np.delete(spin(packets=100), 30, axis=0))
-    assert len(found) == sum(turn.returns for turn in expected.turns[1:-1])
+    assert len(result) == sum(turn.returns for turn in expected.turns[1:-1])
 
 
 def test_a_gap_moves_no_point(tmp_path: Path) -> None:
     packets = spin(packets=100)
     kept = np.delete(packets, np.s_[40:52], axis=0)
-    found, about = loaded(tmp_path, pcap(rows(kept)))
+    result, about = loaded(tmp_path, pcap(rows(kept)))
     assert "damaged_packets" not in about
     everything = {tuple(point) for point in np.round(returns_of_packets(packets).points(), 6)}
-    apart = [tuple(point) in everything for point in np.round(found.points(), 6)]
+    apart = [tuple(point) in everything for point in np.round(result.points(), 6)]
     # In the block before the gap the azimuth goes on as it usually rises.
     assert np.count_nonzero(np.logical_not(apart)) <= 32
     count = len(returns_of_packets(kept))
     ends = returns_of_packets(kept).turns[0].returns + returns_of_packets(kept).turns[-1].returns
-    assert len(found) == count - ends
+    assert len(result) == count - ends
 
 
 def test_time_that_runs_backwards_loses_nothing(tmp_path: Path) -> None:
     packets = spin(packets=100)
     swapped = np.arange(100)
     swapped[[50, 51]] = [51, 50]
-    found, about = loaded(tmp_path, pcap(rows(packets[swapped])))
+    result, about = loaded(tmp_path, pcap(rows(packets[swapped])))
     straight, _ = loaded(tmp_path, pcap(rows(packets)))
     assert "damaged_packets" not in about
-    assert len(found) == len(straight)
-    assert found.seconds == pytest.approx(straight.seconds, rel=1e-6)
+    assert len(result) == len(straight)
+    assert result.seconds == pytest.approx(straight.seconds, rel=1e-6)
 
 
 def test_turns_of_one_packet_are_turns(tmp_path: Path) -> None:
     packets = spin(packets=20, rise=3000)
-    found, _ = loaded(tmp_path, pcap(rows(packets)))
-    assert len(found.turns) > 15
-    assert {len(turn.azimuths) for turn in found.turns} <= {12, 24}
+    result, _ = loaded(tmp_path, pcap(rows(packets)))
+    assert len(result.turns) > 15
+    assert {len(turn.azimuths) for turn in result.turns} <= {12, 24}
     whole = returns_of_packets(packets)
-    assert len(found) == sum(turn.returns for turn in whole.turns[1:-1])
+    assert len(result) == sum(turn.returns for turn in whole.turns[1:-1])
 
 
 def test_a_file_that_is_cut_off_gives_its_whole_packets(tmp_path: Path) -> None:
     data = pcap(rows(spin(packets=100)))
-    found, about = loaded(tmp_path, data[:-700])
+    result, about = loaded(tmp_path, data[:-700])
     whole, _ = loaded(tmp_path, pcap(rows(spin(packets=100)[:99])))
     assert about["bytes_cut_off"] == 16 + 42 + 1206 - 700
-    assert len(found) == len(whole)
+    assert len(result) == len(whole)

@@ -57,39 +57,39 @@ def of_kitti(folder: Path, data: bytes) -> Scene:
 
 
 def test_the_lasers_of_kitti_s_frames_are_found_from_points(tmp_path: Path) -> None:
-    known = hdl64()
-    scene = of_kitti(tmp_path, as_kitti(known))
+    original = hdl64()
+    scene = of_kitti(tmp_path, as_kitti(original))
     assert of_returns(Kitti(path=str(tmp_path), returns=True))
     assert not of_returns(Kitti(path=str(tmp_path)))
-    found = scene.returns
-    assert found is not None
-    assert len(found) == len(known)
+    result = scene.returns
+    assert result is not None
+    assert len(result) == len(original)
     assert scene.about["points_left_out"] == 0
     assert scene.about["moved_most_mm"] < 2  # half a step of the range, and of coordinates
-    lasers = np.argsort(found.beams.elevations_deg)
+    lasers = np.argsort(result.beams.elevations_deg)
     for name, tolerance in (("elevations_deg", 0.002), ("heights_mm", 0.3), ("sideways_mm", 0.3)):
-        own = np.array(getattr(found.beams, name))[lasers]
-        np.testing.assert_allclose(own, getattr(known.beams, name), atol=tolerance)
-    turned = np.array(found.beams.azimuths_deg)[lasers] - known.beams.azimuths_deg
+        own = np.array(getattr(result.beams, name))[lasers]
+        np.testing.assert_allclose(own, getattr(original.beams, name), atol=tolerance)
+    turned = np.array(result.beams.azimuths_deg)[lasers] - original.beams.azimuths_deg
     # All of them are against an angle that only whole turns would tell.
     assert np.ptp(turned) < 0.005
-    image = found.turns[0].ranges[0][:, lasers].astype(int)
+    image = result.turns[0].ranges[0][:, lasers].astype(int)
     shift = round(float(turned.mean()) * 100 / 9)
-    steps = (found.turns[0].azimuths.astype(int) // 9 + shift) % 4000
-    assert sorted(steps.tolist()) == (known.turns[0].azimuths // 9).tolist()
-    wanted = known.turns[0].ranges[0].astype(int)
+    steps = (result.turns[0].azimuths.astype(int) // 9 + shift) % 4000
+    assert sorted(steps.tolist()) == (original.turns[0].azimuths // 9).tolist()
+    expected = original.turns[0].ranges[0].astype(int)
     rows = np.argsort(steps)
-    assert np.abs(image[rows] - wanted).max() <= 1
+    assert np.abs(image[rows] - expected).max() <= 1
 
 
 def test_recovered_returns_survive_files_and_streams(tmp_path: Path) -> None:
-    found = of_kitti(tmp_path, as_kitti(hdl64(100))).returns
-    assert found is not None
-    write_firings(tmp_path / "turn.parquet", found)
+    result = of_kitti(tmp_path, as_kitti(hdl64(100))).returns
+    assert result is not None
+    write_firings(tmp_path / "turn.parquet", result)
     again = read_firings(tmp_path / "turn.parquet")
-    assert again.beams == found.beams
-    decoded = open_codec("puck").decode_cloud(open_codec("puck").encode_returns(found, "2mm"))
-    np.testing.assert_array_equal(decoded.xyz, found.points())
+    assert again.beams == result.beams
+    decoded = open_codec("puck").decode_cloud(open_codec("puck").encode_returns(result, "2mm"))
+    np.testing.assert_array_equal(decoded.xyz, result.points())
 
 
 @pytest.mark.parametrize("order", ["shuffled", "cut"])
@@ -149,16 +149,18 @@ def of_nuscenes(folder: Path, rows: Floats, returns: bool = True) -> Scene:
 
 
 def test_the_motion_of_nuscenes_sweeps_is_undone(tmp_path: Path) -> None:
-    known = hdl32()
-    scene = of_nuscenes(tmp_path, as_nuscenes(known))
-    found = scene.returns
-    assert found is not None
+    original = hdl32()
+    scene = of_nuscenes(tmp_path, as_nuscenes(original))
+    result = scene.returns
+    assert result is not None
     assert scene.group == "n015-2018"
-    assert ((found.turns[0].ranges > 0) == (known.turns[0].ranges > 0)).all()
-    apart = found.turns[0].ranges.astype(int) - known.turns[0].ranges.astype(int)
+    assert ((result.turns[0].ranges > 0) == (original.turns[0].ranges > 0)).all()
+    apart = result.turns[0].ranges.astype(int) - original.turns[0].ranges.astype(int)
     assert np.abs(apart).max() <= 1
-    np.testing.assert_allclose(found.beams.elevations_deg, known.beams.elevations_deg, atol=0.003)
-    assert np.linalg.norm(found.points() - known.points(), axis=1).max() < 0.01
+    np.testing.assert_allclose(
+        result.beams.elevations_deg, original.beams.elevations_deg, atol=0.003
+    )
+    assert np.linalg.norm(result.points() - original.points(), axis=1).max() < 0.01
     assert scene.about["moved_rms_mm"] < 4
 
 
@@ -185,37 +187,39 @@ def test_the_way_is_known_from_three_alike_in_sixteen_columns_up_to_four_metres(
 
 def test_heights_of_lasers_are_told_from_the_way_of_the_car() -> None:
     """Each laser starts at a height of its own, as those of other sensors do."""
-    known = hdl32()
+    original = hdl32()
     heights = tuple(np.linspace(5, 45, 32).tolist())
-    known = replace(known, beams=replace(known.beams, heights_mm=heights))
-    found = recovered_firings(firings(known), "HDL-32E").returns
-    np.testing.assert_allclose(found.beams.heights_mm, heights, atol=1.0)
-    np.testing.assert_allclose(found.beams.elevations_deg, known.beams.elevations_deg, atol=0.003)
+    original = replace(original, beams=replace(original.beams, heights_mm=heights))
+    result = recovered_firings(firings(original), "HDL-32E").returns
+    np.testing.assert_allclose(result.beams.heights_mm, heights, atol=1.0)
+    np.testing.assert_allclose(
+        result.beams.elevations_deg, original.beams.elevations_deg, atol=0.003
+    )
 
 
 def with_few(returns: int) -> Returns:
     """A turn in which laser 4 has so many returns, and one column has three."""
-    known = hdl32()
-    ranges = known.turns[0].ranges
+    original = hdl32()
+    ranges = original.turns[0].ranges
     ranges[0, :20, 16] = 6000  # others are told against the laser in the middle
     ranges[0, :, 4] = np.where(np.arange(120) < returns, 5000, 0)
     ranges[0, 30, 3:] = 0
-    return known
+    return original
 
 
 def test_a_laser_is_found_from_sixteen_returns() -> None:
-    known = with_few(16)
-    found = recovered_firings(firings(known), "HDL-32E").returns
-    assert ((found.turns[0].ranges > 0) == (known.turns[0].ranges > 0)).all()
+    original = with_few(16)
+    result = recovered_firings(firings(original), "HDL-32E").returns
+    assert ((result.turns[0].ranges > 0) == (original.turns[0].ranges > 0)).all()
     with pytest.raises(InputError, match="a laser with fewer than 16 returns"):
         recovered_firings(firings(with_few(15)), "HDL-32E")
 
 
 def test_a_laser_that_never_returns_when_the_others_do_is_not_found() -> None:
-    known = with_few(50)
-    known.turns[0].ranges[0, 15:50, 16] = 0
-    with pytest.raises(InputError, match="a laser that hardly returns when the others do"):
-        recovered_firings(firings(known), "HDL-32E")
+    original = with_few(50)
+    original.turns[0].ranges[0, 15:50, 16] = 0
+    with pytest.raises(InputError, match="a laser that rarely returns when the others do"):
+        recovered_firings(firings(original), "HDL-32E")
 
 
 def test_sweeps_are_clouds_of_their_points_unless_returns_are_wanted(tmp_path: Path) -> None:
@@ -232,10 +236,10 @@ def test_sweeps_are_clouds_of_their_points_unless_returns_are_wanted(tmp_path: P
 
 
 def test_firings_without_return_are_left_out_wherever_the_car_was(tmp_path: Path) -> None:
-    known = hdl32(120)
-    scene = of_nuscenes(tmp_path, as_nuscenes(known), returns=False)
+    original = hdl32(120)
+    scene = of_nuscenes(tmp_path, as_nuscenes(original), returns=False)
     assert scene.cloud is not None
-    ranges = known.turns[0].ranges
+    ranges = original.turns[0].ranges
     assert scene.about["missing_returns"] == np.count_nonzero(ranges == 0)
     assert len(scene.cloud) == np.count_nonzero(ranges)
     sweeps = NuScenes(path=str(tmp_path), keep_missing=True)

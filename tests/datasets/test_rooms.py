@@ -174,7 +174,7 @@ def test_the_files_are_the_house_and_each_model_once(front: Path) -> None:
 
 
 def test_a_room_whose_models_are_all_missing_is_named(front: Path) -> None:
-    with pytest.raises(InputError, match=r"Bedroom-3: nothing of the room has a surface"):
+    with pytest.raises(InputError, match=r"Bedroom-3: no item of the room has a surface"):
         open_front(front).load("abc_Bedroom-3")
 
 

@@ -32,14 +32,14 @@ def test_a_scene_has_a_mesh_or_a_cloud() -> None:
 
 @pytest.mark.parametrize("loader", LOADERS.names())
 def test_every_loader_can_be_loaded_and_is_a_scene_set(loader: str) -> None:
-    found = LOADERS.get(loader)
-    assert all(callable(getattr(found, member)) for member in ("names", "files", "load"))
+    result = LOADERS.get(loader)
+    assert all(callable(getattr(result, member)) for member in ("names", "files", "load"))
 
 
 @pytest.mark.parametrize("loader", LOADERS.names())
 def test_every_option_is_described(loader: str) -> None:
-    known = options_model(LOADERS.get(loader), loader).model_fields
-    assert all(option.description for option in known.values())
+    original = options_model(LOADERS.get(loader), loader).model_fields
+    assert all(option.description for option in original.values())
 
 
 WRONG: list[tuple[str, Mapping[str, Any], str]] = [
@@ -206,7 +206,7 @@ def test_options_of_a_data_class_of_ones_own_are_checked(
 def test_a_class_without_options_to_read_is_named(tmp_path: Path) -> None:
     (path := tmp_path / "mine.py").write_text("class Mine:\n    pass\n")
     trust([f"{path}:Mine"])
-    with pytest.raises(InputError, match="Mine is no data class and no pydantic model"):
+    with pytest.raises(InputError, match="Mine is neither a data class nor a pydantic model"):
         open_scene_set(f"{path}:Mine", {})
 
 

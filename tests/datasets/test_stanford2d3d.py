@@ -23,8 +23,8 @@ def root(tmp_path: Path) -> Path:
 
 def rooms(root: Path, **options: Any) -> Stanford2D3D:
     """The set in `root`, with listed positions unless `positions` is None."""
-    given = {"positions": str(root / "positions"), **options}
-    return Stanford2D3D(path=str(root / "2D-3D-S"), s3dis=str(root / "S3DIS"), **given)
+    values = {"positions": str(root / "positions"), **options}
+    return Stanford2D3D(path=str(root / "2D-3D-S"), s3dis=str(root / "S3DIS"), **values)
 
 
 def mesh_of(scene: Scene) -> tuple[Mesh, Labels]:

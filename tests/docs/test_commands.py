@@ -69,9 +69,9 @@ COMMANDS = {shlex.join(words): words for name in PAGES for words in commands(nam
 
 def _with(program: str) -> pytest.MarkDecorator:
     """Parametrised by the pages' commands of a program, without its name."""
-    given = {line: words[1:] for line, words in COMMANDS.items() if words[0] == program}
-    assert given
-    return pytest.mark.parametrize("words", given.values(), ids=given)
+    values = {line: words[1:] for line, words in COMMANDS.items() if words[0] == program}
+    assert values
+    return pytest.mark.parametrize("words", values.values(), ids=values)
 
 
 def test_every_block_of_code_is_of_a_kind_that_is_tested() -> None:

@@ -68,8 +68,8 @@ def test_codecs_stand_by_their_bits_and_last_where_they_cannot_be_compared(
     apart = reference_lookalike.rows_of("primitives", 0.01)
     apart["d1_psnr"] += 1000
     apart["d2_psnr"] += 1000
-    known = study.metrics.drop(columns="digest")
-    metrics = pd.concat([apart, known, thrifty], ignore_index=True)
+    original = study.metrics.drop(columns="digest")
+    metrics = pd.concat([apart, original, thrifty], ignore_index=True)
     digests = dict(zip(study.metrics["cloud"], study.metrics["digest"], strict=True))
     metrics.insert(2, "digest", metrics["cloud"].map(digests))
     page = pages._study(replace(study, metrics=metrics))

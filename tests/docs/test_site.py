@@ -95,11 +95,11 @@ def test_every_note_begins_with_its_conclusion() -> None:
 
 def test_pages_that_sources_and_reports_name_exist() -> None:
     named = [
-        (path, found)
+        (path, result)
         for folder in ("src", "workflow", "config", "benchmarks")
         for path in (ROOT / folder).rglob("*")
         if path.suffix in {".py", ".yaml", ".smk", ".rst", ".md"}
-        for found in re.findall(r"\bdocs/[\w/-]+\.md", path.read_text(encoding="utf-8"))
+        for result in re.findall(r"\bdocs/[\w/-]+\.md", path.read_text(encoding="utf-8"))
     ]
     missing = [(path, name) for path, name in named if not (ROOT / name).exists()]
     assert not missing

@@ -111,8 +111,8 @@ def test_a_subsample_is_seeded_and_without_repeats() -> None:
 
 
 def test_every_error_model_has_a_colour_of_its_own() -> None:
-    known = {plot_style.colour for plot_style in MODEL_STYLES.values()}
-    assert len(known) == len(MODEL_STYLES)
+    original = {plot_style.colour for plot_style in MODEL_STYLES.values()}
+    assert len(original) == len(MODEL_STYLES)
     assert set(error_model_names()) <= set(MODEL_STYLES)
 
 

@@ -112,10 +112,10 @@ def test_nothing_to_draw_is_an_input_error() -> None:
 def _modes(datasets: tuple[str, ...]) -> pd.DataFrame:
     """Spins by the octree, by its angular mode for three quarters of the bits, and by another."""
     octree = sweeps_table(2).query("codec == 'gpcc'")
-    found = [octree.assign(dataset=name) for name in datasets]
-    found += [one.assign(codec="gpcc_angular", bpp=0.75 * one["bpp"]) for one in found]
-    found += [one.assign(codec="laz", bpp=9 * one["bpp"]) for one in found[:1]]
-    return pd.concat(found).reset_index(drop=True)
+    result = [octree.assign(dataset=name) for name in datasets]
+    result += [item.assign(codec="gpcc_angular", bpp=0.75 * item["bpp"]) for item in result]
+    result += [item.assign(codec="laz", bpp=9 * item["bpp"]) for item in result[:1]]
+    return pd.concat(result).reset_index(drop=True)
 
 
 def test_bits_are_drawn_as_shares_of_the_octrees() -> None:

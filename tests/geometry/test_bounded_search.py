@@ -29,10 +29,10 @@ def test_queries_near_a_sphere_need_few_visits_and_at_its_centre_many() -> None:
 def test_results_are_the_nearest_points(scale: float) -> None:
     points, queries = (RANDOM.random((count, 3)) * scale for count in (3_000, 500))
     distances, rows = cKDTree(points / scale).query(queries / scale)
-    found = nearest_within(queries, box_tree(points), 1 << 30)
-    assert found is not None
-    assert np.array_equal(found[1], rows)
-    assert np.allclose(found[0] / scale, distances, rtol=1e-12, atol=0)
+    result = nearest_within(queries, box_tree(points), 1 << 30)
+    assert result is not None
+    assert np.array_equal(result[1], rows)
+    assert np.allclose(result[0] / scale, distances, rtol=1e-12, atol=0)
 
 
 @pytest.mark.parametrize("scale", [1e-30, 1.0, 1e30])

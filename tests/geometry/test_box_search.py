@@ -51,13 +51,13 @@ def all_pairs(queries: Floats, points: Floats) -> NearestTwo:
 
 
 def assert_as_all_pairs(queries: Floats, points: Floats) -> None:
-    found, expected = nearest_two(box_tree(queries), box_tree(points)), all_pairs(queries, points)
-    np.testing.assert_array_equal(found.squared, expected.squared)
-    np.testing.assert_array_equal(found.ties, expected.ties)
-    np.testing.assert_array_equal(found.exact, expected.exact)
+    result, expected = nearest_two(box_tree(queries), box_tree(points)), all_pairs(queries, points)
+    np.testing.assert_array_equal(result.squared, expected.squared)
+    np.testing.assert_array_equal(result.ties, expected.ties)
+    np.testing.assert_array_equal(result.exact, expected.exact)
     for number in range(1, expected.rows.shape[1] + 1):
         ties = expected.ties == number
-        np.testing.assert_array_equal(found.rows[ties, :number], expected.rows[ties, :number])
+        np.testing.assert_array_equal(result.rows[ties, :number], expected.rows[ties, :number])
 
 
 @pytest.mark.parametrize("queries", CLOUDS)
@@ -82,9 +82,9 @@ def test_results_do_not_depend_on_the_batch_size(
     for leaves in (1, 3):
         monkeypatch.setattr(box_search, "LEAVES_AT_ONCE", leaves)
         parts = nearest_two(queries, points)
-        for one, other in zip(whole, parts, strict=True):
+        for first, other in zip(whole, parts, strict=True):
             few = whole.ties < 3
-            np.testing.assert_array_equal(one[few], other[few])
+            np.testing.assert_array_equal(first[few], other[few])
 
 
 @pytest.mark.parametrize("name", CLOUDS)
@@ -112,6 +112,6 @@ def depths(tree: BoxTree, node: int = 0) -> list[int]:
 def test_equal_points_and_overflowing_distances() -> None:
     equal, far = np.ones((500, 3)), np.array([[1e200, 0, 0], [-1e200, 0, 0], [1e308, 0, 0]])
     assert box_tree(equal).largest == 500
-    found = nearest_two(box_tree(far), box_tree(equal))
-    assert np.isinf(found.squared).all()
-    assert ((found.rows >= 0) & (found.rows < 500)).all()
+    result = nearest_two(box_tree(far), box_tree(equal))
+    assert np.isinf(result.squared).all()
+    assert ((result.rows >= 0) & (result.rows < 500)).all()

@@ -8,12 +8,12 @@ from puckbench.geometry.digest import cloud_digest
 
 def test_digest_depends_on_points_and_order_not_on_the_last_bits() -> None:
     points = generator(1, "digest").uniform(0, 1023, (1000, 3))
-    known = cloud_digest(points)
+    original = cloud_digest(points)
     rounded = np.rint(points * 1000) / 1000
-    assert cloud_digest(rounded * (1 + 1e-13)) == cloud_digest(rounded) == known
+    assert cloud_digest(rounded * (1 + 1e-13)) == cloud_digest(rounded) == original
     moved = points.copy()
     moved[7, 1] += 0.01
-    assert len({known, cloud_digest(moved), cloud_digest(points[::-1])}) == 3
+    assert len({original, cloud_digest(moved), cloud_digest(points[::-1])}) == 3
 
 
 def test_metres_are_rounded_to_micrometres() -> None:

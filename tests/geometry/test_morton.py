@@ -8,8 +8,8 @@ from puckbench.geometry.morton import morton_codes, morton_points
 def test_coordinates_are_the_inverse_of_codes(axes: tuple[int, int, int]) -> None:
     order = np.array(axes)
     points = np.random.default_rng(0).integers(0, 2**21, (200, 3))
-    found = morton_codes(points, order)
-    assert np.array_equal(morton_points(found, order, np.zeros(3, np.int64)), points)
+    result = morton_codes(points, order)
+    assert np.array_equal(morton_points(result, order, np.zeros(3, np.int64)), points)
 
 
 def test_the_first_axis_has_the_highest_bits() -> None:

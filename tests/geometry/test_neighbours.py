@@ -28,11 +28,11 @@ def test_near_ties_count_among_the_ten_to_thirty_neighbours_that_pc_error_search
     """It searches 10 neighbours, 5 more while all of them tie, and 30 at most."""
     nearly = np.array(CORNERS[:20]) * (1 + 1e-12)
     points = np.concatenate([CORNERS[:equal], nearly, [[20.0, 0, 0]]])
-    found = SearchablePoints(points).nearest(SearchablePoints(np.zeros((1, 3))))
-    assert found.squared.tolist() == [81]
-    assert found.exact.tolist() == [equal]
-    assert found.starts.tolist() == [0, counted]
-    assert set(found.index[:equal]) == set(range(equal))
+    result = SearchablePoints(points).nearest(SearchablePoints(np.zeros((1, 3))))
+    assert result.squared.tolist() == [81]
+    assert result.exact.tolist() == [equal]
+    assert result.starts.tolist() == [0, counted]
+    assert set(result.index[:equal]) == set(range(equal))
 
 
 def test_neighbours_are_sorted_by_their_exact_distances() -> None:

@@ -104,8 +104,8 @@ def test_lossless_attributes_come_back(data: st.DataObject) -> None:
     )
     decoded = decode_cloud(stream)
     rows = np.column_stack([cloud, values])
-    found = np.column_stack([decoded.positions(), decoded.attributes["reflectance"]])
-    assert sorted(map(tuple, found.tolist())) == sorted(map(tuple, rows.tolist()))
+    result = np.column_stack([decoded.positions(), decoded.attributes["reflectance"]])
+    assert sorted(map(tuple, result.tolist())) == sorted(map(tuple, rows.tolist()))
 
 
 def test_slices_and_merged_points_keep_the_values_of_constant_attributes() -> None:

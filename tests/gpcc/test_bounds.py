@@ -104,5 +104,5 @@ def test_what_are_no_grid_points_is_refused(points: np.ndarray, fault: str) -> N
 
 def test_points_on_both_sides_of_the_origin_come_back() -> None:
     points = np.random.default_rng(0).integers(-50, 500, (200, 3))
-    found = decode_geometry(encode_geometry(points, PROFILES["ctc"])).positions()
-    assert sorted(found.tolist()) == sorted(points.astype(float).tolist())
+    result = decode_geometry(encode_geometry(points, PROFILES["ctc"])).positions()
+    assert sorted(result.tolist()) == sorted(points.astype(float).tolist())

@@ -89,10 +89,10 @@ def test_scale_and_origin_are_signalled(scale: Any) -> None:
 
 def test_slices_hold_at_most_as_many_points_as_asked() -> None:
     points = np.random.default_rng(0).integers(0, 50, (3_000, 3))
-    one = encode_geometry(points, GpccOptions())
+    item = encode_geometry(points, GpccOptions())
     many = encode_geometry(points, GpccOptions(slice_max_points=400))
-    assert len(many) > len(one)
-    both = [np.unique(decode_geometry(s).positions(), axis=0) for s in (one, many)]
+    assert len(many) > len(item)
+    both = [np.unique(decode_geometry(s).positions(), axis=0) for s in (item, many)]
     assert np.array_equal(*both)
     assert len(decode_geometry(many).points) == len(both[0])
 
@@ -102,10 +102,10 @@ def test_adaptive_contexts_save_bits() -> None:
     grid = np.indices((200, 200)).reshape(2, -1)
     wave = 40 + np.rint(25 * np.sin(grid[0] / 17) + 9 * np.cos(grid[1] / 11)).astype(np.int64)
     points = np.column_stack([*grid, wave])
-    known = GpccOptions()
+    original = GpccOptions()
     sibling_occupancy = GpccOptions(neighbour_avail_boundary_log2=0)
     plain = GpccOptions(adjacent_child_contextualization=False)
-    sizes = [len(encode_geometry(points, o)) for o in (known, plain, sibling_occupancy)]
+    sizes = [len(encode_geometry(points, o)) for o in (original, plain, sibling_occupancy)]
     assert sizes == sorted(sizes)
     assert sizes[0] < 0.95 * sizes[1] < 0.95 * sizes[2]
 

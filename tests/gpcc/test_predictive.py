@@ -149,11 +149,11 @@ def _nearest_by_turns(points: np.ndarray, search: Any, found: np.ndarray) -> Non
 @pytest.mark.parametrize("spread", [3, 30, 3000])
 def test_the_three_nearest_of_a_growing_set_are_found(spread: int) -> None:
     points = np.random.default_rng(2).integers(-spread, spread, (700, 3))
-    found = np.full((len(points), 3), -1)
-    _nearest_by_turns(points, empty_search(len(points)), found)
+    result = np.full((len(points), 3), -1)
+    _nearest_by_turns(points, empty_search(len(points)), result)
     squared = ((points[:, None] - points[None]) ** 2).sum(axis=2)
     for i in range(3, len(points)):
-        assert found[i].tolist() == np.sort(squared[i, :i])[:3].tolist()
+        assert result[i].tolist() == np.sort(squared[i, :i])[:3].tolist()
 
 
 def test_parents_come_before_their_children_and_have_three_at_most() -> None:
@@ -187,11 +187,11 @@ def _sines(angles: np.ndarray, log2: int, found: np.ndarray) -> None:
 def test_sines_are_those_of_the_angle(log2: int) -> None:
     half = 1 << (log2 - 1)
     angles = np.linspace(-half, half, 5001).astype(np.int64)
-    found = np.empty((len(angles), 2), dtype=np.int64)
-    _sines(angles, log2, found)
+    result = np.empty((len(angles), 2), dtype=np.int64)
+    _sines(angles, log2, result)
     exact = angles * (np.pi / half)
     expected = np.stack([np.sin(exact), np.cos(exact)], axis=1) * 2**24
-    assert np.abs(found - expected).max() < 8
+    assert np.abs(result - expected).max() < 8
 
 
 @compiled
@@ -205,10 +205,10 @@ def test_spherical_coordinates_lead_back_to_the_point() -> None:
     lasers = SENSOR.lasers()
     theta, z = np.array([(laser.theta, laser.z) for laser in lasers]).T
     points = _points("turn_0")
-    found = np.empty_like(points)
-    _there_and_back(points, Sphere(0, 24, theta, z, (0, 0, 0)), found)
-    assert np.abs(found - points)[:, :2].max() <= 1
-    assert np.abs(found - points)[:, 2].max() <= 3  # of a laser's plane
+    result = np.empty_like(points)
+    _there_and_back(points, Sphere(0, 24, theta, z, (0, 0, 0)), result)
+    assert np.abs(result - points)[:, :2].max() <= 1
+    assert np.abs(result - points)[:, 2].max() <= 3  # of a laser's plane
 
 
 @pytest.mark.parametrize(

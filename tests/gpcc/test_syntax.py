@@ -259,11 +259,11 @@ def test_attributes_are_skipped() -> None:
     writer.exp_golomb(0)
     writer.exp_golomb(0)
     writer.exp_golomb(2)
-    for known in (1, 0):
+    for original in (1, 0):
         for number in (2, 0, 7):
             writer.exp_golomb(number)
-        writer.bits(1, known)
-        if known:
+        writer.bits(1, original)
+        if original:
             writer.exp_golomb(0)
         else:
             writer.bits(8, 2)

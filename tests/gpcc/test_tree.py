@@ -83,8 +83,8 @@ def test_the_octrees_occupancies_describe_the_points(cloud: Any) -> None:
     assert sorted(nodes) == sorted(set(map(tuple, points.tolist())))
     assert tree.counts.sum() == len(points)
     codes = leaf_codes(tree, levels)
-    found = morton_points(codes, np.arange(3), np.zeros(3, dtype=np.int64))
-    assert [tuple(p) for p in found.tolist()] == nodes
+    result = morton_points(codes, np.arange(3), np.zeros(3, dtype=np.int64))
+    assert [tuple(p) for p in result.tolist()] == nodes
 
 
 def test_leaf_starts_index_the_first_leaf_of_each_node() -> None:
@@ -156,9 +156,9 @@ def test_neighbours_are_those_within_the_atlas_cube(axes: int, side: int) -> Non
     chosen = [random.permutation(allowed)[: random.integers(1, len(allowed) + 1)] for _ in parents]
     occupancy = np.array([sum(1 << int(k) for k in ks) for ks in chosen], dtype=np.uint8)
     rows = _surroundings(parents, occupancy, axes, empty_atlas(side), 0)
-    found = morton_points(rows[:, 0], np.arange(3), np.zeros(3, dtype=np.int64)).tolist()
-    occupied = set(map(tuple, found))
-    for position, row in zip(found, rows[:, 1:].tolist(), strict=True):
+    result = morton_points(rows[:, 0], np.arange(3), np.zeros(3, dtype=np.int64)).tolist()
+    occupied = set(map(tuple, result))
+    for position, row in zip(result, rows[:, 1:].tolist(), strict=True):
         assert tuple(row) == _expected_row(tuple(position), occupied, side)
 
 

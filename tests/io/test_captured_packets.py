@@ -31,12 +31,12 @@ from tests.support.capture_bytes import (
 
 
 def times(data: bytes) -> list[float]:
-    return [one.received for one in CapturedPackets(data)]
+    return [item.received for item in CapturedPackets(data)]
 
 
 def contents(data: bytes) -> list[tuple[int, bytes, int]]:
     """Link type, bytes and length of each packet."""
-    return [(one.link, data[one.start : one.end], one.length) for one in CapturedPackets(data)]
+    return [(item.link, data[item.start : item.end], item.length) for item in CapturedPackets(data)]
 
 
 @pytest.mark.parametrize("order", "<>")
@@ -226,7 +226,7 @@ def test_a_packet_may_be_cut_anywhere(link: int, wrap: Callable[[bytes], bytes])
     whole = framed(link, wrap(udp(b"abcdef")))
     lengths = [udp_datagram(whole[:end], link) for end in range(len(whole) + 1)]
     assert lengths[:-7] == [None] * (len(whole) - 6)
-    assert [len(one.payload) for one in lengths[-7:] if one is not None] == list(range(7))
+    assert [len(item.payload) for item in lengths[-7:] if item is not None] == list(range(7))
 
 
 def test_headers_with_options_are_skipped() -> None:
@@ -297,5 +297,5 @@ def test_random_bytes_after_a_header_are_read_to_an_end(rest: bytes, form: str, 
     whole = pcap(frame()) if form == "pcap" else section() + interface() + packet(frame())
     data = whole[:at] + rest + whole[at:]
     frames = CapturedPackets(data)
-    assert all(one.start <= one.end <= len(data) for one in frames)
+    assert all(item.start <= item.end <= len(data) for item in frames)
     assert 0 <= frames.end <= len(data)

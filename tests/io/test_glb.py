@@ -32,9 +32,9 @@ def test_a_scene_of_another_program_is_read_as_that_reads_it(tmp_path: Path) -> 
     theirs = trimesh.load_scene(path).to_geometry()
     mesh = read_mesh(path)
     expected = y_up_to_z_up(theirs.triangles_center)
-    found = mesh.corners().mean(axis=1)
-    order, other = np.lexsort(np.round(expected, 3).T), np.lexsort(np.round(found, 3).T)
-    np.testing.assert_allclose(found[other], expected[order], atol=1e-5)
+    result = mesh.corners().mean(axis=1)
+    order, other = np.lexsort(np.round(expected, 3).T), np.lexsort(np.round(result, 3).T)
+    np.testing.assert_allclose(result[other], expected[order], atol=1e-5)
     normals = y_up_to_z_up(np.asarray(theirs.face_normals))
     np.testing.assert_allclose(mesh.normals()[other], normals[order], atol=1e-4)
 

@@ -150,9 +150,9 @@ def _entry(entry: object) -> list[str]:
 def test_a_command_refuses_it_in_one_line(
     words: Any, value: object, fault: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    told = words(value)
+    arguments = words(value)
     capsys.readouterr()
-    assert main(told) == 2
+    assert main(arguments) == 2
     said = capsys.readouterr().err
     assert fault in said
     assert said.count("\n") == 1

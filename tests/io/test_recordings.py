@@ -200,8 +200,8 @@ def test_an_interval_of_a_table_has_its_first_instant_and_not_its_last(tmp_path:
     table = read_returns(tmp_path / "a.parquet")
     instants = np.unique(table["timestamp"])
     start, end = instants[[3, 10]] - instants[0]
-    found = read_recording(tmp_path / "a.parquet", start_s=start, end_s=end)
-    assert np.unique(found["timestamp"]).tolist() == instants[3:10].tolist()
+    result = read_recording(tmp_path / "a.parquet", start_s=start, end_s=end)
+    assert np.unique(result["timestamp"]).tolist() == instants[3:10].tolist()
 
 
 @pytest.mark.parametrize("order", ["<", ">"])

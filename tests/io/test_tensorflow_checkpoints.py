@@ -15,10 +15,10 @@ VARIABLES = {
 
 
 def test_variables_are_read_without_those_of_the_optimiser() -> None:
-    found = read_variables(*checkpoint(VARIABLES))
-    assert list(found) == sorted(VARIABLES)
+    result = read_variables(*checkpoint(VARIABLES))
+    assert list(result) == sorted(VARIABLES)
     for name, values in VARIABLES.items():
-        np.testing.assert_array_equal(found[name], values.astype(np.float32))
+        np.testing.assert_array_equal(result[name], values.astype(np.float32))
 
 
 @pytest.mark.parametrize("cut", [0, 10, 47, 100, 200])

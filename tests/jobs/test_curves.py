@@ -152,7 +152,7 @@ def test_a_curve_has_the_same_bytes_whenever_it_is_written(folder: Path) -> None
 def test_parts_of_a_curve_are_joined_to_the_whole(folder: Path) -> None:
     coded = {rate: Coded(rate.encode(), {"rate": rate}) for rate in RATES}
     write_curve(Path("whole.zip"), coded)
-    write_rows(Path("whole.parquet"), [one.record for one in coded.values()])
+    write_rows(Path("whole.parquet"), [item.record for item in coded.values()])
     for name, rates in (("first", RATES[:2]), ("last", RATES[2:])):
         write_curve(Path(f"{name}.zip"), {rate: coded[rate] for rate in rates})
         write_rows(Path(f"{name}.parquet"), [coded[rate].record for rate in rates])
@@ -183,7 +183,7 @@ def test_a_codec_is_loaded_once_for_a_curve(folder: Path) -> None:
     changes: dict[str, Any] = {"class": "counting.py:Counting"}
     curve, rows = Path("c.zip"), Path("c.parquet")
     changes["rates"] = {rate: {} for rate in RATES}
-    EncodeCurve.given(codec="mine", changes=changes).run(Path("cloud.ply"), curve)
+    EncodeCurve.create(codec="mine", changes=changes).run(Path("cloud.ply"), curve)
     assert Path("loads").read_text() == "x"
     EvaluateCurve(codec="mine", changes=changes).run(Path("cloud.ply"), curve, rows)
     assert Path("loads").read_text() == "xx"

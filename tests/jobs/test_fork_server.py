@@ -110,21 +110,21 @@ def _run(
         check=False,
     )
     stream = folder / "out.bin"
-    found: dict[str, Any] = json.loads(stream.read_bytes()) if stream.exists() else {}
+    result: dict[str, Any] = json.loads(stream.read_bytes()) if stream.exists() else {}
     stream.unlink(missing_ok=True)
-    return done, found
+    return done, result
 
 
 @pytest.mark.usefixtures("server")
 def test_a_forked_job_has_all_of_the_process_that_asked_for_it(
     job: list[str], tmp_path: Path
 ) -> None:
-    done, found = _run(job, tmp_path, VARIABLE="value")
+    done, result = _run(job, tmp_path, VARIABLE="value")
     assert (done.returncode, done.stderr) == (0, "said\n")
     assert json.loads(done.stdout)["job"] == "encode"
-    assert found["forked"]
-    assert found["folder"] == str(tmp_path)
-    assert found["variable"] == "value"
+    assert result["forked"]
+    assert result["folder"] == str(tmp_path)
+    assert result["variable"] == "value"
     assert _run(job, tmp_path)[1]["variable"] is None
 
 
@@ -147,12 +147,12 @@ def test_a_server_imports_all_packages_that_jobs_use() -> None:
 @pytest.mark.usefixtures("server")
 def test_a_job_with_other_threads_is_an_ordinary_process(job: list[str], tmp_path: Path) -> None:
     numbers = ["1", "2", "1"]
-    found = [
+    result = [
         _run(job, tmp_path, OMP_NUM_THREADS=number, NUMBA_NUM_THREADS=number)[1]
         for number in numbers
     ]
-    assert [each["threads"] for each in found] == [1, 2, 1]
-    assert [each["forked"] for each in found] == [True, False, True]
+    assert [each["threads"] for each in result] == [1, 2, 1]
+    assert [each["forked"] for each in result] == [True, False, True]
 
 
 @pytest.mark.usefixtures("server")
@@ -219,8 +219,8 @@ def test_a_job_outlives_its_server_and_the_next_is_an_ordinary_process(
 ) -> None:
     asking, number = _begun(job, tmp_path)
     os.kill(_parent(_parent(number)), signal.SIGKILL)
-    found = _run(job, tmp_path)[1]
-    assert found["forked"] is False
+    result = _run(job, tmp_path)[1]
+    assert result["forked"] is False
     assert _lives(number)
     asking.send_signal(signal.SIGINT)
     asking.communicate()
@@ -258,15 +258,15 @@ def test_without_its_server_a_job_is_a_process_of_its_own(
     server.kill()  # the server sees it by the end of its standard input
     while folder.exists():
         time.sleep(0.05)
-    done, found = _run(job, tmp_path)
-    assert (done.returncode, found["forked"]) == (0, False)
+    done, result = _run(job, tmp_path)
+    assert (done.returncode, result["forked"]) == (0, False)
 
 
 @pytest.mark.usefixtures("server")
 def test_another_python_does_not_use_the_server(job: list[str], tmp_path: Path) -> None:
     sources = os.environ.get("PYTHONPATH", "")
-    done, found = _run(job, tmp_path, PYTHONPATH=os.pathsep.join(["/elsewhere", sources]))
-    assert (done.returncode, found["forked"]) == (0, False)
+    done, result = _run(job, tmp_path, PYTHONPATH=os.pathsep.join(["/elsewhere", sources]))
+    assert (done.returncode, result["forked"]) == (0, False)
 
 
 def _hear_interrupts() -> None:

@@ -49,21 +49,21 @@ def test_the_summary_has_medians_over_clouds() -> None:
             ("a", "r2", 9.0),
         ]
     ]
-    found = summary(table_of(rows, METRIC_KEYS))
-    assert found.bpp.tolist() == [2.0, 9.0]
-    assert found.clouds.tolist() == [3, 1]
+    result = summary(table_of(rows, METRIC_KEYS))
+    assert result.bpp.tolist() == [2.0, 9.0]
+    assert result.clouds.tolist() == [3, 1]
 
 
 def test_the_summary_says_which_weights_were_used() -> None:
     rows = [{**_row(cloud, "r1", 1.0), "weights": "mine 0a1b"} for cloud in ("a", "b")]
-    found = summary(table_of([*rows, {**_row("a", "r1", 1.0), "codec": "plain"}], METRIC_KEYS))
-    assert found.weights.fillna("").tolist() == ["mine 0a1b", ""]
+    result = summary(table_of([*rows, {**_row("a", "r1", 1.0), "codec": "plain"}], METRIC_KEYS))
+    assert result.weights.fillna("").tolist() == ["mine 0a1b", ""]
 
 
 def test_the_summary_has_the_spread_over_clouds() -> None:
     rows = [_row(f"c{i}", "r1", float(i)) for i in range(101)]
-    found = summary(table_of(rows, METRIC_KEYS)).iloc[0]
-    assert found[["bpp_q05", "bpp_q25", "bpp", "bpp_q75", "bpp_q95"]].tolist() == [
+    result = summary(table_of(rows, METRIC_KEYS)).iloc[0]
+    assert result[["bpp_q05", "bpp_q25", "bpp", "bpp_q75", "bpp_q95"]].tolist() == [
         5,
         25,
         50,
@@ -113,16 +113,16 @@ def test_of_a_scan_measured_as_decoded_only_its_distance_to_the_truth_is_kept(
         "clean_d1_rms_m": 1,
     }
     (tmp_path / "a.json").write_text(json.dumps(row))
-    (found,) = scan_error_rows([tmp_path / "a.json"])
-    assert found == {"dataset": "d", "cloud": "a", "truth_cd_plane": 3.0, "clean_d1_rms_m": 1}
+    (result,) = scan_error_rows([tmp_path / "a.json"])
+    assert result == {"dataset": "d", "cloud": "a", "truth_cd_plane": 3.0, "clean_d1_rms_m": 1}
 
 
 def test_recovered_primitives_have_a_row_for_each_kind_and_one_where_there_are_none(
     tmp_path: Path,
 ) -> None:
     kinds = [{"kind": "all", "found": 3, "recall": 0.5}, {"kind": "plane", "found": 3}]
-    for rate, found in (("r1", kinds), ("r8", [{"kind": "all"}])):
-        rows = [{**_row("a", rate, 1.0), **kind} for kind in found]
+    for rate, result in (("r1", kinds), ("r8", [{"kind": "all"}])):
+        rows = [{**_row("a", rate, 1.0), **kind} for kind in result]
         write_rows(tmp_path / f"{rate}.parquet", rows)
     rows = recovery_rows([tmp_path / "r1.parquet", tmp_path / "r8.parquet"])
     table = table_of(rows, RECOVERY_KEYS)
@@ -141,17 +141,17 @@ def test_the_summary_counts_lossless_clouds_as_the_best_and_names_the_peak() -> 
         for rate, values in psnrs.items()
         for n, psnr in enumerate(values)
     ]
-    found = summary(table_of(rows, METRIC_KEYS))
-    assert found.d1_psnr.tolist()[:2] == [61, 71]
-    assert found.d1_psnr.isna().tolist() == [False, False, True]
-    assert found.lossless.tolist() == [0, 1, 2]
-    assert found.peak.tolist() == [30] * 3
+    result = summary(table_of(rows, METRIC_KEYS))
+    assert result.d1_psnr.tolist()[:2] == [61, 71]
+    assert result.d1_psnr.isna().tolist() == [False, False, True]
+    assert result.lossless.tolist() == [0, 1, 2]
+    assert result.peak.tolist() == [30] * 3
 
 
 def test_psnrs_of_several_peaks_have_no_median(caplog: pytest.LogCaptureFixture) -> None:
     rows = [
         {**_row(c, "r1", 1.0), "d1_psnr": 60.0, "peak": p} for c, p in (("a", 1023), ("b", 511))
     ]
-    found = summary(table_of(rows, METRIC_KEYS))
-    assert found.d1_psnr.isna().all()
+    result = summary(table_of(rows, METRIC_KEYS))
+    assert result.d1_psnr.isna().all()
     assert caplog.messages == ["PSNRs of d have several peaks: medians over clouds are left out"]

@@ -131,7 +131,7 @@ def test_a_stream_says_whether_each_parent_keeps_a_child(tmp_path: Path) -> None
     with_children, without = (
         codec.decode(each.encode(points, "r2")) for each in (codec, published)
     )
-    coarse = [len(np.unique(found // 4, axis=0)) for found in (with_children, without)]
+    coarse = [len(np.unique(result // 4, axis=0)) for result in (with_children, without)]
     assert coarse[0] > coarse[1]
 
 

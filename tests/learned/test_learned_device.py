@@ -67,13 +67,13 @@ def _check_alike(
     name: str, stream: bytes, again: bytes, expected: np.ndarray, decoded: np.ndarray
 ) -> None:
     """That two ways of computing give the same stream and points, but for roundings."""
-    found = np.unique(decoded, axis=0)
+    result = np.unique(decoded, axis=0)
     if name == "sparse_octree_net":  # exact on every device
         assert again == stream
-        assert np.array_equal(found, expected)
+        assert np.array_equal(result, expected)
     else:  # sums are rounded in another order
         assert abs(len(again) - len(stream)) <= max(2, 0.01 * len(stream))
-        assert _alike(found, expected)
+        assert _alike(result, expected)
 
 
 @pytest.mark.parametrize("name", CODECS)
@@ -120,9 +120,9 @@ def test_streams_decode_on_either_side(name: str, opened: Callable[..., Codec]) 
     for rate in here.rates:
         stream, again = here.encode(points, rate), there.encode(points, rate)
         for made in (stream, again):
-            one, other = (np.unique(codec.decode(made), axis=0) for codec in (here, there))
+            first, other = (np.unique(codec.decode(made), axis=0) for codec in (here, there))
             if name == "sparse_octree_net":
                 assert stream == again
-                assert np.array_equal(one, other)
+                assert np.array_equal(first, other)
             else:
-                assert _alike(one, other)
+                assert _alike(first, other)

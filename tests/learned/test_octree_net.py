@@ -128,11 +128,11 @@ class IntegerNetwork:
         for group, corners in enumerate([(0, 7), (1, 6), (2, 5), (3, 4)]):
             rows = np.isin(corner, corners)
             around = f"group_convolutions.{group - 1}"
-            known = (self._around(features, around, voxels) if group else features)[rows]
-            logits.append(self._head(known, f"first_heads.{group}"))
-            known = known + self.values["first_embedding"][first[rows]]
-            logits.append(self._head(known, f"second_heads.{group}"))
-            features[rows] = known + self.values["second_embedding"][second[rows]]
+            original = (self._around(features, around, voxels) if group else features)[rows]
+            logits.append(self._head(original, f"first_heads.{group}"))
+            original = original + self.values["first_embedding"][first[rows]]
+            logits.append(self._head(original, f"second_heads.{group}"))
+            features[rows] = original + self.values["second_embedding"][second[rows]]
         parent = np.searchsorted(own, below >> 3)
         pairs = zip(parent, below & 7, strict=True)
         return logits, np.stack(
@@ -145,11 +145,11 @@ class IntegerNetwork:
         for _ in range(levels):
             sets.append(np.unique(sets[-1] >> 3))
         features = np.repeat(self.values["root"][None], len(sets[-1]), axis=0)
-        found = []
+        result = []
         for below, own in zip(sets[-2::-1], sets[:0:-1], strict=True):
             logits, features = self.level(own, below, features)
-            found += [frequencies((units / UNITS).astype(np.float32)) for units in logits]
-        return found
+            result += [frequencies((units / UNITS).astype(np.float32)) for units in logits]
+        return result
 
 
 def _coded_frequencies(model: OctreeNet, keys: np.ndarray) -> list[np.ndarray]:
@@ -171,8 +171,8 @@ def test_the_network_is_the_same_in_integers(folder: Path) -> None:
     runs = _coded_frequencies(model, KEYS)
     whole = IntegerNetwork(model).frequencies(KEYS, OctreeNetCoder(model, 1).encode(KEYS).levels)
     assert len(runs) == len(whole) > 16
-    for found, expected in zip(runs, whole, strict=True):
-        assert np.array_equal(found, expected)
+    for result, expected in zip(runs, whole, strict=True):
+        assert np.array_equal(result, expected)
 
 
 def test_frequencies_are_rounded_powers_of_two() -> None:
@@ -225,8 +225,8 @@ def _sorted(points: np.ndarray) -> np.ndarray:
 def test_decoded_points_are_those_of_gpcc(codec: Codec, rate: str) -> None:
     gpcc = open_codec("gpcc")
     points = _shell(800)
-    found, expected = (c.decode(c.encode(points, rate)) for c in (codec, gpcc))
-    np.testing.assert_allclose(_sorted(found), _sorted(expected), rtol=1e-12)
+    result, expected = (c.decode(c.encode(points, rate)) for c in (codec, gpcc))
+    np.testing.assert_allclose(_sorted(result), _sorted(expected), rtol=1e-12)
 
 
 SPECIAL = {

@@ -54,8 +54,8 @@ def _decoded(stream: bytes, predicted: np.ndarray) -> np.ndarray:
 def _drawn(predicted: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """Symbols drawn with the predicted frequencies."""
     below = np.cumsum(predicted, axis=-1) / predicted.sum(axis=-1, keepdims=True)
-    found = (rng.random(predicted.shape[:2])[..., None] > below).sum(axis=-1)
-    return np.asarray(found.clip(0, 15), dtype=np.uint8)
+    result = (rng.random(predicted.shape[:2])[..., None] > below).sum(axis=-1)
+    return np.asarray(result.clip(0, 15), dtype=np.uint8)
 
 
 def _predicted(rng: np.random.Generator) -> np.ndarray:

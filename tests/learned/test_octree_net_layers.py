@@ -39,10 +39,10 @@ def test_products_are_those_of_matrices(pairs: int) -> None:
     sums, read = rng.integers(-99, 99, (12, 3)), rng.integers(0, 256, (20, 5))
     kernel = rng.integers(-2047, 2048, (2, 5, 3))
     targets, sources = rng.permutation(12)[:9], rng.integers(0, 20, 9)
-    found, values, matrices = (array.astype(np.float32).ravel() for array in (sums, read, kernel))
-    _products(found, targets, values, sources, pairs, matrices)
+    result, values, matrices = (array.astype(np.float32).ravel() for array in (sums, read, kernel))
+    _products(result, targets, values, sources, pairs, matrices)
     sums[targets[:pairs]] += read[sources[:pairs]] @ kernel[1]
-    assert np.array_equal(found.reshape(12, 3), sums)
+    assert np.array_equal(result.reshape(12, 3), sums)
 
 
 def _cloud(points: int, side: int) -> np.ndarray:
@@ -60,13 +60,13 @@ def test_inference_predicts_what_the_models_own_layers_predict() -> None:
     model, table = octree_network(OctreeNetShape(channels=32)), pyramid(own, 0)[0][0].neighbours
     network, (first, second) = compiled_network(model), symbols_of(keys)
     rng = np.random.default_rng(1)
-    given = rng.integers(-300, 300, (len(own), 32)).astype(np.float32)
+    values = rng.integers(-300, 300, (len(own), 32)).astype(np.float32)
     features = network.root_features(len(own))
-    features.all[:], features.active[:] = given.ravel(), given.clip(0, 255).ravel()
+    features.all[:], features.active[:] = values.ravel(), values.clip(0, 255).ravel()
     assert len(chunks_of(len(groups_of(own)[0]))) > 1
     with thread_pool(2) as pool, torch.no_grad():
         where = neighbourhood_of(table, voxel_kernel_map(), pool)
-        mine = model.convolved(torch.from_numpy(given / UNITS), where)
+        mine = model.convolved(torch.from_numpy(values / UNITS), where)
         ours = network.convolved(features, table, pool)
         for number, rows in enumerate(groups_of(own)):
             at = torch.from_numpy(rows)
@@ -127,7 +127,7 @@ def test_cells_of_a_child_have_their_distances() -> None:
         return np.array([cell & 3, cell >> 2 & 3, cell >> 4])
 
     def apart(child: int, cells: np.ndarray) -> list[list[int]]:
-        own = place(int(CELLS.own[child]))
+        own = place(int(CELLS.inner[child]))
         return sorted(sorted(np.abs(place(int(cell)) - own).tolist()) for cell in cells)
 
     for child in range(8):
@@ -136,6 +136,6 @@ def test_cells_of_a_child_have_their_distances() -> None:
         assert apart(child, CELLS.edges[child]) == [[0, 1, 1]] * 3
         assert apart(child, CELLS.across[child]) == [[0, 1, 1]] * 6
         outside = np.concatenate([CELLS.beyond[child], CELLS.edges[child], CELLS.across[child]])
-        assert not set(outside.tolist()) & set(CELLS.own.tolist())
+        assert not set(outside.tolist()) & set(CELLS.inner.tolist())
         sets = [int(kind[child]) for kind in (CELLS.faces, CELLS.ring, CELLS.corners, CELLS.far)]
         assert [(cells % 2**64).bit_count() for cells in sets] == [6, 12, 8, 37]

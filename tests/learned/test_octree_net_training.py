@@ -114,9 +114,9 @@ def test_clouds_too_sparse_to_learn_from_are_refused() -> None:
 @pytest.mark.parametrize(("upright", "symmetries"), [(False, 48), (True, 8)])
 def test_cubes_are_turned_into_their_symmetries(upright: bool, symmetries: int) -> None:
     rng, voxel = np.random.default_rng(0), np.array([[0, 1, 2]])
-    found = {tuple(random_symmetry(voxel, 8, rng, upright)[0].tolist()) for _ in range(1000)}
-    assert len(found) == symmetries
-    assert not upright or {z for _, _, z in found} == {2}
+    result = {tuple(random_symmetry(voxel, 8, rng, upright)[0].tolist()) for _ in range(1000)}
+    assert len(result) == symmetries
+    assert not upright or {z for _, _, z in result} == {2}
 
 
 def test_other_numbers_of_symmetries_are_refused() -> None:

@@ -66,8 +66,8 @@ def test_strides_pad_as_tensorflow_does() -> None:
         layer.weight.zero_()[0, 0, 0, 0] = torch.from_numpy(kernel)
         cube = torch.zeros(1, 1, 8, 8, 8)
         cube[0, 0, 0, 0] = torch.from_numpy(values)
-        found = layer(cube)[0, 0, 0, 0].numpy()
-    np.testing.assert_array_equal(found, _tensorflow_same(values, kernel))
+        result = layer(cube)[0, 0, 0, 0].numpy()
+    np.testing.assert_array_equal(result, _tensorflow_same(values, kernel))
 
 
 def test_the_transposed_convolution_is_the_strided_ones_adjoint() -> None:
@@ -96,8 +96,8 @@ def test_inference_gives_what_the_modules_give() -> None:
             logits = model.g_s(torch.from_numpy(latent)[None] / model.gain(1))
         assert np.abs(latent - exact[0].numpy()).max() < 0.5 + 1e-3
         assert np.abs(hyper - exact_hyper[0].numpy()).max() < 0.5 + 1e-3
-        found = fast.synthesise(latent, 1, np.ones(latent.shape[1:], dtype=bool))
-        np.testing.assert_allclose(found, logits.flatten(), atol=1e-4)
+        result = fast.synthesise(latent, 1, np.ones(latent.shape[1:], dtype=bool))
+        np.testing.assert_allclose(result, logits.flatten(), atol=1e-4)
 
 
 @pytest.mark.parametrize("where", [(3, 20, 40), (31, 31, 31), (60, 0, 25)])
@@ -121,12 +121,12 @@ def test_blocks_outside_the_mask_need_not_be_computed(where: tuple[int, int, int
     latent = np.random.default_rng(0).integers(-9, 10, (model.shape.latent_channels, 16, 16, 16))
     blocks = np.zeros((16, 16, 16), dtype=bool)
     blocks[where] = True
-    found = CpuTransforms(model).synthesise(latent.astype(np.int32), 1, blocks).reshape(64, 64, 64)
+    result = CpuTransforms(model).synthesise(latent.astype(np.int32), 1, blocks).reshape(64, 64, 64)
     with torch.no_grad():
         exact = model.g_s(torch.from_numpy(latent)[None].float() / model.gain(1))[0, 0].numpy()
     target = tuple(slice(4 * k, 4 * k + 4) for k in where)
-    np.testing.assert_allclose(found[target], exact[target], rtol=1e-4, atol=1e-4)
-    assert np.isneginf(found).any()
+    np.testing.assert_allclose(result[target], exact[target], rtol=1e-4, atol=1e-4)
+    assert np.isneginf(result).any()
 
 
 def test_cubes_of_many_extents_are_computed_in_few_shapes(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -202,8 +202,8 @@ def test_every_variable_of_the_authors_archive_has_its_place(tmp_path: Path) -> 
     assert down[7, 5, 0, 1, 2].item() == up[0, 1, 2, 5, 7]  # [d, h, w, out, in]
     kernel = variables["analysis_transform/down_1/kernel"]
     assert model.g_a.downs[0].weight[5, 7, 0, 1, 2].item() == kernel[0, 1, 2, 7, 5]
-    found = load_weights(tmp_path / "a0.75b3.npz")
-    assert found.lmbdas == (0.75,)
+    result = load_weights(tmp_path / "a0.75b3.npz")
+    assert result.lmbdas == (0.75,)
 
 
 @pytest.mark.parametrize("content", [b"", b"PK\x03\x04 not an archive"])
@@ -264,10 +264,10 @@ def test_a_value_gets_the_table_nearest_to_its_distribution() -> None:
 
 def test_training_likelihood_agrees_with_the_closed_form() -> None:
     integers = np.arange(-5.0, 6)
-    found = laplace.likelihood(
+    result = laplace.likelihood(
         torch.from_numpy(integers), torch.full((11,), 0.3), torch.full((11,), 0.8)
     )
-    np.testing.assert_allclose(found, _laplace_mass(integers, 0.3, 0.8), rtol=1e-5)
+    np.testing.assert_allclose(result, _laplace_mass(integers, 0.3, 0.8), rtol=1e-5)
 
 
 def test_the_integer_hyper_synthesis_follows_the_network() -> None:
@@ -291,15 +291,15 @@ def test_the_integer_hyper_synthesis_sums_do_not_depend_on_their_order() -> None
             value.mul_(30)
     exact = IntegerHyperSynthesis(network)
     features = torch.randint(-(2**23), 2**23, (1, 8, 3, 3, 3)).double()
-    found = conv3d(features, exact.heads.kernel, exact.heads.bias, padding=1)[0].numpy()
+    result = conv3d(features, exact.heads.kernel, exact.heads.bias, padding=1)[0].numpy()
     padded = pad(features, (1,) * 6)[0].numpy().astype(np.int64)
     kernel = exact.heads.kernel.numpy().astype(np.int64)
-    total = np.zeros(found.shape, dtype=np.int64)
+    total = np.zeros(result.shape, dtype=np.int64)
     for x, y, z in np.ndindex(3, 3, 3):
         part = padded[:, 2 - x : 5 - x, 2 - y : 5 - y, 2 - z : 5 - z]
         total += np.einsum("oi,ixyz->oxyz", kernel[:, :, 2 - x, 2 - y, 2 - z], part)
     bias = exact.heads.bias.numpy().astype(np.int64)[:, None, None, None]
-    assert np.array_equal(found.astype(np.int64), total + bias)
+    assert np.array_equal(result.astype(np.int64), total + bias)
 
 
 def test_weights_too_large_for_exact_sums_are_refused() -> None:
@@ -341,8 +341,8 @@ def test_voxels_come_back_in_number_and_place(folder: Path) -> None:
     assert codec_of(stream) == "pcgcv1_plus"
     assert len(np.unique(decoded, axis=0)) == len(decoded) == len(points)
     cubes, counts = np.unique(points // 16, axis=0, return_counts=True)
-    found, kept = np.unique(decoded // 16, axis=0, return_counts=True)
-    assert np.array_equal(found, cubes)
+    result, kept = np.unique(decoded // 16, axis=0, return_counts=True)
+    assert np.array_equal(result, cubes)
     assert np.array_equal(kept, counts)
 
 
@@ -393,9 +393,9 @@ def test_a_cube_decodes_alike_whatever_stands_beside_it(weights: Pcgcv1Weights) 
         Pcgcv1Encoder(weights, rate=1, point_reconstruction=False),
         Pcgcv1Decoder(weights),
     )
-    one = decoder.decode(coder.encode(alone.astype(float)))
+    item = decoder.decode(coder.encode(alone.astype(float)))
     many = decoder.decode(coder.encode(crowd.astype(float)))
-    assert np.array_equal(one, many[many[:, 0] < 16])
+    assert np.array_equal(item, many[many[:, 0] < 16])
 
 
 def test_another_machines_tables_end_in_an_error(weights: Pcgcv1Weights) -> None:

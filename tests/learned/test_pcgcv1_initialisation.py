@@ -18,10 +18,10 @@ SIDE = 16
 
 def _deviations(model: nn.Module, cubes: torch.Tensor) -> dict[str, float]:
     """Standard deviation of the output of each convolution."""
-    found: dict[str, float] = {}
+    result: dict[str, float] = {}
 
     def note(name: str) -> object:
-        return lambda _layer, _inputs, output: found.update({name: float(output.std())})
+        return lambda _layer, _inputs, output: result.update({name: float(output.std())})
 
     for name, layer in model.named_modules():
         if isinstance(layer, (nn.Conv3d, nn.ConvTranspose3d)):
@@ -30,7 +30,7 @@ def _deviations(model: nn.Module, cubes: torch.Tensor) -> dict[str, float]:
         y = model.g_a(cubes)
         model.h_s(model.h_a(y))
         model.g_s(y)
-    return found
+    return result
 
 
 def _plane() -> torch.Tensor:

@@ -53,8 +53,8 @@ def test_blocks_come_back_as_cubes_and_their_blocks() -> None:
     support = cubes_with_blocks(blocks_of(cubes)[::-1], 16)
     assert np.array_equal(support.positions, cubes.positions)
     corners = np.argwhere(support.blocks)
-    found = support.positions[corners[:, 0]] * 4 + corners[:, 1:]
-    assert np.array_equal(np.unique(found, axis=0), np.unique(_voxels() // 4, axis=0))
+    result = support.positions[corners[:, 0]] * 4 + corners[:, 1:]
+    assert np.array_equal(np.unique(result, axis=0), np.unique(_voxels() // 4, axis=0))
 
 
 def test_no_cubes_have_no_blocks() -> None:
@@ -110,12 +110,12 @@ def test_the_latent_is_coded_in_blocks_with_voxels_alone(weights: Pcgcv1Weights)
 
 def test_threads_change_nothing(weights: Pcgcv1Weights) -> None:
     points = np.vstack([shell(), shell() + np.array([60, 0, 0])])
-    one, two = (
+    item, two = (
         Pcgcv1Encoder(weights, rate=1, threads=threads).encode(points) for threads in (1, 2)
     )
-    assert one == two
+    assert item == two
     assert np.array_equal(
-        Pcgcv1Decoder(weights, 1).decode(one), Pcgcv1Decoder(weights, 2).decode(one)
+        Pcgcv1Decoder(weights, 1).decode(item), Pcgcv1Decoder(weights, 2).decode(item)
     )
 
 

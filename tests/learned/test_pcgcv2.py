@@ -79,23 +79,23 @@ def codec(folder: Path) -> Codec:
 def test_fused_layers_give_what_the_modules_give() -> None:
     model = network2()
     with thread_pool(2) as pool, torch.no_grad():
-        found = analyse(model, KEYS, pool)
+        result = analyse(model, KEYS, pool)
         sets, child_maps = pyramid(KEYS, SCALES)
         neighbourhoods = [
             neighbourhood_of(voxels.neighbours, voxel_kernel_map(), pool) for voxels in sets
         ]
         latent = model.g_a(neighbourhoods, child_maps, torch.ones(len(KEYS), 1, 1))[:, 0]
-        np.testing.assert_allclose(found.y, latent.numpy(), rtol=1e-4, atol=1e-5)
-        decoded = synthesise(model, found.y, found.coarse, found.counts, pool)
-        features, parents = torch.from_numpy(found.y), sets[SCALES]
-        for scale, keep in enumerate(reversed(found.counts)):
+        np.testing.assert_allclose(result.y, latent.numpy(), rtol=1e-4, atol=1e-5)
+        decoded = synthesise(model, result.y, result.coarse, result.counts, pool)
+        features, parents = torch.from_numpy(result.y), sets[SCALES]
+        for scale, keep in enumerate(reversed(result.counts)):
             where = neighbourhood_of(parents.neighbours, block_kernel_map(), pool)
             children, logits = model.g_s.scale(scale)(features, where)
             kept = kept_children(logits.numpy(), keep)
             keys = keys_of_slots(parents.keys, kept)
             features = children.flatten(0, 1)[torch.from_numpy(kept)]
             parents = selected_children(parents, kept)
-    assert found.counts == tuple(len(voxels) for voxels in sets[:SCALES])
+    assert result.counts == tuple(len(voxels) for voxels in sets[:SCALES])
     found_keys = morton_keys(decoded.voxels())
     assert len(np.intersect1d(found_keys, keys)) > 0.999 * len(keys)  # logits differ by rounding
 
@@ -131,8 +131,8 @@ def test_latents_come_back_even_those_outside_their_table() -> None:
 
 def test_a_set_of_weights_comes_back_from_its_file(weights: Pcgcv2Weights, tmp_path: Path) -> None:
     for name, value in network2().state_dict().items():
-        found = weights.model.state_dict()[name]
-        torch.testing.assert_close(found, value.half().float(), rtol=0, atol=0)
+        result = weights.model.state_dict()[name]
+        torch.testing.assert_close(result, value.half().float(), rtol=0, atol=0)
     assert weights.lmbdas == (1.0, 4.0)
     again = save_weights(tmp_path / "b.safetensors", network2(), (1.0, 4.0), {"data": "none"})
     assert again.digest == weights.digest
@@ -183,9 +183,9 @@ def test_denormal_weights_of_a_checkpoint_are_zeros(tmp_path: Path) -> None:
     kernel = checkpoint["encoder"]["block1.2.conv1_1.kernel"]
     kernel[3], kernel[4] = 1e-40, 1.2e-38
     torch.save(checkpoint, tmp_path / "c8_a1_32000.pth")
-    found = load_published(tmp_path / "c8_a1_32000.pth").g_a.scale(1).blocks[2].conv1_1.kernel
-    assert not found[3].any()
-    assert torch.equal(found[4:], kernel[4:])
+    result = load_published(tmp_path / "c8_a1_32000.pth").g_a.scale(1).blocks[2].conv1_1.kernel
+    assert not result[3].any()
+    assert torch.equal(result[4:], kernel[4:])
 
 
 @pytest.mark.parametrize("content", [b"", b"PK\x03\x04 not a checkpoint"])

@@ -25,8 +25,8 @@ def test_bits_grow_in_steps_below_4_and_distances_fall(name: str, cloud: str) ->
     reference, codec, rows = _CLOUDS[cloud](), open_codec(name), []
     for rate in codec.rates:
         stream = codec.encode(reference.xyz, rate)
-        found = distortion(reference, codec.decode(stream))
-        rows.append([len(stream), found["d1_mse"], found["cd_plane"]])
+        result = distortion(reference, codec.decode(stream))
+        rows.append([len(stream), result["d1_mse"], result["cd_plane"]])
     steps = np.array(rows)[1:] / np.array(rows)[:-1]
     assert steps[:, 0].min() > 1
     assert steps[:, 0].max() < 4

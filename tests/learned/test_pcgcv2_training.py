@@ -43,8 +43,8 @@ def test_clouds_of_a_batch_do_not_touch() -> None:
     assert np.array_equal(np.unique(keys), keys)
     owner = np.repeat(np.arange(3), [len(cloud) for cloud in clouds])
     voxels = morton_voxels(keys)
-    for one, other in ((0, 1), (0, 2), (1, 2)):
-        apart = np.abs(voxels[owner == one][:, None] - voxels[owner == other][None]).max(axis=2)
+    for first, other in ((0, 1), (0, 2), (1, 2)):
+        apart = np.abs(voxels[owner == first][:, None] - voxels[owner == other][None]).max(axis=2)
         assert apart.min() > 8
 
 

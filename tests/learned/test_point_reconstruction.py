@@ -78,9 +78,9 @@ def test_points_of_a_slanted_plane_are_nearer_to_it_than_its_voxels() -> None:
     points, normal = _tilted(1.5)
     voxels = np.unique(np.rint(points).astype(np.int64), axis=0)
     parts = points_per_voxel(len(points), len(voxels), 1)
-    found = reconstructed_points(lossless_blocks(voxels), min(parts, 4 * 256))
+    result = reconstructed_points(lossless_blocks(voxels), min(parts, 4 * 256))
     height = points[0] @ normal
-    off = [np.sqrt(np.mean((these @ normal - height) ** 2)) for these in (voxels, found)]
+    off = [np.sqrt(np.mean((these @ normal - height) ** 2)) for these in (voxels, result)]
     assert off[1] < 0.85 * off[0]
 
 
@@ -144,8 +144,8 @@ def test_a_sparse_cloud_is_nearer_to_points_of_its_blocks_than_to_any_voxels() -
     thin = points[rng.choice(len(points), 1200, replace=False)]
     all_voxels = lossless_blocks(np.unique(np.rint(points).astype(np.int64), axis=0))
     blocks = lossless_blocks(np.unique(np.rint(thin).astype(np.int64), axis=0))
-    known = {tuple(place): row for row, place in enumerate(all_voxels.positions.tolist())}
-    could = all_voxels.kept[[known[tuple(place)] for place in blocks.positions.tolist()]]
+    original = {tuple(place): row for row, place in enumerate(all_voxels.positions.tolist())}
+    could = all_voxels.kept[[original[tuple(place)] for place in blocks.positions.tolist()]]
     logits = np.where(could, -1.0, -6.0).astype(np.float32)
     likeliest = np.zeros_like(blocks.kept)
     likeliest[np.arange(len(logits)), logits.argmax(axis=1)] = True
@@ -183,9 +183,9 @@ def test_blocks_that_keep_nothing_are_left_out() -> None:
     kept = np.zeros((3, 8), dtype=bool)
     kept[1, 5] = True
     places = np.arange(9).reshape(3, 3)
-    found = sibling_blocks(places, np.zeros((3, 8), dtype=np.float32), kept)
-    assert found.voxels().tolist() == [[7, 8, 11]]  # 2 * (3, 4, 5) and x, z of the fifth corner
-    both = joined_blocks([found, lossless_blocks(np.array([[0, 1, 0]]))])
+    result = sibling_blocks(places, np.zeros((3, 8), dtype=np.float32), kept)
+    assert result.voxels().tolist() == [[7, 8, 11]]  # 2 * (3, 4, 5) and x, z of the fifth corner
+    both = joined_blocks([result, lossless_blocks(np.array([[0, 1, 0]]))])
     assert both.voxels().tolist() == [[7, 8, 11], [0, 1, 0]]
 
 
@@ -218,5 +218,5 @@ def test_a_cloud_decodes_into_as_many_points_nearer_to_it(name: str, tmp_path: P
     assert len(decoded[1]) < len(points) / 3
     assert 0.87 * len(points) <= len(decoded[0]) <= len(points)
     cloud = PointCloud(points)
-    full, thin = (distortion(cloud, found)["acd_ab_point"] for found in decoded)
+    full, thin = (distortion(cloud, result)["acd_ab_point"] for result in decoded)
     assert full < thin

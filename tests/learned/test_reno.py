@@ -114,9 +114,9 @@ def test_the_network_is_the_authors(folder: Path) -> None:
     with thread_pool(2) as pool:
         features = prior_features(weights, above, sets[1].neighbours, pool)
         features = target_features(weights, features, child_maps[0].slots, sets[0].neighbours, pool)
-        found = [predicted(weights, 0, features, pool)]
-        found.append(predicted(weights, 1, features, pool, first))
-    for probabilities, cumulative in zip(expected, found, strict=True):
+        result = [predicted(weights, 0, features, pool)]
+        result.append(predicted(weights, 1, features, pool, first))
+    for probabilities, cumulative in zip(expected, result, strict=True):
         exact = np.concatenate([np.zeros((len(fine), 1)), probabilities.cumsum(1).numpy()], axis=1)
         assert np.abs(exact * 65520 + np.arange(17) - cumulative).max() < 1.5
         assert (np.diff(cumulative, axis=1) > 0).all()
@@ -159,10 +159,10 @@ def test_the_exponential_is_that_of_the_library() -> None:
 
 
 def _cumulative(logits: np.ndarray) -> np.ndarray:
-    found = np.empty((len(logits), 17), np.int32)
-    for row, into in zip(logits.astype(np.float32), found, strict=True):
+    result = np.empty((len(logits), 17), np.int32)
+    for row, into in zip(logits.astype(np.float32), result, strict=True):
         cumulate(row, 0, into)
-    return found
+    return result
 
 
 def test_frequencies_are_rounded_as_the_authors_round_them() -> None:
@@ -216,8 +216,8 @@ def test_points_are_those_of_gpcc(codec: Codec, rate: str, folder: Path) -> None
     points = np.random.default_rng(2).normal(size=(700, 3)) * [40, 30, 2]
     ours = _with_rate(folder, length)
     gpcc = open_codec("gpcc", {"metric_rates": {"r1": {"step_m": length}}})
-    found, expected = (one.decode(one.encode(points, "r1")) for one in (ours, gpcc))
-    np.testing.assert_allclose(_sorted(found), _sorted(expected), atol=1e-9)
+    result, expected = (item.decode(item.encode(points, "r1")) for item in (ours, gpcc))
+    np.testing.assert_allclose(_sorted(result), _sorted(expected), atol=1e-9)
     assert list(codec.metric_rates) == [f"{1 << n}mm" for n in range(9, 1, -1)]
     assert not codec.rates
 
@@ -240,8 +240,8 @@ def _sorted(points: np.ndarray) -> np.ndarray:
 )  # fmt: skip
 def test_clouds_beyond_the_authors_grid_come_back(codec: Codec, points: list[list[float]]) -> None:
     cloud = np.array(points)
-    found = codec.decode(codec.encode(cloud, "8mm"))
-    assert np.abs(_sorted(found) - _sorted(cloud)).max() <= 0.004 + 1e-9
+    result = codec.decode(codec.encode(cloud, "8mm"))
+    assert np.abs(_sorted(result) - _sorted(cloud)).max() <= 0.004 + 1e-9
 
 
 def test_values_that_the_stream_cannot_hold_are_refused(codec: Codec, folder: Path) -> None:
@@ -274,9 +274,9 @@ def check_of_layers() -> int:
         rng.normal(size=size).astype(np.float32) for size in (27 * 64, 8 * 16, 16)
     )
     convolution(8)(table, features, kernel, features, 0, 300, made)
-    found, symbols = np.empty((300, 17), np.int32), rng.integers(0, 16, 300).astype(np.uint8)
-    head(8)(made, 0, 300, kernel[:64], bias[:8], last, bias, last, symbols, found)
-    return zlib.crc32(found, zlib.crc32(made))
+    result, symbols = np.empty((300, 17), np.int32), rng.integers(0, 16, 300).astype(np.uint8)
+    head(8)(made, 0, 300, kernel[:64], bias[:8], last, bias, last, symbols, result)
+    return zlib.crc32(result, zlib.crc32(made))
 
 
 def test_a_machine_without_fused_multiplications_computes_the_same() -> None:

@@ -81,11 +81,11 @@ def test_values_and_gradients_are_those_of_a_dense_convolution(
     expected = _sparse(conv3d(_dense(features, at), dense_kernel, bias, padding=1), at)
     weights = torch.randn(expected.shape, generator=torch.Generator().manual_seed(2))
     with thread_pool(2) as pool:
-        found = convolve(features, kernel, bias, _site(kernel_map, pool, gather_scatter))
-        gradients = torch.autograd.grad((found * weights).sum(), (features, kernel, bias))
-    wanted = torch.autograd.grad((expected * weights).sum(), (features, kernel, bias))
-    torch.testing.assert_close(found, expected, rtol=1e-4, atol=1e-4)
-    for gradient, dense in zip(gradients, wanted, strict=True):
+        result = convolve(features, kernel, bias, _site(kernel_map, pool, gather_scatter))
+        gradients = torch.autograd.grad((result * weights).sum(), (features, kernel, bias))
+    required = torch.autograd.grad((expected * weights).sum(), (features, kernel, bias))
+    torch.testing.assert_close(result, expected, rtol=1e-4, atol=1e-4)
+    for gradient, dense in zip(gradients, required, strict=True):
         torch.testing.assert_close(gradient, dense, rtol=1e-4, atol=1e-4)
 
 

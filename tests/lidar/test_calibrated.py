@@ -45,12 +45,12 @@ def model_file(path: Path, **parameters: Any) -> Path:
 
 def test_each_sigma_is_that_of_its_own_kind_of_draw() -> None:
     scans = [errors({**EVERY_KIND, "device": 1 + scan}, scan=scan) for scan in range(60)]
-    rays = np.mean([one.std(axis=1).mean() for one in scans])
+    rays = np.mean([item.std(axis=1).mean() for item in scans])
     assert rays == pytest.approx(0.006, rel=0.02)
-    cells = [one.mean(axis=1) for one in scans]
-    frames = np.mean([one.var(axis=0, ddof=1).mean() for one in cells])
+    cells = [item.mean(axis=1) for item in scans]
+    frames = np.mean([item.var(axis=0, ddof=1).mean() for item in cells])
     assert np.sqrt(frames - 0.006**2 / 40) == pytest.approx(0.003, rel=0.02)
-    lasers = np.std([one.mean(axis=0) for one in cells])
+    lasers = np.std([item.mean(axis=0) for item in cells])
     assert lasers == pytest.approx(np.hypot(0.008, 0.004), rel=0.08)
 
 
@@ -74,9 +74,9 @@ def test_a_measured_device_has_its_own_biases() -> None:
 
 def test_lasers_that_were_not_measured_are_drawn() -> None:
     some = {"bias_m": [0.001, 0.002], "laser_sigma_m": 0.008, "ray_sigma_m": 0.0}
-    found = errors(some, frames=1, steps=1)[0, 0]
-    assert found[:2] == pytest.approx([0.001, 0.002])
-    assert 0.003 < found[2:].std() < 0.015
+    result = errors(some, frames=1, steps=1)[0, 0]
+    assert result[:2] == pytest.approx([0.001, 0.002])
+    assert 0.003 < result[2:].std() < 0.015
 
 
 @pytest.mark.parametrize(
@@ -94,14 +94,14 @@ def test_a_rays_sigma_goes_no_further_than_it_was_calibrated(
 ) -> None:
     options = {"ray_sigma_m": 0.006, "ray_incidence_m": 0.002, "ray_range": 0.0002}
     domain = {"most_incidence_rad": 1.0, "ranges_m": [1.0, 10.0]}
-    found = errors({**options, **domain}, distance=distance, incidence=incidence)
-    assert found.std() == pytest.approx(sigma, rel=0.01)
+    result = errors({**options, **domain}, distance=distance, incidence=incidence)
+    assert result.std() == pytest.approx(sigma, rel=0.01)
 
 
 def test_laplace_noise_has_the_standard_deviation_given() -> None:
-    found = errors({"ray_sigma_m": 0.006, "ray_distribution": "laplace"})
-    assert found.std() == pytest.approx(0.006, rel=0.01)
-    assert np.mean(found**4) / found.var() ** 2 == pytest.approx(6, rel=0.05)
+    result = errors({"ray_sigma_m": 0.006, "ray_distribution": "laplace"})
+    assert result.std() == pytest.approx(0.006, rel=0.01)
+    assert np.mean(result**4) / result.var() ** 2 == pytest.approx(6, rel=0.05)
 
 
 def test_a_file_holds_the_parameters_and_an_option_goes_before_it(tmp_path: Path) -> None:
@@ -121,7 +121,7 @@ def test_the_shipped_model_has_the_published_size() -> None:
 @pytest.mark.parametrize(
     ("options", "fault"),
     [
-        ({}, "needs a model file"),
+        ({}, "set file, or ray_sigma_m"),
         ({"file": "nowhere.yaml"}, "nowhere.yaml: no such file"),
         ({"file": "unknown"}, "unknown.yaml: no such file"),
         ({"ray_sigma_m": -0.1}, "ray_sigma_m is -0.1"),
@@ -152,7 +152,7 @@ def test_bad_options_are_one_line(options: dict[str, Any], fault: str) -> None:
         ),
         (
             "format: puckbench range error model 1\nparameters: {ray_sigma_m: 0.1, file: a}",
-            "parameters have 'file'",
+            "unknown parameter 'file'",
         ),
     ],
 )

@@ -32,9 +32,9 @@ RANDOM = np.random.default_rng(3)
 
 
 def test_an_interval_of_95_percent_is_1_96_standard_errors_either_way() -> None:
-    found = interval(1.0, 0.5)
+    result = interval(1.0, 0.5)
     reach = 0.5 * norm.ppf(0.975)
-    assert (found.value, found.low, found.high) == pytest.approx((1.0, 1.0 - reach, 1.0 + reach))
+    assert (result.value, result.low, result.high) == pytest.approx((1.0, 1.0 - reach, 1.0 + reach))
 
 
 def test_differences_of_two_rays_have_the_density_of_their_noise() -> None:
@@ -74,11 +74,11 @@ def seen_of(error: Floats, groups: list[int], ranges: Floats) -> Observations:
 def test_pairs_are_following_returns_of_a_group_in_units_of_their_rays_sigma() -> None:
     error, ranges = RANDOM.normal(size=12), RANDOM.uniform(1, 9, size=12)
     likelihood = RestrictedLikelihood(seen_of(error, [0, 3, 4, 9, 12], ranges))
-    found = _standard_differences(likelihood, Sigmas(ray_sigma_m=0.1, ray_range=0.2))
+    result = _standard_differences(likelihood, Sigmas(ray_sigma_m=0.1, ray_range=0.2))
     scale = 0.1 + 0.2 * ranges
     pairs = [(0, 1), (4, 5), (6, 7), (9, 10)]
     expected = [(error[b] - error[a]) / np.hypot(scale[a], scale[b]) * 2**0.5 for a, b in pairs]
-    assert found == pytest.approx(np.array(expected))
+    assert result == pytest.approx(np.array(expected))
 
 
 def of_one_size(difference: float, count: int) -> RayShape:
@@ -104,18 +104,18 @@ def test_the_likelier_shape_is_taken_however_little_likelier() -> None:
 
     border = brentq(gain, 0.0, 2.0)
     for factor, shape in ((0.99, "laplace"), (1.01, "gaussian")):
-        found = of_one_size(factor * border, 60)
-        assert found.distribution == shape
-        assert found.laplace_over_gaussian == pytest.approx(30 * gain(factor * border))
-        assert abs(found.laplace_over_gaussian) < 0.5
+        result = of_one_size(factor * border, 60)
+        assert result.distribution == shape
+        assert result.laplace_over_gaussian == pytest.approx(30 * gain(factor * border))
+        assert abs(result.laplace_over_gaussian) < 0.5
 
 
 def test_the_variance_of_a_ray_has_that_of_its_rounding() -> None:
     ranges = np.linspace(1, 9, 5)
     likelihood = RestrictedLikelihood(seen_of(np.zeros(5), [0, 5], ranges), 0.004)
     expected = (0.001 + 0.0002 * ranges) ** 2 + uniform(scale=0.004).var()
-    found = likelihood.variances(Sigmas(ray_sigma_m=0.001, ray_range=0.0002))
-    assert found == pytest.approx(expected)
+    result = likelihood.variances(Sigmas(ray_sigma_m=0.001, ray_range=0.0002))
+    assert result == pytest.approx(expected)
 
 
 def test_noise_that_is_not_named_is_none() -> None:

@@ -55,15 +55,15 @@ def spread_by_incidence(table: ScanTable, surface: str, sigma: Floats | float) -
     _, axis, place = SURFACES[surface]
     scaled = (table[f"{axis}_noisy"] - place) / sigma
     tens = (np.degrees(table["incidence"]) // 10).astype(int)
-    found = 0
+    result = 0
     for ten in range(9):
         some = scaled[tens == ten]
         if len(some) > 500:
-            found += 1
+            result += 1
             # Five standard errors of a standard deviation, and of a mean.
             assert some.std() == pytest.approx(1, abs=5 / np.sqrt(2 * len(some)))
             assert some.mean() == pytest.approx(0, abs=5 / np.sqrt(len(some)))
-    assert found == 9
+    assert result == 9
 
 
 @pytest.mark.parametrize("surface", SURFACES)

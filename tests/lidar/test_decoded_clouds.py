@@ -91,11 +91,11 @@ def test_rings_count_lasers_by_elevation(tmp_path: Path, data: bytes) -> None:
 
 def test_reflectivities_are_rounded_into_one_byte(tmp_path: Path) -> None:
     """Other programs' intensities may be anything; ours are whole numbers from 0 to 255."""
-    given = [-3.0, 0.4, 99.6, 254.7, 256.0, 65535.0]
-    lines = [f"3,4,{LOW},0,{value}" for value in given]
+    values = [-3.0, 0.4, 99.6, 254.7, 256.0, 65535.0]
+    lines = [f"3,4,{LOW},0,{value}" for value in values]
     (tmp_path / "a.csv").write_text("\n".join(["x,y,z,laser_id,intensity", *lines]) + "\n")
-    found = read_recording(tmp_path / "a.csv")["reflectivity"]
-    assert found.tolist() == [0, 0, 100, 255, 255, 255]
+    result = read_recording(tmp_path / "a.csv")["reflectivity"]
+    assert result.tolist() == [0, 0, 100, 255, 255, 255]
 
 
 @pytest.mark.parametrize("laser", ["-1", "16", "2.5", ""])
@@ -104,7 +104,7 @@ def test_a_laser_is_a_whole_number_that_the_sensor_has(
     tmp_path: Path, column: str, laser: str
 ) -> None:
     (tmp_path / "a.csv").write_text(f"x,y,z,{column}\n1,2,3,15\n1,2,3,{laser}\n")
-    with pytest.raises(InputError, match=f"column {column} has a value that is no laser"):
+    with pytest.raises(InputError, match=f"column {column} has a value that is not a laser"):
         read_recording(tmp_path / "a.csv")
 
 
@@ -120,7 +120,7 @@ def test_an_interval_of_a_cloud_is_taken_by_time(tmp_path: Path) -> None:
         ("a.csv", b"x,y,z\n1,2,3\n", "no laser column"),
         ("a.csv", b"x,y,ring\n1,2,3\n", "no column z"),
         ("a.csv", b"x,y,z,ring\n1,2,oops,3\n", "column z has 'oops'"),
-        ("a.csv", b"x,y,z,ring\n1,2,3,16\n", "column ring has a value that is no laser"),
+        ("a.csv", b"x,y,z,ring\n1,2,3,16\n", "column ring has a value that is not a laser"),
         ("a.csv", b"x,y,z,ring\n1,2,,1\n1,2,3,1\n", "not finite"),
         ("a.csv", b"x,y,z,ring\n", "the cloud is empty"),
         ("a.ply", b"ply\nformat oops\n", "not a readable PLY"),

@@ -72,8 +72,8 @@ def test_another_packages_model_has_a_name(
     tmp_path: Path, place: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     points = [EntryPoint("too_far", "far:TooFar", "puckbench.error_models")]
-    found = {"puckbench.error_models": points}
-    monkeypatch.setattr("puckbench.core.registry.entry_points", lambda group: found.get(group, []))
+    result = {"puckbench.error_models": points}
+    monkeypatch.setattr("puckbench.core.registry.entry_points", lambda group: result.get(group, []))
     monkeypatch.syspath_prepend(str(tmp_path))
     models: Registry[type[ErrorModel]] = Registry("error model", "errors")
     monkeypatch.setattr("puckbench.lidar.errors.registry.ERROR_MODELS", models)
@@ -108,5 +108,5 @@ def test_every_model_has_a_title_and_a_colour(name: str) -> None:
     kind = ERROR_MODELS.get(name)
     assert kind.title
     assert kind.colour.startswith("#")
-    alike = [one for one in error_model_names() if ERROR_MODELS.get(one).colour == kind.colour]
+    alike = [item for item in error_model_names() if ERROR_MODELS.get(item).colour == kind.colour]
     assert alike == [name]

@@ -79,18 +79,18 @@ def test_hooks_leave_their_arguments_as_they_are(name: str) -> None:
 def test_biases_and_rays_have_the_published_sigmas(
     name: str, bias_sigma: float, ray_sigma: float
 ) -> None:
-    found = errors(name)
-    bias = found.mean(axis=1, keepdims=True)
-    assert (found - bias).std() * np.sqrt(50 / 49) == pytest.approx(ray_sigma, rel=0.003)
+    result = errors(name)
+    bias = result.mean(axis=1, keepdims=True)
+    assert (result - bias).std() * np.sqrt(50 / 49) == pytest.approx(ray_sigma, rel=0.003)
     assert bias.std() == pytest.approx(np.hypot(bias_sigma, ray_sigma / np.sqrt(50)), rel=0.017)
-    assert found.mean() == pytest.approx(0, abs=4 * bias_sigma / np.sqrt(16_000))
+    assert result.mean() == pytest.approx(0, abs=4 * bias_sigma / np.sqrt(16_000))
 
 
 @pytest.mark.parametrize("degrees", [0.0, 30.0, 60.0, 85.0])
 def test_sigma_grows_with_the_square_of_the_incidence(degrees: float) -> None:
     theta = np.radians(degrees)
-    found = errors("vlp16_incidence", incidence=theta, bias_sigma_m=0)
-    assert found.std() == pytest.approx(0.010 + (0.1 * theta) ** 2, rel=0.003)
+    result = errors("vlp16_incidence", incidence=theta, bias_sigma_m=0)
+    assert result.std() == pytest.approx(0.010 + (0.1 * theta) ** 2, rel=0.003)
     flat = errors("vlp16_incidence", incidence=theta, incidence_factor=0)
     assert np.array_equal(flat, errors("vlp16"))
 
@@ -105,8 +105,8 @@ def test_laplace_noise_reads_sigma_as_b() -> None:
 
 
 def test_a_mean_shifts_every_range() -> None:
-    found = errors("vlp16", ray_mean_m=0.05)
-    assert found - errors("vlp16") == pytest.approx(0.05, abs=1e-12)
+    result = errors("vlp16", ray_mean_m=0.05)
+    assert result - errors("vlp16") == pytest.approx(0.05, abs=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -116,9 +116,9 @@ def test_a_mean_shifts_every_range() -> None:
 def test_mean_and_sigma_are_interpolated_over_the_distance(
     distance: float, mean: float, sigma: float
 ) -> None:
-    found = errors("distance_table", distance)
-    assert found.mean() == pytest.approx(mean, abs=4 * sigma / np.sqrt(800_000))
-    assert found.std() == pytest.approx(sigma, rel=0.003)
+    result = errors("distance_table", distance)
+    assert result.mean() == pytest.approx(mean, abs=4 * sigma / np.sqrt(800_000))
+    assert result.std() == pytest.approx(sigma, rel=0.003)
 
 
 def test_streams_run_on_and_can_be_had_from_their_start() -> None:
@@ -198,6 +198,6 @@ def test_streams_have_their_numbers_by_name_and_go_on() -> None:
 
 
 def test_a_model_is_described_by_its_class_and_parameters() -> None:
-    found = described(open_error_model("vlp16", {"ray_mean_m": 0.002}))
-    assert found["model"] == "Vlp16"
-    assert found["ray_mean_m"] == 0.002
+    result = described(open_error_model("vlp16", {"ray_mean_m": 0.002}))
+    assert result["model"] == "Vlp16"
+    assert result["ray_mean_m"] == 0.002

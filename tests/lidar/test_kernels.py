@@ -93,11 +93,11 @@ def distance_to(
     """Distance and cosine of a ray to a plane at a distance, of which Embree says 2.5."""
     directions = np.array([[np.sqrt(1 - cosine**2), 0, cosine]])
     planes = np.array([[0.0, 0, 1, distance * cosine]])
-    found, cosines = np.empty(1), np.empty(1)
+    result, cosines = np.empty(1), np.empty(1)
     nearest, triangles = np.array([2.5], np.float32), np.zeros(1, np.uint32)
     starts = np.zeros((1, 3))
-    kernels.fill_distances(directions, nearest, triangles, planes, starts, limits, found, cosines)
-    return found[0], cosines[0]
+    kernels.fill_distances(directions, nearest, triangles, planes, starts, limits, result, cosines)
+    return result[0], cosines[0]
 
 
 def test_rays_that_returned_follow_each_other() -> None:
@@ -116,8 +116,8 @@ def test_points_lie_along_their_rays() -> None:
     distances, out = RANDOM.random(RAYS) * 9, columns(4)
     kernels.fill_points(ROWS, STARTS, DIRECTIONS, distances, 1, out)
     points = np.repeat(STARTS, PER_STEP, axis=0) + distances[:, None] * DIRECTIONS
-    found = np.stack(out, axis=1)[1 : 1 + ROWS.sum()]
-    np.testing.assert_allclose(found, np.column_stack([distances, points])[ROWS])
+    result = np.stack(out, axis=1)[1 : 1 + ROWS.sum()]
+    np.testing.assert_allclose(result, np.column_stack([distances, points])[ROWS])
     assert (out[0][1 + ROWS.sum() :] == -1).all()
 
 
@@ -145,9 +145,9 @@ def test_an_echo_is_of_rays_that_are_near_in_range(
 ) -> None:
     """Echoes of one ray, of three at 5.0 to 5.4 m, and of three at 9.0 to 9.2 m; and a miss."""
     apart = np.array([[5.4, 2.0, 5.0, 9.2, 9.0, 5.2, np.inf, 9.04]])
-    found, nearest = np.empty(1), np.empty(1, np.int64)
-    kernels.fill_echoes(apart, 0.2 + 1e-9, choice, found, nearest)
-    assert found[0] == pytest.approx(distance)
+    result, nearest = np.empty(1), np.empty(1, np.int64)
+    kernels.fill_echoes(apart, 0.2 + 1e-9, choice, result, nearest)
+    assert result[0] == pytest.approx(distance)
     assert nearest[0] == middle
-    kernels.fill_echoes(np.full((1, 3), np.inf), 0.2, choice, found, nearest)
-    assert found[0] == np.inf
+    kernels.fill_echoes(np.full((1, 3), np.inf), 0.2, choice, result, nearest)
+    assert result[0] == np.inf

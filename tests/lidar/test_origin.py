@@ -34,7 +34,7 @@ def test_the_sensor_steps_aside_alike_in_a_far_scene() -> None:
 
 def test_more_than_the_given_share_of_directions_has_to_meet_the_scene() -> None:
     assert free_origin(room(), inside=0.99) == pytest.approx([3, 2.5, 1.3], abs=1e-6)
-    with pytest.raises(InputError, match="no free spot"):
+    with pytest.raises(InputError, match="no free position"):
         free_origin(room(), inside=1.0)
 
 
@@ -69,5 +69,5 @@ def test_a_far_scene_is_no_trouble() -> None:
     ids=["no inside", "too low", "too narrow"],
 )
 def test_no_free_spot_is_an_error(scene: Mesh) -> None:
-    with pytest.raises(InputError, match=r"no free spot 1\.3 m above its floor"):
+    with pytest.raises(InputError, match=r"no free position 1\.3 m above its floor"):
         free_origin(scene)

@@ -194,10 +194,10 @@ def test_damaged_packets_are_read_to_an_end(tmp_path: Path) -> None:
     random = np.random.default_rng(3)
     whole = packets(COARSE, *images(COARSE))
     for _ in range(20):
-        sent = [random.bytes(len(whole[0])) if random.random() < 0.3 else one for one in whole]
+        sent = [random.bytes(len(whole[0])) if random.random() < 0.3 else item for item in whole]
         path.write_bytes(capture(sent))
         returns = read_turns(path).returns
-        assert all(np.isfinite(one.points()).all() for one in returns.split())
+        assert all(np.isfinite(item.points()).all() for item in returns.split())
 
 
 RECORDINGS = sorted((ROOT / "data" / "ouster_recordings").glob("*_digest.json"))

@@ -212,9 +212,9 @@ def test_scans_of_sensors_with_a_small_quantum_have_32_bits() -> None:
     mesh = box((-80, -90, -20), (160, 180, 40))
     model, random = open_error_model("none"), np.random.default_rng(0)
     table = scan(mesh, sensor, sweep, model, (0.0, 0.0, 0.0), random)
-    found = returns_of_scan(table).returns
-    assert found.turns[0].ranges.dtype == np.uint32
-    assert found.turns[0].ranges.max() == round(1000 * table["distance"].max()) > 0xFFFF
+    result = returns_of_scan(table).returns
+    assert result.turns[0].ranges.dtype == np.uint32
+    assert result.turns[0].ranges.max() == round(1000 * table["distance"].max()) > 0xFFFF
     distance = table["distance_noisy"].copy()
     distance[:2] = ((MAX_RANGE + 1) * 0.001, MAX_RANGE * 0.001)
     changed = returns_of_scan(ScanTable({**table.columns, "distance_noisy": distance}, table.about))

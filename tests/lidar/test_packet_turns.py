@@ -116,8 +116,8 @@ def test_packets_that_overlap_one_before_are_none() -> None:
     for end in (1206, 1306, 2412):
         data[end - 2 : end] = bytes([STRONGEST, VLP16])
     assert find_packets(np.frombuffer(bytes(data), np.uint8)).tolist() == [0, 1206]
-    found = packet_turns.without_overlaps(np.array([0, 100, 1205, 1206, 2000, 2412]))
-    assert found.tolist() == [0, 1206, 2412]
+    result = packet_turns.without_overlaps(np.array([0, 100, 1205, 1206, 2000, 2412]))
+    assert result.tolist() == [0, 1206, 2412]
 
 
 def test_a_turn_begins_with_the_packet_that_passes_azimuth_zero() -> None:
@@ -139,8 +139,8 @@ def test_a_turn_ends_where_another_kind_of_packet_follows() -> None:
     payloads = np.concatenate([at([100] * 36), at([100] * 24), at([100] * 12)])
     payloads[3:5, 1204] = LAST
     payloads[5:, 1205] = PUCK_HIRES
-    found = [(kind.product, kind.mode, len(part)) for kind, part in split_turns(payloads)]
-    assert found == [(VLP16, STRONGEST, 3), (VLP16, LAST, 2), (PUCK_HIRES, STRONGEST, 1)]
+    result = [(kind.product, kind.mode, len(part)) for kind, part in split_turns(payloads)]
+    assert result == [(VLP16, STRONGEST, 3), (VLP16, LAST, 2), (PUCK_HIRES, STRONGEST, 1)]
 
 
 def test_a_sensor_that_does_not_turn_has_turns_of_682_packets() -> None:
@@ -167,8 +167,8 @@ def test_an_image_has_the_numbers_of_its_packets(product: int, mode: int) -> Non
         assert turn.azimuths[pair] == block["azimuth"]
         for channel in range(32):
             column = pair * (32 // lasers) + channel // lasers
-            found = [image[kinds - 1 - place, column, channel % lasers] for image in images]
-            assert found == list(block["returns"][channel])
+            result = [image[kinds - 1 - place, column, channel % lasers] for image in images]
+            assert result == list(block["returns"][channel])
     assert np.array_equal(packets_of(kind, turn), payloads)
 
 

@@ -46,7 +46,7 @@ STAYS = (np.zeros(1), np.zeros((1, 3)))
     ("hits", "reach", "fault"),
     [
         (256, 1.0, ""),
-        (256, 0.99, "is shut in: it sees 0.99 m far"),
+        (256, 0.99, "is enclosed: it sees no farther than 0.99 m"),
         (129, np.inf, ""),
         (128, np.inf, "is outside the scene: 50% of all directions"),
     ],
@@ -163,7 +163,7 @@ def test_the_notch_of_an_l_shaped_building_is_outside() -> None:
 
 
 def test_inside_of_a_thing_is_refused_by_its_name() -> None:
-    with pytest.raises(InputError, match="is inside of crate_1, which is all that it sees"):
+    with pytest.raises(InputError, match="is inside crate_1, the only object that it sees"):
         scanned(with_crate(), [1, 1, 1])
     assert len(scanned(with_crate(), [1, 1, 1], anywhere=True)) > 0
     assert len(scanned(with_crate(), [3, 2.5, 1.3])) > 0
@@ -185,7 +185,7 @@ def test_a_thing_without_a_label_has_no_name_to_be_refused_by() -> None:
 
 def test_without_labels_a_thing_is_known_by_how_near_all_is() -> None:
     niche = joined([replace(room(), labels=None), replace(box([2, 2, 1], [1, 1, 1]), labels=None)])
-    with pytest.raises(InputError, match=r"is shut in: it sees 0\.\d\d m far"):
+    with pytest.raises(InputError, match=r"is enclosed: it sees no farther than 0\.\d\d m"):
         scanned(niche, [2.5, 2.5, 1.5])
     assert len(scanned(niche, [4, 4, 1.5])) > 0
 
@@ -229,7 +229,7 @@ def test_a_fixed_pose_stands_at_its_place_not_at_the_origin() -> None:
         (["--origin", "nan", "2", "1"], "origin.0 is nan, but must be a finite number"),
         (["--sweep", '{"max_range_m": 0.1}'], "no ray returned to a sensor at"),
         (["--sensor", "half.yaml"], "half.yaml: 2 vertical_correction_mm for 3 lasers"),
-        (["--height", "7"], "no free spot 7.0 m above its floor"),
+        (["--height", "7"], "no free position 7.0 m above its floor"),
     ],
 )
 def test_on_the_command_line_it_is_one_line_status_2_and_no_file(

@@ -96,40 +96,40 @@ def walls(shared: float, own: float, count: int = 60) -> list[LaserBias]:
 
 
 def test_repeatability_tells_the_part_that_a_laser_keeps() -> None:
-    found = repeatability(walls(0.006, 0.004))
-    assert found is not None
-    assert found.pairs == 60 * 59 / 2
-    assert found.shared_std_m == pytest.approx(0.006, rel=0.03)
-    assert found.correlation == pytest.approx(36 / (36 + 16), abs=0.03)
+    result = repeatability(walls(0.006, 0.004))
+    assert result is not None
+    assert result.pairs == 60 * 59 / 2
+    assert result.shared_std_m == pytest.approx(0.006, rel=0.03)
+    assert result.correlation == pytest.approx(36 / (36 + 16), abs=0.03)
 
 
 def test_biases_that_do_not_repeat_share_nothing() -> None:
-    found = repeatability(walls(1e-9, 0.004))
-    assert found is not None
-    assert found.correlation == pytest.approx(0, abs=0.02)
-    assert found.shared_std_m < 0.0008
+    result = repeatability(walls(1e-9, 0.004))
+    assert result is not None
+    assert result.correlation == pytest.approx(0, abs=0.02)
+    assert result.shared_std_m < 0.0008
 
 
 def test_repeatability_of_two_walls_is_their_correlation() -> None:
     """Over the six lasers that both have, in whatever order of planes."""
-    one, other = walls(0.006, 0.004, 2)
+    first, other = walls(0.006, 0.004, 2)
     few = LaserBias(other.lasers[10:], other.mean_m[10:], other.returns[10:])
-    covariance = np.cov(one.mean_m[10:], few.mean_m)
-    found = repeatability([one, few])
-    assert found is not None
-    assert found.pairs == 1
-    assert found.correlation == pytest.approx(np.corrcoef(one.mean_m[10:], few.mean_m)[0, 1])
-    assert found.shared_std_m == pytest.approx(np.sqrt(max(covariance[0, 1], 0)))
-    opposed = repeatability([one, LaserBias(one.lasers, -one.mean_m, one.returns)])
+    covariance = np.cov(first.mean_m[10:], few.mean_m)
+    result = repeatability([first, few])
+    assert result is not None
+    assert result.pairs == 1
+    assert result.correlation == pytest.approx(np.corrcoef(first.mean_m[10:], few.mean_m)[0, 1])
+    assert result.shared_std_m == pytest.approx(np.sqrt(max(covariance[0, 1], 0)))
+    opposed = repeatability([first, LaserBias(first.lasers, -first.mean_m, first.returns)])
     assert opposed is not None
     assert (opposed.correlation, opposed.shared_std_m) == (pytest.approx(-1), 0)
 
 
 def test_repeatability_needs_two_walls_with_six_lasers_in_common() -> None:
-    one, other = walls(0.006, 0.0, 2)
+    first, other = walls(0.006, 0.0, 2)
     few = LaserBias(other.lasers[:5], other.mean_m[:5], other.returns[:5])
-    assert repeatability([one]) is None
-    assert repeatability([one, few]) is None
+    assert repeatability([first]) is None
+    assert repeatability([first, few]) is None
 
 
 def test_the_step_of_azimuth_is_that_of_the_scan() -> None:
@@ -171,13 +171,13 @@ def test_unevenness_is_what_biases_and_rays_leave_of_the_spread() -> None:
 
 
 def test_a_plane_is_described_by_its_numbers() -> None:
-    found = seen(slice(None), 0.003).described()
-    assert (found["distance_m"], found["width_m"], found["height_m"]) == (2.5, 3, 1)
-    assert (found["rows"], found["lasers"]) == (105, 3)
-    assert found["std_m"] == pytest.approx(np.sqrt(np.cov(DEVIATION)))
-    assert found["laser_bias_m"] == {"0": pytest.approx(0.01), "3": pytest.approx(-0.02)}
-    assert found["laser_bias_std_m"] == pytest.approx(0.03 / np.sqrt(2))
-    assert found["ray_noise"] == {"median_std_m": 0.9, "sigma_m": 0.003, "bins": 1}
+    result = seen(slice(None), 0.003).described()
+    assert (result["distance_m"], result["width_m"], result["height_m"]) == (2.5, 3, 1)
+    assert (result["rows"], result["lasers"]) == (105, 3)
+    assert result["std_m"] == pytest.approx(np.sqrt(np.cov(DEVIATION)))
+    assert result["laser_bias_m"] == {"0": pytest.approx(0.01), "3": pytest.approx(-0.02)}
+    assert result["laser_bias_std_m"] == pytest.approx(0.03 / np.sqrt(2))
+    assert result["ray_noise"] == {"median_std_m": 0.9, "sigma_m": 0.003, "bins": 1}
     assert seen(slice(None), None).described()["ray_noise"] is None
 
 
@@ -187,5 +187,5 @@ def test_a_step_is_between_firings_of_one_laser_in_one_turn(changing: str) -> No
     columns = {name: np.zeros(4, dtype=int) for name in ("laser_id", "turn")}
     columns[changing] = np.array([0, 1, 2, 2])
     azimuth = np.radians([10.0, 20.0, 30.0, 30.2])
-    found = azimuth_step(RecordedReturns({**columns, "azimuth": azimuth}))
-    assert np.degrees(found) == pytest.approx(0.2)
+    result = azimuth_step(RecordedReturns({**columns, "azimuth": azimuth}))
+    assert np.degrees(result) == pytest.approx(0.2)

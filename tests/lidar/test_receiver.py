@@ -83,24 +83,24 @@ def test_raydrop_grows_with_incidence_and_range(
 
 
 def test_ranges_are_multiples_of_the_quantum() -> None:
-    found = through(hits(np.linspace(1, 90, 40)), "vlp16", range_quantum_mm=2)
+    result = through(hits(np.linspace(1, 90, 40)), "vlp16", range_quantum_mm=2)
     exact = through(hits(np.linspace(1, 90, 40)), "vlp16")
-    assert found == pytest.approx(np.round(found * 500) / 500, abs=1e-12)
-    assert (found - exact).std() == pytest.approx(0.002 / np.sqrt(12), rel=0.02)
-    assert np.abs(found - exact).max() <= 0.001 + 1e-12
+    assert result == pytest.approx(np.round(result * 500) / 500, abs=1e-12)
+    assert (result - exact).std() == pytest.approx(0.002 / np.sqrt(12), rel=0.02)
+    assert np.abs(result - exact).max() <= 0.001 + 1e-12
 
 
 def test_measured_ranges_below_the_least_are_lost() -> None:
-    found = through(hits([0.5, 0.7, 0.9]), min_range_m=0.7)
-    assert np.isfinite(found[:, 0, 0]).tolist() == [False, True, True]
+    result = through(hits([0.5, 0.7, 0.9]), min_range_m=0.7)
+    assert np.isfinite(result[:, 0, 0]).tolist() == [False, True, True]
 
 
 def test_effects_go_together_and_on_top_of_the_models_noise() -> None:
     seen = hits(np.full(50, 5.0))
-    found = through(seen, "vlp16", raydrop=0.5, range_quantum_mm=2, min_range_m=5)
-    kept = found[np.isfinite(found)]
+    result = through(seen, "vlp16", raydrop=0.5, range_quantum_mm=2, min_range_m=5)
+    kept = result[np.isfinite(result)]
     assert kept.min() >= 5
-    assert kept.size == pytest.approx(found.size / 4, rel=0.1)
+    assert kept.size == pytest.approx(result.size / 4, rel=0.1)
 
 
 def test_a_model_is_described_with_its_receiver() -> None:

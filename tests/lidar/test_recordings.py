@@ -130,8 +130,8 @@ def test_kinds_of_return_have_the_numbers_that_the_file_names(tmp_path: Path) ->
     table = read_recording(DATA / "dual.pcap")
     write_returns(tmp_path / "a.parquet", table)
     field = parquet.read_schema(tmp_path / "a.parquet").field("return_kind")
-    told = b" ".join(field.metadata.values()).decode()
-    assert f"{STRONGEST} strongest, {LAST} last, {BOTH} both" in told
+    output = b" ".join(field.metadata.values()).decode()
+    assert f"{STRONGEST} strongest, {LAST} last, {BOTH} both" in output
 
 
 def test_a_scan_table_is_no_capture_table(tmp_path: Path) -> None:

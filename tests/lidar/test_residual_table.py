@@ -40,14 +40,14 @@ def test_places_on_a_plane_are_along_its_level_line_and_up_its_slope(
     off = np.array([0.0, 0.01, -0.02, 1.0])
     points = foot + places @ [level, uphill] + off[:, None] * plane.normal
     assert plane_coordinates(points, plane, ORIGIN) == pytest.approx(places, abs=2e-6)
-    found = about_plane(points, plane, ORIGIN)
-    assert found["residual_m"] == pytest.approx(off, abs=2e-6)
-    assert found["plane_u_m"] == pytest.approx(places[:, 0], abs=2e-6)
-    assert found["plane_v_m"] == pytest.approx(places[:, 1], abs=2e-6)
+    result = about_plane(points, plane, ORIGIN)
+    assert result["residual_m"] == pytest.approx(off, abs=2e-6)
+    assert result["plane_u_m"] == pytest.approx(places[:, 0], abs=2e-6)
+    assert result["plane_v_m"] == pytest.approx(places[:, 1], abs=2e-6)
     # The foot is as far as the plane is, and the rest by Pythagoras.
     height = plane.distances(ORIGIN[None])[0] - off
-    assert found["range_m"] == pytest.approx(np.hypot(height, np.hypot(*places.T)), abs=2e-6)
-    assert {column.dtype for column in found.values()} == {np.dtype(np.float32)}
+    assert result["range_m"] == pytest.approx(np.hypot(height, np.hypot(*places.T)), abs=2e-6)
+    assert {column.dtype for column in result.values()} == {np.dtype(np.float32)}
 
 
 def table(model: str, *left_out: str) -> pd.DataFrame:

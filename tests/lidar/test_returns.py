@@ -30,22 +30,22 @@ def _scan(errors: str = "vlp16", device: str = "vlp16", **sweep: object) -> Scan
 
 def test_points_of_a_scan_are_where_it_measured_them() -> None:
     table = _scan()
-    found = returns_of_scan(table)
-    assert len(found.returns) == len(found.rows) == len(table)
-    measured = table.xyz_noisy[found.rows] - ORIGIN
-    off = np.linalg.norm(found.returns.points() - measured, axis=1)
+    result = returns_of_scan(table)
+    assert len(result.returns) == len(result.rows) == len(table)
+    measured = table.xyz_noisy[result.rows] - ORIGIN
+    off = np.linalg.norm(result.returns.points() - measured, axis=1)
     assert off.max() <= 0.001 + 1e-9  # half of the quantum of 2 mm; steps of 0.1 degrees are exact
 
 
 def test_a_scan_with_firing_times_keeps_each_lasers_azimuth() -> None:
     table = _scan("none", timing="firing")
-    found = returns_of_scan(table)
-    measured = table.xyz_noisy[found.rows] - ORIGIN
+    result = returns_of_scan(table)
+    measured = table.xyz_noisy[result.rows] - ORIGIN
     away = np.linalg.norm(measured, axis=1)
-    off = np.linalg.norm(found.returns.points() - measured, axis=1)
+    off = np.linalg.norm(result.returns.points() - measured, axis=1)
     # Columns are reported in hundredths of a degree, every one of them and the next.
     assert (off <= 0.001 + np.radians(0.011) * away).all()
-    assert np.abs(np.diff(found.returns.beams.delays) - 2.304 / 55.296).max() < 1e-9
+    assert np.abs(np.diff(result.returns.beams.delays) - 2.304 / 55.296).max() < 1e-9
 
 
 @pytest.mark.parametrize("device", ["puck_hires", "hdl32e", "hdl64e_s2"])
@@ -60,34 +60,34 @@ def test_points_of_every_sensor_are_where_it_reports_them(
     turn = {"rotation_hz": 10, "frames_per_second": 10, "duration_s": 0.1}
     timed = {"timing": timing} if timing == "firing" else {}
     table = _scan("none", device, **turn, **timed)
-    found = returns_of_scan(table)
-    assert len(found.returns) == len(found.rows) == len(table)
-    measured = table.xyz_noisy[found.rows] - ORIGIN
-    points = found.returns.points()
+    result = returns_of_scan(table)
+    assert len(result.returns) == len(result.rows) == len(table)
+    measured = table.xyz_noisy[result.rows] - ORIGIN
+    points = result.returns.points()
     away = np.linalg.norm(measured, axis=1)
     off = np.linalg.norm(points - measured, axis=1)
     assert (off <= 0.001 + np.radians(most_deg) * away + 1e-9).all()
     yaw = [np.degrees(np.arctan2(each[:, 0], each[:, 1])) for each in (points, measured)]
     turned = np.mod(yaw[0] - yaw[1] + 180, 360) - 180
     assert np.abs(turned.mean()) < 1e-4  # rounded, not cut off: 0.005 degrees would be all of it
-    assert set(table["laser_id"][found.rows]) == set(range(load_sensor(device).lasers))
+    assert set(table["laser_id"][result.rows]) == set(range(load_sensor(device).lasers))
 
 
 def test_true_points_lie_on_the_walls() -> None:
     table = _scan()
-    found = returns_of_scan(table)
-    assert np.abs(true_points(table, found) - (table.xyz[found.rows] - ORIGIN)).max() < 1e-9
-    assert found.still_at is not None
-    np.testing.assert_allclose(found.still_at, ORIGIN)
+    result = returns_of_scan(table)
+    assert np.abs(true_points(table, result) - (table.xyz[result.rows] - ORIGIN)).max() < 1e-9
+    assert result.still_at is not None
+    np.testing.assert_allclose(result.still_at, ORIGIN)
 
 
 def test_a_moving_sensor_has_its_own_frame() -> None:
     rows = [[0, 0, 0, 0, 0, 0, 0], [0.2, 1, 0, 0, 90, 0, 0]]
     table = _scan("none", trajectory=rows)
-    found = returns_of_scan(table)
-    assert found.still_at is None
-    ranges = np.linalg.norm(true_points(table, found), axis=1)
-    np.testing.assert_allclose(ranges, table["distance"][found.rows], rtol=1e-12)
+    result = returns_of_scan(table)
+    assert result.still_at is None
+    ranges = np.linalg.norm(true_points(table, result), axis=1)
+    np.testing.assert_allclose(ranges, table["distance"][result.rows], rtol=1e-12)
 
 
 def test_clean_ranges_can_be_taken() -> None:
@@ -103,11 +103,11 @@ def test_ranges_that_16_bits_do_not_hold_are_left_out() -> None:
     distance = table["distance_noisy"].copy()
     distance[:4] = (0.0009, 0.0011, 65535 * 0.002, 65536 * 0.002)
     changed = ScanTable({**table.columns, "distance_noisy": distance}, table.about)
-    found = returns_of_scan(changed)
-    assert set(range(6)) - set(found.rows.tolist()) == {0, 3}
-    ranges = np.concatenate([turn.ranges.ravel() for turn in found.returns.turns])
+    result = returns_of_scan(changed)
+    assert set(range(6)) - set(result.rows.tolist()) == {0, 3}
+    ranges = np.concatenate([turn.ranges.ravel() for turn in result.returns.turns])
     assert ranges.max() == 65535
-    assert len(found.returns) == len(found.rows) == len(table) - 2
+    assert len(result.returns) == len(result.rows) == len(table) - 2
 
 
 @pytest.mark.parametrize(("known_mm", "step_m"), [(4.0, 0.004), (None, 0.002)])
@@ -116,9 +116,9 @@ def test_ranges_are_whole_steps_of_the_sensors_or_of_2_mm(
 ) -> None:
     table = _scan()
     sensor = {**table.about["sensor"], "range_quantum_mm": known_mm}
-    found = returns_of_scan(ScanTable(table.columns, {**table.about, "sensor": sensor})).returns
-    assert found.quantum_m == step_m
-    ranges = np.concatenate([turn.ranges.ravel() for turn in found.turns])
+    result = returns_of_scan(ScanTable(table.columns, {**table.about, "sensor": sensor})).returns
+    assert result.quantum_m == step_m
+    ranges = np.concatenate([turn.ranges.ravel() for turn in result.turns])
     assert ranges.max() == round(table["distance_noisy"].max() / step_m)
 
 
@@ -142,10 +142,10 @@ def test_a_file_brings_everything_back(name: str, tmp_path: Path) -> None:
     write_firings(tmp_path / "returns.parquet", returns)
     again = read_firings(tmp_path / "returns.parquet")
     assert replace(again, turns=()) == replace(returns, turns=())
-    for one, other in zip(returns.turns, again.turns, strict=True):
+    for first, other in zip(returns.turns, again.turns, strict=True):
         for field in ("ranges", "azimuths", "times", "reflectivities"):
-            np.testing.assert_array_equal(getattr(one, field), getattr(other, field))
-        assert one.ranges.dtype == other.ranges.dtype
+            np.testing.assert_array_equal(getattr(first, field), getattr(other, field))
+        assert first.ranges.dtype == other.ranges.dtype
 
 
 def test_another_table_is_refused(tmp_path: Path) -> None:
@@ -192,8 +192,8 @@ def test_seconds_do_not_depend_on_the_order_of_packets(order: str) -> None:
         places[[4, 5]] = places[[5, 4]]
     elif order == "reversed":
         places = places[::-1]
-    found = returns_of_packets(spin(packets=10)[places])
-    assert found.seconds == pytest.approx(10 * 1327e-6, abs=3e-6)
+    result = returns_of_packets(spin(packets=10)[places])
+    assert result.seconds == pytest.approx(10 * 1327e-6, abs=3e-6)
 
 
 def test_a_clock_that_stands_still_tells_no_seconds() -> None:

@@ -142,11 +142,11 @@ def test_a_mesh_without_labels_gives_minus_one() -> None:
 def nearest_by_brute_force(mesh: Mesh, directions: Floats) -> Floats:
     """Distance from the origin to the nearest triangle in float64 (Moeller and Trumbore), (n,)."""
     first, second, third = mesh.corners().swapaxes(0, 1)
-    one, two = second - first, third - first
+    item, two = second - first, third - first
     across = np.cross(directions[:, None], two)
-    determinant = np.einsum("tj,ntj->nt", one, across)
+    determinant = np.einsum("tj,ntj->nt", item, across)
     u = -np.einsum("tj,ntj->nt", first, across) / determinant
-    over = np.cross(-first, one)
+    over = np.cross(-first, item)
     v = directions @ over.T / determinant
     distance = np.einsum("tj,tj->t", two, over) / determinant
     struck = (u >= 0) & (v >= 0) & (u + v <= 1) & (distance > 0)
@@ -212,17 +212,17 @@ def biases(table: ScanTable) -> Floats:
 
 
 def test_bias_is_constant_within_a_frame_and_laser_and_redrawn_for_the_next() -> None:
-    found = biases(scanned(room(), "vlp16", options={"ray_sigma_m": 0}))
-    assert np.ptp(found, axis=1).max() < 1e-14
-    assert np.unique(found[:, 0].round(12)).size == 60 * 16
-    assert found[:, 0].std() == pytest.approx(0.014, rel=0.1)
+    result = biases(scanned(room(), "vlp16", options={"ray_sigma_m": 0}))
+    assert np.ptp(result, axis=1).max() < 1e-14
+    assert np.unique(result[:, 0].round(12)).size == 60 * 16
+    assert result[:, 0].std() == pytest.approx(0.014, rel=0.1)
 
 
 def test_bias_can_be_kept_for_the_whole_scan() -> None:
     options = {"ray_sigma_m": 0, "bias_redrawn": "scan"}
-    found = biases(scanned(room(), "vlp16", options=options))
-    assert np.ptp(found, axis=(0, 1)).max() < 1e-14
-    assert np.unique(found[0, 0].round(12)).size == 16
+    result = biases(scanned(room(), "vlp16", options=options))
+    assert np.ptp(result, axis=(0, 1)).max() < 1e-14
+    assert np.unique(result[0, 0].round(12)).size == 16
 
 
 def test_what_a_ray_meets_changes_no_other_rays_noise() -> None:
@@ -307,15 +307,15 @@ def test_threads_and_portions_change_no_byte(errors: str) -> None:
 
 
 def test_another_seed_gives_other_noise_and_the_same_truth() -> None:
-    one, two = scanned(room(), "vlp16"), scanned(room(), "vlp16", seed=2)
-    assert np.array_equal(one.xyz, two.xyz)
-    assert not np.array_equal(one["distance_noisy"], two["distance_noisy"])
+    item, two = scanned(room(), "vlp16"), scanned(room(), "vlp16", seed=2)
+    assert np.array_equal(item.xyz, two.xyz)
+    assert not np.array_equal(item["distance_noisy"], two["distance_noisy"])
 
 
 def test_progress_is_told_to_the_end() -> None:
-    told = []
-    scanned(room(), progress=lambda done, of: told.append((done, of)), rays_at_a_time=2400)
-    assert told == [(10 * n, 60) for n in range(1, 7)]
+    output = []
+    scanned(room(), progress=lambda done, of: output.append((done, of)), rays_at_a_time=2400)
+    assert output == [(10 * n, 60) for n in range(1, 7)]
 
 
 def test_the_table_says_how_it_was_made() -> None:

@@ -121,8 +121,8 @@ def test_three_sectors_of_thirty_returns_compare(number: int, count: int, compar
 def test_distances_are_interpolated_on_one_surface(
     step_deg: float, rise_m: float, compares: bool
 ) -> None:
-    found = turn_shift(around(step_deg, rise_m), sectors(dict.fromkeys(range(8), 0.0)))
-    assert np.isfinite(found) == compares
+    result = turn_shift(around(step_deg, rise_m), sectors(dict.fromkeys(range(8), 0.0)))
+    assert np.isfinite(result) == compares
 
 
 def standing_at(*distances: float) -> RecordedReturns:

@@ -54,9 +54,11 @@ def about(axis: str, degrees: Floats) -> Floats:
 def test_yaw_pitch_and_roll_turn_about_z_x_and_y_in_this_order() -> None:
     angles = np.random.default_rng(0).uniform(-80, 80, (20, 3))
     rows = [(i, 0, 0, 0, *map(float, turn)) for i, turn in enumerate(angles)]
-    found = trajectory_from_rows(rows).at(np.arange(20.0)).rotations
+    result = trajectory_from_rows(rows).at(np.arange(20.0)).rotations
     yaw, pitch, roll = angles.T
-    assert found == pytest.approx(about("z", yaw) @ about("x", pitch) @ about("y", roll), abs=1e-12)
+    assert result == pytest.approx(
+        about("z", yaw) @ about("x", pitch) @ about("y", roll), abs=1e-12
+    )
 
 
 def test_turns_go_at_an_even_rate_along_the_shorter_arc() -> None:
@@ -82,8 +84,8 @@ def test_quaternions_are_taken_as_well() -> None:
 def test_a_trajectory_at_rest_scans_as_a_level_sweep_does() -> None:
     still = drive(STILL, duration_s=0.2)
     level = Sweep(duration_s=0.2, azimuth_step_deg=1.0, pitch_start_deg=0, pitch_end_deg=0)
-    one, other = scanned(room(), still, (3, 2, 1)), scanned(room(), level, (3, 2, 1))
-    assert all(np.array_equal(one[name], other[name]) for name in COLUMNS)
+    first, other = scanned(room(), still, (3, 2, 1)), scanned(room(), level, (3, 2, 1))
+    assert all(np.array_equal(first[name], other[name]) for name in COLUMNS)
 
 
 def test_a_moving_sensor_sees_a_wall_come_nearer_within_a_turn() -> None:

@@ -46,31 +46,31 @@ def noisy() -> RecordedReturns:
 def test_the_four_walls_of_a_room_are_found_where_they_are(clean: RecordedReturns) -> None:
     surfaces, rejected = found(clean)
     assert not rejected
-    assert [one.kind for one in surfaces] == ["wall"] * 4
+    assert [item.kind for item in surfaces] == ["wall"] * 4
     # The vertical correction of up to 11 mm moves points along upright walls.
-    assert sorted(one.distance_m for one in surfaces) == pytest.approx([2.5, 2.5, 3, 3], abs=5e-4)
-    for one in surfaces:
+    assert sorted(item.distance_m for item in surfaces) == pytest.approx([2.5, 2.5, 3, 3], abs=5e-4)
+    for item in surfaces:
         # Distances come in steps of 2 mm.
-        assert np.abs(one.plane.distances(clean.xyz[one.rows])).max() < 1.5e-3
-        assert one.plane.normal @ clean.xyz[one.rows[0]] < 0
+        assert np.abs(item.plane.distances(clean.xyz[item.rows])).max() < 1.5e-3
+        assert item.plane.normal @ clean.xyz[item.rows[0]] < 0
 
 
 def test_returns_next_to_a_corner_do_not_count(clean: RecordedReturns) -> None:
     corners = np.degrees([np.arctan2(x, y) for x in (-3.0, 3.0) for y in (-2.5, 2.5)]) % 360
-    for one in found(clean)[0]:
-        degrees = np.floor(np.degrees(clean["azimuth"][one.rows]))
+    for item in found(clean)[0]:
+        degrees = np.floor(np.degrees(clean["azimuth"][item.rows]))
         assert not np.isin(np.floor(corners), degrees).any()
 
 
 def test_all_else_of_the_walls_counts(clean: RecordedReturns) -> None:
-    rows = np.concatenate([one.rows for one in found(clean)[0]])
+    rows = np.concatenate([item.rows for item in found(clean)[0]])
     assert len(np.unique(rows)) == len(rows)
     # Up to three of 90 columns are cut off at each end of a wall.
     assert len(rows) > 0.93 * len(clean)
 
 
 def test_noise_moves_the_walls_by_little(noisy: RecordedReturns) -> None:
-    distances = sorted(one.distance_m for one in found(noisy)[0])
+    distances = sorted(item.distance_m for item in found(noisy)[0])
     # The mean of 16 biases of 8 mm goes into the plane.
     assert distances == pytest.approx([2.5, 2.5, 3, 3], abs=3 * 0.008 / 4)
 
@@ -79,11 +79,11 @@ def test_the_same_generator_finds_the_same_planes_and_another_nearly(
     noisy: RecordedReturns,
 ) -> None:
     first, again, other = found(noisy)[0], found(noisy)[0], found(noisy, seed=5)[0]
-    for one, two in zip(first, again, strict=True):
-        assert np.array_equal(one.rows, two.rows)
-        assert one.plane.offset == two.plane.offset
-    for one, two in zip(first, sorted(other, key=lambda one: -len(one.rows)), strict=True):
-        assert one.distance_m == pytest.approx(two.distance_m, abs=1e-3)
+    for left, two in zip(first, again, strict=True):
+        assert np.array_equal(left.rows, two.rows)
+        assert left.plane.offset == two.plane.offset
+    for left, two in zip(first, sorted(other, key=lambda left: -len(left.rows)), strict=True):
+        assert left.distance_m == pytest.approx(two.distance_m, abs=1e-3)
 
 
 def test_a_laser_with_a_great_bias_keeps_its_returns(noisy: RecordedReturns) -> None:
@@ -91,8 +91,8 @@ def test_a_laser_with_a_great_bias_keeps_its_returns(noisy: RecordedReturns) -> 
     scaled = (longer / noisy["distance"])[:, None] * noisy.xyz
     columns = {**noisy.columns, "distance": longer, **dict(zip("xyz", scaled.T, strict=True))}
     table = replace(noisy, columns=columns)
-    for one in found(table)[0]:
-        counts = np.bincount(table["laser_id"][one.rows], minlength=16)
+    for item in found(table)[0]:
+        counts = np.bincount(table["laser_id"][item.rows], minlength=16)
         assert counts[6] >= 0.95 * np.median(counts)
 
 
@@ -115,7 +115,7 @@ def test_a_tilted_sensor_sees_a_floor_when_told_what_is_up() -> None:
     table = captured(room_scan(2, [0, 0, 1.0], mesh=field(5.0), pitch_deg=-40.0))
     tilt = np.radians(-40.0)
     surfaces, _ = found(table, PlaneSearch(up=(0.0, np.sin(tilt), np.cos(tilt))))
-    assert [one.kind for one in surfaces] == ["floor"]
+    assert [item.kind for item in surfaces] == ["floor"]
     # A decoder adds the vertical correction of up to 11 mm, which no virtual sensor has.
     assert surfaces[0].distance_m == pytest.approx(1.0, abs=0.012)
     assert found(table)[0] == []
@@ -135,15 +135,15 @@ def test_a_rough_wall_is_not_taken() -> None:
     surfaces, rejected = found(rough, PlaneSearch(threshold_m=0.1))
     assert not surfaces
     # 30 mm along rays that meet the walls at up to 50 degrees.
-    assert all(re.match(r"rough, .* 2[5-9]\.\d mm", one.reason) for one in rejected)
+    assert all(re.match(r"rough, .* 2[5-9]\.\d mm", item.reason) for item in rejected)
     assert len(rejected) == 4
 
 
 def test_incidence_is_measured_from_the_normal(clean: RecordedReturns) -> None:
-    for one in found(clean)[0]:
-        rows = clean.select(one.rows)
-        cosine = one.distance_m / rows["distance"]
-        assert np.cos(incidence(rows, one.plane)) == pytest.approx(cosine, abs=1e-3)
+    for item in found(clean)[0]:
+        rows = clean.select(item.rows)
+        cosine = item.distance_m / rows["distance"]
+        assert np.cos(incidence(rows, item.plane)) == pytest.approx(cosine, abs=1e-3)
 
 
 @pytest.mark.parametrize(

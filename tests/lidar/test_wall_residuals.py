@@ -98,10 +98,10 @@ def test_a_plane_is_described_by_its_residuals(planes: RecordedPlanes) -> None:
 
 def test_a_bias_that_stays_repeats_from_wall_to_wall(planes: RecordedPlanes) -> None:
     summary = recording_summary(planes)
-    found = summary["bias_repeatability"]
-    assert found["pairs"] == 6
-    assert found["correlation"] > 0.99
-    assert found["shared_std_m"] == pytest.approx(summary["laser_bias_std_m"], rel=0.01)
+    result = summary["bias_repeatability"]
+    assert result["pairs"] == 6
+    assert result["correlation"] > 0.99
+    assert result["shared_std_m"] == pytest.approx(summary["laser_bias_std_m"], rel=0.01)
     assert max(plane["unevenness_m"] for plane in summary["planes"]) < 0.0015
 
 
@@ -162,20 +162,20 @@ def test_the_table_joins_one_of_another_model(planes: RecordedPlanes) -> None:
 
 
 def test_the_residuals_of_a_capture_do_not_change(room: tuple[ScanTable, Path]) -> None:
-    one, other = (
+    first, other = (
         recording_residuals(recorded_planes(room[1], RecordingOptions())) for _ in range(2)
     )
-    pd.testing.assert_frame_equal(one, other)
+    pd.testing.assert_frame_equal(first, other)
 
 
 def test_a_plane_chosen_by_hand_is_the_one_that_is_found(
     room: tuple[ScanTable, Path], planes: RecordedPlanes
 ) -> None:
     chosen = recorded_planes(room[1], recording_options({"planes": [WALL_AHEAD]}))
-    (one,) = chosen.surfaces
+    (item,) = chosen.surfaces
     ahead = max(planes.surfaces, key=lambda surface: -surface.plane.normal[1])
-    assert one.distance_m == pytest.approx(ahead.distance_m, abs=1e-3)
-    assert one.width_m == pytest.approx(3.0, abs=0.05)
+    assert item.distance_m == pytest.approx(ahead.distance_m, abs=1e-3)
+    assert item.width_m == pytest.approx(3.0, abs=0.05)
 
 
 def test_a_table_of_the_returns_serves_as_the_capture(
@@ -205,13 +205,13 @@ def test_beams_with_two_returns_do_not_count(tmp_path: Path) -> None:
     (tmp_path / "a.pcap").write_bytes(pcap_bytes(box_capture(320, dual=True)))
     planes = recorded_planes(tmp_path / "a.pcap", RecordingOptions())
     assert not set(planes.table["laser_id"]) & {2, 4, 9}
-    assert sorted({one.kind for one in planes.surfaces}) == ["wall"]
+    assert sorted({item.kind for item in planes.surfaces}) == ["wall"]
 
 
 def fails(path: Path, out: Path, capsys: pytest.CaptureFixture[str], **options: Any) -> str:
     """The one line that the command prints when it refuses a capture."""
-    given = ["residuals", str(out), "--capture", str(path)]
-    assert main([*given, "--capture-options", json.dumps(options)]) == 2
+    words = ["residuals", str(out), "--capture", str(path)]
+    assert main([*words, "--capture-options", json.dumps(options)]) == 2
     assert not out.exists()
     printed = capsys.readouterr()
     assert printed.out == ""
@@ -321,8 +321,8 @@ def test_options_that_cannot_be_used_are_refused(
     options: dict[str, Any],
     fault: str,
 ) -> None:
-    given = ["residuals", str(tmp_path / "a.parquet"), "--capture", str(room[1])]
-    assert main([*given, "--capture-options", json.dumps(options)]) == 2
+    words = ["residuals", str(tmp_path / "a.parquet"), "--capture", str(room[1])]
+    assert main([*words, "--capture-options", json.dumps(options)]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert fault in line
 

@@ -134,7 +134,7 @@ def test_generated_data_stand_in_where_they_are_asked_for() -> None:
     )
     assert config.scenes["b"].loader == "embedded_rooms"
     assert (config.datasets["d"].make, config.datasets["d"].size) == ("sample", 512)
-    assert config.figures.examples.given() == {"raw": "d/y"}
+    assert config.figures.examples.clouds_by_kind() == {"raw": "d/y"}
     assert config.results == "results/t_stand_in"
 
 
@@ -143,7 +143,7 @@ def test_without_the_switch_the_data_are_those_on_disk(off: object) -> None:
     config = checked(_thesis() | {"stand_in": off})
     assert config.scenes["a"].loader == "s3dis"
     assert config.datasets["d"].make == "cloud"
-    assert config.figures.examples.given() == {"raw": "d/x"}
+    assert config.figures.examples.clouds_by_kind() == {"raw": "d/x"}
     assert config.results == "results/t"
 
 

@@ -25,8 +25,8 @@ def test_the_tables_of_keys_are_those_of_the_models() -> None:
 def test_every_key_of_the_configuration_has_its_table() -> None:
     models = {
         name
-        for name, found in vars(config).items()
-        if isinstance(found, type) and issubclass(found, BaseModel) and name.endswith("Config")
+        for name, result in vars(config).items()
+        if isinstance(result, type) and issubclass(result, BaseModel) and name.endswith("Config")
     }
     text = (ROOT / "config" / "README.md").read_text(encoding="utf-8")
     assert documented(text) == models

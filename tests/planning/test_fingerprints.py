@@ -16,8 +16,8 @@ def code_version(*modules: str | Path) -> str:
     """As a new process sees it, for files that have been edited."""
     for remembered in (fingerprints.code_version, fingerprints._code_digest):
         remembered.cache_clear()
-    for found in (imports.imported_files, imports.module_file, imports.top_folder):
-        found.cache_clear()
+    for result in (imports.imported_files, imports.module_file, imports.top_folder):
+        result.cache_clear()
     return fingerprints.code_version(*map(str, modules))
 
 

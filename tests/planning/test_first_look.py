@@ -23,5 +23,5 @@ def test_its_rows_are_those_of_the_first_codec_alone() -> None:
 
 
 def test_other_codecs_rates_do_not_change_its_job() -> None:
-    one = first_look(draco={}, gpcc={"rates": ["r1", "r2"]})
-    assert first_look(draco={}, gpcc={"rates": ["r1", "r3"]}) == one
+    item = first_look(draco={}, gpcc={"rates": ["r1", "r2"]})
+    assert first_look(draco={}, gpcc={"rates": ["r1", "r3"]}) == item

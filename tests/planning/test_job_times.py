@@ -18,13 +18,13 @@ def times(rule: str, *pairs: tuple[int, float], codec: str = "", rates: int = 0)
 
 
 def test_a_job_takes_a_start_and_a_time_for_each_point() -> None:
-    found = Measurements.of([(100_000, 0.5), (200_000, 0.7), (300_000, 0.9)])
-    assert found.at(1_000_000) == pytest.approx(0.3 + 2e-6 * 1_000_000)
+    result = Measurements.of([(100_000, 0.5), (200_000, 0.7), (300_000, 0.9)])
+    assert result.at(1_000_000) == pytest.approx(0.3 + 2e-6 * 1_000_000)
 
 
 def test_with_one_size_alone_time_is_in_proportion_to_the_points() -> None:
-    found = Measurements.of([(500_000, 2.0), (500_000, 3.0), (500_010, 2.5)])
-    assert found.at(1_000_000) == pytest.approx(5.0, rel=1e-3)
+    result = Measurements.of([(500_000, 2.0), (500_000, 3.0), (500_010, 2.5)])
+    assert result.at(1_000_000) == pytest.approx(5.0, rel=1e-3)
 
 
 def test_neither_start_nor_time_for_a_point_is_negative() -> None:
@@ -35,14 +35,14 @@ def test_neither_start_nor_time_for_a_point_is_negative() -> None:
 
 
 def test_the_first_job_of_a_run_which_compiles_does_not_tilt_the_line() -> None:
-    found = Measurements.of([(100, 90.0), (100, 1.0), (200, 2.0), (300, 3.0), (400, 4.0)])
-    assert found.at(1000) == pytest.approx(10.0)
+    result = Measurements.of([(100, 90.0), (100, 1.0), (200, 2.0), (300, 3.0), (400, 4.0)])
+    assert result.at(1000) == pytest.approx(10.0)
 
 
 def test_timed_calls_count_as_often_as_they_are_planned() -> None:
     measured = [JobTime("encode_curve", "draco", 8, 100, 3.0, call_s=0.5, repeats=2)]
-    (found,) = estimated([JobKind("encode_curve", 1, 100, "draco", 8, repeats=5)], measured)
-    assert found.seconds == pytest.approx(2.0 + 5 * 0.5)
+    (result,) = estimated([JobKind("encode_curve", 1, 100, "draco", 8, repeats=5)], measured)
+    assert result.seconds == pytest.approx(2.0 + 5 * 0.5)
 
 
 def test_jobs_measured_against_the_truth_tell_of_their_like() -> None:
@@ -51,15 +51,15 @@ def test_jobs_measured_against_the_truth_tell_of_their_like() -> None:
         JobTime("evaluate_curve", "draco", 8, 100, 4.0, truth=True),
     ]
     kinds = [JobKind("evaluate_curve", 1, 100, "draco", 8, truth=truth) for truth in (False, True)]
-    assert [found.seconds for found in estimated(kinds, measured)] == [1.0, 4.0]
+    assert [result.seconds for result in estimated(kinds, measured)] == [1.0, 4.0]
 
 
 def test_core_hours_count_every_job_and_say_how_far_they_reach() -> None:
     kind = JobKind("encode_curve", 3600, 200, "draco", 8)
     measured = times("encode_curve", (100, 1.0), (100, 1.0), codec="draco", rates=8)
-    (found,) = estimated([kind], measured)
-    assert found.hours == pytest.approx(2.0)
-    assert (found.measured, found.reach, found.exact) == (2, 2.0, True)
+    (result,) = estimated([kind], measured)
+    assert result.hours == pytest.approx(2.0)
+    assert (result.measured, result.reach, result.exact) == (2, 2.0, True)
 
 
 def test_a_curve_of_more_rates_takes_longer_in_proportion_and_says_so() -> None:
@@ -89,8 +89,8 @@ def test_logs_become_one_time_for_each_job_that_ended(tmp_path: Path) -> None:
     ended(tmp_path, "figure", "results/small/logs/figures/fig_6_5.log", 4.0)
     (tmp_path / "results/small/logs/failed.log").write_text("puckbench: no such file")
     (tmp_path / "results/small/logs/empty.log").write_text("")
-    found = sorted(read_job_times(tmp_path), key=lambda time: time.job)
-    assert found == [
+    result = sorted(read_job_times(tmp_path), key=lambda time: time.job)
+    assert result == [
         JobTime("encode_curve", "draco", 8, 2000, 1.5, call_s=0.5, repeats=1, peak_mib=90),
         JobTime("figure", "", 0, 0, 4.0, peak_mib=90),
     ]
@@ -100,8 +100,8 @@ def test_timed_calls_took_the_processor_as_the_whole_job_did(tmp_path: Path) -> 
     log = "results/logs/metrics/rooms/office_1/gpcc/r1_to_r4.log"
     work = {"codec": "gpcc", "rates": 4, "repeats": 3, "call_s": 0.5, "truth": True}
     ended(tmp_path, "evaluate_curve", log, 4.0, wall_s=8.0, **work)
-    (found,) = read_job_times(tmp_path)
-    assert (found.call_s, found.repeats, found.truth) == (0.25, 3, True)  # half of the processor
+    (result,) = read_job_times(tmp_path)
+    assert (result.call_s, result.repeats, result.truth) == (0.25, 3, True)  # half of the processor
 
 
 def test_the_cost_of_a_process_counts_what_it_waited_for() -> None:
@@ -120,5 +120,5 @@ def test_the_cost_of_a_process_counts_what_it_waited_for() -> None:
 
 
 def test_a_folder_without_a_run_is_named(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="no logs of finished jobs there"):
+    with pytest.raises(InputError, match="no logs of finished jobs"):
         read_job_times(tmp_path)

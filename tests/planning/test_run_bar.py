@@ -29,9 +29,9 @@ class Clock:
 
 @pytest.fixture
 def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
-    found = Clock()
-    monkeypatch.setattr("snakemake_logger_plugin_puckbench.time", found)
-    return found
+    result = Clock()
+    monkeypatch.setattr("snakemake_logger_plugin_puckbench.time", result)
+    return result
 
 
 class TestInterface(TestLogHandlerBase):

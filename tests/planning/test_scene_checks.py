@@ -40,7 +40,7 @@ def test_scenes_that_cannot_be_scanned_are_left_out_and_named(meshes: Path) -> N
     planned = plan(meshes)
     assert planned.clouds == (("scanned", "room"),)
     solid, torn = left_out_lines(planned.left_out_rows())
-    assert solid.startswith(f"left out: {meshes}/solid.off: the scene has no free spot 1.3 m")
+    assert solid.startswith(f"left out: {meshes}/solid.off: the scene has no free position 1.3 m")
     assert "torn.off: truncated" in torn
 
 
@@ -50,7 +50,7 @@ def test_a_block_can_be_sampled(meshes: Path) -> None:
 
 
 def test_a_strict_run_stops_at_the_first_of_them(meshes: Path) -> None:
-    with pytest.raises(InputError, match=r"^datasets.scanned: scene solid: .* no free spot"):
+    with pytest.raises(InputError, match=r"^datasets.scanned: scene solid: .* no free position"):
         plan(meshes, strict=True)
 
 
@@ -64,7 +64,7 @@ def test_a_configured_place_is_used_and_checked(meshes: Path) -> None:
     where = {"room": [1.0, 1.0, 0.0], "solid": [0.0, 0.0, 0.0]}
     planned = plan(meshes, {"origin": where})
     assert planned.clouds == (("scanned", "room"),)
-    assert "is shut in" in planned.left_out["scanned"]["solid"]
+    assert "is enclosed" in planned.left_out["scanned"]["solid"]
     with pytest.raises(InputError, match=r"room: the sensor at .* is outside the scene"):
         plan(meshes, {"origin": [9.0, 0.0, 0.0]})
 
@@ -136,7 +136,7 @@ def test_points_that_are_left_out_are_counted(tmp_path: Path) -> None:
 def test_a_scene_is_looked_at_again_when_its_unit_changes(meshes: Path) -> None:
     (meshes / "torn.off").unlink()
     (meshes / "solid.off").unlink()
-    with pytest.raises(InputError, match="no free spot"):
+    with pytest.raises(InputError, match="no free position"):
         _scaled_plan(meshes, 0.1)
     assert _scaled_plan(meshes, 1.0).clouds == (("scanned", "room"),)
 

@@ -37,8 +37,8 @@ def header_of(name: str) -> catalogue.WeightsHeader:
 
 def plain(settings: Any) -> dict[str, Any]:
     """As JSON has them."""
-    found: dict[str, Any] = json.loads(json.dumps(settings.model_dump()))
-    return found
+    result: dict[str, Any] = json.loads(json.dumps(settings.model_dump()))
+    return result
 
 
 def test_every_shipped_set_can_be_trained_again() -> None:
@@ -59,10 +59,10 @@ def test_settings_are_those_of_the_shipped_set(name: str) -> None:
 def test_clouds_are_those_of_the_shipped_set(name: str) -> None:
     plan, data = planned(name), header_of(name).card["data"]
     several = len({dataset for dataset, _ in plan.clouds}) > 1
-    wanted = {
+    expected = {
         f"{dataset}/{cloud}.ply" if several else f"{cloud}.ply" for dataset, cloud in plan.clouds
     }
-    assert wanted == set(data)
+    assert expected == set(data)
     assert not {cloud for _, cloud in plan.clouds} & {cloud for _, cloud in plan.validate}
 
 

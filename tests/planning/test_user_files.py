@@ -93,9 +93,9 @@ def test_the_frame_follows_the_formats_and_scaling_is_told(
 ) -> None:
     config = made(*paths, frame=frame)
     assert config["datasets"]["clouds"]["size"] == size
-    told = config.get("unused", {}).get("unit of clouds", "")
-    assert told.startswith(remark)
-    assert bool(told) == bool(remark)
+    output = config.get("unused", {}).get("unit of clouds", "")
+    assert output.startswith(remark)
+    assert bool(output) == bool(remark)
 
 
 def test_a_peak_is_that_of_clouds_in_metres() -> None:
@@ -144,8 +144,8 @@ def test_a_compressed_copy_of_a_recording_is_left_out_and_named() -> None:
     Path("drives").mkdir()
     Path("drive.pcap").rename("drives/a.pcap")
     Path("drives/a.puck").touch()
-    told = made("drives")["unused"]
-    assert told["drives/a.puck"] == "taken for a copy of the recording of its name"
+    output = made("drives")["unused"]
+    assert output["drives/a.puck"] == "taken for a copy of the recording of its name"
 
 
 def test_a_recording_that_cannot_be_used_is_left_out_and_named() -> None:
@@ -296,7 +296,7 @@ def test_an_edited_configuration_is_kept() -> None:
     write_configuration(path, made("mine/b.xyz"), "puckbench run mine/b.xyz")
     path.write_text(path.read_text() + "seed: 7\n")
     assert yaml.safe_load(path.read_text())["seed"] == 7
-    with pytest.raises(InputError, match=r"has been edited: run that \(puckbench run out/config"):
+    with pytest.raises(InputError, match=r"was edited: run it \(puckbench run out/config"):
         write_configuration(path, made("mine/a.npy"), "puckbench run mine/a.npy")
 
 

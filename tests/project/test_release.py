@@ -32,8 +32,8 @@ def test_citation_and_archive_say_the_same() -> None:
     assert CITATION["license"] == ZENODO["license"] == "BSD-3-Clause"
     assert CITATION["keywords"] == ZENODO["keywords"]
     assert CITATION["abstract"].strip() == re.sub(r"</?p>", "", ZENODO["description"])
-    assert [one["name"] for one in CITATION["authors"]] == [
-        one["name"] for one in ZENODO["creators"]
+    assert [item["name"] for item in CITATION["authors"]] == [
+        item["name"] for item in ZENODO["creators"]
     ]
 
 

@@ -56,16 +56,16 @@ def versions_on(pins: Iterable[Requirement], system: dict[str, str]) -> dict[str
 def test_locks_satisfy_every_requirement_on_every_system(
     extra: str, system: dict[str, str]
 ) -> None:
-    wanted = [*PROJECT["project"]["dependencies"], *PROJECT["build-system"]["requires"]]
-    wanted += PROJECT["project"]["optional-dependencies"][extra] if extra else []
+    expected = [*PROJECT["project"]["dependencies"], *PROJECT["build-system"]["requires"]]
+    expected += PROJECT["project"]["optional-dependencies"][extra] if extra else []
     pinned = versions_on(pins_of(*LOCKS[extra]), system)
-    for requirement in on_system(map(Requirement, wanted), system):
+    for requirement in on_system(map(Requirement, expected), system):
         assert requirement.specifier.contains(pinned[canonicalize_name(requirement.name)])
 
 
 def requirements_of(package: str) -> list[str]:
-    found = map(Requirement, importlib.metadata.requires(package) or [])
-    needed = [r for r in found if r.marker is None or r.marker.evaluate({"extra": ""})]
+    result = map(Requirement, importlib.metadata.requires(package) or [])
+    needed = [r for r in result if r.marker is None or r.marker.evaluate({"extra": ""})]
     return [canonicalize_name(r.name) for r in needed]
 
 

@@ -91,12 +91,12 @@ def test_nothing_in_the_page_comes_from_outside(text: str) -> None:
 def test_a_run_that_tests_no_claim_shows_none(
     contents: tuple[Contents, Path], tmp_path: Path
 ) -> None:
-    given, folder = contents
-    claims = pd.read_csv(given.tables["claims"])
+    values, folder = contents
+    claims = pd.read_csv(values.tables["claims"])
     claims["verdict"] = "not tested: needs other clouds"
     claims.to_csv(tmp_path / "claims.csv", index=False)
-    tables = {**given.tables, "claims": str(tmp_path / "claims.csv")}
-    page = build_page(given.model_copy(update={"tables": tables}), MACHINE, folder, RECORD)
+    tables = {**values.tables, "claims": str(tmp_path / "claims.csv")}
+    page = build_page(values.model_copy(update={"tables": tables}), MACHINE, folder, RECORD)
     assert 'id="claims"' not in page
     assert "needs other clouds" not in page
 
@@ -358,8 +358,8 @@ def test_the_command_writes_a_page_of_what_there_is(
     contents: tuple[Contents, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     page = tmp_path / "page.html"
-    given = json.dumps({"metrics": contents[0].metrics})
-    assert main(["report", str(page), "--contents", given]) == 0
+    values = json.dumps({"metrics": contents[0].metrics})
+    assert main(["report", str(page), "--contents", values]) == 0
     assert 'id="data-curves"' in page.read_text(encoding="utf-8")
     assert main(["report", str(page), "--contents", '{"title": "Mine"}']) == 0
     assert "<title>Mine</title>" in page.read_text(encoding="utf-8")

@@ -229,9 +229,9 @@ def test_the_page_draws_the_marker_of_every_codec() -> None:
     folder = Path(__file__).parents[2] / "src" / "puckbench" / "report" / "assets"
     script = (folder / "markers.js").read_text(encoding="utf-8")
     table = script[script.index("const MARKERS = {") : script.index("/** A marker of a radius")]
-    known = set(re.findall(r"""(?:^ |[,{])\s*"?([^\s":,(\[]+)"?: """, table, flags=re.MULTILINE))
+    original = set(re.findall(r"""(?:^ |[,{])\s*"?([^\s":,(\[]+)"?: """, table, flags=re.MULTILINE))
     drawn = {codec_style(name).marker for name in CODECS.names()} | set(_OTHER_MARKERS)
-    assert drawn <= known
+    assert drawn <= original
 
 
 def test_the_default_run_shows_all_its_figures_and_every_codec_at_three_rates() -> None:
@@ -296,8 +296,8 @@ def _deltas(**columns: float) -> pd.DataFrame:
 def test_findings_name_the_best_with_its_interval() -> None:
     metrics = _two_codecs(truth_d2_rms_m=[0.004, 0.002], encode_s=[0.5, 0.1], decode_s=[0.1, 0.2])
     errors = pd.DataFrame({"dataset": ["rooms"], "truth_d2_rms_m": [0.0127]})
-    (found,) = findings(metrics, _deltas(), errors, FigureStyle()).datasets
-    assert {name: text.replace("\xa0", " ") for name, text in found.best.items()} == {
+    (result,) = findings(metrics, _deltas(), errors, FigureStyle()).datasets
+    assert {name: text.replace("\xa0", " ") for name, text in result.best.items()} == {
         "Fewest bits": "Draco: −50.0 % for equal D1 (−60.0 % to −40.0 %, 3 clouds)",
         "Nearest to the truth": "G-PCC: 2 mm, the scan itself 12.7 mm (r1, 2 bpp)",
         "Fastest": "G-PCC: 0.1 s to encode; Draco: 0.1 s to decode",
@@ -318,16 +318,16 @@ def test_an_interval_that_holds_zero_has_no_winner(
 ) -> None:
     changed = {"bd_rate_percent_low": low, "bd_rate_percent_high": high}
     deltas = _deltas(bd_rate_percent=delta, **changed)
-    (found,) = findings(_two_codecs(), deltas, None, FigureStyle()).datasets
-    assert found.best["Fewest bits"].replace("\xa0", " ") == told
+    (result,) = findings(_two_codecs(), deltas, None, FigureStyle()).datasets
+    assert result.best["Fewest bits"].replace("\xa0", " ") == told
 
 
 def test_who_is_nearest_to_a_truth_that_the_scan_itself_is_is_not_told() -> None:
     metrics = _two_codecs(truth_d2_rms_m=[0.004, 0.002])
     for errors in (None, pd.DataFrame({"dataset": ["rooms"], "truth_d2_rms_m": [1e-5]})):
-        (found,) = findings(metrics, None, errors, FigureStyle()).datasets
-        assert found.best == {}
-        assert found.columns[0].head == "Distance to the truth"
+        (result,) = findings(metrics, None, errors, FigureStyle()).datasets
+        assert result.best == {}
+        assert result.columns[0].head == "Distance to the truth"
 
 
 @pytest.mark.parametrize(
@@ -343,10 +343,10 @@ def test_who_is_nearest_to_a_truth_that_the_scan_itself_is_is_not_told() -> None
 def test_a_codec_that_was_not_compared_on_all_clouds_wins_nothing(
     change: dict[str, float], text: str, note: str
 ) -> None:
-    (found,) = findings(_two_codecs(), _deltas(**change), None, FigureStyle()).datasets
-    cell = found.columns[0].cells["draco"]
+    (result,) = findings(_two_codecs(), _deltas(**change), None, FigureStyle()).datasets
+    cell = result.columns[0].cells["draco"]
     assert (cell.text.replace("\xa0", " "), cell.note) == (text, note)
-    assert found.columns[0].best is None
+    assert result.columns[0].best is None
 
 
 @pytest.mark.parametrize(
@@ -397,17 +397,17 @@ def test_the_first_codec_is_tested_against_the_second(laz: list[float], told: st
     """Both need about half of the anchor's bits; of which one less has to show on most clouds."""
     metrics = _three_codecs([0.5, 0.49, 0.5, 0.52, 0.5], laz)
     deltas = bd_rate(metrics, "gpcc", ["d1_psnr"])
-    (found,) = findings(metrics, deltas, None, FigureStyle()).datasets
-    assert found.best["Fewest bits"].replace("\xa0", " ").startswith(told)
-    assert (found.columns[0].best == "draco") == told.startswith("Draco")
+    (result,) = findings(metrics, deltas, None, FigureStyle()).datasets
+    assert result.best["Fewest bits"].replace("\xa0", " ").startswith(told)
+    assert (result.columns[0].best == "draco") == told.startswith("Draco")
 
 
 def test_a_winner_says_that_others_could_not_be_compared() -> None:
     metrics = _three_codecs([0.5] * 3, [0.6] * 3)
     metrics.loc[metrics["codec"] == "laz", "d1_psnr"] += 100
     deltas = bd_rate(metrics, "gpcc", ["d1_psnr"])
-    (found,) = findings(metrics, deltas, None, FigureStyle()).datasets
-    assert found.best["Fewest bits"].endswith("3 clouds, 2 of 3 codecs compared)")
+    (result,) = findings(metrics, deltas, None, FigureStyle()).datasets
+    assert result.best["Fewest bits"].endswith("3 clouds, 2 of 3 codecs compared)")
 
 
 def test_the_fastest_codec_is_faster_on_most_clouds() -> None:
@@ -421,14 +421,14 @@ def test_the_fastest_codec_is_faster_on_most_clouds() -> None:
         seconds[codec][int(cloud[1:])]
         for codec, cloud in zip(metrics["codec"], metrics["cloud"], strict=True)
     ]
-    (found,) = findings(metrics, None, None, FigureStyle()).datasets
-    assert "Fastest" not in found.best  # not timed alone
+    (result,) = findings(metrics, None, None, FigureStyle()).datasets
+    assert "Fastest" not in result.best  # not timed alone
     metrics = metrics.assign(timed_alone=True, repeats=3)
-    (found,) = findings(metrics, None, None, FigureStyle()).datasets
-    assert found.best["Fastest"] == "no clear winner to encode (Draco, LAZ)"
+    (result,) = findings(metrics, None, None, FigureStyle()).datasets
+    assert result.best["Fastest"] == "no clear winner to encode (Draco, LAZ)"
     two = metrics[metrics["codec"] != "laz"]
-    (found,) = findings(two, None, None, FigureStyle()).datasets
-    assert found.best["Fastest"].startswith("Draco: 0.3")
+    (result,) = findings(two, None, None, FigureStyle()).datasets
+    assert result.best["Fastest"].startswith("Draco: 0.3")
 
 
 def test_lossless_rates_are_named() -> None:

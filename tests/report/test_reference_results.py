@@ -63,11 +63,11 @@ def samples_of(reference: ReferenceResults) -> list[tuple[str, str]]:
     """The smallest cloud of each way of making clouds that a study has, scaled or in metres."""
     configured = reference.about["configuration"]["datasets"]
     rows = reference.metrics[reference.metrics["codec"].isin(SAMPLED)]
-    found: dict[str, tuple[int, tuple[str, str]]] = {}
+    result: dict[str, tuple[int, tuple[str, str]]] = {}
     for dataset, cloud, points in rows[["dataset", "cloud", "points_in"]].itertuples(index=False):
         way = configured[dataset]["make"]
-        found[way] = min(found.get(way, (points, (dataset, cloud))), (points, (dataset, cloud)))
-    return [key for _, key in found.values()]
+        result[way] = min(result.get(way, (points, (dataset, cloud))), (points, (dataset, cloud)))
+    return [key for _, key in result.values()]
 
 
 def only(reference: ReferenceResults) -> dict[str, Any]:
@@ -102,8 +102,8 @@ def _sampled_codecs(
             if not names:
                 continue
             kept = list(dict.fromkeys([names[0], names[len(names) // 2], names[-1]]))
-            given = entry.get(key)
-            changed = {name: given[name] for name in kept} if isinstance(given, dict) else kept
+            values = entry.get(key)
+            changed = {name: values[name] for name in kept} if isinstance(values, dict) else kept
             entry[key] = changed
         yield codec, entry
 
@@ -125,8 +125,8 @@ def check_samples(reference: ReferenceResults, folder: Path) -> None:
     assert set(digests.index) == set(samples_of(reference))
     assert [digests[key[:2]] for key in rows.index] == rows[DIGEST].tolist()
     assert fresh["bytes"].tolist() == rows["bytes"].tolist()
-    for _, told in rows.groupby(level="dataset"):
-        assert COMPARED & set(told.columns[told.notna().all()])
+    for _, output in rows.groupby(level="dataset"):
+        assert COMPARED & set(output.columns[output.notna().all()])
     for name in sorted(COMPARED & set(rows)):
         np.testing.assert_allclose(fresh[name], rows[name], rtol=2e-5, err_msg=name)
 
@@ -295,11 +295,11 @@ def test_only_words_have_dictionaries_and_the_metadata_stand_once(
 def test_numbers_are_kept_to_six_digits(study: ReferenceResults, tmp_path: Path) -> None:
     rows = reference_lookalike.rows_of("draco", 1 / 3)
     write_reference(tmp_path / "some.parquet", rows.assign(d1_psnr=100 / 3), study.about)
-    found = read_reference(str(tmp_path / "some.parquet"))
-    np.testing.assert_allclose(found.metrics["d1_psnr"], 100 / 3, rtol=1e-6)
-    np.testing.assert_allclose(found.metrics["bpp"], rows["bpp"], rtol=1e-5)
-    assert found.metrics["bytes"].tolist() == rows["bytes"].tolist()
-    assert found.metrics[DIGEST].nunique() == 4
+    result = read_reference(str(tmp_path / "some.parquet"))
+    np.testing.assert_allclose(result.metrics["d1_psnr"], 100 / 3, rtol=1e-6)
+    np.testing.assert_allclose(result.metrics["bpp"], rows["bpp"], rtol=1e-5)
+    assert result.metrics["bytes"].tolist() == rows["bytes"].tolist()
+    assert result.metrics[DIGEST].nunique() == 4
 
 
 def test_a_cloud_without_a_digest_is_refused(tmp_path: Path) -> None:
@@ -316,9 +316,9 @@ def test_a_newer_format_is_refused(study: ReferenceResults, tmp_path: Path) -> N
 
 
 def test_the_findings_say_who_needs_the_fewest_bits(study: ReferenceResults) -> None:
-    found = study_findings(study)
-    assert found.anchor == "G-PCC"
-    (things,) = found.datasets
+    result = study_findings(study)
+    assert result.anchor == "G-PCC"
+    (things,) = result.datasets
     assert (things.title, things.clouds) == ("Things", 4)
     column = things.columns[0]
     assert column.best == "gpcc"

@@ -12,7 +12,7 @@ def test_wall_and_floor_have_their_sizes_and_face_the_sensor(name: str, distance
     mesh = make_calibration(name)
     assert mesh.labels is not None
     wall, floor = (mesh.corners()[mesh.labels.object_id == k] for k in (0, 1))
-    assert [one.semantic for one in mesh.labels.objects] == ["wall", "floor"]
+    assert [item.semantic for item in mesh.labels.objects] == ["wall", "floor"]
     expected_wall = [(-0.8, 0, 0), (0.8, 0, 2.2)]
     assert [wall.min((0, 1)), wall.max((0, 1))] == [
         pytest.approx(p, abs=1e-12) for p in expected_wall
@@ -42,7 +42,7 @@ def test_the_room_closes_around_wall_and_floor() -> None:
     assert areas.sum() / 2 == pytest.approx(5 * 2.6 + 2 * 5 * 3 + 2 * 3 * 2.6)
     to_sensor = np.array(calibration_origin("wall_floor_3m")) - corners.mean(axis=1)
     assert (np.sum(mesh.normals() * to_sensor, axis=1) > 0).all()
-    assert {one.semantic for one in mesh.labels.objects[2:]} == {"surroundings"}
+    assert {item.semantic for item in mesh.labels.objects[2:]} == {"surroundings"}
 
 
 def test_distances_are_those_of_the_measurements() -> None:
@@ -53,8 +53,8 @@ def test_distances_are_those_of_the_measurements() -> None:
 def test_planes_are_the_wall_and_the_floor() -> None:
     labels = make_calibration("wall_floor_2m").labels
     assert labels is not None
-    assert [one.parameters["offset"] for one in labels.primitives] == pytest.approx([0, 0])
-    normals = [one.parameters["normal"] for one in labels.primitives]
+    assert [item.parameters["offset"] for item in labels.primitives] == pytest.approx([0, 0])
+    normals = [item.parameters["normal"] for item in labels.primitives]
     assert normals == [pytest.approx([0, 1, 0]), pytest.approx([0, 0, 1])]
 
 

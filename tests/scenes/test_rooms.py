@@ -40,7 +40,7 @@ def test_labels_fit_the_triangles(name: str) -> None:
     assert len(mesh.labels.object_id) == len(mesh.labels.primitive_id) == len(mesh.triangles)
     assert worst_residual(mesh) < 1e-8
     assert (plane_alignment(mesh) > 0.99).all()
-    assert {one.semantic for one in mesh.labels.objects} <= S3DIS
+    assert {item.semantic for item in mesh.labels.objects} <= S3DIS
 
 
 @every_room
@@ -52,11 +52,12 @@ def test_the_sensor_is_free_and_sees_front_faces_only(name: str) -> None:
     directions = np.random.default_rng(0).normal(size=(20_000, 3))
     rays = np.hstack([np.broadcast_to(place, directions.shape), directions]).astype(np.float32)
     hits = scene.cast_rays(o3d.core.Tensor(rays))
-    found = np.isfinite(hits["t_hit"].numpy())
+    result = np.isfinite(hits["t_hit"].numpy())
     away = (
-        np.sum(mesh.normals()[hits["primitive_ids"].numpy()[found]] * directions[found], axis=1) > 0
+        np.sum(mesh.normals()[hits["primitive_ids"].numpy()[result]] * directions[result], axis=1)
+        > 0
     )
-    assert np.mean(~found) <= ESCAPING
+    assert np.mean(~result) <= ESCAPING
     assert np.mean(away) <= FACING_AWAY
 
 
@@ -109,7 +110,7 @@ def test_given_furniture_replaces_generated_chairs() -> None:
     box = Mesh(np.eye(4, 3), np.array([[0, 1, 2], [0, 2, 3], [0, 3, 1], [1, 3, 2]]))
     mesh = make_room("office_1", 0, 0.25, {"chair": [box]})
     assert mesh.labels is not None
-    chairs = [i for i, one in enumerate(mesh.labels.objects) if one.semantic == "chair"]
+    chairs = [i for i, item in enumerate(mesh.labels.objects) if item.semantic == "chair"]
     assert chairs
     for number in chairs:
         used = mesh.labels.object_id == number

@@ -40,24 +40,24 @@ def cast(seed: int, starts: Floats, directions: Floats) -> tuple[Floats, NDArray
 
 
 def labels(seed: int = 0) -> Labels:
-    found = street(seed).labels
-    assert found is not None
-    return found
+    result = street(seed).labels
+    assert result is not None
+    return result
 
 
 def semantics(seed: int = 0) -> NDArray[np.str_]:
     """The semantic class of each triangle."""
-    return np.array([one.semantic for one in labels(seed).objects])[labels(seed).object_id]
+    return np.array([item.semantic for item in labels(seed).objects])[labels(seed).object_id]
 
 
 def boxes(kind: str, seed: int = 0) -> dict[str, Floats]:
     """Name and bounding box (2, 3) of each object of a kind."""
-    mesh, found = street(seed), {}
-    for number, one in enumerate(labels(seed).objects):
-        if one.name.rpartition("_")[0] == kind:
+    mesh, result = street(seed), {}
+    for number, item in enumerate(labels(seed).objects):
+        if item.name.rpartition("_")[0] == kind:
             corners = mesh.corners()[labels(seed).object_id == number].reshape(-1, 3)
-            found[one.name] = np.stack([corners.min(axis=0), corners.max(axis=0)])
-    return found
+            result[item.name] = np.stack([corners.min(axis=0), corners.max(axis=0)])
+    return result
 
 
 def ground_height(xy: Floats, seed: int = 0) -> Floats:
@@ -73,7 +73,7 @@ def test_labels_fit_the_triangles(seed: int) -> None:
     assert len(labels(seed).object_id) == len(labels(seed).primitive_id) == len(mesh.triangles)
     assert worst_residual(mesh) < 1e-8
     assert (plane_alignment(mesh) > 0.99).all()
-    names = [one.name for one in labels(seed).objects]
+    names = [item.name for item in labels(seed).objects]
     assert len(names) == len(set(names))
 
 
@@ -145,13 +145,13 @@ def test_cars_stand_on_the_road_beside_the_lanes_and_apart(seed: int) -> None:
 @SEEDS
 def test_windows_are_behind_the_facade(seed: int) -> None:
     x, checked = np.arange(-50.0, 50.0, 0.05), 0
-    numbers = {one.name: number for number, one in enumerate(labels(seed).objects)}
+    numbers = {item.name: number for number, item in enumerate(labels(seed).objects)}
     for side in (-1.0, 1.0):
         starts = np.column_stack([x, np.zeros(len(x)), np.full(len(x), 4.6)])
         distance, triangle = cast(seed, starts, np.array([[0.0, side, 0.0]]))
         hit = np.isfinite(distance)
         owner, reach = labels(seed).object_id[triangle[hit]], distance[hit]
-        for name in [one for one in numbers if one.startswith("house_")]:
+        for name in [item for item in numbers if item.startswith("house_")]:
             front = reach[owner == numbers[name]]
             panes = reach[owner == numbers[name.replace("house", "windows")]]
             if min(len(front), len(panes)) > 20:
@@ -170,7 +170,7 @@ def test_crowns_are_partly_transparent() -> None:
         starts = targets - np.array([2 * half[0], 0.0, 0.0])
         distance, triangle = cast(0, starts, np.array([[1.0, 0.0, 0.0]]))
         met = np.isfinite(distance) & (distance < 4 * half[0])
-        owner = np.array([one.name for one in labels().objects])[labels().object_id]
+        owner = np.array([item.name for item in labels().objects])[labels().object_id]
         share = np.mean(met & (owner[triangle % len(owner)] == name))
         assert 0.25 < share < 0.97
         assert np.std(distance[met]) > 0.3
@@ -212,7 +212,7 @@ def test_short_and_long_streets(length: float) -> None:
     mesh = make_street("street_2", 1, length)
     assert np.ptp(mesh.bounds()[:, 0]) == pytest.approx(length + 2 * (8.0 + 16.0))
     assert mesh.labels is not None
-    kinds = {one.semantic for one in mesh.labels.objects}
+    kinds = {item.semantic for item in mesh.labels.objects}
     assert kinds >= GROUND | {"building", "car", "trunk", "pole", "shelter", "sign", "bench"}
 
 

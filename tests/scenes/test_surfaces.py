@@ -76,7 +76,7 @@ def test_scaling_scales_lengths_and_keeps_angles() -> None:
         solids.cone(2, 1, 3, 16).at(scale=2.0) + solids.torus(2, 0.5, 8, 8).at(scale=2.0)
     )
     assert mesh.labels is not None
-    by_kind = {one.kind: one.parameters for one in mesh.labels.primitives}
+    by_kind = {item.kind: item.parameters for item in mesh.labels.primitives}
     assert by_kind["cone"]["half_angle"] == pytest.approx(np.arctan(1 / 3))
     assert by_kind["torus"]["major_radius"] == pytest.approx(4.0)
     assert by_kind["torus"]["minor_radius"] == pytest.approx(1.0)
@@ -87,7 +87,7 @@ def test_coplanar_faces_of_one_object_share_a_primitive_and_other_objects_do_not
     mesh = build_mesh([Piece("a", "wall", two), Piece("b", "wall", solids.box(1, 1, 1))])
     assert mesh.labels is not None
     assert len(mesh.labels.primitives) == 8 + 6
-    assert [one.name for one in mesh.labels.objects] == ["a_1", "b_1"]
+    assert [item.name for item in mesh.labels.objects] == ["a_1", "b_1"]
     assert len(np.intersect1d(mesh.labels.primitive_id[:24], mesh.labels.primitive_id[24:])) == 0
 
 

@@ -42,14 +42,14 @@ _PATIENCE_S = 120.0
 
 def program() -> str:
     """The browser's program; the test fails with what to do where there is none."""
-    wanted = os.environ.get("CHROMIUM")
-    found = [path for name in ([wanted] if wanted else NAMES) if (path := shutil.which(name))]
-    if not found:
+    expected = os.environ.get("CHROMIUM")
+    result = [path for name in ([expected] if expected else NAMES) if (path := shutil.which(name))]
+    if not result:
         raise AssertionError(
             "this test opens the report in Chromium: apt-get install --yes chromium, "
             "or name a Chromium or Chrome with the variable CHROMIUM"
         )
-    return found[0]
+    return result[0]
 
 
 class Page:
@@ -97,12 +97,12 @@ class Page:
 
     def place(self, selector: str) -> tuple[float, float, float, float]:
         """Left, top, width and height of an element in the window, scrolled to."""
-        found = self.run(
+        result = self.run(
             f"(() => {{ const e = document.querySelector({json.dumps(selector)});"
             "e.scrollIntoView({block: 'center', behavior: 'instant'});"
             "const b = e.getBoundingClientRect(); return [b.x, b.y, b.width, b.height]; })()"
         )
-        left, top, width, height = map(float, found)
+        left, top, width, height = map(float, result)
         return left, top, width, height
 
     def click(self, selector: str) -> None:

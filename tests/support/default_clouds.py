@@ -31,8 +31,8 @@ def _scanned(name: str, errors: str) -> PointCloud:
     assert mesh is not None
     sweep, model = open_sweep({"azimuth_step_deg": 1.8}), open_error_model(errors)
     sensor, rng = load_sensor("vlp16"), np.random.default_rng(0)
-    found = scan(mesh, sensor, sweep, model, free_origin(mesh), rng)
-    return prepare(PointCloud(found.xyz_noisy))
+    result = scan(mesh, sensor, sweep, model, free_origin(mesh), rng)
+    return prepare(PointCloud(result.xyz_noisy))
 
 
 def sampled_room(name: str, points: int) -> PointCloud:

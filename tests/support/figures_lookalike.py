@@ -22,12 +22,12 @@ _CODECS = {"gpcc_as_run": "gpcc"}
 
 def _published(column: str) -> dict[tuple[str, str], list[float]]:
     """The thesis's known medians in the order of the rates, by data set and codec."""
-    found: dict[tuple[str, str], list[float]] = {}
+    result: dict[tuple[str, str], list[float]] = {}
     for row in median_rows():
         if row[column] is not None:
             names = _PUBLISHED[row["dataset"]], _CODECS.get(row["codec"], row["codec"])
-            found.setdefault(names, []).append(row[column])
-    return found
+            result.setdefault(names, []).append(row[column])
+    return result
 
 
 CD_MEDIANS, _BPP_ENDS = _published("cd_plane"), _published("bpp")

@@ -39,13 +39,13 @@ class FileReader:
 
     def streams(self) -> list[bytes]:
         """Whole files."""
-        found = []
+        result = []
         for write in self.writes:
             with TemporaryDirectory() as folder:
                 path = Path(folder, f"a{self.suffix}")
                 write(path)
-                found.append(path.read_bytes())
-        return found
+                result.append(path.read_bytes())
+        return result
 
     def decode(self, stream: bytes) -> NDArray[np.float64]:
         """Numbers of a file, which must be finite."""
@@ -57,10 +57,10 @@ class FileReader:
             path.write_bytes(stream)
             with warnings.catch_warnings():
                 warnings.simplefilter("error")  # a user gets one line
-                found = self.read(path)
+                result = self.read(path)
         finally:
             shutil.rmtree(folder)
-        return found if isinstance(found, np.ndarray) else np.zeros(0)
+        return result if isinstance(result, np.ndarray) else np.zeros(0)
 
     def structured(self, whole: list[bytes], number: int) -> bytes:
         """A structured file."""

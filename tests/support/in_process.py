@@ -63,4 +63,4 @@ def _coded(bench: Workflow, dataset: str, cloud: str, codec: str) -> Path:
 
 
 def _do(job: PlannedJob, **files: Any) -> None:
-    JOBS.get(job.name).given(**json.loads(job.record)).run(**files)
+    JOBS.get(job.name).create(**json.loads(job.record)).run(**files)

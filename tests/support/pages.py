@@ -31,7 +31,7 @@ def write_files(folder: Path, *names: str) -> None:
     """Write the pages' Python files where their first lines say; other code is left out."""
     for name in names:
         for block in blocks(name, "python"):
-            if found := re.match(r'"""([\w/]+\.py): ', block):
-                path = folder / found[1]
+            if result := re.match(r'"""([\w/]+\.py): ', block):
+                path = folder / result[1]
                 path.parent.mkdir(exist_ok=True)
                 path.write_text(block)

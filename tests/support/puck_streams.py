@@ -25,14 +25,14 @@ class TurnsDecoder:
 
     def streams(self) -> list[bytes]:
         """Streams of each effort and kind of packets, with loss and without."""
-        found = []
+        result = []
         for number, (product, mode) in enumerate(_KINDS):
             parts = list(split_turns(spin(product, mode, packets=12, rise=700)))
             turns = [turn_of(kind, payloads) for kind, payloads in parts]
             for step, effort in enumerate(_EFFORTS, 1):
                 settings = CodingOptions(effort=effort, step=step, times=number > 0)
-                found.append(encode_turns(turns, parts[0][0].layout, settings))
-        return found
+                result.append(encode_turns(turns, parts[0][0].layout, settings))
+        return result
 
     def decode(self, stream: bytes) -> NDArray[np.float64]:
         """The ranges of all turns."""
@@ -47,20 +47,20 @@ class RecordingDecoder:
         """Streams of short recordings with another packet."""
         with TemporaryDirectory() as folder:
             whole, small = Path(folder, "a"), Path(folder, "b")
-            found = []
+            result = []
             for effort, (product, mode) in zip(_EFFORTS, _KINDS, strict=True):
                 packets = rows(spin(product, mode, packets=12, rise=700))
                 whole.write_bytes(pcap([*packets[:4], b"\0" * 512, *packets[4:]]))
                 compress(whole, small, CodingOptions(effort=effort))
-                found.append(small.read_bytes())
+                result.append(small.read_bytes())
             for effort, profile in zip(_EFFORTS, _PROFILES, strict=True):
                 about = ouster.metadata(profile)
                 whole.with_suffix(".json").write_text(json.dumps(about))
                 packets = ouster.packets(profile, *ouster.images(profile))[:4]
                 whole.write_bytes(ouster.capture([*packets[:2], b"\0" * 48, *packets[2:]]))
                 compress(whole, small, CodingOptions(effort=effort))
-                found.append(small.read_bytes())
-        return found
+                result.append(small.read_bytes())
+        return result
 
     def decode(self, stream: bytes) -> NDArray[np.float64]:
         """The recording's bytes."""

@@ -105,6 +105,6 @@ def kept(config: dict[str, Any], folder: Path, share: float = 1.0) -> ReferenceR
     write_table(metrics, files["metrics"])
     write_table(clouds, files["clouds"])
     job = Workflow(config).outputs.reference
-    done = JOBS.get(job.name).given(**json.loads(job.record))
+    done = JOBS.get(job.name).create(**json.loads(job.record))
     done.run(**files, out=folder / "small.parquet")
     return read_reference(str(folder / "small.parquet"))

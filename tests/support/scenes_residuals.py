@@ -87,8 +87,10 @@ def worst_residual(mesh: Mesh) -> float:
 def plane_alignment(mesh: Mesh) -> NDArray[np.float64]:
     """Cosine between a triangle's front and its plane's normal, for triangles on planes."""
     assert mesh.labels is not None
-    kinds = np.array([one.kind == "plane" for one in mesh.labels.primitives])
-    normals = np.array([one.parameters.get("normal", (0, 0, 0)) for one in mesh.labels.primitives])
+    kinds = np.array([item.kind == "plane" for item in mesh.labels.primitives])
+    normals = np.array(
+        [item.parameters.get("normal", (0, 0, 0)) for item in mesh.labels.primitives]
+    )
     flat = kinds[mesh.labels.primitive_id]
     return np.sum(mesh.normals()[flat] * normals[mesh.labels.primitive_id[flat]], axis=1)
 
@@ -103,7 +105,7 @@ def assert_furniture_within(mesh: Mesh, low: Floats, high: Floats) -> None:
     """Everything in a room but the room itself lies in its box, to 2 cm."""
     assert mesh.labels is not None
     outside = ("wall", "door", "window", "skirting", "passage_end")
-    loose = [i for i, one in enumerate(mesh.labels.objects) if not one.name.startswith(outside)]
+    loose = [i for i, item in enumerate(mesh.labels.objects) if not item.name.startswith(outside)]
     corners = mesh.corners()[np.isin(mesh.labels.object_id, loose)].reshape(-1, 3)
     assert (corners > low - 0.02).all()
     assert (corners < high + 0.02).all()

@@ -46,21 +46,21 @@ def spin(
     if shared == 2:
         other = random.random((blocks, 32)) < 0.05
         returns["distance"][:, 0] += np.where(other, 200, 0).astype(np.uint16)
-    found = np.zeros(packets, PACKET)
-    found["blocks"], found["mode"], found["product"] = table, mode, product
-    found["time"] = 3_599_990_000 + np.arange(packets) * 1327 + random.integers(0, 2, packets)
-    found["time"] %= 3_600_000_000
-    return found.view(np.uint8).reshape(packets, 1206)
+    result = np.zeros(packets, PACKET)
+    result["blocks"], result["mode"], result["product"] = table, mode, product
+    result["time"] = 3_599_990_000 + np.arange(packets) * 1327 + random.integers(0, 2, packets)
+    result["time"] %= 3_600_000_000
+    return result.view(np.uint8).reshape(packets, 1206)
 
 
 def nothing_seen(packets: int) -> NDArray[np.uint8]:
     """Packets (p, 1206) of a VLP-16 whose window is covered."""
-    found = np.zeros(packets, PACKET)
-    blocks = found["blocks"]
+    result = np.zeros(packets, PACKET)
+    blocks = result["blocks"]
     blocks["flag"] = FLAG
     blocks["azimuth"] = (20 * np.arange(packets * 12) % 36000).reshape(packets, 12)
-    found["time"], found["mode"], found["product"] = 1327 * np.arange(packets), STRONGEST, VLP16
-    return found.view(np.uint8).reshape(packets, 1206)
+    result["time"], result["mode"], result["product"] = 1327 * np.arange(packets), STRONGEST, VLP16
+    return result.view(np.uint8).reshape(packets, 1206)
 
 
 def _room(angle: NDArray[np.float64], elevation: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -16,12 +16,12 @@ _UNIT = struct.Struct(">BI")
 
 def units(stream: bytes) -> list[bytes]:
     """The type-length-value units that a bare stream consists of."""
-    found, at = [], 0
+    result, at = [], 0
     while at + _UNIT.size <= len(stream):
         end = at + _UNIT.size + _UNIT.unpack_from(stream, at)[1]
-        found.append(stream[at:end])
+        result.append(stream[at:end])
         at = end
-    return found
+    return result
 
 
 def damaged(streams: Sequence[bytes], number: int, codec: str = "gpcc") -> bytes:

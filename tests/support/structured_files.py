@@ -57,7 +57,7 @@ def _by(find: Callable[[bytes], Iterator[Field]]) -> Callable[[bytes, Random], b
     """A writer that overwrites the fields of a whole file."""
 
     def write(data: bytes, random: Random) -> bytes:
-        fields = [one for one in find(data) if one[0] + struct.calcsize(one[1]) <= len(data)]
+        fields = [item for item in find(data) if item[0] + struct.calcsize(item[1]) <= len(data)]
         return _overwritten(data, fields, random)
 
     return write
@@ -196,10 +196,10 @@ def _npz(data: bytes, random: Random) -> bytes:
 
 
 def _zip(data: bytes) -> Iterator[Field]:
-    for start in (found.start() for found in re.finditer(rb"PK\x03\x04", data)):
+    for start in (result.start() for result in re.finditer(rb"PK\x03\x04", data)):
         yield from ((start + 6, "<H"), (start + 8, "<H"), (start + 14, "<I"))
         yield from ((start + 18, "<I"), (start + 22, "<I"), (start + 26, "<H"), (start + 28, "<H"))
-    for start in (found.start() for found in re.finditer(rb"PK\x01\x02", data)):
+    for start in (result.start() for result in re.finditer(rb"PK\x01\x02", data)):
         yield from ((start + 8, "<H"), (start + 10, "<H"), (start + 20, "<I"), (start + 24, "<I"))
         yield from ((start + 28, "<H"), (start + 30, "<H"), (start + 42, "<I"))
     end = data.rfind(b"PK\x05\x06")

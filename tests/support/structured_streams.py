@@ -41,8 +41,8 @@ def structured(codec: str, streams: Sequence[bytes], number: int) -> bytes:
 def limit(random: Random, bits: int) -> int:
     """A number of at most `bits` bits: 0, 1, the largest, a power of two or its neighbour."""
     power = 1 << int(random.integers(bits))
-    found = (0, 1, (1 << bits) - 1, power - 1, power, power + 1)[random.integers(6)]
-    return min(found, (1 << bits) - 1)
+    result = (0, 1, (1 << bits) - 1, power - 1, power, power + 1)[random.integers(6)]
+    return min(result, (1 << bits) - 1)
 
 
 def data(random: Random) -> bytes:
@@ -446,24 +446,24 @@ def recording(streams: Sequence[bytes], random: Random) -> bytes:
         raw = base_128(len(runs)) + lengths + bytes([int(random.integers(256))]) * size
         return Record(RecordKind.GAPS, base_128(count) + compress_bytes(raw))
 
-    found: list[Record] = []
+    result: list[Record] = []
     for record in whole:
         if record.kind == RecordKind.GAPS and random.random() < 0.5:
             count = Reader(record.body).number()
             count = count if random.random() < 0.7 else limit(random, 20)
-            found += [gaps(count)] * int(random.choice([1, 1, 20]))
+            result += [gaps(count)] * int(random.choice([1, 1, 20]))
         elif record.kind == RecordKind.TURN and random.random() < 0.2:
             body = record.body if random.random() < 0.5 else _changed_turn(record.body, random)
-            found += [Record(RecordKind.TURN, body)] * int(random.choice([0, 1, 3, 200]))
+            result += [Record(RecordKind.TURN, body)] * int(random.choice([0, 1, 3, 200]))
         elif record.kind == RecordKind.LAYOUT and random.random() < 0.2:
             links = bytes(limit(random, 12) * 4)
             page = base_128(int(random.choice([511, 512, 4096, 65536, 65537])))
-            found += [Record(RecordKind.PAGES, page + compress_bytes(links)), record]
+            result += [Record(RecordKind.PAGES, page + compress_bytes(links)), record]
         elif record.kind == RecordKind.END and random.random() < 0.2:
-            found.append(Record(RecordKind.END, _filling(random)))
+            result.append(Record(RecordKind.END, _filling(random)))
         else:
-            found.append(record)
-    return start() + b"".join(record.packed() for record in found)
+            result.append(record)
+    return start() + b"".join(record.packed() for record in result)
 
 
 def draco(streams: Sequence[bytes], random: Random) -> bytes:

@@ -53,8 +53,8 @@ def made(path: str, time: float) -> None:
 
 
 def test_every_figure_and_table_of_the_thesis_is_listed(asked: Reproduction) -> None:
-    found = [item.title for item in asked.items()]
-    assert found == [
+    result = [item.title for item in asked.items()]
+    assert result == [
         *(f"Table {number}" for number in ("4.1", "4.2", "5.1")),
         *(f"Figure 5.{number}" for number in range(1, 22)),
         *(f"Figure 6.{number}" for number in range(1, 10)),
@@ -76,9 +76,9 @@ def test_missing_data_are_named_and_chapter_5_needs_none(asked: Reproduction) ->
     without = Reproduction(asked.path, SNAKEFILE, {})
     assert list(without.absent) == ["objects"]
     assert "data/CAPOD: no such folder" in without.absent["objects"]
-    found = states(without)
-    assert (found["fig_6_5"].state, found["fig_5_10"].state) == ("impossible", "missing")
-    assert "config/chapter5.yaml" in found["fig_5_10"].note
+    result = states(without)
+    assert (result["fig_6_5"].state, result["fig_5_10"].state) == ("impossible", "missing")
+    assert "config/chapter5.yaml" in result["fig_5_10"].note
 
 
 def test_a_figure_is_done_until_its_table_is_newer(asked: Reproduction) -> None:
@@ -144,8 +144,8 @@ def test_an_estimate_says_what_it_rests_on(
     log.write_text(json.dumps(cost) + "\n")
     words = ["--config", str(asked.path), "--snakefile", str(SNAKEFILE), "--stand-in"]
     assert main(["reproduce", *words, "--estimate", "run", "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
+    result = json.loads(capsys.readouterr().out)
     rests = "(from 1 job; some from curves with other numbers of rates)"
-    assert found["encode_curve draco"] == f"4.00 core-hours: 2 jobs of 7200.0 s {rests}"
-    assert found["evaluate_curve draco"] == "2 jobs, not measured"
-    assert found["total"] == "4.0 core-hours"
+    assert result["encode_curve draco"] == f"4.00 core-hours: 2 jobs of 7200.0 s {rests}"
+    assert result["evaluate_curve draco"] == "2 jobs, not measured"
+    assert result["total"] == "4.0 core-hours"

@@ -23,8 +23,8 @@ run = partial(test_claims.run, clouds=5)
 
 def holds(number: int, evidence: Evidence, statement: str) -> bool | None:
     """Whether the part of a claim with this statement holds; None where it was not tested."""
-    found = {part.statement: part.holds for part in CLAIMS[number - 1].test(evidence)}
-    verdict = found.get(statement)
+    actual = {part.statement: part.holds for part in CLAIMS[number - 1].test(evidence)}
+    verdict = actual.get(statement)
     return None if verdict is None else bool(verdict)
 
 
@@ -127,8 +127,8 @@ def flatness(stds: Sequence[float], counts: int = 100, far: float | None = None)
 )
 def test_5_a_spread_up_to_1_31_of_the_median_is_no_dependence(odd: float, flat: bool) -> None:
     """The ninth bin of Figure 5.15 over the median of all ten: 17.5 over 13.35 mm."""
-    found = flatness([0.0140, 0.0140, odd], far=0.09)
-    assert holds(5, found, "vlp16_divergence, wall: not on the distance") is flat
+    actual = flatness([0.0140, 0.0140, odd], far=0.09)
+    assert holds(5, actual, "vlp16_divergence, wall: not on the distance") is flat
 
 
 def test_5_needs_two_groups_of_a_hundred_residuals() -> None:
@@ -271,8 +271,8 @@ def test_at_equal_bits_three_rates_are_compared_at_least(place: int, is_told: bo
     assert table is not None
     table.loc[table["codec"] == "pcgcv2", "bpp"] *= BPP[-1] / BPP[place - 1] * 0.999
     for number, says in ((7, "matches"), (11, "loses to")):
-        found = holds(number, evidence, f"PCGCv2 {says} G-PCC as run")
-        assert (found is not None) is is_told
+        actual = holds(number, evidence, f"PCGCv2 {says} G-PCC as run")
+        assert (actual is not None) is is_told
 
 
 def test_every_part_shows_its_sample() -> None:
@@ -467,10 +467,10 @@ def test_a_base_of_three_rates_tells_nothing() -> None:
     for rates, ratios in ((["r2", "r3", "r4"], 0), (["r2", "r3", "r4", "r5"], 4)):
         few = table[(table["codec"] == "pcgcv2") | table["rate"].isin(rates)]
         shuffled = few.sample(frac=1, random_state=1)
-        found = replace(evidence, metrics=shuffled).at_equal_rate(
+        actual = replace(evidence, metrics=shuffled).at_equal_rate(
             "objects", "pcgcv2", "gpcc_as_run", "cd_plane"
         )
-        np.testing.assert_allclose(found["ratio"], np.ones(ratios))
+        np.testing.assert_allclose(actual["ratio"], np.ones(ratios))
 
 
 def test_the_thesis_s_rates_are_those_of_its_figure() -> None:
@@ -485,9 +485,9 @@ def test_without_results_no_claim_is_tested() -> None:
 
 
 def test_what_was_found_is_told_in_numbers() -> None:
-    found = {part.statement: part.measured for part in CLAIMS[11].test(duplicates(2.5, 0.9))}
-    assert found["shifted to more bits on scans"] == "objects 0.1 to 3.2 bpp, noisy 0.25 to 8 bpp"
-    assert found["more points fall together there at the first rate"] == (
+    actual = {part.statement: part.measured for part in CLAIMS[11].test(duplicates(2.5, 0.9))}
+    assert actual["shifted to more bits on scans"] == "objects 0.1 to 3.2 bpp, noisy 0.25 to 8 bpp"
+    assert actual["more points fall together there at the first rate"] == (
         "objects 50.00%, noisy 90.00%"
     )
 
@@ -507,11 +507,11 @@ def test_10_a_codec_on_one_data_set_is_not_compared() -> None:
     evidence = replace(evidence, metrics=evidence.metrics[~alone])
     assert holds(10, evidence, "Draco alike") is True
     assert holds(10, evidence, "G-PCC, rounded alike") is None
-    found = {part.statement: part.measured for part in CLAIMS[9].test(evidence)}
-    assert found["Draco alike"] == "CD differs 1 times at one rate, median 1"
+    actual = {part.statement: part.measured for part in CLAIMS[9].test(evidence)}
+    assert actual["Draco alike"] == "CD differs 1 times at one rate, median 1"
     evidence = times({"draco": 3, "gpcc": 9})
-    found = {part.statement: part.measured for part in CLAIMS[8].test(evidence)}
-    assert found["Draco grows"] == "3 times the time, median 3"
+    actual = {part.statement: part.measured for part in CLAIMS[8].test(evidence)}
+    assert actual["Draco grows"] == "3 times the time, median 3"
 
 
 def test_12_tells_on_how_many_clouds_it_was_tested() -> None:

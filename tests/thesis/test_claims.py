@@ -156,8 +156,8 @@ def test_5_distance_and_laser(odd: float, expected: str) -> None:
         for distance, laser in groups
     ]
     rows += [("vlp16_divergence", "wall", "30", "all", 0.0, 0.09)]
-    found, told_of = result(5, Evidence(residual_statistics=statistics(*rows)))
-    assert found == expected  # in part, since no capture was tested
+    actual, told_of = result(5, Evidence(residual_statistics=statistics(*rows)))
+    assert actual == expected  # in part, since no capture was tested
     assert "0.0900" not in told_of
 
 
@@ -165,16 +165,16 @@ def test_6_all_but_draco_level_off() -> None:
     level = {name: {"cd_plane": LEVEL} for name in CODECS}
     assert result(6, run({**level, "draco": {"cd_plane": FALLING}}))[0] == HOLDS
     rounded = run({**level, "draco": {"cd_plane": FALLING}, "gpcc": {"cd_plane": falling(2)}})
-    verdict_, found = result(6, rounded)
+    verdict_, actual = result(6, rounded)
     assert verdict_ == IN_PART
-    assert "G-PCC, rounded levels off: no" in found
+    assert "G-PCC, rounded levels off: no" in actual
     rising = {name: {"cd_plane": list(reversed(FALLING))} for name in CODECS}
     assert "PCGCv2 improves: no" in result(6, run(rising))[1]
 
 
 def test_6_fails_on_the_thesis_s_own_medians_of_pcgcv1() -> None:
-    found, told_of = result(6, thesis_evidence())
-    assert found == IN_PART
+    actual, told_of = result(6, thesis_evidence())
+    assert actual == IN_PART
     assert "PCGCv1 improves: no" in told_of
     assert told_of.count(": no") == 1
 
@@ -194,9 +194,9 @@ def test_7_compares_at_equal_bits_not_at_equal_rates() -> None:
     table = evidence.metrics
     assert table is not None
     table.loc[table["codec"] == "pcgcv2", "bpp"] *= 2
-    found = evidence.at_equal_rate("objects", "pcgcv2", "gpcc", "cd_plane")
-    np.testing.assert_allclose(found["ratio"], 4.0)
-    assert len(found) == len(BPP) - 1  # the last lies beyond: nothing is extrapolated
+    actual = evidence.at_equal_rate("objects", "pcgcv2", "gpcc", "cd_plane")
+    np.testing.assert_allclose(actual["ratio"], 4.0)
+    assert len(actual) == len(BPP) - 1  # the last lies beyond: nothing is extrapolated
 
 
 def test_7_needs_a_learned_codec() -> None:
@@ -212,9 +212,9 @@ PLUS = {"pcgcv1": "pcgcv1_plus", "pcgcv2": "pcgcv2_plus"}
 def test_changed_codecs_never_speak_for_the_thesis_s() -> None:
     """Where they stand in, the verdict says so; where the claim is of one codec, none is given."""
     columns = {"cd_plane": falling(4), "hausdorff_sq_plane": falling(4)}
-    found = run(dict.fromkeys([*PLUS.values(), "gpcc", "gpcc_as_run", "draco"], columns))
+    actual = run(dict.fromkeys([*PLUS.values(), "gpcc", "gpcc_as_run", "draco"], columns))
     classical = {name: name for name in ("gpcc", "gpcc_as_run", "draco")}
-    evidence = replace(found, codecs=classical, stand_ins=PLUS)
+    evidence = replace(actual, codecs=classical, stand_ins=PLUS)
     for number in (7, 8, 11):
         verdict_, told_of = result(number, evidence)
         expected = "; tested on PCGCv1+ and PCGCv2+, which are not the thesis's codecs"
@@ -321,10 +321,10 @@ def test_10_alike_on_all_data() -> None:
 
 
 def test_10_on_the_thesis_s_medians_holds_for_the_classical_codecs_alone() -> None:
-    found = result(10, thesis_evidence())[1]
-    assert "Draco alike: yes" in found
-    assert "G-PCC as run alike: yes" in found
-    assert "PCGCv2 alike: no" in found
+    actual = result(10, thesis_evidence())[1]
+    assert "Draco alike: yes" in actual
+    assert "G-PCC as run alike: yes" in actual
+    assert "PCGCv2 alike: no" in actual
 
 
 def _draco(scan_bpp: float, scan_points: int) -> Evidence:

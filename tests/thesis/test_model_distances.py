@@ -32,14 +32,14 @@ def normal_residuals(model: str, sigma: float, replicates: int = 4) -> pd.DataFr
 
 def test_the_distance_of_two_normal_distributions_is_that_of_their_sigmas() -> None:
     table = pd.concat([normal_residuals("real", 0.010), normal_residuals("vlp16", 0.016)])
-    found = model_distances(table, resamples=50).set_index("model")
+    result = model_distances(table, resamples=50).set_index("model")
     # Wasserstein-1 of N(0, a) and N(0, b): |a - b| E|N(0, 1)|.
     expected = 0.006 * np.sqrt(2 / np.pi)
-    row = found.loc["vlp16"]
+    row = result.loc["vlp16"]
     assert row["emd_m"] == pytest.approx(expected, rel=0.02)
     assert row["emd_low_m"] < expected < row["emd_high_m"]
     assert row["chance_m"] < 0.1 * expected
-    assert found.loc["real", "emd_m"] == 0
+    assert result.loc["real", "emd_m"] == 0
 
 
 def test_a_model_that_is_the_real_one_is_as_near_as_chance_allows() -> None:
@@ -50,26 +50,26 @@ def test_a_model_that_is_the_real_one_is_as_near_as_chance_allows() -> None:
 
 def test_without_errors_the_real_rays_have_no_residual() -> None:
     walls = real_walls([capture(1)])
-    found = compared_residuals(walls, {"none": open_error_model("none")}, replicates=1)
-    assert np.abs(found.loc[found["model"] == "none", "residual_m"]).max() < 1e-9
+    result = compared_residuals(walls, {"none": open_error_model("none")}, replicates=1)
+    assert np.abs(result.loc[result["model"] == "none", "residual_m"]).max() < 1e-9
 
 
 def test_a_models_residuals_on_the_real_rays_shrink_with_the_cosine() -> None:
     model = open_error_model("vlp16", {"bias_sigma_m": 0.0, "ray_sigma_m": 0.01})
     walls = real_walls([capture(2)])
-    found = compared_residuals(walls, {"vlp16": model}, replicates=10)
-    drawn = found[found["model"] == "vlp16"]
+    result = compared_residuals(walls, {"vlp16": model}, replicates=10)
+    drawn = result[result["model"] == "vlp16"]
     expected = 0.01 * np.sqrt(np.mean(np.cos(drawn["incidence_rad"]) ** 2))
     assert drawn["residual_m"].std() == pytest.approx(expected, rel=0.02)
 
 
 def test_what_one_device_tells_foretells_another() -> None:
     tables = [capture(3, laser=0.008), capture(4, laser=0.008)]
-    found = leave_one_out(
+    result = leave_one_out(
         tables, settings=CalibrationOptions(quantum_m=0.0), replicates=3, resamples=10
     )
-    assert set(found["capture"]) == {1, 2}
-    for _, rows in found.groupby("capture"):
+    assert set(result["capture"]) == {1, 2}
+    for _, rows in result.groupby("capture"):
         distances = rows.set_index("model")["emd_m"]
         assert distances["calibrated"] < distances["vlp16_divergence"] < distances["hdl64e"]
 

@@ -16,26 +16,26 @@ def table_of(rows: list[tuple[str, str, float, int, int, float]]) -> pd.DataFram
 
 def row_of(statistics: pd.DataFrame, *keys: str) -> pd.Series:
     names = ("model", "surface", "distance_m", "laser_id")
-    found = statistics[
+    result = statistics[
         np.all([statistics[name] == key for name, key in zip(names, keys, strict=True)], axis=0)
     ]
-    assert len(found) == 1
-    return found.iloc[0]
+    assert len(result) == 1
+    return result.iloc[0]
 
 
 def test_moments_by_hand_and_of_all_together() -> None:
     rows = [("vlp16", "wall", 1.0, 1, 0, value) for value in (1.0, 2.0, 6.0)]
     rows += [("vlp16", "floor", 1.0, 1, 3, -1.0), ("vlp16", "floor", 30.0, 1, 3, 50.0)]
-    found = residual_statistics(table_of(rows))
-    wall = row_of(found, "vlp16", "wall", "1", "0")
+    result = residual_statistics(table_of(rows))
+    wall = row_of(result, "vlp16", "wall", "1", "0")
     assert (wall["count"], wall["scans"], wall["median_m"]) == (3, 1, 2)
     assert [wall["mean_m"], wall["std_m"]] == pytest.approx([3, np.sqrt(7)])
     assert wall["rms_m"] == pytest.approx(np.sqrt(41 / 3))
-    near = row_of(found, "vlp16", "all", "all", "all")
+    near = row_of(result, "vlp16", "all", "all", "all")
     assert (near["count"], near["mean_m"]) == (4, 2)  # what is 30 m away is not in it
-    assert row_of(found, "vlp16", "all", "30", "3")["mean_m"] == 50
+    assert row_of(result, "vlp16", "all", "30", "3")["mean_m"] == 50
     # Every set of keys: 3 of (surface, distance), and of them together, twice for the laser.
-    assert not found.duplicated(["model", "surface", "distance_m", "laser_id"]).any()
+    assert not result.duplicated(["model", "surface", "distance_m", "laser_id"]).any()
 
 
 def test_rows_come_by_surface_distance_and_laser_with_all_last() -> None:
@@ -45,25 +45,25 @@ def test_rows_come_by_surface_distance_and_laser_with_all_last() -> None:
         for distance in (2.0, 1.0)
         for laser in (10, 9)
     ]
-    found = residual_statistics(table_of(rows))
-    assert list(dict.fromkeys(found["surface"])) == ["wall", "floor", "ceiling", "all"]
-    wall = found[found["surface"] == "wall"]
+    result = residual_statistics(table_of(rows))
+    assert list(dict.fromkeys(result["surface"])) == ["wall", "floor", "ceiling", "all"]
+    wall = result[result["surface"] == "wall"]
     assert list(dict.fromkeys(wall["distance_m"])) == ["1", "2", "all"]
     assert wall["laser_id"].tolist()[:3] == ["9", "10", "all"]
 
 
 def test_half_widths_of_two_scans_by_hand() -> None:
     rows = [("m", "wall", 1.0, run, 0, value) for run, value in ((1, 0.0), (1, 2.0), (2, 5.0))]
-    found = row_of(residual_statistics(table_of(rows)), "m", "wall", "1", "0")
+    result = row_of(residual_statistics(table_of(rows)), "m", "wall", "1", "0")
     # Mean 7/3; the scans are off by -8/3 and 8/3 in sum, so by 16/3 between them.
     standard_error = np.sqrt(2 * 2 * (8 / 3) ** 2) / 3
-    assert found["mean_half_m"] == pytest.approx(12.7062 * standard_error, rel=1e-5)
+    assert result["mean_half_m"] == pytest.approx(12.7062 * standard_error, rel=1e-5)
 
 
 def test_scans_that_were_not_repeated_have_no_interval() -> None:
     rows = [("m", "wall", distance, 1, 0, value) for distance in (1.0, 2.0) for value in (0.0, 1.0)]
-    found = residual_statistics(table_of(rows))
-    assert found[["mean_half_m", "std_half_m"]].isna().all(axis=None)
+    result = residual_statistics(table_of(rows))
+    assert result[["mean_half_m", "std_half_m"]].isna().all(axis=None)
 
 
 def repetitions(times: int) -> pd.DataFrame:
@@ -88,8 +88,8 @@ def repetitions(times: int) -> pd.DataFrame:
 
 
 def test_intervals_of_the_mean_and_the_spread_hold_the_truth() -> None:
-    found = residual_statistics(repetitions(300))
-    whole = found[(found[["surface", "distance_m", "laser_id"]] == "all").all(axis=1)]
+    result = residual_statistics(repetitions(300))
+    whole = result[(result[["surface", "distance_m", "laser_id"]] == "all").all(axis=1)]
     assert len(whole) == 300
     spread = np.sqrt(1.16 * (1 + 9) / 2)
     means = (whole["mean_m"].abs() < whole["mean_half_m"]).sum()

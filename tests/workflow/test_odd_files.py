@@ -69,13 +69,13 @@ def test_a_folder_of_odd_files_ends_in_a_table_a_report_and_what_was_left_out(
     whys["unit of clouds"] = "none in .npy, .ply, .xyz: all clouds are scaled to [0, 1023]"
     lines = done.stdout.splitlines()
     assert lines[1].split()[:3] == ["Clouds", "Draco", str(len(GOOD))]
-    told = [line for line in lines if line.startswith("left out: ")]
-    assert len(told) == len(whys)
+    output = [line for line in lines if line.startswith("left out: ")]
+    assert len(output) == len(whys)
     report = (tmp_path / "out" / "report.html").read_text()
     table = pd.read_csv(tmp_path / "out" / "tables" / "left_out.csv").set_index("file")["reason"]
     assert set(table.index) == set(whys)
     for file, why in whys.items():
-        (line,) = [line for line in told if line.startswith(f"left out: {file}: ")]
+        (line,) = [line for line in output if line.startswith(f"left out: {file}: ")]
         assert why.replace("\\", "") in line
         assert table[file] in line
         assert file in report

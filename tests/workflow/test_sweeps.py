@@ -53,12 +53,12 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Bench:
 
 def test_every_cloud_is_coded_in_its_frame(bench: Bench) -> None:
     rows = pd.read_parquet(bench.results / "tables" / "metrics.parquet")
-    found = {
+    result = {
         (dataset, codec): list(part["rate"])
         for (dataset, codec), part in rows.groupby(["dataset", "codec"], sort=False)
     }
     lengths = ["100mm", "50mm", "20mm", "10mm", "4mm", "2mm"]
-    assert found == {
+    assert result == {
         ("raw", "draco"): ["r1", "r8"],
         ("raw", "gpcc"): ["r1", "r8"],
         ("raw", "gpcc_angular"): ["r1", "r8"],

@@ -57,8 +57,8 @@ def wheel(archive: Path) -> Path:
     """The wheel, built from the source archive alone."""
     offline = ["--no-deps", "--no-index", "--no-build-isolation", "--disable-pip-version-check"]
     done(sys.executable, "-m", "pip", "wheel", *offline, archive.name, cwd=archive.parent)
-    (found,) = archive.parent.glob("*.whl")
-    return found
+    (result,) = archive.parent.glob("*.whl")
+    return result
 
 
 def files_below(folder: Path) -> set[str]:
@@ -100,8 +100,8 @@ def test_the_installed_wheel_codes_with_its_own_weights_and_runs_its_workflow(
     done(sys.executable, "-m", "pip", "install", *offline, wheel, cwd=tmp_path)
     said = "import puckbench; print(puckbench.__file__)"
     assert done(python, "-c", said, cwd=tmp_path).startswith(str(packages))
-    found = "from puckbench.planning.launch import snakefile; print(snakefile())"
-    assert done(python, "-c", found, cwd=tmp_path).strip() == str(
+    result = "from puckbench.planning.launch import snakefile; print(snakefile())"
+    assert done(python, "-c", result, cwd=tmp_path).strip() == str(
         packages / "puckbench" / "workflow" / "Snakefile"
     )
     points = np.random.default_rng(0).integers(0, 64, (300, 3)).astype(np.float64)
@@ -113,8 +113,8 @@ def test_the_installed_wheel_codes_with_its_own_weights_and_runs_its_workflow(
         assert ("weights" in record) == (codec == "pcgcv2_plus")
         done(*puckbench, "decode", "a.bin", "b.ply", cwd=tmp_path)
         assert len(read_cloud(tmp_path / "b.ply")) > 0
-    told = done(*puckbench, "run", "a.ply", *RUN, cwd=tmp_path).splitlines()
-    assert [line.split()[:2] for line in told[1:3]] == [["Clouds", "Draco"], ["Clouds", "G-PCC"]]
+    output = done(*puckbench, "run", "a.ply", *RUN, cwd=tmp_path).splitlines()
+    assert [line.split()[:2] for line in output[1:3]] == [["Clouds", "Draco"], ["Clouds", "G-PCC"]]
     assert (tmp_path / "out" / "report.html").stat().st_size > 50_000
     for codec in ("draco", "gpcc"):
         curve = zipfile.ZipFile(tmp_path / "out" / "coded" / "clouds" / "a" / f"{codec}.zip")

@@ -54,7 +54,6 @@ class _Remarks(logging.Handler):
 
 
 def _show_remarks() -> None:
-    """Configure the logger ``puckbench`` to print each distinct warning once."""
     log = logging.getLogger("puckbench")
     log.handlers = [other for other in log.handlers if not isinstance(other, _Remarks)]
     log.addHandler(_Remarks())
@@ -84,8 +83,6 @@ def _parser(words: Sequence[str]) -> tuple[argparse.ArgumentParser, str | None]:
 
 
 class _Parser(argparse.ArgumentParser):
-    """An argument parser that raises errors as `InputError` instead of exiting."""
-
     def error(self, message: str) -> NoReturn:
         name = self.prog.removeprefix("puckbench").strip()
         raise InputError(f"{name}: {message}" if name else message)

@@ -1,5 +1,3 @@
-"""Formatting of a command's answer as text: a line for each value, and tables."""
-
 from __future__ import annotations
 
 import shutil

@@ -1,5 +1,3 @@
-"""`puckbench calibrate`: estimate the parameters of a range error model from plane residuals."""
-
 from __future__ import annotations
 
 import argparse
@@ -33,7 +31,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
-    job = Calibrate.given(**selected(options, "model", "cells", "parameters", "quantum_mm"))
+    job = Calibrate.create(**selected(options, "model", "cells", "parameters", "quantum_mm"))
     content = job.run(options.out, tuple(options.residuals))
     if options.json:
         return content

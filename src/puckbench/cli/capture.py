@@ -1,5 +1,3 @@
-"""`puckbench capture`: convert a packet capture or a ROS bag to a table of returns."""
-
 from __future__ import annotations
 
 import argparse

@@ -1,5 +1,3 @@
-"""Command-line arguments shared by commands that encode: codec, options, repetitions."""
-
 from __future__ import annotations
 
 import argparse

@@ -1,5 +1,3 @@
-"""`puckbench codecs`: list the codecs."""
-
 from __future__ import annotations
 
 import argparse

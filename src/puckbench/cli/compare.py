@@ -1,5 +1,3 @@
-"""`puckbench compare`: compare codecs of a run with reference results."""
-
 from __future__ import annotations
 
 import argparse
@@ -127,7 +125,7 @@ def _plain(row: Mapping[Any, Any]) -> dict[str, Any]:
 
 def _curves(comparison: Comparison, style: FigureStyle) -> Iterator[dict[str, Any]]:
     for dataset in style.ordered_datasets(comparison.run_rows["dataset"]):
-        for table, is_own in ((comparison.run_rows, True), (comparison.reference, False)):
+        for table, is_of_run in ((comparison.run_rows, True), (comparison.reference, False)):
             rows = table[table["dataset"] == dataset]
             for codec in style.ordered_codecs(rows["codec"]):
                 yield {
@@ -135,7 +133,7 @@ def _curves(comparison: Comparison, style: FigureStyle) -> Iterator[dict[str, An
                     "name": dataset,
                     "codec": codec,
                     "title": style.of_codec(codec).title,
-                    "own": is_own,
+                    "own": is_of_run,
                     **_medians(rows[rows["codec"] == codec]),
                 }
 
@@ -166,25 +164,27 @@ def text(answer: Mapping[str, Any]) -> str:
             for row in answer["deltas"]
             if row["dataset"] == dataset
         }
-        for own in [row for row in curves if row["own"]]:
-            lines += _table(own, [row for row in curves if not row["own"]], deltas, metrics, study)
+        for run_row in [row for row in curves if row["own"]]:
+            lines += _table(
+                run_row, [row for row in curves if not row["own"]], deltas, metrics, study
+            )
     lines += _closing(answer)
     return "\n".join(lines)
 
 
 def _table(
-    own: Mapping[str, Any],
+    run_row: Mapping[str, Any],
     others: Sequence[Mapping[str, Any]],
     deltas: Mapping[Any, Mapping[str, Any]],
     metrics: Sequence[str],
     study: str,
 ) -> Iterator[str]:
-    clouds = "1 cloud" if own["clouds"] == 1 else f"{own['clouds']} clouds"
-    heads = [f"{own['dataset']}, {clouds}", "bits per point", "D1 PSNR, dB", "s, at most"]
+    clouds = "1 cloud" if run_row["clouds"] == 1 else f"{run_row['clouds']} clouds"
+    heads = [f"{run_row['dataset']}, {clouds}", "bits per point", "D1 PSNR, dB", "s, at most"]
     rows = [[*heads, *(f"BD-rate, {_short(metric)}" for metric in metrics)]]
-    rows.append([*_cells(own, own["title"]), *("" for _ in metrics)])
+    rows.append([*_cells(run_row, run_row["title"]), *("" for _ in metrics)])
     for row in others:
-        per_metric = (deltas.get((own["codec"], row["codec"], metric)) for metric in metrics)
+        per_metric = (deltas.get((run_row["codec"], row["codec"], metric)) for metric in metrics)
         rows.append([*_cells(row, f"{row['title']}, {study}"), *map(_delta, per_metric)])
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     for number, cells in enumerate(rows):

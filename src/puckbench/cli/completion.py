@@ -1,5 +1,3 @@
-"""`puckbench completion`: write a script for the shell's completion of words (Tab key)."""
-
 from __future__ import annotations
 
 import argparse
@@ -27,8 +25,7 @@ def run(options: argparse.Namespace) -> str:
 class _CompletedParser(argparse.ArgumentParser):
     """A parser that tells the package shtab how the shell completes each argument.
 
-    An argument with type `Path` is completed with files, and an argument for a codec, figure or
-    other plug-in with the registered names.
+    `Path` arguments are completed with files, those for plug-ins with the registered names.
     """
 
     def add_argument(self, *names: Any, **options: Any) -> argparse.Action:

@@ -1,5 +1,3 @@
-"""`puckbench compress`: write a recording to a smaller file, losslessly."""
-
 from __future__ import annotations
 
 import argparse

@@ -1,5 +1,3 @@
-"""`puckbench conformance`: test a G-PCC decoder on streams stored with their decoded clouds."""
-
 from __future__ import annotations
 
 import argparse
@@ -24,7 +22,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
-    """Decode the streams; count decoded, refused and failed ones, and list the latter two."""
+    """Decode the streams; count decoded, refused and failed ones, and list the refused and
+    failed.
+    """
     from puckbench.codecs.registry import codecs, open_codec
     from puckbench.gpcc.conformance import (
         FOLDER,

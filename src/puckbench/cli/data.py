@@ -1,5 +1,3 @@
-"""`puckbench data`: download the free data sets."""
-
 from __future__ import annotations
 
 import argparse

@@ -1,5 +1,3 @@
-"""`puckbench datasets`: list the data set classes, or count the scenes of a data set."""
-
 from __future__ import annotations
 
 import argparse
@@ -34,8 +32,8 @@ def _checked(loader: str, options: dict[str, Any]) -> dict[str, Any]:
 
 
 def _options(loader: str) -> dict[str, Any]:
-    known = options_model(LOADERS.get(loader), f"loader {loader}").model_fields
-    return {name: "required" if o.is_required() else o.get_default() for name, o in known.items()}
+    fields = options_model(LOADERS.get(loader), f"loader {loader}").model_fields
+    return {name: "required" if o.is_required() else o.get_default() for name, o in fields.items()}
 
 
 def _line(options: dict[str, Any]) -> str:

@@ -1,5 +1,3 @@
-"""`puckbench decode`: decode a codec's stream to a point cloud."""
-
 from __future__ import annotations
 
 import argparse
@@ -35,5 +33,5 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
-    job = Decode.given(as_mesh=options.as_mesh, rate=options.rate, **timed_options(options))
+    job = Decode.create(as_mesh=options.as_mesh, rate=options.rate, **timed_options(options))
     return job.run(options.stream, options.out, tuple(options.like))

@@ -1,5 +1,3 @@
-"""`puckbench decompress`: restore a recording written by `puckbench compress`."""
-
 from __future__ import annotations
 
 import argparse

@@ -1,5 +1,3 @@
-"""`puckbench encode`: encode a point cloud by a codec."""
-
 from __future__ import annotations
 
 import argparse
@@ -46,5 +44,5 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     settings = timed_options(options)
     if options.raw:
         settings["changes"] = with_options(settings["changes"], raw=True)
-    job = Encode.given(rate=options.rate, frame=options.frame, **settings)
+    job = Encode.create(rate=options.rate, frame=options.frame, **settings)
     return job.run(options.cloud, options.out, options.prepare)

@@ -1,5 +1,3 @@
-"""`puckbench evaluate`: measure the distortion of a decoded cloud or a stream."""
-
 from __future__ import annotations
 
 import argparse
@@ -57,7 +55,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
     settings = selected(options, "dataset", "peak", "views", "rate", "reflectance_bits")
-    job = Evaluate.given(**settings, **timed_options(options))
+    job = Evaluate.create(**settings, **timed_options(options))
     files = selected(options, "row", "truth", "visible", "clean")
     row = job.run(options.reference, options.decoded, **files)
     if not row["lossless"] and "d1_psnr" not in row:

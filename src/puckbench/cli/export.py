@@ -1,5 +1,3 @@
-"""`puckbench export`: write turns of a recording, a scan or a capture table in another format."""
-
 from __future__ import annotations
 
 import argparse

@@ -1,5 +1,3 @@
-"""`puckbench figure`: draw a figure from the tables of a run."""
-
 from __future__ import annotations
 
 import argparse
@@ -51,7 +49,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     layers = options.style if isinstance(options.style, list) else [options.style]
     inputs = files_by_name(options.inputs, "--inputs")
     looks = [read_looks(path.parent) for path in inputs.values()]
-    job = Figure.given(
+    job = Figure.create(
         figure=options.figure,
         style=(*filter(None, looks), *layers),
         codecs=tuple(options.codecs),

@@ -1,5 +1,3 @@
-"""`puckbench prepare`: crop a point cloud, estimate its normals, and scale it."""
-
 from __future__ import annotations
 
 import argparse
@@ -139,7 +137,7 @@ def _prepared(options: argparse.Namespace) -> dict[str, Any]:
 def _cloud(options: argparse.Namespace, **settings: Any) -> dict[str, Any]:
     words = options.crop or []
     file = Path(words[0]) if len(words) == 1 else None
-    job = Prepare.given(
+    job = Prepare.create(
         crop=options.crop_on,
         box=_box(words) if words and file is None else None,
         neighbours=options.neighbours,
@@ -173,7 +171,7 @@ def _check_options_of_clouds(options: argparse.Namespace) -> None:
 
 
 def _returns(options: argparse.Namespace) -> dict[str, Any]:
-    job = PrepareReturns.given(
+    job = PrepareReturns.create(
         neighbours=options.neighbours,
         clean=options.clean,
         turns=turns(options.turns),

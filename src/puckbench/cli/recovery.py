@@ -1,5 +1,3 @@
-"""`puckbench recovery`: compare the geometric primitives in a stream with those of a scene."""
-
 from __future__ import annotations
 
 import argparse
@@ -22,7 +20,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
     """Return the result row; ``kinds`` is empty if the stream has no surface."""
-    job = Recovery.given(dataset=options.dataset, rate=options.rate, **codec_options(options))
+    job = Recovery.create(dataset=options.dataset, rate=options.rate, **codec_options(options))
     row = job.run(options.stream, options.points, options.scene, options.row)
     if row["kinds"] or options.json:
         return row

@@ -1,5 +1,3 @@
-"""`puckbench report`: write the report of a run as one HTML file."""
-
 from __future__ import annotations
 
 import argparse
@@ -28,4 +26,4 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
-    return Report.given(contents=options.contents, code=tuple(options.code)).run(options.out)
+    return Report.create(contents=options.contents, code=tuple(options.code)).run(options.out)

@@ -1,5 +1,3 @@
-"""`puckbench run`: compare codecs on the user's clouds, meshes and recordings."""
-
 from __future__ import annotations
 
 import argparse
@@ -146,7 +144,6 @@ def run(options: argparse.Namespace) -> dict[str, Any] | None:
 
 
 def _without_failures(path: Path) -> Path | None:
-    """Return the configuration file that leaves out the failed jobs, None if no job failed."""
     failed = trusted(read_config(path)).failures_file
     return failed if failed.exists() else None
 
@@ -195,7 +192,6 @@ def _outputs(path: Path, rest: Path | None) -> OutputJobs:
 
 
 def _configuration(options: argparse.Namespace) -> tuple[Path, list[str]]:
-    """Return the configuration file, created if necessary, and further arguments of Snakemake."""
     if options.study:
         return _study_configuration(options), []
     if options.datasets:
@@ -213,11 +209,11 @@ def _configuration(options: argparse.Namespace) -> tuple[Path, list[str]]:
 
 
 def _refuse(options: argparse.Namespace, names: Iterable[str], why: str) -> None:
-    for name in _given(options, *names):
+    for name in _set_options(options, *names):
         raise InputError(f"--{name.replace('_', '-')}: {why}")
 
 
-def _given(options: argparse.Namespace, *names: str) -> dict[str, Any]:
+def _set_options(options: argparse.Namespace, *names: str) -> dict[str, Any]:
     return {
         name: value
         for name, value in selected(options, *names).items()
@@ -246,7 +242,7 @@ def _files_configuration(options: argparse.Namespace) -> Path:
     settings = selected(options, "frame", "limit", "scan", "strict")
     if options.errors and not options.scan:
         raise InputError("--errors: only with --scan")
-    settings |= _given(options, "errors", "points", "peak")
+    settings |= _set_options(options, "errors", "points", "peak")
     user_run = UserRun(
         timeout_s=options.timeout,
         paths=tuple(options.files),
@@ -254,7 +250,7 @@ def _files_configuration(options: argparse.Namespace) -> Path:
         results=out.as_posix(),
         rates=tuple(options.rates or ()),
         metrics=tuple(options.metrics or ()),
-        options=_given(options, *_LOADER_OPTIONS) | _units(options),
+        options=_set_options(options, *_LOADER_OPTIONS) | _units(options),
         **settings,
     )
     return _written(out, user_run.configuration())

@@ -1,5 +1,3 @@
-"""`puckbench sample`: sample points on a mesh."""
-
 from __future__ import annotations
 
 import argparse
@@ -28,5 +26,5 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
-    job = Sample.given(**selected(options, "points", "seed", "metres_per_unit"))
+    job = Sample.create(**selected(options, "points", "seed", "metres_per_unit"))
     return job.run(options.mesh, options.out)

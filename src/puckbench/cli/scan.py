@@ -1,5 +1,3 @@
-"""`puckbench scan`: scan a mesh with a virtual LiDAR."""
-
 from __future__ import annotations
 
 import argparse
@@ -54,7 +52,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
-    job = Scan.given(
+    job = Scan.create(
         **selected(options, "sensor", "errors", "error_options", "sweep", "anywhere", "seed"),
         height_m=options.height,
         metres_per_unit=options.metres_per_unit,

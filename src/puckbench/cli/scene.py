@@ -1,5 +1,3 @@
-"""`puckbench scene`: write a data set's scene as a mesh or cloud."""
-
 from __future__ import annotations
 
 import argparse
@@ -25,5 +23,5 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
-    job = WriteScene.given(**selected(options, "loader", "name", "options", "seed"))
+    job = WriteScene.create(**selected(options, "loader", "name", "options", "seed"))
     return job.run(options.out)

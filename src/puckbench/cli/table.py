@@ -1,5 +1,3 @@
-"""`puckbench table`: compute a table from other tables of a run."""
-
 from __future__ import annotations
 
 import argparse
@@ -24,5 +22,5 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> dict[str, Any]:
-    job = Table.given(**selected(options, "table", "options"))
+    job = Table.create(**selected(options, "table", "options"))
     return job.run(tuple(options.out), **files_by_name(options.inputs, "--inputs"))

@@ -1,5 +1,3 @@
-"""`puckbench train`: train the weights of a learned codec."""
-
 from __future__ import annotations
 
 import argparse
@@ -63,7 +61,7 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
         for name, value in selected(options, "steps", "seed").items()
         if value is not None
     }
-    job = Train.given(
+    job = Train.create(
         codec=options.codec,
         changes=parsed(CodecConfig, options.entry, "--entry").changes(),
         options={**settings, **options.options},

@@ -1,5 +1,3 @@
-"""Argument types of the command line, and functions that commands share."""
-
 from __future__ import annotations
 
 import argparse

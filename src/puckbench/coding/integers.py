@@ -31,7 +31,6 @@ def leading_zeros(word: int) -> int:
 def dot(
     left: NDArray[np.int32], i: int, right: NDArray[np.int32], j: int, lanes: tuple[int, ...]
 ) -> int:
-    """Return the 64-bit sum of ``left[i + k] * right[j + k]`` for k in `lanes`."""
     total = np.int64(0)
     for k in range(len(lanes)):
         total += np.int64(left[np.uint64(i + k)]) * np.int64(right[np.uint64(j + k)])

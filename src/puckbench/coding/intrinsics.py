@@ -1,7 +1,7 @@
-"""Vector operations for compiled loops, written in LLVM's intermediate representation.
+"""Vector operations for compiled loops, in LLVM's intermediate representation.
 
-Numba vectorises neither short loops, which it unrolls, nor loops over arrays that may overlap. Each
-function saves a codec at least a fifth of its encoding time:
+Numba vectorises neither short loops, which it unrolls, nor loops over arrays that may overlap.
+Measured savings of encoding time:
 
 ======================  ==============================  ==========
 function                codec                           time saved
@@ -12,9 +12,9 @@ function                codec                           time saved
 ``add_fused_products``  ``reno``                        88 %
 ======================  ==============================  ==========
 
-Numba compiles a plain loop (``..._loop``) with the same results if llvmlite cannot write the vector
-code, or indices are checked (``NUMBA_BOUNDSCHECK=1``). Arrays are flat, contiguous, and do not
-overlap.
+A plain loop (``..._loop``) with the same results replaces them if llvmlite cannot write the vector
+code, or indices are checked (``NUMBA_BOUNDSCHECK=1``). Arrays are flat, contiguous, not
+overlapping.
 """
 
 from __future__ import annotations

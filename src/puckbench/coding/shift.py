@@ -51,7 +51,6 @@ def shift_of(points: Floats, step: float | None = None) -> Floats | None:
 
 
 def shifted(stream: bytes, shift: Floats) -> bytes:
-    """Prepend a header with the shift (3,) to a stream."""
     return MAGIC + b"".join(signed_128(int(axis)) for axis in shift) + stream
 
 

@@ -27,7 +27,6 @@ class InUnits(NamedTuple):
 
 
 def with_unit(stream: bytes, unit: float) -> bytes:
-    """Prepend a header with the unit to a stream."""
     return MAGIC + _UNIT.pack(unit) + stream
 
 

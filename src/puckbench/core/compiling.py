@@ -1,11 +1,11 @@
 """Functions compiled by numba, and cached on disk until one of their source files changes.
 
-Numba's cache checks only the file of a function, so it may reuse machine code that contains an
-outdated function of another file. Here the folder of the cache is named after the contents of the
-function's file and of all files that it imports.
+Numba's cache checks only a function's own file, and may reuse machine code with an outdated
+function of another file. Here the name of the cache folder is a digest of the function's file and
+of all files that it imports.
 
-With ``NUMBA_BOUNDSCHECK=1``, an index outside an array raises IndexError in compiled loops. These
-loops are three times slower, and are cached separately.
+With ``NUMBA_BOUNDSCHECK=1``, indices outside arrays raise IndexError in compiled loops, which are
+then three times slower and cached separately.
 """
 
 from __future__ import annotations
@@ -50,10 +50,7 @@ _LOCATORS = f"{__name__}.SourcesLocator,IPythonCacheLocator"
 
 
 class SourcesLocator(InTreeCacheLocator):
-    """Tells numba the folder in which a compiled function is cached.
-
-    The name of the folder is a digest of the function's file and of all files that it imports.
-    """
+    """Tells numba the folder in which a compiled function is cached."""
 
     def __init__(self, py_func: Callable[..., Any], py_file: str) -> None:
         super().__init__(py_func, py_file)  # type: ignore[no-untyped-call]

@@ -1,5 +1,3 @@
-"""Reader of files that may be compressed by gzip, bzip2, xz or zstd."""
-
 from __future__ import annotations
 
 import bz2

@@ -1,5 +1,3 @@
-"""The environment of a run: processor, threads, package versions, commit, compilation cache."""
-
 from __future__ import annotations
 
 import importlib.metadata

@@ -1,5 +1,3 @@
-"""The exception for invalid input from the user, and parts of its messages."""
-
 from __future__ import annotations
 
 import traceback
@@ -22,7 +20,6 @@ class InputError(Exception):
 
 @contextmanager
 def naming(what: object) -> Iterator[None]:
-    """Put ``what:`` before the message of an `InputError` raised inside the `with` block."""
     try:
         yield
     except InputError as error:

@@ -1,5 +1,3 @@
-"""Functions that read files, and that write them either completely or not at all."""
-
 from __future__ import annotations
 
 import errno
@@ -28,8 +26,8 @@ _MOST_LEVELS = 100
 def written_whole(path: Path) -> Iterator[Path]:
     """Yield a temporary path, which is renamed to `path` if the `with` block succeeds.
 
-    No reader sees a half-written file. If several processes write one path, the last to finish
-    wins. The temporary name keeps the suffix, by which some writers choose the format.
+    No reader sees a half-written file. If several processes write one path, the last one wins. The
+    temporary name keeps the suffix, by which some writers choose the format.
 
     Raises
     ------

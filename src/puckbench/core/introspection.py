@@ -1,5 +1,3 @@
-"""Inspection of registered functions: inputs by annotations, caption from the docstring."""
-
 from __future__ import annotations
 
 import re

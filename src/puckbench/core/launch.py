@@ -2,10 +2,9 @@
 
     python -I -S launch.py MEMORY_BYTES SECONDS COMMAND [ARGUMENT ...]
 
-The kernel counts the memory of the process that starts a command as memory of the command. If the
-benchmark started a program directly, the clouds in the benchmark's memory would be counted in the
-program's peak. This module prints seconds, peak memory in KiB and exit status (negative: a signal)
-as JSON. The output of the command goes to standard error.
+The kernel counts the memory of the starting process as memory of the command: started by the
+benchmark, a program's peak would include the benchmark's clouds. Prints seconds, peak memory in KiB
+and exit status (negative: a signal) as JSON; the command's output goes to standard error.
 """
 
 import json

@@ -1,5 +1,3 @@
-"""Lazy import: public names of a package, each imported when it is first used (PEP 562)."""
-
 from __future__ import annotations
 
 from collections.abc import Callable
@@ -11,7 +9,7 @@ PublicNames = tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]
 
 
 def lazy(package: str, **modules: tuple[str, ...]) -> PublicNames:
-    """Make names from a package's modules available in the package, each imported on first use.
+    """Make names of a package's modules available in the package, each imported on first use.
 
     Parameters
     ----------

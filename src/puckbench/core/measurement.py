@@ -1,5 +1,3 @@
-"""Measurement of the run time and peak memory of a function call."""
-
 from __future__ import annotations
 
 import ctypes
@@ -37,9 +35,9 @@ class Measured(NamedTuple, Generic[T]):
     seconds, least_s, most_s
         Median, minimum and maximum over the repetitions.
     peak_mib
-        Increase of the resident memory from before the call to its peak. On Linux, pages of files
-        (mostly code) are excluded. With glibc, memory that earlier calls freed is returned to the
-        system before the call, so that reusing it counts.
+        Increase of the resident memory from before the call to its peak. Linux: without pages of
+        files (mostly code). glibc: memory that earlier calls freed returns to the system before the
+        call, so that its reuse counts.
     """
 
     result: T

@@ -1,5 +1,3 @@
-"""Base class of pydantic models for options and configurations, with one-line errors."""
-
 from __future__ import annotations
 
 from collections.abc import Mapping
@@ -21,7 +19,6 @@ class Model(BaseModel):
     )
 
     def replaced(self, **changes: Any) -> Self:
-        """Return a checked copy with some values replaced."""
         return type(self).model_validate({**dict(self), **changes})
 
 
@@ -65,8 +62,6 @@ def _immutable(value: Any) -> Any:
 
 @dataclass(frozen=True)
 class _Fault:
-    """An invalid value: its location, pydantic's error type, and the allowed values."""
-
     where: tuple[str, ...]
     kind: str
     value: Any
@@ -75,7 +70,6 @@ class _Fault:
 
     @classmethod
     def of(cls, error: ValidationError, values: Mapping[str, Any], model: Any) -> _Fault:
-        """Return the most deeply nested fault in a validation error of pydantic."""
         faults = [(_place(each["loc"], values, each["type"]), each) for each in error.errors()]
         where, first = max(faults, key=lambda item: (len(item[0]), item[1]["type"] != "missing"))
         allowed = dict.fromkeys(_allowed(each) for place, each in faults if place == where)

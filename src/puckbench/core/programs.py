@@ -1,5 +1,3 @@
-"""Execution of external programs with limits on time and memory, and measurement of the cost."""
-
 from __future__ import annotations
 
 import json

@@ -1,5 +1,3 @@
-"""Display of the progress of a long command on standard error."""
-
 from __future__ import annotations
 
 import sys

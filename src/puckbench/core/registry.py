@@ -7,14 +7,13 @@ A plug-in is one file with one class or function, registered where it is defined
 
 Puckbench's plug-ins are in ``puckbench/<folder>/`` or ``puckbench/*/<folder>/``. To list them, a
 registry imports all these modules, which therefore import heavy packages inside functions only. To
-find one plug-in, a registry first imports the module whose name is the longest prefix of the
-plug-in's name. Other packages declare their plug-ins as entry points in the group
-``puckbench.<kind>s``. Users refer to theirs by a place.
+find one, it first imports the module whose name is the longest prefix of the plug-in's. Other
+packages declare plug-ins as entry points in the group ``puckbench.<kind>s``.
 
-A *place*, ``module:Name`` or ``path/to/file.py:Name``, refers to a class or function in a file of
-code. Loading it runs this code. Therefore `load` refuses all places except those passed to `trust`,
-which are named on the command line or in a configuration. Names in streams, tables and other data
-are never trusted.
+A *place*, ``module:Name`` or ``path/to/file.py:Name``, refers to a class or function of the user.
+Loading it runs code. Therefore `load` refuses all places except those passed to `trust`, which are
+named on the command line or in a configuration. Names in streams, tables and other data are never
+trusted.
 """
 
 from __future__ import annotations
@@ -42,10 +41,6 @@ _trusted: set[str] = set()
 
 
 def trust(names: Iterable[str | None]) -> None:
-    """Permit this process to import code from the places (see the module) in `names`.
-
-    Other names are ignored.
-    """
     _trusted.update(name for name in names if is_place(name))
 
 
@@ -146,10 +141,8 @@ class Registry(Generic[T]):
         return self._added.get(name, name)
 
     def get(self, name: str) -> T:
-        """Return the plug-in with a name, or at a place (``module:Name`` or
-        ``path/to/file.py:Name``).
-
-        Raises InputError if there is none, or the place is not trusted (see `trust`).
+        """Return the plug-in with a name or place; raise InputError if there is none, or the place
+        is untrusted.
         """
         if self._is_ours(name):
             return self._plugins[self._modules[name], name]
@@ -226,8 +219,8 @@ def _imported(name: str) -> ModuleType:
 def _imported_file(path: Path) -> ModuleType:
     """Import a file that is in no package, as the documentation of importlib shows.
 
-    The module gets a unique name, because two files may have equal names, and is put in
-    `sys.modules`, where pickle looks for the module of a class.
+    The module gets a unique name, because files may have equal names, and is put in `sys.modules`,
+    where pickle looks for the module of a class.
     """
     name = f"{path.stem}_{hashlib.sha256(str(path).encode()).hexdigest()[:8]}"
     if name in sys.modules:
@@ -246,7 +239,7 @@ def _imported_file(path: Path) -> ModuleType:
 
 
 def _check_visible(path: Path, top: Path) -> None:
-    """Raise ImportError if `path` imports a module of its folder that an installed one hides."""
+    """Raise ImportError if an installed module hides a module beside `path` that it imports."""
     neighbours = {file for file in reached_files(path) - {path} if top_folder(file) == top}
     for file in sorted(neighbours):
         name = file.relative_to(top).parts[0].removesuffix(".py")

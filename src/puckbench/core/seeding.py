@@ -1,5 +1,3 @@
-"""Random number generators identified by a seed and names."""
-
 from __future__ import annotations
 
 import hashlib

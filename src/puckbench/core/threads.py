@@ -1,5 +1,3 @@
-"""Parallel calls of a function in threads, with results that do not depend on their number."""
-
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -13,10 +11,8 @@ Result = TypeVar("Result")
 
 
 def in_threads(function: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
-    """Call a function for each item in parallel, and return the results in order.
-
-    This is faster only if the function releases Python's global interpreter lock, as compiled loops
-    do.
+    """Call a function, which should release the interpreter lock, for each item in parallel; return
+    ordered results.
     """
     queue = list(items)
     threads = min(allowed_threads(), len(queue))

@@ -138,8 +138,7 @@ def _scalars(node: Node) -> Iterator[tuple[str, ScalarNode]]:
 def _nodes(node: Node, sizes: dict[int, int]) -> Iterator[Node]:
     """Yield the nodes of a tree, each after its descendants.
 
-    Store in `sizes`, by ``id(node)``, the number of nodes in its subtree after the expansion of
-    aliases.
+    `sizes` gets, by ``id(node)``, the number of nodes in its subtree with aliases expanded.
     """
     if id(node) in sizes:
         if not sizes[id(node)]:

@@ -1,5 +1,3 @@
-"""Reader of the labelled meshes of 2D-3D-S (Stanford), in the coordinate frame of S3DIS."""
-
 from __future__ import annotations
 
 import re
@@ -28,7 +26,6 @@ _TOLERANCE_M = 0.1
 
 
 def in_frame_of_s3dis(points: Floats, area: str) -> Floats:
-    """Transform points (n, 3) of a 2D-3D-S area ("1", ..., "5b") to S3DIS's coordinate frame."""
     if area != "5b":
         return points
     x, y, z = points.T
@@ -48,15 +45,15 @@ class AreaMesh:
     material_id: NDArray[np.int64]
 
     def share_inside(self, room: str, box: Floats) -> float:
-        """Return the share of the triangles labelled with a room whose centroid is in a box (2, 3).
+        """Return the share of a room's labelled triangles whose centroid is in a box (2, 3).
 
-        If no triangle has the room's label, return 1 if the box contains any centroid, else 0.
+        Without such a label, return 1 if the box contains any centroid, else 0.
         """
         low, high = box[0] - _TOLERANCE_M, box[1] + _TOLERANCE_M
         inside = ((self._middles >= low) & (self._middles <= high)).all(axis=1)
         of_room = [room_of(material) == room for material in self.materials]
-        own = np.array([*of_room, False])[self.material_id]
-        return float(inside[own].mean() if own.any() else inside.any())
+        is_of_room = np.array([*of_room, False])[self.material_id]
+        return float(inside[is_of_room].mean() if is_of_room.any() else inside.any())
 
     def near(self, box: Floats, margin: float) -> Mesh:
         low, high = self._extent
@@ -77,7 +74,7 @@ class AreaMesh:
 
 
 def read_area_mesh(path: Path, area: str) -> AreaMesh:
-    """Read the mesh ``semantic.obj`` of an area; the last mesh that was read is cached."""
+    """Read the mesh ``semantic.obj`` of an area; the last one is cached."""
     if not path.is_file():
         raise InputError(f"{path}: no such file")
     return _read(path, area, path.stat().st_mtime_ns)
@@ -104,7 +101,6 @@ def class_of(material: str) -> str:
 
 
 def room_of(material: str) -> str | None:
-    """Return the room ("office_6") in the name of a material."""
     match = _MATERIAL.fullmatch(material)
     return match[2] if match else None
 

@@ -1,5 +1,3 @@
-"""Base classes of data sets."""
-
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
@@ -78,7 +76,6 @@ class FolderSet(DataSet, ABC):
         return look_up(self._table, name, self.path)
 
     def _whole(self) -> Self:
-        """Return the data set without options that select scenes."""
         return type(self)(path=self.path)
 
     def _missing(self, what: str) -> InputError:
@@ -100,7 +97,7 @@ class MeshFolderSet(FolderSet):
         return path.name
 
     def _read(self, path: Path) -> tuple[Mesh, dict[str, Any]]:
-        """Read a mesh, in metres with z up; return it with the reader's report."""
+        """Read a mesh, in metres with z up, and the reader's report."""
         return read_mesh_report(path, up="z")
 
     def load(self, name: str) -> Scene:
@@ -120,7 +117,6 @@ def freeform_labels(object_id: NDArray[np.int32], objects: Iterable[SceneObject]
 
 
 def numbered_objects(classes: Iterable[str]) -> tuple[SceneObject, ...]:
-    """Return an object for each class name, named chair_1, chair_2, table_1, ..."""
     counts: Counter[str] = Counter()
     objects = []
     for name in classes:
@@ -146,7 +142,7 @@ def look_up(table: Mapping[str, T], name: str, where: str) -> T:
 def select_names(
     option: str, requested: tuple[str, ...] | int | None, available: list[str]
 ) -> list[str]:
-    """Return the names that an option requests: those listed, the first few, or all (None)."""
+    """Select names by an option: a list of names, the first few, or all (None)."""
     if requested is None:
         return available
     if isinstance(requested, int):

@@ -38,9 +38,9 @@ _PARALLEL = 0.7
 class CapturedRooms(FolderSet):
     """Rooms captured by a headset, in JSON files (five in the npm package @iwer/sem).
 
-    Meshes are in metres, rotated to z up. A triangle is labelled with the smallest entity that it
-    belongs to: a parallel plane patch (wall, door, ...) within 5 cm, else a box (table, sofa, ...)
-    around it, else a patch within 15 cm, else "clutter". All surfaces are "freeform".
+    Meshes are in metres, rotated to z up. A triangle's label is its smallest entity: a parallel
+    plane patch (wall, door, ...) within 5 cm, else a box (table, sofa, ...) around it, else a patch
+    within 15 cm, else "clutter". All surfaces are "freeform".
     """
 
     of_clouds: ClassVar[bool] = False

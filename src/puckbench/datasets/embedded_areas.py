@@ -1,5 +1,3 @@
-"""Data set of a generated building that has the areas and rooms of S3DIS."""
-
 from __future__ import annotations
 
 from typing import ClassVar

@@ -1,5 +1,3 @@
-"""Download of free data sets through package managers."""
-
 from __future__ import annotations
 
 import os
@@ -32,7 +30,7 @@ class FetchResult:
 def fetch_data(root: Path, names: Iterable[str] = ()) -> list[FetchResult]:
     """Download free data sets, each into the folder of `root` with its name.
 
-    Unchanged folders are kept; a failure does not stop the other downloads. By default, all sources
+    Unchanged folders are kept; a failure does not stop other downloads. By default, all sources
     with ``by_default`` are downloaded.
     """
     requested = list(names) or [name for name, source in SOURCES.items() if source.by_default]
@@ -93,12 +91,12 @@ def _check_hash(source: PackageSource, package: Path) -> str:
 
 def _unpack(source: PackageSource, package: Path, folder: Path) -> None:
     with source.unpack(package) as archive:
-        members = [m for m in archive if m.isfile() and source.wanted.fullmatch(m.name)]
+        members = [m for m in archive if m.isfile() and source.members.fullmatch(m.name)]
         for member in members:
             content = archive.extractfile(member)
             write_bytes(folder / Path(member.name).name, content.read() if content else b"")
     if not members:
-        raise InputError(f"{package.name}: no member matches {source.wanted.pattern}")
+        raise InputError(f"{package.name}: no member matches {source.members.pattern}")
 
 
 def _hashes(folder: Path) -> dict[str, str]:

@@ -1,5 +1,3 @@
-"""Reader of the rooms in a house of 3D-FRONT."""
-
 from __future__ import annotations
 
 from collections import Counter
@@ -37,8 +35,6 @@ class _Pose:
 
 @dataclass(frozen=True)
 class _PlacedItem:
-    """A surface of a house, or a piece of furniture with the id of its 3D-FUTURE model."""
-
     semantic: str
     pose: _Pose
     model: str | None = None
@@ -75,9 +71,9 @@ def build_room(
 ) -> tuple[Mesh, Floats | None, dict[str, int]]:
     """Make a mesh of the house's surfaces in a room and the furniture models in `folder`.
 
-    Return it, labelled, in metres with z up; the lowest and highest corner (2, 3) of the house's
-    surfaces, or None if there is only furniture; and the number of items without a surface, by
-    reason. Raises InputError, with a message that begins with `what`, if no item has a surface.
+    Returns the labelled mesh, in metres with z up; the box (2, 3) of the house's surfaces, or None
+    if there is only furniture; and the number of items without a surface, by reason. Raises
+    InputError, with a message that begins with `what`, if no item has a surface.
     """
     left_out = Counter(room.left_out)
     placed: list[tuple[_PlacedItem, Floats, NDArray[np.int64]]] = []
@@ -88,9 +84,13 @@ def build_room(
         else:
             placed.append((item, y_up_to_z_up(item.pose.apply(surface[0])), surface[1]))
     if not placed:
-        raise InputError(f"{what}: nothing of the room has a surface")
-    own = [points for item, points, _ in placed if item.model is None]
-    box = np.stack([np.vstack(own).min(axis=0), np.vstack(own).max(axis=0)]) if own else None
+        raise InputError(f"{what}: no item of the room has a surface")
+    house_points = [points for item, points, _ in placed if item.model is None]
+    box = (
+        np.stack([np.vstack(house_points).min(axis=0), np.vstack(house_points).max(axis=0)])
+        if house_points
+        else None
+    )
     mesh = _joined(placed)
     check_mesh(mesh, what)
     return mesh, box, dict(left_out)
@@ -109,7 +109,7 @@ def _items(
         ref, pose = child["ref"], _pose(child)
         item = furniture.get(ref)
         if ref in parts:
-            yield _PlacedItem(str(parts[ref]["type"]), pose, surface=_own_surface(parts[ref]))
+            yield _PlacedItem(str(parts[ref]["type"]), pose, surface=_mesh_surface(parts[ref]))
         elif item is None:
             left_out["unknown_ref"] += 1
         elif item.get("valid") is not True:
@@ -129,7 +129,7 @@ def _pose(child: Any) -> _Pose:
     return _Pose(position, turn, scale)
 
 
-def _own_surface(part: Any) -> MeshArrays:
+def _mesh_surface(part: Any) -> MeshArrays:
     vertices = np.array(part["xyz"], dtype=np.float64).reshape(-1, 3)
     return vertices, np.array(part["faces"], dtype=np.int64).reshape(-1, 3)
 

@@ -161,7 +161,6 @@ def _recovered(xyz: Floats) -> RecoveredReturns:
 
 
 def _sequence_motion(sequence: Path) -> tuple[Floats | None, Floats | None]:
-    """Read poses (n, 4, 4) of the LiDAR, and times (n,), s, of a sequence of the odometry."""
     poses, times = sequence.parents[1] / "poses" / f"{sequence.name}.txt", sequence / "times.txt"
     seconds = read_times(times) if times.is_file() else None
     if sequence.parent.name != "sequences" or not poses.is_file():

@@ -22,7 +22,7 @@ class MeshFiles(FileSet):
     what = "meshes"
 
     up: Literal["y", "z"] = "z"
-    """The axis that points up, where the file format does not say."""
+    """Up axis, if the file format does not define it."""
 
     def load(self, name: str) -> Scene:
         path = self._file(name)

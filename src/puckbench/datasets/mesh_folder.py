@@ -23,7 +23,7 @@ class MeshFolder(MeshFolderSet):
     recursive: bool = True
     """Whether to look into sub-folders."""
     up: Literal["y", "z"] = "z"
-    """The axis that points up, where the file format does not say."""
+    """Up axis, if the file format does not define it."""
     metres_per_unit: Units = 1.0
     """Length of the files' unit: a number, or a table of files and numbers (1 for the others)."""
     licence: str = ""
@@ -32,7 +32,6 @@ class MeshFolder(MeshFolderSet):
     """Credit noted with every scene."""
 
     def files(self, name: str) -> list[Path]:
-        """Return the mesh file and, for a PLY file written by puckbench, its JSON file."""
         path = self._file(name)
         beside = [sidecar(path)] if path.suffix.lower() == ".ply" else []
         return [path, *(extra for extra in beside if extra.exists())]

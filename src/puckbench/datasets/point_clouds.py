@@ -31,8 +31,8 @@ class PointClouds(FileSet):
     keep_missing: bool = False
     """Whether missing returns (points without coordinates, or many at the origin) are kept."""
     bin_columns: str | None = None
-    """Columns of KITTI files and others alike (.bin): 3 to 6, or ``x,y,z,intensity,ring``; by
-    default as their values tell."""
+    """Columns of .bin files, as of KITTI: 3 to 6, or ``x,y,z,intensity,ring``; by default inferred
+    from the values."""
 
     def load(self, name: str) -> Scene:
         path = self._file(name)

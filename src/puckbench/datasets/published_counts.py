@@ -1,5 +1,3 @@
-"""Counts of items (scenes, classes, ...) in data sets, to compare with published numbers."""
-
 from __future__ import annotations
 
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Download of files that others published on GitHub: weights of networks, and recordings.
+"""Download of published files from GitHub: weights of networks, and recordings.
 
 Tables (.yaml) beside this module list the files, with commits and hashes.
 """

@@ -1,5 +1,3 @@
-"""Data set of recordings by spinning LiDARs, as returns in the sensor's coordinate frame."""
-
 from __future__ import annotations
 
 import glob
@@ -60,7 +58,7 @@ class RecordingSet(DataSet):
         """Return the numbers of the clouds in a recording; raise InputError if it is unusable."""
 
     def names(self) -> list[str]:
-        """Read all recordings; return first the names of `unusable` ones, then those of clouds."""
+        """Read all recordings; first come those of `unusable` recordings, then those of clouds."""
         return list(self._clouds)
 
     @property
@@ -97,7 +95,7 @@ class RecordingSet(DataSet):
     def _clouds(self) -> Mapping[str, tuple[Path, int | None]]:
         """Recording and number of each cloud by scene name.
 
-        Unusable recordings come first, each with its name and the number None.
+        Unusable recordings come first, by their names, with the number None.
         """
         table: dict[str, tuple[Path, int | None]] = {}
         faulty: dict[str, tuple[Path, int | None]] = {}
@@ -131,7 +129,7 @@ class Recordings(RecordingSet):
     start_s: float = Field(0.0, ge=0)
     """Seconds of each recording to leave out at its start."""
     stream: str | None = None
-    """Of packet captures with several sensors, the one to read, as ``192.168.1.201:2368`` or
+    """Sensor to read in packet captures with several, such as ``192.168.1.201:2368`` or
     ``192.168.1.201:2368 to 255.255.255.255:2368`` (sender, receiver)."""
 
     def files(self, name: str) -> list[Path]:
@@ -211,9 +209,8 @@ def is_copy(path: Path) -> bool:
 
 @contextmanager
 def decompressed(path: Path) -> Iterator[Path]:
-    """Yield the path of a recording, or of a temporary copy if it is compressed.
-
-    Raises InputError if the recording is damaged, or contains another compressed recording.
+    """Yield a recording's path, or a decompressed temporary copy's; raise InputError if it is
+    damaged or compressed twice.
     """
     if not _is_compressed(path):
         yield path
@@ -247,10 +244,6 @@ _kept: dict[_Key, RecordedTurns] = {}
 
 
 def _read(path: Path, start_s: float, stream: str | None, topic: str | None) -> RecordedTurns:
-    """Read the revolutions, and cache them until the file changes.
-
-    `topic` is for bags only.
-    """
     from puckbench.io.recordings.ros_bags import is_bag
     from puckbench.lidar.recordings.reading import read_turns
 
@@ -267,7 +260,6 @@ def _read(path: Path, start_s: float, stream: str | None, topic: str | None) -> 
 
 
 def _files(path: Path) -> list[Path]:
-    """Return a recording and, if it exists, the file of its sensor's metadata."""
     from puckbench.lidar.recordings.ouster import metadata_beside
 
     beside = None if path.is_dir() else metadata_beside(path)
@@ -276,5 +268,5 @@ def _files(path: Path) -> list[Path]:
 
 def _state(path: Path) -> _State:
     files = sorted(path.iterdir()) if path.is_dir() else _files(path)
-    stats = ((one.name, one.stat()) for one in files if one.exists())
+    stats = ((file.name, file.stat()) for file in files if file.exists())
     return tuple((name, stat.st_size, stat.st_mtime_ns) for name, stat in stats)

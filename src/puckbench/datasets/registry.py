@@ -1,5 +1,3 @@
-"""The registry of data sets."""
-
 from __future__ import annotations
 
 from collections.abc import Mapping
@@ -25,8 +23,8 @@ def open_scene_set(loader: str, options: Mapping[str, Any], seed: int = 0) -> Sc
     """
     loader_class = LOADERS.get(loader)
     model = options_model(loader_class, f"loader {loader}")
-    given = {"seed": seed, **options} if "seed" in model.model_fields else dict(options)
-    values = parsed(model, given, f"loader {loader}")
+    settings = {"seed": seed, **options} if "seed" in model.model_fields else dict(options)
+    values = parsed(model, settings, f"loader {loader}")
     return loader_class(**dict(values))
 
 
@@ -34,7 +32,9 @@ def options_model(loader_class: type, what: str) -> type[pydantic.BaseModel]:
     if issubclass(loader_class, pydantic.BaseModel):
         return loader_class
     if not is_dataclass(loader_class):
-        raise InputError(f"{what}: {loader_class.__name__} is no data class and no pydantic model")
+        raise InputError(
+            f"{what}: {loader_class.__name__} is neither a data class nor a pydantic model"
+        )
     try:
         hints = get_type_hints(loader_class, include_extras=True)
     except NameError as error:

@@ -128,7 +128,7 @@ def _room_file(folder: Path) -> Path:
 
 
 def _annotations(folder: Path) -> tuple[list[Path], list[Path]]:
-    """Return the annotation files; also the duplicates to ignore, such as "wall_3 (1).txt"."""
+    """Return the annotation files, and duplicates to ignore, such as "wall_3 (1).txt"."""
     texts = _texts(folder / "Annotations")
     names = {path.stem for path in texts}
     copies = [p for p in texts if _COPY.search(p.stem) and _COPY.sub("", p.stem) in names]

@@ -1,5 +1,3 @@
-"""Readers of the scanner positions in the rooms of 2D-3D-S."""
-
 from __future__ import annotations
 
 import math
@@ -22,9 +20,8 @@ def listed_file(folder: Path, area: str) -> Path:
 
 
 def listed_positions(path: Path, area: str) -> dict[str, Position]:
-    """Read the scanner position (m) in each room from JSON ``{"office_6_1": [x, y, z], ...}``.
-
-    Keys end with the number of the area, 5 for "5a" and "5b".
+    """Read the scanner position (m) in each room from JSON; keys end with the area's number
+    ("office_6_1").
     """
     content = read_json(path)
     if not isinstance(content, dict) or not content:

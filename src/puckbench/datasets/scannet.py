@@ -42,7 +42,7 @@ class ScanNet(MeshFolderSet):
     full: bool = False
     """Whether to read the meshes of full resolution, ``..._vh_clean.ply``."""
     aligned: bool = True
-    """Whether to turn the room by ``axisAlignment`` of its ``.txt``, walls along the axes."""
+    """Whether to rotate walls to the axes, by ``axisAlignment`` in the room's ``.txt``."""
 
     def files(self, name: str) -> list[Path]:
         mesh = self._file(name)

@@ -1,5 +1,3 @@
-"""Scenes, and the interface (protocol) of data sets."""
-
 from __future__ import annotations
 
 import re
@@ -52,15 +50,15 @@ class Scene:
     time_s: float | None = None
 
     def __post_init__(self) -> None:
-        if sum(one is not None for one in (self.mesh, self.cloud, self.returns)) != 1:
+        if sum(source is not None for source in (self.mesh, self.cloud, self.returns)) != 1:
             raise ValueError(f"scene {self.name}: needs one of a mesh, a cloud and returns")
 
 
 class SceneSet(Protocol):
     """Interface of data sets, whose constructors take options by name.
 
-    Optional class variables: ``primitives``, whether labels have the geometric primitive of each
-    triangle; ``of_clouds``, whether scenes are clouds instead of meshes; ``of_returns``, whether
+    Optional class variables: ``primitives``, whether labels have each triangle's geometric
+    primitive; ``of_clouds``, whether scenes are clouds instead of meshes; ``of_returns``, whether
     clouds are a sensor's returns; ``of_packets``, whether these are recorded data packets;
     ``read_first``, whether clouds are read before a run. An optional method ``options_of(name)``
     returns the options of a set with one scene, whose jobs then do not depend on others.

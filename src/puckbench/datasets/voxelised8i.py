@@ -54,9 +54,9 @@ class Voxelised8i(FolderSet):
     every: PositiveInt = 1
     """Step between the frames that are used."""
     height_m: PositiveFloat | None = None
-    """Length of the grid's side, m. By default a voxel has the ``frame_to_world_scale`` of the
-    file's header, taken for cm (it is about 0.18), or where there is none 1.8 m, a person's height,
-    over the number of voxels of a side."""
+    """Length of the grid's side, m. By default, a voxel's side is ``frame_to_world_scale`` of the
+    file's header, in cm (about 0.18), or without it, 1.8 m (a person's height) divided by the
+    number of voxels along the side."""
 
     def load(self, name: str) -> Scene:
         path = self._file(name)

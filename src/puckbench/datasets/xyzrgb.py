@@ -1,5 +1,3 @@
-"""Reader of text files with lines ``x y z r g b``, some of them damaged as in S3DIS."""
-
 from __future__ import annotations
 
 import io
@@ -36,7 +34,7 @@ class TextCloud:
 
 
 def read_xyzrgb(path: Path) -> TextCloud:
-    """Read a cloud from text, and repair or drop damaged lines.
+    """Read a cloud from lines ``x y z r g b``, and repair or drop damaged ones, as in S3DIS.
 
     Bytes foreign to numbers are replaced by the digit 0 or a space, whichever gives six numbers.
     Lines without six numbers, or with colours outside 0 to 255, are dropped.
@@ -96,7 +94,6 @@ def _fitting(rows: Floats) -> NDArray[np.bool_]:
 
 
 def _readings(line: bytes) -> Iterator[bytes]:
-    """Yield repaired versions of a line, in which foreign bytes are digits 0 or spaces."""
     parts = _FOREIGN.split(line)  # good, foreign, good, ...
     good, foreign = parts[::2], parts[1::2]
     if len(foreign) > _MOST_RUNS:

@@ -69,8 +69,10 @@ def draw_attributes(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
     grid = figure.subplots(2, len(tables), height_ratios=[bars_in, _CURVES_IN], squeeze=False)
     for (above, below), ((dataset, kind), part) in zip(grid.T, tables.items(), strict=True):
         _draw_bars(above, part, kind, exact, style, labels=above is grid[0, 0])
-        own = rows[(rows["dataset"] == dataset) & rows[BITS[kind]].notna()]
-        set_title(above, titled(f"{style.title(dataset)}, {kind}", own), len(tables), style)
+        dataset_rows = rows[(rows["dataset"] == dataset) & rows[BITS[kind]].notna()]
+        set_title(
+            above, titled(f"{style.title(dataset)}, {kind}", dataset_rows), len(tables), style
+        )
         above.set_xlabel("Bits per point")
         _draw_curves(below, part, kind, style)
         below.set_xlabel(f"Bits of {kind}, {BETTER}")
@@ -82,7 +84,6 @@ def draw_attributes(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
 
 
 def _lossless(table: pd.DataFrame, kind: str) -> pd.DataFrame:
-    """Return the lossless rate of each codec with the fewest bits of the attribute, by codec."""
     exact = table[table[f"{kind}_lossless"] == True]  # noqa: E712 (may be missing)
     return exact.sort_values(BITS[kind]).drop_duplicates("codec").set_index("codec")
 

@@ -1,5 +1,3 @@
-"""Medians of a metric by rate (thesis figure 6.5) and by bits per point (figures 6.6 to 6.9)."""
-
 from __future__ import annotations
 
 import re

@@ -1,5 +1,3 @@
-"""The figure ``handicap``: bits of codecs for a sensor's data, relative to G-PCC's octree coder."""
-
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
@@ -83,8 +81,8 @@ def draw_bits_against_octree(
             axes.text(0.5, 0.5, "no equal errors", transform=axes.transAxes, ha="center")
         for codec, quartiles in lines.items():
             _draw(axes, quartiles, style.of_codec(codec))
-        own = rows_mm[rows_mm["dataset"] == dataset]
-        set_title(axes, titled(style.title(dataset), own), abreast, style)
+        dataset_rows = rows_mm[rows_mm["dataset"] == dataset]
+        set_title(axes, titled(style.title(dataset), dataset_rows), abreast, style)
     label_outer(panels, abreast, f"D1 error, RMS (mm), {BETTER}", _BITS)
     codecs = {codec for lines in curves.values() for codec in lines}
     add_legend(figure, style.ordered_codecs(codecs), style, [_octree_handle(style)])
@@ -104,7 +102,6 @@ def compared_datasets(metrics: pd.DataFrame, clouds: pd.DataFrame) -> set[str]:
 
 
 def _curves(rows: pd.DataFrame, style: FigureStyle) -> dict[str, Floats]:
-    """Return the quartiles of each codec's bits that have a value."""
     octree = rows[rows["codec"] == OCTREE]
     codecs = style.ordered_codecs(set(rows["codec"]) - {OCTREE, COMPLETE_OCTREE})
     curves = {codec: shares(rows[rows["codec"] == codec], octree) for codec in codecs}
@@ -132,7 +129,6 @@ def _bits_at_errors(curve: pd.DataFrame) -> Floats:
 
 
 def _limits(curves: list[Floats]) -> Range:
-    """Return limits around all values and 100 %."""
     values = [np.array([100.0]), *map(np.ravel, curves)]
     return fitted_limits(np.concatenate(values), (50, 150))
 

@@ -1,5 +1,3 @@
-"""Checks of the tables from which figures are drawn."""
-
 from __future__ import annotations
 
 from typing import TYPE_CHECKING

@@ -1,5 +1,3 @@
-"""Rate-distortion curves of a run's codecs, with pale curves of reference results."""
-
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -54,14 +52,14 @@ def draw_comparison(
     shape = (len(datasets), len(qualities))
     figure = Figure(figsize=(figure_width(shape[1], style), shape[0] * _PANEL_IN + 0.6))
     panels = list(figure.subplots(*shape, sharex="all", sharey="col", squeeze=False).flat)
-    own_styles = {codec: style.of_codec(codec) for codec in style.ordered_codecs(metrics["codec"])}
+    run_styles = {codec: style.of_codec(codec) for codec in style.ordered_codecs(metrics["codec"])}
     reference_styles = {
         codec: style.of_codec(codec) for codec in style.ordered_codecs(reference["codec"])
     }
     for number, axes in enumerate(panels):
         dataset, quality = datasets[number // shape[1]], qualities[number % shape[1]]
         _set_axes(axes, quality)
-        for table, styles, zorder in ((reference, reference_styles, 2), (metrics, own_styles, 4)):
+        for table, styles, zorder in ((reference, reference_styles, 2), (metrics, run_styles, 4)):
             rows = table[table["dataset"] == dataset]
             for codec, plot_style in styles.items():
                 codec_rows = rows[rows["codec"] == codec].dropna(subset=[quality])
@@ -72,7 +70,7 @@ def draw_comparison(
     for number, axes in enumerate(panels):
         axes.set_ylabel(_label(qualities[number % shape[1]], peak))
     handles = [
-        _handle(plot_style, plot_style.title, 4, style) for plot_style in own_styles.values()
+        _handle(plot_style, plot_style.title, 4, style) for plot_style in run_styles.values()
     ]
     handles += [
         _handle(plot_style, f"{plot_style.title}, {study}", 2, style)

@@ -1,5 +1,3 @@
-"""Rate-distortion curves on logarithmic axes: medians over clouds against bits per point."""
-
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping

@@ -50,10 +50,9 @@ def draw_odometry(drives: pd.DataFrame, style: FigureStyle) -> Figure:
     Grey: the undecoded drives with the times of firings (solid) and without (dashed), and the 95 %
     interval of the means (Student's t).
 
-    Large markers: the fewest bits at which a codec's drift is inside the interval, or larger than
-    the mean by at most a fifth, there and at all higher rates. Hollow markers: turns were lost
-    (their motion is wrong by more than 0.5 m or 5 degrees). Drives shorter than 10 m are not shown.
-    n: drives.
+    Large markers: the lowest rate from which on a codec's drift is inside the interval, or at most
+    a fifth above the mean. Hollow markers: turns were lost (their motion is wrong by more than 0.5
+    m or 5 degrees). Drives shorter than 10 m are not shown. n: drives.
     """
     require_rows(drives, _COLUMNS, "drives")
     require_numbers(drives, (DRIFT,), "drives")
@@ -70,9 +69,9 @@ def draw_odometry(drives: pd.DataFrame, style: FigureStyle) -> Figure:
     for axes, name in zip(panels, names, strict=True):
         set_log(axes, "x", limits, minor=False)
         set_log(axes, "y", drifts, minor=False)
-        own = rows[rows["dataset"] == name]
-        _draw_panel(axes, own, style)
-        set_title(axes, titled(style.title(name), own), abreast, style)
+        dataset_rows = rows[rows["dataset"] == name]
+        _draw_panel(axes, dataset_rows, style)
+        set_title(axes, titled(style.title(name), dataset_rows), abreast, style)
     label_outer(panels, abreast, f"Bits per return, {BETTER}", f"Drift (%), {BETTER}")
     add_legend(figure, style.ordered_codecs(codecs["codec"]), style, _handles())
     return figure

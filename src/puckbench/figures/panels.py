@@ -1,5 +1,3 @@
-"""Panels on logarithmic axes with shared limits and one legend per figure."""
-
 from __future__ import annotations
 
 import math
@@ -43,10 +41,6 @@ def panel_grid(
     sharey: Sharing = "all",
     width_in: float | None = None,
 ) -> tuple[Figure, list[Axes]]:
-    """Create a figure with panels of `height_in` inches, `columns` in a row, and shared axes.
-
-    `width_in` is the width of the figure if the style has none.
-    """
     from matplotlib.figure import Figure
 
     rows = math.ceil(panels / columns)
@@ -231,7 +225,6 @@ def codec_handles(codecs: Sequence[str], style: FigureStyle) -> list[Line2D]:
 def add_rows_legend(
     figure: Figure, handles: Sequence[Artist], most_abreast: int, **options: Any
 ) -> None:
-    """Add a legend above all panels, in rows of at most `most_abreast` entries."""
     rows = math.ceil(len(handles) / max(1, most_abreast))
     if rows > _LEGEND_ROWS:  # the panels keep their size
         height_in = float(figure.get_size_inches()[1])

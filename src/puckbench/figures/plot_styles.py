@@ -1,5 +1,3 @@
-"""Plot styles of codecs, equal in all figures."""
-
 from __future__ import annotations
 
 import hashlib
@@ -29,7 +27,6 @@ def codec_style(codec: str) -> PlotStyle:
 
 
 def class_style(name: str, codec: type[CodecFacts] | None) -> PlotStyle:
-    """Return the plot style in a codec's class, with missing parts derived from the name."""
     derived = _style_from_name(name)
     if codec is None:
         return derived

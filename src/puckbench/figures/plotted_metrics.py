@@ -1,5 +1,3 @@
-"""Metrics on axes: table column, label, unit, and the thesis's axis range."""
-
 from __future__ import annotations
 
 from dataclasses import dataclass, replace

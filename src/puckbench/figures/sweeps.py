@@ -1,5 +1,3 @@
-"""Figures of a sensor's sweeps in metres: errors against bits per return, and range images."""
-
 from __future__ import annotations
 
 from collections.abc import Mapping

@@ -1,5 +1,3 @@
-"""Figures of distortion to the scan, to the clean scan and to the true surface."""
-
 from __future__ import annotations
 
 from dataclasses import replace
@@ -125,7 +123,6 @@ def _draw_distances(
     distances: dict[str, PlottedMetric],
     style: FigureStyle,
 ) -> Figure:
-    """Draw a panel for each data set and distance, by the distances' titles."""
     references, titles = list(distances.values()), list(distances)
     metric = references[0]
     for reference in references:

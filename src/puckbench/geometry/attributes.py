@@ -1,5 +1,3 @@
-"""Attributes of points that codecs may code, by name: reflectance and colour."""
-
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
@@ -33,18 +31,17 @@ def reflectance_field(cloud: PointCloud) -> str | None:
 
 def attributes_of(cloud: PointCloud) -> dict[str, NDArray[Any]]:
     """Return the reflectances (n,), of the returns or of a field, and the colours (n, 3)."""
-    found: dict[str, NDArray[Any] | None] = {
+    attributes: dict[str, NDArray[Any] | None] = {
         REFLECTANCE: None if cloud.returns is None else cloud.returns.reflectivities(),
         COLOUR: cloud.colours,
     }
-    if found[REFLECTANCE] is None and (field := reflectance_field(cloud)):
-        found[REFLECTANCE] = cloud.fields[field]
-    return {name: values for name, values in found.items() if values is not None}
+    if attributes[REFLECTANCE] is None and (field := reflectance_field(cloud)):
+        attributes[REFLECTANCE] = cloud.fields[field]
+    return {name: values for name, values in attributes.items() if values is not None}
 
 
 def check_attributes(attributes: Attributes, points: int) -> None:
-    """Raise InputError unless every point has a value of each attribute, and reflectances are whole
-    numbers of 16 bits."""
+    """Raise InputError unless all points have all attributes, and reflectances have 16 bits."""
     for name, values in attributes.items():
         if len(values) != points:
             raise InputError(f"{name}: {len(values)} values for {points} points")
@@ -58,7 +55,6 @@ def check_attributes(attributes: Attributes, points: int) -> None:
 
 
 def coded_sizes(sizes: Mapping[str, int]) -> dict[str, int]:
-    """Return the sizes of attributes that a stream has."""
     return {name: size for name, size in sizes.items() if size}
 
 

@@ -1,7 +1,6 @@
 """Nearest neighbour search that stops after a maximum number of visited points and boxes.
 
-For queries at the centre of a sphere, a tree has to visit all points. The limit keeps such clouds
-from blocking a decoder.
+The limit keeps clouds from blocking a decoder: a query at a sphere's centre visits all points.
 """
 
 from __future__ import annotations

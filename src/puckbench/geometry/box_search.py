@@ -49,7 +49,6 @@ class _Stack(NamedTuple):
 
 
 def nearest_two(queries: BoxTree, points: BoxTree) -> NearestTwo:
-    """Return the two nearest points of each query, as indices into the trees' input arrays."""
     m = len(queries.rows)
     nearest = NearestTwo(np.empty(m), *(np.empty(shape, np.int64) for shape in ((m, 2), m, m)))
     parts = range(0, len(queries.leaves), LEAVES_AT_ONCE)

@@ -76,7 +76,6 @@ def closest_surface_points(mesh: Mesh | SearchableMesh, points: Floats) -> Surfa
 
 @compiled
 def _closest_on_triangles(points: Floats, corners: Floats) -> Floats:
-    """Return, for each point i, the closest point of triangle i, with corners (m, 3, 3)."""
     closest = np.empty((len(points), 3))
     for i in range(len(points)):
         p, a, b, c = points[i], corners[i, 0], corners[i, 1], corners[i, 2]

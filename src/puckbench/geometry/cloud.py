@@ -1,4 +1,4 @@
-"""Point clouds: coordinates with optional attributes and a dictionary that describes them."""
+"""Point clouds: coordinates, optional attributes and a description."""
 
 from __future__ import annotations
 

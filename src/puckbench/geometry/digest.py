@@ -11,7 +11,7 @@ _STEPS_PER_UNIT = {"scaled": 1e3, "metric": 1e6}
 
 
 def cloud_digest(points: Floats, metric: bool = False) -> str:
-    """Return a digest of a cloud, by which results on the same cloud are recognised.
+    """Return a digest of a cloud, to recognise results on the same cloud.
 
     It is 32 hexadecimal digits of the SHA-256 of the ordered coordinates (n, 3), rounded because
     processors may differ in the last bits.

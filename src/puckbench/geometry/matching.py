@@ -1,5 +1,3 @@
-"""Matching of decoded points to the original ones, to give them their attributes."""
-
 from __future__ import annotations
 
 from typing import Literal, NamedTuple
@@ -13,7 +11,7 @@ _SLACK = 1 + 1e-6
 
 
 class Match(NamedTuple):
-    """Original points of decoded ones.
+    """Original points of decoded points.
 
     Parameters
     ----------
@@ -22,7 +20,7 @@ class Match(NamedTuple):
     by
         Whether points were matched by their order or by their positions.
     unused
-        Number of original points that are the original of no decoded point.
+        Number of original points that no decoded point matches.
     reach
         Largest distance of a decoded point from its original.
     """
@@ -39,12 +37,12 @@ class Match(NamedTuple):
 
 
 def match_points(original: Floats, decoded: Floats, reach: float | None = None) -> Match:
-    """Find the original point of each decoded point.
+    """Find the original point of each decoded point, to give it the original's attributes.
 
-    If there are as many decoded points as original ones, each within `reach` of that with the same
-    index, they have the same order. Otherwise an original point belongs to the decoded position
-    that is nearest to it. Of several, the nearest is used, or as many as there are decoded points
-    at the position. A position to which none belongs gets the original point nearest to it.
+    Equally many decoded and original points, each within `reach` of that with the same index, have
+    the same order. Otherwise an original point belongs to the nearest decoded position. A position
+    with several gets the nearest, or as many as there are decoded points at the position; one
+    without any gets the original point nearest to it.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Triangle meshes in which each triangle may have labels: its object and geometric primitive."""
+"""Triangle meshes whose triangles may have labels: object and geometric primitive."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ class Primitive:
     """A geometric primitive on which a part of a surface lies (thesis section 7).
 
     `kind` is "plane", "cylinder", "sphere", "cone", "torus", "superquadric" or "freeform".
-    `parameters` are in world coordinates (metres, radians); directions are unit vectors. A plane
-    has ``normal`` and ``offset`` (normal . p = offset); a cylinder ``point``, ``axis``, ``radius``;
-    a sphere ``centre``, ``radius``; a cone ``apex``, ``axis`` (into the cone), ``half_angle``; a
-    torus ``centre``, ``axis``, ``major_radius``, ``minor_radius``; a superquadric ``centre``,
-    ``axes``, ``sizes``, ``exponents``.
+    `parameters` are in world coordinates (metres, radians); directions are unit vectors. Plane:
+    ``normal``, ``offset`` (normal . p = offset); cylinder: ``point``, ``axis``, ``radius``; sphere:
+    ``centre``, ``radius``; cone: ``apex``, ``axis`` (into the cone), ``half_angle``; torus:
+    ``centre``, ``axis``, ``major_radius``, ``minor_radius``; superquadric: ``centre``, ``axes``,
+    ``sizes``, ``exponents``.
     """
 
     kind: str

@@ -23,9 +23,9 @@ _MIN_RANGE_M = 0.2
 def missing_returns(xyz: Floats, is_organised: bool = False) -> Mask:
     """Return the mask (n,) of points for laser firings without a return.
 
-    They have no coordinates, or lie at the origin. In an organised cloud (an image), all count.
-    Otherwise points at the origin count only if they are more than one in a thousand, and more than
-    twice as many as coincide at any other position.
+    They have no coordinates, or lie at the origin. In an organised cloud (an image), all such
+    points count. In others, points at the origin count only if they are more than one in a
+    thousand, and more than twice as many as coincide at any other position.
     """
     empty: Mask = np.asarray(np.isnan(xyz).all(axis=1))
     zero: Mask = np.asarray((xyz == 0).all(axis=1))
@@ -44,11 +44,11 @@ def _zeros_are_missing(xyz: Floats, zero: Mask) -> bool:
 
 
 def missing_firings(xyz: Floats, rings: NDArray[np.generic]) -> Mask:
-    """Return the mask (n,) of a frame's points that stand for laser firings without a return.
+    """Return the mask (n,) of a frame's points for laser firings without a return.
 
-    Data sets such as nuScenes store these at range 0; after motion compensation they lie decimetres
-    from the origin, and all lasers of a firing coincide. The mask contains points within 5 cm of a
-    position that three lasers (`rings`) share, or within 0.2 m of the sensor.
+    Data sets such as nuScenes store these at range 0; motion compensation moves them by decimetres,
+    all lasers of a firing alike. The mask contains points within 5 cm of a position that three
+    lasers (`rings`) share, or within 0.2 m of the sensor.
     """
     from scipy.spatial import KDTree
 

@@ -30,7 +30,6 @@ def add_point(moments: Floats, x: float, y: float, z: float, weight: float) -> N
 
 @compiled_in_place
 def squared_distance(moments: Floats, plane: Floats) -> float:
-    """Return the weighted sum of squared distances to a plane."""
     a, b, c, d = plane[0], plane[1], plane[2], plane[3]
     along = a * a * moments[4] + b * b * moments[7] + c * c * moments[9]
     along += 2 * (a * b * moments[5] + a * c * moments[6] + b * c * moments[8])
@@ -40,7 +39,6 @@ def squared_distance(moments: Floats, plane: Floats) -> float:
 
 @compiled_in_place
 def fit_plane(moments: Floats, plane: Floats) -> float:
-    """Fit `plane` (4,) to moments; return its `squared_distance`."""
     w = moments[0]
     x, y, z = moments[1] / w, moments[2] / w, moments[3] / w
     xx, xy, xz, yy, yz, zz = _covariance(moments)
@@ -84,9 +82,8 @@ def _least_eigenvalue(xx: float, xy: float, xz: float, yy: float, yz: float, zz:
 def _null_vector(
     xx: float, xy: float, xz: float, yy: float, yz: float, zz: float, out: Floats
 ) -> None:
-    """Write the unit null vector of a singular symmetric 3x3 matrix to `out`.
-
-    It is the longest cross product of two rows.
+    """Write the unit null vector of a singular symmetric 3x3 matrix: the longest cross product of
+    two rows.
     """
     best = 0.0
     out[0], out[1], out[2] = 0.0, 0.0, 1.0

@@ -102,9 +102,7 @@ def _sort_by_distance(queries: Floats, points: Floats, index: Indices) -> Floats
 
 @compiled
 def _count_ties(squared: Floats) -> tuple[Rows, Rows]:
-    """Return how many of each query's neighbours tie by pc_error's rule, and how many exactly,
-    (m,).
-    """
+    """Return numbers of neighbours that tie by pc_error's rule, and exactly, (m,) each."""
     m, k = squared.shape
     counts, exact = np.ones(m, np.int64), np.ones(m, np.int64)
     for i in range(m):

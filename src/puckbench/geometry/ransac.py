@@ -42,8 +42,8 @@ def ransac_plane(
 ) -> Plane:
     """Fit a plane to points (n, 3) by RANSAC, as PCL does (thesis, section 5.1.2).
 
-    At most 1000 samples are drawn, for 99 % confidence. With `refit` return the least-squares plane
-    of the inliers, which are within `threshold_m`. Raises InputError if all points lie on one line.
+    At most 1000 samples are drawn, for 99 % confidence. `refit` fits the plane to the inliers
+    (within `threshold_m`) by least squares. Raises InputError if all points lie on one line.
     """
     if len(points) < 3:
         raise InputError(f"a plane needs at least 3 points, there are {len(points)}")
@@ -66,10 +66,10 @@ def least_squares_plane(points: Floats) -> Plane:
 def robust_plane(
     points: Floats, start: Plane, *, sigmas: float = 5.0, rounds: int = 20
 ) -> tuple[Plane, NDArray[np.bool_]]:
-    """Fit a plane to points (n, 3) repeatedly, each time to the inliers of the plane before.
+    """Fit a plane to points (n, 3) repeatedly, each time to the inliers of the previous plane.
 
     Inliers lie within `sigmas` robust standard deviations of the median distance. The fit ends
-    after `rounds`, or when they do not change. Return the plane and the inliers' mask (n,).
+    after `rounds`, or when they do not change. Returns the plane and the inliers' mask (n,).
     """
     plane, inliers = start, np.zeros(len(points), dtype=bool)
     for _ in range(rounds):

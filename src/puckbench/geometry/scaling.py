@@ -44,7 +44,8 @@ def origin_shift(points: Floats) -> Floats:
 def cube_scaling(points: Floats, size: int = 1024) -> Scaling:
     """Return the scaling of points (n, 3), m, to [0, size - 1]^3, as in PCC Arena (thesis, 6.1.6).
 
-    Each axis's minimum is subtracted; all are multiplied by (size - 1) over the largest coordinate.
+    Each axis's minimum is subtracted; then all are multiplied by (size - 1) / the largest
+    coordinate.
     """
     offset = points.min(axis=0)
     extent = float((points.max(axis=0) - offset).max())

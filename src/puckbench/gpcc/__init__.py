@@ -1,8 +1,7 @@
 """G-PCC (ISO/IEC 23090-9:2023), compatible with TMC13: geometry and attributes of point clouds.
 
-Streams, syntax elements and coding tools are named as in the standard and in TMC13 release-v14.0,
-its reference software. Damaged streams and points that cannot be encoded raise
-`puckbench.core.errors.InputError`.
+Names are those of the standard and of TMC13 release-v14.0, its reference software. Damaged streams
+and points that cannot be encoded raise `puckbench.core.errors.InputError`.
 """
 
 from typing import TYPE_CHECKING

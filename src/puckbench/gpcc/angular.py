@@ -1,7 +1,7 @@
 """Angular mode: contexts from the lasers of a spinning sensor.
 
-The elevation of a laser predicts which half of a node is occupied along z, and the azimuth of its
-last shot predicts the half along x or y (`determineContextAngleForPlanar`, `findLaser`,
+The elevation of a laser predicts the occupied half of a node along z, the azimuth of its last shot
+the half along x or y (`determineContextAngleForPlanar`, `findLaser`,
 `AzimuthalPhiZi` in TMC13). Elevations are tangents in units of 2^-18, heights are in eighths of a
 coding unit, azimuths in units of 2^-20 radians, inverse distances in units of 2^-32.
 """
@@ -37,7 +37,7 @@ class Angular(NamedTuple):
     height: negative heights of the lasers (`syntax.Laser.z`).
     least_gap: smallest difference between two lasers' elevations.
     step, steps: azimuth between two shots, and its inverse in units of 2^-30.
-    fault: (1,) nonzero if a stream names a laser that does not exist.
+    fault: (1,) nonzero if a stream's laser index is out of range.
     """
 
     origin: Ints
@@ -79,7 +79,9 @@ def angular_state(elevation: Ints, height: Ints, turns: Ints, origin: Ints) -> A
 
 @inlined
 def tangent_of(height: int, root: int) -> int:
-    """Return the tangent of the elevation of a height, in half units, at distance 1 / `root`."""
+    """Return the tangent of the elevation of a point at a height, in half units, and distance 1 /
+    `root`.
+    """
     product = height * root
     return int32(product >> 15 if product >= 0 else -(-product >> 15))
 
@@ -141,9 +143,8 @@ def azimuth_ctx(left: int, right: int, contrast: int) -> int:
 
 @inlined
 def elevation_ctx(difference: int, half_height: int) -> int:
-    """Return the context of a bit that selects a half of a node along z.
-
-    difference: elevation of the laser minus that of the node's middle.
+    """Return the context of a bit that selects a half of a node along z; `difference` is the
+    laser's elevation minus that of the node's middle.
     """
     context = 0 if difference >= 0 else 1
     if int32(difference - half_height) >= 0 or int32(difference + half_height) < 0:
@@ -199,9 +200,9 @@ def plane_angles(
 def angular_eligible_axes(angles: PlaneAngles, eligible_axes: int, axes: int) -> int:
     """Return the axes (1 x, 2 y, 4 z) along which a node's planes are coded in angular mode.
 
-    These have an angular context; z may also be eligible without one. `axes` (4 x, 2 y, 1 z) are
+    They have an angular context; z may also be eligible without one. `axes` (4 x, 2 y, 1 z) are
     those that the level splits.
     """
-    found = eligible_axes & 4
-    found |= integer(angles.x >= 0) | integer(angles.y >= 0) << 1 | integer(angles.z >= 0) << 2
-    return found & ((axes >> 2 & 1) | (axes & 2) | (axes & 1) << 2)
+    result = eligible_axes & 4
+    result |= integer(angles.x >= 0) | integer(angles.y >= 0) << 1 | integer(angles.z >= 0) << 2
+    return result & ((axes >> 2 & 1) | (axes & 2) | (axes & 1) << 2)

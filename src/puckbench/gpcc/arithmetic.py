@@ -1,7 +1,7 @@
 """Adaptive binary arithmetic encoder and decoder of G-PCC (ISO/IEC 23090-9).
 
-With an `Encoder`, the coding functions encode and return the given value; with a `Decoder`, they
-ignore it and return the decoded one. A context is the probability of a zero in 16 bits, as in the
+With an `Encoder`, coding functions encode and return their argument; with a `Decoder`, they return
+the decoded value. A context is the probability of a zero in 16 bits, as in the
 Schroedinger coder (`schroarith`) of TMC13.
 """
 
@@ -45,7 +45,7 @@ class Decoder(NamedTuple):
 
     state: code value; range; bits of the code value beyond 16; bytes read; bytes of the stream; 1
     if bypass bits are in `bypass`, 0 if in the stream; index of the next bit in `bypass`.
-    bypass: bypass bits that are not in the stream, one per byte.
+    bypass: bypass bits of a separate stream, one per byte.
     """
 
     state: NDArray[np.int64]

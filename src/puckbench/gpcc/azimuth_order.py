@@ -1,6 +1,6 @@
 """Sorting of points by azimuth, radius and slope (height / radius) in the order of TMC13.
 
-TMC13's unstable ``std::sort`` is, as in the GNU C++ library, an introsort.
+TMC13 uses an unstable ``std::sort``, the introsort of the GNU C++ library.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Bitwise reading and writing of syntax elements.
 
-One function both reads a structure, with a `BitReader`, and writes it, with a `BitWriter`. Methods
-have the names of the standard's descriptors u(n), ue(v) and se(v).
+One function reads a structure with a `BitReader`, and writes it with a `BitWriter`. Methods are
+named after the standard's descriptors u(n), ue(v) and se(v).
 """
 
 from __future__ import annotations

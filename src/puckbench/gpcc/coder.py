@@ -1,5 +1,3 @@
-"""Encoder of integer points as octree bitstreams, and decoder of all supported bitstreams."""
-
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -117,8 +115,6 @@ def encode_geometry(
 
 
 class AttributeWriter(Protocol):
-    """Encoder of the attributes of a stream."""
-
     def start(
         self,
         sps: syntax.SequenceParameterSet,
@@ -225,7 +221,7 @@ def checked_points(points: NDArray[Any]) -> tuple[Ints, Ints]:
         raise InputError("G-PCC: no points to code")
     whole = np.ascontiguousarray(points, dtype=np.int64)
     if points.dtype.kind not in "iu" and not (whole == points).all():
-        raise InputError("G-PCC: coordinates are no whole numbers: scale and round them first")
+        raise InputError("G-PCC: coordinates are not integers: scale and round them first")
     points = whole
     low, high = bounding_corners(points)
     if (high - low >= 1 << MOST_BITS).any():
@@ -299,7 +295,7 @@ def _partition(
     angular: bool,
     rows: NDArray[np.int64] | None,
 ) -> Iterator[_SlicePoints]:
-    """Yield slices of points (n, 3); `rows`: their indices, if members are needed."""
+    """Yield slices of points (n, 3); `rows`: their indices if `members` are needed, else None."""
     fits = len(points) <= options.slice_max_points
     if fits or options.merge_duplicates:
         slice_points = _slice_points(points, start, options, angular, rows)
@@ -315,7 +311,9 @@ def _partition(
 
 
 def split_position(sorted_values: NDArray[Any]) -> int:
-    """Return an index near the middle of sorted values that, if possible, separates no equals."""
+    """Return the index near the middle of sorted values that, if possible, does not separate equal
+    values.
+    """
     middle = len(sorted_values) // 2
     starts = np.searchsorted(sorted_values, sorted_values[middle], side="left")
     ends = np.searchsorted(sorted_values, sorted_values[middle], side="right")

@@ -1,5 +1,3 @@
-"""Decorators that compile functions of G-PCC with Numba."""
-
 from __future__ import annotations
 
 from collections.abc import Callable
@@ -29,7 +27,7 @@ def compiled(function: Function) -> Function:
 
 
 def entry(function: Function) -> Function:
-    """Compile a function that Python calls and that creates no arrays."""
+    """Compile a function that creates no arrays, to be called from Python."""
     return compiling.compiled(function, **_KERNEL)
 
 

@@ -48,7 +48,9 @@ class ConformanceStream:
 
     @property
     def tools(self) -> str:
-        """Coding tools: `attributes`, or `octree` or `trees`, after `angular` with a sensor."""
+        """Coding tools: `attributes`, `octree` or `trees`, preceded by `angular` if there is a
+        sensor.
+        """
         if self.columns > 3:
             return "attributes"
         kind = "trees" if "--geomTreeType=1" in self.options else "octree"
@@ -56,7 +58,7 @@ class ConformanceStream:
 
     @property
     def columns(self) -> int:
-        """Number of coordinates and values of attributes of each point."""
+        """Number of coordinates and attribute values of each point."""
         colours = "--attribute=color" in self.options
         return 3 + 3 * colours + ("--attribute=reflectance" in self.options)
 
@@ -75,7 +77,7 @@ class CrashError(Exception):
 
 
 def conformance_streams(folder: Path = FOLDER) -> list[ConformanceStream]:
-    """Return the streams of a folder and, named `attributes/...`, of its folder of that name.
+    """Return the streams of a folder, and those of its subfolder `attributes`.
 
     Raises InputError if the folder has no manifest.
     """
@@ -141,7 +143,6 @@ def _difference(stream: ConformanceStream) -> str:
 
 
 def decode_rows(stream: bytes) -> Floats:
-    """Decode a stream with our decoder; see `Decode`."""
     cloud = decode_cloud(stream)
     values = [cloud.attributes.get(name) for name in ("color", "reflectance")]
     return _rows(cloud.positions(), *values)
@@ -160,8 +161,8 @@ def program_decoder(words: str) -> Decode:
     Parameters
     ----------
     words
-        Command with ``{stream}`` for the input file and ``{points}`` for the output (.ply), or a
-        program with the options of TMC13's ``tmc3``.
+        Command with ``{stream}`` for the input and ``{points}`` for the output (.ply), or a program
+        with the options of TMC13's ``tmc3``.
     """
     if "{stream}" not in words:
         words = f"{shlex.quote(words)} --mode=1 --compressedStreamPath={{stream}}"

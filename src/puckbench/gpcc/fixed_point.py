@@ -77,7 +77,7 @@ def inverse_square_root(number: int) -> int:
 
 @kernel
 def square_root(number: int) -> int:
-    """Return the square root of a number below 2^62, at most 2 from the exact one up to 2^46."""
+    """Return the square root of a number below 2^62; up to 2^46 the error is at most 2."""
     if number <= 1 << 46:
         return 1 + ((number * inverse_square_root(number) >> 40) & 0xFFFFFF)
     number = (number + 65536) >> 16

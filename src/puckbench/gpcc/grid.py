@@ -1,5 +1,3 @@
-"""Conversion of real coordinates to the integers that G-PCC codes, and back."""
-
 from __future__ import annotations
 
 from typing import Literal, NamedTuple
@@ -19,7 +17,7 @@ _FARTHEST = 2.0**30
 
 
 class InputGrid(NamedTuple):
-    """Grid of the input coordinates: its step (`unit`) and origin (`offset`)."""
+    """Grid of input coordinates: step (`unit`) and origin (`offset`)."""
 
     unit: float = 1.0
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -79,7 +77,6 @@ def quantise(
 
 
 def _rounded(units: Floats, scale: float, rounding: Rounding) -> NDArray[np.int64]:
-    """Scale positions and round them to integers, halves away from zero as in C's ``round``."""
     if rounding == "nearest":
         scaled = units * scale
     else:

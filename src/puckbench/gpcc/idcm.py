@@ -101,7 +101,7 @@ def code_direct_positions(
     contexts: Contexts,
     node: IdcmNode,
     angular: Angular | None,
-    given: Ints,
+    points_in: Ints,
     leaves: int,
     points: int,
     coded: Ints,
@@ -109,7 +109,7 @@ def code_direct_positions(
 ) -> tuple[int, int]:
     """Encode or decode the points of a node; return the numbers of distinct and of all points.
 
-    given, coded: (2, 3) distinct points to encode, and the result, relative to the node.
+    points_in, coded: (2, 3) distinct points to encode, and those coded, relative to the node.
     """
     pair = code_bit(coder, contexts.probabilities, CTX_NUM_IDCM_POINTS_GT1, integer(leaves == 2))
     dup_point_cnt = 0
@@ -118,19 +118,21 @@ def code_direct_positions(
     _start_from_planes(node, coded, bits_left)
     if angular is None:
         if pair and node.joint_2pt_idcm:
-            _code_same_bits(coder, contexts, given, bits_left, coded)
+            _code_same_bits(coder, contexts, points_in, bits_left, coded)
         for i in range(1 + pair):
             for axis in range(3):
-                _code_axis(coder, given, bits_left, coded, i, axis)
+                _code_axis(coder, points_in, bits_left, coded, i, axis)
     else:
-        _code_by_angles(coder, contexts, node, angular, given, leaves, pair, coded, bits_left)
+        _code_by_angles(coder, contexts, node, angular, points_in, leaves, pair, coded, bits_left)
     return 1 + pair, 1 + pair + dup_point_cnt
 
 
 @inlined
-def _code_axis(coder: Any, given: Ints, bits_left: Ints, coded: Ints, i: int, axis: int) -> None:
+def _code_axis(
+    coder: Any, points_in: Ints, bits_left: Ints, coded: Ints, i: int, axis: int
+) -> None:
     for k in range(bits_left[axis] - 1, -1, -1):
-        bit = code_bypass(coder, given[i, axis] >> k & 1)
+        bit = code_bypass(coder, points_in[i, axis] >> k & 1)
         coded[i, axis] = coded[i, axis] << 1 | bit
 
 
@@ -147,20 +149,20 @@ def _code_dup_point_cnt(coder: Any, contexts: Contexts, dup_point_cnt: int) -> i
 @inlined
 def _start_from_planes(node: IdcmNode, coded: Ints, bits_left: Ints) -> None:
     for axis in range(3):
-        known = node.node_size_log2[axis] > 0 and node.planar_mode >> axis & 1 != 0
-        bits_left[axis] = node.node_size_log2[axis] - integer(known)
-        first = (node.plane_pos_bits >> axis & 1) if known else 0
+        is_plane_coded = node.node_size_log2[axis] > 0 and node.planar_mode >> axis & 1 != 0
+        bits_left[axis] = node.node_size_log2[axis] - integer(is_plane_coded)
+        first = (node.plane_pos_bits >> axis & 1) if is_plane_coded else 0
         coded[0, axis] = first
         coded[1, axis] = first
 
 
 @kernel
 def _code_same_bits(
-    coder: Any, contexts: Contexts, given: Ints, bits_left: Ints, coded: Ints
+    coder: Any, contexts: Contexts, points_in: Ints, bits_left: Ints, coded: Ints
 ) -> None:
     equal = True
     for axis in range(3):
-        same = _code_same_bits_of_axis(coder, contexts, given, bits_left, coded, axis, equal)
+        same = _code_same_bits_of_axis(coder, contexts, points_in, bits_left, coded, axis, equal)
         equal = equal and same
 
 
@@ -168,7 +170,7 @@ def _code_same_bits(
 def _code_same_bits_of_axis(
     coder: Any,
     contexts: Contexts,
-    given: Ints,
+    points_in: Ints,
     bits_left: Ints,
     coded: Ints,
     axis: int,
@@ -176,26 +178,26 @@ def _code_same_bits_of_axis(
 ) -> bool:
     """Encode or decode two points' common leading bits along an axis, and the first difference.
 
-    equal: whether the points are equal along previous axes. Return whether all bits are equal.
+    equal: whether the points are equal along previous axes. Returns whether all bits are equal.
     """
     same = integer(1)
     ctx = 0
     while bits_left[axis] > 0 and same:
         bits_left[axis] -= 1
-        one, other = (
-            given[0, axis] >> bits_left[axis] & 1,
-            given[1, axis] >> bits_left[axis] & 1,
+        first, second = (
+            points_in[0, axis] >> bits_left[axis] & 1,
+            points_in[1, axis] >> bits_left[axis] & 1,
         )
         same = code_bit(
             coder,
             contexts.probabilities,
             CTX_SAME_BIT_HIGH + 5 * axis + ctx,
-            integer(one == other),
+            integer(first == second),
         )
         ctx = min(4, ctx + 1)
         bit = integer(0)
         if same or not equal:
-            bit = code_bypass(coder, one)
+            bit = code_bypass(coder, first)
         coded[0, axis] = coded[0, axis] << 1 | bit
         coded[1, axis] = coded[1, axis] << 1 | (bit if same else 1 - bit)
     return same != 0
@@ -207,17 +209,16 @@ def _code_by_angles(
     contexts: Contexts,
     node: IdcmNode,
     angular: Angular,
-    given: Ints,
+    points_in: Ints,
     leaves: int,
     pair: int,
     coded: Ints,
     bits_left: Ints,
 ) -> None:
-    """Encode or decode x or y without contexts, then the rest with contexts of angular mode."""
     x, y, z = node_corner(angular, node.morton, node.node_size_log2)
     direct = integer(abs(x) <= abs(y))
     if pair and node.joint_2pt_idcm:
-        _code_same_bits_of_axis(coder, contexts, given, bits_left, coded, direct, True)
+        _code_same_bits_of_axis(coder, contexts, points_in, bits_left, coded, direct, True)
     laser = laser_of(
         angular.elevation,
         x + _middle(coded, bits_left, 0),
@@ -225,31 +226,35 @@ def _code_by_angles(
         z + _middle(coded, bits_left, 2),
     )
     for i in range(1 + pair):
-        _code_axis(coder, given, bits_left, coded, i, direct)
+        _code_axis(coder, points_in, bits_left, coded, i, direct)
         seen_by = laser
         if leaves:  # only an encoder has leaves
-            seen_by = laser_of(angular.elevation, x + given[i, 0], y + given[i, 1], z + given[i, 2])
+            seen_by = laser_of(
+                angular.elevation, x + points_in[i, 0], y + points_in[i, 1], z + points_in[i, 2]
+            )
         seen_by = laser + _code_theta_res(coder, contexts, seen_by - laser)
         if seen_by < 0 or seen_by >= len(angular.azimuth):
             angular.fault[0] = 1
             return
-        known = coded[i, direct] + (y if direct else x)
-        found = _code_azimuth(
+        direct_value = coded[i, direct] + (y if direct else x)
+        angular_value = _code_azimuth(
             coder,
             contexts,
             angular,
             seen_by,
             1 - direct,
             x if direct else y,
-            known,
-            given,
+            direct_value,
+            points_in,
             coded,
             bits_left,
             i,
         )
         if bits_left[2]:
-            place = (found, known, z) if direct else (known, found, z)
-            _code_elevation(coder, contexts, angular, seen_by, place, given, coded, bits_left, i)
+            place = (angular_value, direct_value, z) if direct else (direct_value, angular_value, z)
+            _code_elevation(
+                coder, contexts, angular, seen_by, place, points_in, coded, bits_left, i
+            )
 
 
 @inlined
@@ -283,7 +288,7 @@ def _code_azimuth(
     axis: int,
     corner: int,
     other: int,
-    given: Ints,
+    points_in: Ints,
     coded: Ints,
     bits_left: Ints,
     i: int,
@@ -304,7 +309,7 @@ def _code_azimuth(
             coder,
             contexts.probabilities,
             CTX_PLANE_ANGULAR_PHI_IDCM + context,
-            given[i, axis] >> k & 1,
+            points_in[i, axis] >> k & 1,
         )
         coded[i, axis] = coded[i, axis] << 1 | bit
         if bit:
@@ -321,7 +326,7 @@ def _code_elevation(
     angular: Angular,
     laser: int,
     place: tuple[int, int, int],
-    given: Ints,
+    points_in: Ints,
     coded: Ints,
     bits_left: Ints,
     i: int,
@@ -344,7 +349,7 @@ def _code_elevation(
             coder,
             contexts.probabilities,
             CTX_PLANE_ANGULAR_IDCM + context,
-            given[i, 2] >> k & 1,
+            points_in[i, 2] >> k & 1,
         )
         coded[i, 2] = coded[i, 2] << 1 | bit
         z += bit << k
@@ -377,8 +382,8 @@ def order_by_angles(
 ) -> None:
     """Sort a node's two points into the order in which angular mode codes them.
 
-    Points coded jointly are sorted by x or y, whichever is coded without contexts. If they are
-    equal there, or coded separately, `second_first` swaps points of the same child node.
+    Jointly coded points are sorted by x or y, whichever has no contexts. If they are equal there,
+    or coded separately, `second_first` swaps points of the same child node.
     """
     one_child = True
     for axis in range(3):

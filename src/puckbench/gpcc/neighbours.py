@@ -154,15 +154,15 @@ def _adjacent_occupancy(
 ) -> int:
     bits = _AXIS[axis]
     levels = atlas.side - ((axes >> (2 - axis)) & 1)
-    own = address & bits
+    place = address & bits
     if towards > 0:
-        if own == bits & ((1 << 3 * levels) - 1):
+        if place == bits & ((1 << 3 * levels) - 1):
             return 0
         moved = ((address | ~bits) + 1) & bits
     else:
-        if own == 0:
+        if place == 0:
             return 0
-        moved = (own - 1) & bits
+        moved = (place - 1) & bits
     return integer(atlas.parents[moved | address & ~bits])
 
 
@@ -257,15 +257,15 @@ def neighbour_grid(atlas: OccupancyAtlas, axes: int, base: int) -> int:
 
 @inlined
 def _moved(address: int, within: int, bits: int, place: int) -> int:
-    """Return the `bits` (of an axis) of a Morton code moved by `place` - 1 nodes, or -1 outside the
-    cube.
+    """Move a Morton code by `place` - 1 nodes along the axis of `bits`; return those bits, or -1
+    outside the cube.
     """
-    own = address & bits
+    along = address & bits
     if place == 1:
-        return own
+        return along
     if place == 0:
-        return -1 if own == 0 else (own - 1) & bits
-    return -1 if own == within & bits else ((address | ~bits) + 1) & bits
+        return -1 if along == 0 else (along - 1) & bits
+    return -1 if along == within & bits else ((address | ~bits) + 1) & bits
 
 
 @kernel

@@ -80,7 +80,7 @@ def code_occupancy(
 
 @kernel
 def _pair_of_children(masks: PlanarMasks) -> int:
-    """Return the mask of the two children that two coded planes leave, or 0."""
+    """Return the mask of the two children that are left by the planes along two axes, or 0."""
     child = _known_child(masks)
     if masks.mask_planar_x and masks.mask_planar_y:
         return 3 << child

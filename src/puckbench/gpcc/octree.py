@@ -1,7 +1,7 @@
 """Coding of an octree level: for each node, planar modes, and occupancy or IDCM points.
 
 Nodes are coded in breadth-first order, as in TMC13's `GeometryOctreeEncoder` and
-`GeometryOctreeDecoder`. A decoder has no `Source`.
+`GeometryOctreeDecoder`. `Source` is for encoders.
 """
 
 from __future__ import annotations
@@ -128,14 +128,14 @@ class SliceState(NamedTuple):
     leaves: Morton codes of the coded points; an encoder may leave them out.
     counters: points decoded and allowed; nodes with children in this level; their children;
         idcm_enable_mask.
-    given, coded, left: working memory of IDCM.
+    points_in, coded, left: working memory of IDCM.
     """
 
     atlas: OccupancyAtlas
     planar: PlanarState
     leaves: Ints
     counters: Ints
-    given: Ints
+    points_in: Ints
     coded: Ints
     left: Ints
 
@@ -305,9 +305,9 @@ def _code_node(
         is_predicted, prediction = 0, 0
         if level.intra_pred and no_child_masked(masks):
             is_predicted, prediction = predict_occupancy(parent.grid, child)
-        known = integer(state.atlas.side > 0)
+        neighbours_known = integer(state.atlas.side > 0)
         neighbourhood = OccupancyNeighbourhood(
-            known, neigh_pattern, gt0, gt1, unocc, is_predicted, prediction
+            neighbours_known, neigh_pattern, gt0, gt1, unocc, is_predicted, prediction
         )
         occupancy = code_occupancy(coder, contexts, neighbourhood, masks, occupancy)
     if level.adjacent_child_ctx:
@@ -380,15 +380,18 @@ def _code_direct_positions(
     if source is not None:
         if angular is None:
             local_points(
-                source.leaves[start:end], level.node_size_log2, state.given, level.joint_2pt_idcm
+                source.leaves[start:end],
+                level.node_size_log2,
+                state.points_in,
+                level.joint_2pt_idcm,
             )
         else:
-            local_points(source.leaves[start:end], level.node_size_log2, state.given, False)
+            local_points(source.leaves[start:end], level.node_size_log2, state.points_in, False)
             if leaves == 2:
                 second_first = integer(source.second_first[start]) != 0
-                order_by_angles(node, angular, level.coded_axes, second_first, state.given)
+                order_by_angles(node, angular, level.coded_axes, second_first, state.points_in)
     leaves, points = code_direct_positions(
-        coder, contexts, node, angular, state.given, leaves, points, state.coded, state.left
+        coder, contexts, node, angular, state.points_in, leaves, points, state.coded, state.left
     )
     for i in range(leaves):
         point_count = points - leaves + 1 if i == 0 else 1

@@ -83,21 +83,21 @@ def planar_eligible_axes(state: PlanarState, axes: int) -> int:
     rates = state.rates
     if rates[3] >= _MAX_DENSITY:
         return 0
-    found = 0
+    result = 0
     for axis in range(3):
         rank = 0
         for other in range(3):
             ahead = rates[other] > rates[axis] or (rates[other] == rates[axis] and other < axis)
             rank += integer(ahead)
         if rates[axis] >= state.thresholds[rank] and axes >> (2 - axis) & 1:
-            found |= 1 << axis
-    return found
+            result |= 1 << axis
+    return result
 
 
 @kernel
 def planar_mode_of(occupancy: int) -> tuple[int, int]:
-    """Return two masks (1 x, 2 y, 4 z): axes with one occupied plane, and those where it is the
-    upper.
+    """Return masks (1 x, 2 y, 4 z) of the axes with one occupied plane, and of those where it is
+    the upper plane.
     """
     planar_mode, plane_pos_bits = 0, 0
     for axis in range(3):

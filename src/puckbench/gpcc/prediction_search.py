@@ -1,7 +1,7 @@
 """Search of nearest positions in a growing set, with k-d trees whose sizes are powers of two.
 
-A new position and all smaller trees form one of the first free size (Bentley's logarithmic method).
-Of equally near positions, the first visited is kept, as in TMC13.
+A new position and all trees below the first unused size are merged to one tree (Bentley's
+logarithmic method). Of equally near positions, the first visited is kept, as in TMC13.
 """
 
 from __future__ import annotations
@@ -175,7 +175,9 @@ def _take_values(search: Search, first: int, end: int, axis: int) -> None:
 
 @inlined
 def _split(search: Search, first: int, end: int, frame: Ints) -> tuple[int, int, int]:
-    """Partition rows near the middle of a box's longest side; return axis, cut and upper start."""
+    """Partition rows near the middle of a box's longest side; return axis, cut and first row of the
+    upper half.
+    """
     longest = max(frame[6] - frame[3], frame[7] - frame[4], frame[8] - frame[5])
     axis, spread, low, high, taken = 0, -1, 0, 0, 0
     for k in range(3):
@@ -219,20 +221,20 @@ def _parted(search: Search, left: int, first: int, end: int, cut: int) -> int:
 @kernel
 def nearest(search: Search, x: int, y: int, z: int) -> int:
     """Write the positions nearest to a point, at most 3, to `search`; return their number."""
-    found, count = 0, search.counters[0]
+    held, count = 0, search.counters[0]
     search.distances[NEIGHBOURS - 1] = _FAR
     tree = 0
     while count >> tree:
         if count >> tree & 1 and tree <= _LEAF_LOG2:
-            found = _search_leaf(search, 1 << tree, 2 << tree, found, (x, y, z))
+            held = _search_leaf(search, 1 << tree, 2 << tree, held, (x, y, z))
         elif count >> tree & 1:
-            found = _search_tree(search, tree, found, (x, y, z))
+            held = _search_tree(search, tree, held, (x, y, z))
         tree += 1
-    return found
+    return held
 
 
 @inlined
-def _search_tree(search: Search, tree: int, found: int, at: tuple[int, int, int]) -> int:
+def _search_tree(search: Search, tree: int, held: int, at: tuple[int, int, int]) -> int:
     stack, box = search.stack, search.boxes[tree]
     stack[0, 0] = 2 << tree
     stack[0, 1] = 0
@@ -266,12 +268,12 @@ def _search_tree(search: Search, tree: int, found: int, at: tuple[int, int, int]
                 depth += 1
             node = integer(search.nodes[node, nearer])
         first, end = integer(search.nodes[node, 1]), integer(search.nodes[node, 2])
-        found = _search_leaf(search, first, end, found, at)
-    return found
+        held = _search_leaf(search, first, end, held, at)
+    return held
 
 
 @inlined
-def _search_leaf(search: Search, first: int, end: int, found: int, at: tuple[int, int, int]) -> int:
+def _search_leaf(search: Search, first: int, end: int, held: int, at: tuple[int, int, int]) -> int:
     worst = search.distances[NEIGHBOURS - 1]
     for k in range(first, end):
         row = integer(search.rows[k])
@@ -280,15 +282,15 @@ def _search_leaf(search: Search, first: int, end: int, found: int, at: tuple[int
         dz = at[2] - search.positions[row, 2]
         distance = dx * dx + dy * dy + dz * dz
         if distance < worst:
-            _keep(search, found, row, distance)
-            found = min(found + 1, NEIGHBOURS)
+            _keep(search, held, row, distance)
+            held = min(held + 1, NEIGHBOURS)
             worst = search.distances[NEIGHBOURS - 1]
-    return found
+    return held
 
 
 @inlined
-def _keep(search: Search, found: int, row: int, distance: int) -> None:
-    place = min(found, NEIGHBOURS - 1)
+def _keep(search: Search, held: int, row: int, distance: int) -> None:
+    place = min(held, NEIGHBOURS - 1)
     while place > 0 and search.distances[place - 1] > distance:
         search.distances[place] = search.distances[place - 1]
         search.nearest[place] = search.nearest[place - 1]

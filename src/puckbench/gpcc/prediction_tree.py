@@ -1,7 +1,7 @@
 """Order and parents of a slice's points, as chosen by the encoder of TMC13.
 
-With a sensor, each laser's points form a chain, and the chains' first points are linked. Otherwise
-a point's parent is the node with the nearest prediction.
+With a sensor, each laser's points form a chain, and chains are linked by their first points.
+Otherwise a point's parent is the node with the nearest prediction.
 """
 
 from __future__ import annotations
@@ -68,7 +68,6 @@ def empty_tree(points: int) -> PredictionTree:
 
 
 def angular_tree(points: Int32s, around: Sphere, positions: Int32s, most: int) -> PredictionTree:
-    """Build trees of at most `most` points, and write spherical coordinates to `positions`."""
     tree = empty_tree(len(points))
     for start in range(0, len(points), most):
         lasers = np.full((2, len(around.theta)), ROOT, dtype=np.int32)
@@ -86,10 +85,10 @@ def _chain(
     node: int,
     end: int,
 ) -> None:
-    """Build a tree of points from `node` to `end`; `lasers` (2, n): each one's first and last."""
+    """Build a tree from `node` to `end`; `lasers` (2, n): first and last point of each laser."""
     ox, oy, oz = around.origin
     while node < end:
-        found = spherical(
+        position = spherical(
             around,
             integer(points[node, 0]) - ox,
             integer(points[node, 1]) - oy,
@@ -98,8 +97,8 @@ def _chain(
         _find_copies(points, tree, node, end)
         for k in range(node, node + 1 + tree.copies[node]):
             for axis in range(3):
-                positions[k, axis] = found[axis]
-        laser = found[2]
+                positions[k, axis] = position[axis]
+        laser = position[2]
         if lasers[1, laser] == ROOT:
             lasers[0, laser] = node
         else:

@@ -1,8 +1,8 @@
 """Predictive geometry (`geom_tree_type` 1): coding of syntax elements, and decoder.
 
-The points are nodes of trees in depth-first order; each is predicted from up to three ancestors and
-corrected by a residual. Angular coding predicts in spherical coordinates, and a second residual
-corrects x, y, z. In TMC13: `PredGeomEncoder`, `PredGeomDecoder`.
+Points are nodes of trees in depth-first order, predicted from up to three ancestors and corrected
+by a residual. Angular coding predicts in spherical coordinates; a second residual corrects x, y, z.
+In TMC13: `PredGeomEncoder`, `PredGeomDecoder`.
 """
 
 from __future__ import annotations
@@ -224,7 +224,6 @@ def _code_component2(coder: Any, contexts: Probabilities, axis: int, value: int)
 
 @kernel
 def _code_long(coder: Any, contexts: Probabilities, axis: int, value: int) -> int:
-    """Encode or decode a number in Exp-Golomb code with contexts for prefix and suffix."""
     prefix, suffix = CTX_EG2_PREFIX + 5 * axis, CTX_EG2_SUFFIX + 4 * axis
     order, base = 0, 0
     while order < _LONGEST_PREFIX and code_bit(

@@ -1,5 +1,3 @@
-"""Encoder of predictive geometry; `coder.decode_geometry` decodes its streams."""
-
 from __future__ import annotations
 
 import math
@@ -205,8 +203,6 @@ def _partition(
 
 
 class _CodedPart(NamedTuple):
-    """An encoded slice; `rows` (n,) are the indices of its points in coded order."""
-
     unit: bytes
     corner: Three
     points: SlicePoints
@@ -259,7 +255,6 @@ def _coded(
     gps: syntax.GeometryParameterSet,
     most: int,
 ) -> tuple[bytes, NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]]:
-    """Return the coded data, the points and positions that a decoder gets, and their order."""
     tools = tools_of(header, gps, _AXES, header.slice_geom_origin_xyz)
     positions = np.empty_like(points) if tools.angular else points
     if tools.angular:
@@ -271,16 +266,16 @@ def _coded(
         header.pgeom_resid_abs_log2_bits = widths
         tools = tools_of(header, gps, _AXES, header.slice_geom_origin_xyz)
         coded = points.copy()
-        given = positions.copy() if tools.angular else coded
+        coded_positions = positions.copy() if tools.angular else coded
         order = np.empty(len(points), dtype=np.int32)
-        data = encode_trees(tree, coded, given, tools, initial_probabilities(), order)
+        data = encode_trees(tree, coded, coded_positions, tools, initial_probabilities(), order)
         if data is not None:
-            return data, coded, given, order
+            return data, coded, coded_positions, order
     raise InputError("G-PCC: residuals are too large for a stream")
 
 
 def _residual_bits(points: NDArray[np.int32], tools: Tools) -> Three:
-    """Return how many bits hold the bit length of a residual along each axis, as in TMC13."""
+    """Return the number of bits for the bit length of residuals along each axis, as in TMC13."""
     sides = [max(int(side).bit_length(), 1) for side in points.max(axis=0)]
     if tools.angular:
         return _angular_residual_bits(sides, tools)

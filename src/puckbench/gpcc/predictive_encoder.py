@@ -56,7 +56,7 @@ _MOST_COST = np.float32(np.finfo(np.float32).max)
 _RECIPROCALS = np.rint((1 << 20) * 8 / np.arange(8, 16)).astype(np.int64)
 
 
-class Given(NamedTuple):
+class EncoderState(NamedTuple):
     """Data to encode; during encoding, decoded values replace `points` and `positions`.
 
     positions: (n, 3) coordinates to predict: `points`, or spherical coordinates.
@@ -81,11 +81,11 @@ class Choice(NamedTuple):
 
 
 @entry
-def encode_trees(coder: Any, contexts: Probabilities, tools: Tools, given: Given) -> int:
+def encode_trees(coder: Any, contexts: Probabilities, tools: Tools, state: EncoderState) -> int:
     """Encode all trees, or continue after a full buffer; return DONE, FULL or UNREPRESENTABLE."""
-    progress, parents = given.progress, given.tree.parents
+    progress, parents = state.progress, state.tree.parents
     while True:
-        fault = _encode_tree(coder, contexts, tools, given)
+        fault = _encode_tree(coder, contexts, tools, state)
         if fault != DONE:
             return fault
         while progress[0] < len(parents) and parents[progress[0]] != ROOT:
@@ -95,20 +95,20 @@ def encode_trees(coder: Any, contexts: Probabilities, tools: Tools, given: Given
             code_bit(coder, contexts, CTX_END_OF_TREES, integer(not more))
         if not more:
             return DONE
-        given.stack[0] = progress[0]
+        state.stack[0] = progress[0]
         progress[0] += 1
         progress[1] = 1
         progress[2] = 0
 
 
 @inlined
-def _encode_tree(coder: Any, contexts: Probabilities, tools: Tools, given: Given) -> int:
-    tree, progress = given.tree, given.progress
+def _encode_tree(coder: Any, contexts: Probabilities, tools: Tools, state: EncoderState) -> int:
+    tree, progress = state.tree, state.progress
     while progress[1]:
         if coder.state[3] + NODE_BYTES > len(coder.data):
             return FULL
         progress[1] -= 1
-        node = integer(given.stack[progress[1]])
+        node = integer(state.stack[progress[1]])
         if tools.scaling:
             if progress[2] == 0:
                 code_qp_offset(coder, contexts, 0)
@@ -117,25 +117,25 @@ def _encode_tree(coder: Any, contexts: Probabilities, tools: Tools, given: Given
         if not tools.unique_points:
             code_num_dup_points(coder, contexts, integer(tree.copies[node]))
         code_num_children(coder, contexts, integer(tree.num_children[node]))
-        if not _encode_position(coder, contexts, tools, given, node):
+        if not _encode_position(coder, contexts, tools, state, node):
             return UNREPRESENTABLE
         for k in range(node, node + 1 + tree.copies[node]):
-            given.order[progress[3]] = k
+            state.order[progress[3]] = k
             progress[3] += 1
             for axis in range(3):
-                given.points[k, axis] = given.points[node, axis]
-                given.positions[k, axis] = given.positions[node, axis]
+                state.points[k, axis] = state.points[node, axis]
+                state.positions[k, axis] = state.positions[node, axis]
         for k in range(tree.num_children[node]):
-            given.stack[progress[1]] = tree.children[node, k]
+            state.stack[progress[1]] = tree.children[node, k]
             progress[1] += 1
     return DONE
 
 
 @inlined
 def _encode_position(
-    coder: Any, contexts: Probabilities, tools: Tools, given: Given, node: int
+    coder: Any, contexts: Probabilities, tools: Tools, state: EncoderState, node: int
 ) -> bool:
-    fits, choice = _decided(contexts, tools, given, node)
+    fits, choice = _decided(contexts, tools, state, node)
     if not fits:
         return False
     code_pred_mode(coder, contexts, choice.mode)
@@ -143,19 +143,24 @@ def _encode_position(
         code_phi_multiplier(coder, contexts, choice.steps)
     code_residual(coder, contexts, tools, choice.mode, choice.residual)
     if tools.angular:
-        _encode_place(coder, contexts, tools, given, node, choice)
+        _encode_place(coder, contexts, tools, state, node, choice)
         return True
     for axis in range(3):
         exact = choice.prediction[axis] + scaled(choice.residual[axis], tools.slice_qp)
-        given.points[node, axis] = max(0, exact)
+        state.points[node, axis] = max(0, exact)
     return True
 
 
 @inlined
 def _encode_place(
-    coder: Any, contexts: Probabilities, tools: Tools, given: Given, node: int, choice: Choice
+    coder: Any,
+    contexts: Probabilities,
+    tools: Tools,
+    state: EncoderState,
+    node: int,
+    choice: Choice,
 ) -> None:
-    around, positions = tools.sphere, given.positions
+    around, positions = tools.sphere, state.positions
     if tools.azimuth_scaling:
         radius = choice.prediction[0] + choice.residual[0]
         turned = azimuth_of_arc(choice.residual[1], radius, around.azimuth_log2)
@@ -168,7 +173,7 @@ def _encode_place(
         integer(positions[node, 1]),
         integer(positions[node, 2]),
     )
-    qp, origin, points = tools.slice_qp, around.origin, given.points
+    qp, origin, points = tools.slice_qp, around.origin, state.points
     second = code_residual2(
         coder,
         contexts,
@@ -189,16 +194,17 @@ def quantised(value: int, qp: int) -> int:
 
 
 @inlined
-def _decided(contexts: Probabilities, tools: Tools, given: Given, node: int) -> tuple[bool, Choice]:
-    """Return whether any prediction's residual can be coded, and the cheapest prediction."""
-    before = ancestors(given.tree.parents, node)
-    best = _predict(tools, given, node, before, NONE)
+def _decided(
+    contexts: Probabilities, tools: Tools, state: EncoderState, node: int
+) -> tuple[bool, Choice]:
+    before = ancestors(state.tree.parents, node)
+    best = _predict(tools, state, node, before, NONE)
     fits = _is_representable(tools, best.residual)
     least = _cost(contexts, tools, best) if fits else _MOST_COST
     for mode in range(1, LINEAR3 + 1):
         if before[mode - 1] < 0:
             break
-        choice = _predict(tools, given, node, before, mode)
+        choice = _predict(tools, state, node, before, mode)
         if _is_representable(tools, choice.residual):
             cost = _cost(contexts, tools, choice)
             if cost < least:
@@ -207,8 +213,8 @@ def _decided(contexts: Probabilities, tools: Tools, given: Given, node: int) -> 
 
 
 @inlined
-def _predict(tools: Tools, given: Given, node: int, before: Three, mode: int) -> Choice:
-    positions = given.positions
+def _predict(tools: Tools, state: EncoderState, node: int, before: Three, mode: int) -> Choice:
+    positions = state.positions
     a, b, c = predicted(positions, before, mode, tools)
     first, second, third = (
         integer(positions[node, 0]),

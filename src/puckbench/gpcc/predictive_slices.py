@@ -1,5 +1,3 @@
-"""Encoding and decoding of the prediction trees of a slice."""
-
 from __future__ import annotations
 
 import numpy as np
@@ -10,7 +8,7 @@ from puckbench.gpcc import predictive, predictive_encoder
 from puckbench.gpcc.arithmetic import consumed, encoder, enlarged, finish
 from puckbench.gpcc.prediction_tree import Int32s, PredictionTree
 from puckbench.gpcc.predictive import Probabilities, Tools, TreeNodes
-from puckbench.gpcc.predictive_encoder import NODE_BYTES, Given
+from puckbench.gpcc.predictive_encoder import NODE_BYTES, EncoderState
 from puckbench.gpcc.slices import CodedSlice, sensor_position, slice_decoder
 from puckbench.gpcc.spherical import sphere
 from puckbench.gpcc.syntax import (
@@ -36,7 +34,6 @@ def decode_trees(
     axes: Three,
     origin: Three,
 ) -> TreeNodes:
-    """Decode the nodes of a slice; `axes` are the indices of the coded axes of x, y, z."""
     tools = tools_of(coded.header, gps, axes, origin)
     nodes = empty_nodes(coded.points, angular=tools.angular)
     coder = slice_decoder(coded, sps)
@@ -50,7 +47,7 @@ def decode_trees(
 
 
 def placed(points: Int32s, axes: Three, origin: Three) -> Ints:
-    """Return points (n, 3) along x, y, z for those along the coded axes, relative to `origin`."""
+    """Convert points (n, 3) from the coded axes to x, y, z, and add `origin`."""
     result: Ints = (
         points.astype(np.int64)[:, axes] if axes != (0, 1, 2) else points.astype(np.int64)
     )
@@ -102,13 +99,13 @@ def encode_trees(
 ) -> bytes | None:
     """Return the arithmetic-coded part of a data unit, or None if a residual does not fit.
 
-    points, positions, order: see `predictive_encoder.Given`; the latter is a result.
+    points, positions, order: see `predictive_encoder.EncoderState`; the latter is a result.
     """
     stack = np.empty(len(points) + 2, dtype=np.int32)
-    given = Given(tree, points, positions, stack, np.zeros(4, dtype=np.int64), order)
+    state = EncoderState(tree, points, positions, stack, np.zeros(4, dtype=np.int64), order)
     coder = encoder(NODE_BYTES + 4 * len(points))
     while True:
-        ended = predictive_encoder.encode_trees(coder, contexts, tools, given)
+        ended = predictive_encoder.encode_trees(coder, contexts, tools, state)
         if ended != predictive_encoder.FULL:
             break
         coder = enlarged(coder, NODE_BYTES + len(coder.data))

@@ -1,5 +1,3 @@
-"""Description of a sensor for angular coding."""
-
 from __future__ import annotations
 
 import math
@@ -67,7 +65,9 @@ class SensorDescription:
         """Return the sensor's syntax elements, with the position relative to the sequence's
         `origin`.
         """
-        x, y, z = (own - zero for own, zero in zip(self.position, origin, strict=True))
+        x, y, z = (
+            coordinate - zero for coordinate, zero in zip(self.position, origin, strict=True)
+        )
         return {
             "geom_angular_mode_enabled_flag": 1,
             "gps_angular_origin_bits_minus1": max(max(map(abs, (x, y, z))).bit_length() - 1, 0),

@@ -167,9 +167,9 @@ def slice_decoder(coded: CodedSlice, sps: SequenceParameterSet) -> Decoder:
 def demultiplexed(data: Bytes) -> tuple[Bytes, Bytes]:
     """Split a stream of chunks into arithmetic-coded bytes and bypass bits.
 
-    A chunk has up to 256 bytes: the number of arithmetic-coded bytes, these bytes, and bytes of
-    bypass bits in reverse order, which end with padding bits and their number (three bits). The
-    second array has one bypass bit per byte.
+    A chunk of up to 256 bytes has the number of arithmetic-coded bytes, these, and bytes of bypass
+    bits in reverse order, which end with padding bits and their number (three bits). In the second
+    array, each byte is a bypass bit.
     """
     coded, bits = [np.empty(0, np.uint8)], [np.empty(0, np.uint8)]
     for start in range(0, len(data), _BYPASS_CHUNK):

@@ -55,7 +55,6 @@ def sphere(gps: GeometryParameterSet, origin: Three) -> Sphere:
 
 @inlined
 def halved_away(value: int, shift: int) -> int:
-    """Divide by 2^shift, rounding halves away from zero."""
     half = (1 << shift) >> 1
     return (value + half) >> shift if value >= 0 else -((half - value) >> shift)
 

@@ -369,7 +369,8 @@ def _angular_origin(io: SyntaxElements, record: Any, name: str) -> None:
 def _laser_table(io: SyntaxElements, gps: GeometryParameterSet, *, turns: bool) -> None:
     """Read or write each laser as its difference from a prediction.
 
-    This is the previous laser; from the third laser on, elevations are extrapolated linearly.
+    The prediction is the previous laser, but from the third on for elevations, linear
+    extrapolation.
     """
     count = io.exp_golomb(len(gps.lasers) - 1 if io.writing else 0) + 1
     _refuse(count > MAX_LASERS, f"a sensor of more than {MAX_LASERS} lasers")

@@ -110,12 +110,12 @@ def build_tree(
     keys, counts = _unique(keys)
     if ordered:
         second_first = second_first[np.cumsum(counts) - counts]
-    found, below = [], keys
+    reversed_levels, below = [], keys
     for axes in reversed(levels):
         children = _child_of_bits(axes)
         below, occupancy, first = _parents(below, children.size.bit_length() - 1, children)
-        found.append(TreeLevel(occupancy, first))
-    return Tree(found[::-1], keys, counts, second_first)
+        reversed_levels.append(TreeLevel(occupancy, first))
+    return Tree(reversed_levels[::-1], keys, counts, second_first)
 
 
 def leaf_starts(tree: Tree) -> list[Indices]:
@@ -138,7 +138,6 @@ def leaf_codes(tree: Tree, levels: list[int]) -> Ints:
 
 
 def _key_positions(levels: list[int]) -> tuple[list[int], list[int], list[int]]:
-    """Return, for each axis, the positions of its bits in a key, lowest first."""
     positions: tuple[list[int], list[int], list[int]] = ([], [], [])
     position = 0
     for axes in reversed(levels):
@@ -186,7 +185,6 @@ def _first_ones(keys: Ints) -> Ints:
 
 
 def _digit_positions(levels: list[int]) -> Ints:
-    """Return the bit positions in a key at which the levels begin, highest first."""
     widths = [axes.bit_count() for axes in reversed(levels)]
     return np.cumsum([0, *widths])[::-1].astype(np.int64)
 
@@ -237,10 +235,10 @@ def _sorted_as_coded(keys: Ints, positions: Ints, rows: Indices) -> Bytes:
         for digit in range(mask + 1):
             while place[digit] != end[digit]:
                 i = place[digit]
-                own = keys[i] >> shift & mask
-                other = place[own]
+                target = keys[i] >> shift & mask
+                other = place[target]
                 _swap(keys, rows, i, other)
-                place[own] += 1
+                place[target] += 1
             if end[digit] > start + 1:
                 stack[height, 0], stack[height, 1] = start, end[digit]
                 stack[height, 2] = level + 1

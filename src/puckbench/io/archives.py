@@ -1,5 +1,3 @@
-"""Zip archives with uncompressed members."""
-
 from __future__ import annotations
 
 import struct

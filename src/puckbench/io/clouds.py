@@ -113,7 +113,6 @@ def read_cloud(
 
 
 def check_cloud(cloud: PointCloud, path: Path) -> None:
-    """Raise InputError if a cloud has no points, or points that are not finite."""
     try:
         check_points(cloud.xyz, str(path))
     except InputError as error:
@@ -129,7 +128,7 @@ def read_unchecked_cloud(
     bin_columns: str | None = None,
     convert: bool = True,
 ) -> PointCloud:
-    """Read a cloud as `read_cloud` does, which may be empty or have points that are not finite.
+    """Read a cloud as `read_cloud` does, but allow an empty one or points that are not finite.
 
     With `convert`, LAS coordinates are converted to metres.
     """
@@ -202,7 +201,7 @@ def _read_columns(path: Path, bin_columns: str | None, convert: bool) -> Columns
 def _check_kind(path: Path, suffix: str) -> None:
     head = b"" if path.is_dir() else read_content(path, _HEAD_BYTES)
     if head.lstrip().lower().startswith((b"<!doctype html", b"<html")):
-        raise InputError(f"{path}: a page of the web (HTML), not the file: download it again")
+        raise InputError(f"{path}: an HTML page, not the file: download it again")
     if suffix not in SUFFIXES and not head.startswith(b"ply"):
         raise InputError(f"{path}: not a point cloud by its name ({', '.join(SUFFIXES)})")
 

@@ -1,5 +1,3 @@
-"""Conversion of the exceptions of file parsers to one-line messages."""
-
 from __future__ import annotations
 
 from collections.abc import Iterator

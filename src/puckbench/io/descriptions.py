@@ -29,13 +29,13 @@ def write_description(path: Path, kind: Kind, about: Mapping[str, Any]) -> None:
 def read_description(path: Path, counts: Mapping[str, int] | None = None) -> dict[str, Any] | None:
     """Read the description (JSON) beside a file, or return None.
 
-    A JSON file of another program, or whose counts (such as ``points``) differ from `counts`, is
+    A JSON file of another program, or with other counts (such as ``points``) than `counts`, is
     ignored with a warning.
     """
     beside = sidecar(path)
     if beside == path or not beside.exists():
         return None
-    about = _read_own(beside)
+    about = _read_if_of_puckbench(beside)
     if about is None:
         _log.warning("%s: %s beside it is not its description: not used", path, beside.name)
         return None
@@ -47,13 +47,15 @@ def read_description(path: Path, counts: Mapping[str, int] | None = None) -> dic
     return {name: value for name, value in about.items() if name != _KIND_KEY}
 
 
-def _read_own(path: Path) -> dict[str, Any] | None:
+def _read_if_of_puckbench(path: Path) -> dict[str, Any] | None:
     try:
         about = read_json(path)
     except InputError:
         return None
-    is_own = isinstance(about, dict) and (_KIND_KEY in about or _is_of_first_version(about))
-    return about if is_own else None
+    is_of_puckbench = isinstance(about, dict) and (
+        _KIND_KEY in about or _is_of_first_version(about)
+    )
+    return about if is_of_puckbench else None
 
 
 def _is_of_first_version(about: Mapping[str, Any]) -> bool:

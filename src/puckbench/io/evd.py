@@ -1,5 +1,3 @@
-"""EVD files of the simulator BlenSor: blocks of returns, then a block with the count -1."""
-
 from __future__ import annotations
 
 import struct
@@ -19,7 +17,9 @@ _WHITE = 255.0
 
 
 def write_evd(path: Path, table: ReturnTable) -> None:
-    """Write a table of returns as one block: for each return 11 numbers, white, and its object."""
+    """Write a table of returns as one block; a return has 11 numbers, the colour white, and its
+    object.
+    """
     rows = np.empty(len(table), dtype=_ROW)
     for place, name in enumerate(_NUMBERS):
         rows["numbers"][:, place] = table[name]

@@ -1,7 +1,7 @@
 """LiDAR frames as float32 values without a header (.bin), as in KITTI and nuScenes.
 
-The number of values per point is not stored. It is estimated as the lag (distance between values in
-the file) at which values differ least, because values in a column are similar.
+The number of values per point, which is not stored, is estimated as the distance between values in
+the file (lag) at which they differ least.
 """
 
 from __future__ import annotations

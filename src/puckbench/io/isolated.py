@@ -1,7 +1,7 @@
 """A worker process, with limits on memory and time, for file parsers of other packages.
 
-A damaged file may crash a parser or make it fill the memory. The worker is replaced after a crash
-or timeout, and returns no pickled objects. On macOS only the time is limited.
+A damaged file may crash a parser or exhaust memory. The worker is replaced after a crash or
+timeout, and returns no pickled objects. On macOS only the time is limited.
 """
 
 from __future__ import annotations
@@ -58,8 +58,8 @@ def parse_isolated(
     """Run ``parse(path, **options)`` in the worker process, within `parser_limits`.
 
     `kind` describes the file in messages ("LAS file"); limits grow with the size of the file and of
-    `side_files`. Warnings of ``puckbench`` loggers are logged in this process. Raises InputError if
-    `parse` does, crashes, or exceeds a limit.
+    `side_files`. The worker's warnings are logged here. Raises InputError if `parse` does, crashes,
+    or exceeds a limit.
     """
     size = _size(path) + sum(file.stat().st_size for file in side_files if file.is_file())
     memory, seconds = parser_limits(size)

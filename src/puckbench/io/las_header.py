@@ -1,5 +1,3 @@
-"""Checks that the headers of LAS and LAZ files (ASPRS LAS 1.0 to 1.5) agree with the file size."""
-
 from __future__ import annotations
 
 import logging
@@ -43,9 +41,8 @@ class _LasHeader:
 
 
 def check_las_header(path: Path) -> None:
-    """Raise InputError if the parts described in the header do not fit in the file.
-
-    Warn if the file contains more points than the header states.
+    """Raise InputError if the parts in a header do not fit in the file; warn of more points than it
+    states.
     """
     size = path.stat().st_size
     with naming(path), reading("LAS file", ValueError), path.open("rb") as stream:

@@ -1,5 +1,3 @@
-"""Units of LAS coordinates, from the coordinate reference system (WKT or GeoTIFF keys)."""
-
 from __future__ import annotations
 
 import math
@@ -76,7 +74,6 @@ def _with_keys(units: Units, short: dict[int, int], doubles: dict[int, float]) -
 
 
 def _unit(code: int | None, size: float | None = None) -> float | None:
-    """Return the length of a unit with an EPSG code, m; `size` is that of a user-defined unit."""
     from pyproj.database import get_units_map
 
     if code == _USER_DEFINED:

@@ -1,5 +1,3 @@
-"""Clouds in NumPy files: an array (NPY) or an archive of arrays (NPZ)."""
-
 from __future__ import annotations
 
 import io

@@ -1,5 +1,3 @@
-"""Metadata of Parquet files, and a check of the memory that they need."""
-
 from __future__ import annotations
 
 from pathlib import Path
@@ -11,9 +9,8 @@ _VALUE_BYTES = 8
 
 
 def check_parquet_memory(path: Path) -> None:
-    """Raise InputError if the decoded values exceed the memory of `isolated.parser_limits`.
-
-    A small file can contain a huge number of equal values.
+    """Raise InputError if decoded values, such as many equal ones, exceed the memory of
+    `parser_limits`.
     """
     from pyarrow import ArrowException, parquet
 

@@ -1,7 +1,7 @@
 """PCD files of the Point Cloud Library.
 
-This module parses files itself, because the package pypcd4 accepts truncated files, and runs out of
-memory on damaged headers.
+Files are parsed here, because the package pypcd4 accepts truncated files, and runs out of memory on
+damaged headers.
 """
 
 from __future__ import annotations

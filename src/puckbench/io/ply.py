@@ -1,5 +1,3 @@
-"""PLY files, ASCII or binary."""
-
 from __future__ import annotations
 
 import logging
@@ -155,7 +153,6 @@ def write_ply(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
 
 
 def write_vertices(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
-    """Write a file as `write_ply` does, but not atomically."""
     from plyfile import PlyData, PlyElement
 
     kinds = [(name, part.dtype) for name, part in columns.items()]

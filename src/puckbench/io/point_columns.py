@@ -1,5 +1,3 @@
-"""Conversion of the named columns of file formats to point clouds and back."""
-
 from __future__ import annotations
 
 import re
@@ -75,7 +73,7 @@ def cloud_from_columns(columns: Mapping[str, NDArray[Any]]) -> PointCloud:
 
 
 def default_columns(rows: NDArray[Any]) -> Columns:
-    """Name the columns of an array (n, 3 or more) that has no column names, by convention.
+    """Name the columns of an array (n, 3 or more) without column names, by convention.
 
     Of four columns, the last is the intensity. Of six, the last three are colours if they are
     integers from 0 to 255, else normals. Of seven, four are intensity and colours in either order.
@@ -178,7 +176,6 @@ def _pop_triple(columns: Columns, triples: Iterable[tuple[str, ...]]) -> NDArray
 
 
 def _pop_packed_colours(columns: Columns) -> NDArray[np.uint8] | None:
-    """Return colours (n, 3) from the lowest 24 bits of a column, as in PCD files."""
     for name in _PACKED_COLOURS:
         if name in columns and columns[name].dtype.itemsize == 4:
             bits = np.ascontiguousarray(columns.pop(name)).view(np.uint32)
@@ -188,7 +185,6 @@ def _pop_packed_colours(columns: Columns) -> NDArray[np.uint8] | None:
 
 
 def _eight_bits(colours: NDArray[Any]) -> tuple[NDArray[np.uint8], bool]:
-    """Convert colours (n, 3) to integers from 0 to 255; also return whether this is exact."""
     if colours.dtype.kind == "f":
         high = np.nan_to_num(colours).max(initial=0)
         scaled = np.clip(np.nan_to_num(colours * (_MAX_COLOUR if high <= 1 else 1)), 0, _MAX_COLOUR)

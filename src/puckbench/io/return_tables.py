@@ -74,9 +74,8 @@ def write_return_table(path: Path, table: ReturnTable) -> None:
 
 
 def write_portions(path: Path, portions: Iterator[ReturnTable]) -> int:
-    """Write tables as one Parquet file, each as a row group; return the number of rows.
-
-    The file gets the description of the first table.
+    """Write tables as row groups of one Parquet file with the first one's description; return the
+    number of rows.
     """
     from pyarrow import parquet
 

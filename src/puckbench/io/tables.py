@@ -1,5 +1,3 @@
-"""Reader of tables of results (CSV and Parquet)."""
-
 from __future__ import annotations
 
 from pathlib import Path

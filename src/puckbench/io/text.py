@@ -1,5 +1,3 @@
-"""Points as text, with the numbers of a point on one line (XYZ, CSV, TXT, ASC, PTS)."""
-
 from __future__ import annotations
 
 import codecs
@@ -220,14 +218,13 @@ def _with_default_names(
         raise InputError(f"not a table of numbers (a line begins {first[:40]!r})")
     points = _without_pandas_header(columns)
     if points is not columns:
-        _log.warning("%s: its first line numbers the columns, and is no point", path)
+        _log.warning("%s: its first line numbers the columns, and is not a point", path)
     if _counts_points(points):
         raise InputError("its first column counts the points: name the columns in its first line")
     return list(default_columns(np.column_stack(points))), points
 
 
 def _without_pandas_header(columns: list[NDArray[Any]]) -> list[NDArray[Any]]:
-    """Remove the row of column numbers and the index column that pandas adds."""
     first = [float(each[0]) for each in columns]
     has_index = bool(np.isnan(first[0])) and len(columns) > _MIN_NUMBERS
     if first[has_index:] != [*map(float, range(len(columns) - has_index))]:
@@ -237,7 +234,6 @@ def _without_pandas_header(columns: list[NDArray[Any]]) -> list[NDArray[Any]]:
 
 
 def _counts_points(columns: list[NDArray[Any]]) -> bool:
-    """Whether more columns than coordinates begin with consecutive integers among fractions."""
     first, second = columns[:2]
     return (
         len(columns) > _MIN_NUMBERS < len(first)

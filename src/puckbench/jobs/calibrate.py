@@ -9,8 +9,6 @@ from puckbench.jobs.registry import JOBS, Job
 
 @JOBS.register("calibrate")
 class Calibrate(Job):
-    """Estimate the parameters of a range error model from residual tables, one for each device."""
-
     model: str | None = None
     cells: Literal["frame", "spot"] | None = None
     parameters: tuple[str, ...] | None = None

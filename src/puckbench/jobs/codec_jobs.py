@@ -1,5 +1,3 @@
-"""Base classes of jobs that use a codec."""
-
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
@@ -34,8 +32,8 @@ class CodecJob(Job):
     def codec_of(self, coded: Coded) -> str:
         """Return the name of the codec of a stream.
 
-        It is the job's codec, otherwise that of the stream's magic bytes, otherwise that in the
-        stream's record. Raises InputError if there is none, or the record's is not registered.
+        It is the job's codec, else that of the stream's magic bytes, else that in the stream's
+        record. Raises InputError if there is none, or the record's is not registered.
         """
         if self.codec:
             return self.codec

@@ -1,5 +1,3 @@
-"""The cost of a job: the last line of its log, from which times of other runs are estimated."""
-
 from __future__ import annotations
 
 import json
@@ -83,9 +81,9 @@ def read_cost(log: Path) -> dict[str, Any] | None:
     last = text_end(log, _TAIL_BYTES).rpartition("\n")[2]
     if not last.startswith(BEGIN):
         return None
-    found: dict[str, Any] = json_of(last.encode(), str(log))
-    parsed(_Cost, found, str(log))
-    return found
+    cost: dict[str, Any] = json_of(last.encode(), str(log))
+    parsed(_Cost, cost, str(log))
+    return cost
 
 
 def read_costs(logs: Path) -> Iterator[dict[str, Any]]:

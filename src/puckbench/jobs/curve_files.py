@@ -1,5 +1,3 @@
-"""Files of rate-distortion curves: streams with their records, and result rows."""
-
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence

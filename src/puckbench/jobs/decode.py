@@ -73,9 +73,8 @@ class Decode(Decoding):
     def run(self, stream: Path, cloud: Path, like: tuple[Path, ...] = ()) -> dict[str, Any]:
         """Write the decoded cloud, by default in the coordinates of the cloud that was coded.
 
-        `like` are the prepared cloud that was coded, whose description has the place of its source,
-        the original cloud, whose attributes are given to the points, or both. To a LAS or LAZ file,
-        points are written with the original's header.
+        `like` are the prepared cloud, whose description locates its source, the original cloud,
+        whose attributes the points get, or both. A LAS or LAZ file keeps the original's header.
         """
         if self.as_mesh:
             if like:
@@ -115,10 +114,10 @@ class Decode(Decoding):
     def _reach(self, coded: Coded) -> float | None:
         """Return the diagonal of a rate's step in m, if the rate is a length, else None."""
         name = coded.record.get("rate")
-        found = find_rate(self.loaded(self.codec_of(coded)), name) if name else None
-        if found is None or {*found[1]} != {"step_m"}:
+        named_rate = find_rate(self.loaded(self.codec_of(coded)), name) if name else None
+        if named_rate is None or {*named_rate[1]} != {"step_m"}:
             return None
-        return float(found[1]["step_m"]) * 3**0.5
+        return float(named_rate[1]["step_m"]) * 3**0.5
 
     def _mesh(self, path: Path, out: Path) -> dict[str, Any]:
         name, coded = self.read_stream(path, self.rate)
@@ -135,7 +134,6 @@ class Decode(Decoding):
 
 
 def _check_place(decoded: PointCloud, original: PointCloud, fault: str) -> None:
-    """Raise InputError if decoded points lie far outside the box of the original ones."""
     low, high = bounds(original.xyz)
     margin = (high - low).max()
     if (decoded.xyz < low - margin).any() or (decoded.xyz > high + margin).any():
@@ -143,7 +141,6 @@ def _check_place(decoded: PointCloud, original: PointCloud, fault: str) -> None:
 
 
 def _models(paths: tuple[Path, ...]) -> tuple[_Model | None, _Model | None]:
-    """Read the prepared and the original cloud among files, None for one that is not there."""
     clouds = [(path, read_cloud(path, keep_missing=True)) for path in paths]
     prepared, original = (
         [item for item in clouds if (item[1].frame is None) == is_original]
@@ -157,17 +154,15 @@ def _models(paths: tuple[Path, ...]) -> tuple[_Model | None, _Model | None]:
 def _with_attributes(
     decoded: PointCloud, original: PointCloud, rows: NDArray[np.int64]
 ) -> PointCloud:
-    """Give decoded points the attributes of rows of the original, 0 for the row -1, except those
-    that were decoded."""
     picked = original.select(np.maximum(rows, 0))
     for values in (picked.normals, picked.colours, picked.labels, *picked.fields.values()):
         if values is not None:
             values[rows < 0] = 0
-    own = decoded.colours, attributes_of(decoded).get(REFLECTANCE)
-    if own[1] is not None:
+    decoded_values = decoded.colours, attributes_of(decoded).get(REFLECTANCE)
+    if decoded_values[1] is not None:
         name = reflectance_field(original) or REFLECTANCE
-        picked = replace(picked, fields={**picked.fields, name: own[1]})
-    colours = picked.colours if own[0] is None else own[0]
+        picked = replace(picked, fields={**picked.fields, name: decoded_values[1]})
+    colours = picked.colours if decoded_values[0] is None else decoded_values[0]
     return replace(picked, xyz=decoded.xyz, colours=colours, about=decoded.about)
 
 

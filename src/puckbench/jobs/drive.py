@@ -1,5 +1,3 @@
-"""Jobs that make drives: a virtual sensor's, or consecutive clouds of a data set."""
-
 from __future__ import annotations
 
 from collections.abc import Iterable
@@ -49,8 +47,8 @@ class VirtualDrive(Scanning):
 
 
 def virtual_poses(sweep: Sweep, origin: Floats) -> tuple[Floats, Floats]:
-    """Return times (2 n + 1,), s, and poses (2 n + 1, 4, 4) at the start, the middle and the end of
-    the n turns of a sweep.
+    """Return times (2 n + 1,), s, and poses (2 n + 1, 4, 4) at start, middle and end of a sweep's n
+    turns.
     """
     times = np.arange(2 * sweep.frames + 1) / (2 * sweep.frames_per_second)
     placed = sweep.poses_during(times)
@@ -63,8 +61,8 @@ def virtual_poses(sweep: Sweep, origin: Floats) -> tuple[Floats, Floats]:
 class DriveOfClouds(Job):
     """Collect consecutive clouds of a data set to a drive.
 
-    Poses are those of the file `poses` (TUM or KITTI, one for each cloud, at the middle of a turn),
-    otherwise those of the data set, otherwise those that KISS-ICP estimates from the clouds.
+    Poses, one for each cloud at the middle of its turn, come from the file `poses` (TUM or KITTI),
+    else from the data set, else from KISS-ICP.
     """
 
     loader: str
@@ -113,9 +111,9 @@ class DriveOfClouds(Job):
                 counts = f"{len(poses)} poses for {len(scenes)} turns"
                 raise InputError(f"{self.poses}: {counts}: one for each turn is needed")
             return poses, Path(self.poses).name
-        given = [scene.pose for scene in scenes if scene.pose is not None]
-        if len(given) == len(scenes):
-            return np.array(given), "of the data set"
+        poses_of_scenes = [scene.pose for scene in scenes if scene.pose is not None]
+        if len(poses_of_scenes) == len(scenes):
+            return np.array(poses_of_scenes), "of the data set"
         return None, "KISS-ICP on the undecoded turns"
 
 
@@ -124,7 +122,7 @@ def _sensor(scene: Scene) -> dict[str, Any]:
 
 
 def _starts(scenes: list[Scene]) -> tuple[Floats, bool]:
-    """Return when turns begin, (n,), s, and whether their points have times."""
+    """Return the starts of turns, (n,), s, and whether their points have times."""
     clocks = [scene.returns.turns[0].times for scene in scenes if scene.returns]
     if len(clocks) == len(scenes) and all(clock is not None for clock in clocks):
         begun = np.array([float(clock[0]) for clock in clocks if clock is not None])

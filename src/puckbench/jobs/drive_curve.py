@@ -1,5 +1,3 @@
-"""Jobs that encode the turns of a drive, one by one, and measure tasks on the decoded turns."""
-
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -40,7 +38,6 @@ class CodedDrive:
 
 
 def write_coded_drive(path: Path, rates: Mapping[str, CodedDrive]) -> None:
-    """Write an archive with ``RATE.json``, ``RATE/0000.bin``, ``RATE/0001.bin``, ..."""
     members: dict[str, bytes] = {}
     for rate, coded in rates.items():
         members[rate + _RECORD] = json_bytes(coded.record)
@@ -95,7 +92,7 @@ class EncodeDrive(TimedJob):
             coded[rate] = CodedDrive(tuple(timed.result), record)
             progress(done, len(rates))
         write_coded_drive(curve, coded)
-        seconds = sum(one.record["encode_s"] for one in coded.values())
+        seconds = sum(item.record["encode_s"] for item in coded.values())
         return self.work(points, len(coded), seconds)
 
 
@@ -112,7 +109,7 @@ def _saved(shared: Sequence[Any]) -> Callable[[Cost], Cost]:
 class MeasureDrive(TimedJob):
     """Measure tasks on the decoded turns of a drive, or on the undecoded ones.
 
-    `tasks` are names with options. Turns of a codec of points have neither order nor times.
+    `tasks` are names with options. Turns decoded from points have neither order nor times.
     """
 
     dataset: str
@@ -131,7 +128,7 @@ class MeasureDrive(TimedJob):
         else:
             with naming(curve):
                 coded = read_coded_drive(curve)
-                results = [self._decoded(original, one) for one in coded.values()]
+                results = [self._decoded(original, item) for item in coded.values()]
         write_rows(rows, [{**described, **row} for row in results])
         seconds = sum(row.get("decode_s", 0.0) for row in results)
         return self.work(original.points, len(results), seconds)
@@ -145,7 +142,7 @@ class MeasureDrive(TimedJob):
     def _decoded(self, drive: Drive, coded: CodedDrive) -> dict[str, Any]:
         name, record = str(self.codec), coded.record
         if len(coded.streams) != len(drive.turns):
-            raise InputError(f"{len(coded.streams)} coded turns of {len(drive.turns)}")
+            raise InputError(f"{len(coded.streams)} coded turns for a drive of {len(drive.turns)}")
         codec: Codec = self.loaded(name)
         with noting(f"rate {record.get('rate', '?')}"):
             timed = measured(lambda: [*map(codec.decode_cloud, coded.streams)], self.repeats)

@@ -1,5 +1,3 @@
-"""Jobs that encode a cloud at one or all rates."""
-
 from __future__ import annotations
 
 import sys
@@ -30,8 +28,7 @@ def to_code(
 ) -> PointCloud:
     """Read a cloud, with its returns if the codec can use them or codes attributes.
 
-    By default, `frame` is that of the description, or metric if the file's format has the metre as
-    unit.
+    By default, `frame` is that of the description, or metric if the file's format is in metres.
     """
     cloud = read_cloud(path)
     if frame is None and plain_suffix(path) in IN_METRES:
@@ -66,7 +63,6 @@ def measured_encoding(
 
 
 def _attribute_columns(codec: Codec, cloud: PointCloud, stream: bytes) -> dict[str, Any]:
-    """Return bits per point of positions and attributes, and the names of what is not coded."""
     columns: dict[str, Any] = {}
     if sizes := codec.attribute_bytes(stream) if codec.attributes else {}:
         parts = {"geometry": len(stream) - sum(sizes.values()), **sizes}
@@ -160,5 +156,5 @@ class EncodeCurve(Encoding):
             coded[rate] = self.coded(codec, original, rate, shared, again=twice and done == 1)
             progress(done, len(rates))
         write_curve(curve, coded)
-        seconds = sum(one.record["encode_s"] for one in coded.values())
+        seconds = sum(item.record["encode_s"] for item in coded.values())
         return self.work(len(original), len(rates), seconds)

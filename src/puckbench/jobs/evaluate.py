@@ -1,5 +1,3 @@
-"""Measurement of decoded clouds, with one result row for each."""
-
 from __future__ import annotations
 
 from collections.abc import Iterable
@@ -99,11 +97,11 @@ class Evaluating(Decoding):
     def _reflectance_peak(self) -> float | None:
         return None if self.reflectance_bits is None else 2.0**self.reflectance_bits - 1
 
-    def row(self, originals: Originals, found: Decoded) -> dict[str, Any]:
+    def row(self, originals: Originals, decoded: Decoded) -> dict[str, Any]:
         from puckbench.metrics.geometry import DistinctPoints
 
         reference = originals.reference.cloud
-        points, record = found
+        points, record = decoded
         returns = {}
         if originals.returns is not None:
             returns = (

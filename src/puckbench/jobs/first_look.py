@@ -1,5 +1,3 @@
-"""Figures of the first results, drawn early in a run."""
-
 from __future__ import annotations
 
 from pathlib import Path

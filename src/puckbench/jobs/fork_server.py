@@ -1,12 +1,10 @@
 """A process that imports the packages that jobs need, and runs each job in a fork of itself.
 
-The imports (NumPy, Numba, PyTorch and others) take 0.4 to 2.5 s; the *server* makes them only once.
-A *client*, the process that Snakemake starts for a job, sends arguments, environment, folder and
-output streams to the server, and waits for the exit status from the forked *job*.
-
-The client runs the job itself if it finds no server (on another node, in a container, with another
-number of threads, or with ``PUCKBENCH_FORK_SERVER=off``), or if the forked job was killed. Only the
-user can open the socket.
+Imports (NumPy, Numba, PyTorch and others) take 0.4 to 2.5 s; the *server* makes them once. A
+*client*, started by Snakemake for a job, sends arguments, environment, folder and output streams to
+the server, and waits for the exit status of the forked *job*. The client runs the job itself
+without a server (on another node, in a container, with another number of threads, or with
+``PUCKBENCH_FORK_SERVER=off``), or if the forked job was killed. Only the user can open the socket.
 """
 
 from __future__ import annotations
@@ -139,7 +137,6 @@ def _import(name: str) -> None:
 
 
 def _watch(client: socket.socket, streams: Sequence[int], listener: socket.socket) -> None:
-    """Fork a job, and send its process number and exit status to the client."""
     listener.close()
     connection = Connection(client.detach())
     with suppress(OSError, EOFError):  # the client may have ended

@@ -1,5 +1,3 @@
-"""Jobs that make tables from the files of many jobs."""
-
 from __future__ import annotations
 
 from pathlib import Path

@@ -12,7 +12,7 @@ class JoinStreams(Job):
     """Join the archives of streams from several jobs that each encoded some rates of a curve."""
 
     def run(self, parts: tuple[Path, ...], curve: Path) -> dict[str, Any]:
-        coded = {rate: one for part in parts for rate, one in read_curve(part).items()}
+        coded = {rate: item for part in parts for rate, item in read_curve(part).items()}
         write_curve(curve, coded)
         return {"streams": len(coded)}
 

@@ -1,5 +1,3 @@
-"""Preparation of a cloud (thesis section 6.1): crop, estimate normals, scale."""
-
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
@@ -27,7 +25,6 @@ class MeasuredPoints:
         return MeasuredPoints(self.cloud.select(rows), self.clean.select(rows))
 
     def truth_in_frame_of(self, prepared: PointCloud) -> PointCloud:
-        """Return the true points in the coordinate frame of a prepared cloud."""
         about = {key: prepared.about[key] for key in ("scale", "offset", "size")}
         xyz = Scaling(about["scale"], np.asarray(about["offset"])).apply(self.clean.xyz)
         return replace(self.clean, xyz=xyz, about=about)
@@ -38,8 +35,8 @@ def prepare(cloud: PointCloud, size: int | str = 1024, neighbours: int = 30) -> 
 
     Normals are estimated after scaling. With `size` 0 the cloud stays in metres, shifted if its
     coordinates are large (`origin_shift`); with `GRID` it stays on its voxel grid. The description
-    receives scale, offset, elongations, extent, density, outliers, diameter, digest and, in metres,
-    the peak of PSNRs.
+    gets scale, offset, elongations, extent, density, outliers, diameter, digest and, in metres, the
+    PSNRs' peak.
     """
     from puckbench.geometry.normals import estimate_normals
     from puckbench.metrics.density import density, density_in_metres

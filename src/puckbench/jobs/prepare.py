@@ -1,5 +1,3 @@
-"""Preparation of samples, clouds and scan tables for the codecs."""
-
 from __future__ import annotations
 
 from dataclasses import replace
@@ -35,7 +33,7 @@ class Prepare(Job):
     Parameters
     ----------
     crop
-        Which coordinates of a scan decide whether a point lies in the box.
+        Coordinates of a scan by which points are cropped.
     box
         Two corners in m, in place of the box in a file.
     size

@@ -1,5 +1,3 @@
-"""Conversion of virtual scans and recordings to clouds with their sensor's returns."""
-
 from __future__ import annotations
 
 import logging

@@ -84,7 +84,7 @@ class RecoveryCurve(Recovering):
     def run(self, curve: Path, points: Path, scene: Path, rows: Path) -> dict[str, Any]:
         labelled, coded = LabelledPoints(points, scene), read_curve(curve)
         with naming(curve):
-            streams = [self.recovered(labelled, points.stem, one) for one in coded.values()]
+            streams = [self.recovered(labelled, points.stem, item) for item in coded.values()]
         results = [row for stream in streams for row in _row_of_each_kind(stream)]
         write_rows(rows, results)
         return {"rows": len(results)}

@@ -15,7 +15,7 @@ from puckbench.core.registry import Registry, trust
 
 class Job(Model):
     @classmethod
-    def given(cls, **settings: Any) -> Self:
+    def create(cls, **settings: Any) -> Self:
         return cls.of_record(settings, JOBS.name_of(cls))
 
     @classmethod

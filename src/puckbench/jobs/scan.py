@@ -1,5 +1,3 @@
-"""Job that scans a mesh with the virtual sensor, and writes a table of clean and noisy returns."""
-
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence

@@ -1,5 +1,3 @@
-"""Writing of a scene: a labelled mesh, a cloud in metres (z up), or a sensor's returns."""
-
 from __future__ import annotations
 
 from collections.abc import Iterable

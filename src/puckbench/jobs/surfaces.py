@@ -1,5 +1,3 @@
-"""Reading of true surfaces from mesh files, captured rooms and clouds."""
-
 from __future__ import annotations
 
 from pathlib import Path

@@ -10,7 +10,6 @@ if TYPE_CHECKING:
 
 
 def write_result(table: pd.DataFrame, columns: Path | None, *paths: Path) -> None:
-    """Write a table (.csv, .parquet, .tex) and, to `columns`, the dictionary of its columns."""
     from puckbench.io.tables import write_table
     from puckbench.report.column_dictionary import column_dictionary
     from puckbench.report.latex import latex_table

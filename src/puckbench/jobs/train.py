@@ -1,5 +1,3 @@
-"""Job that trains a learned codec, resumably, and validates it on other clouds."""
-
 from __future__ import annotations
 
 import os

@@ -20,7 +20,7 @@ class TrainingLog:
     def __init__(self, trainer: BaseTrainer[Any, Any], path: Path, every: int) -> None:
         self.trainer, self.path, self.every = trainer, path, every
         self._start = time.perf_counter() - self.seconds
-        self._told = 0.0
+        self._last_line_at = 0.0
 
     @property
     def seconds(self) -> float:
@@ -33,8 +33,11 @@ class TrainingLog:
         self.trainer.curve.append(row)
         if step % self.every == 0:
             self.write()
-        if step % self.every == 0 or time.perf_counter() - self._told > _SECONDS_BETWEEN_LINES:
-            self._told = time.perf_counter()
+        if (
+            step % self.every == 0
+            or time.perf_counter() - self._last_line_at > _SECONDS_BETWEEN_LINES
+        ):
+            self._last_line_at = time.perf_counter()
             self._tell()
 
     def write(self) -> None:

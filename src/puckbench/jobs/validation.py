@@ -1,5 +1,3 @@
-"""Validation of weights on clouds that they were not trained on."""
-
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence

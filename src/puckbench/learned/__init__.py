@@ -1,7 +1,7 @@
 """Learned codecs of point-cloud geometry: PCGCv1, PCGCv2, a sparse octree net, and RENO.
 
-Each network is a sub-package (`pcgcv1`, `pcgcv2`, `octree_net`, `reno`): `load_weights` reads a set
-of weights, `encode` and `decode` convert points to bytes and back. Damaged streams, weights of
+Each network is a sub-package (`pcgcv1`, `pcgcv2`, `octree_net`, `reno`) with `load_weights`,
+`encode` and `decode`. Damaged streams, weights of
 another network and points that cannot be encoded raise `puckbench.core.errors.InputError`.
 """
 

@@ -1,9 +1,9 @@
 """Context-adaptive entropy coding of a latent: the entropy model's tables, mixed with contexts.
 
-The tables treat each value by itself, but the latent at a voxel depends on that of its neighbours,
-and on which neighbours are occupied. Adaptive contexts learn both dependencies from the cloud. A
-value is coded as binary decisions: whether it is zero, its sign, and its magnitude in unary. All
-arithmetic is on integers, so that all machines decode identically.
+The tables treat each value by itself, but a voxel's latent depends on its neighbours' latents and
+occupancy. Adaptive contexts learn both dependencies from the cloud. A value is coded as binary
+decisions: zero flag, sign, and magnitude in unary. Integer arithmetic makes all machines decode
+identically.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ _MAX_VALUE_BYTES = 80
 
 
 class _Tables(NamedTuple):
-    """The frequency tables of a prior, concatenated without their escape symbols.
+    """Concatenated frequency tables of a prior, without their escape symbols.
 
     Parameters
     ----------
@@ -103,9 +103,7 @@ class Prior(NamedTuple):
 
 
 def factorised_prior(tables: tuple[FrequencyTable, ...], count: int) -> Prior:
-    """Return the prior of an entropy bottleneck: a table per channel, equal at all `count`
-    voxels.
-    """
+    """Return the prior of an entropy bottleneck: a table per channel, equal at all voxels."""
     number = np.tile(np.arange(len(tables), dtype=np.int32), (count, 1))
     return Prior(tables, number, np.zeros_like(number))
 
@@ -179,7 +177,7 @@ def _code_values(
 
 @compiled_in_place
 def _find_neighbourhood(around: _Neighbourhood, neighbours: NeighbourTable, row: int) -> None:
-    known = 0
+    count = 0
     for shell in range(3):
         pattern = 0
         for place in range((6, 12, 8)[shell]):
@@ -187,13 +185,13 @@ def _find_neighbourhood(around: _Neighbourhood, neighbours: NeighbourTable, row:
             other = neighbours[offset, row]
             pattern |= (other >= 0) << place
             if 0 <= other < row:
-                around.rows[known] = other
-                around.weights[known] = (36, 9, 4)[shell]
-                known += 1
+                around.rows[count] = other
+                around.weights[count] = (36, 9, 4)[shell]
+                count += 1
         around.patterns[shell] = pattern
         if shell == 0:
-            around.counts[1] = known
-    around.counts[0] = known
+            around.counts[1] = count
+    around.counts[0] = count
 
 
 @compiled_in_place
@@ -227,21 +225,20 @@ def _find_contexts(around: _Neighbourhood, values: Ints, row: int, channel: int)
         last = min(max(values[row, channel - 1], -2), 2) + 2
     if channel >= 2:
         second = min(max(values[row, channel - 2], -1), 1) + 1
-    found, patterns = around.contexts, around.patterns
-    found[0] = spread * 8 + min(around.counts[0], 7)
-    found[1] = face * 5 + largest
-    found[2] = (last * 3 + second) * 8 + before
-    found[3] = patterns[1]
-    found[4] = patterns[0] * 6 + mean
-    found[5] = patterns[2] * 6 + mean
-    found[6] = patterns[0] * 8 + before
+    contexts, patterns = around.contexts, around.patterns
+    contexts[0] = spread * 8 + min(around.counts[0], 7)
+    contexts[1] = face * 5 + largest
+    contexts[2] = (last * 3 + second) * 8 + before
+    contexts[3] = patterns[1]
+    contexts[4] = patterns[0] * 6 + mean
+    contexts[5] = patterns[2] * 6 + mean
+    contexts[6] = patterns[0] * 8 + before
 
 
 @compiled_in_place
 def _neighbour_statistics(
     around: _Neighbourhood, values: Ints, channel: int
 ) -> tuple[int, int, int, int]:
-    """Return mean, mean at faces, mean magnitude, largest magnitude of neighbours coded before."""
     total, face, magnitude, weight, largest = 0, 0, 0, 0, 0
     for place in range(around.counts[0]):
         value, factor = values[around.rows[place], channel], around.weights[place]

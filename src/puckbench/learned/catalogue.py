@@ -1,7 +1,7 @@
-"""Search for sets of trained weights, shipped or in files and folders, without PyTorch.
+"""Search for trained weights, shipped or in files and folders, without PyTorch.
 
-A set trained by puckbench is a safetensors file (``*.safetensors``) with a `WeightsHeader` in its
-metadata. The authors of a network publish one file per rate, whose name contains the rate.
+puckbench stores weights as ``*.safetensors`` with a `WeightsHeader` in the metadata. The authors of
+a network publish one file per rate, whose name contains the rate.
 """
 
 from __future__ import annotations
@@ -95,7 +95,7 @@ def weights_file(where: str) -> Path:
     """Return the only file of `weights_files`; raise InputError if there is not exactly one."""
     paths = weights_files(where)
     if len(paths) != 1:
-        raise InputError(f"{where}: not one file of weights but {len(paths)}")
+        raise InputError(f"{where}: {len(paths)} files of weights, expected one")
     return paths[0]
 
 

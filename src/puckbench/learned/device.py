@@ -1,5 +1,3 @@
-"""The device on which a network runs: the CPU, or a CUDA device with the same arithmetic."""
-
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Literal, TypeVar

@@ -1,4 +1,4 @@
-"""One network for several rates: gains of the latent, and an entropy bottleneck for each rate.
+"""One network for several rates: gains of the latent and an entropy bottleneck for each rate.
 
 The latent is multiplied by gains before rounding, and divided by them afterwards.
 

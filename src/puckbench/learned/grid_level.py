@@ -1,9 +1,8 @@
 """Choice of the grid by the cloud's density.
 
-On a dense surface a voxel has about four occupied children. If the cloud is sparse on its grid, it
-has about one, whose position no network can predict. The authors of PCGCv1 and PCGCv2 choose a
-smaller scale for sparse clouds by hand. A level is a number of quarter octaves; an octave doubles
-the side of voxels.
+On a dense surface a voxel has about four occupied children. On a too fine grid it has about
+one, whose position no network can predict; the authors of PCGCv1 and PCGCv2 then reduce the scale
+by hand. Levels count quarter octaves; an octave doubles the side of voxels.
 """
 
 from __future__ import annotations
@@ -29,8 +28,8 @@ _MIN_VOXELS = 64
 def octaves_to_density(keys: Keys, mean_occupied_children: float) -> float:
     """Return by how many octaves a grid must be coarsened until it is dense enough.
 
-    That is, until voxels twice as large have `mean_occupied_children` on average, interpolated. If
-    no grid is, return 0. The Morton keys (n,) are sorted and distinct.
+    That is, until voxels twice as large have `mean_occupied_children` on average, interpolated; 0
+    if no grid has. The Morton keys (n,) are sorted and distinct.
     """
     previous = 0.0
     for octave in range(AXIS_BITS):
@@ -59,17 +58,14 @@ def octaves_of_points(points: Floats, mean_occupied_children: float) -> float:
 
 
 def choose_grid_level(points: Floats, mean_occupied_children: float, offset: float = 0.0) -> int:
-    """Choose the level of the grid of a cloud.
-
-    The grid is coarsened until voxels have enough occupied children on average, and then by the
-    offset.
+    """Choose the level of a cloud's grid: coarsen it until it is dense enough, then add the offset.
 
     Parameters
     ----------
     points
         (n, 3), n >= 1, in steps of the finest grid.
     mean_occupied_children
-        Mean number of occupied children of a voxel. With 1 or less the input's grid is kept.
+        Mean number of occupied children of a voxel; 1 or less keeps the input's grid.
     offset
         In octaves; if negative, the grid becomes finer.
 
@@ -87,7 +83,7 @@ def choose_grid_level(points: Floats, mean_occupied_children: float, offset: flo
 def on_dense_grids(points: Floats, mean_occupied_children: Sequence[float]) -> list[Voxels]:
     """Return the voxels of points (n, 3) on the finest grid that reaches each density.
 
-    The input's grid is coarsened by whole octaves. Equal grids are used once.
+    The input's grid is coarsened by whole octaves; equal grids are used once.
     """
     octaves = {
         math.ceil(octaves_of_points(points, children)) for children in mean_occupied_children

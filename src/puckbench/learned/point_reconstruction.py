@@ -2,10 +2,10 @@
 
 A decoder keeps the most likely voxels. On a sparse grid it cannot know which voxels of a 2x2x2
 block of siblings were occupied, only that one or two were; on a dense grid several points share a
-voxel. Therefore points are placed per block: the mean number, or more if more voxels are expected
-to be occupied, side by side at the centroid of the occupancy probabilities, projected onto the
-plane of the neighbouring blocks. If the network is confident of the kept voxels, points are placed
-per voxel.
+voxel. Therefore each block gets the mean number of points, or more if more voxels are expected to
+be occupied, side by side at the centroid of the occupancy probabilities, projected onto the plane
+of the neighbouring blocks. If the network is confident of the kept voxels, points are placed per
+voxel.
 """
 
 from __future__ import annotations
@@ -91,9 +91,8 @@ def points_per_voxel(points: int, voxels: int, rho: float) -> int:
 
 
 def check_points_per_voxel(units: int, voxels: int) -> None:
-    """Raise InputError for a number that `points_per_voxel` cannot have returned.
-
-    0 is allowed: one point in the centre of each voxel.
+    """Raise InputError for a number that `points_per_voxel` cannot have returned; 0 (voxel centres)
+    is allowed.
     """
     too_many = units > UNITS and voxels * units > 2 * _MAX_POINTS * UNITS  # each cube rounds
     if too_many or (units and not UNITS <= units <= UNITS * _MAX_POINTS_PER_VOXEL):
@@ -126,7 +125,7 @@ def reconstructed_points(blocks: SiblingBlocks, units: int) -> Floats:
 def _placed(centres: Floats, counts: Floats, projection: float) -> Floats:
     """Place about `counts` (m,) points side by side around centres (m, 3), on local planes.
 
-    Centres lie within 1/2 of distinct integers. A plane is fitted to the centres around each.
+    Centres lie within 1/2 of distinct integers; a plane is fitted to those around each.
     """
     from puckbench.geometry.tangent_planes import fit_tangent_planes
 

@@ -1,5 +1,3 @@
-"""Entropy coding with fixed integer tables, by the range coder of the library constriction."""
-
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
@@ -29,7 +27,7 @@ def decode_latent(data: bytes, count: int, tables: tuple[FrequencyTable, ...]) -
 def encode_groups(groups: Iterable[tuple[Integers, FrequencyTable]]) -> bytes:
     """Encode groups of integers (n,), each with its table.
 
-    A value outside its table is coded as the escape symbol; it follows the group, clipped to 16
+    A value outside its table is coded as the escape symbol, and follows the group, clipped to 16
     bits.
     """
     import constriction
@@ -82,7 +80,6 @@ def _decode_group(coder: Any, count: int, table: FrequencyTable) -> Integers:
 
 
 def _categorical(table: FrequencyTable) -> Any:
-    """Return constriction's probability model for a table, rounded equally on every machine."""
     import constriction
 
     frequencies = table.frequencies.astype(np.float64)

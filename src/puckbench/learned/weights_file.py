@@ -1,7 +1,7 @@
 """Sets of trained weights: a safetensors file with parameters, frequency tables and a model card.
 
-Parameters are stored in half precision. The integer frequency tables are computed once, when a set
-is written, since floating-point arithmetic differs between machines.
+Parameters are in half precision. Integer frequency tables are computed when a set is written, since
+floating-point arithmetic differs between machines.
 """
 
 from __future__ import annotations
@@ -67,7 +67,6 @@ def write_weights(
     state: Mapping[str, Tensor],
     integers: Mapping[str, NDArray[np.int32]] | None = None,
 ) -> None:
-    """Write a set of weights; `header_fields` are the fields of its header except `sha256`."""
     tensors: dict[str, NDArray[Any]] = {
         name: value.detach().cpu().half().contiguous().numpy() for name, value in state.items()
     }
@@ -81,10 +80,8 @@ def write_weights(
 
 
 def read_weights(path: Path) -> WeightsFile:
-    """Read a set of weights.
-
-    Raises InputError if the file is damaged, or parameters are not finite numbers in half
-    precision.
+    """Read a set of weights; raise InputError if it is damaged, or parameters are not finite in
+    half precision.
     """
     header, data = header_of(path), read_bytes(path)
     try:
@@ -220,7 +217,6 @@ def _tables_of_tensors(arrays: Arrays) -> Tables:
 
 
 def _json_of_tables(tables: Tables) -> list[list[dict[str, Any]]]:
-    """Convert tables to JSON, for the digests of the authors' weights."""
     return [
         [{"lowest": t.lowest, "frequencies": t.frequencies.tolist()} for t in rate]
         for rate in tables

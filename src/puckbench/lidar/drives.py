@@ -70,7 +70,9 @@ class Drive:
     def __post_init__(self) -> None:
         if len(self.turns) < 2 or len(self.starts) != len(self.turns):
             count, times = len(self.turns), len(self.starts)
-            raise InputError(f"a drive of {count} turns and {times} times: at least two, and equal")
+            raise InputError(
+                f"{count} turns and {times} times: a drive has a time for each of two or more turns"
+            )
         check_times(self.starts)
         end = self.starts[-1] + self.turn_s
         if self.pose_times[0] > self.starts[0] + self.turn_s / 2 or (
@@ -80,7 +82,7 @@ class Drive:
             raise InputError(f"poses from {span}, turns from {self.starts[0]:g} to {end:g} s")
 
     def poses_at(self, share: float) -> Floats:
-        """Return the poses (n, 4, 4) when a share of each turn has passed."""
+        """Return the poses (n, 4, 4) at a fraction of each turn's duration, from 0 to 1."""
         from scipy.spatial.transform import Rotation, Slerp
 
         times = np.clip(self.starts + share * self.turn_s, self.pose_times[0], self.pose_times[-1])
@@ -99,7 +101,7 @@ class Drive:
 
 
 def check_times(starts: Floats) -> None:
-    """Raise InputError if turns (n,) do not follow one another without a gap."""
+    """Raise InputError unless turns begin one after the other, without a missing turn."""
     steps = np.diff(starts)
     if (back := np.flatnonzero(steps <= 0)).size:
         raise InputError(f"times run back: turn {back[0] + 1} begins before turn {back[0]}")
@@ -110,12 +112,11 @@ def check_times(starts: Floats) -> None:
 
 
 def turn_of(returns: Returns) -> PointCloud:
-    """Return a turn's points with its returns."""
     return PointCloud(returns.points(), returns=returns)
 
 
 def firing_shares(returns: Returns) -> Floats:
-    """Return the time of each point (n,) of one turn, as a share of the turn from 0 to 1."""
+    """Return the time of each point (n,) of a turn as a fraction of the turn, from 0 to 1."""
     (turn,) = returns.turns
     columns, lasers, _ = returns.indices(turn)
     azimuths = returns.column_azimuths(turn)

@@ -133,12 +133,10 @@ def _recorded_columns(source: RecordedReturns | Returns) -> Columns:
 
 
 def _rings(returns: Returns) -> NDArray[np.uint16]:
-    """Return the ring of each laser: 0 is the lowest, as ROS drivers number them."""
     return np.argsort(returns.layout.order).astype(np.uint16)
 
 
 def _column_us(returns: Returns) -> float:
-    """Return the time between columns, from that between packets; 0 if it is unknown."""
     times = [turn.times for turn in returns.turns if turn.times is not None]
     steps = np.concatenate([np.diff(part.astype(np.float64)) for part in times] or [np.zeros(0)])
     steps = steps[steps > 0]  # the clock restarts hourly

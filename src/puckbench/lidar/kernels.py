@@ -1,7 +1,6 @@
-"""Compiled loops of a virtual scan, which write their results to arrays passed as arguments.
+"""Compiled loops of a virtual scan, which write to arguments.
 
-Rays are ordered by frame, azimuth step and laser. This order also applies to flat arrays (n,) and
-to the rows of the scan table.
+Rays, flat arrays (n,) and rows of the scan table are ordered by frame, azimuth step and laser.
 """
 
 from __future__ import annotations
@@ -22,9 +21,8 @@ _LEAST_COSINE = 1e-9
 def fill_planes(
     vertices: Floats, triangles: NDArray[np.int64], origin: Floats, planes: Floats
 ) -> None:
-    """Write unit normals of triangles and their planes' distances from `origin` to `planes` (t, 4).
-
-    They are 0 for a degenerate triangle.
+    """Write unit normals of triangles (0 if degenerate) and their planes' distances from `origin`
+    to `planes` (t, 4).
     """
     for t in range(len(triangles)):
         a, b, c = vertices[triangles[t, 0]], vertices[triangles[t, 1]], vertices[triangles[t, 2]]
@@ -140,9 +138,6 @@ def fill_points(
     start: int,
     out: tuple[Any, ...],
 ) -> None:
-    """Write distances and points of the rays that `rows` (n,) selects to `out`, from row `start`
-    on.
-    """
     distance, x, y, z = out
     per_step = len(rows) // len(origins)
     row = start
@@ -192,9 +187,9 @@ def fill_echoes(
 ) -> None:
     """Compute each beam's echo: its mean distance (inf for none), and the ray nearest to that.
 
-    `apart` (beams, rays) are the distances of the rays, m, inf for a miss. After sorting, a
-    distance that exceeds the one before by more than `gap` begins a new echo. `choice` selects the
-    first echo (0), the echo with the most rays (1), the last echo (2), or all rays as one echo (3).
+    `apart` (beams, rays) are the rays' distances, m, inf for a miss. After sorting, a distance more
+    than `gap` beyond the previous one begins a new echo. `choice` selects the first echo (0), that
+    with most rays (1), the last (2), or all rays as one echo (3).
     """
     beams, rays = apart.shape
     for beam in range(beams):

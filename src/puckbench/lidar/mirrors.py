@@ -1,5 +1,3 @@
-"""Reflection of rays as in BlenSor: an object seen in a mirror is measured along the fired ray."""
-
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -19,7 +17,7 @@ _OFF_THE_MIRROR = 1e-4
 
 @dataclass(frozen=True)
 class _Paths:
-    """Rays whose paths have ended on a mirror so far: direction, end and length of each path."""
+    """Rays whose paths so far end on a mirror: direction, end and length of each path."""
 
     rays: NDArray[np.int64]
     directions: Floats

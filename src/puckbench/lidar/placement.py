@@ -1,4 +1,4 @@
-"""Checks whether a sensor can stand or move in a scene, and search for a position where it can.
+"""Checks of a sensor's position or path in a scene, and search for a free position.
 
 A position is outside a scene if at most half of the rays in all directions hit the scene.
 """
@@ -21,7 +21,7 @@ _LEAST_CLEARANCE_M = 1e-3
 # If all surfaces are closer, the sensor is inside an object.
 _LEAST_REACH_M = 1.0
 _DIRECTIONS = 256
-_IF_MEANT = "(--anywhere scans from there all the same)"
+_IF_MEANT = "(to scan from there, add --anywhere)"
 
 
 def check_untouched(caster: RayCaster, places: Floats) -> None:
@@ -45,9 +45,11 @@ def check_free(caster: RayCaster, times: Floats, places: Floats) -> None:
         )
     around = _one_object(caster, triangles) if share == 1 else None
     if around is not None:
-        raise InputError(f"{where} is inside of {around}, which is all that it sees {_IF_MEANT}")
+        raise InputError(f"{where} is inside {around}, the only object that it sees {_IF_MEANT}")
     if distances.max() < _LEAST_REACH_M:
-        raise InputError(f"{where} is shut in: it sees {distances.max():.2f} m far {_IF_MEANT}")
+        raise InputError(
+            f"{where} is enclosed: it sees no farther than {distances.max():.2f} m {_IF_MEANT}"
+        )
     _check_way(caster, times, places)
 
 
@@ -61,7 +63,6 @@ def seen_around(caster: RayCaster, place: Floats) -> tuple[Floats, NDArray[np.ui
 
 
 def _one_object(caster: RayCaster, triangles: NDArray[np.uint32]) -> str | None:
-    """Return the name of the object to which all triangles belong, None if there are several."""
     if caster.surfaces is None or len(np.unique(caster.surfaces.object_id)) < 2:
         return None
     seen = np.unique(caster.surfaces.object_id[triangles])
@@ -112,7 +113,7 @@ def free_origin(
             if np.isfinite(seen_around(caster, spot)[0]).mean() > inside:
                 return np.asarray(middle + spot)
     raise InputError(
-        f"the scene has no free spot {height} m above its floor with {clearance} m around it:"
+        f"the scene has no free position {height} m above its floor with {clearance} m around it:"
         " give the sensor's origin"
     )
 

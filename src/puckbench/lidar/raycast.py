@@ -1,7 +1,7 @@
 """Ray casting: Embree (by Open3D) finds the triangle, and its plane gives the distance.
 
-Embree computes in float32, with a relative error of about 1e-6 of the coordinates. Therefore the
-sensor is at the origin, and distances are computed again in float64.
+Embree's float32 has a relative error of about 1e-6 of the coordinates. Therefore the sensor is at
+the origin, and distances are computed again in float64.
 """
 
 from __future__ import annotations
@@ -53,7 +53,6 @@ class RayCaster:
         )
 
     def cast(self, rays: Rays, poses: Poses, limits: tuple[float, float]) -> Cast:
-        """Cast the rays of frames, with poses relative to `origin`."""
         from puckbench.lidar.kernels import fill_directions
 
         directions = np.empty((rays.yaw.size, 3))
@@ -68,7 +67,6 @@ class RayCaster:
         return Cast(directions, self.origin + starts, hits)
 
     def clearances(self, places: Floats) -> Floats:
-        """Return the distances, m, to the mesh from positions (n, 3) relative to `origin`."""
         import open3d as o3d
 
         queries = o3d.core.Tensor.from_numpy(places.astype(np.float32))

@@ -1,4 +1,4 @@
-"""Tables of plane residuals, with a row for each return of a virtual scan or a recording.
+"""Tables of plane residuals: a row for each return of a virtual scan or a recording.
 
 A residual is the signed distance of a point from the plane fitted to its surface (thesis, section
 5.1.2).

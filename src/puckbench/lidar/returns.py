@@ -59,7 +59,7 @@ class Beams:
     azimuths_deg
         Azimuths relative to that of the column; empty: all 0.
     sideways_mm
-        Distances at which beams pass the axis, in the direction of rotation; empty: all 0.
+        Distances of beams from the axis, in the direction of rotation; empty: all 0.
     radial_mm
         Distances from the axis, in the direction of the column's azimuth, at which beams start and
         from which ranges are measured; empty: all 0.
@@ -117,8 +117,6 @@ class FiringTable(ReturnTable):
 
 
 class _FiringTableInSteps(FiringTable):
-    """Table of firings whose layout has another number of azimuth steps than 36,000."""
-
     _azimuth = ("<i4", "step (see metadata)", FIRING_COLUMNS["azimuth"][2])
     schema = replace(FiringTable.schema, columns={**FIRING_COLUMNS, "azimuth": _azimuth})
 
@@ -143,7 +141,7 @@ class Returns:
             raise InputError(f"{self.beams.lasers} beams for {self.layout.lasers} lasers")
         more = (self.beams.azimuths_deg, self.beams.sideways_mm, self.beams.radial_mm)
         if any(len(values) not in (0, self.layout.lasers) for values in more):
-            raise InputError("azimuths or offsets of other lasers than the layout's")
+            raise InputError("azimuths or offsets are not one for each laser of the layout")
         for turn in self.turns:
             check_turn(turn, self.layout)
 
@@ -167,7 +165,7 @@ class Returns:
         """Compute points (n, 3) in m, in the order of turns, columns, lasers and kinds of return.
 
         The conversion is that of the VLP-16 User Manual 63-9243 Rev. E, section 9.2. `distances`,
-        m, replace the ranges of the turns, and have the same shapes.
+        m, replace the ranges of the turns and have their shapes.
         """
         if distances is None:
             distances = [self.distances(turn) for turn in self.turns]
@@ -239,7 +237,6 @@ class Returns:
 
     @property
     def columns_per_turn(self) -> int:
-        """Number of firing columns per revolution, from the median increase of the azimuth."""
         steps = self.layout.azimuth_steps
         rises = [np.mod(np.diff(turn.azimuths.astype(int)), steps) for turn in self.turns]
         increases = np.concatenate(rises) if rises else np.zeros(0, int)
@@ -297,7 +294,7 @@ def write_firings(path: Path, returns: Returns) -> None:
 
 
 def _described(part: Beams | Layout) -> dict[str, Any]:
-    """Return the fields of `part`, without later ones that have their defaults."""
+    """Return the fields of `part` up to the last that differs from its default."""
     later: dict[str, Any] = {"radial_mm": (), "azimuth_steps": CENTIDEGREES, "shifts": ()}
     return {name: value for name, value in asdict(part).items() if later.get(name) != value}
 
@@ -344,7 +341,6 @@ def returns_file(cloud: Path) -> Path:
 
 
 def with_returns(cloud: PointCloud, path: Path) -> PointCloud:
-    """Return a cloud with the returns that are stored beside its file, if there are any."""
     beside = returns_file(path)
     return replace(cloud, returns=read_firings(beside)) if beside.exists() else cloud
 

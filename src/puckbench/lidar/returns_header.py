@@ -1,8 +1,3 @@
-"""Encoding of the header of a stream of returns: layout of the images, and lasers of the sensor.
-
-For a sensor that puckbench describes, the lasers are stored as its name.
-"""
-
 from __future__ import annotations
 
 import zlib

@@ -1,4 +1,4 @@
-"""Virtual scans of a mesh: ray casting from a rotating sensor, with an error model."""
+"""Virtual scans of a mesh, with an error model."""
 
 from __future__ import annotations
 
@@ -114,10 +114,10 @@ def scan(
 ) -> ScanTable:
     """Scan a mesh with a virtual sensor (thesis, section 5.2); return a table of returns.
 
-    A row is a nominal ray that returned, in the order of firing (frame, azimuth step, laser). Its
-    clean values are the true intersection of the ray with the surface, its noisy values what the
-    sensor measured. If the error model fires another ray (beam divergence), the sensor measures
-    along that ray, and a row needs a hit within range on both rays.
+    A row is a nominal ray that returned, in the order of firing (frame, azimuth step, laser). Clean
+    values are its true intersection with the surface, noisy values those measured. If the error
+    model fires another ray (beam divergence), the sensor measures along that one, and a row needs a
+    hit within range on both.
 
     Parameters
     ----------

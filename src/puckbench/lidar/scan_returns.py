@@ -1,5 +1,3 @@
-"""Conversion of a virtual scan into the raw numbers that its sensor would report."""
-
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -19,9 +17,10 @@ from puckbench.lidar.turns import CENTIDEGREES, MAX_RANGE, Layout, Turn
 
 @dataclass(frozen=True)
 class ScanReturns:
-    """Returns of a scan, and their rows (n,) in its table, in the order of ``returns.points()``.
+    """Returns of a scan as its sensor would report them, and their rows (n,) in the scan's table.
 
-    `still_at` is the position, m, of a level sensor at rest, otherwise None.
+    Rows are in the order of ``returns.points()``. `still_at` is the position, m, of a level sensor
+    at rest, otherwise None.
     """
 
     returns: Returns
@@ -41,7 +40,7 @@ def returns_of_scan(table: ScanTable, clean: bool = False) -> ScanReturns:
     if not np.isclose(hertz, sweep.frames_per_second, rtol=1e-9):
         raise InputError(
             f"the scan has {sweep.frames_per_second:g} frames a second, and the sensor turns "
-            f"{hertz:g} times: returns are taken of frames that are whole turns"
+            f"{hertz:g} times: frames must be whole turns"
         )
     firing: Firing = "sequential" if sweep.timing == "firing" else "simultaneous"
     beams = Beams.of(sensor, firing, is_virtual=True)

@@ -1,5 +1,3 @@
-"""Tables of virtual scans: a row for each return, with true and measured values of its ray."""
-
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
@@ -54,7 +52,7 @@ class _ScanMetadata(Model, extra="ignore"):
 
 @dataclass(frozen=True)
 class ScanTable(ReturnTable):
-    """Table of a virtual scan's returns, in the order of firing."""
+    """Table of a virtual scan's returns, in the order of firing, with true and measured values."""
 
     schema = TableSchema("scan table", "puckbench", COLUMNS)
 

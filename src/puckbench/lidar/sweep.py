@@ -1,9 +1,9 @@
 """Sweeps: the rotation and the motion of a virtual sensor during a scan.
 
-The axes are x right, y forward, z up. As in BlenSor, the sensor rotates about z, counter-clockwise
-seen from above, from forward; pitch rotates it about x, upwards positive. All lasers of an azimuth
-step fire at the same time, and a frame has one pose. Unlike in BlenSor, lasers can have their own
-firing times (``timing="firing"``), and azimuth steps their own poses (a trajectory).
+Axes are x right, y forward, z up. As in BlenSor, the sensor rotates about z from forward,
+counter-clockwise seen from above; pitch rotates it about x, upwards positive. All lasers of an
+azimuth step fire at the same time, and a frame has one pose; but lasers can have firing times
+(``timing="firing"``) and azimuth steps poses (a trajectory).
 """
 
 from __future__ import annotations

@@ -1,5 +1,3 @@
-"""Trajectories of moving sensors: poses over time and their interpolation."""
-
 from __future__ import annotations
 
 import csv

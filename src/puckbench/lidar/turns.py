@@ -1,5 +1,3 @@
-"""Turns (revolutions) of a spinning sensor as images of the integers that it reports."""
-
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -34,8 +32,8 @@ class Layout:
     the two of a VLP-16, have a common azimuth; blocks of a packet have a common time. In dual
     return mode there are two kinds of return. `azimuth_steps` is the number of units of azimuth in
     a revolution: by default 36,000 of 0.01 degrees; for an Ouster the number of columns. If lasers
-    of a column have different azimuths, `shifts` are the columns by which coders move the values of
-    each laser so that all of a column have nearly the same azimuth; empty: all 0.
+    of a column have different azimuths, coders move each laser's values by `shifts` columns, so
+    that a column has nearly one azimuth; empty: all 0.
     """
 
     order: tuple[int, ...]
@@ -145,7 +143,6 @@ def _places(layout: Layout, columns: int, lasers: int) -> NDArray[np.intp]:
 
 
 def has_wide_ranges(turn: Turn) -> bool:
-    """Return whether ranges have 32 bits; otherwise they have 16."""
     return turn.ranges.dtype == np.uint32
 
 

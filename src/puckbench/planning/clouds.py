@@ -1,5 +1,3 @@
-"""Plans of the jobs that make scenes, samples, scans and prepared clouds."""
-
 from __future__ import annotations
 
 import hashlib
@@ -30,7 +28,6 @@ class CloudJobs:
         return self.plan.datasets[name]
 
     def scene_file(self, dataset: str, cloud: str, suffix: str = "") -> str:
-        """Return the scene file from which a cloud is made."""
         data = self.dataset(dataset)
         scene, _ = data.sources[cloud]
         suffix = suffix or ("parquet" if data.scenes in self.of_returns else "ply")
@@ -45,7 +42,6 @@ class CloudJobs:
         return [name for name, data in sets if data.has_returns == has_returns]
 
     def source(self, dataset: str, cloud: str) -> str:
-        """Return the sample, scan or scene file from which a cloud is prepared."""
         make = self.dataset(dataset).settings.make
         if make == "cloud":
             return self.scene_file(dataset, cloud)

@@ -1,5 +1,3 @@
-"""Plans of the jobs that encode, decode and measure rate-distortion curves."""
-
 from __future__ import annotations
 
 import math
@@ -45,7 +43,6 @@ class Curve:
 
 
 def _peak(settings: DataSetConfig) -> float | None:
-    """Return the peak of the PSNRs; None if each cloud's description contains it."""
     if settings.peak is not None or isinstance(settings.size, str):
         return settings.peak
     return float(settings.size) - 1
@@ -73,7 +70,6 @@ class CodingJobs:
 
     @cached_property
     def cut(self) -> list[str]:
-        """Codecs whose curves are split among several jobs."""
         counts = Counter((curve.codec, curve.frame) for curve in self.curves)
         return list(dict.fromkeys(codec for (codec, _), count in counts.items() if count > 1))
 
@@ -283,7 +279,6 @@ def _name(rates: tuple[str, ...]) -> str:
 
 
 def _parts(rates: tuple[str, ...], seconds: float) -> list[tuple[str, ...]]:
-    """Split rates into parts of at most `_MOST_SECONDS`; `seconds` is the time for one rate."""
     parts = max(1, min(len(rates), math.ceil(seconds * len(rates) / _MOST_SECONDS)))
     size = math.ceil(len(rates) / parts)
     return [rates[first : first + size] for first in range(0, len(rates), size or 1)]

@@ -30,7 +30,7 @@ def _different(values: tuple[Any, ...]) -> tuple[Any, ...]:
     return values
 
 
-def _own_keys(cls: type[Model], values: Options) -> Options:
+def _checked_stand_in(cls: type[Model], values: Options) -> Options:
     names = [name for name in cls.model_fields if name != "stand_in"]
     if unknown := [name for name in values if name not in names]:
         raise ValueError(f"unknown key '{unknown[0]}'{among(unknown[0], names)}")
@@ -183,7 +183,7 @@ class DataSetConfig(Model):
         {}, description="Values of keys that replace this data set's with `stand_in: true`."
     )
 
-    _stands_in = field_validator("stand_in")(classmethod(_own_keys))
+    _stands_in = field_validator("stand_in")(classmethod(_checked_stand_in))
 
     @field_validator("views")
     @classmethod
@@ -223,7 +223,8 @@ class DriveConfig(Model):
     make: Literal["scan", "cloud"] = Field(
         "scan",
         description="`scan`: the virtual sensor drives through each scene, along the sweep's "
-        "`trajectory`; `cloud`: consecutive clouds, named alike but for a number, are a drive.",
+        "`trajectory`; `cloud`: consecutive clouds whose names differ only in a number are "
+        "a drive.",
     )
     seeds: tuple[Seed, ...] = Field(
         (1, 2, 3), min_length=1, description="Seeds of the sensor's errors, one drive for each."
@@ -239,7 +240,7 @@ class DriveConfig(Model):
     rates: tuple[RateName, ...] = Field(
         ("1000mm", "500mm", "200mm", "100mm", "50mm", "20mm"),
         min_length=1,
-        description="Rates; a codec that has none of them runs its own.",
+        description="Rates; a codec that has none of them runs all of its rates.",
     )
     poses: str | None = Field(
         None,
@@ -450,7 +451,7 @@ class ExamplesConfig(Model):
         None, description="A turn of a sensor, virtual or real (`size: metric`)."
     )
 
-    def given(self) -> dict[str, str]:
+    def clouds_by_kind(self) -> dict[str, str]:
         clouds: dict[str, str] = self.model_dump(exclude_none=True)
         return clouds
 
@@ -475,7 +476,7 @@ class FiguresConfig(Model):
     stand_in: Options = Field(
         {}, description="Values of keys that replace those of `figures` with `stand_in: true`."
     )
-    _stands_in = field_validator("stand_in")(classmethod(_own_keys))
+    _stands_in = field_validator("stand_in")(classmethod(_checked_stand_in))
 
 
 class Config(Model):
@@ -499,7 +500,7 @@ class Config(Model):
     )
     unused: dict[str, str] = Field(
         {},
-        description="Files and other things that `puckbench run` leaves out, and the reasons; for "
+        description="Files and other items that `puckbench run` leaves out, and the reasons; for "
         "the table `left_out`.",
     )
     failed: dict[FailedName, str] = Field(
@@ -597,8 +598,8 @@ class Config(Model):
 def checked(config: Mapping[str, Any]) -> Config:
     """Check a configuration, after replacing data by stand-ins if it requests them.
 
-    Names of loaders, codecs, rates and clouds are checked by `puckbench.planning.plan`. Raises
-    InputError with the key, its value and the allowed values.
+    `puckbench.planning.plan` checks names of loaders, codecs, rates and clouds. Raises InputError
+    with the key, its value and the allowed values.
     """
     return checked_model(Config, with_stand_ins(config))
 
@@ -648,7 +649,7 @@ def read_config(path: Path) -> Options:
 def check_config_files(paths: Iterable[str | Path]) -> None:
     """Raise InputError if a file that Snakemake has read is invalid.
 
-    Files without keys of puckbench belong to a workflow that imports this one, and are ignored.
+    Files without keys of puckbench are ignored: they belong to a workflow that imports this one.
     """
     for path in map(Path, paths):
         if set(Config.model_fields) & set(_read(path, alike=False)):

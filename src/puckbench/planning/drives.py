@@ -1,5 +1,3 @@
-"""Plans of drives: the jobs that make, encode and measure them."""
-
 from __future__ import annotations
 
 import itertools
@@ -35,8 +33,8 @@ _CODING_S, _TASK_S = 0.25, 0.06
 class DrivePlan:
     """Drives of one entry of the configuration.
 
-    `scans` are scene and seed of virtual drives, `clouds` the names of the scenes of others, each
-    by the drive's name; `rates` are those of each codec, by its name.
+    `scans` has scene and seed of each virtual drive, `clouds` the names of the clouds of each other
+    drive, by the drive's name; `rates` are those of each codec.
     """
 
     name: str
@@ -68,7 +66,6 @@ class DriveJobs:
 
     @cached_property
     def curves(self) -> tuple[tuple[str, str, str], ...]:
-        """Entry, drive and codec of all curves."""
         failed = self.plan.config.failed
         names = (
             (name, drive, codec)
@@ -80,7 +77,7 @@ class DriveJobs:
 
     @cached_property
     def rows(self) -> tuple[str, ...]:
-        """Files of result rows, of the undecoded drives first."""
+        """Files of result rows; those of the undecoded drives first."""
         drives = [(n, drive, UNDECODED) for n, e in self.entries.items() for drive in e.drives]
         return tuple(f"drive_tasks/{'/'.join(each)}.parquet" for each in (*drives, *self.curves))
 
@@ -92,13 +89,13 @@ class DriveJobs:
             yield RowsTable(kind="drives", names=self.rows)
 
     def source(self, name: str, drive: str) -> dict[str, str]:
-        """Return the scene that a virtual drive is scanned from, and its description."""
+        """Return the scene file from which a virtual drive is scanned, and its description."""
         entry = self.entries[name]
         file = f"{self.plan.results}/scenes/{entry.scenes.name}/{entry.scans[drive][0]}"
         return {"scene": f"{file}.ply", "about": f"{file}.json"}
 
     def files(self, name: str, drive: str) -> dict[str, list[str]]:
-        """Return the files that the clouds of a drive are read from, and that of its poses."""
+        """Return the files of a drive's clouds, and that of its poses."""
         entry = self.entries[name]
         files = (file for cloud in entry.clouds[drive] for file in entry.scenes.files(cloud))
         poses = [entry.settings.poses] if entry.settings.poses else []
@@ -171,8 +168,8 @@ class DriveJobs:
     def _entry(self, name: str, value: DriveConfig) -> DrivePlan:
         where, scenes = f"drives.{name}", self.plan.scenes.get(value.scenes)
         if scenes is None:
-            known = among(value.scenes, self.plan.scenes)
-            raise InputError(f"{where}.scenes: no scene set '{value.scenes}'{known}")
+            choices = among(value.scenes, self.plan.scenes)
+            raise InputError(f"{where}.scenes: no scene set '{value.scenes}'{choices}")
         with naming(where):
             for task, options in value.tasks.items():
                 checked_task(task, options)
@@ -201,30 +198,29 @@ class DriveJobs:
                 raise InputError(f"sweep: {turns}: a drive has two frames or more, each one turn")
 
     def _rates(self, value: DriveConfig, scenes: ScenePlan) -> dict[str, tuple[str, ...]]:
-        """Return the rates of each codec that codes the drives."""
         unknown = [codec for codec in value.codecs or () if codec not in self.plan.config.codecs]
         if unknown:
-            known = among(unknown[0], self.plan.config.codecs)
-            raise InputError(f"codecs: no codec '{unknown[0]}'{known}")
+            choices = among(unknown[0], self.plan.config.codecs)
+            raise InputError(f"codecs: no codec '{unknown[0]}'{choices}")
         returns = value.is_scan or bool(getattr(scenes.scenes, "of_returns", False))
         packets = bool(getattr(scenes.scenes, "of_packets", False))
         rates = {}
         for codec in value.codecs or self.plan.codecs:
             opened = self.plan.opened[codec]
-            own = tuple(opened.rates_of("metric"))
-            found = [item for rate in value.rates if (item := find_rate(opened, rate))]
-            named = tuple(rate for rate, _ in found if own and opened.is_length(rate))
+            metric_rates = tuple(opened.rates_of("metric"))
+            requested = [item for rate in value.rates if (item := find_rate(opened, rate))]
+            named = tuple(rate for rate, _ in requested if metric_rates and opened.is_length(rate))
             if (opened.takes == "returns" and not returns) or (
                 opened.packets_alone and not packets
             ):
                 continue
-            if named or own:
-                rates[codec] = named or own
+            if named or metric_rates:
+                rates[codec] = named or metric_rates
         return rates
 
 
 def consecutive(names: tuple[str, ...]) -> dict[str, tuple[str, ...]]:
-    """Return the names of clouds of each drive: equal but for a number that grows evenly.
+    """Group names of clouds into drives: equal names but for a number that grows evenly.
 
     Raises InputError if there is a gap, a single cloud, or a name without a number.
     """

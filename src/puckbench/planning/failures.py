@@ -1,5 +1,3 @@
-"""Failed jobs of a run."""
-
 from __future__ import annotations
 
 import re
@@ -63,9 +61,8 @@ def write_failures(
 ) -> Path | None:
     """Write a configuration file that excludes the clouds and curves whose jobs failed.
 
-    It also contains `before`, the clouds and curves that this run excluded already. Write no file
-    and return None if nothing failed, or if a failed job belongs to no cloud: excluding clouds
-    would not help.
+    It also contains `before`, the clouds and curves that this run excluded. Without failures, or if
+    one belongs to no cloud, so that excluding clouds would not help, write no file and return None.
     """
     if not failures or not all(failure.cloud for failure in failures):
         if not before:
@@ -80,7 +77,7 @@ def write_failures(
 
 
 def failure_lines(failures: list[Failure]) -> Iterator[str]:
-    """Yield a line for each codec and reason, up to a maximum number, with one log."""
+    """Yield a line with one log for each codec and reason, up to a maximum number of lines."""
     groups: dict[tuple[str, str], list[Failure]] = {}
     for failure in failures:
         key = failure.codec or failure.what, failure.reason
@@ -93,7 +90,6 @@ def failure_lines(failures: list[Failure]) -> Iterator[str]:
 
 
 def _without_names(reason: str, curve: str, codec: str) -> str:
-    """Remove from a reason the curve's file and the codec, which `Failure.what` contains."""
     reason = re.sub(rf"\S*coded/{re.escape(curve)}\.zip: ", "", reason, count=1)
     return reason.replace(f"codec {codec}: ", "", 1)
 

@@ -1,8 +1,8 @@
 """Fingerprints of code: a job runs again when the code that makes its output changes.
 
-The code of a job is its module, the module of its plug-in, and all their imports, without comments,
-docstrings and help texts. The command line and the registries are excluded, so that a new plug-in
-does not repeat other jobs. A YAML file with the name of a module is included.
+That code is the job's module, its plug-in's, and all their imports, without comments, docstrings
+and help texts. The command line and the registries are excluded, so that a new plug-in does not
+repeat other jobs. A YAML file with the name of a module is included.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Estimates of the time of a run from the logged costs of another run.
 
-A job logs its processor time (`puckbench.jobs.cost`), which other work on the machine hardly
+Jobs log their processor time (`puckbench.jobs.cost`), which other work on the machine hardly
 affects.
 """
 
@@ -107,7 +107,7 @@ class Measurements:
     def at(self, points: int) -> float:
         """Return the estimated seconds of a job for a number of points, by Theil-Sen regression.
 
-        The medians ignore the slow first jobs of a run, which compile. If all clouds have about the
+        Its medians ignore the slow first jobs of a run, which compile. If all clouds have about the
         same size, the time is proportional to the points.
         """
         start, slope = self._line
@@ -134,7 +134,7 @@ def read_job_times(run: Path) -> list[JobTime]:
     logs = [log for folder in _log_folders(run) for log in sorted(folder.rglob("*.log"))]
     times = [_job_time(log, cost) for log in logs if (cost := read_cost(log))]
     if not times:
-        raise InputError(f"{run}: no logs of finished jobs there (results/logs)")
+        raise InputError(f"{run}: no logs of finished jobs (results/logs)")
     return times
 
 
@@ -179,7 +179,6 @@ def estimated(kinds: Iterable[JobKind], times: Iterable[JobTime]) -> list[TimeEs
 
 
 def _estimate(kind: JobKind, job_times: list[JobTime]) -> TimeEstimate:
-    """Estimate the time from the most similar jobs: equal rates, and both with or without truth."""
     codecs = [time for time in job_times if (time.job, time.codec) == (kind.job, kind.codec)]
     times = [time for time in codecs if time.rates == kind.rates] or codecs
     if not times:

@@ -1,5 +1,3 @@
-"""Commands that start Snakemake on the workflow, in the repository or as installed."""
-
 from __future__ import annotations
 
 import sys
@@ -17,15 +15,14 @@ CALLER_PRINTS_SUMMARY = "PUCKBENCH_CALLER_PRINTS_SUMMARY"
 
 def snakefile() -> Path:
     for folder in _PLACES:
-        if (folder / "rules").is_dir() and (found := folder / "Snakefile").is_file():
-            return found
+        if (folder / "rules").is_dir() and (file := folder / "Snakefile").is_file():
+            return file
     raise InputError("the workflow is not in this installation of puckbench; install its wheel")
 
 
 def snakemake_command(
     config: Path, cores: int | None, *more: str, over: Path | None = None
 ) -> list[str]:
-    """Return the command that runs the workflow; the file `over` overrides the configuration."""
     words = [sys.executable, "-m", "snakemake", *more]
     words += [] if "--logger" in more else ["--logger", "puckbench"]
     words += ["--snakefile", str(snakefile()), "--cores", "all" if cores is None else str(cores)]

@@ -1,5 +1,3 @@
-"""Plans of the jobs that make tables, figures and the report page."""
-
 from __future__ import annotations
 
 import hashlib
@@ -80,17 +78,17 @@ class OutputJobs:
 
     @cached_property
     def study_tables(self) -> dict[str, Inputs]:
-        known = self._study_inputs()
+        inputs = self._study_inputs()
         return {
-            name: {needed: known[needed] for needed in entry.inputs}
-            for name, entry in self._makeable(known).items()
+            name: {needed: inputs[needed] for needed in entry.inputs}
+            for name, entry in self._makeable(inputs).items()
             if entry.category == SENSOR
         }
 
     @cached_property
     def result_tables(self) -> dict[str, Inputs]:
-        """Tables, except the sensor study's, whose input tables the plan makes and whose needs it
-        meets.
+        """Tables whose input tables the plan makes and whose needs it meets, except the sensor
+        study's.
         """
         there = {"metrics", "clouds"} if self.plan.datasets else set()
         there |= set(self.study_tables) | ({"drives"} if self.plan.drives else set())
@@ -132,8 +130,8 @@ class OutputJobs:
         """The codec with which BD-rates compare the others, by default the first."""
         anchor = self.config.bd_rate.anchor or next(iter(self.plan.codecs))
         if anchor not in self.plan.codecs:
-            known = ", ".join(self.plan.codecs)
-            raise InputError(f"bd_rate.anchor: no codec '{anchor}' among {known}")
+            codecs = ", ".join(self.plan.codecs)
+            raise InputError(f"bd_rate.anchor: no codec '{anchor}' among {codecs}")
         return anchor
 
     # ---- figures
@@ -141,17 +139,16 @@ class OutputJobs:
     @cached_property
     def figures(self) -> dict[str, Inputs]:
         """Figures with available inputs and needs, with the files of their inputs."""
-        known = self._cloud_inputs() | self._study_inputs()
+        inputs = self._cloud_inputs() | self._study_inputs()
         return {
-            name: {needed: known[needed] for needed in entry.inputs}
+            name: {needed: inputs[needed] for needed in entry.inputs}
             for name, entry in figure_entries().items()
-            if known.keys() >= set(entry.inputs)
+            if inputs.keys() >= set(entry.inputs)
             and self._met.keys() >= set(entry.needs)
             and all(entry.frame in self._frames_of(needed) for needed in entry.inputs)
         }
 
     def _frames_of(self, table: str) -> tuple[CoordinateFrame, ...]:
-        """Return the coordinate frames of the clouds in a table, or all frames for other tables."""
         if table not in _OF_CLOUDS:
             return get_args(CoordinateFrame)
         if table in _OF_CURVES:
@@ -187,11 +184,11 @@ class OutputJobs:
         return self._dataset_style(), *changes
 
     def _style(self, *changes: dict[str, Any]) -> tuple[dict[str, Any], ...]:
-        own = [name for name in self.plan.codecs if self._has_own_looks(name)]
-        looks = looks_layer([self._looks(name) for name in own])
+        restyled = [name for name in self.plan.codecs if self._has_changed_looks(name)]
+        looks = looks_layer([self._looks(name) for name in restyled])
         return {**self._dataset_style(), **looks}, *changes
 
-    def _has_own_looks(self, codec: str) -> bool:
+    def _has_changed_looks(self, codec: str) -> bool:
         return not is_codec(codec) or bool(self.config.codec(codec).keys() & {*LOOKS, "class"})
 
     def _looks(self, codec: str) -> dict[str, str]:
@@ -225,7 +222,6 @@ class OutputJobs:
 
     @cached_property
     def first_look(self) -> Gathering:
-        """Plan figures of the first codec's results, which are drawn while other codecs run."""
         names = self.coding.rows("metrics", self.first_codec)
         record = FirstLook(names=names, style=self._style(self.config.figures.style))
         modules = map(FIGURES.module_of, self.first_figures)
@@ -247,8 +243,8 @@ class OutputJobs:
         texts = "".join(f"{entry.number} {entry.title} {entry.caption}" for entry in entries)
         digest = hashlib.sha256(texts.encode()).hexdigest()[:16]
         contents = self.report_contents
-        own = (*contents.own_figures, *contents.own_tables)
-        record = Report(contents=contents.as_json(), code=own)
+        places = (*contents.own_figures, *contents.own_tables)
+        record = Report(contents=contents.as_json(), code=places)
         return planned(record, "puckbench.report.build", also=f"{assets_version()} {digest}")
 
     # ---- reference results
@@ -273,9 +269,8 @@ class OutputJobs:
     def _file(self, table: str, suffix: str = "parquet") -> str:
         return f"{self.plan.results}/tables/{table}.{suffix}"
 
-    def _makeable(self, known: Iterable[str]) -> dict[str, TableEntry]:
-        """Return the tables whose input tables and needs are available."""
-        inputs = set(known)
+    def _makeable(self, available: Iterable[str]) -> dict[str, TableEntry]:
+        inputs = set(available)
         return {
             name: entry
             for name, entry in table_entries().items()
@@ -285,34 +280,34 @@ class OutputJobs:
         }
 
     def _cloud_inputs(self) -> Inputs:
-        examples = self.config.figures.examples.given()
-        known = {
+        examples = self.config.figures.examples.clouds_by_kind()
+        inputs = {
             f"example_{kind}": self._example(cloud)
             for kind, cloud in examples.items()
             if cloud not in self.config.failed
         }
         if self.plan.datasets:
             tables = ("metrics", "clouds", *self.result_tables)
-            known |= {name: self._file(name) for name in tables}
+            inputs |= {name: self._file(name) for name in tables}
         if self.plan.drives:
-            known |= {name: self._file(name) for name in ("drives", *self.result_tables)}
+            inputs |= {name: self._file(name) for name in ("drives", *self.result_tables)}
         if self.plan.scanned:
-            known["scan_errors"] = self._file("scan_errors")
+            inputs["scan_errors"] = self._file("scan_errors")
         if self.plan.recovered:
-            known["recovery"] = self._file("recovery")
-        return known
+            inputs["recovery"] = self._file("recovery")
+        return inputs
 
     def _study_inputs(self) -> Inputs:
         study = self.plan.study
         if study is None:
             return {}
-        known = {"residuals": self._file("residuals")}
+        inputs = {"residuals": self._file("residuals")}
         if study.shown_m:
-            known["scans"] = self._file("scans")
+            inputs["scans"] = self._file("scans")
         if study.captures:
-            known |= {name: self._file(name) for name in ("compared_residuals", "model_distances")}
-            known["compared"] = known["compared_residuals"]
-        return known
+            inputs |= {name: self._file(name) for name in ("compared_residuals", "model_distances")}
+            inputs["compared"] = inputs["compared_residuals"]
+        return inputs
 
     @cached_property
     def _met(self) -> dict[str, Options]:

@@ -1,5 +1,3 @@
-"""The plan for a configuration: scenes, data sets, clouds, codecs, trainings, sensor study."""
-
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
@@ -213,7 +211,6 @@ class Plan:
                 yield {"dataset": dataset, "scene": scene, "file": file, "reason": reason}
 
     def _attributes_left_out(self) -> Iterator[dict[str, str]]:
-        """Yield rows on what the user's clouds lose: points, attributes, and the origin."""
         for data in self.datasets.values():
             if not read_first(self.scenes[data.scenes].scenes):
                 continue
@@ -254,7 +251,6 @@ class Plan:
             yield {"dataset": dataset, "scene": cloud, "file": what, "reason": reason}
 
     def _tasks_left_out(self) -> Iterator[dict[str, str]]:
-        """Yield a row for each task whose packages are not installed here."""
         for name in dict.fromkeys(t for drive in self.config.drives.values() for t in drive.tasks):
             if missing := TASKS.get(name).missing:
                 reason = (
@@ -374,7 +370,6 @@ class Plan:
         return data.settings.codecs is None or codec in data.settings.codecs
 
     def _why_not(self, codec: str, data: DataSetPlan) -> str:
-        """Return why a codec cannot encode a data set, or an empty string."""
         opened = self.opened[codec]
         if opened.takes == "returns" and not data.has_returns:
             return "it codes returns of a spinning sensor"
@@ -491,7 +486,6 @@ class Plan:
 
 
 def _runnable(drives: Mapping[str, DriveConfig]) -> dict[str, DriveConfig]:
-    """Return the drives with their tasks, without those whose packages are not installed."""
     runnable = {}
     for name, drive in drives.items():
         tasks = {
@@ -514,12 +508,12 @@ def _unusable(dataset: str, faults: Mapping[str, str]) -> InputError:
 
 def open_scenes(name: str, value: SceneSetConfig, seed: int) -> ScenePlan:
     """Open a scene set, with `seed` if its entry has none."""
-    own_seed = seed if value.seed is None else value.seed
+    scene_seed = seed if value.seed is None else value.seed
     with naming(f"scenes.{name}"):
-        scenes = open_scene_set(value.loader, value.options, own_seed)
+        scenes = open_scene_set(value.loader, value.options, scene_seed)
         names = scenes.names()
     selected = _chosen(name, value, names)
-    return ScenePlan(name, value.loader, own_seed, value.options, scenes, selected)
+    return ScenePlan(name, value.loader, scene_seed, value.options, scenes, selected)
 
 
 def _weights(name: str, changes: Mapping[str, Any]) -> list[Path]:
@@ -585,7 +579,7 @@ def _capture(name: str, item: CaptureConfig) -> tuple[str, dict[str, Any]]:
 
 
 def _check_distance(distance: float) -> None:
-    known = sorted(CALIBRATIONS.values())
-    if distance not in known:
-        places = ", ".join(f"{place:g}" for place in known)
+    distances = sorted(CALIBRATIONS.values())
+    if distance not in distances:
+        places = ", ".join(f"{place:g}" for place in distances)
         raise InputError(f"sensor_study: no wall at {distance:g} m (there are {places} m)")

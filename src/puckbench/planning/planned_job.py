@@ -1,8 +1,3 @@
-"""Planned jobs: their settings, and a fingerprint of their code.
-
-Snakemake repeats a job if either changes.
-"""
-
 from __future__ import annotations
 
 import hashlib
@@ -19,7 +14,9 @@ RECORDS = Path(".snakemake", "records")
 
 
 class PlannedJob(NamedTuple):
-    """A job's settings (`record`) as JSON, and the fingerprint of its code."""
+    """A job's settings (`record`) as JSON, and the fingerprint of its code; Snakemake repeats it if
+    either changes.
+    """
 
     name: str
     record: str

@@ -1,5 +1,3 @@
-"""The contents of the report, from a plan."""
-
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -40,7 +38,7 @@ def planned_contents(
 
 
 def _examples(plan: Plan) -> Iterable[Example]:
-    for kind, name in plan.config.figures.examples.given().items():
+    for kind, name in plan.config.figures.examples.clouds_by_kind().items():
         if name in plan.config.failed:
             continue
         dataset, cloud = name.split("/")
@@ -57,14 +55,12 @@ def _examples(plan: Plan) -> Iterable[Example]:
 
 
 def shown_rates(plan: Plan, dataset: str, cloud: str, codec: str) -> tuple[str, ...]:
-    """Return the rates whose decoded clouds the report shows."""
     rates = plan.rates(codec, plan.datasets[dataset].frame)
     coded = plan.curve_rates(dataset, cloud, codec)
     return tuple(rate for rate in spread_out(rates, plan.config.report.rates) if rate in coded)
 
 
 def spread_out(names: Sequence[str], count: int) -> list[str]:
-    """Return `count` evenly spaced names; if it is 1, the middle one."""
     if count >= len(names):
         return list(names)
     if count == 1:

@@ -1,5 +1,3 @@
-"""The summary at the end of a run: a table of results, and the locations of files."""
-
 from __future__ import annotations
 
 import csv
@@ -49,11 +47,11 @@ def closing_lines(results: Path, style: FigureStyle, anchor: str, since: float) 
         return
     shown = summary_rows(results, style, anchor)
     rows = [_cells(row) for row in shown]
-    known = [name for name in _HEADS if any(row[name] for row in rows)]
-    heads = [_HEADS[name] for name in known]
-    yield from _aligned([heads, *([row[name] for name in known] for row in rows)])
+    columns = [name for name in _HEADS if any(row[name] for row in rows)]
+    heads = [_HEADS[name] for name in columns]
+    yield from _aligned([heads, *([row[name] for name in columns] for row in rows)])
     against = f"; BD-rate in D1 against {style.of_codec(anchor).title}"
-    if "bd_rate_percent" not in known:
+    if "bd_rate_percent" not in columns:
         against = ""
     yield f"Medians over clouds, lowest to highest rate{against}."
     yield from _remarks(shown)
@@ -80,7 +78,6 @@ def summary_rows(results: Path, style: FigureStyle, anchor: str) -> list[dict[st
 
 
 def _delta(row: Row | None) -> dict[str, Any]:
-    """Return a BD-rate as text and, if meaningful, as a number."""
     value = float(row["bd_rate_percent"]) if row is not None and has_delta(row) else None
     return {"bd_rate_percent": value, "bd_rate": "" if row is None else delta_text(row)}
 
@@ -143,8 +140,8 @@ def _row(medians: Sequence[Row], style: FigureStyle) -> dict[str, Any]:
 
 
 def _range(rows: Sequence[Row], column: str) -> list[float] | None:
-    found = [float(row[column]) for row in rows if row.get(column)]
-    return [min(found), max(found)] if found else None
+    values = [float(row[column]) for row in rows if row.get(column)]
+    return [min(values), max(values)] if values else None
 
 
 def _cells(row: Mapping[str, Any]) -> dict[str, str]:
@@ -164,7 +161,6 @@ def _cells(row: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _aligned(rows: Sequence[Sequence[str]]) -> Iterator[str]:
-    """Yield lines with columns of equal width; texts are left-aligned, numbers right-aligned."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     for row in rows:
         cells = zip(row, widths, strict=True)

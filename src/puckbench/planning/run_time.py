@@ -1,5 +1,3 @@
-"""Estimate of a run's time on this machine, from times measured on another machine."""
-
 from __future__ import annotations
 
 import time

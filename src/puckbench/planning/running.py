@@ -1,5 +1,3 @@
-"""Before a run: lock the results folder, check the disk space, and list what is left out."""
-
 from __future__ import annotations
 
 import math
@@ -57,8 +55,7 @@ def left_out_lines(rows: Sequence[Mapping[str, str]]) -> Iterator[str]:
 
 
 def held_since() -> float:
-    """Return the time stamp at which this process locked its results; infinity if it has not.
-
-    It is in seconds, by the clock of the results' file system.
+    """Return the time stamp, in s by the file system's clock, at which this process locked its
+    results; else infinity.
     """
     return os.fstat(_held[-1]).st_mtime if _held else math.inf

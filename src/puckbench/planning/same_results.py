@@ -71,7 +71,6 @@ def _member(name: str, data: bytes) -> Any:
 
 
 def _table(path: Path) -> list[list[str]]:
-    """Return the column names and rows as strings, in which NaN equals NaN."""
     if path.suffix == ".csv":
         with path.open(newline="", encoding="utf-8") as stream:
             return list(csv.reader(stream))

@@ -1,6 +1,6 @@
 """Checks of scenes before a run: damaged meshes, no position for a sensor, clouds without points.
 
-The results are cached in the results folder until files or settings change.
+Results are cached in the results folder until files or settings change.
 """
 
 from __future__ import annotations
@@ -29,7 +29,6 @@ def scan_record(settings: DataSetConfig, scene: str, seed: int) -> Scan:
 
 
 def scan_settings(settings: DataSetConfig | DriveConfig, scene: str, seed: int) -> dict[str, Any]:
-    """Return the settings of a job that scans a scene."""
     return {
         "sensor": settings.sensor,
         "errors": settings.errors,
@@ -62,7 +61,7 @@ def scene_faults(
         stale = [name for name in states if name in faulty or name in stale]
     progress = Progress(f"{results_file.stem}: {what} looked at:")
     for done, name in enumerate(stale, start=1):
-        fault, measured = _found(scenes, name, settings)
+        fault, measured = _check_scene(scenes, name, settings)
         results[name] = {"state": states[name], "fault": fault, **measured}
         progress(done, len(stale))
     if stale:
@@ -138,7 +137,7 @@ def _stats(path: Path) -> Iterator[tuple[str, int, int]]:
         yield str(path), 0, 0
 
 
-def _found(
+def _check_scene(
     scenes: SceneSet, name: str, settings: DataSetConfig
 ) -> tuple[str | None, dict[str, Any]]:
     from puckbench.geometry.mesh import check_mesh
@@ -184,7 +183,6 @@ def _extent(points: Floats) -> float:
 
 
 def _remark_extent(scenes: SceneSet, scene: Scene, settings: DataSetConfig) -> None:
-    """Warn if the size of a user's file suggests another unit."""
     path = scenes.files(scene.name)[0]
     if scene.mesh is not None and settings.is_scan:
         warn_of_implausible_extent(path, scene.mesh.bounds())

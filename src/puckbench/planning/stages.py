@@ -1,5 +1,3 @@
-"""Files that a plan makes, by stage (scenes, clouds, curves ...), and groups of similar jobs."""
-
 from __future__ import annotations
 
 import os
@@ -15,10 +13,7 @@ from puckbench.planning.workflow import Workflow
 
 @dataclass(frozen=True)
 class Stage:
-    """The files that one step of a run makes in `folder`.
-
-    `planned` contains their paths relative to the folder, without `suffix`.
-    """
+    """The files, relative to `folder` and without `suffix`, that a step of a run makes."""
 
     folder: Path
     suffix: str

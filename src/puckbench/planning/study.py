@@ -1,5 +1,3 @@
-"""Plans of the sensor study's jobs: plane residuals, and points on a wall and a floor."""
-
 from __future__ import annotations
 
 from functools import cache, cached_property
@@ -77,7 +75,7 @@ class StudyJobs:
 
 
 def _job(name: str, **settings: Any) -> Job:
-    return JOBS.get(name).given(**settings)
+    return JOBS.get(name).create(**settings)
 
 
 def _joined(job: str, files: tuple[str, ...], **settings: Any) -> Gathering:

@@ -1,5 +1,3 @@
-"""A run of the user's codecs on the clouds of a study with reference results."""
-
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
@@ -43,19 +41,19 @@ def study_configuration(
     used = {data["scenes"] for data in selected.values()}
     shown = study["figures"].get("examples", {})
     examples = {kind: cloud for kind, cloud in shown.items() if cloud.split("/")[0] in selected}
-    own = codec_entries(codecs)
-    trust(entry.get("class") for entry in own.values())
+    user_codecs = codec_entries(codecs)
+    trust(entry.get("class") for entry in user_codecs.values())
     deltas = study["bd_rate"]
-    if deltas.get("anchor") not in own:  # the anchor is then the first codec
+    if deltas.get("anchor") not in user_codecs:  # the anchor is then the first codec
         deltas = {key: value for key, value in deltas.items() if key != "anchor"}
     config = {
         **study,
         "scenes": {name: scenes for name, scenes in study["scenes"].items() if name in used},
         "datasets": selected,
-        "codecs": own,
+        "codecs": user_codecs,
         "bd_rate": deltas,
         "figures": {**study["figures"], "examples": examples},
-        "report": {**study["report"], "title": f"{reference.title}: {', '.join(own)}"},
+        "report": {**study["report"], "title": f"{reference.title}: {', '.join(user_codecs)}"},
     }
     made = {"results": results, **_without_defaults(config)}
     check_codecs(Plan(checked(made)), advice=False)

@@ -1,5 +1,3 @@
-"""Plans of the jobs that train the weights of learned codecs."""
-
 from __future__ import annotations
 
 from collections.abc import Iterable
@@ -39,7 +37,6 @@ class TrainingJobs:
         return planned(record)
 
     def memory_mb(self, name: str) -> int:
-        """Estimate the memory in MB of a training, for the network and all clouds."""
         datasets = self.plan.datasets
         points = sum(datasets[dataset].points for dataset, _ in self.training(name).clouds)
         return 3000 + points * _BYTES_PER_POINT // 1_000_000

@@ -1,5 +1,3 @@
-"""The configuration of a run on the user's clouds, meshes and recordings."""
-
 from __future__ import annotations
 
 import glob
@@ -80,9 +78,9 @@ class UserRun:
     paths
         Files, folders and patterns of clouds, meshes and recordings.
     codecs
-        Names, ``path/to/file.py:Class`` or ``module:Class``; the first is the anchor.
+        Names or places (``file.py:Class``); the first is the anchor.
     frame
-        Coordinate frame of clouds and meshes; by default metres if all cloud formats are among
+        Coordinate frame of clouds and meshes; by default metres if all formats are in
         `puckbench.io.clouds.IN_METRES`.
     rates
         Names of rates, or ``("all",)``; by default all, or four if all take long.
@@ -252,7 +250,6 @@ class UserRun:
         return "scaled" if kind == "meshes" else self._frame_of_clouds(scenes)
 
     def _frame_of_clouds(self, scenes: Options) -> CoordinateFrame:
-        """Return the frame of clouds by their formats; note why clouds are scaled."""
         scene_set = open_scene_set(scenes["loader"], scenes["options"])
         files = (path for name in scene_set.names() for path in scene_set.files(name))
         suffixes = sorted(set(map(plain_suffix, files)))
@@ -286,7 +283,6 @@ class UserRun:
     # ---- codecs
 
     def _default_codecs(self, kinds: Collection[Kind]) -> tuple[str, ...]:
-        """Return the usual codecs that have a requested rate, or all if none has."""
         clouds = CODECS if set(kinds) != {"recordings"} else ()
         usual = dict.fromkeys([*clouds, *(CODECS_OF_RECORDINGS if "recordings" in kinds else ())])
         offered = {name: codec_class(name) for name in usual}
@@ -309,7 +305,7 @@ class UserRun:
         for codec in plan.codecs:
             for frame in plan.frames:
                 rates = plan.rates(codec, frame)
-                selected = self._wanted(plan, codec, frame, few) if rates else rates
+                selected = self._selected_rates(plan, codec, frame, few) if rates else rates
                 if few and len(selected) < len(rates):
                     counts = f"{len(selected)} of {len(rates)} rates"
                     self._reductions[f"codec {codec}"] = f"{counts}: all take long (--rates all)"
@@ -318,7 +314,9 @@ class UserRun:
                     changes[codec][_KEYS[frame]] = list(selected)
         return changes
 
-    def _wanted(self, plan: Plan, codec: str, frame: CoordinateFrame, few: bool) -> tuple[str, ...]:
+    def _selected_rates(
+        self, plan: Plan, codec: str, frame: CoordinateFrame, few: bool
+    ) -> tuple[str, ...]:
         rates = plan.rates(codec, frame)
         if few:
             return tuple(spread_out(rates, _FEW_RATES))
@@ -337,7 +335,6 @@ class UserRun:
         return tuple(open_codec(codec, changes).rates_of(frame))
 
     def _other_frame(self, plan: Plan, codec: str) -> str:
-        """Return a hint at the frame that has the requested rates, or an empty string."""
         for frame in get_args(CoordinateFrame):
             is_length = plan.opened[codec].is_length
             if frame not in plan.frames and any(
@@ -350,7 +347,6 @@ class UserRun:
 
 
 def _files(text: str) -> Iterator[Path]:
-    """Yield the files, and folders that are recordings, at a path or for a pattern."""
     path = Path(text)
     if path.is_dir() and not recordings.is_bag_folder(path):
         yield from (each for each in sorted(path.rglob("*")) if is_file_or_lost(each))
@@ -403,12 +399,12 @@ def check_codecs(plan: Plan, advice: bool = True) -> None:
 
 
 def _codec(text: str) -> tuple[str, Options]:
-    own = _OWN_CLASS.fullmatch(text)
-    if own is None and text.endswith(".py"):
+    place = _OWN_CLASS.fullmatch(text)
+    if place is None and text.endswith(".py"):
         raise InputError(f"--codecs {text}: add the name of its class ({text}:Class)")
-    if own is None:
+    if place is None:
         return text, {}
-    words = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", own["file"] or own["module"])
+    words = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", place["file"] or place["module"])
     return words.lower(), {"class": text}
 
 
@@ -452,7 +448,7 @@ def write_configuration(path: Path, config: Mapping[str, Any], command: str) -> 
     body = f"# {command}\n{yaml_text(dict(config))}"
     if path.exists() and not _is_as_made(path):
         raise InputError(
-            f"{path}: has been edited: run that (puckbench run {path}), or take another --out"
+            f"{path}: was edited: run it (puckbench run {path}), or choose another --out"
         )
     write_bytes(path, f"{_MARK} ({_digest(body)}); yours to edit.\n{body}".encode())
 

@@ -1,5 +1,3 @@
-"""The plan and the jobs that the Snakefile requests."""
-
 from __future__ import annotations
 
 import os

@@ -1,7 +1,7 @@
 """Point-cloud codec of geometric primitives: planes in an octree, and surfaces of revolution.
 
-`encode` encodes an (n, 3) array of coordinates with `PrimitiveSettings`. `decode` returns points,
-`decode_surface` returns points with normals, and `decode_mesh` returns labelled triangles.
+`encode` encodes coordinates (n, 3) with `PrimitiveSettings`; `decode` returns points,
+`decode_surface` points with normals, `decode_mesh` labelled triangles.
 """
 
 from typing import TYPE_CHECKING

@@ -1,5 +1,3 @@
-"""Grouping of points by the cubic cells of a regular grid."""
-
 from __future__ import annotations
 
 from typing import NamedTuple
@@ -63,7 +61,7 @@ def _cell_of_positions(positions: Floats, centred: bool) -> Ints:
 def _group(
     points: Floats, origin: Floats, side: float, centred: bool, first: Ints
 ) -> tuple[Ints, Floats, Ints]:
-    """Return cells' keys (m,) and sums of x, y, z and 1 (m, 4), and each point's cell (n,)."""
+    """Return cells' keys (m,), their sums of x, y, z and 1 (m, 4), and each point's cell (n,)."""
     cell_of = np.empty(len(points), np.int64)
     keys, sums = np.empty(1024, np.int64), np.zeros((1024, 4))
     slots = np.full(4096, -1)

@@ -1,5 +1,3 @@
-"""Decoder of streams to primitives with occupancy maps, and of these to points with normals."""
-
 from __future__ import annotations
 
 from typing import NamedTuple
@@ -109,7 +107,6 @@ def decode_surface(stream: bytes) -> DecodedSurface:
 
 
 def read_patches(stream: bytes) -> Patches:
-    """Decode the primitives of a stream; raises InputError like `decode_surface`."""
     header, payload = unpack_surface(stream)
     geometry = octree_geometry(header)
     leaves, leaf_grid, occupancy = allocate_arrays(header)

@@ -1,8 +1,8 @@
 """Displacement of voxels along the normals of planes fitted to the voxels around them.
 
-If the centre of a voxel is off this local plane, its points lie mostly on the side towards the
-plane. The encoder therefore sends displacement factors, one for each class of voxels with similar
-distance and surface thickness: fractions of the distance that minimise the squared error.
+If a voxel's centre is off this local plane, its points lie mostly on the side of the plane. The
+encoder sends displacement factors, one for each class of voxels with similar distance and surface
+thickness: the fractions of the distance that minimise the squared error.
 """
 
 from __future__ import annotations

@@ -1,9 +1,8 @@
 """Binary arithmetic coding with a probability mixed from three contexts.
 
-The adaptive probabilities are mixed in the logistic domain with learnt weights (Mahoney 2005,
-"Adaptive weighing of context models for lossless data compression"). Arithmetic is on integers, so
-that all machines decode identically. Encoder and decoder call the same ``code_...`` functions: an
-encoder writes the argument, a decoder ignores it and returns the decoded value.
+Adaptive probabilities are mixed in the logistic domain with learnt weights (Mahoney 2005, "Adaptive
+weighing of context models for lossless data compression"), in integers, so that all machines decode
+identically. The ``code_...`` functions encode the argument, or decode and return it.
 """
 
 from __future__ import annotations
@@ -102,8 +101,8 @@ def code_number(coder: ContextCoder, value: int, mixer: int, first_a: int, first
     """Encode or decode a signed integer: zero flag, sign, magnitude (unary up to 12, then Elias
     gamma).
 
-    It uses `CONTEXTS_PER_NUMBER` contexts from index `first_a` on, as many from `first_b` on, and
-    three mixers from index `mixer` on.
+    It uses `CONTEXTS_PER_NUMBER` contexts from each of the indices `first_a` and `first_b`, and
+    three mixers from index `mixer`.
     """
     if code_bit(coder, 1 if value == 0 else 0, mixer, (first_a, first_b, first_a)) == 1:
         return 0

@@ -1,7 +1,7 @@
-"""Grid alignment: candidate axes and offsets of the octree's grid with respect to the walls.
+"""Grid alignment: candidate axes and offsets of the octree's grid relative to the walls.
 
-A wall between octree nodes, or through the corners of many, costs more bits and error than one
-through the middle of nodes.
+A wall between octree nodes, or through many corners, costs more bits and error than one through the
+middle of nodes.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ _MIN_ALIGNED_LEAF_SIZE = 12.0
 
 
 def frame_candidates(cloud: PreparedCloud) -> list[SurfaceMode]:
-    """Return candidates with grids along the cloud's axes (from the points' or the surface's
-    corner), and along its Manhattan frame.
+    """Return candidates with grids along the cloud's axes, from the points' or the surface's
+    corner, and along its Manhattan frame.
     """
     rotation = estimate_manhattan_frame(cloud.surface.normals)
     modes = [SurfaceMode(grid_offset=point_corner_offset(cloud)), SurfaceMode()]

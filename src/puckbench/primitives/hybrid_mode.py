@@ -1,10 +1,10 @@
 """Hybrid mode: combines a surface with voxels, which locate the input points on and near it.
 
-A surface alone reproduces neither the positions of the points on it nor their noise. Voxels alone
-reproduce both, but locate the surface less precisely. A hybrid moves each voxel along the normal of
-the nearest surface point. The encoder sends the displacement as a fraction of the distance to the
-surface, one for each class of distances. The decoder also keeps the surface's points in occupied
-voxels, which makes the decoded cloud as dense as the input.
+A surface alone reproduces neither the positions nor the noise of its points. Voxels alone reproduce
+both, but locate the surface less precisely. A hybrid moves each voxel along the normal of the
+nearest surface point, by a transmitted fraction of the distance for each class of distances. The
+decoder also keeps surface points in occupied voxels, so that the decoded cloud is as dense as the
+input.
 """
 
 from __future__ import annotations
@@ -68,8 +68,8 @@ class HybridCandidate(NamedTuple):
 
 
 def decode(header: HybridHeader, xyz: Floats, normals: Floats) -> Floats:
-    """Return the points of a hybrid stream, given the points `xyz` (m, 3) and unit normals (m, 3)
-    of its decoded surface.
+    """Return the points of a hybrid stream, given its decoded surface: points `xyz` (m, 3) and unit
+    normals.
 
     Raises InputError if the stream is damaged.
     """
@@ -95,8 +95,8 @@ def encode(
 ) -> HybridCandidate | None:
     """Encode a cloud as a surface and the finest voxels with which both fit into `max_bytes`.
 
-    Return None if the surface leaves too few bytes for voxels, if there are too many voxels, or if
-    they are too far from the surface.
+    Returns None if the surface leaves too few bytes for voxels, or voxels are too many or too far
+    from the surface.
     """
     if not has_voxel_budget(surface.stream, max_bytes):
         return None
@@ -110,12 +110,11 @@ def encode(
 
 
 def _without_surplus(surface: CodedSurface, voxels: CodedVoxels, count: int) -> CodedSurface:
-    """Reduce the surface's points until a hybrid has at most about `count` points."""
     xyz = surface.decoded().xyz
     distances = _centre_distances(xyz, voxels.grid, voxels.groups.cells)
     kept = int(np.count_nonzero(16 * distances < _KEEP_DISTANCES[-1]))
-    wanted = max(count - len(voxels.points), 0)
-    return surface.with_points(len(xyz) * wanted // kept) if kept > wanted else surface
+    most_points = max(count - len(voxels.points), 0)
+    return surface.with_points(len(xyz) * most_points // kept) if kept > most_points else surface
 
 
 def has_voxel_budget(surface: bytes, max_bytes: int) -> bool:
@@ -126,7 +125,7 @@ def _best_candidate(
     coded_surface: CodedSurface, coded: CodedVoxels, criterion: HybridCriterion
 ) -> HybridCandidate:
     """Return the hybrid of least cost among all keep distances (see `HybridHeader`), with and
-    without displacements of the voxel mode.
+    without displaced voxels.
     """
     grid, groups, surface = coded.grid, coded.groups, coded_surface.decoded()
     tree, weights = box_tree(surface.xyz), voxel_mode.voxel_weights(groups)
@@ -161,8 +160,8 @@ def _nearest_planes(
 ) -> LocalPlanes:
     """Return the tangent planes at the surface points nearest to the voxels' points.
 
-    Raises InputError if the search takes too long, for example for voxels near the centre of a
-    sphere, which are about equally far from all its points.
+    Raises InputError if the search takes too long, as near the centre of a sphere, where all its
+    points are about equally far.
     """
     nearest = nearest_within(points, tree, _MAX_SEARCH_STEPS)
     if nearest is None:

@@ -90,7 +90,7 @@ def _aligned_share(normals: Floats, rotation: Floats) -> float:
 def _refine(normals: Floats, rotation: Floats) -> Floats:
     """Refine a rotation by aligning normals with the axes that they are close to (Kabsch 1976).
 
-    Each iteration uses only normals within a smaller angle of an axis.
+    Iterations use normals within ever smaller angles of an axis.
     """
     rotation = rotation.copy()
     for min_cosine in _MIN_COSINES:
@@ -112,7 +112,7 @@ def _refine(normals: Floats, rotation: Floats) -> Floats:
 def _project_to_rotation(matrix: Floats, rotation: Floats) -> bool:
     """Write to `rotation` the rotation nearest to a matrix, by Newton's iteration (Higham 1986).
 
-    Return False if the matrix is singular or a reflection.
+    Returns False if the matrix is singular or a reflection.
     """
     for _ in range(_MAX_ITERATIONS):
         cofactors = np.empty((3, 3))

@@ -32,9 +32,8 @@ _MIN_CONE_ANGLE = 0.02
 def decode_mesh(stream: bytes) -> Mesh:
     """Decode the surface of a stream to labelled triangles in the cloud's coordinates.
 
-    A triangle's label names its primitive, which is a plane (unit normal and offset, ``normal . p =
-    offset``), cylinder, cone or sphere, and its object: a segment of merged leaves or a surface of
-    revolution.
+    Labels name a triangle's primitive, a plane (unit normal and offset, ``normal . p = offset``),
+    cylinder, cone or sphere, and its object, a segment of merged leaves or a surface of revolution.
 
     Raises
     ------
@@ -114,7 +113,7 @@ def _cover_with_rectangles(
 ) -> int:
     """Write corners of rectangles (m, 4, 3) that cover all occupied columns, and their leaves (m,).
 
-    Return how many are needed, which may be more than fit into the arrays.
+    Returns the number needed, which may exceed the arrays.
     """
     count = 0
     cell = np.zeros(3, np.int64)

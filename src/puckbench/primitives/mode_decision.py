@@ -1,8 +1,8 @@
 """Mode decision: encodes a cloud in candidate modes and keeps the one of least cost.
 
-Surfaces are encoded on grids along the cloud's axes and its Manhattan frame, and with or without
-each detected surface of revolution. Their cost is distortion + lambda * rate. The best surface is
-then compared with voxels of equal size in bytes.
+Surfaces are encoded on grids along the cloud's axes and its Manhattan frame, with or without each
+detected surface of revolution. The one of least distortion + lambda * rate is then compared with
+voxels of equal size in bytes.
 """
 
 from __future__ import annotations
@@ -97,8 +97,8 @@ def _max_bytes(points: Floats, settings: PrimitiveSettings) -> int:
 class SurfaceCache:
     """Keeps the encoded surface of a cloud for rates that differ only in their refinement.
 
-    A rate without refinement always repeats the search, so that calls can be timed. `saved` is the
-    time and memory that the last call saved.
+    A rate without refinement repeats the search, so that calls can be timed. `saved` is the time
+    and memory that the last call saved.
     """
 
     def __init__(self) -> None:
@@ -157,7 +157,7 @@ def _select_mode(
     """Select the finest surface that is better than voxels of equal size in bytes.
 
     If none is, the product of the errors (see `Distortion`) decides between the coarsest surface
-    and voxels, and then between voxels alone and a hybrid with that surface.
+    and voxels, then between voxels and a hybrid with that surface.
     """
     if best.coded is None:
         return _Selection(search.encode_to_budget(max_bytes).stream, None)
@@ -188,7 +188,7 @@ def _encode_coarse_hybrid(
 ) -> bytes | None:
     """Return the best hybrid no larger than the voxels in bytes, or None if these are better.
 
-    Surfaces coarser than `coded` are tried as long as they improve the hybrid.
+    Surfaces coarser than `coded` are tried while they improve the hybrid.
     """
     criterion = _hybrid_criterion(cloud, estimator, 0.0)
     voxel_cost = criterion.cost(estimator.measure(cloud.in_units(voxels.points)))
@@ -209,7 +209,7 @@ def _encode_coarse_hybrid(
 def _hybrid_criterion(
     cloud: PreparedCloud, estimator: DistortionEstimator, refinement: float
 ) -> hybrid_mode.HybridCriterion:
-    """Return a criterion: the product of the errors, that of the surface to the power 1 -
+    """Return a criterion: the product of the errors, with the surface's to the power 1 -
     refinement.
     """
 
@@ -228,8 +228,8 @@ def _hybrid_criterion(
 def _encode_refined(result: _SearchResult, settings: PrimitiveSettings) -> bytes:
     """Encode a hybrid, or voxels of equal size in bytes if these are better.
 
-    If a surface was selected without refinement, `_voxels_lose_surface` decides, otherwise the
-    product of the errors.
+    The product of the errors decides, or `_voxels_lose_surface` for a surface selected without
+    refinement.
     """
     cloud, estimator, best, selection, trials = result
     search = VoxelSearch(cloud.source, trials)
@@ -253,10 +253,10 @@ def _encode_refined(result: _SearchResult, settings: PrimitiveSettings) -> bytes
 def _voxels_lose_surface(
     voxels: Distortion, hybrid: Distortion, settings: PrimitiveSettings
 ) -> bool:
-    """Return whether coding as voxels costs more surface accuracy than it gains point accuracy.
+    """Return whether voxels lose more surface accuracy than they gain point accuracy.
 
-    It does if the voxels' point or plane error is not less than the hybrid's, or if ``point * plane
-    * surface ** (6 * (1 - refinement))`` is at least 1, where each factor is the voxels' error
+    They do if their point or plane error is not less than the hybrid's, or if ``point * plane *
+    surface ** (6 * (1 - refinement))`` is at least 1, where each factor is the voxels' error
     divided by the hybrid's.
     """
     if voxels.point >= hybrid.point or voxels.plane >= hybrid.plane:

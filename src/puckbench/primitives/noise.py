@@ -1,5 +1,3 @@
-"""Noise estimation from the distances of points to planes fitted in small cells."""
-
 from __future__ import annotations
 
 import numpy as np
@@ -12,11 +10,11 @@ _MIN_POINTS = 8
 
 
 def estimate_noise(points: Floats, cell_size: float) -> float:
-    """Return the noise's standard deviation: the lower quartile, weighted by points, of the
-    deviations from the planes of all cells.
+    """Return the noise's standard deviation: the lower quartile of the cells' deviations from their
+    planes.
 
-    A quartile is used because curved and crossing surfaces raise the deviation of only some cells.
-    It is 0 if no cell has enough points.
+    The quartile is weighted by points; curved and crossing surfaces raise only some cells'
+    deviations. It is 0 if no cell has enough points.
     """
     rows, starts = group_by_cell(points, cell_size).sorted_rows()
     centred = points[rows] - points.mean(axis=0)

@@ -40,7 +40,7 @@ NO_CRITERION = OccupancyCriterion(
 
 @compiled_in_place
 def distortion_reduction(criterion: OccupancyCriterion, point: Floats) -> float:
-    """Return how much decoded points at `point` (3,), on a sampling cell's area, reduce the
+    """Return how much decoded points at `point` (3,), on the area of a sampling cell, reduce the
     distortion.
     """
     row, squared = _nearest_sample(criterion, point)
@@ -58,7 +58,6 @@ def distortion_reduction(criterion: OccupancyCriterion, point: Floats) -> float:
 
 @compiled_in_place
 def _nearest_sample(criterion: OccupancyCriterion, point: Floats) -> tuple[int, float]:
-    """Return the nearest sample's index (-1 if none is within two cells) and squared distance."""
     exact_radius = np.inf  # samples outside the 27 cells around the point are farther than this
     for k in range(3):
         from_lower = point[k] - (int(point[k] / criterion.spacing) - 1) * criterion.spacing

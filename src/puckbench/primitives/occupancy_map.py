@@ -1,8 +1,7 @@
 """Occupancy maps of planes: one bit per column of cells, coded with contexts.
 
-As in V-PCC, an occupancy map marks the part of a plane that the surface covers. A column runs along
-the plane's dominant axis. All states are stored in one grid of cells, so that contexts also use
-neighbouring leaves.
+As in V-PCC, a map marks the part of a plane that the surface covers. Columns run along the plane's
+dominant axis. One grid of cells stores all states, so that contexts include neighbouring leaves.
 """
 
 from __future__ import annotations
@@ -134,7 +133,7 @@ def _decide_columns(
 def _column_gain(
     plane: Floats, axis: int, a: int, b: int, criterion: OccupancyCriterion, p: Floats
 ) -> float:
-    """Return the reduction of the distortion by a column, sampled at four points; `p` (3,) is
+    """Return a column's reduction of the distortion, sampled at four points; `p` (3,) is
     scratch.
     """
     gain = 0.0

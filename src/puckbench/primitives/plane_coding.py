@@ -1,8 +1,8 @@
 """Coding of a leaf's plane: a neighbouring leaf's plane, or a new one predicted from it.
 
-The encoder signals the index of a neighbour's plane, as in the merge mode of video codecs, or a new
-plane, which is fitted to the leaf's whole region (see `region_merging`) and quantised more finely
-if the region is larger.
+The encoder signals a neighbour's plane by its index, as in the merge mode of video codecs, or a new
+plane, fitted to the leaf's whole region (see `region_merging`) and quantised more finely for larger
+regions.
 """
 
 from __future__ import annotations
@@ -200,9 +200,6 @@ def _decide_plane(
     max_extent_log2: int,
     indices: Ints,
 ) -> tuple[int, int]:
-    """Return the cheapest candidate's index (their count for a new plane), and a new plane's
-    extent.
-    """
     plane = np.empty(4)
     extent_log2, bits = _quantise_region_plane(
         geometry, moments[1], leaves, candidates, cube, max_extent_log2, indices, plane
@@ -227,7 +224,6 @@ def _quantise_region_plane(
     indices: Ints,
     plane: Floats,
 ) -> tuple[int, float]:
-    """Quantise a region's plane with the cheapest extent; return its log2, and the bits."""
     fitted, dequantised = np.empty(4), np.empty(4)
     fit_plane(region, fitted)
     trial_indices, predicted = np.zeros(4, np.int64), np.zeros(4, np.int64)

@@ -1,5 +1,3 @@
-"""Preparation of a cloud: scaling, noise estimation, smoothed samples of the surface."""
-
 from __future__ import annotations
 
 from typing import NamedTuple
@@ -53,7 +51,8 @@ class PreparedCloud(NamedTuple):
 
 def prepare(points: Floats, settings: PrimitiveSettings) -> PreparedCloud:
     """Scale points (n, 3), not all equal, to units of 1/1023 of their extent, and smooth their
-    surface."""
+    surface.
+    """
     source = points[morton_order(points)]
     corner, high = bounds(source)
     unit = float((high - corner).max()) / UNITS
@@ -78,7 +77,6 @@ def axis_aligned_column_size(cloud: PreparedCloud) -> float:
 
 
 def _smoothed_surface(points: Floats, noise: float, settings: PrimitiveSettings) -> SurfaceSamples:
-    """Return smoothed samples, one per cell of a grid whose cells hold a few points each."""
     target_spacing = max(_SPACING_PER_COLUMN * settings.column_size, _SPACING_PER_NOISE * noise)
     # Spacings are powers of sqrt(2), so that no rate has larger cells than a lower rate.
     octaves = np.log2(max(_DEFAULT_SPACING / target_spacing, 1.0))

@@ -1,5 +1,3 @@
-"""Reconstruction of points: a square grid on each plane, where its columns are occupied."""
-
 from __future__ import annotations
 
 from typing import Any
@@ -45,10 +43,10 @@ def reconstruct_points(
     xyz: Floats,
     leaf_of_point: Ints,
 ) -> int:
-    """Write the points of all occupied columns as far as the arrays allow; return their number.
+    """Write points of occupied columns, on a square grid `spacing` / `SPACING_UNIT` columns apart.
 
-    Points lie on a square grid over the columns, `spacing` / `SPACING_UNIT` columns apart. The
-    outputs are `xyz` (m, 3), and the leaves' indices `leaf_of_point` (m,).
+    Returns their number, which may exceed the outputs `xyz` (m, 3) and `leaf_of_point` (m,), the
+    leaves' indices.
     """
     count = 0
     cell = np.zeros(3, np.int64)

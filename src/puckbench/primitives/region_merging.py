@@ -50,7 +50,7 @@ class _Queue(NamedTuple):
 
 
 def region_moments(moments: Floats, leaves: Leaves, shape: Ints, limits: MergeLimits) -> Floats:
-    """Merge leaves into regions; return, for each leaf, the moments (n, 10) of its region."""
+    """Merge leaves into regions; return for each leaf the moments (n, 10) of its region."""
     region_of = merge_regions(moments, adjacent_leaves(leaves, shape), limits)
     sums = np.zeros_like(moments)
     np.add.at(sums, region_of, moments)

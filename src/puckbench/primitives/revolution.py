@@ -1,7 +1,7 @@
 """Surfaces of revolution (cylinders, cones, spheres) with unrolled occupancy maps.
 
-A row of a map is a ring around the axis. It is one cell high along the profile and has as many
-columns of one cell as fit around it. All lengths are in cells.
+A row of a map is a ring around the axis, one cell high along the profile, with as many columns of
+one cell as fit around it. All lengths are in cells.
 """
 
 from __future__ import annotations
@@ -70,12 +70,11 @@ class RevolutionSurface(NamedTuple):
         return _profile(self, arc_length)
 
     def points_at(self, arc_length: Floats, azimuth: Floats) -> tuple[Floats, Floats]:
-        """Return points (n, 3) and normals at arc lengths and azimuths (n,)."""
         return _points_at(self, *self.profile(arc_length), azimuth)
 
     def coordinates(self, xyz: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-        """Return arc lengths, azimuths, signed distances (n,) and normals (n, 3) of points
-        (n, 3).
+        """Return arc lengths, azimuths, signed distances (n,) and normals (n, 3) of points (n,
+        3).
         """
         return _coordinates(self, xyz)
 
@@ -85,7 +84,7 @@ class UnrolledMap(NamedTuple):
     bits: Bytes  # (columns,) row after row
 
     def occupied_columns(self) -> tuple[Ints, Ints, Ints]:
-        """Return rows, positions in the rows, and lengths of the rows, of the occupied columns."""
+        """Return row, position in the row, and length of the row of each occupied column."""
         columns = self.surface.columns_per_row()
         row = np.repeat(np.arange(self.surface.row_count), columns)
         column = np.arange(len(row)) - np.repeat(np.cumsum(columns) - columns, columns)

@@ -71,9 +71,8 @@ def _linearise(
 ) -> float:
     """Write the weighted normal equations (6, 6) and (6,) of a step; return the loss.
 
-    The unknowns are the displacement of the origin along both perpendicular axes, the tilt of the
-    axis towards them, radius, and angle. A sphere has only a displacement along three axes and a
-    radius.
+    Unknowns: displacement of the origin along both perpendicular axes, tilt of the axis towards
+    them, radius, and angle. A sphere has only a displacement along three axes and a radius.
     """
     matrix[:], gradient[:] = 0.0, 0.0
     jacobian = np.empty(_UNKNOWN_COUNT)

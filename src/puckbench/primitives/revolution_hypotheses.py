@@ -1,5 +1,3 @@
-"""Hypotheses: surfaces of revolution through two or three samples with normals."""
-
 from __future__ import annotations
 
 import numpy as np
@@ -34,7 +32,8 @@ def block_samples(xyz: Floats, radius: float) -> tuple[Ints, BlockedSamples]:
 def make_hypotheses(
     xyz: Floats, normals: Floats, seeds: Ints, spacing: float, tolerance: float
 ) -> Floats:
-    """Return unbounded spheres, cylinders and cones (m, 9) (see `surface_of_hypothesis`).
+    """Return unbounded spheres, cylinders and cones (m, 9) through samples (see
+    `surface_of_hypothesis`).
 
     Each seed, the index of a sample, is combined with two samples at each of three distances.
     `spacing` is that of the samples, `tolerance` the least radius; a sphere or cylinder may miss

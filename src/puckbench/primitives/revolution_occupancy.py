@@ -1,5 +1,3 @@
-"""The encoder's decisions on surfaces of revolution: which samples and columns belong to each."""
-
 from __future__ import annotations
 
 from typing import NamedTuple
@@ -59,7 +57,7 @@ def fit_revolutions(
 ) -> tuple[list[UnrolledMap], Mask]:
     """Bound surfaces by their inliers and choose their occupancy maps, one after the other.
 
-    The samples' `weights` (n,) average 1. Return the surfaces whose maps contain samples, and the
+    The samples' `weights` (n,) average 1. Returns the surfaces whose maps contain samples, and the
     mask (n,) of the other samples.
     """
     unexplained = np.ones(len(xyz), bool)

@@ -1,5 +1,3 @@
-"""Segmentation: merges the leaves of a decoded stream into larger planes, such as a whole wall."""
-
 from __future__ import annotations
 
 import numpy as np

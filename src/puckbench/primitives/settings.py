@@ -1,5 +1,3 @@
-"""Settings of the codec of primitives."""
-
 from __future__ import annotations
 
 from collections.abc import Mapping
@@ -64,7 +62,7 @@ class PrimitiveSettings(Model):
     )
 
     def adapted_to(self, noise: float) -> PrimitiveSettings:
-        """Return coarser settings, in proportion, if the noise in units exceeds a reference value.
+        """Return settings coarser in proportion to noise, in units, beyond a reference value.
 
         Otherwise small leaves and fine planes would reproduce the noise.
         """

@@ -1,7 +1,7 @@
 """Detection of cylinders, cones and spheres in the smoothed samples of a surface.
 
 Hypotheses from two or three samples with normals are scored by their inliers, as in the RANSAC of
-Schnabel, Wahl and Klein (2007), but samples are taken at equal steps, not at random.
+Schnabel, Wahl and Klein (2007), but from equally spaced instead of random samples.
 """
 
 from __future__ import annotations
@@ -83,7 +83,6 @@ def bounded_inliers(
 
 
 def _curved_samples(xyz: Floats, normals: Floats, spacing: float) -> Ints:
-    """Return the rows of the samples on curved parts of the surface, away from edges."""
     radius = SPANS[0] * spacing
     order, blocked = block_samples(xyz, radius)
     curved = np.zeros(len(xyz), np.bool_)
@@ -177,7 +176,9 @@ def _select(
     spacing: float,
     tolerances: tuple[float, float],
 ) -> list[RevolutionSurface]:
-    """Select and refine hypotheses, each time that with most inliers that no earlier one has."""
+    """Repeatedly select the hypothesis with most inliers, without those of earlier ones, and refine
+    it.
+    """
     tolerance = tolerances[1]
     counts, unexplained = inliers.sum(axis=1), np.ones(inliers.shape[1], bool)
     unassigned = np.ones(len(xyz), bool)

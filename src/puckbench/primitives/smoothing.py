@@ -35,8 +35,8 @@ def smooth_samples(
 
     A neighbour's weight, the square root of its number of points because noise is correlated within
     a cell, decreases with the distance from the sample (0 at `radius`) and from the plane (0 at
-    `outlier_distance`). In the second of two passes it also decreases with the angle between the
-    normals, which preserves edges. `spacing` is the side of a sampling cell.
+    `outlier_distance`); in the second pass also with the angle between the normals, which preserves
+    edges. `spacing` is the side of a sampling cell.
     """
     cell_radius = int(np.ceil(radius / spacing))
     order, blocks = blocks_of(samples, max(_MIN_BLOCK_SIZE, -(-cell_radius // 2)))
@@ -102,8 +102,8 @@ def _smooth(
 ) -> None:
     """Smooth the samples of a range of blocks.
 
-    `radii` are the radius and the outlier distance. `previous` holds the samples and normals of the
-    previous pass; the normals are 0 in the first pass.
+    `radii` are the radius and the outlier distance; `previous` is the previous pass's samples and
+    normals, which are 0 in the first pass.
     """
     xyz, previous_normals = blocks.xyz, previous[1]
     block_radius = -(-cell_radius // blocks.size)
@@ -139,9 +139,8 @@ def _smooth(
 
 @compiled
 def ranges_near(blocks: BlockedSamples, block: int, block_radius: int, ranges: Ints) -> Ints:
-    """Return index ranges (k, 2) of the samples within `block_radius` blocks of a block.
-
-    Adjacent blocks along z form one range.
+    """Return ranges (k, 2) of the samples within `block_radius` blocks of a block, one per row
+    along z.
     """
     _, across, up = blocks.shape
     x, y, z = block // (across * up), block // up % across, block % up

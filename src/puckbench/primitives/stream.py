@@ -3,8 +3,8 @@
 All numbers are little endian. A stream starts with the magic ``PBPR``, a version and a kind, and
 ends with the low half of a CRC-32. Between them are:
 
-* Surface: `_SURFACE`, `_ROTATION` if the grid is rotated, number and parameters of the surfaces of
-  revolution if there are any, arithmetic-coded payload.
+* Surface: `_SURFACE`, `_ROTATION` if the grid is rotated, number and parameters of surfaces of
+  revolution if any, arithmetic-coded payload.
 * Voxels: `_VOXELS`, `CLASSES` displacement factors unless the block size is 0, G-PCC octree.
 * Hybrid (version 6): `_HYBRID`, `CLASSES` displacement factors, surface stream, voxel stream.
 """
@@ -93,8 +93,8 @@ class VoxelHeader(NamedTuple):
 class HybridHeader(NamedTuple):
     """Contents of a hybrid stream.
 
-    A point of the surface is kept if, along each axis, it lies within keep_distance of the centre
-    of an occupied voxel.
+    A surface point is kept if it lies within keep_distance of an occupied voxel's centre along each
+    axis.
     """
 
     keep_distance: int  # in 1/16 voxels

@@ -1,5 +1,3 @@
-"""Surface mode: planes in an octree and surfaces of revolution, with occupancy maps."""
-
 from __future__ import annotations
 
 from typing import NamedTuple
@@ -87,7 +85,7 @@ _MIN_PLANE_SAMPLES = 16
 
 
 class SurfaceMode(NamedTuple):
-    """A candidate for coding as a surface: the octree grid's placement, surfaces of revolution."""
+    """A candidate: placement of the octree's grid, and surfaces of revolution."""
 
     rotation: RotationVector = (0, 0, 0)  # from the cloud's axes to the grid's
     grid_offset: tuple[float, float, float] = (0.5, 0.5, 0.5)  # columns from grid to surface
@@ -224,7 +222,6 @@ def _fit_revolutions(
     corner: Floats,
     column_side: float,
 ) -> tuple[list[UnrolledMap], SurfaceSamples]:
-    """Return the surfaces of revolution with their maps, and the samples that planes represent."""
     if not mode.revolutions:
         return [], surface
     placement = (rotation_matrix(mode.rotation), corner, column_side, mode.grid_offset)
@@ -247,9 +244,6 @@ def _fit_revolutions(
 def _plan_octree(
     surface: SurfaceSamples, settings: PrimitiveSettings, column_side: float
 ) -> tuple[SurfaceHeader, list[PlaneOctreeLevel]]:
-    """Return a header without placement, density and surfaces of revolution, and the octree's
-    levels.
-    """
     shape = np.floor(surface.xyz.max(axis=0)).astype(np.int64) + 1
     depth = (int(shape.max()) - 1).bit_length()
     finest = max(depth - round(np.log2(max(settings.min_leaf_size / column_side, 1))), 0)
@@ -329,7 +323,6 @@ def _occupancy_criterion(
 
 
 def _point_spacing(patches: Patches, max_points: int) -> int | None:
-    """Return the smallest spacing with 1 to `max_points` points, or None if there is none."""
     most = min(max_points, MAX_POINTS)
     low, high = MIN_POINT_SPACING - 1, MAX_POINT_SPACING
     while high - low > 1:

@@ -1,7 +1,7 @@
 """Encodes or decodes the octree of planes level by level, from the root down.
 
-A node is a leaf with a plane, or is split. The encoder chooses planes during the traversal, because
-they are predicted from neighbouring planes.
+A node is a leaf with a plane, or is split. Planes, which are predicted from neighbouring ones, are
+chosen during the traversal.
 """
 
 from __future__ import annotations
@@ -87,9 +87,8 @@ def _code_leaves(
     leaves: Leaves,
     leaf_grid: IndexGrid,
 ) -> bool:
-    """Encode or decode which nodes of a level are leaves, and their planes.
-
-    In `level_nodes` the index of a leaf becomes -1.
+    """Encode or decode which nodes are leaves, whose index in `level_nodes` becomes -1, and their
+    planes.
     """
     for i in range(len(level_nodes)):
         node = level_nodes[i]
@@ -220,7 +219,7 @@ def _code_occupancy(
 ) -> int:
     """Encode or decode a child's occupancy.
 
-    `child` holds its octant, the pattern of occupied siblings before it, and log2 of its side.
+    `child` holds its octant, the pattern of previous occupied siblings, and log2 of its side.
     """
     faces = occupied_count = 0
     for dx in range(-1, 2):
@@ -240,8 +239,8 @@ def _code_occupancy(
 
 @compiled_in_place
 def _child_state(level_states: tuple[Bytes, Bytes], x: int, y: int, z: int) -> int:
-    """Return the state of a finer node: 0 empty, 2 occupied, 1 unknown (its parent is coded
-    later).
+    """Return the state of a finer node: 0 empty, 1 unknown (its parent is coded later), 2
+    occupied.
     """
     states, child_states = level_states
     if min(x, y, z) < 0 or x + 2 >= child_states.shape[0]:

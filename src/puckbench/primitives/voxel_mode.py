@@ -192,7 +192,6 @@ def voxel_weights(groups: CellGroups) -> Floats:
 
 
 def _fit_displacements(groups: CellGroups, voxel_bytes: int) -> FittedTable | None:
-    """Return the best displacement table, or None if it saves too little error for its bytes."""
     if len(groups.cells) > MAX_DISPLACED:
         return None
     weights = voxel_weights(groups)
@@ -203,7 +202,6 @@ def _fit_displacements(groups: CellGroups, voxel_bytes: int) -> FittedTable | No
 
 
 def _initial_voxel_size(points: Floats, extent: float, max_bytes: int) -> float:
-    """Estimate the voxel size that fits a budget if a surface's voxels take two bits each."""
     target = max(4.0 * max_bytes, 8.0)
     voxel_size = extent / 64
     count = len(group_by_cell(points, voxel_size, centred=True).cells)

@@ -4,7 +4,7 @@ A pixel is coded as binary decisions around a prediction by least squares, as ra
 reflectivity of a return is nearly a function of its range and signal; the sum of five learnt
 logarithms estimates it.
 
-Variables have the same names as in `ranges`.
+Variables are named as in `ranges`.
 """
 
 from __future__ import annotations
@@ -92,8 +92,6 @@ class ChannelModel(NamedTuple):
 
 
 class ChannelContext(NamedTuple):
-    """Values of a turn and what predicts them, (PAD + columns, lasers) each."""
-
     values: Words
     errors: Words  # absolute prediction errors, in 1 / FINE
     estimates: Words  # from range and signal, in 1 / FINE, or 0
@@ -177,14 +175,12 @@ def code_channel(
 
 @inlined
 def _logarithm(model: ChannelModel, value: int) -> int:
-    """Return the logarithm of a number, at least 1."""
     octave = halves(value - 1) >> 1
     return octave * _OCTAVE + int(model.logarithms[np.uint64(((value << 12) >> octave) - _OCTAVE)])
 
 
 @inlined
 def _power(model: ChannelModel, logarithm: int) -> int:
-    """Return the number with a logarithm, in 1 / FINE, at least 1 of them."""
     logarithm = min(max(logarithm, -3 * _OCTAVE), 24 * _OCTAVE - 1)
     mantissa = int(model.powers[np.uint64(logarithm & (_OCTAVE - 1))])
     return max((mantissa << ((logarithm >> 12) + 4)) >> 15, 1)
@@ -219,7 +215,7 @@ def _estimate(model: ChannelModel, image: ChannelContext, c: int, laser: int) ->
 
 @inlined
 def _start_range(model: ChannelModel) -> None:
-    """Copy to an entry of the table of ranges that was never learnt its neighbour that was."""
+    """Initialise an entry of the table of ranges with its learnt neighbour."""
     gains, variances, first = model.gains, model.variances, model.places[0] >> 8
     low, high = variances[first] == _VARIANCE, variances[first + 1] == _VARIANCE
     if low and not high:
@@ -383,8 +379,8 @@ def _write_contexts(
     centre = (mean + FINE // 2) // FINE
     size = min(halves(mean), _SIZES - 1)
     near_west = _level(west // FINE, centre, unit)
-    known = (1 if then > 0 else 0) + (2 if estimate > 0 else 0)
-    at[0] = starts[0] + (level * 4 + known) * NODES
+    available = (1 if then > 0 else 0) + (2 if estimate > 0 else 0)
+    at[0] = starts[0] + (level * 4 + available) * NODES
     at[1] = starts[1]
     at[1] += (_level(below // FINE, centre, unit) * 10 + _level(above, centre, unit)) * NODES
     at[2] = starts[2] + (_level(then, centre, unit) * 10 + near_west) * NODES
@@ -404,15 +400,15 @@ def _level(value: int, centre: int, unit: int) -> int:
 def _activity(
     model: ChannelModel, image: ChannelContext, before: ChannelContext, c: int, laser: int, t: int
 ) -> int:
-    own, errors = int(model.error[laser]), image.errors
-    total = 2 * own
-    total += errors[c, laser - 1] if laser > 0 else own
-    total += errors[c - 1, laser + 1] if laser + 1 < errors.shape[1] else own
+    laser_error, errors = int(model.error[laser]), image.errors
+    total = 2 * laser_error
+    total += errors[c, laser - 1] if laser > 0 else laser_error
+    total += errors[c - 1, laser + 1] if laser + 1 < errors.shape[1] else laser_error
     if t > 0:
         then = before.errors
         total += 2 * then[t, laser] + then[t + 1, laser] + then[t - 1, laser]
     else:
-        total += 4 * own
+        total += 4 * laser_error
     return min(max(halves(total >> 3) - 6, 0), _LEVELS - 1)
 
 
@@ -506,7 +502,7 @@ def _change(
     model: ChannelModel, image: ChannelContext, c: int, laser: int, row: int, other: int,
     base: int, shift: int,
 ) -> int:  # fmt: skip
-    """Return another pixel less the base, or what both exceed their estimates by, relatively."""
+    """Return another pixel minus the base; with estimates, its error scaled to the base."""
     value, estimate = FINE * int(image.values[row, other]), int(image.estimates[c, laser])
     if value == 0:
         return 0

@@ -1,7 +1,7 @@
 """Experts, each of which predicts a number by a probability distribution.
 
-Its mean is the expert's estimate, its scale the mean absolute error of earlier estimates in the
-same situation (context). It gives the probabilities of binary decisions about the number.
+The mean is the expert's estimate, the scale the mean absolute error of earlier estimates in the
+same situation (context). The distribution gives the probabilities of binary decisions.
 """
 
 from __future__ import annotations

@@ -1,5 +1,3 @@
-"""Coding of what a turn's packets hold besides the turn: further images, rest of times, headers."""
-
 from __future__ import annotations
 
 from dataclasses import dataclass, field
@@ -64,7 +62,9 @@ class FieldsEncoder:
         self._kind, self._effort, self._state = kind, effort, _State()
 
     def encode(self, turn: Turn, rest: Rest, *, is_key: bool) -> bytes:
-        """Encode what the packets of a turn hold besides the turn."""
+        """Encode the packet data of a turn beyond the turn itself; a key turn's are decodable
+        alone.
+        """
         if is_key:
             self._state = _State()
         layout, writer = self._kind.layout, PartWriter()
@@ -130,7 +130,6 @@ def _code_images(
     kind: OusterKind, state: _State, turn: Turn, images: list[Words], widths: list[int],
     parts: Parts, effort: Effort,
 ) -> None:  # fmt: skip
-    """Encode or decode the images of all channels; signals first, which reflectivities need."""
     azimuths, layout = turn.azimuths.astype(np.int64), kind.layout
     nearest = nearest_columns(azimuths, state.azimuths, layout)
     ranges = [padded(image) for image in by_elevation(turn.ranges, layout)]

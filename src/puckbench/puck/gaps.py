@@ -69,7 +69,6 @@ def decode_gaps(reader: Reader, count: int, admit: Callable[[int], None]) -> lis
 
 
 def compress_bytes(raw: bytes, are_headers: bool = False) -> bytes:
-    """Compress bytes as raw LZMA2, preceded by the number of bytes."""
     filters = [{**_filter(len(raw)), **(_HEADERS if are_headers else {})}]
     return base_128(len(raw)) + lzma.compress(raw, lzma.FORMAT_RAW, filters=filters)
 

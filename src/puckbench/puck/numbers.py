@@ -1,7 +1,7 @@
 """Coding of a number as binary decisions around an expected value, the centre.
 
-The first decision is the side of the centre. The next ones step away from the centre by growing
-distances until the number is passed, and the last ones halve the interval.
+First comes the side of the centre, then steps away from it by growing distances until the number is
+passed; then the interval is halved.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ def code_unmixed_number(
     mixer: Mixer, experts: Experts, start: int, number: int, centre: int, unit: int, step: int,
     farthest: int,
 ) -> int:  # fmt: skip
-    """Code a number like `code_number`, but with one counter per decision, from `start` on."""
+    """Code a number like `code_number`, but with a counter per decision, which begin at `start`."""
     return _traverse(mixer, experts, True, start, number, centre, unit, step, farthest)
 
 

@@ -17,18 +17,17 @@ class CodingOptions:
     Parameters
     ----------
     step
-        Ranges are coded as multiples of this number of quanta (steps of the sensor); 1 is lossless.
+        Ranges are coded as multiples of this number of quanta (sensor steps); 1 is lossless.
     lmbda
         Lagrangian weight of the rate in nats against the squared error in quanta squared, rounded
-        to sixteenths. If it is above 0, a multiple next to the nearest one may be coded because it
-        costs fewer bits.
+        to sixteenths. Above 0, a multiple next to the nearest may be coded to save bits.
     times, reflectivities
         Whether to encode them if a turn has them.
     effort
         Size of the models: larger ones compress better and take longer.
     key_every
-        Number of turns from one key turn, which can be decoded alone, to the next. If 0, only the
-        first turn is a key turn.
+        Turns from one key turn, which can be decoded alone, to the next; 0: only the first turn is
+        one.
     """
 
     step: int = 1

@@ -1,6 +1,6 @@
-"""Packets that recordings are searched for, and their coding as records of turns.
+"""Formats of packets in recordings, and coding of packets as records of turns.
 
-A turn of an Ouster is followed by the fields that it lacks.
+Each turn of an Ouster is followed by the further fields of its packets.
 """
 
 from __future__ import annotations
@@ -38,10 +38,7 @@ Kind = PacketKind | OusterKind
 
 
 class PacketFormat(NamedTuple):
-    """How packets are found in bytes and split into turns.
-
-    A packet lies in pieces of these lengths, in bytes, with a hole after each but the last.
-    """
+    """How to find packets in bytes: pieces of these lengths, with `hole` bytes between them."""
 
     pieces: list[int]
     hole: int
@@ -54,7 +51,7 @@ class PacketFormat(NamedTuple):
 
     @property
     def starts(self) -> NDArray[np.int64]:
-        """Where pieces begin in the span of a packet."""
+        """Start of each piece in the span of a packet."""
         steps = np.array(self.pieces) + self.hole
         starts: NDArray[np.int64] = np.cumsum(steps) - steps
         return starts
@@ -66,9 +63,8 @@ _HOLES = (50, 52, 54, 68)
 
 
 def formats_of(recording: Path) -> list[PacketFormat]:
-    """Return the formats of packets that a recording may have.
-
-    Those of an Ouster are known only with its metadata, beside the recording.
+    """Return the formats of packets to search for; an Ouster's need the metadata beside the
+    recording.
     """
     metadata = metadata_beside(recording)
     try:
@@ -103,8 +99,6 @@ def count_values(kind: Kind, body: bytes) -> int:
 
 
 class PacketsEncoder:
-    """Encodes the packets of successive turns, all of one kind."""
-
     def __init__(self, kind: Kind, options: CodingOptions) -> None:
         self.kind, self._turns = kind, TurnEncoder(kind.layout, options)
         self._effort = options.effort
@@ -139,7 +133,6 @@ class PacketsDecoder:
 
     @property
     def pieces(self) -> list[int]:
-        """Lengths of the pieces of a packet."""
         return self._kind.pieces if isinstance(self._kind, OusterKind) else VELODYNE.pieces
 
     @property

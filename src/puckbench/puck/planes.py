@@ -4,9 +4,8 @@ Each row of the image is cut into short pieces. Neighbouring sets of pieces are 
 plane fits the returns of both.
 
 A return at range r of a beam with origin o and direction d is the point p = r d + o. A plane is the
-set of points p with m . p = 1. Multiplied by r, this equation becomes r = (r p) . m, which is
-linear in m. A least squares fit of m needs 11 sums over the returns of a set; the sums of merged
-sets are added.
+set of points p with m . p = 1. Multiplied by r, this becomes r = (r p) . m, which is linear in m. A
+least squares fit of m needs 11 sums over the returns of a set; those of merged sets are added.
 
 References
 ----------
@@ -64,9 +63,8 @@ class RangeRows(NamedTuple):
 
 
 class LabelledPlanes(NamedTuple):
-    """The plane of each return (lasers, columns), -1 for none, and the vectors m (n, 3) of planes.
-
-    A plane consists of the points p with m . p = 1.
+    """The plane of each return (lasers, columns), -1 for none, and vectors m (n, 3) of planes m . p
+    = 1.
     """
 
     labels: Labels
@@ -78,10 +76,9 @@ def fitted_planes(
 ) -> LabelledPlanes:
     """Assign each return to a plane, and fit the planes.
 
-    Adjacent columns are `column` rad apart. In a full turn, `closes` is True, and the last column
-    is next to the first. `std` is the standard deviation of a range, m. Two sets of returns are
-    merged if their mean squared distance exceeds that due to noise by at most `tolerance` times the
-    noise variance.
+    Adjacent columns are `column` rad apart; in a full turn (`closes`), the last is next to the
+    first. `std` is the standard deviation of a range, m. Two sets of returns are merged if their
+    mean squared distance exceeds that due to noise by at most `tolerance` times the noise variance.
     """
     ranges, rows = image
     variance = std * std
@@ -129,7 +126,7 @@ def _add(sums: Floats, row: Floats, target: float, weight: float) -> None:
 def _solve(sums: Floats, variance: float, plane: Floats) -> float:
     """Fit a plane by Cholesky's method, write it to `plane`, and return the sum of squared errors.
 
-    A small term on the diagonal (ridge) keeps slopes near zero that the returns do not determine.
+    A small diagonal term (ridge) keeps undetermined slopes near zero.
     """
     ridge = variance * sums[10] / max(sums[0], 1.0) / (_SLOPE * _SLOPE)
     ridge += 1e-12 * (sums[1] + sums[4] + sums[6])
@@ -255,10 +252,10 @@ def _pairs(labels: Labels, closes: bool, within: Labels, across: Labels) -> tupl
     for laser in range(lasers - 1):
         low = high = -1
         for column in range(columns):
-            one, other = labels[laser, column], labels[laser + 1, column]
-            if one >= 0 and other >= 0 and (one != low or other != high):
-                low, high = one, other
-                across[above, 0], across[above, 1] = one, other
+            lower, upper = labels[laser, column], labels[laser + 1, column]
+            if lower >= 0 and upper >= 0 and (lower != low or upper != high):
+                low, high = lower, upper
+                across[above, 0], across[above, 1] = lower, upper
                 above += 1
     return beside, above
 
@@ -288,23 +285,22 @@ def _merge(
     gains: Floats,
     scratch: tuple[Floats, Floats],
 ) -> None:
-    """Merge neighbouring sets while a common plane increases the sum of squares only a little."""
     both, plane = scratch
     total = both[0]
     for gain in gains:
         for _ in range(_ROUNDS):
             merged, low, high = False, -1, -1
             for pair in range(len(pairs)):
-                one, other = _root(parents, pairs[pair, 0]), _root(parents, pairs[pair, 1])
-                if one == other or (one == low and other == high):
+                left, right = _root(parents, pairs[pair, 0]), _root(parents, pairs[pair, 1])
+                if left == right or (left == low and right == high):
                     continue
-                low, high = one, other
+                low, high = left, right
                 for i in range(_SUMS):
-                    total[i] = sums[one, i] + sums[other, i]
+                    total[i] = sums[left, i] + sums[right, i]
                 whole = _solve(total, variance, plane)
-                apart = sums[one, 0] * sums[other, 0] / total[0]
-                if whole - squares[one] - squares[other] <= variance * (gain + tolerance * apart):
-                    kept, gone = min(one, other), max(one, other)
+                apart = sums[left, 0] * sums[right, 0] / total[0]
+                if whole - squares[left] - squares[right] <= variance * (gain + tolerance * apart):
+                    kept, gone = min(left, right), max(left, right)
                     parents[gone] = kept
                     for i in range(_SUMS):
                         sums[kept, i] = total[i]
@@ -383,7 +379,6 @@ def _move_borders(
 
 @inlined
 def _last_of(labels: Labels, start: int, step: int) -> int:
-    """Return the last of up to `_BORDER` columns with the label of `start` in direction `step`."""
     last, count, at = start, 0, start
     while 0 <= at < len(labels) and count < _BORDER:
         if labels[at] == labels[start]:

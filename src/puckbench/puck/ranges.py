@@ -1,14 +1,13 @@
 """Coding of the ranges of a turn: whether each firing has a return, and its range.
 
-Firings are coded column by column, and within a column from the lowest laser to the highest.
-Adaptive least squares predict a range, which is coded as binary decisions around the prediction.
-Lossy coding quantises a range to the nearest multiple of the step. It uses the adjacent multiple
-towards the prediction instead if lambda times the saved rate exceeds the increase of the squared
-error.
+Firings are coded column by column, each from the lowest laser to the highest. Adaptive least
+squares predict a range, which is coded as binary decisions around the prediction. Lossy coding
+quantises a range to the nearest multiple of the step, or to the adjacent multiple towards the
+prediction if lambda times the saved rate exceeds the increase of the squared error.
 
-In the functions, c is the index of the current column in the arrays, and t the index of the nearest
-column of the previous turn (0: there is none). "West" is the same laser one column earlier; "below"
-and "above" are the neighbouring lasers.
+In the functions, c is the index of the current column in the arrays, and t that of the nearest
+column of the previous turn (0: none). "West" is the same laser one column earlier; "below" and
+"above" are the neighbouring lasers.
 """
 
 from __future__ import annotations
@@ -83,9 +82,8 @@ class RangeModel(NamedTuple):
 
 
 class ModelSize(NamedTuple):
-    """Sizes of the models for an effort.
-
-    A model uses the first of all features, experts and contexts, up to these numbers.
+    """Sizes of the models at an effort: they use the first of all features, experts and
+    contexts.
     """
 
     features: int
@@ -241,11 +239,11 @@ def _code_range(
     model: RangeModel, image: RangeContext, before: RangeContext, c: int, laser: int, t: int,
     source: Words,
 ) -> None:  # fmt: skip
-    base, first, activity, is_known, situation = _predict(model, image, before, c, laser, t)
+    base, first, activity, has_previous, situation = _predict(model, image, before, c, laser, t)
     mean = FINE * base + 4 * first
     group = 0
     if model.parameters[2] > 1:
-        group = 1 + 2 * min(max(activity - 2, 0) // 3, 3) + is_known
+        group = 1 + 2 * min(max(activity - 2, 0) // 3, 3) + has_previous
     _write_experts(model, image, before, c, laser, t, base, mean, group)
     begin(model.experts, situation)
     _write_contexts(model, image, before, c, laser, t, base, situation, mean)
@@ -283,11 +281,11 @@ def _code_range_unmixed(
     model: RangeModel, image: RangeContext, before: RangeContext, c: int, laser: int, t: int,
     source: Words,
 ) -> None:  # fmt: skip
-    base, first, activity, is_known, situation = _predict(model, image, before, c, laser, t)
+    base, first, activity, has_previous, situation = _predict(model, image, before, c, laser, t)
     mean = FINE * base + 4 * first
     index, centre, unit = _quantise(model, source[c, laser], mean, situation)
     step, farthest, then = model.parameters[0], model.parameters[4], 9
-    if is_known == 1:
+    if has_previous == 1:
         then = level_of(before.smooth[t, laser] - mean, FINE * unit * step)
     start = (then * _LEVELS + activity) * NODES
     index = code_unmixed_number(
@@ -306,16 +304,16 @@ def _predict(
     """Predict a range, and return five values.
 
     They are a base range, the predicted difference from it in quarter quanta, the level of recent
-    errors (activity), 1 if the previous turn has a return at this place or else 0, and the index of
-    the experts' scales (situation).
+    errors (activity), whether the previous turn has a return at this place (1 or 0), and the index
+    of the experts' scales (situation).
     """
     base = _base(model, image, before, c, laser, t)
     _write_features(model, image, before, c, laser, t, base)
     activity = _activity(model, image, before, c, laser, t)
-    is_known = 1 if t > 0 and before.ranges[t, laser] > 0 else 0
-    situation = activity * 4 + is_known * 2 + 1 - _is(image.ranges, c - 1, laser)
+    has_previous = 1 if t > 0 and before.ranges[t, laser] > 0 else 0
+    situation = activity * 4 + has_previous * 2 + 1 - _is(image.ranges, c - 1, laser)
     first = predicted(model.linear, 0)
-    return base, first, activity, is_known, situation
+    return base, first, activity, has_previous, situation
 
 
 @inlined
@@ -353,7 +351,7 @@ def _base(
 ) -> int:
     """Return the range that is subtracted from other ranges in the features.
 
-    It is the laser's last range, otherwise that of the laser below, or of the previous turn.
+    It is the laser's last range; if none, that of the laser below or of the previous turn.
     """
     base = int(model.last[laser])
     if base == 0 and laser > 0:
@@ -365,9 +363,8 @@ def _base(
 
 @inlined
 def _change(later: int, earlier: int) -> int:
-    """Return the difference of two ranges (in quanta) in quarter quanta.
-
-    Return 0 if a range is missing (0), or if they differ by more than 60 quanta.
+    """Return the difference of two ranges in quarter quanta; 0 if one is missing or over 60 quanta
+    off.
     """
     change = 4 * (later - earlier)
     return change if later > 0 and earlier > 0 and abs(change) <= 240 else 0
@@ -480,15 +477,15 @@ def _write_experts(
 def _activity(
     model: RangeModel, image: RangeContext, before: RangeContext, c: int, laser: int, t: int
 ) -> int:
-    own = model.error[laser]
-    total = 2 * own
-    total += image.errors[c, laser - 1] if laser > 0 else own
-    total += image.errors[c - 1, laser + 1] if laser + 1 < image.ranges.shape[1] else own
+    laser_error = model.error[laser]
+    total = 2 * laser_error
+    total += image.errors[c, laser - 1] if laser > 0 else laser_error
+    total += image.errors[c - 1, laser + 1] if laser + 1 < image.ranges.shape[1] else laser_error
     if t > 0:
         errors = before.errors
         total += 2 * errors[t, laser] + errors[t + 1, laser] + errors[t - 1, laser]
     else:
-        total += 4 * own
+        total += 4 * laser_error
     return min(max(halves(total >> 3) - 6, 0), _LEVELS - 1)
 
 

@@ -1,7 +1,6 @@
 """Lossless compression of recordings, or of any other file.
 
-Data packets are recognised by their content, and the packets of each revolution are encoded as one
-turn. The bytes between packets are compressed by LZMA.
+Data packets are recognised by their content, and those of each revolution are encoded as one turn.
 """
 
 from __future__ import annotations
@@ -113,7 +112,7 @@ class _Limits:
     def check(self, number: int, most: int, what: str) -> None:
         if number > most and not self.trusted:
             raise InputError(
-                f"{number} {what} in {self.size} bytes: more than they may hold; if you trust the "
+                f"{number} {what} in {self.size} bytes: more than they can hold; if you trust the "
                 "file, restore it with puckbench decompress --trusted"
             )
 
@@ -157,8 +156,8 @@ def decompress(
 ) -> RecordingSummary:
     """Restore a file that `compress` compressed.
 
-    Unless the stream is `trusted`, raise InputError if the restored file would exceed a limit,
-    which depends on the size of the stream.
+    Unless the stream is `trusted`, raise InputError if the file would exceed a limit that depends
+    on the size of the stream.
     """
     _check_different(path, out)
     try:
@@ -256,7 +255,6 @@ class _Packets(NamedTuple):
 
 
 def _find(formats: list[PacketFormat], data: Bytes) -> _Packets:
-    """Return the packets of the format that has most of them."""
     best = _Packets(formats[0], formats[0].find(data))
     for each in formats[1:]:
         if 2 * best.bytes() > len(data):
@@ -276,8 +274,8 @@ class _PacketEncoder:
     ) -> Iterator[_Batch]:
         """Yield three encodings of `data`, of which the caller uses the first within the limits.
 
-        They encode packets as turns, compress all bytes by LZMA, or store all bytes uncompressed.
-        Only the last is always within the decoder's limits.
+        They encode packets as turns, compress all bytes by LZMA, or store them. Only the last is
+        always within the decoder's limits.
         """
         yield self._batch(data, packets, report)
         self._packets = None
@@ -317,8 +315,6 @@ class _PacketEncoder:
 
 
 class _RecordingWriter:
-    """Writes the bytes of a restored file, and inserts page links if it is an SQLite file."""
-
     def __init__(self, stream: IO[bytes], limits: _Limits) -> None:
         self._stream, self._limits = stream, limits
         self.checksum, self.size = 0, 0
@@ -406,8 +402,6 @@ def _all_ranges(source: IO[bytes]) -> int:
 
 
 class _PacketDecoder:
-    """Decodes turns to packets, and keeps the packets until the bytes between them are decoded."""
-
     def __init__(self) -> None:
         self._packets: PacketsDecoder | None = None
         self._waiting: list[tuple[Payloads, list[int]]] = []

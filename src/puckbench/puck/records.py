@@ -23,8 +23,8 @@ DAMAGED = "the stream is damaged or truncated"
 
 
 class RecordKind(IntEnum):
-    """Content of a record: end, layout, turn, bytes between packets, page links, beams, or fields
-    of the packets of the last turn that the turn lacks.
+    """Content of a record: end, layout, turn, bytes between packets, page links, beams, or further
+    fields of the last turn's packets.
     """
 
     END, LAYOUT, TURN, GAPS, PAGES, BEAMS, FIELDS = range(7)
@@ -45,7 +45,6 @@ def _with_checksum(kind: int, body: bytes) -> bytes:
 
 
 def start() -> bytes:
-    """Return the magic number and version of streams."""
     return MAGIC + bytes([_VERSION])
 
 

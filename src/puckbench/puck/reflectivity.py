@@ -1,8 +1,8 @@
 """Coding of the reflectivities of a turn: a byte for each firing, with or without a return.
 
-Some values are guessed. If a second return equals the first, the guess is the first one's value.
-For a firing without a return, it is the value of the laser's last firing without one. The stream
-states whether a guess is right. Only values without a right guess are coded.
+Some values are guessed, and coded only if a flag says that the guess is wrong: for a second return
+equal to the first, the first one's value; for a firing without a return, the value of the laser's
+last firing without one.
 """
 
 from __future__ import annotations

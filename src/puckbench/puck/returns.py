@@ -1,5 +1,3 @@
-"""Streams of returns: the layout of the data, the sensor's beams, and the turns (revolutions)."""
-
 from __future__ import annotations
 
 from collections.abc import Iterator
@@ -62,9 +60,7 @@ def _read(stream: bytes) -> tuple[Returns, list[bytes]]:
 def _body(records: Iterator[Record], kind: RecordKind) -> bytes:
     record = next(records)
     if record.kind != kind:
-        raise InputError(
-            "is no stream of returns alone; a compressed recording has to be decompressed first"
-        )
+        raise InputError("not a stream of returns; decompress a compressed recording first")
     return record.body
 
 

@@ -1,8 +1,3 @@
-"""Coding of second ranges in dual return mode, most of which equal the first ones.
-
-Variables have the same names as in `ranges`.
-"""
-
 from __future__ import annotations
 
 from typing import NamedTuple
@@ -128,13 +123,13 @@ def _code_other(
         means[3] = FINE * (ranges[c, laser - 1] + step)
     begin(model.experts, 0)
     m = model.value
-    known = (
+    available = (
         int(means[1] > 0) + 2 * int(means[2] > 0) + 4 * int(means[3] > 0) + 8 * int(means[0] > 0)
     )
-    m.contexts[0], m.contexts[1], m.rows[0] = 0, (1 + known) * NODES, 0
+    m.contexts[0], m.contexts[1], m.rows[0] = 0, (1 + available) * NODES, 0
     centre = 1
     unit = max(16 // step, 1)
-    found = code_number(m, model.experts, number, centre, unit, step, model.farthest)
-    if found > 0:
-        learn(model.experts, 0, FINE * step * found, 4)
-    return found
+    coded = code_number(m, model.experts, number, centre, unit, step, model.farthest)
+    if coded > 0:
+        learn(model.experts, 0, FINE * step * coded, 4)
+    return coded

@@ -1,5 +1,3 @@
-"""Coding of nearly linear sequences of numbers: azimuths of data blocks, and times of packets."""
-
 from __future__ import annotations
 
 from typing import NamedTuple
@@ -81,7 +79,6 @@ def _code_next(model: SequenceModel, number: int) -> int:
 
 @inlined
 def _code_plain(model: SequenceModel, number: int) -> int:
-    """Code a number far from its prediction as 32 bits without contexts."""
     value = 0
     for k in range(_RAW_BITS - 1, -1, -1):
         value = value << 1 | code(model.mixer.bits, (number >> k) & 1, ONE // 2)

@@ -2,9 +2,8 @@
 
 Biases of lasers are estimated from planes that several lasers hit, and subtracted. A return leaves
 its quantisation interval by at most three standard deviations. If the returns of a plane scatter by
-more than the noise (as on leaves), they are moved less.
-
-The last bits of results depend on how a machine rounds sines and square roots.
+more than the noise (as on leaves), they are moved less. The last bits of results depend on how a
+machine rounds sines and square roots.
 """
 
 from __future__ import annotations
@@ -116,8 +115,8 @@ def smoothed_ranges(
 ) -> Floats:
     """Return smoothed ranges of an image, m, from decoded ones (lasers, columns), 0 for no return.
 
-    Directions and origins of the beams are (lasers, columns, 3). Columns are `column` rad apart; in
-    a full turn (`closes`) the last is next to the first. `step_m` is the quantisation step.
+    `directions` and `origins` of beams are (lasers, columns, 3), `step_m` is the quantisation step;
+    for `column` and `closes` see `planes.fitted_planes`.
     """
     noise = _noise(coded)
     std = max(noise, step_m / np.sqrt(12))
@@ -184,7 +183,6 @@ def _biases(image: RangeRows, planes: LabelledPlanes, std: float) -> Floats:
 
 @inlined
 def _factorise(matrix: Floats) -> None:
-    """Replace the lower half of a positive definite matrix by its Cholesky factor."""
     # Unlike these loops, linear algebra libraries round differently on other processors.
     for i in range(len(matrix)):
         for j in range(i + 1):
@@ -215,7 +213,6 @@ def _solve(matrix: Floats, right: Floats) -> None:
 
 @_loop
 def _eliminate(products: Floats, mixed: Floats, matrix: Floats, right: Floats) -> None:
-    """Eliminate the planes from the normal equations `matrix` and `right` of the biases."""
     for plane in range(len(products)):
         normal, target, slopes = products[plane, :, :3], products[plane, :, 3], mixed[plane]
         ridge = 1e-9 * (normal[0, 0] + normal[1, 1] + normal[2, 2])
@@ -295,7 +292,7 @@ def _estimate(
 ) -> None:
     """Move the ranges in `smoothed` towards their planes by at most `limit`.
 
-    `spread` (planes, 2) is filled with each plane's number of returns and sum of squared errors.
+    `spread` (planes, 2) gets each plane's number of returns and sum of squared errors.
     """
     for moves in (False, True):
         for laser in range(labels.shape[0]):

@@ -1,5 +1,3 @@
-"""Encoding of turns (revolutions) of one layout as a stream, and decoding from any stream."""
-
 from __future__ import annotations
 
 from collections.abc import Iterable
@@ -39,12 +37,11 @@ def most_ranges(size: int) -> int:
 
 
 def check_ranges(ranges: int, size: int) -> None:
-    """Raise InputError if a stream of `size` bytes has more ranges than allowed.
-
-    This limits the time and memory of decoding a malicious stream.
+    """Raise InputError if a stream of `size` bytes has too many ranges, to limit decoding time and
+    memory.
     """
     if ranges > most_ranges(size):
-        raise InputError(f"{ranges} ranges in {size} bytes: more than they may hold")
+        raise InputError(f"{ranges} ranges in {size} bytes: more than they can hold")
 
 
 def encode_turns(

@@ -1,6 +1,6 @@
 """Coding of one turn in separate parts: azimuths, ranges, second returns, times, reflectivities.
 
-A key turn can be decoded alone. Any other turn continues with its predecessor's adaptive models.
+A key turn can be decoded alone; others continue with their predecessor's adaptive models.
 """
 
 from __future__ import annotations
@@ -143,7 +143,7 @@ class TurnEncoder:
 
 
 class TurnDecoder:
-    """Decodes successive turns of one layout, the first of which is a key turn."""
+    """Decodes successive turns of one layout, starting with a key turn."""
 
     def __init__(self, layout: Layout) -> None:
         self.layout = layout
@@ -226,7 +226,7 @@ def _blank(blocks: int, layout: Layout, is_wide: bool) -> Turn:
 
 
 class PartWriter:
-    """Collects the bytes of parts of a turn, each with an arithmetic coder of its own."""
+    """Collects the bytes of parts of a turn, each from a separate arithmetic coder."""
 
     def __init__(self) -> None:
         self.parts: list[bytes] = []
@@ -263,7 +263,6 @@ Parts = PartWriter | PartReader
 def _code_turn(
     state: _State, turn: Turn, flags: int, parts: Parts
 ) -> tuple[_CodedTurn, NDArray[np.uint32] | None]:
-    """Encode or decode the parts of a turn; when decoding, only the shapes of its arrays matter."""
     azimuths = turn.azimuths.astype(np.int64)
     state.azimuths = _code_numbers(state.azimuths, azimuths, parts)
     previous = None if state.previous is None else state.previous.azimuths
@@ -352,11 +351,11 @@ def _code_all_reflectivities(
             new_reflectivity_model(bits, lasers, lean) for _ in range(layout.kinds)
         ]
     for kind in range(layout.kinds):
-        own, ranges = padded(values[kind]), coded.ranges[kind]
-        held, before = np.zeros_like(own), np.zeros((1, layout.lasers), np.int32)
-        before_ranges, guesses = before, np.zeros_like(own)
+        kind_values, ranges = padded(values[kind]), coded.ranges[kind]
+        held, before = np.zeros_like(kind_values), np.zeros((1, layout.lasers), np.int32)
+        before_ranges, guesses = before, np.zeros_like(kind_values)
         if previous is not None and previous.reflectivities:
-            own[:PAD] = previous.reflectivities[kind][-PAD:]
+            kind_values[:PAD] = previous.reflectivities[kind][-PAD:]
             held[:PAD] = previous.held[kind][-PAD:]
             before = extended(previous.reflectivities[kind])
             before_ranges = extended(previous.ranges[kind])
@@ -365,23 +364,21 @@ def _code_all_reflectivities(
         if kind == 1:
             is_same = ranges == coded.ranges[0]
             guesses = np.where(is_same, coded.reflectivities[0] + 1, 0).astype(np.int32)
-        bits = parts.open(len(own) * layout.lasers * 9)
+        bits = parts.open(len(kind_values) * layout.lasers * 9)
         model = state.reflectivities[kind] = with_coder(state.reflectivities[kind], bits)
-        context = ReflectivityContext(own, held, ranges, before, before_ranges, guesses)
+        context = ReflectivityContext(kind_values, held, ranges, before, before_ranges, guesses)
         parts.close(bits, code_reflectivities(model, context, nearest))
-        coded.reflectivities.append(own)
+        coded.reflectivities.append(kind_values)
         coded.held.append(held)
 
 
 def padded(values: Values) -> Words:
-    """Return PAD rows of zeros, then the values (columns, lasers)."""
     padded = np.zeros((PAD + len(values), values.shape[1]), np.int32)
     padded[PAD:] = values
     return padded
 
 
 def extended(values: Words) -> Words:
-    """Return values followed by PAD rows of zeros."""
     extended = np.zeros((len(values) + PAD, values.shape[1]), np.int32)
     extended[: len(values)] = values
     return extended

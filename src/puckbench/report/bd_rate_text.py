@@ -1,5 +1,3 @@
-"""BD-rates as text."""
-
 from __future__ import annotations
 
 from collections.abc import Mapping

@@ -1,5 +1,3 @@
-"""Build the report page as text from the files of a run."""
-
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
@@ -114,7 +112,9 @@ def _facts(contents: Contents, *more: Any) -> RunDescription:
     try:
         return describe_run(contents.configuration, *more)
     except (AttributeError, KeyError, TypeError) as error:
-        raise InputError("contents of the report: configuration: not that of a run") from error
+        raise InputError(
+            "contents of the report: configuration: not the configuration of a run"
+        ) from error
 
 
 def _claims(contents: Contents, table: pd.DataFrame, folder: Path) -> Claims:

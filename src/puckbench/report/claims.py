@@ -49,7 +49,6 @@ class Claims:
 
 
 def claim_cards(table: pd.DataFrame, figures: Mapping[str, str], link: str) -> Claims:
-    """Return cards from the table ``claims``; `figures` are titles of figures by name."""
     rows = [{str(k): cell_text(v) for k, v in row.items()} for row in table.to_dict("records")]
     return Claims(tuple(_card(row, figures) for row in rows), link)
 

@@ -1,5 +1,3 @@
-"""The dictionary of a table's columns: meaning, unit, and why values are missing."""
-
 from __future__ import annotations
 
 import re
@@ -29,9 +27,8 @@ _OTHERWISE = "does not apply"
 
 
 def column_dictionary(table: pd.DataFrame) -> pd.DataFrame:
-    """Return a row for each column of a table: meaning, unit, number of missing values and reason.
-
-    Columns of optional metrics have the meaning in their registration.
+    """Return a row for each column of a table: meaning, unit, number of missing values and
+    reason.
     """
     import pandas as pd
 

@@ -1,5 +1,3 @@
-"""Labels and units for the columns of result tables."""
-
 from __future__ import annotations
 
 import re
@@ -166,7 +164,6 @@ def is_time(column: str) -> bool:
 
 
 def column_label(column: str) -> ColumnLabel:
-    """Return the label of a column; an unknown column gets its name as label."""
     if column in _PLAIN:
         return ColumnLabel(column, *_PLAIN[column])
     prefix = next((name for name in _REFERENCES if column.startswith(name)), "")

@@ -53,7 +53,7 @@ def compare_with_reference(
     Parameters
     ----------
     codecs
-        Codecs in the run; by default those that the reference lacks, if any.
+        Codecs in the run; by default those that the reference lacks.
     qualities
         Metrics; by default those of the reference's Bjontegaard deltas.
     common
@@ -87,7 +87,6 @@ def compare_with_reference(
 
 
 def _matched(clouds: pd.DataFrame, reference: ReferenceResults) -> tuple[dict[Key, Key], list[str]]:
-    """Return the reference's names of clouds with equal digests, and messages on the others."""
     if DIGEST not in clouds or clouds[DIGEST].isna().any():
         raise InputError("the table of clouds has no digests: it is of an older run; run it again")
     published = reference.clouds
@@ -144,7 +143,6 @@ def _check_qualities(
 def _check_rates(
     run_rows: pd.DataFrame, reference_rows: pd.DataFrame, qualities: Sequence[str]
 ) -> None:
-    """Raise InputError if a codec lacks a rate, or a value at a rate, on a cloud."""
     for (dataset, codec), rows in run_rows.groupby(["dataset", "codec"], sort=False):
         rates = list(dict.fromkeys(rows["rate"]))
         if len(rates) < MIN_POINTS:
@@ -168,7 +166,6 @@ def _check_rates(
 
 
 def _is_exact(rows: pd.DataFrame, quality: str) -> pd.Series[bool]:
-    """Return a mask of the rows with error 0, which have no PSNR."""
     error = quality.replace("_psnr", "_mse")
     return rows[error] == 0 if error != quality and error in rows else rows[quality] == 0
 
@@ -198,7 +195,6 @@ def _deltas(
 
 
 def _judged(rows: pd.DataFrame) -> pd.DataFrame:
-    """Add ``lossless`` (no error) and the peak of the PSNRs, which tables of older runs lack."""
     table = with_peaks(rows).assign(**{LOSSLESS: lossless_rows(rows)})
     return table if PEAK in table else table.assign(**{PEAK: nan})
 

@@ -1,5 +1,3 @@
-"""Findings from a run: which codec needs fewest bits, is nearest to the truth, is fastest."""
-
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -73,8 +71,6 @@ class FindingsColumn:
 
 @dataclass(frozen=True)
 class DatasetFindings:
-    """The best codecs of a data set in words, by group of columns, and the values of all codecs."""
-
     title: str
     clouds: int
     best: Mapping[str, str]
@@ -180,7 +176,6 @@ def _bits(
 def _needs_fewer_bits(
     metrics: pd.DataFrame, rows: pd.DataFrame, metric: str
 ) -> Callable[[str, str], bool]:
-    """Return a predicate: whether a codec's BD-rate against another is significantly negative."""
     anchor, by_codec = rows["anchor"].iloc[0], rows.set_index("codec").to_dict("index")
 
     def is_better(first: str, other: str) -> bool:
@@ -206,7 +201,6 @@ def _bd_rates(rows: pd.DataFrame, codecs: Sequence[str]) -> dict[str, Cell]:
 
 
 def _bd_rate(row: Mapping[Any, Any] | None) -> Cell:
-    """Return a BD-rate as a cell, ranked only if the curves on all clouds can be compared."""
     if row is None or not has_delta(row):
         return Cell(note=delta_note(row))
     is_whole = row["compared"] == row["clouds"]
@@ -222,10 +216,10 @@ def _nearest(
         medians = metrics.groupby(["codec", "rate"])[[distance, "bpp"]].median().dropna()
         rates = {codec: _nearest_rate(medians[distance], codec) for codec in codecs}
         cells = {codec: _least(medians, rates[codec], codec) for codec in codecs}
-        own = _scan_error_text(errors, distance)
+        scan_error = _scan_error_text(errors, distance)
         # The finest rate is always the nearest to a scan without errors, so no statement is made.
-        group = "Nearest to the truth" if own else ""
-        column = FindingsColumn("Distance to the truth", group, own, cells)
+        group = "Nearest to the truth" if scan_error else ""
+        column = FindingsColumn("Distance to the truth", group, scan_error, cells)
         yield column.tested(
             _is_less(metrics[metrics["rate"] == metrics["codec"].map(rates)], distance)
         )
@@ -274,7 +268,6 @@ def _times(metrics: pd.DataFrame, codecs: Sequence[str]) -> Iterator[FindingsCol
 
 
 def _is_less(metrics: pd.DataFrame, column: str) -> Callable[[str, str], bool]:
-    """Return a predicate: whether a codec's median over rates is significantly below another's."""
     medians = metrics.groupby(["cloud", "codec"])[column].median().unstack()
 
     def is_less(first: str, other: str) -> bool:

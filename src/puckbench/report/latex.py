@@ -1,5 +1,3 @@
-"""Tables as LaTeX, for the package booktabs."""
-
 from __future__ import annotations
 
 import re
@@ -19,9 +17,8 @@ _REPLACED = {
 
 
 def latex_table(table: pd.DataFrame) -> str:
-    """Return a tabular with units in the heading, four digits, and dashes for missing values.
-
-    Columns without values are left out.
+    """Return a booktabs tabular: units in the heading, four digits, dashes for missing values, no
+    empty columns.
     """
     shown = table.dropna(axis="columns", how="all")
     names = [str(name) for name in shown]

@@ -70,5 +70,4 @@ def _asset(name: str) -> str:
 
 
 def _script_hash(text: str) -> str:
-    """Return the entry that permits an inline script in a content security policy."""
     return "sha256-" + b64encode(hashlib.sha256(text.encode()).digest()).decode("ascii")

@@ -1,5 +1,3 @@
-"""Data for the interactive plot: medians and quartiles for each data set, codec and rate."""
-
 from __future__ import annotations
 
 from dataclasses import replace

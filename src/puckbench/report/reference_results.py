@@ -103,8 +103,8 @@ class ReferenceResults:
     @property
     def bd_rate(self) -> Mapping[str, Any]:
         """Options for the study's Bjontegaard deltas: ``anchor``, ``qualities``, ..."""
-        found: Mapping[str, Any] = self.about["bd_rate"]
-        return found
+        options: Mapping[str, Any] = self.about["bd_rate"]
+        return options
 
     @property
     def record(self) -> RunRecord:
@@ -197,9 +197,7 @@ def _write(path: Path, rows: pd.DataFrame, about: Mapping[str, Any]) -> None:
 
 
 def _write_small(path: Path, table: Any, metadata: Mapping[Any, Any]) -> None:
-    """Write an Arrow table to a small file: only text is dictionary encoded, floats are split by
-    byte.
-    """
+    """Write an Arrow table to a small file: dictionary encoded text, floats split by byte."""
     import pyarrow as pa
     from pyarrow import parquet
 
@@ -240,7 +238,6 @@ def without_times(metrics: pd.DataFrame) -> pd.DataFrame:
 
 
 def _rounded(table: Any) -> pd.DataFrame:
-    """Round measured numbers to `_DIGITS` digits; all but bits per point become float32."""
     rounded: pd.DataFrame = table.copy()
     for column in table.select_dtypes("floating"):
         values = [float(f"{value:.{_DIGITS}g}") for value in table[column]]

@@ -116,7 +116,6 @@ def _versions(rows: pd.DataFrame) -> str:
 
 
 def _measured_on(metrics: pd.DataFrame) -> dict[str, str]:
-    """Return the text columns that do not describe a codec, such as the processor, with values."""
     texts = [str(n) for n in metrics.select_dtypes(exclude="number") if n not in _KEYS]
     values_by_column = {name: _distinct(metrics[name]) for name in texts if not _is_of_codec(name)}
     return {

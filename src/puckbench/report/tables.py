@@ -1,5 +1,3 @@
-"""Tables of results as HTML, which a script makes sortable and filterable."""
-
 from __future__ import annotations
 
 import re
@@ -49,7 +47,6 @@ class TableColumn:
 def table_html(
     table: pd.DataFrame, link: str | None = None, style: FigureStyle | None = None
 ) -> Markup:
-    """Return a table as HTML with its number of omitted rows and a link."""
     from markupsafe import Markup
 
     ordered = table[_in_order(table)]

@@ -1,5 +1,3 @@
-"""Data for the cloud viewer: subsampled clouds with 16-bit coordinates, and errors."""
-
 from __future__ import annotations
 
 from base64 import b64encode
@@ -147,7 +145,6 @@ class ViewerCloud:
 
 
 def points_per_cloud(most: int, clouds: int, most_mb: float) -> int:
-    """Return the number of points per cloud: at most `most`, and at most `most_mb` MB in all."""
     fitting = most_mb * 1e6 / (max(clouds, 1) * BYTES_PER_POINT)
     return max(_LEAST_POINTS, min(most, int(fitting)))
 

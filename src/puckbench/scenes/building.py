@@ -1,5 +1,3 @@
-"""A generated building with as many rooms of each type as the six areas of the S3DIS data set."""
-
 from __future__ import annotations
 
 from dataclasses import replace

@@ -66,7 +66,6 @@ def square(x: float, y: float, half: float) -> Floats:
 
 
 def _inside(points: Floats, polygon: Floats) -> NDArray[np.bool_]:
-    """Return a mask (n,) of points (n, 2) in a polygon (m, 2), by the even-odd rule."""
     a, b = polygon, np.roll(polygon, -1, axis=0)
     y = points[:, 1:2]
     spans = (a[:, 1] > y) != (b[:, 1] > y)
@@ -77,11 +76,11 @@ def _inside(points: Floats, polygon: Floats) -> NDArray[np.bool_]:
 
 def _overlaps(rectangle: Floats, others: Floats) -> NDArray[np.bool_]:
     """Return which of the rectangles `others` (k, 4, 2) overlap `rectangle` (separating axes)."""
-    own_axes = np.broadcast_to(
+    rectangle_axes = np.broadcast_to(
         np.stack([rectangle[1] - rectangle[0], rectangle[3] - rectangle[0]]), (len(others), 2, 2)
     )
     other_axes = np.stack([others[:, 1] - others[:, 0], others[:, 3] - others[:, 0]], axis=1)
-    axes = np.concatenate([own_axes, other_axes], axis=1)
+    axes = np.concatenate([rectangle_axes, other_axes], axis=1)
     axes = axes / np.maximum(np.linalg.norm(axes, axis=-1, keepdims=True), 1e-12)
     projections = np.einsum("kaj,cj->kac", axes, rectangle)
     other_projections = np.einsum("kaj,kcj->kac", axes, others)

@@ -1,5 +1,3 @@
-"""Groups of furniture, such as a desk with its chair, or a table with chairs around it."""
-
 from __future__ import annotations
 
 from puckbench.scenes.furniture import plants, seating, small, tables
@@ -69,8 +67,8 @@ def lectern(cad: Modeller) -> Item:
 def stepped_floor(
     cad: Modeller, width: float, step: tuple[float, float], count: int, at_back: float
 ) -> Item:
-    """Make `count` steps of depth and height `step`, rising towards +y; the last is
-    `at_back` deep.
+    """Make `count` steps of depth and height `step`, rising towards +y; the last is `at_back`
+    deep.
     """
     depth, rise = step
     parts: list[Surface] = []

@@ -1,5 +1,3 @@
-"""A maker of tessellated solids for models of furniture and objects."""
-
 from __future__ import annotations
 
 from collections.abc import Sequence

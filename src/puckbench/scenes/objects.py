@@ -1,5 +1,3 @@
-"""Generated objects of 15 classes, which are those of the CAPOD data set."""
-
 from __future__ import annotations
 
 from collections.abc import Callable

@@ -1,5 +1,3 @@
-"""Planar outlines made of lines, arcs and curves."""
-
 from __future__ import annotations
 
 from collections.abc import Sequence

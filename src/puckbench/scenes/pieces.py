@@ -51,7 +51,7 @@ def with_meshes(item: Item, furniture: FurnitureMeshes, rng: np.random.Generator
     """Replace generated pieces of furniture by meshes of the same semantic class.
 
     A random mesh of similar proportions (in metres, z up, facing -y) is stretched to the piece's
-    size. The content of a replaced bookcase is removed.
+    size. A replaced bookcase loses its content.
     """
     if item[0].semantic == "bookcase" and furniture.get("bookcase"):
         item = item[:1]
@@ -100,7 +100,6 @@ def build_mesh(pieces: Sequence[Piece]) -> Mesh:
 
 
 def _distinct(surface: Surface) -> tuple[Ints, list[Primitive]]:
-    """Return the distinct primitives of a surface, and the index into them for each shape, (s,)."""
     numbers: dict[tuple[Shape, bytes], int] = {}
     primitives: list[Primitive] = []
     index = np.empty(len(surface.shapes), dtype=np.int64)

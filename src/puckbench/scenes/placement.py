@@ -68,7 +68,6 @@ class Room:
         self.item += shell(self.cad, self.outline, self.height, self.openings)
 
     def _keep_clear(self, opening: Opening) -> None:
-        """Reserve the space before an opening: 0.85 m for a door, 0.12 m for a window."""
         frame, length = wall_frame(self.outline, opening.wall)
         x0, x1 = opening.span(length)
         reach = 0.12 if opening.kind == "window" else 0.85

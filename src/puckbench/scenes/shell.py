@@ -69,10 +69,10 @@ def shell(cad: Modeller, outline: Floats, height: float, openings: tuple[Opening
     item.append(Piece("ceiling", "ceiling", flat(ground).flipped().at(z=height)))
     for wall in range(len(outline)):
         pose, length = wall_frame(outline, wall)
-        own_openings = [opening for opening in openings if opening.wall == wall]
-        parts = [Piece("wall", "wall", _wall(length, height, own_openings))]
-        parts.append(Piece("skirting", "wall", _skirting(length, own_openings)))
-        for opening in own_openings:
+        wall_openings = [opening for opening in openings if opening.wall == wall]
+        parts = [Piece("wall", "wall", _wall(length, height, wall_openings))]
+        parts.append(Piece("skirting", "wall", _skirting(length, wall_openings)))
+        for opening in wall_openings:
             middle = np.eye(4)
             middle[0, 3], middle[2, 3] = opening.at * length, opening.sill
             parts += posed(_FILLINGS[opening.kind](cad, opening), middle)

@@ -30,7 +30,6 @@ _BOX_FRAMES = np.stack([frame_along(np.array(n, dtype=float), np.zeros(3)) for n
 
 
 def box(x: float, y: float, z: float) -> Surface:
-    """Make a box on z = 0, centred in x and y."""
     vertices = _BOX_CORNERS * (x, y, z)
     frames = _BOX_FRAMES.copy()
     frames[:, :3, 3] = vertices[_BOX_QUADS[:, 0]]
@@ -44,7 +43,6 @@ def flat(outline: Outline, holes: Sequence[Outline] = ()) -> Surface:
 
 
 def extrude(outline: Outline, height: float, holes: Sequence[Outline] = ()) -> Surface:
-    """Extrude a counter-clockwise outline with holes from z = 0 to a height."""
     lid = flat(outline, holes)
     base = lid.flipped()
     sides = [_side(segment, height) for segment in outline]

@@ -1,5 +1,3 @@
-"""Triangulated surfaces that keep the geometric primitive of each triangle."""
-
 from __future__ import annotations
 
 from collections.abc import Callable
@@ -213,7 +211,6 @@ def grid(
 
 
 def primitive(shape: Shape, frame: Floats) -> Primitive:
-    """Transform a normalised shape by a frame (4, 4) to a primitive."""
     scale = float(np.cbrt(abs(np.linalg.det(frame[:3, :3]))))
     axes = frame[:3, :3] / scale
     return Primitive(shape.kind, _PARAMETERS[shape.kind](shape, frame[:3, 3], axes, scale))

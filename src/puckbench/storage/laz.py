@@ -97,8 +97,8 @@ def decode_laz(stream: bytes) -> tuple[Floats, Intensities]:
 
 
 def _checked_header(stream: bytes, begin: int, vlr: bytes) -> tuple[int, Floats]:
-    """Check that a header is as `_las` writes it, with points from byte `begin` and the compression
-    record `vlr`; return the number of points and the scales (3,).
+    """Check a header against `_las`, with points from byte `begin` and the record `vlr`; return
+    point count and scales (3,).
     """
     if len(stream) < begin + _CHUNKS_AT.size:
         raise InputError("the stream is truncated")
@@ -115,7 +115,7 @@ def _checked_header(stream: bytes, begin: int, vlr: bytes) -> tuple[int, Floats]
 
 
 def _check_chunks(stream: bytes, begin: int, chunks: int) -> None:
-    """Raise InputError if the number of chunks is wrong; lazrs would allocate memory for them."""
+    """Raise InputError if the number of chunks is wrong: lazrs would allocate memory for it."""
     (at,) = _CHUNKS_AT.unpack_from(stream, begin)
     if not begin < at <= len(stream) - _CHUNKS.size or _CHUNKS.unpack_from(stream, at)[1] != chunks:
         raise InputError("the stream is damaged (its table of chunks)")

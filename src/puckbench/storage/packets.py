@@ -74,7 +74,7 @@ def _check_packets(count: int, packed: bytes) -> None:
     few = _FEW_PACKETS + len(packed) // 2
     if count > min(few, _MANY_PACKETS + len(packed) // _BYTES_PER_PACKET):
         raise InputError(
-            f"{count} data packets in {len(packed)} bytes: more than a stream may hold"
+            f"{count} data packets in {len(packed)} bytes: more than a stream can hold"
         )
 
 
@@ -84,7 +84,7 @@ def _kind(returns: Returns) -> PacketKind:
         kind = packet_kind(product, mode)
         if replace(returns, turns=(), sensor="") == replace(kind.returns(()), sensor=""):
             return kind
-    raise InputError("holds recordings of a VLP-16, Puck Hi-Res or HDL-32E, no other returns")
+    raise InputError("encodes only returns of a VLP-16, Puck Hi-Res or HDL-32E")
 
 
 def _completed(turn: Turn, kind: PacketKind) -> Turn:
@@ -97,7 +97,6 @@ def _completed(turn: Turn, kind: PacketKind) -> Turn:
 
 
 def _returns(payloads: np.ndarray, counts: list[int]) -> Returns:
-    """Decode packets (p, 1206) to returns; `counts` are the numbers of packets of the turns."""
     if (payloads[:, -2:] != payloads[0, -2:]).any():
         raise InputError("the stream is damaged (packets of several sensors)")
     kind = packet_kind(int(payloads[0, -1]), int(payloads[0, -2]))

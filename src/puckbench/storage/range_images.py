@@ -1,8 +1,8 @@
 """Encoder and decoder for turns as range images: a row for each laser, a column for each firing.
 
-Rows are ordered from the highest laser down, and shifted as the layout says. Pixels have 16 bits
-and count range steps, from 1; 0 means no return. Pixels of 32 bits are in two images: their lower
-and their upper 16 bits. A stream's body has these parts, each after its length, base 128:
+Rows run from the highest laser down, shifted as the layout says. Pixels have 16 bits and count
+range steps, from 1; 0 means no return. Pixels of 32 bits are in two images: their lower and upper
+16 bits. A stream's body has these parts, each after its length, base 128:
 
     the layout (`lidar.returns_header`)
     the beams and the quantum (`lidar.returns_header`)
@@ -132,7 +132,6 @@ def _part(reader: Reader) -> bytes:
 
 
 def _numbers(reader: Reader) -> tuple[int, int, list[int]]:
-    """Read the quanta per step, the flags, and the blocks of each turn."""
     quanta, turns = reader.number(), reader.number()
     flags, quanta = quanta & (_WIDE | _REFLECTIVITIES), quanta & ~(_WIDE | _REFLECTIVITIES)
     if not 0 < quanta <= _MAX_QUANTA or not 0 < turns <= len(reader.body):
@@ -143,7 +142,7 @@ def _numbers(reader: Reader) -> tuple[int, int, list[int]]:
 def _check_pixels(pixels: int, body: bytes) -> None:
     """Raise InputError if there are implausibly many pixels, before memory is allocated."""
     if pixels > min(_FEW_PIXELS + _PIXELS_PER_BYTE * len(body), most_points(len(body))):
-        raise InputError(f"{pixels} pixels in {len(body)} bytes: more than they may hold")
+        raise InputError(f"{pixels} pixels in {len(body)} bytes: more than they can hold")
 
 
 def _images(turn: Turn, layout: Layout, quanta: int) -> list[Ranges]:
@@ -177,10 +176,7 @@ def _reflectivities(images: Sequence[Ranges], turn: Turn, layout: Layout) -> NDA
 
 
 def _swapped(image: Ranges, first: Ranges) -> Ranges:
-    """Replace pixels equal to those of the first image by 0, and 0 by pixels of the first image.
-
-    A second call restores the image.
-    """
+    """Exchange 0 and the first image's value in each pixel; a second call restores the image."""
     other = np.where(image == 0, first, image)
     swapped: Ranges = np.where(image == first, 0, other).astype(image.dtype)
     return swapped

@@ -29,4 +29,4 @@ def check_points_of(count: int, stream: bytes) -> None:
     """Raise InputError if the number of points is implausible for the size of the stream."""
     few = _FEW_POINTS + _POINTS_PER_BYTE * len(stream)
     if not 0 < count <= min(few, most_points(len(stream))):
-        raise InputError(f"{count} points in {len(stream)} bytes: more than a stream may hold")
+        raise InputError(f"{count} points in {len(stream)} bytes: more than a stream can hold")

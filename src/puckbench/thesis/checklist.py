@@ -1,5 +1,3 @@
-"""Checklist of the thesis's figures and tables: each one's state and the command that makes it."""
-
 from __future__ import annotations
 
 import shlex
@@ -78,9 +76,8 @@ class Reproduction:
         return stages_of(self.bench)
 
     def command(self, *targets: str) -> list[str]:
-        """Return the Snakemake command that makes `targets`.
-
-        Targets come first, since an option would take them as values.
+        """Return the Snakemake command that makes `targets`, which precede options that take
+        several values.
         """
         words = ["snakemake", *targets, "--cores", str(self.cores), "--configfile", str(self.path)]
         settings = [f"{key}={str(value).lower()}" for key, value in self.changes.items()]
@@ -106,7 +103,6 @@ class Reproduction:
         return Item(title, name, state, note)
 
     def _item_without_data(self, title: str, name: str) -> Item:
-        """Return an item if scene sets are absent and there is no plan."""
         absent = [scenes for scenes in self._scenes_of(name) if scenes in self.absent]
         file, chapter_5_file = (_file(name, root) for root in (self.results, _CHAPTER_5_RESULTS))
         files = [file] if absent else [file, chapter_5_file]
@@ -121,7 +117,7 @@ class Reproduction:
 
     def _scenes_of(self, name: str) -> list[str]:
         inputs = figure_entry(name).inputs if name in FIGURES else ()
-        datasets, examples = self.config.datasets, self.config.figures.examples.given()
+        datasets, examples = self.config.datasets, self.config.figures.examples.clouds_by_kind()
         kinds = [each.removeprefix("example_") for each in inputs]
         names = [examples[kind].split("/")[0] for kind in kinds if kind in examples]
         if {"metrics", "clouds"} & set(inputs):
@@ -142,7 +138,6 @@ class Reproduction:
         return {**self.bench.outputs.study_tables, **self.bench.outputs.figures}
 
     def _is_fresh(self, path: Path, output_time: float) -> bool:
-        """Whether an input is older than its output, and newer than its own inputs."""
         if not path.exists() or path.stat().st_mtime > output_time:
             return False
         stage = {"metrics": "metrics", "clouds": "about"}.get(path.stem)

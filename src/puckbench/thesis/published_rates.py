@@ -1,5 +1,3 @@
-"""Medians of thesis chapter 6, read off its Figure 6.5 (published_rates.yaml)."""
-
 from __future__ import annotations
 
 from collections.abc import Iterator

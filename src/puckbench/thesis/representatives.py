@@ -1,5 +1,3 @@
-"""Which of the thesis's data sets and codecs those in a run represent."""
-
 from __future__ import annotations
 
 from collections.abc import Mapping

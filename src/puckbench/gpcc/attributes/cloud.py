@@ -1,5 +1,3 @@
-"""Encoder and decoder of clouds with attributes."""
-
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
@@ -115,9 +113,9 @@ def encode_cloud(
     InputError
         If the points or their attributes cannot be encoded.
     """
-    given = attribute_options or {}
-    chosen = {name: given.get(name, AttributeOptions()) for name in attributes}
-    if unused := given.keys() - chosen.keys():
+    options_by_name = attribute_options or {}
+    chosen = {name: options_by_name.get(name, AttributeOptions()) for name in attributes}
+    if unused := options_by_name.keys() - chosen.keys():
         raise InputError(f"G-PCC: options of '{min(unused)}', which is not among the attributes")
     whole = np.asarray(points)
     exact = whole if source is None else np.asarray(source)
@@ -128,8 +126,8 @@ def encode_cloud(
         placed = coded.points.positions[:, coded.points.axes]
         shift = offset + whole.min(axis=0) + np.array(corner)
         members = _grouped(coded.members, whole)
-        given_points = Source(exact[members].astype(np.float64), factor, shift)
-        return recoloured(placed, values[members], given_points, (1 << bits) - 1)
+        source_points = Source(exact[members].astype(np.float64), factor, shift)
+        return recoloured(placed, values[members], source_points, (1 << bits) - 1)
 
     encoder = AttributeEncoder(attributes, chosen, len(whole), recolour)
     if isinstance(options, PredictiveOptions):

@@ -1,4 +1,4 @@
-"""Conversion of values between an application's and those that are coded, as in TMC13."""
+"""Conversion of attribute values between applications and the coder, as in TMC13."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _HALF = 128.0
 
 
 def coded_colours(colours: Values, matrix: int | None, bitdepth: int) -> Values:
-    """Convert red, green, blue (n, 3) to coded components; `bitdepth` is that of the latter."""
+    """Convert red, green, blue (n, 3) to coded components of `bitdepth` bits."""
     red, green, blue = colours.T
     if matrix == BT709:
         r, g, b = (channel.astype(np.float64) for channel in (red, green, blue))
@@ -60,7 +60,6 @@ def _stacked(*channels: NDArray[np.int32] | NDArray[np.float64]) -> Values:
 
 
 def _rounded(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Round halves away from zero, and clip to 8 bits."""
     values = values + np.copysign(np.nextafter(0.5, 0), values)
     rounded: NDArray[np.float64] = np.clip(np.trunc(values), 0.0, _MOST)
     return rounded

@@ -1,5 +1,3 @@
-"""Coordinates in which attributes are coded: those of the slice, or radius, azimuth and laser."""
-
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -56,7 +54,6 @@ def scaled_coordinates(positions: Positions, scale: Sequence[int]) -> Positions:
 
 
 def sorted_points(positions: Positions, codes: Ints | None = None) -> SortedPoints:
-    """Sort positions (n, 3) by their Morton codes; equal points keep their order."""
     codes = morton_codes(positions.astype(np.int64), _AXES) if codes is None else codes
     order = np.argsort(codes, kind="stable")
     return SortedPoints(codes[order], positions[order], order.astype(np.int32))

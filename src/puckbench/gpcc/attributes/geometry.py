@@ -1,5 +1,3 @@
-"""Points of a decoded or encoded slice, as attributes need them."""
-
 from __future__ import annotations
 
 from collections.abc import Hashable

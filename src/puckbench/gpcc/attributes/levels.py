@@ -1,6 +1,6 @@
 """Levels of detail of a slice's points, and the neighbours that predict each point.
 
-In TMC13: `buildPredictorsFast`, `subsample`. The coarsest level is coded first.
+The coarsest level is coded first. In TMC13: `buildPredictorsFast`, `subsample`.
 """
 
 from __future__ import annotations
@@ -105,7 +105,9 @@ def _build(
     predictors: Predictors,
     atlases: Atlases,
 ) -> tuple[Indices, list[int]]:
-    """Return the points from the finest level to the coarsest, and how many remain before each."""
+    """Return the points from the finest level to the coarsest, and the number left before each
+    level.
+    """
     count = len(points.codes)
     order = np.empty(count, dtype=np.int32)
     remaining = np.arange(count, dtype=np.int32)
@@ -165,7 +167,6 @@ def _subsampled(
     level: int,
     atlas: Atlas,
 ) -> tuple[Indices, Indices]:
-    """Divide points into those of a level and those of coarser levels."""
     dist2 = aps.dist2 + header.attr_dist2_delta + level
     is_retained = np.zeros(len(remaining), dtype=np.bool_)
     if aps.scalable_lifting_enabled_flag:
@@ -189,7 +190,7 @@ def _retain_centroids(
     period: int,
     is_retained: NDArray[np.bool_],
 ) -> None:
-    """Retain, of each group of at least `period` points in successive nodes, the most central.
+    """In successive nodes of at least `period` points together, retain the most central point.
 
     size_log2: log2 of half the nodes' side. Of equally central points, the first is retained, or
         the last if `backward`.
@@ -237,7 +238,6 @@ def _retain_distant(
     atlas: Atlas,
     is_retained: NDArray[np.bool_],
 ) -> None:
-    """Retain points whose distance from all retained ones exceeds 2^distance_log2 sqrt(3)."""
     if len(remaining) == 1:
         return
     clear(atlas)
@@ -291,7 +291,9 @@ def _finish_predictors(
 
 @inlined
 def _normalise(weights: Ints, i: int, count: int) -> int:
-    """Scale squared distances, and return how many are not much larger than the first."""
+    """Scale squared distances; return the number of neighbours that are not much farther than the
+    first.
+    """
     shift = max(64 - leading_zeros(weights[i, 0]) - FRACTION_BITS, 0)
     for k in range(count):
         weights[i, k] = (weights[i, k] + (1 << shift >> 1)) >> shift
@@ -311,7 +313,7 @@ def _weight_triple(weights: Ints, i: int) -> None:
 
 @inlined
 def _blend(neighbours: Indices, weights: Ints, i: int, positions: Positions) -> None:
-    """Give each neighbour a part of the weight of a neighbour near it."""
+    """Move a part of each neighbour's weight to a neighbour near it."""
     a, b, c = neighbours[i, 0], neighbours[i, 1], neighbours[i, 2]
     ab = _squared_distance(positions, a, b)
     ac = _squared_distance(positions, a, c)

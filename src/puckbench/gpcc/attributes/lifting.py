@@ -71,10 +71,10 @@ def dequantise(
         root = inverse_square_root(weights[i])
         scaled = integer(0)
         for k in range(components):
-            own = integer(coefficients[i, k]) * quantisers.steps[layer, region, min(k, 1)]
+            value = integer(coefficients[i, k]) * quantisers.steps[layer, region, min(k, 1)]
             if k == 2:
-                own += last_component[level] * scaled >> 2
-            scaled = own
+                value += last_component[level] * scaled >> 2
+            scaled = value
             transformed[i, k] = unweighted(scaled, root)
 
 
@@ -88,7 +88,7 @@ def unweighted(scaled: int, root: int) -> int:
 
 
 def inverse_transform(levels: Levels, weights: Ints, transformed: Ints) -> None:
-    """Replace transformed values (n, components) by values with the same fractional bits."""
+    """Invert the lifting transform of values (n, components) in place."""
     sums = np.empty(len(weights), dtype=np.int64)
     updates = np.empty_like(transformed)
     for start, end in zip(levels.ends[:-1].tolist(), levels.ends[1:].tolist(), strict=True):
@@ -128,8 +128,6 @@ def _update(
     sums: Ints,
     updates: Ints,
 ) -> None:
-    """Add to the values before `start` those of the points that they predict; `sums` and `updates`
-    are working memory."""
     for i in range(start):
         sums[i] = 0
         for k in range(values.shape[1]):
@@ -166,7 +164,6 @@ def quantise(
     last_component: Ints,
     coefficients: Coefficients,
 ) -> None:
-    """Write coefficients of transformed values (n, components); see `dequantise`."""
     layer, level = integer(0), integer(0)
     for i in range(len(coefficients)):
         layer, level, region = place_of(i, layer, level, ends, quantisers, order)

@@ -1,6 +1,6 @@
 """Binary tree of points for searches of nearest neighbours.
 
-It visits points in the order of nanoflann, whose choice among equally near points TMC13 uses.
+Points are visited in nanoflann's order, so that equally near points are chosen as in TMC13.
 """
 
 from __future__ import annotations
@@ -68,7 +68,9 @@ def search_stack() -> Stack:
 
 @entry
 def _build(tree: NearestTree, pending: Ints, boxes: Floats) -> None:
-    """Split nodes; `pending`: first and last + 1 row, and the node whose second child it is."""
+    """Split nodes; `pending`: a node's first row, last row + 1, and its parent if it is a second
+    child.
+    """
     height, count = 1, 0
     pending[0, 0], pending[0, 1], pending[0, 2] = 0, len(tree.rows), -1
     for side in range(6):
@@ -102,7 +104,6 @@ def _build(tree: NearestTree, pending: Ints, boxes: Floats) -> None:
 
 @kernel
 def _split_axis(tree: NearestTree, first: int, last: int, box: Floats) -> int:
-    """Return the axis along which points spread most, of those along which the box is longest."""
     longest = max(box[3] - box[0], box[4] - box[1], box[5] - box[2])
     best, widest = integer(0), -1.0
     for axis in range(3):
@@ -124,7 +125,7 @@ def _range(tree: NearestTree, first: int, last: int, axis: int) -> tuple[float, 
 
 @kernel
 def _partition(tree: NearestTree, first: int, last: int, axis: int, cut: float) -> int:
-    """Sort points into those below, at and above `cut`; return where the second child begins."""
+    """Sort points into those below, at and above `cut`; return the start of the second child."""
     below = _move_forward(tree, first, first, last - 1, axis, cut, False)
     not_above = _move_forward(tree, first, below, last - 1, axis, cut, True)
     middle = first + (last - first) // 2
@@ -162,11 +163,11 @@ def _is_before(value: float, cut: float, equal: bool) -> bool:
 def search(
     tree: NearestTree, x: float, y: float, z: float, stack: Stack, rows: Ints, squares: Floats
 ) -> int:
-    """Write the nearest points and their squared distances, nearest first, and return how many.
+    """Write the nearest points and their squared distances, nearest first; return their number.
 
-    Entries beyond that number are not changed, except for the last.
+    Entries beyond that number do not change, except for the last.
     """
-    capacity, found = len(rows), 0
+    capacity, count = len(rows), 0
     squares[capacity - 1] = np.inf
     place = (x, y, z)
     total = 0.0
@@ -188,7 +189,7 @@ def search(
                 a, b, c = x - tree.points[row, 0], y - tree.points[row, 1], z - tree.points[row, 2]
                 square = a * a + b * b + c * c
                 if square < worst:
-                    found = _insert(rows, squares, found, row, square)
+                    count = _insert(rows, squares, count, row, square)
             depth -= 1
         elif stack.nodes[top, 1] == 0:
             value = place[axis]
@@ -213,17 +214,17 @@ def search(
         else:
             stack.along[axis] = stack.distances[top, 2]
             depth -= 1
-    return found
+    return count
 
 
 @inlined
-def _insert(rows: Ints, squares: Floats, found: int, row: int, square: float) -> int:
+def _insert(rows: Ints, squares: Floats, count: int, row: int, square: float) -> int:
     capacity = len(rows)
-    i = found
+    i = count
     while i > 0 and squares[i - 1] > square:
         if i < capacity:
             squares[i], rows[i] = squares[i - 1], rows[i - 1]
         i -= 1
     if i < capacity:
         squares[i], rows[i] = square, row
-    return min(found + 1, capacity)
+    return min(count + 1, capacity)

@@ -1,7 +1,7 @@
 """Search of the three nearest neighbours of points in a level of detail.
 
-Candidates are points of coarser levels, first those in the same and in adjacent cells, and points
-of the same level that are coded before. In TMC13: `computeNearestNeighbors`, `BoxHierarchy`,
+Candidates are points of coarser levels, first those in the same and adjacent cells, and points of
+the same level that are coded before. In TMC13: `computeNearestNeighbors`, `BoxHierarchy`,
 `MortonIndexMap3d`.
 """
 
@@ -68,8 +68,8 @@ class SearchOptions(NamedTuple):
     """Options of a level.
 
     cell_bits: log2 of the cells' side.
-    inter_range, intra_range: how many candidates before and after are searched, in coarser levels
-        and in the same.
+    inter_range, intra_range: number of candidates before and after the point, in coarser levels
+        and in the same level.
     most: number of neighbours.
     mask_bits: lowest bits of coordinates that are ignored.
     most_distance: squared distance beyond which only the nearest neighbour is used, or -1.
@@ -100,7 +100,6 @@ Atlases = tuple[Atlas, Atlas, Atlas]
 
 
 def empty_atlases() -> Atlases:
-    """Return working memory of searches."""
     return _empty_atlas(), _empty_atlas(), _empty_atlas()
 
 
@@ -150,7 +149,7 @@ def clear(atlas: Atlas) -> None:
 def holds_near_point(
     positions: Positions, indices: Indices, atlas: Atlas, point: int, cell: int, radius2: int
 ) -> bool:
-    """Return whether a point of preceding cells is within a radius, given squared, of `point`."""
+    """Return whether `point` has a point of preceding cells within a radius (squared: radius2)."""
     for offset in PRECEDING_NEIGHBOURS:
         other = neighbour_code(cell, offset)
         if other >> _CELL_BITS != cell >> _CELL_BITS:
@@ -221,7 +220,7 @@ def _distance(positions: Positions, k: int, x: int, y: int, z: int) -> int:
 
 @inlined
 def _with(best: Best, positions: Positions, k: int, offset: int, x: int, y: int, z: int) -> Best:
-    """Insert a candidate into the three nearest points, behind those at the same distance."""
+    """Insert a candidate into the three nearest points, after those at the same distance."""
     a, b, c, i, j, m = best
     distance = _distance(positions, k, x, y, z)
     if distance >= c:
@@ -248,9 +247,8 @@ def _search_forward(
     y: int,
     z: int,
 ) -> tuple[Best, int]:
-    """Search positions from `first` to `last`; return the nearest and the number of operations.
-
-    The three nearest are at most `limit` away.
+    """Search positions `first` to `last` within `limit`; return the nearest three and the number of
+    operations.
     """
     work, level, k = 0, 1, first
     top = len(among.starts) - 1
@@ -308,8 +306,8 @@ class Grid(NamedTuple):
     ranges: (27, 2) first and last + 1 of the points in the cells around the current one.
     state: (5,) block and code of the current cell; points that are in the atlas; number of ranges;
         number of their points, or -1 if some cells are in other blocks.
-    complete: whether blocks that no code enters are passed over. In TMC13 they end the filling of
-        its cells for good.
+    complete: whether to skip empty blocks. In TMC13, the first empty block ends the filling of
+        the atlas.
     """
 
     codes: Ints
@@ -373,16 +371,16 @@ class Level(NamedTuple):
     """Points of a level, and those of coarser levels, both sorted by their codes.
 
     near: cells of the coarser points in which neighbours are searched first.
-    coarser_grid, own_grid: smaller or larger cells that hold a few points each.
+    coarser_grid, same_level_grid: smaller or larger cells that hold a few points each.
     least_bias: smallest factor of distances.
     """
 
     codes: Ints
-    own: Boxes
+    same_level: Boxes
     coarser: Boxes
     near: Grid
     coarser_grid: Grid
-    own_grid: Grid
+    same_level_grid: Grid
     least_bias: int
 
 
@@ -390,15 +388,14 @@ class Level(NamedTuple):
 def find_nearest(level: Level, options: SearchOptions, nearest: Indices, work: int) -> int:
     """Write the three nearest candidates of each point, or -1, to `nearest` (n, 3).
 
-    Indices from the number of coarser points on stand for points of the same level.
-
-    Returns the rest of `work`, an upper limit of operations; it is negative if they exceed it.
+    Indices from the number of coarser points on denote points of the same level. Returns what is
+    left of `work`, the limit of operations; negative if exceeded.
     """
     coarser_codes = level.near.codes
     coarser_count, following = len(coarser_codes), integer(0)
     clear(level.near.atlas)
     clear(level.coarser_grid.atlas)
-    clear(level.own_grid.atlas)
+    clear(level.same_level_grid.atlas)
     for i in range(len(level.codes)):
         best = (_FAR, _FAR, _FAR, integer(-1), integer(-1), integer(-1))
         if coarser_count:
@@ -411,7 +408,7 @@ def find_nearest(level: Level, options: SearchOptions, nearest: Indices, work: i
                 best, spent = _search_coarser(best, level, options, i, following)
                 work -= spent
         if options.intra:
-            best, spent = _search_own(best, level, options, i, coarser_count)
+            best, spent = _search_same_level(best, level, options, i, coarser_count)
             work -= spent
         nearest[i, 0], nearest[i, 1], nearest[i, 2] = best[3], best[4], best[5]
         if work < 0:
@@ -421,7 +418,7 @@ def find_nearest(level: Level, options: SearchOptions, nearest: Indices, work: i
 
 @inlined
 def _place(level: Level, i: int) -> tuple[int, int, int]:
-    positions = level.own.positions
+    positions = level.same_level.positions
     return integer(positions[i, 0]), integer(positions[i, 1]), integer(positions[i, 2])
 
 
@@ -452,10 +449,10 @@ def _search_coarser(
     _enter_cell(level.coarser_grid, level.codes[i])
     in_cells = level.coarser_grid.state[4]
     if level.coarser_grid.complete and 0 <= in_cells <= _MOST_IN_CELLS:
-        found = _search_cells(best, level, (centre, low, high), x, y, z)
-        if found[2] <= level.least_bias << level.coarser_grid.shift // 3:
-            return found, in_cells
-        limit = found[2]
+        in_cells_best = _search_cells(best, level, (centre, low, high), x, y, z)
+        if in_cells_best[2] <= level.least_bias << level.coarser_grid.shift // 3:
+            return in_cells_best, in_cells
+        limit = in_cells_best[2]
     best = _with(best, positions, centre, 0, x, y, z)
     for n in range(1, _NEAR_RANGE + 1):
         if centre + n <= high:
@@ -478,34 +475,35 @@ def _search_cells(
     """
     centre, low, high = span
     of, positions = level.coarser_grid, level.coarser.positions
-    count, one, other = len(positions), best[3], best[4]
+    count, nearest, second = len(positions), best[3], best[4]
     ranked = (
         best[0],
         best[1],
         best[2],
-        integer(-2 if one >= 0 else _FAR),
-        integer(-1 if other >= 0 else _FAR),
+        integer(-2 if nearest >= 0 else _FAR),
+        integer(-1 if second >= 0 else _FAR),
         integer(_FAR),
     )
     for r in range(of.state[3]):
         first, end = integer(of.ranges[r, 0]), integer(of.ranges[r, 1])
         for k in range(max(first, low), min(end, high + 1)):
-            if k not in (one, other):
+            if k not in (nearest, second):
                 ranked = _with_tied(ranked, positions, k, _rank(k, centre, count) - k, x, y, z)
     return (
         ranked[0],
         ranked[1],
         ranked[2],
-        _index(ranked[3], centre, count, one, other),
-        _index(ranked[4], centre, count, one, other),
-        _index(ranked[5], centre, count, one, other),
+        _index(ranked[3], centre, count, nearest, second),
+        _index(ranked[4], centre, count, nearest, second),
+        _index(ranked[5], centre, count, nearest, second),
     )
 
 
 @inlined
 def _rank(k: int, centre: int, count: int) -> int:
-    """Return the place of an index in the search: 0, 1, -1, 2, -2 from the centre, then those
-    above it, then those below."""
+    """Return the place of an index in the search: from the centre 0, 1, -1, 2, -2, then all above,
+    then all below.
+    """
     away = k - centre
     if abs(away) <= _NEAR_RANGE:
         return 2 * away - 1 if away > 0 else -2 * away
@@ -513,10 +511,9 @@ def _rank(k: int, centre: int, count: int) -> int:
 
 
 @inlined
-def _index(rank: int, centre: int, count: int, one: int, other: int) -> int:
-    """Return the index of a rank; -2 and -1 stand for `one` and `other`."""
+def _index(rank: int, centre: int, count: int, nearest: int, second: int) -> int:
     if rank < 0:
-        return one if rank == -2 else other
+        return nearest if rank == -2 else second
     if rank == _FAR:
         return integer(-1)
     if rank <= 2 * _NEAR_RANGE:
@@ -527,31 +524,31 @@ def _index(rank: int, centre: int, count: int, one: int, other: int) -> int:
 
 
 @inlined
-def _search_own(
+def _search_same_level(
     best: Best, level: Level, options: SearchOptions, i: int, offset: int
 ) -> tuple[Best, int]:
     """Search points of the same level, with indices above `i`, in ascending order."""
     x, y, z = _place(level, i)
-    positions = level.own.positions
+    positions = level.same_level.positions
     last = len(positions) - 1
     near_end, high = min(last, i + 1 + _NEAR_RANGE), min(last, i + 1 + options.intra_range)
     limit = _FAR
-    if level.own_grid.shift:
-        _enter_cell(level.own_grid, level.codes[i])
-        in_cells = level.own_grid.state[4]
+    if level.same_level_grid.shift:
+        _enter_cell(level.same_level_grid, level.codes[i])
+        in_cells = level.same_level_grid.state[4]
         if 0 <= in_cells <= _MOST_IN_CELLS:
-            found = best
-            for r in range(level.own_grid.state[3]):
-                first = integer(level.own_grid.ranges[r, 0])
-                end = integer(level.own_grid.ranges[r, 1])
+            in_cells_best = best
+            for r in range(level.same_level_grid.state[3]):
+                first = integer(level.same_level_grid.ranges[r, 0])
+                end = integer(level.same_level_grid.ranges[r, 1])
                 for k in range(max(first, i + 1), min(end, max(near_end, high) + 1)):
-                    found = _with_tied(found, positions, k, offset, x, y, z)
-            if found[2] <= level.least_bias << level.own_grid.shift // 3:
-                return found, in_cells
-            limit = found[2]
+                    in_cells_best = _with_tied(in_cells_best, positions, k, offset, x, y, z)
+            if in_cells_best[2] <= level.least_bias << level.same_level_grid.shift // 3:
+                return in_cells_best, in_cells
+            limit = in_cells_best[2]
     for k in range(i + 1, near_end + 1):
         best = _with(best, positions, k, offset, x, y, z)
-    return _search_forward(best, level.own, near_end + 1, high, offset, limit, x, y, z)
+    return _search_forward(best, level.same_level, near_end + 1, high, offset, limit, x, y, z)
 
 
 @inlined
@@ -595,36 +592,36 @@ def nearest_neighbours(
     atlases: Atlases,
     work: int,
 ) -> int:
-    """Find the predictors of the points that `order` has in `part`, a level of detail.
+    """Find the predictors of the points `order[part]`, a level of detail.
 
     retained: points of coarser levels.
     bias: factors (3,) of distances.
     work: see `find_nearest`, whose result is returned. In `predictors`, neighbours are points.
     """
-    own = order[part]
+    same_level = order[part]
     scale = bias.astype(np.int32)
-    placed = [points.positions[rows] for rows in (own, retained)]
+    placed = [points.positions[rows] for rows in (same_level, retained)]
     if options.mask_bits:
         placed = [rows >> options.mask_bits << options.mask_bits for rows in placed]
-    own_boxes, coarser_boxes = (boxes(rows * scale) for rows in placed)
-    codes, coarser_codes = points.codes[own], points.codes[retained]
-    near, coarser_grid, own_grid = atlases
+    same_level_boxes, coarser_boxes = (boxes(rows * scale) for rows in placed)
+    codes, coarser_codes = points.codes[same_level], points.codes[retained]
+    near, coarser_grid, same_level_grid = atlases
     is_sorted = len(codes) > 1 and codes[0] != codes[-1]
     level = Level(
         codes,
-        own_boxes,
+        same_level_boxes,
         coarser_boxes,
         grid(coarser_codes, near, options.cell_bits, False),
         grid(coarser_codes, coarser_grid, _dense_cell_bits(coarser_codes), not options.mask_bits),
         grid(
             codes,
-            own_grid,
+            same_level_grid,
             _dense_cell_bits(codes) if is_sorted and not options.mask_bits else 0,
             True,
         ),
         int(bias.min()),
     )
-    nearest = np.empty((len(own), 3), dtype=np.int32)
+    nearest = np.empty((len(same_level), 3), dtype=np.int32)
     work = find_nearest(level, options, nearest, work)
     if work >= 0:
         _write_predictors(

@@ -64,7 +64,7 @@ class AttributeOptions(Model):
     lod_sampling_period: tuple[_Period, ...] = Field(
         default=(4,),
         min_length=1,
-        description="one of so many points is in coarser levels, for each level from the finest",
+        description="n for each level from the finest: one of n points is in coarser levels",
     )
     max_num_direct_predictors: int = Field(
         default=3, ge=0, le=3, description="number of neighbours that may be the prediction"

@@ -54,7 +54,7 @@ class PredictionTools(NamedTuple):
 
 
 class Place(NamedTuple):
-    """A point in coding order, and what applies to it."""
+    """Index of a point in coding order, with its level, layer and region."""
 
     point: int
     layer: int
@@ -136,7 +136,9 @@ def is_mode_coded(values: Values, predictors: Predictors, tools: PredictionTools
 
 @inlined
 def predicted(values: Values, predictors: Predictors, i: int, k: int, mode: int) -> int:
-    """Return the prediction of a component: neighbour `mode` from 1, or 0 the weighted average."""
+    """Return the prediction of a component: the value of neighbour number `mode`, or for 0 the
+    average.
+    """
     count = integer(predictors.counts[i])
     if mode > count:
         return 0
@@ -179,7 +181,6 @@ def _take_mode(coefficients: Coefficients, i: int, modes: int) -> int:
 
 @inlined
 def _take_mode_of_signs(coefficients: Coefficients, i: int, modes: int) -> int:
-    """Remove the mode from the lowest bits of the second and third magnitude, and return it."""
     second, third = integer(coefficients[i, 1]), integer(coefficients[i, 2])
     if modes < 2 or modes > 4:
         return 0
@@ -257,7 +258,6 @@ def _quantise_point(
 
 @inlined
 def _put_mode(coefficients: Coefficients, i: int, tools: PredictionTools, mode: int) -> None:
-    """Insert a mode into magnitudes; inverse of `_take_mode` and `_take_mode_of_signs`."""
     modes = tools.direct + 1 - tools.average_disabled
     if coefficients.shape[1] == 1:
         value = integer(coefficients[i, 0])
@@ -397,9 +397,9 @@ def choose_inter_component(
                 without = 0
                 for i in range(start, ends[level]):
                     first = integer(values[i, 0]) - predicted(values, predictors, i, 0, 1)
-                    own = integer(values[i, k]) - predicted(values, predictors, i, k, 1)
-                    total += abs(own - ((factor * first + 2) >> 2))
-                    without += abs(own)
+                    residual = integer(values[i, k]) - predicted(values, predictors, i, k, 1)
+                    total += abs(residual - ((factor * first + 2) >> 2))
+                    without += abs(residual)
                 if least < 0 or total < least:
                     best, least = factor, total
             factors[level, k - 1] = 0 if least > without else best

@@ -1,5 +1,3 @@
-"""Quantisation parameters (QP) of layers and regions, and their step sizes, as in TMC13."""
-
 from __future__ import annotations
 
 from typing import NamedTuple
@@ -40,7 +38,6 @@ class Qps(NamedTuple):
     fixed_point_offset: int
 
     def ordered(self, indices: NDArray[np.int32]) -> Qps:
-        """Return the parameters for the points `indices`, in their order."""
         return self._replace(region=self.region[indices] if len(self.region) else self.region)
 
 
@@ -94,7 +91,6 @@ def quantisers(parameters: Qps) -> Quantisers:
 
 
 def step_sizes(qp: Ints) -> tuple[Ints, Ints]:
-    """Return the step sizes of parameters, and their reciprocals in units of 2^-18."""
     return (
         np.array(_STEPS, dtype=np.int64)[qp % 6] << qp // 6,
         np.array(_RECIPROCALS, dtype=np.int64)[qp % 6] >> qp // 6,
@@ -128,5 +124,4 @@ def quantised(value: int, reciprocal: int) -> int:
 
 @inlined
 def halved_up(value: int, shift: int) -> int:
-    """Divide by 2^shift, and round halves up."""
     return (value + (1 << shift >> 1)) >> shift

@@ -1,18 +1,18 @@
 """Region-adaptive hierarchical transform (RAHT) of attributes, equal to TMC13's bit for bit.
 
-`forward` turns attributes into quantised coefficients and the reconstruction that a decoder gets,
-`inverse` turns coefficients into the reconstruction. Both take the points' Morton codes in
-ascending order; attributes and coefficients are rows (n, c) of c = 1 or 3 components, in the order
-in which `residuals.py` codes them. The reconstruction is not clipped to the bit depth.
+`forward` returns quantised coefficients and the decoder's reconstruction, `inverse` returns the
+reconstruction from coefficients. Both take ascending Morton codes of points. Attributes and
+coefficients are (n, c) for c = 1 or 3 components; coefficients are in the order in which
+`residuals.py` codes them. The reconstruction is not clipped to the bit depth.
 
-A node of a level has up to eight children on the level below. From the root to the points, each
-block of children is transformed to its mean, which the parent's reconstruction gives, and one
-coefficient fewer than it has children. The transform of a prediction, interpolated from the parent
-and its neighbours, is subtracted from the coefficients. Points with equal positions come last.
-Fixed-point numbers have 15 fractional bits, and products are rounded half away from zero.
+From the root to the points, each block of up to eight children is transformed to its mean, which
+the parent's reconstruction gives, and one coefficient fewer than it has children. The transform of
+a prediction, interpolated from the parent and its neighbours, is subtracted from the coefficients.
+Points with equal positions come last. Fixed-point numbers have 15 fractional bits; products are
+rounded half away from zero.
 
-In TMC13: `RAHT.cpp`. Its sums of attributes have 32 bits; here they have 64, so that the streams of
-clouds whose attributes add up to more than 2^31 (33,000 points of 16 bits) differ.
+In TMC13: `RAHT.cpp`. Its sums of attributes have 32 bits, ours 64: streams differ for clouds whose
+attributes add up to more than 2^31 (33,000 points of 16 bits).
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ def forward(codes: Ints, attributes: Rows, qps: Qps, thresholds: Thresholds) -> 
 
     Parameters
     ----------
-    codes : (n,) ascending Morton codes; equal ones in the order in which their points are decoded.
+    codes : (n,) ascending Morton codes; equal ones in decoding order.
     attributes : (n, c) with c = 1 or 3.
     qps : quantisation parameters, with the points in the order of `codes`.
     thresholds : numbers of neighbours, or None without prediction; see `prediction_thresholds`.
@@ -230,7 +230,6 @@ def _transform(
 
 
 def _empty_level(count: int, inner: int, components: int) -> _Level:
-    """Return memory for `count` points or `inner` nodes above them."""
     return _Level(
         np.empty(count + 1, dtype=np.int32),
         np.empty(inner, dtype=np.int32),
@@ -251,7 +250,6 @@ def _level(joints: NDArray[np.uint8], height: int, memory: _Level) -> _Level:
 
 @entry
 def _write_starts(joints: NDArray[np.uint8], height: int, starts: NDArray[np.int32]) -> int:
-    """Write the first point of each node, and the number of points; return that of nodes."""
     count = starts[0] = 0
     for i in range(len(joints)):
         if joints[i] > height:
@@ -263,7 +261,7 @@ def _write_starts(joints: NDArray[np.uint8], height: int, starts: NDArray[np.int
 
 @compiled
 def _joints(codes: Ints) -> NDArray[np.uint8]:
-    """Return the height of the lowest node that holds each point and the next."""
+    """Return the height of the lowest common ancestor of each point and the next."""
     joints = np.empty(len(codes) - 1, dtype=np.uint8)
     for i in range(len(joints)):
         joints[i] = (66 - leading_zeros(codes[i] ^ codes[i + 1])) // 3
@@ -274,8 +272,8 @@ def _joints(codes: Ints) -> NDArray[np.uint8]:
 def _node_offsets(codes: Ints, offsets: Ints) -> Ints:
     """Return the mean offset of each node at its first point, as TMC13 rounds it.
 
-    Nodes are halved along an axis at a time. A node's offset takes the place of that of its lower
-    half, so that a node with the same first point as its parent has the parent's.
+    Nodes are halved along one axis at a time. A node's offset replaces that of its lower half,
+    which has the same first point.
     """
     means = offsets << _REGION_FRACTION
     firsts, joints = np.empty(65, dtype=np.int64), np.empty(65, dtype=np.int64)
@@ -327,7 +325,6 @@ def _rounded(number: int) -> int:
 
 @inlined
 def _over_root(setting: _Setting, number: int, weight: int) -> int:
-    """Divide a number by the square root of a weight."""
     shift = (63 - leading_zeros(weight - 1)) >> 1 if weight > 1024 else 0
     factor = _inverse_root(setting, weight) >> (40 - _FRACTION - shift)
     return _rounded((number >> shift) * factor)
@@ -352,7 +349,6 @@ def _left_and_right(low: int, high: int, a: int, b: int) -> tuple[int, int]:
 
 @inlined
 def _qps(setting: _Setting, layer: Ints, point: int) -> tuple[int, int]:
-    """Return the parameters of the first component and of the others in a point's region."""
     first, others = layer[0], layer[1]
     if point >= 0 and len(setting.offsets):
         first += setting.offsets[point, 0] >> _REGION_FRACTION
@@ -394,7 +390,6 @@ def _transform_level(
     root: bool,
     predicted: bool,
 ) -> int:
-    """Transform all blocks of nodes with the same parent; return the next coefficient's index."""
     node = grandparent = 0
     for parent in range(len(parents.counts)):
         first, occupancy = node, 0
@@ -428,7 +423,7 @@ def _transform_level(
 def _find_neighbours(
     parents: _Level, parent: int, grandparents: _Level, grandparent: int, octant: int
 ) -> int:
-    """Search the neighbours that touch a child; return their number, the node itself included."""
+    """Write the neighbours that touch a child; return their number, including the node itself."""
     occupancy = integer(parents.occupancy[parent])
     parents.neighbours[parent, 0] = parent
     count = 1
@@ -565,7 +560,9 @@ def _transform_rows(setting: _Setting, occupancy: int, low: int, high: int) -> i
 def _code_coefficients(
     setting: _Setting, coefficients: Rows, place: int, layer: Ints, rank: int, point: int
 ) -> None:
-    """Quantise the differences to the prediction, if encoding, and add them to the prediction."""
+    """Quantise the coefficients' differences from the prediction, if encoding, and add them to
+    it.
+    """
     buffer, components = setting.buffer, coefficients.shape[1]
     qp, others = _qps(setting, layer, point)
     for k in range(components):
@@ -593,7 +590,7 @@ def _transform_duplicates(
     layer: Ints,
     reconstruction: Rows,
 ) -> None:
-    """Transform the points of each position, of which the last is split off first."""
+    """Transform the points at each position, splitting off the last point first."""
     for node in range(len(nodes.counts)):
         start = integer(nodes.starts[node])
         weight = nodes.starts[node + 1] - start

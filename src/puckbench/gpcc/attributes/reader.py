@@ -1,5 +1,3 @@
-"""Decoder of the attributes of a stream's slices."""
-
 from __future__ import annotations
 
 from functools import cached_property
@@ -152,7 +150,7 @@ class AttributeReader:
         return self._sps.attributes[header.attr_sps_attr_idx]
 
     def attributes(self, converted: bool) -> dict[str, Attribute]:
-        """Return values (n,) or (n, 3) by name; `converted`: colours are red, green, blue."""
+        """Return values (n,) or (n, 3) by name; colours are red, green, blue if `converted`."""
         result: dict[str, Attribute] = {}
         described = self._sps.attributes if self._sps else []
         for index, (attribute, parts) in enumerate(zip(described, self._values, strict=True)):
@@ -173,8 +171,8 @@ class AttributeReader:
 
 def attribute_name(attribute: AttributeDescription, index: int) -> str:
     label = attribute.attr_label
-    known = label is not None and label < len(_LABELS)
-    return _LABELS[label or 0] if known else f"attribute_{index}"
+    has_name = label is not None and label < len(_LABELS)
+    return _LABELS[label or 0] if has_name else f"attribute_{index}"
 
 
 def _shape(attribute: AttributeDescription) -> tuple[int, int]:
@@ -200,7 +198,6 @@ def decoded_attribute(
     attribute: AttributeDescription,
     atlases: Atlases,
 ) -> Values:
-    """Return values (n, components) of points in coded order; overwrite `coefficients`."""
     bits, _ = _shape(attribute)
     most = (1 << bits) - 1
     parameters = qps(aps, header, bits, points.coordinates(aps), points.axes)
@@ -218,8 +215,8 @@ def decoded_attribute(
         weights = lifting.lifting_weights(levels, bool(aps.scalable_lifting_enabled_flag))
         transformed = np.empty(coefficients.shape, dtype=np.int64)
         factors = np.zeros(len(levels.ends) + 1, dtype=np.int64)
-        given = header.last_component_coeffs[: len(levels.ends)]
-        factors[: len(given)] = given
+        coded_factors = header.last_component_coeffs[: len(levels.ends)]
+        factors[: len(coded_factors)] = coded_factors
         lifting.dequantise(
             coefficients, steps, levels.order, levels.ends, weights, factors, transformed
         )
@@ -257,7 +254,6 @@ def prediction_tools(
 def _raw_values(
     data: NDArray[np.uint8], aps: AttributeParameterSet, count: int, bits: int, components: int
 ) -> Values:
-    """Read values without compression: each of `bits` bits, or after its number of bytes."""
     if aps.raw_attr_variable_len_flag:
         raise InputError("G-PCC stream: values of variable length are not supported")
     needed = count * components * bits

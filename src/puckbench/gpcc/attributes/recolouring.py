@@ -1,4 +1,4 @@
-"""Values of points whose positions were changed or merged, from those of the source's points.
+"""Values of points with changed or merged positions, from those of the source.
 
 In TMC13: `recolourColour`, `recolourReflectance`, with their default parameters.
 """
@@ -92,7 +92,6 @@ def _average_nearest(
 
 @inlined
 def _rounded(value: float, most: int) -> int:
-    """Round halves away from zero, and clip to [0, most]."""
     whole = math.floor(value)
     return integer(min(max(whole + (1 if value - whole >= 0.5 else 0), 0), most))
 
@@ -136,12 +135,12 @@ def _refine(
                 )
             else:
                 tried = (min(max(a + choice - 1, 0), most), integer(0), integer(0))
-            own, others = integer(0), integer(0)
+            target_error, source_error = integer(0), integer(0)
             for k in range(components):
-                own += (tried[k] - averages[i, k]) ** 2
+                target_error += (tried[k] - averages[i, k]) ** 2
                 for n in range(first, last):
-                    others += (tried[k] - values[n, k]) ** 2
-            error = max(own * target_share, others * source_share)
+                    source_error += (tried[k] - values[n, k]) ** 2
+            error = max(target_error * target_share, source_error * source_share)
             if error < least:
                 least = error
                 for k in range(components):

@@ -64,7 +64,6 @@ def decode_coefficients(
 
 
 def encode_coefficients(values: Coefficients, contexts: Probabilities) -> bytes:
-    """Encode coefficients (n, components), and update `contexts`."""
     coder, done = encoder(64), 0
     while done < len(values):
         coder = enlarged(coder, _COEFFICIENT_BYTES * _CHUNK)
@@ -158,15 +157,15 @@ def _code_single(coder: Any, contexts: Probabilities, values: Coefficients, i: i
 def _code_triple(coder: Any, contexts: Probabilities, values: Coefficients, i: int) -> None:
     first, second, third = integer(values[i, 0]), integer(values[i, 1]), integer(values[i, 2])
     b = _code_magnitude(coder, contexts, abs(second), 0, 0, 1)
-    zero, one = integer(b == 0), integer(b <= 1)
-    c = _code_magnitude(coder, contexts, abs(third), 1 + zero, 1 + one, 1)
+    zero, at_most_one = integer(b == 0), integer(b <= 1)
+    c = _code_magnitude(coder, contexts, abs(third), 1 + zero, 1 + at_most_one, 1)
     is_first = integer(b == 0 and c == 0)  # then the first component is not zero
     a = is_first + _code_magnitude(
         coder,
         contexts,
         abs(first) - is_first,
         3 + 2 * zero + integer(c == 0),
-        3 + 2 * one + integer(c <= 1),
+        3 + 2 * at_most_one + integer(c <= 1),
         0,
     )
     values[i, 0] = _code_sign(coder, a, first)

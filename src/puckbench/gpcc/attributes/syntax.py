@@ -69,7 +69,6 @@ class AttributeParameterSet:
 
     @property
     def max_detail_levels(self) -> int:
-        """Largest number of levels of detail."""
         if self.scalable_lifting_enabled_flag:
             return SCALABLE_LEVELS
         return self.num_detail_levels_minus1 + 1

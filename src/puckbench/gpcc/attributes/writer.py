@@ -1,5 +1,3 @@
-"""Encoder of the attributes of a stream's slices."""
-
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
@@ -175,7 +173,6 @@ def _description(name: str, options: AttributeOptions) -> AttributeDescription:
 def _checked(
     name: str, values: NDArray[Any], attribute: AttributeDescription, count: int
 ) -> Values:
-    """Return the values (n, components) to code."""
     components = attribute.attr_components_minus1 + 1
     values = np.asarray(values)
     if values.shape not in ((count, components), (count,) if components == 1 else ()):
@@ -186,7 +183,7 @@ def _checked(
     if attribute.scaling:
         whole = coded_values(whole, attribute.scaling)
     if (whole.reshape(values.shape) != values).any() and not attribute.scaling:
-        raise InputError(f"G-PCC: '{name}' has values that are not whole numbers")
+        raise InputError(f"G-PCC: '{name}' has values that are not integers")
     if whole.min(initial=0) < 0 or whole.max(initial=0) >> bits - ycgco:
         below = " after attr_scale, or below attr_offset" if attribute.scaling else ""
         raise InputError(f"G-PCC: '{name}' has values of more than {bits - ycgco} bits{below}")
@@ -254,7 +251,6 @@ def _search_range(option: int) -> int:
 def _coordinate_scale(
     gps: GeometryParameterSet, extent: Sequence[int], most_log2: int
 ) -> list[int]:
-    """Return the factors of radius, azimuth and laser for which all have the same range."""
     x, y, _ = gps.gps_angular_origin_xyz
     radius = max(abs(x), abs(extent[0] - x), abs(y), abs(extent[1] - y))
     turn = _TURN

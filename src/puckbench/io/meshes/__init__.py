@@ -1,5 +1,3 @@
-"""Readers and writers of mesh files: OBJ, OFF, PLY, STL and GLB."""
-
 from puckbench.io.meshes.reading import SUFFIXES, read_mesh, read_mesh_report, warn_of_skipped
 from puckbench.io.meshes.writing import write_mesh
 

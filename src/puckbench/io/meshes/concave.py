@@ -1,5 +1,3 @@
-"""Triangulation of concave polygons by ear clipping."""
-
 from __future__ import annotations
 
 import numpy as np
@@ -11,7 +9,7 @@ _TOLERANCE = 1e-6
 
 
 def concave_faces(vertices: Floats, triangles: Ints, face: Ints, faces: int) -> Ints:
-    """Return the faces that triangle fans around their first corners do not tile, ascending.
+    """Return the faces, ascending, that triangle fans around their first corners do not tile.
 
     A fan tiles a face if all triangles have the polygon's orientation. `face` (t,), ascending, is
     the face of each of the `triangles` (t, 3).
@@ -47,7 +45,6 @@ def clip_ears(points: Floats) -> Ints:
 
 
 def _on_best_plane(points: Floats) -> Floats:
-    """Project points (n, 3) along the polygon's Newell normal to (n, 2), counter-clockwise."""
     centred = points - points[0]
     areas = np.cross(centred[1:-1], centred[2:])
     normal, sizes = areas.sum(axis=0), np.linalg.norm(areas, axis=1)

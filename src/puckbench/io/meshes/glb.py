@@ -189,7 +189,6 @@ def _matrix(node: dict[str, Any]) -> Floats:
 
 
 def _transformed(vertices: Floats, triangles: Ints, matrix: Floats) -> tuple[Floats, Ints]:
-    """Transform a mesh by a matrix; if it reflects, reverse triangles to keep normals outwards."""
     transformed = vertices @ matrix[:3, :3].T + matrix[:3, 3]
     return transformed, triangles[:, ::-1] if np.linalg.det(matrix) < 0 else triangles
 

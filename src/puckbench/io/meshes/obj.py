@@ -1,5 +1,3 @@
-"""Reader of Wavefront OBJ meshes, with polygons of any size and relative indices."""
-
 from __future__ import annotations
 
 import codecs
@@ -79,7 +77,6 @@ def _corners(lines: list[bytes], source: str) -> Ints:
 
 
 def _materials(lines: list[bytes], kinds: list[bytes]) -> tuple[tuple[str, ...], Ints]:
-    """Return the names of the materials, and the index of each face's material or -1."""
     changes = [row for row, kind in enumerate(kinds) if kind == b"usemtl"]
     numbers: dict[bytes, int] = {}
     ids = [numbers.setdefault(lines[row][6:].strip(), len(numbers)) for row in changes]

@@ -1,5 +1,3 @@
-"""Reader of OFF meshes (Object File Format)."""
-
 from __future__ import annotations
 
 import codecs
@@ -18,10 +16,9 @@ _HEADER = re.compile(rb"(?:ST)?C?N?OFF(?![A-Za-z])", re.IGNORECASE)
 
 
 def read_off(path: Path) -> Polygons:
-    """Read an ASCII OFF file without its colours and normals.
+    """Read an ASCII OFF file (Object File Format) without colours and normals.
 
-    The header line ``OFF`` may be missing or, as in ModelNet40, on the line of the counts without a
-    space.
+    The header line ``OFF`` may be missing, or joined to the counts, as in ModelNet40.
     """
     counts, rows = _counts_and_rows(read_bytes(path), path)
     vertices, faces = counts

@@ -1,5 +1,3 @@
-"""Reader of PLY meshes; files that puckbench wrote contain a label for each face."""
-
 from __future__ import annotations
 
 from pathlib import Path

@@ -1,5 +1,3 @@
-"""Triangulation of polygon meshes."""
-
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace

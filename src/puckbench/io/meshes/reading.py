@@ -1,5 +1,3 @@
-"""Reader of meshes in all supported formats, as triangles with z up."""
-
 from __future__ import annotations
 
 import logging

@@ -1,5 +1,3 @@
-"""Reader of STL meshes, binary and ASCII."""
-
 from __future__ import annotations
 
 import logging

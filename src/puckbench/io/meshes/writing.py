@@ -1,5 +1,3 @@
-"""Writer of meshes as binary PLY with float64 vertices and labelled faces."""
-
 from __future__ import annotations
 
 from pathlib import Path
@@ -16,7 +14,9 @@ LABELS = [("object_id", "<i4"), ("primitive_id", "<i4")]
 
 
 def write_mesh(path: Path, mesh: Mesh, about: dict[str, Any] | None = None) -> None:
-    """Write a PLY file, and the description `about` as JSON beside it, either both or none."""
+    """Write a binary PLY file with float64 vertices and labelled faces, and `about` as JSON beside
+    it.
+    """
     check_mesh(mesh, str(path))
     counts = {"vertices": len(mesh.vertices), "triangles": len(mesh.triangles)}
     vertices = np.ascontiguousarray(mesh.vertices, dtype="<f8")

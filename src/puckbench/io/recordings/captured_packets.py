@@ -1,6 +1,6 @@
 """Link-layer packets in pcap and pcapng files (IETF drafts opsawg-pcap and opsawg-pcapng).
 
-This module replaces dpkt, which ignores the interfaces of pcapng files, and stops at some blocks.
+Used instead of dpkt, which ignores the interfaces of pcapng files, and stops at some blocks.
 """
 
 from __future__ import annotations

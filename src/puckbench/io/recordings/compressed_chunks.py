@@ -1,5 +1,3 @@
-"""Search for compressed chunks in MCAP files and ROS 1 bags, by the lengths of their records."""
-
 from __future__ import annotations
 
 from collections import Counter
@@ -23,8 +21,7 @@ _MAX_NAME, _MAX_HEADER = 20, 4096
 def compressed_chunks(path: Path) -> dict[str, int]:
     """Return the number of bytes in compressed chunks by compression, such as ``zstd``.
 
-    The search ends at a damaged record; files of other formats have no chunks. Raises InputError if
-    the file cannot be read.
+    The search ends at a damaged record. Files of other formats have no chunks.
     """
     counts: Counter[str] = Counter()
     try:

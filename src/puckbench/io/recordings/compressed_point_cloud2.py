@@ -1,5 +1,3 @@
-"""Columns of the points in messages of point_cloud_transport (CompressedPointCloud2)."""
-
 from __future__ import annotations
 
 import logging
@@ -87,7 +85,6 @@ _DECOMPRESSORS: dict[str, Callable[[bytes, int], bytes]] = {
 
 
 def _draco_columns(message: Any) -> Columns:
-    """Return the attributes of a Draco stream, one for each field, in their order."""
     stream, count = message.compressed_data.tobytes(), message.height * message.width
     if len(stream) < _HEADER.size or _HEADER.unpack_from(stream)[-1] != count:
         raise InputError(f"the stream is damaged (Draco): not of {count} points")

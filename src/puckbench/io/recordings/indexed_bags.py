@@ -1,5 +1,3 @@
-"""Reader of ROS 1 bags and MCAP files by the indices of their chunks."""
-
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
@@ -14,7 +12,6 @@ from puckbench.io.recordings.topics import BagFile, Topic, Topics
 
 @contextmanager
 def indexed_bag(path: Path) -> Iterator[BagFile]:
-    """Open a file, whose name ends in .bag or .mcap."""
     from rosbags.rosbag1 import Reader as Reader1
     from rosbags.rosbag2 import Reader as Reader2
 
@@ -29,7 +26,6 @@ def indexed_bag(path: Path) -> Iterator[BagFile]:
 
 
 def _check_chunks(reader: Any) -> None:
-    """Raise ValueError if chunks of a bag overlap, because these would be read repeatedly."""
     if hasattr(reader, "chunks"):
         ranges = [(start, chunk.datapos + chunk.datasize) for start, chunk in reader.chunks.items()]
         count = len(reader.chunk_infos)
@@ -66,7 +62,6 @@ def _messages(reader: Any, topic: str, numbers: Sequence[int] | None) -> Iterato
 
 
 def _starts(reader: Any, ids: set[int]) -> tuple[list[int | None], list[int]]:
-    """Return times from which a bag can be read, and the numbers of messages before them."""
     if hasattr(reader, "indexes"):
         times = sorted(entry.time for each in ids for entry in reader.indexes[each])
         instants = sorted(set(times))

@@ -1,5 +1,3 @@
-"""UDP datagrams in packet captures (.pcap, .pcapng)."""
-
 from __future__ import annotations
 
 from collections import Counter
@@ -41,7 +39,7 @@ class Stream(NamedTuple):
 
 
 def refuse_stream(name: str | None) -> None:
-    """Raise InputError if a stream is named for what is no packet capture."""
+    """Raise InputError if a stream is named for a file that is not a packet capture."""
     if name is not None:
         raise InputError(f"stream '{name}': only packet captures have streams")
 
@@ -60,9 +58,8 @@ class Capture:
     """Complete UDP datagrams of a packet capture, and counts of its other content.
 
     `fragments` is the number of IP fragments whose datagram is incomplete; `cut` is the number of
-    packets truncated by the snap length (`cut_sizes`: by length in bytes and
-    port); `others` counts packets of other protocols. `bytes_cut_off` is the size of an incomplete
-    last packet.
+    packets truncated by the snap length (`cut_sizes`: by length in bytes and port); `others` counts
+    packets of other protocols. `bytes_cut_off` is the size of an incomplete last packet.
     """
 
     datagrams: list[Datagram]
@@ -139,8 +136,6 @@ class _IpPacket(NamedTuple):
 
 @dataclass
 class _Parts:
-    """Fragments of an IP packet by offset, and the packet's size once it is known."""
-
     parts: dict[int, bytes] = field(default_factory=dict)
     count: int = 0
     size: int = 0
@@ -172,11 +167,10 @@ class _Fragments:
 
     @property
     def left(self) -> int:
-        """Number of fragments of incomplete packets."""
         return sum(packet.count for packet in self._packets.values())
 
     def joined(self, frame: bytes, packet: _IpPacket, fragment: _Fragment) -> bytes:
-        """Add a fragment, and return the payload of its packet if it is complete, else nothing."""
+        """Add a fragment; return the payload of its packet if that is complete, else nothing."""
         key = (packet.addresses, packet.protocol, fragment.identification)
         parts = self._packets.setdefault(key, _Parts())
         parts.add(fragment, frame[packet.payload : fragment.end])

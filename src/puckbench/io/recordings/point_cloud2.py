@@ -1,5 +1,3 @@
-"""Columns of the points in ROS messages of the type sensor_msgs/PointCloud2."""
-
 from __future__ import annotations
 
 from collections import Counter
@@ -36,8 +34,8 @@ def point_columns(message: Any, data: NDArray[np.uint8] | None = None) -> Column
     """Return the fields of a deserialised message as arrays (height * width,), by name.
 
     `data` are the bytes of the points if the message has none. A field `a` with several values per
-    point becomes the columns `a_0`, `a_1`, ... Raises InputError if the message contradicts itself
-    or its data are too short. The columns never take more memory than the data.
+    point becomes the columns `a_0`, `a_1`, ... Raises InputError if the message is
+    inconsistent or its data are too short. Columns take at most the memory of the data.
     """
     data = np.asarray(message.data if data is None else data, dtype=np.uint8)
     height, width, step = int(message.height), int(message.width), int(message.point_step)
@@ -54,7 +52,7 @@ def point_columns(message: Any, data: NDArray[np.uint8] | None = None) -> Column
 
 
 def point_values(message: Any) -> list[Value]:
-    """Return the values of a point; raise InputError if the fields contradict each other."""
+    """Return the values of a point; raise InputError if fields are inconsistent."""
     order = ">" if message.is_bigendian else "<"
     values = list(_values(message.fields, order, int(message.point_step)))
     names = Counter(value.name for value in values)

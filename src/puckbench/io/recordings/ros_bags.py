@@ -62,7 +62,6 @@ def is_bag(path: Path) -> bool:
 
 
 def read_topics(path: Path) -> Topics:
-    """Return the topics of a bag; raise InputError if it is damaged."""
     topics = _isolated(parse_topics, path).about["topics"]
     return {name: Topic(*topic) for name, topic in topics.items()}
 
@@ -77,9 +76,9 @@ def read_messages(
     """Read messages of the topic that `puckbench.io.recordings.topics.choose_topic` chooses.
 
     `numbers` selects messages of the topic, sorted and from 0; by default all are read.
-    `definitions` define the types in `kinds` and their parts that `rosbags` does not know;
-    definitions in the bag are not used, because they would be compiled. Raises InputError if the
-    file is damaged, or lacks the topic or a message.
+    `definitions` define the types in `kinds` and their parts that `rosbags` does not know; those in
+    the bag are not used, because they would be compiled. Raises InputError if the file is damaged,
+    or lacks the topic or a message.
     """
     from rosbags.serde import SerdeError
 
@@ -105,7 +104,6 @@ def _isolated(parse: Callable[..., ParsedFile], path: Path, **options: Any) -> P
 
 
 def parse_topics(path: Path, folder: str) -> ParsedFile:
-    """List the topics of a bag, with a folder for temporary files."""
     with _reading(path, folder):
         files, _ = _files(path, Path(folder))
         return ParsedFile({}, {"topics": _all_topics(_topics_of_files(files, Path(folder)))})
@@ -145,7 +143,6 @@ def parse_bag(
 
 @contextmanager
 def _reading(path: Path, folder: str) -> Iterator[None]:
-    """Convert exceptions for a damaged bag to InputErrors that name the bag."""
     import apsw
     from rosbags.rosbag1 import ReaderError as Error1
     from rosbags.rosbag2 import ReaderError as Error2
@@ -180,7 +177,6 @@ def _messages(
     counts: list[int],
     numbers: Sequence[int] | None,
 ) -> Iterator[bytes]:
-    """Yield messages of a topic that has `counts` messages in the files."""
     for file, (start, end) in zip(files, pairwise(accumulate(counts, initial=0)), strict=True):
         selected = None
         if numbers is not None:

@@ -1,5 +1,3 @@
-"""Topics of ROS bags, and the choice of one."""
-
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Sequence
@@ -32,7 +30,7 @@ class BagFile(NamedTuple):
 
 
 def refuse_topic(name: str | None) -> None:
-    """Raise InputError if a topic is named for what is no ROS bag."""
+    """Raise InputError if a topic is named for a file that is not a ROS bag."""
     if name is not None:
         raise InputError(f"topic '{name}': only ROS bags have topics")
 

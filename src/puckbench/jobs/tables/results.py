@@ -1,5 +1,3 @@
-"""Tables of results."""
-
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -156,10 +154,10 @@ PLAN_TABLES = {"left_out": left_out, "codecs": codecs}
 
 @TABLES.register("scan_errors", title="Errors of the scans themselves", gathered=True)
 def scan_error_rows(files: Sequence[Path]) -> list[dict[str, Any]]:
-    """Each scan measured as if it had been decoded: distances.
+    """Distances of each scan, before coding, to the true surface (``truth_...``) and to the clean
+    scan of the same rays (``clean_...``).
 
-    ``truth_...``: to the true surface; ``clean_...``: to the clean scan of the same rays; in
-    squared units of the scaled cloud and in metres (``..._m``).
+    In squared units of the scaled cloud and in metres (``..._m``).
     """
     kept = (*CLOUD_KEYS, "scene", "group", "scale", FRAME)
     return [
@@ -172,10 +170,9 @@ def scan_error_rows(files: Sequence[Path]) -> list[dict[str, Any]]:
 def recovery_rows(files: Sequence[Path]) -> list[dict[str, Any]]:
     """Geometric primitives of each stream against the scene's labels, in all and for each kind.
 
-    Columns are the numbers of labelled (``true``), decoded (``found``) and matched primitives, the
-    precision and recall, the label accuracy of the points, and the medians over matched primitives
-    of the residual and of parameter differences. A stream
-    without primitives has an empty row of the kind "all".
+    Columns: numbers of labelled (``true``), decoded (``found``) and matched primitives, precision
+    and recall, label accuracy of the points, and medians over matched primitives of residuals and
+    parameter differences. A stream without primitives has an empty row of the kind "all".
     """
     return read_rows(files)
 

@@ -1,4 +1,4 @@
-"""Sparse octree net: lossless coding of voxels, with a network small enough to train on a CPU.
+"""Sparse octree net: lossless coding of voxels by a network that a CPU can train.
 
 `OctreeNetCoder` codes voxels by their Morton keys, `OctreeNetTraining` sets up training.
 """

@@ -1,7 +1,7 @@
-"""The causal neighbourhood of a voxel's children: cells known before they are coded.
+"""Causal neighbourhood of a voxel's children: cells known before they are coded.
 
-A voxel's children and the cells around them form 4x4x4 cells. Cell (x, y, z) is bit ``x + 4 y + 16
-z`` of a mask, and the children are the inner eight. A cell is unknown while its parent is occupied
+A voxel's children and the cells around them form 4x4x4 cells; the children are the inner eight.
+Cell (x, y, z) is bit ``x + 4 y + 16 z`` of a mask. A cell is unknown while its parent is occupied
 but not coded yet.
 """
 
@@ -27,7 +27,7 @@ class CellMasks(NamedTuple):
     # (27, 256), occupied children of the neighbour at each offset, by their occupancy
     occupied: Ints
     whole: Ints  # (27,), all children of the neighbour at each offset
-    own: Ints  # (8,), cells of the voxel's children
+    inner: Ints  # (8,), cells of the voxel's children
     beyond: Ints  # (8, 3), cells that share a face with a child outside the voxel, along x, y and z
     second: Ints  # (8, 3), cells two steps inwards from a child, along x, y and z
     edges: Ints  # (8, 3), cells one step outwards from a child along each of two axes
@@ -92,7 +92,7 @@ def _share_outside_layer(outside: int, count: int) -> int:
     """Quantise to 0, 1 or 2 the fraction of neighbours outside the voxel's layer across an axis.
 
     It is 18 / 26 if all neighbours are occupied, 0 if only those in a plane perpendicular to the
-    axis, 6 / 8 if only those in a plane that contains it.
+    axis.
     """
     return (20 * outside >= 9 * count) + (20 * outside >= 13 * count)
 
@@ -107,7 +107,7 @@ def _cells() -> CellMasks:
                 whole[offset] |= _bit(_cell(position))
                 occupied[offset, (np.arange(256) >> child & 1) == 1] |= _bit(_cell(position))
     positions = [[1 + (child >> axis & 1) for axis in range(3)] for child in range(CHILDREN)]
-    own = np.array([_cell(position) for position in positions])
+    inner = np.array([_cell(position) for position in positions])
     outward = np.array(
         [[(1 if c >> a & 1 else -1) * _STEPS[a] for a in range(3)] for c in range(8)]
     )
@@ -115,11 +115,11 @@ def _cells() -> CellMasks:
     return CellMasks(
         occupied,
         whole,
-        own,
-        own[:, None] + outward,
-        own[:, None] - 2 * outward,
-        own[:, None] + outward.sum(axis=1, keepdims=True) - outward,
-        np.stack([own + outward[:, a] - outward[:, b] for a, b in sides], axis=1),
+        inner,
+        inner[:, None] + outward,
+        inner[:, None] - 2 * outward,
+        inner[:, None] + outward.sum(axis=1, keepdims=True) - outward,
+        np.stack([inner + outward[:, a] - outward[:, b] for a, b in sides], axis=1),
         _cells_at(positions, 1),
         _cells_at(positions, 2),
         _cells_at(positions, 3),
@@ -136,8 +136,8 @@ def _bit(cell: int) -> np.int64:
 
 
 def _cells_at(positions: list[list[int]], distance: int | None) -> Ints:
-    """Return masks (8,) of the cells at a distance (1 to 3 steps along axes) from each child; for
-    None, of those that do not touch it.
+    """Return masks (8,) of the cells 1 to 3 steps from each child; for None, of those that do not
+    touch it.
     """
     masks = np.zeros(CHILDREN, np.int64)
     for child, position in enumerate(positions):

@@ -1,5 +1,3 @@
-"""Encode points to the bytes of a stream of the sparse octree net, and decode them."""
-
 from __future__ import annotations
 
 import numpy as np
@@ -32,7 +30,7 @@ def encode(
     grid
         Grid of the input.
     threads
-        By default PyTorch's number. The stream does not depend on it.
+        By default PyTorch's number; does not affect the stream.
 
     Raises
     ------

@@ -1,5 +1,3 @@
-"""Coding of voxels level by level: the network predicts symbols, context mixing codes them."""
-
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
@@ -113,7 +111,6 @@ class OctreeNetCoder:
         return keys
 
     def _traverse(self, top: Keys, levels: int, code: Code, limits: DecodingLimits) -> Keys:
-        """Encode or decode from the top level down; return the keys of the finest level."""
         nodes = 0
         network = network_of(self.model)
         with thread_pool(self.threads) as pool:
@@ -167,7 +164,7 @@ class OctreeLevel(Generic[F]):
     def _code_group(
         self, group: VoxelGroup, state: LevelState, symbols: Symbols, code: Code
     ) -> None:
-        """Encode or decode a group's symbols, while other threads predict the next chunk."""
+        """Encode or decode a group's symbols while other threads predict the next chunk."""
 
         def predict_first(chunk: slice) -> Frequencies:
             find_neighbourhood(state, group.rows[chunk])

@@ -1,4 +1,4 @@
-"""Inference of the sparse octree net by PyTorch, on the device of the model.
+"""Inference of the sparse octree net by PyTorch, on any device.
 
 Sums are exact (see `fixed_point`), so that frequencies equal those of the compiled layers.
 """

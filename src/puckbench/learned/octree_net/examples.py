@@ -1,5 +1,3 @@
-"""Training examples of the sparse octree net: cubes of points on grids of random scales."""
-
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -14,7 +12,7 @@ from puckbench.learned.training.examples import CubeExamples, Voxels, random_sym
 
 @dataclass(frozen=True)
 class OctreeExamples(CubeExamples):
-    """Batches of random cubes of points (n, 3) on grids of random scales."""
+    """Training examples: random cubes of points (n, 3) on grids of random scales."""
 
     cube_size: int = 128
     batch_size: int = 2

@@ -1,7 +1,7 @@
 """Fixed-point arithmetic that floating-point hardware computes exactly.
 
-Weights are multiples of 2**-9 and activations of 2**-5. The sums of a layer are multiples of 2**-14
-below 2**24 units, which single precision represents exactly, in any order and on any processor.
+Weights are multiples of 2**-9 and activations of 2**-5. A layer's sums are multiples of 2**-14
+below 2**24 units; single precision computes them exactly, in any order, on any processor.
 
 References
 ----------

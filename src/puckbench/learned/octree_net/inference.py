@@ -1,4 +1,4 @@
-"""Inference of the sparse octree net for coding a level's voxels, in chunks and without gradients.
+"""Inference of the sparse octree net in chunks of a level's voxels, without gradients.
 
 Sums are exact, so that results equal those of the model's layers.
 """

@@ -1,8 +1,7 @@
 """Compiled layers of the sparse octree net: convolution, heads, embeddings, upsampling.
 
-All numbers are integers in 32-bit floats, which represent them exactly. Features and biases are in
-units of the residual stream, weights in their own unit, sums in the product of both (see
-`fixed_point`).
+All numbers are integers in 32-bit floats. Features and biases are in units of the residual stream,
+weights in their own unit, sums in the product of both (see `fixed_point`).
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Context mixing of symbols: the network's probabilities combined with adaptive statistics.
 
-A bit of a symbol is the occupancy of a child. The network's probability of a bit is mixed with
-those of adaptive contexts, which learn the statistics of the scan from the causal neighbourhood.
-All arithmetic is on integers, so that all machines decode identically.
+A bit of a symbol is the occupancy of a child. Its probability is mixed with those of adaptive
+contexts, which learn the scan's statistics from the causal neighbourhood. Integer arithmetic makes
+all machines decode identically.
 """
 
 from __future__ import annotations
@@ -111,13 +111,13 @@ def _code_symbols(
 ) -> None:  # fmt: skip
     for i in range(len(rows)):
         row = rows[i]
-        own = int(level.codes[row])
-        occupied, unknown = level.occupied[row] | cells.occupied[13, own], level.unknown[row]
+        occupancy = int(level.codes[row])
+        occupied, unknown = level.occupied[row] | cells.occupied[13, occupancy], level.unknown[row]
         around = (int(level.face_neighbours[row]), min(int(level.neighbour_counts[row]) >> 2, 6))
         symbol, low, high, node, total = int(symbols[i]), 0, 16, 0, 0
         for value in range(16):
             total += frequencies[i, value]
-        first = _first_symbol(own, half)
+        first = _first_symbol(occupancy, half)
         for bit in range(4):
             child = children[half, 3 - bit]
             middle, upper = (low + high) >> 1, 0
@@ -133,15 +133,15 @@ def _code_symbols(
             mixer.rows[0] = kind
             mixer.inputs[0] = logit
             bit_value = code_bit(mixer, symbol >> (3 - bit) & 1, 0, 0)
-            own |= bit_value << child
-            occupied |= bit_value << cells.own[child]
+            occupancy |= bit_value << child
+            occupied |= bit_value << cells.inner[child]
             node = 2 * node + 1 + bit_value
             if bit_value == 1:
                 low, total = middle, upper
             else:
                 high, total = middle, total - upper
         symbols[i] = low
-        level.codes[row] = own
+        level.codes[row] = occupancy
         level.done[row] = half == 1
 
 
@@ -178,8 +178,8 @@ def _find_contexts(
         beyond = 3 * beyond + _state(occupied, unknown, cells.beyond[child, axis])
         second = 3 * second + _state(occupied, unknown, cells.second[child, axis])
         edges = 3 * edges + _state(occupied, unknown, cells.edges[child, axis])
-        inside |= (occupied >> cells.own[child ^ 1 << axis] & 1) << axis
-        joined += occupied >> cells.own[child ^ 7 ^ 1 << axis] & 1
+        inside |= (occupied >> cells.inner[child ^ 1 << axis] & 1) << axis
+        joined += occupied >> cells.inner[child ^ 7 ^ 1 << axis] & 1
     for side in range(6):
         across = 3 * across + _state(occupied, unknown, cells.across[child, side])
     faces, ring = bit_count(occupied & cells.faces[child]), bit_count(occupied & cells.ring[child])

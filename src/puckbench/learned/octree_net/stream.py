@@ -3,8 +3,8 @@
 * magic "PBON", version, CRC-32 of the rest
 * digest of the weights (8 bytes), scale (float64), origin (3 int32), grid (0, or 1 and unit and
   offset, 4 float64), number of parts (uint8)
-* each part of the cloud: number of voxels (uint32) and of levels that the network codes (uint8),
-  lengths in bytes of the top level (uint16) and of the symbols (uint32), top level, symbols
+* each part of the cloud: number of voxels (uint32) and of network-coded levels (uint8), lengths in
+  bytes of top level (uint16) and symbols (uint32), top level, symbols
 """
 
 from __future__ import annotations
@@ -73,9 +73,8 @@ def write_stream(content: OctreeNetStream) -> bytes:
 
 
 def read_stream(stream: bytes) -> OctreeNetStream:
-    """Parse a stream; check its counts before any computation.
-
-    Raises InputError for damaged bytes, or another codec or version.
+    """Parse a stream; check its counts before computation; raise InputError if it is damaged or of
+    another codec or version.
     """
     try:
         return _read(stream)
@@ -124,12 +123,11 @@ def max_nodes(part: CodedPart) -> int:
 
 
 def _check(parts: Sequence[CodedPart]) -> None:
-    """Raise InputError for parts that take too long to decode for their size."""
     for part in parts:
         max_voxels = min(MAX_VOXELS, 65536 + _MAX_VOXELS_PER_BYTE * len(part.symbols))
         if not 0 < part.count <= max_voxels or part.levels >= AXIS_BITS:
-            raise InputError("the stream is damaged, or promises too much (its number of voxels)")
+            raise InputError("the stream is damaged (too many voxels for its size)")
     voxels = sum(part.count for part in parts)
     max_voxels = _TOTAL + _TOTAL_PER_BYTE * sum(len(part.symbols) for part in parts)
     if voxels > min(max_voxels, _MAX_TOTAL) or len(parts) != -(-voxels // MAX_VOXELS):
-        raise InputError("the stream is damaged, or promises too much (its number of voxels)")
+        raise InputError("the stream is damaged (too many voxels for its size)")

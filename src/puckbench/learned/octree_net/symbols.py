@@ -1,8 +1,7 @@
 """Occupancy of a voxel's eight children as two symbols, their frequencies, and groups of voxels.
 
-The first symbol holds the four children whose coordinates have an even sum, the second symbol the
-others. Faces are shared only by children of different symbols, so that one symbol predicts the
-other.
+The first symbol holds the four children whose coordinates have an even sum, the second the others.
+Only children of different symbols share faces, so that one symbol predicts the other.
 """
 
 from __future__ import annotations

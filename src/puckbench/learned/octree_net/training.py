@@ -1,7 +1,7 @@
 """Training of the sparse octree net: bits of a batch's symbols as the loss, and the optimiser step.
 
-Training computes in fixed point too, so that the conversion of weights to integers changes nothing.
-Rounding passes gradients unchanged.
+Training uses fixed-point arithmetic, too, so that rounding weights to integers changes nothing.
+Gradients pass rounding unchanged.
 """
 
 from __future__ import annotations

@@ -1,5 +1,3 @@
-"""Settings of the training of the sparse octree net."""
-
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence

@@ -1,5 +1,3 @@
-"""Weights of the sparse octree net: integers that half precision represents exactly."""
-
 from __future__ import annotations
 
 from collections.abc import Mapping
@@ -26,7 +24,7 @@ class OctreeNetWeights:
 
 
 def save_weights(path: Path, model: OctreeNet, card: Mapping[str, Any]) -> None:
-    """Write the network's integers; raise InputError if its sums might be inexact."""
+    """Write the network's weights as integers; raise InputError if its sums might be inexact."""
     model.check_exact()
     header_fields = {
         "network": OCTREE_NET.name,
@@ -42,9 +40,9 @@ def save_weights(path: Path, model: OctreeNet, card: Mapping[str, Any]) -> None:
 
 
 def load_weights(where: str | Path, device: DeviceName = "cpu") -> OctreeNetWeights:
-    """Read trained weights: a shipped set by name, or a set by path.
+    """Read trained weights, a shipped set by name or a file by path.
 
-    Raises InputError if the set is damaged, of another network, or so large that sums would be
+    Raises InputError if they are damaged, of another network, or so large that sums would be
     inexact.
     """
     path = weights_path(where)

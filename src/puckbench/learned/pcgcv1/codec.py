@@ -1,5 +1,3 @@
-"""Encode points to the bytes of a PCGCv1 stream, and decode them."""
-
 from __future__ import annotations
 
 import numpy as np
@@ -35,7 +33,7 @@ def encode(
     points
         (n, 3), n >= 1, in steps of the finest grid.
     rate
-        Index of the rate among ``weights.lmbdas``, lowest bitrate first.
+        Index of the rate in ``weights.lmbdas``, lowest bitrate first.
     scale
         Voxels per step of the finest grid, before coarsening.
     mean_occupied_children, grid_level_offset
@@ -45,13 +43,13 @@ def encode(
     min_points
         Minimum voxels of a cube that the network codes.
     sparse_cubes
-        Code sparser cubes losslessly, instead of dropping them as the authors do.
+        Code sparser cubes losslessly; the authors drop them.
     context_mixing
         Mix the Laplace distributions of the latent with adaptive contexts.
     point_reconstruction
         Decode as many points as were encoded, instead of voxel centres.
     threads
-        By default PyTorch's number. The stream does not depend on it.
+        By default PyTorch's number; does not affect the stream.
 
     Raises
     ------

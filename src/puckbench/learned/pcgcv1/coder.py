@@ -1,5 +1,3 @@
-"""Coding of points with PCGCv1: cubes, transforms, entropy coding."""
-
 from __future__ import annotations
 
 from collections.abc import Callable

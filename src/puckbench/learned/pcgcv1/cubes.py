@@ -1,5 +1,3 @@
-"""Division of voxels into cubes, and selection of a cube's most likely voxels."""
-
 from __future__ import annotations
 
 from dataclasses import dataclass

@@ -1,5 +1,3 @@
-"""Inference of PCGCv1 by PyTorch, on the device of the model."""
-
 from __future__ import annotations
 
 import numpy as np

@@ -1,5 +1,3 @@
-"""Entropy coding of PCGCv1: hyper-latent, conditionally coded latent, and voxel counts."""
-
 from __future__ import annotations
 
 import zlib
@@ -114,7 +112,7 @@ def checksum(indexes: TableIndexes) -> int:
 
 
 def encode_counts(counts: Iterable[int], max_value: int) -> bytes:
-    """Encode integers from 1 to `max_value` as a length in bits, coded adaptively, and the bits."""
+    """Encode integers from 1 to `max_value`: adaptively coded bit length, then the bits."""
     import constriction
 
     coder = constriction.stream.queue.RangeEncoder()

@@ -1,8 +1,7 @@
-"""Inference of PCGCv1 for coding, one cube at a time, arranged for vector units.
+"""Inference of PCGCv1 for coding, one cube at a time per thread, arranged for vector units.
 
-A vector unit computes sixteen output channels at once. Layers with fewer compute p neighbouring
-voxels jointly: a kernel of 3x3x(2 + p) voxels with a stride of p has p times as many output
-channels. One thread computes a cube.
+A vector unit computes sixteen output channels at once; layers with fewer compute p neighbouring
+voxels jointly, by a kernel of 3x3x(2 + p) voxels with stride p and p times the output channels.
 """
 
 from __future__ import annotations
@@ -92,7 +91,7 @@ class CpuTransforms:
             return quantised(y), quantised(z)
 
     def _stride_two(self, occupied: Floats32) -> Tensor:
-        """Return features at stride 2; far from all voxels these are copied from an empty cube."""
+        """Return features at stride 2; far from all voxels they are copied from an empty cube."""
         sides = occupied.shape
         box = _bounding_box(occupied, _MARGIN, _SIDE_MULTIPLE)
         part = self._stride_two_dense(occupied[tuple(slice(low, high) for low, high in box)])
@@ -236,7 +235,7 @@ def _logits(features: Tensor, layer: ConvolutionKernel) -> Tensor:
 class PolyphaseConv:
     """A transposed convolution and its ReLU in polyphase form, by the parity of x and y.
 
-    Along an axis an even output has two inputs, an odd output has one. Four small kernels avoid
+    Along an axis an even output has two inputs, an odd one has one. Four small kernels avoid
     products with zeros. Both parities of z are computed jointly.
     """
 

@@ -1,8 +1,8 @@
 """Layer-sequential unit-variance initialisation of PCGCv1, without which it does not learn.
 
-PyTorch's gives the latent a standard deviation of 0.05, far below that of the noise that replaces
-rounding. Therefore each layer's weights in turn are divided by the standard deviation of its output
-for an example.
+PyTorch's gives the latent a standard deviation of 0.05, far below the noise that replaces rounding.
+Therefore each layer's weights in turn are divided by the standard deviation of its output for an
+example.
 
 References
 ----------

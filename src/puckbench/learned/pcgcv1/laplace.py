@@ -1,8 +1,8 @@
 """The conditional entropy model: Laplace distributions of integers, as 1,024 integer tables.
 
-The hyper-synthesis transform gives location and scale of each value of the latent, in units of
-2**-12. They select one of 64 scales and one of 16 offsets between two integers. A correctly rounded
-exponential and multiplications give the same tables on every machine.
+Location and scale of each latent value, from the hyper-synthesis transform in units of 2**-12,
+select one of 64 scales and one of 16 offsets between two integers. A correctly rounded exponential
+and multiplications give the same tables on every machine.
 """
 
 from __future__ import annotations
@@ -51,7 +51,6 @@ def joined(join: Join, parts: Sequence[TableIndexes]) -> TableIndexes:
 
 
 def build_indexes(location: Int64s, scale: Int64s) -> TableIndexes:
-    """Choose tables from locations and scales in units of 2**-12."""
     step = UNIT_BITS - OFFSET_BITS
     offset = (location + (1 << step - 1)) >> step
     level = np.searchsorted(_scale_borders(), scale)
@@ -70,7 +69,6 @@ _CONTEXT = Context(prec=40)
 
 @cache
 def _scale_borders() -> Int64s:
-    """Return the borders between successive scale levels, in units of 2**-12."""
     halves = (Decimal(level) + Decimal("0.5") for level in range(SCALES - 1))
     return np.array([int((_scale(half) * UNITS).to_integral_value()) for half in halves])
 

@@ -1,8 +1,8 @@
 """Occupied blocks of cubes.
 
-A block is the 4x4x4 voxels that one position of the latent represents. Networks trained with blocks
-omit the latent of empty blocks. Their decoder places at least one voxel in each occupied block and
-none elsewhere, which avoids holes and outliers. In the paper there are no such blocks.
+A block is the 4x4x4 voxels of one position of the latent. Networks trained with blocks omit the
+latent of empty blocks. Their decoder places at least one voxel in each occupied block and none
+elsewhere, which avoids holes and outliers. The paper has no such blocks.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """The stream of PCGCv1, in this order:
 
 * magic "PCG1", version, CRC-32 of the rest
-* digest of the weights (8 bytes), index of the rate, scale (double), whether the latent is coded
-  with context mixing (1 byte), points per voxel in 256ths (2 bytes; 0: one in the centre)
+* digest of the weights (8 bytes), index of the rate, scale (double), whether context mixing codes
+  the latent (1 byte), points per voxel in 256ths (2 bytes; 0: one in the centre)
 * base-128 numbers: lengths in bytes of positions, counts, sparse voxels and latent; number of cubes
 * positions of the cubes, or of their occupied blocks if the weights were trained with these
   (octree); voxels to keep in each cube; voxels of sparse cubes (octree); latent
@@ -69,7 +69,7 @@ def write_stream(content: Pcgcv1Stream) -> bytes:
     body += b"".join(map(base_128, numbers)) + b"".join(parts)
     body += b"".join(map(_batch_bytes, content.batches))
     if content.cubes > _max_cubes(body):
-        raise InputError("too many cubes with too little in them")
+        raise InputError("too many cubes")
     return _FRAMING.framed(body)
 
 
@@ -82,7 +82,7 @@ def _max_cubes(body: bytes) -> int:
 
 
 def check_work(content: Pcgcv1Stream, side: int, decoded_voxels: int) -> None:
-    """Raise InputError if decoding takes long out of proportion to the size of the stream."""
+    """Raise InputError if decoding takes too long for the size of the stream."""
     size = len(content.positions) + len(content.counts) + len(content.latent)
     size += sum(len(batch.hyper) for batch in content.batches)
     if content.cubes * side**3 > _VOXELS + _VOXELS_PER_BYTE * size:
@@ -97,9 +97,8 @@ def max_sparse(content: Pcgcv1Stream) -> int:
 
 
 def read_stream(stream: bytes) -> Pcgcv1Stream:
-    """Parse a stream; check the number of cubes before any computation.
-
-    Raises InputError for damaged bytes, or another codec or version.
+    """Parse a stream; check its counts before computation; raise InputError if it is damaged or of
+    another codec or version.
     """
     _, body = _FRAMING.unframed(stream)
     return _read_body(Reader(body))

@@ -1,5 +1,3 @@
-"""Settings of the training of PCGCv1."""
-
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
@@ -23,8 +21,8 @@ class Pcgcv1Training(MultiRateTraining):
     Parameters
     ----------
     rate_warm_up
-        Fraction of the steps during which the weight of the rate in the loss grows to one. With the
-        full weight from the start the network learns not to use its latent.
+        Fraction of the steps during which the rate's weight in the loss grows to one; with the full
+        weight from the start, the network learns not to use its latent.
     """
 
     batch_size: PositiveInt = 2

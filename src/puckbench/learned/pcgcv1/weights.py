@@ -1,7 +1,7 @@
 """Weights of PCGCv1: sets trained by puckbench, and the authors' archives with renamed parameters.
 
-The authors' TensorFlow variables are read from NumPy archives. A kernel is stored as [d, h, w, in,
-out], that of a transposed convolution as [d, h, w, out, in].
+A kernel in the authors' NumPy archives is [d, h, w, in, out], that of a transposed convolution
+[d, h, w, out, in].
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ class Pcgcv1Weights:
 
 
 def load_weights(where: str | Path, device: DeviceName = "cpu") -> Pcgcv1Weights:
-    """Read trained weights: a shipped set by name, or a set or an authors' archive by path.
+    """Read trained weights, a shipped set by name, or a set or an authors' archive by path.
 
     The transform h_s stays on the CPU, where its sums are exact.
     """

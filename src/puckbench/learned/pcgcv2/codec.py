@@ -1,5 +1,3 @@
-"""Encode points to the bytes of a PCGCv2 stream, and decode them."""
-
 from __future__ import annotations
 
 import numpy as np
@@ -42,7 +40,7 @@ def encode(
     points
         (n, 3), n >= 1, in steps of the finest grid.
     rate
-        Index of the rate among ``weights.lmbdas``, lowest bitrate first.
+        Index of the rate in ``weights.lmbdas``, lowest bitrate first.
     mean_occupied_children, grid_level_offset
         Grid of the voxels, see `choose_grid_level`; by default that of the input.
     rho
@@ -50,7 +48,7 @@ def encode(
     point_reconstruction
         Decode as many points as were encoded, instead of voxel centres.
     threads
-        By default PyTorch's number. The stream does not depend on it.
+        By default PyTorch's number; does not affect the stream.
 
     Raises
     ------

@@ -1,5 +1,3 @@
-"""Coding of voxels with PCGCv2, in blocks of at most about `MAX_VOXELS`."""
-
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -54,7 +52,9 @@ STRIDE = 2**SCALES
 
 @dataclass(frozen=True)
 class Pcgcv2Coder:
-    """Codes voxels at one rate; fields are options of `codec.encode`."""
+    """Codes voxels at one rate, in blocks of at most about `MAX_VOXELS`; fields are options of
+    `codec.encode`.
+    """
 
     weights: Pcgcv2Weights
     rate: int

@@ -1,5 +1,3 @@
-"""Inference of PCGCv2 by PyTorch, on the device of the model."""
-
 from __future__ import annotations
 
 from collections.abc import Sequence

@@ -1,7 +1,7 @@
 """Inference of PCGCv2 without gradients, with fused layers.
 
-Pointwise convolutions are computed as part of an adjacent 3x3x3 convolution. Biases and ReLUs are
-applied while a chunk of rows is in the cache. Layers reuse the memory of previous layers.
+Pointwise convolutions are computed within an adjacent 3x3x3 convolution; biases and ReLUs are
+applied while a chunk of rows is in the cache; layers reuse memory.
 """
 
 from __future__ import annotations

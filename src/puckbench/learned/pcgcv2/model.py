@@ -1,7 +1,7 @@
 """The network of PCGCv2: a sparse-convolution autoencoder with three scales.
 
-The network may serve several rates (see `gains`). It is that of section 3 and figure 1 of the paper
-(see `puckbench.learned.pcgcv2`); layers are named as in the authors' program.
+It is that of section 3 and figure 1 of the paper (see `puckbench.learned.pcgcv2`), with the
+authors' names of layers, and may serve several rates (see `gains`).
 """
 
 from __future__ import annotations

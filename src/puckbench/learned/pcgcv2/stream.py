@@ -87,9 +87,8 @@ def write_coded(coded: Pcgcv2Stream) -> bytes:
 
 
 def read_stream(stream: bytes) -> Pcgcv2Stream | Floats:
-    """Parse a stream, or return the points (n, 3) of a small cloud; counts are checked first.
-
-    Raises InputError for damaged bytes, or another codec or version.
+    """Parse a stream, or return the points (n, 3) of a small cloud; counts and errors as in the
+    other codecs.
     """
     kind, body = _FRAMING.unframed(stream)
     return _read_raw(body) if kind[0] == _RAW else _read_coded(body)

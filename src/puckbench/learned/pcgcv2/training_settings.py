@@ -1,5 +1,3 @@
-"""Settings of the training of PCGCv2."""
-
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping

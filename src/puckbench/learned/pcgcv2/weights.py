@@ -1,7 +1,3 @@
-"""Weights of PCGCv2: sets trained by puckbench, and the authors' checkpoints with renamed
-parameters.
-"""
-
 from __future__ import annotations
 
 from collections.abc import Mapping
@@ -31,7 +27,7 @@ _BOTTLENECK = {"matrices": "_matrices", "biases": "_biases", "factors": "_factor
 
 
 def load_weights(where: str | Path, device: DeviceName = "cpu") -> Pcgcv2Weights:
-    """Read trained weights: a shipped set by name, or a set or an authors' checkpoint by path."""
+    """Read trained weights, a shipped set by name, or a set or an authors' checkpoint by path."""
     path = weights_path(where)
     weights = load_multi_rate(
         path,
@@ -53,8 +49,8 @@ def save_weights(
 def load_published(path: Path) -> PCGCv2:
     """Read a checkpoint of the authors; raise InputError if it is not one.
 
-    Denormal weights, which slow some processors down a hundredfold, are read as zeros; results do
-    not change.
+    Denormal weights, which slow some processors down a hundredfold, become zeros; results do not
+    change.
     """
     checkpoint = _read(path)
     model = PCGCv2(Pcgcv2Shape())

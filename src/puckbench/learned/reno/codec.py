@@ -31,7 +31,7 @@ def encode(points: Floats, weights: RenoWeights, posq: float, threads: int | Non
     posq
         Step of the grid in mm, a number in half precision.
     threads
-        By default PyTorch's number. The stream does not depend on it.
+        By default PyTorch's number; does not affect the stream.
 
     Raises
     ------

@@ -1,5 +1,3 @@
-"""Coding of voxels level by level with RENO's network."""
-
 from __future__ import annotations
 
 import zlib
@@ -42,7 +40,9 @@ OTHER_RESULT = (
 
 @dataclass(frozen=True)
 class RenoCoder:
-    """Codes voxels by their Morton keys; results do not depend on the number of threads."""
+    """Codes voxels by their Morton keys, level by level; results do not depend on the number of
+    threads.
+    """
 
     weights: RenoWeights
     threads: int | None = None
@@ -85,7 +85,6 @@ class RenoCoder:
     def _traverse(
         self, keys: Keys, occupancy: Occupancy, levels: int, code: Code, max_nodes: int
     ) -> Keys:
-        """Encode or decode from the coarsest level down; return the keys of the finest level."""
         with thread_pool(self.threads) as pool:
             level = pyramid(keys, 0)[0][0]
             for number in range(levels):

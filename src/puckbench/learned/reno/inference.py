@@ -1,5 +1,3 @@
-"""RENO's network on the voxels of a level: features, and cumulative frequencies of symbols."""
-
 from __future__ import annotations
 
 from collections.abc import Sequence

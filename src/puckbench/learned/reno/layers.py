@@ -1,7 +1,7 @@
 """Compiled layers of RENO: convolutions, and heads that return cumulative frequencies.
 
-IEEE 754 arithmetic in one order, whatever the number of threads, makes encoder and decoder agree to
-the last bit (see `add_fused_products`). The exponential function, which libraries round
+Encoder and decoder agree to the last bit: the order of IEEE 754 operations does not depend on the
+number of threads (see `add_fused_products`), and the exponential function, which libraries round
 differently, is computed here.
 """
 
@@ -38,8 +38,8 @@ _LOG2_E, _LN_2 = 1 / math.log(2), math.log(2)
 def convolution(channels: int) -> Callable[..., None]:
     """Compile a 3x3x3 convolution and ReLU, before which a residual may be added.
 
-    Features of voxels outside the set count as zero. A sum starts with the residual; neighbours are
-    added in the order of offsets, x fastest.
+    Features outside the set are zero. A sum starts with the residual; neighbours are added in the
+    order of offsets, x fastest.
     """
 
     def convolve(

@@ -68,9 +68,8 @@ def write_stream(content: RenoStream) -> bytes:
 
 
 def read_stream(stream: bytes) -> RenoStream:
-    """Parse a stream; check its counts before any computation.
-
-    Raises InputError for damaged bytes, or another codec or version.
+    """Parse a stream; check its counts before computation; raise InputError if it is damaged or of
+    another codec or version.
     """
     reader = Reader(_FRAMING.unframed(stream)[1])
     digest, count, check = _HEADER.unpack(reader.take(_HEADER.size))
@@ -108,4 +107,4 @@ def max_nodes(tree: CodedTree) -> int:
 def check_work(tree: CodedTree, nodes: int) -> None:
     """Raise InputError if decoding a tree with `nodes` voxels takes too long for its size."""
     if nodes > max_nodes(tree) or tree.count > 8 * max_nodes(tree):
-        raise InputError("more voxels than a stream of its size may have")
+        raise InputError("the stream is damaged (too many voxels for its size)")

@@ -1,5 +1,3 @@
-"""Weights of RENO: the authors' checkpoints, as flat arrays for compiled loops."""
-
 from __future__ import annotations
 
 from collections.abc import Mapping

@@ -1,5 +1,3 @@
-"""Sparse 3x3x3 convolution: gather, matrix product and scatter, one chunk of rows at a time."""
-
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -52,7 +50,6 @@ def neighbourhood_of(
     pool: ThreadPool,
     device: torch.device | None = None,
 ) -> Neighbourhood:
-    """Return the neighbourhood of a neighbour table (27, n), for a device (by default the CPU)."""
     if device is None or device.type == "cpu":
         return Neighbourhood(CompiledGatherScatter(table), kernel_map, pool)
     return device_neighbourhood(table, kernel_map, pool, device)

@@ -1,4 +1,4 @@
-"""Gathering of neighbours' features, and adding of products to output rows.
+"""Gathering of neighbours' features, and addition of products to output rows.
 
 Compiled loops for the CPU, and PyTorch's indexing for any device, have equal results.
 """
@@ -57,8 +57,8 @@ class GatherScatter(Protocol):
     ) -> Segments:
         """Gather features (n, children, channels) of a chunk's neighbours at each offset but zero.
 
-        With `at_output`, gather the features of the rows themselves instead, at the children that
-        the convolution writes.
+        With `at_output`, gather the features of the rows themselves, at the children that the
+        convolution writes.
         """
 
     def scatter_add(
@@ -110,7 +110,6 @@ class CompiledGatherScatter:
     def scatter_add(
         self, products: Segments, sums: Tensor, kernel_map: KernelMap, rows: slice
     ) -> None:
-        """Add products, in the memory layout of `segments`, to `sums`."""
         first = next((products[k] for k in kernel_map.order if products[k] is not None), None)
         if first is not None:
             chunk = self._chunk(kernel_map, rows)
@@ -206,7 +205,6 @@ def segments(buffer: Tensor, layout: PairLayout, width: int) -> Segments:
 
 
 def _flat(features: Tensor) -> tuple[Any, int, int]:
-    """Return a flat view that begins at the first feature, and the strides of both axes."""
     flat = features.as_strided((_elements_after(features),), (1,), features.storage_offset())
     return flat.numpy(), features.stride(0), features.stride(1)
 

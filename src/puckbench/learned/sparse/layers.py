@@ -1,5 +1,3 @@
-"""Layers of sparse networks, and the selection of children by their occupancy logits."""
-
 from __future__ import annotations
 
 import math
@@ -88,7 +86,7 @@ def kept_children(
 ) -> NDArray[np.int64]:
     """Return the ascending slots of the `count` most likely children, given logits (m, 8).
 
-    A slot is 8 * parent + child. With `child_per_parent` each parent's most likely child has
+    A slot is 8 * parent + child. With `child_per_parent`, each parent's most likely child has
     priority; otherwise a parent may lose all children.
     """
     if not child_per_parent:

@@ -1,9 +1,8 @@
-"""Sets of voxels in Morton order: 64-bit keys, coarser sets, and neighbour tables.
+"""Sets of voxels in Morton order: 64-bit keys, coarser sets, neighbour tables.
 
-The key of a voxel interleaves the bits of x, y and z, x lowest. In this order the children of a
-voxel are contiguous, the keys of the next coarser set are ``keys >> 3``, and the number of a child
-within its parent, ``key & 7``, is ``x + 2 y + 4 z``. A child's slot is 8 times its parent's row
-plus this number.
+The key of a voxel interleaves the bits of x, y and z, x lowest. Children of a voxel are contiguous,
+keys of the next coarser set are ``keys >> 3``, and the number of a child within its parent, ``key &
+7``, is ``x + 2 y + 4 z``. A child's slot is 8 times its parent's row plus this number.
 """
 
 from __future__ import annotations
@@ -134,7 +133,6 @@ def selected_children(
 
 @cache
 def _ring_parents() -> NDArray[np.int64]:
-    """Return the parent's offset and child number of each of 4x4x4 cells around eight siblings."""
     position = np.arange(64) // 4 ** np.arange(3)[:, None] % 4 - 1
     parents, within = position // 2 + 1, position % 2
     return np.stack([3 ** np.arange(3) @ parents, 2 ** np.arange(3) @ within])

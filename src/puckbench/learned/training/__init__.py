@@ -1,5 +1,3 @@
-"""Training of learned codecs: settings, examples, and the training loop."""
-
 from typing import TYPE_CHECKING
 
 from puckbench.core.lazy import lazy

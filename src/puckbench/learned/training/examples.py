@@ -1,5 +1,3 @@
-"""Training examples: random cubes cut from clouds on the integer grid."""
-
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -19,7 +17,9 @@ Voxels = NDArray[np.integer[Any]]
 
 @dataclass(frozen=True)
 class CubeExamples:
-    """Batches of random cubes that depend only on the batch number and the seed."""
+    """Random cubes cut from clouds on the integer grid; batches depend only on their number and the
+    seed.
+    """
 
     clouds: Sequence[NDArray[Any]]  # voxels (n, 3)
     cube_size: int = 64  # voxels along an edge
@@ -75,7 +75,7 @@ def random_symmetry(
 
 
 def join_clouds(clouds: Sequence[Keys]) -> Keys:
-    """Join the Morton keys of clouds, so that no two clouds touch."""
+    """Join the Morton keys of clouds so that no two clouds touch."""
     bits = max(int(keys[-1]).bit_length() for keys in clouds)
     cell = 3 * (-(-bits // 3) + 1)  # twice the side, which leaves a gap
     if cell + (len(clouds) - 1).bit_length() > 60:

@@ -1,5 +1,3 @@
-"""The training loop: optimiser steps along a learning rate schedule, with checkpoints."""
-
 from __future__ import annotations
 
 import io

@@ -1,7 +1,7 @@
 """Settings of the training of learned codecs, as pydantic models.
 
 A codec names a subclass of `BaseTraining`, whose fields are the options of a configuration and of
-``puckbench train --options``. This module does not import PyTorch.
+``puckbench train --options``. This module does not need PyTorch.
 """
 
 from __future__ import annotations

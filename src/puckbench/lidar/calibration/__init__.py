@@ -1,6 +1,6 @@
 """Estimation of the parameters of a LiDAR's range errors from the residuals of planes.
 
-The method is explained in docs/explanation/sensor.md.
+docs/explanation/sensor.md explains the method.
 """
 
 from puckbench.lidar.calibration.calibrating import Calibration, CalibrationOptions, calibrate

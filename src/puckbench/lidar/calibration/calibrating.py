@@ -25,11 +25,10 @@ FRAME, SPOT = "frame", "spot"
 class CalibrationOptions:
     """Options of a calibration.
 
-    Returns of a cell have a common bias. `cells` is ``"frame"``, one laser in one frame (virtual
-    scans), or ``"spot"``, one laser in one direction (a sensor at rest). For spots, `frame_sigma_m`
-    is the unevenness of the walls, and the lasers' mean bias is assumed to be zero. `parameters`
-    names the fields of `Sigmas` to estimate; the others are zero. Ranges are multiples of
-    `quantum_m`.
+    Returns of a cell share a bias: one laser in one frame (`cells` is ``"frame"``, virtual scans)
+    or in one direction (``"spot"``, a sensor at rest). For spots, `frame_sigma_m` is the unevenness
+    of the walls, and the lasers' mean bias is assumed to be zero. `parameters` names the fields of
+    `Sigmas` to estimate; the others are zero. Ranges are multiples of `quantum_m`.
     """
 
     cells: str = FRAME
@@ -53,9 +52,9 @@ class Domain:
 class Calibration:
     """Estimated parameters of range errors with 95 % intervals.
 
-    `sigmas` are estimates by name. `biases`, m, one for each laser, are relative to their mean, and
-    empty for several devices. The mean bias `mean`, m, is None if the planes' positions, which are
-    estimated too, can compensate it.
+    `sigmas` are estimates by name. `biases`, m, one for each laser, are relative to their mean;
+    empty for several devices. The mean bias `mean`, m, is None if it cannot be separated from the
+    positions of the planes, which are estimated too.
     """
 
     sigmas: dict[str, Estimate]
@@ -73,8 +72,8 @@ def calibrate(
 ) -> Calibration:
     """Estimate the parameters of range errors from tables of plane residuals, one for each device.
 
-    The estimate is that of restricted maximum likelihood (Patterson and Thompson, "Recovery of
-    inter-block information when block sizes are unequal", Biometrika 58, 1971).
+    The method is restricted maximum likelihood (Patterson and Thompson, "Recovery of inter-block
+    information when block sizes are unequal", Biometrika 58, 1971).
     """
     settings = settings or CalibrationOptions()
     seen = observations(tables, cells=settings.cells)
@@ -96,8 +95,8 @@ def calibrate(
     )
 
 
-def _with_lasers(best: Sigmas, found: dict[str, Estimate]) -> Sigmas:
-    lasers = found.get("laser_sigma_m")
+def _with_lasers(best: Sigmas, estimates: dict[str, Estimate]) -> Sigmas:
+    lasers = estimates.get("laser_sigma_m")
     if lasers is None or lasers.value > 1e-6:
         return best
     # An estimate of zero would set all biases of lasers to zero.
@@ -111,8 +110,8 @@ def _biases(
     lasers = len(values)
     rows = np.vstack([np.full(lasers, 1 / lasers), np.eye(lasers) - 1 / lasers])
     errors = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", rows, covariance, rows), 0))
-    found = [interval(value, error) for value, error in zip(rows @ values, errors, strict=True)]
-    return found[0], tuple(found[1:])
+    estimates = [interval(value, error) for value, error in zip(rows @ values, errors, strict=True)]
+    return estimates[0], tuple(estimates[1:])
 
 
 def _domain(seen: Observations) -> Domain:

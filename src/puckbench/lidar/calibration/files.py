@@ -1,5 +1,3 @@
-"""Files of a calibration: input tables of residuals, and the estimated parameters as YAML."""
-
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
@@ -23,9 +21,8 @@ _RECORDING_QUANTUM_M = 0.002
 
 
 def read_tables(paths: Sequence[Path], model: str | None) -> tuple[list[pd.DataFrame], str]:
-    """Read the residuals of an error model from each table; return them with the model's name.
-
-    If `model` is None, the tables must have a single model.
+    """Read tables of plane residuals; return them with the name of their common error model
+    (`model`).
     """
     tables = [read_residuals(path) for path in paths]
     models = sorted({str(name) for table in tables for name in table["model"].unique()})
@@ -47,7 +44,7 @@ def settings_for(
 ) -> CalibrationOptions:
     """Return the options for calibrating an error model, or a real sensor (the model ``real``).
 
-    For None, the option depends on the model.
+    An option that is None gets the model's default.
     """
     real = model == REAL
     quantum_m = (_RECORDING_QUANTUM_M if real else 0.0) if quantum_mm is None else quantum_mm / 1000
@@ -59,33 +56,37 @@ def settings_for(
 _DIGITS = 6
 
 
-def model_file(found: Calibration, sources: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Return the content of the YAML file of a calibration: parameters, intervals and `sources`.
+def model_file(calibration: Calibration, sources: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Return the content of a calibration's YAML file: parameters, intervals and `sources`.
 
-    The sources are the names and hashes of the input tables (`described_table`).
+    Sources are the names and hashes of the input tables (`described_table`).
     """
     return {
         "format": FORMAT,
-        "parameters": _parameters(found),
-        "intervals_95": _intervals(found),
+        "parameters": _parameters(calibration),
+        "intervals_95": _intervals(calibration),
         "ray_noise": {
-            "kurtosis": round(found.shape.kurtosis, 2),
-            "log_likelihood_laplace_over_gaussian": round(found.shape.laplace_over_gaussian, 1),
+            "kurtosis": round(calibration.shape.kurtosis, 2),
+            "log_likelihood_laplace_over_gaussian": round(
+                calibration.shape.laplace_over_gaussian, 1
+            ),
         },
         "provenance": {
             "tables": [dict(source) for source in sources],
-            "counts": dict(found.counts),
-            "cells": found.settings.cells,
-            "estimated": list(found.sigmas),
-            "quantum_m": found.settings.quantum_m,
+            "counts": dict(calibration.counts),
+            "cells": calibration.settings.cells,
+            "estimated": list(calibration.sigmas),
+            "quantum_m": calibration.settings.quantum_m,
             "version": __version__,
         },
     }
 
 
-def write_calibration(path: Path, found: Calibration, tables: Sequence[Path]) -> dict[str, Any]:
+def write_calibration(
+    path: Path, calibration: Calibration, tables: Sequence[Path]
+) -> dict[str, Any]:
     """Write the parameters that were estimated from `tables` to a YAML file; return its content."""
-    content = model_file(found, [described_table(table) for table in tables])
+    content = model_file(calibration, [described_table(table) for table in tables])
     write_bytes(path, yaml_text(content).encode())
     return content
 
@@ -94,48 +95,52 @@ def described_table(path: Path) -> dict[str, str]:
     return {"file": path.name, "sha256": sha256(path)}
 
 
-def _parameters(found: Calibration) -> dict[str, Any]:
-    sigmas = {name: _rounded(one.value) for name, one in found.sigmas.items()}
-    if found.settings.cells == SPOT:
+def _parameters(calibration: Calibration) -> dict[str, Any]:
+    sigmas = {name: _rounded(estimate.value) for name, estimate in calibration.sigmas.items()}
+    if calibration.settings.cells == SPOT:
         # The unevenness of the walls is not an error of the sensor.
         sigmas.pop("frame_sigma_m", None)
-    mean = found.mean
+    mean = calibration.mean
     parameters: dict[str, Any] = {
         **sigmas,
-        "ray_distribution": found.shape.distribution,
+        "ray_distribution": calibration.shape.distribution,
         # A mean that does not differ significantly from zero may be an effect of the planes.
         "range_mean_m": 0.0 if mean is None or mean.low <= 0 <= mean.high else _rounded(mean.value),
-        "most_incidence_rad": _rounded(found.domain.most_incidence_rad),
-        "ranges_m": [_rounded(one) for one in found.domain.ranges_m],
+        "most_incidence_rad": _rounded(calibration.domain.most_incidence_rad),
+        "ranges_m": [_rounded(estimate) for estimate in calibration.domain.ranges_m],
     }
-    if found.biases:
-        parameters["bias_m"] = [_rounded(one.value) for one in _by_laser(found)]
+    if calibration.biases:
+        parameters["bias_m"] = [_rounded(estimate.value) for estimate in _by_laser(calibration)]
     return parameters
 
 
-def _intervals(found: Calibration) -> dict[str, Any]:
-    ends: dict[str, Any] = {name: _ends(one) for name, one in found.sigmas.items()}
-    if found.settings.cells == SPOT and "frame_sigma_m" in ends:
-        unevenness = found.sigmas["frame_sigma_m"]
+def _intervals(calibration: Calibration) -> dict[str, Any]:
+    ends: dict[str, Any] = {name: _ends(estimate) for name, estimate in calibration.sigmas.items()}
+    if calibration.settings.cells == SPOT and "frame_sigma_m" in ends:
+        unevenness = calibration.sigmas["frame_sigma_m"]
         ends["unevenness_of_the_walls_m"] = ends.pop("frame_sigma_m")
         ends["unevenness_of_the_walls_m"].insert(1, _rounded(unevenness.value))
-    if found.mean is not None:
-        ends["range_mean_m"] = _ends(found.mean)
-    if found.biases:
-        ends["bias_m"] = [_ends(one) for one in _by_laser(found)]
+    if calibration.mean is not None:
+        ends["range_mean_m"] = _ends(calibration.mean)
+    if calibration.biases:
+        ends["bias_m"] = [_ends(estimate) for estimate in _by_laser(calibration)]
     return ends
 
 
-def _by_laser(found: Calibration) -> list[Estimate]:
+def _by_laser(calibration: Calibration) -> list[Estimate]:
     # The bias of a laser without returns is 0, within two sigmas.
-    reach = 2 * found.sigmas["laser_sigma_m"].value if "laser_sigma_m" in found.sigmas else 0.0
-    seen = dict(zip(found.laser_ids, found.biases, strict=True))
+    reach = (
+        2 * calibration.sigmas["laser_sigma_m"].value
+        if "laser_sigma_m" in calibration.sigmas
+        else 0.0
+    )
+    seen = dict(zip(calibration.laser_ids, calibration.biases, strict=True))
     unseen = Estimate(0.0, -reach, reach)
-    return [seen.get(laser, unseen) for laser in range(max(found.laser_ids) + 1)]
+    return [seen.get(laser, unseen) for laser in range(max(calibration.laser_ids) + 1)]
 
 
-def _ends(one: Estimate) -> list[float]:
-    return [_rounded(one.low), _rounded(one.high)]
+def _ends(estimate: Estimate) -> list[float]:
+    return [_rounded(estimate.low), _rounded(estimate.high)]
 
 
 def _rounded(value: float) -> float:

@@ -1,5 +1,3 @@
-"""Maximum-likelihood estimates of the standard deviations of range errors."""
-
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
@@ -42,12 +40,12 @@ class Estimate:
     high: float
 
 
-def free_parameters(seen: Observations, wanted: Sequence[str] = NAMES) -> tuple[str, ...]:
+def free_parameters(seen: Observations, requested: Sequence[str] = NAMES) -> tuple[str, ...]:
     """Return which of the requested parameters the observations can determine.
 
     For example, the sigma of biases per scan needs several scans of a laser.
     """
-    for name in wanted:
+    for name in requested:
         if name not in NAMES:
             raise InputError(f"unknown parameter {name!r}{among(name, NAMES)}")
     lasers = len(seen.laser_ids)
@@ -56,7 +54,7 @@ def free_parameters(seen: Observations, wanted: Sequence[str] = NAMES) -> tuple[
     chosen = [
         name
         for name in NAMES
-        if name == "ray_sigma_m" or (name in wanted and repeated.get(name, True))
+        if name == "ray_sigma_m" or (name in requested and repeated.get(name, True))
     ]
     _check_features(seen, [RAYS.index(name) for name in chosen if name in RAYS])
     return tuple(chosen)
@@ -66,17 +64,14 @@ def _check_features(seen: Observations, chosen: Sequence[int]) -> None:
     features = seen.features[:, chosen]
     if np.linalg.cond(features / np.linalg.norm(features, axis=0)) > _MOST_CONDITION:
         raise InputError(
-            "the residuals do not tell incidence from range: leave ray_incidence_m or ray_range out"
+            "the residuals cannot separate incidence from range: omit ray_incidence_m or ray_range"
         )
 
 
 def fit(
     likelihood: RestrictedLikelihood, free: Sequence[str], start: Sigmas | None = None
 ) -> Sigmas:
-    """Maximise the restricted likelihood over the fields of `Sigmas` that `free` names.
-
-    The other fields keep their values in `start`, where the search begins.
-    """
+    """Maximise the restricted likelihood over the `Sigmas` in `free`, from `start`."""
     first = start or _start(likelihood, free)
     if not free:
         return first
@@ -108,14 +103,14 @@ def _searched(
     from scipy import optimize
 
     minimize: Any = optimize.minimize  # its stubs do not allow pairs as bounds
-    found = minimize(
+    optimum = minimize(
         lambda values: above(values * units),
         start / units,
         method="L-BFGS-B",
         bounds=bounds,
         options={"ftol": 1e-10, "gtol": 0.02, "eps": 1e-4, "maxiter": 200},
     )
-    return np.asarray(found.x * units)
+    return np.asarray(optimum.x * units)
 
 
 def intervals(
@@ -123,22 +118,21 @@ def intervals(
 ) -> dict[str, Estimate]:
     """Return estimates with 95 % intervals, by the names in `free`: m, m per rad^2, and m per m.
 
-    The intervals come from the curvature of the likelihood (observed Fisher information). If a
-    bias's sigma has a standard error above 10 %, its interval is that of the profile likelihood,
-    which may begin at zero. Intervals of ray noise are multiplied by `widening`
-    (`RayShape.widening`).
+    Intervals come from the curvature of the likelihood (observed Fisher information); if a bias's
+    sigma has a standard error above 10 %, from the profile likelihood, and may begin at zero. Those
+    of ray noise are multiplied by `widening` (`RayShape.widening`).
     """
     deviance = _in_millimetres(likelihood, free, best)
     centre = _values(best, free)
     errors = _standard_errors(deviance, centre, free)
-    found: dict[str, Estimate] = {}
+    estimates: dict[str, Estimate] = {}
     for name, value, error in zip(free, centre, errors, strict=True):
         if name in BIASES and not error < _SHARP * value:
-            found[name] = _profile(likelihood, free, best, name)
+            estimates[name] = _profile(likelihood, free, best, name)
         else:
             wide = error if name in BIASES else error * widening
-            found[name] = interval(value * _MM, wide * _MM)
-    return found
+            estimates[name] = interval(value * _MM, wide * _MM)
+    return estimates
 
 
 def interval(value: float, error: float) -> Estimate:
@@ -181,7 +175,6 @@ def _standard_errors(deviance: Deviance, centre: Floats, free: Sequence[str]) ->
 
 
 def _step(deviance: Deviance, centre: Floats, index: int) -> float:
-    """Return a step of one variable that raises the deviance by about one."""
     step, lowest = 0.01 * max(abs(float(centre[index])), 0.1), deviance(centre)
     for _ in range(4):
         aside = centre.copy()
@@ -215,13 +208,10 @@ def _curvature(deviance: Deviance, centre: Floats, inner: Sequence[int], steps: 
 def _profile(
     likelihood: RestrictedLikelihood, free: Sequence[str], best: Sigmas, name: str
 ) -> Estimate:
-    """Return the profile likelihood interval of the sigma `name`; sigmas of other biases are
-    refitted.
-    """
     from scipy.optimize import brentq
 
     # The rays' sigma is thousands of times more precise, and fixed.
-    others = tuple(one for one in free if one in BIASES and one != name)
+    others = tuple(parameter for parameter in free if parameter in BIASES and parameter != name)
     lowest, value = likelihood.deviance(best), float(getattr(best, name))
 
     def excess(held: float) -> float:

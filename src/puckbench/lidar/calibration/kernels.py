@@ -29,9 +29,9 @@ def group_sums(
     """Write the terms of each group of returns in the normal equations to `sums` (g, 16).
 
     With weight w = 1 / variance, basis b and error z these are w, w b (3), w b b (6), w z, w z b
-    (3), w z z and the log variances. `groups` are the first rows, and `values` errors (n,), basis
-    (n, 3) and features (n, 3). The features' coefficients `sigma` give the standard deviation, m,
-    which is at least least[0]; least[1] is added to its square.
+    (3), w z z and the log variances. `groups` are first rows, `values` errors (n,), basis (n, 3)
+    and features (n, 3), whose coefficients `sigma` give the standard deviation, m: at least
+    least[0]; least[1] is added to its square.
     """
     errors, basis, features = values
     for group in range(len(groups) - 1):
@@ -105,13 +105,13 @@ def _add_group(
                 matrix[at + j, at + i] += sums[pair]
             pair += 1
         right[at + i] += sums[_WZB + i]
-    for one in (laser, scan):
+    for column in (laser, scan):
         for i in range(3):
-            matrix[at + i, one] += sums[_WB + i]
-            matrix[one, at + i] += sums[_WB + i]
-        right[one] += sums[_WZ]
+            matrix[at + i, column] += sums[_WB + i]
+            matrix[column, at + i] += sums[_WB + i]
+        right[column] += sums[_WZ]
         for other in (laser, scan):
-            matrix[one, other] += sums[_W]
+            matrix[column, other] += sums[_W]
 
 
 @compiled
@@ -149,10 +149,10 @@ def absorb_scans(core: int, variance: float, matrix: Floats, right: Floats) -> t
     """
     taken, added = 0.0, 0.0
     for scan in range(core, len(matrix)):
-        own = matrix[scan, scan]
-        shrunk = variance / (1.0 + variance * own)
+        precision = matrix[scan, scan]
+        shrunk = variance / (1.0 + variance * precision)
         taken += shrunk * right[scan] * right[scan]
-        added += np.log1p(variance * own)
+        added += np.log1p(variance * precision)
         columns = np.flatnonzero(matrix[scan, :core])
         for i in columns:
             right[i] -= shrunk * matrix[scan, i] * right[scan]

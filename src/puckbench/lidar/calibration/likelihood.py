@@ -1,9 +1,8 @@
 """Restricted likelihood of range errors: plane parameters are integrated out.
 
-The model is ``error = mean + laser bias + scan bias + frame bias + ray noise``. Biases are normal
-and are drawn per laser of a device, per laser and scan, and per laser and frame. The parameters of
-the planes and the mean have a flat prior, so that fitting planes to the noise does not bias the
-sigmas.
+The model is ``error = mean + laser bias + scan bias + frame bias + ray noise`` with normal biases
+per laser of a device, per laser and scan, and per laser and frame. Planes and mean have a flat
+prior, so that fitting planes to the noise does not bias the sigmas.
 """
 
 from __future__ import annotations
@@ -49,7 +48,7 @@ class Sigmas:
         return self.ray_sigma_m, self.ray_incidence_m, self.ray_range
 
 
-NAMES = tuple(one.name for one in fields(Sigmas))
+NAMES = tuple(sigma.name for sigma in fields(Sigmas))
 BIASES, RAYS = NAMES[:3], NAMES[3:]
 """The sigmas of biases, at least 0, and the parameters of ray noise."""
 
@@ -80,18 +79,20 @@ class RestrictedLikelihood:
 
     def deviance(self, sigmas: Sigmas) -> float:
         """Return minus twice the restricted log-likelihood, up to a constant."""
-        found = self._mixed(sigmas)
-        determinant, explained = solved(found.matrix, found.right)
+        equations = self._mixed(sigmas)
+        determinant, explained = solved(equations.matrix, equations.right)
         if not np.isfinite(determinant):
             raise InputError(_NOT_TOLD)
-        return found.log_determinant + determinant + found.squares - explained
+        return equations.log_determinant + determinant + equations.squares - explained
 
     def biases(self, sigmas: Sigmas) -> tuple[Floats, Floats]:
-        """Return the best linear unbiased prediction of the lasers' biases, m, with covariance."""
-        found, planes = self._mixed(sigmas), 3 * self.seen.surfaces
-        covariance = np.linalg.inv(found.matrix)
+        """Return the best linear unbiased prediction of the lasers' biases, m, and their
+        covariance.
+        """
+        equations, planes = self._mixed(sigmas), 3 * self.seen.surfaces
+        covariance = np.linalg.inv(equations.matrix)
         parts = self._in_parts(np.eye(planes + len(self.seen.laser_ids)), sigmas)[:, planes:].T
-        return parts @ (covariance @ found.right), parts @ covariance @ parts.T
+        return parts @ (covariance @ equations.right), parts @ covariance @ parts.T
 
     def variances(self, sigmas: Sigmas) -> Floats:
         """Return the variance of each range due to ray noise and rounding, (n,), m^2."""
@@ -110,17 +111,17 @@ class RestrictedLikelihood:
 
     def _mixed(self, sigmas: Sigmas) -> Equations:
         """Return Henderson's mixed model equations for planes, mean and scaled laser biases."""
-        found = self._absorbed(sigmas)
-        rows = self._in_parts(found.matrix, sigmas)
+        equations = self._absorbed(sigmas)
+        rows = self._in_parts(equations.matrix, sigmas)
         matrix = self._in_parts(rows.T, sigmas)
         lasers = len(matrix) - 3 * self.seen.surfaces - int(self.seen.tells_mean)
         drawn = np.arange(len(matrix) - lasers, len(matrix))
         matrix[drawn, drawn] += 1.0
-        right = self._in_parts(found.right[:, None], sigmas)[:, 0]
-        return Equations(matrix, right, found.squares, found.log_determinant)
+        right = self._in_parts(equations.right[:, None], sigmas)[:, 0]
+        return Equations(matrix, right, equations.squares, equations.log_determinant)
 
     def _in_parts(self, rows: Floats, sigmas: Sigmas) -> Floats:
-        """Change the variables from laser biases to their mean and their deviations over sigma."""
+        """Change the variables from laser biases to their mean and scaled deviations."""
         planes = 3 * self.seen.surfaces
         lasers = rows[planes:]
         mean = lasers.sum(axis=0)[None, :] if self.seen.tells_mean else lasers[:0]
@@ -143,4 +144,4 @@ class RestrictedLikelihood:
         )
 
 
-_NOT_TOLD = "the residuals do not tell the planes from the biases: more lasers are needed"
+_NOT_TOLD = "the residuals cannot separate the planes from the biases: more lasers are needed"

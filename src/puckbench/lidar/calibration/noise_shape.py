@@ -1,7 +1,6 @@
 """Distribution of ray noise, Gaussian or Laplace, and its kurtosis.
 
-They are estimated from differences of successive returns of a laser on a surface, in which the
-biases cancel.
+The differences between successive returns of a laser on a surface are free of biases.
 """
 
 from __future__ import annotations
@@ -29,14 +28,14 @@ class RayShape:
     def widening(self) -> float:
         """Factor by which standard errors of a sigma exceed those under Gaussian noise.
 
-        The score of a scale parameter is ``e^2 - 1`` for standardised noise e. Its variance is the
-        kurtosis minus one, which is 2 for Gaussian noise.
+        The score of a scale parameter is ``e^2 - 1`` for standardised noise e; its variance is the
+        kurtosis minus one (2 for Gaussian noise).
         """
         return float(np.sqrt(max(self.kurtosis - 1, 0.5) / 2))
 
 
 def ray_shape(likelihood: RestrictedLikelihood, sigmas: Sigmas) -> RayShape:
-    """Estimate the distribution of ray noise; it is Gaussian for fewer than 30 pairs of returns."""
+    """Estimate the distribution of ray noise; Gaussian for fewer than 30 pairs of returns."""
     pairs = _standard_differences(likelihood, sigmas)
     if len(pairs) < 30:
         return RayShape("gaussian", 0.0, 3.0)

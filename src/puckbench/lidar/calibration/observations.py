@@ -1,8 +1,8 @@
 """Range errors from tables of plane residuals, which have a row for each return.
 
 The range error is the distance of the measured point from the ray's intersection with the fitted
-plane. A plane at distance h with normal n meets a ray d at the range r with ``1 / r = n d / h``.
-Therefore a small error of the plane changes the range by ``r^2 d`` times three unknown numbers.
+plane. A plane at distance h with normal n meets a ray d at the range r with ``1 / r = n d / h``; a
+small error of the plane changes the range by ``r^2 d`` times three unknown numbers.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ SPOT_RAD = np.radians(0.4)
 
 _FEWEST = 100
 _PLANE = ["device", "distance_m", "run", "surface"]
-_FOUND = ("error", "met", "cosine", "basis_u", "basis_v", "basis_n")
+_RAY_COLUMNS = ("error", "met", "cosine", "basis_u", "basis_v", "basis_n")
 _CELLS = {"frame": ["laser_id", "frame"], "spot": ["surface", "laser_id", "spot"]}
 
 Codes = NDArray[np.int64]
@@ -85,9 +85,8 @@ class Observations:
 
 
 def observations(tables: Sequence[pd.DataFrame], *, cells: str = "frame") -> Observations:
-    """Compute range errors from one table of plane residuals for each device.
-
-    `cells` is ``frame`` or ``spot`` (see `CalibrationOptions`).
+    """Compute range errors from a table of plane residuals per device; `cells`: see
+    `CalibrationOptions`.
     """
     if not tables:
         raise InputError("a calibration needs at least one residual table")
@@ -121,12 +120,12 @@ def _along_rays(rows: pd.DataFrame) -> pd.DataFrame:
     height = _heights(rows)
     values = rows[["plane_u_m", "plane_v_m", "residual_m"]].to_numpy(dtype=np.float64)
     points = values - np.outer(height, [0.0, 0.0, 1.0])
-    found = np.empty((len(rows), len(_FOUND)))
+    values_on_rays = np.empty((len(rows), len(_RAY_COLUMNS)))
     planes = _codes(rows, _PLANE)
     for plane in range(int(planes.max()) + 1):
         on_it = planes == plane
-        found[on_it] = _beyond_plane(points[on_it])
-    return rows.assign(height=height, **dict(zip(_FOUND, found.T, strict=True)))
+        values_on_rays[on_it] = _beyond_plane(points[on_it])
+    return rows.assign(height=height, **dict(zip(_RAY_COLUMNS, values_on_rays.T, strict=True)))
 
 
 def _heights(rows: pd.DataFrame) -> Floats:

@@ -1,6 +1,5 @@
-"""Error models of virtual sensors, one in each module, and the model of the receiver.
-
-An error model changes rays, ranges or points; the receiver decides which returns are lost.
+"""Error models of virtual sensors, which change rays, ranges or points, and the receiver, which
+loses returns.
 """
 
 from puckbench.lidar.errors.model import Draws, ErrorModel, Hits, described

@@ -1,5 +1,3 @@
-"""Base class of error models that depend on the angular width of a laser beam."""
-
 from __future__ import annotations
 
 from pydantic import NonNegativeFloat

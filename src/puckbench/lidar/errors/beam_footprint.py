@@ -23,9 +23,9 @@ _Return = Literal["first", "strongest", "last", "mean"]
 class BeamFootprint(BeamOfWidth):
     """Error model of a beam of several rays, whose echo gets the range noise of `Vlp16`.
 
-    Rays of equal energy cover the beam's elliptical cross-section in a sunflower pattern, with a
-    random rotation for each beam. Hits at similar ranges form an echo at their mean range (a mixed
-    pixel). The measured point lies on the beam's axis.
+    Rays of equal energy cover the beam's elliptical cross-section in a sunflower pattern with a
+    random rotation. Hits at similar ranges form an echo at their mean range (a mixed pixel). The
+    measured point lies on the beam's axis.
     """
 
     title, colour = "Beam footprint", "#999933"

@@ -24,7 +24,7 @@ _NOT_IN_FILES = {"file", "device"}
 
 @ERROR_MODELS.register("calibrated")
 class Calibrated(ErrorModel):
-    """Error model with the range noise that `puckbench calibrate` estimates from plane residuals.
+    """Error model with the range noise that `puckbench calibrate` estimates.
 
     A measured range is ``d + range_mean_m + laser bias + scan bias + frame bias + ray noise``. The
     standard deviation of the ray noise is ``ray_sigma_m + ray_incidence_m theta^2 + ray_range d``
@@ -65,14 +65,14 @@ class Calibrated(ErrorModel):
     @model_validator(mode="before")
     @classmethod
     def _with_those_of_its_file(cls, values: dict[str, Any]) -> dict[str, Any]:
-        given = {name: value for name, value in values.items() if value is not None}
+        parameters = {name: value for name, value in values.items() if value is not None}
         file = values.get("file", cls.model_fields["file"].default)
-        given["file"] = file
+        parameters["file"] = file
         if isinstance(file, str):
-            given = {**read_parameters(file), **given}
-        if "ray_sigma_m" not in given:
-            raise InputError("needs a model file, or ray_sigma_m and what else is not zero")
-        return given
+            parameters = {**read_parameters(file), **parameters}
+        if "ray_sigma_m" not in parameters:
+            raise InputError("set file, or ray_sigma_m and all other parameters that are not zero")
+        return parameters
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
@@ -132,6 +132,6 @@ def read_parameters(file: str) -> dict[str, Any]:
     if not isinstance(parameters, Mapping) or "ray_sigma_m" not in parameters:
         raise InputError(f"{path}: no parameters, or no ray_sigma_m among them")
     if outside := _NOT_IN_FILES & set(parameters):
-        raise InputError(f"{path}: parameters have {outside.pop()!r}, which is not the device's")
+        raise InputError(f"{path}: unknown parameter {outside.pop()!r}")
     read = parsed(Calibrated, parameters, str(path))
     return {name: getattr(read, name) for name in Calibrated.model_fields if name in parameters}

@@ -1,4 +1,4 @@
-"""Base class of error models of virtual sensors: methods called before and after ray casting."""
+"""Base class of error models of virtual sensors."""
 
 from __future__ import annotations
 
@@ -48,8 +48,8 @@ class Hits:
 class Draws:
     """Random generators of one scan by name, all derived from the scan's generator.
 
-    If a method of an error model uses each generator for one purpose, and draws a fixed count of
-    numbers for each ray or frame, results do not depend on the number of frames per call.
+    Results do not depend on the number of frames per call if each generator has one purpose and a
+    fixed number of draws for each ray or frame.
     """
 
     def __init__(self, rng: np.random.Generator) -> None:
@@ -73,8 +73,8 @@ class ErrorModel(Model):
     """Base class of error models: parameters with units in their names, and methods to override.
 
     The methods are called for successive groups of frames, and by default change nothing. They must
-    be pure functions of their arguments. They must draw random numbers for every ray, hit or not,
-    so that rays do not affect each other.
+    be pure functions of their arguments, and draw random numbers for every ray, hit or not, so that
+    rays do not affect each other.
     """
 
     model_config = ConfigDict(use_attribute_docstrings=True)
@@ -87,7 +87,7 @@ class ErrorModel(Model):
     """Model of which this one is a set of parameters, and whose name is stored in results."""
 
     def perturb_rays(self, rays: Rays, sensor: Sensor, draws: Draws) -> Rays:
-        """Return the rays that are fired instead of the nominal `rays` (frames, steps, lasers).
+        """Return the fired rays for the nominal `rays` (frames, steps, lasers).
 
         A model with `merge_hits` may fire k rays for each nominal one, laser by laser: (frames,
         steps, lasers * k). Return `rays` itself to fire the nominal ones.
@@ -108,7 +108,7 @@ class ErrorModel(Model):
     def lift_points(self, hits: Hits, sensor: Sensor, draws: Draws) -> Floats | None:
         """Return displacements of measured points along the true normal, towards the sensor, m.
 
-        They have the shape of ``hits.distance``, and are finite for a miss too; None stands for 0.
+        They have the shape of ``hits.distance`` and are finite, also for a miss; None means 0.
         """
         return None
 

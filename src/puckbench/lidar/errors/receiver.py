@@ -17,7 +17,7 @@ from puckbench.lidar.sweep import Rays
 
 
 class Receiver(Model):
-    """Loss of returns in a sensor's receiver; with the defaults none within 140 m is lost.
+    """Loss of returns in a sensor's receiver; the defaults lose none within 140 m.
 
     Attenuation (as in BlenSor's code; equation 5.3 of the thesis has a misprint): at a true
     distance d from `attenuation_from_m` on, a return needs a diffuse reflectivity of at least

@@ -1,5 +1,3 @@
-"""Noise along the normal of the surface, which the thesis proposes but does not test."""
-
 from __future__ import annotations
 
 from pydantic import NonNegativeFloat
@@ -14,11 +12,12 @@ from puckbench.lidar.sensor import Sensor
 
 @ERROR_MODELS.register("surface_normal")
 class SurfaceNormal(Vlp16):
-    """Error model that displaces measured points along the true normal of the surface.
+    """Error model that displaces measured points along the true surface normal (untested in the
+    thesis).
 
-    Plane residuals then have the scale `normal_sigma_m` at any incidence, like those of the real
-    wall and floor (0.014 m), while those of noise along the ray decrease with its cosine. The noise
-    of `Vlp16` along the ray can be added; its default is 0 here.
+    Plane residuals have the scale `normal_sigma_m` at any incidence, like those of the real wall
+    and floor (0.014 m); with noise along the ray they decrease with its cosine. The noise of
+    `Vlp16` along the ray can be added; its default is 0 here.
     """
 
     title, colour = "Surface normal", "#882255"

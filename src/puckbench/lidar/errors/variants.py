@@ -1,5 +1,3 @@
-"""Error models that are other error models with different parameters."""
-
 from __future__ import annotations
 
 from pydantic import NonNegativeFloat

@@ -1,5 +1,3 @@
-"""Range noise of the VLP-16 with beam divergence, the error model that the thesis chose."""
-
 from __future__ import annotations
 
 from typing import Literal
@@ -18,8 +16,8 @@ from puckbench.lidar.sweep import Rays
 class Vlp16Divergence(BeamOfWidth):
     """Error model `Vlp16` with rays in random directions within the beam (thesis, section 5.5.3).
 
-    Yaw and pitch change by up to half of the beam's angular widths, uniformly distributed. The
-    reported angles are the nominal ones.
+    The thesis chose this model. Yaw and pitch change by up to half of the beam's angular widths,
+    uniformly distributed. The reported angles are the nominal ones.
     """
 
     title, colour = "Beam divergence", "#009E73"

@@ -1,5 +1,3 @@
-"""Clouds in ROS bags: messages of the types PointCloud2 and CompressedPointCloud2."""
-
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -37,7 +35,9 @@ class CloudMessage:
 
 
 def has_clouds(path: Path, topic: str | None = None) -> bool:
-    """Whether `topic` of a bag has clouds; by default whether the bag has, and no data packets."""
+    """Return whether `topic` of a bag has clouds; without a topic, whether the bag has clouds and
+    no data packets.
+    """
     if not is_bag(path):
         return False
     topics = read_topics(path)
@@ -48,7 +48,7 @@ def has_clouds(path: Path, topic: str | None = None) -> bool:
 
 
 def cloud_topic(path: Path, topic: str | None = None) -> tuple[str, Topic]:
-    """Return name and size of the only topic of clouds in a bag, or of the one that is named."""
+    """Return name and size of the named topic of clouds, or of the only one."""
     with naming(path):
         topics = read_topics(path)
         name = choose_topic(topics, CLOUD_KINDS, topic)
@@ -58,7 +58,7 @@ def cloud_topic(path: Path, topic: str | None = None) -> tuple[str, Topic]:
 def read_cloud_messages(
     path: Path, topic: str | None, numbers: Sequence[int]
 ) -> list[CloudMessage]:
-    """Read messages of a topic of clouds by their numbers, sorted and from 0."""
+    """Read messages of a topic of clouds by their numbers, which are sorted and start at 0."""
     definitions = {COMPRESSED_POINT_CLOUD2: DEFINITION}
     bag = read_messages(path, CLOUD_KINDS, definitions, topic, numbers)
     columns_of = point_columns if bag.kind == POINT_CLOUD2 else decompressed_columns

@@ -1,5 +1,3 @@
-"""Selection of the data packets of one sensor from a packet capture or a ROS bag."""
-
 from __future__ import annotations
 
 import logging
@@ -51,7 +49,7 @@ _READ = ("VLP-16", "Puck Hi-Res", "HDL-32E", "VLP-32C")
 class PayloadKind(IntEnum):
     """Kinds of UDP payloads that have the size of a Velodyne data packet, 1,206 bytes.
 
-    A whole packet can be decoded; FOREIGN means that no Velodyne sent the payload.
+    WHOLE packets can be decoded; FOREIGN payloads are not from a Velodyne.
     """
 
     WHOLE, DAMAGED, UNKNOWN, FOREIGN = range(4)
@@ -60,9 +58,11 @@ class PayloadKind(IntEnum):
 def payload_kinds(payloads: NDArray[np.uint8]) -> NDArray[np.int8]:
     packets = np.ascontiguousarray(payloads).view(PACKET)[:, 0]
     flags = (packets["blocks"]["flag"] == FLAG).sum(axis=1)
-    is_known = np.isin(packets["product"], list(PRODUCTS)) & np.isin(packets["mode"], list(MODES))
+    has_known_kind = np.isin(packets["product"], list(PRODUCTS)) & np.isin(
+        packets["mode"], list(MODES)
+    )
     return np.select(
-        [2 * flags <= BLOCKS, ~is_whole(payloads), ~is_known],
+        [2 * flags <= BLOCKS, ~is_whole(payloads), ~has_known_kind],
         [PayloadKind.FOREIGN, PayloadKind.DAMAGED, PayloadKind.UNKNOWN],
         PayloadKind.WHOLE,
     ).astype(np.int8)
@@ -90,7 +90,7 @@ def packets_of_capture(capture: Capture, name: str | None = None) -> PacketLog:
 
 
 def ouster_packets(capture: Capture, recording: Path, name: str | None = None) -> PacketLog | None:
-    """Return the packets of an Ouster sensor, or None if a Velodyne sent the capture's.
+    """Return the packets of an Ouster sensor, or None if the capture is from a Velodyne.
 
     The sensor's metadata are beside the recording (`ouster.metadata_beside`); `name` is as in
     `packets_of_capture`.
@@ -125,7 +125,10 @@ def ouster_packets(capture: Capture, recording: Path, name: str | None = None) -
         other = serials.most_common(1)[0][0]
         raise InputError(f"packets of the sensor {other}, and {described} is of {sensor.serial}")
     about = {"format": "pcap", **_counts(capture, len(packets), size)}
-    payloads, received = [one.payload for one in packets], [one.received for one in packets]
+    payloads, received = (
+        [packet.payload for packet in packets],
+        [packet.received for packet in packets],
+    )
     return replace(joined(payloads, received, about, size), sensor=sensor)
 
 
@@ -134,8 +137,7 @@ def whole_packets(
 ) -> PacketLog:
     """Return the distinct undamaged packets among 1,206-byte payloads.
 
-    `received` are times, s. `about` of the result is that of the argument, with counts of payloads
-    that were left out.
+    `received` are times, s. Counts of payloads that were left out are added to `about`.
     """
     first: dict[bytes, float] = {}
     for payload, time in zip(payloads, received, strict=True):

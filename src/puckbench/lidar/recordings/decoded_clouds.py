@@ -1,8 +1,3 @@
-"""Reading of clouds (CSV, PLY, PCD, LAS) that other programs decoded from a sensor's packets.
-
-A column must contain the laser of each point.
-"""
-
 from __future__ import annotations
 
 import logging
@@ -48,8 +43,7 @@ def read_points(
 ) -> RecordedReturns:
     """Read points x, y, z (m, in the sensor's frame) with a laser column as a table of returns.
 
-    The default sensor is the VLP-16, and the default time unit is inferred; see
-    `returns_of_columns`.
+    Defaults: a VLP-16, and the inferred time unit; see `returns_of_columns`.
     """
     columns = _READERS[path.suffix.lower()](path)
     return returns_of_columns(columns, sensor or load_sensor("vlp16"), time_unit, path)
@@ -61,10 +55,10 @@ def returns_of_columns(
     """Convert the columns of points in the frame of a sensor to a table of returns.
 
     Lasers come from the column `laser_id`, `laser` or `label`, or from `ring`, `channel` or `line`,
-    which number lasers by elevation; the first column whose points lie on the cones of their lasers
-    is used. Azimuths count clockwise from y; distances follow from the horizontal range and the
-    laser's nominal elevation. Points that are not finite, or at the origin, are left out. Integers
-    in a column `turn` are kept.
+    which number lasers by elevation; the first whose points lie on the cones of their lasers is
+    used. Azimuths count clockwise from y; distances follow from the horizontal range and the
+    laser's nominal elevation. Points at the origin, or not finite, are left out. Integers in a
+    column `turn` are kept.
     """
     columns, counts = without_missing(path, columns)
     xyz = np.column_stack([columns[axis] for axis in "xyz"]).astype(np.float64)
@@ -129,14 +123,14 @@ def _numbered(column: NDArray[Any], sensor: Sensor) -> NDArray[np.intp]:
     with np.errstate(invalid="ignore"):
         is_laser = (values == np.floor(values)) & (values >= 0) & (values < sensor.lasers)
     if not is_laser.all():
-        raise InputError(f"has a value that is no laser of the {sensor.name}")
+        raise InputError(f"has a value that is not a laser of the {sensor.name}")
     return values.astype(np.intp)
 
 
 def _check_cones(xyz: Floats, lasers: NDArray[np.intp], sensor: Sensor) -> None:
     """Raise InputError unless each laser's points have its elevation.
 
-    The lasers' vertical offsets may have been added to the points or not.
+    The points may include the lasers' vertical offsets or not.
     """
     level = np.hypot(xyz[:, 0], xyz[:, 1])
     corrections = np.asarray(sensor.vertical_correction_mm or np.zeros(sensor.lasers)) / 1000
@@ -149,7 +143,7 @@ def _check_cones(xyz: Floats, lasers: NDArray[np.intp], sensor: Sensor) -> None:
     if degrees > MOST_OFF_DEG:
         raise InputError(
             f"has no lasers: points of laser {laser} lie {degrees:.1f} degrees off its cone; this"
-            f" is no recording of a {sensor.name} in its frame (another sensor: --sensor)"
+            f" is not a recording of a {sensor.name} in its frame (another sensor: --sensor)"
         )
 
 
@@ -158,7 +152,7 @@ def _seconds(path: Path, columns: Columns, azimuth: Floats, unit: TimeUnit | Non
     inferred = unit or unit_of(times, azimuth)
     if inferred is None:
         raise InputError(
-            f"column {name} has whole numbers whose unit cannot be told: name it, as --time-unit ns"
+            f"column {name} has integers whose unit cannot be inferred: add --time-unit ns"
         )
     if unit is None and inferred != "s":
         logging.getLogger(__name__).warning("%s: times in column %s: %s", path, name, inferred)

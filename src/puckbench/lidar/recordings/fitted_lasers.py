@@ -36,7 +36,6 @@ class FittedLasers(NamedTuple):
     residuals_mm: Floats
 
     def about(self) -> dict[str, object]:
-        """Return the table of lasers and the residuals."""
         sensor, off = self.sensor, np.abs(self.residuals_mm)
         table: dict[str, object] = {
             "laser_elevation_deg": list(sensor.laser_elevation_deg),
@@ -124,5 +123,4 @@ def _rotation(
 
 
 def _half_open(angles: Floats) -> Floats:
-    """Return angles from -pi to pi."""
     return np.asarray(np.mod(angles + np.pi, 2 * np.pi) - np.pi)

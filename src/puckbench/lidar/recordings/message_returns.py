@@ -1,5 +1,3 @@
-"""Returns in clouds of ROS bags, and columns of the points of such clouds."""
-
 from __future__ import annotations
 
 import math
@@ -78,8 +76,8 @@ def read_message_columns(
 ) -> Columns:
     """Read the points of messages: x, y, z in m, and ring, intensity and time in s if they exist.
 
-    Times are relative to the stamp of the first message, or to the first time if they are since
-    1970. Points without coordinates are left out.
+    Times are relative to the stamp of the first message, or if they are since 1970, to the first
+    time. Points without coordinates are left out.
     """
     name, (_, count) = cloud_topic(path, topic)
     first, last = turns
@@ -96,7 +94,6 @@ def read_message_columns(
 
 
 def _joined(parts: Iterator[Columns]) -> Columns:
-    """Join the columns that all parts have."""
     listed = list(parts)
     if not listed:
         raise InputError("no points in its messages")
@@ -129,7 +126,6 @@ class _Clock:
 def _parts(
     path: Path, topic: str, messages: Sequence[int], unit: TimeUnit | None
 ) -> Iterator[Columns]:
-    """Yield for each message the columns of its points, with their seconds and turn."""
     clock: _Clock | None = None
     for first in range(0, len(messages), _BATCH):
         numbers = messages[first : first + _BATCH]
@@ -150,7 +146,6 @@ def _parts(
 
 
 def _present(columns: Columns) -> Columns:
-    """Return the rows that have coordinates."""
     missing = [axis for axis in "xyz" if axis not in columns]
     if missing:
         raise InputError(f"no field {', '.join(missing)}")

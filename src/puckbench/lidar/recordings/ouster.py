@@ -1,4 +1,4 @@
-"""Lidar packets of Ouster sensors, decoded with the metadata (JSON) that the sensor provides.
+"""Lidar packets of Ouster sensors, decoded with the sensor's metadata (JSON).
 
 Formats are those of the Ouster Firmware User Manual (Lidar Data Packet Format) and of the Ouster
 SDK 1.0. Points are in Ouster's sensor frame, whose x axis is forward.
@@ -34,7 +34,7 @@ _HALF_TURN = (-1.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 
 
 class Field(NamedTuple):
-    """Position of a value in a pixel: word of 32 bits, first bit, and number of bits."""
+    """Bits of a pixel that hold a value: the 32-bit word, the first bit, and the number of bits."""
 
     word: int
     bit: int
@@ -121,7 +121,7 @@ def packet_type(
 class OusterSensor:
     """An Ouster sensor and the format of its packets.
 
-    `columns` is their number in a revolution, and `whole` in the azimuths that the sensor reports.
+    `columns` is the number of columns per revolution; `whole` is that of azimuth counts.
     """
 
     name: str
@@ -166,9 +166,8 @@ class OusterSensor:
 
 
 def metadata_beside(recording: Path) -> Path | None:
-    """Return the JSON file with a recording's name, with ``_0`` after it, or a beginning of it.
-
-    The longest such beginning is chosen.
+    """Return the JSON file with a recording's name, with ``_0`` added, or with the longest prefix
+    of the name.
     """
     stem = recording.stem
     names = (path for path in recording.parent.glob("*.json") if path.is_file())
@@ -275,7 +274,7 @@ def ouster_turns(sensor: OusterSensor, payloads: NDArray[np.uint8]) -> OusterTur
 
 
 def _frames(sensor: OusterSensor, packets: NDArray[Any]) -> NDArray[np.int64]:
-    """Return the number of each packet's revolution, whose counter restarts."""
+    """Return the number of each packet's revolution; the sensor's counter wraps around."""
     legacy = sensor.profile == LEGACY
     counters = (packets["columns"]["frame"][:, 0] if legacy else packets["frame"]).astype(np.int64)
     half = 1 << (31 if sensor.is_fusa else 15)

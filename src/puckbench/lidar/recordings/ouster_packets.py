@@ -1,5 +1,3 @@
-"""Conversion between lidar packets of Ouster sensors and images of all fields of their pixels."""
-
 from __future__ import annotations
 
 from collections.abc import Iterator
@@ -31,9 +29,9 @@ _HEAD = np.dtype([("hours", "<u4"), ("status", "<u4"), ("encoder", "<u4"), ("fra
 
 
 class Channel(NamedTuple):
-    """An image of a field that a turn lacks, of a kind of return.
+    """A field of pixels, for one kind of return, that a turn does not store.
 
-    `signal` is the place, among the channels, of the signal of a reflectivity's return, or None.
+    `signal` is the index of the channel with the signal of a reflectivity's return, or None.
     """
 
     field: Field
@@ -42,18 +40,18 @@ class Channel(NamedTuple):
 
 
 class Rest(NamedTuple):
-    """What a turn's packets hold besides the turn.
+    """Data of a turn's packets beyond the turn itself.
 
     Parameters
     ----------
     images
         (columns, lasers) for each channel.
     heads
-        (columns, bytes), of columns.
+        (columns, bytes), headers of columns.
     outsides
-        (packets, bytes), before and after the columns of packets; CRC-64 that are right are 0.
+        (packets, bytes) before and after the columns of packets; a correct CRC-64 is stored as 0.
     remainders
-        (columns,), of times, in `unit` ns.
+        (columns,) of times, in `unit` ns.
     """
 
     images: list[NDArray[np.uint16]]
@@ -68,7 +66,7 @@ class Rest(NamedTuple):
 class OusterKind:
     """Format of packets, and the layout of their images.
 
-    If `is_fragmented`, IP fragments of the usual size hold a packet, `hole` bytes apart.
+    If `is_fragmented`, a packet arrives in IP fragments of the usual size, `hole` bytes apart.
     """
 
     profile: str
@@ -117,9 +115,9 @@ class OusterKind:
 
     @cached_property
     def channels(self) -> tuple[Channel, ...]:
-        """All bits of a pixel that are neither ranges nor reflectivities of a turn.
+        """All bits of a pixel that a turn does not store as ranges or reflectivities.
 
-        With signals, on which they depend, reflectivities are channels, too.
+        Reflectivities that depend on signals are channels, too.
         """
         profile = PROFILES[self.profile]
         signals = [Channel(each, kind) for kind, each in enumerate(profile.signals)]
@@ -140,9 +138,8 @@ class OusterKind:
         )
 
     def find(self, data: Payloads) -> NDArray[np.int64]:
-        """Return the positions, in order, of packets in the bytes `data`.
-
-        Numbers of columns in a packet are consecutive.
+        """Return the ascending positions of packets, with consecutive column numbers, in the bytes
+        `data`.
         """
         span = self.size + self.hole * (len(self.pieces) - 1)
         last = len(data) - span + 1
@@ -164,7 +161,6 @@ class OusterKind:
         return without_overlaps(places[is_packet], span)
 
     def split_turns(self, payloads: Payloads) -> Iterator[tuple[OusterKind, Payloads]]:
-        """Split packets (p, bytes) where the number of their revolution changes."""
         packets = self._viewed(payloads)
         has_frames = self.profile != LEGACY
         frames = packets["frame"] if has_frames else packets["columns"]["frame"][:, 0]

@@ -1,6 +1,6 @@
 """Conversion between data packets of Velodyne sensors and turns (range images of revolutions).
 
-The VLP-16, the Puck Hi-Res, the HDL-32E and the VLP-32C have the same format (VLP-16 User Manual
+VLP-16, Puck Hi-Res, HDL-32E and VLP-32C have the same format (VLP-16 User Manual
 63-9243 Rev. E, chapter 9; HDL-32E User Manual 63-9113 Rev. M, appendix C; VLP-32C User Manual
 63-9325).
 """
@@ -86,9 +86,9 @@ def find_packets(data: Payloads) -> NDArray[np.int64]:
     for block in range(1, BLOCKS):
         at = places + block * _BLOCK_BYTES
         places = places[(data[at] == low) & (data[at + 1] == high)]
-    is_known = np.isin(data[places + PACKET_BYTES - 1], list(SENSORS))
-    is_known &= np.isin(data[places + PACKET_BYTES - 2], list(MODES))
-    places = places[is_known]
+    has_known_product = np.isin(data[places + PACKET_BYTES - 1], list(SENSORS))
+    has_known_product &= np.isin(data[places + PACKET_BYTES - 2], list(MODES))
+    places = places[has_known_product]
     for byte in (2, 3):  # both blocks of a pair have the same azimuth
         at = places[:, None] + np.arange(BLOCKS // 2) * 2 * _BLOCK_BYTES + byte
         is_equal = (data[at] == data[at + _BLOCK_BYTES]).all(axis=1)
@@ -97,7 +97,7 @@ def find_packets(data: Payloads) -> NDArray[np.int64]:
 
 
 def without_overlaps(places: NDArray[np.int64], size: int = PACKET_BYTES) -> NDArray[np.int64]:
-    """Return the ascending places of packets of `size` bytes that begin in no earlier packet."""
+    """Return the ascending places of packets of `size` bytes that overlap no earlier packet."""
     if (np.diff(places) >= size).all():
         return places
     kept: list[int] = []
@@ -110,8 +110,8 @@ def without_overlaps(places: NDArray[np.int64], size: int = PACKET_BYTES) -> NDA
 def split_turns(payloads: Payloads) -> Iterator[tuple[PacketKind, Payloads]]:
     """Split packets (p, 1206) into revolutions; each begins with the packet that passes azimuth 0.
 
-    A new part also begins where the sensor or the return mode changes, or after the largest number
-    of blocks that a `Layout` permits.
+    Parts also end where sensor or return mode change, or at the largest number of blocks of a
+    `Layout`.
     """
     packets = _viewed(payloads)
     azimuths = packets["blocks"]["azimuth"].astype(np.int64)
@@ -141,9 +141,8 @@ def turn_of(kind: PacketKind, payloads: Payloads) -> Turn:
 
 
 def is_whole(payloads: Payloads) -> NDArray[np.bool_]:
-    """Return which packets (p, 1206) have valid flags and azimuths.
-
-    The two blocks of a dual return must have the same azimuth.
+    """Return which packets (p, 1206) have valid flags and azimuths, the same in both blocks of a
+    dual return.
     """
     packets = _viewed(payloads)
     flags, azimuth = packets["blocks"]["flag"], packets["blocks"]["azimuth"]
@@ -156,8 +155,8 @@ def is_whole(payloads: Payloads) -> NDArray[np.bool_]:
 def returns_of_packets(payloads: Payloads, sensor: Sensor | None = None) -> Returns:
     """Decode packets (p, 1206) to returns; the first and the last revolution may be incomplete.
 
-    By default, the packets' product code determines the sensor. Raises InputError for damaged
-    packets, or several sensors or return modes.
+    The default sensor is that of the packets' product code. Raises InputError for damaged packets,
+    or several sensors or return modes.
     """
     if len(payloads) == 0:
         raise InputError("no data packets")
@@ -202,7 +201,7 @@ def packets_of(kind: PacketKind, turn: Turn) -> Payloads:
     """Convert a turn back to packets (p, 1206), the inverse of `turn_of`."""
     layout = kind.layout
     if turn.times is None or turn.reflectivities is None:
-        raise InputError("the stream holds no times or reflectivities, so no packets")
+        raise InputError("the stream has no times or reflectivities, which packets need")
     if len(turn.azimuths) != len(turn.times) * layout.blocks_per_time:
         raise InputError("the stream holds a packet that is not whole")
     if turn.ranges.max(initial=0) > 0xFFFF:

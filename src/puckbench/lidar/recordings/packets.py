@@ -1,6 +1,6 @@
-"""The format of data packets of Velodyne sensors, and logs of packets.
+"""Format of data packets of Velodyne sensors, and logs of packets.
 
-A packet of a VLP-16 has 12 blocks, each of an azimuth (0.01 degrees) and two firings of 16 lasers
+A VLP-16 packet has 12 blocks, each with an azimuth (0.01 degrees) and two firings of 16 lasers
 (distance in units of 2 mm, reflectivity), and the time of its first firing (VLP-16 User Manual
 63-9243 Rev. E, chapter 9).
 """

@@ -1,5 +1,3 @@
-"""Reading of recordings in all supported formats."""
-
 from __future__ import annotations
 
 import math
@@ -57,11 +55,11 @@ def read_recording(
     Parameters
     ----------
     path
-        A packet capture (.pcap, .pcapng), a ROS bag (.bag, .db3, .mcap, or its folder), a cloud
-        (see `decoded_clouds.read_points`), or a table of `write_returns` (.parquet). Bags may have
-        data packets or clouds.
+        A packet capture (.pcap, .pcapng), a ROS bag of data packets or clouds (.bag, .db3, .mcap,
+        or its folder), a cloud (see `decoded_clouds.read_points`), or a table of `write_returns`
+        (.parquet).
     sensor, time_unit
-        Model of the sensor, and unit of a cloud's times; by default inferred from the file.
+        The sensor, and the unit of a cloud's times; by default inferred.
     start_s, end_s
         Interval to read, in seconds after the first packet or point.
     stream, source, topic
@@ -110,9 +108,8 @@ def read_turns(
     source: Path | None = None,
     topic: str | None = None,
 ) -> RecordedTurns:
-    """Read the revolutions of a recording from `start_s` seconds on.
-
-    `stream`, `source` and `topic` are those of `read_packets`.
+    """Read the revolutions of a recording from `start_s` seconds on; for other parameters see
+    `read_packets`.
     """
     with naming(source or path):
         log = _interval(read_packets(path, stream, source, topic), start_s, math.inf)
@@ -126,7 +123,7 @@ def read_turns(
 def read_packets(
     path: Path, stream: str | None = None, source: Path | None = None, topic: str | None = None
 ) -> PacketLog:
-    """Read the undamaged data packets of a packet capture or a ROS bag, and log what was left out.
+    """Read the undamaged data packets of a packet capture or a ROS bag; log what was left out.
 
     `stream` selects a packet capture's stream, such as ``192.168.1.201:2368``, `topic` a bag's
     topic. Messages name `source` if `path` is a temporary copy of it.

@@ -1,5 +1,3 @@
-"""Tables of a real sensor's returns, in its coordinate frame, stored as Parquet files."""
-
 from __future__ import annotations
 
 from dataclasses import dataclass

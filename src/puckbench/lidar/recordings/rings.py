@@ -1,9 +1,8 @@
 """Recovery of a sensor's raw returns from frames of points, as data sets publish them.
 
-The points of each laser form a ring. Four parameters of the laser are fitted to its ring: the
-elevation, the height, the distance from the sensor's axis, and the angle relative to the rotary
-encoder (Velodyne HDL-64E S2 User's Manual 63-HDL64ES2, Appendix F). With them, each point is
-converted to a step of the encoder and a range.
+The points of each laser form a ring, to which four parameters of the laser are fitted: elevation,
+height, distance from the sensor's axis, and angle relative to the rotary encoder (Velodyne HDL-64E
+S2 User's Manual 63-HDL64ES2, Appendix F). They convert each point to an encoder step and a range.
 """
 
 from __future__ import annotations
@@ -35,11 +34,10 @@ Steps = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class RecoveredReturns:
-    """Returns that were recovered from a frame of points, as one revolution of the sensor.
+    """Returns recovered from a frame of points, as one revolution of the sensor.
 
-    `rows` (n,) are the indices of the returns among the frame's points, in the order of
-    ``returns.points()``. `xyz` (m, 3) are all points of the frame, in the moving sensor's
-    coordinates.
+    `rows` (n,) are the returns' indices among the frame's points `xyz` (m, 3), which are in the
+    moving sensor's coordinates, in the order of ``returns.points()``.
     """
 
     returns: Returns
@@ -87,7 +85,7 @@ def recovered_returns(
     azimuth = np.mod(np.arctan2(-xyz[:, 0], xyz[:, 1]), 2 * np.pi)
     kept = [rows[level[rows] > _NEAR_M] for rows in rings]
     if not kept or min(map(len, kept)) < _FEWEST:
-        raise InputError(f"a ring of fewer than {_FEWEST} points, of which no laser can be found")
+        raise InputError(f"a ring of fewer than {_FEWEST} points, too few to recover its laser")
     step = np.radians(step_deg)
     beams, phases, places = [], [], []
     for rows in kept:
@@ -110,22 +108,21 @@ def recovered_firings(xyz: Floats, sensor: str) -> RecoveredReturns:
     """Recover returns from a frame that contains firings without a return too (range 0).
 
     Points (columns, lasers, 3), m, are in the coordinates of a sensor that rotates clockwise (x
-    right, y forward) at the end of the revolution. The data set corrected them for the car's
-    motion. This motion is estimated from the firings without a return, and the correction is
-    undone.
+    right, y forward) at the end of the revolution. The car's motion, for which the data set
+    corrected them, is estimated from the firings without a return, and undone.
     """
     columns, lasers = xyz.shape[:2]
     left = 1 - np.arange(columns) / max(columns - 1, 1)
     still = xyz - (left[:, None] * _first_place(xyz, left))[:, None]
     whole = np.hypot(still[..., 0], still[..., 1]) > _NEAR_M
     if whole.sum(axis=0).min() < _FEWEST:
-        raise InputError(f"a laser with fewer than {_FEWEST} returns, which cannot be found")
+        raise InputError(f"a laser with fewer than {_FEWEST} returns, too few to recover it")
     still, beams = _without_turning(still, whole, left)
     azimuth = np.degrees(np.arctan2(still[..., 0], still[..., 1]))
     apart = np.mod(azimuth - azimuth[:, [lasers // 2]] + 180, 360) - 180
     apart[~(whole & whole[:, [lasers // 2]])] = np.nan
     if np.isfinite(apart).sum(axis=0).min() < _FEWEST:
-        raise InputError("a laser that hardly returns when the others do, which cannot be found")
+        raise InputError("a laser that rarely returns when the others do cannot be recovered")
     turned_deg = np.nanmedian(apart, axis=0)
     seen = np.flatnonzero(whole.any(axis=1))
     relative = np.where(whole, azimuth - turned_deg, np.nan)[seen]
@@ -142,8 +139,8 @@ def recovered_firings(xyz: Floats, sensor: str) -> RecoveredReturns:
 def _first_place(xyz: Floats, left: Floats) -> Floats:
     """Return the sensor's position (3,) at the first firing; zeros if it cannot be estimated.
 
-    Firings of range 0 reveal the position, since several lasers of a column then have equal points.
-    `left` is the remaining share of the revolution for each column.
+    Firings of range 0 reveal it: several lasers of a column then have equal points. `left` is the
+    remaining fraction of the revolution for each column.
     """
     same = [np.unique(np.round(column, 4), axis=0, return_counts=True) for column in xyz]
     places = np.array([points[np.argmax(counts)] for points, counts in same])
@@ -159,8 +156,8 @@ def _without_turning(
 ) -> tuple[Floats, list[_Beam]]:
     """Undo the sensor's pitch and roll during a revolution; return the points and the lasers.
 
-    Both are fitted to the points' elevations by least squares. `whole` is the mask of returns, and
-    `left` the remaining share of the revolution for each column.
+    Both are fitted to the points' elevations by least squares. `whole` is the mask of returns;
+    `left` as in `_first_place`.
     """
     columns, lasers = np.nonzero(whole)
     points = xyz[columns, lasers]
@@ -220,7 +217,7 @@ def _fitted_offset(level: Floats, azimuth: Floats, step: float) -> tuple[float, 
 
 
 def _aligned(places: Sequence[Steps], around: int, step_deg: float) -> list[int]:
-    """Return by how many steps of the rotary encoder to shift each ring to align all lasers."""
+    """Return by how many encoder steps to shift each ring to align all lasers."""
     most = round(_MOST_TURNED_DEG / step_deg)
     fired = np.zeros(around)
     shifts = [0] * len(places)
@@ -277,6 +274,6 @@ def _image(
     )
     azimuths = (np.rint(grid.azimuths_deg * 100) % CENTIDEGREES).astype(np.uint16)
     if not ranges.any():
-        raise InputError("no point is within 131 m, the most that returns can hold")
+        raise InputError("no point is within 131 m, the maximum range of returns")
     returns = Returns(fitted, Layout(order), (Turn(ranges, azimuths),), USUAL_QUANTUM_M, sensor)
     return RecoveredReturns(returns, source[ranges[0] > 0], xyz)

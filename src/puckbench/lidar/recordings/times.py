@@ -1,5 +1,3 @@
-"""Inference of the unit (s, ms, us or ns) of the time column of a point cloud."""
-
 from __future__ import annotations
 
 from typing import Any, Literal, get_args
@@ -23,11 +21,10 @@ _DAY_S = 86400.0
 
 
 def unit_of(times: NDArray[Any], azimuth: Floats) -> TimeUnit | None:
-    """Infer the unit of times (n,); return None if that is impossible.
+    """Infer the unit (s, ms, us or ns) of times (n,); return None if that is impossible.
 
-    It is the unit in which the sensor, at azimuths (n,), rad, rotates about ten times a second. If
-    no unit fits, it is the one in which times since 1970 lie in this century. Otherwise the unit is
-    s, but None for integers.
+    In this unit, the sensor at azimuths (n,), rad, rotates about ten times a second, or else times
+    since 1970 lie in this century. Otherwise it is s, but None for integers.
     """
     unit = _unit_by_rotation(times, azimuth) or _unit_since_1970(times)
     is_whole = times.dtype.kind in "iu" and np.ptp(times) > 0

@@ -1,5 +1,3 @@
-"""Writing of virtual scans as packet captures of a VLP-16, which ROS and VeloView can replay."""
-
 from __future__ import annotations
 
 import struct
@@ -38,7 +36,8 @@ _REFLECTIVITY = 100
 
 
 def write_pcap(path: Path, table: ScanTable, noisy: bool = True) -> dict[str, int]:
-    """Write a virtual scan by a VLP-16 as a packet capture; return numbers of packets and returns.
+    """Write a virtual VLP-16 scan as a packet capture that ROS and VeloView replay; count packets
+    and returns.
 
     Distances, measured or true (`noisy` false), are rounded to 2 mm and azimuths to 0.01 degrees.
     """
@@ -50,9 +49,9 @@ def write_pcap(path: Path, table: ScanTable, noisy: bool = True) -> dict[str, in
 def scan_packets(table: ScanTable, noisy: bool = True) -> PacketLog:
     """Convert a virtual scan to packets, with columns in the order in which a real sensor fires.
 
-    A real VLP-16 rotates clockwise, also while its lasers fire. The virtual one rotates
-    counter-clockwise and fires a column at one azimuth. Therefore the columns of a revolution are
-    reversed, and each becomes two blocks of equal azimuth.
+    A real VLP-16 rotates clockwise while its lasers fire; the virtual one rotates counter-clockwise
+    and fires a column at one azimuth. Therefore the columns of a revolution are reversed, and each
+    becomes two blocks of equal azimuth.
     """
     rotation_hz = _rotation_hz(table)
     centidegrees = np.rint(-np.degrees(table["yaw"]) * 100).astype(np.int64) % CENTIDEGREES

@@ -1,8 +1,8 @@
 """Detection of walls, floors and ceilings in a recording of a sensor at rest.
 
-A plane is detected as a connected patch of range image pixels, nearly all of whose returns lie on
-it. Returns at grazing incidence are excluded; otherwise the rings of horizontal lasers would be
-detected as a floor.
+A plane is a connected patch of range image pixels, nearly all of whose returns lie on it. Returns
+at grazing incidence are excluded; otherwise rings of horizontal lasers would be detected as a
+floor.
 """
 
 from __future__ import annotations
@@ -40,9 +40,9 @@ class PlaneSearch(Model):
     threshold_m
         Largest distance of a return on a plane, after subtraction of its laser's bias.
     share_on_plane
-        Least share of a range image pixel's returns on the plane, if the pixel belongs to it.
+        Least share of a pixel's returns on the plane.
     most_planes
-        Number of patches that are examined, the largest first.
+        Number of examined patches, largest first.
     up
         Upward direction in the sensor's frame, of any length.
     tilt_deg
@@ -50,9 +50,9 @@ class PlaneSearch(Model):
     most_incidence_deg
         Returns at greater incidence angles are not used.
     inlier_sigmas
-        Returns farther from the plane than this number of robust standard deviations are not used.
+        Largest distance from the plane, in robust standard deviations, of returns that are used.
     least_laser_share
-        Least ratio of a laser's returns on a plane to the median laser's; a laser with fewer
+        Least ratio of a laser's returns on a plane to the median laser's; with fewer, a laser
         follows an edge.
     least_returns, least_lasers
         Least number of returns per turn, and of lasers, on a plane.
@@ -209,9 +209,8 @@ class _View:
         return near
 
     def candidate(self, free: Mask, rng: np.random.Generator) -> Plane | None:
-        """Sample planes through three nearby returns; return the one near most returns, or None.
-
-        Only returns in the mask `free` (n,), on no earlier plane, are used.
+        """Sample planes through three nearby returns in the mask `free` (n,); return the one near
+        most returns, or None.
         """
         rows = np.flatnonzero(free)
         if len(rows) < self.least:
@@ -227,22 +226,22 @@ class _View:
     def grown(self, plane: Plane, free: Mask) -> tuple[Plane, Mask]:
         """Extend a plane to its largest connected patch; return the refitted plane and the patch.
 
-        Only returns in the mask `free` (n,) are used. Selection of the patch and refitting
-        alternate until the patch no longer changes. Each laser's bias is subtracted, since a laser
-        with a large bias would lose its pixels.
+        Selection of the patch, among returns in the mask `free` (n,), and refitting alternate until
+        the patch no longer changes. Laser biases are subtracted, since a laser with a large bias
+        would lose its pixels.
         """
         patch = np.zeros(self.image.shape, dtype=bool)
         bias = np.zeros(len(patch))
-        wanted = self.image.counts(np.ones_like(free)) * self.search.share_on_plane
+        least_returns = self.image.counts(np.ones_like(free)) * self.search.share_on_plane
         for _ in range(_FIT_ROUNDS):
             away = np.abs(plane.distances(self.points) - bias[self.image.laser_rank])
             near = free & (away < self.search.threshold_m) & self.near(plane, 2)
             returns = self.image.counts(near)
-            found = largest_patch((returns > 0) & (returns >= wanted), returns)
-            rows = near & self.image.rows(found)
-            if np.array_equal(found, patch) or np.count_nonzero(rows) < 3:
+            largest = largest_patch((returns > 0) & (returns >= least_returns), returns)
+            rows = near & self.image.rows(largest)
+            if np.array_equal(largest, patch) or np.count_nonzero(rows) < 3:
                 break
-            patch = found
+            patch = largest
             plane, _ = robust_plane(self.points[rows], plane, sigmas=self.search.inlier_sigmas)
             bias = self._bias(plane, free & self.image.rows(widened(patch)))
         return plane, patch
@@ -256,9 +255,8 @@ class _View:
         return np.clip(medians, -self.search.threshold_m, self.search.threshold_m)
 
     def _samples(self, rows: NDArray[np.intp], rng: np.random.Generator) -> tuple[Floats, Floats]:
-        """Return normals (k, 3) and offsets (k,) of planes through samples of three nearby returns.
-
-        Only vertical or horizontal planes, within `PlaneSearch.tilt_deg`, are returned.
+        """Return normals (k, 3) and offsets (k,) of vertical or horizontal planes through samples
+        of three nearby returns.
         """
         order = rows[np.argsort(self.azimuth[rows], kind="stable")]
         span = max(3, int(len(order) * _SAMPLE_SPAN_RAD / math.tau))

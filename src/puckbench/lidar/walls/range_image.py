@@ -1,5 +1,3 @@
-"""Range images of a sensor at rest; a pixel covers one laser and one degree of azimuth."""
-
 from __future__ import annotations
 
 import math
@@ -19,7 +17,9 @@ COLUMNS = 360
 
 @dataclass(frozen=True)
 class RangeImage:
-    """Range image of a recording: the flat pixel index of each return (n,), and the shape."""
+    """Range image of a recording (a pixel covers a laser and a degree): flat pixel of each return
+    (n,), and shape.
+    """
 
     pixel: NDArray[np.intp]
     shape: tuple[int, int]

@@ -60,11 +60,11 @@ class RecordingOptions(Model):
     Parameters
     ----------
     sensor
-        Name or YAML file of the sensor; by default the one that the packets name.
+        Name or YAML file of the sensor; by default that of the packets.
     stream
-        Stream to read of a packet capture with several sensors, such as ``192.168.1.201:2368``.
+        Stream of a packet capture with several sensors, such as ``192.168.1.201:2368``.
     topic
-        Topic to read of a ROS bag with several.
+        Topic of a ROS bag.
     time_unit
         Unit of the times of a cloud, ``s``, ``ms``, ``us`` or ``ns``; by default it is inferred.
     still_s
@@ -102,8 +102,8 @@ class RecordingOptions(Model):
         return self
 
 
-def recording_options(given: Mapping[str, Any]) -> RecordingOptions:
-    return parsed(RecordingOptions, given, "capture options")
+def recording_options(values: Mapping[str, Any]) -> RecordingOptions:
+    return parsed(RecordingOptions, values, "capture options")
 
 
 # For planes chosen by hand; others have the limits of `PlaneSearch`.
@@ -198,7 +198,7 @@ def _cropped(table: RecordedReturns, crop: Crop, search: PlaneSearch, number: in
 def _why(rejected: list[Rejected]) -> str:
     if not rejected:
         return "with enough returns"
-    most = max(rejected, key=lambda one: len(one.surface.rows))
+    most = max(rejected, key=lambda plane: len(plane.surface.rows))
     place = f"{most.surface.kind} at {most.surface.distance_m:.2f} m"
     return f"(the largest of {len(rejected)} not taken: {place}, {most.reason})"
 

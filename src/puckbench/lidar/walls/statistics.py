@@ -1,7 +1,7 @@
 """Ray noise and laser biases in recordings of a sensor at rest.
 
-A deviation is the difference between a measured range and the distance to the fitted plane along
-the ray. Ray noise is the spread between revolutions of a laser's deviations in one direction.
+A deviation is the measured range minus the distance to the fitted plane along the ray. Ray noise is
+the spread between revolutions of a laser's deviations in one direction.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ class RayNoise:
     """Standard deviation of range deviations between revolutions, in bins of laser and azimuth.
 
     `median_std_m` is the median of the bins' standard deviations. For Gaussian noise it is too
-    small, by 17 % with three revolutions and 4 % with ten. `sigma_m`, from the pooled variances, is
-    not.
+    small by 17 % with three revolutions and 4 % with ten, unlike `sigma_m`, from the pooled
+    variances.
     """
 
     median_std_m: float
@@ -60,8 +60,8 @@ class LaserBias:
 class Repeatability:
     """Agreement of the lasers' biases between different planes.
 
-    `correlation` is the mean over pairs of planes. `shared_std_m`, the square root of the mean
-    covariance, is the standard deviation of the part of the biases that recurs on every plane.
+    `correlation` is the mean over pairs of planes; `shared_std_m`, the square root of the mean
+    covariance, the standard deviation of the biases common to all planes.
     """
 
     pairs: int
@@ -116,10 +116,12 @@ def laser_bias(deviation: Floats, laser: NDArray[Any]) -> LaserBias:
 
 def repeatability(biases: Sequence[LaserBias]) -> Repeatability | None:
     correlations, covariances = [], []
-    for one, other in combinations(biases, 2):
-        _, first, second = np.intersect1d(one.lasers, other.lasers, return_indices=True)
+    for first_bias, second_bias in combinations(biases, 2):
+        _, first, second = np.intersect1d(
+            first_bias.lasers, second_bias.lasers, return_indices=True
+        )
         if len(first) >= _LEAST_COMMON_LASERS:
-            table = np.cov(one.mean_m[first], other.mean_m[second])
+            table = np.cov(first_bias.mean_m[first], second_bias.mean_m[second])
             covariances.append(table[0, 1])
             correlations.append(table[0, 1] / max(np.sqrt(table[0, 0] * table[1, 1]), 1e-30))
     if not covariances:
@@ -153,13 +155,12 @@ class PlaneStatistics:
 
     @property
     def unevenness_m(self) -> float | None:
-        """Standard deviation of the wall's shape: that of deviations less biases and ray noise."""
         if self.noise is None or len(self.bias.lasers) == 0:
             return None
         means = np.zeros(int(self.rows["laser_id"].max()) + 1)
         means[self.bias.lasers] = self.bias.mean_m
-        known = np.isin(self.rows["laser_id"], self.bias.lasers)
-        rest = (self.deviation - means[self.rows["laser_id"]])[known]
+        has_bias = np.isin(self.rows["laser_id"], self.bias.lasers)
+        rest = (self.deviation - means[self.rows["laser_id"]])[has_bias]
         return math.sqrt(max(float(np.var(rest)) - self.noise.sigma_m**2, 0.0))
 
     def described(self) -> dict[str, Any]:
@@ -199,7 +200,7 @@ def recording_summary(planes: RecordedPlanes) -> dict[str, Any]:
         "laser_bias_std_m": math.sqrt(float(np.mean(np.square(stds)))) if stds else None,
         "bias_repeatability": None if repeated is None else asdict(repeated),
         "planes": [part.described() for part in parts],
-        "rejected": [_rejected(one.surface, one.reason) for one in planes.rejected],
+        "rejected": [_rejected(plane.surface, plane.reason) for plane in planes.rejected],
     }
 
 

@@ -1,5 +1,3 @@
-"""Detection of intervals in which a sensor was at rest: revolutions measure equal distances."""
-
 from __future__ import annotations
 
 import math
@@ -25,7 +23,7 @@ _LASER_STRIDE = 7.0
 
 @dataclass(frozen=True)
 class Still:
-    """An interval at rest, from revolution `first` to `last`.
+    """An interval, from revolution `first` to `last`, in which the sensor was at rest.
 
     `shift_m` is the largest `turn_shift` from the first revolution to another of the interval.
     """
@@ -40,10 +38,8 @@ class Still:
 
 
 def still_rows(table: RecordedReturns, limit_m: float = SHIFT_M) -> tuple[RecordedReturns, Still]:
-    """Return the longest part of a recording in which the sensor is at rest, and its interval.
-
-    Distances may change by at most `limit_m`. Raises InputError if no interval has two revolutions
-    or more.
+    """Return the longest part of a recording at rest (distances change by at most `limit_m`), and
+    its interval.
     """
     turns = _turns(table)
     if len(turns) < 2:
@@ -69,8 +65,8 @@ def turn_shift(reference: RecordedReturns, other: RecordedReturns) -> float:
     """Return the change of distances between two revolutions, m; inf with too few returns.
 
     Distances of a laser are interpolated to the same azimuths. Medians of differences in sectors of
-    azimuth average out noise. The result, the third quartile of the medians, detects a moving
-    sensor, but not a passing person.
+    azimuth average out noise. The result is their third quartile, which detects a moving sensor but
+    ignores a passing person.
     """
     change, azimuth = _changes(reference, other)
     sector = np.floor(azimuth * (_SECTORS / math.tau)).astype(np.intp) % _SECTORS
@@ -88,14 +84,18 @@ def _turns(table: RecordedReturns) -> dict[int, NDArray[np.intp]]:
 
 
 def _changes(reference: RecordedReturns, other: RecordedReturns) -> tuple[Floats, Floats]:
-    places, wanted = _places(reference), _places(other)
+    places, other_places = _places(reference), _places(other)
     order = np.argsort(places, kind="stable")
     places, distance = places[order], reference["distance"][order]
-    after = np.clip(np.searchsorted(places, wanted), 1, len(places) - 1)
+    after = np.clip(np.searchsorted(places, other_places), 1, len(places) - 1)
     gap = places[after] - places[after - 1]
-    inside = (wanted >= places[after - 1]) & (wanted <= places[after]) & (gap < _WIDEST_GAP_RAD)
+    inside = (
+        (other_places >= places[after - 1])
+        & (other_places <= places[after])
+        & (gap < _WIDEST_GAP_RAD)
+    )
     step = distance[after] - distance[after - 1]
-    change = other["distance"] - np.interp(wanted, places, distance)
+    change = other["distance"] - np.interp(other_places, places, distance)
     rows = inside & (np.abs(step) < _GREATEST_STEP_M)
     return change[rows], other["azimuth"][rows]
 

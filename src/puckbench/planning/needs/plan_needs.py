@@ -1,5 +1,3 @@
-"""Needs of tables and figures, such as several codecs, or turns with a true surface."""
-
 from __future__ import annotations
 
 from puckbench.metrics.tables.against_octree import OCTREE
@@ -57,7 +55,6 @@ def several_noises(plan: Plan) -> Options | None:
 
 
 def _true_spins(plan: Plan) -> list[DataSetPlan]:
-    """Return the data sets that have both a sensor's returns and a true surface."""
     return [data for data in plan.coded if data.has_returns and data.has_true_surface]
 
 

@@ -1,1 +1,1 @@
-"""Models of furniture; each function makes an item on z = 0, with its front towards -y."""
+"""Models of furniture on z = 0, facing -y."""

@@ -1,5 +1,3 @@
-"""Models of small objects on tables, shelves and floors."""
-
 from __future__ import annotations
 
 import numpy as np

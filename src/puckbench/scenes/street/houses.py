@@ -22,8 +22,6 @@ _SILL, _FRAME = 0.06, 0.05
 
 @dataclass(frozen=True)
 class _Opening:
-    """A rectangular opening of a facade: centre x, lower edge z and size, in metres."""
-
     x: float
     z: float
     width: float

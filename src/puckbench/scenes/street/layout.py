@@ -1,5 +1,3 @@
-"""Layout of a street: rows of houses, plants, street furniture, parked cars, and a free lane."""
-
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
@@ -89,11 +87,6 @@ class _Street:
 
 @dataclass(frozen=True)
 class _Lot:
-    """A building lot, or a green without a house; lengths are in metres.
-
-    `middle` is the centre, `gap` the distance to the lot before.
-    """
-
     middle: float
     width: float
     gap: float

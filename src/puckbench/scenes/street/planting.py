@@ -1,5 +1,3 @@
-"""Models of trees, bushes and hedges with foliage of small random pieces."""
-
 from __future__ import annotations
 
 import numpy as np
@@ -55,7 +53,7 @@ def hedge(cad: Modeller, length: float) -> Item:
 def foliage(cad: Modeller, middles: Floats, radii: Floats, count: int, size: float) -> Surface:
     """Make `count` leaves in k ellipsoids with centres `middles` and half axes `radii` (k, 3), m.
 
-    They are shared by volume, and denser near the surfaces.
+    Ellipsoids get leaves by volume, more near their surfaces.
     """
     volumes = radii.prod(axis=1)
     ellipsoid = cad.rng.choice(len(radii), count, p=volumes / volumes.sum())

@@ -1,5 +1,3 @@
-"""Claims about duplicates, elongation and numbers of points (thesis sections 6.1.6, 6.2)."""
-
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
@@ -31,8 +29,8 @@ MORE_DUPLICATES = 0.05
 
 
 def draco_shifted_by_duplicates(evidence: Evidence) -> list[Part]:
-    """Test claim 12: at Draco's first rate, scans need more than `TWICE` times the bits per point
-    of objects, and more of their points are duplicates.
+    """Test claim 12: Draco's first rate takes more than `TWICE` times the bits per point on scans
+    as on objects, and scans have more duplicate points.
     """
     if DRACO not in evidence.codecs:
         return [untested(CODEC_NEEDS[DRACO])]
@@ -58,8 +56,8 @@ def draco_shifted_by_duplicates(evidence: Evidence) -> list[Part]:
 
 
 def elongation_has_no_effect(evidence: Evidence) -> list[Part]:
-    """Test claim 13: for each codec, the absolute rank correlation of a room's elongation and its
-    Chamfer distance is below `VISIBLE`.
+    """Test claim 13: for each codec, the rank correlation of a room's elongation and its Chamfer
+    distance is below `VISIBLE` in absolute value.
     """
     table = evidence.metrics
     rooms = [

@@ -28,7 +28,8 @@ MIN_CALLS = 5
 
 @dataclass(frozen=True)
 class Evidence:
-    """Tables of a run, and the roles (the thesis's data sets and codecs) that its own represent.
+    """Tables of a run, and the roles (the thesis's data sets and codecs) of its data sets and
+    codecs.
 
     `datasets` maps names to roles; `codecs` and `stand_ins` (codecs derived from the thesis's) map
     roles to names. If `of_medians` is true, `metrics` contains medians.

@@ -1,5 +1,3 @@
-"""Roles: the thesis's data sets and codecs, which those in a run can represent."""
-
 from __future__ import annotations
 
 from puckbench.thesis.published_rates import CLEAN, NOISY, OBJECTS, ROOMS

@@ -1,5 +1,3 @@
-"""Claims about the sensor's errors (thesis sections 5.1.3 and 5.5)."""
-
 from __future__ import annotations
 
 import math
@@ -53,8 +51,8 @@ def real_spread(evidence: Evidence) -> list[Part]:
 
 
 def default_noise_too_wide(evidence: Evidence) -> list[Part]:
-    """Test claim 2: residuals of ``hdl64e`` have more than `FAR_TOO_WIDE` times the real standard
-    deviation, and a greater distance to the real distribution than those of ``vlp16``.
+    """Test claim 2: residuals of ``hdl64e`` have over `FAR_TOO_WIDE` times the real standard
+    deviation, and are farther from the real distribution than those of ``vlp16``.
     """
     wide, real = _std(evidence, "hdl64e"), _std(evidence, REAL) or REAL_STD_M
     if wide is None:
@@ -128,7 +126,7 @@ def no_dependence_on_distance_or_laser(evidence: Evidence) -> list[Part]:
     """Test claim 5: the standard deviations of all distances, and of all lasers, are within a
     factor `FLAT` of their median.
 
-    A capture has another plane at each distance, so that only its lasers are compared.
+    Of captures only the lasers are compared, since each distance has another plane.
     """
     model = "vlp16_divergence"
     parts = [
@@ -197,7 +195,6 @@ def _std(evidence: Evidence, model: str) -> float | None:
 
 
 def _distance(evidence: Evidence, model: str) -> float | None:
-    """Return the earth mover's distance (m) from a model to the thesis's real residuals."""
     table = evidence.thesis_numbers
     if table is None:
         return None

@@ -1,5 +1,3 @@
-"""`puckbench claims`: show the verdicts of a run on the thesis's claims."""
-
 from __future__ import annotations
 
 import argparse

@@ -1,5 +1,3 @@
-"""`puckbench reproduce`: list the thesis's figures and tables."""
-
 from __future__ import annotations
 
 import argparse

@@ -1,5 +1,3 @@
-"""`puckbench residuals`: compute plane residuals of virtual scans or of a capture."""
-
 from __future__ import annotations
 
 import argparse
@@ -58,8 +56,8 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
 
     if options.capture is None:
         names = ("model", "model_options", "runs", "seed", "keep", "refit", "distances")
-        return Residuals.given(**selected(options, *names)).run(options.out)
-    job = CaptureResiduals.given(options=options.capture_options)
+        return Residuals.create(**selected(options, *names)).run(options.out)
+    job = CaptureResiduals.create(options=options.capture_options)
     summary = job.run(options.capture, options.out)
     return summary if options.json else _lines(summary)
 

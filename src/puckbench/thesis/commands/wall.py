@@ -1,5 +1,3 @@
-"""`puckbench wall`: compute points of virtual scans of a wall and a floor."""
-
 from __future__ import annotations
 
 import argparse
@@ -39,4 +37,4 @@ def run(options: argparse.Namespace) -> dict[str, Any]:
     from puckbench.thesis.jobs.wall_points import WallPoints
 
     settings = selected(options, "model", "model_options", "seed", "keep", "distances")
-    return WallPoints.given(**settings).run(options.out)
+    return WallPoints.create(**settings).run(options.out)

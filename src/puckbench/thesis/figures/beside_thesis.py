@@ -59,8 +59,11 @@ def draw_beside_thesis(thesis_medians: pd.DataFrame, style: FigureStyle) -> Figu
 
 def _draw_panel(axes: Axes, rows: pd.DataFrame, rates: list[str], style: FigureStyle) -> None:
     for codec in style.ordered_codecs(rows["codec"]):
-        own = rows[rows["codec"] == codec].set_index("rate").reindex(rates)
-        thesis, here = own["thesis"].to_numpy(dtype=float), own["here"].to_numpy(dtype=float)
+        codec_rows = rows[rows["codec"] == codec].set_index("rate").reindex(rates)
+        thesis, here = (
+            codec_rows["thesis"].to_numpy(dtype=float),
+            codec_rows["here"].to_numpy(dtype=float),
+        )
         x = np.arange(len(rates), dtype=float)
         colour = style.of_codec(codec).colour
         axes.plot(x, thesis, color=colour, linewidth=_WIDE, alpha=_FAINT, solid_capstyle="round")

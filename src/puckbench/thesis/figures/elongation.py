@@ -57,12 +57,12 @@ def draw_elongation(metrics: pd.DataFrame, clouds: pd.DataFrame, style: FigureSt
         set_title(axes, titled(style.title(dataset), of_dataset), abreast, style)
         is_joined = of_dataset["cloud"].nunique() <= _MOST_JOINED
         for codec in style.ordered_codecs(of_dataset["codec"]):
-            own = of_dataset[of_dataset["codec"] == codec].sort_values("elongation")
-            own, shown = own[own[CD_PLANE.column] > 0], style.of_codec(codec)
+            codec_rows = of_dataset[of_dataset["codec"] == codec].sort_values("elongation")
+            codec_rows, shown = codec_rows[codec_rows[CD_PLANE.column] > 0], style.of_codec(codec)
             axes.plot(
-                own["elongation"], own[CD_PLANE.column], color=shown.colour, marker=shown.marker,
-                linestyle=shown.line if is_joined else "", linewidth=0.6, markerfacecolor="none",
-                markeredgewidth=0.8,
+                codec_rows["elongation"], codec_rows[CD_PLANE.column],
+                color=shown.colour, marker=shown.marker, linestyle=shown.line if is_joined else "",
+                linewidth=0.6, markerfacecolor="none", markeredgewidth=0.8,
             )  # fmt: skip
     label_outer(panels, abreast, "Elongation, shortest over longest side", CD_PLANE.short_label)
     add_legend(figure, style.ordered_codecs(rows["codec"]), style)

@@ -1,5 +1,3 @@
-"""Example clouds (thesis Figures 6.1 to 6.3)."""
-
 from __future__ import annotations
 
 import math
@@ -151,7 +149,6 @@ def _colour_map() -> Colormap:
 
 
 def _light(cloud: PointCloud, view: View) -> Floats:
-    """Return the brightness (n,) of points from their normals, ignoring the sign."""
     if cloud.normals is None:
         return np.ones(len(cloud))
     right, up, forward = view.axes()

@@ -1,5 +1,3 @@
-"""Diagrams of the sweep (thesis Figure 5.1) and of the plane residual (Figure 5.21)."""
-
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any

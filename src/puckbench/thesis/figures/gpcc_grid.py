@@ -1,5 +1,3 @@
-"""Figures of G-PCC by the scale of its grid."""
-
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
@@ -59,8 +57,8 @@ def draw_scales(gpcc_scales: pd.DataFrame, style: FigureStyle) -> Figure:
         set_log(axes, "y", _limits(gpcc_scales, metric, style), minor=False)
         for codec in style.ordered_codecs(rows["codec"]):
             line = style.of_codec(codec)
-            own = rows[rows["codec"] == codec]
-            _draw(axes, own, own[metric.column], line.colour, line.marker, line.line)
+            codec_rows = rows[rows["codec"] == codec]
+            _draw(axes, codec_rows, codec_rows[metric.column], line.colour, line.marker, line.line)
         _set_scales(axes, gpcc_scales["scale"].to_numpy(dtype=float))
         if index < len(datasets):
             set_title(axes, _counted(rows, style), len(datasets), style)
@@ -126,12 +124,20 @@ def _draw_ratio(table: pd.DataFrame, name: str, label: str, style: FigureStyle) 
     axes = figure.subplots()
     datasets = style.ordered_datasets(rows["dataset"])
     for place, dataset in enumerate(datasets):
-        own = rows[rows["dataset"] == dataset].sort_values("scale")
-        low, high = own[columns[0]], own[columns[2]]
+        dataset_rows = rows[rows["dataset"] == dataset].sort_values("scale")
+        low, high = dataset_rows[columns[0]], dataset_rows[columns[2]]
         colour = _COLOURS[place % len(_COLOURS)]
-        axes.fill_between(own["scale"], low, high, color=colour, alpha=0.2, linewidth=0)
+        axes.fill_between(dataset_rows["scale"], low, high, color=colour, alpha=0.2, linewidth=0)
         marker = _MARKERS[place % len(_MARKERS)]
-        _draw(axes, own, own[columns[1]], colour, marker, "-", _counted(own, style))
+        _draw(
+            axes,
+            dataset_rows,
+            dataset_rows[columns[1]],
+            colour,
+            marker,
+            "-",
+            _counted(dataset_rows, style),
+        )
     axes.axhline(1, color="#555555", linewidth=0.7)
     _set_scales(axes, rows["scale"].to_numpy(dtype=float))
     axes.set_xlabel(_SCALE)

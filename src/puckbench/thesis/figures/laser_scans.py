@@ -1,5 +1,3 @@
-"""Scans of a wall and a floor coloured by laser (thesis Figures 5.2 to 5.9, 5.16 and 5.17)."""
-
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
@@ -151,7 +149,6 @@ def _part(scans: pd.DataFrame, distance_m: float, surface: str | None) -> pd.Dat
 
 
 def _shown(scans: pd.DataFrame, distance_m: float, surface: str | None = None) -> pd.DataFrame:
-    """Return random rows of the real capture or, without one, of the virtual sensor."""
     part = _part(scans, distance_m, surface)
     model = compared(part)[0]
     return subsample(part[part["model"] == model], SAMPLE, model)

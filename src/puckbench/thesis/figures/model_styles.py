@@ -1,5 +1,3 @@
-"""Titles, colours, order and legend for error models."""
-
 from __future__ import annotations
 
 import hashlib
@@ -50,15 +48,15 @@ _OTHER_COLOURS = ("#44AA99", "#AA4499", "#8C6000", "#BB5566", "#5D4037", "#66CDA
 
 
 def model_style(model: str, style: FigureStyle) -> ModelStyle:
-    found = MODEL_STYLES.get(model)
-    if found is None and model in ERROR_MODELS:
-        found = _registered(model)
-    if found is None or not (found.title and found.colour):
+    plot_style = MODEL_STYLES.get(model)
+    if plot_style is None and model in ERROR_MODELS:
+        plot_style = _registered(model)
+    if plot_style is None or not (plot_style.title and plot_style.colour):
         digest = hashlib.sha256(model.encode()).digest()
         words = model.replace("_", " ")
         title = words[:1].upper() + words[1:]
-        found = ModelStyle(title, _OTHER_COLOURS[digest[0] % len(_OTHER_COLOURS)])
-    return ModelStyle(found.title, style.colours.get(model, found.colour))
+        plot_style = ModelStyle(title, _OTHER_COLOURS[digest[0] % len(_OTHER_COLOURS)])
+    return ModelStyle(plot_style.title, style.colours.get(model, plot_style.colour))
 
 
 def ordered_models(models: Iterable[str]) -> list[str]:

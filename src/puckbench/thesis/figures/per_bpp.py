@@ -1,5 +1,3 @@
-"""Figures of metrics against bits per point (thesis Figures 6.6 to 6.9)."""
-
 from __future__ import annotations
 
 from typing import TYPE_CHECKING

@@ -1,5 +1,3 @@
-"""Medians per compression rate (thesis Figure 6.5)."""
-
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
@@ -76,12 +74,14 @@ def _draw_row(
     limits = log_limits(medians[quantity.column].to_numpy(dtype=float), default)
     for dataset, axes in row.items():
         set_log(axes, "y", limits, minor=False)
-        own_metrics = metrics[metrics["dataset"] == dataset]
+        dataset_metrics = metrics[metrics["dataset"] == dataset]
         part = medians[medians["dataset"] == dataset]
         for codec in style.ordered_codecs(part["codec"]):
-            own = part[part["codec"] == codec].set_index("rate").reindex(rates)
-            y, low, high = (own[name].to_numpy(float) for name in (quantity.column, "low", "high"))
+            codec_rows = part[part["codec"] == codec].set_index("rate").reindex(rates)
+            y, low, high = (
+                codec_rows[name].to_numpy(float) for name in (quantity.column, "low", "high")
+            )
             curve = Curve(np.arange(len(rates), dtype=float), y, low, high)
-            faint = quantity.is_time and codec in unranked_codecs(own_metrics)
+            faint = quantity.is_time and codec in unranked_codecs(dataset_metrics)
             draw_over_rates(axes, curve, style.of_codec(codec), faint)
     next(iter(row.values())).set_ylabel(quantity.short_label)

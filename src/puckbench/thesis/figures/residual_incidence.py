@@ -1,5 +1,3 @@
-"""Plane residuals against the incidence angle (thesis Figures 5.15 and 5.20)."""
-
 from __future__ import annotations
 
 from collections.abc import Sequence

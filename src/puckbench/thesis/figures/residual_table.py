@@ -1,5 +1,3 @@
-"""Selections from the residual table for the figures of chapter 5."""
-
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
@@ -47,8 +45,8 @@ def far(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def compared(table: pd.DataFrame) -> list[str]:
-    """Return `REAL`, if there are captures, and a virtual model: the first in `_VIRTUAL` that the
-    table has, else the table's first.
+    """Return the models to compare: `REAL`, if there are captures, and a virtual model, preferably
+    of `_VIRTUAL`.
     """
     models = [model for model in ordered_models(table["model"]) if model != REAL]
     preferred = [model for model in _VIRTUAL if model in models]

@@ -1,5 +1,3 @@
-"""Violin plots of plane residuals (thesis Figures 5.10 to 5.14, 5.18 and 5.19)."""
-
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
@@ -92,7 +90,7 @@ def draw_floor_lasers(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
 )
 def draw_wall_lasers(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
     """Plane residuals of the wall by laser, from all distances below 30 m (thesis figure 5.14,
-    whose caption says floor).
+    whose caption names the floor).
 
     In metres; violins as in figure 5.10.
     """

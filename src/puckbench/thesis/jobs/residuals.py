@@ -1,5 +1,3 @@
-"""Plane residuals of virtual scans (thesis section 5.1.2, Procedure 1)."""
-
 from __future__ import annotations
 
 from collections.abc import Iterable

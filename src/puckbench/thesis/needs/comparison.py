@@ -1,5 +1,3 @@
-"""Options for tables and figures that compare a run with the thesis; None if not applicable."""
-
 from __future__ import annotations
 
 from puckbench.planning.needs.registry import NEEDS, Options

@@ -1,5 +1,3 @@
-"""Residuals of error models on the rays of recorded walls, so that only the noise differs."""
-
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
@@ -58,8 +56,8 @@ def compared_residuals(
     replicates: int = REPLICATES,
     seed: int = 0,
 ) -> pd.DataFrame:
-    """Return the residuals of `real_walls` from least-squares planes, and of each model in
-    `replicates` simulations.
+    """Return the residuals of `real_walls`, and of each model in `replicates` simulations on the
+    same rays, from least-squares planes.
 
     A `Calibrated` model draws another device for each capture and replicate.
     """
@@ -94,7 +92,6 @@ def _device(model: ErrorModel, replicate: int, capture: int) -> ErrorModel:
 
 
 def _range_errors(rows: pd.DataFrame, model: ErrorModel, rng: np.random.Generator) -> Floats:
-    """Draw a model's range errors (n,), in m, on the rays of one wall."""
     import pandas as pd
 
     sensor = load_sensor("vlp16")
@@ -122,7 +119,6 @@ def _rows_of_walls(rows: pd.DataFrame) -> list[NDArray[np.intp]]:
 
 
 def _from_planes(walls: pd.DataFrame, residuals: Floats) -> Floats:
-    """Subtract each wall's least-squares plane from residuals (n,)."""
     refitted = residuals.copy()
     places = walls[["plane_u_m", "plane_v_m"]].to_numpy(dtype=np.float64)
     for rows in _rows_of_walls(walls):

@@ -1,5 +1,3 @@
-"""Joining tables of error models and captures."""
-
 from __future__ import annotations
 
 from collections.abc import Sequence

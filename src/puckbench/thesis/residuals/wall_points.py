@@ -1,5 +1,3 @@
-"""Points of virtual scans in the coordinate frame of the wall (thesis Figures 5.2 to 5.9)."""
-
 from __future__ import annotations
 
 from collections.abc import Sequence

@@ -1,5 +1,3 @@
-"""The effect of incidence on plane residuals (thesis figures 5.15 and 5.21)."""
-
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
@@ -20,8 +18,8 @@ BINS = len(BIN_STDS_M)
 def incidence_table(residuals: pd.DataFrame) -> pd.DataFrame:
     """Mean and standard deviation of the plane residuals in ten bins of the angle of incidence.
 
-    The bins are those of thesis figure 5.15, beside the standard deviations of its real sensor.
-    Walls and floors nearer than 30 m.
+    Bins of thesis figure 5.15, beside the standard deviations of its real sensor. Walls and floors
+    nearer than 30 m.
     """
     near = residuals[residuals["distance_m"] < FAR_M]
     table = incidence_bins(near, BINS, highest_rad=LARGEST_RAD)
@@ -33,7 +31,7 @@ def incidence_table(residuals: pd.DataFrame) -> pd.DataFrame:
 def incidence_effect(scans: pd.DataFrame, residuals: pd.DataFrame) -> pd.DataFrame:
     """Range error and distance from the surface by error model and angle of incidence.
 
-    A point with the range error e is e cos(theta) away from the surface (section 5.6). Standard
+    A range error e moves a point e cos(theta) off the surface (section 5.6). Standard
     deviations are predicted, and measured from the true surface (scans at 1 and 5 m) and from the
     fitted plane (all distances below 30 m).
 

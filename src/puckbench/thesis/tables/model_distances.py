@@ -39,8 +39,8 @@ def model_distances(
 ) -> pd.DataFrame:
     """Earth mover's distance of each error model's wall residuals from those of real sensors.
 
-    In metres, with a 95 % interval. A sensor that follows the model exceeds ``chance_m`` with
-    probability 5 %.
+    In metres, with a 95 % interval. A sensor that follows the model exceeds ``chance_m`` with 5 %
+    probability.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ def leave_one_out(
     for number, table in enumerate(tables, 1):
         others = [other for place, other in enumerate(tables, 1) if place != number]
         if not others:
-            raise InputError("to leave a device out takes captures of two devices")
+            raise InputError("leaving a device out needs captures of two devices")
         models = {**default_models(), "calibrated": _calibrated(others, settings)}
         compared = compared_residuals(real_walls([table]), models, replicates=replicates, seed=seed)
         distances = model_distances(compared, resamples=resamples, seed=seed)
@@ -118,8 +118,6 @@ def _calibrated(tables: Sequence[pd.DataFrame], settings: CalibrationOptions) ->
 
 
 class _Blocks:
-    """Histograms (blocks, bins) of residuals, one for each replicate, wall and laser."""
-
     def __init__(self, counts: Floats) -> None:
         self.counts = counts
         self.total = counts.sum(axis=0)
@@ -149,10 +147,8 @@ def _distance(histogram: Floats, other: Floats) -> float:
 
 
 def _chance(rows: pd.DataFrame, total: Floats) -> float:
-    """Return the 95 % quantile of the distances (m) from single replicates to all residuals
-    (`total`).
-
-    It is nan with fewer than two replicates.
+    """Return the 95 % quantile of the distances (m) of single replicates to all residuals
+    (`total`); nan for fewer than two.
     """
     residuals = rows["residual_m"].to_numpy(dtype=np.float64)
     parts = rows.groupby("replicate").indices.values()

@@ -1,5 +1,3 @@
-"""Tables 4.1, 4.2 and 5.1 of the thesis beside the values of the code."""
-
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence

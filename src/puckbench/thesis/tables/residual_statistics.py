@@ -1,5 +1,3 @@
-"""Statistics of plane residuals, with their uncertainty."""
-
 from __future__ import annotations
 
 from itertools import compress, product
@@ -81,7 +79,7 @@ def _moments(scans: pd.DataFrame, keys: list[str]) -> pd.DataFrame:
 def _scatter(errors: pd.Series[float], scans: pd.DataFrame, places: list[str]) -> pd.Series[float]:
     """Return the contribution of each scan to the variance of the sum of `errors`.
 
-    Deviations are from the mean over scans at the same place or, for a single scan, from zero.
+    Deviations are from the mean over scans of the same place; for a single scan, from zero.
     """
     groups = errors.groupby([scans[name] for name in places])
     repeats, centre = groups.transform("size"), groups.transform("mean")
@@ -93,10 +91,12 @@ def _scatter(errors: pd.Series[float], scans: pd.DataFrame, places: list[str]) -
 def _result(sums: pd.DataFrame) -> pd.DataFrame:
     import pandas as pd
 
-    n, one, two, mean_error_sq, variance_error_sq, _, freedom = sums.to_numpy(dtype=np.float64).T
-    mean = one / n
+    n, total, total_of_squares, mean_error_sq, variance_error_sq, _, freedom = sums.to_numpy(
+        dtype=np.float64
+    ).T
+    mean = total / n
     with np.errstate(divide="ignore", invalid="ignore"):
-        std = np.sqrt((two / n - mean**2).clip(min=0) * n / (n - 1))
+        std = np.sqrt((total_of_squares / n - mean**2).clip(min=0) * n / (n - 1))
         factor = _student_quantile(np.round(freedom)) / n
         std_half = factor * np.sqrt(variance_error_sq) / (2 * std)
     numbers = {
@@ -106,7 +106,7 @@ def _result(sums: pd.DataFrame) -> pd.DataFrame:
         "mean_half_m": factor * np.sqrt(mean_error_sq),
         "std_m": std,
         "std_half_m": std_half,
-        "rms_m": np.sqrt(two / n),
+        "rms_m": np.sqrt(total_of_squares / n),
     }
     return pd.DataFrame(numbers, index=sums.index)
 
