@@ -42,7 +42,7 @@ def _prepare(bench: Workflow, dataset: str, cloud: str) -> None:
     if jobs.dataset(dataset).settings.is_scan:
         _do(jobs.scan(dataset, cloud), mesh=scene, table=source)
     else:
-        _do(jobs.sample(dataset), mesh=scene, cloud=source)
+        _do(jobs.sample(dataset, cloud), mesh=scene, cloud=source)
     about = scene.with_suffix(".json")
     more = {"box": about} if jobs.is_cropped(dataset) else {}
     if jobs.dataset(dataset).has_returns:

@@ -155,6 +155,7 @@ def names_and_groups(cloud: Path, descriptions: tuple[Path, ...]) -> dict[str, A
     for path in descriptions:
         about = read_object(path)
         names.update({key: about[key] for key in ("name", "group") if key in about})
-    if names.get("name", cloud.stem) != cloud.stem:
-        names |= {"name": cloud.stem, "scene": names["name"]}
+    scene = names.get("name")
+    if isinstance(scene, str) and scene != cloud.stem:
+        names |= {"name": cloud.stem, "scene": scene}
     return names

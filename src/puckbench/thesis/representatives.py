@@ -7,6 +7,7 @@ from puckbench.codecs.base import Codec
 from puckbench.codecs.draco import Draco
 from puckbench.codecs.draco_tools import DracoCli
 from puckbench.codecs.gpcc import Gpcc
+from puckbench.codecs.gpcc_denoised import GpccDenoised
 from puckbench.codecs.pcgcv1 import Pcgcv1
 from puckbench.codecs.pcgcv2 import Pcgcv2
 from puckbench.codecs.registry import open_codec
@@ -70,7 +71,7 @@ def codec_role(codec: Codec) -> str:
     if codec.based_on or (isinstance(codec, Draco) and codec.options.method == "sequential"):
         return ""
     if isinstance(codec, (Gpcc, Tmc13)):
-        if codec.options.profile == "spinning":
+        if codec.options.profile == "spinning" or isinstance(codec, GpccDenoised):
             return ""
         return GPCC_AS_RUN if codec.options.rounding == "truncate" else GPCC
     return next((role for role, classes in _CLASSES.items() if isinstance(codec, classes)), "")
