@@ -3,13 +3,10 @@
     python -m benchmarks.checks.killed_runs [--kills 20] [--seed 1] [--only-snakemake] [--cores 2]
         [--target tables] [--like FOLDER --longest SECONDS] [CONFIG]
 
-Runs the tables of CONFIG (benchmarks/small.yaml) once from nothing, or takes a run that is in
-FOLDER already. Then again in another folder, where every run is killed (SIGKILL to the whole
-process group; with --only-snakemake its jobs are left alone and go on) after random seconds, at
-most half of the undisturbed run's time, and started again by the same command; when one comes to
-its end, the next begins from nothing, until there were that many kills. After each kill every file
-under its final name must be whole, that is, the undisturbed run's; at each end all files must be,
-times aside. Exit status 1 where they are not.
+CONFIG (benchmarks/small.yaml) runs once undisturbed, or that run is in FOLDER. In another folder
+runs are killed (SIGKILL to the process group, or to Snakemake alone) after random seconds, at most
+half of the undisturbed time, and resumed. After each kill the files must be those of that run; at
+each end all of them must be there, except for times. Exit status 1 if they are not.
 """
 
 from __future__ import annotations

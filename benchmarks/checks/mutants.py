@@ -2,11 +2,9 @@
 
     python -m benchmarks.checks.mutants [MODULE ...] [--each 20] [--seed 0]
 
-Of each module a sample of its mutants is drawn: a comparison, operator, number, truth value,
-condition or returned value that is changed. Each is written into a copy of the tree and tested with
-the tests that `TESTS` names, in a process forked from one that has imported all libraries. Compiled
-loops are mutated as well: the cache of compiled functions follows their source. Prints the mutants
-that survived, and counts; exit status 1 when they are a tenth or more.
+A mutant changes a comparison, operator, number, truth value, condition or returned value. A sample
+of each module's mutants is tested in a copy of the tree, with the tests that `TESTS` names. Prints
+the mutants that survived; exit status 1 if they are a tenth or more.
 """
 
 from __future__ import annotations
@@ -29,15 +27,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[2]
 TREE = Path(tempfile.gettempdir()) / f"puckbench-mutants-{os.getuid()}"
 COPIED = ("benchmarks", "config", "docs", "src", "tests", "workflow")
-LIBRARIES: tuple[str, ...] = (
-    "open3d",
-    "trimesh",
-    "pandas",
-    "pyarrow.parquet",
-    "numba",
-    "hypothesis",
-    "pydantic",
-)
+LIBRARIES = ["open3d", "trimesh", "pandas", "pyarrow.parquet", "numba", "hypothesis", "pydantic"]
 LIBRARIES += ("scipy.interpolate", "scipy.spatial", "scipy.stats", "scipy.optimize", "pytest")
 MOST_SURVIVORS = 0.1
 ROOMS = ("metrics", "lidar", "thesis/claims")
