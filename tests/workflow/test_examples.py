@@ -18,7 +18,6 @@ from puckbench.codecs.registry import open_codec
 from puckbench.core.registry import trust
 from puckbench.geometry.cloud import PointCloud
 from puckbench.io.clouds import write_cloud
-from puckbench.jobs.curve_files import read_rows
 from tests.support.bench import BOX, CONFIG, ROOT, Bench
 from tests.support.pages import blocks, commands, page, write_files
 
@@ -30,12 +29,12 @@ ONE_RESULT = "docs/how-to/make_one_result.md"
 THESIS = "docs/how-to/reproduce_the_thesis.md"
 
 
-def _python(folder: Path, *words: str, path: str = str(ROOT / "src")) -> str:
+def _python(folder: Path, *words: str) -> str:
     """What a Python program in a folder prints, with puckbench on its path."""
     done = subprocess.run(
         [sys.executable, *words],
         cwd=folder,
-        env={**os.environ, "PYTHONPATH": path},
+        env={**os.environ, "PYTHONPATH": str(ROOT / "src")},
         capture_output=True,
         text=True,
         check=False,
@@ -75,23 +74,6 @@ def test_gpcc_codes_points_alone_as_its_example_shows() -> None:
     exec(code, names)  # noqa: S102 (our own page)
     decoded = eval("decode_geometry(stream).points", names)  # noqa: S307
     assert set(map(tuple, decoded)) == set(map(tuple, points))
-
-
-def test_a_package_brings_a_codec_as_its_page_shows(fresh: Bench, tmp_path: Path) -> None:
-    write_files(tmp_path, CODEC)
-    (package := tmp_path / "package").mkdir()
-    (tmp_path / "codecs" / "grid.py").rename(package / "grid.py")
-    (package / "pyproject.toml").write_text(blocks(CODEC, "toml")[0])
-    offline = ["--no-deps", "--no-index", "--no-build-isolation", "--disable-pip-version-check"]
-    target = tmp_path / "installed"
-    _python(tmp_path, "-m", "pip", "install", *offline, "--target", str(target), "./package")
-    path = f"{ROOT / 'src'}{os.pathsep}{target}"
-    listed = _python(tmp_path, "-m", "puckbench", "codecs", path=path)
-    assert re.search(r"^ *grid +r1 to r3", listed, re.MULTILINE)
-    fresh.configure({"codecs": {"grid": {}}, "sensor_study": None, "figures": {}})
-    rows = "results/metrics/objects/chair_01/grid.parquet"
-    _python(fresh.folder, *fresh.command(rows)[1:], path=path)
-    assert {row["codec_version"] for row in read_rows([fresh.folder / rows])} == {"1"}
 
 
 def test_a_codec_of_ones_own_runs_as_its_page_shows(fresh: Bench) -> None:
