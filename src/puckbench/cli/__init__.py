@@ -17,6 +17,10 @@ from puckbench.cli.registry import Answer, command, help_texts
 from puckbench.core.errors import InputError
 from puckbench.core.files import unwritable
 
+_DESCRIPTION = (
+    "A reproducible benchmark of point-cloud compression on virtual and real LiDAR scans."
+)
+
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit status.
@@ -92,7 +96,7 @@ def parser_of(
     names: Container[str], parser_class: type[argparse.ArgumentParser] = _Parser
 ) -> argparse.ArgumentParser:
     """Return a parser of all commands; only those in `names` have their arguments."""
-    parser = parser_class(prog="puckbench", description=puckbench.__doc__)
+    parser = parser_class(prog="puckbench", description=_DESCRIPTION)
     parser.add_argument("--version", action="store_true", help="print the version")
     parser.add_argument(
         "-v",

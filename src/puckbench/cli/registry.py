@@ -24,7 +24,7 @@ _HELP = {
     "run": "compare codecs on your clouds, meshes and recordings: a table and a report",
     "scene": "write a scene of a scene set as a mesh or cloud, with its description",
     "scan": "scan a mesh with a virtual sensor: a table of all returns",
-    "capture": "read a capture of a VLP-16 or Puck Hi-Res: a table of its returns",
+    "capture": "read a recording of a spinning LiDAR: a table of its returns",
     "export": "write a scan or a capture in the format of another tool",
     "compress": "store a recording of a spinning LiDAR in a smaller file, without loss",
     "decompress": "restore a recording from such a file",
