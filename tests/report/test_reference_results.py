@@ -77,9 +77,13 @@ def only(reference: ReferenceResults) -> dict[str, Any]:
     datasets: dict[str, Any] = {}
     for dataset, cloud in samples_of(reference):
         chosen = configuration["datasets"][dataset]
-        of_one = {**configuration["scenes"][chosen["scenes"]], "select": [cloud]}
+        scene, seeds = cloud, {}
+        if chosen.get("seeds"):
+            scene, _, seed = cloud.rpartition("-")
+            seeds = {"seeds": [int(seed)]}
+        of_one = {**configuration["scenes"][chosen["scenes"]], "select": [scene]}
         scenes[dataset] = {key: value for key, value in of_one.items() if key != "limit"}
-        datasets[dataset] = {**chosen, "scenes": dataset, "codecs": None}
+        datasets[dataset] = {**chosen, **seeds, "scenes": dataset, "codecs": None}
     return {
         "seed": configuration["seed"],
         "scenes": scenes,

@@ -39,6 +39,7 @@ _TITLES = {
     "capod_first": "CAPOD, the first object of each class",
     "real": "Real objects and rooms",
     "sweeps": "Turns of a sensor",
+    "evidence": "Rooms, objects and streets with several seeds",
     "capod_learned": "CAPOD, the thesis's learned codecs",
     "sweeps_reno": "Turns of a sensor, RENO",
 }
