@@ -1,4 +1,4 @@
-"""G-PCC's predictive geometry, in spherical coordinates if the cloud has a sensor's returns."""
+"""G-PCC's predictive geometry."""
 
 from __future__ import annotations
 

@@ -50,8 +50,8 @@ class PrimitivesOptions(Model):
 class Primitives(Codec):
     """Codec of geometric primitives that are fitted to noisy points on surfaces.
 
-    A rate consists of the values of `PrimitiveSettings` that differ from its defaults; lengths are
-    thousandths (1/1023) of the cloud's longest side, the units of the cube [0, 1023].
+    A rate has the values of `PrimitiveSettings` that differ from its defaults; lengths are 1/1023
+    of the cloud's longest side, the units of the cube [0, 1023].
     """
 
     title = "Primitives"
@@ -89,7 +89,7 @@ class Primitives(Codec):
     def shared_work(self) -> SurfaceCache | None:
         """Return a cache for the fitted surface, which all rates of a cloud share.
 
-        Return None if a subclass overrides `_encode`, because `_encode` does not receive the cache.
+        Return None if a subclass overrides `_encode`, which does not receive it.
         """
         from puckbench.primitives.mode_decision import SurfaceCache
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 def step_in_quanta(returns: Returns, parameters: Parameters) -> int:
     """Return the number of quanta (at least 1) to which a rate rounds ranges.
 
-    It is the largest multiple of the quantum that does not exceed the rate's step.
+    It is the largest that does not exceed the rate's step.
     """
     return max(1, int(float(parameters["step_m"]) / returns.quantum_m + 1e-6))
 
@@ -59,7 +59,7 @@ class ReturnsCodec(Codec):
         return self.decode_cloud(stream).xyz
 
     def check_returns(self, returns: Returns) -> None:
-        """Raise InputError if the codec cannot encode the returns; by default it accepts all."""
+        """Raise InputError if the codec cannot encode the returns."""
 
     @abstractmethod
     def _encode_returns(self, returns: Returns, parameters: Parameters) -> bytes:

@@ -78,9 +78,10 @@ def scan_distortion(
     mesh: Mesh | SearchableMesh | None,
     decoded: Floats | DistinctPoints,
 ) -> dict[str, float]:
-    """Return `truth_distortion` of a decoded scan and, as ``clean_...``, its errors to the clean one.
+    """Return `truth_distortion` of a decoded scan, and its `distortion` from the clean scan.
 
-    The clean scan is the intersections (n, 3) of rays and surface, with true normals.
+    The latter's names begin with ``clean_``. The clean scan is the intersections (n, 3) of rays and
+    surface, with true normals.
     """
     errors = squared_errors(clean, decoded)
     to_points = {f"clean_{key}": value for key, value in summarise_errors(errors).items()}

@@ -63,9 +63,7 @@ class RangeRows(NamedTuple):
 
 
 class LabelledPlanes(NamedTuple):
-    """The plane of each return (lasers, columns), -1 for none, and vectors m (n, 3) of planes m . p
-    = 1.
-    """
+    """Each return's plane (lasers, columns), -1 for none, and vectors m (n, 3) of planes m . p = 1."""
 
     labels: Labels
     vectors: Floats
@@ -209,7 +207,7 @@ def _first_part(
     scratch: tuple[Floats, Floats],
     places: Places,
 ) -> int:
-    """Return the length of the first of two lines if they fit far better than one, or `length`."""
+    """Return the length of the first of two lines if they fit far better, else `length`."""
     both, plane = scratch
     first, second = both[0], both[1]
     second[:] = 0

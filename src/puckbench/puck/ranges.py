@@ -82,9 +82,7 @@ class RangeModel(NamedTuple):
 
 
 class ModelSize(NamedTuple):
-    """Sizes of the models at an effort: they use the first of all features, experts and
-    contexts.
-    """
+    """Sizes of models, which use the first of all features, experts and contexts."""
 
     features: int
     experts: int
@@ -259,10 +257,7 @@ def _code_mask_unmixed(
     model: RangeModel, image: RangeContext, before: RangeContext, c: int, laser: int, t: int,
     source: Words,
 ) -> int:  # fmt: skip
-    """Encode or decode whether a firing has a return, by one adaptive probability.
-
-    This is the method of the effort `fast`.
-    """
+    """Code whether a firing has a return, by one adaptive probability (effort `fast`)."""
     ranges, then = image.ranges, before.ranges
     context = _is(ranges, c - 1, laser) + 2 * _is(ranges, c - 2, laser)
     context += 4 * _is(ranges, c - 3, laser)
@@ -304,8 +299,8 @@ def _predict(
     """Predict a range, and return five values.
 
     They are a base range, the predicted difference from it in quarter quanta, the level of recent
-    errors (activity), whether the previous turn has a return at this place (1 or 0), and the index
-    of the experts' scales (situation).
+    errors (activity), whether the previous turn has a return here (1 or 0), and the index of the
+    experts' scales (situation).
     """
     base = _base(model, image, before, c, laser, t)
     _write_features(model, image, before, c, laser, t, base)
@@ -318,7 +313,7 @@ def _predict(
 
 @inlined
 def _quantise(model: RangeModel, value: int, mean: int, situation: int) -> tuple[int, int, int]:
-    """Return a range in steps, and the arguments `centre` and `unit` of `code_number` for it."""
+    """Return a range in steps, and `centre` and `unit` of `code_number` for it."""
     step, lmbda = model.parameters[0], model.parameters[1]
     scale = model.experts.scales[0, situation] >> 8
     index = in_steps(value + (step >> 1), step)
@@ -349,10 +344,7 @@ def _cheaper_index(value: int, index: int, mean: int, scale: int, step: int, lmb
 def _base(
     model: RangeModel, image: RangeContext, before: RangeContext, c: int, laser: int, t: int
 ) -> int:
-    """Return the range that is subtracted from other ranges in the features.
-
-    It is the laser's last range; if none, that of the laser below or of the previous turn.
-    """
+    """Return the laser's last range or, if none, that of the laser below or of the previous turn."""
     base = int(model.last[laser])
     if base == 0 and laser > 0:
         base = int(image.ranges[c, laser - 1])
@@ -363,9 +355,7 @@ def _base(
 
 @inlined
 def _change(later: int, earlier: int) -> int:
-    """Return the difference of two ranges in quarter quanta; 0 if one is missing or over 60 quanta
-    off.
-    """
+    """Return the difference of two ranges in quarter quanta; 0 if one is missing or over 60 quanta off."""
     change = 4 * (later - earlier)
     return change if later > 0 and earlier > 0 and abs(change) <= 240 else 0
 

@@ -56,7 +56,7 @@ _loop = partial(compiled_in_place, error_model="numpy")
 def smoothed_points(returns: Returns, steps_m: Sequence[float]) -> Floats:
     """Return the points (n, 3) of decoded returns, m, moved along their rays to smooth surfaces.
 
-    `steps_m` are the quantisation steps of the turns' ranges, m (see `returns.range_steps`).
+    `steps_m` are the turns' quantisation steps, m (see `returns.range_steps`).
     """
     distances = [
         smoothed_distances(returns, turn, step)
@@ -138,7 +138,7 @@ def smoothed_ranges(
 
 
 def _noise(ranges: Floats) -> float:
-    """Estimate the standard deviation of ranges from their second differences within rows."""
+    """Estimate the standard deviation of ranges from second differences within rows."""
     parts = ranges[:, :-2], ranges[:, 1:-1], ranges[:, 2:]
     is_complete = (parts[0] > 0) & (parts[1] > 0) & (parts[2] > 0)
     if not is_complete.any():

@@ -27,7 +27,7 @@ def page_size(data: Bytes) -> int:
 
 
 def without_links(data: Bytes, page: int, first: int, end: int) -> Bytes:
-    """Return bytes `first` to `end` of what remains of a file without its page links.
+    """Return bytes `first` to `end` of a file without its page links.
 
     `page` is the page size, or 0 for a file without links.
     """

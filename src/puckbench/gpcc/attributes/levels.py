@@ -105,9 +105,7 @@ def _build(
     predictors: Predictors,
     atlases: Atlases,
 ) -> tuple[Indices, list[int]]:
-    """Return the points from the finest level to the coarsest, and the number left before each
-    level.
-    """
+    """Return the points, finest level first, and the number left before each level."""
     count = len(points.codes)
     order = np.empty(count, dtype=np.int32)
     remaining = np.arange(count, dtype=np.int32)
@@ -291,9 +289,7 @@ def _finish_predictors(
 
 @inlined
 def _normalise(weights: Ints, i: int, count: int) -> int:
-    """Scale squared distances; return the number of neighbours that are not much farther than the
-    first.
-    """
+    """Scale squared distances; return the number of neighbours not much farther than the first."""
     shift = max(64 - leading_zeros(weights[i, 0]) - FRACTION_BITS, 0)
     for k in range(count):
         weights[i, k] = (weights[i, k] + (1 << shift >> 1)) >> shift
@@ -313,7 +309,7 @@ def _weight_triple(weights: Ints, i: int) -> None:
 
 @inlined
 def _blend(neighbours: Indices, weights: Ints, i: int, positions: Positions) -> None:
-    """Move a part of each neighbour's weight to a neighbour near it."""
+    """Move a part of each neighbour's weight to one near it."""
     a, b, c = neighbours[i, 0], neighbours[i, 1], neighbours[i, 2]
     ab = _squared_distance(positions, a, b)
     ac = _squared_distance(positions, a, c)

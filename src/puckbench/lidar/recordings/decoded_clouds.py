@@ -128,10 +128,7 @@ def _numbered(column: NDArray[Any], sensor: Sensor) -> NDArray[np.intp]:
 
 
 def _check_cones(xyz: Floats, lasers: NDArray[np.intp], sensor: Sensor) -> None:
-    """Raise InputError unless each laser's points have its elevation.
-
-    The points may include the lasers' vertical offsets or not.
-    """
+    """Raise InputError unless points, with vertical offsets or without, have their laser's elevation."""
     level = np.hypot(xyz[:, 0], xyz[:, 1])
     corrections = np.asarray(sensor.vertical_correction_mm or np.zeros(sensor.lasers)) / 1000
     worst = []

@@ -1,8 +1,8 @@
 """Lasers of an unknown sensor, fitted to its points.
 
-The points of a laser lie on a cone. Its elevation and height are fitted as to the rings of a data
-set (`rings.fitted_cone`); the azimuth relative to other lasers follows from the times of the
-points, as the sensor turns uniformly in a message.
+A laser's points lie on a cone, whose elevation and height are fitted as to the rings of a data set
+(`rings.fitted_cone`); the azimuth relative to other lasers follows from the times of the points, as
+the sensor turns uniformly in a message.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _USUAL_HZ, _LARGEST_STEP_RAD, _ROUNDS = 10.0, np.pi / 6, 3
 
 
 class FittedLasers(NamedTuple):
-    """A sensor, the rank of each point's laser by elevation, which points were used, and residuals.
+    """A sensor, each point's laser (rank by elevation), which points were used, and residuals.
 
     `residuals_mm` are the distances of the used points from their cones.
     """
