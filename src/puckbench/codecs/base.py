@@ -202,12 +202,9 @@ class Codec(CodecFacts, ABC):
         return stream if shift is None else shifted(stream, shift)
 
     def decode(self, stream: bytes) -> Floats:
-        """Decode points (m, 3) in the coordinates of the input cloud, in any order.
+        """Decode points (m, 3) in the input's coordinates, in any order.
 
-        Raises
-        ------
-        InputError
-            The stream is damaged or belongs to another codec.
+        Raises InputError if the stream is damaged or belongs to another codec.
         """
         with naming(f"codec {self.name}"):
             own, shift = unshifted(stream)
@@ -233,7 +230,7 @@ class Codec(CodecFacts, ABC):
         return mesh if shift is None else labelled_mesh_in_metres(mesh, 1.0, shift)
 
     def _decode_mesh(self, stream: bytes) -> Mesh:
-        """Decode the surfaces of a stream; raise InputError as `_decode` does."""
+        """Decode a stream's surfaces; raise InputError as `_decode` does."""
         raise InputError(f"codec {self.name}: codes points, not surfaces")
 
     def _encode_sharing(self, points: Floats, parameters: Parameters, shared: Any) -> bytes:

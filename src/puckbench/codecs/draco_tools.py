@@ -18,8 +18,6 @@ from puckbench.geometry.cloud import Floats
 
 
 class DracoToolOptions(Model):
-    """Options of Draco's command-line tools: their names or paths, and the encoder's effort."""
-
     compression_level: int = Field(
         10, ge=0, le=10, description="effort; 10 gives the smallest streams"
     )

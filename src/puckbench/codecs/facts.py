@@ -1,4 +1,4 @@
-"""Properties of codecs for plans, tables and figures: title, plot style, rates, memory, time."""
+"""Properties of codecs for plans, tables and figures."""
 
 from __future__ import annotations
 
@@ -191,7 +191,7 @@ class CodecFacts:
         return ""
 
     def weights_files(self) -> list[Path]:
-        """Return the files of the weights; raise InputError if they are missing."""
+        """Return the weights files; raise InputError if they are missing."""
         return []
 
     def rates_of(self, frame: CoordinateFrame | None) -> Mapping[str, Parameters]:

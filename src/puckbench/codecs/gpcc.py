@@ -78,8 +78,6 @@ class UnitOptions(Model):
 
 
 class GridOptions(UnitOptions):
-    """Options for quantisation and for the coding tools of G-PCC."""
-
     profile: Literal["minimal", "ctc", "spinning", "defaults"] = Field(
         "ctc",
         description="coding tools: the octree alone; those of the common test conditions, or of "
@@ -97,8 +95,6 @@ class GridOptions(UnitOptions):
 
 
 class CoderOptions(GridOptions):
-    """Options of the codecs that use puckbench's G-PCC coder."""
-
     attributes: bool = Field(
         False,
         description="also code reflectances and colours: without loss where positions are, else at "

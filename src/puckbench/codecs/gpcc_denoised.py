@@ -25,7 +25,7 @@ class DenoisedOptions(CoderOptions):
 
 
 class DenoisedPoints:
-    """Denoised points of a cloud for all rates; `saved` is their cost if the last call reused them."""
+    """Denoised points of a cloud for all rates; `saved` is their cost if a call reused them."""
 
     def __init__(self) -> None:
         self._key = b""

@@ -18,8 +18,6 @@ _LEAST_QP = 58
 
 
 class TreeOptions(CoderOptions):
-    """Options of the predictive geometry: quantisation, and order of the points in a tree."""
-
     duplicates: Literal["merged", "kept", "by_rate"] = "kept"
     order: Literal["given", "morton", "azimuth", "radius"] = Field(
         "azimuth", description="order of the points in trees"

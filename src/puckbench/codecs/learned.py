@@ -43,7 +43,7 @@ class RateWeights(Weights, Protocol):
 
     @property
     def lmbdas(self) -> tuple[float, ...]:
-        """Lagrangian weights of the rates, the smallest bitrate first."""
+        """Lagrangian weights, the smallest bitrate first."""
 
 
 W = TypeVar("W", bound=Weights)
@@ -58,8 +58,6 @@ class GridArguments(TypedDict, total=False):
 
 
 class LearnedOptions(Model):
-    """Options for the weights of a network, and for the device on which it runs."""
-
     weights: str = Field(description="a shipped set's name, a file, or a folder of weights")
     threads: int | None = Field(
         None, ge=1, description="number of threads of the network; by default PyTorch's"
@@ -217,7 +215,7 @@ class LearnedByLambda(Learned[R]):
         return weights, weights.lmbdas.index(float(parameters["lmbda"]))
 
     def _of_rate(self, digest: bytes, rate: int) -> R:
-        """Return the weights with a digest; raise InputError if they lack the rate with index `rate`."""
+        """Return the weights with a digest; raise InputError if they lack the rate number `rate`."""
         weights = self._made_with(digest)
         if rate >= len(weights.lmbdas):
             raise InputError("the stream is damaged (its rate)")
@@ -225,8 +223,6 @@ class LearnedByLambda(Learned[R]):
 
 
 class ImprovedOptions(PublishedOptions):
-    """Options that turn on puckbench's changes to a published codec."""
-
     context_mixing: bool = Field(
         True, description="code the latent by context mixing, not by the weights' tables alone"
     )

@@ -28,7 +28,7 @@ class PacketsCodec(ReturnsCodec):
 
     @abstractmethod
     def _unpacked(self, stream: bytes, most: int) -> bytes:
-        """Decompress a stream; raise InputError if it is damaged or exceeds `most` bytes."""
+        """Decompress at most `most` bytes; raise InputError for more or damage."""
 
     @property
     def _framing(self) -> Framing:

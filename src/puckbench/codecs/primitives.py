@@ -36,8 +36,6 @@ _SURFACES: dict[str, dict[str, float]] = {
 
 
 class PrimitivesOptions(Model):
-    """The option that permits the encoding of clouds in metres."""
-
     unit: float | None = Field(
         None,
         gt=0,
@@ -74,7 +72,7 @@ class Primitives(Codec):
     version = "9"
 
     def load(self) -> None:
-        """Compile all loops by coding points on a floor and a column."""
+        """Compile all loops on points of a floor and a column."""
         from puckbench.primitives.mode_decision import encode
 
         rng = np.random.default_rng(0)

@@ -25,8 +25,6 @@ from puckbench.puck.records import MAGIC
 
 
 class PuckOptions(Model):
-    """Options that select the content of streams, and the encoder's effort."""
-
     effort: Literal["fast", "normal", "thorough"] = Field(
         "normal", description="number of estimates of each range"
     )

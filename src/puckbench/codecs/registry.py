@@ -62,7 +62,7 @@ def codec_class(name: str, entry: Entry | None = None) -> type[Codec]:
     Parameters
     ----------
     name
-        Name of the codec, or ``module:Class`` or ``path/to/file.py:Class`` if it is trusted (see
+        Its name, or a trusted ``module:Class`` or ``path/to/file.py:Class`` (see
         `puckbench.core.registry.trust`).
     entry
         A configuration's entry, whose ``class`` may name another codec or ``module:Class``.
@@ -222,10 +222,7 @@ def training_class(name: str, changes: Entry | None = None) -> str:
 def open_training(codec: str, changes: Entry | None, settings: Entry) -> BaseTraining:
     """Create the training of a codec.
 
-    Raises
-    ------
-    InputError
-        The codec has no training, or a setting is unknown or out of range.
+    Raises InputError if there is none, or a setting is unknown or out of range.
     """
     training: type[BaseTraining] = load(training_class(codec, changes), f"codec {codec}")
     return parsed(training, settings, f"codec {codec}: training")

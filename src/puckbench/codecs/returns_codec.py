@@ -31,13 +31,7 @@ class ReturnsCodec(Codec):
     """Whether decoded points are estimates of the surface, not the points of decoded returns."""
 
     def encode_returns(self, returns: Returns, rate: str) -> bytes:
-        """Encode returns at a rate.
-
-        Raises
-        ------
-        InputError
-            The rate is unknown, there is no return, or the codec cannot hold the returns.
-        """
+        """Encode returns; raise InputError as `encode` does, or if the codec cannot hold them."""
         parameters = self.parameters_of(rate)
         if len(returns) == 0:
             raise InputError(f"codec {self.name}: there is no return to code")

@@ -1,7 +1,7 @@
 """Bjontegaard deltas between rate-distortion curves (G. Bjontegaard, VCEG-M33, 2001).
 
-As in the common test conditions of JVET and MPEG, the log rate is interpolated by a piecewise cubic
-Hermite polynomial (PCHIP), without extrapolation.
+As in the common test conditions of JVET and MPEG, a piecewise cubic Hermite polynomial (PCHIP)
+interpolates the log rate, without extrapolation.
 """
 
 from __future__ import annotations

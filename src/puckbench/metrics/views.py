@@ -70,7 +70,10 @@ def view(
 
 
 def closing_radius(points: Floats, pixels: int) -> int:
-    """Return the disc radius, pixels, that closes most gaps: twice the median spacing, at least 1."""
+    """Return the disc radius, pixels, that closes most gaps.
+
+    It is twice the median distance to the nearest neighbour, at least 1.
+    """
     from puckbench.metrics.density import density
 
     spacing = density(points).get("spacing_median", 0.0)

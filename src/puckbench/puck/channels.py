@@ -500,7 +500,7 @@ def _change(
     model: ChannelModel, image: ChannelContext, c: int, laser: int, row: int, other: int,
     base: int, shift: int,
 ) -> int:  # fmt: skip
-    """Return another pixel minus the base, or its error scaled to the base if there are estimates."""
+    """Return another pixel minus the base or, with estimates, its error scaled to the base."""
     value, estimate = FINE * int(image.values[row, other]), int(image.estimates[c, laser])
     if value == 0:
         return 0

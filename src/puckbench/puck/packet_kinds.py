@@ -63,7 +63,7 @@ _HOLES = (50, 52, 54, 68)
 
 
 def formats_of(recording: Path) -> list[PacketFormat]:
-    """Return the formats of packets to search for; an Ouster's need metadata beside the recording."""
+    """Return the formats of packets to search for; Ouster's need metadata beside the recording."""
     metadata = metadata_beside(recording)
     try:
         whole = OusterKind.of(read_sensor(metadata)) if metadata else None
@@ -139,7 +139,7 @@ class PacketsDecoder:
         return self._turn is not None
 
     def add_turn(self, body: bytes) -> tuple[int, Payloads | None]:
-        """Decode a turn; return its number of returns, and its packets unless fields follow."""
+        """Decode a turn; return its number of returns and, unless fields follow, its packets."""
         if self.is_waiting:
             raise InputError(DAMAGED)
         turn = self._turns.decode(body)

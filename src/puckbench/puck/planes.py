@@ -1,7 +1,7 @@
 """Segmentation of a range image into planes.
 
-Each row of the image is cut into short pieces. Neighbouring sets of pieces are merged while one
-plane fits the returns of both.
+Rows of the image are cut into short pieces. Neighbouring sets of pieces are merged while one plane
+fits both.
 
 A return at range r of a beam with origin o and direction d is the point p = r d + o. A plane is the
 set of points p with m . p = 1. Multiplied by r, this becomes r = (r p) . m, which is linear in m. A
@@ -63,7 +63,7 @@ class RangeRows(NamedTuple):
 
 
 class LabelledPlanes(NamedTuple):
-    """Each return's plane (lasers, columns), -1 for none, and vectors m (n, 3) of planes m . p = 1."""
+    """Each return's plane (lasers, columns), -1 for none, and m (n, 3) of planes m . p = 1."""
 
     labels: Labels
     vectors: Floats

@@ -5,9 +5,9 @@ squares predict a range, which is coded as binary decisions around the predictio
 quantises a range to the nearest multiple of the step, or to the adjacent multiple towards the
 prediction if lambda times the saved rate exceeds the increase of the squared error.
 
-In the functions, c is the index of the current column in the arrays, and t that of the nearest
-column of the previous turn (0: none). "West" is the same laser one column earlier; "below" and
-"above" are the neighbouring lasers.
+c is the index of the current column in the arrays, t that of the nearest column of the previous
+turn (0: none). "West" is the same laser one column earlier; "below" and "above" are the
+neighbouring lasers.
 """
 
 from __future__ import annotations
@@ -148,10 +148,9 @@ def code_ranges(
 ) -> bool:
     """Encode or decode the ranges of a turn; return False if the decoded stream ended early.
 
-    When encoding, `source` (PAD + columns, lasers) has the ranges; when decoding, its values are
-    ignored. Both fill the rows of `image` from PAD on. `before` is the previous turn followed by
-    PAD empty rows. `nearest` (columns,) is the row in `before` of the column with the nearest
-    azimuth, or 0.
+    When encoding, `source` (PAD + columns, lasers) has the ranges; otherwise it is ignored. Both
+    fill the rows of `image` from PAD on. `before` is the previous turn followed by PAD empty rows.
+    `nearest` (columns,) is the row in `before` of the column with the nearest azimuth, or 0.
     """
     is_unmixed = len(model.experts.every) == 0
     for column in range(PAD, len(image.ranges)):
@@ -344,7 +343,7 @@ def _cheaper_index(value: int, index: int, mean: int, scale: int, step: int, lmb
 def _base(
     model: RangeModel, image: RangeContext, before: RangeContext, c: int, laser: int, t: int
 ) -> int:
-    """Return the laser's last range or, if none, that of the laser below or of the previous turn."""
+    """Return the laser's last range; if none, that of the laser below or of the previous turn."""
     base = int(model.last[laser])
     if base == 0 and laser > 0:
         base = int(image.ranges[c, laser - 1])
@@ -355,7 +354,7 @@ def _base(
 
 @inlined
 def _change(later: int, earlier: int) -> int:
-    """Return the difference of two ranges in quarter quanta; 0 if one is missing or over 60 quanta off."""
+    """Return a difference in quarter quanta; 0 if a range is missing or over 60 quanta off."""
     change = 4 * (later - earlier)
     return change if later > 0 and earlier > 0 and abs(change) <= 240 else 0
 

@@ -1,7 +1,7 @@
 """Page links of SQLite files (ROS 2 bags).
 
-An overflow page begins with the number of the next page. The first four bytes of all pages are
-coded separately, so that packets are contiguous in the remaining bytes.
+An overflow page begins with the next page's number. The first four bytes of all pages are coded
+separately, so that packets are contiguous in the rest.
 """
 
 from __future__ import annotations

@@ -37,7 +37,7 @@ def most_ranges(size: int) -> int:
 
 
 def check_ranges(ranges: int, size: int) -> None:
-    """Raise InputError if a stream of `size` bytes has too many ranges, to limit time and memory."""
+    """Raise InputError if a stream of `size` bytes has more ranges than it can hold."""
     if ranges > most_ranges(size):
         raise InputError(f"{ranges} ranges in {size} bytes: more than they can hold")
 

@@ -150,7 +150,7 @@ class TurnDecoder:
         self._state: _State | None = None
 
     def decode(self, body: bytes) -> Turn:
-        """Decode a turn; raise InputError if it is damaged, or its predecessor was not decoded."""
+        """Decode a turn; raise InputError if it is damaged, or its predecessor is missing."""
         reader = Reader(body)
         flags, step, blocks = reader.take(1)[0], reader.number(), reader.number()
         effort = flags >> _EFFORT & 3

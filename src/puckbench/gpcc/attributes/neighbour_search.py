@@ -1,8 +1,7 @@
 """Search of the three nearest neighbours of points in a level of detail.
 
-Candidates are points of coarser levels, first those in the same and adjacent cells, and points of
-the same level that are coded before. In TMC13: `computeNearestNeighbors`, `BoxHierarchy`,
-`MortonIndexMap3d`.
+Candidates are points of coarser levels, first in the same and adjacent cells, and preceding points
+of the same level. In TMC13: `computeNearestNeighbors`, `BoxHierarchy`, `MortonIndexMap3d`.
 """
 
 from __future__ import annotations
@@ -112,7 +111,7 @@ def _empty_atlas() -> Atlas:
 
 @inlined
 def neighbour_code(code: int, offset: int) -> int:
-    """Return the Morton code of a cell at an offset of -1 to 1 along each axis, modulo its range."""
+    """Return the Morton code of a cell at an offset of -1 to 1 along each axis; wraps around."""
     return (
         _moved(code, offset, X_BITS, 4)
         | _moved(code, offset, Y_BITS, 2)
@@ -246,7 +245,7 @@ def _search_forward(
     y: int,
     z: int,
 ) -> tuple[Best, int]:
-    """Search positions `first` to `last` within `limit`; return the nearest three and the work."""
+    """Search positions `first` to `last` within `limit`; return the nearest and the operations."""
     work, level, k = 0, 1, first
     top = len(among.starts) - 1
     while k <= last and k & _FAN_MASK:
@@ -303,8 +302,7 @@ class Grid(NamedTuple):
     ranges: (27, 2) first and last + 1 of the points in the cells around the current one.
     state: (5,) block and code of the current cell; points that are in the atlas; number of ranges;
         number of their points, or -1 if some cells are in other blocks.
-    complete: whether to skip empty blocks. In TMC13, the first empty block ends the filling of
-        the atlas.
+    complete: whether to skip empty blocks. In TMC13, the first one ends the filling of the atlas.
     """
 
     codes: Ints
@@ -498,7 +496,10 @@ def _search_cells(
 
 @inlined
 def _rank(k: int, centre: int, count: int) -> int:
-    """Return an index's place in the search: 0, 1, -1, 2, -2 from the centre, all above, all below."""
+    """Return an index's place in the search.
+
+    The order is, from the centre, 0, 1, -1, 2, -2, then all above, then all below.
+    """
     away = k - centre
     if abs(away) <= _NEAR_RANGE:
         return 2 * away - 1 if away > 0 else -2 * away

@@ -161,7 +161,7 @@ class _Level(NamedTuple):
 
 
 class _Setting(NamedTuple):
-    """Arrays that the transforms of all levels use.
+    """Arrays for the transforms of all levels.
 
     sums: (n + 1, c) sums of the attributes of all points before each, or (0, c) in a decoder.
     offsets: (n, 2) region offsets of nodes by their first point, in units of 1/16, or (0, 2).
@@ -588,7 +588,7 @@ def _transform_duplicates(
     layer: Ints,
     reconstruction: Rows,
 ) -> None:
-    """Transform the points at each position, the last split off first."""
+    """Transform the points at each position, splitting off the last first."""
     for node in range(len(nodes.counts)):
         start = integer(nodes.starts[node])
         weight = nodes.starts[node + 1] - start

@@ -35,7 +35,7 @@ class CloudMessage:
 
 
 def has_clouds(path: Path, topic: str | None = None) -> bool:
-    """Return whether `topic` of a bag has clouds or, without it, only clouds and no data packets."""
+    """Return whether `topic` has clouds or, if None, if the bag has clouds and no data packets."""
     if not is_bag(path):
         return False
     topics = read_topics(path)
@@ -79,7 +79,7 @@ def read_recorded_cloud(
 ) -> PointCloud:
     """Read a message as a cloud, which may be empty or have points that are not finite.
 
-    Missing returns are removed and counted, as `puckbench.io.clouds.read_cloud` does.
+    Missing returns are removed and counted as in `puckbench.io.clouds.read_cloud`.
     """
     (message,) = read_cloud_messages(path, topic, [number])
     with naming(path):

@@ -55,8 +55,8 @@ def fitted_lasers(
 ) -> FittedLasers:
     """Fit a sensor's lasers to points (n, 3), m, x right and y forward, with the ring of each.
 
-    Rings of fewer than 16 points are left out. Without different `seconds` (n,) in a `turn`, the
-    azimuths of lasers remain unknown. Raises InputError if no ring has enough points.
+    Rings of fewer than 16 points are left out. Azimuths of lasers are unknown without different
+    `seconds` (n,) in a `turn`. Raises InputError if no ring has enough points.
     """
     names, number, counts = np.unique(ring, return_inverse=True, return_counts=True)
     kept = np.flatnonzero(counts >= _FEWEST)

@@ -40,9 +40,9 @@ def read_message_returns(
 ) -> RecordedReturns:
     """Read a topic of clouds as a table of returns; a turn has the number of its message.
 
-    Coordinates are those of ROS: x forward, y left, z up. Times are relative to the stamps of the
-    messages, or since 1970 (see `puckbench.lidar.recordings.decoded_clouds` for the columns).
-    Without a `sensor`, its lasers are fitted to the points.
+    Coordinates are those of ROS: x forward, y left, z up. Times are relative to the messages'
+    stamps, or since 1970 (for columns see `puckbench.lidar.recordings.decoded_clouds`). Without a
+    `sensor`, its lasers are fitted to the points.
     """
     name, (_, count) = cloud_topic(path, topic)
     with naming(f"{path}: topic {name}"):
@@ -102,7 +102,7 @@ def _joined(parts: Iterator[Columns]) -> Columns:
 
 @dataclass(frozen=True)
 class _Clock:
-    """Conversion of times to s since the first message's stamp, or `origin` if they are since 1970."""
+    """Conversion of times to s since the first message or, if they are since 1970, `origin`."""
 
     column: str
     unit: TimeUnit

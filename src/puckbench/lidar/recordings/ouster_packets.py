@@ -115,7 +115,7 @@ class OusterKind:
 
     @cached_property
     def channels(self) -> tuple[Channel, ...]:
-        """All bits of a pixel but ranges and reflectivities; with those that depend on signals."""
+        """All bits of a pixel but ranges, and reflectivities that do not depend on signals."""
         profile = PROFILES[self.profile]
         signals = [Channel(each, kind) for kind, each in enumerate(profile.signals)]
         dependent = [

@@ -140,7 +140,7 @@ def turn_of(kind: PacketKind, payloads: Payloads) -> Turn:
 
 
 def is_whole(payloads: Payloads) -> NDArray[np.bool_]:
-    """Return which packets (p, 1206) have valid flags, and valid azimuths, equal in dual returns."""
+    """Return which packets (p, 1206) have valid flags and azimuths, equal in both dual returns."""
     packets = _viewed(payloads)
     flags, azimuth = packets["blocks"]["flag"], packets["blocks"]["azimuth"]
     is_valid = (flags == FLAG).all(axis=1) & (azimuth < CENTIDEGREES).all(axis=1)

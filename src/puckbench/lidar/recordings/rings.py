@@ -75,9 +75,9 @@ def split_rings(azimuths: Floats) -> list[NDArray[np.intp]]:
 def recovered_returns(
     xyz: Floats, rings: Sequence[NDArray[np.intp]], step_deg: float, sensor: str
 ) -> RecoveredReturns:
-    """Recover returns from the points of a frame, and fit the parameters of each laser.
+    """Recover returns from the points of a frame, and fit each laser's parameters.
 
-    Points (n, 3), m, are in the coordinates of a sensor that rotates counter-clockwise (x right, y
+    Points (n, 3), m, are in the coordinates of a sensor rotating counter-clockwise (x right, y
     forward). `rings` are the indices of each laser's points; `step_deg`, the encoder's step, is a
     multiple of 0.01.
     """
@@ -105,11 +105,11 @@ def recovered_returns(
 
 
 def recovered_firings(xyz: Floats, sensor: str) -> RecoveredReturns:
-    """Recover returns from a frame that contains firings without a return too (range 0).
+    """Recover returns from a frame with firings without a return (range 0).
 
-    Points (columns, lasers, 3), m, are in the coordinates of a sensor that rotates clockwise (x
-    right, y forward) at the end of the revolution. The car's motion, for which the data set
-    corrected them, is estimated from the firings without a return, and undone.
+    Points (columns, lasers, 3), m, are in the coordinates of a sensor rotating clockwise (x right,
+    y forward), at the end of the revolution. The car's motion, for which the data set corrected
+    them, is estimated from firings without a return, and undone.
     """
     columns, lasers = xyz.shape[:2]
     left = 1 - np.arange(columns) / max(columns - 1, 1)

@@ -71,7 +71,7 @@ def estimated_poses(
 ) -> Floats:
     """Return the poses (n, 4, 4) of turns by KISS-ICP, relative to the first.
 
-    Points are corrected for motion if the turns have returns and the sensor `is_moving` in a turn.
+    Points are corrected for motion if turns have returns and the sensor `is_moving` in a turn.
     """
     check_installed("kiss_icp")
     from kiss_icp.config import KISSConfig
