@@ -154,7 +154,7 @@ class Codec(CodecFacts, ABC):
         shared: SharedWork | None = None,
         attributes: Attributes | None = None,
     ) -> bytes:
-        """Encode points at a rate.
+        """Encode points at a rate to a self-contained stream.
 
         Parameters
         ----------
@@ -166,11 +166,6 @@ class Codec(CodecFacts, ABC):
             An object of `shared_work` for this cloud; the stream does not depend on it.
         attributes
             Values of the points by name, of the codec's `attributes`.
-
-        Returns
-        -------
-        bytes
-            The self-contained stream.
 
         Raises
         ------
@@ -217,12 +212,8 @@ class Codec(CodecFacts, ABC):
         """Decode the triangles of a surface, in the coordinates of the input cloud.
 
         Triangles are labelled with primitives (see `puckbench.geometry.mesh`) and objects: a wall
-        is one object even if it was encoded as several primitives.
-
-        Raises
-        ------
-        InputError
-            As for `decode`, and if the codec or the stream has no surfaces.
+        is one object even if it was encoded as several primitives. Raises InputError as `decode`
+        does, and if the codec or the stream has no surfaces.
         """
         with naming(f"codec {self.name}"):
             own, shift = unshifted(stream)

@@ -1,5 +1,3 @@
-"""G-PCC's predictive geometry."""
-
 from __future__ import annotations
 
 from collections.abc import Mapping

@@ -39,8 +39,6 @@ class Weights(Protocol):
 
 
 class RateWeights(Weights, Protocol):
-    """Weights of a network for several rates."""
-
     @property
     def lmbdas(self) -> tuple[float, ...]:
         """Lagrangian weights, the smallest bitrate first."""
@@ -215,7 +213,7 @@ class LearnedByLambda(Learned[R]):
         return weights, weights.lmbdas.index(float(parameters["lmbda"]))
 
     def _of_rate(self, digest: bytes, rate: int) -> R:
-        """Return the weights with a digest; raise InputError if they lack the rate number `rate`."""
+        """Return the weights with a digest; raise InputError if they lack rate number `rate`."""
         weights = self._made_with(digest)
         if rate >= len(weights.lmbdas):
             raise InputError("the stream is damaged (its rate)")

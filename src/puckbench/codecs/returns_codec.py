@@ -22,8 +22,8 @@ def step_in_quanta(returns: Returns, parameters: Parameters) -> int:
 class ReturnsCodec(Codec):
     """Base class of codecs that encode the returns of a spinning sensor instead of points.
 
-    Decoded points are computed from the decoded returns or estimated (`estimates`). A subclass has
-    `metric_rates` and implements `_encode_returns` and `_decode_returns`.
+    Points are computed from decoded returns or estimated (`estimates`). A subclass has
+    `metric_rates`, `_encode_returns` and `_decode_returns`.
     """
 
     takes: ClassVar[Takes] = "returns"
@@ -61,7 +61,7 @@ class ReturnsCodec(Codec):
 
     @abstractmethod
     def _decode_returns(self, stream: bytes) -> Returns:
-        """Decode returns; raise InputError if the stream is damaged or belongs to another codec."""
+        """Decode returns; raise InputError as `decode_returns` does."""
 
     def _encode(self, points: Floats, parameters: Parameters) -> bytes:
         raise InputError(

@@ -27,8 +27,6 @@ from puckbench.lidar.drives import Drive
 
 @dataclass(frozen=True)
 class Task:
-    """A task's function and the modules that it needs."""
-
     name: str
     measure: Callable[..., Mapping[str, Any]]
     needs: tuple[str, ...] = ()

@@ -76,7 +76,7 @@ def fitted_planes(
 
     Adjacent columns are `column` rad apart; in a full turn (`closes`), the last is next to the
     first. `std` is the standard deviation of a range, m. Two sets of returns are merged if their
-    mean squared distance exceeds that due to noise by at most `tolerance` times the noise variance.
+    mean squared distance exceeds that due to noise by at most `tolerance` noise variances.
     """
     ranges, rows = image
     variance = std * std

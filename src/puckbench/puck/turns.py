@@ -189,7 +189,6 @@ def turn_step(body: bytes) -> int:
 
 
 def reflectivity_bytes(body: bytes, layout: Layout) -> int:
-    """Return the number of bytes of a coded turn's reflectivities, its last parts."""
     reader = Reader(body)
     if not reader.take(1)[0] & _REFLECTIVITIES:
         return 0

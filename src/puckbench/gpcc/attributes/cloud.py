@@ -40,15 +40,8 @@ class DecodedCloud(DecodedGeometry):
 def decode_cloud(stream: bytes, convert_colours: bool = True) -> DecodedCloud:
     """Decode points and attributes of a stream of one frame.
 
-    Parameters
-    ----------
-    convert_colours
-        Whether to convert colours to red, green, blue.
-
-    Raises
-    ------
-    InputError
-        If the stream is damaged or a tool is unsupported.
+    `convert_colours`: whether to convert colours to red, green, blue. Raises InputError if the
+    stream is damaged or a tool is unsupported.
     """
     reader = AttributeReader()
     geometry = read_stream(stream, reader)

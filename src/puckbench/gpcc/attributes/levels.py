@@ -63,19 +63,10 @@ def levels_of_detail(
 ) -> Levels:
     """Divide points into levels, and find their predictors.
 
-    Parameters
-    ----------
-    points
-        Sorted unless `aps.canonical_point_order_flag` is set.
-    bias
-        Factors (3,) of distances along the coded axes.
-    atlases
-        Working memory.
-
-    Raises
-    ------
-    InputError
-        If the search would take too long.
+    points: sorted unless `aps.canonical_point_order_flag` is set.
+    bias: factors (3,) of distances along the coded axes.
+    atlases: working memory.
+    Raises InputError if the search would take too long.
     """
     if (points.positions.max(axis=0) * bias >= _FARTHEST).any():
         raise InputError("G-PCC: the factors of distances between points are too large")

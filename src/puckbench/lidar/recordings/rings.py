@@ -1,8 +1,8 @@
 """Recovery of a sensor's raw returns from frames of points, as data sets publish them.
 
-The points of each laser form a ring, to which four parameters of the laser are fitted: elevation,
-height, distance from the sensor's axis, and angle relative to the rotary encoder (Velodyne HDL-64E
-S2 User's Manual 63-HDL64ES2, Appendix F). They convert each point to an encoder step and a range.
+Each laser's points form a ring, to which four parameters are fitted: elevation, height, distance
+from the sensor's axis, and angle relative to the rotary encoder (Velodyne HDL-64E S2 User's Manual
+63-HDL64ES2, Appendix F). They convert each point to an encoder step and a range.
 """
 
 from __future__ import annotations
