@@ -137,8 +137,8 @@ class Codec(CodecFacts, ABC):
     def decode_cloud(self, stream: bytes) -> PointCloud:
         """Decode points and, if the stream has them, returns and attributes."""
         with naming(f"codec {self.name}"):
-            own, shift = unshifted(stream)
-        cloud = self._decode_with_attributes(own)
+            content, shift = unshifted(stream)
+        cloud = self._decode_with_attributes(content)
         if cloud is None:
             return PointCloud(self.decode(stream))
         return cloud if shift is None else replace(cloud, xyz=moved(cloud.xyz, shift))
@@ -202,8 +202,8 @@ class Codec(CodecFacts, ABC):
         Raises InputError if the stream is damaged or belongs to another codec.
         """
         with naming(f"codec {self.name}"):
-            own, shift = unshifted(stream)
-        points = self._decode(own)
+            content, shift = unshifted(stream)
+        points = self._decode(content)
         if getattr(points, "shape", (0, 0))[1:] != (3,):
             raise InputError(f"codec {self.name}: _decode returned {_described(points)}")
         return points if shift is None else moved(points, shift)
@@ -216,8 +216,8 @@ class Codec(CodecFacts, ABC):
         does, and if the codec or the stream has no surfaces.
         """
         with naming(f"codec {self.name}"):
-            own, shift = unshifted(stream)
-        mesh = self._decode_mesh(own)
+            content, shift = unshifted(stream)
+        mesh = self._decode_mesh(content)
         return mesh if shift is None else labelled_mesh_in_metres(mesh, 1.0, shift)
 
     def _decode_mesh(self, stream: bytes) -> Mesh:

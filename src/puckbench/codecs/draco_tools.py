@@ -47,8 +47,8 @@ class DracoCli(ExternalCodec):
     @cached_property
     def version(self) -> str:
         # The tools print no version.
-        found = shutil.which(self.programs[0])
-        digest = hashlib.sha256(Path(found).read_bytes()).hexdigest()[:12] if found else ""
+        path = shutil.which(self.programs[0])
+        digest = hashlib.sha256(Path(path).read_bytes()).hexdigest()[:12] if path else ""
         return f"draco_encoder {digest}".strip()
 
     def _encode(self, points: Floats, parameters: Parameters) -> bytes:

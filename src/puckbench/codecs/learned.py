@@ -258,8 +258,8 @@ class Improved(LearnedByLambda[R]):
 
     def _decode(self, stream: bytes) -> Floats:
         with naming(f"codec {self.name}"):
-            own, unit = without_unit(stream)
-        points = super()._decode(own)
+            content, unit = without_unit(stream)
+        points = super()._decode(content)
         if unit is None:
             return points
         with naming(f"codec {self.name}"):

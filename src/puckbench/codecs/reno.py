@@ -86,8 +86,8 @@ class Reno(Learned["RenoWeights"]):
 
     def _path(self, parameters: Parameters) -> Path | None:
         files, name = self.weights_files(), self.options.trained_on
-        one = Path(self.options.weights).is_file()
-        return next((path for path in files if one or path.stem == name), None)
+        is_file = Path(self.options.weights).is_file()
+        return next((path for path in files if is_file or path.stem == name), None)
 
     def _stream(self, points: Floats, parameters: Parameters) -> bytes:
         from puckbench.learned.reno.codec import encode

@@ -61,9 +61,9 @@ def nearest_truth(metrics: pd.DataFrame, scan_errors: pd.DataFrame, anchor: str)
             curves = {
                 str(codec): _Curves(curve) for codec, curve in part.groupby("codec", sort=False)
             }
-            for codec, own in curves.items():
+            for codec, tested in curves.items():
                 about = {"dataset": dataset, "codec": codec, "distance": name}
-                table.append({**about, **own.row(curves.get(anchor), str(dataset), codec, name)})
+                table.append({**about, **tested.row(curves.get(anchor), str(dataset), codec, name)})
     if not table:
         raise InputError("scan errors table: no scan with errors")
     return pd.DataFrame(table)
