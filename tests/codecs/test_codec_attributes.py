@@ -60,11 +60,11 @@ def test_reflectivities_of_returns_come_back(name: str) -> None:
     returns = recorded(60)
     codec = open_codec(name, {"options": CODING})
     decoded = codec.decode_cloud(codec.encode_returns(returns, "1mm"))
-    wanted = returns.reflectivities()
-    assert wanted is not None
+    reflectances = returns.reflectivities()
+    assert reflectances is not None
     order, expected = np.lexsort(decoded.xyz.T), np.lexsort(np.rint(returns.points() * 1000).T)
-    assert (np.sort(decoded.fields["reflectance"]) == np.sort(wanted)).all()
-    assert np.mean(decoded.fields["reflectance"][order] == wanted[expected]) > 0.99
+    assert (np.sort(decoded.fields["reflectance"]) == np.sort(reflectances)).all()
+    assert np.mean(decoded.fields["reflectance"][order] == reflectances[expected]) > 0.99
 
 
 def test_rows_have_the_bits_of_each_attribute_and_what_is_not_coded(tmp_path: Path) -> None:

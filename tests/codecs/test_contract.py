@@ -67,12 +67,12 @@ class Case:
 
 def _cases() -> list[str]:
     """Names of codecs; those of clouds in metres with a word that says so."""
-    found = {name: own for name, own in codecs().items() if own.takes != "returns"}
-    here = [name for name in found if open_codec(name).available().ok]
-    scaled = [name for name in here if found[name].rates]
+    classes = {name: kind for name, kind in codecs().items() if kind.takes != "returns"}
+    here = [name for name in classes if open_codec(name).available().ok]
+    scaled = [name for name in here if classes[name].rates]
     if find_spec("torch") and "reno" not in here:
         here.append("reno")  # with the random weights of `weights_of_reno`
-    return scaled + [name + METRES for name in here if found[name].metric_rates]
+    return scaled + [name + METRES for name in here if classes[name].metric_rates]
 
 
 def _opened(case: str) -> Case:

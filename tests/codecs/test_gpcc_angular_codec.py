@@ -22,8 +22,8 @@ def test_returns_come_back_to_within_the_grid(name: str, rate: str) -> None:
     decoded = np.rint(codec.decode(codec.encode_returns(returns, rate)) / step)
     expected = returns.points() / step
     assert len(decoded) == len(returns)
-    order, wanted = np.lexsort(decoded.T), np.lexsort(np.rint(expected).T)
-    assert np.abs(decoded[order] - expected[wanted]).max() < 0.5 + 1e-6
+    order, expected_order = np.lexsort(decoded.T), np.lexsort(np.rint(expected).T)
+    assert np.abs(decoded[order] - expected[expected_order]).max() < 0.5 + 1e-6
 
 
 @pytest.mark.parametrize("rate", ["100mm", "5mm", "2mm", "1mm"])
@@ -32,9 +32,9 @@ def test_points_of_one_position_are_merged_where_there_is_loss(rate: str) -> Non
     twice = np.repeat(recorded(60).points(), 2, axis=0)
     codec = open_codec("gpcc_angular")
     decoded = codec.decode(codec.encode(twice, rate))
-    wanted = np.rint(twice / codec.metric_rates[rate]["step_m"])
+    steps = np.rint(twice / codec.metric_rates[rate]["step_m"])
     lossless = rate in ("2mm", "1mm")
-    assert len(decoded) == (len(twice) if lossless else len(np.unique(wanted, axis=0)))
+    assert len(decoded) == (len(twice) if lossless else len(np.unique(steps, axis=0)))
 
 
 def test_points_of_one_position_are_merged_below_scale_1() -> None:

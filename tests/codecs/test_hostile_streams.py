@@ -148,13 +148,13 @@ NETWORKS = ("pcgcv1_plus", "pcgcv2_plus", "sparse_octree_net", "reno")
 @pytest.fixture(scope="module")
 def learned(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[Codec, bytes]]:
     """Codecs of tiny networks, and a stream of each."""
-    found = {}
+    examples = {}
     for name in NETWORKS:
         weights = tmp_path_factory.mktemp(name) / weights_name(name)
         save_tiny(name, weights)
         codec = open_codec(name, changes(name, weights))
-        found[name] = (codec, codec.encode(shell(), "r2"))
-    return found
+        examples[name] = (codec, codec.encode(shell(), "r2"))
+    return examples
 
 
 def test_pcgcv1_cannot_promise_cubes_without_bytes(

@@ -89,8 +89,8 @@ def package(tmp_path: Path) -> Path:
 
 
 def _python(package: Path, *words: str) -> str:
-    known = os.environ.get("PYTHONPATH", "")
-    environment = {**os.environ, "PYTHONPATH": f"{package}{os.pathsep}{known}"}
+    search_path = os.environ.get("PYTHONPATH", "")
+    environment = {**os.environ, "PYTHONPATH": f"{package}{os.pathsep}{search_path}"}
     command = [sys.executable, *words]
     done = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
     assert done.returncode == 0, done.stderr

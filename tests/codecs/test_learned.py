@@ -129,9 +129,9 @@ SHAPES = {
 @pytest.mark.parametrize("name", NAMES)
 def test_a_network_too_large_to_build_is_refused(name: str, together: Path, tmp_path: Path) -> None:
     path = together / f"{name}.safetensors"
-    found = read_weights(path)
-    about = {**found.header.model_dump(exclude={"sha256", "digest"}), "shape": SHAPES[name]}
-    write_weights(tmp_path / "a.safetensors", about, found.state, found.integers)
+    weights = read_weights(path)
+    about = {**weights.header.model_dump(exclude={"sha256", "digest"}), "shape": SHAPES[name]}
+    write_weights(tmp_path / "a.safetensors", about, weights.state, weights.integers)
     with pytest.raises(InputError, match=r"a\.safetensors: shape: (channels\.2|rates|channels) is"):
         _codec(name, tmp_path).encode(shell(), "r2")
 
@@ -140,11 +140,11 @@ def test_a_network_too_large_to_build_is_refused(name: str, together: Path, tmp_
 def test_impossible_frequency_tables_are_refused(
     table: str, value: int, together: Path, tmp_path: Path
 ) -> None:
-    found = read_weights(together / "pcgcv2_plus.safetensors")
-    integers = {name: array.copy() for name, array in found.integers.items()}
+    weights = read_weights(together / "pcgcv2_plus.safetensors")
+    integers = {name: array.copy() for name, array in weights.integers.items()}
     integers[f"frequency_tables.{table}"].flat[0] = value
-    about = found.header.model_dump(exclude={"sha256", "digest"})
-    write_weights(tmp_path / "a.safetensors", about, found.state, integers)
+    about = weights.header.model_dump(exclude={"sha256", "digest"})
+    write_weights(tmp_path / "a.safetensors", about, weights.state, integers)
     with pytest.raises(InputError, match=r"a\.safetensors: damaged weights"):
         _codec("pcgcv2_plus", tmp_path).encode(shell(), "r2")
 
@@ -153,14 +153,14 @@ def test_a_set_may_state_the_digest_by_which_streams_name_it(
     together: Path, tmp_path: Path
 ) -> None:
     """Sets that were converted from an older format decode the streams of before."""
-    found = read_weights(together / "pcgcv2_plus.safetensors")
+    weights = read_weights(together / "pcgcv2_plus.safetensors")
     stream = _codec("pcgcv2_plus", together).encode(shell(), "r2")
-    about = {**found.header.model_dump(exclude={"sha256"}), "digest": found.digest.hex()}
+    about = {**weights.header.model_dump(exclude={"sha256"}), "digest": weights.digest.hex()}
     about["card"] = {"data": "another card"}
-    write_weights(tmp_path / "a.safetensors", about, found.state, found.integers)
+    write_weights(tmp_path / "a.safetensors", about, weights.state, weights.integers)
     codec = _codec("pcgcv2_plus", tmp_path)
     assert codec.encode(shell(), "r2") == stream
-    assert codec.weights_of("r2") == f"a {found.digest.hex()}"
+    assert codec.weights_of("r2") == f"a {weights.digest.hex()}"
     assert len(codec.decode(stream)) > 0
 
 

@@ -13,7 +13,15 @@ from puckbench.codecs.registry import is_codec, open_codec
 from puckbench.core.errors import InputError
 from tests.support.learned_codecs import changes, save_tiny, weights_name
 
-OWN = ("gpcc", "gpcc_angular", "gpcc_predictive", "draco", "draco_sequential", "laz", "cloudini")
+WITHOUT_WEIGHTS = (
+    "gpcc",
+    "gpcc_angular",
+    "gpcc_predictive",
+    "draco",
+    "draco_sequential",
+    "laz",
+    "cloudini",
+)
 NETWORKS = ("sparse_octree_net", "reno")
 
 
@@ -30,7 +38,7 @@ def wide(extent: float) -> np.ndarray:
     return points
 
 
-@pytest.mark.parametrize("name", [*OWN, *NETWORKS])
+@pytest.mark.parametrize("name", [*WITHOUT_WEIGHTS, *NETWORKS])
 def test_the_widest_cloud_is_coded(name: str, tmp_path: Path) -> None:
     codec = opened(name, tmp_path)
     for rate in (next(iter(codec.metric_rates)), list(codec.metric_rates)[-1]):
@@ -39,8 +47,8 @@ def test_the_widest_cloud_is_coded(name: str, tmp_path: Path) -> None:
         for start in (0.0, -widest / 2, -widest, 900.0):
             points = wide(widest)
             points[:, 0] += start
-            found = codec.decode(codec.encode(points, rate))
-            assert np.ptp(found[:, 0]) == pytest.approx(widest, rel=1e-5)
+            decoded = codec.decode(codec.encode(points, rate))
+            assert np.ptp(decoded[:, 0]) == pytest.approx(widest, rel=1e-5)
 
 
 @pytest.mark.parametrize("name", ["gpcc", "draco", *NETWORKS])
@@ -53,4 +61,4 @@ def test_a_wider_cloud_is_refused_with_a_remedy(name: str, tmp_path: Path) -> No
 
 def test_codecs_that_adapt_to_the_extent_code_any() -> None:
     assert open_codec("draco").most_extent("r3") == math.inf
-    assert {name for name in (*OWN, *NETWORKS) if not is_codec(name)} == set()
+    assert {name for name in (*WITHOUT_WEIGHTS, *NETWORKS) if not is_codec(name)} == set()

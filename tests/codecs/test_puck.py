@@ -27,12 +27,12 @@ def turns_of(packets: np.ndarray) -> tuple[Layout, list[Turn]]:
     return parts[0][0].layout, [turn_of(kind, payloads) for kind, payloads in parts]
 
 
-def alike(one: Turn, other: Turn) -> bool:
+def alike(turn: Turn, other: Turn) -> bool:
     pairs = [
-        (one.ranges, other.ranges),
-        (one.azimuths, other.azimuths),
-        (one.times, other.times),
-        (one.reflectivities, other.reflectivities),
+        (turn.ranges, other.ranges),
+        (turn.azimuths, other.azimuths),
+        (turn.times, other.times),
+        (turn.reflectivities, other.reflectivities),
     ]
     return all(np.array_equal(a, b) for a, b in pairs if a is not None or b is not None)
 
@@ -51,9 +51,9 @@ def three_turns() -> tuple[Layout, list[Turn]]:
 )
 def test_turns_come_back_exactly(product: int, mode: int, effort: str) -> None:
     layout, turns = turns_of(spin(product, mode))
-    found = decode_turns(encode_turns(turns, layout, CodingOptions(effort=effort)))
-    assert len(found) == len(turns) > 1
-    assert all(map(alike, turns, found))
+    decoded = decode_turns(encode_turns(turns, layout, CodingOptions(effort=effort)))
+    assert len(decoded) == len(turns) > 1
+    assert all(map(alike, turns, decoded))
 
 
 @pytest.mark.parametrize("effort", EFFORTS)
@@ -78,7 +78,7 @@ def test_numbers_of_any_size_come_back(effort: str) -> None:
 def test_constant_turns_cost_little(value: int) -> None:
     turn = Turn(np.full((1, 900, 16), value, np.uint16), np.zeros(900, np.uint16))
     stream = encode_turns([turn] * 3, Layout(tuple(range(16))))
-    assert all(alike(turn, found) for found in decode_turns(stream))
+    assert all(alike(turn, decoded) for decoded in decode_turns(stream))
     assert len(stream) < 500
 
 
@@ -120,19 +120,19 @@ def test_times_and_reflectivities_are_coded_on_demand(
     layout, turns = three_turns
     bare = encode_turns(turns, layout, CodingOptions(times=False, reflectivities=False))
     assert len(bare) < 0.8 * len(encode_turns(turns, layout))
-    found = decode_turns(bare)[1]
-    assert found.times is None
-    assert found.reflectivities is None
-    assert np.array_equal(found.ranges, turns[1].ranges)
+    decoded = decode_turns(bare)[1]
+    assert decoded.times is None
+    assert decoded.reflectivities is None
+    assert np.array_equal(decoded.ranges, turns[1].ranges)
 
 
 @pytest.mark.parametrize(("first", "end"), [(0, 1), (1, 3), (3, 4), (2, None), (5, 9), (9, 12)])
 def test_any_turns_can_be_had(first: int, end: int | None) -> None:
     layout, turns = turns_of(spin(packets=120))
     stream = encode_turns(turns, layout, CodingOptions(key_every=2))
-    found, expected = decode_turns(stream, first, end), turns[first:end]
-    assert len(found) == len(expected)
-    assert all(map(alike, found, expected))
+    decoded, expected = decode_turns(stream, first, end), turns[first:end]
+    assert len(decoded) == len(expected)
+    assert all(map(alike, decoded, expected))
 
 
 def test_only_key_turns_can_be_decoded_alone(three_turns: tuple[Layout, list[Turn]]) -> None:
@@ -252,8 +252,8 @@ def test_a_stream_is_records_with_an_end(three_turns: tuple[Layout, list[Turn]])
 @pytest.mark.parametrize("step", [2, 5, 8, 50])
 def test_quantised_ranges_are_near_and_none_is_lost(effort: str, mode: int, step: int) -> None:
     layout, turns = turns_of(spin(VLP16, mode))
-    found = decode_turns(encode_turns(turns, layout, CodingOptions(effort=effort, step=step)))
-    for turn, other in zip(turns, found, strict=True):
+    decoded = decode_turns(encode_turns(turns, layout, CodingOptions(effort=effort, step=step)))
+    for turn, other in zip(turns, decoded, strict=True):
         wrong = turn.ranges.astype(int) - other.ranges
         assert np.array_equal(turn.ranges > 0, other.ranges > 0)
         assert np.abs(wrong).max() <= (step + 1) // 2
@@ -283,7 +283,7 @@ def test_lossy_rates_are_optimised_and_the_exact_one_is_as_it_was(name: str) -> 
     returns = recorded()
     codec, plain = open_codec(name), open_codec(name, {"options": {"lmbda": 0}})
     for rate, parameters in codec.metric_rates.items():
-        sizes = [len(one.encode_returns(returns, rate)) for one in (codec, plain)]
+        sizes = [len(variant.encode_returns(returns, rate)) for variant in (codec, plain)]
         steps = step_in_quanta(returns, parameters)
         if steps == 1:
             assert codec.encode_returns(returns, rate) == plain.encode_returns(returns, rate)
@@ -323,9 +323,9 @@ def test_the_ends_of_what_a_range_can_be_are_kept() -> None:
     ranges[0, :, 0], ranges[0, :, 1] = 1, 65535
     turn = Turn(ranges, np.arange(0, 800, 20, dtype=np.uint16))
     for step in (1, 3, 7, 4096):
-        found = decode_turns(encode_turns([turn], Layout((0, 1)), CodingOptions(step=step)))[0]
-        assert (found.ranges > 0).all()
-        assert np.abs(found.ranges.astype(int) - ranges).max() <= step // 2 + 1
+        decoded = decode_turns(encode_turns([turn], Layout((0, 1)), CodingOptions(step=step)))[0]
+        assert (decoded.ranges > 0).all()
+        assert np.abs(decoded.ranges.astype(int) - ranges).max() <= step // 2 + 1
 
 
 def test_streams_of_reflectivities_coded_with_full_mixing_at_every_effort_decode_still(

@@ -139,10 +139,10 @@ def test_headers_cost_few_bytes(tmp_path: Path) -> None:
 def test_turns_of_a_compressed_recording_can_be_had(tmp_path: Path) -> None:
     there_and_back(tmp_path, pcap(recorded()), CodingOptions(key_every=2))
     turns = [turn_of(*part) for part in split_turns(spin(packets=50))]
-    found = decode_turns((tmp_path / "small.puck").read_bytes(), 2, 3)
-    assert len(found) == 1
-    assert np.array_equal(found[0].ranges, turns[2].ranges)
-    assert np.array_equal(found[0].reflectivities, turns[2].reflectivities)
+    decoded = decode_turns((tmp_path / "small.puck").read_bytes(), 2, 3)
+    assert len(decoded) == 1
+    assert np.array_equal(decoded[0].ranges, turns[2].ranges)
+    assert np.array_equal(decoded[0].reflectivities, turns[2].reflectivities)
 
 
 def test_damaged_files_end_in_one_error_and_leave_nothing(tmp_path: Path) -> None:
@@ -192,7 +192,7 @@ def test_the_commands(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Non
     assert (tmp_path / "b.pcap").read_bytes() == data
 
 
-def told(asked: list[str], capsys: pytest.CaptureFixture[str]) -> list[str]:
+def progress_lines(asked: list[str], capsys: pytest.CaptureFixture[str]) -> list[str]:
     """Lines of progress at a terminal, of which only the last is ended."""
     assert main(asked) == 0
     written = capsys.readouterr().err
@@ -212,7 +212,7 @@ def test_progress_is_told_turn_by_turn_and_its_line_is_ended(
     names = [str(tmp_path / name) for name in ("a.pcap", "a.puck", "b.pcap")]
     turns = len(list(split_turns(spin(packets=50))))
     for command, asked in (("compress", names[:2]), ("decompress", names[1:])):
-        lines = told([command, *asked], capsys)
+        lines = progress_lines([command, *asked], capsys)
         size = Path(asked[0]).stat().st_size
         assert len(lines) >= turns + 1
         done = [int(line.split()[1].replace(",", "")) for line in lines]

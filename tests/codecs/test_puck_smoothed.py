@@ -53,11 +53,11 @@ def test_the_error_on_a_plane_falls_with_the_root_of_the_returns(columns: int) -
     """Three numbers of a plane fitted to n returns leave sigma sqrt(3 / n)."""
     rays, sigma = directions(1, columns), 0.01
     truth = wall(rays, (0.3, 1.0, 0.0), 6.0)
-    found = []
+    errors = []
     for seed in range(40):
         noisy = truth + np.random.default_rng(seed).normal(0, sigma, truth.shape)
-        found.append(rms(smoothed(noisy, rays, 0.002) - truth))
-    assert 0.6 < rms(np.array(found)) / (sigma * np.sqrt(3 / columns)) < 1.3
+        errors.append(rms(smoothed(noisy, rays, 0.002) - truth))
+    assert 0.6 < rms(np.array(errors)) / (sigma * np.sqrt(3 / columns)) < 1.3
 
 
 def test_quantisation_goes_where_a_plane_crosses_many_steps() -> None:
@@ -88,7 +88,7 @@ def test_biases_of_lasers_are_found() -> None:
     """From a floor and two walls."""
     rays = directions(16, 600)
     planes = [((0.0, 0.0, -1.0), 0.6), ((0.5, 1.0, 0.0), 4.0), ((-1.0, 0.7, 0.0), 3.0)]
-    each = np.array([wall(rays, *one) for one in planes])
+    each = np.array([wall(rays, *plane) for plane in planes])
     truth = np.where(each > 0, each, np.inf).min(axis=0)
     biases = 0.015 * np.cos(2.4 * np.arange(16))
     biases -= biases.mean()
@@ -117,9 +117,9 @@ def test_returns_stay_near_to_their_interval() -> None:
     truth = wall(rays, (0.0, 1.0, 0.0), 5.0)
     truth[:, 100:103] -= 0.06
     coded = np.rint(truth / 0.01) * 0.01
-    found = smoothed(coded, rays, 0.01)
-    assert np.abs(found - truth).max() < 0.02
-    assert (found[:, 100:103] < found[:, 97:98] - 0.04).all()
+    distances = smoothed(coded, rays, 0.01)
+    assert np.abs(distances - truth).max() < 0.02
+    assert (distances[:, 100:103] < distances[:, 97:98] - 0.04).all()
 
 
 def test_lone_returns_and_empty_images_stay() -> None:
@@ -140,8 +140,10 @@ def test_heights_of_lasers_are_taken_into_account() -> None:
     coded = np.rint(truth / 0.02) * 0.02
     origins = np.zeros(rays.shape)
     origins[..., 2] = heights[:, None]
-    found = smoothed_ranges(coded, rays, origins, COLUMN, False, 0.02)
-    flat = found[down] * rays[..., 2][down] + np.broadcast_to(heights[:, None], down.shape)[down]
+    distances = smoothed_ranges(coded, rays, origins, COLUMN, False, 0.02)
+    flat = (
+        distances[down] * rays[..., 2][down] + np.broadcast_to(heights[:, None], down.shape)[down]
+    )
     assert np.abs(flat + 1.5).max() < 0.001
 
 
@@ -171,9 +173,9 @@ def test_beams_beside_the_axis_are_taken_into_account(clockwise: bool, offsets: 
     step = 0.1
     coded = np.rint(np.rint(truth / step) * step / quantum).astype(np.uint16)
     seen = replace(returns, turns=(replace(turn, ranges=coded[None]),))
-    found = smoothed_distances(seen, seen.turns[0], step)[0]
+    distances = smoothed_distances(seen, seen.turns[0], step)[0]
     assert rms(coded * quantum - truth) > 0.025
-    assert rms(found - truth) < 0.003
+    assert rms(distances - truth) < 0.003
 
 
 @pytest.mark.parametrize("rate", ["100mm", "2mm"])
@@ -184,13 +186,13 @@ def test_streams_are_puck_s_with_a_mark_in_front(rate: str) -> None:
     coded, stream = plain.encode_returns(returns, rate), codec.encode_returns(returns, rate)
     assert stream.endswith(coded)
     assert len(stream) == len(coded) + 6
-    exact, found = plain.decode_cloud(coded), codec.decode_cloud(stream)
+    exact, estimate = plain.decode_cloud(coded), codec.decode_cloud(stream)
     assert exact.returns is not None
-    assert found.returns is not None
-    assert range_errors(exact.returns, found.returns)["range_max_mm"] == 0
-    assert found.xyz.shape == exact.xyz.shape
-    lengths = (np.linalg.norm(each.xyz, axis=1, keepdims=True) for each in (found, exact))
-    along = [each.xyz / length for each, length in zip((found, exact), lengths, strict=True)]
+    assert estimate.returns is not None
+    assert range_errors(exact.returns, estimate.returns)["range_max_mm"] == 0
+    assert estimate.xyz.shape == exact.xyz.shape
+    lengths = (np.linalg.norm(each.xyz, axis=1, keepdims=True) for each in (estimate, exact))
+    along = [each.xyz / length for each, length in zip((estimate, exact), lengths, strict=True)]
     assert np.abs(along[0] - along[1]).max() < 0.02  # lasers are up to 11 mm above the origin
     for wrong, other in ((plain, stream), (codec, coded)):
         with pytest.raises(InputError, match="not a"):
@@ -200,9 +202,9 @@ def test_streams_are_puck_s_with_a_mark_in_front(rate: str) -> None:
 def test_second_returns_stay() -> None:
     returns = dual()
     turn = returns.turns[0]
-    found = smoothed_distances(returns, turn, 0.05)
-    assert np.array_equal(found[1], turn.ranges[1] * returns.quantum_m)
-    assert not np.array_equal(found[0], turn.ranges[0] * returns.quantum_m)
+    distances = smoothed_distances(returns, turn, 0.05)
+    assert np.array_equal(distances[1], turn.ranges[1] * returns.quantum_m)
+    assert not np.array_equal(distances[0], turn.ranges[0] * returns.quantum_m)
 
 
 @pytest.mark.parametrize(
@@ -219,9 +221,9 @@ def test_beams_of_no_sensor_give_finite_points(beams: dict[str, tuple[float, ...
     strange = replace(returns, beams=replace(returns.beams, **beams))
     for turn in strange.turns:
         for step in (1e-9, 0.004, 1e12):
-            found = smoothed_distances(strange, turn, step)
-            assert np.isfinite(found).all()
-            assert ((found > 0) == (turn.ranges > 0)).all()
+            distances = smoothed_distances(strange, turn, step)
+            assert np.isfinite(distances).all()
+            assert ((distances > 0) == (turn.ranges > 0)).all()
 
 
 def test_azimuths_of_no_turn_are_survived() -> None:

@@ -26,11 +26,11 @@ from tests.support.returns import staggered
 EFFORTS = ("fast", "normal", "thorough")
 
 
-def same(one: Turn, other: Turn) -> bool:
+def same(turn: Turn, other: Turn) -> bool:
     fields = ("ranges", "azimuths", "times", "reflectivities")
-    pairs = [(getattr(one, field), getattr(other, field)) for field in fields]
+    pairs = [(getattr(turn, field), getattr(other, field)) for field in fields]
     is_same = all(np.array_equal(a, b) for a, b in pairs if a is not None or b is not None)
-    return is_same and one.ranges.dtype == other.ranges.dtype
+    return is_same and turn.ranges.dtype == other.ranges.dtype
 
 
 def arbitrary_returns(
@@ -75,9 +75,9 @@ def test_returns_of_32_bits_come_back_exactly(
 ) -> None:
     returns = arbitrary_returns(lasers, steps, columns, kinds, roughness, seed)
     options = CodingOptions(effort=effort)  # type: ignore[arg-type]
-    found = decode_returns(encode_returns(returns, options))
-    assert replace(found, turns=()) == replace(returns, turns=())
-    assert all(map(same, returns.turns, found.turns))
+    decoded = decode_returns(encode_returns(returns, options))
+    assert replace(decoded, turns=()) == replace(returns, turns=())
+    assert all(map(same, returns.turns, decoded.turns))
 
 
 @pytest.mark.parametrize("effort", EFFORTS)
@@ -176,11 +176,11 @@ def test_a_scan_in_millimetres_by_128_lasers_costs_few_bits(effort: str, share: 
     )
     model = open_error_model("vlp16", {"bias_sigma_m": 0.0, "ray_sigma_m": 0.003})
     random, place = np.random.default_rng(0), origin("office_1")
-    found = returns_of_scan(scan(make_room("office_1", 0), sensor, sweep, model, place, random))
+    scanned = returns_of_scan(scan(make_room("office_1", 0), sensor, sweep, model, place, random))
     azimuths = np.arange(columns, dtype=np.uint16)
-    turns = tuple(replace(turn, azimuths=azimuths) for turn in found.returns.turns)
-    layout = replace(found.returns.layout, azimuth_steps=columns)
-    returns = replace(found.returns, layout=layout, turns=turns)
+    turns = tuple(replace(turn, azimuths=azimuths) for turn in scanned.returns.turns)
+    layout = replace(scanned.returns.layout, azimuth_steps=columns)
+    returns = replace(scanned.returns, layout=layout, turns=turns)
     images = [np.ascontiguousarray(turn.ranges[0].T) for turn in turns]
     assert images[0].dtype == np.uint32
     assert images[0].shape == (lasers, columns)

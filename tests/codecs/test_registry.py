@@ -16,7 +16,7 @@ from puckbench.core.errors import InputError
 from puckbench.core.registry import load, trust
 from puckbench.library import open_codec
 
-OWN = """
+USER_CODEC = """
 from puckbench.codecs.base import Codec
 import numpy as np
 
@@ -29,7 +29,7 @@ class Raw(Codec):
 
 
 def test_a_codec_of_ones_own_comes_from_a_file(tmp_path: Path) -> None:
-    (tmp_path / "raw.py").write_text(OWN)
+    (tmp_path / "raw.py").write_text(USER_CODEC)
     changes = {"class": f"{tmp_path}/raw.py:Raw", "rates": {"r1": {"kind": "<f4"}}}
     codec = open_codec("raw", changes)
     points = np.array([[1.0, 2.0, 3.0]])
@@ -38,13 +38,13 @@ def test_a_codec_of_ones_own_comes_from_a_file(tmp_path: Path) -> None:
 
 def test_a_class_of_ones_own_names_its_rates(tmp_path: Path) -> None:
     (tmp_path / "raw.py").write_text(
-        OWN + '    rates = {"r1": {"kind": "<f4"}, "r2": {"kind": "<f8"}}'
+        USER_CODEC + '    rates = {"r1": {"kind": "<f4"}, "r2": {"kind": "<f8"}}'
     )
-    own = {"class": f"{tmp_path}/raw.py:Raw"}
-    assert list(open_codec("raw", own).rates) == ["r1", "r2"]
-    assert list(open_codec("raw", {**own, "rates": ["r2"]}).rates) == ["r2"]
-    assert list(open_codec("raw", {**own, "rates": {"r9": {}}}).rates) == ["r9"]
-    (tmp_path / "bare.py").write_text(OWN)
+    changes = {"class": f"{tmp_path}/raw.py:Raw"}
+    assert list(open_codec("raw", changes).rates) == ["r1", "r2"]
+    assert list(open_codec("raw", {**changes, "rates": ["r2"]}).rates) == ["r2"]
+    assert list(open_codec("raw", {**changes, "rates": {"r9": {}}}).rates) == ["r9"]
+    (tmp_path / "bare.py").write_text(USER_CODEC)
     with pytest.raises(InputError, match="codec raw: neither its entry nor its class names rates"):
         open_codec("raw", {"class": f"{tmp_path}/bare.py:Raw"})
 
@@ -70,7 +70,7 @@ def test_a_parameter_that_a_rate_lacks_is_one_line(name: str, parameter: str) ->
 
 
 def test_an_empty_stream_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "raw.py").write_text(OWN.replace(".tobytes()", ".tobytes()[:0]"))
+    (tmp_path / "raw.py").write_text(USER_CODEC.replace(".tobytes()", ".tobytes()[:0]"))
     changes = {"class": f"{tmp_path}/raw.py:Raw", "rates": {"r1": {"kind": "<f4"}}}
     with pytest.raises(InputError, match="codec raw: _encode returned an empty stream"):
         open_codec("raw", changes).encode(np.eye(3), "r1")
@@ -175,17 +175,17 @@ def test_a_foreign_stream_has_no_codec() -> None:
 
 
 def test_every_codec_says_how_it_is_shown_and_recognised() -> None:
-    for name, own in codecs().items():
-        assert own.title, name
-        assert own.colour, name
-        assert own.marker, name
-        assert own.magic, name
-        assert own.rates or own.metric_rates, name
-        assert own.rank < Codec.rank, name
+    for name, kind in codecs().items():
+        assert kind.title, name
+        assert kind.colour, name
+        assert kind.marker, name
+        assert kind.magic, name
+        assert kind.rates or kind.metric_rates, name
+        assert kind.rank < Codec.rank, name
 
 
 def test_a_changed_codec_has_another_name() -> None:
-    changed = {name: own.based_on for name, own in codecs().items() if own.based_on}
+    changed = {name: kind.based_on for name, kind in codecs().items() if kind.based_on}
     bases = {"pcgcv1_plus": "pcgcv1", "pcgcv2_plus": "pcgcv2", "pcgcv2_plus_rooms": "pcgcv2"}
     assert changed == bases
     for name, base in bases.items():

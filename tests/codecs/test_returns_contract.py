@@ -20,17 +20,17 @@ from tests.support.returns import EXAMPLES, homemade, recorded
 
 NAMES = [
     name
-    for name, found in codecs().items()
-    if found.takes == "returns" and open_codec(name).available().ok
+    for name, kind in codecs().items()
+    if kind.takes == "returns" and open_codec(name).available().ok
 ]
 
 
 @pytest.fixture(params=NAMES, scope="module")
 def codec(request: pytest.FixtureRequest) -> ReturnsCodec:
-    found = open_codec(request.param)
-    assert isinstance(found, ReturnsCodec)
-    found.load()
-    return found
+    opened = open_codec(request.param)
+    assert isinstance(opened, ReturnsCodec)
+    opened.load()
+    return opened
 
 
 @pytest.fixture(params=EXAMPLES)
@@ -51,8 +51,8 @@ def test_the_finest_rate_is_exact(codec: ReturnsCodec, returns: Returns) -> None
     finest = list(codec.metric_rates)[-1]
     decoded = codec.decode_cloud(codec.encode_returns(returns, finest))
     assert decoded.returns is not None
-    found = range_errors(returns, decoded.returns)
-    assert found["range_max_mm"] == found["returns_lost"] == found["returns_added"] == 0
+    errors = range_errors(returns, decoded.returns)
+    assert errors["range_max_mm"] == errors["returns_lost"] == errors["returns_added"] == 0
     if not codec.estimates:
         assert np.abs(decoded.xyz - returns.points()).max() < 1e-9
     assert len(decoded.xyz) == len(returns.points())
@@ -65,13 +65,13 @@ def test_errors_keep_within_their_bound(codec: ReturnsCodec, returns: Returns) -
     sizes, most, rms = [], [], []
     for rate, parameters in codec.metric_rates.items():
         stream = codec.encode_returns(returns, rate)
-        found = range_errors(returns, codec.decode_returns(stream))
+        errors = range_errors(returns, codec.decode_returns(stream))
         step_mm = 1000 * max(parameters["step_m"], returns.quantum_m)
-        assert found["range_max_mm"] <= step_mm * (1.5 if optimises else 0.5) + 1e-6
-        assert found["returns_lost"] == found["returns_added"] == 0
+        assert errors["range_max_mm"] <= step_mm * (1.5 if optimises else 0.5) + 1e-6
+        assert errors["returns_lost"] == errors["returns_added"] == 0
         sizes.append(len(stream))
-        most.append(found["range_max_mm"])
-        rms.append(found["range_rms_mm"])
+        most.append(errors["range_max_mm"])
+        rms.append(errors["range_rms_mm"])
     assert sizes == sorted(sizes)
     assert most == sorted(most, reverse=True)
     assert rms == sorted(rms, reverse=True)

@@ -39,9 +39,9 @@ def test_every_point_stays_in_its_place_within_half_a_step(name: str) -> None:
 def test_laspy_reads_the_points_of_laz() -> None:
     points = _points()
     stream = open_codec("laz").encode(points, "5mm")
-    found = laspy.read(BytesIO(stream))
-    np.testing.assert_allclose(found.xyz, np.rint(points / 0.005) * 0.005, atol=1e-12)
-    assert found.header.scales.tolist() == [0.005] * 3
+    las = laspy.read(BytesIO(stream))
+    np.testing.assert_allclose(las.xyz, np.rint(points / 0.005) * 0.005, atol=1e-12)
+    assert las.header.scales.tolist() == [0.005] * 3
 
 
 def test_laz_of_several_chunks_comes_back() -> None:
@@ -66,17 +66,17 @@ def test_differences_of_cloudini_are_those_of_plain_python() -> None:
     """Zigzag numbers, base 128, from 1 (0 is no number), in chunks of 2^15 points, Zstandard."""
     points = CLOUDINI_POINTS
     stream = open_codec("cloudini").encode(points, "10mm")
-    chunks, found = Reader(stream[stream.index(b"\0") + 1 :]), []
+    chunks, positions = Reader(stream[stream.index(b"\0") + 1 :]), []
     for count in (1 << 15, 40_000 - (1 << 15)):
         frame = chunks.take(int.from_bytes(chunks.take(4), "little"))
         numbers, at = Reader(decompressed(frame, 10**6)), [0, 0, 0]
         for _ in range(count):
             codes = [numbers.number() - 1 for _ in at]
             at = [place + (code >> 1 ^ -(code & 1)) for place, code in zip(at, codes, strict=True)]
-            found.append(at)
+            positions.append(at)
         assert numbers.rest() == b""
     assert chunks.rest() == b""
-    assert np.abs(np.array(found) - points / 0.01).max() <= 0.5 + 1e-4
+    assert np.abs(np.array(positions) - points / 0.01).max() <= 0.5 + 1e-4
 
 
 def test_draco_keeps_order_by_its_sequential_method() -> None:
@@ -167,6 +167,6 @@ def test_wide_clouds_far_away_keep_their_step(name: str, rate: str) -> None:
     codec = open_codec(name)
     decoded = codec.decode(codec.encode(points, rate))
     for axis in range(3):
-        found, given = np.sort(decoded[:, axis]), np.sort(points[:, axis])
+        outputs, inputs = np.sort(decoded[:, axis]), np.sort(points[:, axis])
         single = 0.002  # two steps of single precision at ten kilometres
-        assert np.abs(found - given).max() <= codec.metric_rates[rate]["step_m"] / 2 + single
+        assert np.abs(outputs - inputs).max() <= codec.metric_rates[rate]["step_m"] / 2 + single

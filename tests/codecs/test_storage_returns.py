@@ -51,9 +51,9 @@ def test_the_packets_of_a_recording_are_in_the_stream_as_they_came(name: str, pr
     assert len(counts) == len(returns.turns)
     assert UNPACK[name](reader.rest()) == payloads.tobytes()
     decoded = _opened(name).decode_returns(stream)
-    for one, other in zip(returns.turns, decoded.turns, strict=True):
-        np.testing.assert_array_equal(one.times, other.times)
-        np.testing.assert_array_equal(one.reflectivities, other.reflectivities)
+    for turn, other in zip(returns.turns, decoded.turns, strict=True):
+        np.testing.assert_array_equal(turn.times, other.times)
+        np.testing.assert_array_equal(turn.reflectivities, other.reflectivities)
 
 
 def test_packets_hold_zeros_for_what_returns_do_not_have() -> None:
@@ -107,10 +107,10 @@ def test_packets_that_unpack_to_too_much_are_refused(name: str, pack, magic: byt
 
 def _parts(stream: bytes) -> list[bytes]:
     reader = Reader(stream[9:])
-    found = []
+    parts = []
     while reader.at < len(reader.body):
-        found.append(reader.take(reader.number()))
-    return found
+        parts.append(reader.take(reader.number()))
+    return parts
 
 
 def _image_of(name: str, part: bytes) -> np.ndarray:
@@ -161,9 +161,9 @@ def test_every_range_that_16_bits_hold_keeps_within_half_a_step(name: str) -> No
     codec = _opened(name)
     for rate, parameters in codec.metric_rates.items():
         decoded = codec.decode_returns(codec.encode_returns(returns, rate))
-        found = range_errors(returns, decoded)
-        assert found["range_max_mm"] <= 500 * parameters["step_m"] + 1e-6
-        assert found["returns_lost"] == found["returns_added"] == 0
+        errors = range_errors(returns, decoded)
+        assert errors["range_max_mm"] <= 500 * parameters["step_m"] + 1e-6
+        assert errors["returns_lost"] == errors["returns_added"] == 0
         np.testing.assert_array_equal(decoded.turns[0].azimuths, azimuths)
     np.testing.assert_array_equal(decoded.turns[0].ranges, ranges)
 
@@ -240,8 +240,8 @@ def test_a_stream_of_turns_without_information_is_refused(
 def test_the_most_ranges_of_a_stream_grow_with_its_length() -> None:
     """Few bytes may hold 4 Mi ranges, 1 MB at most 6 Mi, each further byte 32."""
     sizes = [0, 100, 1 << 16, (1 << 16) + 1, 1 << 20, (1 << 20) + 1, 1 << 24]
-    found = [stream.most_ranges(size) for size in sizes]
-    assert found == sorted(found)
-    assert found[0] == 1 << 22
-    assert found[2] == found[3] == found[4] == 6 << 20
-    assert found[-1] == (6 << 20) + 32 * (15 << 20)
+    limits = [stream.most_ranges(size) for size in sizes]
+    assert limits == sorted(limits)
+    assert limits[0] == 1 << 22
+    assert limits[2] == limits[3] == limits[4] == 6 << 20
+    assert limits[-1] == (6 << 20) + 32 * (15 << 20)

@@ -41,7 +41,7 @@ def test_pairs_are_those_of_all_distances() -> None:
         return v - (near * w).sum(axis=1) / near.sum(axis=1)
 
     def merged(p: np.ndarray, v: np.ndarray) -> np.ndarray:
-        return np.array([v[(p == one).all(axis=1)].mean() for one in np.unique(p, axis=0)])
+        return np.array([v[(p == point).all(axis=1)].mean() for point in np.unique(p, axis=0)])
 
     x_means, y_means = merged(a, x), merged(b, y)
     ways = [one_way(a, x_means, b, y_means), one_way(b, y_means, a, x_means)]

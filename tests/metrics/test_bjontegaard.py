@@ -52,18 +52,18 @@ def test_deltas_are_those_of_an_independent_implementation(
     tested: tuple[list[float], ...],
     expected: tuple[float, float],
 ) -> None:
-    found = bjontegaard_delta(
+    delta = bjontegaard_delta(
         *(rate_distortion_curve(np.array(rate), np.array(psnr)) for rate, psnr in (anchor, tested))
     )
-    assert (found.rate_percent, found.quality_db) == pytest.approx(expected, rel=1e-9)
+    assert (delta.rate_percent, delta.quality_db) == pytest.approx(expected, rel=1e-9)
 
 
 def test_half_the_rate_everywhere_is_minus_fifty_percent() -> None:
-    found = bjontegaard_delta(
+    delta = bjontegaard_delta(
         rate_distortion_curve(RATES, PSNRS), rate_distortion_curve(RATES / 2, PSNRS)
     )
-    assert found.rate_percent == pytest.approx(-50)
-    assert found.overlap == 1
+    assert delta.rate_percent == pytest.approx(-50)
+    assert delta.overlap == 1
 
 
 def test_a_better_quality_everywhere_is_the_quality_delta() -> None:
@@ -73,11 +73,11 @@ def test_a_better_quality_everywhere_is_the_quality_delta() -> None:
 
 
 def test_curves_without_a_common_range_have_no_delta_and_say_so() -> None:
-    found = bjontegaard_delta(
+    delta = bjontegaard_delta(
         rate_distortion_curve(RATES, PSNRS), rate_distortion_curve(RATES, PSNRS + 100)
     )
-    assert (found.rate_percent, found.rate_status, found.overlap) == (None, NO_COMMON_RANGE, 0)
-    assert found.quality_db == pytest.approx(100)
+    assert (delta.rate_percent, delta.rate_status, delta.overlap) == (None, NO_COMMON_RANGE, 0)
+    assert delta.quality_db == pytest.approx(100)
     touching = bjontegaard_delta(
         rate_distortion_curve(RATES, PSNRS), rate_distortion_curve(RATES, PSNRS + 31)
     )
@@ -94,17 +94,17 @@ def test_two_points_make_a_curve() -> None:
         rate_distortion_curve(np.array([1.0, 4]), np.array([30.0, 40])),
         np.array([35.0, 45]),
     )
-    found = bjontegaard_delta(anchor, rate_distortion_curve(np.array([1.0, 4]), tested))
-    assert found.rate_percent == pytest.approx(-50)
-    assert found.quality_db == pytest.approx(5)
-    assert found.overlap == pytest.approx(0.5)
+    delta = bjontegaard_delta(anchor, rate_distortion_curve(np.array([1.0, 4]), tested))
+    assert delta.rate_percent == pytest.approx(-50)
+    assert delta.quality_db == pytest.approx(5)
+    assert delta.overlap == pytest.approx(0.5)
 
 
 def test_points_without_a_rate_or_a_quality_are_left_out() -> None:
     rates, psnrs = np.array([0.1, np.nan, 0.8, 2.0]), np.array([40.0, 48.0, np.inf, 62.0])
-    found = rate_distortion_curve(rates, psnrs)
-    np.testing.assert_allclose(np.exp(found.log_rate), [0.1, 2.0])
-    assert found.dropped == 0
+    curve = rate_distortion_curve(rates, psnrs)
+    np.testing.assert_allclose(np.exp(curve.log_rate), [0.1, 2.0])
+    assert curve.dropped == 0
 
 
 def test_points_that_a_cheaper_one_equals_are_left_out() -> None:
@@ -153,9 +153,9 @@ def test_seeds_of_a_scene_count_once() -> None:
     numbers = seeds["cloud"].str.removeprefix("c").astype(int)
     seeds["scene"] = "s" + numbers.where(numbers >= 10, 0).astype(str)
     scenes = metrics({"a": [1] * 4, "b": [0.5, 2, 1, 1]})
-    found, expected = (bd_rate(table, "a", ["d1_psnr"]).iloc[0] for table in (seeds, scenes))
+    deltas, expected = (bd_rate(table, "a", ["d1_psnr"]).iloc[0] for table in (seeds, scenes))
     for column in ("bd_rate_percent", "bd_rate_percent_low", "bd_rate_percent_high"):
-        assert found[column] == pytest.approx(expected[column])
+        assert deltas[column] == pytest.approx(expected[column])
 
 
 def test_a_distortion_is_compared_in_decibels() -> None:
@@ -219,11 +219,11 @@ def exponential(
 
 @pytest.mark.parametrize("scale", [0.6, 1.0, 1.7])
 def test_exponential_curves_have_the_delta_of_their_closed_form(scale: float) -> None:
-    found = bjontegaard_delta(
+    delta = bjontegaard_delta(
         rate_distortion_curve(*exponential()),
         rate_distortion_curve(*exponential(scale=scale, steps=4)),
     )
-    assert found.rate_percent == pytest.approx(100 * (scale - 1), abs=1e-9)
+    assert delta.rate_percent == pytest.approx(100 * (scale - 1), abs=1e-9)
     # slopes s and t: the mean of ln 2 * q * (1/t - 1/s) over q from 50 to 80 dB, at q = 65
     steeper = bjontegaard_delta(
         rate_distortion_curve(*exponential(slope=6)), rate_distortion_curve(*exponential(slope=5))
@@ -237,12 +237,12 @@ def test_curves_that_share_less_than_half_of_the_shorter_one_have_no_delta(
 ) -> None:
     """The shorter curve is 20 dB long, of which `share` lies below the anchor's 80 dB."""
     low = 80 - 20 * share
-    found = bjontegaard_delta(
+    delta = bjontegaard_delta(
         rate_distortion_curve(*exponential()),
         rate_distortion_curve(*exponential(scale=2, low=low, high=low + 20)),
     )
-    assert (found.rate_status, found.overlap) == (status, pytest.approx(share))
-    assert (found.rate_percent is None) == (status == LITTLE_OVERLAP)
+    assert (delta.rate_status, delta.overlap) == (status, pytest.approx(share))
+    assert (delta.rate_percent is None) == (status == LITTLE_OVERLAP)
     # the rates of both span as many octaves as dB over 6, and are twice as large
     by_rate = 80 - 20 * share - 6
     alike = rate_distortion_curve(*exponential(scale=2, low=by_rate, high=by_rate + 20))
@@ -274,9 +274,9 @@ def test_a_rate_whose_errors_are_rounding_moves_no_delta() -> None:
         pd.DataFrame([*rows_of_a_curve("a", *a), *rows_of_a_curve("b", *b)])
         for a, b in (lossy, exact, [exact[0], lossy[1]])
     ]
-    without, both, one = [bd_rate(table, "a", ["d1_psnr", "d1_mse"]) for table in tables]
+    without, both, mixed = [bd_rate(table, "a", ["d1_psnr", "d1_mse"]) for table in tables]
     assert without["bd_rate_percent"].tolist() == pytest.approx([25, 25])
-    for table, counts in ((both, [1, 1]), (one, [0, 1])):
+    for table, counts in ((both, [1, 1]), (mixed, [0, 1])):
         assert table["bd_rate_percent"].tolist() == without["bd_rate_percent"].tolist()
         assert table[["lossless", "anchor_lossless"]].to_numpy().tolist() == [counts] * 2
     marked = tables[1].assign(lossless=tables[1]["d1_psnr"] > 100).drop(columns="diameter")
@@ -308,8 +308,8 @@ def test_a_difference_is_told_from_chance(differences: list[float], is_below: bo
 
 def test_the_ratio_of_two_codecs_is_that_of_each_cloud() -> None:
     table = metrics({"a": [1, 1, 1], "b": [0.5, 2, 1], "c": [0.25, 0.5, 4]})
-    found = log_ratios(table, "b", "c", "d1_psnr")
-    assert np.exp(found).tolist() == pytest.approx([0.5, 0.25, 4])
+    ratios = log_ratios(table, "b", "c", "d1_psnr")
+    assert np.exp(ratios).tolist() == pytest.approx([0.5, 0.25, 4])
 
 
 def test_the_spread_over_clouds_is_told_by_its_quartiles() -> None:

@@ -22,28 +22,28 @@ FLOOR_M = Mesh(
 
 def test_a_raised_grid_in_decibels_and_metres() -> None:
     """Half a grid unit is 5 cm; the grid's diagonal is its diameter."""
-    found = geometry_metrics(PointCloud(GRID, UP, about=ABOUT), RAISED)
-    assert found["d1_mse"] == found["d2_mse"] == 0.25
-    assert found["d1_psnr"] == pytest.approx(10 * np.log10(3 * 1023**2 / 0.25))
-    assert found["cd_psnr_point"] == pytest.approx(10 * np.log10(11**2 * 2 / 0.25))
-    assert found["d1_rms_m"] == found["hausdorff_plane_m"] == pytest.approx(0.05)
+    values = geometry_metrics(PointCloud(GRID, UP, about=ABOUT), RAISED)
+    assert values["d1_mse"] == values["d2_mse"] == 0.25
+    assert values["d1_psnr"] == pytest.approx(10 * np.log10(3 * 1023**2 / 0.25))
+    assert values["cd_psnr_point"] == pytest.approx(10 * np.log10(11**2 * 2 / 0.25))
+    assert values["d1_rms_m"] == values["hausdorff_plane_m"] == pytest.approx(0.05)
 
 
 def test_peak_and_diameter_may_be_given() -> None:
     wide = PointCloud(GRID, about={**ABOUT, "diameter": 100.0})
-    found = geometry_metrics(wide, RAISED, peak=100.0)
-    assert found["d1_psnr"] == pytest.approx(10 * np.log10(3 * 100**2 / 0.25))
-    assert found["cd_psnr_point"] == pytest.approx(10 * np.log10(100**2 / 0.25))
-    assert "d2_psnr" not in found
+    values = geometry_metrics(wide, RAISED, peak=100.0)
+    assert values["d1_psnr"] == pytest.approx(10 * np.log10(3 * 100**2 / 0.25))
+    assert values["cd_psnr_point"] == pytest.approx(10 * np.log10(100**2 / 0.25))
+    assert "d2_psnr" not in values
 
 
 def test_a_sensors_cloud_in_square_millimetres_and_a_peak_of_30_m() -> None:
     """Half a centimetre is 25 mm^2; MPEG's peak for such data is 30,000 units of 1 mm."""
     about = {"scale": 1.0, "offset": [0.0, 0, 0], "size": 0, "peak": PEAK_M}
-    found = geometry_metrics(PointCloud(GRID, UP, about=about), GRID + np.array([0, 0, 0.005]))
-    assert found["d1_mm2"] == pytest.approx(25)
-    assert found["d2_mm2"] == pytest.approx(25)
-    assert found["d1_psnr"] == pytest.approx(10 * np.log10(3 * 30_000**2 / 25))
+    values = geometry_metrics(PointCloud(GRID, UP, about=about), GRID + np.array([0, 0, 0.005]))
+    assert values["d1_mm2"] == pytest.approx(25)
+    assert values["d2_mm2"] == pytest.approx(25)
+    assert values["d1_psnr"] == pytest.approx(10 * np.log10(3 * 30_000**2 / 25))
     assert "d1_mm2" not in geometry_metrics(PointCloud(GRID, UP, about=ABOUT), RAISED)
 
 
@@ -85,11 +85,11 @@ def test_the_true_surface_is_a_mesh_in_metres_or_points_in_the_cloud_s_frame() -
     """The grid lies on the floor; decoded points half a unit, 5 cm, above it."""
     reference = PointCloud(GRID, about=ABOUT)
     decoded = RAISED + np.array([0.25, 0, 0])
-    for known in ({"seen": PointCloud(GRID, UP), "clean": None}, {"seen": None, "clean": None}):
-        found = Truth(reference, FLOOR_M, **known).metrics(decoded)
-        assert found["truth_acd_ba_plane"] == pytest.approx(0.25)
-        assert found["truth_acd_ba_point"] == pytest.approx(0.25)
-        assert found["truth_points_a"] == len(GRID)
+    for visible in ({"seen": PointCloud(GRID, UP), "clean": None}, {"seen": None, "clean": None}):
+        values = Truth(reference, FLOOR_M, **visible).metrics(decoded)
+        assert values["truth_acd_ba_plane"] == pytest.approx(0.25)
+        assert values["truth_acd_ba_point"] == pytest.approx(0.25)
+        assert values["truth_points_a"] == len(GRID)
     surface = PointCloud(GRID, UP)
     points = Truth(reference, surface).metrics(decoded)
     assert points["truth_acd_ba_point"] == pytest.approx(0.25 + 0.0625)
@@ -100,15 +100,15 @@ def test_the_true_surface_is_a_mesh_in_metres_or_points_in_the_cloud_s_frame() -
 
 def test_a_clean_scan_is_compared_as_well() -> None:
     clean = PointCloud(GRID, UP)
-    found = Truth(PointCloud(GRID), None, PointCloud(GRID[:9]), clean).metrics(RAISED)
-    assert found["truth_points_a"] == len(GRID)
-    assert found["clean_acd_ba_plane"] == found["truth_acd_ba_plane"] == 0.25
+    values = Truth(PointCloud(GRID), None, PointCloud(GRID[:9]), clean).metrics(RAISED)
+    assert values["truth_points_a"] == len(GRID)
+    assert values["clean_acd_ba_plane"] == values["truth_acd_ba_plane"] == 0.25
 
 
 def test_without_a_scale_units_are_metres_at_the_origin() -> None:
     flat = Mesh(FLOOR_M.vertices - [0, 0, 3], FLOOR_M.triangles)
-    found = Truth(PointCloud(GRID[:5]), flat).metrics(RAISED[:5])
-    assert found["truth_d2_rms_m"] == pytest.approx(0.5)
-    assert found["truth_points_a"] == 5
+    values = Truth(PointCloud(GRID[:5]), flat).metrics(RAISED[:5])
+    assert values["truth_d2_rms_m"] == pytest.approx(0.5)
+    assert values["truth_points_a"] == 5
     corners = np.array([[0.0, 0, 0.5], [9, 9, 0.5]])
     assert Truth(PointCloud(GRID), flat).metrics(corners)["truth_acd_ba_point"] == 0.25

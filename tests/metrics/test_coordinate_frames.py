@@ -10,9 +10,9 @@ def test_rows_are_told_apart_by_their_frame_and_empty_columns_of_metres_are_left
         {"frame": [None, "metric", None], "d1_psnr": [60.0, None, 50.0], "rms_m": [1.0, 2.0, 3.0]}
     )
     assert rows_in_frame(table, "scaled")["rms_m"].tolist() == [1.0, 3.0]
-    found = rows_in_frame(table, "metric")
-    assert found["rms_m"].tolist() == [2.0]
-    assert list(found) == ["frame", "rms_m"]
+    rows = rows_in_frame(table, "metric")
+    assert rows["rms_m"].tolist() == [2.0]
+    assert list(rows) == ["frame", "rms_m"]
 
 
 def test_a_table_without_frames_is_of_scaled_clouds() -> None:

@@ -23,21 +23,21 @@ def test_a_grid_that_comes_back_in_single_precision_is_lossless() -> None:
     steps = np.rint(stored.xyz / 0.001).astype(np.float32)
     decoded = (steps * np.float32(0.001)).astype(float)
     assert 0 < np.abs(decoded - stored.xyz).max() < 1e-4
-    found = geometry_metrics(stored, decoded)
-    assert found["lossless"] is True
-    assert found["d1_mse"] == found["d1_rms_m"] == found["hausdorff_point"] == 0
-    assert found["points_a"] == len(points)
-    assert not [name for name in found if "psnr" in name]
-    assert found["peak"] == 30
+    values = geometry_metrics(stored, decoded)
+    assert values["lossless"] is True
+    assert values["d1_mse"] == values["d1_rms_m"] == values["hausdorff_point"] == 0
+    assert values["points_a"] == len(points)
+    assert not [name for name in values if "psnr" in name]
+    assert values["peak"] == 30
 
 
 @pytest.mark.parametrize("step", [0.001, 0.002, 0.01])
 def test_a_grid_that_is_shifted_by_half_a_step_is_not(step: float) -> None:
     points = scan()
     decoded = (np.floor(points / step) + 0.5) * step
-    found = geometry_metrics(PointCloud(points, about=METRIC), decoded)
-    assert found["lossless"] is False
-    assert found["d1_psnr"] == pytest.approx(10 * np.log10(3 * 30**2 / found["d1_mse"]))
+    values = geometry_metrics(PointCloud(points, about=METRIC), decoded)
+    assert values["lossless"] is False
+    assert values["d1_psnr"] == pytest.approx(10 * np.log10(3 * 30**2 / values["d1_mse"]))
 
 
 def test_a_lost_point_is_a_loss() -> None:
@@ -65,6 +65,6 @@ def test_rows_of_older_runs_are_judged_by_their_errors() -> None:
 
 def test_a_quantile_counts_a_lossless_cloud_as_the_best() -> None:
     table = pd.DataFrame({"d1_psnr": [60.0, 70, np.nan], "lossless": [False, False, True]})
-    found = without_lossless(with_lossless_best(table)[["d1_psnr"]].quantile([0.25, 0.5, 0.75]))
-    assert found["d1_psnr"].tolist()[:2] == [65, 70]
-    assert np.isnan(found["d1_psnr"].iloc[2])
+    quantiles = without_lossless(with_lossless_best(table)[["d1_psnr"]].quantile([0.25, 0.5, 0.75]))
+    assert quantiles["d1_psnr"].tolist()[:2] == [65, 70]
+    assert np.isnan(quantiles["d1_psnr"].iloc[2])

@@ -16,7 +16,7 @@ from puckbench.planning.config import trusted
 from puckbench.planning.plan import Plan
 
 POINTS = np.random.default_rng(1).random((400, 3)) * 10
-OWN = """
+USER_METRIC = """
 def moved(reference, decoded):
     return {"moved": float((decoded.xyz - reference.xyz).mean())}
 """
@@ -24,14 +24,14 @@ def moved(reference, decoded):
 
 def test_density_of_the_decoded_cloud_is_in_metres() -> None:
     reference = PointCloud(POINTS, about={"scale": 20.0})
-    found = further_metrics(["density"], reference, PointCloud(POINTS[:300]), {})
+    values = further_metrics(["density"], reference, PointCloud(POINTS[:300]), {})
     metres = density(POINTS[:300] / 20)
-    assert found["decoded_spacing_median_m"] == pytest.approx(metres["spacing_median"])
-    assert found["decoded_density_q95_m2"] == pytest.approx(metres["density_q95"])
+    assert values["decoded_spacing_median_m"] == pytest.approx(metres["spacing_median"])
+    assert values["decoded_density_q95_m2"] == pytest.approx(metres["density_q95"])
 
 
 def test_a_function_of_ones_own(tmp_path: Path) -> None:
-    (tmp_path / "own.py").write_text(OWN)
+    (tmp_path / "own.py").write_text(USER_METRIC)
     trust([place := f"{tmp_path / 'own.py'}:moved"])
     clouds = PointCloud(POINTS), PointCloud(POINTS + 2)
     assert further_metrics([place], *clouds, {})["moved"] == pytest.approx(2)

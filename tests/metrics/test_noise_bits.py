@@ -47,40 +47,42 @@ def _metrics() -> pd.DataFrame:
 
 
 def test_exact_and_1_mm_are_compared_and_no_coarser_rate() -> None:
-    found = noise_bits(_metrics(), _clouds()).set_index(["error_model", "codec"])
-    assert found.loc[("none", "puck"), "grid_1_mm"] == 3
-    assert found.loc[("none", "gpcc"), "grid_1_mm"] == 8
-    assert np.isnan(found.loc[("none", "reno"), "grid_1_mm"])
+    table = noise_bits(_metrics(), _clouds()).set_index(["error_model", "codec"])
+    assert table.loc[("none", "puck"), "grid_1_mm"] == 3
+    assert table.loc[("none", "gpcc"), "grid_1_mm"] == 8
+    assert np.isnan(table.loc[("none", "reno"), "grid_1_mm"])
     # 4 and 6 bits more for the noise of 4 bits, in the median of two rooms.
-    assert found.loc[("vlp16", "puck"), "added_grid_1_mm"] == 5
-    assert found.loc[("none", "puck"), "added_grid_1_mm"] == 0
-    assert set(found["noise_bits"]) == {0, 4}
-    assert set(found["clouds"]) == {2}
+    assert table.loc[("vlp16", "puck"), "added_grid_1_mm"] == 5
+    assert table.loc[("none", "puck"), "added_grid_1_mm"] == 0
+    assert set(table["noise_bits"]) == {0, 4}
+    assert set(table["clouds"]) == {2}
 
 
 def test_bits_at_an_equal_error_stand_beside_them() -> None:
-    found = noise_bits(_metrics(), _clouds()).set_index(["error_model", "codec"])
-    assert found.loc[("none", "gpcc"), "at_5_mm"] == pytest.approx(2)
-    assert found.loc[("vlp16", "gpcc"), "added_at_5_mm"] == pytest.approx(5)
-    assert np.isnan(found.loc[("none", "reno"), "at_5_mm"])  # 4 mm is its coarsest
+    table = noise_bits(_metrics(), _clouds()).set_index(["error_model", "codec"])
+    assert table.loc[("none", "gpcc"), "at_5_mm"] == pytest.approx(2)
+    assert table.loc[("vlp16", "gpcc"), "added_at_5_mm"] == pytest.approx(5)
+    assert np.isnan(table.loc[("none", "reno"), "at_5_mm"])  # 4 mm is its coarsest
 
 
 def test_rays_of_one_model_and_recordings_have_no_part_in_it() -> None:
-    found = noise_bits(_metrics(), _clouds())
-    assert set(found["dataset"]) == {"rooms_none", "rooms_vlp16"}
+    table = noise_bits(_metrics(), _clouds())
+    assert set(table["dataset"]) == {"rooms_none", "rooms_vlp16"}
     both = pd.concat([_clouds(), _clouds().query("dataset == 'street'").assign(
         dataset="street_none", error_model="none", noise_bits=0.0
     )])  # fmt: skip
     drives = both.assign(turns=np.where(both["dataset"] == "street", 10, 1))
     assert set(noise_bits(_metrics(), drives)["dataset"]) == {"rooms_none", "rooms_vlp16"}
     more = _metrics().query("dataset == 'street'").assign(dataset="street_none")
-    found = noise_bits(pd.concat([_metrics(), more]), both)
-    assert {"street", "street_none"} < set(found["dataset"])
+    table = noise_bits(pd.concat([_metrics(), more]), both)
+    assert {"street", "street_none"} < set(table["dataset"])
 
 
 def test_rows_are_ordered_by_models_noise_and_bits() -> None:
     """Rays of more models first, then the least noise, then the fewest bits of whole codecs."""
-    rooms, street = (_clouds().query(f"dataset == '{one}'") for one in ("rooms_none", "street"))
+    rooms, street = (
+        _clouds().query(f"dataset == '{dataset}'") for dataset in ("rooms_none", "street")
+    )
     clouds = pd.concat([
         _clouds(),
         street.assign(dataset="a_street", error_model="none", noise_bits=0.0),
@@ -93,11 +95,11 @@ def test_rows_are_ordered_by_models_noise_and_bits() -> None:
     metrics = pd.concat([metrics, *parts])
     reno = metrics[metrics["codec"] == "reno"]
     metrics = pd.concat([metrics, reno.assign(codec="a_reno", bpp=reno["bpp"] + 1)])
-    found = noise_bits(metrics, clouds)
-    assert list(found["dataset"].unique()) == [
+    table = noise_bits(metrics, clouds)
+    assert list(table["dataset"].unique()) == [
         "again", "rooms_none", "more", "rooms_vlp16", "a_street", "street",
     ]  # fmt: skip
-    first = found[found["dataset"] == "again"]
+    first = table[table["dataset"] == "again"]
     assert list(first["codec"]) == ["puck", "gpcc", "reno", "a_reno"]
 
 

@@ -48,23 +48,23 @@ def test_distances_to_a_cone_are_those_to_the_nearest_of_its_points() -> None:
 def test_planes_differ_where_they_are_and_whatever_their_sides() -> None:
     tilt = np.radians(3)
     tilted = Primitive("plane", {"normal": [0, -np.sin(tilt), -np.cos(tilt)], "offset": -1.25})
-    found = parameter_differences(FLOOR, tilted, np.array([5.0, 0, 1]))
-    assert found["angle_deg"] == pytest.approx(3)
-    assert found["position_m"] == pytest.approx(1.25 - np.cos(tilt))
+    differences = parameter_differences(FLOOR, tilted, np.array([5.0, 0, 1]))
+    assert differences["angle_deg"] == pytest.approx(3)
+    assert differences["position_m"] == pytest.approx(1.25 - np.cos(tilt))
 
 
 def test_cylinders_differ_beside_their_points_and_not_along_their_axes() -> None:
     other = {"point": [1.3, 0.4, -20.0], "axis": [0.0, 0.0, -1.0], "radius": 2.1}
-    found = parameter_differences(PIPE, Primitive("cylinder", other), np.array([3.0, 0, 9]))
-    assert found == pytest.approx({"angle_deg": 0, "position_m": 0.5, "radius_m": 0.1})
+    differences = parameter_differences(PIPE, Primitive("cylinder", other), np.array([3.0, 0, 9]))
+    assert differences == pytest.approx({"angle_deg": 0, "position_m": 0.5, "radius_m": 0.1})
 
 
 def test_a_turned_cylinder_is_off_at_the_centre_of_the_points() -> None:
     axis = [np.sin(0.1), 0.0, np.cos(0.1)]
     turned = Primitive("cylinder", {"point": [1.0, 0.0, 0.0], "axis": axis, "radius": 2.0})
-    found = parameter_differences(PIPE, turned, np.array([3.0, 0, 9]))
-    assert found["angle_deg"] == pytest.approx(np.degrees(0.1))
-    assert found["position_m"] == pytest.approx(9 * np.sin(0.1))
+    differences = parameter_differences(PIPE, turned, np.array([3.0, 0, 9]))
+    assert differences["angle_deg"] == pytest.approx(np.degrees(0.1))
+    assert differences["position_m"] == pytest.approx(9 * np.sin(0.1))
 
 
 def test_spheres_and_cones_differ_by_their_places_and_sizes() -> None:
@@ -78,7 +78,7 @@ def test_spheres_and_cones_differ_by_their_places_and_sizes() -> None:
     )
 
 
-@pytest.mark.parametrize("surface", [FLOOR, PIPE, BALL, HAT], ids=lambda one: one.kind)
+@pytest.mark.parametrize("surface", [FLOOR, PIPE, BALL, HAT], ids=lambda surface: surface.kind)
 def test_distances_keep_when_points_and_primitive_are_brought_to_metres(surface: Primitive) -> None:
     scale, offset = 40.0, np.array([3.0, -2.0, 0.5])
     points = np.random.default_rng(1).normal(size=(20, 3)) * 4
@@ -101,5 +101,5 @@ def test_what_scenes_call_a_primitive_is_on_its_own_surface(shape: Shape) -> Non
         "cone": (v * np.tan(0.6) * np.cos(u), v * np.tan(0.6) * np.sin(u), v),
     }[shape.kind]
     surface = grid(np.stack(on, axis=-1), shape, np.eye(4)).at(1, 2, 3, turn=20, tilt=40, scale=1.5)
-    own = primitive(shape, surface.frames[0])
-    np.testing.assert_allclose(distances_to_primitive(own, surface.vertices), 0, atol=1e-12)
+    placed = primitive(shape, surface.frames[0])
+    np.testing.assert_allclose(distances_to_primitive(placed, surface.vertices), 0, atol=1e-12)

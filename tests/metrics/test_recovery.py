@@ -28,11 +28,11 @@ POINTS = np.concatenate(
 
 
 def _rows(
-    sizes: tuple[int, ...], found: tuple[Primitive, ...], last: Primitive = BALL
+    sizes: tuple[int, ...], decoded: tuple[Primitive, ...], last: Primitive = BALL
 ) -> dict[str, dict[str, Any]]:
     """Recovery by kind of floor (50), wall (40) and `last` (10) from consecutive runs of points."""
     true = Segmentation(np.repeat([0, 1, 2], [50, 40, 10]), (FLOOR, WALL, last))
-    made = Segmentation(np.repeat(np.arange(len(sizes)), sizes), found)
+    made = Segmentation(np.repeat(np.arange(len(sizes)), sizes), decoded)
     return {row["kind"]: row for row in recovery(true, made, POINTS)}
 
 
@@ -96,9 +96,9 @@ def test_points_belong_to_the_segment_whose_surface_is_closest() -> None:
         (FLOOR, raised, front),
     )
     points = np.array([[1.0, 3, 0.2], [3, 1, 0.2], [2, 0.1, 3]])
-    found = decoded_segmentation(Mesh(vertices, triangles), labels, points)
-    assert found.numbers.tolist() == [1, 1, 0]
-    assert found.primitives[0] == front
+    segmentation = decoded_segmentation(Mesh(vertices, triangles), labels, points)
+    assert segmentation.numbers.tolist() == [1, 1, 0]
+    assert segmentation.primitives[0] == front
 
 
 def test_a_segments_primitive_has_most_of_its_area() -> None:
@@ -125,20 +125,20 @@ def test_a_match_shares_more_than_half_of_the_points_that_either_has(
 ) -> None:
     """100 points on a wall, of which some are found with it; the others are found on nothing."""
     true = Segmentation(np.zeros(100, np.int64), (WALL,))
-    found = Segmentation(np.repeat([0, 1], [shared, 100 - shared]), (WALL, PLANT))
-    (row, *_) = recovery(true, found, np.zeros((100, 3)))
+    made = Segmentation(np.repeat([0, 1], [shared, 100 - shared]), (WALL, PLANT))
+    (row, *_) = recovery(true, made, np.zeros((100, 3)))
     assert row["matched"] == matched
     assert row["label_accuracy"] == matched * shared / 100
 
 
-@pytest.mark.parametrize(("freeform", "found"), [(5, 1), (6, 0)])
+@pytest.mark.parametrize(("freeform", "counted"), [(5, 1), (6, 0)])
 def test_what_is_found_mostly_on_freeform_surfaces_does_not_count(
-    freeform: int, found: int
+    freeform: int, counted: int
 ) -> None:
     true = Segmentation(np.repeat([0, 1], [20 - freeform, freeform]), (FLOOR, PLANT))
     made = Segmentation(np.repeat([0, 1], [10, 10]), (FLOOR, WALL))
     (row, *_) = recovery(true, made, np.zeros((20, 3)))
-    assert row["found"] == 1 + found
+    assert row["found"] == 1 + counted
 
 
 def test_a_decoded_surface_is_compared_in_metres() -> None:
@@ -150,8 +150,8 @@ def test_a_decoded_surface_is_compared_in_metres() -> None:
     )
     mesh = Mesh(vertices, np.array([[0, 1, 2]]), labels)
     about = {"scale": 100.0, "offset": [1.0, 2.0, 3.0]}
-    found = decoded_in_metres(mesh, PointCloud(vertices, about=about))
-    assert found.numbers.tolist() == [0, 0, 0]
-    assert found.primitives[0].parameters["offset"] == pytest.approx(3.5)
-    own = decoded_in_metres(mesh, PointCloud(vertices))
-    assert own.primitives[0].parameters["offset"] == 50
+    segmentation = decoded_in_metres(mesh, PointCloud(vertices, about=about))
+    assert segmentation.numbers.tolist() == [0, 0, 0]
+    assert segmentation.primitives[0].parameters["offset"] == pytest.approx(3.5)
+    unscaled = decoded_in_metres(mesh, PointCloud(vertices))
+    assert unscaled.primitives[0].parameters["offset"] == 50

@@ -116,8 +116,8 @@ def test_discs_reach_twice_the_median_spacing() -> None:
     """11 units and a margin of 4 % are 100 pixels: 2 units are 17.5 of them."""
     assert closing_radius(GRID, 100) == 18
     assert closing_radius(GRID, 5) == 1
-    found = view_metrics(PointCloud(GRID), PointCloud(GRID), 11)
-    assert (found["view_radius"], found["view_pixels"]) == (2, 11)
+    values = view_metrics(PointCloud(GRID), PointCloud(GRID), 11)
+    assert (values["view_radius"], values["view_pixels"]) == (2, 11)
 
 
 def test_views_show_depth_unless_both_clouds_have_colours() -> None:
@@ -131,11 +131,11 @@ def test_views_show_depth_unless_both_clouds_have_colours() -> None:
 def test_views_have_the_error_that_one_lost_point_makes() -> None:
     reference = PointCloud(np.vstack([CORNERS, [[50.0, 50, 50]]]))
     decoded = PointCloud(reference.xyz[:2])
-    found = view_metrics(reference, decoded, 104, radius=0)
+    values = view_metrics(reference, decoded, 104, radius=0)
     # In each picture one pixel of grey 100 becomes white, if no corner hides it.
     mse = (255 - 100) ** 2 / 104**2
-    assert found["view_psnr"] == pytest.approx(10 * np.log10(255**2 / mse))
-    assert 0.9 < found["view_ssim"] < 1
+    assert values["view_psnr"] == pytest.approx(10 * np.log10(255**2 / mse))
+    assert 0.9 < values["view_ssim"] < 1
     same = view_metrics(reference, reference, 104, radius=0)
     assert np.isinf(same["view_psnr"])
     assert same["view_ssim"] == pytest.approx(1)
@@ -154,13 +154,13 @@ def test_luminance_and_chrominance_are_those_of_bt_709() -> None:
 
 
 def test_grey_levels_apart_are_an_error_of_luminance_alone() -> None:
-    found = colour_distortion(coloured(GRID, (100, 100, 100)), coloured(GRID, (151, 151, 151)))
-    assert found["y_psnr"] == pytest.approx(20 * np.log10(5))
-    assert found["u_mse"] == pytest.approx(0, abs=1e-20)
-    assert found["luminance_l2"] == pytest.approx(2**0.5)
-    joint = joint_quality({"cd_plane": 2.0}, found)
+    errors = colour_distortion(coloured(GRID, (100, 100, 100)), coloured(GRID, (151, 151, 151)))
+    assert errors["y_psnr"] == pytest.approx(20 * np.log10(5))
+    assert errors["u_mse"] == pytest.approx(0, abs=1e-20)
+    assert errors["luminance_l2"] == pytest.approx(2**0.5)
+    joint = joint_quality({"cd_plane": 2.0}, errors)
     assert joint == pytest.approx(0.6597 * 2 + 0.3403 * 2**0.5)
-    assert np.isnan(joint_quality({"cd_point": 2.0}, found))
+    assert np.isnan(joint_quality({"cd_point": 2.0}, errors))
     same = colour_distortion(coloured(GRID, (100, 100, 100)), coloured(GRID, (100, 100, 100)))
     assert same["luminance_l2"] == 0
     assert np.isinf(same["y_psnr"])
@@ -190,13 +190,13 @@ def test_duplicates_and_equidistant_neighbours_count_with_their_mean_colour() ->
 
 def test_the_density_of_a_grid_and_its_outlier() -> None:
     points = np.vstack([GRID, GRID[:1], [[200.0, 0, 0]]])
-    found = density(points)
-    assert found["duplicates"] == pytest.approx(1 / 146)
-    assert found["spacing_median"] == 1
-    assert found["outliers"] == pytest.approx(1 / 145)
+    values = density(points)
+    assert values["duplicates"] == pytest.approx(1 / 146)
+    assert values["spacing_median"] == 1
+    assert values["outliers"] == pytest.approx(1 / 145)
     # The 16th neighbour in the grid's middle is at sqrt 5 (4 + 4 + 4 nearer ones).
-    assert found["density_q95"] == pytest.approx(16 / (5 * np.pi))
-    metres = density_in_metres(found, 10.0)
+    assert values["density_q95"] == pytest.approx(16 / (5 * np.pi))
+    metres = density_in_metres(values, 10.0)
     assert metres["spacing_median_m"] == pytest.approx(0.1)
     assert metres["density_q95_m2"] == pytest.approx(1600 / (5 * np.pi))
     assert density(np.zeros((4, 3))) == {"duplicates": 0.75}
@@ -206,21 +206,21 @@ def test_density_is_that_of_all_pairs() -> None:
     """Of 201 values in order, the 11th and the 191st are the quantiles 0.05 and 0.95."""
     points = np.random.default_rng(5).standard_t(3, (201, 3))
     pairs = np.sort(cdist(points, points), axis=1)[:, 1:17]
-    found = density(points)
+    statistics = density(points)
     for name, values in (("spacing", pairs[:, 0]), ("density", 16 / (np.pi * pairs[:, -1] ** 2))):
         low, middle, high = np.sort(values)[[10, 100, 190]]
-        assert found[f"{name}_q05"] == pytest.approx(low, rel=1e-12)
-        assert found[f"{name}_median"] == pytest.approx(middle, rel=1e-12)
-        assert found[f"{name}_q95"] == pytest.approx(high, rel=1e-12)
+        assert statistics[f"{name}_q05"] == pytest.approx(low, rel=1e-12)
+        assert statistics[f"{name}_median"] == pytest.approx(middle, rel=1e-12)
+        assert statistics[f"{name}_q95"] == pytest.approx(high, rel=1e-12)
 
 
 def test_few_points_have_the_density_of_those_that_there_are() -> None:
     """Two points at a distance of 2: one neighbour within a disc of radius 2."""
-    found = density(np.array([[0.0, 0, 0], [2, 0, 0], [2, 0, 0]]))
-    assert found["duplicates"] == pytest.approx(1 / 3)
-    assert found["spacing_median"] == 2
-    assert found["density_median"] == pytest.approx(1 / (4 * np.pi))
-    assert found["outliers"] == 0
+    values = density(np.array([[0.0, 0, 0], [2, 0, 0], [2, 0, 0]]))
+    assert values["duplicates"] == pytest.approx(1 / 3)
+    assert values["spacing_median"] == 2
+    assert values["density_median"] == pytest.approx(1 / (4 * np.pi))
+    assert values["outliers"] == 0
     line = density(np.arange(5.0)[:, None] * [1, 0, 0])
     assert line["density_q95"] == pytest.approx(4 / np.pi * np.quantile([1 / 4, 1 / 9], 0.8))
 
@@ -230,11 +230,11 @@ def test_of_many_points_some_are_measured_each_once(monkeypatch: pytest.MonkeyPa
     points = np.random.default_rng(5).standard_t(3, (201, 3))
     spacing = np.sort(np.sort(cdist(points, points), axis=1)[:, 1])
     monkeypatch.setattr(measured_density, "QUERIES", 200)
-    found = density(points)
+    values = density(points)
     for name, place in (("q05", 10), ("median", 100), ("q95", 190)):
-        assert spacing[place - 1] <= found[f"spacing_{name}"] <= spacing[place + 1]
-    assert found["spacing_q05"] not in spacing
-    assert density(points) == found
+        assert spacing[place - 1] <= values[f"spacing_{name}"] <= spacing[place + 1]
+    assert values["spacing_q05"] not in spacing
+    assert density(points) == values
 
 
 def test_outliers_are_two_standard_deviations_beyond_the_mean() -> None:
@@ -271,8 +271,8 @@ def test_evaluate_measures_pictures_and_colours(
     write_cloud(tmp_path / "b.ply", coloured(GRID + np.array([0, 0, 0.25]), (151, 151, 151)))
     words = ["evaluate", str(tmp_path / "a.ply"), str(tmp_path / "b.ply"), "--json"]
     assert main([*words, "--views", "64"]) == 0
-    found = json.loads(capsys.readouterr().out)
-    assert found["y_psnr"] == pytest.approx(20 * np.log10(5))
-    assert found["view_pixels"] == 64
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["y_psnr"] == pytest.approx(20 * np.log10(5))
+    assert answer["view_pixels"] == 64
     assert main(words) == 0
     assert "view_psnr" not in json.loads(capsys.readouterr().out)

@@ -27,9 +27,9 @@ def test_ranges_are_compared_firing_by_firing() -> None:
     ranges[tuple(empty[0])] = 700
     ranges[tuple(empty[1])] = 701
     decoded = replace(original, turns=(replace(turn, ranges=ranges), original.turns[1]))
-    found = range_errors(original, decoded)
+    values = range_errors(original, decoded)
     both = 2 * len(places) - 1
-    assert found == {
+    assert values == {
         "range_rms_mm": pytest.approx(np.sqrt((144 + 256) / both)),
         "range_max_mm": pytest.approx(16),
         "returns_lost": 1,
@@ -52,10 +52,10 @@ def test_points_without_lasers_are_compared_along_the_rays() -> None:
     ranges = random.uniform(2, 40, 300)
     original = ranges[:, None] * rays
     errors = random.normal(0, 0.004, 300)
-    found = range_errors_of_points(original, (ranges + errors)[::-1, None] * rays[::-1])
-    assert found["range_rms_mm"] == pytest.approx(1000 * np.sqrt(np.mean(errors**2)))
-    assert found["range_max_mm"] == pytest.approx(1000 * np.abs(errors).max())
-    assert found["returns_lost"] == found["returns_added"] == 0
+    values = range_errors_of_points(original, (ranges + errors)[::-1, None] * rays[::-1])
+    assert values["range_rms_mm"] == pytest.approx(1000 * np.sqrt(np.mean(errors**2)))
+    assert values["range_max_mm"] == pytest.approx(1000 * np.abs(errors).max())
+    assert values["returns_lost"] == values["returns_added"] == 0
 
 
 def test_merged_points_are_lost_returns_and_points_of_no_return_are_added() -> None:
@@ -71,8 +71,8 @@ def test_merged_points_are_lost_returns_and_points_of_no_return_are_added() -> N
 
 def test_a_codec_keeps_up_with_the_sensor() -> None:
     row = {"bytes": 25_000, "encode_s": 0.05, "decode_s": 0.4}
-    found = real_time_metrics({"turns": 2, "seconds": 0.2}, row)
-    assert found == {
+    values = real_time_metrics({"turns": 2, "seconds": 0.2}, row)
+    assert values == {
         "mbit_per_s": pytest.approx(1.0),
         "encode_ms_per_turn": pytest.approx(25),
         "encode_real_time": pytest.approx(4),
@@ -103,6 +103,6 @@ def test_noise_whose_deviation_can_be_known_costs_less_than_pooled() -> None:
     noise, groups = random.normal(0, 0.002 * steps), np.zeros(len(steps), int)
     expected = np.mean([np.log2(s * np.sqrt(2 * np.pi * np.e)) for s in (5, 20)])
     ranges = random.random(len(steps))
-    known = entropy_bits(noise, groups, 0.002, (incidence, ranges))
-    assert known == pytest.approx(expected, abs=0.005)
+    conditional = entropy_bits(noise, groups, 0.002, (incidence, ranges))
+    assert conditional == pytest.approx(expected, abs=0.005)
     assert entropy_bits(noise, groups, 0.002) > expected + 0.2

@@ -36,10 +36,10 @@ def _rows() -> pd.DataFrame:
 
 
 def test_finest_rates_and_a_common_error() -> None:
-    found = storage(_rows())
-    assert list(found["codec"]) == ["puck", "draco"]  # fewest bits first
-    assert set(found["dataset"]) == {"spins"}
-    puck = found.iloc[0]
+    table = storage(_rows())
+    assert list(table["codec"]) == ["puck", "draco"]  # fewest bits first
+    assert set(table["dataset"]) == {"spins"}
+    puck = table.iloc[0]
     assert puck["rate"] == "2mm"
     assert puck["bits_per_return"] == pytest.approx((3 + 9) / 2)
     assert puck["rms_mm"] == 0

@@ -82,17 +82,17 @@ def test_without_true_normals_there_is_nothing_to_plane() -> None:
 def test_closest_point_over_a_face_an_edge_and_a_corner(
     point: list[float], closest: list[float]
 ) -> None:
-    found = closest_surface_points(FLOOR, np.array([point], dtype=np.float64))
-    np.testing.assert_array_equal(found.xyz, [closest])
-    np.testing.assert_array_equal(found.normals, [[0, 0, 1]])
+    nearest = closest_surface_points(FLOOR, np.array([point], dtype=np.float64))
+    np.testing.assert_array_equal(nearest.xyz, [closest])
+    np.testing.assert_array_equal(nearest.normals, [[0, 0, 1]])
 
 
 def test_closest_points_are_exact_far_from_the_origin() -> None:
     away = np.array([40_000.0, -30_000.0, 500.0])
     points = generator(2, "above").random((100, 3)) * [8, 8, 1]
     far = Mesh(FLOOR.vertices + away, FLOOR.triangles)
-    found = closest_surface_points(far, points + away)
-    np.testing.assert_allclose(found.xyz - away, points * [1, 1, 0], atol=1e-10)
+    nearest = closest_surface_points(far, points + away)
+    np.testing.assert_allclose(nearest.xyz - away, points * [1, 1, 0], atol=1e-10)
 
 
 def test_points_off_a_sphere_are_its_radius_less_away() -> None:
@@ -100,15 +100,15 @@ def test_points_off_a_sphere_are_its_radius_less_away() -> None:
     ball = trimesh.creation.icosphere(subdivisions=5)
     mesh = Mesh(np.asarray(ball.vertices), np.asarray(ball.faces, dtype=np.int64))
     corners = mesh.vertices[::50]
-    found = closest_surface_points(mesh, corners * 1.5)
-    np.testing.assert_allclose(found.xyz, corners, atol=1e-15)
+    nearest = closest_surface_points(mesh, corners * 1.5)
+    np.testing.assert_allclose(nearest.xyz, corners, atol=1e-15)
 
 
 def test_triangles_without_area_are_left_out() -> None:
     triangles = np.array([[0, 0, 1], [0, 1, 2], [0, 2, 3]])
-    found = closest_surface_points(Mesh(FLOOR.vertices, triangles), np.array([[4.0, 0, 1]]))
-    assert found.triangles.tolist() == [1]
-    np.testing.assert_array_equal(found.normals, [[0, 0, 1]])
+    nearest = closest_surface_points(Mesh(FLOOR.vertices, triangles), np.array([[4.0, 0, 1]]))
+    assert nearest.triangles.tolist() == [1]
+    np.testing.assert_array_equal(nearest.normals, [[0, 0, 1]])
 
 
 def test_a_mesh_is_brought_into_the_frame_of_a_scaled_cloud() -> None:
@@ -136,8 +136,8 @@ def test_one_surface_and_one_reference_give_the_values_of_one_off_calls() -> Non
         np.testing.assert_array_equal(once.normals, again.normals)
         np.testing.assert_array_equal(once.triangles, again.triangles)
         for measure in (truth_distortion, scan_distortion):
-            found = measure(ReferenceCloud(SEEN), surface, DistinctPoints(points))
-            assert found == measure(SEEN, mesh, points)
+            values = measure(ReferenceCloud(SEEN), surface, DistinctPoints(points))
+            assert values == measure(SEEN, mesh, points)
 
 
 @pytest.mark.parametrize(

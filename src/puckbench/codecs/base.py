@@ -1,7 +1,7 @@
 """The interface of codecs: a class with rates, `_encode` and `_decode`, registered by name.
 
-This module has the classes that encode and decode; `puckbench.codecs.facts` has the properties that
-plans and figures need. A user's codec is one file::
+`puckbench.codecs.facts` has the properties that plans and figures need. A user's codec is one
+file::
 
     from puckbench.codecs.base import Codec
     from puckbench.codecs.registry import CODECS
@@ -61,7 +61,7 @@ class Availability(NamedTuple):
 
 
 class SharedWork(Protocol):
-    """Intermediate results for a cloud that its first encoding stores, and other rates reuse."""
+    """Results for a cloud that its first encoding stores, and other rates reuse."""
 
     saved: Cost = NO_COST
     """Cost of the work that the last call reused."""
@@ -71,8 +71,8 @@ class Codec(CodecFacts, ABC):
     """Base class of codecs, which encode points to a self-contained byte string and decode it.
 
     A subclass has `rates` and implements `_encode` and `_decode`; other members have defaults.
-    Planning, figures and ``puckbench codecs`` import its module, which therefore imports slow
-    packages inside methods. A call depends on its arguments alone, never on earlier calls.
+    Plans import its module, which therefore imports slow packages inside methods. A result depends
+    on the call's arguments alone.
     """
 
     magic: bytes = b""
@@ -86,7 +86,7 @@ class Codec(CodecFacts, ABC):
 
     @property
     def has_surfaces(self) -> bool:
-        """Whether the codec can decode streams to triangles (`_decode_mesh` is implemented)."""
+        """Whether the codec can decode streams to triangles."""
         return type(self)._decode_mesh is not Codec._decode_mesh
 
     def available(self) -> Availability:
@@ -97,24 +97,20 @@ class Codec(CodecFacts, ABC):
         """Load weights and compile loops before the timed calls."""
 
     def cost(self, here: Cost) -> Cost:
-        """Return the cost of the last call; `here` is the cost measured in this process.
-
-        Codecs that run external programs return the programs' cost instead.
-        """
+        """Return the last call's cost: `here`, of this process, or that of external programs."""
         return here
 
     def shared_work(self) -> SharedWork | None:
-        """Return a new object to store intermediate results that all rates of one cloud share.
+        """Return a new object for results that all rates of one cloud share, or None.
 
-        The caller passes the object to `encode` for each rate. A codec that returns an object must
-        implement `_encode_sharing`; by default the object is None.
+        The caller passes it to `encode` for each rate; the codec then implements `_encode_sharing`.
         """
         return None
 
     def encode_cloud(self, cloud: PointCloud, rate: str, shared: SharedWork | None = None) -> bytes:
         """Encode the points of a cloud, or its returns if the codec needs them.
 
-        The codec's `attributes` are encoded too, if the cloud has them. `rate` and `shared` are as
+        The cloud's values of the codec's `attributes` are encoded too. `rate` and `shared` are as
         in `encode`; encoding of returns and of attributes does not use `shared`.
 
         Raises
@@ -139,16 +135,16 @@ class Codec(CodecFacts, ABC):
         return self.encode(returns.points(), rate)
 
     def decode_cloud(self, stream: bytes) -> PointCloud:
-        """Decode a cloud with its points and, if the stream has them, returns and attributes."""
+        """Decode points and, if the stream has them, returns and attributes."""
         with naming(f"codec {self.name}"):
-            own, shift = unshifted(stream)
-        cloud = self._decode_with_attributes(own)
+            content, shift = unshifted(stream)
+        cloud = self._decode_with_attributes(content)
         if cloud is None:
             return PointCloud(self.decode(stream))
         return cloud if shift is None else replace(cloud, xyz=moved(cloud.xyz, shift))
 
     def attribute_bytes(self, stream: bytes) -> Mapping[str, int]:
-        """Return the number of bytes of each coded attribute; the others are the geometry's."""
+        """Return the number of bytes of each attribute; others are the geometry's."""
         return {}
 
     def encode(
@@ -158,7 +154,7 @@ class Codec(CodecFacts, ABC):
         shared: SharedWork | None = None,
         attributes: Attributes | None = None,
     ) -> bytes:
-        """Encode points at a rate.
+        """Encode points at a rate to a self-contained stream.
 
         Parameters
         ----------
@@ -167,21 +163,15 @@ class Codec(CodecFacts, ABC):
         rate
             One of `rates` or `metric_rates`.
         shared
-            An object returned by `shared_work`, used for this cloud only; the stream does not
-            depend on it.
+            An object of `shared_work` for this cloud; the stream does not depend on it.
         attributes
             Values of the points by name, of the codec's `attributes`.
-
-        Returns
-        -------
-        bytes
-            The stream, which holds all that the decoder needs.
 
         Raises
         ------
         InputError
             The rate is unknown, the cloud is empty, a coordinate is not finite, or a reflectance is
-            no whole number of 16 bits.
+            not an integer of 16 bits.
         """
         parameters = self.parameters_of(rate)
         check_points(points, f"codec {self.name}")
@@ -207,16 +197,13 @@ class Codec(CodecFacts, ABC):
         return stream if shift is None else shifted(stream, shift)
 
     def decode(self, stream: bytes) -> Floats:
-        """Decode points (m, 3) in the coordinates of the input cloud, in any order.
+        """Decode points (m, 3) in the input's coordinates, in any order.
 
-        Raises
-        ------
-        InputError
-            The stream is damaged or belongs to another codec.
+        Raises InputError if the stream is damaged or belongs to another codec.
         """
         with naming(f"codec {self.name}"):
-            own, shift = unshifted(stream)
-        points = self._decode(own)
+            content, shift = unshifted(stream)
+        points = self._decode(content)
         if getattr(points, "shape", (0, 0))[1:] != (3,):
             raise InputError(f"codec {self.name}: _decode returned {_described(points)}")
         return points if shift is None else moved(points, shift)
@@ -224,27 +211,23 @@ class Codec(CodecFacts, ABC):
     def decode_mesh(self, stream: bytes) -> Mesh:
         """Decode the triangles of a surface, in the coordinates of the input cloud.
 
-        Each triangle is labelled with its geometric primitive (see `puckbench.geometry.mesh`) and
-        its object: a wall is one object even if it was encoded as several primitives.
-
-        Raises
-        ------
-        InputError
-            As for `decode`, and if the codec or the stream has no surfaces.
+        Triangles are labelled with primitives (see `puckbench.geometry.mesh`) and objects: a wall
+        is one object even if it was encoded as several primitives. Raises InputError as `decode`
+        does, and if the codec or the stream has no surfaces.
         """
         with naming(f"codec {self.name}"):
-            own, shift = unshifted(stream)
-        mesh = self._decode_mesh(own)
+            content, shift = unshifted(stream)
+        mesh = self._decode_mesh(content)
         return mesh if shift is None else labelled_mesh_in_metres(mesh, 1.0, shift)
 
     def _decode_mesh(self, stream: bytes) -> Mesh:
-        """Decode the surfaces of a stream; raise InputError as `_decode` does."""
+        """Decode a stream's surfaces; raise InputError as `_decode` does."""
         raise InputError(f"codec {self.name}: codes points, not surfaces")
 
     def _encode_sharing(self, points: Floats, parameters: Parameters, shared: Any) -> bytes:
         """Encode as `_encode` does, and store or reuse results in an object of `shared_work`.
 
-        Set the object's attribute `saved` to the cost of the reused work.
+        Set its attribute `saved` to the cost of the reused work.
         """
         return self._encode(points, parameters)
 

@@ -16,7 +16,7 @@ from puckbench.storage.steps import MOST_STEPS
 class Cloudini(Codec):
     """Cloudini, by the package pureini: differences between successive points, Zstandard.
 
-    The order of the points is kept. A rate is the resolution to which coordinates are rounded.
+    It keeps the order of points. A rate is the resolution of coordinates.
     """
 
     title = "Cloudini"

@@ -1,8 +1,8 @@
 """Draco's two point-cloud coders, through DracoPy: the kd-tree and the sequential method.
 
 Only geometry is encoded, as float32, within the cloud's bounding cube. With the kd-tree, DracoPy
-merges points with equal float32 coordinates (Debian's ``draco_encoder`` keeps them). Points that
-quantisation moves to one position are kept.
+merges points with equal float32 coordinates (Debian's ``draco_encoder`` keeps them), but not points
+that quantisation moves to one position.
 """
 
 from __future__ import annotations
@@ -32,10 +32,7 @@ DRACO_RATES = {f"r{bits - 3}": {"quantization_bits": bits} for bits in range(4, 
 
 
 def _most_points(stream: bytes) -> int:
-    """Return the largest number of points that a stream of this size can plausibly contain.
-
-    If the header contains a larger number, the stream is refused before it can fill the memory.
-    """
+    """Return the largest plausible number of points in a stream, to limit the decoder's memory."""
     return min(65536 + 8192 * len(stream), most_points(len(stream)))
 
 
@@ -51,10 +48,9 @@ class DracoOptions(Model):
 
 
 def _quantisation(points: Floats, parameters: Parameters) -> dict[str, Any]:
-    """Return the arguments that make the encoder quantise coordinates as a rate requires.
+    """Return the encoder's arguments for the quantisation of a rate.
 
-    A rate has either the number of bits per coordinate in the cloud's bounding cube, or the step of
-    a grid in m.
+    A rate is the number of bits per coordinate in the bounding cube, or the step of a grid in m.
     """
     if "step_m" not in parameters:
         return {"quantization_bits": parameters["quantization_bits"]}
@@ -74,8 +70,8 @@ def _quantisation(points: Floats, parameters: Parameters) -> dict[str, Any]:
 class Draco(Codec):
     """Google's Draco, with its kd-tree or its sequential method (an option).
 
-    A rate is a number of position quantisation bits or, of clouds in metres, the step of the grid.
-    Streams of both methods can be decoded whatever the option.
+    A rate is a number of quantisation bits or, of clouds in metres, the step of the grid. Both
+    methods' streams can be decoded whatever the option.
     """
 
     title = "Draco"

@@ -18,8 +18,6 @@ from puckbench.geometry.cloud import Floats
 
 
 class DracoToolOptions(Model):
-    """Options of Draco's command-line tools: their names or paths, and the encoder's effort."""
-
     compression_level: int = Field(
         10, ge=0, le=10, description="effort; 10 gives the smallest streams"
     )
@@ -49,8 +47,8 @@ class DracoCli(ExternalCodec):
     @cached_property
     def version(self) -> str:
         # The tools print no version.
-        found = shutil.which(self.programs[0])
-        digest = hashlib.sha256(Path(found).read_bytes()).hexdigest()[:12] if found else ""
+        path = shutil.which(self.programs[0])
+        digest = hashlib.sha256(Path(path).read_bytes()).hexdigest()[:12] if path else ""
         return f"draco_encoder {digest}".strip()
 
     def _encode(self, points: Floats, parameters: Parameters) -> bytes:

@@ -25,8 +25,8 @@ _SECONDS, _SECONDS_PER_BYTE = 30, 1e-4
 class ExternalCodec(Codec):
     """A codec that runs external programs.
 
-    A subclass lists the programs in `programs`, and calls `run` to encode and decode. The cost of a
-    call is that of its programs, including reading and writing of their files.
+    A subclass lists them in `programs`, and calls `run` to encode and decode. The cost of a call is
+    theirs, including reading and writing of their files.
     """
 
     output: str = ""
@@ -35,7 +35,7 @@ class ExternalCodec(Codec):
 
     @property
     def programs(self) -> tuple[str, ...]:
-        """Names or paths of the required programs, which a subclass may set as an attribute."""
+        """Names or paths of the required programs; a subclass may set an attribute."""
         return ()
 
     def available(self) -> Availability:
@@ -57,18 +57,11 @@ class ExternalCodec(Codec):
         return super().decode(stream)
 
     def cost(self, here: Cost) -> Cost:
-        """Return the time and memory of the programs that the last call ran."""
+        """Return the time and memory of the last call's programs."""
         return self._cost or here
 
     def run(self, command: Sequence[str | Path], source: Path) -> None:
-        """Run a program under limits of time and memory that grow with its input.
-
-        Parameters
-        ----------
-        command
-            Program and arguments.
-        source
-            The file that the program reads.
+        """Run a program under limits of time and memory that grow with its input file `source`.
 
         Raises
         ------
@@ -86,15 +79,14 @@ class ExternalCodec(Codec):
 
 @contextmanager
 def folder() -> Iterator[Path]:
-    """Make a temporary folder for the files of one call."""
     with tempfile.TemporaryDirectory(prefix="puckbench-") as path:
         yield Path(path)
 
 
 def write_points(path: Path, points: NDArray[Any], kind: str) -> None:
-    """Write points (n, 3) as a binary PLY file with coordinates only.
+    """Write points (n, 3) as a binary PLY file.
 
-    `kind` is the type of the coordinates, ``float32`` or ``float64``.
+    `kind` is the type of coordinates, ``float32`` or ``float64``.
     """
     header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(points)}"]
     header += [f"property {kind} {axis}" for axis in "xyz"]
@@ -105,10 +97,7 @@ def write_points(path: Path, points: NDArray[Any], kind: str) -> None:
 def read_points(path: Path, what: str) -> Floats:
     """Read the points (m, 3) of a PLY file that an external program wrote.
 
-    Raises
-    ------
-    InputError
-        The file is missing or has no points; the message begins with `what`.
+    Raises InputError, beginning with `what`, if the file is missing or has no points.
     """
     try:
         return read_cloud(path, keep_missing=True).xyz

@@ -1,4 +1,4 @@
-"""Properties of codecs for plans, tables and figures: title, plot style, rates, memory, time."""
+"""Properties of codecs for plans, tables and figures."""
 
 from __future__ import annotations
 
@@ -21,10 +21,7 @@ LENGTHS_MM = (100, 50, 20, 10, 5, 2, 1)
 
 
 def lengths(*millimetres: int) -> dict[str, Parameters]:
-    """Return rates for clouds in metres, one for each step in millimetres.
-
-    For example, the rate ``10mm`` has the parameter ``step_m`` with the value 0.01.
-    """
+    """Return rates for clouds in metres, such as ``10mm`` with the parameter ``step_m`` 0.01."""
     return {f"{length}mm": {"step_m": length / 1000} for length in millimetres or LENGTHS_MM}
 
 
@@ -49,11 +46,11 @@ def check_lengths(rates: Iterable[str]) -> None:
 
 
 def find_rate(codec: CodecFacts | type[CodecFacts], rate: str) -> tuple[str, Parameters] | None:
-    """Return the name and the parameters of a codec's rate, or None if the codec lacks it.
+    """Return name and parameters of a codec's rate, or None if the codec lacks it.
 
     A codec has a rate for every length if it allows `any_length` and its `metric_rates` have no
-    parameter but ``step_m``. Lengths are named in millimetres: ``2cm`` is the rate ``20mm``.
-    Raises InputError as `check_lengths` does.
+    parameter but ``step_m``. Names are in millimetres: ``2cm`` is the rate ``20mm``. Raises
+    InputError as `check_lengths` does.
     """
     offered = {**codec.rates, **codec.metric_rates}
     if rate in offered:
@@ -68,20 +65,20 @@ def find_rate(codec: CodecFacts | type[CodecFacts], rate: str) -> tuple[str, Par
 
 
 class Memory(NamedTuple):
-    """Estimated memory of encoding or decoding: a constant in MB, plus bytes for each point."""
+    """Estimated memory of encoding or decoding: a constant in MB, and bytes per point."""
 
     base_mb: float = 400.0
     bytes_per_point: float = 1000.0
 
     def of(self, points: int) -> int:
-        """Return the estimate in MB for a number of points."""
+        """Return the estimate in MB."""
         return int(self.base_mb) + int(points * self.bytes_per_point) // 1_000_000
 
 
 class Pace(NamedTuple):
-    """Estimated time to encode and decode a cloud: a constant in s, plus s per million points.
+    """Estimated time to encode and decode a cloud: a constant in s, and s per million points.
 
-    `encoding` is the fraction of the time that encoding takes.
+    `encoding` is the fraction that encoding takes.
     """
 
     base_s: float = 0.1
@@ -89,7 +86,7 @@ class Pace(NamedTuple):
     encoding: float = 0.5
 
     def of(self, points: int) -> float:
-        """Return the estimate in s for a number of points."""
+        """Return the estimate in s."""
         return self.base_s + self.per_million_s * points / 1_000_000
 
 
@@ -108,10 +105,9 @@ class CodecFacts:
     Parameters
     ----------
     name
-        Name of the codec in a run and in tables.
+        Name in a run and in tables.
     rates, metric_rates
-        Parameters of each rate by its name, the smallest bitrate first; by default those of the
-        class.
+        Parameters of each rate by name, the smallest bitrate first; by default those of the class.
     options
         Values of the class's `Options`.
 
@@ -177,57 +173,51 @@ class CodecFacts:
 
     @property
     def version(self) -> str:
-        """Version of the implementation for the results table; subclasses may set an attribute."""
+        """Version of the implementation; subclasses may set an attribute."""
         return ""
 
     @property
     def attributes(self) -> tuple[str, ...]:
-        """Attributes that the codec codes beside positions (`puckbench.geometry.attributes`);
-        subclasses may set an attribute."""
+        """Attributes that the codec codes (`puckbench.geometry.attributes`); may be set."""
         return ()
 
     @property
     def needs_scaled(self) -> bool:
-        """Whether rates are for scaled clouds only; they are not if the option `unit` is set."""
+        """Whether rates are for scaled clouds only: without the option `unit`."""
         return self.grid > 0 and getattr(self.options, "unit", None) is None
 
     def weights_of(self, rate: str) -> str:
-        """Return the name of the trained weights of a rate, for the results table."""
+        """Return the name of a rate's trained weights, for the results table."""
         return ""
 
     def weights_files(self) -> list[Path]:
-        """Return the files of the weights; raise InputError if they are missing."""
+        """Return the weights files; raise InputError if they are missing."""
         return []
 
     def rates_of(self, frame: CoordinateFrame | None) -> Mapping[str, Parameters]:
         """Return the rates for clouds in a coordinate frame, possibly none.
 
-        If the option `unit` is set, all rates are for clouds in metres.
+        With the option `unit`, all rates are for clouds in metres.
         """
         has_unit = getattr(self.options, "unit", None) is not None
         return self.metric_rates if frame == "metric" and not has_unit else self.rates
 
     def most_extent(self, rate: str) -> float:
-        """Return the largest extent along an axis, in m, that a cloud may have at a rate.
+        """Return the largest extent along an axis, in m, of clouds at a rate; inf if scaled.
 
-        It is infinite for scaled clouds. A run skips the rate for wider clouds.
+        A run skips the rate for wider clouds.
         """
         return self.most_steps * float(self.parameters_of(rate).get("step_m", math.inf))
 
     def check_frame(self, frame: CoordinateFrame | None, rate: str | None = None) -> None:
-        """Raise InputError if the codec has no rates for the coordinate frame of a cloud.
+        """Raise InputError if the codec has no rates for a cloud's coordinate frame.
 
         Parameters
         ----------
         frame
-            Coordinate frame of the cloud; None if it is unknown.
+            None if it is unknown.
         rate
             The requested rate; by default all rates of the frame.
-
-        Raises
-        ------
-        InputError
-            The rates need scaled clouds or clouds in metres, and the cloud is not of this kind.
         """
         offered = self.rates_of(frame) or self.rates or self.metric_rates
         requested = offered if rate is None else (rate,)
@@ -263,13 +253,13 @@ class CodecFacts:
         return rate not in self.rates and find_rate(self, rate) is not None
 
     def rate_name(self, rate: str) -> str:
-        """Return the name of a rate in results; raise InputError if the codec lacks the rate."""
+        """Return the name of a rate in results; raise InputError if it is unknown."""
         return self._find(rate)[0]
 
     def parameters_of(self, rate: str) -> Parameters:
-        """Return the parameters of a rate; raise InputError if its name is unknown.
+        """Return the parameters of a rate; raise InputError if it is unknown.
 
-        A parameter that the rate lacks raises InputError too, when it is read.
+        Reading a parameter that the rate lacks raises InputError too.
         """
         return _RateParameters(self._find(rate)[1], f"codec {self.name}: rate {rate}")
 

@@ -78,8 +78,6 @@ class UnitOptions(Model):
 
 
 class GridOptions(UnitOptions):
-    """Options for quantisation and for the coding tools of G-PCC."""
-
     profile: Literal["minimal", "ctc", "spinning", "defaults"] = Field(
         "ctc",
         description="coding tools: the octree alone; those of the common test conditions, or of "
@@ -97,8 +95,6 @@ class GridOptions(UnitOptions):
 
 
 class CoderOptions(GridOptions):
-    """Options of the codecs that use puckbench's G-PCC coder."""
-
     attributes: bool = Field(
         False,
         description="also code reflectances and colours: without loss where positions are, else at "
@@ -112,9 +108,8 @@ class CoderOptions(GridOptions):
 class GridCodec(Codec):
     """Base class of the codecs that use puckbench's G-PCC coder or the reference software.
 
-    A rate is the factor `scale` by which coordinates are multiplied before they are rounded or, for
-    clouds in metres, the grid step to which they are rounded. A stream's wrapper holds the grid's
-    unit and offset.
+    A rate is the factor `scale` of coordinates before rounding or, for clouds in metres, the grid
+    step. A stream's wrapper holds the grid's unit and offset.
     """
 
     rates: Mapping[str, Parameters] = EIGHTHS
@@ -161,7 +156,7 @@ class GridCodec(Codec):
         return self._loses(parameters)
 
     def _loses(self, parameters: Parameters) -> bool:
-        """Whether a rate is lossy: it has a scale below 1, or a grid step of more than 2 mm."""
+        """Whether a rate is lossy: a scale below 1, or a grid step above 2 mm."""
         if "step_m" in parameters:
             return float(parameters["step_m"]) > LOSSLESS_STEP_M
         return scale_of(parameters) < 1
@@ -175,8 +170,7 @@ class GridCodec(Codec):
         returns: Returns | None,
         attributes: Attributes,
     ) -> bytes:
-        """Encode points (n, 3), and their returns and attributes if there are any, to a stream
-        without wrapper."""
+        """Encode points (n, 3), and their returns and attributes, to a stream without wrapper."""
 
     @abstractmethod
     def _units(self, stream: bytes) -> Floats:
@@ -284,7 +278,7 @@ class OwnCodec(GridCodec):
         return decode_geometry(stream).positions()
 
     def _stream(self, points: OnGrid, parameters: Parameters) -> bytes:
-        """Encode points on the grid to a stream of the standard, without wrapper."""
+        """Encode points on the grid to a stream without wrapper."""
         from puckbench.gpcc.attributes.cloud import encode_cloud
 
         tools = self._tools(parameters, angular=points.sensor is not None)
@@ -310,7 +304,7 @@ class OwnCodec(GridCodec):
     def _tools(
         self, parameters: Parameters, *, angular: bool = False
     ) -> GpccOptions | PredictiveOptions:
-        """Return the coding tools of the geometry; `angular`: with the sensor's lasers."""
+        """Return the geometry's coding tools; `angular`: with the sensor's lasers."""
 
     def _attribute_options(
         self, points: OnGrid, parameters: Parameters
@@ -332,7 +326,7 @@ class OwnCodec(GridCodec):
         return chosen
 
     def _qp(self, parameters: Parameters) -> int | None:
-        """Return the QP of a rate's attributes, or None if they are coded without loss."""
+        """Return the QP of a rate's attributes, or None for lossless coding."""
         if "qp" in parameters:
             return int(parameters["qp"])
         if not self._loses(parameters):
@@ -356,8 +350,9 @@ class SensorCodec(OwnCodec):
 
 
 def frame_qp(step_m: float) -> int:
-    """Return the QP of attributes for positions in steps of a length, interpolated between MPEG's
-    rates for frames of 18 bits at 1 mm."""
+    """Return the attributes' QP for a step of positions, interpolated between MPEG's rates for
+    frames of 18 bits at 1 mm.
+    """
     return round(float(np.interp(np.log2(step_m), _LOG2_STEPS, _QPS[::-1])))
 
 

@@ -25,8 +25,7 @@ class DenoisedOptions(CoderOptions):
 
 
 class DenoisedPoints:
-    """Keeps the denoised points of a cloud, which all rates share; `saved` is their cost if the
-    last call reused them."""
+    """Denoised points of a cloud for all rates; `saved` is their cost if a call reused them."""
 
     def __init__(self) -> None:
         self._key = b""
@@ -50,8 +49,8 @@ class GpccDenoised(Gpcc):
     """Denoising by CGAL's jet smoothing (a moving-least-squares method), then `gpcc`.
 
     Streams are those of `gpcc`. Jets are quadrics fitted to the nearest neighbours (Cazals and
-    Pouget 2005). The default number of neighbours is the best of 20, 30, 45, 60, 100 and 300 for
-    three generated rooms with the errors `vlp16_divergence`.
+    Pouget 2005); the default number is the best of 20, 30, 45, 60, 100 and 300 for three generated
+    rooms with the errors `vlp16_divergence`.
     """
 
     title = "Denoised, then G-PCC"

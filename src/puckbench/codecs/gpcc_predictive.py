@@ -1,5 +1,3 @@
-"""G-PCC's predictive geometry, in spherical coordinates if the cloud has a sensor's returns."""
-
 from __future__ import annotations
 
 from collections.abc import Mapping
@@ -18,8 +16,6 @@ _LEAST_QP = 58
 
 
 class TreeOptions(CoderOptions):
-    """Options of the predictive geometry: quantisation, and order of the points in a tree."""
-
     duplicates: Literal["merged", "kept", "by_rate"] = "kept"
     order: Literal["given", "morton", "azimuth", "radius"] = Field(
         "azimuth", description="order of the points in trees"

@@ -1,9 +1,9 @@
 """Range images compressed by JPEG-LS (ITU-T T.87), through imagecodecs and CharLS.
 
-A lossy rate rounds ranges to steps of several quanta of the sensor. The encoder writes the ranges
-in quanta, in the near-lossless mode of JPEG-LS with errors of at most half a step, and the decoder
-recovers the steps exactly. Lossless coding of the numbers of steps takes more bits, since the
-contexts of JPEG-LS distinguish small values less well.
+A lossy rate rounds ranges to steps of several quanta of the sensor. The encoder writes ranges in
+quanta, near-lossless with errors of at most half a step, from which the decoder recovers the steps
+exactly. Lossless coding of the step numbers takes more bits, since the contexts of JPEG-LS
+distinguish small values less well.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Base classes of codecs with a neural network.
 
-A stream contains a digest by which the decoder finds the weights file. PyTorch is imported by the
-first call that encodes or decodes.
+A stream contains a digest by which the decoder finds the weights file. The first call that encodes
+or decodes imports PyTorch.
 """
 
 from __future__ import annotations
@@ -35,15 +35,13 @@ authors."""
 class Weights(Protocol):
     @property
     def digest(self) -> bytes:
-        """The 8 bytes by which streams identify the weights."""
+        """The 8 bytes that identify the weights in streams."""
 
 
 class RateWeights(Weights, Protocol):
-    """Weights of a network for several rates."""
-
     @property
     def lmbdas(self) -> tuple[float, ...]:
-        """Lagrangian weights of the rates, the smallest bitrate first."""
+        """Lagrangian weights, the smallest bitrate first."""
 
 
 W = TypeVar("W", bound=Weights)
@@ -51,18 +49,13 @@ R = TypeVar("R", bound=RateWeights)
 
 
 class GridArguments(TypedDict, total=False):
-    """Arguments of a network's encoder that choose the grid.
-
-    See `puckbench.learned.choose_grid_level`.
-    """
+    """Arguments that choose the encoder's grid (`puckbench.learned.choose_grid_level`)."""
 
     mean_occupied_children: float
     grid_level_offset: float
 
 
 class LearnedOptions(Model):
-    """Options for the weights of a network, and for the device on which it runs."""
-
     weights: str = Field(description="a shipped set's name, a file, or a folder of weights")
     threads: int | None = Field(
         None, ge=1, description="number of threads of the network; by default PyTorch's"
@@ -73,8 +66,8 @@ class LearnedOptions(Model):
 class Learned(Codec, Generic[W]):
     """Base class of codecs whose network has one set of weights for all rates.
 
-    A subclass sets `network`, and implements methods that read weights, encode and decode. If the
-    option `weights` selects several files, the encoder uses the first one in alphabetical order.
+    A subclass sets `network`, and methods that read weights, encode and decode. Of several files
+    that the option `weights` selects, the encoder uses the first in alphabetical order.
     """
 
     network: NetworkType
@@ -116,9 +109,7 @@ class Learned(Codec, Generic[W]):
         return self.options.weights
 
     def _known_files(self) -> Iterator[Path]:
-        """Yield the files in which to search for a stream's weights: the option's, and
-        puckbench's.
-        """
+        """Yield the files to search for a stream's weights: the option's, and puckbench's."""
         yield from self.weights_files()
         yield from self.network.shipped()
 
@@ -181,8 +172,8 @@ class PublishedOptions(LearnedOptions):
 class LearnedByLambda(Learned[R]):
     """A codec as its authors published it, with separate weights for each rate.
 
-    A rate's `lmbda` is the Lagrangian weight of the distortion in the training. The subclass
-    `Improved` adds puckbench's changes.
+    A rate's `lmbda` is the Lagrangian weight of the distortion in training. `Improved` adds
+    puckbench's changes.
     """
 
     Options: type[PublishedOptions] = PublishedOptions
@@ -204,11 +195,11 @@ class LearnedByLambda(Learned[R]):
             yield from self.network.files(PUBLISHED_WEIGHTS)
 
     def _as_read(self, points: Floats) -> Floats:
-        """Truncate points (n, 3) to integers, as the authors' readers of PLY files do."""
+        """Truncate points (n, 3) to integers, as the authors' PLY readers do."""
         return np.trunc(points)
 
     def _grid(self, parameters: Parameters) -> GridArguments:
-        """Return arguments that choose the grid for a rate; by default it is the input's grid."""
+        """Return arguments that choose a rate's grid; by default it is the input's."""
         return GridArguments()
 
     def _encode(self, points: Floats, parameters: Parameters) -> bytes:
@@ -222,10 +213,7 @@ class LearnedByLambda(Learned[R]):
         return weights, weights.lmbdas.index(float(parameters["lmbda"]))
 
     def _of_rate(self, digest: bytes, rate: int) -> R:
-        """Return the weights with the digest in a stream.
-
-        Raises InputError if they have no rate with the index `rate`.
-        """
+        """Return the weights with a digest; raise InputError if they lack rate number `rate`."""
         weights = self._made_with(digest)
         if rate >= len(weights.lmbdas):
             raise InputError("the stream is damaged (its rate)")
@@ -233,8 +221,6 @@ class LearnedByLambda(Learned[R]):
 
 
 class ImprovedOptions(PublishedOptions):
-    """Options that turn on puckbench's changes to a published codec."""
-
     context_mixing: bool = Field(
         True, description="code the latent by context mixing, not by the weights' tables alone"
     )
@@ -252,8 +238,8 @@ class ImprovedOptions(PublishedOptions):
 class Improved(LearnedByLambda[R]):
     """Base class of published codecs with puckbench's changes and weights.
 
-    The grid depends on the cloud's density (see `choose_grid_level`), the latent is coded by
-    context mixing, and as many points are decoded as were encoded.
+    The grid depends on the cloud's density (`choose_grid_level`), context mixing codes the latent,
+    and as many points are decoded as were encoded.
     """
 
     options: ImprovedOptions
@@ -272,8 +258,8 @@ class Improved(LearnedByLambda[R]):
 
     def _decode(self, stream: bytes) -> Floats:
         with naming(f"codec {self.name}"):
-            own, unit = without_unit(stream)
-        points = super()._decode(own)
+            content, unit = without_unit(stream)
+        points = super()._decode(content)
         if unit is None:
             return points
         with naming(f"codec {self.name}"):
@@ -298,6 +284,6 @@ def _trial_cloud() -> Floats:
 
 
 def _digest(path: Path) -> str:
-    """Return the digest in the header of a weights file or, if it has none, the file's SHA-256."""
+    """Return the digest in a weights file's header or, without one, the file's SHA-256."""
     kept = header_of(path).digest if path.suffix == SUFFIX else None
     return kept or sha256(path)[:_DIGITS]

@@ -13,9 +13,8 @@ from puckbench.storage.packets import check_whole_packets, decode_packets, encod
 class PacketsCodec(ReturnsCodec):
     """Base class of lossless codecs of the data packets of Velodyne sensors.
 
-    A subclass compresses the packets, which contain reflectivities and times. Virtual scans are
-    refused: they have no reflectivities, so that their packets would be compressed to fewer bytes
-    than those of a real sensor.
+    A subclass compresses packets, with reflectivities and times. Virtual scans are refused: without
+    reflectivities, their packets would take fewer bytes than those of a real sensor.
     """
 
     metric_rates = lengths(2)
@@ -29,7 +28,7 @@ class PacketsCodec(ReturnsCodec):
 
     @abstractmethod
     def _unpacked(self, stream: bytes, most: int) -> bytes:
-        """Decompress a stream; raise InputError if it is damaged or exceeds `most` bytes."""
+        """Decompress at most `most` bytes; raise InputError for more or damage."""
 
     @property
     def _framing(self) -> Framing:

@@ -2,10 +2,10 @@
 
 A rate has the Lagrangian weight of the training (`lmbda`), the number of voxels per unit length
 (`scale`), and the ratio of decoded to input voxels (`rho`), as in PCC Arena's table and the thesis.
-The network is made for dense surfaces. PCGCv1+ coarsens the grid of a sparse cloud until a voxel
-has on average as many occupied children as the rate's `mean_occupied_children`. PCGCv1 drops cubes
-with fewer than `min_points` points; with the option `sparse_cubes`, PCGCv1+ encodes their voxels
-losslessly by the octree coder of `gpcc`.
+The network is made for dense surfaces. PCGCv1+ coarsens the grid of a sparse cloud until voxels
+have a mean of `mean_occupied_children` occupied children. PCGCv1 drops cubes with fewer than
+`min_points` points; with the option `sparse_cubes`, PCGCv1+ encodes them losslessly by the octree
+coder of `gpcc`.
 """
 
 from __future__ import annotations

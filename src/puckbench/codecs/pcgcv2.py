@@ -1,10 +1,9 @@
 """The codecs PCGCv2, as its authors published it, and PCGCv2+, which is puckbench's.
 
 Points are rounded to voxels, and equal voxels are merged. The network is made for dense surfaces.
-PCGCv2 encodes a cloud on the grid of the input, which is [0, 1023] in the thesis. PCGCv2+ coarsens
-the grid of a sparse cloud until a voxel has on average as many occupied children as the parameter
-`mean_occupied_children` of the rate requires. `lmbda` is the Lagrangian weight of the training, and
-`rho` is the ratio of decoded to input voxels.
+PCGCv2 encodes a cloud on the grid of the input, [0, 1023] in the thesis. PCGCv2+ coarsens the grid
+of a sparse cloud until voxels have a mean of `mean_occupied_children` occupied children. `lmbda` is
+the Lagrangian weight of the training, `rho` the ratio of decoded to input voxels.
 """
 
 from __future__ import annotations
@@ -30,7 +29,7 @@ if TYPE_CHECKING:
 class Pcgcv2(LearnedByLambda["Pcgcv2Weights"]):
     """PCGCv2 as published (Wang, Ding, Li, Ma 2021).
 
-    The most likely voxels of the whole cloud are decoded, so that sparse parts may vanish.
+    It decodes the most likely voxels of the whole cloud, so that sparse parts may vanish.
     """
 
     title = "PCGCv2"
@@ -56,7 +55,7 @@ class Pcgcv2(LearnedByLambda["Pcgcv2Weights"]):
     grid = 1.0
 
     def _tools(self) -> CodingTools:
-        """Return the coding tools in use that the program of PCGCv2's authors does not have."""
+        """Return the coding tools in use that the authors' program lacks."""
         from puckbench.learned.pcgcv2.stream import CodingTools
 
         return CodingTools(0)
@@ -100,7 +99,7 @@ class Pcgcv2PlusOptions(ImprovedOptions):
 class Pcgcv2Plus(Improved["Pcgcv2Weights"], Pcgcv2):
     """PCGCv2 with puckbench's grids, context mixing, point reconstruction and weights.
 
-    The most likely child of each voxel is always decoded, so that no part of a cloud vanishes.
+    It always decodes the most likely child of each voxel, so that no part of a cloud vanishes.
     """
 
     title = "PCGCv2+"

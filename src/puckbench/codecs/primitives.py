@@ -36,8 +36,6 @@ _SURFACES: dict[str, dict[str, float]] = {
 
 
 class PrimitivesOptions(Model):
-    """The option that permits the encoding of clouds in metres."""
-
     unit: float | None = Field(
         None,
         gt=0,
@@ -50,8 +48,8 @@ class PrimitivesOptions(Model):
 class Primitives(Codec):
     """Codec of geometric primitives that are fitted to noisy points on surfaces.
 
-    A rate consists of the values of `PrimitiveSettings` that differ from its defaults; lengths are
-    thousandths (1/1023) of the cloud's longest side, the units of the cube [0, 1023].
+    A rate has the values of `PrimitiveSettings` that differ from its defaults; lengths are 1/1023
+    of the cloud's longest side, the units of the cube [0, 1023].
     """
 
     title = "Primitives"
@@ -74,7 +72,7 @@ class Primitives(Codec):
     version = "9"
 
     def load(self) -> None:
-        """Compile all loops by coding points on a floor and a column."""
+        """Compile all loops on points of a floor and a column."""
         from puckbench.primitives.mode_decision import encode
 
         rng = np.random.default_rng(0)
@@ -89,7 +87,7 @@ class Primitives(Codec):
     def shared_work(self) -> SurfaceCache | None:
         """Return a cache for the fitted surface, which all rates of a cloud share.
 
-        Return None if a subclass overrides `_encode`, because `_encode` does not receive the cache.
+        Return None if a subclass overrides `_encode`, which does not receive it.
         """
         from puckbench.primitives.mode_decision import SurfaceCache
 

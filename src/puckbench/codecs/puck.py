@@ -1,6 +1,6 @@
-"""`puck`: codec of the ranges and azimuths of a spinning LiDAR, lossless or near-lossless.
+"""`puck`: lossless or near-lossless codec of a spinning LiDAR's ranges and azimuths.
 
-A stream contains the name of a sensor that puckbench describes, or the angles of all lasers.
+A stream names a sensor that puckbench describes, or has the angles of all lasers.
 """
 
 from __future__ import annotations
@@ -25,8 +25,6 @@ from puckbench.puck.records import MAGIC
 
 
 class PuckOptions(Model):
-    """Options that select the content of streams, and the encoder's effort."""
-
     effort: Literal["fast", "normal", "thorough"] = Field(
         "normal", description="number of estimates of each range"
     )
@@ -46,8 +44,8 @@ class PuckOptions(Model):
 class Puck(ReturnsCodec):
     """Ranges of a spinning LiDAR, predicted in the range image and coded by context mixing.
 
-    A rate is the step to which ranges are rounded; with the sensor's own step (2 mm) nothing is
-    lost. All returns are decoded, and no range is off by more than a step and a half.
+    A rate is the step to which ranges are rounded; the sensor's step (2 mm) is lossless. All
+    returns are decoded, with range errors of at most one and a half steps.
     """
 
     title = "Puck"

@@ -1,5 +1,3 @@
-"""Base class of codecs that compress range images by the image formats of imagecodecs."""
-
 from __future__ import annotations
 
 from abc import abstractmethod

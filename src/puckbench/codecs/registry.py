@@ -37,7 +37,7 @@ CODECS: Registry[type[Codec]] = Registry("codec", "codecs")
 
 @cache
 def variants() -> dict[str, Entry]:
-    """Return the entries of the variants that puckbench contains, by name."""
+    """Return the entries of puckbench's variants by name."""
     entries: dict[str, Entry] = read_yaml(Path(__file__).with_name("variants.yaml"))
     return entries
 
@@ -45,8 +45,7 @@ def variants() -> dict[str, Entry]:
 def codecs() -> dict[str, type[Codec]]:
     """Return the classes of all codecs by name, sorted by their attribute `rank`.
 
-    They are the codecs of puckbench and of installed packages, and the variants in
-    ``variants.yaml``.
+    They are those of puckbench and of installed packages, and the variants in ``variants.yaml``.
     """
     classes = {name: codec_class(name) for name in (*CODECS.names(), *variants())}
     return dict(sorted(classes.items(), key=lambda item: (item[1].rank, item[0])))
@@ -63,7 +62,7 @@ def codec_class(name: str, entry: Entry | None = None) -> type[Codec]:
     Parameters
     ----------
     name
-        Name of the codec, or ``module:Class`` or ``path/to/file.py:Class`` if it is trusted (see
+        Its name, or a trusted ``module:Class`` or ``path/to/file.py:Class`` (see
         `puckbench.core.registry.trust`).
     entry
         A configuration's entry, whose ``class`` may name another codec or ``module:Class``.
@@ -90,7 +89,7 @@ def codec_class(name: str, entry: Entry | None = None) -> type[Codec]:
 
 
 def _with_looks(codec: type[Codec], entry: Entry) -> type[Codec]:
-    """Return a subclass of a codec with the plot style in an entry, or the class if it has none."""
+    """Return a subclass with the plot style in an entry, or the codec if it has none."""
     looks = {key: entry[key] for key in LOOKS if entry.get(key) is not None}
     return _derived(codec, looks) if looks else codec
 
@@ -126,8 +125,6 @@ def entry(name: str, changes: Entry | None = None) -> dict[str, Any]:
 
     Parameters
     ----------
-    name
-        Name of the codec.
     changes
         A configuration's entry: ``options``, ``rates`` and ``metric_rates`` (names of rates to
         keep, or parameters by name), and ``class``.
@@ -148,7 +145,7 @@ def entry(name: str, changes: Entry | None = None) -> dict[str, Any]:
 
 
 def place_of(name: str, changes: Entry | None = None) -> str:
-    """Return the place where a codec's class is defined: ``module:Class`` or ``file.py:Class``."""
+    """Return where a codec's class is defined: ``module:Class`` or ``file.py:Class``."""
     base = (changes or {}).get("class", name)
     base = variants().get(base, {}).get("class", base)
     if base not in CODECS:
@@ -157,7 +154,7 @@ def place_of(name: str, changes: Entry | None = None) -> str:
 
 
 def open_codec(name: str, changes: Entry | None = None) -> Codec:
-    """Create a codec by its name, with the changes of a configuration's entry."""
+    """Create a codec by name, with the changes of a configuration's entry."""
     codec, changes = codec_class(name, changes), changes or {}
     with naming(f"codec {name}"):
         rates = _rates(codec, changes)
@@ -176,8 +173,8 @@ def open_codec(name: str, changes: Entry | None = None) -> Codec:
 def _rates(codec: type[Codec], changes: Entry) -> dict[str, dict[str, Any]]:
     """Return the parameters of the requested ``rates`` and ``metric_rates`` by name.
 
-    An entry has for each key a mapping with these parameters, or names of rates; by default all
-    rates of the codec are requested. Lengths may be among ``rates`` too.
+    For each key, an entry has a mapping with these parameters, or names of rates; by default all
+    rates. ``rates`` may include lengths too.
     """
     tables: dict[str, Entry] = {"rates": codec.rates, "metric_rates": codec.metric_rates}
     requested = {key: changes[key] for key in tables if changes.get(key) is not None}
@@ -223,12 +220,9 @@ def training_class(name: str, changes: Entry | None = None) -> str:
 
 
 def open_training(codec: str, changes: Entry | None, settings: Entry) -> BaseTraining:
-    """Create the training of a codec with the given settings.
+    """Create the training of a codec.
 
-    Raises
-    ------
-    InputError
-        The codec has no training, or a setting is unknown or out of range.
+    Raises InputError if there is none, or a setting is unknown or out of range.
     """
     training: type[BaseTraining] = load(training_class(codec, changes), f"codec {codec}")
     return parsed(training, settings, f"codec {codec}: training")
@@ -244,9 +238,9 @@ def _training(name: str, changes: Entry | None) -> str:
 
 
 def codec_of(stream: bytes) -> str:
-    """Return the name of the codec whose magic bytes are at the beginning of a stream.
+    """Return the name of the codec whose magic bytes begin a stream.
 
-    If there are several, return the one with the lowest rank. Raises InputError if there is none.
+    Of several, return the one with the lowest rank. Raises InputError if there is none.
     """
     stream = without_unit(unshifted(stream).stream).stream
     for name, codec in codecs().items():

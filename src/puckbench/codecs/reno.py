@@ -1,9 +1,8 @@
 """The codec RENO as published, for clouds in metres on grids with power-of-two steps.
 
-The authors' parameter posQ is the step in mm. The encoder expresses coordinates in mm relative to a
-corner 131,072 mm below the origin, divides them by posQ and rounds them; a fraction of exactly one
-half is rounded to the even integer. Except for such fractions, decoded points are the same as those
-of `gpcc` with merged duplicates at the same step.
+The authors' parameter posQ is the step in mm. The encoder divides coordinates in mm, relative to a
+corner 131,072 mm below the origin, by posQ and rounds them, one half to even. Except for such
+halves, decoded points are those of `gpcc` with merged duplicates at the same step.
 """
 
 from __future__ import annotations
@@ -75,7 +74,7 @@ class Reno(Learned["RenoWeights"]):
     def most_extent(self, rate: str) -> float:
         """Return the largest extent in m that a cloud may have at a rate.
 
-        It is smaller than for other codecs, because the authors' grid begins at an offset.
+        It is smaller than other codecs', as the authors' grid begins at an offset.
         """
         return super().most_extent(rate) - 2 * _OFFSET * _MM
 
@@ -87,8 +86,8 @@ class Reno(Learned["RenoWeights"]):
 
     def _path(self, parameters: Parameters) -> Path | None:
         files, name = self.weights_files(), self.options.trained_on
-        one = Path(self.options.weights).is_file()
-        return next((path for path in files if one or path.stem == name), None)
+        is_file = Path(self.options.weights).is_file()
+        return next((path for path in files if is_file or path.stem == name), None)
 
     def _stream(self, points: Floats, parameters: Parameters) -> bytes:
         from puckbench.learned.reno.codec import encode

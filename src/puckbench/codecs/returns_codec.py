@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 def step_in_quanta(returns: Returns, parameters: Parameters) -> int:
     """Return the number of quanta (at least 1) to which a rate rounds ranges.
 
-    It is the largest multiple of the quantum that does not exceed the rate's step.
+    It is the largest that does not exceed the rate's step.
     """
     return max(1, int(float(parameters["step_m"]) / returns.quantum_m + 1e-6))
 
@@ -22,8 +22,8 @@ def step_in_quanta(returns: Returns, parameters: Parameters) -> int:
 class ReturnsCodec(Codec):
     """Base class of codecs that encode the returns of a spinning sensor instead of points.
 
-    Decoded points are computed from the decoded returns or estimated (`estimates`). A subclass has
-    `metric_rates` and implements `_encode_returns` and `_decode_returns`.
+    Points are computed from decoded returns or estimated (`estimates`). A subclass has
+    `metric_rates`, `_encode_returns` and `_decode_returns`.
     """
 
     takes: ClassVar[Takes] = "returns"
@@ -31,13 +31,7 @@ class ReturnsCodec(Codec):
     """Whether decoded points are estimates of the surface, not the points of decoded returns."""
 
     def encode_returns(self, returns: Returns, rate: str) -> bytes:
-        """Encode returns at a rate.
-
-        Raises
-        ------
-        InputError
-            The rate is unknown, there is no return, or the codec cannot hold the returns.
-        """
+        """Encode returns; raise InputError as `encode` does, or if the codec cannot hold them."""
         parameters = self.parameters_of(rate)
         if len(returns) == 0:
             raise InputError(f"codec {self.name}: there is no return to code")
@@ -59,7 +53,7 @@ class ReturnsCodec(Codec):
         return self.decode_cloud(stream).xyz
 
     def check_returns(self, returns: Returns) -> None:
-        """Raise InputError if the codec cannot encode the returns; by default it accepts all."""
+        """Raise InputError if the codec cannot encode the returns."""
 
     @abstractmethod
     def _encode_returns(self, returns: Returns, parameters: Parameters) -> bytes:
@@ -67,7 +61,7 @@ class ReturnsCodec(Codec):
 
     @abstractmethod
     def _decode_returns(self, stream: bytes) -> Returns:
-        """Decode returns; raise InputError if the stream is damaged or belongs to another codec."""
+        """Decode returns; raise InputError as `decode_returns` does."""
 
     def _encode(self, points: Floats, parameters: Parameters) -> bytes:
         raise InputError(

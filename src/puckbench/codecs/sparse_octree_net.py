@@ -1,8 +1,7 @@
 """The codec `sparse_octree_net`: a neural network predicts the occupancy of octree nodes.
 
-Points are rounded to a grid, and the grid points are compressed losslessly. A rate is the scale of
-the grid or, for clouds in metres, its step. The grids, and so the decoded points, are those of the
-codec `gpcc` with merged duplicates.
+Points are rounded to a grid and compressed losslessly. A rate is the scale of the grid or, for
+clouds in metres, its step. Decoded points are those of `gpcc` with merged duplicates.
 """
 
 from __future__ import annotations

@@ -46,8 +46,6 @@ PROFILES["spinning"] = (
 
 
 class Tmc13Options(GridOptions):
-    """Options of G-PCC, and the name or path of TMC13's program."""
-
     program: str = "tmc3"
 
 

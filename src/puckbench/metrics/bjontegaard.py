@@ -1,7 +1,7 @@
 """Bjontegaard deltas between rate-distortion curves (G. Bjontegaard, VCEG-M33, 2001).
 
-As in the common test conditions of JVET and MPEG, the log rate is interpolated by a piecewise cubic
-Hermite polynomial (PCHIP), without extrapolation.
+As in the common test conditions of JVET and MPEG, a piecewise cubic Hermite polynomial (PCHIP)
+interpolates the log rate, without extrapolation.
 """
 
 from __future__ import annotations
@@ -63,9 +63,9 @@ class BjontegaardDelta:
 
 
 def rate_distortion_curve(rates: Floats, qualities: Floats) -> RateDistortionCurve:
-    """Return the curve through points (k,), leaving out missing values and dominated points.
+    """Return the curve through points (k,), without missing values and dominated points.
 
-    A point is dominated if another point has fewer bits and at least the same quality.
+    A dominated point has at least the bits of another, and at most its quality.
     """
     is_finite = np.isfinite(rates) & np.isfinite(qualities)
     rates, qualities = rates[is_finite], qualities[is_finite]

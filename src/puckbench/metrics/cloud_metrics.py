@@ -16,11 +16,10 @@ def geometry_metrics(
     decoded: Floats | DistinctPoints,
     peak: float | None = None,
 ) -> dict[str, float]:
-    """Return all geometry metrics of a decoded cloud: distances in units and metres, and PSNRs.
+    """Return distances (in units and metres) and PSNRs of a decoded cloud.
 
-    If rounding explains all errors, they are 0, with the entry ``lossless``. The peak of the D1 and
-    D2 PSNRs is in the reference's units, by default `PointCloud.peak`. D2 needs the reference's
-    normals.
+    Errors are 0, with the entry ``lossless``, if rounding explains them. The peak of the D1 and D2
+    PSNRs, in units, is by default `PointCloud.peak`. D2 needs the reference's normals.
     """
     from puckbench.metrics.geometry import ReferenceCloud, distortion
     from puckbench.metrics.lossless import without_rounding
@@ -42,7 +41,7 @@ def geometry_metrics(
 
 
 def picture_metrics(reference: PointCloud, decoded: PointCloud, pixels: int) -> dict[str, float]:
-    """Return metrics of rendered views that are `pixels` wide; with 0 there are none."""
+    """Return metrics of rendered views `pixels` wide; none for 0."""
     if not pixels:
         return {}
     from puckbench.metrics.views import view_metrics
@@ -58,8 +57,8 @@ def attribute_metrics(
 ) -> dict[str, float]:
     """Return metrics of colours and reflectances that both clouds have.
 
-    `geometry` is the result of `geometry_metrics`. Attributes are lossless if the same values come
-    back, each at its point if positions are lossless too.
+    `geometry` comes from `geometry_metrics`. Attributes are lossless if their values are equal, at
+    each point if positions are lossless too.
     """
     values: dict[str, float] = {}
     pairs = attributes_of(reference), attributes_of(decoded)

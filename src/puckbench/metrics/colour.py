@@ -36,8 +36,7 @@ def colour_distortion(reference: PointCloud, decoded: PointCloud) -> dict[str, f
     -------
     dict
         ``y_mse``, ``u_mse``, ``v_mse``; ``y_psnr``, ``u_psnr``, ``v_psnr`` (dB, peak 1);
-        ``colour_max_error``, the largest difference of red, green or blue, of 255;
-        ``colour_lossless``, whether the same colours come back;
+        ``colour_max_error``, the largest difference of a component (of 255); ``colour_lossless``;
         ``luminance_l2`` (`luminance_distance`).
     """
     a_colours, b_colours = (
@@ -55,10 +54,7 @@ def colour_distortion(reference: PointCloud, decoded: PointCloud) -> dict[str, f
 
 
 def luminance_distance(a: Floats, b: Floats) -> float:
-    """Return the distance between the normalised luma histograms (256 bins) of two clouds.
-
-    `a` and `b` are luma values, (n,) and (m,).
-    """
+    """Return the distance of the normalised 256-bin histograms of luma values (n,) and (m,)."""
     shares = [np.histogram(y, _BINS, (0.0, 1.0))[0] / len(y) for y in (a, b)]
     return float(np.linalg.norm(shares[0] - shares[1]))
 

@@ -13,19 +13,19 @@ OUTLIER_DEVIATIONS = 2.0
 
 
 def density(points: Floats) -> dict[str, float]:
-    """Return spacing, density and outliers of a cloud (n, 3), from the nearest k = 16 neighbours.
+    """Return spacing, density and outliers of points (n, 3), from k = 16 nearest neighbours.
 
     At most 100,000 distinct points are used.
 
     Returns
     -------
     dict
-        * ``duplicates``: share of points that repeat the position of another point.
+        * ``duplicates``: share of points with the position of another point.
         * ``spacing_median``, ``spacing_q05``, ``spacing_q95``: distance to the nearest neighbour.
-        * ``density_median``, ``density_q05``, ``density_q95``: k / (pi r^2), where r is the
-          distance of the k-th neighbour.
-        * ``outliers``: share of points whose mean distance to the k neighbours exceeds the mean
-          over all points by two standard deviations (Rusu et al. 2008).
+        * ``density_median``, ``density_q05``, ``density_q95``: k / (pi r^2), with the distance r
+          to the k-th neighbour.
+        * ``outliers``: share of points whose mean distance to the k neighbours exceeds its mean
+          by two standard deviations (Rusu et al. 2008).
     """
     check_points(points, "density")
     points = np.ascontiguousarray(points, dtype=np.float64)
@@ -63,10 +63,7 @@ def _shares(name: str, values: Floats) -> dict[str, float]:
 
 
 def density_in_metres(values: dict[str, float], scale: float) -> dict[str, float]:
-    """Convert the result of `density` by `scale` units per metre.
-
-    The suffix ``_m``, for density ``_m2``, is added to names.
-    """
+    """Convert `density` by `scale` units per metre; names get the suffix ``_m`` or ``_m2``."""
     converted = {}
     for name, value in values.items():
         if name.startswith("spacing"):

@@ -70,9 +70,9 @@ def _box_squared(boxes: Floats, i: int, j: int) -> float:
 
 @compiled
 def _cap_squared(points: Floats, boxes: Floats, i: int, j: int) -> float:
-    """Return an upper bound of the squared distance between points in boxes i and j.
+    """Return an upper bound of the squared distance between points of boxes i and j.
 
-    It follows from the points' exact extent along the line between the boxes' centres.
+    It uses the points' extent along the line between the boxes' centres.
     """
     x = boxes[i, 0, 0] + boxes[i, 1, 0] - boxes[j, 0, 0] - boxes[j, 1, 0]
     y = boxes[i, 0, 1] + boxes[i, 1, 1] - boxes[j, 0, 1] - boxes[j, 1, 1]

@@ -25,8 +25,8 @@ from puckbench.metrics.lossless import rounding
 class SquaredErrors:
     """Squared point-to-point and point-to-plane errors between two clouds.
 
-    They are (n,) from the distinct points of the reference (A) to the decoded cloud (B), and (m,)
-    from those of B (m, 3) to A.
+    They are (n,) from the distinct points of the reference A to the decoded cloud B, and (m,) from
+    those of B (m, 3) to A.
     """
 
     decoded: Floats
@@ -37,7 +37,7 @@ class SquaredErrors:
 
 
 class DistinctPoints:
-    """The distinct points of a cloud (n, 3) with a search index, shared by several comparisons."""
+    """The distinct points of a cloud (n, 3) with a search index, for several comparisons."""
 
     def __init__(self, points: Floats, what: str = "decoded cloud") -> None:
         check_points(points, what)
@@ -76,16 +76,16 @@ class ReferenceCloud:
 def distortion(
     reference: PointCloud | ReferenceCloud, decoded: Floats | DistinctPoints
 ) -> dict[str, float]:
-    """Return D1, D2, Chamfer and Hausdorff distances, as MPEG's program pc_error computes them.
+    """Return D1, D2, Chamfer and Hausdorff distances, as in MPEG's pc_error.
 
-    Duplicate points count once, with the normal of the first. Decoded points get normals by
+    Duplicate points count once, with the first normal. Decoded points get normals by
     `transfer_normals`. Point-to-plane errors are projected onto the nearest neighbour's normal and
     averaged over equidistant neighbours.
 
     Parameters
     ----------
     reference
-        The original cloud (A), or a `ReferenceCloud` for several comparisons.
+        The original cloud (A).
     decoded
         The decoded cloud (B), (m, 3), in the coordinate frame of A.
 
@@ -160,11 +160,11 @@ def _checked_normals(reference: PointCloud) -> Floats:
 
 
 def transfer_normals(normals: Floats, size: int, ab: Neighbours, ba: Neighbours) -> Floats:
-    """Return normals (size, 3) for the decoded cloud B from those of the reference A (n, 3).
+    """Return normals (size, 3) of the decoded cloud B from those of the reference A (n, 3).
 
-    As in MPEG's pc_error, a point of B gets the mean, not normalised, of the normals of the points
-    of A whose nearest neighbour it is or, if there are none, of its nearest neighbours in A. `ab`
-    are neighbours in B of points of A, `ba` the reverse.
+    As in pc_error, a point of B gets the mean, not normalised, of the normals of the points of A
+    whose nearest neighbour it is or, without any, of its nearest neighbours in A. `ab` are the
+    neighbours in B of points of A, `ba` the reverse.
     """
     sums, counts = _sums_of_takers(normals, size, ab.starts, ab.exact, ab.index)
     _add_own_nearest(normals, ba.starts, ba.exact, ba.index, sums, counts)

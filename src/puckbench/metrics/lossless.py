@@ -29,7 +29,7 @@ _COUNTS = ("points_a", "points_b")
 
 
 def rounding(cloud: PointCloud) -> float:
-    """Return the largest error, in the cloud's unit, that rounding of coordinates can cause."""
+    """Return the largest error that rounding of coordinates can cause, in the cloud's unit."""
     limit = _ROUNDING * float(np.abs(bounds(cloud.xyz)).max())
     return limit if cloud.frame == "scaled" else min(limit, _MOST)
 
@@ -42,9 +42,7 @@ def without_rounding(errors: Mapping[str, float], limit: float) -> dict[str, flo
 
 
 def lossless_rows(metrics: pd.DataFrame) -> NDArray[np.bool_]:
-    """Return a mask (n,) of rows without loss: by the column `LOSSLESS` or, without it, errors of
-    0.
-    """
+    """Return a mask (n,) of lossless rows: the column `LOSSLESS` or, without it, errors of 0."""
     flags = metrics.get(LOSSLESS)
     by_error = np.zeros(len(metrics), bool)
     if {"hausdorff_point", "diameter"} <= set(metrics):
@@ -57,14 +55,14 @@ def lossless_rows(metrics: pd.DataFrame) -> NDArray[np.bool_]:
 
 
 def with_lossless_best(metrics: pd.DataFrame) -> pd.DataFrame:
-    """Replace lossless clouds' infinite PSNRs by a finite value above all others, for quantiles."""
+    """Replace infinite PSNRs (lossless) by a finite value above all others, for quantiles."""
     psnrs = [name for name in map(str, metrics) if "_psnr" in name and is_shape_metric(name)]
     rows = lossless_rows(metrics)
     return metrics.assign(**{name: metrics[name].mask(rows, _BEST_DB) for name in psnrs})
 
 
 def without_lossless(quantiles: pd.DataFrame) -> pd.DataFrame:
-    """Remove the values that stand for lossless clouds (`with_lossless_best`) from quantiles."""
+    """Remove the values of `with_lossless_best` from quantiles."""
     psnrs = [name for name in map(str, quantiles) if "_psnr" in name]
     return quantiles.assign(**{n: quantiles[n].mask(quantiles[n] > MOST_DB) for n in psnrs})
 

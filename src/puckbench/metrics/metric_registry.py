@@ -1,6 +1,6 @@
 """The registry of optional metrics, which a configuration names under `metrics`.
 
-A metric is a function with its registration above it::
+A metric is a registered function::
 
     @METRICS.register("centroid", columns={"centroid_m": "Distance between the centroids"})
     def centroid(reference: PointCloud, decoded: PointCloud) -> dict[str, float]:
@@ -8,9 +8,8 @@ A metric is a function with its registration above it::
         offset = reference.xyz.mean(axis=0) - decoded.xyz.mean(axis=0)
         return {"centroid_m": float(np.linalg.norm(offset)) / reference.about["scale"]}
 
-Each key becomes a column of the results, so it should end in its unit. `columns` gives meanings for
-the dictionaries beside tables. Both clouds are in one
-coordinate frame, with ``reference.about["scale"]`` units per metre.
+Each key becomes a column of the results and should end in its unit; `columns` explains them. Both
+clouds are in one coordinate frame, with ``reference.about["scale"]`` units per metre.
 """
 
 from __future__ import annotations
@@ -38,7 +37,7 @@ METRICS: Registry[Metric] = Registry("metric", "further_metrics", make=_register
 
 
 def metric_columns() -> dict[str, str]:
-    """Return the meanings of columns in the registrations of optional metrics."""
+    """Return the meanings of the columns of optional metrics."""
     METRICS.names()
     return dict(_meanings)
 
@@ -48,8 +47,8 @@ def further_metrics(
 ) -> dict[str, float]:
     """Return the values of optional metrics of a decoded cloud.
 
-    A name is that of a registered metric, or ``path/to/file.py:function``. Raises InputError if a
-    metric returns a name in `columns`.
+    A name is a registered metric's, or ``path/to/file.py:function``. Raises InputError if the name
+    of a result is in `columns`.
     """
     results: dict[str, float] = {}
     for name in names:

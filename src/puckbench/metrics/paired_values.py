@@ -1,4 +1,4 @@
-"""Differences between the values of two clouds at nearest neighbours, as in MPEG's pc_error.
+"""Differences of values between nearest neighbours of two clouds, as in MPEG's pc_error.
 
 Values of points with equal coordinates, and of equidistant neighbours, are averaged.
 """
@@ -30,10 +30,7 @@ def distinct_values(points: Floats, values: Floats, source: str) -> DistinctValu
 
 
 def pair_errors(a: DistinctValues, b: DistinctValues) -> tuple[Floats, Floats]:
-    """Return the mean squared and the largest differences of each component.
-
-    Each is the larger of both directions.
-    """
+    """Return each component's mean squared and largest difference, each the larger of both ways."""
     a_points, b_points = SearchablePoints(a.points), SearchablePoints(b.points)
     ab = np.abs(a.values - _means(b.values, b_points.nearest(a_points)))
     ba = np.abs(b.values - _means(a.values, a_points.nearest(b_points)))
@@ -42,7 +39,7 @@ def pair_errors(a: DistinctValues, b: DistinctValues) -> tuple[Floats, Floats]:
 
 
 def same_values(a: NDArray[Any], b: NDArray[Any]) -> bool:
-    """Return whether two arrays have the same rows equally often, in any order."""
+    """Return whether two arrays have the same rows, equally often, in any order."""
     if a.shape != b.shape:
         return False
     first, second = (each.reshape(len(each), -1) for each in (a, b))

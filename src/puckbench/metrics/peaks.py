@@ -60,7 +60,7 @@ def without_mixed_peaks(metrics: pd.DataFrame) -> pd.DataFrame:
 
 
 def peaks_of_datasets(metrics: pd.DataFrame) -> dict[str, str]:
-    """Return the peak of the PSNRs of each data set as text, such as "30 m"."""
+    """Return each data set's PSNR peak as text, such as "30 m"."""
     table = with_peaks(metrics)
     if PEAK not in table:
         return {}
@@ -72,6 +72,6 @@ def peaks_of_datasets(metrics: pd.DataFrame) -> dict[str, str]:
 
 
 def peak_phrase(metrics: pd.DataFrame) -> str:
-    """Return all peaks of the PSNRs as text, such as "peak 1023 or 30 m", or an empty text."""
+    """Return all peaks of the PSNRs as text, such as "peak 1023 or 30 m"."""
     several = dict.fromkeys(peaks_of_datasets(metrics).values())
     return f"peak {' or '.join(several)}" if several else ""

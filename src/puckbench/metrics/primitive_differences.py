@@ -22,8 +22,8 @@ def parameter_differences(true: Primitive, decoded: Primitive, centre: Floats) -
     Returns
     -------
     dict
-        ``angle_deg`` between normals or axes; ``position_m``, the distance of planes or axes near
-        `centre` (3,), of sphere centres or of cone apexes; ``radius_m``; ``half_angle_deg``.
+        ``angle_deg`` between normals or axes; ``position_m``, distance of planes or axes near
+        `centre` (3,), of sphere centres or cone apexes; ``radius_m``; ``half_angle_deg``.
     """
     return _DIFFERENCES[true.kind](true.parameters, decoded.parameters, centre)
 

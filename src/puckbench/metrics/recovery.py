@@ -30,10 +30,7 @@ ALL = "all"
 
 @dataclass(frozen=True)
 class Segmentation:
-    """A partition of n points into geometric primitives.
-
-    `numbers` (n,) are indices into `primitives`.
-    """
+    """A partition of n points into primitives; `numbers` (n,) are indices into `primitives`."""
 
     numbers: Ints
     primitives: Sequence[Primitive]
@@ -44,9 +41,9 @@ class Segmentation:
 
 
 def decoded_in_metres(surface: Mesh, cloud: PointCloud) -> Segmentation:
-    """Assign the points of a cloud on the true surface to the primitives of a decoded surface.
+    """Assign the points of a cloud on the true surface to primitives of a decoded surface.
 
-    The surface is in the cloud's coordinates; the result (see `decoded_segmentation`) is in metres.
+    Both have the same coordinates; the result (see `decoded_segmentation`) is in metres.
     """
     scale, offset = cloud.about.get("scale", 1.0), cloud.about.get("offset", (0.0, 0.0, 0.0))
     placed = labelled_mesh_in_metres(surface, scale, np.asarray(offset))
@@ -55,9 +52,7 @@ def decoded_in_metres(surface: Mesh, cloud: PointCloud) -> Segmentation:
 
 
 def decoded_segmentation(mesh: Mesh, labels: Labels, points: Floats) -> Segmentation:
-    """Assign `points` (n, 3) to the largest primitive of the closest object of a decoded
-    surface.
-    """
+    """Assign `points` (n, 3) to the largest primitive of the closest object of a decoded mesh."""
     triangles = closest_surface_points(mesh, points).triangles
     primitive_ids = _largest_primitives(mesh.areas(), labels)
     primitives = [labels.primitives[number] for number in primitive_ids]
@@ -76,18 +71,17 @@ def _largest_primitives(areas: Floats, labels: Labels) -> Ints:
 def recovery(true: Segmentation, decoded: Segmentation, points: Floats) -> list[dict[str, Any]]:
     """Compare decoded with true primitives of `points` (n, 3), in metres.
 
-    Two primitives of one kind match if the intersection of their points exceeds half of the union.
+    Two primitives of a kind match if their points' intersection exceeds half of the union.
     Primitives with fewer than `MIN_SHARE` of the points, freeform surfaces and decoded primitives
     on them do not count.
 
     Returns
     -------
     list of dict
-        For all kinds and each kind: ``kind`` ("all" first); ``true``, ``found`` (decoded) and
-        ``matched``, the numbers of primitives; ``precision``; ``recall``; ``label_accuracy``, share
-        of the points on true primitives that lie on the match. Medians over matches:
-        ``residual_m``, root mean square distance of a true primitive's points to the match, and
-        `parameter_differences`.
+        For all kinds ("all") and each ``kind``: ``true``, ``found`` (decoded) and ``matched``, the
+        numbers of primitives; ``precision``; ``recall``; ``label_accuracy``, share of the points on
+        true primitives that lie on the match. Medians over matches: ``residual_m``, root mean
+        square distance of a true primitive's points to the match, and `parameter_differences`.
     """
     table = _Overlaps.of(true, decoded)
     pairs = [_pair(true, decoded, points, *pair) for pair in table.matches]

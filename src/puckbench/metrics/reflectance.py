@@ -26,13 +26,12 @@ def reflectance_distortion(
     -------
     dict
         ``reflectance_mse``, ``reflectance_psnr`` (dB), ``reflectance_peak``;
-        ``reflectance_max_error``, the largest difference; ``reflectance_lossless``, whether the
-        same values come back.
+        ``reflectance_max_error``; ``reflectance_lossless``.
 
     Raises
     ------
     InputError
-        There is not one finite value for each point. Negative values and fractions are allowed.
+        There is not one finite value for each point.
     """
     a, b = _checked(reference, "reference cloud"), _checked(decoded, "decoded cloud")
     peak = peak or (255.0 if a[1].max() <= 255 else 65535.0)

@@ -1,4 +1,4 @@
-"""Scenes of clouds: clouds of one scene with several seeds are no independent samples."""
+"""Scenes of clouds: clouds of one scene are not independent samples."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ MIN_SCENES = 3
 
 
 def with_scenes(table: pd.DataFrame) -> pd.DataFrame:
-    """Return the table with a column ``scene``: that of each cloud, by default its name."""
+    """Add the column ``scene``, by default the cloud's name."""
     scenes = table["cloud"] if SCENE not in table else table[SCENE].fillna(table["cloud"])
     return table.assign(**{SCENE: scenes})
 
@@ -28,10 +28,7 @@ def with_scenes(table: pd.DataFrame) -> pd.DataFrame:
 def means_over_seeds(
     table: pd.DataFrame, keys: Sequence[str], columns: Sequence[str]
 ) -> pd.DataFrame:
-    """Return the means of columns over the clouds of each scene, by `keys` and ``scene``.
-
-    Scenes with one cloud keep the exact values.
-    """
+    """Return means of columns over the clouds of each scene, by `keys` and ``scene``."""
     groups = with_scenes(table).groupby([*keys, SCENE], sort=False)
     return groups[list(columns)].mean().reset_index()
 
@@ -39,7 +36,7 @@ def means_over_seeds(
 def median_interval(values: Floats, *names: str) -> tuple[float, float]:
     """Return the 95 % percentile bootstrap interval of the median of `values` (n,).
 
-    It is nan for fewer than `MIN_SCENES` values; `names` seed the bootstrap.
+    It is nan for n < `MIN_SCENES`; `names` seed the bootstrap.
     """
     values = values[~np.isnan(values)]
     if len(values) < MIN_SCENES:

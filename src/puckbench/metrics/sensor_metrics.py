@@ -16,9 +16,9 @@ _OCTILES = 8
 
 
 def range_errors(original: Returns, decoded: Returns) -> dict[str, float]:
-    """Return range errors in mm, and numbers of lost and added returns, of a decoded scan.
+    """Return range errors (mm) and numbers of lost and added returns of a decoded scan.
 
-    Errors are over firings with returns in both scans. Raises InputError if the firings differ.
+    Errors are over firings with returns in both. Raises InputError if the firings differ.
     """
     pairs = list(zip(original.turns, decoded.turns, strict=False))
     if len(original.turns) != len(decoded.turns) or any(
@@ -46,8 +46,8 @@ def range_errors(original: Returns, decoded: Returns) -> dict[str, float]:
 def range_errors_of_points(original: Floats, decoded: Floats) -> dict[str, float]:
     """Return the metrics of `range_errors` for decoded points (m, 3), m, relative to the sensor.
 
-    A range error is the component, along the ray, of the offset to the nearest decoded point. If k
-    returns have the same point, which was decoded m times, k - m returns are lost or m - k added.
+    A range error is the offset to the nearest decoded point along the ray. If k returns have the
+    same point, which was decoded m times, k - m returns are lost or m - k added.
     """
     from pykdtree.kdtree import KDTree
 
@@ -71,8 +71,8 @@ def entropy_bits(
     """Return the entropy, in bits, of noise (n,) quantised to steps: a bound for lossless coding.
 
     It has Miller's bias correction (1955). The mean noise of each of the `groups` (n,), a laser in
-    a turn, is subtracted, because a codec can learn it. The entropy is conditional on the octiles
-    of the `conditions` (n,), from which a decoder can know the noise's standard deviation.
+    a turn, is subtracted, because a codec can learn it. The entropy is conditional on octiles of
+    the `conditions` (n,), from which a decoder can know the noise's deviation.
     """
     means = np.bincount(groups, noise) / np.maximum(np.bincount(groups), 1)
     levels = np.rint((noise - means[groups]) / step)
@@ -94,9 +94,9 @@ def _entropy_bits(levels: Floats) -> float:
 
 
 def real_time_metrics(about: Mapping[str, Any], row: Mapping[str, Any]) -> dict[str, float]:
-    """Return the bitrate at the sensor's rotation speed, and coding speeds relative to it.
+    """Return the bitrate at the sensor's speed, and coding speeds relative to it.
 
-    Return nothing if the cloud's description `about` lacks ``turns`` or ``seconds``.
+    Empty if the cloud's description `about` lacks ``turns`` or ``seconds``.
     """
     turns, seconds = about.get("turns"), about.get("seconds")
     if not turns or not seconds:

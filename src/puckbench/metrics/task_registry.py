@@ -1,14 +1,14 @@
 """The registry of tasks: measures of decoded drives, which a drive names under `tasks`.
 
-A task is a function with its registration above it::
+A task is a registered function::
 
     @TASKS.register("nearest")
     def nearest(drive: Drive, decoded: Sequence[PointCloud]) -> dict[str, float]:
         \"\"\"Return the smallest distance of a point.\"\"\"
 
-Each key becomes a column of the results, so it should end in its unit. Decoded turns have
-``returns`` if the codec keeps the order and times of firings. Further parameters are options. With
-``needs=("package",)``, a run leaves the task out where the package is not installed.
+Each key becomes a column of the results and should end in its unit. Decoded turns have ``returns``
+if the codec keeps the order and times of firings. Further parameters are options. With
+``needs=("package",)``, runs without the package omit the task.
 """
 
 from __future__ import annotations
@@ -27,15 +27,13 @@ from puckbench.lidar.drives import Drive
 
 @dataclass(frozen=True)
 class Task:
-    """A registered task: its function, and the modules that it needs."""
-
     name: str
     measure: Callable[..., Mapping[str, Any]]
     needs: tuple[str, ...] = ()
 
     @property
     def missing(self) -> tuple[str, ...]:
-        """Names of the modules that are not installed."""
+        """Names of required modules that are not installed."""
         return tuple(name for name in self.needs if find_spec(name) is None)
 
 
@@ -48,9 +46,9 @@ def task_results(
     decoded: Sequence[PointCloud],
     columns: Collection[str],
 ) -> dict[str, Any]:
-    """Return the values of tasks, given with their options, for the decoded turns of a drive.
+    """Return the values of tasks, by name with their options, for a drive's decoded turns.
 
-    Raises InputError if a task returns a name in `columns`.
+    Raises InputError if a result's name is in `columns`.
     """
     results: dict[str, Any] = {}
     for name, options in tasks.items():
@@ -62,7 +60,7 @@ def task_results(
 
 
 def checked_task(name: str, options: Mapping[str, Any]) -> Task:
-    """Return a task; raise InputError if it is unknown, or lacks an option."""
+    """Return a task; raise InputError if it is unknown or an option is missing."""
     task = TASKS.get(name)
     try:
         signature(task.measure).bind(None, (), **options)

@@ -12,9 +12,7 @@ MIN_REPEATS = 3
 
 
 def ranked_rows(metrics: pd.DataFrame) -> pd.Series[bool]:
-    """Return whether the times of each result can be ranked: timed `MIN_REPEATS` times while no
-    other job ran.
-    """
+    """Return which results were timed `MIN_REPEATS` times while no other job ran."""
     rows = metrics.reindex(columns=["timed_alone", "repeats"])
     return rows["timed_alone"].eq(True) & (rows["repeats"].fillna(1) >= MIN_REPEATS)
 

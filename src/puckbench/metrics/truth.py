@@ -20,11 +20,11 @@ from puckbench.metrics.units import distortion_in_metres
 
 
 class Truth:
-    """The true surface of a cloud, with search indices for comparison with decoded clouds.
+    """The true surface of a cloud, with search indices.
 
-    The surface is a mesh in metres, or points in the reference's coordinates. `seen` are points on
-    its visible part, by default sampled on the mesh, or, if set, `clean`: points without noise
-    along the scan's rays.
+    It is a mesh in metres, or points in the reference's coordinates. `seen` are points on its
+    visible part, by default sampled on the mesh or, if set, `clean`: noise-free points along the
+    scan's rays.
     """
 
     def __init__(
@@ -65,8 +65,7 @@ def truth_distortion(
 ) -> dict[str, float]:
     """Return `distortion` from the true surface (A) to a decoded cloud (B), as ``truth_...``.
 
-    * A to B: from `visible`, points with true normals on the part of the surface that the sensor
-      saw.
+    * A to B: from `visible`, points with true normals on the part that the sensor saw.
     * B to A: to the closest point of the mesh and, to plane, along its normal; without a mesh, to
       the visible points.
     """
@@ -79,7 +78,7 @@ def scan_distortion(
     mesh: Mesh | SearchableMesh | None,
     decoded: Floats | DistinctPoints,
 ) -> dict[str, float]:
-    """Return `truth_distortion` of a decoded scan, and `distortion` from the clean scan.
+    """Return `truth_distortion` of a decoded scan, and its `distortion` from the clean scan.
 
     The latter's names begin with ``clean_``. The clean scan is the intersections (n, 3) of rays and
     surface, with true normals.

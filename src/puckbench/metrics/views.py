@@ -24,11 +24,11 @@ _LUMA = np.array([0.2126, 0.7152, 0.0722])
 def view_metrics(
     reference: PointCloud, decoded: PointCloud, pixels: int = PIXELS, radius: int | None = None
 ) -> dict[str, float]:
-    """Return PSNR (dB) and SSIM of six views of a decoded cloud against those of its reference.
+    """Return PSNR (dB) and SSIM of six views of a decoded cloud against its reference's.
 
-    Points are drawn as discs of `radius` pixels, by default `closing_radius`. Views show luma
-    (BT.709) if both clouds have colours, else depth from the near side of the reference's bounding
-    box. The background counts: compare only codecs on one cloud.
+    Points are discs of `radius` pixels, by default `closing_radius`. Views show luma (BT.709) if
+    both clouds have colours, else depth from the near side of the reference's bounding box. The
+    background counts: compare only codecs on one cloud.
     """
     check_points(decoded.xyz, "decoded cloud")
     if pixels < WINDOW:
@@ -55,7 +55,7 @@ def view(
     """Render a grey image (pixels, pixels) of a cloud along an axis.
 
     `axis` 0 to 5 means from +x, -x, +y, -y, +z, -z. The longest side of `bounds` (2, 3) fills the
-    image except for margins of 2 %.
+    image except for 2 % margins.
     """
     direction = np.array(_AXES[axis], dtype=np.float64)
     centre, extent = bounds.mean(axis=0), float(np.ptp(bounds, axis=0).max()) or 1.0
@@ -70,8 +70,9 @@ def view(
 
 
 def closing_radius(points: Floats, pixels: int) -> int:
-    """Return the disc radius, in pixels, that closes most gaps: twice the median nearest-neighbour
-    distance, and at least 1.
+    """Return the disc radius, pixels, that closes most gaps.
+
+    It is twice the median distance to the nearest neighbour, at least 1.
     """
     from puckbench.metrics.density import density
 

@@ -1,10 +1,8 @@
 """Coding of further images of a turn, of up to 16 bits: signal, reflectivity, near infrared, flags.
 
-A pixel is coded as binary decisions around a prediction by least squares, as ranges are. The
-reflectivity of a return is nearly a function of its range and signal; the sum of five learnt
-logarithms estimates it.
-
-Variables are named as in `ranges`.
+A pixel is coded as binary decisions around a prediction by least squares, as ranges are. A return's
+reflectivity is nearly a function of its range and signal; the sum of five learnt logarithms
+estimates it. Variables are named as in `ranges`.
 """
 
 from __future__ import annotations
@@ -152,7 +150,7 @@ def code_channel(
     """Encode or decode the values of a turn; return False if the decoded stream ended early.
 
     A writer reads `image.values` from row PAD on, a reader writes them; both fill `errors` and
-    `estimates`. `before` and `nearest` are as in `ranges.code_ranges`.
+    `estimates`. For `before` and `nearest` see `ranges.code_ranges`.
     """
     values = image.values
     for c in range(PAD, len(values)):
@@ -188,7 +186,7 @@ def _power(model: ChannelModel, logarithm: int) -> int:
 
 @inlined
 def _estimate(model: ChannelModel, image: ChannelContext, c: int, laser: int) -> int:
-    """Return the estimate of a reflectivity from its range and signal, or 0."""
+    """Return a reflectivity estimated from range and signal, or 0."""
     distance, signal = int(image.ranges[c, laser]), int(image.signals[c, laser])
     if model.has_signals == 0 or distance == 0 or signal == 0:
         return 0
@@ -502,7 +500,7 @@ def _change(
     model: ChannelModel, image: ChannelContext, c: int, laser: int, row: int, other: int,
     base: int, shift: int,
 ) -> int:  # fmt: skip
-    """Return another pixel minus the base; with estimates, its error scaled to the base."""
+    """Return another pixel minus the base or, with estimates, its error scaled to the base."""
     value, estimate = FINE * int(image.values[row, other]), int(image.estimates[c, laser])
     if value == 0:
         return 0

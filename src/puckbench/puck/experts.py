@@ -1,7 +1,7 @@
 """Experts, each of which predicts a number by a probability distribution.
 
-The mean is the expert's estimate, the scale the mean absolute error of earlier estimates in the
-same situation (context). The distribution gives the probabilities of binary decisions.
+Its mean is the expert's estimate, its scale the mean absolute error of earlier estimates in the
+same situation (context). It gives the probabilities of binary decisions.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ _MOST_ERROR = 4000
 
 
 class Experts(NamedTuple):
-    """State of all experts for a number; arrays are (experts,) unless stated otherwise."""
+    """State of all experts for a number; arrays are (experts,) by default."""
 
     means: Ints  # 0 for an expert without an estimate
     inverse: Ints  # of the scales
@@ -65,7 +65,7 @@ def _tables() -> tuple[NDArray[np.int16], NDArray[np.int16]]:
 
 @inlined
 def begin(experts: Experts, situation: int) -> None:
-    """Load the scales of `situation` for a new number, and reset the interval to all numbers."""
+    """Load a situation's scales for a new number, and reset the interval to all numbers."""
     for k in range(len(experts.every)):
         if experts.means[k] != 0:
             scale = max(experts.scales[k, np.uint64(situation)], _LEAST_SCALE)
@@ -89,7 +89,7 @@ def write_logits(experts: Experts, edge: int, answers: Words) -> None:
 
 @inlined
 def narrow(experts: Experts, bit: int) -> None:
-    """Narrow the number's interval to the part above the last threshold (`bit` 1) or below it."""
+    """Narrow the interval to the part above the last threshold (`bit` 1) or below it."""
     for k in range(len(experts.every)):
         lower, upper, edge = experts.lower[k], experts.upper[k], experts.edge[k]
         experts.lower[k] = edge if bit == 1 else lower
@@ -98,7 +98,7 @@ def narrow(experts: Experts, bit: int) -> None:
 
 @inlined
 def learn(experts: Experts, situation: int, number: int, slow: int) -> None:
-    """Update each expert's scale by its error for `number` (in 1 / FINE), at the rate 2**-slow."""
+    """Update each expert's scale by its error for `number` (in 1 / FINE), at rate 2**-slow."""
     for k in range(len(experts.every)):
         if experts.means[k] != 0:
             wrong = min(abs(number - experts.means[k]), _MOST_ERROR) * 256

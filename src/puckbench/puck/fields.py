@@ -62,9 +62,7 @@ class FieldsEncoder:
         self._kind, self._effort, self._state = kind, effort, _State()
 
     def encode(self, turn: Turn, rest: Rest, *, is_key: bool) -> bytes:
-        """Encode the packet data of a turn beyond the turn itself; a key turn's are decodable
-        alone.
-        """
+        """Encode a turn's further packet data; those of a key turn are decodable alone."""
         if is_key:
             self._state = _State()
         layout, writer = self._kind.layout, PartWriter()

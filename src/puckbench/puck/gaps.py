@@ -1,7 +1,6 @@
 """Compression of the bytes between the packets of a recording (gaps) by LZMA.
 
-Gaps of the same length, mostly headers of captures or bags, are stored together as differences
-between successive ones.
+Gaps of equal length, mostly headers, are stored together as differences between successive ones.
 """
 
 from __future__ import annotations
@@ -44,7 +43,7 @@ def store_gaps(gaps: list[bytes]) -> bytes:
 def decode_gaps(reader: Reader, count: int, admit: Callable[[int], None]) -> list[bytes]:
     """Decode `count` gaps, after a call of `admit` with their size in bytes.
 
-    `admit` raises an error if the size is too large.
+    `admit` raises an error if it is too large.
     """
     body = Reader(decompress_bytes(reader, admit))
     size = len(body.body)

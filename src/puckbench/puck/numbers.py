@@ -33,8 +33,8 @@ def code_number(
 ) -> int:
     """Encode or decode a number from 0 to (farthest + step) // step by context mixing; return it.
 
-    The experts estimate `step` * `number`. The expected number `centre` is at least 1; `unit` is
-    the distance of the first decisions away from it.
+    The experts estimate `step` * `number`. `centre`, at least 1, is the expected number, `unit` the
+    distance of the first decisions from it.
     """
     return _traverse(mixer, experts, False, 0, number, centre, unit, step, farthest)
 
@@ -44,7 +44,7 @@ def code_unmixed_number(
     mixer: Mixer, experts: Experts, start: int, number: int, centre: int, unit: int, step: int,
     farthest: int,
 ) -> int:  # fmt: skip
-    """Code a number like `code_number`, but with a counter per decision, which begin at `start`."""
+    """Code a number like `code_number`, with a counter per decision; they begin at `start`."""
     return _traverse(mixer, experts, True, start, number, centre, unit, step, farthest)
 
 

@@ -63,9 +63,7 @@ _HOLES = (50, 52, 54, 68)
 
 
 def formats_of(recording: Path) -> list[PacketFormat]:
-    """Return the formats of packets to search for; an Ouster's need the metadata beside the
-    recording.
-    """
+    """Return the formats of packets to search for; Ouster's need metadata beside the recording."""
     metadata = metadata_beside(recording)
     try:
         whole = OusterKind.of(read_sensor(metadata)) if metadata else None
@@ -93,7 +91,7 @@ def decode_kind(body: bytes) -> Kind:
 
 
 def count_values(kind: Kind, body: bytes) -> int:
-    """Return the number of ranges in a coded turn, and of values in the images of its fields."""
+    """Return the number of ranges in a coded turn, and of values in its fields' images."""
     images = len(kind.channels) if isinstance(kind, OusterKind) else 0
     return count_ranges(kind.layout, body) * (1 + images)
 
@@ -141,7 +139,7 @@ class PacketsDecoder:
         return self._turn is not None
 
     def add_turn(self, body: bytes) -> tuple[int, Payloads | None]:
-        """Decode a turn; return its number of returns, and its packets unless fields follow."""
+        """Decode a turn; return its number of returns and, unless fields follow, its packets."""
         if self.is_waiting:
             raise InputError(DAMAGED)
         turn = self._turns.decode(body)

@@ -1,7 +1,7 @@
 """Segmentation of a range image into planes.
 
-Each row of the image is cut into short pieces. Neighbouring sets of pieces are merged while one
-plane fits the returns of both.
+Rows of the image are cut into short pieces. Neighbouring sets of pieces are merged while one plane
+fits both.
 
 A return at range r of a beam with origin o and direction d is the point p = r d + o. A plane is the
 set of points p with m . p = 1. Multiplied by r, this becomes r = (r p) . m, which is linear in m. A
@@ -63,9 +63,7 @@ class RangeRows(NamedTuple):
 
 
 class LabelledPlanes(NamedTuple):
-    """The plane of each return (lasers, columns), -1 for none, and vectors m (n, 3) of planes m . p
-    = 1.
-    """
+    """Each return's plane (lasers, columns), -1 for none, and m (n, 3) of planes m . p = 1."""
 
     labels: Labels
     vectors: Floats
@@ -78,7 +76,7 @@ def fitted_planes(
 
     Adjacent columns are `column` rad apart; in a full turn (`closes`), the last is next to the
     first. `std` is the standard deviation of a range, m. Two sets of returns are merged if their
-    mean squared distance exceeds that due to noise by at most `tolerance` times the noise variance.
+    mean squared distance exceeds that due to noise by at most `tolerance` noise variances.
     """
     ranges, rows = image
     variance = std * std
@@ -209,7 +207,7 @@ def _first_part(
     scratch: tuple[Floats, Floats],
     places: Places,
 ) -> int:
-    """Return the length of the first of two lines if they fit far better than one, or `length`."""
+    """Return the length of the first of two lines if they fit far better, else `length`."""
     both, plane = scratch
     first, second = both[0], both[1]
     second[:] = 0

@@ -5,9 +5,9 @@ squares predict a range, which is coded as binary decisions around the predictio
 quantises a range to the nearest multiple of the step, or to the adjacent multiple towards the
 prediction if lambda times the saved rate exceeds the increase of the squared error.
 
-In the functions, c is the index of the current column in the arrays, and t that of the nearest
-column of the previous turn (0: none). "West" is the same laser one column earlier; "below" and
-"above" are the neighbouring lasers.
+c is the index of the current column in the arrays, t that of the nearest column of the previous
+turn (0: none). "West" is the same laser one column earlier; "below" and "above" are the
+neighbouring lasers.
 """
 
 from __future__ import annotations
@@ -82,9 +82,7 @@ class RangeModel(NamedTuple):
 
 
 class ModelSize(NamedTuple):
-    """Sizes of the models at an effort: they use the first of all features, experts and
-    contexts.
-    """
+    """Sizes of models, which use the first of all features, experts and contexts."""
 
     features: int
     experts: int
@@ -150,10 +148,9 @@ def code_ranges(
 ) -> bool:
     """Encode or decode the ranges of a turn; return False if the decoded stream ended early.
 
-    When encoding, `source` (PAD + columns, lasers) has the ranges; when decoding, its values are
-    ignored. Both fill the rows of `image` from PAD on. `before` is the previous turn followed by
-    PAD empty rows. `nearest` (columns,) is the row in `before` of the column with the nearest
-    azimuth, or 0.
+    When encoding, `source` (PAD + columns, lasers) has the ranges; otherwise it is ignored. Both
+    fill the rows of `image` from PAD on. `before` is the previous turn followed by PAD empty rows.
+    `nearest` (columns,) is the row in `before` of the column with the nearest azimuth, or 0.
     """
     is_unmixed = len(model.experts.every) == 0
     for column in range(PAD, len(image.ranges)):
@@ -259,10 +256,7 @@ def _code_mask_unmixed(
     model: RangeModel, image: RangeContext, before: RangeContext, c: int, laser: int, t: int,
     source: Words,
 ) -> int:  # fmt: skip
-    """Encode or decode whether a firing has a return, by one adaptive probability.
-
-    This is the method of the effort `fast`.
-    """
+    """Code whether a firing has a return, by one adaptive probability (effort `fast`)."""
     ranges, then = image.ranges, before.ranges
     context = _is(ranges, c - 1, laser) + 2 * _is(ranges, c - 2, laser)
     context += 4 * _is(ranges, c - 3, laser)
@@ -304,8 +298,8 @@ def _predict(
     """Predict a range, and return five values.
 
     They are a base range, the predicted difference from it in quarter quanta, the level of recent
-    errors (activity), whether the previous turn has a return at this place (1 or 0), and the index
-    of the experts' scales (situation).
+    errors (activity), whether the previous turn has a return here (1 or 0), and the index of the
+    experts' scales (situation).
     """
     base = _base(model, image, before, c, laser, t)
     _write_features(model, image, before, c, laser, t, base)
@@ -318,7 +312,7 @@ def _predict(
 
 @inlined
 def _quantise(model: RangeModel, value: int, mean: int, situation: int) -> tuple[int, int, int]:
-    """Return a range in steps, and the arguments `centre` and `unit` of `code_number` for it."""
+    """Return a range in steps, and `centre` and `unit` of `code_number` for it."""
     step, lmbda = model.parameters[0], model.parameters[1]
     scale = model.experts.scales[0, situation] >> 8
     index = in_steps(value + (step >> 1), step)
@@ -349,10 +343,7 @@ def _cheaper_index(value: int, index: int, mean: int, scale: int, step: int, lmb
 def _base(
     model: RangeModel, image: RangeContext, before: RangeContext, c: int, laser: int, t: int
 ) -> int:
-    """Return the range that is subtracted from other ranges in the features.
-
-    It is the laser's last range; if none, that of the laser below or of the previous turn.
-    """
+    """Return the laser's last range; if none, that of the laser below or of the previous turn."""
     base = int(model.last[laser])
     if base == 0 and laser > 0:
         base = int(image.ranges[c, laser - 1])
@@ -363,9 +354,7 @@ def _base(
 
 @inlined
 def _change(later: int, earlier: int) -> int:
-    """Return the difference of two ranges in quarter quanta; 0 if one is missing or over 60 quanta
-    off.
-    """
+    """Return a difference in quarter quanta; 0 if a range is missing or over 60 quanta off."""
     change = 4 * (later - earlier)
     return change if later > 0 and earlier > 0 and abs(change) <= 240 else 0
 

@@ -127,8 +127,8 @@ def compress(
 ) -> RecordingSummary:
     """Compress any file so that `decompress` restores it bit for bit.
 
-    Packets are encoded as turns; all other bytes are compressed by LZMA. Lossy options raise
-    InputError. `report` is called with the number of processed bytes and the size of the file.
+    Packets are encoded as turns, other bytes compressed by LZMA. Lossy options raise InputError.
+    `report` is called with the number of processed bytes and the file's size.
     """
     options = options or CodingOptions()
     if options.step != 1 or not options.times or not options.reflectivities:
@@ -156,8 +156,8 @@ def decompress(
 ) -> RecordingSummary:
     """Restore a file that `compress` compressed.
 
-    Unless the stream is `trusted`, raise InputError if the file would exceed a limit that depends
-    on the size of the stream.
+    Unless the stream is `trusted`, raise InputError if the file exceeds a limit that depends on the
+    stream's size.
     """
     _check_different(path, out)
     try:
@@ -272,10 +272,10 @@ class _PacketEncoder:
     def batches(
         self, data: Bytes, packets: _Packets, report: Callable[[int], None]
     ) -> Iterator[_Batch]:
-        """Yield three encodings of `data`, of which the caller uses the first within the limits.
+        """Yield three encodings of `data`; the caller uses the first within the limits.
 
-        They encode packets as turns, compress all bytes by LZMA, or store them. Only the last is
-        always within the decoder's limits.
+        They encode packets as turns, compress all bytes by LZMA, or store them, which is always
+        within the decoder's limits.
         """
         yield self._batch(data, packets, report)
         self._packets = None

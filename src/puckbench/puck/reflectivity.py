@@ -1,8 +1,8 @@
 """Coding of the reflectivities of a turn: a byte for each firing, with or without a return.
 
 Some values are guessed, and coded only if a flag says that the guess is wrong: for a second return
-equal to the first, the first one's value; for a firing without a return, the value of the laser's
-last firing without one.
+equal to the first, the first's value; for a firing without a return, that of the laser's last
+firing without a return.
 """
 
 from __future__ import annotations
@@ -205,7 +205,7 @@ def _learn_linear(model: ReflectivityModel, target: int, first: int, laser: int)
 
 @inlined
 def _change(turn: ReflectivityContext, c: int, laser: int) -> int:
-    """Return a level, 1 to 4, of the range's change from the previous column; 0 if unknown."""
+    """Return the level, 1 to 4, of the range's change from the last column; 0 if unknown."""
     now, before = turn.ranges[c, laser], turn.ranges[c - 1, laser]
     if now == 0 or before == 0:
         return 0

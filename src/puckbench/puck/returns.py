@@ -43,7 +43,6 @@ def range_steps(stream: bytes) -> list[float]:
 
 
 def reflectivity_bytes(stream: bytes) -> int:
-    """Return the number of bytes of the reflectivities in a stream."""
     without_turns, bodies = _read(stream)
     return sum(turns.reflectivity_bytes(body, without_turns.layout) for body in bodies)
 

@@ -53,11 +53,11 @@ def code_second_returns(
     model: SecondReturnModel, ranges: Words, first: Words, then: Words, then_first: Words,
     nearest: Ints, source: Words, source_first: Words,
 ) -> bool:  # fmt: skip
-    """Encode or decode the second ranges of a turn; return False if the decoded stream ended early.
+    """Encode or decode a turn's second ranges; return False if the decoded stream ended early.
 
-    Rows from PAD on of `ranges` (PAD + columns, lasers) are filled; `first` are the first ranges.
-    `then` and `then_first` are the second and the first ranges of the previous turn, `nearest` as
-    in `ranges.code_ranges`. When encoding, `source` and `source_first` are the original ranges.
+    They fill `ranges` (PAD + columns, lasers) from row PAD on; `first` are the first ranges. `then`
+    and `then_first` are the previous turn's second and first ranges, `nearest` as in
+    `ranges.code_ranges`. When encoding, `source` and `source_first` are the original ranges.
     """
     step = model.step
     for c in range(PAD, len(ranges)):

@@ -1,9 +1,9 @@
 """Smoothing of decoded ranges: returns are moved along their rays to fitted planes.
 
-Biases of lasers are estimated from planes that several lasers hit, and subtracted. A return leaves
-its quantisation interval by at most three standard deviations. If the returns of a plane scatter by
-more than the noise (as on leaves), they are moved less. The last bits of results depend on how a
-machine rounds sines and square roots.
+Biases of lasers, estimated from planes that several lasers hit, are subtracted. A return leaves its
+quantisation interval by at most three standard deviations. Returns of a plane that scatter by more
+than the noise (as on leaves) are moved less. The last bits of results depend on how a machine
+rounds sines and square roots.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ _loop = partial(compiled_in_place, error_model="numpy")
 def smoothed_points(returns: Returns, steps_m: Sequence[float]) -> Floats:
     """Return the points (n, 3) of decoded returns, m, moved along their rays to smooth surfaces.
 
-    `steps_m` are the quantisation steps of the turns' ranges, m (see `returns.range_steps`).
+    `steps_m` are the turns' quantisation steps, m (see `returns.range_steps`).
     """
     distances = [
         smoothed_distances(returns, turn, step)
@@ -68,7 +68,7 @@ def smoothed_points(returns: Returns, steps_m: Sequence[float]) -> Floats:
 def smoothed_distances(returns: Returns, turn: Turn, step_m: float) -> Floats:
     """Return the smoothed distances of a turn, (kinds, columns, lasers), m, 0 for no return.
 
-    Second returns are not changed, since they come from edges, leaves and glass.
+    Second returns, from edges, leaves and glass, are not changed.
     """
     order = np.asarray(returns.layout.order)
     elevations = np.radians(returns.beams.elevations_deg)[order]
@@ -138,7 +138,7 @@ def smoothed_ranges(
 
 
 def _noise(ranges: Floats) -> float:
-    """Estimate the standard deviation of ranges from their second differences within rows."""
+    """Estimate the standard deviation of ranges from second differences within rows."""
     parts = ranges[:, :-2], ranges[:, 1:-1], ranges[:, 2:]
     is_complete = (parts[0] > 0) & (parts[1] > 0) & (parts[2] > 0)
     if not is_complete.any():
@@ -158,7 +158,7 @@ def _image(coded: Floats, directions: Floats, origins: Floats, biases: Floats) -
 def _biases(image: RangeRows, planes: LabelledPlanes, std: float) -> Floats:
     """Estimate the biases of the lasers, (lasers,), m, with mean zero.
 
-    A bias common to all lasers is indistinguishable from a larger room.
+    A common bias is indistinguishable from a larger room.
     """
     labels, vectors = planes
     lasers, most = len(labels), 3 * std

@@ -1,7 +1,7 @@
 """Page links of SQLite files (ROS 2 bags).
 
-An overflow page begins with the number of the next page. The first four bytes of all pages are
-coded separately, so that packets are contiguous in the remaining bytes.
+An overflow page begins with the next page's number. The first four bytes of all pages are coded
+separately, so that packets are contiguous in the rest.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ def page_size(data: Bytes) -> int:
 
 
 def without_links(data: Bytes, page: int, first: int, end: int) -> Bytes:
-    """Return bytes `first` to `end` of what remains of a file without its page links.
+    """Return bytes `first` to `end` of a file without its page links.
 
     `page` is the page size, or 0 for a file without links.
     """

@@ -37,9 +37,7 @@ def most_ranges(size: int) -> int:
 
 
 def check_ranges(ranges: int, size: int) -> None:
-    """Raise InputError if a stream of `size` bytes has too many ranges, to limit decoding time and
-    memory.
-    """
+    """Raise InputError if a stream of `size` bytes has more ranges than it can hold."""
     if ranges > most_ranges(size):
         raise InputError(f"{ranges} ranges in {size} bytes: more than they can hold")
 
@@ -71,7 +69,7 @@ def encode_turns(
 def decode_turns(stream: bytes, first: int = 0, end: int | None = None) -> list[Turn]:
     """Decode turns `first` to `end` - 1 of a stream, or of a compressed recording.
 
-    Decoding starts at the last turn up to `first` that can be decoded alone.
+    Decoding starts at the last key turn up to `first`.
     """
     layout: Layout | None = None
     bodies: list[tuple[Layout, bytes]] = []

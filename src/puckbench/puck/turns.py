@@ -143,14 +143,14 @@ class TurnEncoder:
 
 
 class TurnDecoder:
-    """Decodes successive turns of one layout, starting with a key turn."""
+    """Decodes successive turns of one layout from a key turn on."""
 
     def __init__(self, layout: Layout) -> None:
         self.layout = layout
         self._state: _State | None = None
 
     def decode(self, body: bytes) -> Turn:
-        """Decode a turn; raise InputError if it is damaged, or its predecessor was not decoded."""
+        """Decode a turn; raise InputError if it is damaged, or its predecessor is missing."""
         reader = Reader(body)
         flags, step, blocks = reader.take(1)[0], reader.number(), reader.number()
         effort = flags >> _EFFORT & 3
@@ -189,7 +189,6 @@ def turn_step(body: bytes) -> int:
 
 
 def reflectivity_bytes(body: bytes, layout: Layout) -> int:
-    """Return the number of bytes of a coded turn's reflectivities, its last parts."""
     reader = Reader(body)
     if not reader.take(1)[0] & _REFLECTIVITIES:
         return 0
@@ -226,7 +225,7 @@ def _blank(blocks: int, layout: Layout, is_wide: bool) -> Turn:
 
 
 class PartWriter:
-    """Collects the bytes of parts of a turn, each from a separate arithmetic coder."""
+    """Collects the parts of a turn, each from a separate arithmetic coder."""
 
     def __init__(self) -> None:
         self.parts: list[bytes] = []
@@ -243,7 +242,7 @@ class PartWriter:
 
 
 class PartReader:
-    """Reads parts that a `PartWriter` collected, each after its length in bytes."""
+    """Reads parts of a `PartWriter`, each after its length in bytes."""
 
     def __init__(self, reader: Reader) -> None:
         self._reader = reader
@@ -387,7 +386,7 @@ def extended(values: Words) -> Words:
 def nearest_columns(azimuths: Ints, previous: Ints | None, layout: Layout) -> Ints:
     """For each column, return the row of the nearest column in the previous turn, or 0.
 
-    The arguments are the azimuths of the blocks of both turns; None if there is no previous turn.
+    The arguments are azimuths of blocks of both turns; None without a previous turn.
     """
     per_block, steps = layout.columns_per_block, layout.azimuth_steps
     if previous is None:

@@ -40,15 +40,8 @@ class DecodedCloud(DecodedGeometry):
 def decode_cloud(stream: bytes, convert_colours: bool = True) -> DecodedCloud:
     """Decode points and attributes of a stream of one frame.
 
-    Parameters
-    ----------
-    convert_colours
-        Whether to convert colours to red, green, blue; otherwise return the coded components.
-
-    Raises
-    ------
-    InputError
-        If the stream is damaged or a tool is unsupported.
+    `convert_colours`: whether to convert colours to red, green, blue. Raises InputError if the
+    stream is damaged or a tool is unsupported.
     """
     reader = AttributeReader()
     geometry = read_stream(stream, reader)
@@ -56,9 +49,9 @@ def decode_cloud(stream: bytes, convert_colours: bool = True) -> DecodedCloud:
 
 
 def attribute_bytes(stream: bytes) -> dict[str, int]:
-    """Return the number of bytes of each attribute that a stream has values of, by name.
+    """Return the number of bytes of each attribute by name, with parameter sets.
 
-    They include parameter sets. Raises InputError if the stream is damaged.
+    Raises InputError if the stream is damaged.
     """
     names: list[str] = []
     sizes: dict[str, int] = {}
@@ -97,7 +90,7 @@ def encode_cloud(
     Parameters
     ----------
     attributes
-        Values of the points by name: `color` (n, 3), red, green and blue, and `reflectance` (n,).
+        Values by name: `color` (n, 3), red, green and blue, and `reflectance` (n,).
     options
         Options of the octree, or of prediction trees.
     attribute_options
@@ -105,8 +98,8 @@ def encode_cloud(
     scale, origin, sensor
         As for `coder.encode_geometry`.
     source
-        Exact positions (n, 3) of the points, in the coordinates that a decoder returns, from which
-        merged points get their values. By default those of `points`.
+        Exact positions (n, 3), in a decoder's coordinates, from which merged points get their
+        values; by default `points`.
 
     Raises
     ------
@@ -136,7 +129,7 @@ def encode_cloud(
 
 
 def _grouped(members: NDArray[np.int64], points: NDArray[Any]) -> NDArray[np.int64]:
-    """Sort the indices of points so that equal points are adjacent, as TMC13 lists them."""
+    """Sort indices of points so that equal points are adjacent, in TMC13's order."""
     part = points[members].astype(np.int64)
     codes = morton_codes(part - part.min(axis=0), np.arange(3))
     _, first, unique = np.unique(codes, return_index=True, return_inverse=True)

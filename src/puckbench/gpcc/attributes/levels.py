@@ -63,19 +63,10 @@ def levels_of_detail(
 ) -> Levels:
     """Divide points into levels, and find their predictors.
 
-    Parameters
-    ----------
-    points
-        Sorted unless `aps.canonical_point_order_flag` is set.
-    bias
-        Factors (3,) of distances along the coded axes.
-    atlases
-        Working memory.
-
-    Raises
-    ------
-    InputError
-        If the search would take too long.
+    points: sorted unless `aps.canonical_point_order_flag` is set.
+    bias: factors (3,) of distances along the coded axes.
+    atlases: working memory.
+    Raises InputError if the search would take too long.
     """
     if (points.positions.max(axis=0) * bias >= _FARTHEST).any():
         raise InputError("G-PCC: the factors of distances between points are too large")
@@ -105,9 +96,7 @@ def _build(
     predictors: Predictors,
     atlases: Atlases,
 ) -> tuple[Indices, list[int]]:
-    """Return the points from the finest level to the coarsest, and the number left before each
-    level.
-    """
+    """Return the points, finest level first, and the number left before each level."""
     count = len(points.codes)
     order = np.empty(count, dtype=np.int32)
     remaining = np.arange(count, dtype=np.int32)
@@ -291,9 +280,7 @@ def _finish_predictors(
 
 @inlined
 def _normalise(weights: Ints, i: int, count: int) -> int:
-    """Scale squared distances; return the number of neighbours that are not much farther than the
-    first.
-    """
+    """Scale squared distances; return the number of neighbours not much farther than the first."""
     shift = max(64 - leading_zeros(weights[i, 0]) - FRACTION_BITS, 0)
     for k in range(count):
         weights[i, k] = (weights[i, k] + (1 << shift >> 1)) >> shift
@@ -313,7 +300,7 @@ def _weight_triple(weights: Ints, i: int) -> None:
 
 @inlined
 def _blend(neighbours: Indices, weights: Ints, i: int, positions: Positions) -> None:
-    """Move a part of each neighbour's weight to a neighbour near it."""
+    """Move a part of each neighbour's weight to one near it."""
     a, b, c = neighbours[i, 0], neighbours[i, 1], neighbours[i, 2]
     ab = _squared_distance(positions, a, b)
     ac = _squared_distance(positions, a, c)

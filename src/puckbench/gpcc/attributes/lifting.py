@@ -61,8 +61,7 @@ def dequantise(
 ) -> None:
     """Write transformed values (n, components) with `FRACTION_BITS` fractional bits.
 
-    last_component: (levels,) factors of the second component, in quarters, in the prediction of
-        the third.
+    last_component: (levels,) factors of the second component, in quarters, that predict the third.
     """
     layer, level = integer(0), integer(0)
     components = coefficients.shape[1]
@@ -148,7 +147,7 @@ def _update(
 
 @entry
 def rounded(values: Ints, most: int, result: NDArray[np.int32]) -> None:
-    """Write integers in [0, most] for values with `FRACTION_BITS` fractional bits."""
+    """Round values with `FRACTION_BITS` fractional bits to integers in [0, most]."""
     for i in range(len(values)):
         for k in range(values.shape[1]):
             result[i, k] = min(max(halved_away(values[i, k], FRACTION_BITS), 0), most)
@@ -186,7 +185,7 @@ def quantise(
 def choose_last_component(transformed: Ints, ends: Ints, factors: Ints) -> None:
     """Write the factors (levels,) of `dequantise` for transformed values (n, 3).
 
-    As in TMC13, the factor before the first level without points applies from there on.
+    As in TMC13, the factor before the first empty level applies from there on.
     """
     start = integer(0)
     for level in range(len(ends)):

@@ -25,10 +25,10 @@ _DEEPEST = 256
 class NearestTree(NamedTuple):
     """A tree of points (n, 3).
 
-    rows: (n,) indices of the points, so that those of a node are adjacent.
+    rows: (n,) indices of the points; those of a node are adjacent.
     nodes: (m, 4) first and last + 1 of the node's points in `rows`; index of its second child, or
         0 for a leaf; axis that it splits. The first child follows the node.
-    gaps: (m, 2) largest coordinate of the first child's points, smallest of the second child's.
+    gaps: (m, 2) largest coordinate in the first child, smallest in the second.
     box: (6,) bounding box of all points.
     """
 
@@ -68,9 +68,6 @@ def search_stack() -> Stack:
 
 @entry
 def _build(tree: NearestTree, pending: Ints, boxes: Floats) -> None:
-    """Split nodes; `pending`: a node's first row, last row + 1, and its parent if it is a second
-    child.
-    """
     height, count = 1, 0
     pending[0, 0], pending[0, 1], pending[0, 2] = 0, len(tree.rows), -1
     for side in range(6):
@@ -165,7 +162,7 @@ def search(
 ) -> int:
     """Write the nearest points and their squared distances, nearest first; return their number.
 
-    Entries beyond that number do not change, except for the last.
+    Of the entries after them, only the last changes.
     """
     capacity, count = len(rows), 0
     squares[capacity - 1] = np.inf

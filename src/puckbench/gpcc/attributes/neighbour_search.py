@@ -1,8 +1,7 @@
 """Search of the three nearest neighbours of points in a level of detail.
 
-Candidates are points of coarser levels, first those in the same and adjacent cells, and points of
-the same level that are coded before. In TMC13: `computeNearestNeighbors`, `BoxHierarchy`,
-`MortonIndexMap3d`.
+Candidates are points of coarser levels, first in the same and adjacent cells, and preceding points
+of the same level. In TMC13: `computeNearestNeighbors`, `BoxHierarchy`, `MortonIndexMap3d`.
 """
 
 from __future__ import annotations
@@ -48,8 +47,7 @@ PRECEDING_NEIGHBOURS = np.array(
 
 
 class Atlas(NamedTuple):
-    """Grid of 128^3 cells: first and last + 1 of the points in each; `used` cells, and their
-    number `filled`."""
+    """Grid of 128^3 cells: first and last + 1 of each one's points; `filled` cells in `used`."""
 
     cells: Indices
     used: Indices
@@ -57,7 +55,7 @@ class Atlas(NamedTuple):
 
 
 class SortedPoints(NamedTuple):
-    """Points in Morton order: codes (n,), positions (n, 3), and indices (n,) of the points."""
+    """Points in Morton order: codes (n,), positions (n, 3), and indices (n,)."""
 
     codes: Ints
     positions: Positions
@@ -71,7 +69,7 @@ class SearchOptions(NamedTuple):
     inter_range, intra_range: number of candidates before and after the point, in coarser levels
         and in the same level.
     most: number of neighbours.
-    mask_bits: lowest bits of coordinates that are ignored.
+    mask_bits: ignored low bits of coordinates.
     most_distance: squared distance beyond which only the nearest neighbour is used, or -1.
     """
 
@@ -149,7 +147,7 @@ def clear(atlas: Atlas) -> None:
 def holds_near_point(
     positions: Positions, indices: Indices, atlas: Atlas, point: int, cell: int, radius2: int
 ) -> bool:
-    """Return whether `point` has a point of preceding cells within a radius (squared: radius2)."""
+    """Return whether preceding cells hold a point within a radius (squared: radius2) of `point`."""
     for offset in PRECEDING_NEIGHBOURS:
         other = neighbour_code(cell, offset)
         if other >> _CELL_BITS != cell >> _CELL_BITS:
@@ -220,7 +218,7 @@ def _distance(positions: Positions, k: int, x: int, y: int, z: int) -> int:
 
 @inlined
 def _with(best: Best, positions: Positions, k: int, offset: int, x: int, y: int, z: int) -> Best:
-    """Insert a candidate into the three nearest points, after those at the same distance."""
+    """Insert a candidate into the three nearest points, after equidistant ones."""
     a, b, c, i, j, m = best
     distance = _distance(positions, k, x, y, z)
     if distance >= c:
@@ -247,9 +245,7 @@ def _search_forward(
     y: int,
     z: int,
 ) -> tuple[Best, int]:
-    """Search positions `first` to `last` within `limit`; return the nearest three and the number of
-    operations.
-    """
+    """Search positions `first` to `last` within `limit`; return the nearest and the operations."""
     work, level, k = 0, 1, first
     top = len(among.starts) - 1
     while k <= last and k & _FAN_MASK:
@@ -306,8 +302,7 @@ class Grid(NamedTuple):
     ranges: (27, 2) first and last + 1 of the points in the cells around the current one.
     state: (5,) block and code of the current cell; points that are in the atlas; number of ranges;
         number of their points, or -1 if some cells are in other blocks.
-    complete: whether to skip empty blocks. In TMC13, the first empty block ends the filling of
-        the atlas.
+    complete: whether to skip empty blocks. In TMC13, the first one ends the filling of the atlas.
     """
 
     codes: Ints
@@ -324,7 +319,7 @@ def grid(codes: Ints, atlas: Atlas, cell_bits: int, complete: bool) -> Grid:
 
 
 def _dense_cell_bits(codes: Ints) -> int:
-    """Return the log2 of the side of cells that hold two points on average."""
+    """Return log2 of the side of cells with two points on average."""
     steps = codes[1:] ^ codes[:-1]
     for bits in range(1, _LARGEST_CELL_BITS):
         if np.count_nonzero(steps >> 3 * bits) * _DENSITY <= len(codes):
@@ -388,8 +383,8 @@ class Level(NamedTuple):
 def find_nearest(level: Level, options: SearchOptions, nearest: Indices, work: int) -> int:
     """Write the three nearest candidates of each point, or -1, to `nearest` (n, 3).
 
-    Indices from the number of coarser points on denote points of the same level. Returns what is
-    left of `work`, the limit of operations; negative if exceeded.
+    Indices from the number of coarser points on are those of the same level. Returns what is left
+    of `work`, the limit of operations; negative if exceeded.
     """
     coarser_codes = level.near.codes
     coarser_count, following = len(coarser_codes), integer(0)
@@ -439,7 +434,7 @@ def _search_near(best: Best, level: Level, i: int) -> tuple[Best, int]:
 def _search_coarser(
     best: Best, level: Level, options: SearchOptions, i: int, following: int
 ) -> tuple[Best, int]:
-    """Search coarser points in order of their distance from a centre in Morton order."""
+    """Search coarser points by their distance from a centre in Morton order."""
     x, y, z = _place(level, i)
     positions = level.coarser.positions
     last = len(positions) - 1
@@ -469,7 +464,7 @@ def _search_coarser(
 def _search_cells(
     best: Best, level: Level, span: tuple[int, int, int], x: int, y: int, z: int
 ) -> Best:
-    """Search coarser points in cells; equally near ones in the order of `_search_coarser`.
+    """Search cells of coarser points; equidistant ones in the order of `_search_coarser`.
 
     span: centre, lowest and highest index.
     """
@@ -501,8 +496,9 @@ def _search_cells(
 
 @inlined
 def _rank(k: int, centre: int, count: int) -> int:
-    """Return the place of an index in the search: from the centre 0, 1, -1, 2, -2, then all above,
-    then all below.
+    """Return an index's place in the search.
+
+    The order is, from the centre, 0, 1, -1, 2, -2, then all above, then all below.
     """
     away = k - centre
     if abs(away) <= _NEAR_RANGE:
@@ -527,7 +523,7 @@ def _index(rank: int, centre: int, count: int, nearest: int, second: int) -> int
 def _search_same_level(
     best: Best, level: Level, options: SearchOptions, i: int, offset: int
 ) -> tuple[Best, int]:
-    """Search points of the same level, with indices above `i`, in ascending order."""
+    """Search points of the same level, with ascending indices above `i`."""
     x, y, z = _place(level, i)
     positions = level.same_level.positions
     last = len(positions) - 1
@@ -555,7 +551,7 @@ def _search_same_level(
 def _with_tied(
     best: Best, positions: Positions, k: int, offset: int, x: int, y: int, z: int
 ) -> Best:
-    """Insert a candidate into the three nearest points; at equal distance, by index."""
+    """Insert a candidate into the three nearest points; equidistant ones by index."""
     a, b, c, i, j, m = best
     distance = _distance(positions, k, x, y, z)
     k += offset
@@ -596,7 +592,7 @@ def nearest_neighbours(
 
     retained: points of coarser levels.
     bias: factors (3,) of distances.
-    work: see `find_nearest`, whose result is returned. In `predictors`, neighbours are points.
+    work: as for `find_nearest`. In `predictors`, neighbours are points.
     """
     same_level = order[part]
     scale = bias.astype(np.int32)

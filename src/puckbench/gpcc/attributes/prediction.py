@@ -38,11 +38,11 @@ class PredictionTools(NamedTuple):
 
     ends: end of each level of detail in coding order.
     most: largest value.
-    direct: number of neighbours whose value may be the prediction, and whether the average may not
-        (0 or 1).
+    direct: number of neighbours whose value may be the prediction; whether the average may not (0
+        or 1).
     threshold: least difference of neighbours' values at which the prediction is chosen.
     inter_component: (levels, 2) factors of the first component's residual, in quarters; empty
-        if the other components do not use it.
+        if others do not use it.
     """
 
     ends: Ints
@@ -66,7 +66,7 @@ class Place(NamedTuple):
 def quantisation_weights(predictors: Predictors, shares: Ints, weights: Ints) -> None:
     """Write weights (n,) of residuals: larger for points that predict many others.
 
-    shares: (3,) shares, in units of 2^-FRACTION_BITS, of a point's weight that its neighbours get.
+    shares: (3,) of a point's weight that its neighbours get, in units of 2^-FRACTION_BITS.
     """
     for i in range(len(weights)):
         weights[i] = 1 << FRACTION_BITS
@@ -136,9 +136,7 @@ def is_mode_coded(values: Values, predictors: Predictors, tools: PredictionTools
 
 @inlined
 def predicted(values: Values, predictors: Predictors, i: int, k: int, mode: int) -> int:
-    """Return the prediction of a component: the value of neighbour number `mode`, or for 0 the
-    average.
-    """
+    """Return the prediction of a component: the value of neighbour `mode`, or for 0 the average."""
     count = integer(predictors.counts[i])
     if mode > count:
         return 0
@@ -152,7 +150,6 @@ def predicted(values: Values, predictors: Predictors, i: int, k: int, mode: int)
 
 @inlined
 def scaled(coefficient: int, step: int, weight: int) -> int:
-    """Return the residual that a coefficient stands for."""
     weight = max(min(weight, step) >> FRACTION_BITS, 1)
     residual = halved_up(coefficient * step, FRACTION_BITS)
     return residual // weight if residual >= 0 else -(-residual // weight)
@@ -205,8 +202,8 @@ def quantise(
 ) -> None:
     """Write coefficients of values (n, components) in coding order; inverse of `reconstruct`.
 
-    Decoded values replace `values`. `greater` (3, 2) is working memory: how probable residuals
-    above 0 and above 1 are, in units of 2^-20.
+    Decoded values replace `values`. `greater` (3, 2) is working memory: probabilities of residuals
+    above 0 and above 1, in units of 2^-20.
     """
     layer, level = integer(0), integer(0)
     for k in range(3):
@@ -382,7 +379,7 @@ def choose_inter_component(
 ) -> None:
     """Write the factors (levels, 2) of `PredictionTools.inter_component` for values (n, 3).
 
-    As in TMC13, those from the first level without points on are 0.
+    As in TMC13, they are 0 from the first empty level on.
     """
     start = integer(0)
     for level in range(len(ends)):

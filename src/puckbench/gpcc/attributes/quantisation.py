@@ -103,7 +103,7 @@ def place_of(
 ) -> tuple[int, int, int]:
     """Return the layer of step sizes, the level of detail and the region of point `i`.
 
-    layer, level: those of the point before it in coding order.
+    layer, level: those of the previous point in coding order.
     ends: end of each level of detail.
     """
     if i == ends[layer]:

@@ -1,9 +1,9 @@
 """Region-adaptive hierarchical transform (RAHT) of attributes, equal to TMC13's bit for bit.
 
-`forward` returns quantised coefficients and the decoder's reconstruction, `inverse` returns the
-reconstruction from coefficients. Both take ascending Morton codes of points. Attributes and
-coefficients are (n, c) for c = 1 or 3 components; coefficients are in the order in which
-`residuals.py` codes them. The reconstruction is not clipped to the bit depth.
+`forward` returns quantised coefficients and the decoder's reconstruction, `inverse` the
+reconstruction. Both take ascending Morton codes. Attributes and coefficients are (n, c) for c = 1
+or 3 components; coefficients are in the order in which `residuals.py` codes them. The
+reconstruction is not clipped to the bit depth.
 
 From the root to the points, each block of up to eight children is transformed to its mean, which
 the parent's reconstruction gives, and one coefficient fewer than it has children. The transform of
@@ -11,8 +11,8 @@ a prediction, interpolated from the parent and its neighbours, is subtracted fro
 Points with equal positions come last. Fixed-point numbers have 15 fractional bits; products are
 rounded half away from zero.
 
-In TMC13: `RAHT.cpp`. Its sums of attributes have 32 bits, ours 64: streams differ for clouds whose
-attributes add up to more than 2^31 (33,000 points of 16 bits).
+In TMC13: `RAHT.cpp`. Its sums of attributes have 32 bits, ours 64: streams differ for clouds with
+sums above 2^31 (33,000 points of 16 bits).
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ def forward(codes: Ints, attributes: Rows, qps: Qps, thresholds: Thresholds) -> 
     ----------
     codes : (n,) ascending Morton codes; equal ones in decoding order.
     attributes : (n, c) with c = 1 or 3.
-    qps : quantisation parameters, with the points in the order of `codes`.
+    qps : quantisation parameters of the points.
     thresholds : numbers of neighbours, or None without prediction; see `prediction_thresholds`.
     """
     coefficients = np.zeros(attributes.shape, dtype=np.int32)
@@ -86,7 +86,7 @@ def inverse(codes: Ints, coefficients: Rows, qps: Qps, thresholds: Thresholds) -
 
 
 def _block_plan() -> tuple[NDArray[np.uint8], NDArray[np.uint8], NDArray[np.int8]]:
-    """Return the plan of a block of children for each occupancy.
+    """Return the plan of a block for each occupancy.
 
     pairs (256, 13, 2): ranks of the children that each butterfly combines, then 0 and 0.
     order (256, 8): ranks of the children that hold the coefficients, in coding order.
@@ -115,9 +115,9 @@ def _block_plan() -> tuple[NDArray[np.uint8], NDArray[np.uint8], NDArray[np.int8
 def _adjacency() -> tuple[NDArray[np.int64], NDArray[np.uint8], NDArray[np.uint8]]:
     """Return the geometry of neighbours.
 
-    touching (8, 7): directions of the neighbours of a node that touch its child, the node's first.
-    upwards, octants (8, 19): the parent of a child's neighbour, as the direction from the child's
-        parent, and the neighbour's octant.
+    touching (8, 7): directions of the node's neighbours that touch its child, the node's first.
+    upwards, octants (8, 19): direction from the parent to the parent of a child's neighbour, and
+        the neighbour's octant.
     """
     steps = sorted((s for s in np.ndindex(3, 3, 3) if 1 in s), key=lambda s: 3 - s.count(1))
     touching = np.zeros((8, 7), dtype=np.int64)
@@ -161,7 +161,7 @@ class _Level(NamedTuple):
 
 
 class _Setting(NamedTuple):
-    """Arrays that the transforms of all levels use.
+    """Arrays for the transforms of all levels.
 
     sums: (n + 1, c) sums of the attributes of all points before each, or (0, c) in a decoder.
     offsets: (n, 2) region offsets of nodes by their first point, in units of 1/16, or (0, 2).
@@ -272,8 +272,8 @@ def _joints(codes: Ints) -> NDArray[np.uint8]:
 def _node_offsets(codes: Ints, offsets: Ints) -> Ints:
     """Return the mean offset of each node at its first point, as TMC13 rounds it.
 
-    Nodes are halved along one axis at a time. A node's offset replaces that of its lower half,
-    which has the same first point.
+    Nodes are halved along one axis at a time. A node's offset replaces that of its lower half, with
+    the same first point.
     """
     means = offsets << _REGION_FRACTION
     firsts, joints = np.empty(65, dtype=np.int64), np.empty(65, dtype=np.int64)
@@ -423,7 +423,7 @@ def _transform_level(
 def _find_neighbours(
     parents: _Level, parent: int, grandparents: _Level, grandparent: int, octant: int
 ) -> int:
-    """Write the neighbours that touch a child; return their number, including the node itself."""
+    """Write the neighbours that touch a child, the node included; return their number."""
     occupancy = integer(parents.occupancy[parent])
     parents.neighbours[parent, 0] = parent
     count = 1
@@ -515,7 +515,7 @@ def _transform_block(
 def _fill_buffer(
     setting: _Setting, nodes: _Level, first: int, parents: _Level, parent: int, reliable: bool
 ) -> None:
-    """Write the children's weights, attributes times the root of the weight, and prediction."""
+    """Write the children's weights, attributes times the weight's root, and prediction."""
     buffer, components = setting.buffer, parents.means.shape[1]
     rank = 0
     for octant in range(8):
@@ -539,7 +539,7 @@ def _fill_buffer(
 
 @inlined
 def _transform_rows(setting: _Setting, occupancy: int, low: int, high: int) -> int:
-    """Transform rows of the buffer from `low` to `high`; return the number of butterflies."""
+    """Transform rows `low` to `high` of the buffer; return the number of butterflies."""
     buffer, weights = setting.buffer, setting.weights
     count = 0
     while _PAIRS[occupancy, count, 1]:
@@ -560,9 +560,7 @@ def _transform_rows(setting: _Setting, occupancy: int, low: int, high: int) -> i
 def _code_coefficients(
     setting: _Setting, coefficients: Rows, place: int, layer: Ints, rank: int, point: int
 ) -> None:
-    """Quantise the coefficients' differences from the prediction, if encoding, and add them to
-    it.
-    """
+    """Quantise (if encoding) the coefficients' differences from the prediction; add them to it."""
     buffer, components = setting.buffer, coefficients.shape[1]
     qp, others = _qps(setting, layer, point)
     for k in range(components):
@@ -590,7 +588,7 @@ def _transform_duplicates(
     layer: Ints,
     reconstruction: Rows,
 ) -> None:
-    """Transform the points at each position, splitting off the last point first."""
+    """Transform the points at each position, splitting off the last first."""
     for node in range(len(nodes.counts)):
         start = integer(nodes.starts[node])
         weight = nodes.starts[node + 1] - start

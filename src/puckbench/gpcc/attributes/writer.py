@@ -64,8 +64,7 @@ class AttributeEncoder:
     Parameters
     ----------
     attributes
-        Values (n,) or (n, 3) of the input points by name: `color` (red, green, blue) and
-        `reflectance`.
+        Values by name: `color` (n, 3), red, green and blue, and `reflectance` (n,).
     options
         Options by name.
     recolour
@@ -267,7 +266,7 @@ def _coordinate_scale(
 
 
 def estimated_distance_log2(positions: Positions, percentile: float) -> int:
-    """Return the log2 of points' distances from which levels of detail start (`estimateDist2`)."""
+    """Return log2 of the distance from which levels of detail start (`estimateDist2`)."""
     count = len(positions)
     if count < 2:
         return 0

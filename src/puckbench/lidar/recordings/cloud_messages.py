@@ -27,7 +27,7 @@ CLOUD_KINDS = (POINT_CLOUD2, COMPRESSED_POINT_CLOUD2)
 
 @dataclass(frozen=True)
 class CloudMessage:
-    """The columns of a cloud by name, its time in ns, and whether it is an image with rows."""
+    """A cloud's columns by name, its time in ns, and whether it is an image with rows."""
 
     columns: Columns
     stamp_ns: int
@@ -35,9 +35,7 @@ class CloudMessage:
 
 
 def has_clouds(path: Path, topic: str | None = None) -> bool:
-    """Return whether `topic` of a bag has clouds; without a topic, whether the bag has clouds and
-    no data packets.
-    """
+    """Return whether `topic` has clouds or, if None, if the bag has clouds and no data packets."""
     if not is_bag(path):
         return False
     topics = read_topics(path)
@@ -48,7 +46,7 @@ def has_clouds(path: Path, topic: str | None = None) -> bool:
 
 
 def cloud_topic(path: Path, topic: str | None = None) -> tuple[str, Topic]:
-    """Return name and size of the named topic of clouds, or of the only one."""
+    """Return name and size of the topic of clouds, by default the only one."""
     with naming(path):
         topics = read_topics(path)
         name = choose_topic(topics, CLOUD_KINDS, topic)
@@ -58,7 +56,7 @@ def cloud_topic(path: Path, topic: str | None = None) -> tuple[str, Topic]:
 def read_cloud_messages(
     path: Path, topic: str | None, numbers: Sequence[int]
 ) -> list[CloudMessage]:
-    """Read messages of a topic of clouds by their numbers, which are sorted and start at 0."""
+    """Read messages of a topic of clouds by their sorted numbers, from 0."""
     definitions = {COMPRESSED_POINT_CLOUD2: DEFINITION}
     bag = read_messages(path, CLOUD_KINDS, definitions, topic, numbers)
     columns_of = point_columns if bag.kind == POINT_CLOUD2 else decompressed_columns
@@ -81,7 +79,7 @@ def read_recorded_cloud(
 ) -> PointCloud:
     """Read a message as a cloud, which may be empty or have points that are not finite.
 
-    Missing returns are removed and counted, as `puckbench.io.clouds.read_cloud` does.
+    Missing returns are removed and counted as in `puckbench.io.clouds.read_cloud`.
     """
     (message,) = read_cloud_messages(path, topic, [number])
     with naming(path):

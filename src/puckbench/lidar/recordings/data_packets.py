@@ -72,7 +72,7 @@ def packets_of_capture(capture: Capture, name: str | None = None) -> PacketLog:
     """Return the undamaged data packets of one stream of a packet capture.
 
     `name` is ``sender:port to receiver:port`` or its beginning; None selects the only stream with
-    data packets. `about` of the result counts what was left out (`LEFT_OUT`).
+    data packets. The result's `about` counts what was left out (`LEFT_OUT`).
     """
     sized = [datagram for datagram in capture.datagrams if datagram.length == PACKET_BYTES]
     payloads = joined([datagram.payload for datagram in sized], [], {}).payloads
@@ -93,12 +93,7 @@ def ouster_packets(capture: Capture, recording: Path, name: str | None = None) -
     """Return the packets of an Ouster sensor, or None if the capture is from a Velodyne.
 
     The sensor's metadata are beside the recording (`ouster.metadata_beside`); `name` is as in
-    `packets_of_capture`.
-
-    Raises
-    ------
-    InputError
-        The metadata are missing, or are those of another sensor.
+    `packets_of_capture`. Raises InputError if they are missing, or another sensor's.
     """
     sizes = Counter(datagram.length for datagram in capture.datagrams)
     metadata = metadata_beside(recording)
@@ -137,7 +132,7 @@ def whole_packets(
 ) -> PacketLog:
     """Return the distinct undamaged packets among 1,206-byte payloads.
 
-    `received` are times, s. Counts of payloads that were left out are added to `about`.
+    `received` are times, s. `about` gets counts of payloads that were left out.
     """
     first: dict[bytes, float] = {}
     for payload, time in zip(payloads, received, strict=True):

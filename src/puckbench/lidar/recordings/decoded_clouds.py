@@ -55,10 +55,9 @@ def returns_of_columns(
     """Convert the columns of points in the frame of a sensor to a table of returns.
 
     Lasers come from the column `laser_id`, `laser` or `label`, or from `ring`, `channel` or `line`,
-    which number lasers by elevation; the first whose points lie on the cones of their lasers is
-    used. Azimuths count clockwise from y; distances follow from the horizontal range and the
-    laser's nominal elevation. Points at the origin, or not finite, are left out. Integers in a
-    column `turn` are kept.
+    which number lasers by elevation: the first whose points lie on their lasers' cones. Azimuths
+    count clockwise from y; distances follow from horizontal range and nominal elevation. Points at
+    the origin, or not finite, are left out. Integers in a column `turn` are kept.
     """
     columns, counts = without_missing(path, columns)
     xyz = np.column_stack([columns[axis] for axis in "xyz"]).astype(np.float64)
@@ -128,7 +127,7 @@ def _numbered(column: NDArray[Any], sensor: Sensor) -> NDArray[np.intp]:
 
 
 def _check_cones(xyz: Floats, lasers: NDArray[np.intp], sensor: Sensor) -> None:
-    """Raise InputError unless each laser's points have its elevation.
+    """Raise InputError unless points lie on the cones of their lasers.
 
     The points may include the lasers' vertical offsets or not.
     """

@@ -1,8 +1,8 @@
 """Lasers of an unknown sensor, fitted to its points.
 
-The points of a laser lie on a cone. Its elevation and height are fitted as to the rings of a data
-set (`rings.fitted_cone`); the azimuth relative to other lasers follows from the times of the
-points, as the sensor turns uniformly in a message.
+A laser's points lie on a cone, whose elevation and height are fitted as to the rings of a data set
+(`rings.fitted_cone`); the azimuth relative to other lasers follows from the times of the points, as
+the sensor turns uniformly in a message.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _USUAL_HZ, _LARGEST_STEP_RAD, _ROUNDS = 10.0, np.pi / 6, 3
 
 
 class FittedLasers(NamedTuple):
-    """A sensor, the rank of each point's laser by elevation, which points were used, and residuals.
+    """A sensor, each point's laser (rank by elevation), which points were used, and residuals.
 
     `residuals_mm` are the distances of the used points from their cones.
     """
@@ -55,8 +55,8 @@ def fitted_lasers(
 ) -> FittedLasers:
     """Fit a sensor's lasers to points (n, 3), m, x right and y forward, with the ring of each.
 
-    Rings of fewer than 16 points are left out. Without different `seconds` (n,) in a `turn`, the
-    azimuths of lasers remain unknown. Raises InputError if no ring has enough points.
+    Rings of fewer than 16 points are left out. Azimuths of lasers are unknown without different
+    `seconds` (n,) in a `turn`. Raises InputError if no ring has enough points.
     """
     names, number, counts = np.unique(ring, return_inverse=True, return_counts=True)
     kept = np.flatnonzero(counts >= _FEWEST)

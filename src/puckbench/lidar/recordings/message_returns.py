@@ -40,9 +40,9 @@ def read_message_returns(
 ) -> RecordedReturns:
     """Read a topic of clouds as a table of returns; a turn has the number of its message.
 
-    Coordinates are those of ROS: x forward, y left, z up. Times are relative to the stamps of the
-    messages, or since 1970 (see `puckbench.lidar.recordings.decoded_clouds` for the columns).
-    Without a `sensor`, its lasers are fitted to the points.
+    Coordinates are those of ROS: x forward, y left, z up. Times are relative to the messages'
+    stamps, or since 1970 (for columns see `puckbench.lidar.recordings.decoded_clouds`). Without a
+    `sensor`, its lasers are fitted to the points.
     """
     name, (_, count) = cloud_topic(path, topic)
     with naming(f"{path}: topic {name}"):
@@ -58,7 +58,6 @@ def read_message_returns(
 
 
 def _fitted(path: Path, columns: Columns) -> tuple[dict[str, NDArray[Any]], Sensor, dict[str, Any]]:
-    """Fit a sensor to the columns of points; return them with the ring by elevation."""
     name = next((each for each in LASERS[::-1] if each in columns), None)
     if name is None:
         raise InputError(f"no laser column ({', '.join(LASERS)})")
@@ -76,8 +75,8 @@ def read_message_columns(
 ) -> Columns:
     """Read the points of messages: x, y, z in m, and ring, intensity and time in s if they exist.
 
-    Times are relative to the stamp of the first message, or if they are since 1970, to the first
-    time. Points without coordinates are left out.
+    Times are relative to the first message's stamp or, if since 1970, to the first time. Points
+    without coordinates are left out.
     """
     name, (_, count) = cloud_topic(path, topic)
     first, last = turns
@@ -103,10 +102,7 @@ def _joined(parts: Iterator[Columns]) -> Columns:
 
 @dataclass(frozen=True)
 class _Clock:
-    """Conversion of a column of times to s since the first message.
-
-    Times are relative to the messages' stamps, or to `origin` if they are since 1970.
-    """
+    """Conversion of times to s since the first message or, if they are since 1970, `origin`."""
 
     column: str
     unit: TimeUnit

@@ -34,7 +34,7 @@ _HALF_TURN = (-1.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 
 
 class Field(NamedTuple):
-    """Bits of a pixel that hold a value: the 32-bit word, the first bit, and the number of bits."""
+    """Bits of a pixel with a value: the 32-bit word, the first bit, and the number of bits."""
 
     word: int
     bit: int
@@ -121,7 +121,7 @@ def packet_type(
 class OusterSensor:
     """An Ouster sensor and the format of its packets.
 
-    `columns` is the number of columns per revolution; `whole` is that of azimuth counts.
+    `columns` is the number of columns per revolution; `whole` that of azimuth counts.
     """
 
     name: str
@@ -234,12 +234,12 @@ def _floats(values: Sequence[Any]) -> tuple[float, ...]:
 
 
 def is_size_of_packets(size: int) -> bool:
-    """Whether lidar packets of 16 columns have this size in bytes in a known format."""
+    """Whether lidar packets of 16 columns have this size in bytes."""
     return any(size == packet_type(*each).itemsize for each in product(PROFILES, _LASERS))
 
 
 def serial_of(sensor: OusterSensor, payload: bytes) -> int | None:
-    """Return the serial number of the sensor that sent a packet; None if the packet lacks it."""
+    """Return the serial number of a packet's sensor, or None if the packet lacks it."""
     if sensor.profile == LEGACY:
         return None
     return int.from_bytes(np.frombuffer(payload, sensor.packet)["serial"].tobytes(), "little")
@@ -274,7 +274,7 @@ def ouster_turns(sensor: OusterSensor, payloads: NDArray[np.uint8]) -> OusterTur
 
 
 def _frames(sensor: OusterSensor, packets: NDArray[Any]) -> NDArray[np.int64]:
-    """Return the number of each packet's revolution; the sensor's counter wraps around."""
+    """Return each packet's revolution; the sensor's counter wraps around."""
     legacy = sensor.profile == LEGACY
     counters = (packets["columns"]["frame"][:, 0] if legacy else packets["frame"]).astype(np.int64)
     half = 1 << (31 if sensor.is_fusa else 15)

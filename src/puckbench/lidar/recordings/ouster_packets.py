@@ -31,7 +31,7 @@ _HEAD = np.dtype([("hours", "<u4"), ("status", "<u4"), ("encoder", "<u4"), ("fra
 class Channel(NamedTuple):
     """A field of pixels, for one kind of return, that a turn does not store.
 
-    `signal` is the index of the channel with the signal of a reflectivity's return, or None.
+    `signal` is the index of the signal channel of a reflectivity's return, or None.
     """
 
     field: Field
@@ -82,7 +82,7 @@ class OusterKind:
 
     @classmethod
     def decode(cls, layout: Layout, code: bytes) -> OusterKind:
-        """Return the kind with this `code`; raise InputError if there is none."""
+        """Return the kind with a code; raise InputError if there is none."""
         profile, flags, columns = code
         if profile < len(PROFILES) and flags < 4 and columns > 1:
             is_fusa, is_fragmented = bool(flags & 1), bool(flags & 2)
@@ -115,10 +115,7 @@ class OusterKind:
 
     @cached_property
     def channels(self) -> tuple[Channel, ...]:
-        """All bits of a pixel that a turn does not store as ranges or reflectivities.
-
-        Reflectivities that depend on signals are channels, too.
-        """
+        """All bits of a pixel but ranges, and reflectivities that do not depend on signals."""
         profile = PROFILES[self.profile]
         signals = [Channel(each, kind) for kind, each in enumerate(profile.signals)]
         dependent = [
@@ -138,9 +135,7 @@ class OusterKind:
         )
 
     def find(self, data: Payloads) -> NDArray[np.int64]:
-        """Return the ascending positions of packets, with consecutive column numbers, in the bytes
-        `data`.
-        """
+        """Return ascending positions in `data` of packets with consecutive column numbers."""
         span = self.size + self.hole * (len(self.pieces) - 1)
         last = len(data) - span + 1
         if last < 1 or self.columns_per_packet < 2:
@@ -260,7 +255,7 @@ HEAD_BYTES = _HEAD.itemsize
 
 
 def _unused(fields: list[Field], words: int) -> list[Field]:
-    """Return fields of at most 16 bits for the bits of a pixel that no other field uses."""
+    """Return fields of at most 16 bits for the unused bits of a pixel."""
     is_used = np.zeros(32 * words, bool)
     for field in fields:
         first = 32 * field.word + field.bit

@@ -42,7 +42,7 @@ Payloads = NDArray[np.uint8]
 
 @dataclass(frozen=True)
 class PacketKind:
-    """Product and return mode of packets (their last two bytes), and the layout of their images."""
+    """Product and return mode (last two bytes) of packets, and the layout of their images."""
 
     product: int
     mode: int
@@ -77,7 +77,7 @@ def packet_kind(product: int, mode: int) -> PacketKind:
 
 
 def find_packets(data: Payloads) -> NDArray[np.int64]:
-    """Return the positions, in order, of the data packets of `SENSORS` in the bytes `data`."""
+    """Return the ascending positions of the data packets of `SENSORS` in bytes."""
     last = len(data) - PACKET_BYTES + 1
     if last < 1:
         return np.zeros(0, np.int64)
@@ -110,8 +110,7 @@ def without_overlaps(places: NDArray[np.int64], size: int = PACKET_BYTES) -> NDA
 def split_turns(payloads: Payloads) -> Iterator[tuple[PacketKind, Payloads]]:
     """Split packets (p, 1206) into revolutions; each begins with the packet that passes azimuth 0.
 
-    Parts also end where sensor or return mode change, or at the largest number of blocks of a
-    `Layout`.
+    Parts also end where sensor or return mode change, or at a `Layout`'s most blocks.
     """
     packets = _viewed(payloads)
     azimuths = packets["blocks"]["azimuth"].astype(np.int64)
@@ -141,9 +140,7 @@ def turn_of(kind: PacketKind, payloads: Payloads) -> Turn:
 
 
 def is_whole(payloads: Payloads) -> NDArray[np.bool_]:
-    """Return which packets (p, 1206) have valid flags and azimuths, the same in both blocks of a
-    dual return.
-    """
+    """Return which packets (p, 1206) have valid flags and azimuths, equal in both dual returns."""
     packets = _viewed(payloads)
     flags, azimuth = packets["blocks"]["flag"], packets["blocks"]["azimuth"]
     is_valid = (flags == FLAG).all(axis=1) & (azimuth < CENTIDEGREES).all(axis=1)

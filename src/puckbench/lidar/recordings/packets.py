@@ -26,7 +26,7 @@ PACKET_BYTES = 1206
 class PacketLog:
     """Payloads (p, bytes) and their reception times (p,), s since 1970, in the recorded order.
 
-    `sensor` is the metadata of an Ouster sensor; packets of a Velodyne need none.
+    `sensor` is the metadata of an Ouster sensor, None for a Velodyne.
     """
 
     payloads: NDArray[np.uint8]
@@ -38,7 +38,7 @@ class PacketLog:
         return len(self.payloads)
 
     def between(self, start_s: float, end_s: float) -> PacketLog:
-        """Return packets received `start_s` to `end_s` seconds after the first one."""
+        """Return packets received `start_s` to `end_s` s after the first."""
         since = self.received - self.received[:1]
         rows = (since >= start_s) & (since < end_s)
         return replace(self, payloads=self.payloads[rows], received=self.received[rows])

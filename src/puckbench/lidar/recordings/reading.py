@@ -94,7 +94,7 @@ def read_recording(
 
 
 class RecordedTurns(NamedTuple):
-    """Revolutions of a recording, the range of whole ones, and counts of damaged data."""
+    """Revolutions, the range of whole ones, and counts of damaged data."""
 
     returns: Returns
     whole: range
@@ -108,9 +108,7 @@ def read_turns(
     source: Path | None = None,
     topic: str | None = None,
 ) -> RecordedTurns:
-    """Read the revolutions of a recording from `start_s` seconds on; for other parameters see
-    `read_packets`.
-    """
+    """Read revolutions from `start_s` seconds on; for other parameters see `read_packets`."""
     with naming(source or path):
         log = _interval(read_packets(path, stream, source, topic), start_s, math.inf)
         left_out = {name: int(log.about[name]) for name in LEFT_OUT if log.about.get(name)}
@@ -125,8 +123,8 @@ def read_packets(
 ) -> PacketLog:
     """Read the undamaged data packets of a packet capture or a ROS bag; log what was left out.
 
-    `stream` selects a packet capture's stream, such as ``192.168.1.201:2368``, `topic` a bag's
-    topic. Messages name `source` if `path` is a temporary copy of it.
+    `stream` selects a capture's stream, such as ``192.168.1.201:2368``, `topic` a bag's topic.
+    Messages name `source` if `path` is a temporary copy of it.
     """
     source = source or path
     with naming(source):

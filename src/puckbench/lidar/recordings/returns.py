@@ -41,10 +41,10 @@ class RecordedReturns(ReturnTable):
 
 
 def table_of_returns(returns: Returns, sequence_us: float = 0.0) -> RecordedReturns:
-    """Convert returns to a table with a row for each return, in the order of `Returns.points`.
+    """Convert returns to a table with a row for each, in the order of `Returns.points`.
 
-    A packet's time is that of its first column; other columns follow every `sequence_us`
-    microseconds. Times of a sensor without a clock are 0.
+    A packet's time is that of its first column; others follow every `sequence_us` microseconds.
+    Times without a clock are 0.
     """
     parts = [_rows(returns, turn, sequence_us) for turn in returns.turns]
     counts = [len(part["laser_id"]) for part in parts]

@@ -1,8 +1,8 @@
 """Recovery of a sensor's raw returns from frames of points, as data sets publish them.
 
-The points of each laser form a ring, to which four parameters of the laser are fitted: elevation,
-height, distance from the sensor's axis, and angle relative to the rotary encoder (Velodyne HDL-64E
-S2 User's Manual 63-HDL64ES2, Appendix F). They convert each point to an encoder step and a range.
+Each laser's points form a ring, to which four parameters are fitted: elevation, height, distance
+from the sensor's axis, and angle relative to the rotary encoder (Velodyne HDL-64E S2 User's Manual
+63-HDL64ES2, Appendix F). They convert each point to an encoder step and a range.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class RecoveredReturns:
     xyz: Floats
 
     def about(self) -> dict[str, float]:
-        """Return the number of points left out, and by how many mm the others changed."""
+        """Return the number of points left out, and the changes of others, mm."""
         moved = np.linalg.norm(self.returns.points() - self.xyz[self.rows], axis=1)
         return {
             "points_left_out": len(self.xyz) - len(self.rows),
@@ -56,7 +56,7 @@ class RecoveredReturns:
 
 @dataclass(frozen=True)
 class _Beam:
-    """A laser's tangent of elevation, its height, m, and its distance from the sensor's axis, m."""
+    """A laser's tangent of elevation, its height and its distance from the sensor's axis, m."""
 
     tangent: float
     height: float
@@ -64,9 +64,9 @@ class _Beam:
 
 
 def split_rings(azimuths: Floats) -> list[NDArray[np.intp]]:
-    """Split the points of a frame into rings, one for each laser; return the indices of each ring.
+    """Split a frame's points into rings, one for each laser; return the indices of each ring.
 
-    A new ring begins where azimuths (n,), rad, decrease.
+    A ring begins where azimuths (n,), rad, decrease.
     """
     ends = np.flatnonzero(np.diff(azimuths) < -np.pi) + 1
     return list(np.split(np.arange(len(azimuths)), ends))
@@ -75,9 +75,9 @@ def split_rings(azimuths: Floats) -> list[NDArray[np.intp]]:
 def recovered_returns(
     xyz: Floats, rings: Sequence[NDArray[np.intp]], step_deg: float, sensor: str
 ) -> RecoveredReturns:
-    """Recover returns from the points of a frame, and fit the parameters of each laser.
+    """Recover returns from the points of a frame, and fit each laser's parameters.
 
-    Points (n, 3), m, are in the coordinates of a sensor that rotates counter-clockwise (x right, y
+    Points (n, 3), m, are in the coordinates of a sensor rotating counter-clockwise (x right, y
     forward). `rings` are the indices of each laser's points; `step_deg`, the encoder's step, is a
     multiple of 0.01.
     """
@@ -105,11 +105,11 @@ def recovered_returns(
 
 
 def recovered_firings(xyz: Floats, sensor: str) -> RecoveredReturns:
-    """Recover returns from a frame that contains firings without a return too (range 0).
+    """Recover returns from a frame with firings without a return (range 0).
 
-    Points (columns, lasers, 3), m, are in the coordinates of a sensor that rotates clockwise (x
-    right, y forward) at the end of the revolution. The car's motion, for which the data set
-    corrected them, is estimated from the firings without a return, and undone.
+    Points (columns, lasers, 3), m, are in the coordinates of a sensor rotating clockwise (x right,
+    y forward), at the end of the revolution. The car's motion, for which the data set corrected
+    them, is estimated from firings without a return, and undone.
     """
     columns, lasers = xyz.shape[:2]
     left = 1 - np.arange(columns) / max(columns - 1, 1)
@@ -139,8 +139,8 @@ def recovered_firings(xyz: Floats, sensor: str) -> RecoveredReturns:
 def _first_place(xyz: Floats, left: Floats) -> Floats:
     """Return the sensor's position (3,) at the first firing; zeros if it cannot be estimated.
 
-    Firings of range 0 reveal it: several lasers of a column then have equal points. `left` is the
-    remaining fraction of the revolution for each column.
+    Firings of range 0 reveal it: several lasers of a column then have equal points. `left` is each
+    column's remaining fraction of the revolution.
     """
     same = [np.unique(np.round(column, 4), axis=0, return_counts=True) for column in xyz]
     places = np.array([points[np.argmax(counts)] for points, counts in same])
@@ -156,8 +156,8 @@ def _without_turning(
 ) -> tuple[Floats, list[_Beam]]:
     """Undo the sensor's pitch and roll during a revolution; return the points and the lasers.
 
-    Both are fitted to the points' elevations by least squares. `whole` is the mask of returns;
-    `left` as in `_first_place`.
+    Both are fitted to elevations by least squares. `whole` is the mask of returns; `left` as in
+    `_first_place`.
     """
     columns, lasers = np.nonzero(whole)
     points = xyz[columns, lasers]
@@ -183,7 +183,7 @@ def _without_turning(
 def fitted_cone(level: Floats, z: Floats, prior: float = 0.0) -> tuple[float, float]:
     """Fit ``z = level * tangent + height`` without outliers; return tangent and height.
 
-    `prior` is the weight of a height of 0, relative to that of a point at 1 m.
+    `prior` is the weight of a height of 0, relative to a point at 1 m.
     """
     near = np.ones(len(level), bool)
     fit = np.zeros(2)
@@ -217,7 +217,7 @@ def _fitted_offset(level: Floats, azimuth: Floats, step: float) -> tuple[float, 
 
 
 def _aligned(places: Sequence[Steps], around: int, step_deg: float) -> list[int]:
-    """Return by how many encoder steps to shift each ring to align all lasers."""
+    """Return each ring's shift, in encoder steps, that aligns all lasers."""
     most = round(_MOST_TURNED_DEG / step_deg)
     fired = np.zeros(around)
     shifts = [0] * len(places)
@@ -236,7 +236,7 @@ def _aligned(places: Sequence[Steps], around: int, step_deg: float) -> list[int]
 
 @dataclass(frozen=True)
 class _Columns:
-    """Azimuths of firing columns, azimuths of lasers relative to them, and sense of rotation."""
+    """Azimuths of firing columns, relative azimuths of lasers, and sense of rotation."""
 
     azimuths_deg: Floats
     turned_deg: Floats

@@ -21,10 +21,10 @@ _DAY_S = 86400.0
 
 
 def unit_of(times: NDArray[Any], azimuth: Floats) -> TimeUnit | None:
-    """Infer the unit (s, ms, us or ns) of times (n,); return None if that is impossible.
+    """Infer the unit (s, ms, us or ns) of times (n,), or None.
 
-    In this unit, the sensor at azimuths (n,), rad, rotates about ten times a second, or else times
-    since 1970 lie in this century. Otherwise it is s, but None for integers.
+    In it, the sensor at azimuths (n,), rad, rotates about ten times a second, or else times since
+    1970 lie in this century. Otherwise it is s, but None for integers.
     """
     unit = _unit_by_rotation(times, azimuth) or _unit_since_1970(times)
     is_whole = times.dtype.kind in "iu" and np.ptp(times) > 0
@@ -40,7 +40,7 @@ def seconds_of(times: NDArray[Any], unit: TimeUnit) -> Floats:
 
 
 def is_since_1970(times: NDArray[Any], unit: TimeUnit) -> bool:
-    """Whether times lie in this century, counted from 1970."""
+    """Whether times since 1970 lie in this century."""
     return _unit_since_1970(times) == unit
 
 

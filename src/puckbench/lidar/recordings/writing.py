@@ -36,8 +36,7 @@ _REFLECTIVITY = 100
 
 
 def write_pcap(path: Path, table: ScanTable, noisy: bool = True) -> dict[str, int]:
-    """Write a virtual VLP-16 scan as a packet capture that ROS and VeloView replay; count packets
-    and returns.
+    """Write a virtual VLP-16 scan as a packet capture; count packets and returns.
 
     Distances, measured or true (`noisy` false), are rounded to 2 mm and azimuths to 0.01 degrees.
     """
@@ -47,11 +46,11 @@ def write_pcap(path: Path, table: ScanTable, noisy: bool = True) -> dict[str, in
 
 
 def scan_packets(table: ScanTable, noisy: bool = True) -> PacketLog:
-    """Convert a virtual scan to packets, with columns in the order in which a real sensor fires.
+    """Convert a virtual scan to packets, with columns in a real sensor's order.
 
     A real VLP-16 rotates clockwise while its lasers fire; the virtual one rotates counter-clockwise
-    and fires a column at one azimuth. Therefore the columns of a revolution are reversed, and each
-    becomes two blocks of equal azimuth.
+    and fires a column at one azimuth. So columns are reversed, and each becomes two blocks of equal
+    azimuth.
     """
     rotation_hz = _rotation_hz(table)
     centidegrees = np.rint(-np.degrees(table["yaw"]) * 100).astype(np.int64) % CENTIDEGREES
@@ -88,7 +87,7 @@ def pack_blocks(
 
 
 def pcap_bytes(log: PacketLog) -> bytes:
-    """Return a packet capture (pcap) of UDP datagrams from a sensor's default address."""
+    """Return a packet capture (pcap) of UDP datagrams from a default address."""
     head = struct.pack("<IHHiIII", 0xA1B2C3D4, 2, 4, 0, 0, 65535, 1)
     wrapping = _MAC + b"\x08\x00" + _ip_udp_header(PACKET_BYTES)
     size = len(wrapping) + PACKET_BYTES

@@ -89,6 +89,6 @@ def bits_without_loss(curve: pd.DataFrame, grid_mm: float) -> float:
 
 
 def bits_on_grid(bits: pd.Series[float], error_mm: pd.Series[float], grid_mm: float) -> float:
-    """Return the lowest bitrate with at most the rounding error of a grid, or nan."""
+    """Return the lowest bitrate with at most a grid's rounding error, or nan."""
     enough = bits[error_mm <= rounding_mm(grid_mm)]
     return float(enough.min()) if len(enough) else float("nan")

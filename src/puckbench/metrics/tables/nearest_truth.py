@@ -61,9 +61,9 @@ def nearest_truth(metrics: pd.DataFrame, scan_errors: pd.DataFrame, anchor: str)
             curves = {
                 str(codec): _Curves(curve) for codec, curve in part.groupby("codec", sort=False)
             }
-            for codec, own in curves.items():
+            for codec, tested in curves.items():
                 about = {"dataset": dataset, "codec": codec, "distance": name}
-                table.append({**about, **own.row(curves.get(anchor), str(dataset), codec, name)})
+                table.append({**about, **tested.row(curves.get(anchor), str(dataset), codec, name)})
     if not table:
         raise InputError("scan errors table: no scan with errors")
     return pd.DataFrame(table)
@@ -74,7 +74,7 @@ def _millimetres(rows: pd.DataFrame, column: str) -> Floats:
 
 
 class _Curves:
-    """The curves of a codec: distance and bits of each rate, by scene."""
+    """A codec's distance and bits at each rate, by scene."""
 
     def __init__(self, rows: pd.DataFrame) -> None:
         best = rows.loc[rows.groupby(SCENE)["mm"].idxmin()].set_index(SCENE)
@@ -119,7 +119,7 @@ class _Curves:
 def bits_to_reach(bits: Floats, distances: Floats, goal: float) -> float:
     """Return the fewest bits at which a curve, sorted by bits (n,), is as near as `goal`, or nan.
 
-    The interpolation to the first rate that is near enough is linear in log bits and log distance.
+    Interpolates linearly in log bits and log distance.
     """
     near = np.flatnonzero(distances <= goal)
     if len(near) == 0:

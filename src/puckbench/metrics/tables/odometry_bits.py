@@ -101,13 +101,12 @@ def _of_dataset(drives: pd.DataFrame, dataset: str) -> Iterator[dict[str, Any]]:
 
 
 def measures(rows: pd.DataFrame) -> list[str]:
-    """Return the measures that all rows of a data set have."""
     offered = [DRIFT if DRIFT in rows and rows[DRIFT].notna().all() else ABSOLUTE, REGISTRATION]
     return [name for name in offered if name in rows and rows[name].notna().all()]
 
 
 def with_registration(rows: pd.DataFrame) -> pd.DataFrame:
-    """Add the mean success over the distances of pairs, if there are any."""
+    """Add the mean success over all distances of pairs."""
     apart = rows.filter(regex=r"^registration_\d+m_percent$").dropna(axis=1, how="all")
     return rows.assign(**{REGISTRATION: apart.mean(axis=1)}) if len(apart.columns) else rows
 
@@ -122,7 +121,7 @@ def reference_of(rows: pd.DataFrame, measure: str, has_times: bool) -> Reference
 
 
 def mean_curve(rows: pd.DataFrame, measure: str) -> pd.DataFrame:
-    """Return the rates of a codec, the lowest first, with means over the drives."""
+    """Return a codec's rates, the lowest first, with means over the drives."""
     mean = rows.groupby("rate", as_index=False).agg(
         {"bpp": "mean", measure: "mean", "has_times": "all", "lost_turns": "sum"}
     )

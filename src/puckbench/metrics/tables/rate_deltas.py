@@ -117,7 +117,7 @@ def log_ratios(metrics: pd.DataFrame, anchor: str, tested: str, quality: str) ->
 def is_below_zero(differences: Floats, seed: int = 0) -> bool:
     """Return whether the mean of paired differences (n,) is significantly negative.
 
-    The 95 % interval must be negative or, with too few values for a bootstrap, all values.
+    Then the 95 % interval is negative or, with too few values for it, all values are.
     """
     rng = generator(seed, "paired differences")
     high = bootstrap_interval(differences, RESAMPLES, rng)[1]

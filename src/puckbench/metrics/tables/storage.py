@@ -93,9 +93,9 @@ def rounding_mm(grid_mm: float) -> float:
 
 
 def bits_at_error(bits: pd.Series[float], error_mm: pd.Series[float], at_mm: float) -> float:
-    """Return the bits at an error, interpolated between lossy rates, or nan.
+    """Return the bits at an error, or nan.
 
-    The interpolation is linear in log bits and log error.
+    Interpolates linearly between lossy rates in log bits and log error.
     """
     error, rate = error_mm.to_numpy(float), bits.to_numpy(float)
     lossy = error > 0

@@ -42,9 +42,9 @@ def odometry(
     """Return the drift of KISS-ICP, its absolute error, and the number of lost turns.
 
     Turns with returns are corrected for the sensor's motion, to the end of the turn; others are
-    taken as they are, with the pose at the middle of the turn. `voxel_m` is by default a hundredth
-    of `max_range_m`, as in KISS-ICP. The first `skip` turns, in which KISS-ICP does not know yet
-    how the sensor moves, do not count.
+    not, and have the pose at the middle of the turn. `voxel_m` is by default a hundredth of
+    `max_range_m`, as in KISS-ICP. The first `skip` turns, when KISS-ICP does not know the motion
+    yet, do not count.
     """
     if len(decoded) < skip + 2:
         raise InputError(f"task odometry: {len(decoded)} turns, of which it skips {skip}")
@@ -62,7 +62,7 @@ def odometry(
 
 
 def moment_of(turns: Sequence[PointCloud]) -> float:
-    """Return the share of a turn at which its estimated pose holds."""
+    """Return the fraction of a turn at which its estimated pose holds."""
     return 1.0 if all(turn.returns is not None for turn in turns) else 0.5
 
 
@@ -71,7 +71,7 @@ def estimated_poses(
 ) -> Floats:
     """Return the poses (n, 4, 4) of turns by KISS-ICP, relative to the first.
 
-    Points are corrected for motion if the turns have returns and the sensor `is_moving` in a turn.
+    Points are corrected for motion if turns have returns and the sensor `is_moving` in a turn.
     """
     check_installed("kiss_icp")
     from kiss_icp.config import KISSConfig
@@ -94,9 +94,9 @@ def pose_errors(true: Floats, estimated: Floats) -> dict[str, Any]:
     ``drift_percent`` and ``drift_deg_per_m`` are means over the lengths of 10, 20 and 50 m that fit
     into the drive; the error over a length is the mean over all pairs of poses this far apart,
     divided by their distance. Those of one length are ``drift_50m_...``, those over 100 to 800 m
-    ``kitti_...``. ``ate_m`` is the root mean square distance of the positions after the best rigid
-    alignment. A turn counts as lost if its motion from the turn before it is wrong by more than
-    0.5 m or 5 degrees.
+    ``kitti_...``. ``ate_m`` is the root mean square distance of positions after the best rigid
+    alignment. A turn is lost if its motion since the last turn is wrong by more than 0.5 m or 5
+    degrees.
     """
     check_installed("evo")
     from evo.core.metrics import PoseRelation, Unit
@@ -142,7 +142,7 @@ def _relative_errors(both: _Paths, relation: Any, delta: float, unit: Any) -> Fl
 
 
 def _drift(both: _Paths, length_m: int) -> Floats:
-    """Return the drift over a length, in percent and degrees per metre; empty if it is too long."""
+    """Return the drift over a length, in percent and degrees per metre; empty if too long."""
     from evo.core.filters import FilterException
     from evo.core.metrics import PoseRelation, Unit, id_pairs_from_delta
 

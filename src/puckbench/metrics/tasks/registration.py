@@ -35,9 +35,9 @@ def registration(
 ) -> dict[str, Any]:
     """Return GICP's success rate and error for at most `pairs` pairs of turns 1, 2 and 5 m apart.
 
-    It begins without a guess, and pairs points at most `reach_m` apart. It succeeds if the result
-    is at most `most_m` and `most_deg` from the true motion between the middles of the turns. The
-    error is the median of successes. Points are not corrected for the motion in a turn.
+    It has no initial guess, and pairs points at most `reach_m` apart. Success is a result at most
+    `most_m` and `most_deg` from the true motion between the middles of the turns. The error is the
+    median of successes. Points are not corrected for motion within a turn.
     """
     check_installed("evo")
     check_installed("small_gicp")
