@@ -77,6 +77,13 @@ def test_distances_to_the_truth_are_those_of_the_study(evidence: ReferenceResult
     assert [line for line in truth_lines(truth_of(evidence, ANCHOR)) if line not in lines] == []
 
 
+def test_smoothed_turns_are_as_near_as_the_page_says(evidence: ReferenceResults) -> None:
+    truth, text = truth_of(evidence, ANCHOR), words(page(f"{CODECS}/puck.md"))
+    for dataset in ("turns_measured", "streets_measured"):
+        row = truth.loc[(dataset, "puck_smoothed", "accuracy, plane")]
+        assert f"{interval(row, 'percent_of_scan', 0)} %" in text
+
+
 def test_ratios_of_bits_are_those_of_the_study(evidence: ReferenceResults) -> None:
     text = words(page(f"{CODECS}/primitives.md"))
     for anchor in (ANCHOR, "gpcc_denoised"):
@@ -93,6 +100,11 @@ def test_bits_of_noise_are_those_of_the_study(evidence: ReferenceResults) -> Non
     text = page("docs/explanation/noise_cost.md")
     assert [line for line in noise_lines(noise) if line not in text.splitlines()] == []
     rows = noise.set_index(["dataset", "codec"])
+    shares = [
+        row["noise_bits"] / row["grid_1_mm"]
+        for row in (rows.loc[(f"{sets}_measured", "puck")] for sets in SCENES)
+    ]
+    assert f"{shares[0]:.0%} in rooms, {shares[1]:.0%} in streets".replace("%", " %") in text
     for codec in ("puck", "gpcc", "gpcc_predictive", "gpcc_angular"):
         added = rows.loc[("turns_measured", codec)]
         assert interval(added, "added_grid_1_mm", 1) in words(text), codec

@@ -37,9 +37,10 @@ Line = tuple[str, Floats]
     frame="metric",
 )
 def draw_noise_cost(metrics: pd.DataFrame, clouds: pd.DataFrame, style: FigureStyle) -> Figure:
-    """Bits per return of the same rays under several error models; medians over clouds, with their
-    number n, and quartiles (black lines). Above: lossless, or on a grid of 1 mm. Below: at a D1
-    root mean square error of 5 mm; codecs whose rates do not reach it are not shown.
+    """Bits per return of the same rays under the most error models, in the data sets with the most
+    scenes; medians over scenes, with their number n, and quartiles (black lines). Above: lossless,
+    or on a grid of 1 mm. Below: at a D1 root mean square error of 5 mm; codecs whose rates do not
+    reach it are not shown.
 
     First line: entropy of the model's noise in steps of the sensor's ranges, a lower bound for
     lossless codecs. The difference is the cost of the scene and of what a codec does not model. The
@@ -53,6 +54,7 @@ def draw_noise_cost(metrics: pd.DataFrame, clouds: pd.DataFrame, style: FigureSt
     require_numbers(metrics, ("bpp", "d1_rms_m"), "metrics")
     bits = noise_bits(metrics, clouds)
     bits = bits[bits["models"] == bits["models"].max()]
+    bits = bits[bits["clouds"] == bits["clouds"].max()]
     noise = bits.groupby("error_model")["noise_bits"].median().sort_values(kind="stable")
     markers = _markers(list(noise.index))
     panel_lines = [_lines(bits, column, list(noise.index), style) for column in _PANELS]
