@@ -81,8 +81,8 @@ def test_returns_that_no_packet_holds_are_refused(name: str) -> None:
         turn, azimuths=turn.azimuths[:-1], ranges=turn.ranges[:, :-2], reflectivities=None
     )
     for returns, fault in (
-        (homemade(), "holds recordings of a VLP-16"),
-        (virtual, "holds recordings of a VLP-16"),
+        (homemade(), "encodes only returns of a VLP-16"),
+        (virtual, "encodes only returns of a VLP-16"),
         (replace(whole, turns=(cut,)), "not of whole data packets"),
     ):
         with pytest.raises(InputError, match=fault):
