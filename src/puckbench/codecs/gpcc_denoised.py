@@ -55,7 +55,7 @@ class GpccDenoised(Gpcc):
 
     title = "Denoised, then G-PCC"
     use = "comparison with codecs whose decoded scans are nearer to the surface"
-    colour = "#6B4C9A"
+    colour = "#999933"
     marker = "h"
     line = "-."
     rank = 72
