@@ -141,6 +141,6 @@ CASES = [
     _case("no_coordinates.csv", "a,b,c\n1,2,3\n", error="no x, y, z .columns: a, b, c"),
     _case("feet.csv", "X [ft],Y [ft],Z [ft]\n1,2,3\n", error="no x, y, z"),
     _case("binary.xyz", b"1 2 3\n\0\0\0", error="not a text file"),
-    _case("page.xyz", "<!DOCTYPE html>\n<html>1 2 3</html>", error="a page of the web .HTML"),
+    _case("page.xyz", "<!DOCTYPE html>\n<html>1 2 3</html>", error="an HTML page"),
     _case("unknown.abc", "1 2 3\n", error="not a point cloud by its name .*.ply, "),
 ]

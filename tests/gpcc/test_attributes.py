@@ -223,7 +223,7 @@ def test_damaged_streams_are_refused_or_decoded(name: str) -> None:
         ({"normal": np.zeros(800)}, {}, "no attribute"),
         ({"reflectance": np.zeros(3)}, {}, "each of 800 points"),
         ({"reflectance": np.full(800, 256)}, {}, "8 bits"),
-        ({"reflectance": np.full(800, 0.5)}, {}, "whole numbers"),
+        ({"reflectance": np.full(800, 0.5)}, {}, "not integers"),
         ({}, {"color": AttributeOptions()}, "not among"),
     ],
 )

@@ -92,8 +92,8 @@ def test_no_more_voxels_are_decoded_than_a_codec_takes() -> None:
     [
         (np.zeros((0, 3), int), "no points to code"),
         (np.zeros((4, 2), int), r"shape \(n, 3\), got \(4, 2\)"),
-        (np.full((4, 3), 0.5), "no whole numbers"),
-        (np.full((4, 3), np.nan), "no whole numbers"),
+        (np.full((4, 3), 0.5), "are not integers"),
+        (np.full((4, 3), np.nan), "are not integers"),
     ],
 )
 @pytest.mark.filterwarnings("ignore:invalid value")

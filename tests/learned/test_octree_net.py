@@ -331,7 +331,7 @@ def _coded(codec: Codec) -> OctreeNetStream:
 @pytest.mark.parametrize(
     ("change", "fault"),
     [
-        ({"count": 2**22}, "number of voxels"),
+        ({"count": 2**22}, "too many voxels"),
         ({"count": 5}, "number of voxels"),
         ({"count": 65_000}, "damaged"),
         ({"levels": 19}, "top level"),

@@ -21,7 +21,7 @@ MIN_SCENES = 3
 
 def with_scenes(table: pd.DataFrame) -> pd.DataFrame:
     """Add the column ``scene``, by default the cloud's name."""
-    scenes = table["cloud"] if SCENE not in table else table[SCENE].fillna(table["cloud"])
+    scenes = table.get(SCENE, table["cloud"]).astype(object).fillna(table["cloud"])
     return table.assign(**{SCENE: scenes})
 
 

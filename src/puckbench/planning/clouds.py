@@ -29,7 +29,7 @@ class CloudJobs:
 
     def scene_file(self, dataset: str, cloud: str, suffix: str = "") -> str:
         data = self.dataset(dataset)
-        scene, _ = data.sources[cloud]
+        scene, _ = data.source_of(cloud)
         suffix = suffix or ("parquet" if data.scenes in self.of_returns else "ply")
         return f"{self.plan.results}/scenes/{data.scenes}/{scene}.{suffix}"
 
@@ -69,7 +69,7 @@ class CloudJobs:
     @cache  # noqa: B019
     def sample(self, dataset: str, cloud: str) -> PlannedJob:
         data = self.dataset(dataset)
-        _, seed = data.sources[cloud]
+        _, seed = data.source_of(cloud)
         return planned(Sample(points=data.settings.points, seed=seed))
 
     @cache  # noqa: B019
@@ -77,7 +77,7 @@ class CloudJobs:
         """Plan a scan; its fingerprint includes the sensor, the sweep and the error model."""
         data = self.dataset(dataset)
         module, also = self._sensing(dataset)
-        return planned(scan_record(data.settings, *data.sources[cloud]), module, also=also)
+        return planned(scan_record(data.settings, *data.source_of(cloud)), module, also=also)
 
     @cache  # noqa: B019
     def _sensing(self, dataset: str) -> tuple[str, str]:

@@ -80,6 +80,10 @@ class DataSetPlan:
     def clouds(self) -> tuple[str, ...]:
         return tuple(self.sources)
 
+    def source_of(self, cloud: str) -> tuple[str, int]:
+        """Return the scene and seed of a cloud; that of an unusable scene, whose job fails, too."""
+        return self.sources.get(cloud, (cloud, 0))
+
     @property
     def used_scenes(self) -> tuple[str, ...]:
         return tuple(dict.fromkeys(scene for scene, _ in self.sources.values()))

@@ -50,6 +50,7 @@ def study_configuration(
         **study,
         "scenes": {name: scenes for name, scenes in study["scenes"].items() if name in used},
         "datasets": selected,
+        "drives": {},
         "codecs": user_codecs,
         "bd_rate": deltas,
         "figures": {**study["figures"], "examples": examples},
