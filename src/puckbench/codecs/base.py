@@ -23,7 +23,8 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol, Self
 
 import numpy as np
 
@@ -58,6 +59,12 @@ class Availability(NamedTuple):
 
     ok: bool
     why: str = ""
+
+    @classmethod
+    def of_module(cls, name: str, why: str) -> Self:
+        """Return whether a module is installed; `why` is the reason if it is not."""
+        is_here = find_spec(name) is not None
+        return cls(is_here, "" if is_here else why)
 
 
 class SharedWork(Protocol):

@@ -2,7 +2,6 @@ from __future__ import annotations
 
 from functools import cached_property
 from importlib.metadata import version
-from importlib.util import find_spec
 
 from puckbench.codecs.base import Availability, Codec, Pace, Parameters, lengths
 from puckbench.codecs.registry import CODECS
@@ -31,9 +30,8 @@ class Cloudini(Codec):
     magic = MAGIC
 
     def available(self) -> Availability:
-        is_here = find_spec("pureini") is not None
         why = "pureini (GPL-3.0) not installed: pip install 'puckbench[cloudini]'"
-        return Availability(is_here, "" if is_here else why)
+        return Availability.of_module("pureini", why)
 
     @cached_property
     def version(self) -> str:

@@ -178,7 +178,7 @@ class CodecFacts:
 
     @property
     def attributes(self) -> tuple[str, ...]:
-        """Attributes that the codec codes (`puckbench.geometry.attributes`); may be set."""
+        """Names of the attributes that the codec codes (`puckbench.geometry.attributes`)."""
         return ()
 
     @property

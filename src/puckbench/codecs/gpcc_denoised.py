@@ -2,7 +2,6 @@ from __future__ import annotations
 
 from functools import partial
 from importlib.metadata import version
-from importlib.util import find_spec
 from typing import Any, ClassVar
 
 from pydantic import Field
@@ -10,7 +9,7 @@ from pydantic import Field
 from puckbench.codecs.base import Availability, Pace, Parameters
 from puckbench.codecs.gpcc import CoderOptions, Gpcc
 from puckbench.codecs.registry import CODECS
-from puckbench.core.measurement import NO_COST, Cost, measured
+from puckbench.core.measurement import CostlyResult
 from puckbench.geometry.attributes import Attributes
 from puckbench.geometry.cloud import Floats
 from puckbench.geometry.jet_smoothing import LEAST_NEIGHBOURS, smooth_by_jets
@@ -22,26 +21,6 @@ class DenoisedOptions(CoderOptions):
         ge=LEAST_NEIGHBOURS,
         description="number of neighbours to which a surface is fitted at each point",
     )
-
-
-class DenoisedPoints:
-    """Denoised points of a cloud for all rates; `saved` is their cost if a call reused them."""
-
-    def __init__(self) -> None:
-        self._key = b""
-        self._points: Floats
-        self._cost = NO_COST
-        self.saved = NO_COST
-
-    def of(self, points: Floats, neighbours: int) -> Floats:
-        key = points.tobytes()
-        if key == self._key:
-            self.saved = self._cost
-        else:
-            work = measured(partial(smooth_by_jets, points, neighbours))
-            self._key, self._points = key, work.result
-            self._cost = Cost(work.seconds, work.peak_mib)
-        return self._points
 
 
 @CODECS.register("gpcc_denoised")
@@ -70,23 +49,25 @@ class GpccDenoised(Gpcc):
             self.version = f"{self.version}, CGAL {version('cgal')}"
 
     def available(self) -> Availability:
-        is_here = find_spec("CGAL") is not None
         why = "CGAL (GPL-3.0) not installed: pip install 'puckbench[denoise]'"
-        return Availability(is_here, "" if is_here else why)
+        return Availability.of_module("CGAL", why)
 
-    def shared_work(self) -> DenoisedPoints:
-        return DenoisedPoints()
+    def shared_work(self) -> CostlyResult[Floats]:
+        return CostlyResult()
 
     def _encode_with_attributes(
         self, points: Floats, attributes: Attributes, parameters: Parameters
     ) -> bytes:
-        smooth = smooth_by_jets(points, self.options.neighbours)
-        return super()._encode_with_attributes(smooth, attributes, parameters)
+        return super()._encode_with_attributes(self._denoised(points), attributes, parameters)
 
     def _encode(self, points: Floats, parameters: Parameters) -> bytes:
-        return self._encode_sharing(points, parameters, DenoisedPoints())
+        return super()._encode(self._denoised(points), parameters)
 
     def _encode_sharing(
-        self, points: Floats, parameters: Parameters, shared: DenoisedPoints
+        self, points: Floats, parameters: Parameters, shared: CostlyResult[Floats]
     ) -> bytes:
-        return super()._encode(shared.of(points, self.options.neighbours), parameters)
+        denoised = shared.of(points.tobytes(), partial(self._denoised, points))
+        return super()._encode(denoised, parameters)
+
+    def _denoised(self, points: Floats) -> Floats:
+        return smooth_by_jets(points, self.options.neighbours)

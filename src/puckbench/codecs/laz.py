@@ -68,10 +68,10 @@ class Laz(Codec):
         with naming(f"codec {self.name}"):
             return encode_laz(points, float(parameters["step_m"]), values)
 
-    def _decode_with_attributes(self, stream: bytes) -> PointCloud | None:
+    def _decode_with_attributes(self, stream: bytes) -> PointCloud:
         with naming(f"codec {self.name}"):
             points, intensities = decode_laz(stream)
-        return cloud_with(points, {REFLECTANCE: intensities}) if intensities.any() else None
+        return cloud_with(points, {REFLECTANCE: intensities} if intensities.any() else {})
 
     def _decode(self, stream: bytes) -> Floats:
         with naming(f"codec {self.name}"):

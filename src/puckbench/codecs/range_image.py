@@ -2,7 +2,6 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping
-from importlib.util import find_spec
 
 from pydantic import Field
 
@@ -45,8 +44,7 @@ class RangeImageCodec(ReturnsCodec):
     def _image_decoded(self, stream: bytes, shape: tuple[int, int], quanta: int) -> Image: ...
 
     def available(self) -> Availability:
-        is_here = find_spec("imagecodecs") is not None
-        return Availability(is_here, "" if is_here else "imagecodecs is not installed (pip)")
+        return Availability.of_module("imagecodecs", "imagecodecs is not installed (pip)")
 
     @property
     def version(self) -> str:

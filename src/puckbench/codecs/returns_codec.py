@@ -31,7 +31,10 @@ class ReturnsCodec(Codec):
     """Whether decoded points are estimates of the surface, not the points of decoded returns."""
 
     def encode_returns(self, returns: Returns, rate: str) -> bytes:
-        """Encode returns; raise InputError as `encode` does, or if the codec cannot hold them."""
+        """Encode returns.
+
+        Raises InputError as `encode` does, and if the format cannot represent the returns.
+        """
         parameters = self.parameters_of(rate)
         if len(returns) == 0:
             raise InputError(f"codec {self.name}: there is no return to code")

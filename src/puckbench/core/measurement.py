@@ -85,6 +85,26 @@ def measured(
     return Measured(result, statistics.median(seconds), max(peaks), min(seconds), max(seconds))
 
 
+class CostlyResult(Generic[T]):
+    """The last result of a costly call; `saved` is the call's cost if it was reused."""
+
+    def __init__(self) -> None:
+        self._key: object = None
+        self._result: T
+        self._cost = NO_COST
+        self.saved = NO_COST
+
+    def of(self, key: object, make: Callable[[], T], reuse: bool = True) -> T:
+        """Return the result for a key; call `make` for another key, or without `reuse`."""
+        if reuse and key == self._key:
+            self.saved = self._cost
+        else:
+            made = measured(make)
+            self._key, self._result = key, made.result
+            self._cost = Cost(made.seconds, made.peak_mib)
+        return self._result
+
+
 def _reset_peak() -> float:
     # glibc keeps freed memory resident; a call that reuses it would seem to need none.
     with suppress(AttributeError):

@@ -141,8 +141,9 @@ class Registry(Generic[T]):
         return self._added.get(name, name)
 
     def get(self, name: str) -> T:
-        """Return the plug-in with a name or place; raise InputError if there is none, or the place
-        is untrusted.
+        """Return the plug-in with this name, or at this place in a file or module.
+
+        Raises InputError if there is none, and if the place is not trusted (`trust`).
         """
         if self._is_ours(name):
             return self._plugins[self._modules[name], name]

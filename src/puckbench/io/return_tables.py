@@ -74,8 +74,9 @@ def write_return_table(path: Path, table: ReturnTable) -> None:
 
 
 def write_portions(path: Path, portions: Iterator[ReturnTable]) -> int:
-    """Write tables as row groups of one Parquet file with the first one's description; return the
-    number of rows.
+    """Write tables as row groups of one Parquet file and return the number of rows.
+
+    The file has the description of the first table.
     """
     from pyarrow import parquet
 

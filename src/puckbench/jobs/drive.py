@@ -47,9 +47,7 @@ class VirtualDrive(Scanning):
 
 
 def virtual_poses(sweep: Sweep, origin: Floats) -> tuple[Floats, Floats]:
-    """Return times (2 n + 1,), s, and poses (2 n + 1, 4, 4) at start, middle and end of a sweep's n
-    turns.
-    """
+    """Return times (2 n + 1,), s, and poses (2 n + 1, 4, 4) at the ends and middles of n turns."""
     times = np.arange(2 * sweep.frames + 1) / (2 * sweep.frames_per_second)
     placed = sweep.poses_during(times)
     poses = np.tile(np.eye(4), (len(times), 1, 1))

@@ -103,7 +103,7 @@ class Prior(NamedTuple):
 
 
 def factorised_prior(tables: tuple[FrequencyTable, ...], count: int) -> Prior:
-    """Return the prior of an entropy bottleneck: a table per channel, equal at all voxels."""
+    """Return the prior of an entropy bottleneck: one table for each channel, at all voxels."""
     number = np.tile(np.arange(len(tables), dtype=np.int32), (count, 1))
     return Prior(tables, number, np.zeros_like(number))
 

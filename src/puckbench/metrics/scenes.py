@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 
 SCENE = "scene"
 RESAMPLES = 2000
-MIN_SCENES = 3
-"""Fewest scenes for a bootstrap interval."""
+MIN_CLOUDS = 3
+"""Fewest clouds, or scenes, for a bootstrap interval."""
 
 
 def with_scenes(table: pd.DataFrame) -> pd.DataFrame:
@@ -33,15 +33,24 @@ def means_over_seeds(
     return groups[list(columns)].mean().reset_index()
 
 
-def median_interval(values: Floats, *names: str) -> tuple[float, float]:
-    """Return the 95 % percentile bootstrap interval of the median of `values` (n,).
+def bootstrap_interval(
+    values: Floats,
+    resamples: int,
+    rng: np.random.Generator,
+    statistic: Callable[..., Any] = np.mean,
+) -> tuple[float, float]:
+    """Return the 95 % percentile bootstrap interval of a statistic of `values` (n,).
 
-    It is nan for n < `MIN_SCENES`; `names` seed the bootstrap.
+    It is nan for n < `MIN_CLOUDS`.
     """
-    values = values[~np.isnan(values)]
-    if len(values) < MIN_SCENES:
+    if len(values) < MIN_CLOUDS:
         return np.nan, np.nan
-    rng = generator(0, "median interval", *names)
-    drawn = values[rng.integers(0, len(values), (RESAMPLES, len(values)))]
-    low, high = np.quantile(np.median(drawn, axis=1), [0.025, 0.975])
+    drawn = values[rng.integers(0, len(values), (resamples, len(values)))]
+    low, high = np.quantile(statistic(drawn, axis=1), [0.025, 0.975])
     return float(low), float(high)
+
+
+def median_interval(values: Floats, *names: str) -> tuple[float, float]:
+    """Return the interval of the median of `values` (n,) except nan; `names` seed the bootstrap."""
+    rng = generator(0, "median interval", *names)
+    return bootstrap_interval(values[~np.isnan(values)], RESAMPLES, rng, np.median)

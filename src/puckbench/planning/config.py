@@ -131,7 +131,7 @@ class DataSetConfig(Model):
         Field(
             None,
             description="Several such seeds, each for a cloud of every scene, named `SCENE-SEED`; "
-            "deltas and the table `evidence` average over seeds before they compare scenes.",
+            "deltas, `noise_bits` and `nearest_truth` average over the seeds of a scene first.",
         )
     )
     points: int = Field(500_000, ge=1, description="Number of sampled points (`make: sample`).")

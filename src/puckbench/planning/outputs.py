@@ -128,7 +128,7 @@ class OutputJobs:
     @property
     def anchor(self) -> str:
         """The codec with which BD-rates compare the others, by default the first."""
-        anchor = self.config.bd_rate.anchor or next(iter(self.plan.codecs))
+        anchor = self.plan.anchor
         if anchor not in self.plan.codecs:
             codecs = ", ".join(self.plan.codecs)
             raise InputError(f"bd_rate.anchor: no codec '{anchor}' among {codecs}")

@@ -81,7 +81,7 @@ class DataSetPlan:
         return tuple(self.sources)
 
     def source_of(self, cloud: str) -> tuple[str, int]:
-        """Return the scene and seed of a cloud; that of an unusable scene, whose job fails, too."""
+        """Return the scene and seed of a cloud, also of an unusable one, whose job then fails."""
         return self.sources.get(cloud, (cloud, 0))
 
     @property
@@ -234,6 +234,11 @@ class Plan:
                 )
             for reason in reasons:
                 yield {"dataset": data.name, "scene": "", "file": data.name, "reason": reason}
+
+    @property
+    def anchor(self) -> str:
+        """The codec with which rates and distances are compared, by default the first."""
+        return self.config.bd_rate.anchor or next(iter(self.codecs), "")
 
     def _coders_of(self, attribute: str) -> str:
         return ", ".join(n for n in self.codecs if attribute in self.opened[n].attributes)

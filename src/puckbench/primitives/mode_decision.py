@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from puckbench.core.measurement import NO_COST, Cost, measured
+from puckbench.core.measurement import CostlyResult
 from puckbench.core.threads import few_at_once, in_threads
 from puckbench.geometry.cloud import Floats, bounds
 from puckbench.primitives import hybrid_mode, voxel_mode
@@ -94,31 +94,6 @@ def _max_bytes(points: Floats, settings: PrimitiveSettings) -> int:
     return int(settings.max_bpp * len(points) / 8)
 
 
-class SurfaceCache:
-    """Keeps the encoded surface of a cloud for rates that differ only in their refinement.
-
-    A rate without refinement repeats the search, so that calls can be timed. `saved` is the time
-    and memory that the last call saved.
-    """
-
-    def __init__(self) -> None:
-        self._key: tuple[bytes, PrimitiveSettings] | None = None
-        self._result: _SearchResult
-        self._cost: Cost
-        self.saved = NO_COST
-
-    def search(self, points: Floats, settings: PrimitiveSettings) -> _SearchResult:
-        unrefined = settings.model_copy(update=_REFINEMENT_DEFAULTS)
-        key = sha256(points.tobytes()).digest(), unrefined
-        if key == self._key and settings.refinement > 0:
-            self.saved = self._cost
-        else:
-            search = measured(partial(_search, points, unrefined))
-            self._key, self._result = key, search.result
-            self._cost = Cost(search.seconds, search.peak_mib)
-        return self._result
-
-
 class _Candidate(NamedTuple):
     cost: float
     mode: SurfaceMode
@@ -136,6 +111,18 @@ class _SearchResult(NamedTuple):
     best: _Candidate  # the surface of least cost
     selection: _Selection  # the mode selected without refinement
     trials: tuple[voxel_mode.Trial, ...]
+
+
+class SurfaceCache(CostlyResult[_SearchResult]):
+    """Keeps the encoded surface of a cloud for rates that differ only in their refinement.
+
+    A rate without refinement repeats the search, so that calls can be timed.
+    """
+
+    def search(self, points: Floats, settings: PrimitiveSettings) -> _SearchResult:
+        unrefined = settings.model_copy(update=_REFINEMENT_DEFAULTS)
+        key = sha256(points.tobytes()).digest(), unrefined
+        return self.of(key, partial(_search, points, unrefined), reuse=settings.refinement > 0)
 
 
 def _search(points: Floats, settings: PrimitiveSettings) -> _SearchResult:

@@ -65,7 +65,7 @@ def _tables() -> tuple[NDArray[np.int16], NDArray[np.int16]]:
 
 @inlined
 def begin(experts: Experts, situation: int) -> None:
-    """Load a situation's scales for a new number, and reset the interval to all numbers."""
+    """Prepare to code a number: load the scales of its context, and allow all values."""
     for k in range(len(experts.every)):
         if experts.means[k] != 0:
             scale = max(experts.scales[k, np.uint64(situation)], _LEAST_SCALE)

@@ -5,7 +5,7 @@ from math import isnan, nan
 from typing import Any
 
 from puckbench.metrics.bjontegaard import LITTLE_OVERLAP, NO_COMMON_RANGE
-from puckbench.metrics.tables.rate_deltas import MIN_CLOUDS
+from puckbench.metrics.scenes import MIN_CLOUDS
 
 FEW_CLOUDS = 10
 """Number of clouds below which a text states how many clouds were compared."""

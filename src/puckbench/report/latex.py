@@ -17,8 +17,9 @@ _REPLACED = {
 
 
 def latex_table(table: pd.DataFrame) -> str:
-    """Return a booktabs tabular: units in the heading, four digits, dashes for missing values, no
-    empty columns.
+    """Return a LaTeX table (booktabs) with units in its heading and numbers of four digits.
+
+    Missing values are dashes; empty columns are left out.
     """
     shown = table.dropna(axis="columns", how="all")
     names = [str(name) for name in shown]

@@ -72,7 +72,7 @@ def intensity_bytes(stream: bytes) -> int:
 
 
 def decode_laz(stream: bytes) -> tuple[Floats, Intensities]:
-    """Decode the points (n, 3) and intensities (n,) from a stream written by `encode_laz`.
+    """Decode a stream of `encode_laz`; return points (n, 3) and intensities (n,).
 
     Raises InputError if the stream is damaged, or if another program wrote it. To read LAZ files of
     other programs, use `puckbench.io.las`.

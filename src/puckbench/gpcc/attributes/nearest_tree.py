@@ -122,7 +122,7 @@ def _range(tree: NearestTree, first: int, last: int, axis: int) -> tuple[float, 
 
 @kernel
 def _partition(tree: NearestTree, first: int, last: int, axis: int, cut: float) -> int:
-    """Sort points into those below, at and above `cut`; return the start of the second child."""
+    """Sort points by their side of the plane at `cut`; return where the second child starts."""
     below = _move_forward(tree, first, first, last - 1, axis, cut, False)
     not_above = _move_forward(tree, first, below, last - 1, axis, cut, True)
     middle = first + (last - first) // 2

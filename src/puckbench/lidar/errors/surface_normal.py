@@ -12,8 +12,7 @@ from puckbench.lidar.sensor import Sensor
 
 @ERROR_MODELS.register("surface_normal")
 class SurfaceNormal(Vlp16):
-    """Error model that displaces measured points along the true surface normal (untested in the
-    thesis).
+    """Displaces measured points along the true surface normal, which the thesis does not test.
 
     Plane residuals have the scale `normal_sigma_m` at any incidence, like those of the real wall
     and floor (0.014 m); with noise along the ray they decrease with its cosine. The noise of

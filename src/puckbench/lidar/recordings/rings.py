@@ -217,7 +217,7 @@ def _fitted_offset(level: Floats, azimuth: Floats, step: float) -> tuple[float, 
 
 
 def _aligned(places: Sequence[Steps], around: int, step_deg: float) -> list[int]:
-    """Return each ring's shift, in encoder steps, that aligns all lasers."""
+    """Return the azimuth shift of each ring, in encoder steps, that aligns the lasers."""
     most = round(_MOST_TURNED_DEG / step_deg)
     fired = np.zeros(around)
     shifts = [0] * len(places)

@@ -19,16 +19,13 @@ from puckbench.metrics.bjontegaard import (
 )
 from puckbench.metrics.lossless import LOSSLESS, is_shape_metric, lossless_rows
 from puckbench.metrics.peaks import check_peaks
-from puckbench.metrics.scenes import SCENE, means_over_seeds
+from puckbench.metrics.scenes import RESAMPLES, SCENE, bootstrap_interval, means_over_seeds
 from puckbench.metrics.table_registry import SEVERAL_CODECS, TABLES
 
 if TYPE_CHECKING:
     import pandas as pd
 
 METRICS = ("d1_psnr", "d2_psnr")
-RESAMPLES = 2000
-MIN_CLOUDS = 3
-"""Fewest clouds for a bootstrap interval."""
 _GROUP = ["dataset", "metric", "codec"]
 
 
@@ -244,14 +241,3 @@ def _mean(values: Floats) -> float:
 
 def _percent(log_ratio: float) -> float:
     return 100 * float(np.expm1(log_ratio))
-
-
-def bootstrap_interval(
-    values: Floats, resamples: int, rng: np.random.Generator
-) -> tuple[float, float]:
-    """Return the 95 % percentile bootstrap interval of the mean of `values` (n,); nan for n < 3."""
-    if len(values) < MIN_CLOUDS:
-        return np.nan, np.nan
-    drawn = rng.integers(0, len(values), (resamples, len(values)))
-    low, high = np.quantile(values[drawn].mean(axis=1), [0.025, 0.975])
-    return float(low), float(high)

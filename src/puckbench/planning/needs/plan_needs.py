@@ -43,8 +43,9 @@ def spins(plan: Plan) -> Options | None:
 
 @NEEDS.register("truth")
 def scans_with_truth(plan: Plan) -> Options | None:
-    anchor = plan.config.bd_rate.anchor or next(iter(plan.codecs), "")
-    return {"anchor": anchor} if any(data.is_scanned_from_truth for data in plan.coded) else None
+    return (
+        {"anchor": plan.anchor} if any(data.is_scanned_from_truth for data in plan.coded) else None
+    )
 
 
 @NEEDS.register("noises")
