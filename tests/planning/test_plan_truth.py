@@ -34,6 +34,8 @@ def test_scans_are_measured_against_the_truth_and_the_clean_scan() -> None:
     assert set(bench.coding.truth("sampled", "office_1")) == {"truth", "visible"}
     assert tables_of_rows(bench)["scan_errors"] == ("scan_errors/scanned/office_1.json",)
     assert set(bench.outputs.figures) >= TRUTH_FIGURES
+    assert set(bench.outputs.tables["nearest_truth"]) == {"metrics", "scan_errors"}
+    assert bench.outputs.table_options("nearest_truth") == {"anchor": "primitives"}
 
 
 @pytest.mark.parametrize("data", [SAMPLE, {**SCAN, "truth": False}], ids=["sample", "off"])
@@ -41,6 +43,7 @@ def test_without_a_scan_from_a_known_surface_there_is_no_such_figure(data: dict[
     bench = workflow({"data": data})
     assert "scan_errors" not in tables_of_rows(bench)
     assert set(bench.outputs.figures) & TRUTH_FIGURES == set()
+    assert "nearest_truth" not in bench.outputs.tables
 
 
 def test_primitives_are_compared_where_scenes_and_codec_have_them() -> None:

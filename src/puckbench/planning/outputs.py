@@ -91,6 +91,7 @@ class OutputJobs:
         study's.
         """
         there = {"metrics", "clouds"} if self.plan.datasets else set()
+        there |= {"scan_errors"} if self.plan.scanned else set()
         there |= set(self.study_tables) | ({"drives"} if self.plan.drives else set())
         return {
             name: {
