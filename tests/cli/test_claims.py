@@ -123,7 +123,15 @@ def test_the_table_of_claims_takes_what_a_run_has() -> None:
     assert set(study.outputs.result_tables) == {"claims"}
     assert set(study.outputs.result_tables["claims"]) == tables
     without = opened(sensor_study=None, codecs={"draco": {}})
-    tables = {"claims", "thesis_medians", "machines", "rates", "storage", "summary"}
+    tables = {
+        "claims",
+        "thesis_medians",
+        "machines",
+        "nearest_truth",
+        "rates",
+        "storage",
+        "summary",
+    }
     assert set(without.outputs.result_tables) == tables
     assert set(without.outputs.result_tables["claims"]) == {"metrics", "clouds"}
     assert not {"gpcc_grid", "gpcc_rounding"} & set(without.outputs.figures)

@@ -193,7 +193,7 @@ def test_one_codecs_code_re_runs_its_curves_alone(restored: Bench) -> None:
     drawn = {*(f"fig_6_{n}" for n in range(5, 10)), *truth, "spread", "beside_thesis", "elongation"}
     drawn.add("report_page")
     tables = {"bd_rate", "bd_rate_clouds", "claims", "machines", "rates", "summary"}
-    tables.add("thesis_medians")
+    tables |= {"nearest_truth", "thesis_medians"}
     first = {"first_look"} & set(jobs)  # of the first codec alone
     assert set(jobs) == {"metrics_table", *tables, *drawn, *first}
 
