@@ -137,23 +137,20 @@ def _tables(
 def _by_category(contents: Contents, folder: Path) -> dict[str, list[FigureShown]]:
     categories: dict[str, list[FigureShown]] = {}
     by_number = sorted(contents.figures, key=lambda name: figure_entry(name).sort_key)
-    figures = in_threads(
-        lambda name: _figure(name, Path(contents.figures[name]), folder), by_number
-    )
-    for figure in figures:
-        categories.setdefault(figure_entry(figure.name).category, []).append(figure)
+    files = [Path(contents.figures[name]) for name in by_number]
+    pictures = in_threads(lambda file: embedded(read_bytes(file), str(file)), files)
+    for name, file, picture in zip(by_number, files, pictures, strict=True):
+        entry = figure_entry(name)
+        links = {kind: file.with_suffix(f".{kind.lower()}") for kind in ("PDF", "SVG")}
+        figure = FigureShown(
+            name,
+            _figure_title(name),
+            picture,
+            caption_html(entry.caption, name),
+            {kind: _link(target, folder) for kind, target in links.items()},
+        )
+        categories.setdefault(entry.category, []).append(figure)
     return categories
-
-
-def _figure(name: str, file: Path, folder: Path) -> FigureShown:
-    entry = figure_entry(name)
-    return FigureShown(
-        name,
-        _figure_title(name),
-        embedded(read_bytes(file), str(file)),
-        caption_html(entry.caption, name),
-        {kind: _link(file.with_suffix(f".{kind.lower()}"), folder) for kind in ("PDF", "SVG")},
-    )
 
 
 def _figure_title(name: str) -> str:
