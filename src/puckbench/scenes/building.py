@@ -2,50 +2,17 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache, partial
+from pathlib import Path
 from typing import Any
 
 from puckbench.core.seeding import generator
+from puckbench.core.yaml_files import read_yaml
 from puckbench.scenes.placement import Placement
 from puckbench.scenes.room_catalogue import ROOMS, RoomSpec
 
-AREAS: dict[str, dict[str, int]] = {
-    "Area_1": {
-        "WC": 1, "conferenceRoom": 2, "copyRoom": 1, "hallway": 8, "office": 31, "pantry": 1,
-    },
-    "Area_2": {
-        "WC": 2, "auditorium": 2, "conferenceRoom": 1, "hallway": 12, "office": 14, "storage": 9,
-    },
-    "Area_3": {
-        "WC": 2, "conferenceRoom": 1, "hallway": 6, "lounge": 2, "office": 10, "storage": 2,
-    },
-    "Area_4": {
-        "WC": 4, "conferenceRoom": 3, "hallway": 14, "lobby": 2, "office": 22, "storage": 4,
-    },
-    "Area_5": {
-        "WC": 2, "conferenceRoom": 3, "hallway": 15, "lobby": 1, "office": 42, "pantry": 1,
-        "storage": 4,
-    },
-    "Area_6": {
-        "conferenceRoom": 1, "copyRoom": 1, "hallway": 6, "lounge": 1, "office": 37,
-        "openspace": 1, "pantry": 1,
-    },
-}  # fmt: skip
-"""Rooms of each type in the areas of S3DIS v1.2: 44, 40, 23, 49, 68 and 48, 272 in all."""
-
-ROOM_CHOICES = {
-    "WC": ("pantry_1", "copy_room_1"),  # small rooms with fittings along the walls
-    "auditorium": ("auditorium_1",),
-    "conferenceRoom": ("conference_room_1", "meeting_room_1"),
-    "copyRoom": ("copy_room_1",),
-    "hallway": ("hallway_1", "hallway_2", "hallway_3"),
-    "lobby": ("lounge_1", "gallery_1"),
-    "lounge": ("lounge_1",),
-    "office": ("office_1", "office_2", "office_3", "office_4"),
-    "openspace": ("office_3",),
-    "pantry": ("pantry_1",),
-    "storage": ("storage_1", "storage_2"),
-}
-"""Rooms of the catalogue for each type of S3DIS; one of them is drawn."""
+_TABLES = read_yaml(Path(__file__).with_suffix(".yaml"))
+AREAS: dict[str, dict[str, int]] = _TABLES["areas"]
+ROOM_CHOICES: dict[str, list[str]] = _TABLES["room_choices"]
 
 MAX_STRETCH = 1.35
 _RIGID = {"auditorium_1"}  # its seats stand on steps of a fixed depth
@@ -81,10 +48,7 @@ def stretched(spec: RoomSpec, x: float, y: float) -> RoomSpec:
 
 
 def _moved(placement: Placement, x: float, y: float) -> Placement:
-    if placement.at is None or placement.where in (
-        "wall",
-        "mounted",
-    ):  # places are shares of a wall
+    if placement.at is None or placement.where in ("wall", "mounted"):  # shares of a wall
         return placement
     place = (x * placement.at[0], y * placement.at[1], *placement.at[2:])
     return replace(placement, at=place, maker=_grown(placement, x, y))

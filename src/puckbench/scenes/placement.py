@@ -43,7 +43,6 @@ class Placement:
 
     maker: Maker
     where: Literal["wall", "mounted", "floor", "ceiling", "fixed"] = "wall"
-    count: int = 1
     at: tuple[float, ...] | None = None
     turn: float = 0.0
     turn_range: float = 2.0
@@ -82,8 +81,7 @@ class Room:
             "ceiling": self._hanging,
             "fixed": self._fixed,
         }
-        for _ in range(placement.count):
-            placers[placement.where](placement)
+        placers[placement.where](placement)
 
     def _try(self, item: Item, place: Floats) -> bool:
         high = item_bounds(item)[1, 2] + place[2, 3]
