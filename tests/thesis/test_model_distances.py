@@ -4,9 +4,8 @@ import pytest
 
 from puckbench.core.errors import InputError
 from puckbench.lidar import open_error_model
-from puckbench.lidar.calibration import CalibrationOptions
 from puckbench.thesis.residuals.compared import compared_residuals, real_walls
-from puckbench.thesis.tables.model_distances import leave_one_out, model_distances
+from puckbench.thesis.tables.model_distances import model_distances
 from tests.support.calibration_lookalike import residuals
 
 
@@ -63,23 +62,10 @@ def test_a_models_residuals_on_the_real_rays_shrink_with_the_cosine() -> None:
     assert drawn["residual_m"].std() == pytest.approx(expected, rel=0.02)
 
 
-def test_what_one_device_tells_foretells_another() -> None:
-    tables = [capture(3, laser=0.008), capture(4, laser=0.008)]
-    result = leave_one_out(
-        tables, settings=CalibrationOptions(quantum_m=0.0), replicates=3, resamples=10
-    )
-    assert set(result["capture"]) == {1, 2}
-    for _, rows in result.groupby("capture"):
-        distances = rows.set_index("model")["emd_m"]
-        assert distances["calibrated"] < distances["vlp16_divergence"] < distances["hdl64e"]
-
-
 def test_tables_without_walls_of_captures_are_refused() -> None:
     with pytest.raises(InputError, match="no wall of a capture"):
         real_walls([residuals(5)])
     with pytest.raises(InputError, match="has no plane_u_m"):
         real_walls([capture(5).drop(columns="plane_u_m")])
-    with pytest.raises(InputError, match="captures of two devices"):
-        leave_one_out([capture(5)])
     with pytest.raises(InputError, match="no real residuals"):
         model_distances(normal_residuals("vlp16", 0.01))

@@ -8,8 +8,10 @@ from puckbench.cli.registry import COMMANDS
 from puckbench.cli.types import integer, json_object, selected
 
 
-def arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("out", type=Path, help="residual table to write (.parquet)")
+def scan_arguments(
+    parser: argparse.ArgumentParser, distances: list[float], out: str, keep: str
+) -> None:
+    parser.add_argument("out", type=Path, help=f"{out} to write (.parquet)")
     parser.add_argument("--model", default="vlp16", help="error model (default: vlp16)")
     parser.add_argument(
         "--model-options", type=json_object, default={}, help="changes to its parameters (JSON)"
@@ -18,16 +20,19 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "--distances",
         nargs="+",
         type=float,
-        default=[1.0, 2.0, 3.0, 4.0, 5.0],
+        default=distances,
         metavar="M",
-        help="distances from the sensor to the wall, in metres: 1 to 5, or 30 (default: 1 2 3 4 5)",
-    )
-    parser.add_argument(
-        "--runs", type=integer(1), default=3, help="scans from each distance (default: 3)"
+        help="distances from the sensor to the wall, in metres: 1 to 5, or 30 (default: "
+        f"{' '.join(f'{distance:g}' for distance in distances)})",
     )
     parser.add_argument("--seed", type=integer(0), default=0)
+    parser.add_argument("--keep", type=integer(1), help=f"{keep} to keep, chosen at random")
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    scan_arguments(parser, [1.0, 2.0, 3.0, 4.0, 5.0], "residual table", "rows of each scan")
     parser.add_argument(
-        "--keep", type=integer(1), help="rows of each scan to keep, chosen at random"
+        "--runs", type=integer(1), default=3, help="scans from each distance (default: 3)"
     )
     parser.add_argument(
         "--refit",

@@ -3,6 +3,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 
     from puckbench.geometry.rendering import Image, View
 
+_figure = partial(FIGURES.register, category="Clouds")
 _AZIMUTH_DEG, _ELEVATION_DEG = -60.0, 38.0
 _CUT_HEIGHT = 0.8
 _WALL_M = 0.25
@@ -26,9 +28,7 @@ _COVER = 10.0
 _DARKEST = 0.12
 
 
-@FIGURES.register(
-    "fig_6_1", title="Example cloud of the object set", category="Clouds", number="6.1"
-)
+@_figure("fig_6_1", title="Example cloud of the object set", number="6.1")
 def draw_object(example_object: PointCloud, style: FigureStyle) -> Figure:
     """An object as the codecs get it, in metres (thesis figure 6.1).
 
@@ -38,7 +38,7 @@ def draw_object(example_object: PointCloud, style: FigureStyle) -> Figure:
     return _draw({"": _in_metres(example_object)}, style)
 
 
-@FIGURES.register("fig_6_2", title="Example cloud of a raw room", category="Clouds", number="6.2")
+@_figure("fig_6_2", title="Example cloud of a raw room", number="6.2")
 def draw_raw_room(example_raw: PointCloud, style: FigureStyle) -> Figure:
     """A raw room as the codecs get it, in metres (thesis figure 6.2).
 
@@ -48,12 +48,7 @@ def draw_raw_room(example_raw: PointCloud, style: FigureStyle) -> Figure:
     return _draw({"": _opened(_in_metres(example_raw))}, style)
 
 
-@FIGURES.register(
-    "fig_6_3",
-    title="One room: raw, scanned without noise, scanned with noise",
-    category="Clouds",
-    number="6.3",
-)
+@_figure("fig_6_3", title="One room: raw, scanned without noise, scanned with noise", number="6.3")
 def draw_room_versions(
     example_raw: PointCloud,
     example_clean: PointCloud,

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+_figure = partial(FIGURES.register, category="Sensor")
 _RAYS_DEG = (-15.0, -7.0, 1.0, 7.0, 15.0)
 _WALL_M, _WALL_HEIGHT_M, _SENSOR_HEIGHT_M, _OPEN_RAY_M = 3.0, 2.2, 1.0, 2.6
 _POSES = ("#0072B2", "#009E73", "#D55E00")
@@ -26,9 +28,7 @@ _INCIDENCES_DEG = (68.0, 25.0)
 _ERROR_M = 0.75
 
 
-@FIGURES.register(
-    "fig_5_1", title="The sweep in front of a wall", category="Sensor", number="5.1", needs=(STUDY,)
-)
+@_figure("fig_5_1", title="The sweep in front of a wall", number="5.1", needs=(STUDY,))
 def draw_sweep(style: FigureStyle) -> Figure:
     """The sweep of a single scan, seen from the side (thesis figure 5.1).
 
@@ -88,13 +88,7 @@ def _signed(angle_deg: float) -> str:
     return f"{sign}{abs(angle_deg):g}\u00b0"
 
 
-@FIGURES.register(
-    "fig_5_21",
-    title="Incidence angle and plane residual",
-    category="Sensor",
-    number="5.21",
-    needs=(STUDY,),
-)
+@_figure("fig_5_21", title="Incidence angle and plane residual", number="5.21", needs=(STUDY,))
 def draw_incidence_geometry(style: FigureStyle) -> Figure:
     """Two returns from a floor with the same range error e (thesis figure 5.21).
 

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -27,6 +28,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+_figure = partial(FIGURES.register, category="Findings")
+_figure_of_both = partial(_figure, needs=("rounded_and_truncated_gpcc",))
 _D1 = PlottedMetric("cd_point", "CD, point-to-point", "grid units²", (0.1, 100))
 _ROWS = (BPP.within(0.01, 10), _D1)
 _SCALE = "Scale (small markers: no power of two)"
@@ -37,11 +40,7 @@ _COLOURS = ("#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7", "#332288", "#
 _MARKERS = ("o", "s", "^", "D", "P", "v", "X")
 
 
-@FIGURES.register(
-    "gpcc_grid",
-    title="G-PCC's bits and distortion against the scale of its grid",
-    category="Findings",
-)
+@_figure("gpcc_grid", title="G-PCC's bits and distortion against the scale of its grid")
 def draw_scales(gpcc_scales: pd.DataFrame, style: FigureStyle) -> Figure:
     """G-PCC's bits per point and Chamfer distance (point-to-point) against the scale of its grid.
 
@@ -69,12 +68,7 @@ def draw_scales(gpcc_scales: pd.DataFrame, style: FigureStyle) -> Figure:
     return figure
 
 
-@FIGURES.register(
-    "gpcc_rounding",
-    title="What truncated coordinates cost G-PCC in distortion",
-    category="Findings",
-    needs=("rounded_and_truncated_gpcc",),
-)
+@_figure_of_both("gpcc_rounding", title="What truncated coordinates cost G-PCC in distortion")
 def draw_rounding(gpcc_scales: pd.DataFrame, style: FigureStyle) -> Figure:
     """Ratio of G-PCC's Chamfer distances (point-to-point) with truncated and rounded coordinates.
 
@@ -85,12 +79,7 @@ def draw_rounding(gpcc_scales: pd.DataFrame, style: FigureStyle) -> Figure:
     return _draw_ratio(gpcc_scales, "distortion", label, style)
 
 
-@FIGURES.register(
-    "gpcc_contexts",
-    title="What neighbour contexts save G-PCC in bits",
-    category="Findings",
-    needs=("rounded_and_truncated_gpcc",),
-)
+@_figure_of_both("gpcc_contexts", title="What neighbour contexts save G-PCC in bits")
 def draw_contexts(gpcc_scales: pd.DataFrame, style: FigureStyle) -> Figure:
     """Ratio of G-PCC's bits with TMC13's default tools and with those of MPEG's test conditions.
 

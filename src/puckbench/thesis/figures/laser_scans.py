@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
     from matplotlib.cm import ScalarMappable
     from matplotlib.figure import Figure
 
+_figure = partial(FIGURES.register, category="Sensor")
+_figure_at_5_m = partial(_figure, needs=(at(5),))
 SAMPLE = 60_000
 """Maximum number of points drawn per scan; more would hide each other."""
 
@@ -33,9 +36,7 @@ _FAR_M, _NEAR_M = 5.0, 1.0
 _ROOM_VIEW = (40, 110)
 
 
-@FIGURES.register(
-    "fig_5_2", title="Full scan at 5 m, by laser", category="Sensor", number="5.2", needs=(at(5),)
-)
+@_figure_at_5_m("fig_5_2", title="Full scan at 5 m, by laser", number="5.2")
 def draw_full_scan(scans: pd.DataFrame, style: FigureStyle) -> Figure:
     """All returns of one sweep 5 m from the wall, seen from behind the sensor (thesis figure 5.2).
 
@@ -45,25 +46,19 @@ def draw_full_scan(scans: pd.DataFrame, style: FigureStyle) -> Figure:
     return _draw_space(_shown(scans, _FAR_M), _ROOM_VIEW, style)
 
 
-@FIGURES.register(
-    "fig_5_3", title="Full scan at 1 m, by laser", category="Sensor", number="5.3", needs=(at(1),)
-)
+@_figure("fig_5_3", title="Full scan at 1 m, by laser", number="5.3", needs=(at(1),))
 def draw_full_near_scan(scans: pd.DataFrame, style: FigureStyle) -> Figure:
     """All returns of one sweep 1 m from the wall, as in figure 5.2 (thesis figure 5.3)."""
     return _draw_space(_shown(scans, _NEAR_M), _ROOM_VIEW, style)
 
 
-@FIGURES.register(
-    "fig_5_4", title="Wall at 5 m, by laser", category="Sensor", number="5.4", needs=(at(5),)
-)
+@_figure_at_5_m("fig_5_4", title="Wall at 5 m, by laser", number="5.4")
 def draw_wall(scans: pd.DataFrame, style: FigureStyle) -> Figure:
     """The wall at 5 m, seen from the front (thesis figure 5.4). Points as in figure 5.2."""
     return _draw_plane(_shown(scans, _FAR_M, "wall"), "x_m", "z_m", True, style)
 
 
-@FIGURES.register(
-    "fig_5_5", title="Floor at 5 m, by laser", category="Sensor", number="5.5", needs=(at(5),)
-)
+@_figure_at_5_m("fig_5_5", title="Floor at 5 m, by laser", number="5.5")
 def draw_floor(scans: pd.DataFrame, style: FigureStyle) -> Figure:
     """The floor in front of the wall at 5 m, from above, the sensor on the right (thesis figure
     5.5). Points as in figure 5.2.
@@ -71,9 +66,7 @@ def draw_floor(scans: pd.DataFrame, style: FigureStyle) -> Figure:
     return _draw_plane(_shown(scans, _FAR_M, "floor"), "y_m", "x_m", True, style)
 
 
-@FIGURES.register(
-    "fig_5_6", title="Wall at 5 m from the side", category="Sensor", number="5.6", needs=(at(5),)
-)
+@_figure_at_5_m("fig_5_6", title="Wall at 5 m from the side", number="5.6")
 def draw_wall_side(scans: pd.DataFrame, style: FigureStyle) -> Figure:
     """The wall at 5 m from the side, depth stretched (thesis figure 5.6).
 
@@ -82,17 +75,13 @@ def draw_wall_side(scans: pd.DataFrame, style: FigureStyle) -> Figure:
     return _draw_plane(_shown(scans, _FAR_M, "wall"), "y_m", "z_m", False, style)
 
 
-@FIGURES.register(
-    "fig_5_7", title="One laser on the wall", category="Sensor", number="5.7", needs=(at(5),)
-)
+@_figure_at_5_m("fig_5_7", title="One laser on the wall", number="5.7")
 def draw_wall_laser(scans: pd.DataFrame, style: FigureStyle) -> Figure:
     """The wall at 5 m with stretched depth, returns of the middle laser (thesis figure 5.7)."""
     return _draw_space(_shown(scans, _FAR_M, "wall"), (20, -50), style, one_laser=True)
 
 
-@FIGURES.register(
-    "fig_5_8", title="Floor at 5 m from the side", category="Sensor", number="5.8", needs=(at(5),)
-)
+@_figure_at_5_m("fig_5_8", title="Floor at 5 m from the side", number="5.8")
 def draw_floor_side(scans: pd.DataFrame, style: FigureStyle) -> Figure:
     """The floor in front of the wall at 5 m, from the side, the sensor on the right, height
     stretched (thesis figure 5.8). Points as in figure 5.2.
@@ -100,9 +89,7 @@ def draw_floor_side(scans: pd.DataFrame, style: FigureStyle) -> Figure:
     return _draw_plane(_shown(scans, _FAR_M, "floor"), "y_m", "z_m", False, style)
 
 
-@FIGURES.register(
-    "fig_5_9", title="One laser on the floor", category="Sensor", number="5.9", needs=(at(5),)
-)
+@_figure_at_5_m("fig_5_9", title="One laser on the floor", number="5.9")
 def draw_floor_laser(scans: pd.DataFrame, style: FigureStyle) -> Figure:
     """The floor in front of the wall at 5 m with stretched height, returns of the middle laser
     (thesis figure 5.9).
@@ -110,13 +97,7 @@ def draw_floor_laser(scans: pd.DataFrame, style: FigureStyle) -> Figure:
     return _draw_space(_shown(scans, _FAR_M, "floor"), (20, -50), style, one_laser=True)
 
 
-@FIGURES.register(
-    "fig_5_16",
-    title="Error models on the wall at 5 m",
-    category="Sensor",
-    number="5.16",
-    needs=(at(5),),
-)
+@_figure_at_5_m("fig_5_16", title="Error models on the wall at 5 m", number="5.16")
 def draw_wall_models(scans: pd.DataFrame, style: FigureStyle) -> Figure:
     """The wall at 5 m by error model, from the side, depth stretched, all in one scale (thesis
     figure 5.16). Points as in figure 5.2.
@@ -124,13 +105,7 @@ def draw_wall_models(scans: pd.DataFrame, style: FigureStyle) -> Figure:
     return _draw_models(_part(scans, _FAR_M, "wall"), style)
 
 
-@FIGURES.register(
-    "fig_5_17",
-    title="Error models on the floor at 5 m",
-    category="Sensor",
-    number="5.17",
-    needs=(at(5),),
-)
+@_figure_at_5_m("fig_5_17", title="Error models on the floor at 5 m", number="5.17")
 def draw_floor_models(scans: pd.DataFrame, style: FigureStyle) -> Figure:
     """The floor in front of the wall at 5 m by error model, from the side, height stretched, all in
     one scale (thesis figure 5.17). Points as in figure 5.2.

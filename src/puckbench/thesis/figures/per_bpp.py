@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 from puckbench.figures.curves import draw_data_sets
@@ -16,13 +17,10 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
+_figure = partial(FIGURES.register, category="Rate-distortion")
 
-@FIGURES.register(
-    "fig_6_6",
-    title="Chamfer distance (point-to-plane) against bits per point",
-    category="Rate-distortion",
-    number="6.6",
-)
+
+@_figure("fig_6_6", title="Chamfer distance (point-to-plane) against bits per point", number="6.6")
 def draw_chamfer(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
     """Chamfer distance (point-to-plane, squared grid units) against bits per point (thesis figure
     6.6).
@@ -34,10 +32,9 @@ def draw_chamfer(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
     return draw_data_sets(metrics, CD_PLANE, style)
 
 
-@FIGURES.register(
+@_figure(
     "fig_6_7",
     title="Hausdorff distance (point-to-plane, squared) against bits per point",
-    category="Rate-distortion",
     number="6.7",
 )
 def draw_hausdorff(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
@@ -49,12 +46,7 @@ def draw_hausdorff(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
     return draw_data_sets(metrics, HD_PLANE, style)
 
 
-@FIGURES.register(
-    "fig_6_8",
-    title="Encoding time against bits per point",
-    category="Rate-distortion",
-    number="6.8",
-)
+@_figure("fig_6_8", title="Encoding time against bits per point", number="6.8")
 def draw_encoding_time(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
     """Encoding time in seconds against bits per point (thesis figure 6.8).
 
@@ -64,12 +56,7 @@ def draw_encoding_time(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
     return draw_data_sets(metrics, ENCODE_TIME, style)
 
 
-@FIGURES.register(
-    "fig_6_9",
-    title="Decoding time against bits per point",
-    category="Rate-distortion",
-    number="6.9",
-)
+@_figure("fig_6_9", title="Decoding time against bits per point", number="6.9")
 def draw_decoding_time(metrics: pd.DataFrame, style: FigureStyle) -> Figure:
     """Decoding time in seconds against bits per point, as in figure 6.8 (thesis figure 6.9)."""
     return draw_data_sets(metrics, DECODE_TIME, style)

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+_figure = partial(FIGURES.register, category="Sensor")
 SAMPLE = 30_000
 BIN_RAD = LARGEST_RAD / len(BIN_STDS_M)
 _MIN_LIMIT_M, _MIN_BINS_LIMIT_M = 0.1, 0.05
@@ -41,9 +43,7 @@ _LONG_COLUMN = 5
 _INCIDENCE = "Incidence angle (rad)"
 
 
-@FIGURES.register(
-    "fig_5_15", title="Plane residuals against incidence", category="Sensor", number="5.15"
-)
+@_figure("fig_5_15", title="Plane residuals against incidence", number="5.15")
 def draw_incidence(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
     """Plane residuals of walls and floors against the angle of incidence (thesis figure 5.15).
 
@@ -64,12 +64,7 @@ def draw_incidence(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
     return figure
 
 
-@FIGURES.register(
-    "fig_5_20",
-    title="Plane residuals against incidence, per error model",
-    category="Sensor",
-    number="5.20",
-)
+@_figure("fig_5_20", title="Plane residuals against incidence, per error model", number="5.20")
 def draw_incidence_of_models(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
     """Plane residuals against the angle of incidence by error model (thesis figure 5.20).
 

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -28,15 +29,19 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+_figure = partial(FIGURES.register, category="Sensor")
 SAMPLE = 100_000
 _MIN_LIMIT_M, _MIN_MODELS_LIMIT_M = 0.15, 0.3
 _SURFACES = ("wall", "floor")
 RESIDUAL = "Plane residual (m)"
+_GROUPS = {
+    "distance_m": ("Distance from the wall (m)", 1),
+    "elevation_deg": ("Laser elevation (\u00b0)", 2),
+}
+"""Label of the axis, and digits of the values, by column."""
 
 
-@FIGURES.register(
-    "fig_5_10", title="Plane residuals of walls and floors", category="Sensor", number="5.10"
-)
+@_figure("fig_5_10", title="Plane residuals of walls and floors", number="5.10")
 def draw_surfaces(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
     """Plane residuals of walls and of floors nearer than 30 m, in metres (thesis figure 5.10).
 
@@ -52,54 +57,44 @@ def draw_surfaces(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
     return _draw_groups(groups, "Surface", "", style)
 
 
-@FIGURES.register(
-    "fig_5_11", title="Plane residuals of the wall per distance", category="Sensor", number="5.11"
-)
+@_figure("fig_5_11", title="Plane residuals of the wall per distance", number="5.11")
 def draw_wall_distances(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
     """Plane residuals of the wall by its distance from the sensor (thesis figure 5.11).
 
     In metres; violins as in figure 5.10.
     """
-    return _draw_distances(residuals, "wall", style)
+    return _draw_grouped(residuals, "wall", "distance_m", style)
 
 
-@FIGURES.register(
-    "fig_5_12", title="Plane residuals of the floor per distance", category="Sensor", number="5.12"
-)
+@_figure("fig_5_12", title="Plane residuals of the floor per distance", number="5.12")
 def draw_floor_distances(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
     """Plane residuals of the floor by the sensor's distance from the wall (thesis figure 5.12).
 
     In metres; violins as in figure 5.10.
     """
-    return _draw_distances(residuals, "floor", style)
+    return _draw_grouped(residuals, "floor", "distance_m", style)
 
 
-@FIGURES.register(
-    "fig_5_13", title="Plane residuals of the floor per laser", category="Sensor", number="5.13"
-)
+@_figure("fig_5_13", title="Plane residuals of the floor per laser", number="5.13")
 def draw_floor_lasers(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
     """Plane residuals of the floor by laser, from all distances below 30 m (thesis figure 5.13).
 
     In metres; violins as in figure 5.10.
     """
-    return _draw_lasers(residuals, "floor", style)
+    return _draw_grouped(residuals, "floor", "elevation_deg", style)
 
 
-@FIGURES.register(
-    "fig_5_14", title="Plane residuals of the wall per laser", category="Sensor", number="5.14"
-)
+@_figure("fig_5_14", title="Plane residuals of the wall per laser", number="5.14")
 def draw_wall_lasers(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
     """Plane residuals of the wall by laser, from all distances below 30 m (thesis figure 5.14,
     whose caption names the floor).
 
     In metres; violins as in figure 5.10.
     """
-    return _draw_lasers(residuals, "wall", style)
+    return _draw_grouped(residuals, "wall", "elevation_deg", style)
 
 
-@FIGURES.register(
-    "fig_5_18", title="Plane residuals of the error models", category="Sensor", number="5.18"
-)
+@_figure("fig_5_18", title="Plane residuals of the error models", number="5.18")
 def draw_models(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
     """Plane residuals of captures and of every error model, in metres (thesis figure 5.18).
 
@@ -110,16 +105,11 @@ def draw_models(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
     return _draw_models(near(residuals), _MIN_MODELS_LIMIT_M, style)
 
 
-@FIGURES.register(
+@_figure(
     "fig_5_19",
     title="Effect of beam divergence at 30 m",
-    category="Sensor",
     number="5.19",
-    needs=(
-        at(30),
-        "vlp16",
-        "vlp16_divergence",
-    ),
+    needs=(at(30), "vlp16", "vlp16_divergence"),
 )
 def draw_far_divergence(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
     """Plane residuals at 30 m without and with beam divergence, in metres (thesis figure 5.19).
@@ -135,22 +125,13 @@ def draw_far_divergence(residuals: pd.DataFrame, style: FigureStyle) -> Figure:
     return _draw_models(rows[rows["model"].isin(models)], _MIN_LIMIT_M, style)
 
 
-def _draw_distances(residuals: pd.DataFrame, surface: str, style: FigureStyle) -> Figure:
-    check_residuals(residuals)
+def _draw_grouped(residuals: pd.DataFrame, surface: str, column: str, style: FigureStyle) -> Figure:
+    check_residuals(residuals, column)
     rows = near(residuals, surface)
-    groups = _grouped(rows, rows["distance_m"].round(1))
-    return _draw_groups(groups, "Distance from the wall (m)", surface, style)
-
-
-def _draw_lasers(residuals: pd.DataFrame, surface: str, style: FigureStyle) -> Figure:
-    check_residuals(residuals, "elevation_deg")
-    rows = near(residuals, surface)
-    groups = _grouped(rows, rows["elevation_deg"].round(2))
-    return _draw_groups(groups, "Laser elevation (\u00b0)", surface, style)
-
-
-def _grouped(rows: pd.DataFrame, keys: pd.Series[float]) -> dict[str, pd.DataFrame]:
-    return {f"{key:g}".replace("-", "\u2212"): part for key, part in rows.groupby(keys)}
+    label, digits = _GROUPS[column]
+    parts = rows.groupby(rows[column].round(digits))
+    groups = {f"{key:g}".replace("-", "\u2212"): part for key, part in parts}
+    return _draw_groups(groups, label, surface, style)
 
 
 def _draw_groups(

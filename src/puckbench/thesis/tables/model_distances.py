@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,22 +8,16 @@ from numpy.typing import NDArray
 from puckbench.core.errors import InputError
 from puckbench.core.seeding import generator
 from puckbench.geometry.cloud import Floats
-from puckbench.lidar.errors.calibrated import Calibrated
 from puckbench.lidar.residual_table import REAL
 from puckbench.metrics.table_registry import SENSOR, TABLES
 from puckbench.thesis.figures.model_styles import ordered_models
 from puckbench.thesis.residuals.compared import (
-    REPLICATES,
     WALL_KEYS,
-    compared_residuals,
-    default_models,
-    real_walls,
 )
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from puckbench.lidar.calibration import CalibrationOptions
 
 RESAMPLES = 300
 _BIN_M, _REACH_M = 2e-4, 0.5
@@ -79,42 +72,6 @@ def model_distances(
             }
         )
     return pd.DataFrame(rows)
-
-
-def leave_one_out(
-    tables: Sequence[pd.DataFrame],
-    *,
-    settings: CalibrationOptions | None = None,
-    replicates: int = REPLICATES,
-    resamples: int = RESAMPLES,
-    seed: int = 0,
-) -> pd.DataFrame:
-    """Compare each capture with the default models and a model calibrated on the other captures."""
-    import pandas as pd
-
-    from puckbench.lidar.calibration import CalibrationOptions
-
-    settings = settings or CalibrationOptions("spot", quantum_m=0.002)
-    parts = []
-    for number, table in enumerate(tables, 1):
-        others = [other for place, other in enumerate(tables, 1) if place != number]
-        if not others:
-            raise InputError("leaving a device out needs captures of two devices")
-        models = {**default_models(), "calibrated": _calibrated(others, settings)}
-        compared = compared_residuals(real_walls([table]), models, replicates=replicates, seed=seed)
-        distances = model_distances(compared, resamples=resamples, seed=seed)
-        distances.insert(0, "capture", number)
-        parts.append(distances)
-    return pd.concat(parts, ignore_index=True)
-
-
-def _calibrated(tables: Sequence[pd.DataFrame], settings: CalibrationOptions) -> Calibrated:
-    from puckbench.lidar.calibration import calibrate, model_file
-
-    parameters = dict(model_file(calibrate(tables, settings), [])["parameters"])
-    parameters.pop("bias_m", None)
-    parameters["ranges_m"] = tuple(parameters["ranges_m"])
-    return Calibrated(**parameters)
 
 
 class _Blocks:

@@ -1,40 +1,50 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from puckbench.lidar import Sensor, load_sensor, open_error_model
+from puckbench.lidar import load_sensor, open_error_model
 from puckbench.lidar.errors import described
 from puckbench.metrics.table_registry import SENSOR, STUDY, TABLES
 
 if TYPE_CHECKING:
     import pandas as pd
 
+_table = partial(TABLES.register, category=SENSOR, needs=(STUDY,))
 _MISSING_LASER = 13
 
 
-@TABLES.register(
-    "table_4_1",
-    title="The VLP-16 (thesis table 4.1)",
-    category=SENSOR,
-    number="4.1",
-    needs=(STUDY,),
-)
+@_table("table_4_1", title="The VLP-16 (thesis table 4.1)", number="4.1")
 def table_4_1() -> pd.DataFrame:
     """Specifications of the VLP-16 in the sensor's file, beside those of thesis table 4.1."""
+    import pandas as pd
+
     sensor = load_sensor("vlp16")
-    return _rows(*_light(sensor), *_angles(sensor), *_range(sensor))
+    high, low = max(sensor.laser_elevation_deg), min(sensor.laser_elevation_deg)
+    across, along = sensor.divergence_horizontal_deg, sensor.divergence_vertical_deg
+    rounded = "3.0 mrad is 0.172\u00b0; the degrees are used, as in the thesis's code"
+    mixed = "1.5 mrad is 0.086\u00b0; section 5.4 once says 0.08\u00b0"
+    vertical = f"{high - low:g}\u00b0 ({high:+g}\u00b0 to {low:+g}\u00b0)"
+    reach = f"{sensor.min_range_m:g} to {sensor.max_range_m:g} m"
+    nearest = "the thesis's simulator has no least range; a real sensor returns nothing below 0.5 m"
+    accuracy = f"\u00b1{100 * (sensor.accuracy_m or 0):g} cm"
+    rows = [
+        ("Wavelength", "903 nm", f"{sensor.wavelength_nm:g} nm", ""),
+        ("Pulse length", "6 ns", f"{sensor.pulse_ns:g} ns", "nothing depends on it"),
+        ("Field of view (vertical)", "30\u00b0 (+15\u00b0 to -15\u00b0)", vertical, ""),
+        ("Field of view (horizontal)", "360\u00b0", "360\u00b0", ""),
+        ("Beam divergence (horizontal)", "3.0 mrad (0.18\u00b0)", _beam(across), rounded),
+        ("Beam divergence (vertical)", "1.5 mrad (0.09\u00b0)", _beam(along), mixed),
+        ("Range", "1 to 100 m", reach, nearest),
+        ("Typical accuracy", "3 cm", accuracy, "either way; the error models' noise is narrower"),
+    ]
+    return pd.DataFrame(rows, columns=["quantity", "thesis", "here", "note"])
 
 
-@TABLES.register(
-    "table_4_2",
-    title="Lasers of the VLP-16 (thesis table 4.2)",
-    category=SENSOR,
-    number="4.2",
-    needs=(STUDY,),
-)
+@_table("table_4_2", title="Lasers of the VLP-16 (thesis table 4.2)", number="4.2")
 def table_4_2() -> pd.DataFrame:
     """Elevation and vertical correction of each laser in the sensor's file.
 
@@ -55,13 +65,7 @@ def table_4_2() -> pd.DataFrame:
     )
 
 
-@TABLES.register(
-    "table_5_1",
-    title="Parameters of the virtual VLP-16 (thesis table 5.1)",
-    category=SENSOR,
-    number="5.1",
-    needs=(STUDY,),
-)
+@_table("table_5_1", title="Parameters of the virtual VLP-16 (thesis table 5.1)", number="5.1")
 def table_5_1() -> pd.DataFrame:
     """Parameters of the virtual VLP-16 beside those of thesis table 5.1.
 
@@ -89,46 +93,9 @@ def table_5_1() -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["quantity", "thesis", "here", "as_printed", "note"])
 
 
-def _light(sensor: Sensor) -> list[tuple[str, str, str, str]]:
-    return [
-        ("Wavelength", "903 nm", f"{sensor.wavelength_nm:g} nm", ""),
-        ("Pulse length", "6 ns", f"{sensor.pulse_ns:g} ns", "nothing depends on it"),
-    ]
-
-
-def _angles(sensor: Sensor) -> list[tuple[str, str, str, str]]:
-    high, low = max(sensor.laser_elevation_deg), min(sensor.laser_elevation_deg)
-    across, along = sensor.divergence_horizontal_deg, sensor.divergence_vertical_deg
-    rounded = "3.0 mrad is 0.172\u00b0; the degrees are used, as in the thesis's code"
-    mixed = "1.5 mrad is 0.086\u00b0; section 5.4 once says 0.08\u00b0"
-    vertical = f"{high - low:g}\u00b0 ({high:+g}\u00b0 to {low:+g}\u00b0)"
-    return [
-        ("Field of view (vertical)", "30\u00b0 (+15\u00b0 to -15\u00b0)", vertical, ""),
-        ("Field of view (horizontal)", "360\u00b0", "360\u00b0", ""),
-        ("Beam divergence (horizontal)", "3.0 mrad (0.18\u00b0)", _beam(across), rounded),
-        ("Beam divergence (vertical)", "1.5 mrad (0.09\u00b0)", _beam(along), mixed),
-    ]
-
-
-def _range(sensor: Sensor) -> list[tuple[str, str, str, str]]:
-    here = f"{sensor.min_range_m:g} to {sensor.max_range_m:g} m"
-    nearest = "the thesis's simulator has no least range; a real sensor returns nothing below 0.5 m"
-    accuracy = f"\u00b1{100 * (sensor.accuracy_m or 0):g} cm"
-    return [
-        ("Range", "1 to 100 m", here, nearest),
-        ("Typical accuracy", "3 cm", accuracy, "either way; the error models' noise is narrower"),
-    ]
-
-
 def _beam(width_deg: float) -> str:
     return f"{np.radians(width_deg) * 1000:.2f} mrad ({width_deg:g}\u00b0)"
 
 
 def _metres(models: Sequence[Mapping[str, Any]], name: str) -> list[str]:
     return [f"{model[name]:g} m" for model in models]
-
-
-def _rows(*rows: tuple[str, str, str, str]) -> pd.DataFrame:
-    import pandas as pd
-
-    return pd.DataFrame(rows, columns=["quantity", "thesis", "here", "note"])
