@@ -29,6 +29,20 @@ def line(*points: Point) -> Outline:
     return tuple(Segment("line", np.array(pair, dtype=np.float64)) for pair in pairs)
 
 
+def ring(*paths: Outline) -> Outline:
+    """Close paths by lines from the end of each to the start of the next."""
+    following = (*paths[1:], paths[0])
+    return tuple(
+        segment
+        for path, other in zip(paths, following, strict=True)
+        for segment in (*path, *line(point(path[-1].points[-1]), point(other[0].points[0])))
+    )
+
+
+def point(values: Floats) -> Point:
+    return (float(values[0]), float(values[1]))
+
+
 def polygon(*points: Point) -> Outline:
     return line(*points, points[0])
 
@@ -140,8 +154,7 @@ def _fillet(before: Floats, corner: Floats, after: Floats, radius: float, steps:
     sweep = np.linspace(0, np.pi - 2 * half, steps + 1) * (1 if left else -1)
     x = start[0] * np.cos(sweep) - start[1] * np.sin(sweep)
     y = start[0] * np.sin(sweep) + start[1] * np.cos(sweep)
-    middle = (float(centre[0]), float(centre[1]))
-    return Segment("arc", centre + np.column_stack([x, y]), middle, radius)
+    return Segment("arc", centre + np.column_stack([x, y]), point(centre), radius)
 
 
 def _unit(vector: Floats) -> Floats:

@@ -9,14 +9,7 @@ import numpy as np
 from puckbench.geometry.cloud import Floats
 from puckbench.scenes.floor_plan import FloorPlan, footprint, square
 from puckbench.scenes.modeller import Modeller
-from puckbench.scenes.pieces import (
-    FurnitureMeshes,
-    Item,
-    Piece,
-    item_bounds,
-    posed,
-    with_meshes,
-)
+from puckbench.scenes.pieces import FurnitureMeshes, Item, Piece, item_bounds, posed, with_meshes
 from puckbench.scenes.shell import Opening, depth, shell, wall_frame
 from puckbench.scenes.surfaces import pose
 

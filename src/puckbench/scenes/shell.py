@@ -97,20 +97,15 @@ def _wall(length: float, height: float, openings: list[Opening]) -> Surface:
             border += [(x0, 0.0), (x0, high), (x1, high), (x1, 0.0)]
     border += [(length, 0.0), (length, height), (0.0, height)]
     plane = flat(outlines.polygon(*border), holes).at(tilt=90)
-    sides = [_sides(each).at(each.at * length, 0, each.sill) for each in openings]
+    sides = [_recess(each)[0].at(each.at * length, 0, each.sill) for each in openings]
     return join([plane, *sides])
 
 
-def _sides(opening: Opening) -> Surface:
+def _recess(opening: Opening) -> tuple[Surface, Surface]:
+    """Make the sides and the back of an opening, in which the wall is at y = 0."""
     reach = depth(opening)
     whole = box(opening.width, reach, opening.height).flipped().at(y=reach / 2)
-    return whole.select(0, 1, 4, 5)
-
-
-def _back(opening: Opening) -> Surface:
-    reach = depth(opening)
-    whole = box(opening.width, reach, opening.height).flipped().at(y=reach / 2)
-    return whole.select(3)
+    return whole.select(0, 1, 4, 5), whole.select(3)
 
 
 def _skirting(length: float, openings: list[Opening]) -> Surface:
@@ -144,7 +139,7 @@ def door_leaf(cad: Modeller, width: float, height: float) -> Surface:
 
 def _door(cad: Modeller, opening: Opening) -> Item:
     leaf = door_leaf(cad, opening.width - 0.008, opening.height - 0.008).at(y=0.08, z=0.004)
-    parts = [leaf, _back(opening), *_casing(opening.width, opening.height)]
+    parts = [leaf, _recess(opening)[1], *_casing(opening.width, opening.height)]
     return [Piece("door", "door", join(parts))]
 
 
@@ -154,7 +149,7 @@ def _passage(cad: Modeller, opening: Opening) -> Item:
         -opening.width / 2 + 0.06, 0.12, 0.004, turn=cad.between(84, 89)
     )
     frame = join([swung, *_casing(opening.width, opening.height)])
-    return [Piece("door", "door", frame), Piece("passage_end", "wall", _back(opening))]
+    return [Piece("door", "door", frame), Piece("passage_end", "wall", _recess(opening)[1])]
 
 
 def _window(cad: Modeller, opening: Opening) -> Item:
@@ -164,14 +159,14 @@ def _window(cad: Modeller, opening: Opening) -> Item:
     count = max(1, round(width / 0.75))
     xs = (np.arange(1, count) / count - 0.5) * width
     bars += [box(0.07, 0.05, height - 0.12).at(float(x), y + 0.005, 0.06) for x in xs]
-    grip = cad.rod(
-        (float(xs[0]) if len(xs) else 0.0, y - 0.05, height * 0.4),
-        (float(xs[0]) if len(xs) else 0.0, y - 0.05, height * 0.52),
-        0.01,
-    )
+    x = float(xs[0]) if len(xs) else 0.0
+    grip = cad.rod((x, y - 0.05, height * 0.4), (x, y - 0.05, height * 0.52), 0.01)
     sill = cad.slab(width + 0.1, 0.09, 0.03, 0.02).at(y=-0.045, z=-0.03)
     frame = join([*bars, grip, sill])
-    return [Piece("window_frame", "window", frame), Piece("window_pane", "window", _back(opening))]
+    return [
+        Piece("window_frame", "window", frame),
+        Piece("window_pane", "window", _recess(opening)[1]),
+    ]
 
 
 _FILLINGS = {"door": _door, "passage": _passage, "window": _window}

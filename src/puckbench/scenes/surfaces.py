@@ -210,56 +210,28 @@ def grid(
     return one_shape(points.reshape(-1, 3), triangles, shape, frame)
 
 
+_PARAMETERS = {
+    "cylinder": ("point", "axis", "radius"),
+    "cone": ("apex", "axis", "half_angle"),
+    "torus": ("centre", "axis", "major_radius", "minor_radius"),
+}
+"""Names of position, direction, lengths and ratios."""
+
+
 def primitive(shape: Shape, frame: Floats) -> Primitive:
     scale = float(np.cbrt(abs(np.linalg.det(frame[:3, :3]))))
-    axes = frame[:3, :3] / scale
-    return Primitive(shape.kind, _PARAMETERS[shape.kind](shape, frame[:3, 3], axes, scale))
-
-
-def _plane(_: Shape, origin: Floats, axes: Floats, __: float) -> dict[str, Any]:
-    return {"normal": axes[:, 2].tolist(), "offset": float(axes[:, 2] @ origin)}
-
-
-def _cylinder(shape: Shape, origin: Floats, axes: Floats, scale: float) -> dict[str, Any]:
-    radius = shape.lengths[0] * scale
-    return {"point": origin.tolist(), "axis": axes[:, 2].tolist(), "radius": radius}
-
-
-def _sphere(shape: Shape, origin: Floats, _: Floats, scale: float) -> dict[str, Any]:
-    return {"centre": origin.tolist(), "radius": shape.lengths[0] * scale}
-
-
-def _cone(shape: Shape, origin: Floats, axes: Floats, _: float) -> dict[str, Any]:
-    half_angle = shape.ratios[0]
-    return {"apex": origin.tolist(), "axis": axes[:, 2].tolist(), "half_angle": half_angle}
-
-
-def _torus(shape: Shape, origin: Floats, axes: Floats, scale: float) -> dict[str, Any]:
-    major, minor = (length * scale for length in shape.lengths)
-    radii = {"major_radius": major, "minor_radius": minor}
-    return {"centre": origin.tolist(), "axis": axes[:, 2].tolist(), **radii}
-
-
-def _superquadric(shape: Shape, origin: Floats, axes: Floats, scale: float) -> dict[str, Any]:
-    sizes = [length * scale for length in shape.lengths]
-    return {
-        "centre": origin.tolist(),
-        "axes": axes.T.tolist(),
-        "sizes": sizes,
-        "exponents": list(shape.ratios),
-    }
-
-
-def _freeform(_: Shape, __: Floats, ___: Floats, ____: float) -> dict[str, Any]:
-    return {}
-
-
-_PARAMETERS: dict[str, Callable[[Shape, Floats, Floats, float], dict[str, Any]]] = {
-    "plane": _plane,
-    "cylinder": _cylinder,
-    "sphere": _sphere,
-    "cone": _cone,
-    "torus": _torus,
-    "superquadric": _superquadric,
-    "freeform": _freeform,
-}
+    axes, origin = frame[:3, :3] / scale, frame[:3, 3]
+    point, axis = origin.tolist(), axes[:, 2].tolist()
+    lengths = [length * scale for length in shape.lengths]
+    parameters: dict[str, Any] = {}
+    if shape.kind == "plane":
+        parameters = {"normal": axis, "offset": float(axes[:, 2] @ origin)}
+    elif shape.kind == "sphere":
+        parameters = {"centre": point, "radius": lengths[0]}
+    elif shape.kind == "superquadric":
+        parameters = {"centre": point, "axes": axes.T.tolist(), "sizes": lengths}
+        parameters["exponents"] = list(shape.ratios)
+    elif shape.kind != "freeform":
+        values = (point, axis, *lengths, *shape.ratios)
+        parameters = dict(zip(_PARAMETERS[shape.kind], values, strict=True))
+    return Primitive(shape.kind, parameters)

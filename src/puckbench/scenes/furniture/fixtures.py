@@ -170,10 +170,7 @@ def coat_rack(cad: Modeller) -> Item:
 def wall_shelf(cad: Modeller) -> Item:
     board = cad.box(0.9, 0.22, 0.02).at(y=-0.11, z=1.6)
     arms = [cad.rod((x, -0.19, 1.595), (x, -0.005, 1.44), 0.008) for x in (-0.3, 0.3)]
-    balls = [
-        cad.sphere(0.07).at(-0.25, -0.11, 1.69),
-        cad.cone(0.07, 0.0, 0.2).at(0.0, -0.11, 1.62),
-    ]
+    balls = [cad.sphere(0.07).at(-0.25, -0.11, 1.69), cad.cone(0.07, 0.0, 0.2).at(0.0, -0.11, 1.62)]
     return clutter(
         "wall_shelf", board, *arms, *balls, cad.cylinder(0.05, 0.18).at(0.25, -0.11, 1.62)
     )
@@ -202,9 +199,7 @@ def round_column(cad: Modeller, height: float, radius: float = 0.22) -> Item:
 def square_column(cad: Modeller, height: float, size: float = 0.4) -> Item:
     return [
         Piece(
-            "column",
-            "column",
-            cad.box(size, size, height) + cad.box(size + 0.04, size + 0.04, 0.1),
+            "column", "column", cad.box(size, size, height) + cad.box(size + 0.04, size + 0.04, 0.1)
         )
     ]
 

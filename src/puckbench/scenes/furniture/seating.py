@@ -41,17 +41,13 @@ def _armrest(cad: Modeller, height: float) -> Surface:
 
 
 def chair(cad: Modeller) -> Item:
-    width, depth, height = (
-        cad.between(0.4, 0.46),
-        cad.between(0.4, 0.46),
-        cad.between(0.43, 0.47),
-    )
+    width, depth, height = (cad.between(0.4, 0.46), cad.between(0.4, 0.46), cad.between(0.43, 0.47))
     seat = cad.slab(width, depth, 0.035, 0.06).at(z=height - 0.035)
     x, y = width / 2 - 0.045, depth / 2 - 0.045
-    feet = [(-1, -1), (1, -1), (-1, 1), (1, 1)]
     legs = [
         cad.rod((a * x * 1.1, b * y * 1.1, 0), (a * x, b * y, height - 0.03), 0.014)
-        for a, b in feet
+        for b in (-1, 1)
+        for a in (-1, 1)
     ]
     posts = [
         cad.rod((a * x, y, height - 0.01), (a * x, y + 0.09, height + 0.42), 0.012) for a in (-1, 1)
@@ -68,18 +64,7 @@ def _curved_back(cad: Modeller, width: float, height: float) -> Surface:
     radius, steps = width * 0.9, max(4, cad.steps(width) // 6)
     outer = outlines.arc((0, -radius), radius + 0.012, 58, 122, steps)
     inner = outlines.arc((0, -radius), radius, 122, 58, steps)
-    ends = [outlines.line(_end(a), _start(b)) for a, b in ((outer, inner), (inner, outer))]
-    return extrude((*outer, *ends[0], *inner, *ends[1]), height)
-
-
-def _end(outline: outlines.Outline) -> outlines.Point:
-    x, y = outline[-1].points[-1]
-    return (float(x), float(y))
-
-
-def _start(outline: outlines.Outline) -> outlines.Point:
-    x, y = outline[0].points[0]
-    return (float(x), float(y))
+    return extrude(outlines.ring(outer, inner), height)
 
 
 def shell_chair(cad: Modeller) -> Item:

@@ -31,14 +31,7 @@ def _armchair(cad: Modeller) -> Item:
 
 def table(cad: Modeller, member: int) -> Item:
     """Make a round table, coffee table, meeting table, workbench, desk or trestle table."""
-    makers = (
-        _round,
-        tables.coffee_table,
-        _meeting,
-        tables.workbench,
-        tables.desk,
-        _trestle,
-    )
+    makers = (_round, tables.coffee_table, _meeting, tables.workbench, tables.desk, _trestle)
     return makers[member % len(makers)](cad)[:1]
 
 
@@ -174,11 +167,7 @@ def bottle(cad: Modeller, member: int) -> Item:
 
 def cup(cad: Modeller, member: int) -> Item:
     """Make a straight, tapered or bulbous cup with a handle, some on a saucer."""
-    low, rim, height = (
-        cad.between(0.025, 0.038),
-        cad.between(0.036, 0.05),
-        cad.between(0.06, 0.1),
-    )
+    low, rim, height = (cad.between(0.025, 0.038), cad.between(0.036, 0.05), cad.between(0.06, 0.1))
     belly = max(low, rim) * cad.between(0.95, 1.15)
     shapes: tuple[list[outlines.Point], ...] = (
         [(rim, 0.0), (rim, height * 0.5), (rim, height)],

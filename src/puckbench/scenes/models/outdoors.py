@@ -188,11 +188,7 @@ def car(cad: Modeller, member: int) -> Item:
 
 
 def _with_arches(
-    cad: Modeller,
-    side: list[outlines.Point],
-    axles: tuple[float, float],
-    radius: float,
-    steps: int,
+    cad: Modeller, side: list[outlines.Point], axles: tuple[float, float], radius: float, steps: int
 ) -> outlines.Outline:
     low = side[0][1]
     half = float(np.sqrt(radius**2 - (low - 0.33) ** 2))
@@ -206,18 +202,9 @@ def _with_arches(
         x = axle + half
     whole = outlines.rounded(side, 0.09, steps)
     corners = [segment for segment in whole if segment.kind == "arc"]
-    end_x, end_z = corners[1].points[0]
-    cuts += outlines.line((x, low), (float(end_x), float(end_z)))
-    return (
-        whole[0],
-        outlines.line(_point(whole[0].points[-1]), (side[0][0] + 0.09, low))[0],
-        *cuts,
-        *whole[2:],
-    )
-
-
-def _point(values: Floats) -> outlines.Point:
-    return (float(values[0]), float(values[1]))
+    cuts += outlines.line((x, low), outlines.point(corners[1].points[0]))
+    first = outlines.line(outlines.point(whole[0].points[-1]), (side[0][0] + 0.09, low))
+    return (whole[0], *first, *cuts, *whole[2:])
 
 
 def _tapered(outline: outlines.Outline, low: float, high: float) -> Surface:

@@ -76,17 +76,10 @@ def _mallet(cad: Modeller) -> Surface:
 def _right_half(outline: Outline) -> Outline:
     points = outlines.loop(outline)
     low, high = float(points[:, 1].min()), float(points[:, 1].max())
-    segments = [
-        segment
-        for segment in outline
-        if segment.points[:, 0].max() > 0 and segment.points[:, 0].min() > 0
-    ]
+    segments = [segment for segment in outline if segment.points[:, 0].min() > 0]
     first, last = segments[0].points[0], segments[-1].points[-1]
-    lines = (
-        outlines.line((0.0, low), (float(first[0]), low)),
-        outlines.line((float(last[0]), high), (0.0, high)),
-    )
-    return (*lines[0], *segments, *lines[1])
+    lower = outlines.line((0.0, low), (float(first[0]), low))
+    return (*lower, *segments, *outlines.line((float(last[0]), high), (0.0, high)))
 
 
 def _sledge(cad: Modeller) -> Surface:

@@ -6,11 +6,13 @@ overlap nor leave gaps.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from puckbench.scenes import outlines
 from puckbench.scenes.modeller import Modeller
-from puckbench.scenes.outlines import Outline, Point, Segment
+from puckbench.scenes.outlines import Outline, Point
 from puckbench.scenes.pieces import Item, Piece
 from puckbench.scenes.solids import box, extrude, flat
 from puckbench.scenes.surfaces import Surface, join, planar
@@ -81,10 +83,8 @@ def _junction(cad: Modeller, length: float) -> tuple[str, str, Surface]:
 def _block(cad: Modeller, length: float) -> list[tuple[str, str, Surface]]:
     steps, x = cad.steps(_CORNER) // 4, length / 2 - _STONE
     outer, inner = (_edge(length, inset, HALF_WIDTH, steps) for inset in (0.0, _STONE))
-    ends = outlines.line(_last(outer), _last(inner)), outlines.line(_first(inner), _first(outer))
-    stones = _uncovered(extrude((*outer, *ends[0], *_backwards(inner), *ends[1]), KERB))
-    front = _edge(length, _STONE, PROPERTY_Y, steps)
-    paved = flat((*front, *outlines.line(_last(front), _first(front)))).at(z=PAVEMENT_Z)
+    stones = _uncovered(extrude(outlines.ring(outer, _backwards(inner)), KERB))
+    paved = flat(outlines.ring(_edge(length, _STONE, PROPERTY_Y, steps))).at(z=PAVEMENT_Z)
     yards = _rectangle((-x, PROPERTY_Y), (x, HALF_WIDTH))
     return [("kerb", "kerb", stones), ("pavement", "pavement", paved), ("yards", "terrain", yards)]
 
@@ -109,20 +109,7 @@ def _edge(length: float, inset: float, end: float, steps: int) -> Outline:
 
 
 def _backwards(path: Outline) -> Outline:
-    return tuple(
-        Segment(segment.kind, segment.points[::-1], segment.centre, segment.radius)
-        for segment in reversed(path)
-    )
-
-
-def _first(path: Outline) -> Point:
-    x, y = path[0].points[0]
-    return (float(x), float(y))
-
-
-def _last(path: Outline) -> Point:
-    x, y = path[-1].points[-1]
-    return (float(x), float(y))
+    return tuple(replace(segment, points=segment.points[::-1]) for segment in reversed(path))
 
 
 def _uncovered(surface: Surface, base: int = 1) -> Surface:
@@ -132,10 +119,7 @@ def _uncovered(surface: Surface, base: int = 1) -> Surface:
 def _rectangle(low: Point, high: Point) -> Surface:
     (x0, y0), (x1, y1) = low, high
     return _facet(
-        (x0, y0, PAVEMENT_Z),
-        (x1, y0, PAVEMENT_Z),
-        (x1, y1, PAVEMENT_Z),
-        (x0, y1, PAVEMENT_Z),
+        (x0, y0, PAVEMENT_Z), (x1, y0, PAVEMENT_Z), (x1, y1, PAVEMENT_Z), (x0, y1, PAVEMENT_Z)
     )
 
 
