@@ -15,7 +15,7 @@ from puckbench.core.errors import InputError
 from puckbench.core.registry import Registry, trust
 from puckbench.io.meshes import write_mesh
 from puckbench.lidar import error_model_names, open_error_model, read_scan
-from puckbench.lidar.errors import ERROR_MODELS, described, module_of_model
+from puckbench.lidar.errors import ERROR_MODELS, module_of_model
 from puckbench.lidar.errors.model import ErrorModel
 from puckbench.planning.fingerprints import code_version
 from tests.support.sensor_scenes import room
@@ -78,7 +78,7 @@ def test_another_packages_model_has_a_name(
     models: Registry[type[ErrorModel]] = Registry("error model", "errors")
     monkeypatch.setattr("puckbench.lidar.errors.registry.ERROR_MODELS", models)
     assert "too_far" in error_model_names()
-    assert described(open_error_model("too_far")) == {"model": "TooFar", "share": 0.01}
+    assert open_error_model("too_far").described() == {"model": "TooFar", "share": 0.01}
     sys.modules.pop("far", None)
 
 

@@ -6,7 +6,7 @@ import pytest
 from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats
 from puckbench.lidar import error_model_names, load_sensor, open_error_model
-from puckbench.lidar.errors import Draws, ErrorModel, Hits, described
+from puckbench.lidar.errors import Draws, ErrorModel, Hits
 from puckbench.lidar.sweep import Sweep
 
 VLP16 = load_sensor("vlp16")
@@ -198,6 +198,6 @@ def test_streams_have_their_numbers_by_name_and_go_on() -> None:
 
 
 def test_a_model_is_described_by_its_class_and_parameters() -> None:
-    result = described(open_error_model("vlp16", {"ray_mean_m": 0.002}))
+    result = open_error_model("vlp16", {"ray_mean_m": 0.002}).described()
     assert result["model"] == "Vlp16"
     assert result["ray_mean_m"] == 0.002

@@ -8,7 +8,7 @@ from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats
 from puckbench.geometry.mesh import SceneObject
 from puckbench.lidar import error_model_names, load_sensor, open_error_model
-from puckbench.lidar.errors import Draws, Hits, described
+from puckbench.lidar.errors import Draws, Hits
 from puckbench.lidar.errors.model import Surfaces
 
 VLP16 = load_sensor("vlp16")
@@ -105,6 +105,6 @@ def test_effects_go_together_and_on_top_of_the_models_noise() -> None:
 
 def test_a_model_is_described_with_its_receiver() -> None:
     model = open_error_model("none", {"receiver": {"raydrop": 0.1}})
-    assert described(model)["model"] == "NoErrors"
-    assert described(model)["receiver"]["raydrop"] == 0.1
-    assert "receiver" not in described(open_error_model("none"))
+    assert model.described()["model"] == "NoErrors"
+    assert model.described()["receiver"]["raydrop"] == 0.1
+    assert "receiver" not in open_error_model("none").described()

@@ -8,11 +8,11 @@ import pytest
 from puckbench.cli import main
 from puckbench.core.errors import InputError
 from puckbench.geometry.ransac import Plane
+from puckbench.io.tables import write_table
 from puckbench.lidar.residual_table import (
     COLUMNS,
     plane_coordinates,
     read_residuals,
-    write_residuals,
 )
 from puckbench.thesis.residuals.virtual import (
     SWEEP,
@@ -128,7 +128,7 @@ def test_another_plane_is_a_linear_function_of_the_place_away() -> None:
 def test_an_older_table_is_read_with_the_columns_it_has(tmp_path: Path) -> None:
     table = scan_residuals(coarse("none"), 3, 1, seed=0)
     older = table[list(COLUMNS[:8])]
-    write_residuals(tmp_path / "old.parquet", older)
+    write_table(older, tmp_path / "old.parquet")
     pd.testing.assert_frame_equal(read_residuals(tmp_path / "old.parquet"), older)
 
 
@@ -177,7 +177,7 @@ def test_bad_settings_are_one_line_and_leave_nothing(
 
 def test_files_that_are_no_residual_tables_are_refused(tmp_path: Path) -> None:
     (tmp_path / "text.parquet").write_text("none")
-    write_residuals(tmp_path / "other.parquet", pd.DataFrame({"model": ["none"]}))
+    write_table(pd.DataFrame({"model": ["none"]}), tmp_path / "other.parquet")
     for name, fault in (
         ("none", "no such file"),
         ("text", "not a Parquet table"),

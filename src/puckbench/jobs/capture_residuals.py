@@ -16,7 +16,8 @@ class CaptureResiduals(Job):
     options: dict[str, Any] = Field({})
 
     def run(self, capture: Path, table: Path) -> dict[str, Any]:
-        from puckbench.lidar.residual_table import REAL, write_residuals
+        from puckbench.io.tables import write_table
+        from puckbench.lidar.residual_table import REAL
         from puckbench.lidar.walls.residuals import (
             recorded_planes,
             recording_options,
@@ -27,5 +28,5 @@ class CaptureResiduals(Job):
         options = recording_options(self.options)
         with decompressed(capture) as recording:
             planes = recorded_planes(recording, options, source=capture)
-        write_residuals(table, recording_residuals(planes))
+        write_table(recording_residuals(planes), table)
         return {"model": REAL, **recording_summary(planes)}

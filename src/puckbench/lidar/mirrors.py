@@ -26,13 +26,7 @@ class _Paths:
     triangles: NDArray[np.uint32]
 
     def select(self, chosen: NDArray[np.bool_]) -> _Paths:
-        return _Paths(
-            self.rays[chosen],
-            self.directions[chosen],
-            self.ends[chosen],
-            self.lengths[chosen],
-            self.triangles[chosen],
-        )
+        return _Paths(**{name: part[chosen] for name, part in vars(self).items()})
 
 
 def follow_mirrors(
@@ -58,13 +52,8 @@ def follow_mirrors(
         distance[rays], triangle[rays] = paths.lengths[seen], paths.triangles[seen]
         incidence[rays] = angles[seen]
         paths = paths.select(again)
-    hits = Hits(
-        distance.reshape(shape),
-        triangle.reshape(shape),
-        incidence.reshape(shape),
-        caster.surfaces,
-    )
-    return Cast(cast.directions, cast.origins, hits)
+    hits = Hits(distance, triangle, incidence, caster.surfaces)
+    return Cast(cast.directions, cast.origins, hits.reshaped(shape))
 
 
 def _paths_to_mirrors(caster: RayCaster, cast: Cast, mirrors: NDArray[np.bool_]) -> _Paths:

@@ -100,12 +100,7 @@ class RayCaster:
         nearest = answer["t_hit"].numpy()
         fill_distances(directions, nearest, triangle, self.planes, starts, limits, distance, cosine)
         incidence = np.arccos(cosine, out=cosine)
-        return Hits(
-            distance.reshape(shape),
-            triangle.reshape(shape),
-            incidence.reshape(shape),
-            self.surfaces,
-        )
+        return Hits(distance, triangle, incidence, self.surfaces).reshaped(shape)
 
     def _nearest(self, single: NDArray[np.float32]) -> Any:
         import open3d as o3d

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from puckbench.core.errors import InputError
-from puckbench.core.files import written_whole
 from puckbench.geometry.cloud import Floats
 from puckbench.geometry.ransac import Plane
 from puckbench.io.parquet_files import check_parquet_memory
@@ -58,11 +57,6 @@ def joined(tables: Sequence[pd.DataFrame]) -> pd.DataFrame:
     for name in ("model", "surface"):
         whole[name] = union_categoricals([table[name] for table in tables])
     return whole
-
-
-def write_residuals(path: Path, table: pd.DataFrame) -> None:
-    with written_whole(path) as temporary:
-        table.to_parquet(temporary, compression="zstd", index=False)
 
 
 def read_residuals(path: Path) -> pd.DataFrame:

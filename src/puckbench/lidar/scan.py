@@ -15,7 +15,7 @@ from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats
 from puckbench.geometry.mesh import Mesh, check_mesh
 from puckbench.io.return_tables import empty_columns
-from puckbench.lidar.errors.model import Draws, ErrorModel, described
+from puckbench.lidar.errors.model import Draws, ErrorModel
 from puckbench.lidar.errors.receiver import mirrors_of
 from puckbench.lidar.mirrors import follow_mirrors
 from puckbench.lidar.placement import check_free, check_untouched
@@ -253,7 +253,7 @@ def _about(sensor: Sensor, sweep: Sweep, model: ErrorModel, origin: Floats) -> d
     about = {
         "sensor": sensor.model_dump(),
         "sweep": sweep.model_dump(),
-        "errors": described(model),
+        "errors": model.described(),
         "origin": origin.tolist(),
     }
     # With lists instead of tuples, as read from a file.

@@ -53,12 +53,10 @@ class Sensor(Model):
             raise InputError("laser_elevation_deg has the same angle twice")
         if any(abs(elevation) > 90 for elevation in self.laser_elevation_deg):
             raise InputError("laser_elevation_deg has an angle beyond 90 degrees")
-        corrections = self.vertical_correction_mm
-        if corrections is not None and len(corrections) != self.lasers:
-            raise InputError(f"{len(corrections)} vertical_correction_mm for {self.lasers} lasers")
-        azimuths = self.laser_azimuth_deg
-        if azimuths is not None and len(azimuths) != self.lasers:
-            raise InputError(f"{len(azimuths)} laser_azimuth_deg for {self.lasers} lasers")
+        for name in ("vertical_correction_mm", "laser_azimuth_deg", "firing_offsets_us"):
+            values = getattr(self, name)
+            if values is not None and len(values) != self.lasers:
+                raise InputError(f"{len(values)} {name} for {self.lasers} lasers")
         if self.min_range_m >= self.max_range_m:
             raise InputError(
                 f"min_range_m {self.min_range_m} is not below max_range_m {self.max_range_m}"
@@ -93,8 +91,6 @@ class Sensor(Model):
             return None if interval is None else tuple(k * interval for k in range(self.lasers))
         if interval is not None:
             raise InputError("firing_interval_us and firing_offsets_us exclude each other")
-        if len(offsets) != self.lasers:
-            raise InputError(f"{len(offsets)} firing_offsets_us for {self.lasers} lasers")
         return offsets
 
     @property

@@ -2,7 +2,7 @@
 loses returns.
 """
 
-from puckbench.lidar.errors.model import Draws, ErrorModel, Hits, described
+from puckbench.lidar.errors.model import Draws, ErrorModel, Hits
 from puckbench.lidar.errors.receiver import Received, Receiver
 from puckbench.lidar.errors.registry import (
     ERROR_MODELS,
@@ -19,7 +19,6 @@ __all__ = [
     "Hits",
     "Received",
     "Receiver",
-    "described",
     "error_model_names",
     "error_model_title",
     "module_of_model",

@@ -1,9 +1,8 @@
 from __future__ import annotations
 
-from typing import Literal, TypeVar, get_args
+from typing import Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import NonNegativeFloat, PositiveInt
 
 from puckbench.lidar.errors.beam import BeamOfWidth
@@ -11,8 +10,6 @@ from puckbench.lidar.errors.model import Draws, Hits
 from puckbench.lidar.errors.registry import ERROR_MODELS
 from puckbench.lidar.sensor import Sensor
 from puckbench.lidar.sweep import Rays
-
-T = TypeVar("T", bound=np.generic)
 
 _GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5))
 # In the order that the compiled loop numbers them.
@@ -54,20 +51,13 @@ class BeamFootprint(BeamOfWidth):
         """Return the echo of each beam, with triangle and incidence of the ray nearest to it."""
         from puckbench.lidar.kernels import fill_echoes
 
-        shape = (*hits.distance.shape[:2], sensor.lasers)
         apart = hits.distance.reshape(-1, self.sub_rays)
         distance, middle = np.empty(len(apart)), np.empty(len(apart), dtype=np.int64)
         fill_echoes(
             apart, self.merged_within_m, get_args(_Return).index(self.returns), distance, middle
         )
-        return Hits(
-            distance.reshape(shape),
-            _of_middle_ray(hits.triangle, middle).reshape(shape),
-            _of_middle_ray(hits.incidence, middle).reshape(shape),
-            hits.surfaces,
-        )
-
-
-def _of_middle_ray(values: NDArray[T], middle: NDArray[np.int64]) -> NDArray[T]:
-    beams = values.reshape(len(middle), -1)
-    return np.asarray(beams[np.arange(len(middle)), middle])
+        beams = np.arange(len(middle))
+        triangle = hits.triangle.reshape(apart.shape)[beams, middle]
+        incidence = hits.incidence.reshape(apart.shape)[beams, middle]
+        merged = Hits(distance, triangle, incidence, hits.surfaces)
+        return merged.reshaped((*hits.distance.shape[:2], sensor.lasers))

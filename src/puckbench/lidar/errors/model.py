@@ -44,6 +44,10 @@ class Hits:
     incidence: Floats
     surfaces: Surfaces | None = None
 
+    def reshaped(self, shape: tuple[int, ...]) -> Hits:
+        triangle, incidence = self.triangle.reshape(shape), self.incidence.reshape(shape)
+        return Hits(self.distance.reshape(shape), triangle, incidence, self.surfaces)
+
 
 class Draws:
     """Random generators of one scan by name, all derived from the scan's generator.
@@ -119,7 +123,3 @@ class ErrorModel(Model):
 
     def __str__(self) -> str:
         return repr(self)
-
-
-def described(model: ErrorModel) -> dict[str, Any]:
-    return model.described()

@@ -32,12 +32,12 @@ class Residuals(WallScanJob):
     refit: bool = False
 
     def run(self, table: Path) -> dict[str, Any]:
-        from puckbench.lidar.residual_table import write_residuals
+        from puckbench.io.tables import write_table
         from puckbench.thesis.residuals.virtual import Procedure, residual_table
 
         procedure = Procedure(self.model, self.model_options, refit=self.refit, keep=self.keep)
         rows = residual_table(procedure, list(self.distances), self.runs, self.seed)
-        write_residuals(table, rows)
+        write_table(rows, table)
         residuals = rows["residual_m"].astype("float64")
         return {
             "model": self.model,

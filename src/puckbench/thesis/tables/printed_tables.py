@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from puckbench.lidar import load_sensor, open_error_model
-from puckbench.lidar.errors import described
 from puckbench.metrics.table_registry import SENSOR, STUDY, TABLES
 
 if TYPE_CHECKING:
@@ -74,8 +73,8 @@ def table_5_1() -> pd.DataFrame:
     import pandas as pd
 
     sensor = load_sensor("vlp16")
-    models = [described(open_error_model(name)) for name in ("vlp16", "vlp16_table51")]
-    receiver = described(open_error_model("vlp16", {"receiver": {}}))["receiver"]
+    models = [open_error_model(name).described() for name in ("vlp16", "vlp16_table51")]
+    receiver = open_error_model("vlp16", {"receiver": {}}).described()["receiver"]
     turn, reach = f"{sensor.rotation_hz:g} Hz", f"{sensor.max_range_m:g} m"
     attenuated = f"{receiver['attenuation_from_m']:g} m"
     bias = "section 5.4 states what stands here; Figure 5.18 fits 0.02 m"
