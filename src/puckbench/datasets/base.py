@@ -31,6 +31,8 @@ class DataSet(Model):
 
 
 class GeneratedSet(DataSet):
+    of_clouds: ClassVar[bool] = False
+
     def files(self, name: str) -> list[Path]:
         return []
 

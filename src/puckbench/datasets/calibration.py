@@ -12,7 +12,6 @@ from puckbench.scenes.calibration import CALIBRATIONS, calibration_origin, make_
 class CalibrationScenes(GeneratedSet):
     """Generated scenes of a wall and a floor, at distances from the sensor (thesis section 5.1)."""
 
-    of_clouds: ClassVar[bool] = False
     primitives: ClassVar[bool] = True
 
     scenes: tuple[str, ...] | None = None

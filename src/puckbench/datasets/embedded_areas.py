@@ -1,7 +1,5 @@
 from __future__ import annotations
 
-from typing import ClassVar
-
 from pydantic import PositiveFloat, PositiveInt
 
 from puckbench.datasets.base import GeneratedSet, look_up, select_names
@@ -18,7 +16,6 @@ class EmbeddedAreas(GeneratedSet):
     Scenes are named Area_1_office_1.
     """
 
-    of_clouds: ClassVar[bool] = False
     seed: int = 0
     """Seed of shapes and furnishing."""
     areas: tuple[str, ...] | int | None = None

@@ -17,7 +17,6 @@ class EmbeddedObjects(GeneratedSet):
     Scenes are named chair_03. The longest side is 1 m.
     """
 
-    of_clouds: ClassVar[bool] = False
     primitives: ClassVar[bool] = True
 
     seed: int = 0

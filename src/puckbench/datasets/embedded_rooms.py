@@ -17,7 +17,6 @@ from puckbench.scenes.rooms import make_room, origin, room_box, room_spec
 
 @LOADERS.register("embedded_rooms")
 class EmbeddedRooms(GeneratedSet):
-    of_clouds: ClassVar[bool] = False
     primitives: ClassVar[bool] = True
 
     seed: int = 0

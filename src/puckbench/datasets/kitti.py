@@ -15,14 +15,14 @@ from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 import numpy as np
-from pydantic import PositiveInt
 
 from puckbench.core.errors import InputError, naming
 from puckbench.core.files import read_bytes
-from puckbench.datasets.base import FolderSet, Provenance, select_names
+from puckbench.datasets.base import Provenance, select_names
+from puckbench.datasets.frames import FrameSet
 from puckbench.datasets.published_counts import Count
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene, safe_name
@@ -58,7 +58,7 @@ _STEP_DEG = 0.09
 
 
 @LOADERS.register("kitti")
-class Kitti(FolderSet):
+class Kitti(FrameSet):
     """Frames ``<n>.bin`` of float32 x, y, z, intensity, in metres, z up, the sensor at (0, 0, 0).
 
     The folder is that of the object benchmark, the odometry or the raw drives. Scenes are named
@@ -68,7 +68,6 @@ class Kitti(FolderSet):
     of the odometry has a pose and a time if ``poses/00.txt`` is beside ``sequences``.
     """
 
-    of_clouds: ClassVar[bool] = True
     provenance = Provenance(
         "CC BY-NC-SA 3.0",
         'A. Geiger, P. Lenz, R. Urtasun, "Are we ready for Autonomous Driving?", CVPR 2012',
@@ -77,16 +76,6 @@ class Kitti(FolderSet):
 
     parts: tuple[str, ...] | None = None
     """Names of parts to keep (training, 00, 2011_09_26_drive_0001_sync); all by default."""
-    every: PositiveInt = 1
-    """Step between the frames that are used, as neighbouring frames are nearly alike."""
-    returns: bool = False
-    """Whether frames are the sensor's returns, recovered from its points (clouds in metres)."""
-    keep_missing: bool = False
-    """Whether points that stand for missing returns, at the origin, are kept."""
-
-    @property
-    def of_returns(self) -> bool:
-        return self.returns
 
     def load(self, name: str) -> Scene:
         path = self._file(name)

@@ -12,14 +12,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from pydantic import PositiveInt
 
 from puckbench.core.errors import InputError, naming
 from puckbench.core.files import read_bytes
-from puckbench.datasets.base import FolderSet, Provenance
+from puckbench.datasets.base import Provenance
+from puckbench.datasets.frames import FrameSet
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene, safe_name
 from puckbench.geometry.cloud import Floats, PointCloud, check_points
@@ -38,7 +38,7 @@ _NUMBERS, _RINGS = 5, 32
 
 
 @LOADERS.register("nuscenes")
-class NuScenes(FolderSet):
+class NuScenes(FrameSet):
     """LiDAR frames in files ``<drive>__LIDAR_TOP__<time>.pcd.bin``, in metres.
 
     The sensor is at (0, 0, 0). Scenes are named samples_<drive>_<time> and grouped by drive. The
@@ -47,7 +47,6 @@ class NuScenes(FolderSet):
     points to some millimetres.
     """
 
-    of_clouds: ClassVar[bool] = True
     provenance = Provenance(
         "CC BY-NC-SA 4.0",
         'H. Caesar et al., "nuScenes: A multimodal dataset for autonomous driving", CVPR 2020',
@@ -56,16 +55,6 @@ class NuScenes(FolderSet):
 
     part: Literal["samples", "sweeps"] = "samples"
     """Key frames (samples), or the sweeps between them."""
-    every: PositiveInt = 1
-    """Step between the sweeps that are used, as neighbouring ones are nearly alike."""
-    returns: bool = False
-    """Whether sweeps are the sensor's returns, recovered from its points (clouds in metres)."""
-    keep_missing: bool = False
-    """Whether points that stand for firings without a return, near the sensor, are kept."""
-
-    @property
-    def of_returns(self) -> bool:
-        return self.returns
 
     def load(self, name: str) -> Scene:
         path = self._file(name)

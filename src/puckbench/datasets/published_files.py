@@ -21,18 +21,18 @@ _MAX_BYTES = 2**26
 _OPTIMISER = "main_optimizer/"
 
 
-PCGC, RENO, OUSTER = "pcgc_weights", "reno_weights", "ouster_recordings"
-_TABLES = {
+PCGC = "pcgc_weights"
+TABLES = {
     PCGC: "published_weights.yaml",
-    RENO: "reno_weights.yaml",
-    OUSTER: "ouster_recordings.yaml",
+    "reno_weights": "reno_weights.yaml",
+    "ouster_recordings": "ouster_recordings.yaml",
 }
 
 
 def published(name: str = PCGC) -> dict[str, Any]:
     import yaml
 
-    text = Path(__file__).with_name(_TABLES[name]).read_text(encoding="utf-8")
+    text = Path(__file__).with_name(TABLES[name]).read_text(encoding="utf-8")
     content: dict[str, Any] = yaml.safe_load(text)
     return content
 
@@ -103,29 +103,5 @@ def _archive(name: str, checkpoint: Sequence[bytes], order: str) -> bytes:
     return archive.getvalue()
 
 
-def credits_of_ouster(_: Path) -> str:
-    return (
-        "# Recordings of Ouster sensors\n\nFrom the tests of the Ouster SDK, "
-        "github.com/ouster-lidar/ouster-sdk, copyright Ouster, Inc., BSD 3-Clause License "
-        "(LICENSE-OUSTER-SDK).\n"
-    )
-
-
-def credits_of_reno(_: Path) -> str:
-    return (
-        "# Weights of RENO\n\n"
-        "KITTIDetection.pt, SemanticKITTI.pt, Ford.pt: RENO (You, Chen, Ding, Asif, Ma 2025), "
-        "github.com/NJUVISION/RENO, MIT License (LICENSE-RENO).\n"
-    )
-
-
-def credits_of(_: Path) -> str:
-    return (
-        "# Weights of PCGCv1 and PCGCv2\n\n"
-        "* a*.npz: PCGCv1 (Wang, Zhu, Liu, Ma 2021), github.com/NJUVISION/PCGCv1, Apache License "
-        "2.0 (LICENSE-PCGCv1). Changed: the variables of the TensorFlow checkpoints as NumPy "
-        "archives.\n"
-        "* c8_*.pth: PCGCv2 (Wang, Ding, Li, Ma 2021), github.com/NJUVISION/PCGCv2, MIT License "
-        "(LICENSE-PCGCv2).\n\n"
-        "Both as distributed with PCC Arena (github.com/xtorker/PCCArena).\n"
-    )
+def credits_text(name: str, _: Path) -> str:
+    return str(published(name)["credits"])

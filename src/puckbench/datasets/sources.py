@@ -113,7 +113,7 @@ def _furniture_credits(folder: Path) -> str:
     return head + "\n".join(lines) + "\n"
 
 
-def _published(name: str, credits_of: Callable[[Path], str]) -> PackageSource:
+def _published(name: str) -> PackageSource:
     return PackageSource(
         package=name,
         download=partial(published_files.download, name=name),
@@ -121,7 +121,7 @@ def _published(name: str, credits_of: Callable[[Path], str]) -> PackageSource:
         members=re.compile(r"[\w.-]+"),
         hashes=None,
         pinned=True,
-        credits=credits_of,
+        credits=partial(published_files.credits_text, name),
         by_default=False,
     )
 
@@ -154,7 +154,5 @@ SOURCES = {
         pinned=False,
         credits=_furniture_credits,
     ),
-    published_files.PCGC: _published(published_files.PCGC, published_files.credits_of),
-    published_files.RENO: _published(published_files.RENO, published_files.credits_of_reno),
-    published_files.OUSTER: _published(published_files.OUSTER, published_files.credits_of_ouster),
+    **{name: _published(name) for name in published_files.TABLES},
 }

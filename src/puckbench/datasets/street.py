@@ -18,7 +18,6 @@ class Street(GeneratedSet):
     to the scene's origin, on which a sensor can move.
     """
 
-    of_clouds: ClassVar[bool] = False
     primitives: ClassVar[bool] = True
 
     seed: int = 0

@@ -61,7 +61,10 @@ class Voxelised8i(FolderSet):
     def load(self, name: str) -> Scene:
         path = self._file(name)
         bits = _bits(name)
-        voxels, doubles = _distinct(_on_grid(read_cloud(path, keep_missing=True), bits, path))
+        cloud = read_cloud(path, keep_missing=True)
+        _check_grid(cloud.xyz, bits, path)
+        _, first = np.unique(cloud.xyz, axis=0, return_index=True)
+        voxels = cloud.select(np.sort(first))
         step = self._metres_per_voxel(path, bits)
         about = self._about(
             f"8i {path.name}",
@@ -69,12 +72,12 @@ class Voxelised8i(FolderSet):
             metres_per_voxel=step,
             # Y up became z up: what was z from 0 runs along y from below to 0.
             grid={"metres": step, "origin": [0.0, (1 - 2**bits) * step, 0.0], "size": 2**bits},
-            double_voxels=doubles,
+            double_voxels=len(cloud) - len(first),
         )
         normals = None if voxels.normals is None else y_up_to_z_up(voxels.normals)
         xyz = y_up_to_z_up(voxels.xyz) * step
-        cloud = PointCloud(xyz, normals, voxels.colours, about=about)
-        return Scene(name, _sequence(name), cloud=cloud, about=about)
+        turned = PointCloud(xyz, normals, voxels.colours, about=about)
+        return Scene(name, _sequence(name), cloud=turned, about=about)
 
     def counts(self) -> list[Count]:
         sequences = [_sequence(name) for name in self._whole().names()]
@@ -112,18 +115,9 @@ def _bits(name: str) -> int:
     return int(match["bits"]) if match else 0
 
 
-def _on_grid(cloud: PointCloud, bits: int, path: Path) -> PointCloud:
-    off = _off_grid(cloud.xyz, 2**bits - 1)
-    if off:
-        raise InputError(f"{path}: {off} of {len(cloud)} points are not on the grid of {bits} bits")
-    return cloud
-
-
-def _off_grid(points: Floats, highest: int) -> int:
-    inside = (points == np.rint(points)) & (points >= 0) & (points <= highest)
-    return int(np.count_nonzero(~inside.all(axis=1)))
-
-
-def _distinct(cloud: PointCloud) -> tuple[PointCloud, int]:
-    _, first = np.unique(cloud.xyz, axis=0, return_index=True)
-    return cloud.select(np.sort(first)), len(cloud) - len(first)
+def _check_grid(points: Floats, bits: int, path: Path) -> None:
+    inside = (points == np.rint(points)) & (points >= 0) & (points < 2**bits)
+    if off := int(np.count_nonzero(~inside.all(axis=1))):
+        raise InputError(
+            f"{path}: {off} of {len(points)} points are not on the grid of {bits} bits"
+        )

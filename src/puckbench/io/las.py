@@ -46,13 +46,16 @@ _COLUMN_NAMES = {
 
 def write_las(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
     """Write a LAS or LAZ file with coordinates in steps of 0.1 mm."""
+    write_bytes(path, las_bytes(_las_data(columns), path.suffix.lower() == ".laz"))
+
+
+def las_bytes(las: Any, is_compressed: bool) -> bytes:
+    """Return the content of a file with the records of laspy's `LasData`."""
     import laspy
 
     content = BytesIO()
-    _las_data(columns).write(
-        content, do_compress=path.suffix.lower() == ".laz", laz_backend=laspy.LazBackend.Lazrs
-    )
-    write_bytes(path, content.getvalue())
+    las.write(content, do_compress=is_compressed, laz_backend=laspy.LazBackend.Lazrs)
+    return content.getvalue()
 
 
 def read_las(path: Path) -> dict[str, NDArray[Any]]:
@@ -106,10 +109,7 @@ def rewrite_las(
     las.points = las.points[np.maximum(rows, 0)]
     las.points.array[rows < 0] = 0
     las.X, las.Y, las.Z = steps.astype(np.int32).T
-    content = BytesIO()
-    is_compressed = path.suffix.lower() == ".laz"
-    las.write(content, do_compress=is_compressed, laz_backend=laspy.LazBackend.Lazrs)
-    write_bytes(path, content.getvalue())
+    write_bytes(path, las_bytes(las, path.suffix.lower() == ".laz"))
 
 
 def parse_las_file(path: Path) -> ParsedFile:
@@ -118,10 +118,9 @@ def parse_las_file(path: Path) -> ParsedFile:
     from lazrs import LazrsError
 
     check_las_header(path)
-    content = BytesIO()
     with naming(path), reading("LAS file", laspy.LaspyException, LazrsError, *_DAMAGE):
-        laspy.read(path).write(content, do_compress=False)
-    return ParsedFile({"bytes": np.frombuffer(content.getvalue(), np.uint8)})
+        content = las_bytes(laspy.read(path), is_compressed=False)
+    return ParsedFile({"bytes": np.frombuffer(content, np.uint8)})
 
 
 def parse_las(path: Path, convert: bool = True) -> ParsedFile:
@@ -170,20 +169,27 @@ def _coordinates(points: Any, metres: tuple[float, ...] | None) -> dict[str, NDA
     return {axis: axes[axis] * length for axis, length in zip(_AXES, metres, strict=True)}
 
 
-def _las_data(columns: Mapping[str, NDArray[Any]]) -> Any:
+def las_points(steps: NDArray[Any], step: float, offset: Any, point_format: int) -> Any:
+    """Make laspy's `LasData` (LAS 1.2) of points (n, 3) as integer steps from an offset, m."""
     import laspy
 
+    header = laspy.LasHeader(point_format=point_format, version="1.2")
+    header.scales, header.offsets = np.full(3, step), offset
+    header.creation_date = _DATE
+    las = laspy.LasData(header, laspy.ScaleAwarePointRecord.zeros(len(steps), header=header))
+    las.X, las.Y, las.Z = steps.astype(np.int32).T
+    return las
+
+
+def _las_data(columns: Mapping[str, NDArray[Any]]) -> Any:
     xyz = np.column_stack([columns[axis] for axis in "xyz"]).astype(np.float64)
     offset = np.floor(xyz.min(axis=0))
     counts = np.rint((xyz - offset) / _STEP_M)
     if counts.max() > np.iinfo(np.int32).max:
         raise InputError("the points lie too far apart for LAS (more than 214 km)")
-    header = laspy.LasHeader(point_format=1, version="1.2")
-    header.scales, header.offsets = np.full(3, _STEP_M), offset
-    header.creation_date, header.system_identifier = _DATE, "EXPORT"
-    header.generating_software = f"puckbench {__version__}"
-    las = laspy.LasData(header, laspy.ScaleAwarePointRecord.zeros(len(xyz), header=header))
-    las.X, las.Y, las.Z = counts.astype(np.int32).T
+    las = las_points(counts, _STEP_M, offset, point_format=1)
+    las.header.system_identifier = "EXPORT"
+    las.header.generating_software = f"puckbench {__version__}"
     las.return_number[:] = las.number_of_returns[:] = 1
     unknown = np.zeros(len(xyz))
     las.intensity = np.clip(np.rint(columns.get("reflectivity", unknown)), 0, 0xFFFF)

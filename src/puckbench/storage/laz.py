@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 import struct
-from datetime import date
 from io import BytesIO
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats
+from puckbench.io.las import las_bytes, las_points
 from puckbench.storage.steps import check_points_of, in_steps
 
 MAGIC = b"LASF"
-_DATE = date(2000, 1, 1)
-"""The same points give the same bytes on any day."""
 _HEADER_BYTES = 227
 _STARTS = struct.Struct("<HIIBHI")
 """At byte 94: size of the header, position of the points, number of variable length records, point
@@ -36,29 +33,13 @@ def encode_laz(points: Floats, step: float, intensities: Intensities | None = No
     """Encode points (n, 3) in m, rounded to `step`, in their order; raise InputError if coordinates
     exceed 31 bits.
     """
-    import laspy
-
-    packed = BytesIO()
-    las = _las(points, step)
+    las = las_points(in_steps(points, step), step, np.zeros(3), _POINT_FORMAT)
+    las.header.system_identifier, las.header.generating_software = "OTHER", "puckbench"
     if intensities is not None:
         las.intensity = intensities
-    las.write(packed, do_compress=True, laz_backend=laspy.LazBackend.Lazrs)
-    stream = packed.getvalue()
+    stream = las_bytes(las, is_compressed=True)
     check_points_of(len(points), stream)
     return stream
-
-
-def _las(points: Floats, step: float) -> Any:
-    import laspy
-
-    steps = in_steps(points, step).astype(np.int32)
-    header = laspy.LasHeader(point_format=_POINT_FORMAT, version="1.2")
-    header.scales, header.offsets = np.full(3, step), np.zeros(3)
-    header.creation_date, header.system_identifier = _DATE, "OTHER"
-    header.generating_software = "puckbench"
-    las = laspy.LasData(header, laspy.ScaleAwarePointRecord.zeros(len(steps), header=header))
-    las.X, las.Y, las.Z = steps.T
-    return las
 
 
 def intensity_bytes(stream: bytes) -> int:
@@ -97,8 +78,8 @@ def decode_laz(stream: bytes) -> tuple[Floats, Intensities]:
 
 
 def _checked_header(stream: bytes, begin: int, vlr: bytes) -> tuple[int, Floats]:
-    """Check a header against `_las`, with points from byte `begin` and the record `vlr`; return
-    point count and scales (3,).
+    """Check a header against `encode_laz`'s, with points from byte `begin` and the record `vlr`;
+    return point count and scales (3,).
     """
     if len(stream) < begin + _CHUNKS_AT.size:
         raise InputError("the stream is truncated")
