@@ -14,12 +14,7 @@ from numpy.typing import NDArray
 
 from puckbench.core.errors import InputError
 from puckbench.core.files import read_json
-from puckbench.datasets.base import (
-    FolderSet,
-    Provenance,
-    freeform_labels,
-    numbered_objects,
-)
+from puckbench.datasets.base import FolderSet, Provenance, freeform_labels, numbered_objects
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene, unique_names
 from puckbench.geometry.cloud import Floats

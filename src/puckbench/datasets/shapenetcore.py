@@ -20,10 +20,7 @@ _SYNSET = re.compile(r"\d{8}")
 _FILES = ("models/model_normalized.obj", "model.obj")  # version 2, version 1
 _CLASSES = 55
 # Converted without vertices in the first release of version 1 (ShapeNet/shapenet-viewer, issue 7).
-_EMPTY = {
-    "03624134/67ada28ebc79cc75a056f196c127ed77",
-    "04090263/4a32519f44dc84aabafe26e2eb69ebf4",
-}
+_EMPTY = {"03624134/67ada28ebc79cc75a056f196c127ed77", "04090263/4a32519f44dc84aabafe26e2eb69ebf4"}
 _EXPECTED = (
     "expected ShapeNetCore, version 1 or 2, with 02691156, ..., 04554684; available under "
     "ShapeNet's terms after registration at shapenet.org"

@@ -14,12 +14,7 @@ REAL_MEAN_M, REAL_STD_M = 0.0007, 0.0138
 MODEL_STDS_M = {"none": 2.7e-7, "hdl64e": 0.0652, "vlp16": 0.0186, "vlp16_divergence": 0.0198}
 """Standard deviations of the error models' residuals, walls and floors, 1 to 5 m (Figure 5.18)."""
 
-MODEL_DISTANCES_M = {
-    "none": 0.0108,
-    "hdl64e": 0.0399,
-    "vlp16": 0.0044,
-    "vlp16_divergence": 0.0050,
-}
+MODEL_DISTANCES_M = {"none": 0.0108, "hdl64e": 0.0399, "vlp16": 0.0044, "vlp16_divergence": 0.0050}
 """Earth mover's distances of these residuals from the real ones."""
 
 FAR_STDS_M = {"vlp16": 0.0163, "vlp16_divergence": 0.0171}
@@ -30,10 +25,7 @@ LARGEST_RAD = 1.315
 """Standard deviations (m) of the real residuals in ten equal bins of the angle of incidence, from 0
 to `LARGEST_RAD` (Figure 5.15)."""
 
-FITTED_TO_5_18 = {
-    "vlp16_fig518": "vlp16",
-    "vlp16_divergence_fig518": "vlp16_divergence",
-}
+FITTED_TO_5_18 = {"vlp16_fig518": "vlp16", "vlp16_divergence_fig518": "vlp16_divergence"}
 """Models whose parameters reproduce the standard deviations that Figure 5.18 prints for the models
 to which they are mapped: a bias of 0.020 m, and a ray noise of 0.010 m or, with divergence,
 0.014 m. The text states 0.014 m and 0.010 m for both models."""

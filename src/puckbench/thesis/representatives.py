@@ -12,14 +12,7 @@ from puckbench.codecs.pcgcv1 import Pcgcv1
 from puckbench.codecs.pcgcv2 import Pcgcv2
 from puckbench.codecs.registry import open_codec
 from puckbench.codecs.tmc13 import Tmc13
-from puckbench.thesis.claims.roles import (
-    DRACO,
-    GPCC,
-    GPCC_AS_RUN,
-    PCGCV1,
-    PCGCV2,
-    SAMPLED,
-)
+from puckbench.thesis.claims.roles import DRACO, GPCC, GPCC_AS_RUN, PCGCV1, PCGCV2, SAMPLED
 from puckbench.thesis.published_rates import CLEAN, NOISY, OBJECTS, ROOMS
 
 if TYPE_CHECKING:

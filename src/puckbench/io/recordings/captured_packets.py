@@ -9,11 +9,7 @@ from collections.abc import Iterator
 from struct import Struct, unpack_from
 from typing import NamedTuple
 
-_MAGICS = {
-    0xA1B2C3D4: (10**6, 16),
-    0xA1B23C4D: (10**9, 16),
-    0xA1B2CD34: (10**6, 24),
-}
+_MAGICS = {0xA1B2C3D4: (10**6, 16), 0xA1B23C4D: (10**9, 16), 0xA1B2CD34: (10**6, 24)}
 """Ticks of the clock per second, and bytes of a record's header."""
 _PCAP_HEADER = 24
 _SECTION, _INTERFACE, _OLD_PACKET, _SIMPLE_PACKET, _PACKET = 0x0A0D0D0A, 1, 2, 3, 6

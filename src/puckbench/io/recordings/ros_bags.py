@@ -110,11 +110,7 @@ def parse_topics(path: Path, folder: str) -> ParsedFile:
 
 
 def parse_bag(
-    path: Path,
-    folder: str,
-    kinds: Sequence[str],
-    topic: str | None,
-    numbers: Sequence[int] | None,
+    path: Path, folder: str, kinds: Sequence[str], topic: str | None, numbers: Sequence[int] | None
 ) -> ParsedFile:
     """Read messages, with a folder for temporary files (see `read_messages`).
 
@@ -171,11 +167,7 @@ def _all_topics(by_file: list[Topics]) -> Topics:
 
 
 def _messages(
-    files: list[Path],
-    folder: Path,
-    topic: str,
-    counts: list[int],
-    numbers: Sequence[int] | None,
+    files: list[Path], folder: Path, topic: str, counts: list[int], numbers: Sequence[int] | None
 ) -> Iterator[bytes]:
     for file, (start, end) in zip(files, pairwise(accumulate(counts, initial=0)), strict=True):
         selected = None

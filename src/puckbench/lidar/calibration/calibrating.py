@@ -7,13 +7,7 @@ import numpy as np
 import pandas as pd
 
 from puckbench.core.errors import InputError
-from puckbench.lidar.calibration.fitting import (
-    Estimate,
-    fit,
-    free_parameters,
-    interval,
-    intervals,
-)
+from puckbench.lidar.calibration.fitting import Estimate, fit, free_parameters, interval, intervals
 from puckbench.lidar.calibration.likelihood import NAMES, RestrictedLikelihood, Sigmas
 from puckbench.lidar.calibration.noise_shape import RayShape, ray_shape
 from puckbench.lidar.calibration.observations import Observations, observations

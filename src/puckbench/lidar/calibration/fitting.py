@@ -8,13 +8,7 @@ import numpy as np
 
 from puckbench.core.errors import InputError, among
 from puckbench.geometry.cloud import Floats
-from puckbench.lidar.calibration.likelihood import (
-    BIASES,
-    NAMES,
-    RAYS,
-    RestrictedLikelihood,
-    Sigmas,
-)
+from puckbench.lidar.calibration.likelihood import BIASES, NAMES, RAYS, RestrictedLikelihood, Sigmas
 from puckbench.lidar.calibration.observations import Observations
 
 # Increase of the deviance at the ends of a 95 % interval (chi squared, one degree of freedom).

@@ -7,13 +7,7 @@ import numpy as np
 from puckbench.geometry.cloud import Floats
 from puckbench.thesis.claims.evidence import MIN_CLOUDS, Evidence
 from puckbench.thesis.claims.rate_distortion import CODEC_NEEDS, TITLES, TWICE
-from puckbench.thesis.claims.roles import (
-    ALL_ROOMS,
-    CLASSICAL,
-    DRACO,
-    LEARNED,
-    SCANS,
-)
+from puckbench.thesis.claims.roles import ALL_ROOMS, CLASSICAL, DRACO, LEARNED, SCANS
 from puckbench.thesis.claims.verdicts import Part, untested
 from puckbench.thesis.published_rates import OBJECTS, ROOMS
 

@@ -35,9 +35,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "--runs", type=integer(1), default=3, help="scans from each distance (default: 3)"
     )
     parser.add_argument(
-        "--refit",
-        action="store_true",
-        help="fit planes to the inliers of RANSAC by least squares",
+        "--refit", action="store_true", help="fit planes to the inliers of RANSAC by least squares"
     )
     parser.add_argument(
         "--capture", type=Path, metavar="FILE", help="measure a real capture instead of scanning"

@@ -3,12 +3,7 @@ from __future__ import annotations
 from puckbench.planning.needs.registry import NEEDS, Options
 from puckbench.planning.plan import Plan
 from puckbench.thesis.claims.roles import GPCC, GPCC_AS_RUN, RATES
-from puckbench.thesis.representatives import (
-    codec_roles,
-    dataset_roles,
-    grid_scales,
-    stand_in_roles,
-)
+from puckbench.thesis.representatives import codec_roles, dataset_roles, grid_scales, stand_in_roles
 
 
 @NEEDS.register("claims")

@@ -92,10 +92,7 @@ def _plane(
 
 
 def _frame(
-    rows: ScanTable,
-    about: dict[str, Floats],
-    sensor: Sensor,
-    source: tuple[str, str, float, int],
+    rows: ScanTable, about: dict[str, Floats], sensor: Sensor, source: tuple[str, str, float, int]
 ) -> pd.DataFrame:
     model, surface, distance, run = source
     codes = np.zeros(len(rows), dtype=np.int8)

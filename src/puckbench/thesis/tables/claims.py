@@ -14,10 +14,7 @@ if TYPE_CHECKING:
 
 
 @TABLES.register(
-    "claims",
-    title="The thesis's claims, one by one",
-    category="Claims",
-    needs=("claims",),
+    "claims", title="The thesis's claims, one by one", category="Claims", needs=("claims",)
 )
 def claims(
     metrics: pd.DataFrame | None = None,

@@ -11,9 +11,7 @@ from puckbench.geometry.cloud import Floats
 from puckbench.lidar.residual_table import REAL
 from puckbench.metrics.table_registry import SENSOR, TABLES
 from puckbench.thesis.figures.model_styles import ordered_models
-from puckbench.thesis.residuals.compared import (
-    WALL_KEYS,
-)
+from puckbench.thesis.residuals.compared import WALL_KEYS
 
 if TYPE_CHECKING:
     import pandas as pd
