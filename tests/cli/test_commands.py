@@ -171,7 +171,7 @@ def test_codecs_and_datasets_are_listed(capsys: pytest.CaptureFixture[str]) -> N
     codecs = _json(capsys, "codecs")
     assert codecs["draco"]["available"] is True
     assert list(codecs["draco"]["rates"]) == [f"r{n}" for n in range(1, 9)]
-    assert {"embedded_rooms", "capod", "mesh_folder", "s3dis"} <= _json(capsys, "datasets").keys()
+    assert {"embedded_rooms", "capod", "mesh_files", "s3dis"} <= _json(capsys, "datasets").keys()
     assert main(["codecs"]) == 0
     lines = capsys.readouterr().out.splitlines()
     draco = "  draco               r1 to r8; 100mm to 1mm   a fast baseline that everybody has"

@@ -189,7 +189,7 @@ def test_a_table_of_units_holds_for_the_files_that_it_names() -> None:
     assert clouds.options_of("m")["metres_per_unit"] == 1
 
 
-@pytest.mark.parametrize("loader", ["point_clouds", "mesh_files", "mesh_folder"])
+@pytest.mark.parametrize("loader", ["point_clouds", "mesh_files"])
 def test_a_table_that_names_no_file_is_refused(loader: str) -> None:
     scenes = open_scene_set(loader, {"path": ".", "metres_per_unit": {"nm.off": 0.001}})
     with pytest.raises(InputError, match=r"metres_per_unit: no cloud or mesh 'nm.off'"):
@@ -197,7 +197,7 @@ def test_a_table_that_names_no_file_is_refused(loader: str) -> None:
 
 
 def test_a_folder_of_meshes_takes_a_table() -> None:
-    scenes = open_scene_set("mesh_folder", {"path": ".", "metres_per_unit": {"mm.off": 0.001}})
+    scenes = open_scene_set("mesh_files", {"path": ".", "metres_per_unit": {"mm.off": 0.001}})
     boxes = [scenes.load(name).mesh.bounds() for name in ("m", "mm")]
     np.testing.assert_allclose(boxes[0], boxes[1], rtol=1e-12)
 

@@ -6,7 +6,7 @@ import pytest
 
 from puckbench.core.errors import InputError
 from puckbench.datasets.capod import Capod
-from puckbench.datasets.mesh_folder import MeshFolder
+from puckbench.datasets.mesh_files import MeshFiles
 from tests.support.files import put
 
 TRIANGLE_OBJ = "v 0 0 0\nv 1 0 0\nv 0 2 0\nf 1 2 3\n"
@@ -31,23 +31,23 @@ def folder(tmp_path: Path) -> Path:
 
 
 def test_a_folder_gives_safe_unique_names_and_groups(folder: Path) -> None:
-    meshes = MeshFolder(path=str(folder))
-    names = ["chair-train-chair_0001", "table-t_1", "top_one", "top_one_2"]
+    meshes = MeshFiles(path=str(folder))
+    names = ["chair_0001", "t_1", "top_one_obj", "top_one_off"]
     assert meshes.names() == names
-    assert [meshes.load(name).group for name in names] == ["chair", "table", "meshes", "meshes"]
-    assert meshes.files("table-t_1") == [folder / "table" / "t 1.obj"]
-    assert MeshFolder(path=str(folder), recursive=False).names() == ["top_one", "top_one_2"]
+    assert [meshes.load(name).group for name in names] == ["train", "table", "meshes", "meshes"]
+    assert meshes.files("t_1") == [folder / "table" / "t 1.obj"]
+    assert MeshFiles(path=f"{folder}/*.obj").names() == ["top_one"]
 
 
 def test_units_and_orientation_of_a_folder(folder: Path) -> None:
-    scene = MeshFolder(path=str(folder), up="y", metres_per_unit=0.01).load("table-t_1")
+    scene = MeshFiles(path=str(folder), up="y", metres_per_unit=0.01).load("t_1")
     assert scene.mesh is not None
     assert scene.mesh.bounds().tolist() == [[0, 0, 0], [0.01, 0, 0.02]]
 
 
 def test_an_unknown_scene_is_named(folder: Path) -> None:
     with pytest.raises(InputError, match="no scene 'sofa'"):
-        MeshFolder(path=str(folder)).load("sofa")
+        MeshFiles(path=str(folder)).load("sofa")
 
 
 def make_capod(root: Path) -> Path:

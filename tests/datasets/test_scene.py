@@ -52,18 +52,18 @@ WRONG: list[tuple[str, Mapping[str, Any], str]] = [
     ("capod", {}, "the option 'path' is missing"),
     ("capod", {"path": 3}, "path is 3, but must be a valid string"),
     ("capod", {"path": "x", "classes": "Car"}, "classes is 'Car', but must be a list"),
-    ("mesh_folder", {"path": "x", "recursive": 1}, "recursive is 1, but must be a valid boolean"),
+    ("s3dis", {"path": "x", "labels": 1}, "labels is 1, but must be a valid boolean"),
     (
-        "mesh_folder",
+        "mesh_files",
         {"path": "x", "metres_per_unit": True},
         "metres_per_unit is True, but must be a valid number",
     ),
     (
-        "mesh_folder",
+        "mesh_files",
         {"path": "x", "metres_per_unit": 0},
         "metres_per_unit is 0, but must be greater than 0",
     ),
-    ("mesh_folder", {"path": "x", "up": "x"}, "up is 'x', but must be 'y' or 'z'"),
+    ("mesh_files", {"path": "x", "up": "x"}, "up is 'x', but must be 'y' or 'z'"),
 ]
 
 
@@ -78,7 +78,7 @@ SETS_ON_DISK = [
     "captured_rooms",
     "kitti",
     "matterport3d",
-    "mesh_folder",
+    "mesh_files",
     "modelnet40",
     "s3dis",
     "scannet",

@@ -68,7 +68,7 @@ def test_without_labels_or_surfaces_nothing_is_compared(
     data: dict[str, Any], codecs: dict[str, Any] | None, tmp_path: Path
 ) -> None:
     (tmp_path / "a.off").write_text("OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n")
-    meshes = {"loader": "mesh_folder", "options": {"path": str(tmp_path)}}
+    meshes = {"loader": "mesh_files", "options": {"path": str(tmp_path)}}
     bench = workflow({"scanned": data}, codecs, meshes=meshes)
     assert bench.plan.recovered == ()
     assert "recovery" not in tables_of_rows(bench)

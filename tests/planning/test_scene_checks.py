@@ -30,7 +30,7 @@ def meshes(tmp_path: Path) -> Path:
 
 def plan(meshes: Path, data: dict[str, Any] | None = None, **top: Any) -> Plan:
     scanned = {"scenes": "mine", "make": "scan", **(data or {})}
-    scenes = {"mine": {"loader": "mesh_folder", "options": {"path": str(meshes)}}}
+    scenes = {"mine": {"loader": "mesh_files", "options": {"path": str(meshes)}}}
     results = str(meshes.parent / "results")
     config = {"results": results, "scenes": scenes, "datasets": {"scanned": scanned}, **top}
     return Plan(checked(config), check_scenes=True)
@@ -74,7 +74,7 @@ def test_points_are_not_taken_for_a_mesh(meshes: Path) -> None:
         "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\n"
         "property float z\nend_header\n0 0 0\n"
     )
-    assert "points" in plan(meshes).left_out["scanned"]
+    assert plan(meshes).clouds == (("scanned", "room"),)
 
 
 def test_a_mesh_is_looked_at_again_only_when_it_changed(
@@ -82,11 +82,11 @@ def test_a_mesh_is_looked_at_again_only_when_it_changed(
 ) -> None:
     plan(meshes)
     looked: list[str] = []
-    from puckbench.datasets.mesh_folder import MeshFolder
+    from puckbench.datasets.mesh_files import MeshFiles
 
-    load = MeshFolder.load
+    load = MeshFiles.load
     monkeypatch.setattr(
-        MeshFolder, "load", lambda self, name: looked.append(name) or load(self, name)
+        MeshFiles, "load", lambda self, name: looked.append(name) or load(self, name)
     )
     plan(meshes)
     assert looked == []
@@ -143,7 +143,7 @@ def test_a_scene_is_looked_at_again_when_its_unit_changes(meshes: Path) -> None:
 
 def _scaled_plan(meshes: Path, unit: float) -> Plan:
     options = {"path": str(meshes), "metres_per_unit": unit}
-    scenes = {"mine": {"loader": "mesh_folder", "options": options}}
+    scenes = {"mine": {"loader": "mesh_files", "options": options}}
     data = {"scanned": {"scenes": "mine", "make": "scan"}}
     config = {"results": str(meshes.parent / "results"), "scenes": scenes, "datasets": data}
     return Plan(checked(config), check_scenes=True)

@@ -417,8 +417,8 @@ def test_results_that_cannot_be_written_end_in_one_line(fresh: Bench) -> None:
         ({"sensor_study.models": {"vlp61": {}}}, "sensor_study.models.vlp61: unknown error model"),
         ({"datsets": {}}, "the configuration: unknown key 'datsets'"),
         (
-            {"scenes.objects": {"loader": "mesh_folder", "options": {"path": "nowhere"}}},
-            "scenes.objects: nowhere: no such folder",
+            {"scenes.objects": {"loader": "mesh_files", "options": {"path": "nowhere"}}},
+            "scenes.objects: nowhere: no such file",
         ),
     ],
 )
@@ -442,7 +442,7 @@ def test_an_unreadable_mesh_stops_what_needs_it_and_no_more(fresh: Bench) -> Non
     (meshes / "good.off").write_text("OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n")
     fresh.configure(
         {
-            "scenes.objects": {"loader": "mesh_folder", "options": {"path": "meshes"}},
+            "scenes.objects": {"loader": "mesh_files", "options": {"path": "meshes"}},
             "figures.examples": {},
         }
     )
