@@ -52,7 +52,7 @@ WRONG: list[tuple[str, Mapping[str, Any], str]] = [
     ("capod", {}, "the option 'path' is missing"),
     ("capod", {"path": 3}, "path is 3, but must be a valid string"),
     ("capod", {"path": "x", "classes": "Car"}, "classes is 'Car', but must be a list"),
-    ("s3dis", {"path": "x", "labels": 1}, "labels is 1, but must be a valid boolean"),
+    ("kitti", {"path": "x", "returns": 1}, "returns is 1, but must be a valid boolean"),
     (
         "mesh_files",
         {"path": "x", "metres_per_unit": True},

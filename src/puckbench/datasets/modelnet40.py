@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 from puckbench.core.errors import InputError
-from puckbench.core.files import unreadable
 from puckbench.datasets.base import MeshFolderSet, Provenance, select_names
 from puckbench.datasets.published_counts import Count
 from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import safe_name, unique_names
-from puckbench.geometry.mesh import Mesh
 
 _PUBLISHED = {"train": 9843, "test": 2468}
 _CLASSES = 40
@@ -70,16 +68,3 @@ class ModelNet40(MeshFolderSet):
 
     def _source(self, path: Path) -> str:
         return f"ModelNet40 {path.parent.name}/{path.name}"
-
-    def _read(self, path: Path) -> tuple[Mesh, dict[str, Any]]:
-        mesh, report = super()._read(path)
-        return mesh, {"header_glued": _is_glued(path), **report}
-
-
-def _is_glued(path: Path) -> bool:
-    """Return whether an OFF header is followed by counts without a space: ``OFF3514 3546 0``."""
-    try:
-        with path.open("rb") as stream:
-            return stream.read(4)[3:].isdigit()
-    except OSError as error:
-        raise unreadable(path, error) from error
