@@ -25,7 +25,6 @@ from puckbench.io.meshes import write_mesh
 from puckbench.io.tables import write_table
 from puckbench.lidar import ScanTable, load_sensor, open_error_model, open_sweep, scan, write_scan
 from puckbench.lidar.export import FORMATS, export
-from puckbench.lidar.residual_table import write_residuals
 from puckbench.lidar.scan_table import write_scan_portions
 from tests.support.sensor_scenes import ROOM, room
 
@@ -74,7 +73,7 @@ WRITERS: dict[str, Callable[[Path], object]] = {
     "mesh.ply": lambda path: write_mesh(path, room()),
     "scan.parquet": lambda path: write_scan(path, _scan()),
     "portions.parquet": lambda path: write_scan_portions(path, iter([_scan(), _scan()])),
-    "residuals.parquet": lambda path: write_residuals(path, TABLE),
+    "residuals.parquet": lambda path: write_table(TABLE, path),
     "table.csv": lambda path: write_table(TABLE, path),
     "table.parquet": lambda path: write_table(TABLE, path),
     "row.json": lambda path: write_json(path, NUMBERS.tolist()),

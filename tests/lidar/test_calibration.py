@@ -11,11 +11,11 @@ from scipy.stats import chi2, norm
 from puckbench.cli import main
 from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats
+from puckbench.io.tables import write_table
 from puckbench.lidar import open_error_model
 from puckbench.lidar.calibration import CalibrationOptions, calibrate, write_calibration
 from puckbench.lidar.calibration.likelihood import RestrictedLikelihood, Sigmas
 from puckbench.lidar.calibration.observations import Observations, observations
-from puckbench.lidar.residual_table import write_residuals
 from tests.support.calibration_lookalike import DISTANCES, residuals
 
 EVERY_KIND = Sigmas(0.008, 0.004, 0.003, 0.006, 0.002, 0.0003)
@@ -292,7 +292,7 @@ def test_spots_keep_the_walls_unevenness_from_the_rays() -> None:
 def test_the_command_writes_a_model_that_draws_what_was_hidden(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    write_residuals(tmp_path / "r.parquet", table_of(EVERY_KIND, 11))
+    write_table(table_of(EVERY_KIND, 11), tmp_path / "r.parquet")
     assert main(["calibrate", str(tmp_path / "r.parquet"), str(tmp_path / "m.yaml")]) == 0
     assert "laser_sigma_m" in capsys.readouterr().out
     model = vars(open_error_model("calibrated", {"file": str(tmp_path / "m.yaml")}))
@@ -303,7 +303,7 @@ def test_the_command_writes_a_model_that_draws_what_was_hidden(
 
 def test_the_same_tables_give_the_same_bytes(tmp_path: Path) -> None:
     path = tmp_path / "r.parquet"
-    write_residuals(path, residuals(12, laser=0.01, frame=0.003))
+    write_table(residuals(12, laser=0.01, frame=0.003), path)
     for name in "ab":
         table = pd.read_parquet(path)
         write_calibration(tmp_path / f"{name}.yaml", calibrate([table]), [path])
@@ -362,7 +362,7 @@ def test_a_table_of_several_models_asks_for_one(
     words: list[str], fault: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     two = pd.concat([residuals(15), residuals(15).assign(model="other")], ignore_index=True)
-    write_residuals(tmp_path / "r.parquet", two)
+    write_table(two, tmp_path / "r.parquet")
     assert main(["calibrate", str(tmp_path / "r.parquet"), str(tmp_path / "m.yaml"), *words]) == 2
     error = capsys.readouterr().err
     assert fault in error

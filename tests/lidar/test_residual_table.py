@@ -8,13 +8,13 @@ import pytest
 
 from puckbench.core.errors import InputError
 from puckbench.geometry.ransac import Plane
+from puckbench.io.tables import write_table
 from puckbench.lidar.residual_table import (
     COLUMNS,
     about_plane,
     joined,
     plane_coordinates,
     read_residuals,
-    write_residuals,
 )
 
 ORIGIN = np.array([4.0, -3.0, 1.5])
@@ -58,14 +58,14 @@ def table(model: str, *left_out: str) -> pd.DataFrame:
 
 def test_a_table_comes_back_from_its_file_without_further_columns(tmp_path: Path) -> None:
     path, written = tmp_path / "a.parquet", table("real")
-    write_residuals(path, written.assign(more=1.0)[["more", *reversed(COLUMNS)]])
+    write_table(written.assign(more=1.0)[["more", *reversed(COLUMNS)]], path)
     pd.testing.assert_frame_equal(read_residuals(path), written[list(COLUMNS)])
 
 
 def test_an_older_table_lacks_the_columns_that_came_later(tmp_path: Path) -> None:
     path, later = tmp_path / "a.parquet", ("range_m", "frame", "plane_u_m", "plane_v_m")
     for some in (later, later[1:]):
-        write_residuals(path, table("real", *some))
+        write_table(table("real", *some), path)
         assert list(read_residuals(path)) == [name for name in COLUMNS if name not in some]
 
 
@@ -74,9 +74,9 @@ def test_what_is_no_residual_table_is_refused_in_one_line(tmp_path: Path) -> Non
     with pytest.raises(InputError, match=r"a\.parquet: no such file"):
         read_residuals(path)
     path.write_bytes(b"PAR1 nothing")
-    with pytest.raises(InputError, match=r"a\.parquet: not a Parquet table"):
+    with pytest.raises(InputError, match=r"a\.parquet: not a readable table"):
         read_residuals(path)
-    write_residuals(path, table("real", "run", "residual_m", "frame"))
+    write_table(table("real", "run", "residual_m", "frame"), path)
     with pytest.raises(InputError, match=r"not a residual table, without run, residual_m$"):
         read_residuals(path)
 

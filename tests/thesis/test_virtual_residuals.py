@@ -180,7 +180,7 @@ def test_files_that_are_no_residual_tables_are_refused(tmp_path: Path) -> None:
     write_table(pd.DataFrame({"model": ["none"]}), tmp_path / "other.parquet")
     for name, fault in (
         ("none", "no such file"),
-        ("text", "not a Parquet table"),
+        ("text", "not a readable table"),
         ("other", "without surface"),
     ):
         with pytest.raises(InputError, match=fault):

@@ -5,7 +5,7 @@ import re
 import shutil
 import subprocess
 import tarfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -16,6 +16,7 @@ from puckbench.datasets.captured_rooms import CapturedRooms
 from puckbench.datasets.sweethome3d import SweetHome3D
 
 _TIMEOUT_S = 900
+_SEM, _SH3F = "@iwer/sem@2.4.0", "sweethome3d-furniture"
 _FAULT_LINE = re.compile(r"^(?:E:|npm (?:ERR!|error))\s*(.*\S)", re.MULTILINE)
 
 
@@ -29,7 +30,6 @@ class PackageSource:
     extracted folder.
     """
 
-    package: str
     download: Callable[[Path], Path]
     unpack: Callable[[Path], tarfile.TarFile]
     members: re.Pattern[str]
@@ -39,36 +39,23 @@ class PackageSource:
     by_default: bool = True
 
 
-def _npm_pack(spec: str) -> Callable[[Path], Path]:
-    def download(folder: Path) -> Path:
-        _run("npm", ["pack", spec, "--loglevel=error"], folder, f"fetch {spec}")
-        return _only(folder, "*.tgz")
-
-    return download
-
-
-def _apt_download(package: str) -> Callable[[Path], Path]:
-    def download(folder: Path) -> Path:
-        _run("apt-get", ["download", package], folder, f"fetch {package} (Debian or Ubuntu)")
-        return _only(folder, "*.deb")
-
-    return download
-
-
-def _open_npm(package: Path) -> tarfile.TarFile:
-    return tarfile.open(package, mode="r:gz")
+def _downloaded(command: Sequence[str], pattern: str, purpose: str, folder: Path) -> Path:
+    _run(command, folder, f"fetch {purpose}")
+    paths = sorted(folder.glob(pattern))
+    if len(paths) != 1:
+        raise InputError(f"{folder}: expected one {pattern} after the download, got {len(paths)}")
+    return paths[0]
 
 
 def _open_deb(package: Path) -> tarfile.TarFile:
-    arguments = ["--fsys-tarfile", package.name]
-    content = _run("dpkg-deb", arguments, package.parent, f"unpack {package.name}")
+    command = ("dpkg-deb", "--fsys-tarfile", package.name)
+    content = _run(command, package.parent, f"unpack {package.name}")
     return tarfile.open(fileobj=io.BytesIO(content), mode="r:")
 
 
-def _run(program: str, arguments: list[str], folder: Path, purpose: str) -> bytes:
-    if shutil.which(program) is None:
-        raise InputError(f"{program} is needed to {purpose} and is not installed")
-    command = [program, *arguments]
+def _run(command: Sequence[str], folder: Path, purpose: str) -> bytes:
+    if shutil.which(command[0]) is None:
+        raise InputError(f"{command[0]} is needed to {purpose} and is not installed")
     try:
         process = subprocess.run(
             command, cwd=folder, capture_output=True, timeout=_TIMEOUT_S, check=False
@@ -84,13 +71,6 @@ def _fault(stderr: bytes) -> str:
     text = stderr.decode("utf-8", "replace")
     faults = [line for line in _FAULT_LINE.findall(text) if not line.startswith("code ")]
     return (faults or text.strip().splitlines()[-1:] or ["no reason given"])[0]
-
-
-def _only(folder: Path, pattern: str) -> Path:
-    paths = sorted(folder.glob(pattern))
-    if len(paths) != 1:
-        raise InputError(f"{folder}: expected one {pattern} after the download, got {len(paths)}")
-    return paths[0]
 
 
 def _room_credits(folder: Path) -> str:
@@ -115,7 +95,6 @@ def _furniture_credits(folder: Path) -> str:
 
 def _published(name: str) -> PackageSource:
     return PackageSource(
-        package=name,
         download=partial(published_files.download, name=name),
         unpack=tarfile.open,
         members=re.compile(r"[\w.-]+"),
@@ -128,9 +107,8 @@ def _published(name: str) -> PackageSource:
 
 SOURCES = {
     "captured_rooms": PackageSource(
-        package="@iwer/sem@2.4.0",
-        download=_npm_pack("@iwer/sem@2.4.0"),
-        unpack=_open_npm,
+        download=partial(_downloaded, ("npm", "pack", _SEM, "--loglevel=error"), "*.tgz", _SEM),
+        unpack=tarfile.open,
         members=re.compile(r"package/(captures/[\w-]+\.json|LICENSE)"),
         hashes={
             "iwer-sem-2.4.0.tgz": "640a38360ee5a6622ee7fd4cfacac4da16ce6ef711938415293fa9a58fafb120"
@@ -139,8 +117,9 @@ SOURCES = {
         credits=_room_credits,
     ),
     "sweethome3d": PackageSource(
-        package="sweethome3d-furniture",
-        download=_apt_download("sweethome3d-furniture"),
+        download=partial(
+            _downloaded, ("apt-get", "download", _SH3F), "*.deb", f"{_SH3F} (Debian or Ubuntu)"
+        ),
         unpack=_open_deb,
         members=re.compile(
             r"\./usr/share/(sweethome3d/furniture/[\w-]+\.sh3f"

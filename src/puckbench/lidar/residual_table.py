@@ -15,7 +15,6 @@ import numpy as np
 from puckbench.core.errors import InputError
 from puckbench.geometry.cloud import Floats
 from puckbench.geometry.ransac import Plane
-from puckbench.io.parquet_files import check_parquet_memory
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -61,15 +60,9 @@ def joined(tables: Sequence[pd.DataFrame]) -> pd.DataFrame:
 
 def read_residuals(path: Path) -> pd.DataFrame:
     """Read a table of plane residuals; those of older versions lack `range_m` and later columns."""
-    import pandas as pd
+    from puckbench.io.tables import read_table
 
-    if not path.is_file():
-        raise InputError(f"{path}: no such file")
-    check_parquet_memory(path)
-    try:
-        table = pd.read_parquet(path)
-    except (OSError, ValueError, LookupError, TypeError, AttributeError) as error:
-        raise InputError(f"{path}: not a Parquet table ({error})") from error
+    table = read_table(path)
     missing = [name for name in COLUMNS if name not in table]
     if needed := [name for name in missing if name not in _OPTIONAL]:
         raise InputError(f"{path}: not a residual table, without {', '.join(needed)}")
