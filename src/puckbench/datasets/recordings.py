@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import glob
 from abc import abstractmethod
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
@@ -19,9 +18,9 @@ from puckbench.datasets.registry import LOADERS
 from puckbench.datasets.scene import Scene, safe_name
 from puckbench.datasets.user_files import (
     is_file_or_lost,
+    paths_at,
     refuse_repeated,
     scene_names,
-    without_duplicates,
 )
 
 if TYPE_CHECKING:
@@ -167,32 +166,22 @@ def recordings_at(text: str, suffixes: Collection[str] = RECORDING_SUFFIXES) -> 
 
     The folder of a ROS 2 bag is one recording. A compressed copy next to its original is ignored.
     """
-    path = Path(text)
-    if path.is_dir() and not is_bag_folder(path):
-        paths = without_duplicates(_below(path, suffixes))
-        if not paths:
-            raise InputError(f"{text}: no recordings ({', '.join(suffixes)})")
-        return paths
-    if path.exists():
-        return [path]
-    matches = map(Path, glob.glob(text, recursive=True))  # noqa: PTH207 (any pattern)
-    paths = without_duplicates(
-        path for path in matches if is_bag_folder(path) or _is_recording(path, suffixes)
-    )
-    if not paths:
-        raise InputError(f"{text}: no such file or folder (expected recordings)")
-    return paths
+
+    def is_wanted(path: Path) -> bool:
+        return is_bag_folder(path) or _is_recording(path, suffixes)
+
+    return paths_at(text, _below, is_wanted, "recordings", suffixes)
 
 
 def is_bag_folder(path: Path) -> bool:
     return (path / "metadata.yaml").is_file()
 
 
-def _below(folder: Path, suffixes: Collection[str]) -> Iterator[Path]:
+def _below(folder: Path) -> Iterator[Path]:
     for path in sorted(folder.iterdir()):
         if path.is_dir() and not path.name.startswith("."):
-            yield from [path] if is_bag_folder(path) else _below(path, suffixes)
-        elif _is_recording(path, suffixes) and not is_copy(path):
+            yield from [path] if is_bag_folder(path) else _below(path)
+        elif not is_copy(path):
             yield path
 
 

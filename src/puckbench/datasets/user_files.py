@@ -5,7 +5,7 @@ import logging
 import os
 from abc import abstractmethod
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar
@@ -97,25 +97,41 @@ class FileSet(DataSet):
         return path
 
     def _files_at(self, text: str) -> list[Path]:
-        path, suffixes = Path(text), ", ".join(self.suffixes)
-        if path.is_dir():
-            paths = without_duplicates(file for file in path.rglob("*") if self._is_of_set(file))
-            if not paths:
-                raise InputError(f"{text}: no {self.what} ({suffixes})")
-            return paths
-        if path.exists():
-            if plain_suffix(path) not in self.suffixes:
-                raise InputError(f"{text}: not one of the {self.what}: expected {suffixes}")
-            return [path]
-        matches = map(Path, glob.glob(text, recursive=True))  # noqa: PTH207 (any pattern)
-        paths = without_duplicates(file for file in matches if self._is_of_set(file))
-        if not paths:
-            raise InputError(f"{text}: no such file")
-        return paths
+        path, suffixes = Path(text), self.suffixes
+        if path.is_file() and plain_suffix(path) not in suffixes:
+            raise InputError(f"{text}: not one of the {self.what}: expected {', '.join(suffixes)}")
+        return paths_at(
+            text, lambda folder: folder.rglob("*"), self._is_of_set, self.what, suffixes
+        )
 
     def _is_of_set(self, path: Path) -> bool:
         has_suffix = plain_suffix(path) in self.suffixes and not path.name.startswith(".")
         return has_suffix and is_file_or_lost(path) and self._takes(path)
+
+
+def paths_at(
+    text: str,
+    below: Callable[[Path], Iterable[Path]],
+    is_wanted: Callable[[Path], bool],
+    what: str,
+    suffixes: Iterable[str],
+) -> list[Path]:
+    """Return a path, or the wanted ones among those below a folder or those that match a pattern
+    (``data/*.las``).
+    """
+    path = Path(text)
+    if path.is_dir() and not is_wanted(path):
+        paths = without_duplicates(filter(is_wanted, below(path)))
+        if not paths:
+            raise InputError(f"{text}: no {what} ({', '.join(suffixes)})")
+        return paths
+    if path.exists():
+        return [path]
+    matches = map(Path, glob.glob(text, recursive=True))  # noqa: PTH207 (any pattern)
+    paths = without_duplicates(filter(is_wanted, matches))
+    if not paths:
+        raise InputError(f"{text}: no such file or folder (expected {what})")
+    return paths
 
 
 def refuse_repeated(paths: Iterable[Path], what: str) -> None:
